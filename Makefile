@@ -1,0 +1,74 @@
+# Every target does its own set-up: Python 3.11 or later and make are all it takes.
+# With uv on the path it takes seconds; without, `python3 -m venv` and pip do the same in a minute.
+
+VENV   ?= .venv
+PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3 python; do \
+	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo $$p; break; }; done)
+UV     := $(shell command -v uv 2>/dev/null)
+BIN    := $(VENV)/bin
+CHECKED := gimbalcal $(wildcard derivations)
+
+# One BLAS thread: two on a busy machine are slower by far, and results do not depend on the machine's size.
+export OPENBLAS_NUM_THREADS := 1
+export OMP_NUM_THREADS := 1
+export MPLBACKEND := Agg
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint docs bench lock clean
+
+help:  ## what there is
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */make \1|/' | column -t -s '|' 2>/dev/null \
+	|| grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST)
+
+demo: $(VENV)/.run-ready  ## calibrate the recordings that ship with the project; the report is out/demo/report.html
+	$(BIN)/gimbalcal demo --out out/demo
+
+test: lint  ## everything that a change has to pass
+	$(BIN)/python -m pytest -q -n 2 --doctest-modules tests gimbalcal
+
+lint: $(VENV)/.dev-ready  ## style, types, and the direction of imports
+	$(BIN)/ruff check .
+	$(BIN)/mypy $(CHECKED)
+	$(BIN)/lint-imports
+
+bench: $(VENV)/.dev-ready  ## the figures of the README, measured
+	$(BIN)/python -m pytest -q tests/benchmarks --benchmark-only -o addopts="--strict-markers --import-mode=importlib"
+
+docs: $(VENV)/.run-ready  ## what each effect is, from its own card
+	@if [ -f docs/build.py ]; then $(BIN)/python docs/build.py; else echo "README.md and the docstrings are the documentation"; fi
+
+$(VENV)/.run-ready: requirements/run.txt pyproject.toml
+	@$(call install,requirements/run.txt)
+	@touch $@
+
+$(VENV)/.dev-ready: requirements/dev.txt pyproject.toml
+	@$(call install,requirements/dev.txt)
+	@touch $@ $(VENV)/.run-ready
+
+# $(call install,FILE): the locked, hashed packages of FILE, then this project itself, editable.
+define install
+if [ -z "$(PYTHON)" ]; then echo "gimbalcal needs Python 3.11 or later on the path as python3" >&2; exit 1; fi; \
+if [ -n "$(UV)" ]; then \
+	set -e; \
+	[ -x $(BIN)/python ] || "$(UV)" venv --quiet --python "$(PYTHON)" $(VENV); \
+	"$(UV)" pip install --quiet --python $(BIN)/python --require-hashes -r $(1); \
+	"$(UV)" pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation -e .; \
+else \
+	set -e; \
+	[ -x $(BIN)/python ] || "$(PYTHON)" -m venv $(VENV); \
+	[ -x $(BIN)/pip ] || $(BIN)/python -m ensurepip >/dev/null; \
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r $(1); \
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .; \
+fi
+endef
+
+LOCK := uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --quiet \
+	--no-emit-index-url --no-emit-find-links
+
+lock:  ## refresh requirements/*.txt from pyproject.toml (needs uv)
+	$(LOCK) pyproject.toml requirements/build.in --extra dev -o requirements/dev.txt
+	$(LOCK) pyproject.toml requirements/build.in -c requirements/dev.txt -o requirements/run.txt
+	@! grep -nE '^-|://' requirements/*.txt || { echo "a lock file names an address" >&2; exit 1; }
+
+clean:  ## remove what the other targets made, but not the environment
+	rm -rf out .mypy_cache .ruff_cache .pytest_cache .hypothesis .benchmarks .import_linter_cache
