@@ -1,0 +1,57 @@
+r"""Calibrate inertial sensors on gimballed platforms, and say what physics a model left out.
+
+Conventions, stated once
+------------------------
+Frames.
+    n: north, east, down. b: base or vehicle; forward, right, down. p: platform. a: accelerometer input axes, not
+    orthogonal. ``C_ab`` turns components in frame b into frame a when it stands left of the vector: ``v_a = C_ab v_b``
+    is written ``C_bp`` for "base to platform" exactly as :math:`C_b^p` is in Wu et al. (2018). Rotations are those of
+    frames (passive), ``Rx(a) = [[1, 0, 0], [0, cos a, sin a], [0, -sin a, cos a]]`` and cyclic.
+Signs.
+    Specific force f = a - g. A level unit at rest feels f^n = (0, 0, -g): the z accelerometer that points down reads
+    about -9.8 m/s^2. Parameters are errors with nominal zero: ``scale_factor`` is SF - 1 in
+    f^a = SF^-1 C_p^a f^p + b + K_nl (f^a - b)^2; a true gimbal angle is its readout plus ``gimbal_zero``.
+Units.
+    SI and radians inside, always; ``gimbalcal.units`` at the edges. 1 g is 9.80665 m/s^2; 1 ug across an axis at 1 g
+    is 1 urad of tilt.
+Arrays.
+    Time first: (n, 3) vectors, (n, 3, 3) matrices. One sigma unless said otherwise.
+Books.
+    Keys into ``gimbalcal.references.REFERENCES`` stand at the lines that use them.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+__version__ = "0.1.0"
+
+# Public names and where they live; loaded on first use, so that `gimbalcal --help` answers at once.
+_PUBLIC = {
+    "Axis": "platform",
+    "CATALOGUE": "effects",
+    "Calibration": "calibration",
+    "EIGHTEEN_POSITIONS": "schedule",
+    "Effect": "effects",
+    "Hold": "schedule",
+    "InputError": "errors",
+    "Parameter": "effects",
+    "Platform": "platform",
+    "Recording": "recording",
+    "SPACE_STABLE": "platform",
+    "SPACE_STABLE_INERTIAL": "platform",
+    "Schedule": "schedule",
+    "Stage": "effects",
+    "Stimulus": "effects",
+    "jacobian": "forward",
+    "predict": "forward",
+    "stimulus": "forward",
+}
+__all__ = ["__version__", *sorted(_PUBLIC)]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _PUBLIC:
+        return getattr(import_module(f"gimbalcal.{_PUBLIC[name]}"), name)
+    raise AttributeError(f"module 'gimbalcal' has no attribute {name!r}")

@@ -1,0 +1,28 @@
+"""The catalogue: one definition per physical effect, read by simulator, estimators, diagnosis and derivations."""
+
+from gimbalcal.effects import accelerometer, gimbal
+from gimbalcal.effects.effect import (
+    CATALOGUE,
+    Effect,
+    Parameter,
+    Stage,
+    Stimulus,
+    absent,
+    parameters,
+    values,
+    with_values,
+)
+
+__all__ = [
+    "CATALOGUE",
+    "Effect",
+    "Parameter",
+    "Stage",
+    "Stimulus",
+    "absent",
+    "accelerometer",
+    "gimbal",
+    "parameters",
+    "values",
+    "with_values",
+]

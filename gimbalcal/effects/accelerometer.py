@@ -1,0 +1,93 @@
+"""Input-output law of the accelerometers: the calibration coefficients of Wu et al. (2018), Eqs. (5) and (6)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gimbalcal.effects.effect import TRIAD, Effect, Stage, Stimulus, effect, parameter
+from gimbalcal.number import Array, sqrt
+
+MISALIGNMENT_AXES = ("xy", "xz", "yz", "yx", "zx", "zy")
+
+
+@effect
+class Misalignment(Effect):
+    r"""The three input axes do not lie along the platform axes; each leans by two small angles.
+
+    .. math:: C_p^a = \begin{bmatrix} 1 & \beta_{xz} & -\beta_{xy} \\ -\beta_{yz} & 1 & \beta_{yx} \\
+              \beta_{zy} & -\beta_{zx} & 1 \end{bmatrix}
+
+    Source: Wu et al. (2018), Eq. (5). Magnitude: 1 to 60 arcsec on a navigation platform. Seen by: a cross axis at
+    1 g. A rotation common to all three axes about z is the same thing as the zero of the platform gimbal.
+    """
+
+    id = "misalignment"
+    stage = Stage.INPUT_AXIS
+    sources = ("wu2018",)
+    beta: Array = parameter(MISALIGNMENT_AXES, unit="arcsec", sigma=120, name="misalignment")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Force added along the input axes [m/s^2]: (C_p^a - I) f^p."""
+        xy, xz, yz, yx, zx, zy = self.beta
+        fx, fy, fz = np.moveaxis(s.force, -1, 0)
+        return np.stack([xz * fy - xy * fz, yx * fz - yz * fx, zy * fx - zx * fy], axis=-1)
+
+
+@effect
+class ScaleFactor(Effect):
+    r"""Each accelerometer's scale factor differs from the nominal one.
+
+    .. math:: f^a = SF^{-1} C_p^a f^p, \qquad \text{scale\_factor} = SF - 1
+
+    Source: Wu et al. (2018), Eq. (6). Magnitude: 10 to 500 ppm. Seen by: own axis at +1 g against -1 g. An error of
+    the gravity value is the same thing as a common change of all three.
+    """
+
+    id = "scale_factor"
+    stage = Stage.SCALE
+    sources = ("wu2018",)
+    s: Array = parameter(TRIAD, unit="ppm", sigma=500, name="scale_factor")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Force added along the input axes [m/s^2]: (1 / (1 + s) - 1) f."""
+        return -self.s / (1 + self.s) * s.force
+
+
+@effect
+class ScaleNonlinearity(Effect):
+    r"""The output bends quadratically with itself (IEEE Std 1293: K2).
+
+    .. math:: w = u + K_{nl} w^2 \;\Rightarrow\; w - u = u \, \frac{1 - r}{1 + r}, \quad r = \sqrt{1 - 4 K_{nl} u}
+
+    with u the scaled force and w = f^a - b: the exact solution of the implicit Eq. (6) of Wu et al. (2018).
+    Magnitude: 1 to 30 ug/g^2 (quartz flexure). Seen by: own axis at 1 g against 0.71 g.
+    """
+
+    id = "scale_nonlinearity"
+    stage = Stage.ACCELEROMETER
+    sources = ("wu2018", "ieee1293")
+    K_nl: Array = parameter(TRIAD, unit="ug/g^2", sigma=30, name="scale_nonlinearity")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Output added [m/s^2]: w - u."""
+        r = sqrt(1 - 4 * self.K_nl * s.force)
+        return s.force * (1 - r) / (1 + r)
+
+
+@effect
+class Bias(Effect):
+    r"""A constant output at zero force.
+
+    .. math:: f^a = \ldots + b
+
+    Source: Wu et al. (2018), Eq. (6), delta b. Magnitude: 10 to 500 ug. Seen by: own axis at +1 g against -1 g.
+    """
+
+    id = "bias"
+    stage = Stage.ACCELEROMETER
+    sources = ("wu2018",)
+    b: Array = parameter(TRIAD, unit="ug", sigma=500, name="bias")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Output added [m/s^2]."""
+        return self.b + 0 * s.force

@@ -1,0 +1,196 @@
+"""The contract of a physical effect: parameters, one contribution, a card.
+
+An effect is a frozen dataclass whose fields are its parameter values and whose single method `contribution` returns
+what it adds at its stage of the forward model. Zero means absent. Contributions of one stage add, so their order
+cannot matter. A truth, a prior and an estimate are the same type: a tuple of effects.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, ClassVar, TypeVar, dataclass_transform
+
+import numpy as np
+
+from gimbalcal.number import Array
+from gimbalcal.units import to_si
+
+TRIAD = ("x", "y", "z")
+GIMBALS = ("gimbals",)  # one entry per axis of the platform at hand
+SCALAR = ("",)
+
+
+class Stage(Enum):
+    """Where a contribution is added, in the order in which the forward model visits the stages."""
+
+    ENCODER = "gimbal angle minus readout [rad], (n, k)"
+    AXIS_TILT = "tilt of the next axis out [rad], (n, k, 3)"
+    BASE = "rotation of the base against the local level, about north, east, down [rad], (n, 3)"
+    PLATFORM = "rotation of the platform against its drawing, in platform axes [rad], (n, 3)"
+    GRAVITY = "added to gravity in north, east, down [m/s^2], (n, 3)"
+    INPUT_AXIS = "added to the specific force along the accelerometer input axes [m/s^2], (n, 3)"
+    SCALE = "added by the scale factor to the force along the input axes [m/s^2], (n, 3)"
+    ACCELEROMETER = "added to the accelerometer output [m/s^2], (n, 3)"
+    GYROSCOPE = "added to the gyroscope output [rad/s], (n, 3)"
+    ATTITUDE = "added to the navigator's attitude error, roll, pitch, yaw [rad], (n, 3)"
+
+
+@dataclass(frozen=True)
+class Stimulus:
+    """What the hardware experiences at n instants; immutable, SI. Every array has time first.
+
+    `force` is the specific force as it arrives at the stage that is being evaluated, `angle` the true gimbal angle
+    as far as it is known there. Move quantities describe the last slew before the dwell of each row (zero in the
+    first dwell): the changes of ideal platform force and of readout, and the same one slew earlier.
+    """
+
+    time: Array  # (n,) s since the first sample
+    readout: Array  # (n, k) rad, platform axis order
+    angle: Array  # (n, k) rad
+    force: Array  # (n, 3) m/s^2
+    gravity: float  # m/s^2, magnitude at the site
+    visit: Array  # (n,) int, ordinal of the dwell, 0 first
+    position: Array  # (n,) int, name of the position held
+    since_move: Array  # (n,) s since the dwell began
+    move_force: Array  # (n, 3) m/s^2
+    move_angle: Array  # (n, k) rad
+    earlier_move_force: Array  # (n, 3) m/s^2
+    rate: Array  # (n, 3) rad/s, angular rate of the sensor block against the inertial frame, platform axes
+    axis_names: tuple[str, ...]
+    latitude: float | None = None  # rad
+    temperature: Array | None = None  # (n,) degC
+    reference_temperature: float = 20.0  # degC, where temperature coefficients are referred to
+    covariates: Mapping[str, Array] = dataclasses.field(default_factory=dict)
+
+    def at(self, **changes: Any) -> Stimulus:
+        """The same stimulus with some arrays replaced."""
+        return dataclasses.replace(self, **changes)
+
+    def temperature_excess(self) -> Array:
+        """T - T0 (n,) [degC]. Raises ValueError where temperature was not recorded."""
+        if self.temperature is None:
+            raise ValueError("this effect needs a temperature channel and the recording has none")
+        return np.asarray(self.temperature - self.reference_temperature)
+
+
+def parameter(axes: Sequence[str], *, unit: str, sigma: float, name: str = "") -> Any:
+    """A linear parameter of an effect: one value per axis, nominal zero, prior scale `sigma` in `unit`.
+
+    Values are SI inside; `unit` is what people read. `name` is the public name if it is not the field's.
+    """
+    axes = tuple(axes)
+    value = 0.0 if axes == SCALAR else np.zeros(4 if axes == GIMBALS else len(axes))
+    return dataclasses.field(
+        default_factory=lambda: value,
+        metadata={"kind": "parameter", "axes": axes, "unit": unit, "sigma": sigma, "name": name},
+    )
+
+
+def constant(default: float, *, unit: str, low: float, high: float) -> Any:
+    """A non-linear constant of an effect (time constant, epoch, phase), in SI, refined between `low` and `high`."""
+    return dataclasses.field(
+        default=default, metadata={"kind": "constant", "axes": SCALAR, "unit": unit, "low": low, "high": high, "name": ""}
+    )
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One imperfection with its parameter values; knows nothing of who calls it."""
+
+    id: ClassVar[str] = ""
+    stage: ClassVar[Stage]
+    channel: ClassVar[str] = "specific_force"  # where it first shows
+    requires: ClassVar[tuple[str, ...]] = ()  # quantities a recording must carry for the effect to be a candidate
+    kinds: ClassVar[tuple[str, ...]] = ("multi-position", "static-run")
+    sources: ClassVar[tuple[str, ...]] = ()  # keys of references.REFERENCES
+
+    def contribution(self, s: Stimulus) -> Array:
+        """What the effect adds at its stage; shape and unit as `Stage` says."""
+        raise NotImplementedError
+
+
+CATALOGUE: dict[str, type[Effect]] = {}
+
+
+E = TypeVar("E", bound=Effect)
+
+
+@dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(parameter, constant))
+def effect(cls: type[E]) -> type[E]:
+    """Make a class a frozen dataclass and enter it into the catalogue under its `id`."""
+    made = dataclass(frozen=True, eq=False)(cls)
+    if made.id in CATALOGUE:
+        raise ValueError(f"two effects are called {made.id!r}: {CATALOGUE[made.id].__name__} and {made.__name__}")
+    CATALOGUE[made.id] = made
+    return made
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One scalar unknown: which effect, which field, which axis; `sigma` is its prior scale in SI."""
+
+    effect: str
+    field: str
+    name: str
+    axis: str
+    index: int
+    unit: str
+    sigma: float
+
+    @property
+    def label(self) -> str:
+        """Readable key, "bias:x"; for an effect of several fields "warm_up.tau:x"."""
+        return f"{self.name}:{self.axis}" if self.axis else self.name
+
+
+def absent(cls: type[Effect], gimbals: Sequence[str] = ()) -> Effect:
+    """The effect with every parameter zero, sized for a platform with these gimbals."""
+    sizes = {f.name: np.zeros(len(gimbals)) for f in dataclasses.fields(cls) if f.metadata.get("axes") == GIMBALS}
+    return cls(**sizes)
+
+
+def parameters(cls: type[Effect], gimbals: Sequence[str] = (), *, constants: bool = False) -> tuple[Parameter, ...]:
+    """The scalar unknowns of an effect, linear parameters first come in field order."""
+    out = []
+    for f in dataclasses.fields(cls):
+        kind = f.metadata.get("kind")
+        if kind is None or (kind == "constant" and not constants):
+            continue
+        axes = tuple(gimbals) if f.metadata["axes"] == GIMBALS else f.metadata["axes"]
+        unit = f.metadata["unit"]
+        if kind == "parameter":
+            sigma = float(to_si(f.metadata["sigma"], unit))
+        else:
+            sigma = (f.metadata["high"] - f.metadata["low"]) / 2
+        name = f.metadata["name"] or f.name
+        out += [Parameter(cls.id, f.name, name, axis, i, unit, sigma) for i, axis in enumerate(axes)]
+    return tuple(out)
+
+
+def values(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Array:
+    """Current values (p,) in SI of the wanted parameters; an effect that is not there counts as zero."""
+    by_id = {e.id: e for e in effects}
+    out = [np.atleast_1d(getattr(by_id[p.effect], p.field))[p.index] if p.effect in by_id else 0.0 for p in wanted]
+    return np.array(out)
+
+
+def with_values(
+    effects: Sequence[Effect], wanted: Sequence[Parameter], x: Array, gimbals: Sequence[str] = ()
+) -> tuple[Effect, ...]:
+    """The effects with the wanted parameters set to x (p,); effects that were absent are added."""
+    by_id = {e.id: e for e in effects}
+    changes: dict[str, dict[str, Any]] = {}
+    for p, value in zip(wanted, x, strict=True):
+        made = by_id.setdefault(p.effect, absent(CATALOGUE[p.effect], gimbals))
+        fields = changes.setdefault(p.effect, {})
+        if p.field not in fields:
+            old = getattr(made, p.field)
+            fields[p.field] = np.array(old, dtype=np.result_type(np.asarray(old), np.asarray(x)))
+        if np.ndim(fields[p.field]):
+            fields[p.field][p.index] = value
+        else:
+            fields[p.field] = value
+    return tuple(dataclasses.replace(e, **changes.get(i, {})) for i, e in by_id.items())

@@ -1,0 +1,1 @@
+"""Estimators: functions from a recording to what it says about the parameters."""

@@ -1,0 +1,133 @@
+r"""What data say about parameters, in square-root information form, and what they do not say, by name.
+
+Whitened rows ``[J | r]`` of any number of stages are stacked and reduced by QR; nothing is squared, so the condition
+number of the problem is not either. Parameters are scaled by their prior sigma. Then the singular values of the
+triangle are signal-to-noise ratios: a direction whose singular value is below one is one about which the data say
+less than the prior does. Such directions are *named*, held at the prior mean, and given the prior's variance
+(convention: the estimate has the smallest prior-scaled norm among all that fit the data equally well).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gimbalcal.effects import Parameter
+from gimbalcal.number import Array
+from gimbalcal.units import from_si
+
+SEEN = 1.0  # singular value below which the prior knows more than the data
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """A combination of parameters that the data do not determine: label to weight in printed units, largest 1."""
+
+    direction: dict[str, float]
+    why: str
+
+
+@dataclass(frozen=True)
+class Information:
+    """Whitened, prior-scaled rows [J | r] (q, p + 1) about `parameters`, reduced to a triangle; r is at `origin` = 0."""
+
+    parameters: tuple[Parameter, ...]
+    rows: Array
+    count: int  # scalar observations behind the rows
+
+    def __add__(self, other: Information) -> Information:
+        """Both together, over the union of their parameters."""
+        union = tuple(dict.fromkeys(self.parameters + other.parameters))
+        rows = np.concatenate([_widen(part, union) for part in (self, other)])
+        return Information(union, _triangle(rows), self.count + other.count)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Least-squares estimate from information: x (p,) and covariance (p, p) in SI, what was not seen, chi^2, dof."""
+
+    parameters: tuple[Parameter, ...]
+    x: Array
+    covariance: Array
+    unseen: tuple[Unseen, ...]
+    singular_values: Array
+    chi2: float
+    dof: int
+
+    @property
+    def sigma(self) -> Array:
+        """One standard deviation (p,) in SI."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+def information(J: Array, r: Array, parameters: Sequence[Parameter]) -> Information:
+    """Whitened Jacobian J (m, p) per SI unit and whitened residual r (m,) to information about the parameters.
+
+    r is the observation minus its prediction at zero parameters: linearise elsewhere with r = y - h(x0) + J x0.
+    """
+    scale = np.array([p.sigma for p in parameters])
+    rows = np.concatenate([np.asarray(J).reshape(-1, len(parameters)) * scale, np.reshape(r, (-1, 1))], axis=1)
+    return Information(tuple(parameters), _triangle(rows), len(rows))
+
+
+def solve(info: Information, seen: float = SEEN) -> Solution:
+    """Estimate, covariance and unseen directions. Directions below `seen` stay at the prior (see module docstring)."""
+    p = len(info.parameters)
+    scale = np.array([q.sigma for q in info.parameters])
+    R, z = info.rows[:, :p], info.rows[:, p]
+    U, S, Vt = np.linalg.svd(R, full_matrices=True)
+    S = np.concatenate([S, np.zeros(p - S.size)])
+    keep = seen <= S
+    inverse = np.where(keep, 1 / np.where(keep, S, 1), 0.0)
+    coefficients = (U.T @ z)[:p] if U.shape[0] >= p else np.concatenate([U.T @ z, np.zeros(p - U.shape[0])])
+    x = Vt.T @ (inverse * coefficients)
+    covariance = (Vt.T * np.where(keep, inverse**2, 1.0)) @ Vt
+    residual = float(np.sum((z - R @ x) ** 2))
+    unseen = name_directions(Vt[~keep].T, info.parameters)
+    return Solution(
+        info.parameters, x * scale, covariance * np.outer(scale, scale), unseen, S, residual,
+        info.count - int(keep.sum()),
+    )  # fmt: skip
+
+
+def name_directions(null: Array, parameters: Sequence[Parameter]) -> tuple[Unseen, ...]:
+    """Sparse, readable basis of a null space (p, k) given in prior-scaled coordinates.
+
+    Gauss-Jordan with full pivoting makes each direction contain as few parameters as it can.
+    """
+    rows = null.T.copy()
+    scale = np.array([from_si(p.sigma, p.unit) for p in parameters], dtype=float)
+    done: list[int] = []
+    for _ in range(len(rows)):
+        rest = [i for i in range(len(rows)) if i not in done]
+        i, j = divmod(int(np.argmax(np.abs(rows[rest]))), rows.shape[1])
+        i = rest[i]
+        rows[i] /= rows[i, j]
+        for other in range(len(rows)):
+            if other != i:
+                rows[other] -= rows[other, j] * rows[i]
+        done.append(i)
+    return tuple(_unseen(row * scale, parameters) for row in rows)
+
+
+def _unseen(row: Array, parameters: Sequence[Parameter]) -> Unseen:
+    row = row / row[np.argmax(np.abs(row))]
+    # below 1 % of the largest a parameter takes no visible part in the combination
+    direction = {p.label: round(float(w), 6) for p, w in zip(parameters, row, strict=True) if abs(w) > 0.01}
+    if len(direction) == 1:
+        return Unseen(direction, f"{next(iter(direction))} does not change any reading of these data")
+    terms = " ".join(f"{w:+.3g} {label}" for label, w in direction.items())
+    return Unseen(direction, f"changing {terms} together leaves every reading of these data as it is")
+
+
+def _triangle(rows: Array) -> Array:
+    return np.asarray(np.linalg.qr(rows, mode="r")) if len(rows) > rows.shape[1] else rows
+
+
+def _widen(info: Information, union: tuple[Parameter, ...]) -> Array:
+    out = np.zeros((len(info.rows), len(union) + 1))
+    out[:, [union.index(p) for p in info.parameters]] = info.rows[:, :-1]
+    out[:, -1] = info.rows[:, -1]
+    return out

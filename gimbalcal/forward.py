@@ -1,0 +1,260 @@
+r"""The one forward model: gimbal angles, time and environment in, sensor readings out.
+
+This is the only place where the stages of `effects` meet. Two kinds of recording differ in what holds still:
+
+* *encoder-referenced* (multi-position, rotation): the readouts say where the platform points,
+
+  .. math:: f^p = -C_b^p(\theta) \, C_n^b \, g^n, \qquad \theta = \text{readout} + \delta\theta ;
+
+* *inertially fixed* (static run): the gyroscopes hold the platform, the Earth turns under it, and the gimbal angles
+  are a result,
+
+  .. math:: f^p / g = R(\varphi) (\cos S_t \cos L, \; \sin S_t \cos L, \; \sin L), \qquad
+            C_b^p(\theta) = R(\varphi) \, C_n^p(S_t, L) \, {C_n^b}^T .
+
+Every derivative is a complex step through the same code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from gimbalcal.dwells import dwells
+from gimbalcal.earth import EARTH_RATE
+from gimbalcal.effects import Effect, Parameter, Stage, Stimulus, values, with_values
+from gimbalcal.number import STEP, Array, apply_matrix, arcsin, arctan2, cos, is_symbolic, sin, tilt_rotation
+from gimbalcal.platform import Platform
+from gimbalcal.recording import Recording
+
+DOWN = np.array([0.0, 0.0, 1.0])
+
+
+def stimulus(recording: Recording) -> Stimulus:
+    """What the hardware experienced in a recording, row by row, as far as the readouts tell."""
+    n = recording.time.shape[0]
+    readout = recording.angles()
+    position = recording.position if recording.position is not None else np.ones(n, dtype=int)
+    visit, since = np.zeros(n, dtype=int), np.asarray(recording.time - recording.time[0], dtype=float)
+    starts = [0]
+    if recording.position is not None:
+        stays = dwells(recording)
+        starts = [d.start for d in stays]
+        for i, d in enumerate(stays):
+            visit[d.start : d.stop] = i
+            since[d.start : d.stop] = recording.time[d.start : d.stop] - recording.time[d.start]
+    force = ideal_force(recording, readout)
+    return Stimulus(
+        time=recording.time - recording.time[0],
+        readout=readout,
+        angle=readout,
+        force=force,
+        gravity=recording.site.gravity,
+        visit=visit,
+        position=position,
+        since_move=since,
+        move_force=_last_move(force, starts, visit, 1),
+        move_angle=_last_move(readout, starts, visit, 1),
+        earlier_move_force=_last_move(force, starts, visit, 2),
+        rate=_rate(recording, force.shape),
+        axis_names=recording.platform.axis_names,
+        latitude=recording.site.latitude,
+        temperature=recording.channels.get(("temperature", "")),
+        covariates={axis: v for (quantity, axis), v in recording.channels.items() if quantity == "covariate"},
+    )
+
+
+def ideal_force(recording: Recording, readout: Array) -> Array:
+    """Specific force in platform axes (n, 3) [m/s^2] of a perfect platform, from readouts or from the Earth's turn.
+
+    A unit without gimbals has no attitude to compute it from: there the measured force serves.
+    """
+    if not recording.platform.axes:
+        return recording.triad("specific_force")
+    if recording.kind == "static-run":
+        phase = sidereal_phase(recording, readout)
+        return recording.site.gravity * _inertial_direction(phase, _latitude(recording.site.latitude))
+    return -recording.site.gravity * apply_matrix(recording.platform.attitude(readout), DOWN)
+
+
+def sidereal_phase(recording: Recording, readout: Array) -> Array:
+    """S_t (n,) [rad]: Earth rate x time, through the circular mean of what the platform gimbal reads less that."""
+    turned = EARTH_RATE * (recording.time - recording.time[0])
+    offset = readout[:, recording.platform.axis_names.index("platform")] - turned
+    return np.asarray(turned + np.angle(np.mean(np.exp(1j * offset))))
+
+
+def _last_move(x: Array, starts: Sequence[int], visit: Array, lag: int) -> Array:
+    """Change of x over the slew `lag` slews before each row; zero before that many slews happened."""
+    step = np.diff(x[list(starts)], axis=0, prepend=x[:1])
+    before = np.concatenate([np.zeros_like(step[: lag - 1]), step])[: len(step)]
+    return np.asarray(before[visit])
+
+
+def _rate(recording: Recording, shape: tuple[int, ...]) -> Array:
+    return recording.triad("angular_rate") if recording.has("angular_rate") else np.zeros(shape)
+
+
+def _latitude(latitude: float | None) -> float:
+    if latitude is None:
+        raise ValueError("a static run needs `latitude` in [site] of recording.toml: the Earth turns under the platform")
+    return latitude
+
+
+def _inertial_direction(phase: Array, latitude: float) -> Array:
+    """Unit specific force of an inertially fixed platform (n, 3): Wu et al. (2018), Eq. (19)."""
+    along = np.cos(latitude) * np.ones_like(phase)
+    return np.stack([cos(phase) * along, sin(phase) * along, np.sin(latitude) * np.ones_like(phase)], axis=-1)
+
+
+def predict(platform: Platform, s: Stimulus, effects: Sequence[Effect], kind: str = "multi-position") -> dict[str, Array]:
+    """Channel outputs of a platform with these effects.
+
+    Returns "specific_force" (n, 3) [m/s^2] and, for a static run, "gimbal_angle" (n, k) [rad] and "attitude_error"
+    (n, 3) [rad]. Float, complex or symbolic, as the parameters are.
+    """
+    if kind == "static-run":
+        return _inertially_fixed(platform, s, effects)
+    return {"specific_force": accelerometers(_encoder_referenced(platform, s, effects), s, effects)}
+
+
+def _total(effects: Sequence[Effect], stage: Stage, s: Stimulus) -> Array | float:
+    """Sum of what all effects add at one stage (0.0 where none does)."""
+    return sum((e.contribution(s) for e in effects if e.stage is stage), start=0.0)
+
+
+def _rotation(effects: Sequence[Effect], stage: Stage, s: Stimulus) -> Array:
+    tilt = _total(effects, stage, s)
+    return np.eye(3) if isinstance(tilt, float) else tilt_rotation(tilt)
+
+
+def _encoder_referenced(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
+    """f^p (n, 3) where the encoders say where the platform points; without gimbals the stimulus says it."""
+    rotation = _rotation(effects, Stage.PLATFORM, s)
+    if not platform.axes:
+        return apply_matrix(rotation, s.force)
+    angle = s.readout + _total(effects, Stage.ENCODER, s)
+    s = s.at(angle=angle)
+    tilts = _total(effects, Stage.AXIS_TILT, s)
+    C_bp = platform.attitude(angle, None if isinstance(tilts, float) else tilts)
+    gravity = s.gravity * DOWN + _total(effects, Stage.GRAVITY, s)
+    C_nb = _rotation(effects, Stage.BASE, s)
+    return -apply_matrix(rotation @ C_bp @ C_nb, np.broadcast_to(gravity, s.force.shape))
+
+
+def accelerometers(force: Array, s: Stimulus, effects: Sequence[Effect]) -> Array:
+    """Accelerometer outputs (n, 3) [m/s^2] for the specific force f^p (n, 3): Wu et al. (2018), Eq. (6)."""
+    s = s.at(force=force)
+    s = s.at(force=s.force + _total(effects, Stage.INPUT_AXIS, s))
+    s = s.at(force=s.force + _total(effects, Stage.SCALE, s))
+    return np.asarray(s.force + _total(effects, Stage.ACCELEROMETER, s))
+
+
+def _inertially_fixed(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> dict[str, Array]:
+    """Outputs of a platform that gyroscopes hold while a still base turns with the Earth."""
+    L = _latitude(s.latitude)
+    unit = s.force / s.gravity
+    phase = arctan2(unit[..., 1], unit[..., 0])
+    drift = _rotation(effects, Stage.PLATFORM, s)
+    C_np = drift @ _navigation_to_platform(phase, L)
+    gravity = s.gravity * DOWN + _total(effects, Stage.GRAVITY, s)
+    force = accelerometers(-apply_matrix(C_np, np.broadcast_to(gravity, s.force.shape)), s, effects)
+    C_nb = _rotation(effects, Stage.BASE, s)
+    angle = _gimbal_angles(platform, C_np @ np.swapaxes(C_nb, -1, -2), phase, L)
+    s = s.at(angle=angle)
+    readout = angle - _total(effects, Stage.ENCODER, s)
+    attitude = navigator_attitude_error(platform, force, readout) + _total(effects, Stage.ATTITUDE, s)
+    return {"specific_force": force, "gimbal_angle": readout, "attitude_error": attitude}
+
+
+def _navigation_to_platform(phase: Array, latitude: float) -> Array:
+    """C_np (n, 3, 3) of a perfect inertially fixed platform: Wu et al. (2018), Eq. (18)."""
+    st, ct, sL, cL = sin(phase), cos(phase), np.sin(latitude), np.cos(latitude)
+    one = np.ones_like(phase)
+    rows = [[-ct * sL, -st, -ct * cL], [-st * sL, ct, -st * cL], [cL * one, 0 * one, -sL * one]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def _gimbal_angles(platform: Platform, C_bp: Array, phase: Array, latitude: float) -> Array:
+    """Angles (n, k) at which the chain realises C_bp, the redundant inner gimbal at zero.
+
+    Newton on the rotation vector from the ideal angles; two steps leave 1e-16 rad for errors of 1e-3 rad.
+    """
+    names = platform.axis_names
+    ideal = {"platform": phase, "middle": latitude * np.ones_like(phase)}
+    angle = platform.angles({k: v for k, v in ideal.items() if k in names}, phase.shape)
+    free = [i for i, name in enumerate(names) if name != "inner"]
+    for _ in range(2):
+        C = platform.attitude(angle)
+        error = _rotation_vector(C_bp @ np.swapaxes(C, -1, -2))
+        J = np.stack([_axis_in_platform(platform, angle, i) for i in free], axis=-1)
+        step = np.linalg.solve(J, error[..., None])[..., 0] if not is_symbolic(error) else _symbolic_solve(J, error)
+        angle = angle.astype(np.result_type(angle, step))
+        angle[..., free] += step
+    return angle
+
+
+def _symbolic_solve(J: Array, b: Array) -> Array:
+    import sympy
+
+    return np.array([list(sympy.Matrix(m).LUsolve(sympy.Matrix(v))) for m, v in zip(J, b, strict=True)], dtype=object)
+
+
+def _rotation_vector(C: Array) -> Array:
+    """First-order rotation vector of a frame rotation near identity: C = 1 - [v x] (..., 3)."""
+    pairs = ((1, 2), (2, 0), (0, 1))
+    return np.stack([(C[..., i, j] - C[..., j, i]) / 2 for i, j in pairs], axis=-1)
+
+
+def _axis_in_platform(platform: Platform, angle: Array, i: int) -> Array:
+    """Direction (n, 3) in platform axes about which readout i turns the platform."""
+    inner = Platform(platform.name, platform.axes[:i]).attitude(angle[..., :i])
+    axis = platform.axes[i]
+    unit = np.zeros(3)
+    unit["xyz".index(axis.direction)] = axis.sign
+    return apply_matrix(inner, np.broadcast_to(unit, (*angle.shape[:-1], 3)))
+
+
+def navigator_attitude_error(platform: Platform, force: Array, readout: Array) -> Array:
+    r"""Attitude of the still, level, north-pointing base minus what the navigator makes of its sensors (n, 3) [rad].
+
+    The navigator takes down from the measured force, north from the platform's polar axis z_p, and the base from the
+    gimbal readouts: C_n^b = C_p^b(readout) C_n^p(f, z_p). Roll, pitch, yaw with the sign of Wu et al. (2018), Eq. (28).
+    """
+    down = -force / np.sqrt((force**2).sum(axis=-1, keepdims=True)) if not is_symbolic(force) else _unit_down(force)
+    pole = np.broadcast_to(DOWN, down.shape)
+    east = np.cross(down, pole)
+    length = (east**2).sum(axis=-1, keepdims=True)
+    east = east / (np.sqrt(length) if not is_symbolic(length) else length ** (1 / 2))
+    C_np = np.stack([np.cross(east, down), east, down], axis=-1)
+    C_nb = np.swapaxes(platform.attitude(readout), -1, -2) @ C_np
+    # C_nb of Eq. (3): first row holds yaw and pitch, third column pitch and roll.
+    roll = arctan2(C_nb[..., 1, 2], C_nb[..., 2, 2])
+    pitch = -arcsin(C_nb[..., 0, 2])
+    yaw = arctan2(C_nb[..., 0, 1], C_nb[..., 0, 0])
+    return -np.stack([roll, pitch, yaw], axis=-1)
+
+
+def _unit_down(force: Array) -> Array:
+    from gimbalcal.number import sqrt
+
+    return np.asarray(-force / sqrt((force**2).sum(axis=-1, keepdims=True)))
+
+
+def jacobian(
+    platform: Platform, s: Stimulus, effects: Sequence[Effect], wanted: Sequence[Parameter], kind: str = "multi-position"
+) -> dict[str, Array]:
+    """Derivatives of `predict` by the wanted parameters, exact by complex step: channel to (n, c, p), SI."""
+    x0 = values(effects, wanted)
+
+    def outputs(x: Array) -> dict[str, Array]:
+        return predict(platform, s, with_values(effects, wanted, x, s.axis_names), kind)
+
+    return complex_step(outputs, x0)
+
+
+def complex_step(function: Callable[[Array], dict[str, Array]], x0: Array) -> dict[str, Array]:
+    """Jacobian of a dict of arrays by the complex step: x (p,) to channel (..., p)."""
+    columns = [function(x0 + 1j * STEP * unit) for unit in np.eye(x0.size)]
+    return {k: np.stack([c[k].imag / STEP for c in columns], axis=-1) for k in columns[0]}

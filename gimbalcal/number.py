@@ -1,0 +1,117 @@
+"""Elementary functions that run alike on floats, complex numbers and sympy symbols.
+
+An effect is written once and evaluated on three kinds of number: float (simulate, predict), complex (exact
+derivatives by the complex step, Squire and Trapp 1998) and symbols (derivations). numpy drops the imaginary part in
+``abs``, ``maximum`` and comparisons and does not know symbols, so effects use the functions of this module instead.
+Branches are decided by the real part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[Any]
+STEP = 1e-30  # complex step; any value far below sqrt(smallest double) / largest second derivative is exact
+
+
+def is_symbolic(x: ArrayLike) -> bool:
+    """Whether `x` holds sympy expressions (an object array)."""
+    return np.asarray(x).dtype == object
+
+
+def _elementwise(name: str, numeric: Callable[[Array], Array]) -> Callable[[ArrayLike], Array]:
+    def function(x: ArrayLike) -> Array:
+        x = np.asarray(x)
+        if x.dtype != object:
+            return numeric(x)
+        import sympy
+
+        return np.vectorize(getattr(sympy, name), otypes=[object])(x)
+
+    function.__name__ = name
+    function.__doc__ = f"{name} of each element: float, complex or sympy."
+    return function
+
+
+sin = _elementwise("sin", np.sin)
+cos = _elementwise("cos", np.cos)
+exp = _elementwise("exp", np.exp)
+sqrt = _elementwise("sqrt", np.sqrt)
+absolute = _elementwise("Abs", lambda x: np.where(x.real < 0, -x, x))
+sign = _elementwise("sign", lambda x: np.sign(x.real))
+
+
+def _complex_arcsin(x: Array) -> Array:
+    """Arc sine; for complex x the first-order extension about the real part that the complex step needs."""
+    if not np.iscomplexobj(x):
+        return np.arcsin(x)
+    return np.arcsin(x.real) + 1j * x.imag / np.sqrt(1 - x.real**2)
+
+
+arcsin = _elementwise("asin", _complex_arcsin)
+
+
+def arctan2(y: ArrayLike, x: ArrayLike) -> Array:
+    """Quadrant-aware arc tangent of y / x [rad]; complex arguments carry their first-order part."""
+    y, x = np.asarray(y), np.asarray(x)
+    if is_symbolic(y) or is_symbolic(x):
+        import sympy
+
+        return np.vectorize(sympy.atan2, otypes=[object])(y, x)
+    angle = np.arctan2(y.real, x.real)
+    if np.iscomplexobj(y) or np.iscomplexobj(x):
+        return angle + 1j * (x.real * y.imag - y.real * x.imag) / (x.real**2 + y.real**2)
+    return angle
+
+
+def minimum(x: ArrayLike, y: ArrayLike) -> Array:
+    """Smaller of two by the real part, keeping the imaginary part of the one chosen."""
+    x, y = np.asarray(x), np.asarray(y)
+    if is_symbolic(x) or is_symbolic(y):
+        import sympy
+
+        return np.vectorize(sympy.Min, otypes=[object])(x, y)
+    return np.where(x.real <= y.real, x, y)
+
+
+def maximum(x: ArrayLike, y: ArrayLike) -> Array:
+    """Larger of two by the real part, keeping the imaginary part of the one chosen."""
+    return -minimum(-np.asarray(x), -np.asarray(y))
+
+
+def frame_rotation(direction: str, angle: ArrayLike) -> Array:
+    r"""Direction cosine matrix of a frame turned by `angle` about one of its axes (passive rotation).
+
+    .. math:: R_x(a) = \begin{bmatrix} 1&0&0\\ 0&\cos a&\sin a\\ 0&-\sin a&\cos a \end{bmatrix}
+
+    and cyclic. Parameters: direction "x", "y" or "z"; angle (...) [rad]. Returns (..., 3, 3).
+    """
+    angle = np.asarray(angle)
+    i = "xyz".index(direction)
+    j, k = (i + 1) % 3, (i + 2) % 3
+    out = np.zeros((*angle.shape, 3, 3), dtype=angle.dtype if angle.dtype.kind in "cO" else float)
+    c, s = cos(angle), sin(angle)
+    out[..., i, i] = 1
+    out[..., j, j] = c
+    out[..., k, k] = c
+    out[..., j, k] = s
+    out[..., k, j] = -s
+    return out
+
+
+def tilt_rotation(tilt: ArrayLike) -> Array:
+    """Frame rotation by three small angles about x, then y, then z: ``Rz Ry Rx``; (..., 3) [rad] to (..., 3, 3)."""
+    tilt = np.asarray(tilt)
+    return (
+        frame_rotation("z", tilt[..., 2]) @ frame_rotation("y", tilt[..., 1]) @ frame_rotation("x", tilt[..., 0])
+    )
+
+
+def apply_matrix(matrix: ArrayLike, vector: ArrayLike) -> Array:
+    """Matrix times vector over leading dimensions: (..., 3, 3), (..., 3) to (..., 3)."""
+    product: Array = (np.asarray(matrix) @ np.asarray(vector)[..., None])[..., 0]
+    return product
