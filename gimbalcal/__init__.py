@@ -23,35 +23,48 @@ Books.
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
-# Public names and where they live; loaded on first use, so that `gimbalcal --help` answers at once.
-_PUBLIC = {
-    "Axis": "platform",
-    "CATALOGUE": "effects",
-    "Calibration": "calibration",
-    "EIGHTEEN_POSITIONS": "schedule",
-    "Effect": "effects",
-    "Hold": "schedule",
-    "InputError": "errors",
-    "Parameter": "effects",
-    "Platform": "platform",
-    "Recording": "recording",
-    "SPACE_STABLE": "platform",
-    "SPACE_STABLE_INERTIAL": "platform",
-    "Schedule": "schedule",
-    "Stage": "effects",
-    "Stimulus": "effects",
-    "jacobian": "forward",
-    "predict": "forward",
-    "stimulus": "forward",
-}
-__all__ = ["__version__", *sorted(_PUBLIC)]
+# Loaded on first use, so that `gimbalcal --help` answers at once.
+if TYPE_CHECKING:
+    from gimbalcal.calibration import Calibration
+    from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
+    from gimbalcal.errors import InputError
+    from gimbalcal.forward import jacobian, predict, stimulus
+    from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL, Axis, Platform
+    from gimbalcal.recording import Recording
+    from gimbalcal.schedule import EIGHTEEN_POSITIONS, Hold, Schedule
+
+__all__ = [
+    "CATALOGUE",
+    "EIGHTEEN_POSITIONS",
+    "SPACE_STABLE",
+    "SPACE_STABLE_INERTIAL",
+    "Axis",
+    "Calibration",
+    "Effect",
+    "Hold",
+    "InputError",
+    "Parameter",
+    "Platform",
+    "Recording",
+    "Schedule",
+    "Stage",
+    "Stimulus",
+    "__version__",
+    "jacobian",
+    "predict",
+    "stimulus",
+]
+_HOMES = ("calibration", "effects", "errors", "forward", "platform", "recording", "schedule")
 
 
 def __getattr__(name: str) -> Any:
-    if name in _PUBLIC:
-        return getattr(import_module(f"gimbalcal.{_PUBLIC[name]}"), name)
+    if name in __all__:
+        for home in _HOMES:
+            module = import_module(f"gimbalcal.{home}")
+            if name in vars(module):
+                return vars(module)[name]
     raise AttributeError(f"module 'gimbalcal' has no attribute {name!r}")

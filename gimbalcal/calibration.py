@@ -16,6 +16,7 @@ from gimbalcal.number import Array
 from gimbalcal.units import from_si, to_si
 
 FORMAT = 1
+GIMBAL_NAMES = ("platform", "inner", "middle", "outer")
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class Residual:
 
 @dataclass(frozen=True)
 class Stage:
-    """One stage of a calibration for the record: its estimate, sigma (SI, order of `labels`) and rms residual [m/s^2]."""
+    """One stage of a calibration for the record: estimate and sigma (SI, order of `labels`), rms residual [m/s^2]."""
 
     name: str
     labels: tuple[str, ...]
@@ -106,8 +107,8 @@ class Calibration:
         temporary.replace(path)
 
 
-def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ("platform", "inner", "middle", "outer")) -> Calibration:
-    """A calibration from the content of calibration.json. Raises InputError for another format or unknown parameter."""
+def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = GIMBAL_NAMES) -> Calibration:
+    """A calibration from the content of calibration.json; InputError for another format or unknown parameter."""
     if content.get("format") != FORMAT:
         raise InputError(f"calibration has format {content.get('format')!r}, this version reads format {FORMAT}")
     known = {(p.name, p.axis): p for cls in CATALOGUE.values() for p in parameters(cls, gimbals, constants=True)}

@@ -21,12 +21,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from gimbalcal.dwells import dwells
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect, Parameter, Stage, Stimulus, values, with_values
+from gimbalcal.errors import InputError
 from gimbalcal.number import STEP, Array, apply_matrix, arcsin, arctan2, cos, is_symbolic, sin, tilt_rotation
 from gimbalcal.platform import Platform
-from gimbalcal.recording import Recording
+from gimbalcal.recording import Recording, dwells
 
 DOWN = np.array([0.0, 0.0, 1.0])
 
@@ -98,7 +98,7 @@ def _rate(recording: Recording, shape: tuple[int, ...]) -> Array:
 
 def _latitude(latitude: float | None) -> float:
     if latitude is None:
-        raise ValueError("a static run needs `latitude` in [site] of recording.toml: the Earth turns under the platform")
+        raise InputError("a static run needs `latitude` in [site] of recording.toml: the Earth turns below it")
     return latitude
 
 
@@ -108,7 +108,9 @@ def _inertial_direction(phase: Array, latitude: float) -> Array:
     return np.stack([cos(phase) * along, sin(phase) * along, np.sin(latitude) * np.ones_like(phase)], axis=-1)
 
 
-def predict(platform: Platform, s: Stimulus, effects: Sequence[Effect], kind: str = "multi-position") -> dict[str, Array]:
+def predict(
+    platform: Platform, s: Stimulus, effects: Sequence[Effect], kind: str = "multi-position"
+) -> dict[str, Array]:
     """Channel outputs of a platform with these effects.
 
     Returns "specific_force" (n, 3) [m/s^2] and, for a static run, "gimbal_angle" (n, k) [rad] and "attitude_error"
@@ -243,7 +245,11 @@ def _unit_down(force: Array) -> Array:
 
 
 def jacobian(
-    platform: Platform, s: Stimulus, effects: Sequence[Effect], wanted: Sequence[Parameter], kind: str = "multi-position"
+    platform: Platform,
+    s: Stimulus,
+    effects: Sequence[Effect],
+    wanted: Sequence[Parameter],
+    kind: str = "multi-position",
 ) -> dict[str, Array]:
     """Derivatives of `predict` by the wanted parameters, exact by complex step: channel to (n, c, p), SI."""
     x0 = values(effects, wanted)

@@ -92,7 +92,8 @@ def parameter(axes: Sequence[str], *, unit: str, sigma: float, name: str = "") -
 def constant(default: float, *, unit: str, low: float, high: float) -> Any:
     """A non-linear constant of an effect (time constant, epoch, phase), in SI, refined between `low` and `high`."""
     return dataclasses.field(
-        default=default, metadata={"kind": "constant", "axes": SCALAR, "unit": unit, "low": low, "high": high, "name": ""}
+        default=default,
+        metadata={"kind": "constant", "axes": SCALAR, "unit": unit, "low": low, "high": high, "name": ""},
     )
 
 

@@ -31,7 +31,7 @@ class Unseen:
 
 @dataclass(frozen=True)
 class Information:
-    """Whitened, prior-scaled rows [J | r] (q, p + 1) about `parameters`, reduced to a triangle; r is at `origin` = 0."""
+    """Whitened, prior-scaled rows [J | r] (q, p + 1) about `parameters`, reduced to a triangle."""
 
     parameters: tuple[Parameter, ...]
     rows: Array

@@ -1,0 +1,5 @@
+"""``python -m gimbalcal`` is the command line."""
+
+from gimbalcal.cli import main
+
+main()

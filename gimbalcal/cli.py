@@ -1,0 +1,223 @@
+"""The command line: one command a question, each a few lines around a function of the package.
+
+Exit status: 0 done; 1 done, and the model does not explain the data; 2 bad input, nothing written; 130 interrupted.
+Heavy packages are imported inside the commands, so that `gimbalcal --help` answers at once.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from gimbalcal import __version__
+from gimbalcal.errors import InputError
+
+F = TypeVar("F", bound=Callable[..., Any])
+CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
+
+
+def main() -> None:
+    """Run the command line; every refusal is one sentence on stderr and exit status 2."""
+    try:
+        gimbalcal(standalone_mode=False)
+    except InputError as problem:
+        _stop(f"gimbalcal: {problem}", 2)
+    except click.ClickException as problem:
+        problem.show()
+        sys.exit(2)
+    except (KeyboardInterrupt, click.Abort):
+        _stop("gimbalcal: interrupted; nothing half-written is left behind", 130)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(0)
+
+
+def _stop(sentence: str, status: int) -> None:
+    print(sentence, file=sys.stderr)
+    sys.exit(status)
+
+
+def output_options(command: F) -> F:
+    """--out, --quiet and --json, which every command that computes has."""
+    command = click.option("--json", "as_json", is_flag=True, help="Print the result on stdout as JSON.")(command)
+    command = click.option("--quiet", is_flag=True, help="No progress on stderr.")(command)
+    return click.option(
+        "--out", type=click.Path(path_type=Path, file_okay=False), default=None, help="Folder for the results."
+    )(command)
+
+
+def progress(quiet: bool) -> Callable[[str], None]:
+    """A function that tells what is being done, on stderr."""
+
+    def tell(sentence: str) -> None:
+        if not quiet:
+            print(f"  {sentence}", file=sys.stderr, flush=True)
+
+    return tell
+
+
+def finish(result: dict[str, Any], name: str, sentence: str, out: Path | None, as_json: bool, quiet: bool) -> None:
+    """Write `name` into the folder whole or not at all, print the sentence, and the result if asked."""
+    if out is not None:
+        write_text(out / name, json.dumps(result, indent=1))
+    if as_json:
+        print(json.dumps(result))
+    if not quiet:
+        print(sentence, file=sys.stderr if as_json else sys.stdout)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file to a temporary name, then rename it, so that an interruption leaves the old one or none."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.part")
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+RECORDINGS = click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
+
+
+@click.group(context_settings=CONTEXT)
+@click.version_option(__version__, prog_name="gimbalcal")
+def gimbalcal() -> None:
+    """Calibrate inertial sensors on gimballed platforms, and say what physics the model left out."""
+
+
+@gimbalcal.command()
+@RECORDINGS
+@click.option(
+    "--method",
+    type=click.Choice(["three-stage", "multiposition"]),
+    default="three-stage",
+    show_default=True,
+    help="three-stage: space-stable platform, angles recorded; multiposition: no angles needed.",
+)
+@click.option("--terms", default="", help="multiposition: comma-separated terms to estimate (see the report).")
+@output_options
+def calibrate(
+    recordings: tuple[Path, ...], method: str, terms: str, out: Path | None, quiet: bool, as_json: bool
+) -> None:
+    """Estimate the sensors' errors, with their uncertainty, and say what the data do not show."""
+    from gimbalcal.pipeline import calibrate as run
+    from gimbalcal.report import calibration_report
+
+    tell = progress(quiet)
+    calibration, loaded = run(recordings, method, tuple(t for t in terms.split(",") if t), tell)
+    page = calibration_report(calibration.to_dict(), loaded) if out is not None else ""
+    from gimbalcal.report.wording import answer
+
+    finish(calibration.to_dict(), "calibration.json", answer(calibration.to_dict()), out, as_json, quiet)
+    if out is not None:
+        write_text(out / "report.html", page)
+        tell(f"wrote {out / 'calibration.json'} and {out / 'report.html'}")
+    sys.exit(1 if calibration.outcome else 0)
+
+
+@gimbalcal.command()
+@RECORDINGS
+@click.option("--calibration", "known", type=click.Path(path_type=Path), help="A calibration.json to start from.")
+@click.option("--baseline", default="", help="Comma-separated effects the model holds; what is left out can be found.")
+@click.option("--seed", default=1, show_default=True, help="Seed of the simulated threshold.")
+@output_options
+def diagnose(
+    recordings: tuple[Path, ...], known: Path | None, baseline: str, seed: int,
+    out: Path | None, quiet: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Say where the data differ from the model, which physics was left out, and what it changes."""
+    from gimbalcal.calibration import read as read_calibration
+    from gimbalcal.diagnose import diagnose as run
+    from gimbalcal.pipeline import load
+    from gimbalcal.report import diagnosis_report
+
+    tell = progress(quiet)
+    loaded = load(recordings, tell)
+    start = read_calibration(known) if known else None
+    diagnosis = run(loaded, calibration=start, baseline=tuple(b for b in baseline.split(",") if b), seed=seed, tell=tell)
+    page = diagnosis_report(diagnosis) if out is not None else ""
+    finish(diagnosis.to_dict(), "diagnosis.json", diagnosis.in_words, out, as_json, quiet)
+    if out is not None:
+        write_text(out / "report.html", page)
+        tell(f"wrote {out / 'diagnosis.json'} and {out / 'report.html'}")
+    sys.exit(0 if diagnosis.verdict == "adequate" else 1)
+
+
+@gimbalcal.command()
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--seed", type=int, default=None, help="Instead of the scenario's own.")
+@output_options
+def simulate(scenario: Path, seed: int | None, out: Path | None, quiet: bool, as_json: bool) -> None:
+    """Make a recording from truth: SCENARIO.toml, or the name of one that ships with the package."""
+    from gimbalcal.simulate import simulate_to
+
+    folder = out or Path(scenario.stem)
+    truth = simulate_to(scenario, folder, seed, progress(quiet))
+    finish(truth, "truth.json", f"wrote a recording and its truth into {folder}", folder, as_json, quiet)
+
+
+@gimbalcal.command()
+@click.argument("schedule")
+@click.option("--angle-sigma", default=1.0, show_default=True, help="Setting error of a position, arcsec.")
+@click.option("--force-sigma", default=2.0, show_default=True, help="Noise of the mean force of a position, ug.")
+@output_options
+def observe(
+    schedule: str, angle_sigma: float, force_sigma: float, out: Path | None, quiet: bool, as_json: bool
+) -> None:
+    """Say what SCHEDULE (a name, or a TOML file) can and cannot see, before anything is recorded."""
+    from gimbalcal.observability import observe as run
+
+    seen = run(schedule, angle_sigma, force_sigma)
+    finish(seen.to_dict(), "observability.json", seen.in_words, out, as_json, quiet)
+
+
+@gimbalcal.command("import")
+@click.argument("kind")
+@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="What the importer of this kind asks for.")
+@output_options
+def import_(
+    kind: str, files: tuple[Path, ...], settings: tuple[str, ...], out: Path | None, quiet: bool, as_json: bool
+) -> None:
+    """Turn another rig's FILES into a recording folder; KIND is the rig or file type."""
+    from gimbalcal.importers import import_files
+    from gimbalcal.recording import write
+
+    options = dict(_pair(s) for s in settings)
+    tell = progress(quiet)
+    tell(f"importing {len(files)} file(s) as {kind}")
+    recording = import_files(kind, files, options)
+    folder = out or Path(files[0].stem)
+    write(recording, folder)
+    summary = {"kind": recording.kind, "rows": len(recording.time), "folder": str(folder)}
+    if as_json:
+        print(json.dumps(summary))
+    elif not quiet:
+        print(f"wrote a {recording.kind} recording of {len(recording.time)} rows into {folder}")
+
+
+def _pair(setting: str) -> tuple[str, str]:
+    name, equals, value = setting.partition("=")
+    if not equals:
+        raise InputError(f"--set takes NAME=VALUE, got {setting!r}")
+    return name, value
+
+
+@gimbalcal.command()
+@output_options
+def demo(out: Path | None, quiet: bool, as_json: bool) -> None:
+    """The three stages and the diagnosis on the recordings that ship with the project."""
+    from gimbalcal.demonstration import demonstrate
+
+    summary, sentence = demonstrate(out or Path("out/demo"), progress(quiet))
+    finish(summary, "demo.json", sentence, out or Path("out/demo"), as_json, quiet)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,89 @@
+"""The three stages of Wu et al. (2018), in the paper's order, on one screen.
+
+    recording ──> coarse ──> fine ──> system level ──> calibration with covariance, and what was not seen
+
+`gimbalcal calibrate`, `gimbalcal demo` and the notebooks run this script.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.coarse import coarse
+from gimbalcal.estimate.fine import fine
+from gimbalcal.estimate.fusion import fuse
+from gimbalcal.estimate.joint import information_of, joint
+from gimbalcal.estimate.system import static, static_information
+from gimbalcal.plausibility import refuse_implausible
+from gimbalcal.recording import Recording, read
+
+Tell = Callable[[str], None]
+STATIC_BLOCK = 60.0  # s; a static run is read as minute means: no effect of the catalogue lives below 3 min
+
+
+def silent(_: str) -> None:
+    """Tell nobody."""
+
+
+def load(folders: Sequence[str | Path], tell: Tell = silent) -> tuple[Recording, ...]:
+    """Read recordings and refuse those that cannot be what they say; a static run comes as minute means."""
+    recordings = []
+    for folder in folders:
+        tell(f"reading {Path(folder).name}")
+        recording = read(Path(folder), average_s=STATIC_BLOCK)
+        refuse_implausible(recording)
+        recordings.append(recording)
+    return tuple(recordings)
+
+
+def three_stage(recordings: Sequence[Recording], tell: Tell = silent) -> Calibration:
+    """Calibrate the accelerometers of a space-stable platform from a multi-position recording, a static run, or both.
+
+    1. coarse: faces give scale factors and biases, tilted positions gimbal zeros and misalignments (section 3);
+    2. fine: the norm of the force at every position, then all 18 coefficients jointly with each position's setting
+       error (section 4, Eqs. (8)-(17), and beyond);
+    3. system level: force, gimbals and attitude error of the static run (section 5), added as information.
+
+    Raises InputError when there is neither kind of recording, or two of a kind.
+    """
+    device, run = _one_of_each(recordings)
+    if device is None and run is not None:
+        tell("system level: static run alone")
+        return static(run)
+    if device is None:
+        raise InputError("`calibrate` needs a multi-position recording, a static run, or one of each")
+
+    tell("stage 1: coarse, from faces and tilted positions")
+    first = coarse(device)
+    tell("stage 2: fine, from the norm of the force at every position")
+    second = fine(device, first)
+    tell("stage 2: all 18 coefficients jointly, with the setting error of each position")
+    both = joint(device, second)
+    stages = (*first.stages, *second.stages, *both.stages)
+    if run is None:
+        return replace(both, method="three-stage", stages=stages)
+
+    tell("stage 3: system level, force, gimbals and attitude error of the static run")
+    third = fuse(information_of(device, both.effects), static_information(run, both.effects), both)
+    return replace(third, method="three-stage", stages=(*stages, *third.stages))
+
+
+def _one_of_each(recordings: Sequence[Recording]) -> tuple[Recording | None, Recording | None]:
+    by_kind: dict[str, Recording] = {}
+    for recording in recordings:
+        if recording.kind not in ("multi-position", "static-run"):
+            raise InputError(
+                f"{recording.title!r} is a {recording.kind} recording; the three stages take a multi-position "
+                "recording and a static run (for others see `gimbalcal calibrate --method`)"
+            )
+        if recording.kind in by_kind:
+            raise InputError(
+                f"{by_kind[recording.kind].title!r} and {recording.title!r} are both {recording.kind} recordings; "
+                "give one of each kind, and calibrate the other by itself"
+            )
+        by_kind[recording.kind] = recording
+    return by_kind.get("multi-position"), by_kind.get("static-run")

@@ -1,0 +1,57 @@
+"""Functions that must run alike on float, complex and symbol."""
+
+import numpy as np
+import pytest
+import sympy
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gimbalcal import number
+from gimbalcal.number import STEP
+
+angles = st.floats(-7, 7, allow_nan=False)
+
+
+@pytest.mark.parametrize("name", ["sin", "cos", "exp", "sqrt", "absolute", "arcsin"])
+@pytest.mark.parametrize("x", [0.3, 0.9])
+def test_complex_step_equals_symbolic_derivative(name: str, x: float) -> None:
+    function = getattr(number, name)
+    symbol = sympy.Symbol("x", positive=True)
+    exact = float(sympy.diff(function(np.array(symbol, dtype=object)).item(), symbol).subs(symbol, x))
+    assert function(np.array(x + 1j * STEP)).imag / STEP == pytest.approx(exact, rel=1e-14)  # a few roundings
+    assert float(function(np.array(symbol, dtype=object)).item().subs(symbol, x)) == pytest.approx(
+        float(function(x)), rel=1e-14
+    )
+
+
+def test_absolute_and_minimum_keep_the_complex_step_where_numpy_drops_it() -> None:
+    x = np.array([-2.0, 3.0]) + 1j * STEP
+    np.testing.assert_array_equal(number.absolute(x).imag, [-STEP, STEP])
+    np.testing.assert_array_equal(number.minimum(x, 1.0).imag, [STEP, 0.0])
+    np.testing.assert_array_equal(number.maximum(x, 1.0).imag, [0.0, STEP])
+
+
+@given(y=st.floats(-3, 3), x=st.floats(0.1, 3))
+def test_arctan2_derivative(y: float, x: float) -> None:
+    assert number.arctan2(y, x) == np.arctan2(y, x)
+    expected = x / (x * x + y * y)
+    assert number.arctan2(y + 1j * STEP, x).imag / STEP == pytest.approx(expected, rel=1e-13)
+
+
+@given(a=angles, direction=st.sampled_from("xyz"))
+def test_frame_rotation_is_orthogonal_and_its_own_inverse_at_minus_the_angle(a: float, direction: str) -> None:
+    C = number.frame_rotation(direction, a)
+    np.testing.assert_allclose(C @ C.T, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(number.frame_rotation(direction, -a), C.T, atol=0)
+    assert np.linalg.det(C) == pytest.approx(1, abs=1e-14)
+
+
+def test_frame_rotation_is_passive() -> None:
+    # turning the frame by +90 deg about z makes the old x axis the new -y axis
+    np.testing.assert_allclose(number.frame_rotation("z", np.pi / 2) @ [1, 0, 0], [0, -1, 0], atol=1e-16)
+
+
+def test_tilt_rotation_to_first_order_is_minus_the_cross_product() -> None:
+    v = np.array([2e-9, -1e-9, 3e-9])
+    f = np.array([1.0, 2.0, -3.0])
+    np.testing.assert_allclose(number.tilt_rotation(v) @ f - f, -np.cross(v, f), atol=1e-15)
