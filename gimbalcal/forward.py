@@ -1,6 +1,6 @@
 r"""The one forward model: gimbal angles, time and environment in, sensor readings out.
 
-This is the only place where the stages of `effects` meet. Two kinds of recording differ in what holds still:
+This is the only place where the stages of `effects` meet. Kinds of recording differ in what holds still:
 
 * *encoder-referenced* (multi-position, rotation): the readouts say where the platform points,
 
@@ -11,6 +11,13 @@ This is the only place where the stages of `effects` meet. Two kinds of recordin
 
   .. math:: f^p / g = R(\varphi) (\cos S_t \cos L, \; \sin S_t \cos L, \; \sin L), \qquad
             C_b^p(\theta) = R(\varphi) \, C_n^p(S_t, L) \, {C_n^b}^T .
+
+* *pointing*: a telescope or antenna is told a direction; what a pointing model leaves is the direction seen across
+  and along the innermost gimbal,
+
+  .. math:: v = {C_n^b}^T {C_b^p(\theta)}^T R(\text{line of sight})^T \, x_p ,
+
+  against the target, in the axes in which a perfect mount would see it.
 
 Every derivative is a complex step through the same code.
 """
@@ -42,8 +49,8 @@ def stimulus(recording: Recording) -> Stimulus:
         stays = dwells(recording)
         starts = [d.start for d in stays]
         for i, d in enumerate(stays):
-            visit[d.start : d.stop] = i
-            since[d.start : d.stop] = recording.time[d.start : d.stop] - recording.time[d.start]
+            visit[d.start :] = i
+            since[d.start :] = recording.time[d.start :] - recording.time[d.start]
     force = ideal_force(recording, readout)
     return Stimulus(
         time=recording.time - recording.time[0],
@@ -60,9 +67,28 @@ def stimulus(recording: Recording) -> Stimulus:
         rate=_rate(recording, force.shape),
         axis_names=recording.platform.axis_names,
         latitude=recording.site.latitude,
+        true_angle=_true_angle(recording),
         temperature=recording.channels.get(("temperature", "")),
         covariates={axis: v for (quantity, axis), v in recording.channels.items() if quantity == "covariate"},
+        axis_directions=tuple(axis.direction for axis in recording.platform.axes),
+        attitude=_ideal_attitude(recording, readout),
+        load=gimbal_load(recording.platform, readout),
     )
+
+
+def _ideal_attitude(recording: Recording, readout: Array) -> Array | None:
+    """C_np (n, 3, 3) of a perfect platform on a level base that points north; None for a unit without gimbals."""
+    if not recording.platform.axes:
+        return None
+    if recording.kind == "static-run":
+        return _navigation_to_platform(sidereal_phase(recording, readout), _latitude(recording.site.latitude))
+    return recording.platform.attitude(readout)
+
+
+def gimbal_load(platform: Platform, readout: Array) -> Array:
+    """Unit gravity (n, k, 3) in the frame that turns with each gimbal, on a level base."""
+    frames = [Platform(platform.name, platform.axes[i:]).attitude(readout[:, i:]) for i in range(len(platform.axes))]
+    return np.stack([apply_matrix(C, DOWN) for C in frames], axis=1) if frames else np.zeros((len(readout), 0, 3))
 
 
 def ideal_force(recording: Recording, readout: Array) -> Array:
@@ -76,6 +102,29 @@ def ideal_force(recording: Recording, readout: Array) -> Array:
         phase = sidereal_phase(recording, readout)
         return recording.site.gravity * _inertial_direction(phase, _latitude(recording.site.latitude))
     return -recording.site.gravity * apply_matrix(recording.platform.attitude(readout), DOWN)
+
+
+def _true_angle(recording: Recording) -> Array | None:
+    if not recording.has("true_angle"):
+        return None
+    angles = {axis: recording.channels["true_angle", axis] for axis in recording.axes("true_angle")}
+    return recording.platform.angles(angles, recording.time.shape)
+
+
+def observations(recording: Recording) -> dict[str, Array]:
+    """What was measured, in the channels and shapes that `predict` returns for this kind of recording.
+
+    A gimbal that was not read in a static run stays at its drawing's zero; channels that were not logged are left out.
+    """
+    if recording.kind == "pointing":
+        return {"pointing": np.zeros((len(recording.time), 2))}
+    out = {"specific_force": recording.triad("specific_force")} if recording.has("specific_force") else {}
+    if recording.kind == "static-run":
+        if recording.has("gimbal_angle"):
+            out["gimbal_angle"] = recording.angles()
+        if recording.has("attitude_error"):
+            out["attitude_error"] = recording.triad("attitude_error", ("roll", "pitch", "yaw"))
+    return out
 
 
 def sidereal_phase(recording: Recording, readout: Array) -> Array:
@@ -114,10 +163,13 @@ def predict(
     """Channel outputs of a platform with these effects.
 
     Returns "specific_force" (n, 3) [m/s^2] and, for a static run, "gimbal_angle" (n, k) [rad] and "attitude_error"
-    (n, 3) [rad]. Float, complex or symbolic, as the parameters are.
+    (n, 3) [rad]; for a pointing recording "pointing" (n, 2) [rad], seen direction minus target across the innermost
+    axis' plane and along it. Float, complex or symbolic, as the parameters are.
     """
     if kind == "static-run":
         return _inertially_fixed(platform, s, effects)
+    if kind == "pointing":
+        return {"pointing": _pointing(platform, s, effects)}
     return {"specific_force": accelerometers(_encoder_referenced(platform, s, effects), s, effects)}
 
 
@@ -136,13 +188,29 @@ def _encoder_referenced(platform: Platform, s: Stimulus, effects: Sequence[Effec
     rotation = _rotation(effects, Stage.PLATFORM, s)
     if not platform.axes:
         return apply_matrix(rotation, s.force)
+    C_np, s = _mount(platform, s, effects)
+    gravity = s.gravity * DOWN + _total(effects, Stage.GRAVITY, s)
+    return -apply_matrix(rotation @ C_np, np.broadcast_to(gravity, s.force.shape))
+
+
+def _mount(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> tuple[Array, Stimulus]:
+    """C_np of a mount whose readouts say where it points, and the stimulus with its true angles."""
     angle = s.readout + _total(effects, Stage.ENCODER, s)
     s = s.at(angle=angle)
     tilts = _total(effects, Stage.AXIS_TILT, s)
     C_bp = platform.attitude(angle, None if isinstance(tilts, float) else tilts)
-    gravity = s.gravity * DOWN + _total(effects, Stage.GRAVITY, s)
-    C_nb = _rotation(effects, Stage.BASE, s)
-    return -apply_matrix(rotation @ C_bp @ C_nb, np.broadcast_to(gravity, s.force.shape))
+    return C_bp @ _rotation(effects, Stage.BASE, s), s
+
+
+def _pointing(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
+    """Seen direction minus target (n, 2) [rad], across and along the innermost axis, as a perfect mount sees them."""
+    if s.true_angle is None:
+        raise InputError("a pointing recording needs `true_angle` columns: where the target really was")
+    C_np, s = _mount(platform, s, effects)
+    s = s.at(force=-s.gravity * C_np[..., 2])
+    sight = np.swapaxes(_rotation(effects, Stage.LINE_OF_SIGHT, s) @ C_np, -1, -2)[..., 0]
+    seen = apply_matrix(platform.attitude(s.true_angle), sight)
+    return np.stack([seen[..., 1], -seen[..., 2]], axis=-1)
 
 
 def accelerometers(force: Array, s: Stimulus, effects: Sequence[Effect]) -> Array:

@@ -27,6 +27,8 @@ REFERENCES: Mapping[str, str] = MappingProxyType(
         "tedaldi2014": "Tedaldi, D.; Pretto, A.; Menegatti, E. A Robust and Easy to Implement Method for IMU "
         "Calibration without External Equipments. IEEE International Conference on Robotics "
         "and Automation, 2014, 3042-3049. doi:10.1109/ICRA.2014.6907297",
+        "wallace_tpoint": "Wallace, P. T. TPOINT Telescope Pointing Analysis System. User manual; and A Rigorous "
+        "Algorithm for Telescope Pointing. Proc. SPIE 4848, 2002, 125-136.",
         # standards
         "ieee528": "IEEE Std 528-2019. IEEE Standard for Inertial Sensor Terminology. IEEE, 2019.",
         "ieee836": "IEEE Std 836-2009. IEEE Recommended Practice for Precision Centrifuge Testing of "

@@ -1,0 +1,84 @@
+"""Between the innermost gimbal and the sky: why a telescope or antenna does not look where its encoders say."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gimbalcal.effects.effect import SCALAR, Effect, Stage, Stimulus, effect, parameter
+from gimbalcal.number import Array
+
+
+@effect
+class AxisCollimation(Effect):
+    r"""The line of sight is not square to the innermost axis (TPOINT: CA, CH; cone error).
+
+    .. math:: \delta(\text{across}) = c
+
+    Source: Wallace, TPOINT manual. Magnitude: 1 to 600 arcsec. Seen by: the two pier sides, or low against high
+    elevation. Twin: gimbal_nonorthogonality over a narrow range of the innermost axis.
+    """
+
+    id = "axis_collimation"
+    stage = Stage.LINE_OF_SIGHT
+    channel = "pointing"
+    kinds = ("pointing",)
+    sources = ("wallace_tpoint",)
+    c: Array = parameter(SCALAR, unit="arcsec", sigma=120, name="axis_collimation")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rotation of the line of sight about the platform's z axis [rad], (n, 3)."""
+        return np.stack([0 * s.force[..., 0], 0 * s.force[..., 0], self.c + 0 * s.force[..., 2]], axis=-1)
+
+
+@effect
+class TubeFlexure(Effect):
+    r"""The line of sight sags with the part of gravity that acts across the tube (TPOINT: TF).
+
+    .. math:: \delta(\text{along}) = -k \, g_z / g = -k \cos E , \qquad \delta(\text{across}) = k \, g_y / g
+
+    Source: Wallace, TPOINT manual. Magnitude: 1 to 60 arcsec. Seen by: low against high elevation. Twin: a once-per-turn
+    encoder error of a horizontal axis.
+    """
+
+    id = "tube_flexure"
+    stage = Stage.LINE_OF_SIGHT
+    channel = "pointing"
+    kinds = ("pointing",)
+    sources = ("wallace_tpoint",)
+    k: Array = parameter(SCALAR, unit="arcsec", sigma=30, name="tube_flexure")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rotation of the line of sight towards down [rad], (n, 3)."""
+        return self.k * _towards_down(s)
+
+
+@effect
+class Refraction(Effect):
+    r"""Refraction left over, or flexure of like form: the sky stands higher than was computed, by cot(elevation).
+
+    .. math:: E_{seen} - E_{true} = R \cot E
+
+    Source: Wallace, TPOINT manual (TX); Explanatory Supplement (plane-parallel atmosphere, R about 60 arcsec in full).
+    Magnitude: 0.5 to 10 arcsec left over. Seen by: elevations below 30 deg. Twin: tube_flexure at high elevation.
+    """
+
+    id = "refraction"
+    stage = Stage.LINE_OF_SIGHT
+    channel = "pointing"
+    kinds = ("pointing",)
+    sources = ("wallace_tpoint",)
+    R: Array = parameter(SCALAR, unit="arcsec", sigma=10, name="refraction")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rotation of the line of sight to the true place of what is seen, R cot E lower [rad], (n, 3)."""
+        return _towards_down(s) * (self.R / _sine_of_elevation(s))[..., None]
+
+
+def _towards_down(s: Stimulus) -> Array:
+    """x_p cross down, (n, 3): a turn by this times k moves the line of sight towards down by k cos(elevation)."""
+    down = -s.force / s.gravity
+    return np.stack([0 * down[..., 0], -down[..., 2], down[..., 1]], axis=-1)
+
+
+def _sine_of_elevation(s: Stimulus) -> Array:
+    return s.force[..., 0] / s.gravity
