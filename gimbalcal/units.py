@@ -1,12 +1,12 @@
 """The units of this trade, and nothing else: SI and radians inside, these words at the edges.
 
 A unit is written as atoms joined by ``/``, ``*`` and ``^``, with brackets and ``sqrt()``: ``m/s^2``,
-``ug/g^2``, ``deg/sqrt(h)``, ``ug/(degC/h)``, ``deg/h/g``. ``g`` is standard gravity (9.80665 m/s^2), never the
-gram; ``h`` is the hour. ``°``, ``µ``, ``²`` and ``√`` are read too.
+``ug/g^2``, ``deg/sqrt(h)``, ``ug/(degC/h)``, ``deg/h/g``. ``g`` is standard gravity (9.80665 m/s^2), never
+the gram; ``h`` is the hour. ``°``, ``µ``, ``²`` and ``√`` are read too.
 
 Angle is a dimension of its own here, so that ``deg/h`` is never taken for a ratio, nor ``ppm`` for an angle.
-Two dimensions stand for outputs whose scale is not known yet, ``count`` and ``pulse``: their factor is 1, and a
-sensor that is logged in them is left as it is.
+Two dimensions stand for outputs whose scale is not known yet, ``count`` and ``pulse``: their factor is 1, and
+a sensor that is logged in them is left as it is.
 
 No general package serves: pint, for one, reads ``deg/sqrt(h)`` as ``deg/h`` without a word.
 """
@@ -253,6 +253,7 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
         "angular_rate": Quantity("rad/s", (*_RATES, "pulse/s", "count")),
         "angle": Quantity("rad", _ANGLES),
         "gimbal_angle": Quantity("rad", _ANGLES),
+        "true_angle": Quantity("rad", _ANGLES),
         "attitude_error": Quantity("rad", _ANGLES),
         "temperature": Quantity("degC", ("degC", "K", "degF")),
         "gravity": Quantity("m/s^2", _FORCES),

@@ -81,9 +81,7 @@ def test_every_listed_unit_is_accepted(quantity: str) -> None:
 
 
 def test_unknown_unit_lists_the_known_ones() -> None:
-    with pytest.raises(
-        InputError, match=r"unit 'mps2' is not known; give the specific_force in m/s\^2, g, mg"
-    ):
+    with pytest.raises(InputError, match=r"unit 'mps2' is not known; give the specific_force in m/s\^2, g, mg"):
         check("mps2", "specific_force")
 
 

@@ -1,0 +1,15 @@
+"""A recording: what was logged, in SI, with where it came from; and the folder that holds it.
+
+    recording = read("my-rig/2026-11-18")          # every check of the format, one sentence if one fails
+    means = dwell_means(recording)                 # one row per dwell
+    write(means, "my-rig/2026-11-18-means")
+
+The format is described in docs/recording-format.md. `polars` is imported when a file is opened, not before.
+"""
+
+from gimbalcal.recording.dwell import Dwell, dwell_means, dwells
+from gimbalcal.recording.reading import read
+from gimbalcal.recording.record import SENSORS, Recording, Site, Source
+from gimbalcal.recording.writing import write
+
+__all__ = ["SENSORS", "Dwell", "Recording", "Site", "Source", "dwell_means", "dwells", "read", "write"]

@@ -1,0 +1,123 @@
+"""``[columns]``: which quantity, axis and unit each column of the samples has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from gimbalcal.errors import InputError
+from gimbalcal.platform import Platform
+from gimbalcal.recording.document import Document, listed
+from gimbalcal.recording.record import Key
+from gimbalcal.units import is_raw
+
+_TRIAD = ("x", "y", "z")
+AXES: Mapping[str, tuple[str, ...] | None] = {
+    "time": (),
+    "position": (),
+    "weight": (),
+    "specific_force": _TRIAD,
+    "angular_rate": _TRIAD,
+    "gimbal_angle": None,  # the platform's
+    "true_angle": None,
+    "attitude_error": ("roll", "pitch", "yaw"),
+    "temperature": None,  # any word: which thermometer
+    "covariate": None,
+}
+"""Known quantities of a column and the axes that each may have."""
+
+UNITLESS = ("position", "weight")
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of the samples: its name in the file and what it holds."""
+
+    name: str
+    quantity: str
+    axis: str
+    unit: str
+
+    @property
+    def key(self) -> Key:
+        """The channel that the column becomes."""
+        return self.quantity, self.axis
+
+
+def columns_of(document: Document, platform: Platform) -> tuple[Column, ...]:
+    """Every column that the header names, checked; `InputError` names the line."""
+    table = document.table("columns")
+    columns: list[Column] = []
+    for name, entry in table.items():
+        column = _column(document, name, entry, platform, len([c for c in columns if c.quantity == "temperature"]))
+        twin = next((c for c in columns if c.key == column.key), None)
+        if twin:
+            raise InputError(
+                f"{document.where('columns', name)}: columns {twin.name!r} and {name!r} are both "
+                f"{' '.join(column.key).strip()}; keep one, or log the other as a covariate"
+            )
+        columns.append(column)
+    if not any(c.quantity == "time" for c in columns):
+        raise InputError(
+            f'{document.where("columns")}: no column is the time; write time_s = {{ quantity = "time", unit = "s" }}'
+        )
+    for quantity in ("specific_force", "angular_rate"):
+        units = {c.unit: c.name for c in columns if c.quantity == quantity}
+        if len({is_raw(unit) for unit in units}) > 1:
+            raise InputError(
+                f"{document.where('columns', next(iter(units.values())))}: the {quantity} columns mix counts or "
+                "pulses with physical units; give all three in the same kind of unit"
+            )
+    return tuple(columns)
+
+
+def _column(document: Document, name: str, entry: object, platform: Platform, thermometers: int) -> Column:
+    where = document.where("columns", name)
+    if not isinstance(entry, dict) or not isinstance(entry.get("quantity"), str):
+        raise InputError(f'{where}: column {name!r} must say what it holds, as in {{ quantity = "time", unit = "s" }}')
+    for key in entry:
+        if key not in ("quantity", "axis", "unit"):
+            raise InputError(f"{where}: {key!r} of column {name!r} is not known; write quantity, axis or unit")
+    quantity, axis = entry["quantity"], entry.get("axis", "")
+    if quantity not in AXES:
+        raise InputError(
+            f"{where}: the quantity {quantity!r} of column {name!r} is not known; write one of {listed(list(AXES))}"
+        )
+    if quantity == "covariate":
+        axis = axis or name
+    elif quantity == "temperature":
+        axis = axis or (name if thermometers else "")
+    else:
+        allowed = platform.axis_names if AXES[quantity] is None else AXES[quantity] or ()
+        _check_axis(where, name, quantity, axis, allowed, platform)
+    if quantity in UNITLESS:
+        return Column(name, quantity, "", "1")
+    if "unit" not in entry:
+        raise InputError(f'{where}: column {name!r} has no unit; write, for example, unit = "{_example(quantity)}"')
+    return Column(name, quantity, axis, document.unit(where, f"column {name!r}", entry["unit"], quantity))
+
+
+def _check_axis(
+    where: str, name: str, quantity: str, axis: object, allowed: tuple[str, ...], platform: Platform
+) -> None:
+    if axis in allowed or (not allowed and not axis and AXES[quantity] is not None):
+        return
+    if not allowed and AXES[quantity] is None:
+        raise InputError(
+            f"{where}: column {name!r} is a {quantity}, and the platform {platform.name!r} has no axes; name the "
+            "platform in [platform]"
+        )
+    if not allowed:
+        raise InputError(f"{where}: column {name!r} is a {quantity}, which has no axis, got axis = {axis!r}")
+    raise InputError(f"{where}: column {name!r} has axis {axis!r}; a {quantity} has axis {listed(allowed)}")
+
+
+def _example(quantity: str) -> str:
+    examples = {
+        "time": "s",
+        "specific_force": "m/s^2",
+        "angular_rate": "deg/h",
+        "temperature": "degC",
+        "covariate": "V",
+    }
+    return examples.get(quantity, "deg")

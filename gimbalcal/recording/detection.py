@@ -1,0 +1,75 @@
+r"""Find the dwells of a rig that was moved by hand or without a position channel: where its sensors are quiet.
+
+Variance detector of Tedaldi, Pretto and Menegatti (ICRA 2014), Sec. III-C, with a noise floor taken from the
+recording itself instead of from a known initial rest. In a sliding window of m samples each channel has variance v_c;
+its floor F_c is the 10 % quantile of v_c, which lies within the rests as long as they fill a tenth of the time. A
+sample rests where
+
+.. math:: \max_c \; v_c / F_c < T .
+
+For white noise v_c / F_c scatters by :math:`\sqrt{2/m}` about little more than 1; T leaves room for a table that
+shakes a little and for the slow part of the noise. Each rest loses a window at both ends, where the move has begun or
+still rings, and must then last `SHORTEST` to count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gimbalcal.number import Array
+
+WINDOW = 1.0  # s; longer than the ringing of a hand, shorter than a rest
+THRESHOLD = 6.0  # in units of the floor
+SHORTEST = 1.0  # s, after trimming
+FLOOR = 0.10  # quantile
+
+
+def detect(time: Array, channels: Mapping[str, Array]) -> NDArray[np.int64]:
+    """Position of each row, (n,): 1, 2, ... in order of time within rests, 0 elsewhere.
+
+    time (n,) s; channels (n,) each, in any unit: only ratios of variances count. All rows are one rest where the
+    recording is shorter than a few windows.
+    """
+    n = len(time)
+    step = float(np.median(np.diff(time))) if n > 1 else WINDOW
+    m = max(5, round(WINDOW / step)) | 1  # odd: the window has a middle
+    if n < 4 * m or not channels:
+        return np.ones(n, dtype=np.int64)
+    restless = np.max([_restlessness(x, m) for x in channels.values()], axis=0)
+    starts, stops = _stretches(_eroded(restless < THRESHOLD, m))
+    long_enough = stops - starts >= max(2, round(SHORTEST / step))
+    position = np.zeros(n, dtype=np.int64)
+    for k, (start, stop) in enumerate(zip(starts[long_enough], stops[long_enough], strict=True), start=1):
+        position[start:stop] = k
+    return position
+
+
+def _restlessness(x: Array, m: int) -> Array:
+    """Variance in a window of m samples about each sample, over its floor; the ends repeat the nearest window."""
+    x = x - x.mean()
+    mean, square = (_window_mean(y, m) for y in (x, x * x))
+    variance = np.maximum(square - mean * mean, 0.0)
+    floor = float(np.quantile(variance, FLOOR))
+    ratio: Array = variance / floor if floor > 0 else np.where(variance > 0, np.inf, 1.0)
+    return np.pad(ratio, m // 2, mode="edge")
+
+
+def _window_mean(x: Array, m: int) -> Array:
+    total = np.concatenate([[0.0], np.cumsum(x)])
+    return (total[m:] - total[:-m]) / m
+
+
+def _eroded(quiet: NDArray[np.bool_], m: int) -> NDArray[np.bool_]:
+    """Quiet samples that have only quiet ones within half a window; the ends of the recording are no move."""
+    loud = np.concatenate([[0], np.cumsum(~quiet)])
+    i = np.arange(len(quiet))
+    eroded: NDArray[np.bool_] = loud[np.minimum(i + m // 2 + 1, len(quiet))] == loud[np.maximum(i - m // 2, 0)]
+    return eroded
+
+
+def _stretches(flags: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    edges = np.diff(np.concatenate([[0], flags.astype(np.int8), [0]]))
+    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)

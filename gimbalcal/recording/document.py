@@ -1,0 +1,105 @@
+"""A TOML file that remembers its lines, so that every refusal can name one."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from gimbalcal.errors import InputError
+from gimbalcal.units import check, to_si
+
+# A NumPy scalar printed with repr() under NumPy >= 2 reads `np.float64(6.4e-05)`, which is not TOML. Programs that
+# write recordings have let it through, so this one pattern is put right, with a remark; nothing else is.
+_NUMPY_SCALAR = re.compile(r"np\.float64\(\s*([-+0-9.eE]+)\s*\)")
+
+
+class Document:
+    """The parsed file together with its text."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            text = path.read_text(encoding="utf-8-sig")
+        except UnicodeDecodeError as error:
+            raise InputError(f"{path} is not UTF-8 text (byte {error.start}): save it as UTF-8") from None
+        self.lines = text.splitlines()
+        self.remarks = self._repair()
+        try:
+            self.content: dict[str, Any] = tomllib.loads("\n".join(self.lines))
+        except tomllib.TOMLDecodeError as error:
+            where = re.search(r"at line (\d+), column (\d+)", str(error))
+            line = f"line {where[1]}, column {where[2]}" if where else f"line {len(self.lines)}"
+            what = re.sub(r"\s*\(at .*\)$", "", str(error))
+            raise InputError(f"{path}, {line}: {what}; this line is not valid TOML, correct it") from None
+
+    def _repair(self) -> tuple[str, ...]:
+        remarks = []
+        for i, line in enumerate(self.lines):
+            bare, sep, comment = line.partition("#")
+            mended = _NUMPY_SCALAR.sub(r"\1", bare)
+            if mended != bare:
+                self.lines[i] = mended + sep + comment
+                remarks.append(
+                    f"{self.path}, line {i + 1}: a NumPy scalar was printed where a number belongs; "
+                    f"read as {mended.strip()}"
+                )
+        return tuple(remarks)
+
+    def where(self, table: str = "", key: str = "") -> str:
+        """``path, line n`` of `key` in `table`, or of the table itself where the key is not there."""
+        inside, table_line = not table, 0
+        for i, line in enumerate(self.lines, start=1):
+            heading = re.match(r"\s*\[+\s*([^\]]+?)\s*\]+", line)
+            if heading:
+                inside = heading[1] == table
+                table_line = i if inside else table_line
+            if key and inside and re.match(rf"""\s*["']?{re.escape(key)}["']?\s*=""", line):
+                return f"{self.path}, line {i}"
+        return f"{self.path}, line {table_line}" if table_line else f"{self.path}"
+
+    def table(self, name: str) -> dict[str, Any]:
+        """The table `name`, empty where the file has none."""
+        value = self.content.get(name, {})
+        if not isinstance(value, dict):
+            raise InputError(f"{self.where('', name)}: {name} must be a table, write [{name}]")
+        return value
+
+    def only(self, table: str, known_keys: tuple[str, ...], content: Mapping[str, Any]) -> None:
+        """Refuse a key that nobody reads: it is most likely a slip of the pen."""
+        for key in content:
+            if key not in known_keys:
+                place = f" in [{table}]" if table else ""
+                raise InputError(
+                    f"{self.where(table, key)}: {key!r}{place} is not known; write one of {listed(known_keys)}"
+                )
+
+    def number(self, table: str, key: str, entry: object, quantity: str) -> float:
+        """A number with a unit, ``{ value = 40.0, unit = "deg" }``, in SI."""
+        where = self.where(table, key)
+        if not isinstance(entry, dict) or set(entry) != {"value", "unit"}:
+            raise InputError(
+                f'{where}: {key} needs a number and its unit, write {key} = {{ value = ..., unit = "..." }}'
+            )
+        value, unit = entry["value"], entry["unit"]
+        if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+            raise InputError(f"{where}: the value of {key} must be a finite number, got {value!r}")
+        return to_si(float(value), self.unit(where, key, unit, quantity))
+
+    def unit(self, where: str, name: str, unit: object, quantity: str) -> str:
+        """`unit`, if it is one of `quantity`."""
+        if not isinstance(unit, str):
+            raise InputError(f'{where}: the unit of {name} must be a text such as unit = "m/s^2", got {unit!r}')
+        try:
+            check(unit, quantity)
+        except InputError as error:
+            raise InputError(f"{where}, {name}: {error}") from None
+        return unit
+
+
+def listed(words: Sequence[str]) -> str:
+    """``a, b or c``."""
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " or " + words[-1]

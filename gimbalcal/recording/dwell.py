@@ -1,0 +1,72 @@
+"""The dwells of a recording: stretches of rows in one position, in order of visits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.recording.record import ANGLES, Recording
+
+
+@dataclass(frozen=True)
+class Dwell:
+    """Rows `start` up to `stop` were logged in `position`."""
+
+    position: int
+    start: int
+    stop: int
+
+    @property
+    def rows(self) -> slice:
+        """The rows, to index an array with."""
+        return slice(self.start, self.stop)
+
+
+def dwells(recording: Recording) -> tuple[Dwell, ...]:
+    """The visits of `recording` in order of time; a position may be visited more than once, 0 is no visit.
+
+    A recording without positions (a static run) is one visit of position 1.
+    """
+    n = len(recording.time)
+    if recording.position is None or n == 0:
+        return (Dwell(1, 0, n),) if n else ()
+    p = recording.position
+    edges = np.concatenate([[0], np.flatnonzero(p[1:] != p[:-1]) + 1, [n]])
+    return tuple(Dwell(int(p[start]), int(start), int(stop)) for start, stop in pairwise(edges) if p[start] > 0)
+
+
+def dwell_means(recording: Recording) -> Recording:
+    """One row per dwell: means over its rows, weighted by `weight`, which adds up.
+
+    Angles are averaged as angles (359 and 1 deg give 360). The scatter of the rows stays with the result. Do not
+    average where something decays within a dwell: the time inside it is lost.
+    """
+    visits = dwells(recording)
+    if not visits:
+        raise InputError(
+            f"the recording {recording.title!r} has no dwell: every row has position 0, or nothing in it is at rest"
+        )
+    weight = np.array([recording.weight[d.rows].sum() for d in visits])
+
+    def mean(values: Array, angle: bool = False) -> Array:
+        return np.array([_mean(values[d.rows], recording.weight[d.rows], angle) for d in visits])
+
+    return replace(
+        recording,
+        time=mean(recording.time),
+        position=np.array([d.position for d in visits], dtype=np.int64),
+        channels={key: mean(values, key[0] in ANGLES) for key, values in recording.channels.items()},
+        weight=weight,
+    )
+
+
+def _mean(values: Array, weight: Array, angle: bool) -> float:
+    first = float(values[0])
+    off = values - first
+    if angle:
+        off = off - 2 * np.pi * np.round(off / (2 * np.pi))
+    return first + float(np.average(off, weights=weight))

@@ -1,0 +1,168 @@
+"""`recording.toml`: what is in the samples, checked line by line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import pi
+from pathlib import Path
+
+from gimbalcal.earth import G0, normal_gravity
+from gimbalcal.errors import InputError
+from gimbalcal.platform import BENCH, KNOWN, Axis, Platform, known
+from gimbalcal.recording.columns import Column, columns_of
+from gimbalcal.recording.document import Document, listed
+from gimbalcal.recording.record import KINDS, SENSORS, Site
+from gimbalcal.units import is_raw
+
+NAME = "recording.toml"
+
+
+@dataclass(frozen=True)
+class Header:
+    """All that `recording.toml` says."""
+
+    path: Path
+    kind: str
+    title: str
+    samples: Path
+    site: Site
+    platform: Platform
+    noise: Mapping[str, float]
+    columns: tuple[Column, ...]
+    remarks: tuple[str, ...]
+
+    def column(self, quantity: str) -> Column | None:
+        """The first column of `quantity`."""
+        return next((c for c in self.columns if c.quantity == quantity), None)
+
+
+def read_header(folder: Path) -> Header:
+    """Read and check ``folder/recording.toml``; every refusal is an `InputError` that names the line."""
+    path = folder / NAME
+    if not folder.is_dir():
+        raise InputError(f"{folder} is not a folder: a recording is a folder with a {NAME} in it")
+    if not path.is_file():
+        raise InputError(f"{folder} has no {NAME}: a recording is a folder with a {NAME} that says what is in it")
+    document = Document(path)
+    content = document.content
+    document.only("", ("format", "kind", "title", "samples", "site", "platform", "noise", "columns"), content)
+    if content.get("format") != 1:
+        raise InputError(f"{document.where('', 'format')}: format must be 1, got {content.get('format')!r}")
+    kind = content.get("kind")
+    if kind not in KINDS:
+        raise InputError(f"{document.where('', 'kind')}: kind must be one of {listed(KINDS)}, got {kind!r}")
+    platform = _platform(document, kind)
+    columns = columns_of(document, platform)
+    site, remarks = _site(document, kind)
+    return Header(
+        path=path,
+        kind=kind,
+        title=str(content.get("title", folder.resolve().name)),
+        samples=_samples(document, folder),
+        site=site,
+        platform=platform,
+        noise=_noise(document, columns),
+        columns=columns,
+        remarks=document.remarks + remarks,
+    )
+
+
+def _samples(document: Document, folder: Path) -> Path:
+    name = document.content.get("samples", "samples.csv")
+    where = document.where("", "samples")
+    if not isinstance(name, str) or not name:
+        raise InputError(f'{where}: samples must be the name of a file, as in samples = "samples.csv", got {name!r}')
+    path = folder / name
+    if Path(name).is_absolute() or not path.resolve().is_relative_to(folder.resolve()):
+        raise InputError(f"{where}: samples = {name!r} leaves the folder of the recording; put the file inside it")
+    if path.suffix not in (".csv", ".parquet"):
+        raise InputError(
+            f"{where}: samples = {name!r} must end in .csv or .parquet; `gimbalcal import` converts others"
+        )
+    if not path.is_file():
+        raise InputError(f"{where}: the samples file {path} does not exist; put it there or correct its name")
+    return path
+
+
+def _site(document: Document, kind: str) -> tuple[Site, tuple[str, ...]]:
+    table = document.table("site")
+    document.only("site", ("latitude", "height", "gravity"), table)
+    quantities = {"latitude": "angle", "height": "height", "gravity": "gravity"}
+    given = {key: document.number("site", key, entry, quantities[key]) for key, entry in table.items()}
+    latitude, height = given.get("latitude"), given.get("height", 0.0)
+    if latitude is not None and abs(latitude) > pi / 2 * (1 + 1e-12):
+        written = table["latitude"]
+        raise InputError(
+            f"{document.where('site', 'latitude')}: latitude {written['value']} {written['unit']} is beyond "
+            "90 deg; give it between -90 and 90 deg, or correct its unit"
+        )
+    if kind == "static-run" and latitude is None:
+        raise InputError(
+            f"{document.where('site')}: a static run needs the latitude, because the Earth turns under the "
+            'platform; write latitude = { value = ..., unit = "deg" } in [site]'
+        )
+    if "gravity" in given and not 9.7 < given["gravity"] < 9.9:  # m/s^2; extremes on the Earth are 9.76 and 9.84
+        written = table["gravity"]
+        raise InputError(
+            f"{document.where('site', 'gravity')}: gravity {written['value']} {written['unit']} is not found on "
+            "the Earth (9.76 to 9.84 m/s^2); correct the value or its unit"
+        )
+    if "gravity" in given:
+        return Site(latitude, height, given["gravity"]), ()
+    if latitude is not None:
+        return Site(latitude, height, float(normal_gravity(latitude, height))), ()
+    remark = f"{document.path}: neither gravity nor latitude is given in [site]; standard gravity {G0} m/s^2 is used"
+    return Site(None, height, G0), (remark,)
+
+
+def _platform(document: Document, kind: str) -> Platform:
+    table = document.table("platform")
+    document.only("platform", ("name", "axes"), table)
+    if "axes" in table:
+        return Platform(str(table.get("name", "own")), _axes(document, table["axes"]))
+    name = table.get("name", BENCH.name)
+    platform = known(name, kind) if isinstance(name, str) else None
+    if platform is None:
+        raise InputError(
+            f"{document.where('platform', 'name')}: the platform {name!r} is not known; write one of "
+            f"{listed(list(KNOWN))}, or spell its axes out in [[platform.axes]]"
+        )
+    return platform
+
+
+def _axes(document: Document, entries: object) -> tuple[Axis, ...]:
+    where = document.where("platform.axes")
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        raise InputError(f"{where}: spell each axis out under its own [[platform.axes]]")
+    axes = []
+    for entry in entries:
+        document.only("platform.axes", ("name", "direction", "sign", "offset"), entry)
+        offset = document.number("platform.axes", "offset", entry["offset"], "angle") if "offset" in entry else 0.0
+        try:
+            axes.append(Axis(entry["name"], entry["direction"], entry.get("sign", 1), offset))
+        except KeyError as error:
+            raise InputError(
+                f"{where}: an axis of the platform has no {error}; each needs name and direction"
+            ) from None
+        except ValueError as error:
+            raise InputError(f"{where}: {error}") from None
+    return tuple(axes)
+
+
+def _noise(document: Document, columns: tuple[Column, ...]) -> dict[str, float]:
+    table = document.table("noise")
+    document.only("noise", tuple(SENSORS), table)
+    noise = {}
+    for sensor, entry in table.items():
+        noise[sensor] = document.number("noise", sensor, entry, SENSORS[sensor])
+        where = document.where("noise", sensor)
+        if noise[sensor] < 0:
+            raise InputError(f"{where}: the noise of the {sensor} is a sigma and cannot be negative")
+        logged = {is_raw(c.unit) for c in columns if c.quantity == SENSORS[sensor]}
+        if logged and logged != {is_raw(entry["unit"])}:
+            raise InputError(
+                f"{where}: the noise of the {sensor} is in {entry['unit']}, its columns are not; counts or pulses "
+                "have no known size, so give both in the same kind of unit"
+            )
+    return noise

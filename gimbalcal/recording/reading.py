@@ -1,0 +1,119 @@
+"""Read a recording folder: every row is checked as it streams by; the memory needed is that of the result."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from math import pi
+from pathlib import Path
+
+import numpy as np
+
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.recording.columns import UNITLESS, Column
+from gimbalcal.recording.detection import detect
+from gimbalcal.recording.header import Header, read_header
+from gimbalcal.recording.record import ANGLES, Recording, Source
+from gimbalcal.recording.rows import Blocks, Rows
+from gimbalcal.recording.samples import Batch, batches
+from gimbalcal.recording.scatter import Scatter
+from gimbalcal.recording.screening import Screen
+from gimbalcal.units import celsius, from_si, to_si
+
+_DETECTED = Column(" position", "position", "", "1")  # a name that no header can hold
+
+
+def read(folder: str | Path, average_s: float | None = None) -> Recording:
+    """The recording in `folder`, in SI; with `average_s`, means over blocks of that many seconds.
+
+    Blocks never reach across a gap or a change of position; `weight` says how many samples each row stands for. A
+    multi-position recording without a position column is searched for dwells (see `detection`). `InputError` says
+    in one sentence what is wrong with the folder, and where.
+    """
+    if average_s is not None and not average_s > 0:
+        raise InputError(f"the time to average over must be positive, got {average_s} s")
+    header = read_header(Path(folder))
+    with ThreadPoolExecutor(1) as pool:  # hashing leaves the interpreter free
+        digests = pool.map(_source, (header.path, header.samples))
+        columns, table, scatter, remarks = _rows(header, average_s)
+        source = tuple(digests)
+    position = next((table[c.name].astype(np.int64) for c in columns if c.quantity == "position"), None)
+    measured = [c for c in columns if c.quantity not in ("time", *UNITLESS)]
+    clock = next(c for c in columns if c.quantity == "time")
+    return Recording(
+        kind=header.kind,
+        title=header.title,
+        platform=header.platform,
+        site=header.site,
+        noise=header.noise,
+        time=_si(clock, table[clock.name]),
+        position=position,
+        channels={c.key: _si(c, table[c.name]) for c in measured},
+        source=source,
+        weight=_weight(columns, table),
+        units={c.key: c.unit for c in measured},
+        scatter={c.key: to_si(scatter[c.name], c.unit) for c in measured if c.name in scatter},
+        remarks=header.remarks + remarks,
+    )
+
+
+def _rows(
+    header: Header, average_s: float | None
+) -> tuple[tuple[Column, ...], dict[str, Array], dict[str, float], tuple[str, ...]]:
+    """Columns, rows and scatter in the units of the file, and what to tell the user."""
+    screen = Screen(header)
+    stream = batches(header.samples, [c.name for c in header.columns])
+    if header.kind != "multi-position" or header.column("position"):
+        return (header.columns, *_gather(stream, header.columns, screen, average_s), ())
+    columns = (*header.columns, _DETECTED)
+    table, _ = _gather(stream, header.columns, screen, None)
+    sensors = {c.name: table[c.name] for c in screen.sensors}
+    position = detect(to_si(table[screen.clock.name], screen.clock.unit), sensors)
+    table[_DETECTED.name] = position.astype(float)
+    remark = (
+        f"{header.samples}: there is no position column; {int(position.max())} dwells were found where the sensors "
+        "are quiet, numbered in order of time"
+    )
+    found = Screen(Header(**{**vars(header), "columns": columns}))
+    found.sensors, found.angles = [], []  # they have passed
+    table, scatter = _gather([table], columns, found, average_s)
+    return columns, table, scatter, (remark,)
+
+
+def _gather(
+    stream: Iterable[Batch], columns: tuple[Column, ...], screen: Screen, average_s: float | None
+) -> tuple[dict[str, Array], dict[str, float]]:
+    """Every row past the screen and into what is kept of it."""
+    weight = next((c.name for c in columns if c.quantity == "weight"), None)
+    position = next((c.name for c in columns if c.quantity == "position"), None)
+    kept: Rows | Blocks = Rows()
+    turns = {c.name: from_si(2 * pi, c.unit) for c in columns if c.quantity in ANGLES}
+    if average_s is not None:
+        kept = Blocks(from_si(average_s, screen.clock.unit), screen.clock.name, weight, turns)
+    scatter = Scatter(tuple(c.name for c in columns if c.quantity not in ("time", *UNITLESS)), turns)
+    for batch in stream:
+        begins = screen.see(batch)
+        still = batch[position] > 0 if position else np.ones(len(begins), dtype=bool)
+        scatter.add(batch, begins, batch[weight] if weight else np.ones(len(begins)), still)
+        kept.add(batch, begins)
+    screen.finish(scatter.sigma())
+    return kept.table(), scatter.sigma()
+
+
+def _weight(columns: tuple[Column, ...], table: dict[str, Array]) -> Array:
+    name = next((c.name for c in columns if c.quantity == "weight"), "")
+    return table[name] if name in table else np.ones(0)
+
+
+def _si(column: Column, values: Array) -> Array:
+    if column.quantity == "temperature":
+        return celsius(values, column.unit)
+    factor = to_si(1.0, column.unit)
+    return values if factor == 1.0 else np.multiply(values, factor, out=values)
+
+
+def _source(path: Path) -> Source:
+    with path.open("rb") as file:
+        return Source(str(path), hashlib.file_digest(file, "sha256").hexdigest())

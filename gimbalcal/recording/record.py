@@ -1,0 +1,133 @@
+"""The noun: arrays in SI and radians, time first, with the platform, the site and the source of every number."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gimbalcal.earth import G0
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.platform import Platform
+
+Key = tuple[str, str]
+"""(quantity, axis) of a channel, as in ``("specific_force", "x")`` or ``("temperature", "")``."""
+
+KINDS = ("multi-position", "static-run", "rotation", "pointing")
+
+SENSORS: Mapping[str, str] = MappingProxyType(
+    {
+        "accelerometer": "specific_force",
+        "gyroscope": "angular_rate",
+        "gimbal_angle": "gimbal_angle",
+        "attitude": "attitude_error",
+    }
+)
+"""Names in ``[noise]`` and the quantity that each speaks of."""
+
+ANGLES = ("gimbal_angle", "attitude_error", "true_angle")
+"""Quantities that are angles: they may wrap."""
+
+
+@dataclass(frozen=True)
+class Site:
+    """Where the rig stands: latitude [rad] (None where it was not given), height [m], gravity [m/s^2]."""
+
+    latitude: float | None = None
+    height: float = 0.0
+    gravity: float = G0
+
+
+@dataclass(frozen=True)
+class Source:
+    """A file that the numbers came from, and its SHA-256."""
+
+    path: str
+    sha256: str
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """What a rig logged, in SI and radians (temperature in degC), one entry per row.
+
+    time (n,) s; position (n,) 1, 2, ... or 0 while moving, None where the idea does not apply; channels (n,) each;
+    weight (n,) raw samples behind each row (1 unless rows are averages). `noise` is what the header states: one
+    sigma of one raw sample, by sensor (see `SENSORS`); `scatter` is what the rows show, by channel, see
+    `gimbalcal.recording.scatter`. `units` keeps the unit that each channel was logged in; in counts or pulses the
+    numbers are left as they are, because their scale is not known. `remarks` are sentences for the user.
+    """
+
+    kind: str
+    title: str
+    platform: Platform
+    site: Site
+    noise: Mapping[str, float]
+    time: Array
+    position: NDArray[np.int64] | None
+    channels: Mapping[Key, Array]
+    source: tuple[Source, ...] = ()
+    weight: Array = field(default_factory=lambda: np.ones(0))
+    units: Mapping[Key, str] = field(default_factory=dict)
+    scatter: Mapping[Key, float] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.time)
+        if len(self.weight) == 0 < n:
+            object.__setattr__(self, "weight", np.broadcast_to(1.0, (n,)))
+        sizes = {f"{q} {a}".strip(): len(v) for (q, a), v in self.channels.items()} | {"weight": len(self.weight)}
+        if self.position is not None:
+            sizes["position"] = len(self.position)
+        for name, size in sizes.items():
+            if size != n:
+                raise ValueError(f"`{name}` must have one value per row of `time` ({n}), got {size}")
+
+    def has(self, quantity: str) -> bool:
+        """Whether any axis of `quantity` was logged."""
+        return any(q == quantity for q, _ in self.channels)
+
+    def axes(self, quantity: str) -> tuple[str, ...]:
+        """The axes of `quantity` that were logged, in the order of the file."""
+        return tuple(a for q, a in self.channels if q == quantity)
+
+    def triad(self, quantity: str, axes: tuple[str, ...] = ("x", "y", "z")) -> Array:
+        """The channels of `quantity` as columns, (n, 3); `InputError` if one of them was not logged."""
+        missing = [axis for axis in axes if (quantity, axis) not in self.channels]
+        if missing:
+            raise InputError(
+                f"the recording {self.title!r} has no {quantity} along {' and '.join(missing)}: add the column "
+                "to [columns] of its recording.toml"
+            )
+        return np.stack([self.channels[quantity, axis] for axis in axes], axis=-1)
+
+    def angles(self) -> Array:
+        """Gimbal readouts [rad], (n, k) in the order of the platform's axes; an axis without a readout is at 0."""
+        readings = {axis: self.channels["gimbal_angle", axis] for axis in self.axes("gimbal_angle")}
+        return self.platform.angles(readings, (len(self.time),))
+
+    def sigma(self, sensor: str) -> float | None:
+        """Noise of one raw sample of `sensor`: as the header states it, else as the rows scatter, else None.
+
+        The setting error of a gimbal angle cannot be seen in its readout, so it is never taken from the scatter.
+        """
+        if sensor in self.noise:
+            return self.noise[sensor]
+        seen = [s for (q, _), s in self.scatter.items() if q == SENSORS[sensor]]
+        if not seen or sensor == "gimbal_angle":
+            return None
+        return float(np.sqrt(np.mean(np.square(seen))))
+
+    def select(self, rows: NDArray[Any] | slice) -> Recording:
+        """The same recording with only `rows` (a mask, indices or a slice)."""
+        return replace(
+            self,
+            time=self.time[rows],
+            position=None if self.position is None else self.position[rows],
+            channels={key: values[rows] for key, values in self.channels.items()},
+            weight=self.weight[rows],
+        )

@@ -1,0 +1,110 @@
+"""What is kept of the stream: every row, or the mean of each block of time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from gimbalcal.number import Array
+
+
+class Rows:
+    """Every row."""
+
+    def __init__(self) -> None:
+        self.parts: list[Mapping[str, Array]] = []
+
+    def add(self, batch: Mapping[str, Array], begins: Array) -> None:
+        """Take in a batch; `begins` is of no use here."""
+        del begins
+        self.parts.append(batch)
+
+    def table(self) -> dict[str, Array]:
+        """All columns, whole; the batches are let go of one column at a time."""
+        names = list(self.parts[0]) if self.parts else []
+        parts = [dict(part) for part in self.parts]
+        self.parts.clear()
+        return {name: np.concatenate([part.pop(name) for part in parts]) for name in names}
+
+
+class Blocks:
+    """Means over blocks of `length` (in the unit of the `time` column), weighted by the `weight` column if any.
+
+    A block ends where ``floor((t - t0) / length)`` changes; t0 is the last row that began anew (after a gap, in
+    another position), so that no block reaches across one. `turns` gives the size of a full turn for columns that are angles: these are unwrapped before the
+    mean and end near the first reading of their block, so that 359 and 1 deg average to 360, not 180.
+    """
+
+    def __init__(self, length: float, time: str, weight: str | None, turns: Mapping[str, float]) -> None:
+        self.length, self.time, self.weight, self.turns = length, time, weight, turns
+        self.t0 = 0.0
+        self.last: dict[str, float] = {}  # last unwrapped reading of each angle
+        self.index = 0.0
+        self.sums: dict[str, list[Array]] = {}
+
+    def add(self, batch: Mapping[str, Array], begins: Array) -> None:
+        """Take in a batch."""
+        t = batch[self.time]
+        if not len(t):
+            return
+        index = np.floor((t - self._starts(t, begins)) / self.length)
+        new = begins.copy()
+        new[0] |= index[0] != self.index
+        new[1:] |= index[1:] != index[:-1]
+        self.index = float(index[-1])
+        edges = np.flatnonzero(new)
+        joined = not new[0] and bool(self.sums)
+        edges = edges if new[0] else np.concatenate([[0], edges])
+        weight = batch[self.weight] if self.weight else None
+        for name, x in batch.items():
+            self._sum(name, self._unwrapped(name, x), edges, weight, joined)
+            if name in self.turns:
+                self._append(f"first {name}", x[edges], joined, lambda old, _new: old)
+        total = np.add.reduceat(weight, edges) if weight is not None else np.diff(np.append(edges, len(t)))
+        self._append("", total.astype(float), joined, lambda old, new: old + new)
+
+    def _starts(self, t: Array, begins: Array) -> Array:
+        """Time of the last row that began anew, for each row."""
+        if not self.sums:
+            self.t0 = float(t[0])
+        if not begins.any():
+            return np.asarray(self.t0)
+        last = np.maximum.accumulate(np.where(begins, np.arange(len(t)), -1))
+        t0 = np.where(last >= 0, t[last], self.t0)
+        self.t0 = float(t0[-1])
+        return t0
+
+    def _sum(self, name: str, x: Array, edges: Array, weight: Array | None, joined: bool) -> None:
+        total = np.add.reduceat(x if weight is None else x * weight, edges)
+        self._append(name, total, joined, lambda old, new: old + new)
+
+    def _append(self, name: str, values: Array, joined: bool, join: object) -> None:
+        parts = self.sums.setdefault(name, [])
+        if joined and callable(join):
+            parts[-1][-1] = join(parts[-1][-1], values[0])
+            values = values[1:]
+        if len(values):
+            parts.append(values)
+
+    def _unwrapped(self, name: str, x: Array) -> Array:
+        if name not in self.turns:
+            return x
+        turn = self.turns[name]
+        last = self.last.get(name, float(x[0]))
+        x = x + turn * np.round((last - x[0]) / turn)
+        if max(float(x.max()), last) - min(float(x.min()), last) > turn / 2:
+            x = np.unwrap(np.concatenate([[last], x]), period=turn)[1:]
+        self.last[name] = float(x[-1])
+        return x
+
+    def table(self) -> dict[str, Array]:
+        """One row per block; the key ``""`` holds the weight."""
+        joined = {name: np.concatenate(parts) for name, parts in self.sums.items()}
+        weight = joined.pop("")
+        means = {name: total / weight for name, total in joined.items() if not name.startswith("first ")}
+        for name, turn in self.turns.items():
+            means[name] += turn * np.round((joined[f"first {name}"] - means[name]) / turn)
+        if self.weight:
+            means[self.weight] = weight
+        return means | {"": weight}

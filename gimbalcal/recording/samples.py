@@ -1,0 +1,132 @@
+"""The rows of a recording, streamed from CSV or Parquet in batches, and the place of a row as the user sees it."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.recording.document import listed
+
+if TYPE_CHECKING:
+    import polars as pl
+
+Batch = Mapping[str, Array]
+
+ROWS = 50_000
+"""Rows of one batch: ten columns are 4 MB, so that a pass over them stays in the cache."""
+
+
+def batches(path: Path, names: Sequence[str]) -> Iterator[Batch]:
+    """The columns `names` of the samples file, as float64 arrays of some `ROWS` rows, in the order of the file.
+
+    An empty cell is a NaN. Whatever the file cannot be read for is an `InputError` that names the line.
+    """
+    import polars as pl
+
+    try:
+        lazy = _scan(path, names)
+        present = lazy.collect_schema()
+        _check_names(path, names, present)
+        columns = [pl.col(name).cast(pl.Float64) for name in names]
+        for frame in lazy.select(columns).collect_batches(chunk_size=ROWS, maintain_order=True):
+            batch = _without_blank_end(frame)
+            if len(batch[names[0]]):
+                yield batch
+    except pl.exceptions.NoDataError:
+        raise InputError(f"{path} is empty; it must hold a line of column names and the rows") from None
+    except (pl.exceptions.PolarsError, OSError) as error:
+        raise _explained(path, names, error) from None
+
+
+def column(path: Path, name: str) -> Array:
+    """One whole column."""
+    return np.concatenate([batch[name] for batch in batches(path, [name])])
+
+
+def _scan(path: Path, names: Sequence[str]) -> pl.LazyFrame:
+    import polars as pl
+
+    if path.suffix == ".parquet":
+        return pl.scan_parquet(path)
+    if path.stat().st_size == 0:
+        raise pl.exceptions.NoDataError
+    # Every dtype is given: a guess from the first rows fails at the first 0.5 below a column of integers.
+    present = pl.scan_csv(path, comment_prefix="#", infer_schema=False).collect_schema().names()
+    types = {name: pl.Float64 if name in names else pl.String for name in present}
+    return pl.scan_csv(path, comment_prefix="#", schema=types)
+
+
+def _check_names(path: Path, names: Sequence[str], present: Mapping[str, pl.DataType]) -> None:
+    missing = [name for name in names if name not in present]
+    if missing:
+        semicolons = len(present) == 1 and ";" in next(iter(present))
+        hint = "separate its columns by commas, not ';'" if semicolons else "correct the name on one side"
+        raise InputError(
+            f"{path} has no column {listed([repr(name) for name in missing])}, which [columns] of recording.toml "
+            f"names; it has {', '.join(map(repr, present))}; {hint}"
+        )
+
+
+def _without_blank_end(frame: pl.DataFrame) -> Batch:
+    """The arrays of `frame` less blank lines at its end, which editors like to leave there."""
+    n = frame.height
+    while n and all(value is None for value in frame.row(n - 1)):
+        n -= 1
+    return {name: frame[name][:n].to_numpy() for name in frame.columns}
+
+
+def _explained(path: Path, names: Sequence[str], error: Exception) -> InputError:
+    if path.suffix == ".parquet":
+        reason = str(error).splitlines()[0].removeprefix("parquet: ")
+        return InputError(
+            f"{path} cannot be read as Parquet, it seems to be cut short or damaged ({reason}); copy it again"
+        )
+    return _first_bad_line(path, names) or InputError(f"{path} cannot be read as CSV: {str(error).splitlines()[0]}")
+
+
+def _first_bad_line(path: Path, names: Sequence[str]) -> InputError | None:
+    header: list[str] = []
+    for line, cells in _lines(path):
+        if not header:
+            header = cells
+            continue
+        if len(cells) > len(header):
+            return InputError(
+                f"{path}, line {line}: {len(cells)} values where the first line names {len(header)} columns; "
+                "remove what is too much, and write decimal points, not commas"
+            )
+        for name, cell in zip(header, cells, strict=False):
+            if name in names and not _is_number(cell):
+                return InputError(f"{path}, line {line}, column {name}: {cell!r} is not a number; write a number there")
+    return None
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell or "nan")
+    except ValueError:
+        return False
+    return True
+
+
+def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        for line, text in enumerate(file, start=1):
+            if not text.startswith("#"):
+                yield line, next(csv.reader([text]), [])
+
+
+def place(path: Path, start: int, stop: int | None = None) -> str:
+    """Rows `start` up to `stop` (from 0) in words: the lines of a CSV, the rows of a Parquet counted from 1."""
+    word, first, last = "row", start + 1, (stop or start + 1)
+    if path.suffix == ".csv":
+        word, wanted = "line", {start + 1, last}  # the first line without '#' is the header
+        found = {row: line for row, (line, _) in zip(range(last + 1), _lines(path), strict=False) if row in wanted}
+        first, last = found[first], found[last]
+    return f"{path}, {word} {first}" if last <= first else f"{path}, {word}s {first} to {last}"

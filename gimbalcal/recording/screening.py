@@ -1,0 +1,235 @@
+r"""Is every row a number, does time go forward, is every sensor alive?
+
+`Screen` looks at each batch as it streams by, at the cost of a few passes over data that is in the cache. What looks
+suspicious there is judged at the end on the whole column:
+
+* a frozen channel repeats one value for longer than chance allows. With noise sigma and resolution q (the smallest
+  step that occurs) neighbours are equal with probability :math:`p \le \mathrm{erf}(q / 2\sqrt{2}\sigma)`, so a run of
+  L in n rows is expected :math:`n p^{L-1}` times; a run is refused below 1e-6. Where sigma <= q nothing can be said:
+  a quiet channel with coarse steps may well stand still.
+* a clipped channel reads exactly its largest (or smallest) value far more often than any value close to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import erf, log, sqrt
+
+import numpy as np
+
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.recording.columns import Column
+from gimbalcal.recording.header import Header
+from gimbalcal.recording.record import SENSORS
+from gimbalcal.recording.samples import Batch, column, place
+from gimbalcal.units import from_si, to_si
+
+GAP = 10.0  # times the usual step: longer ones end a run of rows
+LONGEST_STEP = 86400.0  # s; no rig pauses for longer in one recording
+FEWEST = 20  # equal rows that can be called frozen or clipped at all
+STRIDE = 8  # every run of FEWEST rows holds two neighbours of every eighth row
+CHANCE = 1e-6
+SMOOTH = 1e-7  # of the largest value: what third differences leave of a sidereal wave sampled each minute is 2e-8
+
+
+class Screen:
+    """Watches the rows go by and refuses the recording where they cannot be right."""
+
+    def __init__(self, header: Header) -> None:
+        self.header = header
+        clock, position = header.column("time"), header.column("position")
+        if clock is None:
+            raise ValueError("a header without a time column does not pass `read_header`")
+        self.clock, self.position = clock, position
+        self.sensors = [c for c in header.columns if c.quantity in ("specific_force", "angular_rate")]
+        self.angles = [c for c in header.columns if c.quantity == "gimbal_angle"]
+        self.n = 0
+        self.step = 0.0  # usual step in time
+        self.last_time, self.last_position = np.nan, np.nan
+        self.turns: list[int] = []  # rows where the position changes
+        self.gaps: list[tuple[int, float]] = []  # inside a position
+        self.peaks: dict[tuple[str, int], tuple[float, int]] = {}  # (name, sign): largest value and how often
+        self.stuck: set[str] = set()
+
+    def see(self, batch: Batch) -> Array:
+        """Check a batch; returns for each row whether it begins anew (after a gap or in another position)."""
+        for name, x in batch.items():
+            if not np.isfinite(x.sum()):
+                self._finite(name, x)
+        begins = self._time(batch[self.clock.name])
+        if self.position is not None:
+            begins |= self._positions(batch[self.position.name])
+        for each in self.sensors:
+            self._sensor(each.name, batch[each.name])
+        for each in self.angles:
+            self._peak(each.name, batch[each.name])
+        self.n += len(begins)
+        return begins
+
+    def _finite(self, name: str, x: Array) -> None:
+        bad = np.flatnonzero(~np.isfinite(x))
+        if len(bad):
+            run = int(np.argmax(np.append(np.diff(bad), 2) > 1)) + 1
+            more = f", nor are the {run - 1} below it" if run > 1 else ""
+            where = place(self.header.samples, self.n + int(bad[0]))
+            raise InputError(
+                f"{where}, column {name}: the value is empty or not a finite number{more}; leave such rows out"
+            )
+
+    def _time(self, t: Array) -> Array:
+        dt = np.diff(t, prepend=self.last_time)
+        seconds = to_si(1.0, self.clock.unit)
+        if not self.step and len(t) > 1:
+            self.step = float(np.median(dt[1:] if self.n == 0 else dt))
+        wrong = np.flatnonzero((dt <= 0) | (dt * seconds > LONGEST_STEP))
+        if len(wrong):
+            self._refuse_time(int(wrong[0]), t, float(dt[wrong[0]]))
+        self.last_time = float(t[-1]) if len(t) else self.last_time
+        far = dt > GAP * self.step if self.step else np.zeros(len(t), dtype=bool)
+        self.gaps += [(self.n + int(i), float(dt[i])) for i in np.flatnonzero(far)]
+        begins: Array = far | np.isnan(dt)
+        return begins
+
+    def _refuse_time(self, i: int, t: Array, dt: float) -> None:
+        where = f"{place(self.header.samples, self.n + i)}, column {self.clock.name}"
+        unit = self.clock.unit
+        if dt > 0:
+            raise InputError(
+                f"{where}: the clock jumps forward by {dt:.6g} {unit}, more than a day; correct it, or give each "
+                "part its own recording"
+            )
+        what = "stands still" if dt == 0 else f"jumps back by {-dt:.6g} {unit}"
+        raise InputError(
+            f"{where}: the clock {what} at {t[i]:.10g} {unit}; time must grow from row to row, so sort the rows and "
+            "leave out what was logged twice"
+        )
+
+    def _positions(self, p: Array) -> Array:
+        odd = np.flatnonzero((p != np.floor(p)) | (p < 0))
+        if self.position is not None and len(odd):
+            raise InputError(
+                f"{place(self.header.samples, self.n + int(odd[0]))}, column {self.position.name}: a position is a "
+                f"whole number, 1, 2, ... or 0 while moving, got {p[odd[0]]:g}"
+            )
+        changed: Array = np.diff(p, prepend=self.last_position) != 0
+        self.turns += (np.flatnonzero(changed) + self.n).tolist()
+        self.last_position = float(p[-1]) if len(p) else self.last_position
+        return changed
+
+    def _peak(self, name: str, x: Array) -> None:
+        for sign in (1, -1):
+            value = float(x.max() if sign > 0 else x.min())
+            count = int(np.count_nonzero(x == value))
+            before, seen = self.peaks.get((name, sign), (-sign * np.inf, 0))
+            if value == before:
+                self.peaks[name, sign] = (value, seen + count)
+            elif sign * value > sign * before:
+                self.peaks[name, sign] = (value, count)
+
+    def _sensor(self, name: str, x: Array) -> None:
+        self._peak(name, x)
+        thin = x[::STRIDE]
+        if bool((thin[1:] == thin[:-1]).any()):
+            self.stuck.add(name)
+
+    def finish(self, scatter: Mapping[str, float]) -> None:
+        """The verdict on the whole; `scatter` is one sigma by column name, in the unit of the file."""
+        if self.n == 0:
+            raise InputError(f"{self.header.samples} has a line of column names and no rows")
+        self._clock_inside_dwells()
+        self._angle_units()
+        for each in self.sensors:
+            piled = [k for (name, _), (_, k) in self.peaks.items() if name == each.name and k >= self._many()]
+            if each.name in self.stuck or piled:
+                sigma = self._sigma(each, scatter)
+                self._alive(each, column(self.header.samples, each.name), sigma)
+
+    def _many(self) -> float:
+        return max(FEWEST, 0.01 * self.n)
+
+    def _sigma(self, each: Column, scatter: Mapping[str, float]) -> float:
+        sensor = next(name for name, quantity in SENSORS.items() if quantity == each.quantity)
+        if sensor in self.header.noise:
+            return from_si(self.header.noise[sensor], each.unit)
+        triad = [to_si(scatter.get(c.name, 0.0), c.unit) for c in self.sensors if c.quantity == each.quantity]
+        largest = max(abs(to_si(self.peaks[c.name, k][0], c.unit)) for c in self.sensors for k in (1, -1))
+        return from_si(max(triad), each.unit) if max(triad) > SMOOTH * largest else 0.0
+
+    def _alive(self, each: Column, x: Array, sigma: float) -> None:
+        steps = np.abs(np.diff(x))
+        quantum = float(np.min(steps, where=steps > 0, initial=np.inf))
+        quantum = 0.0 if np.isinf(quantum) else quantum
+        if sigma <= quantum:
+            return
+        for sign, word in ((1, "largest"), (-1, "smallest")):
+            rows = piled_up(sign * x)
+            if len(rows) >= self._many():
+                raise InputError(
+                    f"{place(self.header.samples, int(rows[0]))}, column {each.name}: {x[rows[0]]:.10g} {each.unit} "
+                    f"is the {word} value of the channel and stands in {len(rows)} of its {len(x)} rows, so it is "
+                    "clipped; raise the range of the sensor, or leave those rows out"
+                )
+        start, stop, usual = longest_run(x)
+        chance = erf(quantum / (2 * sqrt(2) * sigma))
+        needed = 1 + log(CHANCE / len(x)) / log(chance) if chance else 0.0
+        if stop - start >= usual * max(FEWEST, needed):
+            raise InputError(
+                f"{place(self.header.samples, start, stop)}, column {each.name}: all {stop - start} rows read "
+                f"{x[start]:.10g} {each.unit} although the noise is {sigma:.2g} {each.unit}, so the channel is "
+                "frozen; leave those rows out, or correct [noise]"
+            )
+
+    def _clock_inside_dwells(self) -> None:
+        if self.header.kind != "multi-position" or self.position is None:
+            return
+        edges = np.array([*self.turns, self.n])
+        changed = set(self.turns)
+        for row, dt in self.gaps:
+            k = int(np.searchsorted(edges, row, side="right"))
+            rest = (edges[k] - edges[k - 1] - 2) * self.step
+            if row not in changed and dt > rest:
+                where, unit = place(self.header.samples, row), self.clock.unit
+                raise InputError(
+                    f"{where}, column {self.clock.name}: the clock jumps forward by {dt:.6g} {unit} within one position, "
+                    f"whose other rows span {rest:.6g} {unit}; correct the clock, or give the second visit its own "
+                    "position number"
+                )
+
+    def _angle_units(self) -> None:
+        """An angle beyond two turns in radians was most likely logged in degrees; a run may turn on and on."""
+        if self.header.kind == "rotation":
+            return
+        for each in self.angles:
+            if self.header.kind == "static-run" and each.axis == "platform":
+                continue
+            largest = max((abs(self.peaks[each.name, sign][0]) for sign in (1, -1)), default=0.0)
+            if "rad" in each.unit and to_si(largest, each.unit) > 4 * np.pi:
+                raise InputError(
+                    f"{self.header.samples}, column {each.name}: angles up to {largest:g} {each.unit} look like "
+                    f'degrees; write unit = "deg" for it in {self.header.path}'
+                )
+
+
+def piled_up(y: Array) -> Array:
+    """The rows where `y` equals its maximum, if they are five times as many as those at any of the next values."""
+    top = y.max()
+    rows = np.flatnonzero(y == top)
+    rest = y[y < top]
+    for _ in range(5):
+        if not len(rest):
+            break
+        near = rest.max()
+        if 5 * np.count_nonzero(rest == near) >= len(rows):
+            return rows[:0]
+        rest = rest[rest < near]
+    return rows if len(rest) else rows[:0]
+
+
+def longest_run(x: Array) -> tuple[int, int, float]:
+    """First row and end of the longest run of equal values, and the usual (median) length of the other runs."""
+    edges = np.concatenate([[0], np.flatnonzero(x[1:] != x[:-1]) + 1, [len(x)]])
+    lengths = np.diff(edges)
+    k = int(np.argmax(lengths))
+    others = np.delete(lengths, k)
+    return int(edges[k]), int(edges[k + 1]), float(np.median(others)) if len(others) else 1.0

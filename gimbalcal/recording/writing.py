@@ -1,0 +1,128 @@
+"""Write a recording as a folder, all of it or nothing."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.platform import Platform, known
+from gimbalcal.recording.header import NAME
+from gimbalcal.recording.record import SENSORS, Key, Recording
+from gimbalcal.units import QUANTITIES, from_si, is_raw
+
+_SHORT = {"specific_force": "accel", "angular_rate": "gyro", "gimbal_angle": "", "attitude_error": "", "covariate": ""}
+
+
+def write(recording: Recording, folder: str | Path, samples: str = "samples.csv", comment: Iterable[str] = ()) -> Path:
+    """Write `recording` into `folder`, with its rows in `samples` (.csv or .parquet); returns the folder.
+
+    Channels are written in the unit that they were logged in, else in SI; `comment` lines head `recording.toml`.
+    The folder is made under another name and then renamed, so that half a recording is never seen; files that are
+    already in it are replaced, others stay.
+    """
+    folder = Path(folder)
+    if Path(samples).name != samples or Path(samples).suffix not in (".csv", ".parquet"):
+        raise InputError(f"samples = {samples!r} must be a plain file name that ends in .csv or .parquet")
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder} is a file: a recording is a folder, give another name")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    made = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    try:
+        names = _names(recording)
+        text = "\n".join([*(f"# {line}".rstrip() for line in comment), *_header(recording, samples, names), ""])
+        (made / NAME).write_text(text, encoding="utf-8")
+        _write_rows(recording, names, made / samples)
+        made.chmod(0o755)  # mkdtemp makes it private
+        if folder.exists():
+            for file in (samples, NAME):  # the header last: it is what makes the folder a recording
+                (made / file).replace(folder / file)
+        else:
+            made.rename(folder)
+    finally:
+        shutil.rmtree(made, ignore_errors=True)
+    return folder
+
+
+def _names(recording: Recording) -> dict[Key, str]:
+    """A column name for each channel: the axis where it is a gimbal's, else quantity and axis."""
+    names: dict[Key, str] = {}
+    for quantity, axis in recording.channels:
+        short = "_".join(part for part in (_SHORT.get(quantity, quantity), axis) if part)
+        taken = short in names.values() or short in ("time_s", "position", "weight")
+        names[quantity, axis] = f"{quantity}_{axis}" if taken else short
+    return names
+
+
+def _unit(recording: Recording, key: Key) -> str:
+    si = "1" if key[0] == "covariate" else QUANTITIES[key[0]].si
+    unit = recording.units.get(key, si)
+    return si if key[0] == "temperature" else unit
+
+
+def _header(recording: Recording, samples: str, names: dict[Key, str]) -> list[str]:
+    lines = ["format = 1", f"kind = {_text(recording.kind)}", f"title = {_text(recording.title)}"]
+    lines += [f"samples = {_text(samples)}", "", "[site]"]
+    site = recording.site
+    if site.latitude is not None:
+        lines.append(f"latitude = {_number(from_si(site.latitude, 'deg'), 'deg')}")
+    lines += [f"height = {_number(site.height, 'm')}", f"gravity = {_number(site.gravity, 'm/s^2')}", ""]
+    lines += [*_platform(recording.platform, recording.kind), "", "[noise]"]
+    for sensor, sigma in recording.noise.items():
+        unit = next((_unit(recording, k) for k in recording.channels if k[0] == SENSORS[sensor]), "")
+        unit = unit or QUANTITIES[SENSORS[sensor]].si
+        lines.append(f"{sensor} = {_number(from_si(sigma, unit), unit)}")
+    lines += ["", "[columns]", 'time_s = { quantity = "time", unit = "s" }']
+    if recording.position is not None:
+        lines.append('position = { quantity = "position" }')
+    for (quantity, axis), name in names.items():
+        where = f", axis = {_text(axis)}" if axis else ""
+        unit = _text(_unit(recording, (quantity, axis)))
+        lines.append(f"{_text(name)} = {{ quantity = {_text(quantity)}{where}, unit = {unit} }}")
+    if _is_averaged(recording):
+        lines.append('weight = { quantity = "weight" }')
+    return lines
+
+
+def _platform(platform: Platform, kind: str) -> list[str]:
+    if known(platform.name, kind) == platform:
+        return ["[platform]", f"name = {_text(platform.name)}"]
+    lines = ["[platform]", f"name = {_text(platform.name)}"]
+    for axis in platform.axes:
+        lines += ["", "[[platform.axes]]", f"name = {_text(axis.name)}", f"direction = {_text(axis.direction)}"]
+        lines += [f"sign = {axis.sign}", f"offset = {_number(axis.offset, 'rad')}"]
+    return lines
+
+
+def _text(text: str) -> str:
+    return json.dumps(text, ensure_ascii=True)  # a JSON string is a TOML basic string
+
+
+def _number(value: float, unit: str) -> str:
+    return f"{{ value = {float(value)!r}, unit = {_text(unit)} }}"
+
+
+def _is_averaged(recording: Recording) -> bool:
+    return bool(np.any(recording.weight != 1.0))
+
+
+def _write_rows(recording: Recording, names: dict[Key, str], path: Path) -> None:
+    import polars as pl
+
+    columns: dict[str, Array] = {"time_s": recording.time}
+    if recording.position is not None:
+        columns["position"] = recording.position
+    for key, name in names.items():
+        values = recording.channels[key]
+        unit = _unit(recording, key)
+        columns[name] = values if is_raw(unit) or key[0] == "temperature" else from_si(values, unit)
+    if _is_averaged(recording):
+        columns["weight"] = recording.weight
+    frame = pl.DataFrame({name: np.ascontiguousarray(values) for name, values in columns.items()})
+    frame.write_parquet(path) if path.suffix == ".parquet" else frame.write_csv(path)
