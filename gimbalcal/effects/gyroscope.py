@@ -1,0 +1,178 @@
+r"""Input-output law of the gyroscopes: what a rate sensor adds to the angular rate it is given.
+
+Every contribution is evaluated at the true rate omega of the sensor block, so products of two errors are left out:
+for a misalignment and a scale error of 5e-4 each that is 2.5e-7 of the rate. `gimbalcal.pulses` keeps them, in the
+other direction (pulses to rate), where Eq. (6) of Wang et al. (2019) needs them. Units: rad/s and m/s^2 inside.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gimbalcal.effects.effect import TRIAD, Effect, Stage, Stimulus, effect, parameter
+from gimbalcal.number import Array, absolute
+
+PAIRS = ("xy", "xz", "yz", "yx", "zx", "zy")
+G_PAIRS = ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz")
+KINDS = ("rotation", "multi-position")
+
+
+@effect
+class GyroBias(Effect):
+    r"""A constant output at zero rate.
+
+    .. math:: \delta\omega = \varepsilon
+
+    Source: Wang et al. (2019), Eq. (6). Magnitude: 0.001 to 0.1 deg/h (ring laser, fibre), 10 to 1000 deg/h (MEMS).
+    Seen by: a unit at rest with the Earth's rate on both sides of the axis.
+    """
+
+    id = "gyro_bias"
+    stage = Stage.GYROSCOPE
+    channel = "angular_rate"
+    kinds = KINDS
+    sources = ("wang2019", "ieee952")
+    epsilon: Array = parameter(TRIAD, unit="deg/h", sigma=1, name="gyro_bias")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rate added [rad/s], (n, 3)."""
+        return self.epsilon + 0 * s.rate
+
+
+@effect
+class GyroScaleFactor(Effect):
+    r"""Each gyroscope's scale factor differs from the nominal one.
+
+    .. math:: \delta\omega_i = s_i \omega_i
+
+    Source: IEEE Std 952. Magnitude: 1 to 100 ppm (optical), 1000 to 30000 ppm (MEMS). Seen by: a known angle about
+    the axis.
+    """
+
+    id = "gyro_scale_factor"
+    stage = Stage.GYROSCOPE
+    channel = "angular_rate"
+    kinds = KINDS
+    sources = ("wang2019", "ieee952")
+    s: Array = parameter(TRIAD, unit="ppm", sigma=1000, name="gyro_scale_factor")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rate added [rad/s], (n, 3)."""
+        return self.s * s.rate
+
+
+@effect
+class GyroMisalignment(Effect):
+    r"""The input axes of the gyroscopes do not lie along the axes of the sensor block; each leans by two small angles.
+
+    .. math:: \delta\omega_i = \sum_{j \ne i} E_{ij} \omega_j
+
+    Source: Wang et al. (2019), Eq. (8), there in the other direction. Magnitude: 1 to 100 arcsec. Seen by: rotation
+    about another axis. The three rotations of the whole triad are seen only against a reference, as against the
+    accelerometers (inter-triad misalignment, Eq. (43)).
+    """
+
+    id = "gyro_misalignment"
+    stage = Stage.GYROSCOPE
+    channel = "angular_rate"
+    kinds = KINDS
+    sources = ("wang2019",)
+    E: Array = parameter(PAIRS, unit="arcsec", sigma=300, name="gyro_misalignment")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rate added [rad/s], (n, 3)."""
+        xy, xz, yz, yx, zx, zy = self.E
+        wx, wy, wz = np.moveaxis(s.rate, -1, 0)
+        return np.stack([xy * wy + xz * wz, yx * wx + yz * wz, zx * wx + zy * wy], axis=-1)
+
+
+@effect
+class GyroScaleNonlinearity(Effect):
+    r"""The output bends quadratically with the rate.
+
+    .. math:: \delta\omega_i = K_i \omega_i^2
+
+    Source: Wang et al. (2019), Eq. (6), K_g2, there in the other direction. Magnitude: 1 to 100 ppm per rad/s
+    (optical), to 1000 (MEMS). Seen by: turning both ways about the axis; the difference of the two senses is blind to
+    it. Near twin when only one speed is used: scale-factor asymmetry.
+    """
+
+    id = "gyro_scale_nonlinearity"
+    stage = Stage.GYROSCOPE
+    channel = "angular_rate"
+    kinds = KINDS
+    sources = ("wang2019", "ieee952")
+    K: Array = parameter(TRIAD, unit="ppm/(rad/s)", sigma=300, name="gyro_scale_nonlinearity")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rate added [rad/s], (n, 3)."""
+        return self.K * s.rate**2
+
+
+@effect
+class GyroScaleAsymmetry(Effect):
+    r"""Turning one way reads more than turning the other way.
+
+    .. math:: \delta\omega_i = A_i |\omega_i|
+
+    Source: IEEE Std 952. Magnitude: 1 to 20 ppm (optical), 100 to 3000 ppm (MEMS). Seen by: both senses at two speeds;
+    at a single speed it is the same thing as scale nonlinearity.
+    """
+
+    id = "gyro_scale_asymmetry"
+    stage = Stage.GYROSCOPE
+    channel = "angular_rate"
+    kinds = KINDS
+    sources = ("ieee952",)
+    A: Array = parameter(TRIAD, unit="ppm", sigma=100, name="gyro_scale_asymmetry")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rate added [rad/s], (n, 3)."""
+        return self.A * absolute(s.rate)
+
+
+@effect
+class GyroScaleTemperature(Effect):
+    r"""The scale factor follows the temperature.
+
+    .. math:: \delta\omega_i = s_{T,i} \, \omega_i \, (T - T_0)
+
+    Source: IEEE Std 952. Magnitude: 1 to 20 ppm/degC (optical), 50 to 500 ppm/degC (MEMS). Seen by: the same
+    rotation at two temperatures.
+    """
+
+    id = "gyro_scale_temperature"
+    stage = Stage.GYROSCOPE
+    channel = "angular_rate"
+    kinds = KINDS
+    requires = ("temperature",)
+    sources = ("ieee952",)
+    s_T: Array = parameter(TRIAD, unit="ppm/degC", sigma=50, name="gyro_scale_temperature")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rate added [rad/s], (n, 3)."""
+        return self.s_T * s.rate * s.temperature_excess()[..., None]
+
+
+@effect
+class GyroGSensitivityRate(Effect):
+    r"""Specific force makes the gyroscope read a rate: mass unbalance, or stress in a vibrating structure.
+
+    .. math:: \delta\omega_i = \sum_j G_{ij} f_j
+
+    The output of a strapdown gyroscope; on a platform that the gyroscopes hold, the same physics is a drift
+    (`gyro_g_sensitivity`). Source: IEEE Std 1431. Magnitude: 0.005 to 0.05 deg/h/g (spinning wheel), 1 to 100 deg/h/g
+    (MEMS). Seen by: rest in six attitudes; an axis at rest in one attitude cannot tell it from bias.
+    """
+
+    id = "gyro_g_sensitivity_rate"
+    stage = Stage.GYROSCOPE
+    channel = "angular_rate"
+    kinds = KINDS
+    sources = ("ieee1431",)
+    G: Array = parameter(G_PAIRS, unit="deg/h/g", sigma=1, name="gyro_g_sensitivity_rate")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rate added [rad/s], (n, 3)."""
+        G = np.reshape(self.G, (3, 3))
+        return np.stack([sum(G[i, j] * s.force[..., j] for j in range(3)) for i in range(3)], axis=-1)

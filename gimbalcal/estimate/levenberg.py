@@ -1,0 +1,87 @@
+"""Levenberg-Marquardt on many small problems at once: the runs of a campaign share a design, so they are one array."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from gimbalcal.number import Array
+
+Model = Callable[[Array, Array], tuple[Array, Array]]
+"""(x (r, p), indices of the runs (r,)) to residuals (r, m) and Jacobians (r, m, p)."""
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """x (r, p), half the sum of squares (r,), Jacobian (r, m, p) there, steps taken (r,), whether it settled (r,)."""
+
+    x: Array
+    cost: Array
+    jacobian: Array
+    steps: Array
+    converged: Array
+
+    def better(self, other: Minimum) -> Minimum:
+        """Run by run, the one with the smaller cost."""
+        first = self.cost <= other.cost
+
+        def pick(mine: Array, theirs: Array) -> Array:
+            return np.where(first.reshape(-1, *[1] * (mine.ndim - 1)), mine, theirs)
+
+        return Minimum(*(pick(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)))
+
+
+def minimise(model: Model, x0: Array, tolerance: float = 1e-11, limit: int = 60) -> Minimum:
+    r"""Least squares of many runs from x0 (r, p), by damped Gauss-Newton steps.
+
+    .. math:: \Delta x = -(J^T J + \lambda\, \mathrm{diag}(J^T J))^{-1} J^T r
+
+    Wang et al. (2019), Eq. (40), solved by QR so that the condition number is not squared. A run settles when its
+    step is below `tolerance` of its length plus one; parameters should be scaled to order one by the caller.
+    """
+    x, runs = np.array(x0, dtype=float), np.arange(len(x0))
+    r, J = model(x, runs)
+    cost = (r**2).sum(-1) / 2
+    damping, steps, live = np.full(len(x), 1e-3), np.zeros(len(x), dtype=int), np.ones(len(x), dtype=bool)
+    for _ in range(limit):
+        a = np.flatnonzero(live)
+        if a.size == 0:
+            break
+        step = _step(r[a], J[a], damping[a])
+        r1, J1 = model(x[a] + step, runs[a])
+        cost1 = (r1**2).sum(-1) / 2
+        small = np.linalg.norm(step, axis=-1) < tolerance * (1 + np.linalg.norm(x[a], axis=-1))
+        good = cost1 <= cost[a]
+        hit = a[good]
+        x[hit], r[hit], J[hit], cost[hit] = (x[a] + step)[good], r1[good], J1[good], cost1[good]
+        damping[a] = np.where(good, damping[a] / 10, damping[a] * 10)
+        steps[a] += 1
+        # a refused step that is already below the rounding of the cost is arrival, not failure
+        live[a] = ~small & (damping[a] < 1e12)
+    return Minimum(x, cost, J, steps, ~live)
+
+
+def _step(r: Array, J: Array, damping: Array) -> Array:
+    """The step of Eq. (40) for each run: least squares of [J; sqrt(lambda) D] against [-r; 0]."""
+    size = np.sqrt((J**2).sum(-2))
+    size = np.where(size > 0, size, 1.0)
+    p = J.shape[-1]
+    rows = np.concatenate([J / size[:, None, :], np.sqrt(damping)[:, None, None] * np.eye(p)], axis=-2)
+    Q, R = np.linalg.qr(rows)
+    right = -np.swapaxes(Q[:, : r.shape[-1]], -1, -2) @ r[..., None]
+    return np.asarray(np.linalg.solve(R, right)[..., 0] / size)
+
+
+def covariance(J: Array, seen: float = 1e-9) -> Array:
+    """Covariance (r, p, p) at the minimum from whitened Jacobians (r, m, p); infinite where one is singular."""
+    size = np.sqrt((J**2).sum(-2))
+    size = np.where(size > 0, size, 1.0)
+    _, S, Vt = np.linalg.svd(J / size[:, None, :], full_matrices=False)
+    with np.errstate(divide="ignore"):
+        inverse = np.where(seen * S[:, :1] < S, 1 / S, np.inf)  # relative rank: columns have length one
+    half = np.swapaxes(Vt, -1, -2) * inverse[:, None, :]
+    half = np.where(np.isnan(half), 0.0, half) / size[..., None]  # 0 x inf: the direction does not touch it
+    with np.errstate(invalid="ignore"):
+        return np.asarray(half @ np.swapaxes(half, -1, -2))
