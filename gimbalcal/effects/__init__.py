@@ -1,6 +1,6 @@
 """The catalogue: one definition per physical effect, read by simulator, estimators, diagnosis and derivations."""
 
-from gimbalcal.effects import accelerometer, gimbal
+from gimbalcal.effects import accelerometer, drift, gimbal, ground, gyroscope, memory, nonlinearity, pointing, thermal
 from gimbalcal.effects.effect import (
     CATALOGUE,
     Effect,
@@ -21,8 +21,15 @@ __all__ = [
     "Stimulus",
     "absent",
     "accelerometer",
+    "drift",
     "gimbal",
+    "ground",
+    "gyroscope",
+    "memory",
+    "nonlinearity",
     "parameters",
+    "pointing",
+    "thermal",
     "values",
     "with_values",
 ]

@@ -10,6 +10,22 @@ from gimbalcal.number import Array, sqrt
 MISALIGNMENT_AXES = ("xy", "xz", "yz", "yx", "zx", "zy")
 
 
+def lean(beta: Array, force: Array) -> Array:
+    """(C_p^a - I) f of Wu et al. (2018), Eq. (5): beta (6,) in the order of MISALIGNMENT_AXES, force (..., 3)."""
+    xy, xz, yz, yx, zx, zy = beta
+    fx, fy, fz = np.moveaxis(force, -1, 0)
+    return np.stack([xz * fy - xy * fz, yx * fz - yz * fx, zy * fx - zx * fy], axis=-1)
+
+
+def bend(K: Array, force: Array) -> Array:
+    r"""Output w less input u of w = u + K w^2, exactly: u (1 - r) / (1 + r) with r = sqrt(1 - 4 K u).
+
+    The implicit Eq. (6) of Wu et al. (2018) solved; K u^2 to first order (K2 of IEEE Std 1293).
+    """
+    r = sqrt(1 - 4 * K * force)
+    return np.asarray(force * (1 - r) / (1 + r))
+
+
 @effect
 class Misalignment(Effect):
     r"""The three input axes do not lie along the platform axes; each leans by two small angles.
@@ -18,7 +34,8 @@ class Misalignment(Effect):
               \beta_{zy} & -\beta_{zx} & 1 \end{bmatrix}
 
     Source: Wu et al. (2018), Eq. (5). Magnitude: 1 to 60 arcsec on a navigation platform. Seen by: a cross axis at
-    1 g. A rotation common to all three axes about z is the same thing as the zero of the platform gimbal.
+    1 g. A rotation common to all three axes about z is the same thing as the zero of the platform gimbal. Twin:
+    gimbal_zero.
     """
 
     id = "misalignment"
@@ -28,9 +45,7 @@ class Misalignment(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Force added along the input axes [m/s^2]: (C_p^a - I) f^p."""
-        xy, xz, yz, yx, zx, zy = self.beta
-        fx, fy, fz = np.moveaxis(s.force, -1, 0)
-        return np.stack([xz * fy - xy * fz, yx * fz - yz * fx, zy * fx - zx * fy], axis=-1)
+        return lean(self.beta, s.force)
 
 
 @effect
@@ -40,12 +55,13 @@ class ScaleFactor(Effect):
     .. math:: f^a = SF^{-1} C_p^a f^p, \qquad \text{scale\_factor} = SF - 1
 
     Source: Wu et al. (2018), Eq. (6). Magnitude: 10 to 500 ppm. Seen by: own axis at +1 g against -1 g. An error of
-    the gravity value is the same thing as a common change of all three.
+    the gravity value is the same thing as a common change of all three. Twin: gravity_error.
     """
 
     id = "scale_factor"
     stage = Stage.SCALE
     sources = ("wu2018",)
+    linear = False
     s: Array = parameter(TRIAD, unit="ppm", sigma=500, name="scale_factor")
 
     def contribution(self, s: Stimulus) -> Array:
@@ -60,18 +76,19 @@ class ScaleNonlinearity(Effect):
     .. math:: w = u + K_{nl} w^2 \;\Rightarrow\; w - u = u \, \frac{1 - r}{1 + r}, \quad r = \sqrt{1 - 4 K_{nl} u}
 
     with u the scaled force and w = f^a - b: the exact solution of the implicit Eq. (6) of Wu et al. (2018).
-    Magnitude: 1 to 30 ug/g^2 (quartz flexure). Seen by: own axis at 1 g against 0.71 g.
+    Magnitude: 1 to 30 ug/g^2 (quartz flexure). Seen by: own axis at 1 g against 0.71 g. Twin:
+    quadratic_nonlinearity, the same law under the catalogue's name.
     """
 
     id = "scale_nonlinearity"
     stage = Stage.ACCELEROMETER
     sources = ("wu2018", "ieee1293")
+    linear = False
     K_nl: Array = parameter(TRIAD, unit="ug/g^2", sigma=30, name="scale_nonlinearity")
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]: w - u."""
-        r = sqrt(1 - 4 * self.K_nl * s.force)
-        return s.force * (1 - r) / (1 + r)
+        return bend(self.K_nl, s.force)
 
 
 @effect
@@ -80,7 +97,8 @@ class Bias(Effect):
 
     .. math:: f^a = \ldots + b
 
-    Source: Wu et al. (2018), Eq. (6), delta b. Magnitude: 10 to 500 ug. Seen by: own axis at +1 g against -1 g.
+    Source: Wu et al. (2018), Eq. (6), delta b. Magnitude: 10 to 500 ug. Seen by: own axis at +1 g against -1 g. Twin:
+    the common part of K2, Kpp and Koo at 1 g.
     """
 
     id = "bias"

@@ -35,6 +35,7 @@ class Stage(Enum):
     SCALE = "added by the scale factor to the force along the input axes [m/s^2], (n, 3)"
     ACCELEROMETER = "added to the accelerometer output [m/s^2], (n, 3)"
     GYROSCOPE = "added to the gyroscope output [rad/s], (n, 3)"
+    LINE_OF_SIGHT = "rotation of the line of sight against the innermost gimbal, in platform axes [rad], (n, 3)"
     ATTITUDE = "added to the navigator's attitude error, roll, pitch, yaw [rad], (n, 3)"
 
 
@@ -61,9 +62,14 @@ class Stimulus:
     rate: Array  # (n, 3) rad/s, angular rate of the sensor block against the inertial frame, platform axes
     axis_names: tuple[str, ...]
     latitude: float | None = None  # rad
+    target: Array | None = None  # (n, 3) unit vector to the true direction, in north, east, down (pointing only)
+    true_angle: Array | None = None  # (n, k) rad, gimbal angles at which a perfect mount would point there
     temperature: Array | None = None  # (n,) degC
     reference_temperature: float = 20.0  # degC, where temperature coefficients are referred to
     covariates: Mapping[str, Array] = dataclasses.field(default_factory=dict)
+    axis_directions: tuple[str, ...] = ()  # "x", "y" or "z" of each gimbal axis
+    attitude: Array | None = None  # C_np (n, 3, 3) of the perfect platform
+    load: Array | None = None  # (n, k, 3) unit gravity in the frame that turns with gimbal i
 
     def at(self, **changes: Any) -> Stimulus:
         """The same stimulus with some arrays replaced."""
@@ -107,6 +113,8 @@ class Effect:
     requires: ClassVar[tuple[str, ...]] = ()  # quantities a recording must carry for the effect to be a candidate
     kinds: ClassVar[tuple[str, ...]] = ("multi-position", "static-run")
     sources: ClassVar[tuple[str, ...]] = ()  # keys of references.REFERENCES
+    linear: ClassVar[bool] = True  # whether the contribution is linear in the parameters
+    steps: ClassVar[tuple[str, ...]] = ()  # constants to be scanned, not differentiated: the output jumps with them
 
     def contribution(self, s: Stimulus) -> Array:
         """What the effect adds at its stage; shape and unit as `Stage` says."""

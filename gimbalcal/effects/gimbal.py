@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-from gimbalcal.effects.effect import GIMBALS, Effect, Stage, Stimulus, effect, parameter
-from gimbalcal.number import Array
+import numpy as np
+
+from gimbalcal.effects.effect import GIMBALS, Effect, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.effects.history import direction
+from gimbalcal.number import Array, cos, sin
+
+SMALLEST_TURN = 1e-3  # rad; a move below this has no sense of direction
 
 
 @effect
@@ -13,7 +18,7 @@ class GimbalZero(Effect):
     .. math:: \theta = \theta_{readout} + \theta_0
 
     Source: Wu et al. (2018), section 3: theta_10 (platform), theta_20 (inner), theta_30 (middle). Magnitude: 1 to
-    100 arcsec. Seen by: the same gimbal with gravity on two sides of it.
+    100 arcsec. Seen by: the same gimbal with gravity on two sides of it. Twin: base_tilt in a static run.
     """
 
     id = "gimbal_zero"
@@ -26,41 +31,215 @@ class GimbalZero(Effect):
         return self.theta_0 + 0 * s.readout
 
 
+def directions(s: Stimulus) -> Array:
+    """Unit vectors (k, 3) of the gimbal axes, each in the frame that turns with it."""
+    return np.eye(3)[["xyz".index(d) for d in s.axis_directions]].reshape(-1, 3)
+
+
 @effect
-class PolarAxisMisalignment(Effect):
-    r"""The inertially fixed platform starts turned against its drawing: polar axis off the pole, azimuth off.
+class GimbalNonorthogonality(Effect):
+    r"""Two neighbouring gimbal axes do not stand at right angles.
 
-    .. math:: f^p = R(\varphi_0) f^p_{ideal}
+    .. math:: C_b^p = R_1(\theta_1) \, T(\epsilon_1) \, R_2(\theta_2) \, T(\epsilon_2) \, R_3(\theta_3) \cdots
 
-    Magnitude: 5 to 300 arcsec. Seen by: gimbals and force together in a static run; a turn of the encoders alone
-    is a gimbal zero.
+    with T(epsilon_i) the small rotation between axis i and the next one out, about the direction across both. Source:
+    Wu et al. (2018), Eq. (3), whose axes are orthogonal. Magnitude: 1 to 20 arcsec. Seen by: all tilted positions,
+    three channels together. Twin: gimbal_zero and base_tilt for the outermost pair when the outer gimbal stands still.
     """
 
-    id = "polar_axis_misalignment"
+    id = "gimbal_nonorthogonality"
+    stage = Stage.AXIS_TILT
+    sources = ("wu2018",)
+    epsilon: Array = parameter(GIMBALS, unit="arcsec", sigma=10, name="nonorthogonality")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rotation between each axis and the next one out [rad], (n, k, 3)."""
+        own = directions(s)
+        across = np.cross(own, np.concatenate([own[1:], own[-1:]]))  # the outermost axis has no neighbour
+        return across * np.asarray(self.epsilon)[:, None] + 0 * s.readout[..., None]
+
+
+@effect
+class EncoderEccentricity(Effect):
+    r"""The circle of an angle encoder is centred off its axis: an error once per revolution.
+
+    .. math:: \delta\theta = A \sin\theta + B \cos\theta
+
+    Source: geometry: offset over radius, 1 um on 50 mm is 4.1 arcsec. Magnitude: 1 to 40 arcsec. Seen by: a pattern
+    in the gimbal angle, three channels together. Twin: gimbal_flexure on a horizontal axis; absorbed in a static run
+    on gimbals that stand still.
+    """
+
+    id = "encoder_eccentricity"
+    stage = Stage.ENCODER
+    channel = "gimbal_angle"
+    A: Array = parameter(GIMBALS, unit="arcsec", sigma=10, name="eccentricity_sin")
+    B: Array = parameter(GIMBALS, unit="arcsec", sigma=10, name="eccentricity_cos")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Angle minus readout [rad], (n, k)."""
+        return self.A * sin(s.angle) + self.B * cos(s.angle)
+
+
+@effect
+class EncoderTwoCycle(Effect):
+    r"""An elliptic circle or bearing: an error twice per revolution.
+
+    .. math:: \delta\theta = A \sin 2\theta + B \cos 2\theta
+
+    Source: geometry of a read head on an ellipse. Magnitude: 0.3 to 5 arcsec. Seen by: a pattern in twice the gimbal
+    angle. Twin: base_tilt_diurnal in a static run shorter than weeks.
+    """
+
+    id = "encoder_two_cycle"
+    stage = Stage.ENCODER
+    channel = "gimbal_angle"
+    A: Array = parameter(GIMBALS, unit="arcsec", sigma=3, name="two_cycle_sin")
+    B: Array = parameter(GIMBALS, unit="arcsec", sigma=3, name="two_cycle_cos")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Angle minus readout [rad], (n, k)."""
+        return self.A * sin(2 * s.angle) + self.B * cos(2 * s.angle)
+
+
+@effect
+class EncoderHarmonic(Effect):
+    r"""A clamped or warped circle: an error n times per revolution, n of 3 and more.
+
+    .. math:: \delta\theta = A \sin n\theta + B \cos n\theta
+
+    Source: geometry of a circle held at n points. Magnitude: 0.1 to 2 arcsec. Seen by: as many angles as 2 n + 1.
+    Twin: higher and lower n alias on a schedule of 45 degree steps.
+    """
+
+    id = "encoder_harmonic"
+    stage = Stage.ENCODER
+    channel = "gimbal_angle"
+    steps = ("order",)
+    A: Array = parameter(GIMBALS, unit="arcsec", sigma=1, name="harmonic_sin")
+    B: Array = parameter(GIMBALS, unit="arcsec", sigma=1, name="harmonic_cos")
+    order: float = constant(3.0, unit="1", low=3.0, high=24.0)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Angle minus readout [rad], (n, k)."""
+        return self.A * sin(self.order * s.angle) + self.B * cos(self.order * s.angle)
+
+
+@effect
+class EncoderCyclicError(Effect):
+    r"""Interpolation between the lines of the circle is imperfect: an error once per line.
+
+    .. math:: \delta\theta = A \sin N\theta + B \cos N\theta
+
+    Source: sine and cosine channels of unequal gain and offset. Magnitude: 0.05 to 1 arcsec. Seen by: a slow sweep
+    over one line. Twin: setting_error on positions that are far apart.
+    """
+
+    id = "encoder_cyclic_error"
+    stage = Stage.ENCODER
+    channel = "gimbal_angle"
+    steps = ("lines",)
+    A: Array = parameter(GIMBALS, unit="arcsec", sigma=0.5, name="cyclic_sin")
+    B: Array = parameter(GIMBALS, unit="arcsec", sigma=0.5, name="cyclic_cos")
+    lines: float = constant(360.0, unit="1", low=32.0, high=65536.0)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Angle minus readout [rad], (n, k)."""
+        return self.A * sin(self.lines * s.angle) + self.B * cos(self.lines * s.angle)
+
+
+@effect
+class BearingWobble(Effect):
+    r"""The axis of a bearing wobbles while it turns, m times per revolution.
+
+    .. math:: T_i = w_c (e_1 \cos m\theta + e_2 \sin m\theta) + w_s (e_2 \cos m\theta - e_1 \sin m\theta)
+
+    with e_1, e_2 across the axis. Source: bearing run-out. Magnitude: 0.2 to 5 arcsec. Seen by: three channels
+    together, m of 2 and more. Twin: with m = 1 a fixed lean of the next axis; near encoder_two_cycle with m = 2.
+    """
+
+    id = "bearing_wobble"
+    stage = Stage.AXIS_TILT
+    steps = ("m",)
+    w_c: Array = parameter(GIMBALS, unit="arcsec", sigma=2, name="wobble_cos")
+    w_s: Array = parameter(GIMBALS, unit="arcsec", sigma=2, name="wobble_sin")
+    m: float = constant(2.0, unit="1", low=1.0, high=12.0)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rotation between each axis and the next one out [rad], (n, k, 3)."""
+        own = directions(s)
+        e_1, e_2 = np.roll(own, 1, axis=-1), np.roll(own, 2, axis=-1)
+        c, d = cos(self.m * s.angle)[..., None], sin(self.m * s.angle)[..., None]
+        w_c, w_s = np.asarray(self.w_c)[:, None], np.asarray(self.w_s)[:, None]
+        return np.asarray(w_c * (e_1 * c + e_2 * d) + w_s * (e_2 * c - e_1 * d))
+
+
+@effect
+class GimbalFlexure(Effect):
+    r"""The unbalanced gimbal sags under its own weight against the stiffness of its loop.
+
+    .. math:: \delta\theta_i = \kappa_{1,i} \, g_1^{(i)} + \kappa_{2,i} \, g_2^{(i)}
+
+    with g_1, g_2 the components of gravity across axis i in the frame that turns with it. Source: torque of a mass
+    off its axis. Magnitude: 0.5 to 10 arcsec/g. Seen by: positions whose load on that gimbal differs. Twin:
+    encoder_eccentricity, exactly, where the axis is horizontal.
+    """
+
+    id = "gimbal_flexure"
+    stage = Stage.ENCODER
+    channel = "gimbal_angle"
+    kappa_1: Array = parameter(GIMBALS, unit="arcsec/g", sigma=5, name="flexure_1")
+    kappa_2: Array = parameter(GIMBALS, unit="arcsec/g", sigma=5, name="flexure_2")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Angle minus readout [rad], (n, k)."""
+        own = directions(s)
+        load = np.asarray(s.load) * s.gravity
+        first = (load * np.roll(own, 1, axis=-1)).sum(axis=-1)
+        second = (load * np.roll(own, 2, axis=-1)).sum(axis=-1)
+        return self.kappa_1 * first + self.kappa_2 * second
+
+
+@effect
+class GimbalFriction(Effect):
+    r"""Stiction leaves each gimbal short of its readout, on the side from which it came.
+
+    .. math:: \delta\theta_i = h_i \operatorname{sign}(\Delta\theta_i)
+
+    with the turn at the last move of that gimbal's schedule. Source: friction torque over loop stiffness. Magnitude:
+    0.1 to 2 arcsec. Seen by: order of visits, across the force. Twin: near accelerometer_hysteresis, which acts
+    along it.
+    """
+
+    id = "gimbal_friction"
+    stage = Stage.ENCODER
+    channel = "gimbal_angle"
+    kinds = ("multi-position",)
+    h: Array = parameter(GIMBALS, unit="arcsec", sigma=2, name="friction")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Angle minus readout [rad], (n, k)."""
+        return self.h * direction(s.move_angle, SMALLEST_TURN)
+
+
+@effect
+class PositionBlunder(Effect):
+    r"""One position was not set where the readout says, or its dwell was disturbed.
+
+    .. math:: f^p = R(\delta) f^p_{ideal} \quad \text{at one position}
+
+    Source: operation. Magnitude: any. Seen by: one position only, across the force. Twin: none; the turn about the
+    force itself is invisible. Repeat the position.
+    """
+
+    id = "position_blunder"
     stage = Stage.PLATFORM
-    kinds = ("static-run",)
-    phi_0: Array = parameter(("equatorial_x", "equatorial_y", "polar"), unit="arcsec", sigma=120, name="phi_0")
+    requires = ("position",)
+    kinds = ("multi-position",)
+    steps = ("position",)
+    delta: Array = parameter(("x", "y", "z"), unit="arcsec", sigma=30, name="blunder")
+    position: float = constant(1.0, unit="1", low=1.0, high=1000.0)
 
     def contribution(self, s: Stimulus) -> Array:
         """Rotation in platform axes [rad], (n, 3)."""
-        return self.phi_0 + 0 * s.force
-
-
-@effect
-class BaseTilt(Effect):
-    r"""The base is not level and north: a constant rotation against the local level.
-
-    .. math:: C_n^b = R(\kappa_N, \kappa_E, \kappa_D)
-
-    Source: Wu et al. (2018), Eq. (28). Magnitude: 1 to 100 arcsec. Seen by: gimbals; the accelerometers of an
-    inertially fixed platform are blind to it.
-    """
-
-    id = "base_tilt"
-    stage = Stage.BASE
-    sources = ("wu2018",)
-    kappa: Array = parameter(("north", "east", "down"), unit="arcsec", sigma=120, name="base_tilt")
-
-    def contribution(self, s: Stimulus) -> Array:
-        """Rotation about north, east, down [rad], (n, 3)."""
-        return self.kappa + 0 * s.force
+        return self.delta * np.asarray(s.position == self.position, dtype=float)[..., None]

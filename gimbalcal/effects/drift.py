@@ -1,0 +1,268 @@
+"""The platform itself turns: gyroscope drifts and loop residues of an inertially fixed platform."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+
+from gimbalcal.earth import EARTH_RATE
+from gimbalcal.effects.effect import SCALAR, Effect, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.effects.history import columns, integral, slope
+from gimbalcal.number import Array, apply_matrix, cos, sin
+
+HOUR = 3600.0
+SOLAR_DAY = 24 * HOUR
+SCHULER_PERIOD = 84.4 * 60  # 2 pi sqrt(R / g)
+PLATFORM_AXES = ("equatorial_x", "equatorial_y", "polar")
+MATRIX_AXES = tuple(i + j for i in "xyz" for j in "xyz")  # output axis, then input axis
+
+
+@effect
+class PolarAxisMisalignment(Effect):
+    r"""The inertially fixed platform starts turned against its drawing: polar axis off the pole, azimuth off.
+
+    .. math:: f^p = R(\varphi_0) f^p_{ideal}
+
+    Source: Britting (1971), initial alignment of a space-stabilised platform. Magnitude: 5 to 300 arcsec. Seen by:
+    gimbals and force together in a static run; a turn of the encoders alone is a gimbal zero. Twin: none there;
+    in a multi-position recording it is invisible.
+    """
+
+    id = "polar_axis_misalignment"
+    stage = Stage.PLATFORM
+    sources = ("britting1971",)
+    kinds = ("static-run",)
+    phi_0: Array = parameter(("equatorial_x", "equatorial_y", "polar"), unit="arcsec", sigma=120, name="phi_0")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rotation in platform axes [rad], (n, 3)."""
+        return self.phi_0 + 0 * s.force
+
+
+@effect
+class GyroDrift(Effect):
+    r"""The gyroscopes drift at a constant rate and take the platform along.
+
+    .. math:: \varphi = \epsilon t
+
+    constant in platform axes, which stand still in inertial space. Source: Nash et al. (1971); Britting (1971).
+    Magnitude: 0.001 to 0.01 deg/h. Seen by: accelerometers and gimbals together. Twin: clock_rate for the polar axis.
+    """
+
+    id = "gyro_drift"
+    stage = Stage.PLATFORM
+    kinds = ("static-run",)
+    sources = ("nash1971", "britting1971")
+    epsilon: Array = parameter(PLATFORM_AXES, unit="deg/h", sigma=0.005, name="drift")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rotation in platform axes [rad], (n, 3)."""
+        return self.epsilon * s.time[..., None]
+
+
+@effect
+class GyroGSensitivity(Effect):
+    r"""The rotor's mass is off its centre: specific force makes it drift.
+
+    .. math:: \varphi = D \int f \, dt
+
+    Source: IEEE Std 528, acceleration-sensitive drift rate. Magnitude: 0.005 to 0.05 deg/h/g. Seen by: six attitudes
+    of the platform. Twin: cross_coupling and a solar-day drift at one attitude.
+    """
+
+    id = "gyro_g_sensitivity"
+    stage = Stage.PLATFORM
+    kinds = ("static-run",)
+    sources = ("ieee528", "lawrence1998")
+    D: Array = parameter(MATRIX_AXES, unit="deg/h/g", sigma=0.02, name="g_sensitivity")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rotation in platform axes [rad], (n, 3)."""
+        return apply_matrix(np.reshape(self.D, (3, 3)), integral(s.force, s.time))
+
+
+@effect
+class GyroG2Sensitivity(Effect):
+    r"""The rotor's suspension yields unequally along two axes: the product of two forces makes it drift.
+
+    .. math:: \varphi_i = E_i \int f_j f_k \, dt
+
+    Source: IEEE Std 528, acceleration-squared-sensitive drift rate. Magnitude: 0.002 to 0.02 deg/h/g^2. Seen by: twice
+    the sidereal rate in the drift. Twin: gyro_g_sensitivity at one attitude.
+    """
+
+    id = "gyro_g2_sensitivity"
+    stage = Stage.PLATFORM
+    kinds = ("static-run",)
+    sources = ("ieee528", "lawrence1998")
+    E: Array = parameter(PLATFORM_AXES, unit="deg/h/g^2", sigma=0.01, name="g2_sensitivity")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rotation in platform axes [rad], (n, 3)."""
+        fj, fk = columns(s.force)
+        return self.E * integral(fj * fk, s.time)
+
+
+@effect
+class GyroTemperatureDrift(Effect):
+    r"""The drift rate follows the temperature.
+
+    .. math:: \varphi = \epsilon_T \int (T - T_0) \, dt
+
+    Source: IEEE Std 952, environmentally sensitive drift. Magnitude: 1e-4 to 1e-3 deg/h/degC. Seen by: accelerometers
+    and gimbals together while the temperature moves. Twin: gyro_drift at a constant temperature.
+    """
+
+    id = "gyro_temperature_drift"
+    stage = Stage.PLATFORM
+    requires = ("temperature",)
+    kinds = ("static-run",)
+    sources = ("ieee952",)
+    epsilon_T: Array = parameter(PLATFORM_AXES, unit="deg/h/degC", sigma=0.001, name="thermal_drift")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rotation in platform axes [rad], (n, 3)."""
+        return self.epsilon_T * integral(s.temperature_excess(), s.time)[..., None]
+
+
+@effect
+class GyroDiurnalDrift(Effect):
+    r"""The drift rate follows the solar day.
+
+    .. math:: \varphi = \int (A \sin\omega_d t + B \cos\omega_d t) \, dt
+
+    Source: IEEE Std 952, environmentally sensitive drift. Magnitude: 1e-4 to 1e-3 deg/h. Seen by: accelerometers and
+    gimbals together. Twin: gyro_g_sensitivity and cross_coupling in runs shorter than weeks.
+    """
+
+    id = "gyro_diurnal_drift"
+    stage = Stage.PLATFORM
+    kinds = ("static-run",)
+    sources = ("ieee952",)
+    A: Array = parameter(PLATFORM_AXES, unit="deg/h", sigma=0.001, name="diurnal_drift_sin")
+    B: Array = parameter(PLATFORM_AXES, unit="deg/h", sigma=0.001, name="diurnal_drift_cos")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rotation in platform axes [rad], (n, 3)."""
+        omega = 2 * pi / SOLAR_DAY
+        S, C = (sin(omega * s.time) / omega)[..., None], ((1 - cos(omega * s.time)) / omega)[..., None]
+        return self.A * C + self.B * S
+
+
+@effect
+class CaseRotationResidue(Effect):
+    r"""Gyroscope cases are turned to average their drifts out; what is left turns the platform at that period.
+
+    .. math:: \varphi = A \sin(2\pi t / P) + B \cos(2\pi t / P)
+
+    Source: Britting (1971), case rotation of free-rotor gyroscopes. Magnitude: 0.5 to 10 urad, period 8 min. Seen by:
+    a sharp line in all channels if samples are closer than half the period. Twin: none.
+    """
+
+    id = "case_rotation_residue"
+    stage = Stage.PLATFORM
+    kinds = ("static-run",)
+    sources = ("britting1971",)
+    A: Array = parameter(PLATFORM_AXES, unit="urad", sigma=3, name="case_rotation_sin")
+    B: Array = parameter(PLATFORM_AXES, unit="urad", sigma=3, name="case_rotation_cos")
+    period: float = constant(480.0, unit="min", low=240.0, high=960.0)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rotation in platform axes [rad], (n, 3)."""
+        return _harmonic(self.A, self.B, s.time, self.period)
+
+
+@effect
+class ServoLimitCycle(Effect):
+    r"""Friction and gain of the platform loop sustain an oscillation.
+
+    .. math:: \varphi = A \sin(2\pi t / P) + B \cos(2\pi t / P)
+
+    Source: Lawrence (1998), platform servo loops. Magnitude: 0.5 to 20 urad. Seen by: raw samples; block averages
+    alias it. Twin: case_rotation_residue where the rate of samples aliases one into the other.
+    """
+
+    id = "servo_limit_cycle"
+    stage = Stage.PLATFORM
+    kinds = ("static-run",)
+    sources = ("lawrence1998",)
+    A: Array = parameter(PLATFORM_AXES, unit="urad", sigma=5, name="limit_cycle_sin")
+    B: Array = parameter(PLATFORM_AXES, unit="urad", sigma=5, name="limit_cycle_cos")
+    period: float = constant(10.0, unit="s", low=0.02, high=120.0)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rotation in platform axes [rad], (n, 3)."""
+        return _harmonic(self.A, self.B, s.time, self.period)
+
+
+@effect
+class SchulerOscillation(Effect):
+    r"""The navigator's undamped level loop swings with the period of a pendulum as long as the Earth's radius.
+
+    .. math:: \delta\phi = A \sin(2\pi t / P) + B \cos(2\pi t / P), \qquad P = 2\pi\sqrt{R / g}
+
+    Source: Britting (1971), Schuler tuning. Magnitude: 0.5 to 20 arcsec. Seen by: roll and pitch, nothing else.
+    Twin: none.
+    """
+
+    id = "schuler_oscillation"
+    stage = Stage.ATTITUDE
+    channel = "attitude_error"
+    kinds = ("static-run",)
+    sources = ("britting1971", "wu2018")
+    A: Array = parameter(("roll", "pitch"), unit="arcsec", sigma=1, name="schuler_sin")
+    B: Array = parameter(("roll", "pitch"), unit="arcsec", sigma=1, name="schuler_cos")
+    period: float = constant(SCHULER_PERIOD, unit="min", low=80 * 60.0, high=89 * 60.0)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Roll, pitch, yaw [rad], (n, 3)."""
+        swing = _harmonic(self.A, self.B, s.time, self.period)
+        return np.concatenate([swing, 0 * swing[..., :1]], axis=-1)
+
+
+@effect
+class ClockRate(Effect):
+    r"""The clock of the recording runs fast or slow against the Earth's turn.
+
+    .. math:: \delta f = \kappa t \, \dot f
+
+    Source: Groves (2013), data timing. Magnitude: 0.01 to 50 ppm. Seen by: a growing phase of the sidereal line. Twin:
+    gyro_drift about the polar axis, exactly, as far as the accelerometers are asked.
+    """
+
+    id = "clock_rate"
+    stage = Stage.PLATFORM
+    kinds = ("static-run",)
+    sources = ("groves2013",)
+    kappa: float = parameter(SCALAR, unit="ppm", sigma=10, name="clock_rate")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rotation in platform axes [rad], (n, 3): the Earth's turn in the time the clock has gained."""
+        turn = EARTH_RATE * self.kappa * s.time
+        return np.stack([0 * turn, 0 * turn, -turn], axis=-1)
+
+
+@effect
+class TimeTagLatency(Effect):
+    r"""Samples carry a time tag that is late.
+
+    .. math:: \delta f = \delta t \, \dot f
+
+    Source: Groves (2013), data timing. Magnitude: 0.1 to 20 ms; 0.07 ug per ms at Earth rate, 17 ug per ms at 1 deg/s.
+    Seen by: slews. Twin: polar_axis_misalignment, exactly, in a static run.
+    """
+
+    id = "time_tag_latency"
+    stage = Stage.INPUT_AXIS
+    sources = ("groves2013",)
+    latency: float = parameter(SCALAR, unit="ms", sigma=10)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Force added along the input axes [m/s^2]."""
+        return self.latency * slope(s.force, s.time, s.visit)
+
+
+def _harmonic(A: Array, B: Array, time: Array, period: float) -> Array:
+    phase = (2 * pi / period * time)[..., None]
+    return np.asarray(A * sin(phase) + B * cos(phase))

@@ -1,0 +1,172 @@
+"""The ground and the Earth: a base that tilts, tides in the plumb line and in gravity, the wrong gravity value."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+
+from gimbalcal.effects.effect import SCALAR, Effect, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.number import Array, cos, sin
+
+HOUR = 3600.0
+SOLAR_DAY = 24 * HOUR
+M2_PERIOD = 12.4206012 * HOUR  # principal lunar semidiurnal tide, IERS Conventions (2010), chapter 6
+TILT = ("north", "east")
+
+
+def level(north: Array, east: Array, down: Array) -> Array:
+    """Components about north, east, down joined to (n, 3)."""
+    return np.stack([np.asarray(north), np.asarray(east), np.asarray(down)], axis=-1)
+
+
+@effect
+class BaseTilt(Effect):
+    r"""The base is not level and north: a constant rotation against the local level.
+
+    .. math:: C_n^b = R(\kappa_N, \kappa_E, \kappa_D)
+
+    Source: Wu et al. (2018), Eq. (28). Magnitude: 1 to 100 arcsec. Seen by: gimbals; the accelerometers of an
+    inertially fixed platform are blind to it. Twin: gimbal_zero (outer).
+    """
+
+    id = "base_tilt"
+    stage = Stage.BASE
+    sources = ("wu2018",)
+    kappa: Array = parameter(("north", "east", "down"), unit="arcsec", sigma=120, name="base_tilt")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rotation about north, east, down [rad], (n, 3)."""
+        return self.kappa + 0 * s.force
+
+
+@effect
+class BaseTiltDrift(Effect):
+    r"""The pier settles: the base tilts at a constant rate.
+
+    .. math:: C_n^b = R(\dot\psi_N t, \dot\psi_E t, 0)
+
+    Source: Wu et al. (2018), Eq. (28), whose tilt is constant. Magnitude: 0.1 to 5 urad/h. Seen by: accelerometers
+    where encoders give the attitude; gimbals alone on an inertially fixed platform. Twin: base_tilt_diurnal within 8 h.
+    """
+
+    id = "base_tilt_drift"
+    stage = Stage.BASE
+    channel = "gimbal_angle"
+    sources = ("wu2018",)
+    psi: Array = parameter(TILT, unit="urad/h", sigma=3, name="tilt_rate")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rotation about north, east, down [rad], (n, 3)."""
+        return level(self.psi[0] * s.time, self.psi[1] * s.time, 0 * s.time)
+
+
+@effect
+class BaseTiltDiurnal(Effect):
+    r"""Building and pier follow the sun: the base tilts with the solar day.
+
+    .. math:: \psi(t) = A \sin\omega_d t + B \cos\omega_d t, \qquad \omega_d = 2\pi / 24\,\mathrm{h}
+
+    Source: tilt of buildings by the sun, engineering experience. Magnitude: 1 to 20 urad. Seen by: gimbals at the sum
+    and difference of the solar and sidereal rates. Twin: encoder_two_cycle in a static run; base_tilt_drift within 8 h.
+    """
+
+    id = "base_tilt_diurnal"
+    stage = Stage.BASE
+    channel = "gimbal_angle"
+    A: Array = parameter(TILT, unit="urad", sigma=10, name="tilt_sin")
+    B: Array = parameter(TILT, unit="urad", sigma=10, name="tilt_cos")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rotation about north, east, down [rad], (n, 3)."""
+        S, C = sin(2 * pi / SOLAR_DAY * s.time), cos(2 * pi / SOLAR_DAY * s.time)
+        return level(self.A[0] * S + self.B[0] * C, self.A[1] * S + self.B[1] * C, 0 * s.time)
+
+
+@effect
+class PlumbLineTide(Effect):
+    r"""Sun and Moon turn the plumb line against the ground.
+
+    .. math:: \delta g^n = g \, (\eta_N(t), \eta_E(t), 0), \qquad \eta = A \sin\omega t + B \cos\omega t
+
+    with the M2 period unless told otherwise. Source: IERS Conventions (2010), chapters 6 and 7. Magnitude: 20 to 100
+    nrad. Seen by: accelerometers alone. Twin: the K1 constituent is sidereal and cannot be told from a platform term.
+    """
+
+    id = "plumb_line_tide"
+    stage = Stage.GRAVITY
+    kinds = ("static-run",)
+    sources = ("iers2010",)
+    A: Array = parameter(TILT, unit="nrad", sigma=50, name="plumb_sin")
+    B: Array = parameter(TILT, unit="nrad", sigma=50, name="plumb_cos")
+    period: float = constant(M2_PERIOD, unit="h", low=11.9 * HOUR, high=26.9 * HOUR)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Added to gravity in north, east, down [m/s^2], (n, 3)."""
+        S, C = sin(2 * pi / self.period * s.time), cos(2 * pi / self.period * s.time)
+        north, east = (s.gravity * (self.A[i] * S + self.B[i] * C) for i in (0, 1))
+        return level(north, east, 0 * s.time)
+
+
+@effect
+class GravityTide(Effect):
+    r"""Sun and Moon change the size of gravity.
+
+    .. math:: \delta g^n = (0, 0, A \sin\omega t + B \cos\omega t)
+
+    Source: IERS Conventions (2010), chapter 7. Magnitude: 110 uGal (0.1 ug). Seen by: all channels in proportion to
+    the force. Twin: near plumb_line_tide of the same period; gravity_error if constant.
+    """
+
+    id = "gravity_tide"
+    stage = Stage.GRAVITY
+    kinds = ("static-run",)
+    sources = ("iers2010",)
+    A: float = parameter(SCALAR, unit="uGal", sigma=100, name="gravity_tide_sin")
+    B: float = parameter(SCALAR, unit="uGal", sigma=100, name="gravity_tide_cos")
+    period: float = constant(M2_PERIOD, unit="h", low=11.9 * HOUR, high=26.9 * HOUR)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Added to gravity in north, east, down [m/s^2], (n, 3)."""
+        S, C = sin(2 * pi / self.period * s.time), cos(2 * pi / self.period * s.time)
+        return level(0 * s.time, 0 * s.time, self.A * S + self.B * C)
+
+
+@effect
+class GravityError(Effect):
+    r"""The value of gravity at the site is wrong.
+
+    .. math:: \delta g^n = (0, 0, \gamma g)
+
+    Source: WGS-84 normal gravity against a gravimeter. Magnitude: 1 to 50 ppm. Seen by: nothing. Twin: three equal
+    errors of scale_factor, exactly.
+    """
+
+    id = "gravity_error"
+    stage = Stage.GRAVITY
+    sources = ("wgs84",)
+    gamma: float = parameter(SCALAR, unit="ppm", sigma=20, name="gravity_error")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Added to gravity in north, east, down [m/s^2], (n, 3)."""
+        return level(0 * s.time, 0 * s.time, self.gamma * s.gravity + 0 * s.time)
+
+
+@effect
+class VerticalDeflection(Effect):
+    r"""The plumb line is not the normal of the ellipsoid.
+
+    .. math:: \delta g^n = g \, (\xi, \eta, 0)
+
+    Source: WGS-84 latitude against an astronomic one. Magnitude: 1 to 20 arcsec. Seen by: nothing alone. Twin:
+    base_tilt with encoders; base_tilt and polar_axis_misalignment in a static run.
+    """
+
+    id = "vertical_deflection"
+    stage = Stage.GRAVITY
+    sources = ("wgs84",)
+    xi: Array = parameter(TILT, unit="arcsec", sigma=10, name="deflection")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Added to gravity in north, east, down [m/s^2], (n, 3)."""
+        return level(s.gravity * self.xi[0] + 0 * s.time, s.gravity * self.xi[1] + 0 * s.time, 0 * s.time)

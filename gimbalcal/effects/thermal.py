@@ -1,0 +1,229 @@
+"""Temperature and time: biases and scale factors that follow the thermometer, lag behind it, or simply drift."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gimbalcal.earth import G0
+from gimbalcal.effects.accelerometer import MISALIGNMENT_AXES, lean
+from gimbalcal.effects.effect import TRIAD, Effect, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.effects.history import lagged
+from gimbalcal.number import Array, exp
+
+HOUR = 3600.0
+
+
+@effect
+class BiasTemperature(Effect):
+    r"""The bias follows the temperature.
+
+    .. math:: \delta a_i = b_{T,i} (T - T_0)
+
+    Source: IEEE Std 1293, temperature sensitivity of bias. Magnitude: 1 to 30 ug/degC (quartz flexure), 100 to 500
+    (MEMS). Seen by: every position while the temperature moves. Twin: bias_drift under a monotone temperature; a
+    pure 24 h cycle in a static run is absorbed.
+    """
+
+    id = "bias_temperature"
+    stage = Stage.ACCELEROMETER
+    requires = ("temperature",)
+    sources = ("ieee1293",)
+    b_T: Array = parameter(TRIAD, unit="ug/degC", sigma=10)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Output added [m/s^2]."""
+        return self.b_T * s.temperature_excess()[..., None]
+
+
+@effect
+class ScaleTemperature(Effect):
+    r"""The scale factor follows the temperature: magnet and reference resistor have coefficients.
+
+    .. math:: \delta a_i = s_{T,i} f_i (T - T_0)
+
+    Source: IEEE Std 1293, temperature sensitivity of scale factor. Magnitude: 10 to 180 ppm/degC. Seen by: loaded
+    axes while the temperature moves, with the sign of the force. Twin: none where opposite faces see other
+    temperatures.
+    """
+
+    id = "scale_temperature"
+    stage = Stage.ACCELEROMETER
+    requires = ("temperature",)
+    sources = ("ieee1293",)
+    s_T: Array = parameter(TRIAD, unit="ppm/degC", sigma=50)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Output added [m/s^2]."""
+        return self.s_T * s.force * s.temperature_excess()[..., None]
+
+
+@effect
+class MisalignmentTemperature(Effect):
+    r"""The input axes lean with temperature.
+
+    .. math:: \delta f^a = (C_p^a(\mu_T) - I) f^p (T - T_0)
+
+    in the pattern of Eq. (5) of Wu et al. (2018). Source: IEEE Std 1293, input-axis misalignment. Magnitude: 0.2 to 2
+    urad/degC. Seen by: cross axes at 1 g while the temperature moves. Twin: near a thermal tilt of the gimbals.
+    """
+
+    id = "misalignment_temperature"
+    stage = Stage.INPUT_AXIS
+    requires = ("temperature",)
+    sources = ("ieee1293", "wu2018")
+    mu_T: Array = parameter(MISALIGNMENT_AXES, unit="urad/degC", sigma=1)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Force added along the input axes [m/s^2]."""
+        return lean(self.mu_T, s.force) * s.temperature_excess()[..., None]
+
+
+@effect
+class BiasTemperatureLagged(Effect):
+    r"""The sensor warms later than the thermometer, so its bias follows a smoothed past of the temperature.
+
+    .. math:: \delta a_i = b_{L,i} \int_0^\infty (T(t - u) - T_0) \frac{e^{-u / \tau}}{\tau} du
+
+    in equilibrium before the first sample. Source: IEEE Std 1293, thermal transients. Magnitude: that of
+    bias_temperature, tau 0.2 to 2 h. Seen by: what is left after bias_temperature follows dT/dt. Twin: bias_drift
+    and warm_up under a monotone temperature.
+    """
+
+    id = "bias_temperature_lagged"
+    stage = Stage.ACCELEROMETER
+    requires = ("temperature",)
+    sources = ("ieee1293",)
+    b_L: Array = parameter(TRIAD, unit="ug/degC", sigma=10)
+    tau: float = constant(0.3 * HOUR, unit="h", low=0.02 * HOUR, high=6 * HOUR)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Output added [m/s^2]."""
+        return self.b_L * lagged(s.temperature_excess(), s.time, self.tau)[..., None]
+
+
+@effect
+class BiasTemperatureRate(Effect):
+    r"""A temperature gradient across the sensor, in proportion to the rate, moves the bias.
+
+    .. math:: \delta a_i = r_i \dot T, \qquad \dot T = (T - T_{lag}) / \tau
+
+    with the rate seen through a lag of tau, because thermometers are noisy. Source: IEEE Std 1293, thermal
+    transients. Magnitude: 1 to 20 ug/(degC/h). Seen by: ramps. Twin: bias_temperature with bias_temperature_lagged.
+    """
+
+    id = "bias_temperature_rate"
+    stage = Stage.ACCELEROMETER
+    requires = ("temperature",)
+    sources = ("ieee1293",)
+    r: Array = parameter(TRIAD, unit="ug/(degC/h)", sigma=10, name="bias_per_rate")
+    tau: float = constant(120.0, unit="min", low=10.0, high=1800.0)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Output added [m/s^2]."""
+        T = s.temperature_excess()
+        return self.r * ((T - lagged(T, s.time, self.tau)) / self.tau)[..., None]
+
+
+@effect
+class BiasTemperatureSquared(Effect):
+    r"""The bias has a turning point in temperature.
+
+    .. math:: \delta a_i = q_i (T - T_0)^2
+
+    Source: IEEE Std 1293, temperature model. Magnitude: 0.05 to 0.5 ug/degC^2 (quartz flexure), 1 to 10 (MEMS). Seen
+    by: the extremes of temperature. Twin: bias_temperature on a narrow range.
+    """
+
+    id = "bias_temperature_squared"
+    stage = Stage.ACCELEROMETER
+    requires = ("temperature",)
+    sources = ("ieee1293",)
+    q: Array = parameter(TRIAD, unit="ug/degC^2", sigma=0.5)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Output added [m/s^2]."""
+        return self.q * (s.temperature_excess() ** 2)[..., None]
+
+
+@effect
+class WarmUp(Effect):
+    r"""After power-on the bias approaches its steady value.
+
+    .. math:: \delta a_i = w_i e^{-t / \tau}
+
+    Source: IEEE Std 1293, turn-on transient. Magnitude: 10 to 200 ug (quartz flexure), tau 0.3 to 3 h. Seen by: the
+    first hours only. Twin: bias_drift in a test shorter than tau.
+    """
+
+    id = "warm_up"
+    stage = Stage.ACCELEROMETER
+    sources = ("ieee1293",)
+    w: Array = parameter(TRIAD, unit="ug", sigma=50)
+    tau: float = constant(1.0 * HOUR, unit="h", low=0.05 * HOUR, high=12 * HOUR)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Output added [m/s^2]."""
+        return self.w * exp(-s.time / self.tau)[..., None]
+
+
+@effect
+class BiasDrift(Effect):
+    r"""The bias runs away at a constant rate: ageing.
+
+    .. math:: \delta a_i = d_i t
+
+    Source: IEEE Std 528, drift. Magnitude: 0.05 to 5 ug/h (quartz flexure), 5 to 500 (MEMS). Seen by: a return to the
+    first position at the end. Twin: warm_up and bias_temperature under a monotone temperature.
+    """
+
+    id = "bias_drift"
+    stage = Stage.ACCELEROMETER
+    sources = ("ieee528",)
+    d: Array = parameter(TRIAD, unit="ug/h", sigma=3)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Output added [m/s^2]."""
+        return self.d * s.time[..., None]
+
+
+@effect
+class BiasStep(Effect):
+    r"""The bias jumps once: a particle, a glue joint, a connector.
+
+    .. math:: \delta a_i = J_i \, [t \geq t_0]
+
+    Source: IEEE Std 528, bias stability. Magnitude: 1 to 20 ug (quartz flexure), 20 to 1000 (MEMS). Seen by: a step
+    between dwells. Twin: none where the same position stands on both sides of the step.
+    """
+
+    id = "bias_step"
+    stage = Stage.ACCELEROMETER
+    sources = ("ieee528",)
+    steps = ("epoch",)
+    J: Array = parameter(TRIAD, unit="ug", sigma=10)
+    epoch: float = constant(1.0, unit="s", low=0.0, high=100 * 24 * HOUR)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Output added [m/s^2]."""
+        return self.J * np.asarray(s.time >= self.epoch, dtype=float)[..., None]
+
+
+@effect
+class SelfHeating(Effect):
+    r"""The torquer's power warms its own sensor: the bias follows the square of the force, late.
+
+    .. math:: \delta a_i = H_i \int_0^\infty (f_i(t - u) / g_0)^2 \frac{e^{-u / \tau}}{\tau} du
+
+    Source: Lawrence (1998), pendulous accelerometers. Magnitude: 1 to 10 ug (quartz flexure). Seen by: dwells short
+    against tau. Twin: quadratic_nonlinearity when each dwell outlasts tau.
+    """
+
+    id = "self_heating"
+    stage = Stage.ACCELEROMETER
+    sources = ("lawrence1998",)
+    H: Array = parameter(TRIAD, unit="ug", sigma=5)
+    tau: float = constant(0.2 * HOUR, unit="h", low=0.02 * HOUR, high=3 * HOUR)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Output added [m/s^2]."""
+        return self.H * lagged((s.force / G0) ** 2, s.time, self.tau)
