@@ -1,0 +1,292 @@
+"""The report of a calibration, built from the content of calibration.json and the recordings behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+import gimbalcal
+from gimbalcal.calibration import from_dict
+from gimbalcal.effects import CATALOGUE, Effect
+from gimbalcal.recording import Recording
+from gimbalcal.references import cite
+from gimbalcal.report import wording
+from gimbalcal.report.html import Picture, picture, render
+from gimbalcal.report.rounding import last_place, pdg, significant
+from gimbalcal.units import from_si
+
+STRONG = 0.3  # correlation worth a line in the table of pairs
+
+
+def calibration_report(
+    content: Mapping[str, Any], recordings: Sequence[Recording] = (), truth: Mapping[str, float] | None = None
+) -> str:
+    """The page for the content of a calibration.json and the recordings behind it.
+
+    `truth`, label to SI value, adds each parameter's error in sigmas (a simulated recording has one).
+    """
+    leading, others = _evidence(content, recordings)
+    provenance = content["provenance"]
+    context = {
+        "title": "; ".join(r.title for r in recordings) or "no recording at hand",
+        "remark": " · ".join([f"gimbalcal {gimbalcal.__version__}", *filter(None, [provenance.get("created")])]),
+        "answer": wording.answer(content),
+        "verdict": wording.verdict(content),
+        "facts": _facts(content, recordings),
+        "rows": _rows(content, truth),
+        "with_truth": truth is not None,
+        "unseen": [
+            {"direction": wording.direction_in_words(u["direction"]), "why": u["why"]} for u in content["unobservable"]
+        ],
+        "leading": leading,
+        "pictures": others,
+        "recordings": [_measured(r) for r in recordings],
+        **_stages(content, truth),
+        **_correlations(content),
+        **_model(content),
+        **_provenance(content, recordings),
+    }
+    return render("calibration.html", context)
+
+
+def _minus(text: str) -> str:
+    """ASCII hyphen to the minus sign that lines up with figures."""
+    return text.replace("-", "−")
+
+
+def _label(row: Mapping[str, Any]) -> str:
+    return f"{row['name']}:{row['axis']}" if row["axis"] else row["name"]
+
+
+def _facts(content: Mapping[str, Any], recordings: Sequence[Recording]) -> list[tuple[str, str]]:
+    """The four numbers of the first screen."""
+    total, unseen = len(content["parameters"]), len(content["unobservable"])
+    residual = content["residual"]
+    ratio, p, _ = wording.fit(residual["chi2"], residual["dof"])
+    facts = [(f"{total - unseen} of {total}", "parameter directions seen")]
+    if residual["dof"] > 0:
+        freedom = f"χ² {residual['chi2']:.1f}, {residual['dof']} degrees of freedom"
+        facts.append((f"{ratio:.2f} × noise", f"what is left ({freedom})"))
+        facts.append((f"{p:.2g}" if p >= 1e-4 else "< 0.0001", "probability of a worse fit by chance"))
+    rows = sum(int(r.weight.sum()) for r in recordings)
+    if rows:
+        facts.append((f"{rows:,}".replace(",", " "), "samples used"))
+    return facts
+
+
+def _rows(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> list[dict[str, Any]]:
+    """The calibration table, one row a parameter."""
+    in_unseen = {label for u in content["unobservable"] for label in wording.leading(u["direction"])}
+    rows, previous = [], None
+    for p in content["parameters"]:
+        value, sigma = pdg(p["value"], p["sigma"])
+        moved = p["value"] / p["prior_sigma"] if p["prior_sigma"] else 0.0
+        row = {
+            "words": wording.named(p["name"], p["axis"].replace("_", " ")),
+            "first": p["name"] != previous,
+            "value": _minus(value),
+            "sigma": sigma,
+            "unit": wording.unit_in_print(p["unit"]),
+            "prior": f"{p['prior_sigma']:.4g}",
+            "moved": moved,
+            "moved_text": _minus(f"{moved:+.2f} σ"),
+            "unseen": _label(p) in in_unseen,
+            "error": "",
+        }
+        if truth is not None and _label(p) in truth and p["sigma"] > 0:
+            error = (p["value"] - float(from_si(truth[_label(p)], p["unit"]))) / p["sigma"]
+            row["error"] = _minus(f"{error:+.1f} σ")
+        rows.append(row)
+        previous = p["name"]
+    return rows
+
+
+def _evidence(
+    content: Mapping[str, Any], recordings: Iterable[Recording]
+) -> tuple[list[Picture], list[Picture]]:
+    """Pictures of the residuals (for the first screen) and of the data behind them."""
+    leading, others = [], []
+    for r in recordings:
+        effects = from_dict(content, r.platform.axis_names).effects
+        if r.kind == "multi-position":
+            first, more = _position_pictures(r, effects)
+            leading.append(first)
+            others += more
+        elif r.kind == "static-run":
+            others.append(_run_picture(r, effects))
+    if not leading:
+        leading, others = others[:1], others[1:]
+    return leading, others
+
+
+def _position_pictures(r: Recording, effects: Sequence[Effect]) -> tuple[Picture, list[Picture]]:
+    from gimbalcal.report import figures
+    from gimbalcal.report.evidence import by_position
+
+    e = by_position(r, effects)
+    unit = wording.unit_in_print(e.unit)
+    before, after = (significant(float(np.sqrt(np.mean(v**2))), 3) for v in (e.before, e.after))
+    residuals = picture(
+        figures.residuals_by_position(e.labels, e.before, e.after, e.sigma, e.axes, unit),
+        f"Residuals of {len(e.labels)} positions by axis: {before} {unit} rms before, {after} {unit} rms after.",
+        f"Measured minus model at each position of “{r.title}”: with perfect sensors (left), with the calibration "
+        "(right, its own scale; circled: beyond 3.5 σ).",
+    )
+    if not r.platform.axes:
+        return residuals, []
+    held = picture(
+        figures.schedule(e.labels, e.angles, e.axis_names, e.gravity),
+        f"Gimbal angles at {len(e.labels)} positions and where gravity lay in platform axes.",
+        "What the platform did: gimbal angles by position, and the direction of gravity in platform axes, along z.",
+    )
+    return residuals, [held]
+
+
+def _run_picture(r: Recording, effects: Sequence[Effect]) -> Picture:
+    from gimbalcal.report import figures
+    from gimbalcal.report.evidence import over_time
+
+    hours, curves = over_time(r, effects)
+    left = ", ".join(f"{c.name} {significant(float(np.std(c.measured - c.fitted)), 2)} {c.unit}" for c in curves)
+    return picture(
+        figures.over_time(hours, curves),
+        f"Static run of {hours[-1] - hours[0]:.1f} h with the calibrated model through it; scatter left: {left}.",
+        f"“{r.title}”: the harmonics of the Earth's rotation in attitude and force, data and model. The band at the "
+        "right is one sigma of the noise, averaged as the points are.",
+    )
+
+
+def _stages(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> dict[str, Any]:
+    """Table and picture of what each stage added."""
+    stages = content.get("stages", [])
+    if not stages:
+        return {"stages": [], "stage_rows": [], "stage_figure": None}
+    from gimbalcal.report import figures
+
+    parameters = content["parameters"]
+    labels = [_label(p) for p in parameters]
+    prior = [p["prior_sigma"] for p in parameters]
+    units = [p["unit"] for p in parameters]
+    ratio = np.array(
+        [
+            [float(from_si(s["sigmas"].get(k, np.nan), u)) / q for k, u, q in zip(labels, units, prior, strict=True)]
+            for s in stages
+        ]
+    )
+    words = [wording.label_in_words(k) for k in labels]
+    drawn = figures.sigma_by_stage(words, [s["name"] for s in stages], ratio)
+    return {
+        "stages": [_stage(s) for s in stages],
+        "stage_rows": [_stage_row(p, i and parameters[i - 1], stages, truth) for i, p in enumerate(parameters)],
+        "stage_figure": picture(
+            drawn,
+            f"Sigma of each parameter after each of {wording.counted(len(stages), 'stage')}, relative to its prior.",
+            "What each stage leaves of the prior uncertainty.",
+        ),
+    }
+
+
+def _stage(s: Mapping[str, Any]) -> dict[str, str]:
+    rms = from_si(s["rms"], "ug")
+    text = f"{significant(float(rms), 3)} µg" if np.isfinite(rms) else "–"
+    return {"name": s["name"], "count": str(len(s["values"])), "rms": text, "in_words": s["in_words"]}
+
+
+def _stage_row(
+    p: Mapping[str, Any], before: Any, stages: Sequence[Mapping[str, Any]], truth: Mapping[str, float] | None
+) -> dict[str, Any]:
+    label, unit = _label(p), p["unit"]
+    cells = []
+    for s in stages:
+        if label in s["values"]:
+            value, sigma = pdg(float(from_si(s["values"][label], unit)), float(from_si(s["sigmas"][label], unit)))
+            cells.append(_minus(f"{value} ± {sigma}"))
+        else:
+            cells.append("–")
+    places = max(0, 1 - last_place(p["sigma"])) if p["sigma"] > 0 else 2
+    known = "" if truth is None or label not in truth else _minus(f"{float(from_si(truth[label], unit)):.{places}f}")
+    return {
+        "words": wording.named(p["name"], p["axis"].replace("_", " ")),
+        "first": not before or before["name"] != p["name"],
+        "cells": cells,
+        "truth": known,
+        "unit": wording.unit_in_print(unit),
+    }
+
+
+def _correlations(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Picture of the correlation matrix and its strongest pairs."""
+    if len(content["parameters"]) < 2:
+        return {"correlation": None, "strongest": []}
+    from gimbalcal.report import figures
+
+    words = [wording.label_in_words(_label(p)) for p in content["parameters"]]
+    P = np.array(content["covariance"], dtype=float)
+    sigma = np.sqrt(np.diag(P))
+    R = P / np.where(sigma > 0, sigma, 1.0) / np.where(sigma > 0, sigma, 1.0)[:, None]
+    upper = [(i, j) for i in range(len(words)) for j in range(i + 1, len(words)) if abs(R[i, j]) >= STRONG]
+    ranked = sorted(upper, key=lambda ij: -abs(R[ij]))[:12]
+    strongest = [{"words": f"{words[i]} with {words[j]}", "value": _minus(f"{R[i, j]:+.2f}")} for i, j in ranked]
+    strongest = strongest or [{"words": f"none exceeds {STRONG}", "value": ""}]
+    told = f"{strongest[0]['words']} {strongest[0]['value']}".strip()
+    drawn = picture(figures.correlation(words, R), f"Correlation matrix of {len(words)} parameters; strongest: {told}.")
+    return {"correlation": drawn, "strongest": strongest}
+
+
+def _model(content: Mapping[str, Any]) -> dict[str, Any]:
+    """The effects whose parameters were estimated, from their own cards, and the literature they cite."""
+    ids = list(dict.fromkeys(p["effect"] for p in content["parameters"]))
+    keys = list(dict.fromkeys(key for i in ids for key in CATALOGUE[i].sources))
+    numbers = {key: n for n, key in enumerate(keys, 1)}
+    effects = []
+    for i in ids:
+        axes = [p["axis"].replace("_", " ") for p in content["parameters"] if p["effect"] == i]
+        effects.append(
+            {
+                "words": i.replace("_", " "),
+                "sentence": (CATALOGUE[i].__doc__ or "").strip().split("\n\n")[0].replace("\n", " "),
+                "parameters": ", ".join(filter(None, axes)) or "one",
+                "sources": ", ".join(f"[{numbers[key]}]" for key in CATALOGUE[i].sources),
+            }
+        )
+    return {"effects": effects, "citations": cite(*keys)}
+
+
+def _measured(r: Recording) -> dict[str, Any]:
+    """What a recording is, as pairs of term and text."""
+    site = r.site
+    where = [f"gravity {site.gravity:.6f} m/s²", f"height {site.height:.0f} m"]
+    if site.latitude is not None:
+        where.insert(0, f"latitude {np.rad2deg(site.latitude):.4f}°")
+    printed = {"accelerometer": "ug", "gyroscope": "deg/h", "gimbal_angle": "arcsec", "attitude": "arcsec"}
+    noise = [
+        f"{sensor.replace('_', ' ')} {significant(float(from_si(s, unit)), 3)} {wording.unit_in_print(unit)}"
+        for sensor, unit in printed.items()
+        if (s := r.sigma(sensor)) is not None
+    ]
+    held = 0 if r.position is None else len(np.unique(r.position[r.position > 0]))
+    visits = f", {wording.counted(held, 'position')}" if held else ""
+    duration = float(r.time[-1] - r.time[0])
+    facts = [
+        ("kind", r.kind + visits),
+        ("platform", f"{r.platform.name} ({', '.join(r.platform.axis_names) or 'no gimbals'})"),
+        ("duration", f"{duration / 3600:.2f} h" if duration > 3600 else f"{duration:.0f} s"),
+        ("rows", f"{len(r.time)} rows that stand for {int(r.weight.sum())} samples"),
+        ("site", "; ".join(where)),
+        ("noise, one sigma", "; ".join(noise) or "not stated and not seen"),
+    ]
+    return {"title": r.title, "facts": facts + [("remark", text) for text in r.remarks]}
+
+
+def _provenance(content: Mapping[str, Any], recordings: Sequence[Recording]) -> dict[str, Any]:
+    given = dict(content["provenance"])
+    sources = given.pop("recordings", None) or [
+        {"path": s.path, "sha256": s.sha256} for r in recordings for s in r.source
+    ]
+    pairs = [("method", content["method"])]
+    for key, value in given.items():
+        text = "; ".join(f"{k} = {v}" for k, v in value.items()) if isinstance(value, Mapping) else str(value)
+        pairs.append((str(key), text or "none"))
+    return {"provenance": pairs, "sources": sources}

@@ -1,0 +1,261 @@
+"""Pictures for the report: functions of arrays that return a matplotlib Figure, and its text as SVG.
+
+Colours are those of Okabe and Ito, told apart by colour-blind readers and in grey print; every axis has its unit.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gimbalcal.number import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+BLUE, VERMILION, GREEN, ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
+INK, GREY, PALE = "#222222", "#7a7a7a", "#d9d9d9"
+HALF, FULL = 5.9, 9.2  # inches: the widths of a column and of the page, so that letters come out as large as text
+SERIES = (BLUE, VERMILION, GREEN, ORANGE, "#CC79A7", "#56B4E9")
+
+OUTLIER = 3.5  # sigmas; of 54 readings, one in forty sets has one this far out by chance
+
+STYLE: Any = {
+    "font.size": 8.5,
+    "axes.titlesize": 9,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 8.5,
+    "axes.edgecolor": GREY,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.unicode_minus": True,
+    "xtick.color": GREY,
+    "ytick.color": GREY,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+    "lines.linewidth": 1.1,
+    "svg.fonttype": "path",  # the same letters on every machine
+    "svg.hashsalt": "gimbalcal",  # the same bytes for the same picture
+}
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One channel over time in printed units: measured, and as the model has it without and with the calibration."""
+
+    name: str
+    unit: str
+    measured: Array  # (n,)
+    nominal: Array  # (n,)
+    fitted: Array  # (n,)
+    sigma: float | None = None
+
+
+def svg(figure: Figure) -> bytes:
+    """The figure as SVG; equal arrays give equal bytes."""
+    import matplotlib as mpl
+
+    out = io.BytesIO()
+    with mpl.rc_context(STYLE):
+        figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
+    return out.getvalue()
+
+
+def _figure(width: float, height: float) -> Figure:
+    """An empty figure [inch]; the global state of pyplot is not touched."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained", facecolor="white")
+
+
+def residuals_by_position(
+    positions: Sequence[str], before: Array, after: Array, sigma: Array | None, axes: Sequence[str], unit: str
+) -> Figure:
+    """Residual of each position (n, c) without and with the calibration, sigma (n, c) as bars, in printed `unit`."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(STYLE):
+        figure = _figure(HALF, 0.9 + 1.5 * len(axes))
+        grid = figure.subplots(len(axes), 2, sharex=True, sharey="col", squeeze=False)
+        x = np.arange(len(positions))
+        for i, axis in enumerate(axes):
+            left, right = grid[i]
+            left.bar(x, before[:, i], width=0.62, color=PALE, edgecolor=GREY, linewidth=0.5)
+            bars = None if sigma is None else sigma[:, i]
+            right.errorbar(x, after[:, i], yerr=bars, fmt="o", ms=3, lw=0.9, color=BLUE, ecolor=BLUE)
+            if sigma is not None:
+                far = np.abs(after[:, i]) > OUTLIER * sigma[:, i]
+                right.plot(x[far], after[far, i], "o", ms=5.5, mfc="none", mec=VERMILION, mew=1.4, zorder=4)
+            for ax in (left, right):
+                ax.axhline(0, color=INK, lw=0.6, zorder=1)
+            left.set_ylabel(f"{axis}  [{unit}]")
+        _title(grid[0, 0], "Before", before, unit)
+        _title(grid[0, 1], "After", after, unit, " (bars 1σ)" if sigma is not None else "")
+        step = max(1, -(-len(positions) // 12))
+        for ax in grid[-1]:
+            ax.set_xticks(x[::step], list(positions)[::step])
+            ax.set_xlabel("position")
+        return figure
+
+
+def _title(ax: Axes, word: str, residual: Array, unit: str, remark: str = "") -> None:
+    rms = float(np.sqrt(np.mean(residual**2)))
+    ax.set_title(rf"$\bf{{{word}}}$: {_plain(rms)} {unit} rms{remark}")
+
+
+def _plain(x: float) -> str:
+    """Three significant digits without a power of ten."""
+    from gimbalcal.report.rounding import significant
+
+    return significant(x, 3)
+
+
+def sigma_by_stage(labels: Sequence[str], stages: Sequence[str], ratio: Array) -> Figure:
+    """What each stage leaves of the prior sigma: ratio (stages, p), dots on a logarithmic axis, one row a parameter.
+
+    NaN where a stage does not estimate a parameter.
+    """
+    import matplotlib as mpl
+
+    with mpl.rc_context(STYLE):
+        figure = _figure(HALF, 0.8 + 0.21 * len(labels))
+        ax = figure.subplots()
+        y = np.arange(len(labels))[::-1]
+        low, high = np.nanmin(ratio, axis=0), np.ones(len(labels))
+        ax.hlines(y, low, high, color=PALE, lw=1.2, zorder=1)
+        markers = ("o", "s", "D", "^", "v")
+        for k, (stage, row) in enumerate(zip(stages, ratio, strict=True)):
+            ax.plot(row, y, markers[k % 5], ms=4.2, color=SERIES[k % 6], label=stage, ls="none", zorder=3)
+        ax.axvline(1, color=GREY, lw=0.8, ls=(0, (3, 2)))
+        ax.text(1, len(labels) - 0.35, "prior ", ha="right", va="bottom", color=GREY, fontsize=8)
+        ax.set_xscale("log")
+        ax.set_yticks(y, list(labels))
+        ax.tick_params(axis="y", length=0)
+        ax.spines["left"].set_visible(False)
+        ax.set_ylim(-0.7, len(labels) - 0.3)
+        ax.set_xlabel("sigma / prior sigma (further left is better known)")
+        ax.legend(loc="lower center", bbox_to_anchor=(0.4, 1.0), ncols=max(len(stages), 1), handletextpad=0.1)
+        return figure
+
+
+def correlation(labels: Sequence[str], matrix: Array) -> Figure:
+    """Correlation matrix (p, p); strong off-diagonal values are written into their cells."""
+    import matplotlib as mpl
+
+    p = len(labels)
+    with mpl.rc_context(STYLE):
+        side = min(2.2 + 0.22 * p, HALF)
+        figure = _figure(side + 0.3, side)
+        ax = figure.subplots()
+        image = ax.pcolormesh(
+            np.arange(p + 1), np.arange(p + 1), matrix, cmap="RdBu_r", vmin=-1, vmax=1, edgecolors="white", lw=0.6
+        )
+        for i, j in zip(*np.nonzero(np.abs(matrix) >= 0.3), strict=True):
+            if i != j:
+                colour = "white" if abs(matrix[i, j]) > 0.6 else INK
+                text = f"{matrix[i, j]:.1f}".replace("0.", ".").replace("-", "−")
+                ax.text(j + 0.5, i + 0.5, text, ha="center", va="center", fontsize=6.5, color=colour)
+        ax.set_xticks(np.arange(p) + 0.5, list(labels), rotation=90)
+        ax.set_yticks(np.arange(p) + 0.5, list(labels))
+        ax.tick_params(length=0)
+        ax.invert_yaxis()
+        ax.set_aspect("equal", anchor="N")
+        for spine in ax.spines.values():
+            spine.set_visible(False)
+        bar = figure.colorbar(image, ax=ax, shrink=0.5, aspect=18, ticks=[-1, -0.5, 0, 0.5, 1])
+        bar.set_label("correlation")
+        bar.outline.set_visible(False)
+        return figure
+
+
+def over_time(hours: Array, curves: Sequence[Curve]) -> Figure:
+    """Channels over time (n,) [h]: data with the model through them at the left, what the model leaves at the right."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(STYLE):
+        figure = _figure(FULL, 0.9 + 1.5 * len(curves))
+        grid = figure.subplots(len(curves), 2, sharex=True, squeeze=False, width_ratios=(3, 2))
+        for (left, right), curve in zip(grid, curves, strict=True):
+            left.plot(hours, curve.measured, ".", ms=1.8, color=GREY, label="measured", rasterized=hours.size > 4000)
+            left.plot(hours, curve.nominal, color=ORANGE, lw=0.9, ls=(0, (4, 2)), label="perfect sensors")
+            left.plot(hours, curve.fitted, color=BLUE, label="calibrated model")
+            left.set_ylabel(f"{curve.name}\n[{curve.unit}]")
+            rest = curve.measured - curve.fitted
+            right.plot(hours, rest, ".", ms=1.8, color=BLUE)
+            right.axhline(0, color=INK, lw=0.6)
+            right.set_title(f"rms {_plain(float(np.sqrt(np.mean(rest**2))))} {curve.unit}")
+            if curve.sigma:
+                right.axhspan(-curve.sigma, curve.sigma, color=BLUE, alpha=0.12, lw=0)
+        grid[0, 0].set_title(r"$\bf{Data\ and\ model}$")
+        grid[0, 1].set_title(r"$\bf{What\ is\ left}$: " + grid[0, 1].get_title(loc="left"))
+        handles, words = grid[0, 0].get_legend_handles_labels()
+        figure.legend(handles, words, loc="outside upper left", ncols=3, markerscale=3)
+        for ax in grid[-1]:
+            ax.set_xlabel("time [h]")
+        return figure
+
+
+def schedule(labels: Sequence[str], angles: Array, axis_names: Sequence[str], gravity: Array) -> Figure:
+    """What the platform did: gimbal angles (m, k) [deg] by position, and where gravity (m, 3) lay in platform axes."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(STYLE):
+        figure = _figure(FULL, 3.2)
+        left, up, down = figure.subplots(1, 3, width_ratios=(1.55, 1, 1))
+        x = np.arange(len(labels))
+        moving = [i for i in range(len(axis_names)) if np.ptp(angles[:, i]) > 0] or list(range(len(axis_names)))
+        for k, i in enumerate(moving):
+            left.step(x, angles[:, i], where="mid", color=SERIES[k % 6], label=axis_names[i], lw=1.3)
+        step = max(1, -(-len(labels) // 10))
+        left.set_xticks(x[::step], list(labels)[::step])
+        left.set_xlabel("position")
+        left.set_ylabel("gimbal angle [deg]")
+        left.set_yticks(_angle_ticks(angles))
+        left.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=4, handlelength=1.2, columnspacing=1)
+        _hemisphere(up, labels, gravity, 1)
+        _hemisphere(down, labels, gravity, -1)
+        return figure
+
+
+def _angle_ticks(angles: Array) -> Array:
+    """Multiples of 90 degrees that span the angles."""
+    low, high = np.floor(angles.min() / 90), np.ceil(angles.max() / 90)
+    return np.asarray(90 * np.arange(low, high + 1, max(1, (high - low) // 6)))
+
+
+def _hemisphere(ax: Axes, labels: Sequence[str], gravity: Array, side: int) -> None:
+    """Gravity directions with z on this side (the equator counts as +z), seen along z; positions as numbers."""
+    turn = np.linspace(0, 2 * np.pi, 181)
+    ax.plot(np.cos(turn), np.sin(turn), color=GREY, lw=0.8)
+    for r in (0.5, np.sqrt(0.75)):
+        ax.plot(r * np.cos(turn), r * np.sin(turn), color=PALE, lw=0.5)
+    ax.plot([-1, 1], [0, 0], color=PALE, lw=0.5)
+    ax.plot([0, 0], [-1, 1], color=PALE, lw=0.5)
+    here = np.flatnonzero(gravity[:, 2] > -1e-6 if side > 0 else gravity[:, 2] <= -1e-6)
+    places: dict[tuple[float, float], list[str]] = {}
+    for i in here:
+        places.setdefault((round(gravity[i, 0], 2) + 0.0, round(gravity[i, 1], 2) + 0.0), []).append(labels[int(i)])
+    for (gx, gy), who in places.items():
+        ax.plot(gx, gy, "o", ms=5, color=BLUE, zorder=3)
+        ax.annotate(",".join(who[:3]) + ("…" if len(who) > 3 else ""), (gx, gy), (5, 4), textcoords="offset points",
+                    fontsize=7.5)  # fmt: skip
+    ax.set_title(f"gravity, {'+' if side > 0 else '−'}z side")
+    ax.set_xlim(-1.15, 1.3)
+    ax.set_ylim(-1.2, 1.25)
+    ax.set_aspect("equal")
+    ax.set_xticks([-1, 0, 1])
+    ax.set_yticks([-1, 0, 1])
+    ax.set_xlabel("x [g]")
+    ax.set_ylabel("y [g]")

@@ -1,0 +1,60 @@
+"""A value and its sigma with as many digits as the sigma deserves."""
+
+from __future__ import annotations
+
+from decimal import ROUND_HALF_EVEN, Decimal
+from math import isfinite
+
+
+def pdg(value: float, sigma: float) -> tuple[str, str]:
+    """Value and sigma as text, rounded by the rule of the Particle Data Group [pdg].
+
+    If the three highest digits of sigma lie between 100 and 354, two digits are kept; between 355 and 949, one;
+    between 950 and 999 sigma is rounded up to 1000 and two are kept. The value gets the same last place. A sigma
+    that is zero or not finite says nothing about digits: then the value keeps six.
+
+    >>> pdg(0.827, 0.119)
+    ('0.83', '0.12')
+    >>> pdg(0.827, 0.367)
+    ('0.8', '0.4')
+    >>> pdg(0.827, 0.996)
+    ('0.8', '1.0')
+    """
+    if not (isfinite(value) and isfinite(sigma)) or sigma <= 0:
+        return f"{value:.6g}", f"{sigma:.3g}"
+    place = last_place(sigma)
+    return _at(value, place), _at(sigma, place)
+
+
+def last_place(sigma: float) -> int:
+    """Exponent of ten of the last digit that the rule keeps, for a finite sigma > 0.
+
+    >>> last_place(0.119), last_place(0.367), last_place(0.996), last_place(1234.0)
+    (-2, -1, -1, 2)
+    """
+    mantissa, exponent = f"{sigma:.2e}".split("e")
+    leading = int(mantissa.replace(".", ""))
+    if leading <= 354:
+        return int(exponent) - 1
+    return int(exponent)
+
+
+def _at(x: float, place: int) -> str:
+    """X rounded half to even at 10^place, in plain decimal notation without a negative zero."""
+    rounded = Decimal(repr(float(x))).quantize(Decimal(1).scaleb(place), rounding=ROUND_HALF_EVEN)
+    text = f"{rounded:f}" if place <= 0 else f"{int(rounded)}"
+    return text[1:] if text.startswith("-") and not any(c in "123456789" for c in text) else text
+
+
+def significant(x: float, digits: int = 3) -> str:
+    """X with so many significant digits, plainly between 1e-4 and 1e6 and with a power of ten outside.
+
+    >>> significant(0.0123456), significant(123456.0, 2), significant(3.2e-9)
+    ('0.0123', '123456', '3.20e-09')
+    """
+    if x == 0 or not isfinite(x):
+        return f"{x:g}"
+    exponent = int(f"{x:e}".split("e")[1])
+    if not -5 < exponent < 6:
+        return f"{x:.{digits - 1}e}"
+    return f"{x:.{max(digits - 1 - exponent, 0)}f}"

@@ -1,0 +1,153 @@
+"""Results in words: the sentence that answers the question, names a person reads, a direction spelled out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isnan, sqrt
+from typing import Any, Literal
+
+Verdict = Literal["fits", "misfit", "overstated", "failed"]
+
+SURPRISE = 1e-3  # probability below which chance is not believed
+NEGLIGIBLE = 0.1  # relative excess over the stated noise that no user would act on, however significant
+
+NAMES = {
+    "scale_factor": "scale factor",
+    "bias": "bias",
+    "scale_nonlinearity": "scale nonlinearity",
+    "misalignment": "misalignment",
+    "gimbal_zero": "gimbal zero",
+}
+SYMBOLS = {
+    "scale_factor": "SF − 1",
+    "bias": "δb",
+    "scale_nonlinearity": "K",
+    "misalignment": "β",
+    "gimbal_zero": "δθ",
+}
+_NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
+
+
+def named(name: str, axis: str = "") -> str:
+    """A parameter as a person says it.
+
+    >>> named("gimbal_zero", "inner")
+    'gimbal zero inner'
+    """
+    return f"{NAMES.get(name, name.replace('_', ' '))} {axis}".strip()
+
+
+def label_in_words(label: str) -> str:
+    """A label of calibration.json, "bias:x" or "warm_up.tau:x", as a person says it.
+
+    >>> label_in_words("misalignment:xz")
+    'misalignment xz'
+    """
+    name, _, axis = label.partition(":")
+    return named(name.replace(".", " "), axis.replace("_", " "))
+
+
+def unit_in_print(unit: str) -> str:
+    """A unit as it is printed.
+
+    >>> unit_in_print("ug/g^2"), unit_in_print("deg/h")
+    ('µg/g²', '°/h')
+    """
+    text = unit.replace("ug", "µg").replace("urad", "µrad").replace("degC", "°C").replace("deg", "°")
+    return text.replace("^2", "²").replace("^3", "³").replace("sqrt(h)", "√h")
+
+
+def counted(n: int, noun: str, plural: str = "") -> str:
+    """A number and its noun; numbers up to twelve in words.
+
+    >>> counted(1, "direction"), counted(17, "direction"), counted(2, "axis", "axes")
+    ('one direction', '17 directions', 'two axes')
+    """
+    number = _NUMBERS[n] if 0 <= n < len(_NUMBERS) else str(n)
+    return f"{number} {noun if n == 1 else plural or noun + 's'}"
+
+
+def listed(items: Sequence[str]) -> str:
+    """Items in a sentence.
+
+    >>> listed(["a", "b", "c"])
+    'a, b and c'
+    """
+    return " and ".join(filter(None, [", ".join(items[:-1]), *items[-1:]]))
+
+
+def fit(chi2: float, dof: int) -> tuple[float, float, Verdict]:
+    """Residual in units of the stated noise, probability of a chi^2 at least as large, and what that means."""
+    from scipy.stats import chi2 as distribution
+
+    if dof <= 0:
+        return float("nan"), float("nan"), "fits"
+    ratio = sqrt(chi2 / dof)
+    p = float(distribution.sf(chi2, dof))
+    if p < SURPRISE and ratio > 1 + NEGLIGIBLE:
+        return ratio, p, "misfit"
+    if p > 1 - SURPRISE and ratio < 1 - NEGLIGIBLE:
+        return ratio, p, "overstated"
+    return ratio, p, "fits"
+
+
+def verdict(content: Mapping[str, Any]) -> Verdict:
+    """What the fit says of the model, from the content of calibration.json."""
+    if content["outcome"]:
+        return "failed"
+    return fit(content["residual"]["chi2"], content["residual"]["dof"])[2]
+
+
+def answer(content: Mapping[str, Any]) -> str:
+    """One or two sentences that answer "did it work?", from the content of calibration.json."""
+    if content["outcome"]:
+        return f"Not calibrated: {content['outcome']}"
+    total, unseen = len(content["parameters"]), content["unobservable"]
+    if not unseen:
+        seen = f"All {counted(total, 'parameter')} are calibrated"
+    else:
+        seen = f"All {counted(total - len(unseen), 'direction')} that the data can see are calibrated"
+    return f"{seen}; {_left(content['residual']['chi2'], content['residual']['dof'])}.{_unseen(unseen)}"
+
+
+def _left(chi2: float, dof: int) -> str:
+    ratio, _, meaning = fit(chi2, dof)
+    if isnan(ratio):
+        return "there are as many unknowns as data, so nothing is left to test the fit with"
+    text = f"what is left is {ratio:.2f} times the stated noise"
+    if meaning == "misfit":
+        return f"{text}, more than chance allows: the model lacks something, or the noise is larger than stated"
+    if meaning == "overstated":
+        return f"{text}: the noise is smaller than stated, and so is every sigma"
+    return text
+
+
+def _unseen(unseen: Sequence[Mapping[str, Any]]) -> str:
+    if not unseen:
+        return ""
+    if len(unseen) > 3:
+        return f" {counted(len(unseen), 'direction').capitalize()} cannot be seen; they are listed below."
+    which = [listed([label_in_words(k) for k in leading(u["direction"])]) + " moving together" for u in unseen]
+    return f" {counted(len(unseen), 'direction').capitalize()} cannot be seen: {'; '.join(which)}."
+
+
+def leading(direction: Mapping[str, float], least: float = 0.1) -> list[str]:
+    """Labels that carry at least this share of the largest weight, the heaviest first."""
+    top = max((abs(w) for w in direction.values()), default=0.0)
+    ranked = sorted(direction, key=lambda label: -abs(direction[label]))
+    return [label for label in ranked if abs(direction[label]) >= least * top and top > 0]
+
+
+def direction_in_words(direction: Mapping[str, float]) -> str:
+    """A combination of parameters as a sum in printed units.
+
+    >>> direction_in_words({"misalignment:xz": 1.0, "gimbal_zero:platform": -1.0, "bias:x": 0.5})
+    'misalignment xz − gimbal zero platform + 0.50 bias x'
+    """
+    text = ""
+    for label in leading(direction, 0.01):
+        weight = direction[label]
+        sign = "−" if weight < 0 else "+"
+        factor = "" if abs(abs(weight) - 1) < 0.005 else f"{abs(weight):.2f} "
+        text += f" {sign} {factor}{label_in_words(label)}"
+    return text.strip().removeprefix("+ ")

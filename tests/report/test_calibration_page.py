@@ -1,0 +1,138 @@
+import copy
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from gimbalcal.calibration import from_dict
+from gimbalcal.report import calibration_report
+from gimbalcal.report.evidence import by_position, corrected, over_time, setting_spread
+from gimbalcal.report.rounding import pdg
+from tests.report.example import ARCSEC, NOISE, example
+
+
+class Page(HTMLParser):
+    """Text and attributes of a page."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.words: list[str] = []
+        self.attributes: list[tuple[str, str, str]] = []
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.attributes += [(tag, name, value or "") for name, value in attrs]
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+    @property
+    def text(self) -> str:
+        return re.sub(r"\s+", " ", " ".join(self.words))
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    content, recordings, truth = example()
+    return calibration_report(content, recordings, truth)
+
+
+def test_the_first_words_answer_the_question(page: str) -> None:
+    text = Page(page[page.index("<main>") :]).text
+    assert text.index("All 17 directions that the data can see are calibrated") < 200
+    assert "misalignment xz + misalignment yz − gimbal zero platform" in text
+
+
+def test_every_parameter_stands_there_with_its_sigma(page: str) -> None:
+    content, _, _ = example()
+    for p in content["parameters"]:
+        value, sigma = pdg(p["value"], p["sigma"])
+        words = f"{p['name'].replace('_', ' ')} {p['axis']}"
+        row = re.search(rf"<tr[^>]*><th scope=\"row\">{words}.*?</tr>", page, re.DOTALL)
+        assert row is not None, words
+        assert value.replace("-", "−") in row[0]
+        assert f"± {sigma}" in row[0]
+
+
+def test_nothing_is_loaded_from_elsewhere(page: str) -> None:
+    attributes = Page(page).attributes
+    places = {"src", "srcset", "data", "poster"}
+    loaded = [v for tag, name, v in attributes if name in places or (tag, name) == ("link", "href")]
+    assert loaded
+    assert all(v.startswith("data:image/svg+xml;base64,") for v in loaded)
+    assert "<script" not in page
+    assert "@import" not in page
+    assert "url(" not in page
+    assert "default-src 'none'" in page
+
+
+def test_every_picture_says_what_it_shows(page: str) -> None:
+    attributes = Page(page).attributes
+    pictures = sum(tag == "img" and name == "src" for tag, name, _ in attributes)
+    alts = [v for tag, name, v in attributes if (tag, name) == ("img", "alt")]
+    assert pictures == len(alts) == 5  # residuals, stages, correlations, schedule, static run
+    assert all(len(alt) > 30 for alt in alts)
+
+
+def test_the_page_stays_small(page: str) -> None:
+    assert len(page.encode()) < 2_000_000
+
+
+def test_what_a_user_wrote_is_escaped() -> None:
+    content, _, _ = example()
+    hostile = copy.deepcopy(content)
+    hostile["outcome"] = "<script>alert(1)</script> & so on"
+    hostile["provenance"]["options"] = {"note": '"><img src=x onerror=alert(1)>'}
+    hostile["unobservable"][0]["why"] = "<b>bold</b>"
+    text = calibration_report(hostile)
+    assert "<script>" not in text
+    assert "<img src=x" not in text
+    assert "&lt;b&gt;bold&lt;/b&gt;" in text
+    assert "&lt;script&gt;alert(1)&lt;/script&gt; &amp; so on" in text
+
+
+def test_a_page_without_recordings_or_stages_still_holds_the_table() -> None:
+    content, _, _ = example()
+    bare = {k: v for k, v in content.items() if k != "stages"}
+    text = calibration_report(bare)
+    assert "No recording was at hand to compare with." in text
+    assert "Stage by stage" not in text
+
+
+def test_residuals_of_the_fit_are_as_large_as_their_sigma() -> None:
+    content, (still, _), _ = example()
+    e = by_position(still, from_dict(content, still.platform.axis_names).effects)
+    assert e.sigma is not None
+    # 54 residuals less 17 directions: the mean square of the scaled ones is about 37/54, sigma sqrt(2 x 37)/54 = 0.16,
+    # and larger because the example's fit weighs all axes alike
+    assert 0.2 < np.mean((e.after / e.sigma) ** 2) < 3
+    assert np.sqrt(np.mean(e.before**2)) > 50 * np.sqrt(np.mean(e.after**2))
+
+
+def test_a_setting_error_moves_a_horizontal_axis_by_g_times_the_angle() -> None:
+    _, (still, _), _ = example()
+    from gimbalcal.forward import stimulus
+
+    spread = setting_spread(still.platform, stimulus(still), ARCSEC)
+    # position 1: z down; the inner gimbal (x) moves f_y, the middle one (y) moves f_x, nothing moves f_z
+    assert spread[0] == pytest.approx([9.80146 * ARCSEC, 9.80146 * ARCSEC, 0.0], rel=1e-12, abs=1e-15)
+
+
+def test_correcting_undoes_the_accelerometers() -> None:
+    content, (still, _), _ = example()
+    from gimbalcal.forward import accelerometers, stimulus
+
+    effects = from_dict(content, still.platform.axis_names).effects
+    s = stimulus(still)
+    measured = accelerometers(s.force, s, effects)
+    assert corrected(measured, s, effects) == pytest.approx(s.force, abs=1e-13)  # a few roundings of 9.8
+
+
+def test_a_day_is_drawn_with_few_points_and_their_own_sigma() -> None:
+    content, (_, run), _ = example()
+    hours, curves = over_time(run, from_dict(content, run.platform.axis_names).effects)
+    assert hours.size <= 288
+    assert [c.name for c in curves] == ["roll", "pitch", "|f| − g"]
+    five_minutes = NOISE["accelerometer"] / np.sqrt(5 * 60) / 9.80665e-6
+    assert curves[2].sigma == pytest.approx(five_minutes, rel=1e-12)

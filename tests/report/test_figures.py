@@ -1,0 +1,61 @@
+import numpy as np
+import pytest
+
+from gimbalcal.report import figures
+
+RNG = np.random.default_rng(7)
+
+
+def test_residuals_have_units_on_every_row_and_circle_what_is_far() -> None:
+    after = RNG.normal(size=(18, 3))
+    after[4, 1] = 20.0
+    names = [str(i) for i in range(1, 19)]
+    figure = figures.residuals_by_position(names, 100 * after, after, np.ones((18, 3)), "xyz", "µg")
+    left = figure.axes[::2]
+    assert [ax.get_ylabel() for ax in left] == ["x  [µg]", "y  [µg]", "z  [µg]"]
+    circled = [line.get_xdata().tolist() for line in figure.axes[3].lines if line.get_markerfacecolor() == "none"]
+    assert circled == [[4]]
+
+
+def test_titles_give_the_rms() -> None:
+    before, after = np.full((6, 1), 280.0), np.array([[3.0], [-3.0]] * 3)
+    figure = figures.residuals_by_position(list("123456"), before, after, None, ["|f| − g"], "µg")
+    assert "280 µg rms" in figure.axes[0].get_title(loc="left")
+    assert "3.00 µg rms" in figure.axes[1].get_title(loc="left")
+
+
+def test_equal_arrays_give_equal_bytes() -> None:
+    matrix = np.eye(3) + 0.4 * (1 - np.eye(3))
+    first, second = (figures.svg(figures.correlation("abc", matrix)) for _ in range(2))
+    assert first == second
+    assert first.startswith(b"<?xml")
+
+
+def test_correlation_writes_strong_values_into_their_cells() -> None:
+    matrix = np.array([[1.0, -0.72, 0.1], [-0.72, 1.0, 0.0], [0.1, 0.0, 1.0]])
+    texts = [t.get_text() for t in figures.correlation("abc", matrix).axes[0].texts]
+    assert texts == ["−.7", "−.7"]
+
+
+def test_stages_may_leave_a_parameter_out() -> None:
+    ratio = np.array([[0.1, np.nan], [0.01, 0.5]])
+    ax = figures.sigma_by_stage(["bias x", "K x"], ["coarse", "joint"], ratio).axes[0]
+    assert ax.get_xscale() == "log"
+    assert [t.get_text() for t in ax.get_legend().get_texts()] == ["coarse", "joint"]  # type: ignore[union-attr]
+
+
+def test_what_is_left_over_time_is_measured_minus_fitted() -> None:
+    t = np.linspace(0, 24, 50)
+    curve = figures.Curve("roll", "arcsec", np.sin(t) + 2.0, 0 * t, np.sin(t), 0.5)
+    figure = figures.over_time(t, [curve])
+    rest = figure.axes[1].lines[0].get_ydata()
+    assert rest == pytest.approx(np.full(50, 2.0), abs=1e-12)  # rounding of a sum of two doubles
+    assert "2.00 arcsec" in figure.axes[1].get_title(loc="left")
+
+
+def test_positions_on_the_equator_are_drawn_once() -> None:
+    gravity = np.array([[0, 0, 1.0], [1.0, 0, 0], [0, 0, -1.0], [1.0, 0, -1e-9]])
+    figure = figures.schedule(["1", "2", "3", "4"], np.zeros((4, 2)), ("inner", "outer"), gravity)
+    up, down = figure.axes[1], figure.axes[2]
+    assert [t.get_text() for t in up.texts] == ["1", "2,4"]
+    assert [t.get_text() for t in down.texts] == ["3"]

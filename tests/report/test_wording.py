@@ -1,0 +1,73 @@
+from typing import Any
+
+import pytest
+
+from gimbalcal.report.wording import answer, counted, direction_in_words, fit, leading, listed, unit_in_print, verdict
+
+
+def content(chi2: float = 38.0, dof: int = 37, outcome: str = "", unseen: int = 0) -> dict[str, Any]:
+    direction = {"misalignment:xz": 1.0, "gimbal_zero:platform": -1.0}
+    return {
+        "outcome": outcome,
+        "parameters": [{}] * 18,
+        "unobservable": [{"direction": direction, "why": "a common turn"}] * unseen,
+        "residual": {"chi2": chi2, "dof": dof},
+    }
+
+
+def test_a_good_calibration_in_one_sentence() -> None:
+    assert answer(content()) == "All 18 parameters are calibrated; what is left is 1.01 times the stated noise."
+    assert verdict(content()) == "fits"
+
+
+def test_what_cannot_be_seen_is_named() -> None:
+    assert answer(content(unseen=1)) == (
+        "All 17 directions that the data can see are calibrated; what is left is 1.01 times the stated noise. One "
+        "direction cannot be seen: misalignment xz and gimbal zero platform moving together."
+    )
+    assert "Four directions cannot be seen; they are listed below." in answer(content(unseen=4))
+
+
+def test_a_misfit_says_so() -> None:
+    assert "3.00 times the stated noise, more than chance allows" in answer(content(chi2=9 * 37))
+    assert verdict(content(chi2=9 * 37)) == "misfit"
+
+
+def test_noise_that_is_overstated_says_so() -> None:
+    assert "the noise is smaller than stated" in answer(content(chi2=0.25 * 37))
+
+
+def test_a_failure_leads_with_its_outcome() -> None:
+    assert answer(content(outcome="only five positions remain.")) == "Not calibrated: only five positions remain."
+    assert verdict(content(outcome="only five positions remain.")) == "failed"
+
+
+def test_no_degrees_of_freedom() -> None:
+    assert "as many unknowns as data" in answer(content(chi2=0.0, dof=0))
+
+
+@pytest.mark.parametrize(
+    ("chi2", "dof", "expected"),
+    [
+        (1.05**2 * 100_000, 100_000, "fits"),  # highly significant, and too small to act on
+        (1.3**2 * 10, 10, "fits"),  # large, and chance does that once in seven
+        (1.3**2 * 1000, 1000, "misfit"),
+    ],
+)
+def test_a_misfit_is_both_significant_and_large(chi2: float, dof: int, expected: str) -> None:
+    assert fit(chi2, dof)[2] == expected
+
+
+def test_direction_starts_with_the_heaviest_and_drops_the_negligible() -> None:
+    direction = {"bias:x": 0.5, "scale_factor:y": -1.0, "bias:z": 0.001}
+    assert direction_in_words(direction) == "− scale factor y + 0.50 bias x"
+    assert leading(direction) == ["scale_factor:y", "bias:x"]
+    assert leading({}) == []
+
+
+def test_words_and_units() -> None:
+    assert counted(0, "direction") == "no directions"
+    assert counted(13, "axis", "axes") == "13 axes"
+    assert listed([]) == ""
+    assert listed(["a"]) == "a"
+    assert unit_in_print("deg/sqrt(h)") == "°/√h"
