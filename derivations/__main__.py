@@ -1,0 +1,35 @@
+"""`python -m derivations [--out DIR]`: print every verdict and write `errata.json`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from derivations import errata, wu2018
+
+PAPERS = (wu2018,)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run all derivations. Returns 0; the verdicts are the result, whatever they are."""
+    parser = argparse.ArgumentParser(prog="python -m derivations", description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path(), metavar="DIR", help="folder for errata.json, default here")
+    parser.add_argument("--faults", action="store_true", help="print only what does not agree")
+    options = parser.parse_args(arguments)
+    try:
+        verdicts = [v for paper in PAPERS for v in paper.verdicts()]
+        path = errata.write(verdicts, options.out)
+    except KeyboardInterrupt:
+        return 130
+    except OSError as problem:
+        print(f"cannot write errata.json into {options.out}: {problem.strerror}; give --out a folder", file=sys.stderr)
+        return 2
+    shown = [v for v in verdicts if not options.faults or v.verdict != "agrees"]
+    print(errata.table(shown))
+    print(f"\n{errata.summary(verdicts)}\nWritten to {path}.")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

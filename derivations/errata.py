@@ -1,0 +1,54 @@
+"""The verdicts as a table to read and as `errata.json`."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+import textwrap
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from derivations.verdict import AGREES, VERDICTS, Verdict
+
+ITEM, VERDICT, SIZE = 26, 15, 22  # column widths
+
+
+def table(verdicts: Sequence[Verdict], width: int | None = None) -> str:
+    """Item, verdict, size and why, the why wrapped into the last column."""
+    width = width or max(100, min(shutil.get_terminal_size((140, 24)).columns, 180))
+    left = ITEM + VERDICT + SIZE
+    lines = [f"{'item':{ITEM}}{'verdict':{VERDICT}}{'size':{SIZE}}why", "-" * width]
+    for v in verdicts:
+        why = textwrap.wrap(v.why, width - left) or [""]
+        lines.append(f"{v.item:{ITEM}}{v.verdict:{VERDICT}}{v.size:{SIZE}}{why[0]}")
+        lines += [" " * left + part for part in why[1:]]
+    return "\n".join(lines)
+
+
+def summary(verdicts: Sequence[Verdict]) -> str:
+    """Counts, and the items that do not simply agree or approximate."""
+    counts = Counter(v.verdict for v in verdicts)
+    total = ", ".join(f"{counts[name]} {name}" for name in VERDICTS if counts[name])
+    faulty = [v.item for v in verdicts if v.verdict not in (AGREES, "approximation")]
+    return f"{len(verdicts)} items: {total}.\nNot right as printed: {'; '.join(faulty) or 'none'}."
+
+
+def write(verdicts: Sequence[Verdict], folder: Path) -> Path:
+    """Write `errata.json` into the folder, complete or not at all."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "errata.json"
+    text = json.dumps([asdict(v) for v in verdicts], indent=1, ensure_ascii=False) + "\n"
+    handle, temporary = tempfile.mkstemp(dir=folder, prefix=".errata-", suffix=".json")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        Path(temporary).chmod(0o644)
+        Path(temporary).replace(path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+    return path

@@ -1,0 +1,188 @@
+"""The package's own numbers for the paper's formulas, and how far they are from the derivations.
+
+Nothing is derived here. Every function returns the largest difference between what `gimbalcal` computes and what the
+derivation says, at generic numbers (or over the positions, or over a day), in units of g or rad. Derivatives of the
+package are its own complex steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from derivations.wu2018.symbols import G_NORMAL, LATITUDE
+
+GENERIC = np.array([0.3, 1.1, 0.7, -0.4])  # rad
+RNG_SEED = 1
+
+
+def stimulus(force: Any, readout: Any, axis_names: tuple[str, ...]) -> Any:
+    """A stimulus of n instants with these ideal forces [m/s^2] and readouts [rad], nothing else happening."""
+    from gimbalcal.effects import Stimulus
+
+    n = len(force)
+    zero = np.zeros((n, 3))
+    return Stimulus(
+        time=np.arange(float(n)),
+        readout=readout,
+        angle=readout,
+        force=force,
+        gravity=G_NORMAL,
+        visit=np.arange(n),
+        position=np.arange(n) + 1,
+        since_move=np.zeros(n),
+        move_force=zero,
+        move_angle=np.zeros_like(readout),
+        earlier_move_force=zero,
+        rate=zero,
+        axis_names=axis_names,
+        latitude=LATITUDE,
+    )
+
+
+def numbers(matrix: Any, values: dict[Any, float]) -> Any:
+    """A sympy matrix as floats."""
+    return np.array(matrix.subs(values).evalf(20).tolist(), dtype=float)
+
+
+def inertial_attitude() -> float:
+    """Eq. (4) against the platform literal with inertial readouts."""
+    from derivations.wu2018.frames import base_to_platform
+    from derivations.wu2018.symbols import S_t, h, q
+    from gimbalcal.platform import SPACE_STABLE_INERTIAL
+
+    phase, _, middle, outer = GENERIC
+    ours = SPACE_STABLE_INERTIAL.attitude(np.array([phase, 0.0, middle, outer]))
+    return float(np.abs(ours - numbers(base_to_platform(), {S_t: phase, h: middle, q: outer})).max())
+
+
+def navigation_to_platform() -> float:
+    """Eq. (18) against the platform literal at the readouts of an ideal static run."""
+    from derivations.wu2018.static_force import navigation_to_platform as derived
+    from derivations.wu2018.symbols import L, S_t
+    from gimbalcal.platform import SPACE_STABLE_INERTIAL
+
+    ours = SPACE_STABLE_INERTIAL.attitude(np.array([GENERIC[0], 0.0, LATITUDE, 0.0]))
+    return float(np.abs(ours - numbers(derived(), {S_t: GENERIC[0], L: LATITUDE})).max())
+
+
+def _sensor_effects() -> tuple[Any, dict[str, Any]]:
+    """Effects with generic values of all fifteen sensor coefficients, and the values."""
+    from gimbalcal.effects import CATALOGUE
+
+    rng = np.random.default_rng(RNG_SEED)
+    values = {
+        "beta": 1e-3 * rng.standard_normal(6),
+        "s": 1e-3 * rng.standard_normal(3),
+        "K_nl": 1e-5 * rng.standard_normal(3),
+        "b": 1e-2 * rng.standard_normal(3),
+    }
+    ids = {"beta": "misalignment", "s": "scale_factor", "K_nl": "scale_nonlinearity", "b": "bias"}
+    return tuple(CATALOGUE[ids[k]](**{k: v}) for k, v in values.items()), values
+
+
+@cache
+def _sensor_sample() -> tuple[Any, Any, dict[Any, float]]:
+    """Force (3,), the package's output for it (3,), both m/s^2, and the coefficients under the paper's symbols."""
+    from derivations.wu2018 import sensor
+    from derivations.wu2018.symbols import BETA
+    from gimbalcal.forward import accelerometers
+
+    effects, v = _sensor_effects()
+    force = np.array([[3.1, -5.2, 7.3]])
+    output = accelerometers(force, stimulus(force, np.zeros((1, 4)), ("platform", "inner", "middle", "outer")), effects)
+    names = (*BETA, *sensor.SF, *sensor.K, *sensor.b)
+    flat = np.concatenate([v["beta"], 1 + v["s"], v["K_nl"], v["b"]])
+    return force[0], output[0], dict(zip(names, flat, strict=True))
+
+
+def sensor_balance() -> float:
+    """Eq. (6): the package's output must balance the implicit equation."""
+    from derivations.wu2018 import sensor
+
+    force, output, values = _sensor_sample()
+    at = values | dict(zip((*sensor.f_a, *sensor.f_p), (*output, *force), strict=True))
+    return float(np.abs(numbers(sensor.balance(sensor.f_a, sensor.f_p), at)).max() / G_NORMAL)
+
+
+def sensor_inverse() -> float:
+    """Eq. (8): the derived inverse of the package's output must be the force that went in."""
+    from derivations.wu2018 import sensor
+
+    force, output, values = _sensor_sample()
+    at = values | dict(zip(sensor.f_a, output, strict=True))
+    return float(np.abs(numbers(sensor.solved_for_force(), at)[:, 0] - force).max() / G_NORMAL)
+
+
+def misalignment() -> float:
+    """Eq. (5): force plus the effect's contribution against C_p^a f^p."""
+    from derivations.wu2018.frames import platform_to_accelerometers
+    from derivations.wu2018.symbols import BETA
+
+    effects, v = _sensor_effects()
+    force = np.array([[3.1, -5.2, 7.3]])
+    s = stimulus(force, np.zeros((1, 4)), ("platform", "inner", "middle", "outer"))
+    C = numbers(platform_to_accelerometers(), dict(zip(BETA, v["beta"], strict=True)))
+    return float(np.abs(force + effects[0].contribution(s) - force @ C.T).max() / G_NORMAL)
+
+
+@cache
+def _table_1() -> tuple[Any, Any]:
+    """The package's g^p / g (18, 3) and its derivative by the zeros of platform, inner, middle (18, 3, 3)."""
+    from gimbalcal.number import STEP
+    from gimbalcal.platform import SPACE_STABLE
+    from gimbalcal.schedule import EIGHTEEN_POSITIONS
+
+    angles = EIGHTEEN_POSITIONS.angles
+    down = np.array([0.0, 0.0, 1.0])
+    unit = np.eye(4)[:3]
+    steps = [SPACE_STABLE.attitude(angles + 1j * STEP * e) @ down for e in unit]
+    return SPACE_STABLE.attitude(angles) @ down, np.stack([x.imag / STEP for x in steps], axis=-1)
+
+
+def table_1_gravity(row: int, component: str) -> float:
+    """An entry of Table 1 and its derivatives by the gimbal zeros."""
+    from derivations.wu2018 import table1
+
+    value, slope = _table_1()
+    i = table1.COMPONENTS.index(component)
+    entry = table1.gravity(*table1.resolved_angles()[row - 1])[i]
+    derived = [float(entry.subs(dict.fromkeys(table1.ZEROS, 0))), *(float(entry.diff(z)) for z in table1.ZEROS)]
+    return float(np.abs(np.array([value[row - 1, i], *slope[row - 1, i]]) - derived).max())
+
+
+def table_1_angle(row: int, axis: int, eighths: int) -> float:
+    """An angle of the published schedule against a multiple of pi/4."""
+    from gimbalcal.schedule import EIGHTEEN_POSITIONS
+
+    return float(abs(EIGHTEEN_POSITIONS.angles[row - 1, axis] - eighths * np.pi / 4))
+
+
+def wanted(ids: Sequence[str]) -> tuple[Any, ...]:
+    from gimbalcal.effects import CATALOGUE, parameters
+
+    return tuple(p for i in ids for p in parameters(CATALOGUE[i]))
+
+
+def norm_observation() -> float:
+    """Eqs. (16), (17): -f . df/dp of the package at the 18 positions against the printed row times d(dx)/dp."""
+    import sympy as sp
+
+    from derivations.wu2018 import fine_norm
+    from gimbalcal.effects import CATALOGUE, absent
+    from gimbalcal.forward import jacobian
+    from gimbalcal.schedule import EIGHTEEN_POSITIONS
+
+    platform, angles = EIGHTEEN_POSITIONS.platform, EIGHTEEN_POSITIONS.angles
+    force = -G_NORMAL * EIGHTEEN_POSITIONS.gravity_directions()
+    s = stimulus(force, angles, platform.axis_names)
+    ids = ("scale_factor", "bias", "scale_nonlinearity", "misalignment")
+    effects = tuple(absent(CATALOGUE[i]) for i in ids)
+    ours = -np.einsum("ni,nip->np", force, jacobian(platform, s, effects, wanted(ids))["specific_force"])
+    row = sp.lambdify(fine_norm.u, fine_norm.ROW)
+    slope = fine_norm.unknowns().subs(dict.fromkeys(fine_norm.SF_hat, 1)).jacobian(fine_norm.DEVIATIONS)
+    derived = np.vstack([row(*f) for f in force]) @ numbers(slope, {})
+    return float(np.abs((ours - derived) / np.abs(derived).max(axis=0)).max())

@@ -1,0 +1,165 @@
+"""The package's static run against the derivations: Eqs. (18) to (41).
+
+As in `package`, nothing is derived here: differences only, in units of g or rad, derivatives by complex step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, ClassVar
+
+import numpy as np
+
+from derivations.wu2018.package import numbers, stimulus, wanted
+from derivations.wu2018.symbols import G_NORMAL, LATITUDE, RESIDUALS, g
+
+PHASES = 2 * np.pi * np.arange(24) / 24  # rad; exact for harmonics up to 11
+
+
+def static_stimulus() -> Any:
+    from gimbalcal.platform import SPACE_STABLE_INERTIAL
+
+    c, s = np.cos(LATITUDE), np.sin(LATITUDE)
+    unit = np.stack([np.cos(PHASES) * c, np.sin(PHASES) * c, s + 0 * PHASES], axis=-1)
+    readout = np.stack([PHASES, 0 * PHASES, LATITUDE + 0 * PHASES, 0 * PHASES], axis=-1)
+    return stimulus(G_NORMAL * unit, readout, SPACE_STABLE_INERTIAL.axis_names)
+
+
+def static_force() -> float:
+    """Eq. (19) over a day."""
+    from derivations.wu2018.static_force import force
+    from derivations.wu2018.symbols import L, S_t
+    from gimbalcal.forward import predict
+    from gimbalcal.platform import SPACE_STABLE_INERTIAL
+
+    ours = predict(SPACE_STABLE_INERTIAL, static_stimulus(), (), "static-run")["specific_force"] / G_NORMAL
+    derived = np.stack([numbers(force(), {L: LATITUDE, S_t: t})[:, 0] for t in PHASES])
+    return float(np.abs(ours - derived).max())
+
+
+@cache
+def _static_jacobian() -> dict[str, Any]:
+    """Fourier coefficients of the package's static run by the twelve residual parameters, by channel and harmonic.
+
+    Order of the parameters: scale factors, biases [m/s^2], misalignments as in `symbols.RESIDUALS`.
+    """
+    from gimbalcal.effects import CATALOGUE, absent
+    from gimbalcal.forward import jacobian
+    from gimbalcal.platform import SPACE_STABLE_INERTIAL
+
+    ids = ("scale_factor", "bias", "misalignment")
+    effects = tuple(absent(CATALOGUE[i]) for i in ids)
+    s = static_stimulus()
+    J = jacobian(SPACE_STABLE_INERTIAL, s, effects, wanted(ids), "static-run")
+    channels = {
+        "force": np.einsum("ni,nip->np", s.force, J["specific_force"]) / G_NORMAL**2,
+        "roll": J["attitude_error"][:, 0],
+        "pitch": J["attitude_error"][:, 1],
+    }
+    return {name: _fourier(y) for name, y in channels.items()}
+
+
+def _fourier(y: Any) -> dict[str, Any]:
+    """Coefficients of (n, p) over one turn of `PHASES`."""
+    weights = {
+        "mean": 0.5 + 0 * PHASES,
+        "1c": np.cos(PHASES),
+        "1s": np.sin(PHASES),
+        "2c": np.cos(2 * PHASES),
+        "2s": np.sin(2 * PHASES),
+    }
+    return {name: 2 * np.mean(w[:, None] * y, axis=0) for name, w in weights.items()}
+
+
+def _derived_row(expr: Any) -> Any:
+    """Derivatives of a coefficient by the *true* residual parameters: the paper counts estimate minus truth."""
+    at = {**dict.fromkeys(RESIDUALS, 0.0)}
+    from derivations.wu2018.symbols import L
+
+    return np.array([-float(expr.diff(r).subs({**at, g: G_NORMAL, L: LATITUDE}).evalf()) for r in RESIDUALS])
+
+
+def static_coefficient(channel: str, harmonic: str) -> float:
+    """One Fourier coefficient of norm, roll or pitch by the twelve parameters; biases scaled to g."""
+    from derivations.wu2018.attitude_error import force_part
+    from derivations.wu2018.static_force import norm_harmonics
+
+    derived = norm_harmonics()[harmonic] if channel == "force" else force_part()[channel][harmonic]
+    difference = _static_jacobian()[channel][harmonic] - _derived_row(derived)
+    return float(np.abs(difference * _scale()).max())
+
+
+def _scale() -> Any:
+    return np.where(np.isin(np.arange(12), (3, 4, 5)), G_NORMAL, 1.0)
+
+
+def _package_coefficient(name: str) -> Any:
+    """One of the fifteen combined coefficients by the twelve true parameters, from the package."""
+    c, J = np.cos(LATITUDE), _static_jacobian()
+    if name.startswith("x_"):
+        factor = (1, -1 / c, -1 / c, 1 / c**2, 1 / c**2)[int(name[2]) - 1]
+        return factor * J["force"][("mean", "1c", "1s", "2c", "2s")[int(name[2]) - 1]]
+    channel, harmonic = name.split("_")
+    return J[{"dphi": "roll", "dtheta": "pitch"}[channel]][harmonic]
+
+
+def static_value(name: str) -> float:
+    """A coefficient of Table 4 at Tables 2 and 3 from the package's first-order static run."""
+    from derivations.wu2018.symbols import TABLE_2, TABLE_3
+    from derivations.wu2018.table4 import evaluate
+
+    values = {**TABLE_2, **TABLE_3}
+    ours = -_package_coefficient(name) @ np.array([values[r] for r in RESIDUALS])
+    return float(abs(ours - evaluate(name)))
+
+
+def first_harmonic_matrix() -> float:
+    """Eq. (41): the derived six rows by the twelve parameters, and their rank, from the package."""
+    from derivations.wu2018.separation import ROWS, coefficients
+
+    ours = np.array([_package_coefficient(name) for name in ROWS])
+    derived = np.array([_derived_row(coefficients()[name]) for name in ROWS])
+    return float(np.abs((ours - derived) * _scale()).max())
+
+
+@dataclass(frozen=True)
+class _Step:
+    """A disturbance of one stage: a complex step of `vector` (n, k), in the form of an effect."""
+
+    stage: Any
+    vector: Any
+    channel: ClassVar[str] = "specific_force"
+
+    def contribution(self, _: Any) -> Any:
+        """The step."""
+        return self.vector
+
+
+def attitude_disturbances() -> float:
+    """Eq. (28) at heading north: the package's attitude error by force, readout, base tilt and platform drift."""
+    from derivations.wu2018.attitude_error import DISTURBANCES, attitude_error
+    from derivations.wu2018.symbols import L, psi
+    from gimbalcal.effects import Stage
+    from gimbalcal.forward import predict
+    from gimbalcal.number import STEP
+    from gimbalcal.platform import SPACE_STABLE_INERTIAL
+
+    s = static_stimulus()
+    c, n, zero = np.cos(PHASES), np.sin(PHASES), 0 * PHASES
+    x_e, y_e, z_e = np.stack([c, n, zero], -1), np.stack([-n, c, zero], -1), np.stack([zero, zero, zero + 1], -1)
+    unit = np.broadcast_to(np.eye(4)[:, None], (4, 24, 4))
+    tilt = np.broadcast_to(np.eye(3)[:, None], (3, 24, 3))
+    steps = (
+        *((Stage.ACCELEROMETER, G_NORMAL * axis) for axis in (x_e, y_e, z_e)),
+        *((Stage.ENCODER, -unit[i]) for i in (0, 2, 3)),  # readout minus truth
+        *((Stage.BASE, tilt[i]) for i in range(3)),
+        (Stage.PLATFORM, x_e),
+    )
+    derived = numbers(attitude_error().subs(psi, 0).jacobian(DISTURBANCES), {L: LATITUDE})
+    worst = 0.0
+    for column, (stage, vector) in enumerate(steps):
+        effect: Any = _Step(stage, 1j * STEP * vector)
+        ours = predict(SPACE_STABLE_INERTIAL, s, (effect,), "static-run")["attitude_error"].imag / STEP
+        worst = max(worst, float(np.abs(ours - derived[:, column]).max()))
+    return worst

@@ -1,0 +1,212 @@
+r"""Table 1: gravity in platform axes at the eighteen positions, and the gimbal angles that lead there.
+
+Gravity is (0, 0, g) on the level base. Seen from the platform through middle (about y), inner (about x) and platform
+gimbal (about z),
+
+    g^p = Rz(theta_1) Rx(theta_2) Ry(theta_3) (0, 0, g),      theta_i = k_i pi/4 + theta_i0,
+
+to first order in the zeros theta_i0, which is the order in which the table states its small entries. Entries near
++-g/sqrt(2) are printed without their first-order terms: they are approximations, and the size says of what.
+
+The angles are judged by the printed gravity of their row: an angle agrees if it is a multiple of pi/4 that reproduces
+every sound entry of the row, the other two angles as printed.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+import sympy as sp
+
+from derivations.verdict import AGREES, APPROXIMATION, ARCSEC, Case, Printed, judge, order
+from derivations.wu2018 import package
+from derivations.wu2018.symbols import Rx, Ry, Rz, g
+
+ZEROS = sp.symbols("theta_10 theta_20 theta_30", real=True)
+t1, t2, t3 = ZEROS
+r = sp.sqrt(2) / 2
+ZERO_SIZE = 10 * ARCSEC  # what a size is quoted for: zeros as large as the angles of Table 3
+
+SIGNS = tuple(dict(zip(ZEROS, signs, strict=True)) for signs in itertools.product((ZERO_SIZE, -ZERO_SIZE), repeat=3))
+
+# theta_1, theta_2, theta_3 in units of pi/4 as printed, arrows ("remains unchanged") kept as None
+ANGLES: tuple[tuple[int | None, int | None, int | None], ...] = (
+    (0, 0, 0), (None, 1, None), (None, 2, None), (1, None, None), (2, None, None), (None, 1, None),
+    (None, 4, None), (None, None, -1), (None, None, -2), (3, None, None), (4, None, None), (None, None, -1),
+    (None, 5, 0), (3, 6, None), (2, 7, None), (None, 0, -1), (1, None, -2), (0, None, -3),
+)  # fmt: skip
+
+# g_x, g_y, g_z of each row: the reading, in units of g; "scan" below holds what the scan shows where it differs
+GRAVITY = (
+    (-t3, t2, 1),
+    (r * t1 - t3, r, r),
+    (t1 - t3, 1, -t2),
+    (r, r, -t2),
+    (1, t3 - t1, -t2),
+    (r, t3 - r * t1, r),
+    (-t2, t3, -1),
+    (-r * (t1 + t2), -r, -r),
+    (-t1, -1, -t3),
+    (-r, -r, -t3),
+    (-1, t1, -t3),
+    (-r, r * (t1 + t2), -r),
+    (r * t1 + t3, r, -r),
+    (-r, r, r * t2),
+    (-r, r * (t3 + t2), r),
+    (r * (-t1 + t2), -r, r),
+    (r, -r, t3),
+    (r, -r * (t1 + t2), -r),
+)
+
+GARBLED = {
+    (1, "z"): ("8", "8 for g"),
+    (3, "y"): ("8", "8 for g"),
+    (4, "y"): ("g/sqrt(2) g", "the g of row 3 or 5 runs into it; sqrt(2)/2 g is legible"),
+    (5, "x"): ("", "the cell is empty and its g stands in the cell of row 6"),
+    (6, "x"): ("g/sqrt(2) g", "the g of row 5 runs into it; sqrt(2)/2 g is legible"),
+    (7, "y"): ("g theta_30^2", "an exponent 2, of which no derivation of this row knows"),
+    (9, "z"): ("-g theta_30 (barred)", "a bar over theta"),
+    (11, "x"): ("-g (underlined)", "an underline"),
+    (11, "y"): ("8010", "8010 for g theta_10"),
+    (14, "y"): ("sqrt(2)/2 g sqrt(2)/2 g", "the cells of rows 13 and 14 run together"),
+    (15, "z"): ("(sqrt(2)/2 g theta_20)/(sqrt(2)/2 g)", "the cell of row 14 stands over it as a fraction"),
+}
+COMPONENTS = ("x", "y", "z")
+
+
+def resolved_angles() -> tuple[tuple[int, int, int], ...]:
+    """The printed angles with every arrow replaced by the row above."""
+    rows: list[tuple[int, int, int]] = []
+    for row in ANGLES:
+        above = rows[-1] if rows else (0, 0, 0)
+        a, b, c = (x if x is not None else y for x, y in zip(row, above, strict=True))
+        rows.append((a, b, c))
+    return tuple(rows)
+
+
+@cache
+def _turn(axis: int, k: int, derivative: int) -> Any:
+    """A gimbal's rotation at k pi/4, or its derivative by the angle there."""
+    angle = sp.Symbol("angle")
+    matrix = (Rz, Rx, Ry)[axis](angle)
+    return (matrix.diff(angle) if derivative else matrix).subs(angle, k * sp.pi / 4)
+
+
+@cache
+def gravity(k1: int, k2: int, k3: int) -> Any:
+    """g^p / g at three multiples of pi/4, to first order in the zeros."""
+
+    def chain(*derivatives: int) -> Any:
+        a, b, c = (_turn(i, k, n) for i, (k, n) in enumerate(zip((k1, k2, k3), derivatives, strict=True)))
+        return a * b * c * sp.Matrix([0, 0, 1])
+
+    return chain(0, 0, 0) + t1 * chain(1, 0, 0) + t2 * chain(0, 1, 0) + t3 * chain(0, 0, 1)
+
+
+def _gravity_item(row: int, component: str) -> str:
+    return f"Table 1, row {row}, g_{component}"
+
+
+def _printed_gravity() -> dict[str, Printed]:
+    out = {}
+    for row, reading in enumerate(GRAVITY, 1):
+        for component, value in zip(COMPONENTS, reading, strict=True):
+            text = sp.sstr(g * value)
+            scan, garbled = GARBLED.get((row, component), (text, ""))
+            item = _gravity_item(row, component)
+            out[item] = Printed(item, scan or "(empty)", g * sp.sympify(value), garbled)
+    return out
+
+
+def _printed_angles() -> dict[str, Printed]:
+    out = {}
+    for row, (raw, angles) in enumerate(zip(ANGLES, resolved_angles(), strict=True), 1):
+        for i, (cell, k) in enumerate(zip(raw, angles, strict=True)):
+            item = f"Table 1, row {row}, theta_{i + 1}"
+            angle = ZEROS[i] + k * sp.pi / 4
+            scan = f"(arrow: unchanged) {angle}" if cell is None else str(angle)
+            out[item] = Printed(item, scan, angle)
+    return out
+
+
+PRINTED = {**_printed_gravity(), **_printed_angles()}
+
+
+def _gravity_case(row: int, component: str) -> Case:
+    derived = g * gravity(*resolved_angles()[row - 1])[COMPONENTS.index(component)]
+    return Case(
+        derived,
+        _explain,
+        small=ZEROS,
+        at={g: 1.0, **dict.fromkeys(ZEROS, ZERO_SIZE)},
+        sweep=SIGNS,
+        unit="ug",
+        symbols=(ZEROS,),
+        factors=(sp.sqrt(2), sp.sqrt(2) / 2, sp.Integer(2)),
+        code=lambda: package.table_1_gravity(row, component),
+    )
+
+
+def _explain(printed: Printed, case: Case) -> str:
+    verdict, slip = judge(printed, case)
+    if verdict == AGREES:
+        return "First order in the gimbal zeros."
+    if verdict == APPROXIMATION:
+        lost = sp.sstr(sp.expand(case.derived - printed.formula))
+        return f"The first-order term {lost} is left out; up to {{size}} for zeros of 10 arcsec."
+    cause = f"One slip: {slip}" if slip else "No single slip explains it"
+    return (
+        f"{cause}; the row's own angles give {sp.sstr(case.derived)}. The difference is up to {{size}} for zeros of "
+        "10 arcsec, and a coarse stage built on it puts that into its gimbal zeros."
+    )
+
+
+def sound_components(row: int, printed: Mapping[str, Printed]) -> dict[str, Any]:
+    """Printed gravity of a row where it is consistent with the row's angles."""
+    out = {}
+    for component in COMPONENTS:
+        p = printed.get(_gravity_item(row, component), PRINTED[_gravity_item(row, component)])
+        if judge(p, _gravity_case(row, component))[0] in (AGREES, APPROXIMATION):
+            out[component] = p.formula
+    return out
+
+
+def consistent_angles(row: int, axis: int, printed: Mapping[str, Printed]) -> list[int]:
+    """Multiples of pi/4 for one angle that reproduce every sound entry of the row, the other angles as printed."""
+    angles, sound = list(resolved_angles()[row - 1]), sound_components(row, printed)
+    fits = []
+    for k in range(8):
+        angles[axis] = k
+        vector = gravity(*angles)
+        differences = [(g * vector[COMPONENTS.index(c)] - value, value) for c, value in sound.items()]
+        if all(order(d, ZEROS) > order(value, ZEROS) for d, value in differences):
+            fits.append(k)
+    return fits
+
+
+def _angle_case(row: int, axis: int) -> Case:
+    """The angle that the printed gravity of the row demands."""
+    fits = consistent_angles(row, axis, PRINTED)
+    printed = resolved_angles()[row - 1][axis]
+    k = printed if printed % 8 in fits else (fits[0] if fits else printed + 4)
+    told = "and no other multiple of pi/4 does" if len(fits) == 1 else f"and so would {len(fits) - 1} others"
+    return Case(
+        ZEROS[axis] + k * sp.pi / 4,
+        f"It reproduces the sound gravity entries of row {row}, {told}.",
+        at={},
+        code=lambda: package.table_1_angle(row, axis, resolved_angles()[row - 1][axis]),
+    )
+
+
+def cases() -> dict[str, Case]:
+    """The derived forms."""
+    out = {}
+    for row in range(1, 19):
+        for component in COMPONENTS:
+            out[_gravity_item(row, component)] = _gravity_case(row, component)
+        for axis in range(3):
+            out[f"Table 1, row {row}, theta_{axis + 1}"] = _angle_case(row, axis)
+    return out

@@ -1,0 +1,278 @@
+"""What the derivations find in Wu et al. (2018), that nothing is missing, and that planted misprints are seen."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from derivations import wu2018
+from derivations.verdict import AGREES, APPROXIMATION, MISPRINT, NOT_DETERMINED, VERDICTS, WRONG
+from derivations.wu2018 import attitude_error, fine_norm, frames, sensor, separation, static_force, table1, table4
+from derivations.wu2018.symbols import (
+    BETA,
+    G_NORMAL,
+    LATITUDE,
+    NUMBERS,
+    RESIDUALS,
+    L,
+    S_t,
+    beta_yx,
+    beta_zy,
+    g,
+    nabla_x,
+    nabla_z,
+    sigma_x,
+)
+
+KEY = {
+    "Eq. (4)": AGREES,
+    "Eq. (6)": MISPRINT,
+    "Eq. (7)": WRONG,
+    "Eq. (8)": AGREES,
+    "Eq. (10)": APPROXIMATION,
+    "Eq. (11)": APPROXIMATION,
+    "Eq. (13)": MISPRINT,
+    "Eq. (14)": MISPRINT,
+    "Eq. (17)": AGREES,
+    "Eq. (20)": APPROXIMATION,
+    **{f"Eq. ({n})": AGREES for n in (18, 19, *range(21, 41))},
+    "Eq. (41)": NOT_DETERMINED,
+    "Table 1, row 1, g_z": AGREES,
+    "Table 1, row 2, g_y": APPROXIMATION,
+    "Table 1, row 6, theta_2": AGREES,
+    "Table 1, row 7, g_y": AGREES,
+    "Table 1, row 11, g_y": AGREES,
+    "Table 1, row 14, g_z": MISPRINT,
+    "Table 1, row 15, g_y": WRONG,
+    **{f"Table 4, {name}": AGREES for name in ("x2", "x3", "x4", "x5", "delta_phi_2s", "delta_theta_2c")},
+    **{f"Table 4, {name}": WRONG for name in ("x1", "delta_phi_1s", "delta_theta_1s", "delta_theta_1c")},
+}
+
+
+@pytest.mark.parametrize("item", KEY)
+def test_key_items(wu2018_verdicts, item):
+    assert wu2018_verdicts[item].verdict == KEY[item]
+
+
+def test_every_equation_and_table_entry_once(wu2018_verdicts):
+    count = Counter(v.item for v in wu2018.verdicts())
+    expected = {f"Eq. ({n})" for n in range(1, 42)}
+    expected |= {f"Table 1, row {r}, g_{c}" for r in range(1, 19) for c in "xyz"}
+    expected |= {f"Table 1, row {r}, theta_{i}" for r in range(1, 19) for i in (1, 2, 3)}
+    expected |= {f"Table 4, {row.name}" for row in table4.ROWS}
+    assert len(table4.ROWS) == 13
+    assert set(count) == expected
+    assert set(count.values()) == {1}
+
+
+def test_every_verdict_is_one_of_five_and_says_why(wu2018_verdicts):
+    for v in wu2018_verdicts.values():
+        assert v.verdict in VERDICTS
+        assert v.printed
+        assert v.derived
+        assert len(v.why) > 10
+        assert not re.search(r"\{\w+\}", v.why), v.item
+        assert (v.size == "0") == (v.verdict == AGREES), v.item
+
+
+def test_the_package_computes_every_derived_form(wu2018_verdicts):
+    assert not [v.item for v in wu2018_verdicts.values() if "THE PACKAGE DIFFERS" in v.why]
+    compared = [v for v in wu2018_verdicts.values() if "The package computes the derived form" in v.why]
+    assert len(compared) > 130  # 108 entries of Table 1, 13 of Table 4, and the equations the package holds
+
+
+def test_sensor_law_planted_bias_sign(wu2018_verdicts):
+    printed = sensor.PRINTED["Eq. (8)"]
+    planted = replace(printed, formula=printed.formula.subs({x: -x for x in sensor.b}, simultaneous=True))
+    (found,) = [v for v in wu2018.judge_group(sensor, {"Eq. (8)": planted}) if v.item == "Eq. (8)"]
+    assert found.verdict == WRONG
+    assert wu2018_verdicts["Eq. (8)"].verdict == AGREES
+
+
+# One slip planted in a formula that is right as printed: the verdict must change to misprint.
+PLANTED = [
+    (frames, "Eq. (4)", lambda f: f.subs(f[2, 2], -f[2, 2]) if False else _with_entry(f, (2, 2), -f[2, 2])),
+    (frames, "Eq. (5)", lambda f: _with_entry(f, (0, 1), -f[0, 1])),
+    (static_force, "Eq. (19)", lambda f: _with_entry(f, (1, 0), sp.cos(S_t) * sp.cos(L))),
+    (static_force, "Eq. (21)", lambda f: f.subs(nabla_z, -nabla_z)),
+    (static_force, "Eq. (22)", lambda f: f.subs(beta_zy, -beta_zy)),
+    (static_force, "Eq. (24)", lambda f: f.subs(sigma_x, 2 * sigma_x)),
+    (attitude_error, "Eq. (30)", lambda f: f.subs(nabla_x, nabla_x / sp.sin(L))),
+    (attitude_error, "Eq. (31)", lambda f: f.subs(beta_yx, -beta_yx)),
+    (attitude_error, "Eq. (36)", lambda f: -f),
+    (separation, "Eq. (39)", lambda f: f.subs(separation.phi_N2s, separation.phi_N2c)),
+    (separation, "Eq. (40)", lambda f: f.subs(separation.phi_E2s, separation.phi_E2s * sp.sin(L))),
+    (table1, "Table 1, row 5, g_y", lambda f: -f),
+    (table1, "Table 1, row 13, g_x", lambda f: f.subs(table1.t3, table1.t2)),
+]
+
+
+def _with_entry(matrix, place, value):
+    changed = matrix.copy()
+    changed[place] = value
+    return changed
+
+
+@pytest.mark.parametrize(("group", "item", "slip"), PLANTED, ids=[p[1] for p in PLANTED])
+def test_planted_misprint(group, item, slip):
+    from derivations.verdict import judge
+
+    case, printed = group.cases()[item], group.PRINTED[item]
+    assert judge(printed, case)[0] == AGREES
+    planted = replace(printed, formula=slip(printed.formula))
+    verdict, words = judge(planted, case)
+    expected = MISPRINT if item not in ("Eq. (4)", "Eq. (5)", "Eq. (19)") or words else WRONG
+    assert verdict == expected != AGREES
+
+
+def test_planted_angle_in_table_1():
+    item = "Table 1, row 6, theta_2"
+    printed = table1.PRINTED[item]
+    planted = replace(printed, formula=printed.formula + sp.pi / 2)
+    (found,) = [v for v in wu2018.judge_group(table1, {item: planted}) if v.item == item]
+    assert found.verdict == WRONG
+
+
+def test_planted_number_in_table_4():
+    row = table4.ROWS[3]
+    right, wrong = table4.judge_row(row), table4.judge_row(replace(row, reference="-5.100e-5"))
+    assert right.verdict == AGREES
+    assert wrong.verdict == MISPRINT or wrong.verdict == WRONG
+    assert "no single" in wrong.why.lower() or "reproduces it" in wrong.why
+
+
+def test_a_slip_of_the_pen_in_table_4_is_told_from_a_wrong_simulation():
+    """A reversed sign that the estimate does not share is a misprint; one that it shares is wrong."""
+    row = next(r for r in table4.ROWS if r.name == "delta_phi_2s")
+    lonely = replace(row, reference="-3.830e-5")
+    shared = replace(row, reference="-3.830e-5", estimated="-3.848e-5")
+    assert table4.judge_row(lonely).verdict == MISPRINT
+    assert table4.judge_row(shared).verdict == WRONG
+
+
+# --- independent routes to the derived forms ---------------------------------------------------------------------------
+
+
+def test_z_of_the_platform_stands_h_above_the_horizon():
+    z_p = frames.base_to_platform().T * sp.Matrix([0, 0, 1])
+    h, q = sp.symbols("h q", real=True)
+    assert z_p == sp.Matrix([sp.cos(h) * sp.cos(q), -sp.cos(h) * sp.sin(q), -sp.sin(h)])
+
+
+def test_fifteen_coefficients_by_finite_differences_of_an_exact_simulation():
+    """Fourier coefficients of an exact, noise-free day against the derived ones, for a generic set of residuals."""
+    rng = np.random.default_rng(5)
+    scale = 1e-6  # second order then is 1e-12, well below the 1e-9 relative to which 1e-3 is resolved
+    values = dict(zip(RESIDUALS, scale * rng.standard_normal(12), strict=True))
+    values |= {nabla: values[nabla] * G_NORMAL for nabla in RESIDUALS[3:6]} | {L: LATITUDE, g: G_NORMAL}
+    phases = 2 * np.pi * np.arange(16) / 16
+    z, roll, pitch = _exact_day(values, phases)
+    for name, derived in separation.coefficients().items():
+        series = z if name.startswith("x_") else roll if name.startswith("dphi") else pitch
+        expected = float(derived.subs(values).evalf())
+        assert _coefficient(name, series, phases) == pytest.approx(expected, abs=2e-11)  # ten squares of 1e-6
+
+
+def _exact_day(values, phases):
+    s, c, zero, one = np.sin(phases), np.cos(phases), 0 * phases, 1 + 0 * phases
+    sin, cos = np.sin(LATITUDE), np.cos(LATITUDE)
+    f = np.stack([c * cos, s * cos, sin * one], axis=-1)
+    xy, xz, yz, yx, zx, zy = (values[b] for b in BETA)
+    C_pa = np.array([[1, xz, -xy], [-yz, 1, yx], [zy, -zx, 1]])
+    bias = np.array([values[b] / G_NORMAL for b in RESIDUALS[3:6]])
+    sf = 1 + np.array([values[b] for b in RESIDUALS[:3]])
+    f_hat = ((f - bias) * sf) @ np.linalg.inv(C_pa).T
+    e = np.stack([c * f_hat[:, 0] + s * f_hat[:, 1], -s * f_hat[:, 0] + c * f_hat[:, 1], f_hat[:, 2]], axis=-1)
+    down = -e / np.linalg.norm(e, axis=-1, keepdims=True)
+    east = np.cross(down, [0.0, 0.0, 1.0])
+    east /= np.linalg.norm(east, axis=-1, keepdims=True)
+    C_nb = np.array([[-sin, 0, -cos], [0, 1, 0], [cos, 0, -sin]]).T @ np.stack([np.cross(east, down), east, down], -1)
+    z = 0.5 * ((f_hat**2).sum(axis=-1) - 1)
+    return z, -np.arctan2(C_nb[:, 1, 2], C_nb[:, 2, 2]), np.arcsin(C_nb[:, 0, 2])
+
+
+def _coefficient(name, series, phases):
+    harmonic = name.split("_")[1]
+    cos = np.cos(LATITUDE)
+    weights = {
+        "mean": 0.5 + 0 * phases,
+        "1c": np.cos(phases),
+        "1s": np.sin(phases),
+        "2c": np.cos(2 * phases),
+        "2s": np.sin(2 * phases),
+    }
+    states = dict(zip("12345", zip(weights, (1, -1 / cos, -1 / cos, 1 / cos**2, 1 / cos**2), strict=True), strict=True))
+    key, factor = states[harmonic] if name.startswith("x_") else (harmonic, 1.0)
+    return factor * 2 * float(np.mean(series * weights[key]))
+
+
+def test_noise_biases_x1_by_the_mean_of_its_square():
+    """Eq. (20): 3/2 (sigma/g)^2, from samples; four standard errors."""
+    rng = np.random.default_rng(7)
+    sigma = static_force.SIGMA_NOISE / G_NORMAL
+    f = np.array([0.3, -0.4, np.sqrt(0.75)])
+    z = 0.5 * (((f + sigma * rng.standard_normal((400_000, 3))) ** 2).sum(axis=1) - 1)
+    z -= (f * 0).sum()
+    error = z.std() / np.sqrt(len(z))
+    assert abs(z.mean() - static_force.noise_mean()) < 4 * error
+
+
+def test_rank_and_null_directions():
+    assert separation.ranks() == {"all": 9, "tilted": 7, "norm": 5, "attitude": 8}
+    names = list(separation.coefficients())
+    tilted = [n for n in names if n not in separation.MEANS]
+    assert separation.unseen(separation.NULL_LEVEL, names)
+    assert separation.unseen(separation.NULL_LEVEL | separation.NULL_TILTED, tilted)
+    assert not separation.unseen(separation.NULL_TILTED, names)
+    assert len(separation.NULL_LEVEL) + 9 == len(RESIDUALS)
+    assert len(separation.NULL_LEVEL | separation.NULL_TILTED) + 7 == len(RESIDUALS)
+
+
+def test_matrix_41_lacks_what_22_and_23_have():
+    printed, derived = separation.PRINTED["Eq. (41)"].formula, separation.matrix_41()
+    assert printed[:4, :] == derived[:4, :] or (printed - derived)[:4, :].applyfunc(sp.simplify).is_zero_matrix
+    assert separation.rank_at_a_latitude(printed) == 6
+    assert separation.rank_at_a_latitude(derived) == 4
+
+
+def test_damage_of_inverting_41_as_printed():
+    """With the printed rows 5 and 6 the biases are x_2 and x_3 themselves: the lost betas times sin 40 deg."""
+    bias, _ = separation.damage()
+    lost = abs(np.sin(LATITUDE) * (NUMBERS[beta_yx] - NUMBERS[BETA[4]]))
+    assert bias == pytest.approx(lost * 1e6, rel=1e-9)
+
+
+def test_eighteen_positions_have_full_norm_rank():
+    twelve, fifteen, condition = fine_norm.ranks()
+    assert (twelve, fifteen) == (12, 12)
+    assert condition < 20  # of order one: no near-null direction in the unit-norm columns
+
+
+def test_table_4_closures_hold_for_the_derived_column_and_break_for_the_printed():
+    derived = {row.coefficient: table4.evaluate(row.coefficient) for row in table4.ROWS}
+    assert max(map(abs, table4.closures(derived).values())) < 1e-17  # rounding of numbers of 1e-4
+    assert set(table4.broken_closures()) == {
+        "dphi_2c - x5 C",
+        "dtheta_2s - x5 S C",
+        "dtheta_1c + S dphi_1s - C^2/S (x2 - dphi_1s)",
+        "dtheta_1s - S dphi_1c - C^2/S (x3 + dphi_1c)",
+    }
+
+
+def test_every_wrong_value_of_table_4_has_one_shortest_explanation():
+    for row in table4.ROWS:
+        found = list(table4.explanations(row))
+        sizes = [len(flipped) + lost for flipped, lost in found]
+        assert sizes.count(sizes[0]) == 1, row.name
+
+
+def test_gravity_of_table_4_is_normal_gravity():
+    from gimbalcal.earth import normal_gravity
+
+    assert float(normal_gravity(LATITUDE)) == pytest.approx(G_NORMAL, abs=1e-5)  # five decimals typed in
+    assert abs(table4.best_gravity() - G_NORMAL) < 1e-3  # the printed digits resolve about 1e-4 of g
