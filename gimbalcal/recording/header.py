@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 from pathlib import Path
 
@@ -31,6 +31,7 @@ class Header:
     noise: Mapping[str, float]
     columns: tuple[Column, ...]
     remarks: tuple[str, ...]
+    skip: int = 0  # lines of the samples file before its line of column names
 
     def column(self, quantity: str) -> Column | None:
         """The first column of `quantity`."""
@@ -45,7 +46,20 @@ def read_header(folder: Path) -> Header:
     if not path.is_file():
         raise InputError(f"{folder} has no {NAME}: a recording is a folder with a {NAME} that says what is in it")
     document = Document(path)
-    content = document.content
+    return _header(document, _samples(document, folder))
+
+
+def foreign_header(path: Path, samples: Path, skip: int = 0) -> Header:
+    """The header that the TOML file `path` gives to rows that are in another program's file, `samples`."""
+    if not path.is_file():
+        raise InputError(
+            f"{path} does not exist; it must say what the columns of {samples} hold, as recording.toml does"
+        )
+    return replace(_header(Document(path), samples), skip=skip)
+
+
+def _header(document: Document, samples: Path) -> Header:
+    content, path = document.content, document.path
     document.only("", ("format", "kind", "title", "samples", "site", "platform", "noise", "columns"), content)
     if content.get("format") != 1:
         raise InputError(f"{document.where('', 'format')}: format must be 1, got {content.get('format')!r}")
@@ -58,8 +72,8 @@ def read_header(folder: Path) -> Header:
     return Header(
         path=path,
         kind=kind,
-        title=str(content.get("title", folder.resolve().name)),
-        samples=_samples(document, folder),
+        title=str(content.get("title", path.resolve().parent.name)),
+        samples=samples,
         site=site,
         platform=platform,
         noise=_noise(document, columns),

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from math import pi
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from gimbalcal.recording.detection import detect
 from gimbalcal.recording.header import Header, read_header
 from gimbalcal.recording.record import ANGLES, Recording, Source
 from gimbalcal.recording.rows import Blocks, Rows
-from gimbalcal.recording.samples import Batch, batches
+from gimbalcal.recording.samples import Batch, batches, column
 from gimbalcal.recording.scatter import Scatter
 from gimbalcal.recording.screening import Screen
 from gimbalcal.units import celsius, from_si, to_si
@@ -35,9 +36,17 @@ def read(folder: str | Path, average_s: float | None = None) -> Recording:
     if average_s is not None and not average_s > 0:
         raise InputError(f"the time to average over must be positive, got {average_s} s")
     header = read_header(Path(folder))
+    stream = batches(header.samples, [c.name for c in header.columns])
+    return assemble(header, stream, lambda name: column(header.samples, name), average_s)
+
+
+def assemble(
+    header: Header, stream: Iterable[Batch], whole: Callable[[str], Array], average_s: float | None = None
+) -> Recording:
+    """The recording whose rows are `stream`, checked; `whole` gives one complete column for a second look."""
     with ThreadPoolExecutor(1) as pool:  # hashing leaves the interpreter free
         digests = pool.map(_source, (header.path, header.samples))
-        columns, table, scatter, remarks = _rows(header, average_s)
+        columns, table, scatter, remarks = _rows(header, stream, whole, average_s)
         source = tuple(digests)
     position = next((table[c.name].astype(np.int64) for c in columns if c.quantity == "position"), None)
     measured = [c for c in columns if c.quantity not in ("time", *UNITLESS)]
@@ -60,11 +69,10 @@ def read(folder: str | Path, average_s: float | None = None) -> Recording:
 
 
 def _rows(
-    header: Header, average_s: float | None
+    header: Header, stream: Iterable[Batch], whole: Callable[[str], Array], average_s: float | None
 ) -> tuple[tuple[Column, ...], dict[str, Array], dict[str, float], tuple[str, ...]]:
     """Columns, rows and scatter in the units of the file, and what to tell the user."""
-    screen = Screen(header)
-    stream = batches(header.samples, [c.name for c in header.columns])
+    screen = Screen(header, whole)
     if header.kind != "multi-position" or header.column("position"):
         return (header.columns, *_gather(stream, header.columns, screen, average_s), ())
     columns = (*header.columns, _DETECTED)
@@ -76,7 +84,7 @@ def _rows(
         f"{header.samples}: there is no position column; {int(position.max())} dwells were found where the sensors "
         "are quiet, numbered in order of time"
     )
-    found = Screen(Header(**{**vars(header), "columns": columns}))
+    found = Screen(replace(header, columns=columns), whole)
     found.sensors, found.angles = [], []  # they have passed
     table, scatter = _gather([table], columns, found, average_s)
     return columns, table, scatter, (remark,)
@@ -107,10 +115,10 @@ def _weight(columns: tuple[Column, ...], table: dict[str, Array]) -> Array:
     return table[name] if name in table else np.ones(0)
 
 
-def _si(column: Column, values: Array) -> Array:
-    if column.quantity == "temperature":
-        return celsius(values, column.unit)
-    factor = to_si(1.0, column.unit)
+def _si(each: Column, values: Array) -> Array:
+    if each.quantity == "temperature":
+        return celsius(values, each.unit)
+    factor = to_si(1.0, each.unit)
     return values if factor == 1.0 else np.multiply(values, factor, out=values)
 
 

@@ -32,8 +32,9 @@ class Blocks:
     """Means over blocks of `length` (in the unit of the `time` column), weighted by the `weight` column if any.
 
     A block ends where ``floor((t - t0) / length)`` changes; t0 is the last row that began anew (after a gap, in
-    another position), so that no block reaches across one. `turns` gives the size of a full turn for columns that are angles: these are unwrapped before the
-    mean and end near the first reading of their block, so that 359 and 1 deg average to 360, not 180.
+    another position), so that no block reaches across one. `turns` gives the size of a full turn for columns that
+    are angles: these are unwrapped before the mean and end near the first reading of their block, so that 359 and
+    1 deg average to 360, not 180.
     """
 
     def __init__(self, length: float, time: str, weight: str | None, turns: Mapping[str, float]) -> None:

@@ -115,18 +115,23 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
+def _lines(path: Path, skip: int = 0) -> Iterator[tuple[int, list[str]]]:
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
         for line, text in enumerate(file, start=1):
-            if not text.startswith("#"):
+            if line > skip and not text.startswith("#"):
                 yield line, next(csv.reader([text]), [])
 
 
-def place(path: Path, start: int, stop: int | None = None) -> str:
-    """Rows `start` up to `stop` (from 0) in words: the lines of a CSV, the rows of a Parquet counted from 1."""
+def place(path: Path, start: int, stop: int | None = None, skip: int = 0) -> str:
+    """Rows `start` up to `stop` (from 0) in words: the lines of a CSV, the rows of others counted from 1.
+
+    `skip` lines stand before the line of column names.
+    """
     word, first, last = "row", start + 1, (stop or start + 1)
     if path.suffix == ".csv":
         word, wanted = "line", {start + 1, last}  # the first line without '#' is the header
-        found = {row: line for row, (line, _) in zip(range(last + 1), _lines(path), strict=False) if row in wanted}
+        found = {
+            row: line for row, (line, _) in zip(range(last + 1), _lines(path, skip), strict=False) if row in wanted
+        }
         first, last = found[first], found[last]
     return f"{path}, {word} {first}" if last <= first else f"{path}, {word}s {first} to {last}"

@@ -15,6 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from gimbalcal.number import Array
+from gimbalcal.recording.record import ANGLES, Key
 
 ENOUGH = 8192
 """Rows of each batch that are looked at: sigma to better than 1 % from the first batch."""
@@ -49,3 +50,18 @@ class Scatter:
         if not self.count:
             return {}
         return {name: float(np.sqrt(total / (20 * self.count))) for name, total in self.squares.items()}
+
+
+def pooled(time: Array, position: Array | None, channels: Mapping[Key, Array]) -> dict[Key, float]:
+    """Scatter of rows that are in memory, one sigma by channel, from the rows at rest."""
+    n = len(time)
+    begins = np.zeros(n, dtype=bool) if position is None else np.diff(position, prepend=position[:1]) != 0
+    still = np.ones(n, dtype=bool) if position is None else position > 0
+    keys = {" ".join(key): key for key in channels}
+    turns = {name: 2 * np.pi for name, key in keys.items() if key[0] in ANGLES}
+    scatter = Scatter(tuple(keys), turns)
+    for start in range(0, n, ENOUGH):
+        rows = slice(start, start + ENOUGH)
+        batch = {name: channels[key][rows] for name, key in keys.items()}
+        scatter.add(batch, begins[rows], np.ones(len(time[rows])), still[rows])
+    return {keys[name]: sigma for name, sigma in scatter.sigma().items()}

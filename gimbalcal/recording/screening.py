@@ -12,7 +12,7 @@ suspicious there is judged at the end on the whole column:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import erf, log, sqrt
 
 import numpy as np
@@ -22,13 +22,13 @@ from gimbalcal.number import Array
 from gimbalcal.recording.columns import Column
 from gimbalcal.recording.header import Header
 from gimbalcal.recording.record import SENSORS
-from gimbalcal.recording.samples import Batch, column, place
+from gimbalcal.recording.samples import Batch, place
 from gimbalcal.units import from_si, to_si
 
 GAP = 10.0  # times the usual step: longer ones end a run of rows
 LONGEST_STEP = 86400.0  # s; no rig pauses for longer in one recording
 FEWEST = 20  # equal rows that can be called frozen or clipped at all
-STRIDE = 8  # every run of FEWEST rows holds two neighbours of every eighth row
+STRIDE = 5  # every run of FEWEST rows holds four neighbours of every fifth row
 CHANCE = 1e-6
 SMOOTH = 1e-7  # of the largest value: what third differences leave of a sidereal wave sampled each minute is 2e-8
 
@@ -36,8 +36,8 @@ SMOOTH = 1e-7  # of the largest value: what third differences leave of a siderea
 class Screen:
     """Watches the rows go by and refuses the recording where they cannot be right."""
 
-    def __init__(self, header: Header) -> None:
-        self.header = header
+    def __init__(self, header: Header, whole: Callable[[str], Array]) -> None:
+        self.header, self.whole = header, whole  # `whole` fetches one column for a second look
         clock, position = header.column("time"), header.column("position")
         if clock is None:
             raise ValueError("a header without a time column does not pass `read_header`")
@@ -67,12 +67,15 @@ class Screen:
         self.n += len(begins)
         return begins
 
+    def _place(self, start: int, stop: int | None = None) -> str:
+        return place(self.header.samples, start, stop, self.header.skip)
+
     def _finite(self, name: str, x: Array) -> None:
         bad = np.flatnonzero(~np.isfinite(x))
         if len(bad):
             run = int(np.argmax(np.append(np.diff(bad), 2) > 1)) + 1
             more = f", nor are the {run - 1} below it" if run > 1 else ""
-            where = place(self.header.samples, self.n + int(bad[0]))
+            where = self._place(self.n + int(bad[0]))
             raise InputError(
                 f"{where}, column {name}: the value is empty or not a finite number{more}; leave such rows out"
             )
@@ -92,7 +95,7 @@ class Screen:
         return begins
 
     def _refuse_time(self, i: int, t: Array, dt: float) -> None:
-        where = f"{place(self.header.samples, self.n + i)}, column {self.clock.name}"
+        where = f"{self._place(self.n + i)}, column {self.clock.name}"
         unit = self.clock.unit
         if dt > 0:
             raise InputError(
@@ -109,7 +112,7 @@ class Screen:
         odd = np.flatnonzero((p != np.floor(p)) | (p < 0))
         if self.position is not None and len(odd):
             raise InputError(
-                f"{place(self.header.samples, self.n + int(odd[0]))}, column {self.position.name}: a position is a "
+                f"{self._place(self.n + int(odd[0]))}, column {self.position.name}: a position is a "
                 f"whole number, 1, 2, ... or 0 while moving, got {p[odd[0]]:g}"
             )
         changed: Array = np.diff(p, prepend=self.last_position) != 0
@@ -130,7 +133,8 @@ class Screen:
     def _sensor(self, name: str, x: Array) -> None:
         self._peak(name, x)
         thin = x[::STRIDE]
-        if bool((thin[1:] == thin[:-1]).any()):
+        same = thin[1:] == thin[:-1]
+        if bool((same[2:] & same[1:-1] & same[:-2]).any()):
             self.stuck.add(name)
 
     def finish(self, scatter: Mapping[str, float]) -> None:
@@ -143,7 +147,7 @@ class Screen:
             piled = [k for (name, _), (_, k) in self.peaks.items() if name == each.name and k >= self._many()]
             if each.name in self.stuck or piled:
                 sigma = self._sigma(each, scatter)
-                self._alive(each, column(self.header.samples, each.name), sigma)
+                self._alive(each, self.whole(each.name), sigma, bool(piled))
 
     def _many(self) -> float:
         return max(FEWEST, 0.01 * self.n)
@@ -156,17 +160,17 @@ class Screen:
         largest = max(abs(to_si(self.peaks[c.name, k][0], c.unit)) for c in self.sensors for k in (1, -1))
         return from_si(max(triad), each.unit) if max(triad) > SMOOTH * largest else 0.0
 
-    def _alive(self, each: Column, x: Array, sigma: float) -> None:
+    def _alive(self, each: Column, x: Array, sigma: float, piled: bool) -> None:
         steps = np.abs(np.diff(x))
         quantum = float(np.min(steps, where=steps > 0, initial=np.inf))
         quantum = 0.0 if np.isinf(quantum) else quantum
         if sigma <= quantum:
             return
-        for sign, word in ((1, "largest"), (-1, "smallest")):
+        for sign, word in ((1, "largest"), (-1, "smallest")) if piled else ():
             rows = piled_up(sign * x)
             if len(rows) >= self._many():
                 raise InputError(
-                    f"{place(self.header.samples, int(rows[0]))}, column {each.name}: {x[rows[0]]:.10g} {each.unit} "
+                    f"{self._place(int(rows[0]))}, column {each.name}: {x[rows[0]]:.10g} {each.unit} "
                     f"is the {word} value of the channel and stands in {len(rows)} of its {len(x)} rows, so it is "
                     "clipped; raise the range of the sensor, or leave those rows out"
                 )
@@ -175,7 +179,7 @@ class Screen:
         needed = 1 + log(CHANCE / len(x)) / log(chance) if chance else 0.0
         if stop - start >= usual * max(FEWEST, needed):
             raise InputError(
-                f"{place(self.header.samples, start, stop)}, column {each.name}: all {stop - start} rows read "
+                f"{self._place(start, stop)}, column {each.name}: all {stop - start} rows read "
                 f"{x[start]:.10g} {each.unit} although the noise is {sigma:.2g} {each.unit}, so the channel is "
                 "frozen; leave those rows out, or correct [noise]"
             )
@@ -189,11 +193,11 @@ class Screen:
             k = int(np.searchsorted(edges, row, side="right"))
             rest = (edges[k] - edges[k - 1] - 2) * self.step
             if row not in changed and dt > rest:
-                where, unit = place(self.header.samples, row), self.clock.unit
+                where, unit = self._place(row), self.clock.unit
                 raise InputError(
-                    f"{where}, column {self.clock.name}: the clock jumps forward by {dt:.6g} {unit} within one position, "
-                    f"whose other rows span {rest:.6g} {unit}; correct the clock, or give the second visit its own "
-                    "position number"
+                    f"{where}, column {self.clock.name}: the clock jumps forward by {dt:.6g} {unit} "
+                    f"within one position, whose other rows span {rest:.6g} {unit}; correct the clock, or give the "
+                    "second visit its own position number"
                 )
 
     def _angle_units(self) -> None:
@@ -227,9 +231,9 @@ def piled_up(y: Array) -> Array:
 
 
 def longest_run(x: Array) -> tuple[int, int, float]:
-    """First row and end of the longest run of equal values, and the usual (median) length of the other runs."""
+    """First row and end of the longest run of equal values, and the mean length of the other runs."""
     edges = np.concatenate([[0], np.flatnonzero(x[1:] != x[:-1]) + 1, [len(x)]])
     lengths = np.diff(edges)
     k = int(np.argmax(lengths))
-    others = np.delete(lengths, k)
-    return int(edges[k]), int(edges[k + 1]), float(np.median(others)) if len(others) else 1.0
+    others = (len(x) - lengths[k]) / (len(lengths) - 1) if len(lengths) > 1 else 1.0
+    return int(edges[k]), int(edges[k + 1]), float(others)

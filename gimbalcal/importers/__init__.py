@@ -1,0 +1,56 @@
+"""Other rigs' files: one small file per rig, each a function from files and options to a `Recording`.
+
+To add a rig, write ``mine.py`` with such a function and enter it in `KINDS`. The first line of its docstring is what
+the command line prints, so it says which files and options are wanted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+
+from gimbalcal.errors import InputError
+from gimbalcal.importers.delimited import import_csv
+from gimbalcal.importers.hdf5 import import_hdf5
+from gimbalcal.importers.imu_tk import import_imu_tk
+from gimbalcal.importers.matlab import import_matlab
+from gimbalcal.importers.mikoff import import_mikoff
+from gimbalcal.recording import Recording, dwell_means
+
+Importer = Callable[[Sequence[Path], Mapping[str, str]], Recording]
+
+KINDS: Mapping[str, Importer] = MappingProxyType(
+    {
+        "csv": import_csv,
+        "hdf5": import_hdf5,
+        "imu-tk": import_imu_tk,
+        "mat": import_matlab,
+        "mikoff": import_mikoff,
+    }
+)
+"""Kinds of foreign files and the function that reads each."""
+
+EVERYWHERE = ("title", "means")
+"""Options that every kind has: another title; means = yes keeps one row per dwell."""
+
+
+def load(kind: str, files: Sequence[str | Path], options: Mapping[str, str] | None = None) -> Recording:
+    """The recording in the foreign `files`; `InputError` if the kind, a file or its content is not as it must be."""
+    if kind not in KINDS:
+        raise InputError(f"there is no importer {kind!r}; take one of {', '.join(KINDS)}")
+    paths = [Path(file) for file in files]
+    for path in paths:
+        if not path.is_file():
+            raise InputError(f"{path} does not exist or is not a file; give the files that {kind} is to read")
+    options = dict(options or {})
+    own = {key: value for key, value in options.items() if key not in EVERYWHERE}
+    recording = KINDS[kind](paths, own)
+    if "title" in options:
+        recording = replace(recording, title=options["title"])
+    if options.get("means", "no") not in ("no", "false", "0"):
+        seen = {name: recording.sigma(name) for name in ("accelerometer", "gyroscope")}
+        noise = {name: sigma for name, sigma in seen.items() if sigma is not None}
+        recording = replace(dwell_means(recording), noise={**noise, **recording.noise})
+    return recording

@@ -1,0 +1,23 @@
+"""Logs of github.com/mikoff/imu-calib: six columns, m/s^2 and rad/s, 100 lines a second, no clock."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from gimbalcal.importers.still import TRIAD, still_positions, text_matrix
+from gimbalcal.importers.table import number, one_file, only
+from gimbalcal.recording.record import Recording
+
+
+def import_mikoff(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
+    """One text file: ax ay az [m/s^2] gx gy gz [rad/s] in each line; rate = lines a second (100)."""
+    only(options, ("rate",))
+    path = one_file(files)
+    table = text_matrix(path, 6)
+    keys = [(q, axis) for q in ("specific_force", "angular_rate") for axis in TRIAD]
+    units = {key: "m/s^2" if key[0] == "specific_force" else "rad/s" for key in keys}
+    time = np.arange(len(table)) / number(options, "rate", 100.0)
+    return still_positions(path.stem, time, {key: table[:, i] for i, key in enumerate(keys)}, units, files)

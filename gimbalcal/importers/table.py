@@ -1,0 +1,97 @@
+"""What the importers of general tables share: a header file that names the columns, and options that are checked."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.recording.header import Header, foreign_header
+from gimbalcal.recording.reading import assemble
+from gimbalcal.recording.record import Recording
+
+COMMON = ("header", "rate")
+
+
+def only(options: Mapping[str, str], known: Sequence[str]) -> None:
+    """Refuse an option that nobody reads."""
+    for key in options:
+        if key not in known:
+            raise InputError(f"the option {key!r} is not known here; there are {', '.join([*known, 'title', 'means'])}")
+
+
+def number(options: Mapping[str, str], key: str, default: float) -> float:
+    """A positive number among the options."""
+    try:
+        value = float(options.get(key, default))
+    except ValueError:
+        value = np.nan
+    if not (np.isfinite(value) and value >= 0):
+        raise InputError(f"the option {key} must be a number of at least 0, got {options[key]!r}")
+    return value
+
+
+def one_file(files: Sequence[Path]) -> Path:
+    """The only file."""
+    if len(files) != 1:
+        raise InputError(f"give one file at a time, got {len(files)}")
+    return files[0]
+
+
+def header_for(path: Path, options: Mapping[str, str], skip: int = 0) -> Header:
+    """The header file among the options, which says what the columns of `path` hold."""
+    if "header" not in options:
+        raise InputError(
+            f"what do the columns of {path} hold? Write it down as in recording.toml, with [columns], and name that "
+            "file in the option header"
+        )
+    return foreign_header(Path(options["header"]), path, skip)
+
+
+def recording_of(header: Header, options: Mapping[str, str], fetch: Callable[[str], Array]) -> Recording:
+    """The recording whose columns `fetch` gives by name.
+
+    With the option ``rate`` (Hz) the time column is made from the number of the row, for files without a clock.
+    """
+    clock = header.column("time")
+    names = [c.name for c in header.columns]
+    rate = number(options, "rate", 0.0)
+    own = {name: _numbers(header, name, fetch(name)) for name in names if not (rate and clock and name == clock.name)}
+    sizes = {name: len(values) for name, values in own.items()}
+    if len(set(sizes.values())) > 1:
+        listed = ", ".join(f"{name} {n}" for name, n in sizes.items())
+        raise InputError(f"{header.samples}: the columns differ in length ({listed}); they must have one value per row")
+    if rate and clock:
+        own[clock.name] = np.arange(next(iter(sizes.values()), 0)) / rate
+    return assemble(header, [own] if own and len(own[names[0]]) else [], lambda name: own[name])
+
+
+def _numbers(header: Header, name: str, values: Array) -> Array:
+    if np.iscomplexobj(values) or not np.issubdtype(values.dtype, np.number):
+        raise InputError(f"{header.samples}: {name} holds {values.dtype} where real numbers are wanted")
+    return np.ascontiguousarray(values, dtype=np.float64)
+
+
+def component(name: str, value: Array, path: Path) -> Array:
+    """``acc[0]`` of an (n, 3) or (3, n) array `value` called ``acc``; a vector needs no index."""
+    index = re.search(r"\[(\d+)\]$", name)
+    value = np.squeeze(np.asarray(value))
+    if value.ndim <= 1 and not index:
+        return np.atleast_1d(value)
+    if value.ndim == 2 and index:
+        rows = value if value.shape[0] >= value.shape[1] else value.T
+        if int(index[1]) < rows.shape[1]:
+            return np.asarray(rows[:, int(index[1])])
+    raise InputError(
+        f"{path}: {name} does not name one column of an array of shape {value.shape}; write {plain(name)}[0], "
+        f"{plain(name)}[1], ... for the columns of a matrix, and no index for a vector"
+    )
+
+
+def plain(name: str) -> str:
+    """`name` without its index."""
+    return re.sub(r"\[\d+\]$", "", name)
