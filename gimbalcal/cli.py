@@ -61,25 +61,12 @@ def progress(quiet: bool) -> Callable[[str], None]:
     return tell
 
 
-def finish(result: dict[str, Any], name: str, sentence: str, out: Path | None, as_json: bool, quiet: bool) -> None:
-    """Write `name` into the folder whole or not at all, print the sentence, and the result if asked."""
-    if out is not None:
-        write_text(out / name, json.dumps(result, indent=1))
+def show(result: dict[str, Any], sentence: str, as_json: bool, quiet: bool) -> None:
+    """Print the sentence, and the result on stdout if asked."""
     if as_json:
         print(json.dumps(result))
     if not quiet:
         print(sentence, file=sys.stderr if as_json else sys.stdout)
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file to a temporary name, then rename it, so that an interruption leaves the old one or none."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.part")
-    try:
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 RECORDINGS = click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
@@ -107,17 +94,15 @@ def calibrate(
 ) -> None:
     """Estimate the sensors' errors, with their uncertainty, and say what the data do not show."""
     from gimbalcal.pipeline import calibrate as run
-    from gimbalcal.report import calibration_report
+    from gimbalcal.report.files import write_calibration
+    from gimbalcal.report.wording import answer
 
     tell = progress(quiet)
     calibration, loaded = run(recordings, method, tuple(t for t in terms.split(",") if t), tell)
-    page = calibration_report(calibration.to_dict(), loaded) if out is not None else ""
-    from gimbalcal.report.wording import answer
-
-    finish(calibration.to_dict(), "calibration.json", answer(calibration.to_dict()), out, as_json, quiet)
     if out is not None:
-        write_text(out / "report.html", page)
+        write_calibration(calibration, loaded, out)
         tell(f"wrote {out / 'calibration.json'} and {out / 'report.html'}")
+    show(calibration.to_dict(), answer(calibration.to_dict()), as_json, quiet)
     sys.exit(1 if calibration.outcome else 0)
 
 
@@ -135,17 +120,17 @@ def diagnose(
     from gimbalcal.calibration import read as read_calibration
     from gimbalcal.diagnose import diagnose as run
     from gimbalcal.pipeline import load
-    from gimbalcal.report import diagnosis_report
+    from gimbalcal.report.files import write_diagnosis
 
     tell = progress(quiet)
     loaded = load(recordings, tell)
     start = read_calibration(known) if known else None
-    diagnosis = run(loaded, calibration=start, baseline=tuple(b for b in baseline.split(",") if b), seed=seed, tell=tell)
-    page = diagnosis_report(diagnosis) if out is not None else ""
-    finish(diagnosis.to_dict(), "diagnosis.json", diagnosis.in_words, out, as_json, quiet)
+    held = tuple(b for b in baseline.split(",") if b)
+    diagnosis = run(loaded, calibration=start, baseline=held, seed=seed, tell=tell)
     if out is not None:
-        write_text(out / "report.html", page)
+        write_diagnosis(diagnosis, out)
         tell(f"wrote {out / 'diagnosis.json'} and {out / 'report.html'}")
+    show(diagnosis.to_dict(), diagnosis.in_words, as_json, quiet)
     sys.exit(0 if diagnosis.verdict == "adequate" else 1)
 
 
@@ -159,7 +144,7 @@ def simulate(scenario: Path, seed: int | None, out: Path | None, quiet: bool, as
 
     folder = out or Path(scenario.stem)
     truth = simulate_to(scenario, folder, seed, progress(quiet))
-    finish(truth, "truth.json", f"wrote a recording and its truth into {folder}", folder, as_json, quiet)
+    show(truth, f"wrote a recording and its truth into {folder}", as_json, quiet)
 
 
 @gimbalcal.command()
@@ -172,9 +157,12 @@ def observe(
 ) -> None:
     """Say what SCHEDULE (a name, or a TOML file) can and cannot see, before anything is recorded."""
     from gimbalcal.observability import observe as run
+    from gimbalcal.report.files import write_json
 
     seen = run(schedule, angle_sigma, force_sigma)
-    finish(seen.to_dict(), "observability.json", seen.in_words, out, as_json, quiet)
+    if out is not None:
+        write_json(out / "observability.json", seen.to_dict())
+    show(seen.to_dict(), seen.in_words, as_json, quiet)
 
 
 @gimbalcal.command("import")
@@ -216,7 +204,7 @@ def demo(out: Path | None, quiet: bool, as_json: bool) -> None:
     from gimbalcal.demonstration import demonstrate
 
     summary, sentence = demonstrate(out or Path("out/demo"), progress(quiet))
-    finish(summary, "demo.json", sentence, out or Path("out/demo"), as_json, quiet)
+    show(summary, sentence, as_json, quiet)
 
 
 if __name__ == "__main__":

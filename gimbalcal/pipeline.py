@@ -9,14 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
+import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.coarse import coarse
 from gimbalcal.estimate.fine import fine
 from gimbalcal.estimate.fusion import fuse
 from gimbalcal.estimate.joint import information_of, joint
+from gimbalcal.estimate.multiposition import multiposition
 from gimbalcal.estimate.system import static, static_information
 from gimbalcal.plausibility import refuse_implausible
 from gimbalcal.recording import Recording, read
@@ -38,6 +41,37 @@ def load(folders: Sequence[str | Path], tell: Tell = silent) -> tuple[Recording,
         refuse_implausible(recording)
         recordings.append(recording)
     return tuple(recordings)
+
+
+def calibrate(
+    folders: Sequence[str | Path], method: str = "three-stage", terms: Sequence[str] = (), tell: Tell = silent
+) -> tuple[Calibration, tuple[Recording, ...]]:
+    """Read recordings and calibrate by `method`: "three-stage", or "multiposition" (one recording, no angles needed).
+
+    Returns the calibration with its provenance, and the recordings. Raises InputError for what it cannot take.
+    """
+    recordings = load(folders, tell)
+    if method == "multiposition":
+        if len(recordings) != 1:
+            raise InputError(f"--method multiposition takes one recording, got {len(recordings)}; run it once for each")
+        tell("norm of the force at every position")
+        made = multiposition(recordings[0], terms)
+    else:
+        made = three_stage(recordings, tell)
+    return replace(made, provenance=provenance(recordings, made, terms)), recordings
+
+
+def provenance(recordings: Sequence[Recording], made: Calibration, terms: Sequence[str]) -> dict[str, object]:
+    """Where a calibration came from: files with their hashes, version, options, time, and remarks made on the way."""
+    return {
+        **made.provenance,
+        "recordings": [{"path": s.path, "sha256": s.sha256} for r in recordings for s in r.source],
+        "version": gimbalcal.__version__,
+        "seed": None,  # nothing in a calibration is drawn
+        "options": {"method": made.method, "terms": list(terms)},
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "remarks": [remark for r in recordings for remark in r.remarks],
+    }
 
 
 def three_stage(recordings: Sequence[Recording], tell: Tell = silent) -> Calibration:

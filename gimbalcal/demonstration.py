@@ -1,0 +1,60 @@
+"""What `gimbalcal demo` shows: the three stages, a real recording, and a diagnosis, on the recordings that ship."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import gimbalcal
+
+if TYPE_CHECKING:
+    from gimbalcal.diagnose import Diagnosis
+
+Tell = Callable[[str], None]
+
+
+def shipped() -> Path:
+    """Folder of the recordings that ship: inside an installed package, or data/ of the project."""
+    inside = Path(gimbalcal.__file__).parent / "shipped"
+    return inside if inside.exists() else Path(gimbalcal.__file__).parent.parent / "data"
+
+
+def demonstrate(out: Path, tell: Tell) -> tuple[dict[str, Any], str]:
+    """Calibrate and diagnose what ships, a folder each under `out`; returns a summary and the sentence to print."""
+    from gimbalcal.report.wording import answer
+
+    data = shipped()
+    tell("three stages: 18 positions and a static run of a space-stable platform (simulated, truth known)")
+    platform = _calibrate([data / "space_stable_18", data / "space_stable_static"], "three-stage", out, tell)
+    tell("a real recording: an Xsens unit turned by hand, no angles")
+    xsens = _calibrate([data / "xsens_positions"], "multiposition", out / "xsens", tell)
+    tell("diagnosis: 18 positions in which an effect is concealed")
+    found = _diagnose(data / "space_stable_concealed", out / "diagnosis", tell)
+    summary = {"space_stable": platform, "xsens": xsens, "diagnosis": found.to_dict()}
+    sentence = "\n".join([
+        f"space-stable platform: {answer(platform)}",
+        f"Xsens unit, real: {answer(xsens)}",
+        f"concealed effect: {found.in_words}",
+        f"open {out / 'report.html'}, {out / 'xsens' / 'report.html'} and {out / 'diagnosis' / 'report.html'}",
+    ])  # fmt: skip
+    return summary, sentence
+
+
+def _calibrate(folders: list[Path], method: str, out: Path, tell: Tell) -> dict[str, Any]:
+    from gimbalcal.pipeline import calibrate
+    from gimbalcal.report.files import write_calibration
+
+    calibration, recordings = calibrate(folders, method, (), tell)
+    write_calibration(calibration, recordings, out)
+    return calibration.to_dict()
+
+
+def _diagnose(folder: Path, out: Path, tell: Tell) -> Diagnosis:
+    from gimbalcal.diagnose import diagnose
+    from gimbalcal.pipeline import load
+    from gimbalcal.report.files import write_diagnosis
+
+    found = diagnose(load([folder], tell), tell=tell)
+    write_diagnosis(found, out)
+    return found

@@ -1,0 +1,89 @@
+"""The command line as a user meets it: statuses, sentences, files whole or absent."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from gimbalcal import cli
+
+ROOT = Path(__file__).resolve().parent.parent
+DEVICE = ROOT / "data" / "space_stable_18"
+STATIC = ROOT / "data" / "space_stable_static"
+
+
+def run(*arguments: object, monkeypatch: pytest.MonkeyPatch) -> int:
+    """Run the command line in this process; returns its exit status."""
+    monkeypatch.setattr(sys, "argv", ["gimbalcal", *map(str, arguments)])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+        raise SystemExit(0)
+    return int(stop.value.code or 0)
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch):  # type: ignore[no-untyped-def]
+    return lambda *arguments: run(*arguments, monkeypatch=monkeypatch)
+
+
+def test_help_loads_nothing_heavy() -> None:
+    code = "import sys, gimbalcal.cli; print([m for m in ('numpy', 'scipy', 'sympy', 'matplotlib', 'polars') if m in sys.modules])"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "[]"
+
+
+def test_version(command, capsys) -> None:  # type: ignore[no-untyped-def]
+    assert command("--version") == 0
+    assert capsys.readouterr().out.startswith("gimbalcal, version ")
+
+
+def test_calibrate_writes_the_contract_and_a_page(command, capsys, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    assert command("calibrate", DEVICE, STATIC, "--out", tmp_path / "out", "--quiet", "--json") == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content == json.loads((tmp_path / "out" / "calibration.json").read_text())
+    assert {"format", "method", "outcome", "parameters", "covariance", "unobservable", "residual", "provenance"} <= set(
+        content
+    )
+    assert content["method"] == "three-stage"
+    n = len(content["parameters"])
+    assert [len(row) for row in content["covariance"]] == [n] * n
+    labels = {(p["name"], p["axis"]) for p in content["parameters"]}
+    assert {("scale_factor", "x"), ("misalignment", "zy"), ("gimbal_zero", "middle"), ("scale_nonlinearity", "z")} <= labels
+    assert {len(r["sha256"]) for r in content["provenance"]["recordings"]} == {64}
+    assert (tmp_path / "out" / "report.html").read_text().lstrip().lower().startswith("<!doctype html>")
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["calibration.json", "report.html"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["calibrate", "nowhere"], "nowhere"),
+        (["diagnose", "nowhere"], "nowhere"),
+        (["simulate", "nowhere.toml"], "nowhere.toml"),
+        (["observe", "no-such-schedule"], "no-such-schedule"),
+        (["import", "no-such-rig", "file"], "no-such-rig"),
+        (["import", "csv", "file", "--set", "unit"], "NAME=VALUE"),
+        (["calibrate", str(DEVICE), str(DEVICE)], "one of each kind"),
+        (["calibrate", str(DEVICE), str(STATIC), "--method", "multiposition"], "takes one recording"),
+    ],
+)
+def test_a_refusal_is_one_sentence_status_2_and_writes_nothing(  # type: ignore[no-untyped-def]
+    command, capsys, tmp_path: Path, arguments: list[str], sentence: str
+) -> None:
+    assert command(*arguments, "--out", tmp_path / "out", "--quiet") == 2
+    shown = capsys.readouterr()
+    assert sentence in shown.err
+    assert shown.err.count("\n") == 1
+    assert shown.out == ""
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_interruption_says_so(command, capsys, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("gimbalcal.pipeline.calibrate", interrupted)
+    assert command("calibrate", DEVICE) == 130
+    assert "interrupted" in capsys.readouterr().err
