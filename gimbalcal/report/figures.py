@@ -157,7 +157,7 @@ def correlation(labels: Sequence[str], matrix: Array) -> Figure:
     p = len(labels)
     with mpl.rc_context(STYLE):
         side = min(2.2 + 0.22 * p, HALF)
-        figure = _figure(side + 0.3, side)
+        figure = _figure(side + 0.3, 0.92 * side)
         ax = figure.subplots()
         image = ax.pcolormesh(
             np.arange(p + 1), np.arange(p + 1), matrix, cmap="RdBu_r", vmin=-1, vmax=1, edgecolors="white", lw=0.6

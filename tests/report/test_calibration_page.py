@@ -1,4 +1,5 @@
 import copy
+import dataclasses
 import re
 from html.parser import HTMLParser
 
@@ -136,3 +137,19 @@ def test_a_day_is_drawn_with_few_points_and_their_own_sigma() -> None:
     assert [c.name for c in curves] == ["roll", "pitch", "|f| − g"]
     five_minutes = NOISE["accelerometer"] / np.sqrt(5 * 60) / 9.80665e-6
     assert curves[2].sigma == pytest.approx(five_minutes, rel=1e-12)
+
+
+def test_a_unit_without_gimbals_is_judged_by_the_size_of_gravity() -> None:
+    from gimbalcal.effects import CATALOGUE, parameters, with_values
+    from gimbalcal.forward import accelerometers, stimulus
+    from gimbalcal.platform import BENCH
+
+    wanted = [p for i in ("scale_factor", "bias", "misalignment") for p in parameters(CATALOGUE[i])]
+    effects = with_values((), wanted, np.random.default_rng(3).normal(0, [10 * p.sigma for p in wanted]))
+    _, (still, _), _ = example()
+    s = stimulus(still)
+    turned = {("specific_force", a): f for a, f in zip("xyz", accelerometers(s.force, s, effects).T, strict=True)}
+    e = by_position(dataclasses.replace(still, platform=BENCH, channels=turned), effects)
+    assert e.axes == ("|f| − g",)
+    assert np.abs(e.before).max() > 1000  # ug: the errors are ten times the prior, 5000 ppm
+    assert np.abs(e.after).max() < 1e-6  # ug: what rounding of 9.8 leaves
