@@ -1,0 +1,101 @@
+r"""Device level and system level in one estimate: what one stage cannot see another supplies.
+
+Both stages state the same parameters of Eq. (6) as square-root information, so fusion is addition and needs no
+transfer of "residuals" from stage to stage. Wu et al. (2018) stop short of it: their third stage overwrites twelve
+coefficients. What is left unseen by both keeps its prior sigma and is named.
+
+The encoders are the same in both stages, but their readouts are counted differently: Table 1 counts theta_1, theta_2,
+theta_3 from the level platform, Eq. (4) S_t, h, q, and
+
+.. math:: \theta_1 = -S_t, \qquad \theta_3 = h + \pi/2, \qquad \theta_{outer} = -q .
+
+A zero therefore changes its sign with the sense of its axis: that of the platform gimbal and of the outer one. The
+fused calibration states `gimbal_zero` in the sense of Table 1. The mapping carries no accelerometer parameter across
+by itself, because the static run sees zeros only together with the tilt of the base; with the wrong sign, though, and
+a level base, the turn of the triad about z would seem to be determined, and it is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration, Residual, Stage
+from gimbalcal.effects import with_values
+from gimbalcal.estimate.information import Information, Solution, solve
+from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL
+
+READOUT_SIGNS: Mapping[str, int] = {
+    device.name: device.sign * inertial.sign
+    for device, inertial in zip(SPACE_STABLE.axes, SPACE_STABLE_INERTIAL.axes, strict=True)
+}
+CONTRADICTION = 1e-4  # probability below which two stages that are both right would differ so much
+
+
+def in_table_1_sense(static: Information) -> Information:
+    """Information of a static run about gimbal zeros of S_t, h, q as information about those of Table 1's angles."""
+    sign = [READOUT_SIGNS.get(p.axis, 1) if p.effect == "gimbal_zero" else 1 for p in static.parameters]
+    return replace(static, rows=static.rows * np.array([*sign, 1]))
+
+
+def fuse(device: Information, static: Information, before: Calibration) -> Calibration:
+    """Device-level and static-run information about common parameters, added and solved.
+
+    device, static: linearised at the same effects; `before` is the device-level calibration, from which effects that
+    neither informs about, and the provenance, are kept. `outcome` says so where the two stages contradict each other.
+    """
+    static = in_table_1_sense(static)
+    together = solve(device + static)
+    names = tuple(axis.name for axis in SPACE_STABLE.axes)
+    alone = solve(device), solve(static)
+    return replace(
+        before,
+        method="three-stage",
+        effects=with_values(before.effects, together.parameters, together.x, names),
+        parameters=together.parameters,
+        covariance=together.covariance,
+        unobservable=tuple({"direction": u.direction, "why": u.why} for u in together.unseen),
+        residual=Residual(together.chi2, together.dof, before.residual.rms),
+        outcome=before.outcome or contradiction(together, *alone),
+        stages=(_gain(together, alone[0], before.residual.rms),),
+    )
+
+
+def contradiction(together: Solution, device: Solution, static: Solution) -> str:
+    """One sentence where the stages disagree on what both see, "" where they do not.
+
+    The rise of chi^2 in fusion is chi^2-distributed with as many degrees of freedom as directions both see.
+    """
+    from scipy.stats import chi2
+
+    rise, shared = together.chi2 - device.chi2 - static.chi2, together.dof - device.dof - static.dof
+    if shared <= 0:
+        return ""
+    # a stage that its own model does not explain proves nothing against the other
+    noise = max(1.0, device.chi2 / max(device.dof, 1), static.chi2 / max(static.dof, 1))
+    p = float(chi2.sf(rise / noise, shared))
+    if p >= CONTRADICTION:
+        return ""
+    return (
+        f"the multi-position recording and the static run contradict each other: chi^2 of {rise / noise:.0f} for the "
+        f"{shared} combinations that both see (probability {p:.1g}); the unit changed in between or a model is wrong"
+    )
+
+
+def _gain(together: Solution, device: Solution, rms: Mapping[str, float]) -> Stage:
+    """What the static run added, for the record."""
+    before = dict(zip(device.parameters, device.sigma, strict=True))
+    ratio = [s / before[p] for p, s in zip(together.parameters, together.sigma, strict=True) if p in before]
+    best = min(ratio, default=1.0)
+    force = [x for name, x in rms.items() if name.startswith("specific_force")]
+    return Stage(
+        "system level: fused with the static run",
+        tuple(p.label for p in together.parameters),
+        together.x,
+        together.sigma,
+        float(np.sqrt(np.mean(np.square(force)))) if force else 0.0,
+        f"the static run makes sigma of {sum(r < 0.9 for r in ratio)} of {len(ratio)} parameters smaller by more than "
+        f"a tenth, the best by a factor of {1 / best:.1f}; {len(together.unseen)} directions are seen by neither stage",
+    )

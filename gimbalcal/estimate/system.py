@@ -1,0 +1,89 @@
+r"""System level: what a static run says about the accelerometers, all channels in one fit.
+
+Specific force, gimbal readouts and attitude error of a run are fitted together with the exact forward model. It sees
+nine combinations of the twelve linear residual parameters of Wu et al. (2018), section 5, and no evaluation of the
+same channels can see more: the bias of x and its lean towards the pole, for one, pull the constant part of f_x alike.
+Those combinations come back by name. The paper's own road, squared norm and Fourier coefficients, is in
+`force_filter`, `harmonics` and `combined`; both roads must agree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration, Residual, Stage
+from gimbalcal.effects import Effect, Parameter, with_values
+from gimbalcal.estimate.combined import Combined, combined
+from gimbalcal.estimate.information import Information, solve
+from gimbalcal.estimate.static_run import StaticRun, baseline, information_of_rows, prepare
+from gimbalcal.recording import Recording
+
+ENOUGH = 300  # rows for a first solution to linearise at: good to 1e-6, its square is nothing
+
+
+def static_information(
+    recording: Recording, effects: Sequence[Effect] = (), wanted: Sequence[Parameter] | None = None
+) -> Information:
+    """Information of a static run about the wanted parameters (default: the baseline), linearised at the effects.
+
+    Effects that are not wanted are held. `gimbal_zero` refers to the readouts S_t, h, q of Eq. (4); see `fusion`.
+    """
+    run = prepare(recording)
+    return information_of_rows(run, effects, tuple(wanted) if wanted is not None else baseline(run))
+
+
+def static(
+    recording: Recording, prior: Sequence[Effect] = (), wanted: Sequence[Parameter] | None = None
+) -> Calibration:
+    """Calibration from a static run alone: the combinations that it sees, the others at zero with their prior sigma.
+
+    prior: effects to linearise at; those whose parameters are not wanted stay as they are. The two roads to the
+    combined coefficients of the paper stand in `stages`.
+    """
+    run = prepare(recording)
+    names = recording.platform.axis_names
+    wanted = tuple(wanted) if wanted is not None else baseline(run)
+    effects: tuple[Effect, ...] = tuple(prior)
+    first = solve(information_of_rows(run.thinned(ENOUGH), effects, wanted))
+    effects = with_values(effects, wanted, first.x, names)
+    J = run.jacobian(effects, wanted)
+    solution = solve(information_of_rows(run, effects, wanted, J))
+    effects = with_values(effects, wanted, solution.x, names)
+    return Calibration(
+        method="static-run",
+        effects=effects,
+        parameters=wanted,
+        covariance=solution.covariance,
+        unobservable=tuple({"direction": u.direction, "why": u.why} for u in solution.unseen),
+        residual=Residual(solution.chi2, solution.dof, rms_by_channel(run, effects)),
+        provenance={"recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source]},
+        stages=(stage(run, combined(run, prior, effects, solution, J)),),
+    )
+
+
+def rms_by_channel(run: StaticRun, effects: Sequence[Effect]) -> dict[str, float]:
+    """Root mean square of what the effects leave, SI, by "quantity axis"."""
+    rms = np.sqrt(np.mean(run.departures(effects) ** 2, axis=0))
+    return {f"{q} {axis}": float(x) for (q, axis), x in zip(run.channels, rms, strict=True)}
+
+
+def stage(run: StaticRun, table: Combined) -> Stage:
+    """The combined coefficients of section 5 for the record, each from its own channel."""
+    rms = np.sqrt(np.mean(run.departures() ** 2, axis=0))[run.columns("specific_force")]
+    words = "no combined coefficients: the run has neither the whole specific force nor roll nor pitch errors"
+    if table.names:
+        worst = float(np.max(np.abs(table.value - table.fit) / table.sigma))
+        words = (
+            f"{len(table.names)} combined coefficients of Eqs. (21)-(38), each from its own channel; the joint fit of "
+            f"all channels moves none by more than {worst:.1f} of its sigma"
+        )
+    return Stage(
+        "system level: combined coefficients of the static run",
+        table.names,
+        table.value,
+        table.sigma,
+        float(np.sqrt(np.mean(rms**2))) if len(rms) else 0.0,
+        words,
+    )
