@@ -179,10 +179,12 @@ class GimbalFlexure(Effect):
     r"""The unbalanced gimbal sags under its own weight against the stiffness of its loop.
 
     .. math:: \delta\theta_i = \kappa_{1,i} \, g_1^{(i)} + \kappa_{2,i} \, g_2^{(i)}
+              + (\kappa_{3,i} \cos\theta_{i-1} + \kappa_{4,i} \sin\theta_{i-1}) \, g_{a(i-1)}^{(i)}
 
-    with g_1, g_2 the components of gravity across axis i in the frame that turns with it. Source: torque of a mass
-    off its axis. Magnitude: 0.5 to 10 arcsec/g. Seen by: positions whose load on that gimbal differs. Twin:
-    encoder_eccentricity, exactly, where the axis is horizontal.
+    with g_1, g_2 the components of gravity across axis i in the frame that turns with it, and g_a(i-1) the one along
+    the next axis inwards: a mass that turns with gimbal i loads the first two, a mass carried by the gimbal inside it
+    the last two. Source: torque of a mass off its axis. Magnitude: 0.5 to 10 arcsec/g. Seen by: positions whose load
+    on that gimbal differs. Twin: encoder_eccentricity, exactly, where the axis is horizontal and carries its own load.
     """
 
     id = "gimbal_flexure"
@@ -190,6 +192,8 @@ class GimbalFlexure(Effect):
     channel = "gimbal_angle"
     kappa_1: Array = parameter(GIMBALS, unit="arcsec/g", sigma=5, name="flexure_1")
     kappa_2: Array = parameter(GIMBALS, unit="arcsec/g", sigma=5, name="flexure_2")
+    kappa_3: Array = parameter(GIMBALS, unit="arcsec/g", sigma=5, name="flexure_carried_cos")
+    kappa_4: Array = parameter(GIMBALS, unit="arcsec/g", sigma=5, name="flexure_carried_sin")
 
     def contribution(self, s: Stimulus) -> Array:
         """Angle minus readout [rad], (n, k)."""
@@ -197,7 +201,11 @@ class GimbalFlexure(Effect):
         load = np.asarray(s.load) * s.gravity
         first = (load * np.roll(own, 1, axis=-1)).sum(axis=-1)
         second = (load * np.roll(own, 2, axis=-1)).sum(axis=-1)
-        return self.kappa_1 * first + self.kappa_2 * second
+        inside = np.concatenate([np.zeros((1, 3)), own[:-1]])  # the innermost gimbal carries no other
+        along = (load * inside).sum(axis=-1)
+        turned = np.roll(s.angle, 1, axis=-1)
+        own_mass = self.kappa_1 * first + self.kappa_2 * second
+        return own_mass + (self.kappa_3 * cos(turned) + self.kappa_4 * sin(turned)) * along
 
 
 @effect
