@@ -11,7 +11,7 @@ from math import pi
 import numpy as np
 
 from gimbalcal.number import Array, apply_matrix
-from gimbalcal.platform import SPACE_STABLE, Platform
+from gimbalcal.platform import KNOWN, SPACE_STABLE, Platform
 
 
 @dataclass(frozen=True)
@@ -62,4 +62,15 @@ EIGHTEEN_POSITIONS = Schedule(
 )
 FACE_POSITIONS = (1, 3, 5, 7, 9, 11)  # one sensitive axis along the vertical: Wu et al. (2018) section 3
 
-SCHEDULES: dict[str, Schedule] = {EIGHTEEN_POSITIONS.name: EIGHTEEN_POSITIONS}
+# Wang et al. (2019), Figure 2, as far as the text tells it: six faces and nine of the twelve edges; the figure has no
+# numbers, `schedules_wang2019` says how the nine were chosen. Inner and outer angle of a two-axis table, units of pi/4.
+FIFTEEN_ANGLES = (
+    (-2, 2), (2, 2), (-4, 2), (0, 2), (0, 4), (0, 0), (-3, 2), (-1, 2),
+    (3, 2), (-2, 3), (2, 3), (2, 1), (-4, 3), (-4, 1), (0, 3),
+)  # fmt: skip
+
+FIFTEEN_POSITIONS = Schedule(
+    "wang2019-15", KNOWN["two-axis-table"], tuple(Hold((i * pi / 4, o * pi / 4), 200.0) for i, o in FIFTEEN_ANGLES)
+)
+
+SCHEDULES: dict[str, Schedule] = {s.name: s for s in (EIGHTEEN_POSITIONS, FIFTEEN_POSITIONS)}

@@ -3,8 +3,8 @@ r"""The rest positions and rotations of Wang et al. (2019), Figures 2 and 3, as 
 The figures are pictures without numbers. The text says what they hold: positions with an input axis along gravity
 (sensitivity to bias and every scale term, Eqs. (20)-(24)) and positions with gravity at 45 or 135 degrees between two
 axes (misalignment, Eq. (25)); fifteen in all, for fifteen parameters. That is six faces and nine of the twelve edges.
-Of the 220 ways to choose nine edges 92 leave the fifteen parameters undetermined; `POSITIONS` is the choice
-with the smallest determinant of the covariance that treats the three axes most alike.
+Of the 220 ways to choose nine edges 92 leave the fifteen parameters undetermined; `FIFTEEN_POSITIONS`
+is the choice with the smallest determinant of the covariance that treats the three axes most alike.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.number import Array
+from gimbalcal.schedule import FIFTEEN_POSITIONS
 
 _H = float(np.sqrt(0.5))
 
@@ -22,8 +23,8 @@ EDGES = (
     (0.0, _H, _H), (0.0, _H, -_H), (0.0, -_H, _H), (0.0, -_H, -_H),
 )  # fmt: skip
 
-# Figure 2: unit specific force in the sensor frame at each position, six faces and edges
-POSITIONS: Array = np.array([*FACES, *(EDGES[i] for i in (0, 1, 2, 4, 6, 7, 8, 9, 10))])
+# Figure 2: unit specific force in the sensor frame at each position
+POSITIONS: Array = -FIFTEEN_POSITIONS.gravity_directions()
 
 # Figure 3: axes of the nine rotation clusters, three along an input axis and six at 45 and 135 degrees between two;
 # each is turned clockwise and counter-clockwise through whole revolutions.

@@ -1,0 +1,296 @@
+r"""Positions that see most: D- and A-optimal schedules under a rig's constraints, and what no schedule of it can see.
+
+Candidates are the attitudes that the rig can take, on a grid of its axes. Each brings whitened, prior-scaled rows A_c
+of the same forward model that calibrates, so that information adds,
+
+.. math:: F = I + \sum_c A_c^T A_c
+
+with I the prior. D maximises log det F (the volume of what is left uncertain), A minimises tr F^{-1} (its mean square
+in units of the priors). A greedy start and random ones are improved by exchanging positions until no exchange helps
+(Fedorov 1972). Without angles a position brings one row, the norm of the force; with angles three, less what a setting
+error takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.earth import G0
+from gimbalcal.effects import CATALOGUE, Parameter, Stimulus, parameters
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.information import information, solve
+from gimbalcal.estimate.multiposition import TERMS, unknowns
+from gimbalcal.estimate.setting import BASELINE, Linear, Noise, baseline, whiten
+from gimbalcal.forward import jacobian, predict, stimulus
+from gimbalcal.number import STEP, Array
+from gimbalcal.platform import Platform
+from gimbalcal.recording import Recording, Site
+from gimbalcal.schedule import SCHEDULES, Hold, Schedule
+from gimbalcal.units import from_si
+
+CRITERIA = ("D", "A")
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What a rig can do: its axes, the angles that each may take [rad], and how well it is read.
+
+    setting [rad] is the one-sigma error of a setting; infinite where no angle is known. accelerometer [m/s^2] is the
+    noise of one position's mean.
+    """
+
+    platform: Platform
+    grid: Mapping[str, Array]
+    setting: float = np.inf
+    accelerometer: float = 1e-5
+    gravity: float = G0
+
+    def candidates(self) -> Array:
+        """All settings (c, k) [rad] of the grid in platform axis order; an axis that is not in the grid stays at 0."""
+        return np.array(list(product(*(self.grid.get(name, np.zeros(1)) for name in self.platform.axis_names))))
+
+
+def grid(low: float, high: float, step: float) -> Array:
+    """Angles [rad] from low through high; a full circle does not repeat its start."""
+    n = round((high - low) / step)
+    full = np.isclose(high - low, 2 * np.pi)
+    return np.asarray(low + step * np.arange(n if full else n + 1))
+
+
+def free_rig(platform: Platform, step: float = np.pi / 4, **options: Any) -> Rig:
+    """A rig whose axes turn freely in steps of `step` [rad]; a vertical last axis stays, as it moves no gravity."""
+    turning = platform.axes[:-1] if platform.axes[-1].direction == "z" else platform.axes
+    return Rig(platform, {a.name: grid(-np.pi, np.pi, step) for a in turning}, **options)
+
+
+def design(
+    rig: Rig,
+    count: int,
+    terms: Sequence[str] = (),
+    criterion: str = "D",
+    separate: Sequence[str] = (),
+    compare: Sequence[Schedule] = (),
+    duration: float = 200.0,
+    seed: int = 0,
+) -> tuple[Schedule, dict[str, Any]]:
+    """The `count` positions of a rig that see most of `terms` (ids of effects), and a report of what they see.
+
+    separate: effects whose parameters alone count, against each other and everything else in `terms`.
+    compare: schedules to stand beside (default the published ones that the rig can take). Raises InputError for an
+    unknown effect or criterion, or a rig that cannot move.
+    """
+    if criterion not in CRITERIA:
+        raise InputError(f"criterion {criterion!r} is not known; choose D (volume) or A (mean variance)")
+    wanted = design_parameters(rig, (*(terms or _default(rig)), *separate))
+    settings, rows = distinct(rig.candidates(), rig, wanted)
+    if len(settings) < 2:
+        raise InputError(f"the rig {rig.platform.name!r} has no axis that moves gravity: widen its grid of angles")
+    interest = np.array([not separate or p.effect in separate for p in wanted])
+    chosen = optimise(rows, count, criterion, interest, seed)
+    order = _visiting_order(settings[chosen])
+    holds = tuple(Hold(tuple(float(a) for a in settings[chosen[i]]), duration) for i in order)
+    made = Schedule(f"{criterion}-optimal-{count}", rig.platform, holds)
+    return made, report(made, rig, wanted, criterion, compare or _published(rig), len(settings))
+
+
+def _default(rig: Rig) -> tuple[str, ...]:
+    return TERMS if np.isinf(rig.setting) else BASELINE
+
+
+def design_parameters(rig: Rig, terms: Sequence[str]) -> tuple[Parameter, ...]:
+    """The scalar unknowns of the terms that this rig could see at all. Raises InputError for an unknown effect."""
+    terms = tuple(dict.fromkeys(terms))
+    for term in terms:
+        if term not in CATALOGUE:
+            raise InputError(f"no effect is called {term!r}; `gimbalcal catalogue` lists {len(CATALOGUE)} of them")
+        cls = CATALOGUE[term]
+        if cls.channel != "specific_force" or cls.requires:
+            need = f" and needs a {cls.requires[0]} channel" if cls.requires else ""
+            raise InputError(f"{term} shows in {cls.channel}{need}: positions at rest do not design for it")
+    if np.isinf(rig.setting):
+        gimbals = [t for t in terms if parameters(CATALOGUE[t], rig.platform.axis_names) != parameters(CATALOGUE[t])]
+        if gimbals:
+            raise InputError(f"{gimbals[0]} is an angle error, which cannot be seen where no angle is known")
+        return unknowns(terms)
+    return baseline(rig.platform, terms)
+
+
+def held(settings: Array, rig: Rig) -> Recording:
+    """A noiseless recording of the settings (c, k) [rad], one row each: what the forward model asks for."""
+    n = len(settings)
+    names = rig.platform.axis_names
+    channels = {("gimbal_angle", a): settings[:, i] for i, a in enumerate(names)}
+    return Recording("multi-position", "design", rig.platform, Site(gravity=rig.gravity), {}, 600.0 * np.arange(n),
+                     np.arange(1, n + 1), channels)  # fmt: skip
+
+
+def distinct(settings: Array, rig: Rig, wanted: Sequence[Parameter]) -> tuple[Array, Array]:
+    """Settings (c, k) that differ in what they say, and their whitened, prior-scaled rows (c, 3, p)."""
+    rows = whitened_rows(settings, rig, wanted)
+    F = np.einsum("cip,ciq->cpq", rows, rows).reshape(len(rows), -1)
+    size = np.abs(F).max() or 1.0
+    # 1e-9 of the largest: rounding of a cosine against a real difference of attitude
+    _, first = np.unique(np.round(F / size, 9) + 0.0, axis=0, return_index=True)
+    keep = np.sort(first)
+    return settings[keep], rows[keep]
+
+
+def whitened_rows(settings: Array, rig: Rig, wanted: Sequence[Parameter]) -> Array:
+    """Rows (c, 3, p) that each setting adds, in units of its noise and of the priors."""
+    recording = held(settings, rig)
+    s = stimulus(recording).at(
+        move_force=np.zeros((len(settings), 3)),  # a design has no order yet: effects of the last move show nothing
+        move_angle=np.zeros_like(settings),
+        earlier_move_force=np.zeros((len(settings), 3)),
+    )
+    J = jacobian(rig.platform, s, (), wanted)["specific_force"]
+    linear = Linear(J, 0 * s.force, _turns(rig, s), np.ones(len(settings)), J[:0], s.force[:0])
+    noise = Noise(rig.accelerometer, rig.setting)
+    w = whiten(linear, noise)
+    return np.where(np.isfinite(w.sigma)[..., None], w.J, 0.0) * np.array([p.sigma for p in wanted])
+
+
+def _turns(rig: Rig, s: Stimulus) -> Array:
+    """dh/de (c, 3, k): what a setting error does; where no angle is known any turn of the force may be."""
+    f = s.force
+    if np.isinf(rig.setting):
+        zero = np.zeros(len(f))
+        x, y, z = f.T
+        return np.stack([np.stack(r, -1) for r in ([zero, -z, y], [z, zero, -x], [-y, x, zero])], axis=-2)
+    steps = 1j * STEP * np.eye(s.readout.shape[1])
+    turned = (predict(rig.platform, s.at(readout=s.readout + e), ())["specific_force"] for e in steps)
+    return np.stack([force.imag / STEP for force in turned], axis=-1)
+
+
+def optimise(rows: Array, count: int, criterion: str, interest: Array, seed: int, starts: int = 10) -> Array:
+    """Indices (count,) of the candidates (c, 3, p) that are best for the parameters of `interest` (p,)."""
+    rng = np.random.default_rng(seed)
+    begin = [_greedy(rows, count, criterion, interest), *(rng.integers(0, len(rows), count) for _ in range(starts - 1))]
+    found = [_exchange(rows, chosen, criterion, interest) for chosen in begin]
+    best = max(found, key=lambda chosen: value(rows[chosen], criterion, interest))
+    return np.sort(best)
+
+
+def value(rows: Array, criterion: str, interest: Array) -> float:
+    """The criterion (larger is better) of positions with rows (n, 3, p)."""
+    F = np.eye(rows.shape[-1]) + np.einsum("cip,ciq->pq", rows, rows)
+    P = np.linalg.inv(F)[np.ix_(interest, interest)]
+    return float(-np.linalg.slogdet(P)[1] if criterion == "D" else -np.trace(P))
+
+
+def gains(rows: Array, F: Array, criterion: str, interest: Array) -> Array:
+    """What adding each candidate (c, 3, p) to information F (p, p) would be worth."""
+    P = np.linalg.inv(F)
+    AP = rows @ P
+    middle = np.linalg.inv(np.eye(rows.shape[1]) + AP @ np.swapaxes(rows, -1, -2))
+    if criterion == "A":
+        part = AP[..., interest]
+        return np.einsum("cip,cij,cjp->c", part, middle, part)
+    full = -np.linalg.slogdet(middle)[1]
+    if interest.all():
+        return np.asarray(full)
+    other = rows[..., ~interest]
+    Pn = np.linalg.inv(F[np.ix_(~interest, ~interest)])
+    return full - np.linalg.slogdet(np.eye(rows.shape[1]) + other @ Pn @ np.swapaxes(other, -1, -2))[1]
+
+
+def _greedy(rows: Array, count: int, criterion: str, interest: Array) -> Array:
+    F, chosen = np.eye(rows.shape[-1]), []
+    for _ in range(count):
+        best = int(np.argmax(gains(rows, F, criterion, interest)))
+        chosen.append(best)
+        F = F + rows[best].T @ rows[best]
+    return np.array(chosen)
+
+
+def _exchange(rows: Array, chosen: Array, criterion: str, interest: Array, rounds: int = 20) -> Array:
+    chosen = np.array(chosen)
+    F = np.eye(rows.shape[-1]) + np.einsum("cip,ciq->pq", rows[chosen], rows[chosen])
+    for _ in range(rounds):
+        moved = False
+        for i in range(len(chosen)):
+            without = F - rows[chosen[i]].T @ rows[chosen[i]]
+            worth = gains(rows, without, criterion, interest)
+            best = int(np.argmax(worth))
+            # an exchange must pay by more than rounding, or equal positions would swap for ever
+            if worth[best] > worth[chosen[i]] * (1 + 1e-9) + 1e-12:
+                chosen[i], moved = best, True
+                F = without + rows[best].T @ rows[best]
+        if not moved:
+            break
+    return chosen
+
+
+def _visiting_order(settings: Array) -> list[int]:
+    """Nearest neighbour next: short slews."""
+    left, order = list(range(1, len(settings))), [0]
+    while left:
+        here = settings[order[-1]]
+        turn = [np.abs(np.angle(np.exp(1j * (settings[i] - here)))).max() for i in left]
+        order.append(left.pop(int(np.argmin(turn))))
+    return order
+
+
+def _published(rig: Rig) -> tuple[Schedule, ...]:
+    """Published schedules of the rig's platform; without angles only directions count, so all of them."""
+    return tuple(s for s in SCHEDULES.values() if np.isinf(rig.setting) or s.platform.name == rig.platform.name)
+
+
+def assess(schedule: Schedule, rig: Rig, wanted: Sequence[Parameter]) -> tuple[Array, tuple[Any, ...], Array]:
+    """Predicted sigma (p,) in SI, unseen directions and whitened rows of a schedule read as this rig is."""
+    same = replace(rig, platform=schedule.platform)
+    rows = whitened_rows(schedule.angles, same, wanted)
+    scale = np.array([p.sigma for p in wanted])
+    solution = solve(information((rows / scale).reshape(-1, len(wanted)), np.zeros(rows[..., 0].size), wanted))
+    return solution.sigma, solution.unseen, rows
+
+
+def report(
+    made: Schedule, rig: Rig, wanted: Sequence[Parameter], criterion: str, compare: Sequence[Schedule], candidates: int
+) -> dict[str, Any]:
+    """What a schedule sees: sigma per parameter, the same for others, and the terms that it cannot support."""
+    sigma, unseen, rows = assess(made, rig, wanted)
+    everything = np.ones(len(wanted), dtype=bool)
+    others = {s.name: assess(s, rig, wanted) for s in compare}
+    table = []
+    for i, p in enumerate(wanted):
+        unit = {name: float(from_si(s[i], p.unit)) for name, (s, _, _) in others.items()}
+        table.append({"name": p.name, "axis": p.axis, "unit": p.unit, "sigma": float(from_si(sigma[i], p.unit)),
+                      "prior_sigma": float(from_si(p.sigma, p.unit)), "others": unit})  # fmt: skip
+    own = value(rows, criterion, everything)
+    return {
+        "criterion": criterion,
+        "positions": len(made.holds),
+        "candidates": candidates,
+        "angles": "unknown" if np.isinf(rig.setting) else f"{float(from_si(rig.setting, 'arcsec')):.3g} arcsec",
+        "parameters": table,
+        "unobservable": [{"direction": u.direction, "why": u.why} for u in unseen],
+        "unsupported": unsupported(wanted, sigma),
+        "against": {
+            name: _against(own, value(r, criterion, everything), len(made.holds), len(r), criterion, sigma, s)
+            for name, (s, _, r) in others.items()
+        },
+    }
+
+
+def unsupported(wanted: Sequence[Parameter], sigma: Array) -> list[str]:
+    """One sentence for each parameter that would be known no better than it is expected to be anyway."""
+    return [
+        f"{p.label} would be uncertain by {float(from_si(s, p.unit)):.3g} {p.unit}, no better than the "
+        f"{float(from_si(p.sigma, p.unit)):.3g} {p.unit} it is expected to be: this schedule does not support it"
+        for p, s in zip(wanted, sigma, strict=True)
+        if s >= 0.9 * p.sigma  # the data then add less than a fifth to the information of the prior
+    ]
+
+
+def _against(own: float, other: float, n: int, m: int, criterion: str, sigma: Array, theirs: Array) -> dict[str, Any]:
+    """Comparison with another schedule of m positions: criterion, and ratio of sigma for equal total time."""
+    ratio = float(np.exp(np.mean(np.log(sigma / theirs))) * np.sqrt(n / m))
+    words = f"sigma is {ratio:.3g} of its sigma, in the geometric mean over parameters and for equal time"
+    return {f"{criterion}_value": own, f"{criterion}_value_of_other": other, "positions": m,
+            "sigma_ratio_equal_time": ratio, "in_words": words}  # fmt: skip
