@@ -54,7 +54,7 @@ class GyroDrift(Effect):
     stage = Stage.PLATFORM
     kinds = ("static-run",)
     sources = ("nash1971", "britting1971")
-    epsilon: Array = parameter(PLATFORM_AXES, unit="deg/h", sigma=0.005, name="drift")
+    epsilon: Array = parameter(PLATFORM_AXES, unit="deg/h", sigma=0.005, name="gyro_drift")
 
     def contribution(self, s: Stimulus) -> Array:
         """Rotation in platform axes [rad], (n, 3)."""
@@ -256,7 +256,7 @@ class TimeTagLatency(Effect):
     id = "time_tag_latency"
     stage = Stage.INPUT_AXIS
     sources = ("groves2013",)
-    latency: float = parameter(SCALAR, unit="ms", sigma=10)
+    latency: float = parameter(SCALAR, unit="ms", sigma=10, name="time_tag_latency")
 
     def contribution(self, s: Stimulus) -> Array:
         """Force added along the input axes [m/s^2]."""

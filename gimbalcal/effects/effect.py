@@ -174,7 +174,7 @@ def parameters(cls: type[Effect], gimbals: Sequence[str] = (), *, constants: boo
             sigma = float(to_si(f.metadata["sigma"], unit))
         else:
             sigma = (f.metadata["high"] - f.metadata["low"]) / 2
-        name = f.metadata["name"] or f.name
+        name = f.metadata["name"] or (f.name if kind == "parameter" else f"{cls.id}.{f.name}")
         out += [Parameter(cls.id, f.name, name, axis, i, unit, sigma) for i, axis in enumerate(axes)]
     return tuple(out)
 

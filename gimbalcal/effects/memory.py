@@ -25,7 +25,7 @@ class AccelerometerHysteresis(Effect):
     stage = Stage.ACCELEROMETER
     kinds = ("multi-position",)
     sources = ("ieee528", "ieee1293")
-    h: Array = parameter(TRIAD, unit="ug", sigma=10)
+    h: Array = parameter(TRIAD, unit="ug", sigma=10, name="hysteresis")
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
@@ -68,7 +68,7 @@ class TwoMoveMemory(Effect):
     stage = Stage.ACCELEROMETER
     kinds = ("multi-position",)
     sources = ("ieee528",)
-    m: Array = parameter(TRIAD, unit="ug/g", sigma=5)
+    m: Array = parameter(TRIAD, unit="ug/g", sigma=5, name="two_move_memory")
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]; before the third dwell the sensor remembers the first position."""

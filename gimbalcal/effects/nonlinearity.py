@@ -92,7 +92,7 @@ class ScaleFactorAsymmetry(Effect):
     id = "scale_factor_asymmetry"
     stage = Stage.ACCELEROMETER
     sources = ("ieee1293", "ieee528")
-    S: Array = parameter(TRIAD, unit="ppm", sigma=20)
+    S: Array = parameter(TRIAD, unit="ppm", sigma=20, name="asymmetry")
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
@@ -157,7 +157,7 @@ class BlockSag(Effect):
     id = "block_sag"
     stage = Stage.ACCELEROMETER
     sources = ("ieee1293",)
-    c: Array = parameter(TRIAD, unit="urad/g", sigma=3)
+    c: Array = parameter(TRIAD, unit="urad/g", sigma=3, name="block_sag")
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
@@ -207,7 +207,7 @@ class DeadZone(Effect):
     stage = Stage.ACCELEROMETER
     sources = ("ieee528",)
     linear = False
-    d: Array = parameter(TRIAD, unit="ug", sigma=10)
+    d: Array = parameter(TRIAD, unit="ug", sigma=10, name="dead_zone")
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""

@@ -138,7 +138,7 @@ class BiasTemperatureSquared(Effect):
     stage = Stage.ACCELEROMETER
     requires = ("temperature",)
     sources = ("ieee1293",)
-    q: Array = parameter(TRIAD, unit="ug/degC^2", sigma=0.5)
+    q: Array = parameter(TRIAD, unit="ug/degC^2", sigma=0.5, name="b_T2")
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
@@ -158,7 +158,7 @@ class WarmUp(Effect):
     id = "warm_up"
     stage = Stage.ACCELEROMETER
     sources = ("ieee1293",)
-    w: Array = parameter(TRIAD, unit="ug", sigma=50)
+    w: Array = parameter(TRIAD, unit="ug", sigma=50, name="warm_up")
     tau: float = constant(1.0 * HOUR, unit="h", low=0.05 * HOUR, high=12 * HOUR)
 
     def contribution(self, s: Stimulus) -> Array:
@@ -179,7 +179,7 @@ class BiasDrift(Effect):
     id = "bias_drift"
     stage = Stage.ACCELEROMETER
     sources = ("ieee528",)
-    d: Array = parameter(TRIAD, unit="ug/h", sigma=3)
+    d: Array = parameter(TRIAD, unit="ug/h", sigma=3, name="bias_drift")
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
@@ -200,7 +200,7 @@ class BiasStep(Effect):
     stage = Stage.ACCELEROMETER
     sources = ("ieee528",)
     steps = ("epoch",)
-    J: Array = parameter(TRIAD, unit="ug", sigma=10)
+    J: Array = parameter(TRIAD, unit="ug", sigma=10, name="bias_step")
     epoch: float = constant(1.0, unit="s", low=0.0, high=100 * 24 * HOUR)
 
     def contribution(self, s: Stimulus) -> Array:
@@ -221,7 +221,7 @@ class SelfHeating(Effect):
     id = "self_heating"
     stage = Stage.ACCELEROMETER
     sources = ("lawrence1998",)
-    H: Array = parameter(TRIAD, unit="ug", sigma=5)
+    H: Array = parameter(TRIAD, unit="ug", sigma=5, name="self_heating")
     tau: float = constant(0.2 * HOUR, unit="h", low=0.02 * HOUR, high=3 * HOUR)
 
     def contribution(self, s: Stimulus) -> Array:

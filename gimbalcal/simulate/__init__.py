@@ -1,0 +1,12 @@
+"""A recording from truth: scenario in, recording and true effects out.
+
+    recording, truth = simulate("wu2018-18", seed=1)     # a scenario that ships with the package, or a file
+    simulate_to("my.toml", "out/run-1")                  # into a folder, with truth.json
+
+Format of a scenario: docs/scenarios.md and the files in gimbalcal/scenarios.
+"""
+
+from gimbalcal.simulate.run import prepare, simulate, simulate_to
+from gimbalcal.simulate.scenario import Scenario, check_content, load
+
+__all__ = ["Scenario", "check_content", "load", "prepare", "simulate", "simulate_to"]

@@ -1,0 +1,114 @@
+"""From a schedule to a clock: when the platform stands where, truly and as told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gimbalcal.earth import EARTH_RATE
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.platform import Platform, known
+from gimbalcal.schedule import SCHEDULES, Hold, Schedule
+from gimbalcal.simulate.scenario import Faults, Motion, Scenario
+
+
+@dataclass(frozen=True)
+class Timetable:
+    """Visits of a run in order: their position, gimbal angles as told and as they truly are (m, k) [rad], and times.
+
+    `start`, `stop` (m,) [s] bound each visit; between two of them the gimbals turn at a constant rate.
+    """
+
+    position: Array
+    told: Array
+    true: Array
+    start: Array
+    stop: Array
+
+    def visit(self, time: Array) -> Array:
+        """Ordinal of the visit that began last (n,)."""
+        return np.maximum(np.searchsorted(self.start, time, side="right") - 1, 0)
+
+    def moving(self, time: Array) -> Array:
+        """Whether the platform is between two visits at each time (n,)."""
+        return np.asarray(time >= self.stop[self.visit(time)])
+
+    def angles(self, time: Array, of: Array) -> Array:
+        """Gimbal angles (n, k) [rad] on the way through `of` (m, k)."""
+        knots = np.stack([self.start, self.stop], axis=1).ravel()
+        return np.stack([np.interp(time, knots, np.repeat(column, 2)) for column in of.T], axis=-1)
+
+
+def planned(scenario: Scenario) -> Schedule:
+    """The schedule that the scenario names or spells out."""
+    motion = scenario.schedule
+    if motion.name:
+        schedule = SCHEDULES[motion.name]
+        if known(scenario.platform.name) != schedule.platform:
+            raise InputError(
+                f"schedule.name: {motion.name} is for the platform {schedule.platform.name!r}, "
+                f"not {scenario.platform.name!r}"
+            )
+        return schedule
+    platform = platform_of(scenario)
+    holds = tuple(_hold(platform, hold, i) for i, hold in enumerate(motion.holds))
+    return Schedule("scenario", platform, holds)
+
+
+def platform_of(scenario: Scenario) -> Platform:
+    """The drawing that the scenario names."""
+    platform = known(scenario.platform.name, scenario.kind)
+    if platform is None:
+        raise InputError(f"platform.name: no platform is called {scenario.platform.name!r}")
+    return platform
+
+
+def timetable(schedule: Schedule, motion: Motion, faults: Faults) -> Timetable:
+    """Times of all visits: dwell, turn at the finite slew rate, settle, dwell again."""
+    holds = list(schedule.holds) * motion.sweeps
+    told = np.tile(schedule.angles, (motion.sweeps, 1))
+    dwell = np.array([motion.dwell or hold.duration for hold in holds])
+    turn = np.abs(np.diff(told, axis=0)).max(axis=1, initial=0.0) / motion.slew_rate + motion.settle
+    start = np.concatenate([[0.0], np.cumsum(dwell[:-1] + turn)])
+    position = np.tile(np.arange(1, len(schedule.holds) + 1), motion.sweeps)
+    return Timetable(position, told, _with_faults(told, position, schedule.platform, faults), start, start + dwell)
+
+
+def sidereal(motion: Motion, latitude: float, platform: Platform, time: Array) -> Array:
+    """Gimbal angles (n, k) [rad] of a perfect, inertially fixed platform: S_t, 0, L, 0 of Wu et al. (2018), Eq. (4)."""
+    ideal = {"platform": motion.start_angle + EARTH_RATE * time, "middle": np.full_like(time, latitude)}
+    return platform.angles({k: v for k, v in ideal.items() if k in platform.axis_names}, time.shape)
+
+
+def _hold(platform: Platform, hold: dict[str, float], i: int) -> Hold:
+    unknown = [axis for axis in hold if axis not in platform.axis_names]
+    if unknown:
+        raise InputError(
+            f"schedule.holds.{i}: the platform {platform.name!r} has no axis {unknown[0]!r}; "
+            f"it has {', '.join(platform.axis_names)}"
+        )
+    return Hold(tuple(float(np.deg2rad(hold.get(axis, 0.0))) for axis in platform.axis_names))
+
+
+def _with_faults(told: Array, position: Array, platform: Platform, faults: Faults) -> Array:
+    """Where the platform truly goes: interchanged positions, then gimbals set wrong."""
+    true = told.copy()
+    for first, second in faults.interchange:
+        a, b = _rows(position, first, "interchange"), _rows(position, second, "interchange")
+        true[a], true[b] = told[b], told[a]
+    for i, blunder in enumerate(faults.blunders):
+        if blunder.gimbal not in platform.axis_names:
+            raise InputError(f"faults.blunders.{i}.gimbal: the platform has no axis {blunder.gimbal!r}")
+        true[_rows(position, blunder.position, f"blunders.{i}"), platform.axis_names.index(blunder.gimbal)] += (
+            blunder.angle
+        )
+    return true
+
+
+def _rows(position: Array, wanted: int, where: str) -> Array:
+    rows = np.flatnonzero(position == wanted)
+    if rows.size == 0:
+        raise InputError(f"faults.{where}: the schedule has no position {wanted}, it has 1 to {position.max()}")
+    return rows

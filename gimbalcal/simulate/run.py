@@ -1,0 +1,299 @@
+"""Run a scenario: truth through the forward model, plus noise, in blocks of rows so that a long run fits in memory."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.earth import G0, normal_gravity
+from gimbalcal.effects import Effect, Stimulus
+from gimbalcal.effects.process import Flicker, GaussMarkov, Process, Quantisation, RandomWalk, WhiteNoise, sample
+from gimbalcal.errors import InputError
+from gimbalcal.forward import predict, stimulus
+from gimbalcal.number import Array
+from gimbalcal.platform import Platform
+from gimbalcal.recording import Recording, Site, write
+from gimbalcal.recording.record import Key
+from gimbalcal.simulate.motion import Timetable, planned, platform_of, sidereal, timetable
+from gimbalcal.simulate.scenario import Noise, Scenario, Temperature, check_content, find, load
+from gimbalcal.simulate.truth import described, true_effects
+
+BLOCK = 1 << 17  # rows made at once: some 100 MB of work space; fixed, so that a seed means the same rows everywhere
+PAST_STEP = 60.0  # s between the earlier rows that effects with a memory are given; the lag and integral are exact
+MANY = 400_000  # rows from which samples are written as Parquet
+GRID = 60.0  # s between the knots of a random temperature
+ATTITUDE = ("roll", "pitch", "yaw")
+
+
+@dataclass(frozen=True)
+class Run:
+    """A scenario made ready: drawn truth, row times, and the random streams of each kind of noise."""
+
+    scenario: Scenario
+    platform: Platform
+    site: Site
+    effects: tuple[Effect, ...]
+    table: Timetable | None
+    time: Array
+    setting: Array
+    temperature: Callable[[Array], Array] | None
+    read: tuple[str, ...]
+    seed: int
+
+
+def prepare(scenario: Scenario, seed: int | None = None) -> Run:
+    """Draw the truth and lay out the rows; `seed` instead of the scenario's own."""
+    seed = scenario.seed if seed is None else seed
+    truth_rng, setting_rng, weather_rng = np.random.default_rng([seed, 0]).spawn(3)
+    platform, site = platform_of(scenario), _site(scenario)
+    table = None
+    if scenario.kind == "multi-position":
+        table = timetable(planned(scenario), scenario.schedule, scenario.faults)
+        read = tuple(name for name, column in zip(platform.axis_names, table.told.T, strict=True) if np.any(column))
+    else:
+        read = tuple(name for name in platform.axis_names if name != "inner")  # redundant, held at zero
+    effects = true_effects(scenario.truth, scenario.kind, platform.axis_names, read, truth_rng)
+    visits = (0 if table is None else len(table.start), len(platform.axes))
+    setting = scenario.noise.gimbal_angle * setting_rng.standard_normal(visits)
+    time = _row_times(scenario, table)
+    weather = scenario.environment.temperature
+    temperature = None if weather is None else _history(weather, float(time[-1]), weather_rng)
+    return Run(scenario, platform, site, effects, table, time, setting, temperature, read, seed)
+
+
+def simulate(
+    scenario: Scenario | Mapping[str, Any] | str | Path, seed: int | None = None
+) -> tuple[Recording, tuple[Effect, ...]]:
+    """A recording from truth, and that truth, from a scenario, its content, its file or its name in the package.
+
+    Raises InputError, naming the field, where the scenario cannot be run.
+    """
+    if isinstance(scenario, Mapping):
+        scenario = check_content(dict(scenario))
+    run = prepare(scenario if isinstance(scenario, Scenario) else load(scenario), seed)
+    parts = list(blocks(run))
+    channels = {key: np.concatenate([p.channels[key] for p in parts]) for key in parts[0].channels}
+    position = None if run.table is None else np.concatenate([p.position for p in parts if p.position is not None])
+    time = np.concatenate([p.time for p in parts])
+    weight = np.ones(len(time))
+    return replace(parts[0], time=time, position=position, channels=channels, weight=weight), run.effects
+
+
+def simulate_to(
+    scenario: str | Path, folder: str | Path, seed: int | None = None, tell: Callable[[str], None] | None = None
+) -> dict[str, Any]:
+    """Simulate into a recording folder with truth.json beside it, whole or not at all; returns the truth."""
+    path, folder = find(scenario), Path(folder)
+    run = prepare(load(path), seed)
+    truth = truth_of(run, path.name)
+    samples = "samples.parquet" if len(run.time) > MANY else "samples.csv"
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder} is a file: a recording is a folder, give another name")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    made = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    try:
+        if samples.endswith(".csv"):
+            write(simulate(run.scenario, run.seed)[0], made / "whole", samples)
+        else:
+            _write_blocks(run, made, samples, tell)
+        (made / "whole" / "truth.json").write_text(json.dumps(truth, indent=1), encoding="utf-8")
+        folder.mkdir(exist_ok=True)
+        for name in (samples, "truth.json", "recording.toml"):  # the header last: it makes the folder a recording
+            (made / "whole" / name).replace(folder / name)
+    finally:
+        shutil.rmtree(made, ignore_errors=True)
+    return truth
+
+
+def truth_of(run: Run, name: str) -> dict[str, Any]:
+    """What truth.json holds: parameters as in calibration.json, seed, and the scenario as it was run."""
+    return {
+        "format": 1,
+        "scenario": name,
+        "seed": run.seed,
+        "parameters": described(run.effects, run.platform.axis_names),
+        "faults": run.scenario.faults.model_dump(mode="json"),
+        "content": run.scenario.model_dump(mode="json"),
+    }
+
+
+def blocks(run: Run) -> Iterator[Recording]:
+    """The rows of a run, block by block."""
+    rng = np.random.default_rng([run.seed, 1])
+    states: dict[tuple[str, str], Array] = {}
+    for start in range(0, len(run.time), BLOCK):
+        yield _block(run, start, min(start + BLOCK, len(run.time)), rng, states)
+
+
+def _block(
+    run: Run, start: int, stop: int, rng: np.random.Generator, states: dict[tuple[str, str], Array]
+) -> Recording:
+    past = _past(run, start)
+    nominal = _nominal(run, np.concatenate([run.time[past], run.time[start:stop]]))
+    s = _as_it_was(run, nominal)
+    out = {k: v[past.size :] for k, v in predict(run.platform, s, run.effects, run.scenario.kind).items()}
+    time = run.time[start:stop]
+    noise = run.scenario.noise
+    channels: dict[Key, Array] = {}
+    for i, axis in enumerate("xyz"):
+        y = out["specific_force"][:, i] + _coloured(noise, axis, time, rng, states)
+        q = run.scenario.faults.quantisation
+        channels["specific_force", axis] = Quantisation(q).rounded(y) if q else y
+    channels |= _angles(run, out, time, rng)
+    if run.temperature is not None:
+        reading = run.scenario.environment.thermometer_sigma * rng.standard_normal(len(time))
+        channels["temperature", ""] = run.temperature(time) + reading
+    position = None if nominal.position is None else nominal.position[past.size :]
+    return replace(
+        nominal, time=time, position=position, channels=channels, weight=np.ones(len(time)), units=_units(channels)
+    )
+
+
+def _past(run: Run, start: int) -> Array:
+    """Indices of earlier rows that stand for the history of a block: one a minute and the first of every dwell."""
+    if start == 0:
+        return np.zeros(0, dtype=int)
+    grid = np.arange(run.time[0], run.time[start], PAST_STEP)
+    marks = [grid] if run.table is None else [grid, run.table.start[run.table.start < run.time[start]]]
+    rows = np.unique(np.searchsorted(run.time, np.concatenate(marks)))
+    return rows[rows < start]
+
+
+def _nominal(run: Run, time: Array) -> Recording:
+    """What the platform truly does at these times, as a recording without sensor errors."""
+    if run.table is None:
+        motion = run.scenario.schedule
+        assert run.site.latitude is not None  # checked by the scenario
+        angle, position = sidereal(motion, run.site.latitude, run.platform, time), None
+    else:
+        angle = run.table.angles(time, run.table.true)
+        position = np.where(run.table.moving(time), 0, run.table.position[run.table.visit(time)])
+    channels: dict[Key, Array] = {
+        ("gimbal_angle", name): angle[:, i] for i, name in enumerate(run.platform.axis_names)
+    }
+    if not run.platform.axes:
+        raise InputError(f"platform.name: {run.platform.name!r} has no gimbals, so nothing can be told to it")
+    if run.temperature is not None:
+        channels["temperature", ""] = run.temperature(time)
+    return Recording(
+        run.scenario.kind, run.scenario.title, run.platform, run.site, _stated(run.scenario), time, position, channels
+    )
+
+
+def _as_it_was(run: Run, nominal: Recording) -> Stimulus:
+    """The stimulus with each position's setting error, which no readout shows."""
+    s = stimulus(nominal)
+    if run.table is None:
+        return s
+    angle = s.readout + run.setting[run.table.visit(nominal.time)]
+    return s.at(readout=angle, angle=angle)
+
+
+def _coloured(
+    noise: Noise, axis: str, time: Array, rng: np.random.Generator, states: dict[tuple[str, str], Array]
+) -> Array:
+    """Sum of the accelerometer's noise processes (n,) [m/s^2]; their last states carry over to the next block."""
+    total = np.zeros(len(time))
+    for process in _processes(noise):
+        key = (process.id, axis)
+        y, states[key] = sample(process, rng, time, state=states.get(key))
+        total += y
+    return total
+
+
+def _processes(noise: Noise) -> list[Process]:
+    tau = noise.accelerometer_gauss_markov_tau
+    every: list[tuple[float, Process]] = [
+        (noise.accelerometer, WhiteNoise(noise.accelerometer)),
+        (noise.accelerometer_random_walk, RandomWalk(noise.accelerometer_random_walk)),
+        (noise.accelerometer_flicker, Flicker(noise.accelerometer_flicker)),
+        (noise.accelerometer_gauss_markov, GaussMarkov(noise.accelerometer_gauss_markov, tau)),
+    ]
+    return [process for size, process in every if size > 0]
+
+
+def _angles(run: Run, out: Mapping[str, Array], time: Array, rng: np.random.Generator) -> dict[Key, Array]:
+    """Gimbal readouts, and in a static run the navigator's attitude error, as they are logged."""
+    channels: dict[Key, Array] = {}
+    names, noise = run.platform.axis_names, run.scenario.noise
+    if run.table is not None:
+        told = run.table.angles(time, run.table.told)
+        return {("gimbal_angle", name): told[:, names.index(name)] for name in run.read}
+    for name in run.read:
+        reading = out["gimbal_angle"][:, names.index(name)] + noise.gimbal_angle * rng.standard_normal(len(time))
+        channels["gimbal_angle", name] = reading % (2 * np.pi) if name == "platform" else reading
+    for i, name in enumerate(ATTITUDE):
+        channels["attitude_error", name] = out["attitude_error"][:, i] + noise.attitude * rng.standard_normal(len(time))
+    return channels
+
+
+def _row_times(scenario: Scenario, table: Timetable | None) -> Array:
+    motion = scenario.schedule
+    if table is None:
+        return np.arange(round(motion.duration * motion.rate)) / motion.rate
+    time = np.arange(int(np.floor(table.stop[-1] * motion.rate + 1e-9)) + 1) / motion.rate
+    time = time[time < table.stop[-1]]
+    if not motion.record_slews:
+        time = time[~table.moving(time)]
+    dropped = np.isin(table.position[table.visit(time)], scenario.faults.drop)
+    time = time[~dropped]
+    if time.size == 0:
+        raise InputError("schedule: no row is left; lengthen `dwell`, raise `rate` or drop fewer positions")
+    return time
+
+
+def _history(weather: Temperature, last: float, rng: np.random.Generator) -> Callable[[Array], Array]:
+    """Temperature [degC] as a function of time [s]."""
+    knots = np.arange(0.0, last + 2 * GRID, GRID)
+    if weather.shape == "random-walk":
+        steps = weather.walk * np.sqrt(GRID / 3600) * rng.standard_normal(len(knots))
+        path = np.cumsum(steps) - steps[0] + weather.mean
+        return lambda time: np.interp(time, knots, path)
+    if weather.shape == "table":
+        return lambda time: np.interp(time, 3600 * np.array(weather.time_h), weather.celsius)
+    if weather.shape == "sinusoid":
+        omega = 2 * np.pi / weather.period
+        return lambda time: weather.mean + weather.amplitude * np.sin(omega * time + weather.phase)
+    return lambda time: weather.mean + weather.rate * time / 3600
+
+
+def _site(scenario: Scenario) -> Site:
+    place = scenario.site
+    gravity = place.gravity
+    if gravity is None:
+        gravity = G0 if place.latitude is None else float(normal_gravity(place.latitude, place.height))
+    return Site(place.latitude, place.height, gravity)
+
+
+def _stated(scenario: Scenario) -> dict[str, float]:
+    """Noise that the header states: white noise of one sample and the setting error."""
+    noise = scenario.noise
+    every = {"accelerometer": noise.accelerometer, "gimbal_angle": noise.gimbal_angle, "attitude": noise.attitude}
+    return {name: size for name, size in every.items() if size > 0}
+
+
+def _units(channels: Mapping[Key, Array]) -> dict[Key, str]:
+    unit = {"specific_force": "m/s^2", "gimbal_angle": "deg", "attitude_error": "arcsec", "temperature": "degC"}
+    return {key: unit[key[0]] for key in channels}
+
+
+def _write_blocks(run: Run, made: Path, samples: str, tell: Callable[[str], None] | None) -> None:
+    """Each block as a Parquet file of its own, then joined without loading them."""
+    import polars as pl
+
+    names = []
+    for i, block in enumerate(blocks(run)):
+        write(block, made / f"part{i}", samples)
+        names.append(made / f"part{i}" / samples)
+        if tell is not None:
+            tell(f"simulated {min((i + 1) * BLOCK, len(run.time))} of {len(run.time)} rows")
+    (made / "whole").mkdir()
+    (made / "part0" / "recording.toml").replace(made / "whole" / "recording.toml")
+    pl.scan_parquet(names).sink_parquet(made / "whole" / samples)

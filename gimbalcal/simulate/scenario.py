@@ -1,0 +1,207 @@
+"""A scenario: what to simulate, as a TOML file checked field by field."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from gimbalcal.errors import InputError
+from gimbalcal.schedule import SCHEDULES
+from gimbalcal.units import check, parse, to_si
+
+
+def _measured(quantity: str, like: str = "") -> BeforeValidator:
+    """A number with its unit, {value = 1.0, unit = "arcsec"}, taken to SI."""
+
+    def convert(given: Any) -> float:
+        if not isinstance(given, dict) or set(given) != {"value", "unit"}:
+            raise ValueError('give it as { value = ..., unit = "..." }')
+        value, unit = given["value"], given["unit"]
+        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+            raise ValueError(f"`value` must be a finite number, got {value!r}")
+        if quantity:
+            check(str(unit), quantity)
+        elif parse(str(unit)).dimension != parse(like).dimension:
+            raise ValueError(f"{unit!r} is not a unit of it; give it in {like}")
+        return float(to_si(float(value), str(unit)))
+
+    return BeforeValidator(convert)
+
+
+def _positive(value: float) -> float:
+    if not value > 0:
+        raise ValueError(f"must be above zero, got {value:g}")
+    return value
+
+
+Duration = Annotated[float, _measured("time"), AfterValidator(_positive)]
+Rate = Annotated[float, _measured("", "Hz"), AfterValidator(_positive)]
+Turn = Annotated[float, _measured("", "deg/s"), AfterValidator(_positive)]
+Angle = Annotated[float, _measured("angle")]
+Force = Annotated[float, _measured("", "m/s^2")]
+Walk = Annotated[float, _measured("", "ug/sqrt(h)")]
+Length = Annotated[float, _measured("height")]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Motion(_Section):
+    """[schedule]: which holds, how long, how fast between them, how often sampled."""
+
+    name: str = ""
+    holds: tuple[dict[str, float], ...] = ()  # gimbal readouts [deg] by axis
+    dwell: Duration | None = None  # of every hold, instead of the schedule's own
+    rate: Rate = 1.0
+    slew_rate: Turn = float(np.deg2rad(6.0))
+    settle: Annotated[float, _measured("time")] = 5.0
+    record_slews: bool = False
+    sweeps: int = Field(default=1, ge=1, le=1000)
+    duration: Duration = 86400.0  # of a static run
+    start_angle: Angle = 0.4  # S_t of a static run's first sample
+
+    @model_validator(mode="after")
+    def _known(self) -> Motion:
+        if self.name and self.name not in SCHEDULES:
+            raise ValueError(f"no schedule is called {self.name!r}; known: {', '.join(SCHEDULES)}")
+        return self
+
+
+class Place(_Section):
+    """[site]."""
+
+    latitude: Annotated[float, _measured("angle")] | None = None
+    height: Length = 0.0
+    gravity: Force | None = None
+
+    @model_validator(mode="after")
+    def _on_earth(self) -> Place:
+        if self.latitude is not None and abs(self.latitude) > np.pi / 2:
+            raise ValueError("latitude must lie between -90 and 90 deg")
+        return self
+
+
+class Rig(_Section):
+    """[platform]."""
+
+    name: str = "space-stable"
+
+
+class Temperature(_Section):
+    """[environment] temperature: its history in degC and s."""
+
+    shape: Literal["constant", "ramp", "sinusoid", "random-walk", "table"] = "constant"
+    mean: float = 20.0  # degC
+    rate: float = 0.0  # degC/h, of a ramp
+    amplitude: float = 0.0  # degC, of a sinusoid
+    period: Duration = 86400.0
+    phase: Annotated[float, _measured("angle")] = 0.0
+    walk: float = Field(default=0.0, ge=0)  # degC/sqrt(h), of a random walk
+    time_h: tuple[float, ...] = ()  # of a table
+    celsius: tuple[float, ...] = ()
+
+    @model_validator(mode="after")
+    def _whole_table(self) -> Temperature:
+        if self.shape == "table" and (len(self.time_h) != len(self.celsius) or len(self.time_h) < 2):
+            raise ValueError("a table needs as many `celsius` as `time_h`, at least two")
+        if any(b <= a for a, b in zip(self.time_h, self.time_h[1:], strict=False)):
+            raise ValueError("`time_h` must increase")
+        return self
+
+
+class Environment(_Section):
+    """[environment]."""
+
+    temperature: Temperature | None = None
+    thermometer_sigma: float = Field(default=0.0, ge=0)  # degC
+
+
+class Noise(_Section):
+    """[noise]: one sigma of one sample, and the coloured parts of the accelerometers."""
+
+    accelerometer: Force = 0.0
+    accelerometer_random_walk: Walk = 0.0
+    accelerometer_flicker: Force = 0.0
+    accelerometer_gauss_markov: Force = 0.0
+    accelerometer_gauss_markov_tau: Duration = 3600.0
+    gimbal_angle: Angle = 0.0  # setting error of a position; of one reading in a static run
+    attitude: Angle = 0.0
+
+
+class Blunder(_Section):
+    """A position whose gimbal was set wrong."""
+
+    position: int
+    gimbal: str
+    angle: Angle
+
+
+class Faults(_Section):
+    """[faults]: what goes wrong on purpose."""
+
+    quantisation: Force = 0.0
+    drop: tuple[int, ...] = ()
+    blunders: tuple[Blunder, ...] = ()
+    interchange: tuple[tuple[int, int], ...] = ()
+
+
+class Scenario(_Section):
+    """The whole file."""
+
+    format: Literal[1]
+    kind: Literal["multi-position", "static-run"]
+    title: str = "simulated"
+    seed: int = Field(default=1, ge=0)
+    site: Place = Place()
+    platform: Rig = Rig()
+    schedule: Motion = Motion()
+    truth: dict[str, Any] = {}
+    environment: Environment = Environment()
+    noise: Noise = Noise()
+    faults: Faults = Faults()
+
+    @model_validator(mode="after")
+    def _complete(self) -> Scenario:
+        if self.kind == "static-run" and self.site.latitude is None:
+            raise ValueError("a static run needs [site] latitude: the Earth turns below the platform")
+        if self.kind == "multi-position" and not (self.schedule.name or self.schedule.holds):
+            raise ValueError('a multi-position scenario needs [schedule] name = "wu2018-18" or [[schedule.holds]]')
+        return self
+
+
+def find(scenario: str | Path) -> Path:
+    """The file of a scenario: a path, or the name of one that ships with the package."""
+    path = Path(scenario)
+    shipped = Path(__file__).parents[1] / "scenarios"
+    if path.is_file():
+        return path
+    if path.name == str(path) and (shipped / f"{path.stem}.toml").is_file():
+        return shipped / f"{path.stem}.toml"
+    names = ", ".join(sorted(p.stem for p in shipped.glob("*.toml")))
+    raise InputError(f"{scenario} is no file and no scenario of the package; those are {names}")
+
+
+def load(scenario: str | Path) -> Scenario:
+    """Read and check a scenario. Raises InputError with the file and the first field that is wrong."""
+    path = find(scenario)
+    try:
+        return check_content(tomllib.loads(path.read_text(encoding="utf-8")), str(path))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
+        raise InputError(f"{path} is not TOML: {problem}") from None
+
+
+def check_content(content: dict[str, Any], where: str = "scenario") -> Scenario:
+    """A scenario from the content of its file."""
+    try:
+        return Scenario.model_validate(content)
+    except ValidationError as problems:
+        first = problems.errors()[0]
+        field = ".".join(str(part) for part in first["loc"]) or "scenario"
+        message = first["msg"].removeprefix("Value error, ")
+        got = "" if first["type"] == "value_error" or "input" not in first else f", got {first['input']!r}"
+        raise InputError(f"{where}: {field}: {message}{got if len(got) < 80 else ''}") from None

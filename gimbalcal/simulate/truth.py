@@ -1,0 +1,106 @@
+"""The true effects of a scenario: fixed values in the units that people read, or drawn from the prior."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
+from gimbalcal.errors import InputError
+from gimbalcal.units import from_si, to_si
+
+BASELINE: Mapping[str, tuple[str, ...]] = {
+    "multi-position": ("scale_factor", "bias", "scale_nonlinearity", "misalignment", "gimbal_zero"),
+    "static-run": ("scale_factor", "bias", "misalignment", "gimbal_zero", "base_tilt", "polar_axis_misalignment"),
+}
+RESERVED = ("draw", "factor")
+
+
+def true_effects(
+    section: Mapping[str, Any], kind: str, gimbals: Sequence[str], read: Sequence[str], rng: np.random.Generator
+) -> tuple[Effect, ...]:
+    """Effects of a scenario's [truth].
+
+    `gimbals` are all axes of the platform, `read` those with a readout: only these get a drawn error. Drawing follows
+    the order of the baseline and of the file, so a seed means the same truth everywhere.
+    """
+    factor = _number(section.get("factor", 1.0), "truth.factor")
+    wanted: dict[Parameter, float] = {}
+    if section.get("draw", False):
+        for name in BASELINE[kind]:
+            wanted |= _drawn(name, gimbals, read, factor, None, rng)
+    for name, given in section.items():
+        if name not in RESERVED:
+            wanted |= _effect(name, given, gimbals, read, factor, rng)
+    return with_values((), list(wanted), np.array(list(wanted.values())), gimbals)
+
+
+def described(effects: Sequence[Effect], gimbals: Sequence[str]) -> list[dict[str, Any]]:
+    """The truth as calibration.json lists parameters: name, axis, value in the printed unit, unit; and the effect."""
+    out = []
+    for each in effects:
+        wanted = parameters(type(each), gimbals, constants=True)
+        for p, value in zip(wanted, values(effects, wanted), strict=True):
+            row = {"name": p.name, "axis": p.axis, "value": float(from_si(float(value), p.unit)), "unit": p.unit}
+            out.append(row | {"effect": p.effect})
+    return out
+
+
+def _effect(
+    name: str, given: Any, gimbals: Sequence[str], read: Sequence[str], factor: float, rng: np.random.Generator
+) -> dict[Parameter, float]:
+    where = f"truth.{name}"
+    if name not in CATALOGUE:
+        raise InputError(f"{where}: no effect has this id; gimbalcal.CATALOGUE lists them")
+    if not isinstance(given, Mapping):
+        raise InputError(f"{where}: give a table, as in {name} = {{ x = 1.0 }}, got {given!r}")
+    given = dict(given)
+    out: dict[Parameter, float] = {}
+    if given.pop("draw", False):
+        sigma = given.pop("sigma", None)
+        size = None if sigma is None else _number(sigma, f"{where}.sigma")
+        out = _drawn(name, gimbals, read, _number(given.pop("factor", factor), f"{where}.factor"), size, rng)
+    known = parameters(CATALOGUE[name], gimbals, constants=True)
+    return out | dict(_fixed(known, given, where))
+
+
+def _drawn(
+    name: str, gimbals: Sequence[str], read: Sequence[str], factor: float, sigma: float | None,
+    rng: np.random.Generator,
+) -> dict[Parameter, float]:  # fmt: skip
+    out = {}
+    for p in parameters(CATALOGUE[name], gimbals):
+        scale = factor * p.sigma if sigma is None else float(to_si(sigma, p.unit))
+        value = scale * float(rng.standard_normal())
+        if p.axis not in gimbals or p.axis in read:
+            out[p] = value
+    return out
+
+
+def _fixed(known: Sequence[Parameter], given: Mapping[str, Any], where: str) -> Iterator[tuple[Parameter, float]]:
+    """Values by axis (of the effect's first parameter), or by parameter: a number for a scalar, a table for axes."""
+    first = known[0].field
+    for key, value in given.items():
+        by_field = [p for p in known if key in (p.field, p.name)]
+        if isinstance(value, Mapping) and by_field:
+            for axis, number in value.items():
+                yield _one([p for p in by_field if p.axis == axis], by_field, number, f"{where}.{key}.{axis}")
+        elif len(by_field) == 1:
+            yield _one(by_field, known, value, f"{where}.{key}")
+        else:
+            yield _one([p for p in known if p.axis == key and p.field == first], known, value, f"{where}.{key}")
+
+
+def _one(match: Sequence[Parameter], known: Sequence[Parameter], value: Any, where: str) -> tuple[Parameter, float]:
+    if not match:
+        choices = dict.fromkeys([p.axis for p in known if p.axis] + [p.field for p in known])
+        raise InputError(f"{where}: neither an axis nor a parameter of this effect; it has {', '.join(choices)}")
+    return match[0], float(to_si(_number(value, where), match[0].unit))
+
+
+def _number(value: Any, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        raise InputError(f"{where}: must be a finite number, got {value!r}")
+    return float(value)
