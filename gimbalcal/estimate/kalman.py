@@ -30,6 +30,7 @@ class Filtered(NamedTuple):
     x_prior: Array  # (n, p) estimate before row k
     P_prior: Array  # (n, p, p)
     Phi: Array  # (n, p, p) transition into row k
+    Q: Array  # (n, p, p) noise of it
     innovation: Array  # (n, m) z - H x_prior; NaN where nothing was measured
     S: Array  # (n, m, m) covariance of the innovation
     log_likelihood: float  # of all rows, natural logarithm
@@ -57,7 +58,7 @@ def filter(  # noqa: A001 - always written kalman.filter
     Phi, Q = _rows(Phi, (n, p, p)), _rows(Q, (n, p, p))
     history = Filtered(
         np.empty((n, p)), np.empty((n, p, p)), np.empty((n, p)), np.empty((n, p, p)),
-        Phi, np.empty((n, m)), np.empty((n, m, m)), 0.0,
+        Phi, Q, np.empty((n, m)), np.empty((n, m, m)), 0.0,
     )  # fmt: skip
     logs = np.zeros(n)
     for k in range(n):
@@ -92,10 +93,21 @@ def smooth(filtered: Filtered) -> Smoothed:
     x, P = filtered.x.copy(), filtered.P.copy()
     for k in range(len(x) - 2, -1, -1):
         Phi, predicted = filtered.Phi[k + 1], filtered.P_prior[k + 1]
-        gain = _divide(P[k] @ Phi.T, predicted)
+        gain = _smoother_gain(P[k], Phi, predicted, filtered.Q[k + 1])
         x[k] += gain @ (x[k + 1] - filtered.x_prior[k + 1])
         P[k] += gain @ (P[k + 1] - predicted) @ gain.T
     return Smoothed(x, (P + np.swapaxes(P, -1, -2)) / 2)
+
+
+def _smoother_gain(P: Array, Phi: Array, predicted: Array, Q: Array) -> Array:
+    """P Phi^T predicted^-1, written Phi^-1 (1 - Q predicted^-1) where Phi can be inverted.
+
+    The two are equal; the second is exact for states that do not move, whose covariance may have any condition.
+    """
+    sigma = np.sqrt(np.diag(P))
+    if np.all(sigma > 0) and np.linalg.cond(Phi * sigma / sigma[:, None]) < 1e6:
+        return np.asarray(np.linalg.solve(Phi, np.eye(len(P)) - _divide(Q, predicted)))
+    return _divide(P @ Phi.T, predicted)
 
 
 def _divide(A: Array, P: Array) -> Array:

@@ -64,9 +64,9 @@ def static(
 
 
 def rms_by_channel(run: StaticRun, effects: Sequence[Effect]) -> dict[str, float]:
-    """Root mean square of what the effects leave, SI, by "quantity axis"."""
+    """Root mean square of what the effects leave, SI, by "quantity:axis"."""
     rms = np.sqrt(np.mean(run.departures(effects) ** 2, axis=0))
-    return {f"{q} {axis}": float(x) for (q, axis), x in zip(run.channels, rms, strict=True)}
+    return {f"{q}:{axis}": float(x) for (q, axis), x in zip(run.channels, rms, strict=True)}
 
 
 def stage(run: StaticRun, table: Combined) -> Stage:

@@ -104,6 +104,17 @@ def test_constant_state_needs_no_smoothing_and_equals_least_squares() -> None:
     np.testing.assert_allclose(smoothed.P[0], f.P[-1], rtol=1e-7, atol=1e-9 * np.outer(sigma, sigma).min())
 
 
+def test_states_that_forget_and_states_that_stay_smooth_alike_by_both_forms_of_the_gain() -> None:
+    rng = np.random.default_rng(7)
+    s = time_varying(rng)
+    s["Phi"] = np.broadcast_to(np.diag([0.0, 1e-9, 1.0]), (12, 3, 3))  # cannot be inverted
+    s["Q"] = np.broadcast_to(np.diag([1.0, 1.0, 1e-6]), (12, 3, 3))
+    x, P = dense(s)
+    smoothed = kalman.smooth(run(s))
+    np.testing.assert_allclose(smoothed.x, x, atol=1e-8)
+    np.testing.assert_allclose(smoothed.P, P, atol=1e-8)
+
+
 def test_a_state_known_exactly_stays_known() -> None:
     z = np.array([1.0, 1.2, 0.9])
     f = kalman.filter(z, [[1.0, 1.0]], 0.1, np.eye(2), np.zeros((2, 2)), np.zeros(2), np.diag([1.0, 0.0]))
