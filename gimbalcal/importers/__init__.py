@@ -36,7 +36,7 @@ EVERYWHERE = ("title", "means")
 """Options that every kind has: another title; means = yes keeps one row per dwell."""
 
 
-def load(kind: str, files: Sequence[str | Path], options: Mapping[str, str] | None = None) -> Recording:
+def import_files(kind: str, files: Sequence[str | Path], options: Mapping[str, str] | None = None) -> Recording:
     """The recording in the foreign `files`; `InputError` if the kind, a file or its content is not as it must be."""
     if kind not in KINDS:
         raise InputError(f"there is no importer {kind!r}; take one of {', '.join(KINDS)}")

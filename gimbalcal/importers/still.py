@@ -46,7 +46,9 @@ def still_positions(
     wrong = np.flatnonzero(np.diff(time) <= 0)
     if len(wrong):
         raise InputError(f"{files[0]}, row {wrong[0] + 2}: the clock does not go forward; sort the rows")
-    position = detect(time, {" ".join(key): values for key, values in channels.items()})
+    position = detect(
+        time, {axis: values for (quantity, axis), values in channels.items() if quantity == "specific_force"}
+    )
     recording = Recording(
         kind="multi-position",
         title=title,

@@ -30,7 +30,8 @@ FLOOR = 0.10  # quantile
 def detect(time: Array, channels: Mapping[str, Array]) -> NDArray[np.int64]:
     """Position of each row, (n,): 1, 2, ... in order of time within rests, 0 elsewhere.
 
-    time (n,) s; channels (n,) each, in any unit: only ratios of variances count. All rows are one rest where the
+    time (n,) s; channels (n,) each, in any unit: only ratios of variances count. Accelerometers do it alone: in the
+    hand, a gyroscope finds no rest at all. All rows are one rest where the
     recording is shorter than a few windows.
     """
     n = len(time)

@@ -77,7 +77,8 @@ def _rows(
         return (header.columns, *_gather(stream, header.columns, screen, average_s), ())
     columns = (*header.columns, _DETECTED)
     table, _ = _gather(stream, header.columns, screen, None)
-    sensors = {c.name: table[c.name] for c in screen.sensors}
+    forces = [c for c in screen.sensors if c.quantity == "specific_force"]
+    sensors = {c.name: table[c.name] for c in forces or screen.sensors}
     position = detect(to_si(table[screen.clock.name], screen.clock.unit), sensors)
     table[_DETECTED.name] = position.astype(float)
     remark = (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import tempfile
 from collections.abc import Iterable
@@ -14,7 +15,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform, known
 from gimbalcal.recording.header import NAME
-from gimbalcal.recording.record import SENSORS, Key, Recording
+from gimbalcal.recording.record import SENSORS, Key, Recording, Site
 from gimbalcal.units import QUANTITIES, from_si, is_raw
 
 _SHORT = {"specific_force": "accel", "angular_rate": "gyro", "gimbal_angle": "", "attitude_error": "", "covariate": ""}
@@ -68,11 +69,7 @@ def _unit(recording: Recording, key: Key) -> str:
 
 def _header(recording: Recording, samples: str, names: dict[Key, str]) -> list[str]:
     lines = ["format = 1", f"kind = {_text(recording.kind)}", f"title = {_text(recording.title)}"]
-    lines += [f"samples = {_text(samples)}", "", "[site]"]
-    site = recording.site
-    if site.latitude is not None:
-        lines.append(f"latitude = {_number(from_si(site.latitude, 'deg'), 'deg')}")
-    lines += [f"height = {_number(site.height, 'm')}", f"gravity = {_number(site.gravity, 'm/s^2')}", ""]
+    lines += [f"samples = {_text(samples)}", "", *_site(recording.site), ""]
     lines += [*_platform(recording.platform, recording.kind), "", "[noise]"]
     for sensor, sigma in recording.noise.items():
         unit = next((_unit(recording, k) for k in recording.channels if k[0] == SENSORS[sensor]), "")
@@ -84,9 +81,18 @@ def _header(recording: Recording, samples: str, names: dict[Key, str]) -> list[s
     for (quantity, axis), name in names.items():
         where = f", axis = {_text(axis)}" if axis else ""
         unit = _text(_unit(recording, (quantity, axis)))
-        lines.append(f"{_text(name)} = {{ quantity = {_text(quantity)}{where}, unit = {unit} }}")
+        lines.append(f"{_key(name)} = {{ quantity = {_text(quantity)}{where}, unit = {unit} }}")
     if _is_averaged(recording):
         lines.append('weight = { quantity = "weight" }')
+    return lines
+
+
+def _site(site: Site) -> list[str]:
+    lines = ["[site]"]
+    if site.latitude is not None:
+        lines.append(f"latitude = {_number(from_si(site.latitude, 'deg'), 'deg')}")
+    if site != Site():  # nobody has said where it is: better to say so again on reading
+        lines += [f"height = {_number(site.height, 'm')}", f"gravity = {_number(site.gravity, 'm/s^2')}"]
     return lines
 
 
@@ -98,6 +104,10 @@ def _platform(platform: Platform, kind: str) -> list[str]:
         lines += ["", "[[platform.axes]]", f"name = {_text(axis.name)}", f"direction = {_text(axis.direction)}"]
         lines += [f"sign = {axis.sign}", f"offset = {_number(axis.offset, 'rad')}"]
     return lines
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _text(name)
 
 
 def _text(text: str) -> str:

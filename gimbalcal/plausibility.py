@@ -1,0 +1,198 @@
+r"""Wrong units, axes, signs and clocks, found before anything is estimated.
+
+A calibration would absorb many of them: a triad with x and y interchanged fits a misalignment of 90 deg. So the force at
+each rest is compared with what the gimbal readouts predict for a perfect platform on a level base,
+
+.. math:: f^p = -g \, C_b^p(\text{angles}) \, (0, 0, 1) ,
+
+and with what it would be if axes were interchanged, signs wrong, or the angles meant otherwise. Errors that can be
+calibrated are a hundred times smaller than `CLOSE`, and single mis-set positions are left to the estimators, so a
+recording is refused only where another reading of the same columns fits nearly every rest and the stated one does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import permutations, product
+
+import numpy as np
+
+from gimbalcal.earth import EARTH_RATE, G0
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array, apply_matrix
+from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.units import is_raw
+
+CLOSE = np.radians(15.0)  # far above gimbal zeros, misalignments and hand-set angles, far below a wrong axis
+NEARLY_ALL = 0.9
+AXES = ("x", "y", "z")
+CLOCK_JUMP = np.radians(0.2)  # of the sidereal angle: 48 s; drift and encoder errors stay below arc minutes
+
+
+def refuse_implausible(recording: Recording) -> None:
+    """`InputError` with one sentence where units, axes, signs or the clock of `recording` cannot be right."""
+    if recording.kind == "static-run":
+        _check_turn(recording)
+    if recording.kind not in ("multi-position", "static-run") or set(recording.axes("specific_force")) != set(AXES):
+        return
+    rests = dwell_means(recording) if recording.kind == "multi-position" else _thinned(recording)
+    force, raw = rests.triad("specific_force"), is_raw(recording.units.get(("specific_force", "x"), "m/s^2"))
+    if not raw:
+        _check_magnitude(rests, force)
+        if rests.platform.axes and _angles_logged(rests):
+            _check_degrees(rests, force)
+            _check_axes(rests, force)
+
+
+def _where(recording: Recording) -> str:
+    return recording.source[0].path if recording.source else f"recording {recording.title!r}"
+
+
+def _thinned(recording: Recording) -> Recording:
+    step = max(1, len(recording.time) // 500)
+    return recording.select(slice(None, None, step))
+
+
+def _angles_logged(recording: Recording) -> bool:
+    logged = set(recording.axes("gimbal_angle"))
+    return {"platform", "middle"} <= logged if recording.kind == "static-run" else bool(logged)
+
+
+def _check_magnitude(rests: Recording, force: Array) -> None:
+    """At rest the norm of the force is gravity, give or take the errors of the sensors."""
+    ratio = float(np.median(np.linalg.norm(force, axis=1))) / rests.site.gravity
+    if 0.5 <= ratio <= 1.5:
+        return
+    unit = rests.units.get(("specific_force", "x"), "m/s^2")
+    hints = {"m/s^2": 1.0, "g": G0, "mg": 1e-3 * G0, "ug": 1e-6 * G0}
+    factor = hints.get(unit, 1.0)
+    likely = [name for name, size in hints.items() if 0.8 < ratio * size / factor < 1.25]
+    remedy = f'the numbers look like {likely[0]}: write unit = "{likely[0]}"' if likely else "correct the unit"
+    raise InputError(
+        f"{_where(rests)}: at rest the specific force is {ratio * rests.site.gravity:.4g} m/s^2 where gravity is "
+        f"{rests.site.gravity:.4g} m/s^2, read in the unit {unit!r}; {remedy} of its columns"
+    )
+
+
+def _check_degrees(rests: Recording, force: Array) -> None:
+    """The force cannot turn by more than all gimbals together; if it does, the angles are in radians."""
+    if rests.kind != "multi-position":
+        return
+    turned = sum(float(np.ptp(rests.channels["gimbal_angle", a])) for a in rests.axes("gimbal_angle"))
+    direction = force / np.linalg.norm(force, axis=1, keepdims=True)
+    seen = float(np.max(np.arccos(np.clip(direction @ direction.T, -1, 1))))
+    units = {rests.units.get(("gimbal_angle", a), "rad") for a in rests.axes("gimbal_angle")}
+    if turned < 0.5 * seen and seen > 2 * CLOSE:
+        still = turned < 1e-3
+        advice = (
+            "so the readouts are not those of the gimbals that moved; log them, or leave the columns out and name the "
+            "platform 'bench'"
+            if still or "deg" not in units
+            else 'so the angles look like radians; write unit = "rad" for the gimbal angles'
+        )
+        raise InputError(
+            f"{_where(rests)}: all gimbal angles together turn by {np.degrees(turned):.3g} deg while the measured "
+            f"force turns by {np.degrees(seen):.3g} deg, {advice}"
+        )
+
+
+def _predicted(rests: Recording, angles: Array) -> Array:
+    return -apply_matrix(rests.platform.attitude(angles), np.array([0.0, 0.0, 1.0]))
+
+
+def _agreeing(force: Array, ideal: Array) -> int:
+    """How many forces point where they should."""
+    cosine = np.sum(force * ideal, axis=1) / np.linalg.norm(force, axis=1)
+    return int(np.count_nonzero(cosine > np.cos(CLOSE)))
+
+
+def _check_axes(rests: Recording, force: Array) -> None:
+    """Another reading of the columns that fits nearly every rest, while the stated one does not, is the right one."""
+    n, stated = len(force), _agreeing(force, _predicted(rests, rests.angles()))
+    if n < 3 or stated >= NEARLY_ALL * n:
+        return
+    kind = "positions" if rests.kind == "multi-position" else "rows"
+    best, words = max(_readings(rests, force), key=lambda reading: reading[0])  # the first of equals is the simplest
+    if best >= NEARLY_ALL * n and best >= stated + 2:
+        raise InputError(
+            f"{_where(rests)}: only {stated} of {n} {kind} have the force that the gimbal angles predict, and {best} "
+            f"if {words}; correct [columns]"
+        )
+    if stated < 0.5 * n:
+        raise InputError(
+            f"{_where(rests)}: only {stated} of {n} {kind} have the force within {np.degrees(CLOSE):.0f} deg "
+            "of what the gimbal angles predict, whichever axes or signs are changed; check the platform, its zero angles and the "
+            "gimbal columns, or leave these out and name the platform 'bench'"
+        )
+
+
+def _readings(rests: Recording, force: Array) -> Iterator[tuple[int, str]]:
+    """Rests that agree, and in words, for other readings of the columns: simpler ones first."""
+    ideal = _predicted(rests, rests.angles())
+    changes = sorted(product(permutations(range(3)), product((1, -1), repeat=3)), key=lambda c: _complexity(*c))
+    for order, signs in changes:
+        yield _agreeing(force[:, order] * np.array(signs), ideal), _axes_in_words(order, signs)
+    angles, names = rests.angles(), rests.platform.axis_names
+    logged = [i for i, name in enumerate(names) if ("gimbal_angle", name) in rests.channels]
+    for i in logged:
+        turned = angles.copy()
+        turned[:, i] *= -1
+        yield _agreeing(force, _predicted(rests, turned)), f"the {names[i]} angle has the opposite sign"
+    for i in logged:
+        for j in logged:
+            if i < j:
+                turned = angles.copy()
+                turned[:, [i, j]] = angles[:, [j, i]]
+                words = f"the {names[i]} and {names[j]} angles are interchanged"
+                yield _agreeing(force, _predicted(rests, turned)), words
+
+
+def _complexity(order: tuple[int, ...], signs: tuple[int, ...]) -> tuple[int, int]:
+    moved = sum(a != b for a, b in enumerate(order))
+    flipped = 1 if signs == (-1, -1, -1) else sum(s < 0 for s in signs)  # all three: one convention, not three slips
+    return moved + flipped, moved
+
+
+def _axes_in_words(order: tuple[int, ...], signs: tuple[int, ...]) -> str:
+    moved = [AXES[a] for a, b in enumerate(order) if a != b]
+    parts = []
+    if len(moved) == 2:
+        parts.append(f"the accelerometers {moved[0]} and {moved[1]} are interchanged")
+    elif moved:
+        parts.append(f"the accelerometers called {', '.join(AXES[b] for b in order)} are really x, y, z")
+    if signs == (-1, -1, -1):
+        parts.append(
+            "every accelerometer has the wrong sign (f = a - g: one whose axis points down reads -9.8 m/s^2 at rest)"
+        )
+    elif -1 in signs:
+        wrong = " and ".join(AXES[i] for i in range(3) if signs[i] < 0)
+        parts.append(f"the accelerometer{'s' if ' ' in wrong else ''} {wrong} had the opposite sign")
+    return " and ".join(parts) or "the columns are as stated"
+
+
+def _check_turn(recording: Recording) -> None:
+    """The platform gimbal of a static run follows the Earth; where it does not, the clock or a unit is wrong."""
+    if ("gimbal_angle", "platform") not in recording.channels or len(recording.time) < 3:
+        return
+    time, angle = recording.time, recording.channels["gimbal_angle", "platform"]
+    dt = np.diff(time)
+    lag = _wrapped(np.diff(angle) - EARTH_RATE * dt)
+    short = EARTH_RATE * dt < 1.0
+    rate = float(np.median((_wrapped(np.diff(angle)) / dt)[short])) if short.any() else EARTH_RATE
+    if abs(rate / EARTH_RATE - 1) > 0.05 and abs(rate - EARTH_RATE) * np.ptp(time) > CLOCK_JUMP:
+        hour = np.degrees(rate) * 3600
+        raise InputError(
+            f"{_where(recording)}: the platform gimbal turns by {hour:.5g} deg/h where the Earth turns by 15.041 "
+            "deg/h; correct the unit of the time or of the platform angle, or its sign"
+        )
+    k = int(np.argmax(np.abs(lag)))
+    if abs(lag[k]) > CLOCK_JUMP:
+        turned, due = np.degrees([_wrapped(angle[k + 1] - angle[k]), EARTH_RATE * dt[k]])
+        raise InputError(
+            f"{_where(recording)}: between {time[k]:.10g} s and {time[k + 1]:.10g} s the clock goes on by "
+            f"{dt[k]:.6g} s while the platform gimbal turns by {turned:.4g} deg instead of {due:.4g} deg, so the clock jumps there; correct it, or cut the recording in two"
+        )
+
+
+def _wrapped(angle: Array) -> Array:
+    return np.asarray(angle - 2 * np.pi * np.round(angle / (2 * np.pi)))
