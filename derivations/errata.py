@@ -23,7 +23,8 @@ def table(verdicts: Sequence[Verdict], width: int | None = None) -> str:
     left = ITEM + VERDICT + SIZE
     lines = [f"{'item':{ITEM}}{'verdict':{VERDICT}}{'size':{SIZE}}why", "-" * width]
     for v in verdicts:
-        why = textwrap.wrap(v.why, width - left) or [""]
+        text = v.why if v.verdict != AGREES else v.why.split(". ")[0].rstrip(".") + "."  # a few words suffice
+        why = textwrap.wrap(text, width - left) or [""]
         lines.append(f"{v.item:{ITEM}}{v.verdict:{VERDICT}}{v.size:{SIZE}}{why[0]}")
         lines += [" " * left + part for part in why[1:]]
     return "\n".join(lines)

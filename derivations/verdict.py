@@ -62,7 +62,7 @@ class Case:
     """The derived form of one item and what the judge needs to compare it.
 
     `small`: symbols that count as small. `at`: numbers for the size of the difference; `sweep`: further points, the
-    largest counts. `unit`: "ug" (relative to g), "arcsec" (of rad) or "". `symbols`, `factors`: what a slip could
+    largest counts. `unit`: "g", "ug" (of g), "arcsec" (of rad) or "". `symbols`, `factors`: what a slip could
     exchange or lose. `repairs`: slips that are not of that kind, in words, with the repaired formula. `rank`: rank of
     the derived equations and the number of unknowns they are solved for. `why` may quote {size}, {slip} and what
     `facts` holds, or is a function of the printed formula. `code`: largest difference between derivation and package;
@@ -198,21 +198,30 @@ def magnitude(difference: Expr, at: Mapping[Expr, float], sweep: Sequence[Mappin
 
 
 def in_unit(value: float, unit: str) -> str:
-    """A relative force or an angle, with its everyday unit."""
+    """A force over g or an angle in rad, with its everyday unit."""
+    if unit == "g":
+        return f"{value:.3g} g"
     scaled = {"ug": value * 1e6, "arcsec": value / ARCSEC, "ppm": value * 1e6}.get(unit)
-    return f"{value:.3g}" if scaled is None else f"{value:.2g} ({scaled:.3g} {unit})"
+    return f"{value:.3g}" if scaled is None else f"{value:.1e} ({scaled:.3g} {unit})"
+
+
+def size_in_words(verdict: str, printed: Printed, case: Case) -> str:
+    """How much it matters: "0" where printed and derived agree."""
+    if verdict == AGREES:
+        return "0"
+    if verdict == NOT_DETERMINED and case.rank is not None:
+        return f"rank {case.rank[0]} of {case.rank[1]}"
+    if _shape(printed.formula) != _shape(case.derived):
+        return "shapes differ"
+    if case.at is None:
+        return "not quantified"
+    return in_unit(magnitude(printed.formula - case.derived, case.at, case.sweep), case.unit)
 
 
 def decide(source: str, printed: Printed, case: Case) -> Verdict:
     """Compare one printed formula with its derivation and say what was found."""
     verdict, slip = judge(printed, case)
-    size = "0"
-    if case.rank is not None and verdict == NOT_DETERMINED:
-        size = f"rank {case.rank[0]} of {case.rank[1]}"
-    elif verdict != AGREES and case.at is not None and _shape(printed.formula) == _shape(case.derived):
-        size = in_unit(magnitude(printed.formula - case.derived, case.at, case.sweep), case.unit)
-    elif verdict != AGREES:
-        size = "shapes differ"
+    size = size_in_words(verdict, printed, case)
     words = case.why(printed, case) if callable(case.why) else case.why
     why = words.format(size=size, slip=slip, **dict(case.facts or {}))
     if printed.garbled:
@@ -225,5 +234,5 @@ def decide(source: str, printed: Printed, case: Case) -> Verdict:
 def code_words(difference: float) -> str:
     """How the package compares with the derivation."""
     if difference <= CODE_TOLERANCE:
-        return f" The package computes the derived form (largest difference {difference:.0e})."
-    return f" THE PACKAGE DIFFERS from the derived form by {difference:.2g}."
+        return f" Package: same to {difference:.0e}."
+    return f" PACKAGE DIFFERS by {difference:.2g}."

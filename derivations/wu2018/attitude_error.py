@@ -207,6 +207,7 @@ def _coefficient_case(item: str) -> Case:
     )
 
 
+@cache
 def cases() -> dict[str, Case]:
     """The derived forms."""
     return {

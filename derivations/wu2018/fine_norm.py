@@ -160,6 +160,7 @@ def ranks() -> tuple[int, int, float]:
     return int(np.linalg.matrix_rank(A)), int(np.linalg.matrix_rank(B)), float(np.linalg.cond(A))
 
 
+@cache
 def cases() -> dict[str, Case]:
     """The derived forms."""
     numbers = coarse_numbers()

@@ -15,6 +15,7 @@ others, beta_xy about y and beta_xz about z for x, and so on. First order, as th
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import sympy as sp
@@ -114,6 +115,7 @@ def second_order() -> float:
     return max(abs(float(x.subs(NUMBERS).evalf())) for x in dropped)
 
 
+@cache
 def cases() -> dict[str, Case]:
     """The derived forms."""
     rest = sp.Matrix([0, 0, 0]) - sp.Matrix([0, 0, g])  # a - g

@@ -11,6 +11,7 @@ C_p^a (not its transpose, the a axes are not orthogonal). Eq. (7) is the same wi
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import sympy as sp
@@ -102,6 +103,7 @@ DOWN_UP = tuple(
 )
 
 
+@cache
 def cases() -> dict[str, Case]:
     """The derived forms."""
     estimated = dict(zip((*SF, *b, *K, *BETA), (*SF_hat, *b_hat, 0, 0, 0, *BETA_HAT), strict=True))
@@ -110,29 +112,31 @@ def cases() -> dict[str, Case]:
     return {
         "Eq. (6)": Case(
             balance(f_a, f_p),
-            "One symbol is misprinted: the output, left and in the square, is f^a (as in Eq. (8)), and the linear "
-            "term's C_b^p C_n^b f^n is f^p. Taken literally the z output at position 7 is off by {size} g; the scan may "
+            "One symbol is misprinted: the output, left and in the square, is f^a (as in (8)), and the linear "
+            "term's C_b^p C_n^b f^n is f^p. Taken literally the z output at position 7 is off by {size}; the scan may "
             "have read a as n.",
             at=NOMINAL,
             sweep=DOWN_UP,
+            unit="g",
             repairs=(("f^n for f^a on the left and in the square", balance(f_a, f_p)),),
             code=package.sensor_balance,
         ),
         "Eq. (7)": Case(
             linear_output(held_up),
-            "At rest the sensor feels f^p = -g^p, Eqs. (1) and (6); with Table 1's g^p (+g at position 1) the printed "
-            "sign makes every output wrong by {size} g, or all three scale factors negative.",
+            "At rest the sensor feels f^p = -g^p, by (1) and (6); with Table 1's g^p (+g at position 1) the printed "
+            "sign makes every output wrong by {size}, or all three scale factors negative.",
             at=NOMINAL,
             sweep=DOWN_UP,
+            unit="g",
             repairs=(("g^p for -g^p", linear_output(held_up)),),
         ),
         "Eq. (8)": Case(
             force,
-            "The exact inverse of Eq. (6), C_a^p being the inverse (not the transpose) of C_p^a.",
+            "The exact inverse of (6), C_a^p being the inverse (not the transpose) of C_p^a.",
             code=package.sensor_inverse,
         ),
         "Eq. (9)": Case(
             force.subs(estimated),
-            "Eq. (8) at the coarse estimates, which have K_nl = 0.",
+            "(8) at the coarse estimates, which have K_nl = 0.",
         ),
     }

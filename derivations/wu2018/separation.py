@@ -172,6 +172,7 @@ def _why_41(printed: Printed, _: Case) -> str:
     )
 
 
+@cache
 def cases() -> dict[str, Case]:
     """The derived forms."""
     c = coefficients()

@@ -160,6 +160,7 @@ def _state_case(i: int) -> Case:
     )
 
 
+@cache
 def cases() -> dict[str, Case]:
     """The derived forms."""
     level = {psi: 0, theta: 0, phi: 0, h: L, q: 0}

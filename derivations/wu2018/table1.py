@@ -156,7 +156,7 @@ def _explain(printed: Printed, case: Case) -> str:
         return "First order in the gimbal zeros."
     if verdict == APPROXIMATION:
         lost = sp.sstr(sp.expand(case.derived - printed.formula))
-        return f"The first-order term {lost} is left out; up to {{size}} for zeros of 10 arcsec."
+        return f"Leaves out {lost}: up to {{size}} for zeros of 10 arcsec."
     cause = f"One slip: {slip}" if slip else "No single slip explains it"
     return (
         f"{cause}; the row's own angles give {sp.sstr(case.derived)}. The difference is up to {{size}} for zeros of "
@@ -192,15 +192,16 @@ def _angle_case(row: int, axis: int) -> Case:
     fits = consistent_angles(row, axis, PRINTED)
     printed = resolved_angles()[row - 1][axis]
     k = printed if printed % 8 in fits else (fits[0] if fits else printed + 4)
-    told = "and no other multiple of pi/4 does" if len(fits) == 1 else f"and so would {len(fits) - 1} others"
+    told = "The only multiple" if len(fits) == 1 else f"One of {len(fits)} multiples"
     return Case(
         ZEROS[axis] + k * sp.pi / 4,
-        f"It reproduces the sound gravity entries of row {row}, {told}.",
+        f"{told} of pi/4 that reproduces the row's sound gravity entries.",
         at={},
         code=lambda: package.table_1_angle(row, axis, resolved_angles()[row - 1][axis]),
     )
 
 
+@cache
 def cases() -> dict[str, Case]:
     """The derived forms."""
     out = {}

@@ -19,6 +19,7 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import sympy as sp
 
@@ -71,39 +72,43 @@ def fits(value: float, printed: str) -> bool:
 
 
 @cache
-def evaluate(coefficient: str, flipped: tuple[str, ...] = (), lost: bool = False, gravity: float = G_NORMAL) -> float:
-    """A coefficient from Tables 2 and 3, with groups of parameters sign-reversed and sin L lost from the biases."""
+def evaluate(coefficient: str, flipped: tuple[Any, ...] = (), lost: bool = False, gravity: float = G_NORMAL) -> float:
+    """A coefficient from Tables 2 and 3, with some parameters sign-reversed and sin L lost from the biases."""
     expr = sp.expand(coefficients()[coefficient])
     if lost:
-        expr = sum(
-            (t / sp.sin(L) if t.has(*BIAS) and t.has(sp.sin(L)) else t for t in sp.Add.make_args(expr)),
-            start=sp.Integer(0),
-        )
-    groups = {"biases": BIAS, "scale factors": SCALE, "betas": BETA}
-    values = dict(NUMBERS) | {g: gravity}
-    for name in flipped:
-        values |= {symbol: -values[symbol] for symbol in groups[name]}
+        expr = _without_sine(expr)
+    values = NUMBERS | {g: gravity} | {symbol: -NUMBERS[symbol] for symbol in flipped}
     return float(expr.subs(values).evalf())
 
 
-def explanations(row: Row) -> Iterator[tuple[tuple[str, ...], bool]]:
-    """Combinations of slips that reproduce the reference value, fewest first."""
-    groups = {"biases": BIAS, "scale factors": SCALE, "betas": BETA}
-    present = [name for name, symbols in groups.items() if coefficients()[row.coefficient].has(*symbols)]
+def _without_sine(expr: Any) -> Any:
+    """The coefficient with sin L lost from its bias terms."""
+    terms = sp.Add.make_args(sp.expand(expr))
+    return sum((t / sp.sin(L) if t.has(*BIAS) and t.has(sp.sin(L)) else t for t in terms), start=sp.Integer(0))
+
+
+def explanations(row: Row) -> Iterator[tuple[tuple[Any, ...], bool]]:
+    """Combinations of slips that reproduce the reference value, fewest first.
+
+    The parameters of one kind (biases, scale factors, betas) that occur in the coefficient are reversed together.
+    """
+    expr = coefficients()[row.coefficient]
+    kinds = [tuple(s for s in kind if expr.has(s)) for kind in (BIAS, SCALE, BETA)]
+    present = [kind for kind in kinds if kind]
     choices = [
-        (flipped, lost)
+        (len(chosen) + lost, tuple(itertools.chain(*chosen)), lost)
         for n in range(len(present) + 1)
-        for flipped in itertools.combinations(present, n)
-        for lost in (False, True)
+        for chosen in itertools.combinations(present, n)
+        for lost in ((False, True) if _without_sine(expr) != sp.expand(expr) else (False,))
     ]
-    for flipped, lost in sorted(choices, key=lambda c: len(c[0]) + c[1]):
+    for _count, flipped, lost in sorted(choices, key=lambda c: c[0]):
         if fits(evaluate(row.coefficient, flipped, lost), row.reference):
             yield flipped, lost
 
 
-def in_words(flipped: tuple[str, ...], lost: bool) -> str:
+def in_words(flipped: tuple[Any, ...], lost: bool) -> str:
     """A combination of slips."""
-    parts = [f"the sign of the {name} reversed" for name in flipped]
+    parts = [f"the sign of {', '.join(map(str, flipped))} reversed"] if flipped else []
     return " and ".join(parts + ["sin L lost from the bias"] * lost)
 
 
@@ -121,7 +126,7 @@ def best_gravity() -> float:
         return total
 
     low, high = 9.78, 9.83
-    for _ in range(25):  # golden section; the misfit is a parabola in 1/g
+    for _ in range(25):  # the misfit is a parabola in 1/g: shrink by thirds
         third = (high - low) / 3
         if misfit(round(low + third, 7)) < misfit(round(high - third, 7)):
             high -= third
@@ -171,27 +176,13 @@ def _verdict(row: Row) -> tuple[str, str]:
     return (WRONG if confirmed else MISPRINT), words
 
 
-def other_side(flipped: tuple[str, ...]) -> str:
+def other_side(flipped: tuple[Any, ...]) -> str:
     """What the same reversal, made in Tables 2 or 3 instead, would do to the rest of the column."""
-    if not flipped:
-        return ""
-    groups = {"biases": BIAS, "scale factors": SCALE, "betas": BETA}
-    used = [s for name in flipped for s in groups[name]]
-    lost = [
-        row.name
-        for row in ROWS
-        if fits(evaluate(row.coefficient), row.reference) and coefficients()[row.coefficient].has(*used)
-    ]
-    spoiled = [name for name in lost if not fits(evaluate(_coefficient(name), flipped), _reference(name))]
-    return f" Reversed in the input table instead, {', '.join(spoiled)} would no longer follow." if spoiled else ""
-
-
-def _coefficient(name: str) -> str:
-    return next(row.coefficient for row in ROWS if row.name == name)
-
-
-def _reference(name: str) -> str:
-    return next(row.reference for row in ROWS if row.name == name)
+    sound = [r for r in ROWS if fits(evaluate(r.coefficient), r.reference)]
+    spoiled = [r.name for r in sound if not fits(evaluate(r.coefficient, flipped), r.reference)]
+    if spoiled:
+        return f" Reversed in the input table instead, {', '.join(spoiled)} would no longer follow."
+    return " No other row would notice it, so the fault may as well be that sign in the input table." if flipped else ""
 
 
 def _error_column(row: Row) -> str:

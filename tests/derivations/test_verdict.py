@@ -37,7 +37,7 @@ def test_identical_formulas_in_other_words_agree():
 def test_leaving_out_a_higher_order_is_an_approximation_and_its_size_is_told():
     printed = Printed("Eq. (0)", "x", sp.Integer(1))
     found = decide("001", printed, Case(1 - e**2 / 2, "{size}", small=(e,), at={e: 1e-3}, unit="ug"))
-    assert (found.verdict, found.size) == (APPROXIMATION, "5e-07 (0.5 ug)")
+    assert (found.verdict, found.size) == (APPROXIMATION, "5.0e-07 (0.5 ug)")
     assert found.why == found.size
 
 

@@ -11,7 +11,7 @@ import pytest
 import sympy as sp
 
 from derivations import wu2018
-from derivations.verdict import AGREES, APPROXIMATION, MISPRINT, NOT_DETERMINED, VERDICTS, WRONG
+from derivations.verdict import AGREES, APPROXIMATION, MISPRINT, NOT_DETERMINED, VERDICTS, WRONG, judge
 from derivations.wu2018 import attitude_error, fine_norm, frames, sensor, separation, static_force, table1, table4
 from derivations.wu2018.symbols import (
     BETA,
@@ -81,8 +81,8 @@ def test_every_verdict_is_one_of_five_and_says_why(wu2018_verdicts):
 
 
 def test_the_package_computes_every_derived_form(wu2018_verdicts):
-    assert not [v.item for v in wu2018_verdicts.values() if "THE PACKAGE DIFFERS" in v.why]
-    compared = [v for v in wu2018_verdicts.values() if "The package computes the derived form" in v.why]
+    assert not [v.item for v in wu2018_verdicts.values() if "PACKAGE DIFFERS" in v.why]
+    compared = [v for v in wu2018_verdicts.values() if "Package: same to" in v.why]
     assert len(compared) > 130  # 108 entries of Table 1, 13 of Table 4, and the equations the package holds
 
 
@@ -96,7 +96,7 @@ def test_sensor_law_planted_bias_sign(wu2018_verdicts):
 
 # One slip planted in a formula that is right as printed: the verdict must change to misprint.
 PLANTED = [
-    (frames, "Eq. (4)", lambda f: f.subs(f[2, 2], -f[2, 2]) if False else _with_entry(f, (2, 2), -f[2, 2])),
+    (frames, "Eq. (4)", lambda f: _with_entry(f, (2, 2), -f[2, 2])),
     (frames, "Eq. (5)", lambda f: _with_entry(f, (0, 1), -f[0, 1])),
     (static_force, "Eq. (19)", lambda f: _with_entry(f, (1, 0), sp.cos(S_t) * sp.cos(L))),
     (static_force, "Eq. (21)", lambda f: f.subs(nabla_z, -nabla_z)),
@@ -120,14 +120,13 @@ def _with_entry(matrix, place, value):
 
 @pytest.mark.parametrize(("group", "item", "slip"), PLANTED, ids=[p[1] for p in PLANTED])
 def test_planted_misprint(group, item, slip):
-    from derivations.verdict import judge
-
     case, printed = group.cases()[item], group.PRINTED[item]
     assert judge(printed, case)[0] == AGREES
     planted = replace(printed, formula=slip(printed.formula))
     verdict, words = judge(planted, case)
-    expected = MISPRINT if item not in ("Eq. (4)", "Eq. (5)", "Eq. (19)") or words else WRONG
-    assert verdict == expected != AGREES
+    assert verdict == (MISPRINT if words else WRONG)
+    if item != "Eq. (19)":  # a cosine for a sine is no slip of a sign, a factor or a symbol
+        assert verdict == MISPRINT
 
 
 def test_planted_angle_in_table_1():
@@ -142,8 +141,9 @@ def test_planted_number_in_table_4():
     row = table4.ROWS[3]
     right, wrong = table4.judge_row(row), table4.judge_row(replace(row, reference="-5.100e-5"))
     assert right.verdict == AGREES
-    assert wrong.verdict == MISPRINT or wrong.verdict == WRONG
-    assert "no single" in wrong.why.lower() or "reproduces it" in wrong.why
+    assert wrong.verdict == WRONG
+    assert wrong.why.startswith("No reversal of signs")
+    assert "Its error column should be" in wrong.why
 
 
 def test_a_slip_of_the_pen_in_table_4_is_told_from_a_wrong_simulation():
@@ -155,7 +155,7 @@ def test_a_slip_of_the_pen_in_table_4_is_told_from_a_wrong_simulation():
     assert table4.judge_row(shared).verdict == WRONG
 
 
-# --- independent routes to the derived forms ---------------------------------------------------------------------------
+# --- independent routes to the derived forms ---
 
 
 def test_z_of_the_platform_stands_h_above_the_horizon():
@@ -179,7 +179,7 @@ def test_fifteen_coefficients_by_finite_differences_of_an_exact_simulation():
 
 
 def _exact_day(values, phases):
-    s, c, zero, one = np.sin(phases), np.cos(phases), 0 * phases, 1 + 0 * phases
+    s, c, one = np.sin(phases), np.cos(phases), np.ones_like(phases)
     sin, cos = np.sin(LATITUDE), np.cos(LATITUDE)
     f = np.stack([c * cos, s * cos, sin * one], axis=-1)
     xy, xz, yz, yx, zx, zy = (values[b] for b in BETA)
@@ -265,10 +265,11 @@ def test_table_4_closures_hold_for_the_derived_column_and_break_for_the_printed(
 
 
 def test_every_wrong_value_of_table_4_has_one_shortest_explanation():
+    """No second combination of slips, however long, reproduces a value that does not follow."""
     for row in table4.ROWS:
         found = list(table4.explanations(row))
-        sizes = [len(flipped) + lost for flipped, lost in found]
-        assert sizes.count(sizes[0]) == 1, row.name
+        if found[0] != ((), False):
+            assert len(found) == 1, row.name
 
 
 def test_gravity_of_table_4_is_normal_gravity():

@@ -1,0 +1,62 @@
+"""`python -m derivations`: the table, the file, and what happens when it cannot be written."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from derivations import __main__, errata
+from derivations.verdict import Verdict
+
+VERDICTS = (
+    Verdict("001", "Eq. (1)", "agrees", "a", "a", "0", "Right by (3). And more."),
+    Verdict("001", "Table 4, x1", "wrong", "1", "2", "1.0e+00 (1e+06 ug)", "It does not follow. At all."),
+)
+
+
+def test_table_shortens_what_agrees_and_nothing_else():
+    text = errata.table(VERDICTS, width=200)
+    assert "Right by (3)." in text
+    assert "And more" not in text
+    assert "It does not follow. At all." in text
+
+
+def test_summary_counts_and_names_faults():
+    assert errata.summary(VERDICTS) == "2 items: 1 agrees, 1 wrong.\nNot right as printed: Table 4, x1."
+
+
+def test_file_has_the_seven_fields_and_replaces_the_old_one(tmp_path):
+    (tmp_path / "errata.json").write_text("old")
+    path = errata.write(VERDICTS, tmp_path)
+    assert [sorted(entry) for entry in json.loads(path.read_text())] == [
+        sorted(("source", "item", "verdict", "printed", "derived", "size", "why"))
+    ] * 2
+    assert [p.name for p in tmp_path.iterdir()] == ["errata.json"]
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
+    (tmp_path / "errata.json").write_text("old")
+
+    def fail(*args, **kwargs):
+        raise OSError("disk full")
+
+    monkeypatch.setattr("pathlib.Path.replace", fail)
+    with pytest.raises(OSError, match="disk full"):
+        errata.write(VERDICTS, tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["errata.json"]
+    assert (tmp_path / "errata.json").read_text() == "old"
+
+
+def test_program_writes_into_out(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(__main__.wu2018, "verdicts", lambda: VERDICTS)
+    assert __main__.main(["--out", str(tmp_path / "new")]) == 0
+    assert len(json.loads((tmp_path / "new" / "errata.json").read_text())) == 2
+    assert "Table 4, x1" in capsys.readouterr().out
+
+
+def test_program_says_what_to_do_when_out_is_a_file(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(__main__.wu2018, "verdicts", lambda: VERDICTS)
+    (tmp_path / "file").write_text("")
+    assert __main__.main(["--out", str(tmp_path / "file")]) == 2
+    assert "give --out a folder" in capsys.readouterr().err
