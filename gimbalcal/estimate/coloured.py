@@ -26,6 +26,7 @@ import numpy as np
 from gimbalcal.number import Array
 
 Kind = Literal["white", "gauss-markov", "random-walk", "auto"]
+NO_NOISE = 1e-300  # a misfit of rows without any noise, whose logarithm is still a number
 KINDS: tuple[str, ...] = get_args(Kind)
 
 
@@ -132,7 +133,7 @@ def _best(time: Array, A: Array, y: Array, weight: Array, kind: str) -> tuple[Co
 
     def criterion(p: Array) -> float:
         fit = least_squares(time, A, columns, weight, _colour(p))
-        return float(dof * np.log(fit.misfit[0] / dof) + fit.log_determinant)
+        return float(dof * np.log(max(fit.misfit[0] / dof, NO_NOISE)) + fit.log_determinant)
 
     p = np.zeros(0)
     if kind != "white":
@@ -146,7 +147,7 @@ def _best(time: Array, A: Array, y: Array, weight: Array, kind: str) -> tuple[Co
         p = result.x
     colour = _colour(p)
     fit = least_squares(time, A, columns, weight, colour)
-    sigma = float(np.sqrt(fit.misfit[0] / dof))
+    sigma = float(np.sqrt(max(fit.misfit[0] / dof, NO_NOISE)))
     return Colour(sigma, colour.ratio, colour.time_constant), criterion(p) + p.size * float(np.log(dof))
 
 
