@@ -90,9 +90,7 @@ def _suspects(p: Problem, noise: Noise, scaled: bool) -> list[tuple[int, ...]]:
     return groups
 
 
-def _worst(
-    J: Array, r: Array, W: Array, reached: Array, measured: Array, scaled: bool
-) -> tuple[int, ...] | None:
+def _worst(J: Array, r: Array, W: Array, reached: Array, measured: Array, scaled: bool) -> tuple[int, ...] | None:
     """The visit, or the pair of interchanged visits, whose fault explains the misfit best; None if none stands out."""
     basis = _seen_basis(J)
     dof = r.size - basis.shape[-1]
@@ -126,9 +124,7 @@ def _falls(basis: Array, rest: Array, reached: Array) -> Array:
     return np.asarray((np.where(values > 1e-6, 1 / np.maximum(values, 1e-6), 0.0) * along**2).sum(axis=-1))
 
 
-def _best_swap(
-    basis: Array, r: Array, W: Array, measured: Array, among: Array
-) -> tuple[float, tuple[int, int], int]:
+def _best_swap(basis: Array, r: Array, W: Array, measured: Array, among: Array) -> tuple[float, tuple[int, int], int]:
     """Lowest chi^2 when the readings of two visits change places, which two, and how many pairs were tried."""
     pairs = np.array(list(combinations(among, 2)))
     rows = np.repeat(r[None], len(pairs), axis=0)
