@@ -34,12 +34,14 @@ class AccelerometerHysteresis(Effect):
 
 @effect
 class PostMoveCreep(Effect):
-    r"""After a change of load the hinge relaxes: an output in proportion to the change dies away.
+    r"""After a change of load the hinge relaxes: an output in proportion to the change, or to the new load, dies away.
 
-    .. math:: \delta a_i = c_i \Delta f_i e^{-(t - t_{move}) / \tau}
+    .. math:: \delta a_i = (c_i \Delta f_i + l_i f_i) e^{-(t - t_{move}) / \tau}
 
-    Source: IEEE Std 1293, turn-on and rotation transients. Magnitude: 5 to 50 ug/g (quartz flexure), tau 2 to 30 min.
-    Seen by: the first minutes of each dwell, when the dwell is not averaged. Twin: none while time in dwell is kept.
+    The first term is that of a suspension loaded through the move, the second of one that was caged, or whose torquer
+    was off, while it moved. Source: IEEE Std 1293, turn-on and rotation transients. Magnitude: 5 to 50 ug/g (quartz
+    flexure), tau 1 to 30 min. Seen by: the first minutes of each dwell, when the dwell is not averaged. Twin: none
+    while time in the dwell is kept.
     """
 
     id = "post_move_creep"
@@ -47,11 +49,12 @@ class PostMoveCreep(Effect):
     kinds = ("multi-position",)
     sources = ("ieee1293",)
     c: Array = parameter(TRIAD, unit="ug/g", sigma=30, name="creep")
+    l: Array = parameter(TRIAD, unit="ug/g", sigma=30, name="creep_of_load")
     tau: float = constant(300.0, unit="min", low=20.0, high=3600.0)
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
-        return self.c * s.move_force * exp(-s.since_move / self.tau)[..., None]
+        return (self.c * s.move_force + self.l * s.force) * exp(-s.since_move / self.tau)[..., None]
 
 
 @effect
