@@ -123,6 +123,50 @@ def first_harmonic_matrix() -> float:
     return float(np.abs((ours - derived) * _scale()).max())
 
 
+def observation_row() -> float:
+    """Eq. (27): the filter's observation matrix over a day."""
+    from derivations.wu2018.static_force import observation_row as derived
+    from derivations.wu2018.symbols import L, S_t
+    from gimbalcal.estimate.force_filter import observation_matrix
+
+    ours = observation_matrix(static_stimulus().force / G_NORMAL)
+    rows = np.vstack([numbers(derived(), {L: LATITUDE, S_t: t}) for t in PHASES])
+    return float(np.abs(ours - rows).max())
+
+
+def coefficient_matrix() -> float:
+    """Eqs. (39) to (41): the separation's matrix of all fifteen coefficients, with K_nl, zeros and tilts."""
+    import sympy as sp
+
+    from derivations.wu2018 import separation
+    from derivations.wu2018.attitude_error import constant_part, dh, dS_t, kappa
+    from derivations.wu2018.symbols import L, psi
+    from gimbalcal.effects import CATALOGUE, parameters
+    from gimbalcal.estimate.combined import NAMES, matrix
+
+    ids = ("scale_factor", "bias", "misalignment", "scale_nonlinearity")
+    axes = ("platform", "middle", "outer")
+    more = [*parameters(CATALOGUE["gimbal_zero"], axes)[:2], *parameters(CATALOGUE["base_tilt"])[:2]]
+    unknowns = (*RESIDUALS, *separation.K_NL, dS_t, dh, *kappa[:2])
+    # A residual counts estimate minus truth, a zero truth minus readout; K_nl and the tilt of the base are themselves.
+    sense = np.array([-1.0] * 12 + [1.0] * 3 + [-1.0] * 2 + [1.0] * 2)
+    sensor, extra, constant = separation.coefficients(), separation.nonlinearity(), constant_part()
+    means = {"dphi_mean": constant["roll"], "dtheta_mean": constant["pitch"]}
+    total = sp.Matrix([sensor[n] + extra[n] + means.get(n, 0) for n in map(_derived_name, NAMES)])
+    zero = dict.fromkeys(unknowns, 0)
+    derived = numbers(total.jacobian(unknowns).subs(zero), {L: LATITUDE, g: G_NORMAL, psi: 0}) * sense
+    ours = matrix(LATITUDE, G_NORMAL, (*wanted(ids), *more))
+    scale = np.concatenate([_scale(), [1 / G_NORMAL] * 3, np.ones(4)])
+    return float(np.abs((ours - derived) * scale).max())
+
+
+def _derived_name(name: str) -> str:
+    """The package's "x1", "phi_0", "theta_1s" as keys of `separation.coefficients`."""
+    if name.startswith("x"):
+        return f"x_{name[1]}"
+    return "d" + name.replace("_0", "_mean")
+
+
 @dataclass(frozen=True)
 class _Step:
     """A disturbance of one stage: a complex step of `vector` (n, k), in the form of an effect."""

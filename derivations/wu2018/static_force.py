@@ -120,7 +120,11 @@ def norm_harmonics() -> dict[str, Any]:
 @cache
 def states() -> tuple[Any, ...]:
     """x_1 to x_5: the Fourier coefficients through H = (1, -cC, -sC, C^2 cos 2S_t, C^2 sin 2S_t)."""
-    z = norm_harmonics()
+    return as_states(norm_harmonics())
+
+
+def as_states(z: dict[str, Any]) -> tuple[Any, ...]:
+    """Fourier coefficients of z as x_1 to x_5."""
     raw = (z["mean"], -z["1c"] / C, -z["1s"] / C, z["2c"] / C**2, z["2s"] / C**2)
     return tuple(sp.expand(sp.simplify(v)) for v in raw)
 
@@ -201,5 +205,6 @@ def cases() -> dict[str, Case]:
             "With the force of (19): 1, -cos S_t cos L, -sin S_t cos L, cos^2 L cos 2 S_t, cos^2 L sin 2 S_t.",
             at={L: NUMBERS[L]},
             sweep=TURN,
+            code=package_static.observation_row,
         ),
     }

@@ -11,7 +11,7 @@ import pytest
 import sympy as sp
 
 from derivations import wu2018
-from derivations.verdict import AGREES, APPROXIMATION, MISPRINT, NOT_DETERMINED, VERDICTS, WRONG, judge
+from derivations.verdict import AGREES, APPROXIMATION, MISPRINT, NOT_DETERMINED, VERDICTS, WRONG, code_words, judge
 from derivations.wu2018 import attitude_error, fine_norm, frames, sensor, separation, static_force, table1, table4
 from derivations.wu2018.symbols import (
     BETA,
@@ -84,6 +84,23 @@ def test_the_package_computes_every_derived_form(wu2018_verdicts):
     assert not [v.item for v in wu2018_verdicts.values() if "PACKAGE DIFFERS" in v.why]
     compared = [v for v in wu2018_verdicts.values() if "Package: same to" in v.why]
     assert len(compared) > 130  # 108 entries of Table 1, 13 of Table 4, and the equations the package holds
+
+
+def test_a_wrong_sign_in_the_package_is_seen(monkeypatch):
+    from derivations.wu2018 import package_static
+    from gimbalcal.estimate import combined
+
+    right = combined.matrix
+
+    def wrong(latitude, gravity, wanted):
+        made = right(latitude, gravity, wanted)
+        made[combined.NAMES.index("x2"), 6] *= -1  # beta_xy
+        return made
+
+    assert package_static.coefficient_matrix() < 1e-12  # roundings of numbers of order one
+    monkeypatch.setattr(combined, "matrix", wrong)
+    assert package_static.coefficient_matrix() == pytest.approx(2 * np.sin(LATITUDE))
+    assert "PACKAGE DIFFERS" in code_words(package_static.coefficient_matrix())
 
 
 def test_sensor_law_planted_bias_sign(wu2018_verdicts):
