@@ -34,13 +34,8 @@ def outcome(fit: Fit, faults: Sequence[Fault]) -> str:
     sentences = faults_in_words(faults)
     if not fit.steps:
         sentences.append("the fit did not converge, so its numbers mean nothing: check signs, axes and units")
-    elif not acceptable(fit.solution.chi2, fit.solution.dof):
-        factor = np.sqrt(fit.solution.chi2 / fit.solution.dof)
-        sentences.append(
-            f"the residual is {factor:.3g} times what the noise allows (chi^2 = {fit.solution.chi2:.4g} for "
-            f"{fit.solution.dof} degrees of freedom, p = {probability(fit.solution.chi2, fit.solution.dof):.1g}), so "
-            "the model misses something: `gimbalcal diagnose` looks for it"
-        )
+    else:
+        sentences += misfit_in_words(fit.solution.chi2, fit.solution.dof)
     return joined(sentences)
 
 
@@ -50,6 +45,17 @@ def faults_in_words(faults: Sequence[Fault]) -> list[str]:
         return []
     left_out = "it was" if sum(len(f.visits) for f in faults) == 1 else "they were"
     return ["; ".join(f.in_words for f in faults) + f"; {left_out} left out of the fit"]
+
+
+def misfit_in_words(chi2: float, dof: int) -> list[str]:
+    """One sentence, in a list, if chance does not leave such a residual; empty if it may."""
+    if acceptable(chi2, dof):
+        return []
+    tail = probability(chi2, dof)
+    excess = f"chi^2 = {chi2:.4g} for {dof} degrees of freedom, p = {tail:.1g}"
+    factor = np.sqrt(chi2 / dof)
+    words = f"the residual is {factor:.3g} times what the noise allows ({excess}), so the model misses something"
+    return [f"{words}: `gimbalcal diagnose` looks for it"]
 
 
 def joined(sentences: Sequence[str]) -> str:
