@@ -1,6 +1,18 @@
 """The catalogue: one definition per physical effect, read by simulator, estimators, diagnosis and derivations."""
 
-from gimbalcal.effects import accelerometer, drift, gimbal, ground, gyroscope, memory, nonlinearity, pointing, thermal
+from gimbalcal.effects import (
+    accelerometer,
+    covariate,
+    drift,
+    gimbal,
+    ground,
+    gyroscope,
+    memory,
+    motion,
+    nonlinearity,
+    pointing,
+    thermal,
+)
 from gimbalcal.effects.effect import (
     CATALOGUE,
     Effect,
@@ -21,11 +33,13 @@ __all__ = [
     "Stimulus",
     "absent",
     "accelerometer",
+    "covariate",
     "drift",
     "gimbal",
     "ground",
     "gyroscope",
     "memory",
+    "motion",
     "nonlinearity",
     "parameters",
     "pointing",

@@ -109,3 +109,23 @@ class Bias(Effect):
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
         return self.b + 0 * s.force
+
+
+@effect
+class FrameMisalignment(Effect):
+    r"""The sensor block is turned as a whole against the platform.
+
+    .. math:: \delta f = f \times \vartheta
+
+    Source: Wu et al. (2018), Eq. (5), the part common to all axes. Magnitude: 1 to 100 arcsec. Seen by: nothing that
+    misalignment does not see. Twin: misalignment (its antisymmetric part), exactly; gimbal_zero about z.
+    """
+
+    id = "frame_misalignment"
+    stage = Stage.INPUT_AXIS
+    sources = ("wu2018",)
+    theta: Array = parameter(TRIAD, unit="arcsec", sigma=60, name="frame_misalignment")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Force added along the input axes [m/s^2]."""
+        return np.cross(s.force, np.asarray(self.theta) + 0 * s.force)

@@ -8,8 +8,8 @@ import numpy as np
 
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects.effect import SCALAR, Effect, Stage, Stimulus, constant, effect, parameter
-from gimbalcal.effects.history import columns, integral, slope
-from gimbalcal.number import Array, apply_matrix, cos, sin
+from gimbalcal.effects.history import columns, integral
+from gimbalcal.number import Array, apply_matrix, cos, exp, sin
 
 HOUR = 3600.0
 SOLAR_DAY = 24 * HOUR
@@ -198,9 +198,11 @@ class ServoLimitCycle(Effect):
 
 @effect
 class SchulerOscillation(Effect):
-    r"""The navigator's undamped level loop swings with the period of a pendulum as long as the Earth's radius.
+    r"""The navigator's level loop swings with the period of a pendulum as long as the Earth's radius.
 
-    .. math:: \delta\phi = A \sin(2\pi t / P) + B \cos(2\pi t / P), \qquad P = 2\pi\sqrt{R / g}
+    .. math:: \delta\phi = (A \sin(2\pi t / P) + B \cos(2\pi t / P)) \, e^{-\lambda t}, \qquad P = 2\pi\sqrt{R / g}
+
+    with lambda zero where nothing damps it.
 
     Source: Britting (1971), Schuler tuning. Magnitude: 0.5 to 20 arcsec. Seen by: roll and pitch, nothing else.
     Twin: none.
@@ -214,10 +216,11 @@ class SchulerOscillation(Effect):
     A: Array = parameter(("roll", "pitch"), unit="arcsec", sigma=1, name="schuler_sin")
     B: Array = parameter(("roll", "pitch"), unit="arcsec", sigma=1, name="schuler_cos")
     period: float = constant(SCHULER_PERIOD, unit="min", low=80 * 60.0, high=89 * 60.0)
+    damping: float = constant(0.0, unit="1/h", low=0.0, high=1 / HOUR)
 
     def contribution(self, s: Stimulus) -> Array:
         """Roll, pitch, yaw [rad], (n, 3)."""
-        swing = _harmonic(self.A, self.B, s.time, self.period)
+        swing = _harmonic(self.A, self.B, s.time, self.period) * exp(-self.damping * s.time)[..., None]
         return np.concatenate([swing, 0 * swing[..., :1]], axis=-1)
 
 
@@ -241,26 +244,6 @@ class ClockRate(Effect):
         """Rotation in platform axes [rad], (n, 3): the Earth's turn in the time the clock has gained."""
         turn = EARTH_RATE * self.kappa * s.time
         return np.stack([0 * turn, 0 * turn, -turn], axis=-1)
-
-
-@effect
-class TimeTagLatency(Effect):
-    r"""Samples carry a time tag that is late.
-
-    .. math:: \delta f = \delta t \, \dot f
-
-    Source: Groves (2013), data timing. Magnitude: 0.1 to 20 ms; 0.07 ug per ms at Earth rate, 17 ug per ms at 1 deg/s.
-    Seen by: slews. Twin: polar_axis_misalignment, exactly, in a static run.
-    """
-
-    id = "time_tag_latency"
-    stage = Stage.INPUT_AXIS
-    sources = ("groves2013",)
-    latency: float = parameter(SCALAR, unit="ms", sigma=10, name="time_tag_latency")
-
-    def contribution(self, s: Stimulus) -> Array:
-        """Force added along the input axes [m/s^2]."""
-        return self.latency * slope(s.force, s.time, s.visit)
 
 
 def _harmonic(A: Array, B: Array, time: Array, period: float) -> Array:

@@ -1,4 +1,6 @@
-"""The ground and the Earth: a base that tilts, tides in the plumb line and in gravity, the wrong gravity value."""
+"""The ground and the Earth: a base that tilts, tides in the plumb line and in gravity, the wrong gravity value,
+and the magnetic field.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +9,13 @@ from math import pi
 import numpy as np
 
 from gimbalcal.effects.effect import SCALAR, Effect, Stage, Stimulus, constant, effect, parameter
-from gimbalcal.number import Array, cos, sin
+from gimbalcal.number import Array, apply_matrix, cos, sin
 
 HOUR = 3600.0
 SOLAR_DAY = 24 * HOUR
 M2_PERIOD = 12.4206012 * HOUR  # principal lunar semidiurnal tide, IERS Conventions (2010), chapter 6
 TILT = ("north", "east")
+FIELD_AXES = tuple(i + j for i in "xyz" for j in "xyz")  # accelerometer, then component of the field
 
 
 def level(north: Array, east: Array, down: Array) -> Array:
@@ -170,3 +173,29 @@ class VerticalDeflection(Effect):
     def contribution(self, s: Stimulus) -> Array:
         """Added to gravity in north, east, down [m/s^2], (n, 3)."""
         return level(s.gravity * self.xi[0] + 0 * s.time, s.gravity * self.xi[1] + 0 * s.time, 0 * s.time)
+
+
+@effect
+class MagneticField(Effect):
+    r"""Magnets of the torquers feel the field of the Earth: a bias that follows a second reference direction.
+
+    .. math:: \delta a_i = \sum_j M_{ij} \, h_j, \qquad h = C_n^p (\cos D, \sin D, 0)
+
+    with h the horizontal direction of the field, D its declination: the vertical part does what gravity does and is
+    a change of scale factors and misalignments. Source: IEEE Std 1293, magnetic sensitivity. Magnitude: 1 to 20 ug in
+    50 uT. Seen by: a turn about the vertical. Twin: near cross_coupling on the 18 positions.
+    """
+
+    id = "magnetic_field"
+    stage = Stage.ACCELEROMETER
+    sources = ("ieee1293",)
+    M: Array = parameter(FIELD_AXES, unit="ug", sigma=10, name="magnetic")
+    declination: float = constant(0.0, unit="deg", low=-np.pi, high=np.pi)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Output added [m/s^2]."""
+        if s.attitude is None:
+            raise ValueError("this effect needs a platform with gimbals, which say where north is")
+        D = np.asarray(self.declination)
+        north, east = np.asarray(s.attitude)[..., 0], np.asarray(s.attitude)[..., 1]
+        return apply_matrix(np.reshape(self.M, (3, 3)), north * cos(D) + east * sin(D))

@@ -1,0 +1,101 @@
+"""Effects that need motion: lever arms, late time tags, torqued turns. At rest nothing is left of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gimbalcal.effects.effect import SCALAR, TRIAD, Effect, Stage, Stimulus, effect, parameter
+from gimbalcal.effects.history import integral, slope
+from gimbalcal.number import Array
+
+MATRIX_AXES = tuple(i + j for i in "xyz" for j in "xyz")  # accelerometer, then component of its place
+
+
+@effect
+class LeverArm(Effect):
+    r"""The accelerometers sit off the centre of rotation and feel centripetal and tangential force.
+
+    .. math:: \delta f = \dot\omega \times r + \omega \times (\omega \times r)
+
+    Source: Groves (2013), lever arms. Magnitude: r of 10 to 50 mm; 93 ug at 10 deg/s, 270 ug at 5 deg/s^2. Seen by:
+    slews at two rates, with gyroscopes. Twin: none; at rest nothing is left of it.
+    """
+
+    id = "lever_arm"
+    stage = Stage.INPUT_AXIS
+    requires = ("angular_rate",)
+    kinds = ("multi-position", "rotation")
+    sources = ("groves2013",)
+    r: Array = parameter(TRIAD, unit="mm", sigma=30, name="lever_arm")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Force added along the input axes [m/s^2]."""
+        r = np.asarray(self.r) + 0 * s.rate
+        return np.cross(slope(s.rate, s.time, s.visit), r) + np.cross(s.rate, np.cross(s.rate, r))
+
+
+@effect
+class AccelerometerLeverArm(Effect):
+    r"""The three accelerometers are not in one point: each feels the rotation at its own place (size effect).
+
+    .. math:: \delta a_i = [\dot\omega \times r_i + \omega \times (\omega \times r_i)]_i
+
+    Source: Groves (2013), size effect. Magnitude: 5 to 50 mm. Seen by: fast turns about three axes. Twin: lever_arm
+    in the part common to all three.
+    """
+
+    id = "accelerometer_lever_arm"
+    stage = Stage.INPUT_AXIS
+    requires = ("angular_rate",)
+    kinds = ("rotation",)
+    sources = ("groves2013",)
+    r: Array = parameter(MATRIX_AXES, unit="mm", sigma=30, name="accelerometer_lever_arm")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Force added along the input axes [m/s^2]."""
+        turn = slope(s.rate, s.time, s.visit)
+        arms = np.reshape(self.r, (3, 3))
+        felt = [np.cross(turn, a + 0 * turn) + np.cross(s.rate, np.cross(s.rate, a + 0 * turn)) for a in arms]
+        return np.stack([felt[i][..., i] for i in range(3)], axis=-1)
+
+
+@effect
+class TorquerScaleFactor(Effect):
+    r"""A platform that is torqued to follow the Earth or the base turns a little more or less than commanded.
+
+    .. math:: \varphi_i = \kappa_i \int \Omega_i \, dt
+
+    Source: Britting (1971), torquer scale factor. Magnitude: 10 to 100 ppm. Seen by: torquing on against off. Twin:
+    gyro_drift at one attitude, exactly.
+    """
+
+    id = "torquer_scale_factor"
+    stage = Stage.PLATFORM
+    requires = ("angular_rate",)
+    kinds = ("multi-position", "rotation")
+    sources = ("britting1971",)
+    kappa: Array = parameter(TRIAD, unit="ppm", sigma=50, name="torquer_scale_factor")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rotation in platform axes [rad], (n, 3)."""
+        return self.kappa * integral(s.rate, s.time)
+
+
+@effect
+class TimeTagLatency(Effect):
+    r"""Samples carry a time tag that is late.
+
+    .. math:: \delta f = \delta t \, \dot f
+
+    Source: Groves (2013), data timing. Magnitude: 0.1 to 20 ms; 0.07 ug per ms at Earth rate, 17 ug per ms at 1 deg/s.
+    Seen by: slews. Twin: polar_axis_misalignment, exactly, in a static run.
+    """
+
+    id = "time_tag_latency"
+    stage = Stage.INPUT_AXIS
+    sources = ("groves2013",)
+    latency: float = parameter(SCALAR, unit="ms", sigma=10, name="time_tag_latency")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Force added along the input axes [m/s^2]."""
+        return self.latency * slope(s.force, s.time, s.visit)
