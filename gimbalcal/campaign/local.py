@@ -1,0 +1,61 @@
+"""Shares on the cores of this machine. A worker that dies takes its shares with it; they are done again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+from signal import SIG_IGN, SIGINT, signal
+from typing import Any
+
+from gimbalcal.campaign.task import Task, compute
+
+Work = Callable[[Task, range], dict[str, list[Any]]]
+DEATHS = 3  # workers that a share may take with it before it is the share's fault
+
+
+def here(task: Task, shares: Sequence[range]) -> Iterator[tuple[range, dict[str, list[Any]]]]:
+    """One after the other in this process."""
+    for share in shares:
+        yield share, compute(task, share)
+
+
+def processes(
+    task: Task, shares: Sequence[range], workers: int, work: Work = compute
+) -> Iterator[tuple[range, dict[str, list[Any]]]]:
+    """As they come, from `workers` processes; raises RuntimeError when one share keeps killing its worker."""
+    left = list(shares)
+    deaths = dict.fromkeys(shares, 0)
+    while left:
+        # a fork server starts clean processes: no copied locks of BLAS or Arrow threads
+        # Ctrl-C is the parent's to answer: it stops handing out shares
+        pool = ProcessPoolExecutor(workers, get_context("forkserver"), signal, (SIGINT, SIG_IGN))
+        try:
+            for share, columns in _run(pool, task, left, workers, work):
+                left.remove(share)
+                yield share, columns
+        except BrokenProcessPool:
+            for share in left[:workers]:  # only these can have been in work: `_run` keeps no more in the pool
+                deaths[share] += 1
+                if deaths[share] >= DEATHS:
+                    raise RuntimeError(
+                        f"runs {share.start} to {share.stop - 1} ended their worker {DEATHS} times (out of memory?); "
+                        "what is done is kept"
+                    ) from None
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _run(
+    pool: ProcessPoolExecutor, task: Task, shares: Sequence[range], workers: int, work: Work
+) -> Iterator[tuple[range, dict[str, list[Any]]]]:
+    waiting = list(shares)
+    running: dict[Future[dict[str, list[Any]]], range] = {}
+    while waiting or running:
+        while waiting and len(running) < workers:
+            share = waiting.pop(0)
+            running[pool.submit(work, task, share)] = share
+        done, _ = wait(running, return_when=FIRST_COMPLETED)
+        for future in done:
+            yield running.pop(future), future.result()

@@ -1,0 +1,98 @@
+"""Run a campaign: share out, collect, tell how long it takes, sum up."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.campaign.cluster import cluster, connect
+from gimbalcal.campaign.local import here, processes
+from gimbalcal.campaign.store import Store
+from gimbalcal.campaign.task import task
+from gimbalcal.errors import InputError
+
+Tell = Callable[[str], None]
+
+
+def run_campaign(
+    scenario: str | Path,
+    n: int,
+    out: Path,
+    workers: int | None = None,
+    scheduler: str = "",
+    progress: Tell = lambda _: None,
+    method: str = "three-stage",
+    seed: int | None = None,
+) -> dict[str, Any]:
+    """Run a scenario n times into `out` (campaign.parquet, campaign.json) and return what campaign.json holds.
+
+    workers: processes on this machine (default: its cores; 1 computes in this process). scheduler: address of a Dask
+    scheduler to use instead. progress is told after every share. A stopped campaign goes on when it is called again.
+    """
+    if n < 1:
+        raise InputError(f"-n must be at least 1, got {n}")
+    workers = len(os.sched_getaffinity(0)) if workers is None else workers
+    if workers < 1:
+        raise InputError(f"--workers must be at least 1, got {workers}")
+    what = task(scenario, method, seed)
+    client = connect(scheduler) if scheduler else None
+    store = Store(Path(out), what, n)
+    todo = store.open()
+    done = n - sum(len(share) for share in todo)
+    if done:
+        progress(f"{done} of {n} runs were there already")
+    if client is not None:
+        results = cluster(what, todo, client)
+    else:
+        results = here(what, todo) if workers == 1 or len(todo) < 2 else processes(what, todo, min(workers, len(todo)))
+    start, fresh = monotonic(), 0
+    for share, columns in results:
+        store.keep(share, columns)
+        fresh += len(share)
+        left = (n - done - fresh) * (monotonic() - start) / fresh
+        progress(f"{done + fresh} of {n} runs, {_spell(left)} left")
+    return store.finish(summarise)
+
+
+def _spell(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{rest} s"
+
+
+def summarise(rows: Any) -> dict[str, Any]:
+    """Per parameter: runs, mean and RMS error, predicted sigma (RMS), their ratio; and what did not work out."""
+    import polars as pl
+
+    good = rows.filter(pl.col("parameter") != "")
+    table = []
+    for name in good["parameter"].unique(maintain_order=True).to_list():
+        part = good.filter(pl.col("parameter") == name)
+        error = (part["estimate"] - part["truth"]).to_numpy()
+        sigma = part["sigma"].to_numpy()
+        rms, bound = float(np.sqrt(np.mean(error**2))), float(np.sqrt(np.mean(sigma**2)))
+        table.append({"parameter": name, "unit": part["unit"][0], "runs": len(part), "mean": float(np.mean(error)),
+                      "rms": rms, "sigma": bound, "ratio": rms / bound if bound > 0 else None})  # fmt: skip
+    runs = int(rows["run"].n_unique())
+    failed = rows.filter(pl.col("outcome") != "").unique("run")
+    words = failed["outcome"].value_counts(sort=True).head(5)
+    return {
+        "runs": runs,
+        "failed": len(failed),
+        "outcomes": dict(zip(words["outcome"].to_list(), words["count"].to_list(), strict=True)),
+        "parameters": table,
+        "in_words": _words(runs, len(failed), table),
+    }
+
+
+def _words(runs: int, failed: int, table: list[dict[str, Any]]) -> str:
+    ratios = [row["ratio"] for row in table if row["ratio"] is not None]
+    if not ratios:
+        return f"{runs} runs, none with an estimate"
+    spread = f"RMS error is {min(ratios):.2f} to {max(ratios):.2f} of the predicted sigma"
+    return f"{runs} runs, {failed} with an outcome to read; {spread} over {len(table)} parameters"

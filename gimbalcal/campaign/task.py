@@ -1,0 +1,198 @@
+"""What one share of a campaign computes: a few runs, to columns. Pure: text and numbers in, columns out."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.errors import InputError
+
+COLUMNS = ("run", "parameter", "unit", "truth", "estimate", "sigma", "chi2", "dof", "outcome")
+PULSES = ("accelerometer-pulses", "gyroscope-pulses")
+METHODS = ("three-stage", "multiposition")
+SHARE = {"accelerometer-pulses": 100, "gyroscope-pulses": 100}  # runs solved as one array
+SHIPPED = Path(__file__).parent
+
+
+@dataclass(frozen=True)
+class Task:
+    """A campaign without its size: the scenario's text, its seed, the method, and how many runs make a share."""
+
+    name: str
+    text: str
+    kind: str
+    seed: int
+    method: str
+    share: int
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What must agree for a stopped campaign to go on: everything that a run depends on."""
+        from gimbalcal import __version__
+
+        parts = asdict(self) | {"text": sha256(self.text.encode()).hexdigest(), "version": __version__}
+        return {"scenario": parts.pop("text"), **parts}
+
+
+def task(scenario: str | Path, method: str = "three-stage", seed: int | None = None) -> Task:
+    """Read and check a scenario: one of `simulate`, or one of pulses (kind accelerometer-pulses, gyroscope-pulses)."""
+    path = _find(scenario)
+    text = path.read_text(encoding="utf-8")
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as problem:
+        raise InputError(f"{path} is not TOML: {problem}") from None
+    kind = str(content.get("kind"))
+    if kind in PULSES:
+        _check_pulses(path, content)
+    else:
+        from gimbalcal.simulate import check_content
+
+        check_content(content, str(path))
+        if method not in METHODS:
+            raise InputError(f"method {method!r} is not known; choose {' or '.join(METHODS)}")
+    given = int(content.get("seed", 1)) if seed is None else seed
+    return Task(path.stem, text, kind, given, kind if kind in PULSES else method, SHARE.get(kind, 4))
+
+
+def _find(scenario: str | Path) -> Path:
+    shipped = SHIPPED / f"{Path(scenario).name}.toml"
+    if not Path(scenario).is_file() and shipped.is_file():
+        return shipped
+    from gimbalcal.simulate.scenario import find
+
+    return find(scenario)
+
+
+def _check_pulses(path: Path, content: Mapping[str, Any]) -> None:
+    known = {"format", "kind", "title", "seed", "turntable"}
+    unknown = sorted(set(content) - known)
+    if unknown:
+        raise InputError(f"{path}: {unknown[0]!r} is not known; a scenario of pulses has {', '.join(sorted(known))}")
+    seed = content.get("seed", 1)
+    if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
+        raise InputError(f"{path}: seed must be a whole number from 0, got {seed!r}")
+    _turntable(content, str(path))
+
+
+def _turntable(content: Mapping[str, Any], where: str) -> float:
+    """One-sigma turntable error [rad]."""
+    from gimbalcal.units import check, to_si
+
+    given = content.get("turntable")
+    if not isinstance(given, dict) or set(given) != {"value", "unit"} or not isinstance(given["value"], int | float):
+        raise InputError(f'{where}: give the turntable error as turntable = {{ value = 3.0, unit = "arcsec" }}')
+    check(str(given["unit"]), "angle")
+    size = float(to_si(float(given["value"]), str(given["unit"])))
+    if not 0 <= size < 0.2:
+        raise InputError(f"{where}: turntable must lie between 0 and 0.2 rad, got {size:g} rad")
+    return size
+
+
+def compute(what: Task, runs: range) -> dict[str, list[Any]]:
+    """Columns (see COLUMNS) of these runs; runs that fail carry a sentence in `outcome` and no estimate."""
+    from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+    with threadpool_limits(limits=1):  # small matrices: a second thread only waits, and sums in another order
+        if what.kind in PULSES:
+            return _pulses(what, runs)
+        columns: dict[str, list[Any]] = {name: [] for name in COLUMNS}
+        for run in runs:
+            for name, column in _simulated(what, run).items():
+                columns[name] += column
+        return columns
+
+
+def _pulses(what: Task, runs: range) -> dict[str, list[Any]]:
+    from gimbalcal.trials import accelerometers, gyroscopes
+
+    tilt = _turntable(tomllib.loads(what.text), what.name)
+    accelerometer = what.kind == "accelerometer-pulses"
+    trials = (accelerometers if accelerometer else gyroscopes)(what.seed, runs, tilt)
+    force = "m/s^2" if accelerometer else "rad/s"
+    scale = [f"{force}/(pulse/s)" + (f"^{k}" if k > 1 else "") for k in (1, 2, 3)]
+    pairs = [(f"K{k + 1}:{a}", scale[k]) for k in range(3) for a in "xyz"] + [(f"bias:{a}", force) for a in "xyz"]
+    pairs += [(f"E:{a}", "rad") for a in ("yx", "zx", "zy")]
+    kept = [i for i, (name, _) in enumerate(pairs) if accelerometer or not name.startswith("K3")]
+    truth, x, sigma = trials.truth.vector(), trials.fit.pulses.vector(), trials.fit.sigma
+    n = len(runs)
+    outcome = ["" if ok else "the fit did not settle" for ok in trials.fit.converged]
+    dof = 0 if accelerometer else 9 * 3 + 15 - 12  # 15 norms for 15 unknowns; 9 turns of 3 and 15 norms for 12
+    return {
+        "run": np.repeat(np.array(runs), len(kept)).tolist(),
+        "parameter": [pairs[i][0] for i in kept] * n,
+        "unit": [pairs[i][1] for i in kept] * n,
+        "truth": truth[:, kept].ravel().tolist(),
+        "estimate": x[:, kept].ravel().tolist(),
+        "sigma": sigma[:, kept].ravel().tolist(),
+        "chi2": np.repeat(trials.fit.chi2, len(kept)).tolist(),
+        "dof": [dof] * (n * len(kept)),
+        "outcome": [o for o in outcome for _ in kept],
+    }
+
+
+def seed_of(seed: int, run: int) -> int:
+    """The seed of one run: 63 bits from the campaign's seed and the number of the run."""
+    return int(np.random.SeedSequence([seed, run]).generate_state(1, np.uint64)[0] >> np.uint64(1))
+
+
+def _simulated(what: Task, run: int) -> dict[str, list[Any]]:
+    from gimbalcal.simulate import simulate
+
+    recording, effects = simulate(tomllib.loads(what.text), seed_of(what.seed, run))
+    try:
+        made = _calibrated(what.method, recording)
+    except InputError as problem:
+        return _failed(run, str(problem))
+    truth = _comparable(effects, made.parameters, what.method)
+    n = len(made.parameters)
+    return {
+        "run": [run] * n,
+        "parameter": [p.label for p in made.parameters],
+        "unit": ["SI"] * n,
+        "truth": truth.tolist(),
+        "estimate": made.values.tolist(),
+        "sigma": made.sigmas.tolist(),
+        "chi2": [float(made.residual.chi2)] * n,
+        "dof": [int(made.residual.dof)] * n,
+        "outcome": [made.outcome] * n,
+    }
+
+
+def _calibrated(method: str, recording: Any) -> Any:
+    if method == "multiposition":
+        from gimbalcal.estimate.multiposition import multiposition
+
+        return multiposition(recording)
+    from gimbalcal.pipeline import three_stage
+
+    return three_stage([recording])
+
+
+def _failed(run: int, why: str) -> dict[str, list[Any]]:
+    nan = float("nan")
+    row = {"run": run, "parameter": "", "unit": "SI", "truth": nan, "estimate": nan, "sigma": nan, "chi2": nan,
+           "dof": 0, "outcome": why}  # fmt: skip
+    return {name: [value] for name, value in row.items()}
+
+
+def _comparable(effects: Sequence[Any], wanted: Sequence[Any], method: str) -> Any:
+    """Truth (p,) in the convention of the estimate: without angles the triad's rotation is fixed by its first axes."""
+    from gimbalcal.effects import values
+
+    truth = values(effects, wanted)
+    if method != "multiposition":
+        return truth
+    beta = next((e.beta for e in effects if e.id == "misalignment"), None)
+    # xy, xz, yz, yx, zx, zy: a rotation changes xz and yz, xy and zy, yx and zx alike (to first order)
+    partner = {"yz": 1, "zy": 0, "zx": 3}
+    for i, p in enumerate(wanted):
+        if p.effect == "misalignment" and beta is not None:
+            truth[i] -= beta[partner[p.axis]]
+    return truth

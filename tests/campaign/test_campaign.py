@@ -1,0 +1,185 @@
+"""Campaigns: the same digits from any number of workers, after a death, after a stop, and on a cluster."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from signal import SIGKILL
+
+import numpy as np
+import polars as pl
+import pytest
+
+from gimbalcal.campaign import run_campaign
+from gimbalcal.campaign.cluster import connect
+from gimbalcal.campaign.local import here, processes
+from gimbalcal.campaign.task import Task, seed_of, task
+from gimbalcal.errors import InputError
+from tests.campaign.deadly import always_dies, dies_once
+
+PULSES = "wang2019-accelerometers-3arcmin"
+SHARES = [range(i, i + 10) for i in range(0, 50, 10)]
+
+
+def small(name: str = PULSES) -> Task:
+    return replace(task(PULSES), name=name, share=10)
+
+
+def collected(results: Iterator[tuple[range, dict[str, list[object]]]]) -> dict[int, list[object]]:
+    return {share.start: columns["estimate"] for share, columns in results}
+
+
+def test_workers_and_a_death_change_no_digit(tmp_path: Path) -> None:
+    alone = collected(here(small(), SHARES))
+    marker = str(tmp_path / "marker")
+    assert collected(processes(small(marker), SHARES, 2, dies_once)) == alone
+    assert Path(marker).exists()
+
+
+def test_a_share_that_keeps_killing_workers_is_named() -> None:
+    with pytest.raises(RuntimeError, match="runs 20 to 29 ended their worker 3 times"):
+        collected(processes(small(), SHARES, 1, always_dies))
+
+
+def test_one_file_with_the_statistics_of_the_bench(tmp_path: Path) -> None:
+    told: list[str] = []
+    summary = run_campaign(PULSES, 150, tmp_path / "c", workers=2, progress=told.append)
+    rows = pl.read_parquet(tmp_path / "c" / "campaign.parquet")
+    assert sorted(p.name for p in (tmp_path / "c").iterdir()) == ["campaign.json", "campaign.parquet"]
+    assert rows["run"].to_list() == np.repeat(np.arange(150), 15).tolist()
+    assert told[-1].startswith("150 of 150 runs")
+    assert summary == json.loads((tmp_path / "c" / "campaign.json").read_text())
+    # rms of 150 normal errors: 6 %, and the drawn scale factors weigh the runs: 4 sigma
+    assert all(abs(row["ratio"] - 1) < 0.3 for row in summary["parameters"])
+
+
+def test_more_runs_are_added_to_a_finished_campaign(tmp_path: Path) -> None:
+    run_campaign(PULSES, 100, tmp_path / "c", workers=1)
+    told: list[str] = []
+    run_campaign(PULSES, 200, tmp_path / "c", workers=1, progress=told.append)
+    assert told[0] == "100 of 200 runs were there already"
+    run_campaign(PULSES, 200, tmp_path / "d", workers=1)
+    assert table(tmp_path / "c").equals(table(tmp_path / "d"))
+
+
+def test_a_killed_campaign_goes_on_where_it_was(tmp_path: Path) -> None:
+    code = (
+        "import time\nfrom pathlib import Path\nfrom gimbalcal.campaign import run_campaign\n"
+        f"run_campaign({PULSES!r}, 400, Path({str(tmp_path / 'c')!r}), workers=1, progress=lambda _: time.sleep(0.5))\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code])
+    parts = tmp_path / "c" / "campaign.parts"
+    wait_for(lambda: parts.is_dir() and len(list(parts.glob("*.parquet"))) >= 1)
+    process.kill()
+    process.wait()
+    assert not (tmp_path / "c" / "campaign.parquet").exists()
+    told: list[str] = []
+    run_campaign(PULSES, 400, tmp_path / "c", workers=1, progress=told.append)
+    assert "of 400 runs were there already" in told[0]
+    run_campaign(PULSES, 400, tmp_path / "d", workers=1)
+    assert table(tmp_path / "c").equals(table(tmp_path / "d"))
+
+
+def table(folder: Path) -> pl.DataFrame:
+    return pl.read_parquet(folder / "campaign.parquet")
+
+
+def wait_for(condition: object, seconds: float = 30.0) -> None:
+    assert callable(condition)
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.02)
+
+
+@contextmanager
+def dask_cluster(folder: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """A scheduler and two workers, each a process of its own on loopback."""
+    contact = folder / "scheduler.json"
+    env = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(Path.cwd())}
+
+    def start(program: str, *options: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", f"distributed.cli.{program}", "--scheduler-file", str(contact), *options]
+        return subprocess.Popen(command, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+    scheduler = start("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    workers: list[subprocess.Popen[bytes]] = []
+    try:
+        wait_for(contact.is_file)
+        plain = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(folder))
+        workers += [start("dask_worker", *plain) for _ in range(2)]
+        yield json.loads(contact.read_text())["address"], workers
+    finally:
+        for process in (*workers, scheduler):
+            process.kill()
+            process.wait()
+
+
+@pytest.mark.slow
+def test_a_cluster_gives_the_same_digits_though_one_worker_is_killed(tmp_path: Path) -> None:
+    with dask_cluster(tmp_path) as (address, workers):
+        with connect(address) as client:
+            client.wait_for_workers(2, timeout=30)
+        told: list[str] = []
+
+        def kill_one(words: str) -> None:
+            told.append(words)
+            if len(told) == 3:
+                os.kill(workers[0].pid, SIGKILL)
+
+        run_campaign(PULSES, 2000, tmp_path / "c", scheduler=address, progress=kill_one)
+        assert workers[0].wait(timeout=10) == -SIGKILL
+    run_campaign(PULSES, 2000, tmp_path / "d", workers=1)
+    assert table(tmp_path / "c").equals(table(tmp_path / "d"))
+    assert told[-1].startswith("2000 of 2000 runs")
+
+
+def test_no_scheduler_is_one_sentence() -> None:
+    with pytest.raises(InputError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:1 within 0\.5 s"):
+        connect("tcp://127.0.0.1:1", timeout=0.5)
+
+
+def test_a_simulated_scenario_is_calibrated_run_by_run(tmp_path: Path) -> None:
+    summary = run_campaign("wu2018-18", 3, tmp_path / "c", workers=1, method="multiposition")
+    assert summary["runs"] == 3
+    by_name = {row["parameter"]: row for row in summary["parameters"]}
+    # three runs: an rms of three normal errors exceeds 3 sigma once in 1e5
+    assert all(row["ratio"] < 3 for name, row in by_name.items() if name.startswith(("bias", "scale_factor")))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('kind = "accelerometer-pulses"\n', 'give the turntable error as turntable = { value = 3.0, unit = "arcsec" }'),
+        ('kind = "gyroscope-pulses"\nspeed = 1\n', "'speed' is not known; a scenario of pulses has"),
+        ('kind = "gyroscope-pulses"\nturntable = { value = 3.0, unit = "kg" }\n', "the unit 'kg' is not known"),
+        ('kind = "gyroscope-pulses"\nseed = -1\n', "seed must be a whole number from 0, got -1"),
+        ("kind = \n", "is not TOML"),
+    ],
+)
+def test_a_wrong_scenario_is_refused_and_nothing_written(text: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "s.toml"
+    path.write_text(text)
+    with pytest.raises(InputError) as refused:
+        run_campaign(path, 3, tmp_path / "c")
+    assert words in str(refused.value)
+    assert not (tmp_path / "c").exists()
+
+
+def test_another_campaign_in_the_same_folder_is_refused(tmp_path: Path) -> None:
+    run_campaign(PULSES, 2, tmp_path / "c", workers=1)
+    with pytest.raises(InputError, match=r"holds another campaign .* give another --out"):
+        run_campaign(PULSES, 2, tmp_path / "c", workers=1, seed=7)
+    with pytest.raises(InputError, match="-n must be at least 1, got 0"):
+        run_campaign(PULSES, 0, tmp_path / "c")
+
+
+def test_seeds_of_runs_do_not_repeat() -> None:
+    assert len({seed_of(s, r) for s in range(20) for r in range(500)}) == 10000
