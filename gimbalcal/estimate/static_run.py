@@ -36,6 +36,7 @@ BASELINE = (
     "polar_axis_misalignment",
 )
 SENSORS = (("specific_force", "accelerometer"), ("gimbal_angle", "gimbal_angle"), ("attitude_error", "attitude"))
+EQUATORIAL = np.array([1.0, 1.0, 0.0])  # the part of the force that turns with the Earth
 ATTITUDE = ("roll", "pitch", "yaw")
 
 
@@ -109,12 +110,9 @@ def prepare(recording: Recording) -> StaticRun:
     run = StaticRun(recording, s, channels, observed, np.ones(observed.shape))
     force = run.columns("specific_force")
     if force:
-        observed[:, force] += (shortening(recording)[:, None] * s.force)[:, [_xyz(channels[i]) for i in force]]
+        lost = shortening(recording)[:, None] * s.force * EQUATORIAL
+        observed[:, force] += lost[:, ["xyz".index(channels[i][1]) for i in force]]
     return replace(run, sigma=_sigmas(run))
-
-
-def _xyz(channel: Key) -> int:
-    return "xyz".index(channel[1])
 
 
 def _with_phase_of_force(recording: Recording) -> Recording:
@@ -125,7 +123,7 @@ def _with_phase_of_force(recording: Recording) -> Recording:
 
 
 def shortening(recording: Recording) -> Array:
-    """1 - kappa (n,) of rows that are means over blocks, times (1, 1, 0) in platform axes; zero for single samples."""
+    """1 - kappa (n,) of rows that are means over blocks; zero for single samples."""
     n, time = recording.weight, recording.time
     step = 2 * np.diff(time) / (n[1:] + n[:-1])
     x = EARTH_RATE * float(np.median(step)) / 2 if len(step) else 0.0

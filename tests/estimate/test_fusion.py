@@ -1,0 +1,153 @@
+"""Fusion: one stage supplies what the other cannot see, nothing is seen that neither sees, contradiction is told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
+from gimbalcal.estimate.fusion import READOUT_SIGNS, fuse, in_table_1_sense
+from gimbalcal.estimate.information import Information, information, solve
+from gimbalcal.estimate.system import static_information
+from gimbalcal.forward import jacobian, predict
+from gimbalcal.number import Array
+from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL
+from tests.estimate.static_runs import ARCSEC, run
+from tests.stimuli import eighteen
+
+SENSORS = ("scale_factor", "bias", "scale_nonlinearity", "misalignment")
+NAMES = SPACE_STABLE.axis_names
+
+
+def eighteen_coefficients() -> tuple[Parameter, ...]:
+    wanted = [p for i in (*SENSORS, "gimbal_zero") for p in parameters(CATALOGUE[i], NAMES)]
+    return tuple(p for p in wanted if p.axis != "outer")
+
+
+def truth(seed: int) -> tuple[Effect, ...]:
+    """Eighteen coefficients in the sense of Table 1."""
+    wanted = eighteen_coefficients()
+    x = np.random.default_rng(seed).normal(size=len(wanted)) * [0.3 * p.sigma for p in wanted]
+    return with_values((), wanted, x, NAMES)
+
+
+def as_static_run(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
+    """The same hardware with readouts counted as in Eq. (4)."""
+    sign = np.array([READOUT_SIGNS[n] for n in NAMES])
+    return tuple(replace(e, theta_0=sign * e.theta_0) if e.id == "gimbal_zero" else e for e in effects)  # type: ignore[attr-defined, call-arg]
+
+
+def device(effects: tuple[Effect, ...], rng: np.random.Generator | None, sigma: float = 1e-5) -> Information:
+    """Eighteen positions at exact angles, white noise of each position's mean."""
+    s, wanted = eighteen(), eighteen_coefficients()
+    J = jacobian(SPACE_STABLE, s, effects, wanted)["specific_force"]
+    y = predict(SPACE_STABLE, s, effects)["specific_force"]
+    y = y + (rng.normal(size=y.shape) * sigma if rng is not None else 0.0)
+    r = y - predict(SPACE_STABLE, s, effects)["specific_force"] + J @ values(effects, wanted)
+    return information(J / sigma, r / sigma, wanted)
+
+
+def before(info: Information) -> Calibration:
+    s = solve(info)
+    residual = Residual(s.chi2, s.dof, {"specific_force:x": 1e-5})
+    return Calibration("joint", with_values((), s.parameters, s.x, NAMES), s.parameters, s.covariance, (), residual)
+
+
+def sigma_of(c: Calibration, direction: dict[str, float]) -> float:
+    w = np.array([direction.get(p.label, 0.0) for p in c.parameters])
+    return float(np.sqrt(w @ c.covariance @ w))
+
+
+def fused(seed: int, noisy: bool = True) -> tuple[Calibration, Calibration, tuple[Effect, ...]]:
+    rng = np.random.default_rng(seed + 100) if noisy else None
+    true = truth(seed)
+    d = device(true, rng)
+    recording = run(as_static_run(true), rng)
+    first = before(d)
+    return first, fuse(d, static_information(recording, as_static_run(true)), first), true
+
+
+def test_readouts_of_platform_and_outer_gimbal_run_the_other_way() -> None:
+    assert dict(READOUT_SIGNS) == {"platform": -1, "inner": 1, "middle": 1, "outer": -1}
+    angles = np.array([0.3, 0.1, -0.2, 0.7])
+    sign = np.array([READOUT_SIGNS[n] for n in NAMES])
+    offset = np.array([0.0, 0.0, np.pi / 2, 0.0])
+    np.testing.assert_allclose(
+        SPACE_STABLE.attitude(angles), SPACE_STABLE_INERTIAL.attitude(sign * (angles - offset)), atol=1e-15
+    )
+
+
+def test_fusion_is_within_its_claims_and_no_worse_than_either() -> None:
+    runs, nees, size = 12, 0.0, 0
+    for seed in range(runs):
+        first, both, true = fused(seed)
+        assert both.outcome == ""
+        old = dict(zip(first.parameters, first.sigmas, strict=True))
+        assert all(s <= old[p] * (1 + 1e-6) for p, s in zip(both.parameters, both.sigmas, strict=True) if p in old)
+        e = both.values - values(true, both.parameters)
+        common = [i for i, p in enumerate(both.parameters) if p.effect in SENSORS and p.axis not in ("xz", "yz")]
+        C = both.covariance[np.ix_(common, common)]
+        nees, size = nees + e[common] @ np.linalg.solve(C, e[common]), size + len(common)
+    from scipy.stats import chi2
+
+    assert chi2.ppf(0.0005, size) < nees < chi2.ppf(0.9995, size)
+
+
+def test_the_static_run_sharpens_what_the_positions_know_less_well() -> None:
+    first, both, _ = fused(3)
+    difference = {"scale_factor:x": 0.5, "scale_factor:y": -0.5}
+    assert sigma_of(both, difference) < 0.6 * sigma_of(first, difference)
+    square = {"misalignment:yz": 0.5, "misalignment:xz": -0.5}
+    assert sigma_of(both, square) < 0.6 * sigma_of(first, square)
+    # and the positions supply what the run is blind to
+    assert sigma_of(both, {"bias:x": 1.0}) <= sigma_of(first, {"bias:x": 1.0})
+    assert "sigma of" in both.stages[0].in_words
+
+
+def test_what_neither_sees_is_named_and_only_with_the_right_sense_of_the_zeros() -> None:
+    true = truth(4)
+    d = device(true, None)
+    recording = run(as_static_run(true))
+    level = static_information(recording, as_static_run(true))
+    # a base known to be level and north: the static run then sees the platform zero against the triad's turn
+    tilt = tuple(p for p in level.parameters if p.effect == "base_tilt")
+    level = level + information(np.eye(3) / (0.01 * ARCSEC), np.zeros(3), tilt)
+    triad = {"gimbal_zero:platform", "misalignment:xz", "misalignment:yz"}
+    right = solve(d + in_table_1_sense(level)).unseen
+    assert any(triad <= set(u.direction) for u in right)
+    wrong = solve(d + level).unseen
+    assert not any(triad <= set(u.direction) for u in wrong)  # it would claim to see what no data show
+
+
+def test_contradicting_stages_are_told() -> None:
+    true = truth(5)
+    rng = np.random.default_rng(6)
+    d = device(true, rng)
+    x = values(as_static_run(true), eighteen_coefficients())
+    x[0] += 20e-6  # the scale factor of x moved by 20 ppm between the stages
+    moved = with_values((), eighteen_coefficients(), x, NAMES)
+    both = fuse(d, static_information(run(moved, rng), moved), before(d))
+    assert both.outcome.startswith("the multi-position recording and the static run contradict each other: chi^2 of")
+
+
+def test_information_in_the_other_sense_is_the_same_information() -> None:
+    info = static_information(run(hours=24.0, step=1800.0))
+    there_and_back = in_table_1_sense(in_table_1_sense(info))
+    np.testing.assert_array_equal(info.rows, there_and_back.rows)
+    changed: Array = np.any(in_table_1_sense(info).rows != info.rows, axis=0)
+    labels = [p.label for p, c in zip(info.parameters, changed[:-1], strict=True) if c]
+    assert labels == ["gimbal_zero:platform", "gimbal_zero:outer"]
+    assert not changed[-1]
+
+
+@pytest.mark.parametrize("seed", [7, 8])
+def test_without_noise_the_truth_comes_back(seed: int) -> None:
+    _, both, true = fused(seed, noisy=False)
+    seen = {"bias:x": 1.0}, {"scale_factor:z": 1.0}, {"misalignment:zx": 1.0}
+    for direction in seen:
+        w = np.array([direction.get(p.label, 0.0) for p in both.parameters])
+        # directions below a signal-to-noise ratio of one are held at zero, and a little of them is in every parameter
+        assert w @ both.values == pytest.approx(w @ values(true, both.parameters), abs=0.05 * sigma_of(both, direction))
