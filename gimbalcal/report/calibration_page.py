@@ -10,12 +10,14 @@ import numpy as np
 import gimbalcal
 from gimbalcal.calibration import from_dict
 from gimbalcal.effects import CATALOGUE, Effect
-from gimbalcal.recording import Recording
+from gimbalcal.recording import SENSORS, Recording
 from gimbalcal.references import cite
 from gimbalcal.report import wording
 from gimbalcal.report.html import Picture, picture, render
-from gimbalcal.report.rounding import last_place, pdg, significant
-from gimbalcal.units import from_si
+from gimbalcal.report.rounding import minus, pdg, significant
+from gimbalcal.report.stages import stages
+from gimbalcal.report.wording import label_of
+from gimbalcal.units import from_si, is_raw
 
 STRONG = 0.3  # correlation worth a line in the table of pairs
 
@@ -37,13 +39,11 @@ def calibration_report(
         "facts": _facts(content, recordings),
         "rows": _rows(content, truth),
         "with_truth": truth is not None,
-        "unseen": [
-            {"direction": wording.direction_in_words(u["direction"]), "why": u["why"]} for u in content["unobservable"]
-        ],
+        **_unseen(content),
         "leading": leading,
         "pictures": others,
         "recordings": [_measured(r) for r in recordings],
-        **_stages(content, truth),
+        **stages(content, truth),
         **_correlations(content),
         **_model(content),
         **_provenance(content, recordings),
@@ -51,22 +51,17 @@ def calibration_report(
     return render("calibration.html", context)
 
 
-def _minus(text: str) -> str:
-    """ASCII hyphen to the minus sign that lines up with figures."""
-    return text.replace("-", "−")
-
-
-def _label(row: Mapping[str, Any]) -> str:
-    return f"{row['name']}:{row['axis']}" if row["axis"] else row["name"]
-
-
 def _facts(content: Mapping[str, Any], recordings: Sequence[Recording]) -> list[tuple[str, str]]:
     """The four numbers of the first screen."""
-    total, unseen = len(content["parameters"]), len(content["unobservable"])
+    total, unseen = len(content["parameters"]), len(wording.unseen_of(content))
     residual = content["residual"]
     ratio, p, _ = wording.fit(residual["chi2"], residual["dof"])
     facts = [(f"{total - unseen} of {total}", "parameter directions seen")]
-    if residual["dof"] > 0:
+    force = [rms for channel, rms in residual["rms"].items() if channel.startswith("specific_force")]
+    if force and wording.scaled_to_residual(content):
+        rms = float(from_si(np.sqrt(np.mean(np.square(force))), "ug"))
+        facts.append((f"{significant(rms, 3)} µg", "rms left in the specific force"))
+    if residual["dof"] > 0 and not wording.scaled_to_residual(content):
         freedom = f"χ² {residual['chi2']:.1f}, {residual['dof']} degrees of freedom"
         facts.append((f"{ratio:.2f} × noise", f"what is left ({freedom})"))
         facts.append((f"{p:.2g}" if p >= 1e-4 else "< 0.0001", "probability of a worse fit by chance"))
@@ -76,9 +71,24 @@ def _facts(content: Mapping[str, Any], recordings: Sequence[Recording]) -> list[
     return facts
 
 
+def _unseen(content: Mapping[str, Any]) -> dict[str, Any]:
+    """What the data do not see among the unknowns, what was held instead of estimated, what missing data cost."""
+    unseen = wording.unseen_of(content)
+    told = [
+        {"direction": wording.direction_in_words(u["direction"]), "why": wording.why_in_words(u)}
+        for u in content["unobservable"]
+    ]
+    seen_as = [u in unseen for u in content["unobservable"]]
+    return {
+        "unseen": [u for u, missing in zip(told, seen_as, strict=True) if missing],
+        "held": [u for u, missing in zip(told, seen_as, strict=True) if not missing],
+        "lost": content["provenance"].get("lost", ""),
+    }
+
+
 def _rows(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> list[dict[str, Any]]:
     """The calibration table, one row a parameter."""
-    in_unseen = {label for u in content["unobservable"] for label in wording.leading(u["direction"])}
+    in_unseen = {label for u in wording.unseen_of(content) for label in wording.leading(u["direction"])}
     rows, previous = [], None
     for p in content["parameters"]:
         value, sigma = pdg(p["value"], p["sigma"])
@@ -86,18 +96,18 @@ def _rows(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> list
         row = {
             "words": wording.named(p["name"], p["axis"].replace("_", " ")),
             "first": p["name"] != previous,
-            "value": _minus(value),
+            "value": minus(value),
             "sigma": sigma,
             "unit": wording.unit_in_print(p["unit"]),
             "prior": f"{p['prior_sigma']:.4g}",
             "moved": moved,
-            "moved_text": _minus(f"{moved:+.2f} σ"),
-            "unseen": _label(p) in in_unseen,
+            "moved_text": minus(f"{moved:+.2f} σ").replace("−0.00", "0.00").replace("+0.00", "0.00"),
+            "unseen": label_of(p) in in_unseen,
             "error": "",
         }
-        if truth is not None and _label(p) in truth and p["sigma"] > 0:
-            error = (p["value"] - float(from_si(truth[_label(p)], p["unit"]))) / p["sigma"]
-            row["error"] = _minus(f"{error:+.1f} σ")
+        if truth is not None and label_of(p) in truth and p["sigma"] > 0:
+            error = (p["value"] - float(from_si(truth[label_of(p)], p["unit"]))) / p["sigma"]
+            row["error"] = minus(f"{error:+.1f} σ")
         rows.append(row)
         previous = p["name"]
     return rows
@@ -107,25 +117,30 @@ def _evidence(
     content: Mapping[str, Any], recordings: Iterable[Recording]
 ) -> tuple[list[Picture], list[Picture]]:
     """Pictures of the residuals (for the first screen) and of the data behind them."""
+    from gimbalcal.report.evidence import in_run_sense
+
     leading, others = [], []
     for r in recordings:
         effects = from_dict(content, r.platform.axis_names).effects
         if r.kind == "multi-position":
-            first, more = _position_pictures(r, effects)
+            first, more = _position_pictures(r, effects, content["provenance"])
             leading.append(first)
             others += more
         elif r.kind == "static-run":
-            others.append(_run_picture(r, effects))
+            alone = content["method"] == "static-run"
+            others.append(_run_picture(r, effects if alone else in_run_sense(effects, r.platform.axis_names)))
     if not leading:
         leading, others = others[:1], others[1:]
     return leading, others
 
 
-def _position_pictures(r: Recording, effects: Sequence[Effect]) -> tuple[Picture, list[Picture]]:
+def _position_pictures(
+    r: Recording, effects: Sequence[Effect], provenance: Mapping[str, Any]
+) -> tuple[Picture, list[Picture]]:
     from gimbalcal.report import figures
     from gimbalcal.report.evidence import by_position
 
-    e = by_position(r, effects)
+    e = by_position(r, effects, provenance)
     unit = wording.unit_in_print(e.unit)
     before, after = (significant(float(np.sqrt(np.mean(v**2))), 3) for v in (e.before, e.after))
     residuals = picture(
@@ -153,67 +168,9 @@ def _run_picture(r: Recording, effects: Sequence[Effect]) -> Picture:
     return picture(
         figures.over_time(hours, curves),
         f"Static run of {hours[-1] - hours[0]:.1f} h with the calibrated model through it; scatter left: {left}.",
-        f"“{r.title}”: the harmonics of the Earth's rotation in attitude and force, data and model. The band at the "
-        "right is one sigma of the noise, averaged as the points are.",
+        f"“{r.title}”: the harmonics of the Earth's rotation in attitude and force, less what perfect sensors would "
+        "read. The band at the right is one sigma of the noise, averaged as the points are.",
     )
-
-
-def _stages(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> dict[str, Any]:
-    """Table and picture of what each stage added."""
-    stages = content.get("stages", [])
-    if not stages:
-        return {"stages": [], "stage_rows": [], "stage_figure": None}
-    from gimbalcal.report import figures
-
-    parameters = content["parameters"]
-    labels = [_label(p) for p in parameters]
-    prior = [p["prior_sigma"] for p in parameters]
-    units = [p["unit"] for p in parameters]
-    ratio = np.array(
-        [
-            [float(from_si(s["sigmas"].get(k, np.nan), u)) / q for k, u, q in zip(labels, units, prior, strict=True)]
-            for s in stages
-        ]
-    )
-    words = [wording.label_in_words(k) for k in labels]
-    drawn = figures.sigma_by_stage(words, [s["name"] for s in stages], ratio)
-    return {
-        "stages": [_stage(s) for s in stages],
-        "stage_rows": [_stage_row(p, i and parameters[i - 1], stages, truth) for i, p in enumerate(parameters)],
-        "stage_figure": picture(
-            drawn,
-            f"Sigma of each parameter after each of {wording.counted(len(stages), 'stage')}, relative to its prior.",
-            "What each stage leaves of the prior uncertainty.",
-        ),
-    }
-
-
-def _stage(s: Mapping[str, Any]) -> dict[str, str]:
-    rms = from_si(s["rms"], "ug")
-    text = f"{significant(float(rms), 3)} µg" if np.isfinite(rms) else "–"
-    return {"name": s["name"], "count": str(len(s["values"])), "rms": text, "in_words": s["in_words"]}
-
-
-def _stage_row(
-    p: Mapping[str, Any], before: Any, stages: Sequence[Mapping[str, Any]], truth: Mapping[str, float] | None
-) -> dict[str, Any]:
-    label, unit = _label(p), p["unit"]
-    cells = []
-    for s in stages:
-        if label in s["values"]:
-            value, sigma = pdg(float(from_si(s["values"][label], unit)), float(from_si(s["sigmas"][label], unit)))
-            cells.append(_minus(f"{value} ± {sigma}"))
-        else:
-            cells.append("–")
-    places = max(0, 1 - last_place(p["sigma"])) if p["sigma"] > 0 else 2
-    known = "" if truth is None or label not in truth else _minus(f"{float(from_si(truth[label], unit)):.{places}f}")
-    return {
-        "words": wording.named(p["name"], p["axis"].replace("_", " ")),
-        "first": not before or before["name"] != p["name"],
-        "cells": cells,
-        "truth": known,
-        "unit": wording.unit_in_print(unit),
-    }
 
 
 def _correlations(content: Mapping[str, Any]) -> dict[str, Any]:
@@ -222,13 +179,13 @@ def _correlations(content: Mapping[str, Any]) -> dict[str, Any]:
         return {"correlation": None, "strongest": []}
     from gimbalcal.report import figures
 
-    words = [wording.label_in_words(_label(p)) for p in content["parameters"]]
+    words = [wording.label_in_words(label_of(p)) for p in content["parameters"]]
     P = np.array(content["covariance"], dtype=float)
     sigma = np.sqrt(np.diag(P))
     R = P / np.where(sigma > 0, sigma, 1.0) / np.where(sigma > 0, sigma, 1.0)[:, None]
     upper = [(i, j) for i in range(len(words)) for j in range(i + 1, len(words)) if abs(R[i, j]) >= STRONG]
     ranked = sorted(upper, key=lambda ij: -abs(R[ij]))[:12]
-    strongest = [{"words": f"{words[i]} with {words[j]}", "value": _minus(f"{R[i, j]:+.2f}")} for i, j in ranked]
+    strongest = [{"words": f"{words[i]} with {words[j]}", "value": minus(f"{R[i, j]:+.2f}")} for i, j in ranked]
     strongest = strongest or [{"words": f"none exceeds {STRONG}", "value": ""}]
     told = f"{strongest[0]['words']} {strongest[0]['value']}".strip()
     drawn = picture(figures.correlation(words, R), f"Correlation matrix of {len(words)} parameters; strongest: {told}.")
@@ -260,12 +217,6 @@ def _measured(r: Recording) -> dict[str, Any]:
     where = [f"gravity {site.gravity:.6f} m/s²", f"height {site.height:.0f} m"]
     if site.latitude is not None:
         where.insert(0, f"latitude {np.rad2deg(site.latitude):.4f}°")
-    printed = {"accelerometer": "ug", "gyroscope": "deg/h", "gimbal_angle": "arcsec", "attitude": "arcsec"}
-    noise = [
-        f"{sensor.replace('_', ' ')} {significant(float(from_si(s, unit)), 3)} {wording.unit_in_print(unit)}"
-        for sensor, unit in printed.items()
-        if (s := r.sigma(sensor)) is not None
-    ]
     held = 0 if r.position is None else len(np.unique(r.position[r.position > 0]))
     visits = f", {wording.counted(held, 'position')}" if held else ""
     duration = float(r.time[-1] - r.time[0])
@@ -275,18 +226,31 @@ def _measured(r: Recording) -> dict[str, Any]:
         ("duration", f"{duration / 3600:.2f} h" if duration > 3600 else f"{duration:.0f} s"),
         ("rows", f"{len(r.time)} rows that stand for {int(r.weight.sum())} samples"),
         ("site", "; ".join(where)),
-        ("noise, one sigma", "; ".join(noise) or "not stated and not seen"),
+        ("noise, one sigma", _noise(r) or "not stated and not seen"),
     ]
     return {"title": r.title, "facts": facts + [("remark", text) for text in r.remarks]}
 
 
+def _noise(r: Recording) -> str:
+    """Noise of one sample of each sensor, in the unit it was logged in where its size is not known."""
+    told = []
+    printed = {"accelerometer": "ug", "gyroscope": "deg/h", "gimbal_angle": "arcsec", "attitude": "arcsec"}
+    for sensor, unit in printed.items():
+        sigma = r.sigma(sensor)
+        if sigma is None:
+            continue
+        logged = {u for (quantity, _), u in r.units.items() if quantity == SENSORS[sensor] and is_raw(u)}
+        value, word = (sigma, logged.pop()) if logged else (float(from_si(sigma, unit)), unit)
+        told.append(f"{sensor.replace('_', ' ')} {significant(value, 3)} {wording.unit_in_print(word)}")
+    return "; ".join(told)
+
+
 def _provenance(content: Mapping[str, Any], recordings: Sequence[Recording]) -> dict[str, Any]:
-    given = dict(content["provenance"])
-    sources = given.pop("recordings", None) or [
+    """Pairs of term and text; long ones fold."""
+    given = {k: v for k, v in content["provenance"].items() if k not in ("recordings", "lost")}
+    sources = content["provenance"].get("recordings") or [
         {"path": s.path, "sha256": s.sha256} for r in recordings for s in r.source
     ]
     pairs = [("method", content["method"])]
-    for key, value in given.items():
-        text = "; ".join(f"{k} = {v}" for k, v in value.items()) if isinstance(value, Mapping) else str(value)
-        pairs.append((str(key), text or "none"))
+    pairs += [(str(key).replace("_", " "), text) for key, value in given.items() if (text := wording.plain(value))]
     return {"provenance": pairs, "sources": sources}

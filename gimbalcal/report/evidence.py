@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from gimbalcal.earth import G0
 from gimbalcal.effects import Effect, Stimulus
+from gimbalcal.estimate.fusion import READOUT_SIGNS
+from gimbalcal.estimate.static_run import prepare
 from gimbalcal.forward import accelerometers, predict, stimulus
 from gimbalcal.number import STEP, Array
 from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.report.figures import Curve
 from gimbalcal.report.wording import unit_in_print
-from gimbalcal.units import from_si
+from gimbalcal.units import from_si, to_si
 
 BLOCKS = 288  # points a curve over time is drawn with; more cannot be told apart on a page
+OF_ONE_RUN = ("base_tilt", "polar_axis_misalignment")  # how the base and the platform stood in a static run
+
+
+@dataclass(frozen=True)
+class Spread:
+    """What a position mean is expected to scatter by: noise of a sample, setting error, and what is beyond both."""
+
+    accelerometer: float | None = None  # m/s^2
+    setting: float = 0.0  # rad
+    excess: float = 0.0  # m/s^2
 
 
 @dataclass(frozen=True)
@@ -36,22 +48,45 @@ class ByPosition:
     gravity: Array  # (n, 3) unit vectors, platform axes
 
 
-def by_position(recording: Recording, effects: Sequence[Effect]) -> ByPosition:
+def spread_of(recording: Recording, provenance: Mapping[str, Any]) -> Spread:
+    """The noise that a calibration was made with, as its provenance tells it, else as the recording does."""
+    noise, options = provenance.get("noise", {}), provenance.get("options", {})
+    force, setting = noise.get("accelerometer_ug"), noise.get("gimbal_angle_arcsec")
+    return Spread(
+        recording.sigma("accelerometer") if force is None else float(to_si(force, "ug")),
+        recording.sigma("gimbal_angle") or 0.0 if setting is None else float(to_si(setting, "arcsec")),
+        options.get("excess_scatter") or 0.0,
+    )
+
+
+def in_si(means: Recording, nominal: Mapping[str, Sequence[float]]) -> Recording:
+    """Readings in counts as m/s^2, by the nominal scale and offset that a calibration states."""
+    if not nominal:
+        return means
+    scale, offset = np.array(nominal["scale"]), np.array(nominal["offset"])
+    force = scale * (means.triad("specific_force") - offset)
+    channels = {**means.channels, **{("specific_force", a): force[:, i] for i, a in enumerate("xyz")}}
+    scatter = {k: v * scale["xyz".index(k[1])] if k[0] == "specific_force" else v for k, v in means.scatter.items()}
+    return replace(means, channels=channels, scatter=scatter)
+
+
+def by_position(recording: Recording, effects: Sequence[Effect], provenance: Mapping[str, Any]) -> ByPosition:
     """Position means of the accelerometers against the model; against |f| = g for a unit without gimbals."""
-    means = dwell_means(recording)
-    s = stimulus(means)
+    means = in_si(dwell_means(recording), provenance.get("options", {}).get("nominal", {}))
+    s, spread = stimulus(means), spread_of(means, provenance)
     measured = means.triad("specific_force")
-    noise = recording.sigma("accelerometer")
-    spread = None if noise is None else np.broadcast_to((noise / np.sqrt(means.weight))[:, None], measured.shape)
+    shape = measured.shape
+    sigma = spread.accelerometer and np.hypot(spread.accelerometer / np.sqrt(means.weight), spread.excess)
+    bars = None if sigma is None else np.broadcast_to(np.asarray(sigma)[:, None], shape)
     if means.platform.axes:
+        own = tuple(e for e in effects if e.id not in OF_ONE_RUN)
         before = measured - predict(means.platform, s, ())["specific_force"]
-        after = measured - predict(means.platform, s, effects)["specific_force"]
+        after = measured - predict(means.platform, s, own)["specific_force"]
         axes: tuple[str, ...] = ("x", "y", "z")
-        setting = setting_spread(means.platform, s, recording.sigma("gimbal_angle") or 0.0)
-        spread = None if spread is None else np.hypot(spread, setting)
+        bars = None if bars is None else np.hypot(bars, setting_spread(means.platform, s, spread.setting))
     else:
         before, after = (_norm(f) - s.gravity for f in (measured, corrected(measured, s, effects)))
-        axes, spread = ("|f| − g",), None if spread is None else spread[:, :1]
+        axes, bars = ("|f| − g",), None if bars is None else bars[:, :1]
     unit = "mg" if np.sqrt(np.mean(after**2)) > 1e-3 * G0 else "ug"
     numbers = means.position if means.position is not None else np.arange(1, len(means.time) + 1)
     return ByPosition(
@@ -59,7 +94,7 @@ def by_position(recording: Recording, effects: Sequence[Effect]) -> ByPosition:
         axes=axes,
         before=np.asarray(from_si(before, unit)),
         after=np.asarray(from_si(after, unit)),
-        sigma=None if spread is None else np.asarray(from_si(spread, unit)),
+        sigma=None if bars is None else np.asarray(from_si(bars, unit)),
         unit=unit,
         angles=np.rad2deg(s.readout),
         axis_names=s.axis_names,
@@ -93,36 +128,38 @@ def _norm(f: Array) -> Array:
     return np.asarray(np.sqrt((f**2).sum(axis=-1, keepdims=True)))
 
 
+def in_run_sense(effects: Sequence[Effect], axis_names: Sequence[str]) -> tuple[Effect, ...]:
+    """Effects whose gimbal zeros are counted as Table 1 counts its angles, for the angles of Eq. (4) (see `fusion`)."""
+    sign = np.array([READOUT_SIGNS.get(name, 1) for name in axis_names])
+    return tuple(replace(e, theta_0=sign * e.theta_0) if e.id == "gimbal_zero" else e for e in effects)  # type: ignore[attr-defined,call-arg]
+
+
 def over_time(recording: Recording, effects: Sequence[Effect]) -> tuple[Array, tuple[Curve, ...]]:
-    """Hours (m,) and curves of a static run: attitude errors as far as recorded, and |f| - g.
+    """Hours (m,) and departures of a static run from perfect sensors: attitude errors, and force along gravity.
 
-    Rows are averaged into at most `BLOCKS` blocks; the model is taken at the middle of each.
+    The effects are in the sense of the run's own angles. Rows are averaged into at most `BLOCKS` blocks.
     """
-    edges = np.unique(np.linspace(0, recording.time.size, BLOCKS + 1).astype(int))
-    middle = (edges[:-1] + edges[1:]) // 2
-    thin = recording.select(middle)
-    s = stimulus(thin)
-    nominal = predict(thin.platform, s, (), "static-run")
-    fitted = predict(thin.platform, s, effects, "static-run")
-    edge = partial(_block_means, edges=edges)
-    blocks = float(np.sqrt(np.median(np.diff(edges)) * np.median(recording.weight)))
+    run = prepare(recording)
+    measured, left = run.departures(), run.departures(effects)
+    edges = np.unique(np.linspace(0, len(measured), BLOCKS + 1).astype(int))
+    thin = np.sqrt(np.median(np.diff(edges)))
     curves = []
-    for i, axis in enumerate(("roll", "pitch", "yaw")):
-        if ("attitude_error", axis) in recording.channels:
-            seen = edge(recording.channels["attitude_error", axis])
-            rows = (seen, nominal["attitude_error"][:, i], fitted["attitude_error"][:, i])
-            curves.append(_curve(axis, "arcsec", rows, recording.sigma("attitude"), blocks))
-    force = np.stack([edge(column) for column in recording.triad("specific_force").T], axis=-1)
-    norms = [_norm(f)[:, 0] - s.gravity for f in (force, nominal["specific_force"], fitted["specific_force"])]
-    curves.append(_curve("|f| − g", "ug", norms, recording.sigma("accelerometer"), blocks))
-    return thin.time / 3600, tuple(curves)
+    for i, (quantity, axis) in enumerate(run.channels):
+        if quantity == "attitude_error":
+            columns = (measured[:, i], left[:, i])
+            curves.append(_curve(axis, "arcsec", columns, edges, float(np.median(run.sigma[:, i]) / thin)))
+    force = run.columns("specific_force")
+    if len(force) == 3:
+        along = tuple((d[:, force] * run.direction).sum(axis=-1) for d in (measured, left))
+        sigma = np.sqrt(((run.sigma[:, force] * run.direction) ** 2).sum(axis=-1))
+        curves.append(_curve("force along g", "ug", along, edges, float(np.median(sigma) / thin)))
+    return _block_means(recording.time - recording.time[0], edges) / 3600, tuple(curves)
 
 
-def _curve(name: str, unit: str, rows: Sequence[Array], sigma: float | None, averaged: float) -> Curve:
-    """Rows (measured, nominal, fitted) in SI as a curve in `unit`; `sigma` of a sample, `averaged` root count."""
-    measured, nominal, fitted = (np.asarray(from_si(row, unit)) for row in rows)
-    spread = None if sigma is None else float(from_si(sigma, unit)) / averaged
-    return Curve(name, unit_in_print(unit), measured, nominal, fitted, spread)
+def _curve(name: str, unit: str, columns: Sequence[Array], edges: Array, sigma: float) -> Curve:
+    """Departures (n,) in SI, measured and left by the fit, as a curve in `unit`."""
+    measured, left = (np.asarray(from_si(_block_means(x, edges), unit)) for x in columns)
+    return Curve(name, unit_in_print(unit), measured, measured - left, float(from_si(sigma, unit)))
 
 
 def _block_means(x: Array, edges: Array) -> Array:

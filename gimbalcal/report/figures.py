@@ -53,12 +53,11 @@ STYLE: Any = {
 
 @dataclass(frozen=True)
 class Curve:
-    """One channel over time in printed units: measured, and as the model has it without and with the calibration."""
+    """One channel over time in printed units, less what perfect sensors would read: measured, and as calibrated."""
 
     name: str
     unit: str
     measured: Array  # (n,)
-    nominal: Array  # (n,)
     fitted: Array  # (n,)
     sigma: float | None = None
 
@@ -133,7 +132,7 @@ def sigma_by_stage(labels: Sequence[str], stages: Sequence[str], ratio: Array) -
         figure = _figure(HALF, 0.8 + 0.21 * len(labels))
         ax = figure.subplots()
         y = np.arange(len(labels))[::-1]
-        low, high = np.nanmin(ratio, axis=0), np.ones(len(labels))
+        low, high = np.where(np.isnan(ratio), 1.0, ratio).min(axis=0), np.ones(len(labels))
         ax.hlines(y, low, high, color=PALE, lw=1.2, zorder=1)
         markers = ("o", "s", "D", "^", "v")
         for k, (stage, row) in enumerate(zip(stages, ratio, strict=True)):
@@ -165,7 +164,7 @@ def correlation(labels: Sequence[str], matrix: Array) -> Figure:
         for i, j in zip(*np.nonzero(np.abs(matrix) >= 0.3), strict=True):
             if i != j:
                 colour = "white" if abs(matrix[i, j]) > 0.6 else INK
-                text = f"{matrix[i, j]:.1f}".replace("0.", ".").replace("-", "−")
+                text = f"{matrix[i, j]:.1f}".replace("0.", ".").replace("1.0", "1").replace("-", "−")
                 ax.text(j + 0.5, i + 0.5, text, ha="center", va="center", fontsize=6.5, color=colour)
         ax.set_xticks(np.arange(p) + 0.5, list(labels), rotation=90)
         ax.set_yticks(np.arange(p) + 0.5, list(labels))
@@ -189,7 +188,7 @@ def over_time(hours: Array, curves: Sequence[Curve]) -> Figure:
         grid = figure.subplots(len(curves), 2, sharex=True, squeeze=False, width_ratios=(3, 2))
         for (left, right), curve in zip(grid, curves, strict=True):
             left.plot(hours, curve.measured, ".", ms=1.8, color=GREY, label="measured", rasterized=hours.size > 4000)
-            left.plot(hours, curve.nominal, color=ORANGE, lw=0.9, ls=(0, (4, 2)), label="perfect sensors")
+            left.axhline(0, color=ORANGE, lw=0.9, ls=(0, (4, 2)), label="perfect sensors")
             left.plot(hours, curve.fitted, color=BLUE, label="calibrated model")
             left.set_ylabel(f"{curve.name}\n[{curve.unit}]")
             rest = curve.measured - curve.fitted

@@ -58,3 +58,8 @@ def significant(x: float, digits: int = 3) -> str:
     if not -5 < exponent < 6:
         return f"{x:.{digits - 1}e}"
     return f"{x:.{max(digits - 1 - exponent, 0)}f}"
+
+
+def minus(text: str) -> str:
+    """The hyphen of ASCII as the minus sign that lines up with figures."""
+    return text.replace("-", "−")

@@ -17,13 +17,7 @@ NAMES = {
     "scale_nonlinearity": "scale nonlinearity",
     "misalignment": "misalignment",
     "gimbal_zero": "gimbal zero",
-}
-SYMBOLS = {
-    "scale_factor": "SF − 1",
-    "bias": "δb",
-    "scale_nonlinearity": "K",
-    "misalignment": "β",
-    "gimbal_zero": "δθ",
+    "phi_0": "platform turn",
 }
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
@@ -35,6 +29,15 @@ def named(name: str, axis: str = "") -> str:
     'gimbal zero inner'
     """
     return f"{NAMES.get(name, name.replace('_', ' '))} {axis}".strip()
+
+
+def label_of(row: Mapping[str, Any]) -> str:
+    """The label of a row of calibration.json's parameters.
+
+    >>> label_of({"name": "bias", "axis": "x"})
+    'bias:x'
+    """
+    return f"{row['name']}:{row['axis']}" if row["axis"] else str(row["name"])
 
 
 def label_in_words(label: str) -> str:
@@ -91,6 +94,23 @@ def fit(chi2: float, dof: int) -> tuple[float, float, Verdict]:
     return ratio, p, "fits"
 
 
+def unseen_of(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Directions among the estimated parameters that the data do not see.
+
+    The other entries of `unobservable` speak of parameters that were held, by convention or for want of data.
+    """
+    labels = {label_of(p) for p in content["parameters"]}
+    return [u for u in content["unobservable"] if labels.issuperset(u["direction"])]
+
+
+def scaled_to_residual(content: Mapping[str, Any]) -> bool:
+    """Whether the noise was estimated from the residual itself, so that chi^2 says nothing about the fit."""
+    provenance = content["provenance"]
+    noise = provenance.get("noise", {})
+    sources = (noise.get("accelerometer_from"), noise.get("gimbal_angle_from"))
+    return "residual" in sources or bool(provenance.get("options", {}).get("excess_scatter"))
+
+
 def verdict(content: Mapping[str, Any]) -> Verdict:
     """What the fit says of the model, from the content of calibration.json."""
     if content["outcome"]:
@@ -101,19 +121,21 @@ def verdict(content: Mapping[str, Any]) -> Verdict:
 def answer(content: Mapping[str, Any]) -> str:
     """One or two sentences that answer "did it work?", from the content of calibration.json."""
     if content["outcome"]:
-        return f"Not calibrated: {content['outcome']}"
-    total, unseen = len(content["parameters"]), content["unobservable"]
+        return content["outcome"][:1].upper() + content["outcome"][1:].rstrip(".") + "."
+    total, unseen = len(content["parameters"]), unseen_of(content)
     if not unseen:
         seen = f"All {counted(total, 'parameter')} are calibrated"
     else:
         seen = f"All {counted(total - len(unseen), 'direction')} that the data can see are calibrated"
-    return f"{seen}; {_left(content['residual']['chi2'], content['residual']['dof'])}.{_unseen(unseen)}"
+    return f"{seen}; {_left(content)}.{_unseen(unseen)}"
 
 
-def _left(chi2: float, dof: int) -> str:
-    ratio, _, meaning = fit(chi2, dof)
+def _left(content: Mapping[str, Any]) -> str:
+    ratio, _, meaning = fit(content["residual"]["chi2"], content["residual"]["dof"])
     if isnan(ratio):
         return "there are as many unknowns as data, so nothing is left to test the fit with"
+    if scaled_to_residual(content) and meaning == "fits":
+        return "every sigma is scaled to what the readings scatter about the model"
     text = f"what is left is {ratio:.2f} times the stated noise"
     if meaning == "misfit":
         return f"{text}, more than chance allows: the model lacks something, or the noise is larger than stated"
@@ -139,15 +161,43 @@ def leading(direction: Mapping[str, float], least: float = 0.1) -> list[str]:
 
 
 def direction_in_words(direction: Mapping[str, float]) -> str:
-    """A combination of parameters as a sum in printed units.
+    """A combination of parameters as a sum in printed units; its sign, which means nothing, makes the first one plus.
 
     >>> direction_in_words({"misalignment:xz": 1.0, "gimbal_zero:platform": -1.0, "bias:x": 0.5})
     'misalignment xz − gimbal zero platform + 0.50 bias x'
     """
     text = ""
-    for label in leading(direction, 0.01):
-        weight = direction[label]
+    ranked = leading(direction, 0.01)
+    first = direction[ranked[0]] if ranked else 1.0
+    for label in ranked:
+        weight = direction[label] * (-1 if first < 0 else 1)
         sign = "−" if weight < 0 else "+"
         factor = "" if abs(abs(weight) - 1) < 0.005 else f"{abs(weight):.2f} "
         text += f" {sign} {factor}{label_in_words(label)}"
     return text.strip().removeprefix("+ ")
+
+
+def why_in_words(unseen: Mapping[str, Any]) -> str:
+    """The reason of an entry of `unobservable` with labels as a person says them."""
+    text = str(unseen["why"])
+    for label in sorted(unseen["direction"], key=len, reverse=True):
+        text = text.replace(label, label_in_words(label))
+    return text
+
+
+def plain(value: Any) -> str:
+    """A value of provenance as text; empty for nothing.
+
+    >>> plain({"seed": 1, "names": ["a", "b"], "none": None, "x": 0.123456789})
+    'seed 1; names a, b; x 0.123457'
+    """
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, Mapping):
+        return "; ".join(f"{str(k).replace('_', ' ')} {text}" for k, v in value.items() if (text := plain(v)))
+    if isinstance(value, (list, tuple)):
+        between = " | " if any(isinstance(v, Mapping) for v in value) else ", "
+        return between.join(filter(None, map(plain, value)))
+    return str(value)

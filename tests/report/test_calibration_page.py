@@ -103,7 +103,7 @@ def test_a_page_without_recordings_or_stages_still_holds_the_table() -> None:
 
 def test_residuals_of_the_fit_are_as_large_as_their_sigma() -> None:
     content, (still, _), _ = example()
-    e = by_position(still, from_dict(content, still.platform.axis_names).effects)
+    e = by_position(still, from_dict(content, still.platform.axis_names).effects, content["provenance"])
     assert e.sigma is not None
     # 54 residuals less 17 directions: the mean square of the scaled ones is about 37/54, sigma sqrt(2 x 37)/54 = 0.16,
     # and larger because the example's fit weighs all axes alike
@@ -134,7 +134,7 @@ def test_a_day_is_drawn_with_few_points_and_their_own_sigma() -> None:
     content, (_, run), _ = example()
     hours, curves = over_time(run, from_dict(content, run.platform.axis_names).effects)
     assert hours.size <= 288
-    assert [c.name for c in curves] == ["roll", "pitch", "|f| − g"]
+    assert [c.name for c in curves] == ["roll", "pitch", "force along g"]
     five_minutes = NOISE["accelerometer"] / np.sqrt(5 * 60) / 9.80665e-6
     assert curves[2].sigma == pytest.approx(five_minutes, rel=1e-12)
 
@@ -149,7 +149,7 @@ def test_a_unit_without_gimbals_is_judged_by_the_size_of_gravity() -> None:
     _, (still, _), _ = example()
     s = stimulus(still)
     turned = {("specific_force", a): f for a, f in zip("xyz", accelerometers(s.force, s, effects).T, strict=True)}
-    e = by_position(dataclasses.replace(still, platform=BENCH, channels=turned), effects)
+    e = by_position(dataclasses.replace(still, platform=BENCH, channels=turned), effects, {})
     assert e.axes == ("|f| − g",)
     assert np.abs(e.before).max() > 1000  # ug: the errors are ten times the prior, 5000 ppm
     assert np.abs(e.after).max() < 1e-6  # ug: what rounding of 9.8 leaves

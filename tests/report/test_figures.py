@@ -46,7 +46,7 @@ def test_stages_may_leave_a_parameter_out() -> None:
 
 def test_what_is_left_over_time_is_measured_minus_fitted() -> None:
     t = np.linspace(0, 24, 50)
-    curve = figures.Curve("roll", "arcsec", np.sin(t) + 2.0, 0 * t, np.sin(t), 0.5)
+    curve = figures.Curve("roll", "arcsec", np.sin(t) + 2.0, np.sin(t), 0.5)
     figure = figures.over_time(t, [curve])
     rest = figure.axes[1].lines[0].get_ydata()
     assert rest == pytest.approx(np.full(50, 2.0), abs=1e-12)  # rounding of a sum of two doubles

@@ -2,16 +2,28 @@ from typing import Any
 
 import pytest
 
-from gimbalcal.report.wording import answer, counted, direction_in_words, fit, leading, listed, unit_in_print, verdict
+from gimbalcal.report.wording import (
+    answer,
+    counted,
+    direction_in_words,
+    fit,
+    leading,
+    listed,
+    unit_in_print,
+    unseen_of,
+    verdict,
+    why_in_words,
+)
 
 
 def content(chi2: float = 38.0, dof: int = 37, outcome: str = "", unseen: int = 0) -> dict[str, Any]:
     direction = {"misalignment:xz": 1.0, "gimbal_zero:platform": -1.0}
     return {
         "outcome": outcome,
-        "parameters": [{}] * 18,
+        "parameters": [{"name": "misalignment", "axis": "xz"}, {"name": "gimbal_zero", "axis": "platform"}] * 9,
         "unobservable": [{"direction": direction, "why": "a common turn"}] * unseen,
         "residual": {"chi2": chi2, "dof": dof},
+        "provenance": {},
     }
 
 
@@ -38,7 +50,7 @@ def test_noise_that_is_overstated_says_so() -> None:
 
 
 def test_a_failure_leads_with_its_outcome() -> None:
-    assert answer(content(outcome="only five positions remain.")) == "Not calibrated: only five positions remain."
+    assert answer(content(outcome="only five positions remain")) == "Only five positions remain."
     assert verdict(content(outcome="only five positions remain.")) == "failed"
 
 
@@ -60,7 +72,7 @@ def test_a_misfit_is_both_significant_and_large(chi2: float, dof: int, expected:
 
 def test_direction_starts_with_the_heaviest_and_drops_the_negligible() -> None:
     direction = {"bias:x": 0.5, "scale_factor:y": -1.0, "bias:z": 0.001}
-    assert direction_in_words(direction) == "− scale factor y + 0.50 bias x"
+    assert direction_in_words(direction) == "scale factor y − 0.50 bias x"
     assert leading(direction) == ["scale_factor:y", "bias:x"]
     assert leading({}) == []
 
@@ -71,3 +83,23 @@ def test_words_and_units() -> None:
     assert listed([]) == ""
     assert listed(["a"]) == "a"
     assert unit_in_print("deg/sqrt(h)") == "°/√h"
+
+
+def test_what_was_held_is_not_counted_as_unseen() -> None:
+    held = content()
+    held["unobservable"] = [{"direction": {"misalignment:xz": 1.0, "K3:x": 1.0}, "why": "declined"}]
+    assert unseen_of(held) == []
+    assert answer(held).startswith("All 18 parameters are calibrated")
+
+
+@pytest.mark.parametrize(
+    "provenance", [{"options": {"excess_scatter": 1e-4}}, {"noise": {"gimbal_angle_from": "residual"}}]
+)
+def test_noise_from_the_residual_proves_nothing(provenance: dict[str, Any]) -> None:
+    judged = content() | {"provenance": provenance}
+    assert answer(judged).endswith("every sigma is scaled to what the readings scatter about the model.")
+
+
+def test_reasons_say_labels_in_words() -> None:
+    unseen = {"direction": {"bias:x": 1.0, "misalignment:xy": 0.3}, "why": "+1 bias:x +0.3 misalignment:xy leave it"}
+    assert why_in_words(unseen) == "+1 bias x +0.3 misalignment xy leave it"
