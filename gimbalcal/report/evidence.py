@@ -67,7 +67,8 @@ def in_si(means: Recording, nominal: Mapping[str, Sequence[float]]) -> Recording
     force = scale * (means.triad("specific_force") - offset)
     channels = {**means.channels, **{("specific_force", a): force[:, i] for i, a in enumerate("xyz")}}
     scatter = {k: v * scale["xyz".index(k[1])] if k[0] == "specific_force" else v for k, v in means.scatter.items()}
-    return replace(means, channels=channels, scatter=scatter)
+    noise = {k: v * float(scale.mean()) if k == "accelerometer" else v for k, v in means.noise.items()}
+    return replace(means, channels=channels, scatter=scatter, noise=noise)
 
 
 def by_position(recording: Recording, effects: Sequence[Effect], provenance: Mapping[str, Any]) -> ByPosition:

@@ -61,7 +61,8 @@ def _coefficients(s: Mapping[str, Any]) -> dict[str, Any]:
 def _stage(s: Mapping[str, Any]) -> dict[str, str]:
     rms = from_si(s["rms"], "ug")
     text = f"{significant(float(rms), 3)} µg" if np.isfinite(rms) else "–"
-    return {"name": _short(s["name"]), "count": str(len(s["values"])), "rms": text, "in_words": s["in_words"]}
+    words = wording.typeset(s["in_words"])
+    return {"name": _short(s["name"]), "count": str(len(s["values"])), "rms": text, "in_words": words}
 
 
 def _stage_row(

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from math import isnan, sqrt
 from typing import Any, Literal
 
-Verdict = Literal["fits", "misfit", "overstated", "failed"]
+Verdict = Literal["fits", "misfit", "overstated", "reserved"]
 
 SURPRISE = 1e-3  # probability below which chance is not believed
 NEGLIGIBLE = 0.1  # relative excess over the stated noise that no user would act on, however significant
@@ -114,14 +114,14 @@ def scaled_to_residual(content: Mapping[str, Any]) -> bool:
 def verdict(content: Mapping[str, Any]) -> Verdict:
     """What the fit says of the model, from the content of calibration.json."""
     if content["outcome"]:
-        return "failed"
+        return "reserved"
     return fit(content["residual"]["chi2"], content["residual"]["dof"])[2]
 
 
 def answer(content: Mapping[str, Any]) -> str:
     """One or two sentences that answer "did it work?", from the content of calibration.json."""
     if content["outcome"]:
-        return content["outcome"][:1].upper() + content["outcome"][1:].rstrip(".") + "."
+        return typeset(content["outcome"][:1].upper() + content["outcome"][1:].rstrip(".") + ".")
     total, unseen = len(content["parameters"]), unseen_of(content)
     if not unseen:
         seen = f"All {counted(total, 'parameter')} are calibrated"
@@ -182,7 +182,16 @@ def why_in_words(unseen: Mapping[str, Any]) -> str:
     text = str(unseen["why"])
     for label in sorted(unseen["direction"], key=len, reverse=True):
         text = text.replace(label, label_in_words(label))
-    return text
+    return typeset(text)
+
+
+def typeset(text: str) -> str:
+    """Powers and arrows of a plain sentence as they are printed.
+
+    >>> typeset("0.0016 -> 0.0059 m/s^2")
+    '0.0016 → 0.0059 m/s²'
+    """
+    return text.replace("^2", "²").replace("^3", "³").replace(" -> ", " → ")
 
 
 def plain(value: Any) -> str:

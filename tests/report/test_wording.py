@@ -51,7 +51,7 @@ def test_noise_that_is_overstated_says_so() -> None:
 
 def test_a_failure_leads_with_its_outcome() -> None:
     assert answer(content(outcome="only five positions remain")) == "Only five positions remain."
-    assert verdict(content(outcome="only five positions remain.")) == "failed"
+    assert verdict(content(outcome="only five positions remain.")) == "reserved"
 
 
 def test_no_degrees_of_freedom() -> None:
