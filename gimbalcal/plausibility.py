@@ -1,7 +1,7 @@
 r"""Wrong units, axes, signs and clocks, found before anything is estimated.
 
-A calibration would absorb many of them: a triad with x and y interchanged fits a misalignment of 90 deg. So the force at
-each rest is compared with what the gimbal readouts predict for a perfect platform on a level base,
+A calibration would absorb many of these: a triad with x and y interchanged fits a misalignment of 90 deg. So the
+force at each rest is compared with what the gimbal readouts predict for a perfect platform on a level base,
 
 .. math:: f^p = -g \, C_b^p(\text{angles}) \, (0, 0, 1) ,
 
@@ -121,8 +121,8 @@ def _check_axes(rests: Recording, force: Array) -> None:
     if stated < 0.5 * n:
         raise InputError(
             f"{_where(rests)}: only {stated} of {n} {kind} have the force within {np.degrees(CLOSE):.0f} deg "
-            "of what the gimbal angles predict, whichever axes or signs are changed; check the platform, its zero angles and the "
-            "gimbal columns, or leave these out and name the platform 'bench'"
+            "of what the gimbal angles predict, whichever axes or signs are changed; check the platform, its zero "
+            "angles and the gimbal columns, or leave these out and name the platform 'bench'"
         )
 
 
@@ -190,7 +190,8 @@ def _check_turn(recording: Recording) -> None:
         turned, due = np.degrees([_wrapped(angle[k + 1] - angle[k]), EARTH_RATE * dt[k]])
         raise InputError(
             f"{_where(recording)}: between {time[k]:.10g} s and {time[k + 1]:.10g} s the clock goes on by "
-            f"{dt[k]:.6g} s while the platform gimbal turns by {turned:.4g} deg instead of {due:.4g} deg, so the clock jumps there; correct it, or cut the recording in two"
+            f"{dt[k]:.6g} s while the platform gimbal turns by {turned:.4g} deg instead of {due:.4g} deg, so "
+            "the clock jumps there; correct it, or cut the recording in two"
         )
 
 

@@ -1,6 +1,6 @@
 r"""Find the dwells of a rig that was moved by hand or without a position channel: where its sensors are quiet.
 
-Variance detector of Tedaldi, Pretto and Menegatti (ICRA 2014), Sec. III-C, with a noise floor taken from the
+Variance detector of Tedaldi, Pretto and Menegatti (ICRA 2014), with a noise floor taken from the
 recording itself instead of from a known initial rest. In a sliding window of m samples each channel has variance v_c;
 its floor F_c is the 10 % quantile of v_c, which lies within the rests as long as they fill a tenth of the time. A
 sample rests where

@@ -26,7 +26,7 @@ class Document:
             text = path.read_text(encoding="utf-8-sig")
         except UnicodeDecodeError as error:
             raise InputError(f"{path} is not UTF-8 text (byte {error.start}): save it as UTF-8") from None
-        self.lines = text.splitlines()
+        self.lines = text.split("\n")  # not splitlines(): TOML ends a line at nothing else
         self.remarks = self._repair()
         try:
             self.content: dict[str, Any] = tomllib.loads("\n".join(self.lines))

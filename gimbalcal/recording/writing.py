@@ -111,7 +111,8 @@ def _key(name: str) -> str:
 
 
 def _text(text: str) -> str:
-    return json.dumps(text, ensure_ascii=True)  # a JSON string is a TOML basic string
+    # A JSON string is a TOML basic string, but for surrogate pairs (so not in ASCII) and DEL (to be escaped).
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _number(value: float, unit: str) -> str:
