@@ -39,7 +39,7 @@ ANGLES: tuple[tuple[int | None, int | None, int | None], ...] = (
     (None, 5, 0), (3, 6, None), (2, 7, None), (None, 0, -1), (1, None, -2), (0, None, -3),
 )  # fmt: skip
 
-# g_x, g_y, g_z of each row: the reading, in units of g; "scan" below holds what the scan shows where it differs
+# g_x, g_y, g_z of each row: the reading, in units of g
 GRAVITY = (
     (-t3, t2, 1),
     (r * t1 - t3, r, r),
@@ -61,18 +61,39 @@ GRAVITY = (
     (r, -r * (t1 + t2), -r),
 )
 
+# the same cells as the scan shows them, r2 for sqrt(2)
+SCAN = (
+    ("-g theta_30", "g theta_20", "8"),
+    ("(r2/2 theta_10 - theta_30) g", "r2/2 g", "g/r2"),
+    ("g (theta_10 - theta_30)", "8", "-g theta_20"),
+    ("r2/2 g", "g/r2 g", "-g theta_20"),
+    ("(empty)", "g (theta_30 - theta_10)", "-g theta_20"),
+    ("g/r2 g", "(theta_30 - r2/2 theta_10) g", "r2/2 g"),
+    ("-g theta_20", "g theta_30^2", "-g"),
+    ("-r2/2 g (theta_10 + theta_20)", "-r2/2 g", "-r2/2 g"),
+    ("-g theta_10", "-g", "-g theta_30 (barred)"),
+    ("-r2/2 g", "-r2/2 g", "-g theta_30"),
+    ("-g (underlined)", "8010", "-g theta_30"),
+    ("-r2/2 g", "r2/2 g (theta_10 + theta_20)", "-r2/2 g"),
+    ("(r2/2 theta_10 + theta_30) g", "r2/2 g", "-r2/2 g"),
+    ("-r2/2 g", "r2/2 g r2/2 g", "r2/2 g theta_20"),
+    ("-r2/2 g", "r2/2 g (theta_30 + theta_20)", "(r2/2 g theta_20)/(r2/2 g)"),
+    ("r2/2 g (-theta_10 + theta_20)", "-r2/2 g", "r2/2 g"),
+    ("r2/2 g", "-r2/2 g", "g theta_30"),
+    ("r2/2 g", "-r2/2 g (theta_10 + theta_20)", "-r2/2 g"),
+)
 GARBLED = {
-    (1, "z"): ("8", "8 for g"),
-    (3, "y"): ("8", "8 for g"),
-    (4, "y"): ("g/sqrt(2) g", "the g of row 3 or 5 runs into it; sqrt(2)/2 g is legible"),
-    (5, "x"): ("", "the cell is empty and its g stands in the cell of row 6"),
-    (6, "x"): ("g/sqrt(2) g", "the g of row 5 runs into it; sqrt(2)/2 g is legible"),
-    (7, "y"): ("g theta_30^2", "an exponent 2, of which no derivation of this row knows"),
-    (9, "z"): ("-g theta_30 (barred)", "a bar over theta"),
-    (11, "x"): ("-g (underlined)", "an underline"),
-    (11, "y"): ("8010", "8010 for g theta_10"),
-    (14, "y"): ("sqrt(2)/2 g sqrt(2)/2 g", "the cells of rows 13 and 14 run together"),
-    (15, "z"): ("(sqrt(2)/2 g theta_20)/(sqrt(2)/2 g)", "the cell of row 14 stands over it as a fraction"),
+    (1, "z"): "8 for g",
+    (3, "y"): "8 for g",
+    (4, "y"): "the g of row 3 or 5 runs into it; half of sqrt(2) is legible",
+    (5, "x"): "the cell is empty and its g stands in the cell of row 6",
+    (6, "x"): "the g of row 5 runs into it",
+    (7, "y"): "an exponent 2 that the first-order table cannot mean",
+    (9, "z"): "a bar over theta",
+    (11, "x"): "an underline",
+    (11, "y"): "8010 for g theta_10",
+    (14, "y"): "the cells of rows 13 and 14 run together",
+    (15, "z"): "the cell of row 14 stands over it as a fraction",
 }
 COMPONENTS = ("x", "y", "z")
 
@@ -112,12 +133,10 @@ def _gravity_item(row: int, component: str) -> str:
 
 def _printed_gravity() -> dict[str, Printed]:
     out = {}
-    for row, reading in enumerate(GRAVITY, 1):
-        for component, value in zip(COMPONENTS, reading, strict=True):
-            text = sp.sstr(g * value)
-            scan, garbled = GARBLED.get((row, component), (text, ""))
+    for row, (reading, cells) in enumerate(zip(GRAVITY, SCAN, strict=True), 1):
+        for component, value, scan in zip(COMPONENTS, reading, cells, strict=True):
             item = _gravity_item(row, component)
-            out[item] = Printed(item, scan or "(empty)", g * sp.sympify(value), garbled)
+            out[item] = Printed(item, scan, g * sp.sympify(value), GARBLED.get((row, component), ""))
     return out
 
 

@@ -250,6 +250,10 @@ def test_rank_and_null_directions():
     assert len(separation.NULL_LEVEL | separation.NULL_TILTED) + 7 == len(RESIDUALS)
 
 
+def test_coarse_stage_cannot_tell_the_platform_zero_from_a_common_turn_about_z():
+    assert sensor.coarse_rank() == 14
+
+
 def test_matrix_41_lacks_what_22_and_23_have():
     printed, derived = separation.PRINTED["Eq. (41)"].formula, separation.matrix_41()
     assert printed[:4, :] == derived[:4, :] or (printed - derived)[:4, :].applyfunc(sp.simplify).is_zero_matrix
