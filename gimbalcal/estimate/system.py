@@ -14,9 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Residual, Stage
-from gimbalcal.effects import Effect, Parameter, with_values
+from gimbalcal.effects import Effect, Parameter, values, with_values
 from gimbalcal.estimate.combined import Combined, combined
-from gimbalcal.estimate.information import Information, solve
+from gimbalcal.estimate.information import Information, information, solve
 from gimbalcal.estimate.static_run import StaticRun, baseline, information_of_rows, prepare
 from gimbalcal.recording import Recording
 
@@ -26,12 +26,25 @@ ENOUGH = 300  # rows for a first solution to linearise at: good to 1e-6, its squ
 def static_information(
     recording: Recording, effects: Sequence[Effect] = (), wanted: Sequence[Parameter] | None = None
 ) -> Information:
-    """Information of a static run about the wanted parameters (default: the baseline), linearised at the effects.
+    """Information of a static run about the wanted parameters (default: the baseline).
 
-    Effects that are not wanted are held. `gimbal_zero` refers to the readouts S_t, h, q of Eq. (4); see `fusion`.
+    Linearised at `effects` and what the run adds to them, so that products of a bias and a turn that only another
+    recording sees come out right; effects that are not wanted are held. `gimbal_zero` refers to the readouts S_t, h,
+    q of Eq. (4): zeros among `effects` may be counted otherwise and are found anew, see `fusion`.
     """
     run = prepare(recording)
-    return information_of_rows(run, effects, tuple(wanted) if wanted is not None else baseline(run))
+    wanted = tuple(wanted) if wanted is not None else baseline(run)
+    return information_of_rows(run, linearisation_point(run, effects, wanted), wanted)
+
+
+def linearisation_point(run: StaticRun, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Effect, ...]:
+    """Effects with the wanted parameters moved to where a part of the rows is explained; unseen directions stay."""
+    anew = any(p.effect == "gimbal_zero" for p in wanted)
+    effects = tuple(e for e in effects if not (anew and e.id == "gimbal_zero"))
+    few = run.thinned(ENOUGH)
+    J = few.jacobian(effects, wanted)
+    step = solve(information(J / few.sigma[..., None], few.departures(effects) / few.sigma, wanted))
+    return with_values(effects, wanted, values(effects, wanted) + step.x, run.recording.platform.axis_names)
 
 
 def static(
@@ -39,18 +52,15 @@ def static(
 ) -> Calibration:
     """Calibration from a static run alone: the combinations that it sees, the others at zero with their prior sigma.
 
-    prior: effects to linearise at; those whose parameters are not wanted stay as they are. The two roads to the
-    combined coefficients of the paper stand in `stages`.
+    prior: effects to linearise at; those whose parameters are not wanted stay as they are. The combined coefficients
+    of the paper, of what the prior leaves, stand in `stages`.
     """
     run = prepare(recording)
-    names = recording.platform.axis_names
     wanted = tuple(wanted) if wanted is not None else baseline(run)
-    effects: tuple[Effect, ...] = tuple(prior)
-    first = solve(information_of_rows(run.thinned(ENOUGH), effects, wanted))
-    effects = with_values(effects, wanted, first.x, names)
+    effects = linearisation_point(run, prior, wanted)
     J = run.jacobian(effects, wanted)
     solution = solve(information_of_rows(run, effects, wanted, J))
-    effects = with_values(effects, wanted, solution.x, names)
+    effects = with_values(effects, wanted, solution.x, recording.platform.axis_names)
     return Calibration(
         method="static-run",
         effects=effects,

@@ -149,5 +149,6 @@ def test_without_noise_the_truth_comes_back(seed: int) -> None:
     seen = {"bias:x": 1.0}, {"scale_factor:z": 1.0}, {"misalignment:zx": 1.0}
     for direction in seen:
         w = np.array([direction.get(p.label, 0.0) for p in both.parameters])
-        # directions below a signal-to-noise ratio of one are held at zero, and a little of them is in every parameter
-        assert w @ both.values == pytest.approx(w @ values(true, both.parameters), abs=0.05 * sigma_of(both, direction))
+        # directions below a signal-to-noise ratio of one are held at zero, and a little of them is in every parameter;
+        # the zero of the inner gimbal, which a static run does not read, enters in second order
+        assert w @ both.values == pytest.approx(w @ values(true, both.parameters), abs=0.3 * sigma_of(both, direction))
