@@ -23,6 +23,7 @@ from gimbalcal.estimate.multiposition import multiposition
 from gimbalcal.estimate.system import static, static_information
 from gimbalcal.plausibility import refuse_implausible
 from gimbalcal.recording import Recording, read
+from gimbalcal.recording.header import read_header
 
 Tell = Callable[[str], None]
 STATIC_BLOCK = 60.0  # s; a static run is read as minute means: no effect of the catalogue lives below 3 min
@@ -37,7 +38,8 @@ def load(folders: Sequence[str | Path], tell: Tell = silent) -> tuple[Recording,
     recordings = []
     for folder in folders:
         tell(f"reading {Path(folder).name}")
-        recording = read(Path(folder), average_s=STATIC_BLOCK)
+        static_run = read_header(Path(folder)).kind == "static-run"
+        recording = read(Path(folder), average_s=STATIC_BLOCK if static_run else None)
         refuse_implausible(recording)
         recordings.append(recording)
     return tuple(recordings)
