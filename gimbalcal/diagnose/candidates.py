@@ -1,0 +1,276 @@
+r"""Every cause that could be missing, as columns: the catalogue, and the five rivals that stand for "none of these".
+
+One candidate is one effect on one axis (or on all its axes together), with all its linear parameters. A non-linear
+constant (lag, epoch, period, place) is a grid of variants; each variant carries an equal share of the candidate's
+prior, so that the search is paid for.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gimbalcal.diagnose.observations import Observations, absent_effect
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters
+from gimbalcal.number import Array
+
+SHAPES = ("encoder_harmonic", "encoder_cyclic_error", "readout_curve", "setting_error")  # say a shape, not a cause
+JOINT = ("position_blunder",)  # effects whose parameters are one vector
+CARRIED = ("kappa_3", "kappa_4", "l")  # a second mechanism of the same effect: a candidate of its own
+SINGLE_AXES = ("x", "y", "z", "platform", "inner", "middle", "outer")
+GRID = 7  # values of a non-linear constant before refinement
+ORDERS = {"m": (1.0, 2.0)}  # whole-number constants: what a bearing does
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One choice of the non-linear constants, and where its columns stand in the library."""
+
+    constants: tuple[tuple[str, float], ...]
+    index: tuple[int, ...]
+    weight: float = 1.0  # share of the candidate's prior, up to their sum
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A cause: catalogue id or rival, axis, linear parameters, and variants of its non-linear constants."""
+
+    effect: str
+    axis: str
+    parameters: tuple[Parameter, ...]
+    variants: tuple[Variant, ...]
+    rival: str = ""  # in words, what an unknown of this shape depends on
+    channel: str = "specific_force"
+
+    @property
+    def label(self) -> str:
+        """Readable name, "bias_drift:x"."""
+        return f"{self.effect}:{self.axis}" if self.axis else self.effect
+
+
+def groups(wanted: Sequence[Parameter], effect_id: str) -> dict[str, tuple[Parameter, ...]]:
+    """Parameters by axis: "xy" belongs to x, "equatorial_x" to equatorial; all together if there are several."""
+    if effect_id in JOINT:
+        return {"": tuple(wanted)}
+    out: dict[str, list[Parameter]] = {}
+    own = [p for p in wanted if p.field not in CARRIED]
+    for p in own:
+        axis = p.axis.split("_")[0]
+        axis = axis[0] if len(axis) == 2 and set(axis) <= set("xyz") else axis
+        out.setdefault(axis, []).append(p)
+    if len(out) > 1:
+        out[", ".join(out)] = own
+    return {axis: tuple(ps) for axis, ps in out.items()}
+
+
+def available(o: Observations, baseline: Sequence[str]) -> tuple[str, ...]:
+    """Ids of the catalogue that this recording could show."""
+    out = []
+    for effect_id, cls in CATALOGUE.items():
+        if effect_id in SHAPES or effect_id in baseline or cls.stage not in o.sensitivity or o.kind not in cls.kinds:
+            continue
+        if all(q == "position" or o.recording.has(q) for q in cls.requires) and parameters(cls, o.stimulus.axis_names):
+            out.append(effect_id)
+    return tuple(out)
+
+
+def constant_fields(effect_id: str) -> tuple[dataclasses.Field[float], ...]:
+    """Non-linear constants of an effect."""
+    return tuple(f for f in dataclasses.fields(CATALOGUE[effect_id]) if f.metadata.get("kind") == "constant")
+
+
+def limits(f: dataclasses.Field[float], o: Observations) -> tuple[float, float]:
+    """Range of a constant that this recording could tell apart."""
+    low, high = float(f.metadata["low"]), float(f.metadata["high"])
+    time = o.stimulus.time
+    if f.name in ("tau", "period"):
+        low = max(low, 2 * float(np.median(np.diff(time)))) if f.name == "period" else low
+        high = min(high, 3 * float(time[-1]))
+    return (low, high) if low < high else (low, low)
+
+
+def grid(effect_id: str, f: dataclasses.Field[float], o: Observations) -> Array:
+    """Starting values of a constant: the places where something can happen, or even steps of its logarithm."""
+    if f.name == "position":
+        return np.unique(o.stimulus.position).astype(float)
+    if f.name in ORDERS:
+        return np.array(ORDERS[f.name])
+    if f.name == "epoch":
+        time, visit = o.stimulus.time, o.stimulus.visit
+        starts = time[np.flatnonzero(np.diff(visit)) + 1]
+        return starts - 1e-3 if len(starts) else np.linspace(0, time[-1], 50)[1:-1]
+    low, high = limits(f, o)
+    if f.name in CATALOGUE[effect_id].steps:
+        return np.unique(np.round(np.geomspace(low, high, GRID)))
+    if f.name == "period":
+        return period_grid(float(f.default), low, high, float(o.stimulus.time[-1]))
+    return np.geomspace(low, high, GRID) if low > 0 else np.linspace(low, high, GRID)
+
+
+def period_grid(usual: float, low: float, high: float, duration: float) -> Array:
+    """The usual period, and others within 5 % of it one third of a line width apart (at most 9)."""
+    low, high = max(low, 0.95 * usual), min(high, 1.05 * usual)
+    step = usual**2 / duration / 3
+    m = min(4, int((high - low) / 2 / step)) if step > 0 else 0
+    return usual + step * np.arange(-m, m + 1) if low < high else np.array([usual])
+
+
+@dataclass(frozen=True)
+class Library:
+    """All candidates and their reduced columns X (R, P), in units of prior sigmas."""
+
+    candidates: tuple[Candidate, ...]
+    X: Array
+
+
+def library(o: Observations, baseline: Sequence[str]) -> Library:
+    """Every cause that this recording could show and every rival."""
+    blocks: list[Array] = []
+    known = _catalogue(o, baseline, blocks)
+    unknown = rivals(o, blocks)
+    return Library(tuple(known + unknown), np.concatenate(blocks, axis=1))
+
+
+def _append(blocks: list[Array], X: Array) -> range:
+    at = sum(b.shape[1] for b in blocks)
+    blocks.append(X)
+    return range(at, at + X.shape[1])
+
+
+def _catalogue(o: Observations, baseline: Sequence[str], blocks: list[Array]) -> list[Candidate]:
+    out: list[Candidate] = []
+    for effect_id in available(o, baseline):
+        cls = CATALOGUE[effect_id]
+        wanted = parameters(cls, o.stimulus.axis_names)
+        fields = constant_fields(effect_id)
+        made: list[tuple[tuple[tuple[str, float], ...], range, Array]] = []
+        for values in product_grid([grid(effect_id, f, o) for f in fields]):
+            named = tuple((f.name, v) for f, v in zip(fields, values, strict=True))
+            X = scaled_columns(o, absent_effect(effect_id, o.stimulus, **dict(named)), wanted)
+            made.append((named, _append(blocks, X), X))
+        shares = list(groups(wanted, effect_id).items())
+        shares += [(a, tuple(q for q in wanted if q.field in CARRIED and q.axis == a)) for a in SINGLE_AXES]
+        for axis, chosen in [(a, ps) for a, ps in shares if ps]:
+            index = [wanted.index(p) for p in chosen]
+            if max(np.abs(X[:, index]).max(initial=0) for _, _, X in made) > 0:
+                variants = tuple(Variant(named, tuple(at[i] for i in index)) for named, at, _ in made)
+                out.append(Candidate(effect_id, axis, chosen, variants, channel=cls.channel))
+    return out
+
+
+def product_grid(grids: Sequence[Array]) -> list[tuple[float, ...]]:
+    """Every combination of constants."""
+    out: list[tuple[float, ...]] = [()]
+    for g in grids:
+        out = [(*head, float(v)) for head in out for v in g]
+    return out
+
+
+def scaled_columns(o: Observations, effect: Effect, wanted: Sequence[Parameter]) -> Array:
+    """Reduced columns (R, p) of an effect per prior sigma of each parameter."""
+    X = o.columns(effect, wanted) * np.array([p.sigma for p in wanted])
+    return o.reduce(np.nan_to_num(X))
+
+
+# --- the rivals: shapes without a cause -------------------------------------------------------------------------------
+
+RIVAL_SIGMA = 3.0  # prior size of one shape, in sigmas of a row: mixed over 0.1 to 100 like every other
+
+
+def rivals(o: Observations, blocks: list[Array]) -> list[Candidate]:
+    """Free per position, smooth in orientation, smooth in time, gimbal harmonics, function of temperature."""
+    out: list[Candidate] = []
+    for name, (words, basis) in shapes(o).items():
+        scale = basis / (np.sqrt((basis**2).mean(axis=0)) + 1e-300)
+        every: list[int] = []
+        for axis, along in _stage_axes(o):
+            X = np.stack([along * b[:, None] for b in scale.T], axis=-1)
+            at = tuple(_append(blocks, o.reduce(X) * RIVAL_SIGMA))
+            every += at
+            out.append(Candidate(f"unknown {name}", axis, (), (Variant((), at),), rival=words))
+        out.append(Candidate(f"unknown {name}", "x, y, z", (), (Variant((), tuple(every)),), rival=words))
+    return out + gimbal_harmonics(o, blocks)
+
+
+def _stage_axes(o: Observations) -> list[tuple[str, Array]]:
+    """What one unit (a sigma of a row) added to each accelerometer does to all channels, (n, C)."""
+    S = o.sensitivity[Stage.ACCELEROMETER]
+    out = []
+    for i, axis in enumerate("xyz"):
+        along = S[:, :, i]
+        out.append((axis, along / np.abs(along[:, 0:3]).max()))
+    return out
+
+
+def shapes(o: Observations) -> dict[str, tuple[str, Array]]:
+    """Bases (n, m) of the rivals that act on each accelerometer output."""
+    s = o.stimulus
+    t = s.time / s.time[-1]
+    m = 10 if o.kind == "multi-position" else 20
+    out = {"time": ("a smooth function of time", np.cos(np.pi * np.outer(t, np.arange(1, m + 1))))}
+    if o.kind == "multi-position":
+        places = np.unique(s.position)
+        out["position"] = ("a value of its own at each position", (s.position[:, None] == places).astype(float))
+        out["orientation"] = ("a smooth function of the direction of gravity", _harmonics(s.force / s.gravity))
+    else:
+        phase = np.arctan2(s.force[:, 1], s.force[:, 0])
+        n = np.arange(2, 7)
+        basis = np.concatenate([np.cos(np.outer(phase, n)), np.sin(np.outer(phase, n))], axis=1)
+        out["orientation"] = ("harmonics of the sidereal angle", basis)
+    if s.temperature is not None:
+        out["temperature"] = ("a function of temperature", _thermal(s.time, s.temperature))
+    return out
+
+
+def _harmonics(u: Array) -> Array:
+    """Second- and third-degree polynomials of the unit force (n, 16)."""
+    x, y, z = u.T
+    second = [x * y, y * z, z * x, x * x, y * y]
+    third = [x**3, y**3, z**3, x * x * y, x * x * z, y * y * x, y * y * z, z * z * x, z * z * y, x * y * z]
+    return np.stack(second + third, axis=-1)
+
+
+def _thermal(time: Array, temperature: Array) -> Array:
+    """Legendre polynomials 2 to 5 of temperature, its smoothed rate, square and cube (n, 7)."""
+    from numpy.polynomial import legendre
+    from scipy.ndimage import gaussian_filter1d
+
+    centred = temperature - temperature.mean()
+    x = centred / (np.abs(centred).max() + 1e-12)
+    poly = legendre.legvander(x, 5)[:, 2:]
+    width = max(2.0, len(time) / 200)
+    rate = np.gradient(gaussian_filter1d(temperature, width), time)
+    rate = rate / (np.abs(rate).max() + 1e-300)
+    return np.concatenate([poly, np.stack([rate, rate**2, rate**3], axis=-1)], axis=1)
+
+
+def gimbal_harmonics(o: Observations, blocks: list[Array]) -> list[Candidate]:
+    """Third to eighth harmonic of each moving gimbal angle as an error of that angle, aliases of lower ones left out."""
+    out = []
+    for i, axis in enumerate(o.stimulus.axis_names):
+        angle = o.seen[Stage.ENCODER].angle[:, i]
+        basis = _above_second(angle)
+        if np.ptp(angle) < 1e-2 or not basis.shape[1]:
+            continue
+        added = np.zeros((*basis.shape, len(o.stimulus.axis_names)))
+        added[:, :, i] = basis
+        X = np.stack([o.through(Stage.ENCODER, added[:, j]) for j in range(basis.shape[1])], axis=-1)
+        size = np.abs(X).max()
+        if size > 0:
+            variant = Variant((), tuple(_append(blocks, o.reduce(X / size) * RIVAL_SIGMA)))
+            words = f"a third or higher harmonic of the {axis} gimbal angle"
+            out.append(Candidate("unknown gimbal angle", axis, (), (variant,), rival=words, channel="gimbal_angle"))
+    return out
+
+
+def _above_second(angle: Array) -> Array:
+    """Harmonics 3 to 8 (n, m) cleared of what constant, first and second say at these angles, and of each other."""
+    low = np.stack([f(n * angle) for n in range(3) for f in (np.cos, np.sin)], axis=-1)
+    high = np.stack([f(n * angle) for n in range(3, 9) for f in (np.cos, np.sin)], axis=-1)
+    Q = np.linalg.svd(low, full_matrices=False)
+    base = Q[0][:, Q[1] > 1e-6 * Q[1][0]]
+    U, S, _ = np.linalg.svd(high - base @ (base.T @ high), full_matrices=False)
+    return np.asarray(U[:, S > 1e-2 * np.sqrt(len(angle))] * np.sqrt(len(angle)))

@@ -1,0 +1,141 @@
+r"""From probabilities to a verdict: what is claimed, what stands together, and when nothing is named.
+
+* something is missing only if the Bayes factor for it exceeds 100 and what clean recordings of this very design reach;
+* a shape without a cause wins when its probability exceeds one half: then no cause is named by force;
+* causes whose evidence, each at its own best size, lies within a factor 20 of the best stand together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gimbalcal.diagnose.candidates import Candidate
+from gimbalcal.diagnose.evidence import SIZES, Projection, log_bayes
+from gimbalcal.diagnose.search import Hypothesis, Search
+from gimbalcal.number import Array
+
+CLAIM = np.log(100.0)  # an e-value of 100: at most 1 % of clean recordings, whatever their number of rows
+TOGETHER = np.log(20.0)
+SURE = 0.90
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Verdict, the hypothesis behind it, for each member the candidates that fit alike, and probabilities."""
+
+    verdict: str
+    hypothesis: Hypothesis | None
+    twins: tuple[tuple[int, ...], ...]  # per member, indices of other candidates of other ids
+    probability: tuple[float, ...]  # per member, of its set
+    shapes: tuple[int, ...] = ()  # rivals that describe what is not explained, best first
+    unknown: float = 0.0  # probability that no cause of the catalogue explains it
+
+
+def decide(s: Search, threshold: float = CLAIM) -> Decision:
+    """The verdict of a search; `threshold` is the ln Bayes factor that clean recordings of this design reach."""
+    if s.ln_total < max(CLAIM, threshold):
+        return Decision("adequate", None, (), ())
+    candidates, p = s.library.candidates, s.posterior()
+    strange = np.array([h.unknown(candidates) for h in s.hypotheses])
+    unknown = float(p[strange].sum())
+    if unknown > 0.5:
+        return Decision("unexplained", None, (), (), _shapes(s, p, strange), unknown)
+    best = next(h for h in s.hypotheses if not h.unknown(candidates))
+    twins, probability = [], []
+    for member in best.members:
+        others = tuple(i for i in best.members if i != member)
+        alike = fits_alike(s, member, others)
+        alike = alike if _share(s, p, (member, *alike)) >= SURE else _widened(s, p, member, alike, others)
+        twins.append(alike)
+        probability.append(_share(s, p, (member, *alike)))
+    verdict = "not-identifiable" if any(twins) or min(probability) < SURE / 2 else "missing-physics"
+    return Decision(verdict, best, tuple(twins), tuple(probability), (), unknown)
+
+
+def _shapes(s: Search, p: Array, strange: Array) -> tuple[int, ...]:
+    """Rivals by probability."""
+    total: dict[int, float] = {}
+    for h, w, odd in zip(s.hypotheses, p, strange, strict=True):
+        for i in h.members:
+            if odd and s.library.candidates[i].rival:
+                total[i] = total.get(i, 0.0) + float(w)
+    return tuple(sorted(total, key=lambda i: -total[i]))
+
+
+def _share(s: Search, p: Array, alike: Sequence[int]) -> float:
+    """Probability of all hypotheses without an unknown that contain one of these causes."""
+    candidates = s.library.candidates
+    named = {candidates[i].effect for i in alike}
+    axes = {a for i in alike for a in candidates[i].axis.split(", ")}
+
+    def inside(i: int) -> bool:
+        return candidates[i].effect in named and bool(axes & set(candidates[i].axis.split(", ")))
+
+    return float(sum(w for h, w in zip(s.hypotheses, p, strict=True)
+                     if not h.unknown(candidates) and any(inside(i) for i in h.members)))  # fmt: skip
+
+
+def fits_alike(s: Search, member: int, beside: Sequence[int]) -> tuple[int, ...]:
+    """Candidates of other ids whose evidence at their own best size is within a factor 20 of this one's."""
+    scores = likeliest(s, beside)
+    candidates = s.library.candidates
+    alike = [
+        int(i)
+        for i in np.argsort(-scores)
+        if scores[i] > scores[member] - TOGETHER and not candidates[i].rival and i not in beside
+    ]
+    return _distinct(candidates, member, alike)
+
+
+def _distinct(candidates: Sequence[Candidate], member: int, alike: Sequence[int]) -> tuple[int, ...]:
+    """One candidate per id, other than the member's own."""
+    out: dict[str, int] = {}
+    for i in alike:
+        if candidates[i].effect != candidates[member].effect:
+            out.setdefault(candidates[i].effect, i)
+    return tuple(out.values())
+
+
+def _widened(s: Search, p: Array, member: int, alike: tuple[int, ...], beside: Sequence[int]) -> tuple[int, ...]:
+    """Add the next likely causes until the set is sure or has three."""
+    candidates = s.library.candidates
+    for h in s.hypotheses:
+        extra = [i for i in h.members if i not in beside]
+        if len(h.members) != len(beside) + 1 or h.unknown(candidates) or len(extra) != 1:
+            continue
+        if len(alike) >= 2 or _share(s, p, (member, *alike)) >= SURE:
+            break
+        alike = (*alike, *_distinct(candidates, member, [i for i in extra if i not in alike]))
+        alike = _distinct(candidates, member, alike)
+    return alike
+
+
+def likeliest(s: Search, beside: Sequence[int] = ()) -> Array:
+    """ln evidence (candidates,) at each one's best size and constants, relative to nothing, noise integrated over."""
+    from scipy.special import logsumexp
+
+    from gimbalcal.diagnose.search import given
+
+    rows = []
+    for p, ln in zip(s.projections, s.null, strict=True):
+        gained = 0.0
+        for i in beside:
+            p, more = given(p, s.library.candidates[i])
+            gained += more
+        rows.append(_best_sizes(p, s.library.candidates) + ln + gained)
+    return np.asarray(logsumexp(np.stack(rows), axis=0) - logsumexp(s.null))
+
+
+def _best_sizes(p: Projection, candidates: Sequence[Candidate]) -> Array:
+    out = np.full(len(candidates), -np.inf)
+    for i, c in enumerate(candidates):
+        if c.rival:
+            continue
+        at = np.array([v.index for v in c.variants])
+        ln = log_bayes(p.G[at[:, :, None], at[:, None, :]], p.b[at, 0])
+        assert ln.shape[-1] == len(SIZES)
+        out[i] = ln.max()
+    return out
