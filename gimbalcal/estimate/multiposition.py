@@ -27,6 +27,7 @@ from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.units import from_si, is_raw
 
 LINEAR = ("scale_factor", "bias", "misalignment")
+WIDE = 100.0  # times the prior scale of a navigation platform: low-cost units reach 50 mg, 5 % and 3 deg
 TERMS = (*LINEAR, "scale_nonlinearity", "cubic_nonlinearity")
 # x of the orthogonal frame lies along the first input axis, y in the plane of the first two: Eq. (5)
 TRIANGLE = ("yz", "zy", "zx")
@@ -97,7 +98,8 @@ def _without_angles(cls: Any) -> bool:
 def unknowns(terms: Sequence[str]) -> tuple[Parameter, ...]:
     """Parameters of the terms; of the six misalignments the three that the norm can see."""
     found = [p for t in terms for p in parameters(CATALOGUE[t])]
-    return tuple(p for p in found if p.effect != "misalignment" or p.axis in TRIANGLE)
+    kept = (p for p in found if p.effect != "misalignment" or p.axis in TRIANGLE)
+    return tuple(replace(p, sigma=WIDE * p.sigma) if p.effect in LINEAR else p for p in kept)
 
 
 def norm_fit(means: Recording, terms: Sequence[str]) -> NormFit:
