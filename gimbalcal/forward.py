@@ -221,6 +221,11 @@ def accelerometers(force: Array, s: Stimulus, effects: Sequence[Effect]) -> Arra
     return np.asarray(s.force + _total(effects, Stage.ACCELEROMETER, s))
 
 
+def gyroscopes(rate: Array, s: Stimulus, effects: Sequence[Effect]) -> Array:
+    """Gyroscope outputs (n, 3) [rad/s] for the angular rate (n, 3) of the sensor block."""
+    return np.asarray(rate + _total(effects, Stage.GYROSCOPE, s.at(rate=rate)))
+
+
 def _inertially_fixed(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> dict[str, Array]:
     """Outputs of a platform that gyroscopes hold while a still base turns with the Earth."""
     L = _latitude(s.latitude)
@@ -231,7 +236,8 @@ def _inertially_fixed(platform: Platform, s: Stimulus, effects: Sequence[Effect]
     gravity = s.gravity * DOWN + _total(effects, Stage.GRAVITY, s)
     force = accelerometers(-apply_matrix(C_np, np.broadcast_to(gravity, s.force.shape)), s, effects)
     C_nb = _rotation(effects, Stage.BASE, s)
-    angle = _gimbal_angles(platform, C_np @ np.swapaxes(C_nb, -1, -2), phase, L)
+    s = s.at(angle=_ideal_angles(platform, phase, L))
+    angle = _gimbal_angles(platform, C_np @ np.swapaxes(C_nb, -1, -2), s, effects)
     s = s.at(angle=angle)
     readout = angle - _total(effects, Stage.ENCODER, s)
     attitude = navigator_attitude_error(platform, force, readout) + _total(effects, Stage.ATTITUDE, s)
@@ -246,20 +252,32 @@ def _navigation_to_platform(phase: Array, latitude: float) -> Array:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def _gimbal_angles(platform: Platform, C_bp: Array, phase: Array, latitude: float) -> Array:
-    """Angles (n, k) at which the chain realises C_bp, the redundant inner gimbal at zero.
-
-    Newton on the rotation vector from the ideal angles; two steps leave 1e-16 rad for errors of 1e-3 rad.
-    """
-    names = platform.axis_names
+def _ideal_angles(platform: Platform, phase: Array, latitude: float) -> Array:
+    """Angles (n, k) of a perfect platform on a level base: S_t, 0, L, 0."""
     ideal = {"platform": phase, "middle": latitude * np.ones_like(phase)}
-    angle = platform.angles({k: v for k, v in ideal.items() if k in names}, phase.shape)
-    free = [i for i, name in enumerate(names) if name != "inner"]
+    return platform.angles({k: v for k, v in ideal.items() if k in platform.axis_names}, phase.shape)
+
+
+def _gimbal_angles(platform: Platform, C_bp: Array, s: Stimulus, effects: Sequence[Effect]) -> Array:
+    """True angles (n, k) at which the chain, axis tilts included, realises C_bp; s.angle holds the ideal ones.
+
+    The outer gimbal follows the inner one so that the *readout* of the inner gimbal stays at zero: its true angle is
+    its encoder's error. The others by Newton on the rotation vector; two steps leave 1e-16 rad for errors of 1e-3 rad.
+    """
+    free = [i for i, name in enumerate(platform.axis_names) if name != "inner"]
+    held = [i for i, name in enumerate(platform.axis_names) if name == "inner"]
+    error = _total(effects, Stage.ENCODER, s)
+    tilts = _total(effects, Stage.AXIS_TILT, s)
+    tilts = None if isinstance(tilts, float) else tilts
+    angle = s.angle
+    if held and not isinstance(error, float):
+        angle = angle.astype(np.result_type(angle, error))
+        angle[..., held] += error[..., held]
     for _ in range(2):
-        C = platform.attitude(angle)
-        error = _rotation_vector(C_bp @ np.swapaxes(C, -1, -2))
+        C = platform.attitude(angle, tilts)
+        left = _rotation_vector(C_bp @ np.swapaxes(C, -1, -2))
         J = np.stack([_axis_in_platform(platform, angle, i) for i in free], axis=-1)
-        step = np.linalg.solve(J, error[..., None])[..., 0] if not is_symbolic(error) else _symbolic_solve(J, error)
+        step = np.linalg.solve(J, left[..., None])[..., 0] if not is_symbolic(left) else _symbolic_solve(J, left)
         angle = angle.astype(np.result_type(angle, step))
         angle[..., free] += step
     return angle

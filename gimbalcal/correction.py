@@ -1,0 +1,174 @@
+r"""A calibration applied: readings to physics (`correct`), and physics to readings (`corrupt`), exact inverses.
+
+Effects say what is read for what is there, y = h(f). So `corrupt` evaluates the forward model and `correct` solves it,
+by Newton's method with the exact derivative dh/df. What belongs to the sensors is corrected: input-output law of
+accelerometers and gyroscopes, and the zeros and errors of the angle encoders. What belongs to the world (tilt of the
+base, drift of the platform, gravity) is not an error of a reading and stays.
+
+Time, temperature, covariates and the last move come from the recording at hand. An effect of the last move takes the
+force before and after it from the angles; without angles it takes the reading itself, which is then right to the
+product of two errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.effects import Effect, Stage, Stimulus
+from gimbalcal.errors import InputError
+from gimbalcal.forward import accelerometers, gyroscopes, stimulus
+from gimbalcal.number import STEP, Array
+from gimbalcal.recording import Recording
+from gimbalcal.recording.record import Key
+from gimbalcal.units import is_raw
+
+FORCE, RATE, ANGLE = "specific_force", "angular_rate", "gimbal_angle"
+AXES = ("x", "y", "z")
+ROUNDS = 6  # each multiplies what is left by a product of two errors, below 1e-5
+
+
+def correct(calibration: Calibration, recording: Recording) -> Recording:
+    """The recording with its readings turned into what was there: force [m/s^2], rate [rad/s], true gimbal angles.
+
+    Direction: readings to physics. Raises InputError where the calibration was made from counts and the recording is
+    in another unit, or the other way round.
+    """
+    effects = _with_needs(calibration.effects, recording)
+    made = _from_counts(calibration, recording)
+    made = _turned(made, effects, 1.0)
+    s = stimulus(made)
+    force, rate = (made.triad(q) if made.has(q) else None for q in (FORCE, RATE))
+    for _ in range(ROUNDS):  # force and rate enter each other's errors (g-sensitivity, lever arms)
+        before = s
+        if rate is not None:
+            s = s.at(rate=_solve(partial(_rates, s, effects), rate))
+        if force is not None:
+            s = s.at(force=_solve(partial(_forces, s, effects), force))
+        if np.array_equal(s.force, before.force) and np.array_equal(s.rate, before.rate):
+            break
+    channels = dict(made.channels)
+    channels |= _columns(FORCE, s.force) if force is not None else {}
+    channels |= _columns(RATE, s.rate) if rate is not None else {}
+    return replace(made, channels=channels)
+
+
+def _forces(s: Stimulus, effects: Sequence[Effect], f: Array) -> Array:
+    return accelerometers(f, s, effects)
+
+
+def _rates(s: Stimulus, effects: Sequence[Effect], w: Array) -> Array:
+    return gyroscopes(w, s, effects)
+
+
+def corrupt(calibration: Calibration, recording: Recording) -> Recording:
+    """The recording as the calibrated unit would have read it, inverse of `correct`. Direction: physics to readings."""
+    effects = _with_needs(calibration.effects, recording)
+    read = _turned(recording, effects, -1.0)
+    s = stimulus(recording if recording.platform.axes else read)
+    channels = dict(read.channels)
+    if recording.has(FORCE):
+        f = recording.triad(FORCE)
+        channels |= _columns(FORCE, accelerometers(f, s, effects))
+        s = s.at(force=f)
+    if recording.has(RATE):
+        channels |= _columns(RATE, gyroscopes(recording.triad(RATE), s, effects))
+    return _to_counts(calibration, replace(read, channels=channels))
+
+
+def _columns(quantity: str, v: Array) -> dict[Key, Array]:
+    return {(quantity, a): v[:, i] for i, a in enumerate(AXES)}
+
+
+def _solve(h: Callable[[Array], Array], y: Array, steps: int = 20) -> Array:
+    """Solve h(f) = y for f (n, 3) by Newton from f = y; h couples only the axes of one row."""
+    f = np.array(y, dtype=float)
+    for _ in range(steps):
+        J = np.stack([h(f + 1j * STEP * unit).imag / STEP for unit in np.eye(3)], axis=-1)
+        step = np.linalg.solve(J, (y - h(f))[..., None])[..., 0]
+        f = f + step
+        if np.all(np.abs(step) <= 4e-16 * np.max(np.abs(y), initial=1e-300)):  # two units in the last place
+            break
+    return f
+
+
+def _turned(recording: Recording, effects: Sequence[Effect], sign: float) -> Recording:
+    """Readouts to true gimbal angles (sign 1) or back (sign -1)."""
+    encoder = [e for e in effects if e.stage is Stage.ENCODER]
+    if not encoder or not recording.has(ANGLE):
+        return recording
+    told = recording.angles()
+    angle = told + _off(encoder, recording, told) if sign > 0 else told
+    for _ in range(50 if sign < 0 else 0):  # readout = true - error(readout): contracts tenfold or more
+        new = told - _off(encoder, recording, angle)
+        done, angle = np.array_equal(new, angle), new
+        if done:
+            break
+    return _with_angles(recording, angle)
+
+
+def _with_angles(recording: Recording, angle: Array) -> Recording:
+    names = recording.platform.axis_names
+    logged = {(ANGLE, n): angle[:, names.index(n)] for n in recording.axes(ANGLE)}
+    return replace(recording, channels=dict(recording.channels) | logged)
+
+
+def _off(encoder: Sequence[Effect], recording: Recording, readout: Array) -> Array:
+    """True angle minus readout (n, k) [rad] at these readouts."""
+    s = stimulus(_with_angles(recording, readout))
+    return np.asarray(sum(e.contribution(s) for e in encoder))
+
+
+def _with_needs(effects: Sequence[Effect], recording: Recording) -> tuple[Effect, ...]:
+    """The effects, if the recording has what they need. Raises InputError, naming effect and channel, if not."""
+    for e in effects:
+        missing = [q for q in e.requires if not _has(recording, q)]
+        if missing:
+            raise InputError(
+                f"the calibration corrects {e.id}, which needs a {missing[0]} channel, and {recording.title!r} has "
+                "none: log it, or calibrate without this effect"
+            )
+    return tuple(effects)
+
+
+def _has(recording: Recording, need: str) -> bool:
+    """Whether a quantity was logged, or a covariate by its name ("covariate:supply_voltage")."""
+    quantity, _, name = need.partition(":")
+    return (quantity, name) in recording.channels if name else recording.has(quantity)
+
+
+def nominal(calibration: Calibration) -> Mapping[str, Any]:
+    """Scale [m/s^2 per count] and offset [count] of a calibration made from counts; empty for one in m/s^2."""
+    found: Mapping[str, Any] = calibration.provenance.get("options", {}).get("nominal", {})
+    return found
+
+
+def _from_counts(calibration: Calibration, recording: Recording) -> Recording:
+    known = nominal(calibration)
+    raw = any(is_raw(recording.units.get((FORCE, a), "m/s^2")) for a in AXES if (FORCE, a) in recording.channels)
+    if raw != bool(known):
+        have, want = ("counts", "m/s^2") if raw else ("m/s^2", "counts")
+        raise InputError(
+            f"{recording.title!r} reads specific force in {have} and the calibration was made from readings in {want}: "
+            "use a calibration of the same unit"
+        )
+    if not raw:
+        return recording
+    N = recording.triad(FORCE)
+    y = np.asarray(known["scale"]) * (N - np.asarray(known["offset"]))
+    units = dict(recording.units) | {(FORCE, a): "m/s^2" for a in AXES}
+    return replace(recording, channels=dict(recording.channels) | _columns(FORCE, y), units=units)
+
+
+def _to_counts(calibration: Calibration, recording: Recording) -> Recording:
+    known = nominal(calibration)
+    if not known or not recording.has(FORCE):
+        return recording
+    N = recording.triad(FORCE) / np.asarray(known["scale"]) + np.asarray(known["offset"])
+    units = dict(recording.units) | {(FORCE, a): "count" for a in AXES}
+    return replace(recording, channels=dict(recording.channels) | _columns(FORCE, N), units=units)
