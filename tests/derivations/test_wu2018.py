@@ -24,6 +24,7 @@ from derivations.wu2018.symbols import (
     beta_yx,
     beta_zy,
     g,
+    harmonics,
     nabla_x,
     nabla_z,
     sigma_x,
@@ -59,8 +60,8 @@ def test_key_items(wu2018_verdicts, item):
     assert wu2018_verdicts[item].verdict == KEY[item]
 
 
-def test_every_equation_and_table_entry_once(wu2018_verdicts):
-    count = Counter(v.item for v in wu2018.verdicts())
+def test_every_equation_and_table_entry_once(wu2018_list):
+    count = Counter(v.item for v in wu2018_list)
     expected = {f"Eq. ({n})" for n in range(1, 42)}
     expected |= {f"Table 1, row {r}, g_{c}" for r in range(1, 19) for c in "xyz"}
     expected |= {f"Table 1, row {r}, theta_{i}" for r in range(1, 19) for i in (1, 2, 3)}
@@ -298,3 +299,18 @@ def test_gravity_of_table_4_is_normal_gravity():
 
     assert float(normal_gravity(LATITUDE)) == pytest.approx(G_NORMAL, abs=1e-5)  # five decimals typed in
     assert abs(table4.best_gravity() - G_NORMAL) < 1e-3  # the printed digits resolve about 1e-4 of g
+
+
+@pytest.mark.parametrize("power", [1, 2, 3])
+def test_harmonics_by_eight_angles_are_the_integral(power):
+    expr = (sp.cos(S_t) + 2 * sp.sin(S_t) + sp.sin(L)) ** power
+    weights = {
+        "mean": sp.Rational(1, 2),
+        "1c": sp.cos(S_t),
+        "1s": sp.sin(S_t),
+        "2c": sp.cos(2 * S_t),
+        "2s": sp.sin(2 * S_t),
+    }
+    for name, found in harmonics(expr).items():
+        exact = sp.integrate(sp.expand(expr * weights[name]), (S_t, 0, 2 * sp.pi)) / sp.pi
+        assert sp.simplify(found - exact) == 0
