@@ -1,0 +1,95 @@
+r"""The rotation between the accelerometers' frame p and the gyroscopes' frame q: Wang et al. (2019), Eq. (43).
+
+After Zhang et al. (2010), the paper's reference [9]: turn the unit from rest to rest; the gyroscopes say by which
+rotation R^q, the accelerometers where gravity was before and after, and both must be one turn of one body,
+
+.. math:: C_p^q f_2^p = R^q \, C_p^q f_1^p .
+
+A whole revolution brings gravity back and says nothing here; a vertical axis does: u^q = C_p^q f^p / g.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array, apply_matrix, arcsin, arctan2, frame_rotation
+
+
+@dataclass(frozen=True)
+class InterTriad:
+    """alpha, beta, gamma (3,) [rad] of Eq. (43) with their covariance [rad^2] and the rms misfit of the pairs [rad]."""
+
+    angles: Array
+    covariance: Array
+    rms: float
+
+    @property
+    def C_qp(self) -> Array:
+        """C_p^q: components in p to components in q, (3, 3)."""
+        return rotation(self.angles)
+
+
+def rotation(angles: Array) -> Array:
+    """C_p^q = Ry(gamma) Rx(beta) Rz(alpha) of Eq. (43) from (..., 3) [rad]."""
+    a = np.asarray(angles)
+    return np.asarray(
+        frame_rotation("y", a[..., 2]) @ frame_rotation("x", a[..., 1]) @ frame_rotation("z", a[..., 0])
+    )
+
+
+def euler(C: Array) -> Array:
+    """alpha, beta, gamma (3,) [rad] of a rotation matrix, the inverse of `rotation` for |beta| < pi/2."""
+    return np.array([arctan2(-C[1, 0], C[1, 1]), arcsin(C[1, 2]), arctan2(-C[0, 2], C[2, 2])])
+
+
+def from_turns(before: Array, after: Array, turns: Array, sigma: float) -> InterTriad:
+    """From unit force before and after (m, 3) in p and the turns R^q (m, 3, 3) between: Gauss-Newton from identity.
+
+    sigma [rad]: error of one pair per component. Raises InputError where the turns do not determine the rotation.
+    """
+    x = np.zeros(3)
+    for _ in range(30):
+        C = rotation(x)
+        r = (apply_matrix(C, after) - apply_matrix(turns @ C, before)).ravel()
+        columns = []
+        for unit in np.eye(3):
+            dC = rotation(x + 1e-30j * unit).imag / 1e-30
+            columns.append((apply_matrix(dC, after) - apply_matrix(turns @ dC, before)).ravel())
+        J = np.stack(columns, axis=-1)
+        if np.linalg.svd(J, compute_uv=False)[-1] < 1e-6 * np.sqrt(len(before)):  # turns of order one give order one
+            raise InputError(
+                "these turns do not determine the rotation between the triads: turn about two axes that are not "
+                "vertical, by angles that are not whole revolutions"
+            )
+        step = np.linalg.lstsq(J, -r, rcond=None)[0]
+        x = x + step
+        if np.max(np.abs(step)) < 1e-15:
+            break
+    return InterTriad(x, sigma**2 * np.linalg.inv(J.T @ J), float(np.sqrt(np.mean(r**2))))
+
+
+def from_vertical_axes(axes: Array, force: Array, sigma: float) -> InterTriad:
+    """From rotation axes u (m, 3) in q that were vertical, and unit force (m, 3) in p: Wahba's problem by SVD.
+
+    Raises InputError for fewer than two different directions.
+    """
+    U, S, Vt = np.linalg.svd(np.asarray(axes).T @ np.asarray(force))
+    if S[1] < 1e-6 * S[0]:
+        raise InputError("one vertical direction leaves the rotation about it open: turn about two or more")
+    C = U @ np.diag([1.0, 1.0, np.linalg.det(U) * np.linalg.det(Vt)]) @ Vt
+    r = np.asarray(axes) - apply_matrix(C, force)
+    # a small rotation e moves C f by -e x C f: information is the sum of 1 - (C f)(C f)^T
+    moved = apply_matrix(C, force)
+    F = len(moved) * np.eye(3) - moved.T @ moved
+    x = euler(C)
+    G = np.stack([_vector(rotation(x + 1e-30j * u).imag / 1e-30 @ C.T) for u in np.eye(3)], axis=-1)
+    H = np.linalg.inv(G)
+    return InterTriad(x, sigma**2 * H @ np.linalg.inv(F) @ H.T, float(np.sqrt(np.mean(r**2))))
+
+
+def _vector(S: Array) -> Array:
+    """Vector of a skew matrix -[v x]."""
+    return np.array([S[1, 2], S[2, 0], S[0, 1]])

@@ -1,0 +1,130 @@
+"""Gyroscopes between rests: recovery from a simulated hand, exact derivatives, counts, and refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gimbalcal.effects import Effect
+from gimbalcal.effects.gyroscope import GyroBias, GyroMisalignment, GyroScaleFactor, GyroScaleNonlinearity
+from gimbalcal.errors import InputError
+from gimbalcal.estimate import poses
+from gimbalcal.estimate.inter_triad import euler, rotation
+from gimbalcal.estimate.multiposition import multiposition
+from gimbalcal.estimate.poses import LINEAR, gyroscopes_between_rests
+from gimbalcal.forward import gyroscopes, stimulus
+from gimbalcal.number import Array
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording, Site
+
+STEP = 0.02  # s
+REST, TURN = 100, 120  # samples
+TRUTH: tuple[Effect, ...] = (
+    GyroBias(epsilon=np.array([2e-3, -1e-3, 3e-3])),
+    GyroScaleFactor(s=np.array([0.01, -0.02, 0.015])),
+    GyroMisalignment(E=np.array([0.01, -0.005, 0.004, 0.006, -0.008, 0.003])),
+)
+BENT = GyroScaleNonlinearity(K=np.array([2e-3, -1e-3, 1.5e-3]))
+
+
+def hand(effects: tuple[Effect, ...], noise: float, turns: int = 24, seed: int = 0) -> Recording:
+    """A unit turned from rest to rest about random axes by random angles; its accelerometers are perfect."""
+    rng = np.random.default_rng(seed)
+    bump = np.sin(np.linspace(0, np.pi, TURN)) ** 2
+    rates, forces, position = [], [], []
+    f = np.array([0.0, 0.0, -9.8])
+    for k in range(turns + 1):
+        rates += [np.zeros((REST, 3))]
+        forces += [np.tile(f, (REST, 1))]
+        position += [np.full(REST, k + 1)]
+        axis = rng.standard_normal(3)
+        turn = axis / np.linalg.norm(axis) * rng.uniform(1, 3) / (bump.sum() * STEP)
+        rates += [turn * bump[:, None]]
+        steps = poses._exponential(rates[-1] * STEP)
+        forces += [np.array([f := C @ f for C in steps])]
+        position += [np.zeros(TURN, dtype=int)]
+    rate, force = np.concatenate(rates[:-1]), np.concatenate(forces[:-1])
+    n = len(rate)
+    channels = {("specific_force", a): force[:, i] for i, a in enumerate("xyz")}
+    made = Recording("multi-position", "hand", BENCH, Site(gravity=9.8), {}, STEP * np.arange(n),
+                     np.concatenate(position[:-1]), channels)  # fmt: skip
+    y = gyroscopes(rate, stimulus(made), effects) + noise * rng.standard_normal((n, 3))
+    return replace(made, channels=channels | {("angular_rate", a): y[:, i] for i, a in enumerate("xyz")})
+
+
+def truth_of(effects: tuple[Effect, ...], made: object) -> Array:
+    by_id = {e.id: e for e in effects}
+    return np.array([getattr(by_id[p.effect], p.field)[p.index] for p in made.parameters])  # type: ignore[attr-defined]
+
+
+def test_truth_comes_back_within_its_uncertainty() -> None:
+    errors = []
+    for seed in range(6):
+        recording = hand(TRUTH, 2e-3, seed=seed)
+        made = gyroscopes_between_rests(recording, multiposition(recording, ("bias",)), LINEAR)
+        errors.append((made.values - truth_of(TRUTH, made)) / made.sigmas)
+    spread = np.sqrt(np.mean(np.square(errors)))
+    assert 0.5 < spread < 1.5  # 72 normal numbers, sigma scaled to 39 degrees of freedom: 0.1, with room for both
+
+
+def test_derivative_is_that_of_a_difference() -> None:
+    recording = hand(TRUTH, 0.0, turns=8)
+    turned, _, _ = poses._turns(recording, multiposition(recording, ("bias",)))
+    wanted = poses._fit(turned, LINEAR).parameters
+    x = np.full(len(wanted), 0.01)
+    J = poses._linear(turned, wanted, x)[1]
+    h = 1e-6
+    for k, unit in enumerate(np.eye(len(x))):
+        up, down = (poses._linear(turned, wanted, x + s * h * unit)[0] for s in (1, -1))
+        # the misfit is observed minus predicted; central differences leave h^2 and 1e-16 / h
+        np.testing.assert_allclose(J[:, k], -(up - down) / (2 * h), atol=1e-8)
+
+
+def test_nonlinearity_is_kept_where_it_is_and_declined_where_not() -> None:
+    bent, straight = (hand(e, 1e-3, turns=30) for e in ((*TRUTH, BENT), TRUTH))
+    kept = gyroscopes_between_rests(bent, multiposition(bent, ("bias",)))
+    assert "gyro_scale_nonlinearity" in {p.effect for p in kept.parameters}
+    declined = gyroscopes_between_rests(straight, multiposition(straight, ("bias",)))
+    names = {p.effect for p in declined.parameters}
+    if "gyro_scale_nonlinearity" not in names:
+        assert "positions" not in declined.unobservable[0]["why"]
+        assert "turns left out are predicted worse with it" in declined.unobservable[0]["why"]
+    else:
+        x = {p.label: abs(v / s) for p, v, s in zip(declined.parameters, declined.values, declined.sigmas, strict=True)}
+        assert max(v for k, v in x.items() if "nonlinearity" in k) < 4
+
+
+def test_counts_get_their_scale_from_gravity() -> None:
+    recording = hand(TRUTH, 1e-3)
+    raw = {key: v / 2e-4 + 30000 if key[0] == "angular_rate" else v for key, v in recording.channels.items()}
+    units = {("angular_rate", a): "count" for a in "xyz"}
+    counted = replace(recording, channels=raw, units=units)
+    accelerometers = multiposition(recording, ("bias",))
+    one, other = (gyroscopes_between_rests(r, accelerometers, LINEAR) for r in (recording, counted))
+    scale = other.provenance["options"]["gyro_nominal"]["scale"]
+    sf = [(c.values[3] + 1) for c in (one, other)]
+    assert sf[1] / scale * 2e-4 == pytest.approx(sf[0], rel=1e-5)  # one problem in two units, to the stopping rule
+
+
+def test_too_few_rests_and_foreign_terms_are_refused() -> None:
+    recording = hand(TRUTH, 1e-3, turns=3)
+    accelerometers = multiposition(hand(TRUTH, 1e-3), ("bias",))
+    with pytest.raises(InputError, match="holds 4 rests; turns between at least six are needed"):
+        gyroscopes_between_rests(recording, accelerometers)
+    with pytest.raises(InputError, match="'bias', which is not a gyroscope effect"):
+        gyroscopes_between_rests(recording, accelerometers, ("bias",))
+
+
+def test_rotation_between_the_triads_comes_out_of_the_misalignments() -> None:
+    """M = (C_q^p C_g^q)^-1 for a known C_p^q and triangle, Eqs. (8) and (43)."""
+    angles = np.array([0.01, -0.02, 0.015])
+    triangle = np.array([[1, 0, 0], [0.004, 1, 0], [-0.003, 0.002, 1]])
+    M = np.linalg.inv(rotation(angles).T @ triangle @ np.diag([1.01, 0.98, 1.0]))
+    x = np.array([*(np.diag(M) - 1), M[0, 1], M[0, 2], M[1, 2], M[1, 0], M[2, 0], M[2, 1]])
+    recording = hand(TRUTH, 0.0, turns=8)
+    turned, _, _ = poses._turns(recording, multiposition(recording, ("bias",)))
+    fit = replace(poses._fit(turned, LINEAR), x=x)
+    np.testing.assert_allclose(poses._inter_triad(fit), angles, atol=1e-14)  # an exact factorisation
+    np.testing.assert_allclose(euler(rotation(angles)), angles, atol=1e-15)
