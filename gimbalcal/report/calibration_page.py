@@ -39,6 +39,7 @@ def calibration_report(
         "facts": _facts(content, recordings),
         "rows": _rows(content, truth),
         "with_truth": truth is not None,
+        "nominal": _nominal(content),
         **_unseen(content),
         "leading": leading,
         "pictures": others,
@@ -69,6 +70,18 @@ def _facts(content: Mapping[str, Any], recordings: Sequence[Recording]) -> list[
     if rows:
         facts.append((f"{rows:,}".replace(",", " "), "samples used"))
     return facts
+
+
+def _nominal(content: Mapping[str, Any]) -> str:
+    """What the parameters are counted from where readings are in counts, in a sentence; else empty."""
+    nominal = content["provenance"].get("options", {}).get("nominal")
+    if not nominal:
+        return ""
+    scale, offset = (", ".join(f"{v:.7g}" for v in nominal[key]) for key in ("scale", "offset"))
+    return (
+        f"The readings are counts. Scale factors and biases are errors of a nominal {scale} m/s² per count from "
+        f"{offset} counts (x, y, z)."
+    )
 
 
 def _unseen(content: Mapping[str, Any]) -> dict[str, Any]:
@@ -143,11 +156,13 @@ def _position_pictures(
     e = by_position(r, effects, provenance)
     unit = wording.unit_in_print(e.unit)
     before, after = (significant(float(np.sqrt(np.mean(v**2))), 3) for v in (e.before, e.after))
+    far = 0 if e.sigma is None else int(np.sum(np.abs(e.after) > figures.OUTLIER * e.sigma))
+    circled = f"; circled: {wording.counted(far, 'reading')} beyond {figures.OUTLIER} σ" if far else ""
     residuals = picture(
         figures.residuals_by_position(e.labels, e.before, e.after, e.sigma, e.axes, unit),
         f"Residuals of {len(e.labels)} positions by axis: {before} {unit} rms before, {after} {unit} rms after.",
         f"Measured minus model at each position of “{r.title}”: with perfect sensors (left), with the calibration "
-        "(right, its own scale; circled: beyond 3.5 σ).",
+        f"(right, its own scale{circled}).",
     )
     if not r.platform.axes:
         return residuals, []

@@ -12,6 +12,7 @@ from gimbalcal.estimate.information import information, solve
 from gimbalcal.forward import jacobian, predict, stimulus
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording, Site, Source
+from gimbalcal.report.evidence import in_run_sense
 from gimbalcal.schedule import EIGHTEEN_POSITIONS
 
 EFFECTS = ("scale_factor", "bias", "scale_nonlinearity", "misalignment", "gimbal_zero")
@@ -40,9 +41,9 @@ def recordings(truth: np.ndarray, rng: np.random.Generator) -> tuple[Recording, 
     time = 60.0 * np.arange(1440)
     turned = np.stack([EARTH_RATE * time, 0 * time, np.full(1440, SITE.latitude), 0 * time], axis=-1)
     run = _recording("static-run", "static day", SPACE_STABLE_INERTIAL, turned, time, 60.0)
-    out = predict(SPACE_STABLE_INERTIAL, stimulus(run), effects, "static-run")
+    out = predict(SPACE_STABLE_INERTIAL, stimulus(run), in_run_sense(effects, names), "static-run")
     force = out["specific_force"] + rng.normal(0, NOISE["accelerometer"] / 60**0.5, (1440, 3))
-    attitude = out["attitude_error"] + rng.normal(0, NOISE["attitude"], (1440, 3))
+    attitude = out["attitude_error"] + rng.normal(0, NOISE["attitude"] / 60**0.5, (1440, 3))
     run.channels.update(zip([("specific_force", a) for a in "xyz"], force.T, strict=True))  # type: ignore[attr-defined]
     run.channels.update(zip([("attitude_error", a) for a in ("roll", "pitch")], attitude.T[:2], strict=True))  # type: ignore[attr-defined]
     return still, run
@@ -81,6 +82,8 @@ def example() -> tuple[dict[str, Any], tuple[Recording, Recording], dict[str, fl
         rms = float(np.sqrt(np.mean(rest**2)))
         labels = tuple(p.label for p in some)
         stages.append(Stage(name, labels, solution.x, solution.sigma, rms, f"{len(some)} unknowns, one linear step"))
+    coefficients, spread = np.array([1.5e-4, -3e-6]), np.array([2e-7, 4e-7])
+    stages.append(Stage("combined coefficients", ("x1", "phi_1s"), coefficients, spread, rms))
     calibration = Calibration(
         method="three-stage",
         effects=with_values((), wanted, x, names),

@@ -8,8 +8,9 @@ import pytest
 
 from gimbalcal.calibration import from_dict
 from gimbalcal.report import calibration_report
-from gimbalcal.report.evidence import by_position, corrected, over_time, setting_spread
+from gimbalcal.report.evidence import by_position, corrected, in_run_sense, over_time, setting_spread
 from gimbalcal.report.rounding import pdg
+from gimbalcal.units import from_si
 from tests.report.example import ARCSEC, NOISE, example
 
 
@@ -153,3 +154,42 @@ def test_a_unit_without_gimbals_is_judged_by_the_size_of_gravity() -> None:
     assert e.axes == ("|f| − g",)
     assert np.abs(e.before).max() > 1000  # ug: the errors are ten times the prior, 5000 ppm
     assert np.abs(e.after).max() < 1e-6  # ug: what rounding of 9.8 leaves
+
+
+def test_the_truth_leaves_of_a_day_what_the_noise_is() -> None:
+    content, (_, run), truth = example()
+    fitted = {f"{p['name']}:{p['axis']}": p for p in content["parameters"]}
+    right = content | {
+        "parameters": [p | {"value": float(from_si(truth[k], p["unit"]))} for k, p in fitted.items()],
+    }
+    effects = from_dict(right, run.platform.axis_names).effects
+    _, curves = over_time(run, in_run_sense(effects, run.platform.axis_names))
+    _, wrong = over_time(run, effects)
+    for curve in (curves[1], curves[2]):  # roll also holds what the phase of the run cannot be told from
+        assert curve.sigma is not None
+        scatter = np.std(curve.measured - curve.fitted)
+        # of 288 blocks the scatter is known to 1/sqrt(576) = 4 %; four of those
+        assert scatter == pytest.approx(curve.sigma, rel=0.16)
+    zero = truth["gimbal_zero:platform"]
+    assert abs(zero) > 10 * ARCSEC  # else the next line proves nothing
+    assert not np.allclose(wrong[0].fitted, curves[0].fitted, atol=1.0)  # 1 arcsec
+
+
+def test_coefficients_that_are_no_parameters_have_a_table_of_their_own(page: str) -> None:
+    assert re.search(r"<th scope=\"row\">x1</th><td class=\"value\">150.00</td><td class=\"sigma\">± 0.20", page)
+
+
+def test_readings_in_counts_are_judged_in_si() -> None:
+    content, (still, _), _ = example()
+    effects = from_dict(content, still.platform.axis_names).effects
+    scale, offset = np.array([0.002, 0.003, 0.004]), np.array([100.0, -50.0, 7.0])
+    counts = still.triad("specific_force") / scale + offset
+    channels = dict(still.channels) | {("specific_force", a): counts[:, i] for i, a in enumerate("xyz")}
+    noise = dict(still.noise) | {"accelerometer": NOISE["accelerometer"] / 0.003}
+    raw = dataclasses.replace(still, channels=channels, noise=noise)
+    nominal = {"options": {"nominal": {"scale": scale.tolist(), "offset": offset.tolist()}}}
+    e, expected = by_position(raw, effects, nominal), by_position(still, effects, {})
+    assert e.after == pytest.approx(expected.after, abs=1e-6)  # ug: rounding of 9.8 m/s^2 in counts
+    assert e.sigma == pytest.approx(expected.sigma, rel=1e-12)
+    text = calibration_report(content | {"provenance": nominal})
+    assert "a nominal 0.002, 0.003, 0.004 m/s² per count from 100, -50, 7 counts" in text
