@@ -193,8 +193,11 @@ def judge(printed: Printed, case: Case) -> tuple[str, str]:
 
 def magnitude(difference: Expr, at: Mapping[Expr, float], sweep: Sequence[Mapping[Expr, float]] = ({},)) -> float:
     """Largest absolute value of a difference over the points of `sweep`."""
-    values = [entry.subs({**at, **point}) for entry in entries(difference) for point in sweep]
-    return max(abs(float(v.evalf())) for v in values)
+    formula = entries(difference)
+    symbols = sorted(set().union(*(entry.free_symbols for entry in formula)), key=str)
+    numeric = sp.lambdify(symbols, formula, "math")
+    points = [{**at, **point} for point in sweep]
+    return max(abs(value) for point in points for value in numeric(*(float(point[s]) for s in symbols)))
 
 
 def in_unit(value: float, unit: str) -> str:
