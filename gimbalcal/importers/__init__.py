@@ -17,6 +17,9 @@ from gimbalcal.importers.hdf5 import import_hdf5
 from gimbalcal.importers.imu_tk import import_imu_tk
 from gimbalcal.importers.matlab import import_matlab
 from gimbalcal.importers.mikoff import import_mikoff
+from gimbalcal.importers.mmt import import_mmt
+from gimbalcal.importers.tilt_table import import_tilt_table
+from gimbalcal.importers.tpoint import import_tpoint
 from gimbalcal.recording import Recording, dwell_means
 
 Importer = Callable[[Sequence[Path], Mapping[str, str]], Recording]
@@ -28,6 +31,9 @@ KINDS: Mapping[str, Importer] = MappingProxyType(
         "imu-tk": import_imu_tk,
         "mat": import_matlab,
         "mikoff": import_mikoff,
+        "mmt": import_mmt,
+        "tilt-table": import_tilt_table,
+        "tpoint": import_tpoint,
     }
 )
 """Kinds of foreign files and the function that reads each."""

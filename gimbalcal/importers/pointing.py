@@ -1,0 +1,58 @@
+"""What the importers of telescope pointing runs share: sexagesimal angles, sidereal time, a run of rows."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.platform import Platform
+from gimbalcal.recording.record import Recording, Site, Source
+
+SIDEREAL_SECOND = 86164.0905 / 86400  # mean solar seconds, Explanatory Supplement to the Astronomical Almanac
+
+
+def sexagesimal(words: Sequence[str]) -> float:
+    """``["-00", "30", "36"]`` is -0.51: the sign belongs to the whole."""
+    sign = -1.0 if words[0].startswith("-") else 1.0
+    return sign * sum(abs(float(word)) / 60**i for i, word in enumerate(words))
+
+
+def elapsed(path: Path, sidereal_hours: Array) -> Array:
+    """Seconds since the first row, from the local sidereal time [h] of rows that may cross 24 h."""
+    seconds = np.unwrap(sidereal_hours, period=24.0) * 3600 * SIDEREAL_SECOND
+    back = np.flatnonzero(np.diff(seconds) <= 0)
+    if len(back):
+        raise InputError(
+            f"{path}, observation {back[0] + 2}: the sidereal time does not grow; put the rows in order of time"
+        )
+    return np.asarray(seconds - seconds[0])
+
+
+def pointing_run(
+    path: Path, platform: Platform, site: Site, time: Array, readout: Mapping[str, Array], true: Mapping[str, Array]
+) -> Recording:
+    """A pointing recording: by axis, what the encoders read and where a perfect mount would have had to point [rad].
+
+    `true` is brought within half a turn of `readout`.
+    """
+    channels = {("gimbal_angle", axis): angle for axis, angle in readout.items()}
+    for axis, angle in true.items():
+        turns = np.round((readout[axis] - angle) / (2 * np.pi))
+        channels["true_angle", axis] = angle + 2 * np.pi * turns
+    return Recording(
+        kind="pointing",
+        title=path.stem,
+        platform=platform,
+        site=site,
+        noise={},
+        time=time,
+        position=None,
+        channels=channels,
+        source=(Source(path.name, hashlib.sha256(path.read_bytes()).hexdigest()),),
+        units=dict.fromkeys(channels, "deg"),
+    )

@@ -1,0 +1,58 @@
+"""A seismometer and a rotation sensor on a table that is tilted in steps (Bernauer et al., 2020; data of TwistPy).
+
+The archive `tilt_table_200hz.npz` holds velocities ``vel_HHN, HHE, HHZ`` [m/s], the instrument's response removed, and
+rates ``rate_HJN, HJE, HJZ`` [rad/s], at ``fs`` samples a second. A seismometer blocks what is constant: its
+acceleration is specific force less its mean, so gravity shows only where the table tilts. Axes here are x north, y east, z down.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import zipfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from gimbalcal.errors import InputError
+from gimbalcal.importers.table import one_file, only
+from gimbalcal.number import Array
+from gimbalcal.platform import BENCH
+from gimbalcal.recording.record import Key, Recording, Site, Source
+from gimbalcal.recording.scatter import pooled
+
+_AXES = {"x": ("N", 1.0), "y": ("E", 1.0), "z": ("Z", -1.0)}  # Z of a seismometer is up
+
+
+def import_tilt_table(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
+    """One .npz archive: vel_HHN, vel_HHE, vel_HHZ [m/s], rate_HJN, rate_HJE, rate_HJZ [rad/s] and fs [Hz]."""
+    only(options, ())
+    path = one_file(files)
+    names = [f"{kind}{letter}" for letter, _ in _AXES.values() for kind in ("vel_HH", "rate_HJ")]
+    try:
+        with np.load(path) as archive:
+            held = {name: np.asarray(archive[name], dtype=float) for name in [*names, "fs"]}
+    except (KeyError, OSError, TypeError, ValueError, zipfile.BadZipFile) as error:
+        raise InputError(
+            f"{path} is not the archive of a tilt table, it must hold {', '.join(names)}, fs: {error}"
+        ) from None
+    rate = float(held["fs"].ravel()[0])
+    channels: dict[Key, Array] = {}
+    for axis, (letter, sign) in _AXES.items():
+        channels["specific_force", axis] = sign * np.gradient(held[f"vel_HH{letter}"], 1 / rate)
+        channels["angular_rate", axis] = sign * held[f"rate_HJ{letter}"]
+    time = np.arange(len(held[names[0]])) / rate
+    return Recording(
+        kind="rotation",
+        title=path.stem,
+        platform=BENCH,
+        site=Site(),
+        noise={},
+        time=time,
+        position=None,
+        channels=channels,
+        source=(Source(path.name, hashlib.sha256(path.read_bytes()).hexdigest()),),
+        units={key: "m/s^2" if key[0] == "specific_force" else "rad/s" for key in channels},
+        scatter=pooled(time, None, channels),
+        remarks=("accelerations are differentiated velocities of a seismometer: their mean is not specific force",),
+    )
