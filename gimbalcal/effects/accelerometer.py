@@ -75,7 +75,7 @@ class ScaleNonlinearity(Effect):
 
     .. math:: w = u + K_{nl} w^2 \;\Rightarrow\; w - u = u \, \frac{1 - r}{1 + r}, \quad r = \sqrt{1 - 4 K_{nl} u}
 
-    with u the scaled force and w = f^a - b: the exact solution of the implicit Eq. (6) of Wu et al. (2018).
+    with u the scaled force and w = f^a - b, the exact solution. Source: Wu et al. (2018), Eq. (6), implicit.
     Magnitude: 1 to 30 ug/g^2 (quartz flexure). Seen by: own axis at 1 g against 0.71 g. Twin:
     quadratic_nonlinearity, the same law under the catalogue's name.
     """

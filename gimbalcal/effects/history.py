@@ -36,7 +36,7 @@ def lagged(x: Array, time: Array, tau: float) -> Array:
     column = (-1,) + (1,) * (x.ndim - 1)
     decay, slope = np.reshape(a, column), np.diff(x, axis=0) / np.reshape(h, column)
     b = x[1:] - decay * x[:-1] - slope * tau * (1 - decay)
-    return recursion(np.concatenate([np.zeros_like(a[:1]), a]), np.concatenate([x[:1] + 0 * b[:1], b]))
+    return recursion(np.concatenate([np.zeros(1), a]), np.concatenate([x[:1], b]))
 
 
 def integral(x: Array, time: Array) -> Array:

@@ -175,9 +175,7 @@ def _nominal(run: Run, time: Array) -> Recording:
     else:
         angle = run.table.angles(time, run.table.true)
         position = np.where(run.table.moving(time), 0, run.table.position[run.table.visit(time)])
-    channels: dict[Key, Array] = {
-        ("gimbal_angle", name): angle[:, i] for i, name in enumerate(run.platform.axis_names)
-    }
+    channels: dict[Key, Array] = {("gimbal_angle", name): angle[:, i] for i, name in enumerate(run.platform.axis_names)}
     if not run.platform.axes:
         raise InputError(f"platform.name: {run.platform.name!r} has no gimbals, so nothing can be told to it")
     if run.temperature is not None:
