@@ -1,0 +1,76 @@
+"""Multi-position recordings made from the forward model, one row per dwell, to test and measure estimators on."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from gimbalcal.effects import Parameter, with_values
+from gimbalcal.estimate.expected import planned
+from gimbalcal.estimate.setting import baseline, model, problem
+from gimbalcal.platform import SPACE_STABLE
+from gimbalcal.recording import Recording, Site
+from gimbalcal.schedule import EIGHTEEN_POSITIONS, Schedule
+from gimbalcal.units import to_si
+
+ARCSEC = np.pi / 648000
+SAMPLE = 1.96e-4  # m/s^2 of one sample: 20 ug
+SAMPLES = 120  # one a second for two minutes
+SITE = Site(gravity=9.80146)
+PARAMETERS = baseline(SPACE_STABLE)
+# typical sizes of a navigation platform, half the prior of the catalogue or less
+SIZES = {
+    "scale_factor": to_si(200.0, "ppm"),
+    "bias": to_si(100.0, "ug"),
+    "scale_nonlinearity": to_si(10.0, "ug/g^2"),
+    "misalignment": 20 * ARCSEC,
+    "gimbal_zero": 20 * ARCSEC,
+}
+STATED = {"accelerometer": SAMPLE, "gimbal_angle": 1.0 * ARCSEC}
+
+
+def draw(rng: np.random.Generator, wanted: tuple[Parameter, ...] = PARAMETERS) -> np.ndarray:
+    """A truth (p,) of typical size, SI."""
+    return np.array([SIZES[q.effect] for q in wanted]) * rng.normal(size=len(wanted))
+
+
+def measured(
+    truth: np.ndarray,
+    rng: np.random.Generator,
+    setting: float = ARCSEC,
+    schedule: Schedule = EIGHTEEN_POSITIONS,
+    readouts: np.ndarray | None = None,
+    samples: int = SAMPLES,
+) -> Recording:
+    """Dwell means at `readouts` (the schedule's if None) [rad], with setting errors and white noise. States its noise."""
+    plan = replace(planned(schedule, samples, SITE), noise={**STATED, "gimbal_angle": setting})
+    if readouts is not None:
+        names = schedule.platform.axis_names
+        plan = replace(
+            plan, channels={**plan.channels, **{("gimbal_angle", a): readouts[:, i] for i, a in enumerate(names)}}
+        )
+    p = problem(plan, PARAMETERS)
+    e = setting * rng.normal(size=(p.visits, p.turns))
+    force = model(p, truth, e) + SAMPLE / np.sqrt(samples) * rng.normal(size=(p.visits, 3))
+    return replace(
+        plan, channels={**plan.channels, **{("specific_force", a): force[:, i] for i, a in enumerate("xyz")}}
+    )
+
+
+def effects(truth: np.ndarray) -> tuple:
+    """The truth as effects."""
+    return with_values((), PARAMETERS, truth, SPACE_STABLE.axis_names)
+
+
+def interchanged(recording: Recording, i: int, j: int) -> Recording:
+    """The recording with the readings of rows i and j in each other's place."""
+    order = np.arange(len(recording.time))
+    order[[i, j]] = j, i
+    force = {k: v[order] for k, v in recording.channels.items() if k[0] == "specific_force"}
+    return replace(recording, channels={**recording.channels, **force})
+
+
+def misread(recording: Recording, row: int, axis: str, angle: float) -> Recording:
+    """The recording with one gimbal readout off by `angle` [rad]."""
+    readout = recording.channels["gimbal_angle", axis].copy()
+    readout[row] += angle
+    return replace(recording, channels={**recording.channels, ("gimbal_angle", axis): readout})
