@@ -107,6 +107,16 @@ def test_gimbal_readout_and_zero_add_to_the_angle() -> None:
     np.testing.assert_allclose(perfect - out, np.broadcast_to([1e-4, 0, -2e-4, 3e-4], out.shape), atol=1e-15)
 
 
+def test_the_inner_gimbal_is_servoed_to_its_readout_so_its_zero_tilts_what_the_navigator_sees() -> None:
+    s = static()
+    zero = CATALOGUE["gimbal_zero"](theta_0=np.array([0, 1e-6, 0, 0]))  # type: ignore[call-arg]
+    out = predict(SPACE_STABLE_INERTIAL, s, (zero,), "static-run")
+    np.testing.assert_allclose(out["gimbal_angle"][:, 1], 0, atol=1e-16)
+    # the inner axis lies along (-sin L, 0, -cos L) of the base, and so does the turn that the readouts do not show
+    expected = 1e-6 * np.array([np.sin(LATITUDE), 0, np.cos(LATITUDE)])
+    np.testing.assert_allclose(out["attitude_error"], np.broadcast_to(expected, (len(s.time), 3)), atol=3e-12)
+
+
 def test_roll_of_a_force_error_along_east_has_the_sign_of_eq_28() -> None:
     """A measured force error Delta f^E gives roll error + Delta f_E / g (Eq. (28), first vector, first row)."""
     s = static(24, 3600)

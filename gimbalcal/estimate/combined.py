@@ -158,6 +158,7 @@ def matrix(latitude: float, gravity: float, wanted: Sequence[Parameter]) -> Arra
     S, C = np.sin(latitude), np.cos(latitude)
     table = _sensor_columns(S, C, gravity) | {
         "gimbal_zero:platform": {"phi_0": C},
+        "gimbal_zero:inner": {"phi_0": S},  # its readout is servoed to zero, so the navigator misses the angle
         "gimbal_zero:middle": {"theta_0": -1.0},
         "base_tilt:north": {"phi_0": -1.0},
         "base_tilt:east": {"theta_0": -1.0},

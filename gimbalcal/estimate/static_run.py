@@ -152,9 +152,10 @@ def scatter(d: Array) -> Array:
 
 
 def baseline(run: StaticRun, ids: Sequence[str] = BASELINE) -> tuple[Parameter, ...]:
-    """Parameters of the named effects; a gimbal that was not read has no zero."""
+    """Parameters of the named effects; a gimbal that was not read has no zero, but the inner one is servoed to its."""
     wanted = [p for i in ids for p in parameters(CATALOGUE[i], run.recording.platform.axis_names)]
-    return tuple(p for p in wanted if p.effect != "gimbal_zero" or ("gimbal_angle", p.axis) in run.channels)
+    zeros = {axis for quantity, axis in run.channels if quantity == "gimbal_angle"} | {"inner"}
+    return tuple(p for p in wanted if p.effect != "gimbal_zero" or p.axis in zeros)
 
 
 def information_of_rows(

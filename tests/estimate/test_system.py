@@ -31,19 +31,19 @@ def test_parameters_without_noise_come_back_in_every_seen_direction() -> None:
     found = static(recording)
     assert found.outcome == ""
     # what is left is of second order in the error of the first solution: far below the noise it was weighted with
-    assert found.residual.chi2 < 1e-3
+    assert found.residual.chi2 < 1e-2
     assert found.residual.rms["specific_force:x"] < 1e-7  # unseen parts of 3e-4 rad times turns of 1e-4
     x = values(truth, found.parameters)
     difference = matrix(LATITUDE, G, found.parameters) @ (found.values - x)
     assert np.abs(difference).max() < 1e-7  # second-order terms of unseen parts again
 
 
-def test_rank_is_fourteen_of_twentyone_and_the_rest_is_named() -> None:
+def test_rank_is_fourteen_of_twentytwo_and_the_rest_is_named() -> None:
     recording = run(draw(np.random.default_rng(2), ALL), np.random.default_rng(3))
     wanted = tuple(p for p in baseline(prepare(recording)) if p.effect != "scale_nonlinearity")
     found = solve(static_information(recording, (), wanted))
-    assert len(wanted) == 21
-    assert len(found.unseen) == 7
+    assert len(wanted) == 22
+    assert len(found.unseen) == 8
     named = [set(u.direction) for u in found.unseen]
     assert {"bias:x", "misalignment:xy"} in named
     assert {"bias:y", "misalignment:yx"} in named
