@@ -403,8 +403,8 @@ ROW_FAULTS: list[tuple[Callable[[Array], object], str]] = [
     (two_days, "samples.csv, line 42, column time_s: the clock jumps forward by 172861 s, more than a day; correct it"),
     (half_position, "samples.csv, line 5, column position: a position is a whole number, 1, 2, ... or 0 while moving"),
     (stuck, "samples.csv, lines 12 to 36, column accel_y: all 25 rows read "),
-    (stuck, "although the noise is 0.0001 g, so the channel is frozen; leave those rows out, or correct [noise]"),
-    (dead, "samples.csv, lines 2 to 81, column accel_y: all 80 rows read 0 g although the noise is 0.0001 g"),
+    (stuck, "although the noise is 8.9e-05 g, so the channel is frozen; leave those rows out, or correct [noise]"),
+    (dead, "samples.csv, lines 2 to 81, column accel_y: all 80 rows read 0 g although the noise is 8.9e-05 g"),
     (
         lambda table: table[:, 4].clip(-0.99995, out=table[:, 4]),
         "column accel_z: -0.99995 g is the smallest value of the",
@@ -487,6 +487,32 @@ def test_a_noiseless_recording_is_not_frozen(tmp_path: Path) -> None:
     table[:, 2:5] = table[:, 2:5].round()
     header = re.sub(r"accelerometer .*\n", "", HEADER)
     assert read(folder(tmp_path, header, text(table))).scatter["specific_force", "x"] == 0.0
+
+
+def test_a_dead_channel_is_seen_without_stated_noise(tmp_path: Path) -> None:
+    table = rows()
+    dead(table)
+    said = refusal(tmp_path, re.sub(r"accelerometer .*\n", "", HEADER), text(table))
+    assert "samples.csv, lines 2 to 81, column accel_y: all 80 rows read 0 g although the noise is" in said
+
+
+def test_noise_stated_too_high_freezes_nothing(tmp_path: Path) -> None:
+    table = rows()
+    table[:, 2:5] = (table[:, 2:5] / 3e-4).round() * 3e-4
+    header = HEADER.replace("value = 100.0", "value = 1000.0")
+    assert len(read(folder(tmp_path, header, text(table))).time) == 2 * DWELL
+
+
+def test_the_example_of_the_documentation_is_a_recording(tmp_path: Path) -> None:
+    page = (Path(__file__).parent.parent / "docs" / "recording-format.md").read_text(encoding="utf-8")
+    example, own = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    table = rows()[:, [0, 1, 2, 3, 4, 5, 5, 5]]
+    recording = read(folder(tmp_path, example, text(table, ["t", "pos", "ax", "ay", "az", "psi", "theta", "phi"])))
+    assert recording.axes("gimbal_angle") == ("platform", "inner", "middle")
+    header = re.sub(r"(\[platform\]\n.*?\n)\n", own + "\n", HEADER, flags=re.DOTALL).replace(
+        '"middle", u', '"pitch", u'
+    )
+    assert read(folder(tmp_path, header)).platform.axes == (Axis("roll", "x"), Axis("pitch", "y", -1, np.pi / 2))
 
 
 def test_coarse_steps_are_neither_frozen_nor_clipped(tmp_path: Path) -> None:

@@ -2,7 +2,8 @@
 
 The archive `tilt_table_200hz.npz` holds velocities ``vel_HHN, HHE, HHZ`` [m/s], the instrument's response removed, and
 rates ``rate_HJN, HJE, HJZ`` [rad/s], at ``fs`` samples a second. A seismometer blocks what is constant: its
-acceleration is specific force less its mean, so gravity shows only where the table tilts. Axes here are x north, y east, z down.
+acceleration is specific force less its mean, so gravity shows only where the table tilts. Axes here are x north, y
+east, z down.
 """
 
 from __future__ import annotations

@@ -153,12 +153,13 @@ class Screen:
         return max(FEWEST, 0.01 * self.n)
 
     def _sigma(self, each: Column, scatter: Mapping[str, float]) -> float:
+        """What the triad scatters by, or the header's noise where that is less or nothing scatters at all."""
         sensor = next(name for name, quantity in SENSORS.items() if quantity == each.quantity)
-        if sensor in self.header.noise:
-            return from_si(self.header.noise[sensor], each.unit)
         triad = [to_si(scatter.get(c.name, 0.0), c.unit) for c in self.sensors if c.quantity == each.quantity]
         largest = max(abs(to_si(self.peaks[c.name, k][0], c.unit)) for c in self.sensors for k in (1, -1))
-        return from_si(max(triad), each.unit) if max(triad) > SMOOTH * largest else 0.0
+        seen = max(triad) if max(triad) > SMOOTH * largest else 0.0
+        stated = self.header.noise.get(sensor, seen)
+        return from_si(min(stated, seen) if seen else stated, each.unit)
 
     def _alive(self, each: Column, x: Array, sigma: float, piled: bool) -> None:
         steps = np.abs(np.diff(x))
