@@ -27,11 +27,11 @@ ALL = sorted(CATALOGUE)
 
 def scenario(kind: str) -> dict[str, object]:
     """18 positions with five rows per dwell, or 24 h with a row every ten minutes; the temperature wanders."""
-    common = {"format": 1, "kind": kind, "site": {"latitude": {"value": 40.0, "unit": "deg"}}}
+    common: dict[str, object] = {"format": 1, "kind": kind, "site": {"latitude": {"value": 40.0, "unit": "deg"}}}
     table = {
         "shape": "table",
         "time_h": [0.0, 0.4, 1.1, 1.9, 3.3, 30.0],
-        "celsius": [19.0, 21.5, 20.2, 23.0, 18.0, 22.0],
+        "value": [19.0, 21.5, 20.2, 23.0, 18.0, 22.0],
     }
     if kind == "static-run":
         weather = {"shape": "random-walk", "mean": 20.0, "walk": 1.0}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, Site, write
 from gimbalcal.recording.record import Key
 from gimbalcal.simulate.motion import Timetable, planned, platform_of, sidereal, timetable
-from gimbalcal.simulate.scenario import Noise, Scenario, Temperature, check_content, find, load
+from gimbalcal.simulate.scenario import History, Noise, Scenario, check_content, find, load
 from gimbalcal.simulate.truth import described, true_effects
 
 BLOCK = 1 << 17  # rows made at once: some 100 MB of work space; fixed, so that a seed means the same rows everywhere
@@ -43,7 +43,7 @@ class Run:
     table: Timetable | None
     time: Array
     setting: Array
-    temperature: Callable[[Array], Array] | None
+    environment: dict[Key, Callable[[Array], Array]]
     read: tuple[str, ...]
     seed: int
 
@@ -63,9 +63,12 @@ def prepare(scenario: Scenario, seed: int | None = None) -> Run:
     visits = (0 if table is None else len(table.start), len(platform.axes))
     setting = scenario.noise.gimbal_angle * setting_rng.standard_normal(visits)
     time = _row_times(scenario, table)
-    weather = scenario.environment.temperature
-    temperature = None if weather is None else _history(weather, float(time[-1]), weather_rng)
-    return Run(scenario, platform, site, effects, table, time, setting, temperature, read, seed)
+    around = {("covariate", name): history for name, history in scenario.environment.covariates.items()}
+    if scenario.environment.temperature is not None:
+        around["temperature", ""] = scenario.environment.temperature
+    environment = {key: _history(history, float(time[-1]), weather_rng) for key, history in around.items()}
+    _check_needs(effects, scenario.kind, environment)
+    return Run(scenario, platform, site, effects, table, time, setting, environment, read, seed)
 
 
 def simulate(
@@ -147,9 +150,9 @@ def _block(
         q = run.scenario.faults.quantisation
         channels["specific_force", axis] = Quantisation(q).rounded(y) if q else y
     channels |= _angles(run, out, time, rng)
-    if run.temperature is not None:
-        reading = run.scenario.environment.thermometer_sigma * rng.standard_normal(len(time))
-        channels["temperature", ""] = run.temperature(time) + reading
+    for key, history in run.environment.items():
+        sigma = run.scenario.environment.thermometer_sigma if key[0] == "temperature" else 0.0
+        channels[key] = history(time) + sigma * rng.standard_normal(len(time))
     position = None if nominal.position is None else nominal.position[past.size :]
     return replace(
         nominal, time=time, position=position, channels=channels, weight=np.ones(len(time)), units=_units(channels)
@@ -178,8 +181,7 @@ def _nominal(run: Run, time: Array) -> Recording:
     channels: dict[Key, Array] = {("gimbal_angle", name): angle[:, i] for i, name in enumerate(run.platform.axis_names)}
     if not run.platform.axes:
         raise InputError(f"platform.name: {run.platform.name!r} has no gimbals, so nothing can be told to it")
-    if run.temperature is not None:
-        channels["temperature", ""] = run.temperature(time)
+    channels |= {key: history(time) for key, history in run.environment.items()}
     return Recording(
         run.scenario.kind, run.scenario.title, run.platform, run.site, _stated(run.scenario), time, position, channels
     )
@@ -247,15 +249,32 @@ def _row_times(scenario: Scenario, table: Timetable | None) -> Array:
     return time
 
 
-def _history(weather: Temperature, last: float, rng: np.random.Generator) -> Callable[[Array], Array]:
-    """Temperature [degC] as a function of time [s]."""
+def _check_needs(effects: Sequence[Effect], kind: str, environment: Mapping[Key, object]) -> None:
+    """Refuse a truth that this scenario cannot show."""
+    logged = {"temperature", "position"} if ("temperature", "") in environment else {"position"}
+    names = {name for quantity, name in environment if quantity == "covariate"}
+    logged |= {f"covariate:{name}" for name in names} | ({"covariate"} if names else set())
+    for each in effects:
+        if kind not in each.kinds:
+            raise InputError(f"truth.{each.id}: it shows in {' and '.join(each.kinds)} recordings, not in a {kind}")
+        for need in each.requires:
+            if need not in logged:
+                quantity, _, name = need.partition(":")
+                where = (
+                    f"[environment.covariates.{name or '...'}]" if quantity == "covariate" else f"[environment] {need}"
+                )
+                raise InputError(f"truth.{each.id}: it needs {need} to act on; give {where}")
+
+
+def _history(weather: History, last: float, rng: np.random.Generator) -> Callable[[Array], Array]:
+    """A quantity of the environment as a function of time [s]."""
     knots = np.arange(0.0, last + 2 * GRID, GRID)
     if weather.shape == "random-walk":
         steps = weather.walk * np.sqrt(GRID / 3600) * rng.standard_normal(len(knots))
         path = np.cumsum(steps) - steps[0] + weather.mean
         return lambda time: np.interp(time, knots, path)
     if weather.shape == "table":
-        return lambda time: np.interp(time, 3600 * np.array(weather.time_h), weather.celsius)
+        return lambda time: np.interp(time, 3600 * np.array(weather.time_h), weather.value)
     if weather.shape == "sinusoid":
         omega = 2 * np.pi / weather.period
         return lambda time: weather.mean + weather.amplitude * np.sin(omega * time + weather.phase)
@@ -279,7 +298,7 @@ def _stated(scenario: Scenario) -> dict[str, float]:
 
 def _units(channels: Mapping[Key, Array]) -> dict[Key, str]:
     unit = {"specific_force": "m/s^2", "gimbal_angle": "deg", "attitude_error": "arcsec", "temperature": "degC"}
-    return {key: unit[key[0]] for key in channels}
+    return {key: unit[key[0]] for key in channels if key[0] in unit}
 
 
 def _write_blocks(run: Run, made: Path, samples: str, tell: Callable[[str], None] | None) -> None:

@@ -92,23 +92,23 @@ class Rig(_Section):
     name: str = "space-stable"
 
 
-class Temperature(_Section):
-    """[environment] temperature: its history in degC and s."""
+class History(_Section):
+    """How a quantity of the environment goes: a temperature in degC, any other as it will be logged."""
 
     shape: Literal["constant", "ramp", "sinusoid", "random-walk", "table"] = "constant"
-    mean: float = 20.0  # degC
-    rate: float = 0.0  # degC/h, of a ramp
-    amplitude: float = 0.0  # degC, of a sinusoid
+    mean: float = 20.0
+    rate: float = 0.0  # per h, of a ramp
+    amplitude: float = 0.0  # of a sinusoid
     period: Duration = 86400.0
     phase: Annotated[float, _measured("angle")] = 0.0
-    walk: float = Field(default=0.0, ge=0)  # degC/sqrt(h), of a random walk
+    walk: float = Field(default=0.0, ge=0)  # per sqrt(h), of a random walk
     time_h: tuple[float, ...] = ()  # of a table
-    celsius: tuple[float, ...] = ()
+    value: tuple[float, ...] = ()
 
     @model_validator(mode="after")
-    def _whole_table(self) -> Temperature:
-        if self.shape == "table" and (len(self.time_h) != len(self.celsius) or len(self.time_h) < 2):
-            raise ValueError("a table needs as many `celsius` as `time_h`, at least two")
+    def _whole_table(self) -> History:
+        if self.shape == "table" and (len(self.time_h) != len(self.value) or len(self.time_h) < 2):
+            raise ValueError("a table needs as many `value` as `time_h`, at least two")
         if any(b <= a for a, b in zip(self.time_h, self.time_h[1:], strict=False)):
             raise ValueError("`time_h` must increase")
         return self
@@ -117,7 +117,8 @@ class Temperature(_Section):
 class Environment(_Section):
     """[environment]."""
 
-    temperature: Temperature | None = None
+    temperature: History | None = None
+    covariates: dict[str, History] = {}
     thermometer_sigma: float = Field(default=0.0, ge=0)  # degC
 
 

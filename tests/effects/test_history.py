@@ -1,0 +1,46 @@
+"""Lags and integrals on irregular time agree with their closed forms."""
+
+import numpy as np
+import pytest
+
+from gimbalcal.effects.history import direction, integral, lagged, recursion, slope
+
+TIME = np.cumsum(np.random.default_rng(1).uniform(0.1, 40.0, 200))
+
+
+def test_recursion_is_the_loop_it_replaces() -> None:
+    rng = np.random.default_rng(2)
+    a, b = rng.uniform(0, 1, 37), rng.standard_normal((37, 3))
+    y, expected = np.zeros(3), []
+    for k in range(37):
+        y = a[k] * y + b[k]
+        expected.append(y)
+    np.testing.assert_allclose(recursion(a, b), expected, rtol=1e-13)
+
+
+@pytest.mark.parametrize("tau", [0.5, 30.0, 1e5])
+def test_the_lag_of_a_ramp_is_the_textbook_response(tau: float) -> None:
+    t = TIME - TIME[0]
+    expected = t - tau * (1 - np.exp(-t / tau))
+    # rounding of differences of numbers as large as tau
+    np.testing.assert_allclose(lagged(t, TIME, tau), expected, atol=1e-12 * max(tau, t[-1]))
+
+
+def test_the_lag_of_a_constant_is_that_constant() -> None:
+    np.testing.assert_allclose(lagged(np.full(200, 3.0), TIME, 20.0), 3.0, rtol=1e-13)
+
+
+def test_integral_and_slope_of_a_parabola() -> None:
+    t = np.linspace(0, 10, 101)
+    np.testing.assert_allclose(integral(2 * t, t), t**2, atol=1e-12)  # the trapezoid rule is exact for a line
+    visit = (t > 5).astype(int)
+    found = slope(t**2, t, visit)
+    inside = np.r_[1:49, 53:100]  # central differences are exact for a parabola, one-sided ones are not
+    np.testing.assert_allclose(found[inside], 2 * t[inside], atol=1e-12)
+    assert found[50] == pytest.approx(2 * t[50], abs=0.11)  # half a step late at the end of a dwell
+    jump = np.where(visit, 100.0, 0.0)
+    assert not slope(jump, t, visit).any()
+
+
+def test_direction_is_the_sign_of_a_move_and_zero_without_one() -> None:
+    np.testing.assert_allclose(direction(np.array([-3.0, 0.0, 1e-15, 2.0]), 1e-3), [-1, 0, 0, 1], atol=1e-6)
