@@ -41,7 +41,7 @@ def measured(
     readouts: np.ndarray | None = None,
     samples: int = SAMPLES,
 ) -> Recording:
-    """Dwell means at `readouts` (the schedule's if None) [rad], with setting errors and white noise. States its noise."""
+    """Dwell means at `readouts` (the schedule's if None) [rad], with setting errors and white noise, both stated."""
     plan = replace(planned(schedule, samples, SITE), noise={**STATED, "gimbal_angle": setting})
     if readouts is not None:
         names = schedule.platform.axis_names
