@@ -25,9 +25,9 @@ PAGE = Path("/work/shared/design/effects.md")
 ALL = sorted(CATALOGUE)
 
 
-def scenario(kind: str) -> dict[str, object]:
+def scenario(kind: str) -> dict[str, Any]:
     """18 positions with five rows per dwell, or 24 h with a row every ten minutes; the temperature wanders."""
-    common: dict[str, object] = {"format": 1, "kind": kind, "site": {"latitude": {"value": 40.0, "unit": "deg"}}}
+    common: dict[str, Any] = {"format": 1, "kind": kind, "site": {"latitude": {"value": 40.0, "unit": "deg"}}}
     table = {
         "shape": "table",
         "time_h": [0.0, 0.4, 1.1, 1.9, 3.3, 30.0],

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import gimbalcal.simulate.folder as folder_module
 import gimbalcal.simulate.run as run_module
 from gimbalcal.effects import CATALOGUE, parameters, values
 from gimbalcal.errors import InputError
@@ -114,10 +115,10 @@ def test_blocks_join_without_a_seam(monkeypatch: pytest.MonkeyPatch) -> None:
     pieces = simulate(scenario)[0].triad("specific_force")
     # the past is kept once a minute: trapezoid error (Earth rate x 60 s)^2 / 12 of 0.02 deg/h/g over 6 h
     np.testing.assert_allclose(pieces, whole, atol=1e-8)
-    pieces = simulate(device(truth={"post_move_creep": {"x": 30.0}, "accelerometer_hysteresis": {"y": 9.0}}))[0]
+    moved = device(truth={"post_move_creep": {"x": 30.0}, "accelerometer_hysteresis": {"y": 9.0}})
+    pieces = simulate(moved)[0].triad("specific_force")
     monkeypatch.undo()
-    whole_device = simulate(device(truth={"post_move_creep": {"x": 30.0}, "accelerometer_hysteresis": {"y": 9.0}}))[0]
-    assert np.array_equal(pieces.triad("specific_force"), whole_device.triad("specific_force"))
+    assert np.array_equal(pieces, simulate(moved)[0].triad("specific_force"))
 
 
 def test_slews_take_time_and_are_recorded_on_request() -> None:
@@ -138,6 +139,8 @@ def test_faults_show_where_they_were_put() -> None:
     shift = {"position": 8, "gimbal": "inner", "angle": {"value": 60.0, "unit": "arcsec"}}
     faults = {"drop": [3], "blunders": [shift], "interchange": [[4, 10]]}
     faulty, _ = simulate(device(truth={}, faults=faults))
+    assert clean.position is not None
+    assert faulty.position is not None
     assert set(clean.position) - set(faulty.position) == {3}
     keep = clean.select(clean.position != 3)
     np.testing.assert_array_equal(keep.angles(), faulty.angles())  # readouts tell nothing
@@ -215,7 +218,7 @@ def test_a_folder_is_written_whole_with_its_truth(tmp_path: Path) -> None:
 
 def test_a_long_run_is_written_in_blocks_as_parquet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run_module, "BLOCK", 500)
-    monkeypatch.setattr(run_module, "MANY", 800)
+    monkeypatch.setattr(folder_module, "MANY", 800)
     text = Path(run_module.__file__).parents[1].joinpath("scenarios", "wu2018-static.toml").read_text()
     (tmp_path / "s.toml").write_text(text.replace("rate = { value = 1.0", "rate = { value = 0.02"))
     simulate_to(tmp_path / "s.toml", tmp_path / "run")

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import shutil
-import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,15 +16,14 @@ from gimbalcal.errors import InputError
 from gimbalcal.forward import predict, stimulus
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
-from gimbalcal.recording import Recording, Site, write
+from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.record import Key
 from gimbalcal.simulate.motion import Timetable, planned, platform_of, sidereal, timetable
-from gimbalcal.simulate.scenario import History, Noise, Scenario, check_content, find, load
-from gimbalcal.simulate.truth import described, true_effects
+from gimbalcal.simulate.scenario import History, Noise, Scenario, check_content, load
+from gimbalcal.simulate.truth import true_effects
 
 BLOCK = 1 << 17  # rows made at once: some 100 MB of work space; fixed, so that a seed means the same rows everywhere
 PAST_STEP = 60.0  # s between the earlier rows that effects with a memory are given; the lag and integral are exact
-MANY = 400_000  # rows from which samples are written as Parquet
 GRID = 60.0  # s between the knots of a random temperature
 ATTITUDE = ("roll", "pitch", "yaw")
 
@@ -81,50 +77,17 @@ def simulate(
     if isinstance(scenario, Mapping):
         scenario = check_content(dict(scenario))
     run = prepare(scenario if isinstance(scenario, Scenario) else load(scenario), seed)
-    parts = list(blocks(run))
+    return joined(blocks(run)), run.effects
+
+
+def joined(parts: Iterable[Recording]) -> Recording:
+    """Blocks of rows as one recording."""
+    parts = list(parts)
     channels = {key: np.concatenate([p.channels[key] for p in parts]) for key in parts[0].channels}
-    position = None if run.table is None else np.concatenate([p.position for p in parts if p.position is not None])
+    positions = [p.position for p in parts if p.position is not None]
+    position = np.concatenate(positions) if positions else None
     time = np.concatenate([p.time for p in parts])
-    weight = np.ones(len(time))
-    return replace(parts[0], time=time, position=position, channels=channels, weight=weight), run.effects
-
-
-def simulate_to(
-    scenario: str | Path, folder: str | Path, seed: int | None = None, tell: Callable[[str], None] | None = None
-) -> dict[str, Any]:
-    """Simulate into a recording folder with truth.json beside it, whole or not at all; returns the truth."""
-    path, folder = find(scenario), Path(folder)
-    run = prepare(load(path), seed)
-    truth = truth_of(run, path.name)
-    samples = "samples.parquet" if len(run.time) > MANY else "samples.csv"
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder} is a file: a recording is a folder, give another name")
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    made = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-    try:
-        if samples.endswith(".csv"):
-            write(simulate(run.scenario, run.seed)[0], made / "whole", samples)
-        else:
-            _write_blocks(run, made, samples, tell)
-        (made / "whole" / "truth.json").write_text(json.dumps(truth, indent=1), encoding="utf-8")
-        folder.mkdir(exist_ok=True)
-        for name in (samples, "truth.json", "recording.toml"):  # the header last: it makes the folder a recording
-            (made / "whole" / name).replace(folder / name)
-    finally:
-        shutil.rmtree(made, ignore_errors=True)
-    return truth
-
-
-def truth_of(run: Run, name: str) -> dict[str, Any]:
-    """What truth.json holds: parameters as in calibration.json, seed, and the scenario as it was run."""
-    return {
-        "format": 1,
-        "scenario": name,
-        "seed": run.seed,
-        "parameters": described(run.effects, run.platform.axis_names),
-        "faults": run.scenario.faults.model_dump(mode="json"),
-        "content": run.scenario.model_dump(mode="json"),
-    }
+    return replace(parts[0], time=time, position=position, channels=channels, weight=np.ones(len(time)))
 
 
 def blocks(run: Run) -> Iterator[Recording]:
@@ -299,18 +262,3 @@ def _stated(scenario: Scenario) -> dict[str, float]:
 def _units(channels: Mapping[Key, Array]) -> dict[Key, str]:
     unit = {"specific_force": "m/s^2", "gimbal_angle": "deg", "attitude_error": "arcsec", "temperature": "degC"}
     return {key: unit[key[0]] for key in channels if key[0] in unit}
-
-
-def _write_blocks(run: Run, made: Path, samples: str, tell: Callable[[str], None] | None) -> None:
-    """Each block as a Parquet file of its own, then joined without loading them."""
-    import polars as pl
-
-    names = []
-    for i, block in enumerate(blocks(run)):
-        write(block, made / f"part{i}", samples)
-        names.append(made / f"part{i}" / samples)
-        if tell is not None:
-            tell(f"simulated {min((i + 1) * BLOCK, len(run.time))} of {len(run.time)} rows")
-    (made / "whole").mkdir()
-    (made / "part0" / "recording.toml").replace(made / "whole" / "recording.toml")
-    pl.scan_parquet(names).sink_parquet(made / "whole" / samples)

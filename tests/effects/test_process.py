@@ -1,5 +1,7 @@
 """A process has the covariance that it says, in closed form, sampled, and in pieces."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -26,7 +28,7 @@ EVERY: list[Process] = [
 ]  # fmt: skip
 
 
-def closed_form(process: Process) -> np.ndarray:
+def closed_form(process: Process) -> Any:
     lag = np.abs(TIME[:, None] - TIME)
     same = np.eye(len(TIME))
     match process:

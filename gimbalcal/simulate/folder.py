@@ -1,0 +1,72 @@
+"""A simulated run as a recording folder with its truth.json, written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from gimbalcal.errors import InputError
+from gimbalcal.recording import write
+from gimbalcal.simulate.run import Run, blocks, joined, prepare
+from gimbalcal.simulate.scenario import find, load
+from gimbalcal.simulate.truth import described
+
+MANY = 400_000  # rows from which samples are written as Parquet
+
+
+def simulate_to(
+    scenario: str | Path, folder: str | Path, seed: int | None = None, tell: Callable[[str], None] | None = None
+) -> dict[str, Any]:
+    """Simulate into a recording folder with truth.json beside it, whole or not at all; returns the truth."""
+    path, folder = find(scenario), Path(folder)
+    run = prepare(load(path), seed)
+    truth = truth_of(run, path.name)
+    samples = "samples.parquet" if len(run.time) > MANY else "samples.csv"
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder} is a file: a recording is a folder, give another name")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    made = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    try:
+        if samples.endswith(".csv"):
+            write(joined(blocks(run)), made / "whole", samples)
+        else:
+            _write_blocks(run, made, samples, tell)
+        (made / "whole" / "truth.json").write_text(json.dumps(truth, indent=1), encoding="utf-8")
+        folder.mkdir(exist_ok=True)
+        for name in (samples, "truth.json", "recording.toml"):  # the header last: it makes the folder a recording
+            (made / "whole" / name).replace(folder / name)
+    finally:
+        shutil.rmtree(made, ignore_errors=True)
+    return truth
+
+
+def truth_of(run: Run, name: str) -> dict[str, Any]:
+    """What truth.json holds: parameters as in calibration.json, seed, and the scenario as it was run."""
+    return {
+        "format": 1,
+        "scenario": name,
+        "seed": run.seed,
+        "parameters": described(run.effects, run.platform.axis_names),
+        "faults": run.scenario.faults.model_dump(mode="json"),
+        "content": run.scenario.model_dump(mode="json"),
+    }
+
+
+def _write_blocks(run: Run, made: Path, samples: str, tell: Callable[[str], None] | None) -> None:
+    """Each block as a Parquet file of its own, then joined without loading them."""
+    import polars as pl
+
+    names, rows = [], 0
+    for i, block in enumerate(blocks(run)):
+        write(block, made / f"part{i}", samples)
+        names.append(made / f"part{i}" / samples)
+        if tell is not None:
+            rows += len(block.time)
+            tell(f"simulated {rows} of {len(run.time)} rows")
+    (made / "whole").mkdir()
+    (made / "part0" / "recording.toml").replace(made / "whole" / "recording.toml")
+    pl.scan_parquet(names).sink_parquet(made / "whole" / samples)
