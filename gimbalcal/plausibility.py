@@ -186,6 +186,13 @@ def _check_turn(recording: Recording) -> None:
             "deg/h; correct the unit of the time or of the platform angle, or its sign"
         )
     k = int(np.argmax(np.abs(lag)))
+    back = np.flatnonzero(np.abs(_wrapped(lag[1:] + lag[:-1])) < np.abs(lag[1:]) / 10) + 1  # there and back again
+    glitch = next((int(i) for i in back if i in (k, k + 1) and abs(lag[k]) > CLOCK_JUMP), 0)
+    if glitch:
+        raise InputError(
+            f"{_where(recording)}: at {time[glitch]:.10g} s alone the platform gimbal reads "
+            f"{np.degrees(abs(lag[k])):.4g} deg off its neighbours; leave this row out"
+        )
     if abs(lag[k]) > CLOCK_JUMP:
         turned, due = np.degrees([_wrapped(angle[k + 1] - angle[k]), EARTH_RATE * dt[k]])
         raise InputError(

@@ -175,6 +175,14 @@ def test_a_clock_that_jumps_in_a_static_run() -> None:
     assert "instead of 6.267 deg, so the clock jumps there" in message
 
 
+def test_one_wild_readout_is_not_a_jump_of_the_clock() -> None:
+    def wild(v: Array) -> Array:
+        return np.asarray(v + np.radians(150.0) * (np.arange(144) == 70))
+
+    message = said(angle(static_run(), wild, "platform"))
+    assert "at 42000 s alone the platform gimbal reads 150 deg off its neighbours; leave this row out" in message
+
+
 def test_a_pause_in_a_static_run_is_no_jump() -> None:
     rows = static_run()
     kept = np.ones(144, dtype=bool)

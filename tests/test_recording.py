@@ -385,6 +385,10 @@ def nan_run(table: Array) -> None:
     table[5:9, 2] = np.nan
 
 
+def spike(table: Array) -> None:
+    table[[6, 50], 2] = 4000.0
+
+
 def half_position(table: Array) -> None:
     table[3, 1] = 1.5
 
@@ -401,6 +405,10 @@ ROW_FAULTS: list[tuple[Callable[[Array], object], str]] = [
         "samples.csv, line 22, column time_s: the clock jumps forward by 3601 s within one position, whose",
     ),
     (two_days, "samples.csv, line 42, column time_s: the clock jumps forward by 172861 s, more than a day; correct it"),
+    (
+        spike,
+        "samples.csv, line 8, column accel_x: 4000 g is beyond anything that a unit at rest can read (one of 2 such",
+    ),
     (half_position, "samples.csv, line 5, column position: a position is a whole number, 1, 2, ... or 0 while moving"),
     (stuck, "samples.csv, lines 12 to 36, column accel_y: all 25 rows read "),
     (stuck, "although the noise is 8.9e-05 g, so the channel is frozen; leave those rows out, or correct [noise]"),
@@ -546,7 +554,9 @@ def recordings(draw: st.DrawFn) -> Recording:
     keys = {("specific_force", a): unit for a in "xyz"} | {("temperature", ""): "K", ("temperature", "lid"): "degC"}
     keys |= {("covariate", "coil (north)"): "V"} | {("gimbal_angle", a): "deg" for a in platform.axis_names}
     angle = st.lists(st.floats(-6.0, 6.0), min_size=n, max_size=n).map(np.array)
-    channels = {key: draw(angle if key[0] == "gimbal_angle" else column) for key in keys}
+    force = st.lists(st.floats(-90.0, 90.0), min_size=n, max_size=n).map(np.array)  # what a unit at rest may read
+    of = {"gimbal_angle": angle, "specific_force": force}
+    channels = {key: draw(of.get(key[0], column)) for key in keys}
     steps = draw(st.lists(st.floats(10.0, 90.0), min_size=n, max_size=n))  # no pause that would be a jump of the clock
     weight = draw(st.lists(st.integers(1, 500), min_size=n, max_size=n))
     visits = draw(st.lists(st.integers(0, 30), min_size=n, max_size=n))

@@ -23,8 +23,9 @@ from gimbalcal.recording.columns import Column
 from gimbalcal.recording.header import Header
 from gimbalcal.recording.record import SENSORS
 from gimbalcal.recording.samples import Batch, place
-from gimbalcal.units import from_si, to_si
+from gimbalcal.units import from_si, is_raw, to_si
 
+IMPOSSIBLE = 100.0  # m/s^2, some ten g, at rest
 GAP = 10.0  # times the usual step: longer ones end a run of rows
 LONGEST_STEP = 86400.0  # s; no rig pauses for longer in one recording
 FEWEST = 20  # equal rows that can be called frozen or clipped at all
@@ -143,6 +144,7 @@ class Screen:
             raise InputError(f"{self.header.samples} has a line of column names and no rows")
         self._clock_inside_dwells()
         self._angle_units()
+        self._spikes()
         for each in self.sensors:
             piled = [k for (name, _), (_, k) in self.peaks.items() if name == each.name and k >= self._many()]
             if each.name in self.stuck or piled:
@@ -213,6 +215,25 @@ class Screen:
                 raise InputError(
                     f"{self.header.samples}, column {each.name}: angles up to {largest:g} {each.unit} look like "
                     f'degrees; write unit = "deg" for it in {self.header.path}'
+                )
+
+    def _spikes(self) -> None:
+        """A few rows at rest that read many g are faults of the logger; if most rows do, the unit is wrong instead."""
+        if self.header.kind != "static-run" and (self.header.kind != "multi-position" or self.position is None):
+            return  # on the move, a knock may be anything
+        for each in self.sensors:
+            limit = from_si(IMPOSSIBLE, each.unit)
+            largest = max(abs(self.peaks[each.name, sign][0]) for sign in (1, -1))
+            if each.quantity != "specific_force" or is_raw(each.unit) or largest <= limit:
+                continue
+            x = self.whole(each.name)
+            still = self.whole(self.position.name) > 0 if self.position else np.ones(len(x), dtype=bool)
+            rows = np.flatnonzero(still & (np.abs(x) > limit))
+            if 0 < len(rows) < 0.5 * len(x):
+                others = f" (one of {len(rows)} such rows)" if len(rows) > 1 else ""
+                raise InputError(
+                    f"{self._place(int(rows[0]))}, column {each.name}: {x[rows[0]]:.6g} {each.unit} is beyond anything "
+                    f"that a unit at rest can read{others}; leave such rows out"
                 )
 
 
