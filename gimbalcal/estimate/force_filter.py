@@ -93,14 +93,18 @@ def estimate(total: ForceInformation, prior_sigma: float = PRIOR_SIGMA) -> Force
 def kalman(z: Array, H: Array, variance: Array | float, prior_sigma: float = PRIOR_SIGMA) -> ForceState:
     """The same, sample by sample, with filterpy: five constant states, one scalar measurement a row.
 
-    A row that is NaN was not measured. About 40 us a row: for millions of rows take `accumulate`.
+    Square-root form: in the usual one, Joseph's included, covariances lose (prior / sigma)^2 of their digits while
+    few rows are in, 6e-8 sigma at 6 ug and 1e-3 sigma at 0.1 ug. A row that is NaN was not measured. About 0.1 ms a
+    row: for millions of rows take `accumulate`.
     """
-    from filterpy.kalman import KalmanFilter
+    from filterpy.kalman import SquareRootKalmanFilter
 
-    f = KalmanFilter(dim_x=5, dim_z=1)
-    f.x, f.P = np.zeros(5), np.eye(5) * prior_sigma**2
-    R = np.broadcast_to(np.asarray(variance, dtype=float), z.shape).reshape(-1, 1, 1)
+    f = SquareRootKalmanFilter(dim_x=5, dim_z=1)
+    f.x, f.P = np.zeros((5, 1)), np.eye(5) * prior_sigma**2
+    R = np.broadcast_to(np.asarray(variance, dtype=float), z.shape)
     for k in np.flatnonzero(np.isfinite(z)):
-        f.update(z[k : k + 1], R=R[k], H=H[k : k + 1])  # constant states need no predict
-    r = z - H @ f.x
-    return ForceState(f.x, f.P, float(np.nansum(r**2 / R[:, 0, 0])), int(np.isfinite(z).sum()))
+        f.R, f.H = R[k].reshape(1, 1), H[k : k + 1]
+        f.update(z[k].reshape(1, 1))  # constant states need no predict
+    x, P = f.x[:, 0], np.asarray(f.P)
+    r = z - H @ x
+    return ForceState(x, P, float(np.nansum(r**2 / R)), int(np.isfinite(z).sum()))

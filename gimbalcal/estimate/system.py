@@ -16,11 +16,32 @@ import numpy as np
 from gimbalcal.calibration import Calibration, Residual, Stage
 from gimbalcal.effects import Effect, Parameter, values, with_values
 from gimbalcal.estimate.combined import Combined, combined
+from gimbalcal.estimate.force_filter import (
+    ForceState,
+    accumulate,
+    estimate,
+    kalman,
+    observation_matrix,
+    projection,
+)
 from gimbalcal.estimate.information import Information, information, solve
 from gimbalcal.estimate.static_run import StaticRun, baseline, information_of_rows, prepare
 from gimbalcal.recording import Recording
 
 ENOUGH = 300  # rows for a first solution to linearise at: good to 1e-6, its square is nothing
+
+
+def force_state(recording: Recording, effects: Sequence[Effect] = (), *, sample_by_sample: bool = False) -> ForceState:
+    """State x1 ... x5 of Eqs. (21)-(25) from the specific force of a run, less what the effects explain.
+
+    By the information form, or with filterpy's Kalman filter sample by sample: equal to 1e-9 sigma.
+    """
+    run = prepare(recording)
+    columns, g, u = run.columns("specific_force"), run.stimulus.gravity, run.direction
+    z = projection(run.departures(effects)[:, columns], u, g)
+    H = observation_matrix(u)
+    variance = ((u * run.sigma[:, columns] / g) ** 2).sum(axis=1)
+    return kalman(z, H, variance) if sample_by_sample else estimate(accumulate(z, H, variance))
 
 
 def static_information(

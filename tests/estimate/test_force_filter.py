@@ -50,6 +50,14 @@ def test_filter_equals_information_form_equals_smoother_start(hours: float, step
     assert worst(batch, smoothed.x[0], smoothed.P[0]) < 1e-9
 
 
+@pytest.mark.parametrize("sigma", [5e-4, 6.6e-6, 1e-7])
+def test_filter_and_information_form_stay_equal_however_small_the_noise(sigma: float) -> None:
+    H = observation_matrix(static(48.0, 900.0).force / G)
+    z = H @ X + np.random.default_rng(9).normal(size=len(H)) * sigma
+    a, b = estimate(accumulate(z, H, sigma**2)), force_filter.kalman(z, H, sigma**2)
+    assert worst(a, b.x, b.P) < 1e-9
+
+
 def test_pieces_in_any_order_and_missing_rows_are_the_same_estimate() -> None:
     z, H, variance = rows(30.0, 60.0)
     whole = estimate(accumulate(z, H, variance))

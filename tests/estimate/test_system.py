@@ -15,7 +15,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.combined import MEANS, NAMES, matrix
 from gimbalcal.estimate.information import solve
 from gimbalcal.estimate.static_run import baseline, prepare, shortening
-from gimbalcal.estimate.system import static, static_information
+from gimbalcal.estimate.system import force_state, static, static_information
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, read
 from tests.estimate.static_runs import TABLE_2_3, draw, run
@@ -115,6 +115,19 @@ def test_block_means_are_not_taken_for_instantaneous_force() -> None:
 
 def _unwrapped(recording: Recording) -> dict[tuple[str, str], np.ndarray]:
     return {k: np.unwrap(v) if k[0] == "gimbal_angle" else v for k, v in recording.channels.items()}
+
+
+def test_filter_of_a_run_sample_by_sample_equals_its_information_form_and_the_stage() -> None:
+    recording = run(TABLE_2_3, np.random.default_rng(7))
+    a, b = force_state(recording), force_state(recording, sample_by_sample=True)
+    assert np.abs((a.x - b.x) / a.sigma).max() < 1e-9
+    np.testing.assert_allclose(a.P, b.P, rtol=1e-9, atol=1e-9 * a.sigma.min() ** 2)
+    stage = static(recording).stages[0]
+    np.testing.assert_allclose(stage.values[:5], a.x, rtol=1e-12)
+    np.testing.assert_allclose(stage.sigmas[:5], a.sigma, rtol=1e-12)
+    assert 0.8 < a.chi2 / (a.rows - 5) < 1.2
+    left = force_state(recording, TABLE_2_3)
+    assert np.abs(left.x / left.sigma).max() < 4
 
 
 def test_noise_that_the_header_does_not_state_is_estimated() -> None:
