@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gimbalcal.number import Array
+from gimbalcal.report.rounding import significant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,6 +61,19 @@ class Curve:
     measured: Array  # (n,)
     fitted: Array  # (n,)
     sigma: float | None = None
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Residuals (n,) of one channel over `x` in printed units, before and after something is added; one sigma (n,)."""
+
+    name: str
+    unit: str
+    x: Array
+    x_label: str
+    before: Array
+    after: Array
+    sigma: Array | None = None
 
 
 def svg(figure: Figure) -> bytes:
@@ -110,15 +124,51 @@ def residuals_by_position(
 
 
 def _title(ax: Axes, word: str, residual: Array, unit: str, remark: str = "") -> None:
-    rms = float(np.sqrt(np.mean(residual**2)))
-    ax.set_title(rf"$\bf{{{word}}}$: {_plain(rms)} {unit} rms{remark}")
+    ax.set_title(rf"$\bf{{{word}}}$: {rms(residual)} {unit} rms{remark}")
 
 
-def _plain(x: float) -> str:
-    """Three significant digits without a power of ten."""
-    from gimbalcal.report.rounding import significant
+def rms(x: Array) -> str:
+    """Root mean square with three significant digits."""
+    return significant(float(np.sqrt(np.mean(x**2))), 3)
 
-    return significant(x, 3)
+
+def before_after(panels: Sequence[Panel]) -> Figure:
+    """One row a panel: residuals before (grey squares) and after (blue dots) over the same x, with sigma as bars."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(STYLE):
+        figure = _figure(FULL, 0.8 + 1.7 * len(panels))
+        grid = figure.subplots(len(panels), 1, squeeze=False)[:, 0]
+        for ax, p in zip(grid, panels, strict=True):
+            few = p.x.size <= 60
+            ax.plot(p.x, p.before, "s", ms=4.5 if few else 2, color="#9a9a9a", label="before", zorder=2)
+            bars = p.sigma if few else None
+            size = 3.2 if few else 1.8
+            ax.errorbar(p.x, p.after, bars, fmt="o", ms=size, lw=0.9, color=BLUE, label="after", zorder=3)
+            if p.sigma is not None and not few:
+                ax.fill_between(p.x, -p.sigma, p.sigma, color=BLUE, alpha=0.12, lw=0)
+            ax.axhline(0, color=INK, lw=0.6, zorder=1)
+            name = p.name.replace(" ", "~").replace("_", "~")
+            ax.set_title(rf"$\bf{{{name}}}$: rms {rms(p.before)} before, {rms(p.after)} {p.unit} after")
+            ax.set_ylabel(f"[{p.unit}]")
+            ax.set_xlabel(p.x_label)
+            if few and np.array_equal(p.x, np.round(p.x)):
+                ax.set_xticks(np.unique(p.x)[:: max(1, p.x.size // 20)])
+        handles, words = grid[0].get_legend_handles_labels()
+        figure.legend(handles, words, loc="outside upper right", ncols=2)
+        return figure
+
+
+def formula(latex: str) -> Figure:
+    """A formula by itself. Raises ValueError where it is beyond matplotlib's mathematics."""
+    import matplotlib as mpl
+    from matplotlib.mathtext import MathTextParser
+
+    with mpl.rc_context({**STYLE, "mathtext.fontset": "dejavuserif"}):
+        width, height, *_ = MathTextParser("path").parse(f"${latex}$", dpi=72)
+        figure = _figure((width * 1.3 + 16) / 72, (height * 1.3 + 14) / 72)
+        figure.text(0.5, 0.5, f"${latex}$", ha="center", va="center", fontsize=12)
+        return figure
 
 
 def sigma_by_stage(labels: Sequence[str], stages: Sequence[str], ratio: Array) -> Figure:
@@ -194,7 +244,7 @@ def over_time(hours: Array, curves: Sequence[Curve]) -> Figure:
             rest = curve.measured - curve.fitted
             right.plot(hours, rest, ".", ms=1.8, color=BLUE)
             right.axhline(0, color=INK, lw=0.6)
-            right.set_title(f"rms {_plain(float(np.sqrt(np.mean(rest**2))))} {curve.unit}")
+            right.set_title(f"rms {rms(rest)} {curve.unit}")
             if curve.sigma:
                 right.axhspan(-curve.sigma, curve.sigma, color=BLUE, alpha=0.12, lw=0)
         grid[0, 0].set_title(r"$\bf{Data\ and\ model}$")

@@ -45,6 +45,6 @@ def write_diagnosis(diagnosis: Diagnosis, out: Path) -> None:
     """diagnosis.json and report.html into `out`."""
     from gimbalcal.report.diagnosis_page import diagnosis_report
 
-    page = diagnosis_report(diagnosis)
+    page = diagnosis_report(diagnosis.to_dict())
     write_json(out / "diagnosis.json", diagnosis.to_dict())
     write_text(out / "report.html", page)
