@@ -51,6 +51,11 @@ def output_options(command: F) -> F:
     )(command)
 
 
+def listed(words: str) -> tuple[str, ...]:
+    """A comma-separated option as a tuple."""
+    return tuple(w.strip() for w in words.split(",") if w.strip())
+
+
 def progress(quiet: bool) -> Callable[[str], None]:
     """A function that tells what is being done, on stderr."""
 
@@ -98,7 +103,7 @@ def calibrate(
     from gimbalcal.report.wording import answer
 
     tell = progress(quiet)
-    calibration, loaded = run(recordings, method, tuple(t for t in terms.split(",") if t), tell)
+    calibration, loaded = run(recordings, method, listed(terms), tell)
     if out is not None:
         write_calibration(calibration, loaded, out)
         tell(f"wrote {out / 'calibration.json'} and {out / 'report.html'}")
@@ -125,8 +130,7 @@ def diagnose(
     tell = progress(quiet)
     loaded = load(recordings, tell)
     start = read_calibration(known) if known else None
-    held = tuple(b for b in baseline.split(",") if b)
-    diagnosis = run(loaded, calibration=start, baseline=held, seed=seed, tell=tell)
+    diagnosis = run(loaded, calibration=start, baseline=listed(baseline), seed=seed, tell=tell)
     if out is not None:
         write_diagnosis(diagnosis, out)
         tell(f"wrote {out / 'diagnosis.json'} and {out / 'report.html'}")
@@ -151,18 +155,85 @@ def simulate(scenario: Path, seed: int | None, out: Path | None, quiet: bool, as
 @click.argument("schedule")
 @click.option("--angle-sigma", default=1.0, show_default=True, help="Setting error of a position, arcsec.")
 @click.option("--force-sigma", default=2.0, show_default=True, help="Noise of the mean force of a position, ug.")
+@click.option("--latitude", default=40.0, show_default=True, help="SCHEDULE static-48h and the like: where, deg.")
+@click.option("--candidates", default="", help="Comma-separated effects that may be there besides: would they show?")
 @output_options
 def observe(
-    schedule: str, angle_sigma: float, force_sigma: float, out: Path | None, quiet: bool, as_json: bool
-) -> None:
-    """Say what SCHEDULE (a name, or a TOML file) can and cannot see, before anything is recorded."""
-    from gimbalcal.observability import observe as run
+    schedule: str, angle_sigma: float, force_sigma: float, latitude: float, candidates: str,
+    out: Path | None, quiet: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Say what SCHEDULE (a name, a schedule.toml, or static-48h) can and cannot see, before anything is recorded."""
+    from gimbalcal.observability import observe_any
     from gimbalcal.report.files import write_json
 
-    seen = run(schedule, angle_sigma, force_sigma)
+    seen = observe_any(schedule, angle_sigma, force_sigma, latitude, listed(candidates))
     if out is not None:
         write_json(out / "observability.json", seen.to_dict())
     show(seen.to_dict(), seen.in_words, as_json, quiet)
+
+
+@gimbalcal.command()
+@click.option("--platform", default="space-stable", show_default=True, help="Name of the rig's gimbal chain.")
+@click.option("-n", "--positions", default=18, show_default=True, help="How many positions to hold.")
+@click.option("--step", default=45.0, show_default=True, help="Angles that an axis may take: multiples of this, deg.")
+@click.option("--angle-sigma", type=float, default=None, help="Setting error, arcsec; left out: no angle is known.")
+@click.option("--terms", default="", help="Comma-separated effects to estimate (default: the baseline).")
+@click.option("--separate", default="", help="Comma-separated effects that the schedule should tell apart.")
+@click.option("--criterion", type=click.Choice(["D", "A"]), default="D", show_default=True)
+@output_options
+def design(
+    platform: str, positions: int, step: float, angle_sigma: float | None, terms: str, separate: str, criterion: str,
+    out: Path | None, quiet: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Choose the positions that see most, or that separate named effects, under a rig's limits."""
+    from gimbalcal.design import design as run
+    from gimbalcal.design import rig_of
+    from gimbalcal.report.files import write_text
+    from gimbalcal.schedule_file import schedule_toml
+
+    rig = rig_of(platform, step, angle_sigma)
+    schedule, seen = run(rig, positions, listed(terms), criterion, listed(separate))
+    if out is not None:
+        write_text(out / "schedule.toml", schedule_toml(schedule))
+        progress(quiet)(f"wrote {out / 'schedule.toml'}")
+    show(seen, seen["in_words"], as_json, quiet)
+
+
+@gimbalcal.command()
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("-n", "--runs", default=200, show_default=True, help="How many runs.")
+@click.option("--workers", type=int, default=None, help="Processes on this machine (default: its cores).")
+@click.option("--scheduler", default="", help="Address of a running Dask scheduler, tcp://host:port, instead.")
+@click.option("--method", default="three-stage", show_default=True, help="How each simulated recording is calibrated.")
+@click.option("--seed", type=int, default=None, help="Instead of the scenario's own.")
+@output_options
+def campaign(
+    scenario: Path, runs: int, workers: int | None, scheduler: str, method: str, seed: int | None,
+    out: Path | None, quiet: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Monte Carlo of SCENARIO: the same digits whatever the number of workers; goes on where it was stopped."""
+    from gimbalcal.campaign import run_campaign
+
+    folder = out or Path(f"campaign-{scenario.stem}")
+    summary = run_campaign(scenario, runs, folder, workers, scheduler, progress(quiet), method, seed)
+    show(summary, summary["in_words"], as_json, quiet)
+
+
+@gimbalcal.command()
+@click.argument("effect", required=False)
+def catalogue(effect: str | None) -> None:
+    """List the physical effects that are known, or show the card of one EFFECT."""
+    import inspect
+
+    from gimbalcal.effects import CATALOGUE
+
+    if effect is None:
+        for name in sorted(CATALOGUE):
+            print(f"{name:28s} {(inspect.getdoc(CATALOGUE[name]) or '').splitlines()[0].lstrip('r')}")
+    elif effect in CATALOGUE:
+        print(inspect.getdoc(CATALOGUE[effect]))
+    else:
+        raise InputError(f"no effect is called {effect!r}; `gimbalcal catalogue` lists them")
 
 
 @gimbalcal.command("import")

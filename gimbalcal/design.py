@@ -28,10 +28,10 @@ from gimbalcal.estimate.multiposition import TERMS, unknowns
 from gimbalcal.estimate.setting import BASELINE, Linear, Noise, baseline, whiten
 from gimbalcal.forward import jacobian, predict, stimulus
 from gimbalcal.number import STEP, Array
-from gimbalcal.platform import Platform
+from gimbalcal.platform import KNOWN, Platform, known
 from gimbalcal.recording import Recording, Site
 from gimbalcal.schedule import SCHEDULES, Hold, Schedule
-from gimbalcal.units import from_si
+from gimbalcal.units import from_si, to_si
 
 CRITERIA = ("D", "A")
 
@@ -66,6 +66,20 @@ def free_rig(platform: Platform, step: float = np.pi / 4, **options: Any) -> Rig
     """A rig whose axes turn freely in steps of `step` [rad]; a vertical last axis stays, as it moves no gravity."""
     turning = platform.axes[:-1] if platform.axes[-1].direction == "z" else platform.axes
     return Rig(platform, {a.name: grid(-np.pi, np.pi, step) for a in turning}, **options)
+
+
+def rig_of(name: str, step: float, setting: float | None) -> Rig:
+    """The rig of a known platform in steps of `step` [deg], set to `setting` [arcsec] (None: no angle is known).
+
+    Raises InputError for a platform that is not known, or a step that does not divide the circle.
+    """
+    platform = known(name)
+    if platform is None or not platform.axes:
+        with_axes = ", ".join(n for n, p in KNOWN.items() if p.axes)
+        raise InputError(f"no rig is called {name!r}; known are {with_axes}")
+    if not 0 < step <= 180 or abs(360 / step - round(360 / step)) > 1e-9:
+        raise InputError(f"--step must divide 360 deg into equal parts, got {step:g} deg")
+    return free_rig(platform, np.deg2rad(step), setting=np.inf if setting is None else to_si(setting, "arcsec"))
 
 
 def design(
@@ -263,6 +277,13 @@ def report(
         table.append({"name": p.name, "axis": p.axis, "unit": p.unit, "sigma": float(from_si(sigma[i], p.unit)),
                       "prior_sigma": float(from_si(p.sigma, p.unit)), "others": unit})  # fmt: skip
     own = value(rows, criterion, everything)
+    against = {
+        name: _against(own, value(r, criterion, everything), len(made.holds), len(r), criterion, sigma, s)
+        for name, (s, _, r) in others.items()
+    }
+    lines = [f"{len(made.holds)} positions chosen out of {candidates}"]
+    lines += [f"against {name}: {a['in_words']}" for name, a in against.items()]
+    lines += [f"not seen: {u.why}" for u in unseen] + unsupported(wanted, sigma)
     return {
         "criterion": criterion,
         "positions": len(made.holds),
@@ -271,10 +292,8 @@ def report(
         "parameters": table,
         "unobservable": [{"direction": u.direction, "why": u.why} for u in unseen],
         "unsupported": unsupported(wanted, sigma),
-        "against": {
-            name: _against(own, value(r, criterion, everything), len(made.holds), len(r), criterion, sigma, s)
-            for name, (s, _, r) in others.items()
-        },
+        "against": against,
+        "in_words": "\n".join(lines),
     }
 
 

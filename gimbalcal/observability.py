@@ -13,6 +13,7 @@ From the whitened Jacobian of the forward model, with the setting errors elimina
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -157,6 +158,23 @@ def observe_static(
     rows = np.concatenate([(J[channels[k]] * root / s).reshape(-1, len(wanted)) for k, s in noise.items()])
     info = information(rows, np.zeros(len(rows)), wanted)
     return _observability(f"static run of {hours:g} h at {np.rad2deg(latitude):.4g} deg", info, calibrated, dict(noise))
+
+
+def observe_any(
+    schedule: str, angle_sigma: float, force_sigma: float, latitude: float, candidates: Sequence[str] = ()
+) -> Observability:
+    """What the command line asks: a multi-position schedule, or a static run such as "static-48h".
+
+    angle_sigma [arcsec], force_sigma [ug], latitude [deg]; a static run takes them as noise of a one-minute mean.
+    """
+    run = re.fullmatch(r"static-(\d+(?:\.\d+)?)h", schedule)
+    if run is None:
+        return observe(schedule, angle_sigma, force_sigma, candidates=candidates)
+    if not abs(latitude) < 90:
+        raise InputError(f"--latitude must be between -90 and 90 deg, got {latitude:g}")
+    angle = to_si(angle_sigma, "arcsec")
+    noise = {"accelerometer": to_si(force_sigma, "ug"), "gimbal_angle": angle, "attitude": angle}
+    return observe_static(float(run[1]), np.deg2rad(latitude), noise, candidates=candidates, sample_s=60.0)
 
 
 def static_plan(hours: float, latitude: float, sample_s: float) -> Recording:
