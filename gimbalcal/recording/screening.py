@@ -184,7 +184,8 @@ class Screen:
             raise InputError(
                 f"{self._place(start, stop)}, column {each.name}: all {stop - start} rows read "
                 f"{x[start]:.10g} {each.unit} although the noise is {sigma:.2g} {each.unit}, so the channel is "
-                "frozen; leave those rows out, or correct [noise]"
+                f"{'dead; leave its column' if stop - start == len(x) else 'frozen; leave those rows'} out, or correct "
+                "[noise]"
             )
 
     def _clock_inside_dwells(self) -> None:
