@@ -63,5 +63,5 @@ print(len(wanted), "coefficients:", ", ".join(p.label for p in wanted))
 # sign of its own), and no longer recording would help. The package fixes it by a stated convention and says so.
 
 # %%
-for direction in seen.unseen:
+for direction in seen.solution.unseen:
     print(direction.why)
