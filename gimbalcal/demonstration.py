@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -46,8 +47,23 @@ def _calibrate(folders: list[Path], method: str, out: Path, tell: Tell) -> dict[
     from gimbalcal.report.files import write_calibration
 
     calibration, recordings = calibrate(folders, method, (), tell)
-    write_calibration(calibration, recordings, out)
+    write_calibration(calibration, recordings, out, _truth(folders))
     return calibration.to_dict()
+
+
+def _truth(folders: list[Path]) -> dict[str, float] | None:
+    """What went into simulated recordings, label to SI; the first one that tells a parameter counts.
+
+    A static run counts its gimbal zeros otherwise than the positions that come before it.
+    """
+    from gimbalcal.report.wording import label_of
+    from gimbalcal.units import to_si
+
+    told: dict[str, float] = {}
+    for path in (folder / "truth.json" for folder in folders):
+        for p in json.loads(path.read_text())["parameters"] if path.exists() else ():
+            told.setdefault(label_of(p), float(to_si(p["value"], p["unit"])))
+    return told or None
 
 
 def _diagnose(folder: Path, out: Path, tell: Tell) -> Diagnosis:

@@ -30,10 +30,9 @@ def calibration_report(
     `truth`, label to SI value, adds each parameter's error in sigmas (a simulated recording has one).
     """
     leading, others = _evidence(content, recordings)
-    provenance = content["provenance"]
     context = {
         "title": "; ".join(r.title for r in recordings) or "no recording at hand",
-        "remark": " · ".join([f"gimbalcal {gimbalcal.__version__}", *filter(None, [provenance.get("created")])]),
+        "remark": " · ".join(filter(None, [f"gimbalcal {gimbalcal.__version__}", _minute(content["provenance"])])),
         "answer": wording.answer(content),
         "verdict": wording.verdict(content),
         "facts": _facts(content, recordings),
@@ -70,6 +69,11 @@ def _facts(content: Mapping[str, Any], recordings: Sequence[Recording]) -> list[
     if rows:
         facts.append((f"{rows:,}".replace(",", " "), "samples used"))
     return facts
+
+
+def _minute(provenance: Mapping[str, Any]) -> str:
+    """When the calibration was made, to the minute."""
+    return str(provenance.get("created", ""))[:16].replace("T", " ")
 
 
 def _nominal(content: Mapping[str, Any]) -> str:
@@ -120,7 +124,7 @@ def _rows(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> list
         }
         if truth is not None and label_of(p) in truth and p["sigma"] > 0:
             error = (p["value"] - float(from_si(truth[label_of(p)], p["unit"]))) / p["sigma"]
-            row["error"] = minus(f"{error:+.1f} σ")
+            row["error"] = minus(f"{error:+.1f} σ").replace("−0.0", "0.0").replace("+0.0", "0.0")
         rows.append(row)
         previous = p["name"]
     return rows
