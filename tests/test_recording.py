@@ -414,7 +414,7 @@ ROW_FAULTS: list[tuple[Callable[[Array], object], str]] = [
     (stuck, "although the noise is 8.9e-05 g, so the channel is frozen; leave those rows out, or correct [noise]"),
     (
         dead,
-        "column accel_y: all 80 rows read 0 g although the noise is 8.9e-05 g, so the channel is dead; leave its column",
+        "column accel_y: all 80 rows read 0 g although the noise is 8.9e-05 g, so the channel is dead; leave its",
     ),
     (
         lambda table: table[:, 4].clip(-0.99995, out=table[:, 4]),
