@@ -5,7 +5,7 @@ attitude of its own that is not known, and what the three readings of a dwell sa
 the misfit of the norm. Direction: physics to reading, as everywhere in `effects`; `gimbalcal.pulses` is the other one.
 
 Terms beyond bias, scale factor and misalignment are taken up one at a time, and only while the positions support them:
-the data must know each coefficient better than its prior does, and positions left out must be predicted no worse.
+a coefficient of it must stand clear of its sigma, and positions left out must be predicted no worse.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.units import from_si, is_raw
 
 LINEAR = ("scale_factor", "bias", "misalignment")
+CLEAR = 3.0  # sigma that the largest coefficient of a further term must reach to be taken up
 WIDE = 100.0  # times the prior scale of a navigation platform: low-cost units reach 50 mg, 5 % and 3 deg
 TERMS = (*LINEAR, "scale_nonlinearity", "cubic_nonlinearity")
 # x of the orthogonal frame lies along the first input axis, y in the plane of the first two: Eq. (5)
@@ -99,7 +100,7 @@ def unknowns(terms: Sequence[str]) -> tuple[Parameter, ...]:
     """Parameters of the terms; of the six misalignments the three that the norm can see."""
     found = [p for t in terms for p in parameters(CATALOGUE[t])]
     kept = (p for p in found if p.effect != "misalignment" or p.axis in TRIANGLE)
-    return tuple(replace(p, sigma=WIDE * p.sigma) if p.effect in LINEAR else p for p in kept)
+    return tuple(replace(p, sigma=WIDE * p.sigma) for p in kept)
 
 
 def norm_fit(means: Recording, terms: Sequence[str]) -> NormFit:
@@ -199,22 +200,18 @@ def _refusal(term: str, without: NormFit, candidate: NormFit | None) -> str:
         return f"{term} declined: {positions} positions are fewer than the parameters it would make"
     solution = candidate.fit.solution
     mine = [i for i, q in enumerate(solution.parameters) if q.effect == term]
-    prior = np.array([solution.parameters[i].sigma for i in mine])
     sigma, x = solution.sigma[mine], np.abs(solution.x[mine])
+    unit = solution.parameters[mine[0]].unit
+    worst, clear = float(from_si(sigma.max(), unit)), float(np.max(x / sigma))
     condition = f"condition number {without.condition:.0f} -> {candidate.condition:.0f}"
-    if candidate.fit.steps == 0 or np.any(sigma >= prior):
-        unit = solution.parameters[mine[0]].unit
-        worst = float(from_si(sigma.max(), unit))
-        return (
-            f"{term} declined: these {positions} positions leave it uncertain by {worst:.2g} {unit}, more than the "
-            f"{float(from_si(prior.max(), unit)):.2g} {unit} it is expected to be anyway ({condition})"
-        )
-    if candidate.left_out > without.left_out:
-        return (
-            f"{term} declined: positions left out are predicted worse with it ({without.left_out:.2g} -> "
-            f"{candidate.left_out:.2g} m/s^2), no coefficient exceeds {np.max(x / sigma):.1f} sigma ({condition})"
-        )
-    return ""
+    if candidate.left_out <= without.left_out and clear > CLEAR:
+        return ""
+    outside = "worse" if candidate.left_out > without.left_out else "no worse"
+    return (
+        f"{term} declined: these {positions} positions leave it uncertain by {worst:.2g} {unit} and no coefficient "
+        f"exceeds {clear:.1f} sigma; positions left out are predicted {outside} with it ({without.left_out:.2g} -> "
+        f"{candidate.left_out:.2g} m/s^2, {condition})"
+    )
 
 
 def _in_si(means: Recording) -> tuple[Recording, dict[str, list[float]]]:
