@@ -40,6 +40,7 @@ from gimbalcal.estimate.static_run import StaticRun
 from gimbalcal.number import Array
 
 ORDERS = (0, 1, 2)
+FITTED = (0, 1, 2, 3)  # the bends of x and y make a third harmonic, K g C^2 / 4, that must not pass for coloured noise
 NAMES = force_filter.NAMES + tuple(f"{axis}_{k}" for axis in ("phi", "theta") for k in labels(ORDERS))
 EQUATIONS = (21, 22, 23, 24, 25, 34, 35, 36, 37, 38, 29, 31, 30, 33, 32)  # of Wu et al. (2018), order of NAMES
 MEANS = ("phi_0", "theta_0")  # base tilt and readout zeros go into these and into nothing else
@@ -104,13 +105,13 @@ def _force_operator(run: StaticRun) -> Operator:
 def _attitude_operator(run: StaticRun, i: int, name: str, y: Array, drift: int, noise: str) -> Operator:
     """Fourier fit of one channel with the noise colour that its own departures show."""
     time, weight = run.stimulus.time, run.recording.weight
-    h = fourier(time, run.phase, y, ORDERS, weight, drift, noise)
-    A = design(time, run.phase, ORDERS, drift)
+    h = fourier(time, run.phase, y, FITTED, weight, drift, noise)
+    A, q = design(time, run.phase, FITTED, drift), len(labels(ORDERS))
 
     def apply(d: Array) -> Array:
-        return least_squares(time, A, d[:, 0], weight, h.noise).beta[: len(h.labels)]
+        return least_squares(time, A, d[:, 0], weight, h.noise).beta[:q]
 
-    return Operator(tuple(f"{name}_{k}" for k in h.labels), [i], apply, h.covariance)
+    return Operator(tuple(f"{name}_{k}" for k in h.labels[:q]), [i], apply, h.covariance[:q, :q])
 
 
 def combined(

@@ -90,7 +90,7 @@ def static(
         unobservable=tuple({"direction": u.direction, "why": u.why} for u in solution.unseen),
         residual=Residual(solution.chi2, solution.dof, rms_by_channel(run, effects)),
         provenance={"recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source]},
-        stages=(stage(run, combined(run, prior, effects, solution, J)),),
+        stages=(stage(run, effects, combined(run, prior, effects, solution, J)),),
     )
 
 
@@ -100,9 +100,9 @@ def rms_by_channel(run: StaticRun, effects: Sequence[Effect]) -> dict[str, float
     return {f"{q}:{axis}": float(x) for (q, axis), x in zip(run.channels, rms, strict=True)}
 
 
-def stage(run: StaticRun, table: Combined) -> Stage:
+def stage(run: StaticRun, fitted: Sequence[Effect], table: Combined) -> Stage:
     """The combined coefficients of section 5 for the record, each from its own channel."""
-    rms = np.sqrt(np.mean(run.departures() ** 2, axis=0))[run.columns("specific_force")]
+    rms = np.sqrt(np.mean(run.departures(fitted) ** 2, axis=0))[run.columns("specific_force")]
     words = "no combined coefficients: the run has neither the whole specific force nor roll nor pitch errors"
     if table.names:
         worst = float(np.max(np.abs(table.value - table.fit) / table.sigma))

@@ -29,7 +29,7 @@ import pytest
 
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect, parameters, values
-from gimbalcal.estimate.combined import MEANS, NAMES, matrix, operators
+from gimbalcal.estimate.combined import FITTED, MEANS, NAMES, matrix, operators
 from gimbalcal.estimate.force_filter import accumulate, estimate, observation_matrix, projection, squared_norm
 from gimbalcal.estimate.harmonics import columns, design
 from gimbalcal.estimate.static_run import StaticRun, prepare
@@ -128,7 +128,7 @@ def reconciled(run: StaticRun, e: Array, drift: int = 0) -> Array:
 
 def _normal(run: StaticRun, drift: int) -> Array:
     """Normal matrix (5, 5) of the harmonics under white noise, the drift being profiled."""
-    A = design(run.stimulus.time, run.phase, (0, 1, 2), drift)
+    A = design(run.stimulus.time, run.phase, FITTED, drift)
     N = A.T @ (run.recording.weight[:, None] * A)
     return np.linalg.inv(np.linalg.inv(N)[:5, :5])
 
