@@ -105,7 +105,7 @@ def three_stage(recordings: Sequence[Recording], tell: Tell = silent) -> Calibra
 
     tell("stage 3: system level, force, gimbals and attitude error of the static run")
     third = fuse(information_of(device, both.effects), static_information(run, both.effects), both)
-    return replace(third, method="three-stage", stages=(*stages, *third.stages))
+    return replace(third, method="three-stage", stages=(*stages, *static(run).stages, *third.stages))
 
 
 def _one_of_each(recordings: Sequence[Recording]) -> tuple[Recording | None, Recording | None]:
