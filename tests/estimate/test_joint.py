@@ -28,7 +28,7 @@ def recorded(seed: int, setting: float = ARCSEC) -> tuple[np.ndarray, Recording]
 
 @pytest.mark.parametrize("setting", [ARCSEC, np.deg2rad(3.0)])
 def test_covariance_holds_over_many_truths(setting: float) -> None:
-    runs, total, dimension, squares = 60, 0.0, 0, []
+    runs, total, dimension, squares = 40, 0.0, 0, []
     for seed in range(runs):
         truth, recording = recorded(seed, setting)
         c = joint(recording)

@@ -28,7 +28,7 @@ def unstated(recording: Recording) -> Recording:
 
 
 def test_nothing_is_named_on_clean_recordings() -> None:
-    for seed in range(20):
+    for seed in range(10):
         rng = np.random.default_rng(seed)
         recording = measured(draw(rng), rng)
         assert faults_of(recording) == []
