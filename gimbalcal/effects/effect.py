@@ -21,6 +21,7 @@ from gimbalcal.units import to_si
 TRIAD = ("x", "y", "z")
 GIMBALS = ("gimbals",)  # one entry per axis of the platform at hand
 SCALAR = ("",)
+EVERY_KIND = ("multi-position", "static-run", "rotation", "pointing")
 
 
 class Stage(Enum):
@@ -111,7 +112,7 @@ class Effect:
     stage: ClassVar[Stage]
     channel: ClassVar[str] = "specific_force"  # where it first shows
     requires: ClassVar[tuple[str, ...]] = ()  # quantities a recording must carry for the effect to be a candidate
-    kinds: ClassVar[tuple[str, ...]] = ("multi-position", "static-run")
+    kinds: ClassVar[tuple[str, ...]] = ("multi-position", "static-run", "rotation")
     sources: ClassVar[tuple[str, ...]] = ()  # keys of references.REFERENCES
     linear: ClassVar[bool] = True  # whether the contribution is linear in the parameters
     steps: ClassVar[tuple[str, ...]] = ()  # constants to be scanned, not differentiated: the output jumps with them

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.effects.effect import GIMBALS, Effect, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.effects.effect import EVERY_KIND, GIMBALS, Effect, Stage, Stimulus, constant, effect, parameter
 from gimbalcal.effects.history import direction
 from gimbalcal.number import Array, cos, sin
 
@@ -23,6 +23,7 @@ class GimbalZero(Effect):
 
     id = "gimbal_zero"
     stage = Stage.ENCODER
+    kinds = EVERY_KIND
     sources = ("wu2018",)
     theta_0: Array = parameter(GIMBALS, unit="arcsec", sigma=120, name="gimbal_zero")
 
@@ -49,6 +50,7 @@ class GimbalNonorthogonality(Effect):
 
     id = "gimbal_nonorthogonality"
     stage = Stage.AXIS_TILT
+    kinds = EVERY_KIND
     sources = ("wu2018",)
     epsilon: Array = parameter(GIMBALS, unit="arcsec", sigma=10, name="nonorthogonality")
 
@@ -72,6 +74,7 @@ class EncoderEccentricity(Effect):
 
     id = "encoder_eccentricity"
     stage = Stage.ENCODER
+    kinds = EVERY_KIND
     channel = "gimbal_angle"
     A: Array = parameter(GIMBALS, unit="arcsec", sigma=10, name="eccentricity_sin")
     B: Array = parameter(GIMBALS, unit="arcsec", sigma=10, name="eccentricity_cos")
@@ -93,6 +96,7 @@ class EncoderTwoCycle(Effect):
 
     id = "encoder_two_cycle"
     stage = Stage.ENCODER
+    kinds = EVERY_KIND
     channel = "gimbal_angle"
     A: Array = parameter(GIMBALS, unit="arcsec", sigma=3, name="two_cycle_sin")
     B: Array = parameter(GIMBALS, unit="arcsec", sigma=3, name="two_cycle_cos")
@@ -114,6 +118,7 @@ class EncoderHarmonic(Effect):
 
     id = "encoder_harmonic"
     stage = Stage.ENCODER
+    kinds = EVERY_KIND
     channel = "gimbal_angle"
     steps = ("order",)
     A: Array = parameter(GIMBALS, unit="arcsec", sigma=1, name="harmonic_sin")
@@ -137,6 +142,7 @@ class EncoderCyclicError(Effect):
 
     id = "encoder_cyclic_error"
     stage = Stage.ENCODER
+    kinds = EVERY_KIND
     channel = "gimbal_angle"
     steps = ("lines",)
     A: Array = parameter(GIMBALS, unit="arcsec", sigma=0.5, name="cyclic_sin")
@@ -146,6 +152,31 @@ class EncoderCyclicError(Effect):
     def contribution(self, s: Stimulus) -> Array:
         """Angle minus readout [rad], (n, k)."""
         return self.A * sin(self.lines * s.angle) + self.B * cos(self.lines * s.angle)
+
+
+@effect
+class PeriodicWormError(Effect):
+    r"""A worm that runs out of true pushes its wheel to and fro once per turn of the worm.
+
+    .. math:: \delta\theta = A \sin N\theta + B \cos N\theta
+
+    with N the teeth of the wheel. Source: Wallace, TPOINT manual. Magnitude: 1 to 30 arcsec. Seen by: tracking over
+    one tooth. Twin: encoder_cyclic_error with as many lines as teeth.
+    """
+
+    id = "periodic_worm_error"
+    stage = Stage.ENCODER
+    channel = "gimbal_angle"
+    kinds = ("pointing",)
+    sources = ("wallace_tpoint",)
+    steps = ("teeth",)
+    A: Array = parameter(GIMBALS, unit="arcsec", sigma=10, name="worm_sin")
+    B: Array = parameter(GIMBALS, unit="arcsec", sigma=10, name="worm_cos")
+    teeth: float = constant(360.0, unit="1", low=30.0, high=2000.0)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Angle minus readout [rad], (n, k)."""
+        return self.A * sin(self.teeth * s.angle) + self.B * cos(self.teeth * s.angle)
 
 
 @effect
@@ -160,6 +191,7 @@ class BearingWobble(Effect):
 
     id = "bearing_wobble"
     stage = Stage.AXIS_TILT
+    kinds = EVERY_KIND
     steps = ("m",)
     w_c: Array = parameter(GIMBALS, unit="arcsec", sigma=2, name="wobble_cos")
     w_s: Array = parameter(GIMBALS, unit="arcsec", sigma=2, name="wobble_sin")
@@ -189,6 +221,7 @@ class GimbalFlexure(Effect):
 
     id = "gimbal_flexure"
     stage = Stage.ENCODER
+    kinds = EVERY_KIND
     channel = "gimbal_angle"
     kappa_1: Array = parameter(GIMBALS, unit="arcsec/g", sigma=5, name="flexure_1")
     kappa_2: Array = parameter(GIMBALS, unit="arcsec/g", sigma=5, name="flexure_2")

@@ -8,7 +8,7 @@ from math import pi
 
 import numpy as np
 
-from gimbalcal.effects.effect import SCALAR, Effect, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.effects.effect import EVERY_KIND, SCALAR, Effect, Stage, Stimulus, constant, effect, parameter
 from gimbalcal.number import Array, apply_matrix, cos, sin
 
 HOUR = 3600.0
@@ -35,6 +35,7 @@ class BaseTilt(Effect):
 
     id = "base_tilt"
     stage = Stage.BASE
+    kinds = EVERY_KIND
     sources = ("wu2018",)
     kappa: Array = parameter(("north", "east", "down"), unit="arcsec", sigma=120, name="base_tilt")
 
@@ -55,6 +56,7 @@ class BaseTiltDrift(Effect):
 
     id = "base_tilt_drift"
     stage = Stage.BASE
+    kinds = EVERY_KIND
     channel = "gimbal_angle"
     sources = ("wu2018",)
     psi: Array = parameter(TILT, unit="urad/h", sigma=3, name="tilt_rate")
@@ -76,6 +78,7 @@ class BaseTiltDiurnal(Effect):
 
     id = "base_tilt_diurnal"
     stage = Stage.BASE
+    kinds = EVERY_KIND
     channel = "gimbal_angle"
     A: Array = parameter(TILT, unit="urad", sigma=10, name="tilt_sin")
     B: Array = parameter(TILT, unit="urad", sigma=10, name="tilt_cos")

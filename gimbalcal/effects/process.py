@@ -223,7 +223,13 @@ class SettingError(Process):
 
 
 PROCESSES: dict[str, type[Process]] = {
-    p.id: p for p in (WhiteNoise, Quantisation, RandomWalk, GaussMarkov, Flicker, SettingError)
+    "white_noise": WhiteNoise,
+    "quantisation": Quantisation,
+    "bias_random_walk": RandomWalk,
+    "gyro_random_walk": RandomWalk,
+    "gauss_markov": GaussMarkov,
+    "flicker": Flicker,
+    "setting_error": SettingError,
 }
 
 

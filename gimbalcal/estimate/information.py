@@ -109,13 +109,14 @@ def name_directions(null: Array, parameters: Sequence[Parameter]) -> tuple[Unsee
             if other != i:
                 rows[other] -= rows[other, j] * rows[i]
         done.append(i)
+    # below 1 % of the largest, in prior sigmas, a parameter takes no visible part in the combination
+    rows[np.abs(rows) < 0.01 * np.abs(rows).max(axis=1, keepdims=True)] = 0.0
     return tuple(_unseen(row * scale, parameters) for row in rows)
 
 
 def _unseen(row: Array, parameters: Sequence[Parameter]) -> Unseen:
     row = row / row[np.argmax(np.abs(row))]
-    # below 1 % of the largest a parameter takes no visible part in the combination
-    direction = {p.label: round(float(w), 6) for p, w in zip(parameters, row, strict=True) if abs(w) > 0.01}
+    direction = {p.label: float(f"{w:.6g}") for p, w in zip(parameters, row, strict=True) if w}
     if len(direction) == 1:
         return Unseen(direction, f"{next(iter(direction))} does not change any reading of these data")
     terms = " ".join(f"{w:+.3g} {label}" for label, w in direction.items())
