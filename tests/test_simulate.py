@@ -1,6 +1,7 @@
 """Simulated recordings say exactly what the scenario put in."""
 
 import json
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -244,3 +245,12 @@ def test_a_covariate_acts_and_is_logged() -> None:
     bare, _ = simulate(device(truth={}))
     felt = recording.channels["specific_force", "x"] - bare.channels["specific_force", "x"]
     np.testing.assert_allclose(felt, 10e-6 * 9.80665 * (volts - volts.mean()), atol=1e-14)
+
+
+def test_the_scenario_in_the_documentation_runs() -> None:
+    page = (Path(__file__).parents[1] / "docs" / "scenarios.md").read_text()
+    content = tomllib.loads(page.split("```toml\n")[1].split("```")[0])
+    recording, truth = simulate(content | {"schedule": content["schedule"] | {"dwell": TEN_S}})
+    assert {e.id for e in truth} >= {"cubic_nonlinearity", "warm_up", "cross_coupling", "bias"}
+    assert recording.position is not None
+    assert set(recording.position) == set(range(1, 19)) - {3}
