@@ -6,9 +6,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from derivations import errata, wu2018
+from derivations import errata, wang2019, wu2018
 
-PAPERS = (wu2018,)
+PAPERS = (wang2019, wu2018)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -51,8 +51,8 @@ def initial_scale(N: Array, magnitude: float | Array) -> Array:
     unit = np.sqrt((N**2).mean((-2, -1), keepdims=True))
     A, b = (N / unit) ** 2, target**2
     AT = np.swapaxes(A, -1, -2)
-    # an axis that was never turned must not divide by zero; 1e-12 is far below any real information
-    ridge = 1e-12 * np.trace(AT @ A, axis1=-2, axis2=-1)[:, None, None] * np.eye(3)
+    # an axis that was never turned must not divide by zero; 1e-15 is below the rounding of any real information
+    ridge = 1e-15 * np.trace(AT @ A, axis1=-2, axis2=-1)[:, None, None] * np.eye(3)
     squares = np.linalg.solve(AT @ A + ridge, AT @ b[..., None])[..., 0]
     common = (target**2).sum(-1, keepdims=True) / A.sum((-2, -1))[:, None]
     return np.asarray(np.sqrt(np.where(squares > 0.05 * common, squares, common)) / unit[:, 0])

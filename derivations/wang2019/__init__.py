@@ -1,0 +1,33 @@
+"""Wang, Cheng and Fu (2019), Optimized multi-position calibration method with nonlinear scale factor for inertial
+measurement units, Sensors 19, 3568: every numbered equation, Tables 2 to 4 and what the text says about them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import ModuleType
+
+from derivations.verdict import Printed, Verdict, decide
+
+SOURCE = "000"
+
+
+def groups() -> tuple[ModuleType, ...]:
+    """The files with printed formulas and their derivations, in the order of the paper."""
+    from derivations.wang2019 import accelerometer, frames, gyroscope, models, navigation, optimisation
+
+    return (models, navigation, accelerometer, gyroscope, optimisation, frames)
+
+
+def judge_group(group: ModuleType, printed: Mapping[str, Printed] | None = None) -> tuple[Verdict, ...]:
+    """Verdicts of one file; `printed` replaces what the paper prints, item by item."""
+    formulas = {**group.PRINTED, **(printed or {})}
+    cases = group.cases()
+    return tuple(decide(SOURCE, formulas[item], cases[item]) for item in cases)
+
+
+def verdicts() -> tuple[Verdict, ...]:
+    """Everything, in the order of the paper."""
+    from derivations.wang2019 import tables
+
+    return (*(v for group in groups() for v in judge_group(group)), *tables.verdicts())

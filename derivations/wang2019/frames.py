@@ -1,0 +1,80 @@
+"""Eqs. (43) to (45): rotations between the triads and the turntable.
+
+All three print the same product Ry(gamma) Rx(beta) Rz(alpha). C_p^q turns one orthogonal frame into another: three
+angles are right. The a and g axes are not orthogonal: C_a^r = C_p^r C_a^p has the triangle of Eq. (5) in it, six
+numbers, and the E of Table 4 (up to 13.3e-4 = 4.6 arcmin) are as large as the angles (up to 7.5 arcmin).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import sympy as sp
+
+from derivations.verdict import Case, Printed, truncate
+from derivations.wang2019 import package
+from derivations.wang2019.symbols import E, triangle
+
+a, b, c = sp.symbols("alpha beta gamma", real=True)
+ANGLES = (a, b, c)
+ARCMIN = 2.908882086657216e-4
+
+
+def product() -> Any:
+    """Ry(gamma) Rx(beta) Rz(alpha), frame rotations."""
+    Ry = sp.Matrix([[sp.cos(c), 0, -sp.sin(c)], [0, 1, 0], [sp.sin(c), 0, sp.cos(c)]])
+    Rx = sp.Matrix([[1, 0, 0], [0, sp.cos(b), sp.sin(b)], [0, -sp.sin(b), sp.cos(b)]])
+    Rz = sp.Matrix([[sp.cos(a), sp.sin(a), 0], [-sp.sin(a), sp.cos(a), 0], [0, 0, 1]])
+    return Ry * Rx * Rz
+
+
+def printed() -> Any:
+    ca, sa, cb, sb, cc, sc = sp.cos(a), sp.sin(a), sp.cos(b), sp.sin(b), sp.cos(c), sp.sin(c)
+    return sp.Matrix(
+        [
+            [ca * cc - sa * sb * sc, cc * sa + ca * sb * sc, -cb * sc],
+            [-cb * sa, ca * cb, sb],
+            [ca * sc + cc * sa * sb, sa * sc - ca * cc * sb, cb * cc],
+        ]
+    )
+
+
+@cache
+def with_triangle() -> Any:
+    """C_a^r through second order in angles and leaning."""
+    return truncate(product() * triangle(), (*ANGLES, *E), 2)
+
+
+PRINTED = {
+    p.item: p
+    for p in (
+        Printed("Eq. (43)", "C_p^q = [[cos a1 cos c1 - sin a1 sin b1 sin c1, ...], ...]", printed()),
+        Printed("Eq. (44)", "C_a^r = the same with alpha_2, beta_2, gamma_2", truncate(printed(), ANGLES, 2)),
+        Printed("Eq. (45)", "C_g^r = the same with alpha_3, beta_3, gamma_3", truncate(printed(), ANGLES, 2)),
+    )
+}
+
+
+@cache
+def cases() -> dict[str, Case]:
+    """The derived forms."""
+    why = (
+        "A rotation with three angles cannot turn axes that are not orthogonal: the triangle of Eq. ({eq}) is "
+        "missing on the "
+        "right, {{size}} rad, as large as the angles themselves. Method 1 of Table 4, which uses it, therefore has no "
+        "misalignment and leaves that error in."
+    )
+    table_4 = {"Eq. (44)": (-7.48, -0.69, -7.36, 4.24e-4, 3.21e-4, 1.75e-4),
+               "Eq. (45)": (5.97, -0.026, -3.77, 3.58e-4, 13.30e-4, -2.09e-4)}  # fmt: skip
+    out = {
+        "Eq. (43)": Case(
+            product(), "Ry(gamma) Rx(beta) Rz(alpha): gamma about y, beta about x, alpha about z.",
+            code=lambda: package.euler_matrix(product(), ANGLES),
+        )
+    }  # fmt: skip
+    for item, eq in (("Eq. (44)", 5), ("Eq. (45)", 8)):
+        values = table_4[item]
+        at = dict(zip(ANGLES, (v * ARCMIN for v in values[:3]), strict=True)) | dict(zip(E, values[3:], strict=True))
+        out[item] = Case(with_triangle(), why.format(eq=eq), small=(*ANGLES, *E), at=at)
+    return out

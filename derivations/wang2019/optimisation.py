@@ -1,0 +1,94 @@
+"""Eqs. (36) to (42): the three least-squares problems, the step, and the initial values."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from derivations.verdict import Case, Printed
+from derivations.wang2019 import package
+from derivations.wang2019.symbols import BIAS, K1, K2, K3, E, E_yx, E_zx, N, g, square
+
+r = sp.symbols("f_1:4", real=True)
+x = sp.Matrix(sp.symbols("x_1:3", real=True))
+H = sp.Matrix(2, 2, sp.symbols("H_11 H_12 H_12 H_22", real=True))
+gradient = sp.Matrix(sp.symbols("J_1:3", real=True))
+beta, angle = sp.symbols("beta theta", positive=True)
+S = sp.symbols("S_x S_y S_z", real=True)
+
+
+def damped_step() -> Any:
+    """Minimum of the quadratic model with the damping added to its diagonal."""
+    s = sp.Matrix(sp.symbols("s_1:3", real=True))
+    model = (gradient.T * s)[0] + (s.T * (H + beta * sp.diag(H[0, 0], H[1, 1])) * s)[0] / 2
+    solution = sp.solve([sp.diff(model, v) for v in s], list(s), dict=True)[0]
+    return (x + sp.Matrix([solution[v] for v in s])).applyfunc(sp.together)
+
+
+def printed_step() -> Any:
+    return (x - (H + beta * sp.diag(H[0, 0], H[1, 1])).inv() * gradient).applyfunc(sp.together)
+
+
+def rough(counts: Any, magnitude: Any) -> Any:
+    """One term of Eqs. (41) and (42)."""
+    return (square([K1[i] * counts[i] for i in range(3)]) - magnitude**2) ** 2 / 2
+
+
+def gradient_of_rough(K: Any, counts: Any, magnitude: float) -> Any:
+    """Gradient of Eq. (41) by the scale factors, as numbers."""
+    miss = ((counts * K) ** 2).sum(1) - magnitude**2
+    return np.array(2 * (miss[:, None] * counts**2).sum(0) * K)
+
+
+PRINTED = {
+    p.item: p
+    for p in (
+        Printed("Eq. (36)", "min over x_i of 1/2 ||f_i(x)||^2", square(r) / 2),
+        Printed(
+            "Eq. (37)",
+            "x_1 = [K_a1x ... K_a3z E_ayx E_azx nabla_x nabla_y nabla_z]^T",
+            sp.Matrix([*K1, *K2, *K3, E_yx, E_zx, *BIAS]),
+        ),
+        Printed(
+            "Eq. (38)", "x_2 = [K_g1x K_g1y K_g1z K_g2x K_g2y K_g2z E_gyx E_gzx E_gzy]^T", sp.Matrix([*K1, *K2, *E])
+        ),
+        Printed("Eq. (39)", "x_3 = [eps_x eps_y eps_z]^T", sp.Matrix(BIAS)),
+        Printed("Eq. (40)", "x(k+1) = x(k) - (H(k) + beta(k) diag(H(k)))^-1 J(k)", printed_step()),
+        Printed("Eq. (41)", "min 1/2 sum || ||K_a1^0 N_i||^2 - ||G||^2 ||^2", rough(N, g)),
+        Printed("Eq. (42)", "min 1/2 sum || ||K_g1^0 N_sum||^2 - ||2 theta||^2 ||^2", rough(S, 2 * angle)),
+    )
+}
+
+
+@cache
+def cases() -> dict[str, Case]:
+    """The derived forms."""
+    full = sp.Matrix([*K1, *K2, *K3, *E, *BIAS])
+    return {
+        "Eq. (36)": Case(square(r) / 2, "The sum of squares of (18), (30) and (35) as one vector."),
+        "Eq. (37)": Case(
+            full,
+            "Fourteen entries where (2) and the text have fifteen parameters: {slip}. Tables 2 and 4 give it. The "
+            "scan may "
+            "have lost it.",
+            repairs=(("E_azy is missing after E_azx", full),),
+        ),
+        "Eq. (38)": Case(sp.Matrix([*K1, *K2, *E]), "The nine unknowns of (30)."),
+        "Eq. (39)": Case(sp.Matrix(BIAS), "The three unknowns of (35)."),
+        "Eq. (40)": Case(
+            damped_step(),
+            "The minimum of the damped quadratic model, with J the gradient of the cost as a column: for the "
+            "sums of squares of (36), J = J_f^T f and H = J_f^T J_f. The package solves it by QR, without H.",
+        ),
+        "Eq. (41)": Case(
+            rough(N, g),
+            "(18) with the linear scale factors alone. It is quadratic in their squares, so it needs no iteration: "
+            "one linear "
+            "solution is its global minimum.",
+            code=lambda: package.rough_scale(gradient_of_rough),
+        ),
+        "Eq. (42)": Case(rough(S, 2 * angle), "(30) with the linear scale factors alone; as (41)."),
+    }

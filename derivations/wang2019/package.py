@@ -1,0 +1,103 @@
+"""The package's own numbers for the paper's formulas, and how far they are from the derivations.
+
+Nothing is derived here. Every function returns the largest relative difference between what `gimbalcal` computes and
+what the derivation says, at generic numbers.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from derivations.wang2019.symbols import BIAS, K1, K2, K3, E, N, fa, fp, polynomial, triangle
+
+RNG_SEED = 3
+GENERIC: dict[Any, float] = {
+    **dict(zip(K1, (1.1, 0.9, 1.05), strict=True)),
+    **dict(zip(K2, (0.03, -0.02, 0.01), strict=True)),
+    **dict(zip(K3, (-0.01, 0.02, 0.015), strict=True)),
+    **dict(zip(BIAS, (0.1, -0.2, 0.15), strict=True)),
+    **dict(zip(E, (0.02, -0.03, 0.01), strict=True)),
+    **dict(zip(N, (0.7, -0.4, 0.6), strict=True)),
+}
+
+
+def numbers(expr: Any, values: dict[Any, float]) -> Any:
+    """Sympy to floats."""
+    matrix = sp.Matrix([expr]) if not isinstance(expr, sp.MatrixBase) else expr
+    return np.array(matrix.subs(values).evalf(20).tolist(), dtype=float)
+
+
+def _vector(order: int) -> Any:
+    drop = {3: (), 2: K3}[order]
+    x = [GENERIC[s] for s in (*K1, *K2, *K3, *BIAS, *E)]
+    names = (*K1, *K2, *K3, *BIAS, *E)
+    return np.array([0.0 if s in drop else v for s, v in zip(names, x, strict=True)])
+
+
+def _counts() -> Any:
+    return np.array([[GENERIC[s] for s in N]])
+
+
+def accelerometer_model() -> float:
+    """Eq. (2) against `Pulses.physical`."""
+    from gimbalcal.pulses import Pulses
+
+    ours = Pulses.from_vector(_vector(3)).physical(_counts())[0]
+    return float(np.abs(ours - numbers(triangle() * polynomial(3), GENERIC)[:, 0]).max())
+
+
+def gyroscope_model() -> float:
+    """Eq. (6) against `Pulses.physical` without a cubic term."""
+    from gimbalcal.pulses import Pulses
+
+    ours = Pulses.from_vector(_vector(2)).physical(_counts())[0]
+    return float(np.abs(ours - numbers(triangle() * polynomial(2), GENERIC)[:, 0]).max())
+
+
+def norm_derivatives(exact: Any) -> float:
+    """The 15 derivatives of F against the Jacobian of the norm fit (which is F over 2 sigma, in g)."""
+    from gimbalcal.estimate.pulse_fit import _residuals
+
+    x = _vector(3)
+    J = 2 * _residuals(x[None], _counts()[None], 1.0, np.arange(15))[1][0, 0]
+    along = numbers(polynomial(3), GENERIC)[:, 0]
+    force = numbers(triangle() * polynomial(3), GENERIC)[:, 0]
+    at = {**GENERIC, **dict(zip(fa, along, strict=True)), **dict(zip(fp, force, strict=True))}
+    return float(np.abs(J - numbers(sp.Matrix(exact), at)[:, 0]).max())
+
+
+def turn_derivatives(exact: dict[str, Any], sums: Any, squares: Any, psi: Any) -> float:
+    """The 9 derivatives of P against the Jacobian of the rotation fit."""
+    from gimbalcal.estimate.rotations import _triad
+
+    S, S2 = np.array([0.7, -0.4, 0.6]), np.array([0.1, 0.2, -0.15])
+    at = {**GENERIC, **dict(zip(sums, S, strict=True)), **dict(zip(squares, S2, strict=True))}
+    x = np.r_[_vector(2)[:6], np.zeros(3), _vector(2)[12:]]
+    D, J = _triad(x[None], np.stack([S, S2, 0 * S])[None, None])
+    ours = 2 * (D[0, 0] @ J[0, 0])[[0, 1, 2, 3, 4, 5, 9, 10, 11]]
+    along = [at[k1] * at[s] + at[k2] * at[q] for k1, k2, s, q in zip(K1, K2, sums, squares, strict=True)]
+    turned = numbers(triangle(), GENERIC) @ np.array(along)
+    at |= dict(zip(psi[0], turned, strict=True)) | dict(zip(psi[1], along, strict=True))
+    return float(np.abs(ours - np.concatenate([numbers(e, at)[:, 0] for e in exact.values()])).max())
+
+
+def rough_scale(gradient: Any) -> float:
+    """Gradient of Eq. (41) or (42) at the package's initial scale factors, over its size elsewhere."""
+    from gimbalcal.estimate.pulse_fit import initial_scale
+
+    rng = np.random.default_rng(RNG_SEED)
+    counts = rng.standard_normal((1, 12, 3))
+    K = initial_scale(counts, 1.0)[0]
+    here, there = (gradient(K * f, counts[0], 1.0) for f in (1.0, 1.1))
+    return float(np.abs(here).max() / np.abs(there).max())
+
+
+def euler_matrix(matrix: Any, angles: Any) -> float:
+    """Eq. (43) against `inter_triad.rotation`."""
+    from gimbalcal.estimate.inter_triad import rotation
+
+    at = np.array([0.3, -0.2, 0.5])
+    return float(np.abs(rotation(at) - numbers(matrix, dict(zip(angles, at, strict=True)))).max())
