@@ -252,6 +252,8 @@ def import_(
     tell = progress(quiet)
     tell(f"importing {len(files)} file(s) as {kind}")
     recording = import_files(kind, files, options)
+    for remark in recording.remarks:
+        tell(remark)
     folder = out or Path(files[0].stem)
     write(recording, folder)
     summary = {"kind": recording.kind, "rows": len(recording.time), "folder": str(folder)}

@@ -40,6 +40,8 @@ def load(folders: Sequence[str | Path], tell: Tell = silent) -> tuple[Recording,
         tell(f"reading {Path(folder).name}")
         static_run = read_header(Path(folder)).kind == "static-run"
         recording = read(Path(folder), average_s=STATIC_BLOCK if static_run else None)
+        for remark in recording.remarks:
+            tell(f"note: {remark}")
         refuse_implausible(recording)
         recordings.append(recording)
     return tuple(recordings)
