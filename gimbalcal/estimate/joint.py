@@ -59,6 +59,8 @@ def joint(
     found = analyse(recording, start, prior, effects, averaged)
     p, fit = found.problem, found.fit
     estimate = with_values(p.effects, p.parameters, fit.solution.x, p.platform.axis_names)
+    origin = provenance(recording, p, fit, found.faults)
+    words = "; ".join(filter(None, [in_words(found), origin.get("lost", "")]))
     return Calibration(
         method="joint",
         effects=estimate,
@@ -67,8 +69,8 @@ def joint(
         unobservable=tuple({"direction": u.direction, "why": u.why} for u in fit.solution.unseen),
         residual=Residual(fit.solution.chi2, fit.solution.dof, rms(p, fit)),
         outcome=outcome(fit, found.faults),
-        provenance=provenance(recording, p, fit, found.faults),
-        stages=(stage("joint", p, fit, in_words(found)),),
+        provenance=origin,
+        stages=(stage("joint", p, fit, words),),
     )
 
 
