@@ -31,8 +31,9 @@ lint: $(VENV)/.dev-ready  ## style, types, and the direction of imports
 	$(BIN)/mypy $(CHECKED)
 	$(BIN)/lint-imports
 
-bench: $(VENV)/.dev-ready  ## the figures of the README, measured
-	$(BIN)/python -m pytest -q tests/benchmarks --benchmark-only -o addopts="--strict-markers --import-mode=importlib"
+bench: $(VENV)/.dev-ready  ## the figures of the README, measured (about a quarter of an hour)
+	for name in bench_device bench_static bench_multiposition bench_reading; do \
+		echo "== $$name"; $(BIN)/python -m tests.benchmarks.$$name || exit 1; done
 
 docs: $(VENV)/.run-ready  ## what each effect is, from its own card
 	@if [ -f docs/build.py ]; then $(BIN)/python docs/build.py; else echo "README.md and the docstrings are the documentation"; fi
