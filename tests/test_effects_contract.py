@@ -185,7 +185,7 @@ def test_complex_step_is_the_derivative_by_the_stimulus(name: str, field: str) -
 @pytest.mark.parametrize("name", ALL)
 def test_accepts_symbols_and_means_the_same_by_them(name: str) -> None:
     s, rng = short(rich()), np.random.default_rng(4)
-    numeric, wanted = filled(name, rng), unknowns(name, constants=False)
+    numeric, wanted = filled(name, rng), unknowns(name)
     x = values([numeric], wanted)
     names = sympy.symbols(f"p:{len(wanted)}", real=True)
     forces = sympy.symbols(f"f:{s.force.size}", real=True)
