@@ -34,6 +34,7 @@ from gimbalcal.schedule import SCHEDULES, Hold, Schedule
 from gimbalcal.units import from_si, to_si
 
 CRITERIA = ("D", "A")
+MOST_CANDIDATES = 200_000  # rows of some 18 parameters: 100 MB of work space
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,12 @@ def rig_of(name: str, step: float, setting: float | None) -> Rig:
         raise InputError(f"no rig is called {name!r}; known are {with_axes}")
     if not 0 < step <= 180 or abs(360 / step - round(360 / step)) > 1e-9:
         raise InputError(f"--step must divide 360 deg into equal parts, got {step:g} deg")
-    return free_rig(platform, np.deg2rad(step), setting=np.inf if setting is None else to_si(setting, "arcsec"))
+    if setting is not None and not 0 <= setting < np.inf:
+        raise InputError(f"--angle-sigma must be a finite number of arcsec from 0, got {setting:g}")
+    made = free_rig(platform, np.deg2rad(step), setting=np.inf if setting is None else to_si(setting, "arcsec"))
+    if (360 / step) ** len(made.grid) > MOST_CANDIDATES:
+        raise InputError(f"--step {step:g} deg on {len(made.grid)} axes makes too many attitudes: take a coarser step")
+    return made
 
 
 def design(

@@ -7,7 +7,18 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 
-from gimbalcal.design import Rig, assess, design, design_parameters, free_rig, gains, grid, optimise, value
+from gimbalcal.design import (
+    Rig,
+    assess,
+    design,
+    design_parameters,
+    free_rig,
+    gains,
+    grid,
+    optimise,
+    rig_of,
+    value,
+)
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.multiposition import TERMS
 from gimbalcal.platform import KNOWN
@@ -64,7 +75,7 @@ def test_predicted_sigma_is_that_of_a_calibration() -> None:
 
 
 def test_a_rig_that_only_leans_is_told_what_it_cannot_support() -> None:
-    rig = Rig(TABLE, {"outer": grid(0, np.pi / 4, np.pi / 12), "inner": grid(-np.pi, np.pi, np.pi / 4)})
+    rig = Rig(TABLE, {"outer": grid(0, np.pi / 6, np.pi / 12), "inner": grid(-np.pi, np.pi, np.pi / 4)})
     _, report = design(rig, 15)
     assert any("K3:z would be uncertain by" in words for words in report["unsupported"])
 
@@ -107,3 +118,23 @@ def test_a_rig_that_moves_no_gravity_is_refused() -> None:
         design(free_rig(KNOWN["rate-table"]), 6)
     with pytest.raises(InputError, match="criterion 'E' is not known"):
         design(free_rig(TABLE), 6, criterion="E")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("moon", 45.0, None), "no rig is called 'moon'"),
+        (("bench", 45.0, None), "no rig is called 'bench'"),
+        (("space-stable", 50.0, None), "--step must divide 360 deg"),
+        (("space-stable", 1.0, None), "take a coarser step"),
+        (("space-stable", 45.0, -1.0), "--angle-sigma must be a finite number of arcsec"),
+    ],
+)
+def test_a_rig_that_cannot_be_is_refused(arguments: tuple[str, float, float | None], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        rig_of(*arguments)
+
+
+def test_words_name_the_published_schedules() -> None:
+    _, report = design(rig_of("two-axis-table", 45.0, None), 15)
+    assert "against wang2019-15: sigma is 0." in report["in_words"]

@@ -49,6 +49,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
 
 
 def test_program_writes_into_out(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(__main__, "PAPERS", (__main__.wu2018,))
     monkeypatch.setattr(__main__.wu2018, "verdicts", lambda: VERDICTS)
     assert __main__.main(["--out", str(tmp_path / "new")]) == 0
     assert len(json.loads((tmp_path / "new" / "errata.json").read_text())) == 2
@@ -56,6 +57,7 @@ def test_program_writes_into_out(tmp_path, monkeypatch, capsys):
 
 
 def test_program_says_what_to_do_when_out_is_a_file(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(__main__, "PAPERS", (__main__.wu2018,))
     monkeypatch.setattr(__main__.wu2018, "verdicts", lambda: VERDICTS)
     (tmp_path / "file").write_text("")
     assert __main__.main(["--out", str(tmp_path / "file")]) == 2
