@@ -204,12 +204,13 @@ def _mount(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> tuple[
 
 def _pointing(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
     """Seen direction minus target (n, 2) [rad], across and along the innermost axis, as a perfect mount sees them."""
-    if s.true_angle is None:
+    true_angle = s.true_angle
+    if true_angle is None:
         raise InputError("a pointing recording needs `true_angle` columns: where the target really was")
     C_np, s = _mount(platform, s, effects)
     s = s.at(force=-s.gravity * C_np[..., 2])
     sight = np.swapaxes(_rotation(effects, Stage.LINE_OF_SIGHT, s) @ C_np, -1, -2)[..., 0]
-    seen = apply_matrix(platform.attitude(s.true_angle), sight)
+    seen = apply_matrix(platform.attitude(true_angle), sight)
     return np.stack([seen[..., 1], -seen[..., 2]], axis=-1)
 
 
@@ -267,8 +268,8 @@ def _gimbal_angles(platform: Platform, C_bp: Array, s: Stimulus, effects: Sequen
     free = [i for i, name in enumerate(platform.axis_names) if name != "inner"]
     held = [i for i, name in enumerate(platform.axis_names) if name == "inner"]
     error = _total(effects, Stage.ENCODER, s)
-    tilts = _total(effects, Stage.AXIS_TILT, s)
-    tilts = None if isinstance(tilts, float) else tilts
+    total = _total(effects, Stage.AXIS_TILT, s)
+    tilts = None if isinstance(total, float) else total
     angle = s.angle
     if held and not isinstance(error, float):
         angle = angle.astype(np.result_type(angle, error))
