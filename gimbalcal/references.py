@@ -57,10 +57,8 @@ REFERENCES: Mapping[str, str] = MappingProxyType(
         "lawrence1998": "Lawrence, A. Modern Inertial Technology: Navigation, Guidance, and Control. 2nd ed., "
         "Springer, 1998.",
         "sarkka2013": "Särkkä, S. Bayesian Filtering and Smoothing. Cambridge University Press, 2013.",
-        "simon2006": "Simon, D. Optimal State Estimation: Kalman, H-infinity, and Nonlinear Approaches. "
-        "Wiley, 2006.",
-        "bierman1977": "Bierman, G. J. Factorization Methods for Discrete Sequential Estimation. Academic "
-        "Press, 1977.",
+        "simon2006": "Simon, D. Optimal State Estimation: Kalman, H-infinity, and Nonlinear Approaches. Wiley, 2006.",
+        "bierman1977": "Bierman, G. J. Factorization Methods for Discrete Sequential Estimation. Academic Press, 1977.",
         "westfall1993": "Westfall, P. H.; Young, S. S. Resampling-Based Multiple Testing: Examples and "
         "Methods for p-Value Adjustment. Wiley, 1993.",
         # papers on methods and numerics

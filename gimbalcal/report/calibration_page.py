@@ -130,9 +130,7 @@ def _rows(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> list
     return rows
 
 
-def _evidence(
-    content: Mapping[str, Any], recordings: Iterable[Recording]
-) -> tuple[list[Picture], list[Picture]]:
+def _evidence(content: Mapping[str, Any], recordings: Iterable[Recording]) -> tuple[list[Picture], list[Picture]]:
     """Pictures of the residuals (for the first screen) and of the data behind them."""
     from gimbalcal.report.evidence import in_run_sense
 
