@@ -25,6 +25,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration, Residual, Stage
 from gimbalcal.effects import with_values
 from gimbalcal.estimate.information import Information, Solution, solve
+from gimbalcal.estimate.system import outcome
 from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL
 
 READOUT_SIGNS: Mapping[str, int] = {
@@ -58,7 +59,7 @@ def fuse(device: Information, static: Information, before: Calibration) -> Calib
         covariance=together.covariance,
         unobservable=tuple({"direction": u.direction, "why": u.why} for u in together.unseen),
         residual=Residual(together.chi2, together.dof, before.residual.rms),
-        outcome=before.outcome or contradiction(together, *alone),
+        outcome=". ".join(filter(None, (before.outcome, outcome(alone[1]), contradiction(together, *alone)))),
         stages=(_gain(together, alone[0], before.residual.rms),),
     )
 
@@ -79,7 +80,7 @@ def contradiction(together: Solution, device: Solution, static: Solution) -> str
     if p >= CONTRADICTION:
         return ""
     return (
-        f"the multi-position recording and the static run contradict each other: chi^2 of {rise / noise:.0f} for the "
+        f"The multi-position recording and the static run contradict each other: chi^2 of {rise / noise:.0f} for the "
         f"{shared} combinations that both see (probability {p:.1g}); the unit changed in between or a model is wrong"
     )
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Residual, Stage
 from gimbalcal.effects import Effect, Parameter, values, with_values
+from gimbalcal.estimate.account import joined, misfit_in_words
 from gimbalcal.estimate.combined import Combined, combined
 from gimbalcal.estimate.force_filter import (
     ForceState,
@@ -24,10 +25,11 @@ from gimbalcal.estimate.force_filter import (
     observation_matrix,
     projection,
 )
-from gimbalcal.estimate.information import Information, information, solve
+from gimbalcal.estimate.information import Information, Solution, information, solve
 from gimbalcal.estimate.static_run import StaticRun, baseline, information_of_rows, prepare
 from gimbalcal.recording import Recording
 
+TOLERATED = 1.1  # chi^2 per degree of freedom: the header's sigma is not known better than to 5 %
 ENOUGH = 300  # rows for a first solution to linearise at: good to 1e-6, its square is nothing
 
 
@@ -89,9 +91,17 @@ def static(
         covariance=solution.covariance,
         unobservable=tuple({"direction": u.direction, "why": u.why} for u in solution.unseen),
         residual=Residual(solution.chi2, solution.dof, rms_by_channel(run, effects)),
+        outcome=outcome(solution),
         provenance={"recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source]},
         stages=(stage(run, effects, combined(run, prior, effects, solution, J)),),
     )
+
+
+def outcome(solution: Solution) -> str:
+    """One sentence where the residual is more than chance and a sigma stated to a few per cent allow, else ""."""
+    if solution.chi2 < TOLERATED * solution.dof:
+        return ""
+    return joined([f"in the static run {words}" for words in misfit_in_words(solution.chi2, solution.dof)])
 
 
 def rms_by_channel(run: StaticRun, effects: Sequence[Effect]) -> dict[str, float]:

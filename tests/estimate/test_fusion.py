@@ -130,7 +130,7 @@ def test_contradicting_stages_are_told() -> None:
     x[0] += 20e-6  # the scale factor of x moved by 20 ppm between the stages
     moved = with_values((), eighteen_coefficients(), x, NAMES)
     both = fuse(d, static_information(run(moved, rng), moved), before(d))
-    assert both.outcome.startswith("the multi-position recording and the static run contradict each other: chi^2 of")
+    assert both.outcome.startswith("The multi-position recording and the static run contradict each other: chi^2 of")
 
 
 def test_information_in_the_other_sense_is_the_same_information() -> None:

@@ -156,6 +156,15 @@ def test_effects_that_are_not_wanted_are_held() -> None:
     assert np.abs(ratio[[0, 1, 3, 4]]).max() < 4
 
 
+def test_a_run_that_the_model_does_not_explain_is_told() -> None:
+    recording = run(TABLE_2_3, np.random.default_rng(8))
+    wave = 5e-4 * np.sin(2 * np.pi * recording.time / 7200.0)  # m/s^2, every two hours
+    x = ("specific_force", "x")
+    bad = dataclasses.replace(recording, channels={**recording.channels, x: recording.channels[x] + wave})
+    assert static(bad).outcome.startswith("In the static run the residual is")
+    assert static(recording).outcome == ""
+
+
 def test_another_kind_of_recording_is_refused() -> None:
     multi = dataclasses.replace(run(), kind="multi-position", platform=SPACE_STABLE)
     with pytest.raises(InputError, match="'made up' is a multi-position recording where a static run is needed"):
