@@ -18,6 +18,7 @@ from gimbalcal.effects import Parameter
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
+FAINT = 1e-3  # signal-to-noise below which a direction is not faint but absent: rounding of the Jacobian
 SEEN = 1.0  # singular value below which the prior knows more than the data
 
 
@@ -85,17 +86,17 @@ def solve(info: Information, seen: float = SEEN) -> Solution:
     x = Vt.T @ (inverse * coefficients)
     covariance = (Vt.T * np.where(keep, inverse**2, 1.0)) @ Vt
     residual = float(np.sum((z - R @ x) ** 2))
-    unseen = name_directions(Vt[~keep].T, info.parameters)
+    unseen = name_directions(Vt[~keep].T, info.parameters, R)
     return Solution(
         info.parameters, x * scale, covariance * np.outer(scale, scale), unseen, S, residual,
         info.count - int(keep.sum()),
     )  # fmt: skip
 
 
-def name_directions(null: Array, parameters: Sequence[Parameter]) -> tuple[Unseen, ...]:
-    """Sparse, readable basis of a null space (p, k) given in prior-scaled coordinates.
+def name_directions(null: Array, parameters: Sequence[Parameter], R: Array) -> tuple[Unseen, ...]:
+    """Sparse, readable basis of an unseen space (p, k), and how little the whitened rows R (q, p) change along it.
 
-    Gauss-Jordan with full pivoting makes each direction contain as few parameters as it can.
+    Both are given in prior-scaled coordinates. Gauss-Jordan with full pivoting makes each direction contain as few parameters as it can.
     """
     rows = null.T.copy()
     scale = np.array([from_si(p.sigma, p.unit) for p in parameters], dtype=float)
@@ -111,15 +112,20 @@ def name_directions(null: Array, parameters: Sequence[Parameter]) -> tuple[Unsee
         done.append(i)
     # below 1 % of the largest, in prior sigmas, a parameter takes no visible part in the combination
     rows[np.abs(rows) < 0.01 * np.abs(rows).max(axis=1, keepdims=True)] = 0.0
-    return tuple(_unseen(row * scale, parameters) for row in rows)
+    signals = np.linalg.norm(rows @ R.T, axis=1) / np.linalg.norm(rows, axis=1)
+    return tuple(_unseen(row * scale, signal, parameters) for row, signal in zip(rows, signals, strict=True))
 
 
-def _unseen(row: Array, parameters: Sequence[Parameter]) -> Unseen:
+def _unseen(row: Array, signal: float, parameters: Sequence[Parameter]) -> Unseen:
     row = row / row[np.argmax(np.abs(row))]
     direction = {p.label: float(f"{w:.6g}") for p, w in zip(parameters, row, strict=True) if w}
-    if len(direction) == 1:
-        return Unseen(direction, f"{next(iter(direction))} does not change any reading of these data")
     terms = " ".join(f"{w:+.3g} {label}" for label, w in direction.items())
+    alone = len(direction) == 1
+    if signal > FAINT:
+        what = f"{next(iter(direction))} at its prior size" if alone else f"{terms} together, at their prior size,"
+        return Unseen(direction, f"{what} moves these data by {signal:.2g} of their noise: less than the prior knows")
+    if alone:
+        return Unseen(direction, f"{next(iter(direction))} does not change any reading of these data")
     return Unseen(direction, f"changing {terms} together leaves every reading of these data as it is")
 
 
