@@ -96,7 +96,8 @@ def solve(info: Information, seen: float = SEEN) -> Solution:
 def name_directions(null: Array, parameters: Sequence[Parameter], R: Array) -> tuple[Unseen, ...]:
     """Sparse, readable basis of an unseen space (p, k), and how little the whitened rows R (q, p) change along it.
 
-    Both are given in prior-scaled coordinates. Gauss-Jordan with full pivoting makes each direction contain as few parameters as it can.
+    Both are given in prior-scaled coordinates. Gauss-Jordan with full pivoting makes each direction contain as few
+    parameters as it can.
     """
     rows = null.T.copy()
     scale = np.array([from_si(p.sigma, p.unit) for p in parameters], dtype=float)
