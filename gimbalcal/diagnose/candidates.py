@@ -20,6 +20,7 @@ from gimbalcal.number import Array
 SHAPES = ("encoder_harmonic", "encoder_cyclic_error", "readout_curve", "setting_error")  # say a shape, not a cause
 JOINT = ("position_blunder",)  # effects whose parameters are one vector
 CARRIED = ("kappa_3", "kappa_4", "l")  # a second mechanism of the same effect: a candidate of its own
+TWOFOLD = ("gimbal_flexure", "post_move_creep")
 SINGLE_AXES = ("x", "y", "z", "platform", "inner", "middle", "outer")
 GRID = 7  # values of a non-linear constant before refinement
 ORDERS = {"m": (1.0, 2.0)}  # whole-number constants: what a bearing does
@@ -43,6 +44,7 @@ class Candidate:
     parameters: tuple[Parameter, ...]
     variants: tuple[Variant, ...]
     rival: str = ""  # in words, what an unknown of this shape depends on
+    source: str = ""  # the covariate behind it
     channel: str = "specific_force"
 
     @property
@@ -56,7 +58,7 @@ def groups(wanted: Sequence[Parameter], effect_id: str) -> dict[str, tuple[Param
     if effect_id in JOINT:
         return {"": tuple(wanted)}
     out: dict[str, list[Parameter]] = {}
-    own = [p for p in wanted if p.field not in CARRIED]
+    own = [p for p in wanted if p.effect not in TWOFOLD or p.field not in CARRIED]
     for p in own:
         axis = p.axis.split("_")[0]
         axis = axis[0] if len(axis) == 2 and set(axis) <= set("xyz") else axis
@@ -103,6 +105,8 @@ def grid(effect_id: str, f: dataclasses.Field[float], o: Observations) -> Array:
         starts = time[np.flatnonzero(np.diff(visit)) + 1]
         return starts - 1e-3 if len(starts) else np.linspace(0, time[-1], 50)[1:-1]
     low, high = limits(f, o)
+    if f.name == "damping":
+        return np.concatenate([[low], np.geomspace(1 / float(o.stimulus.time[-1]), high, 5)])
     if f.name in CATALOGUE[effect_id].steps:
         return np.unique(np.round(np.geomspace(low, high, GRID)))
     if f.name == "period":
@@ -143,21 +147,37 @@ def _append(blocks: list[Array], X: Array) -> range:
 def _catalogue(o: Observations, baseline: Sequence[str], blocks: list[Array]) -> list[Candidate]:
     out: list[Candidate] = []
     for effect_id in available(o, baseline):
-        cls = CATALOGUE[effect_id]
-        wanted = parameters(cls, o.stimulus.axis_names)
-        fields = constant_fields(effect_id)
-        made: list[tuple[tuple[tuple[str, float], ...], range, Array]] = []
-        for values in product_grid([grid(effect_id, f, o) for f in fields]):
-            named = tuple((f.name, v) for f, v in zip(fields, values, strict=True))
-            X = scaled_columns(o, absent_effect(effect_id, o.stimulus, **dict(named)), wanted)
-            made.append((named, _append(blocks, X), X))
-        shares = list(groups(wanted, effect_id).items())
-        shares += [(a, tuple(q for q in wanted if q.field in CARRIED and q.axis == a)) for a in SINGLE_AXES]
-        for axis, chosen in [(a, ps) for a, ps in shares if ps]:
-            index = [wanted.index(p) for p in chosen]
-            if max(np.abs(X[:, index]).max(initial=0) for _, _, X in made) > 0:
-                variants = tuple(Variant(named, tuple(at[i] for i in index)) for named, at, _ in made)
-                out.append(Candidate(effect_id, axis, chosen, variants, channel=cls.channel))
+        for source in sources(effect_id, o):
+            out += _of_effect(o, effect_id, source, blocks)
+    return out
+
+
+def sources(effect_id: str, o: Observations) -> tuple[str, ...]:
+    """Names of the recorded covariates for an effect that follows one, else the empty name."""
+    follows = any(f.name == "covariate" for f in dataclasses.fields(CATALOGUE[effect_id]))
+    return tuple(o.stimulus.covariates) if follows else ("",)
+
+
+def _of_effect(o: Observations, effect_id: str, source: str, blocks: list[Array]) -> list[Candidate]:
+    cls = CATALOGUE[effect_id]
+    wanted = parameters(cls, o.stimulus.axis_names)
+    fields = constant_fields(effect_id)
+    made: list[tuple[tuple[tuple[str, float], ...], range, Array]] = []
+    for values in product_grid([grid(effect_id, f, o) for f in fields]):
+        named = tuple((f.name, v) for f, v in zip(fields, values, strict=True))
+        X = scaled_columns(o, absent_effect(effect_id, o.stimulus, source, **dict(named)), wanted)
+        made.append((named, _append(blocks, X), X))
+    shares = list(groups(wanted, effect_id).items())
+    shares += [
+        (a, tuple(q for q in wanted if effect_id in TWOFOLD and q.field in CARRIED and q.axis == a))
+        for a in SINGLE_AXES
+    ]
+    out = []
+    for axis, chosen in [(a, ps) for a, ps in shares if ps]:
+        index = [wanted.index(p) for p in chosen]
+        if max(np.abs(X[:, index]).max(initial=0) for _, _, X in made) > 0:
+            variants = tuple(Variant(named, tuple(at[i] for i in index)) for named, at, _ in made)
+            out.append(Candidate(effect_id, axis, chosen, variants, channel=cls.channel, source=source))
     return out
 
 

@@ -39,6 +39,7 @@ class Rows:
     q: int
     P: int
     Q: Array  # (R, q) orthonormal calibration columns
+    y: Array  # (R, m) data cleared of them
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def stack(Z: Array, X: Array, y: Array, low: int) -> Rows:
     X = np.where(np.sqrt((X**2).sum(axis=0)) > ABSORBED * before, X, 0.0)
     A = np.concatenate([Q, X, y], axis=1)
     tail = A[low:]
-    return Rows(A[:low], tail.T @ tail, Q.shape[1], X.shape[1], Q)
+    return Rows(A[:low], tail.T @ tail, Q.shape[1], X.shape[1], Q, y)
 
 
 def orthonormal(Z: Array) -> Array:
@@ -85,6 +86,22 @@ def project(node: Node, rows: Rows) -> Projection:
     return Projection(node, B[:P, :P], B[:P, P:], np.diag(B)[P:].copy(), node.logdet + logdet)
 
 
+def extended(node: Node, rows: Rows, X: Array) -> tuple[Array, Array]:
+    """Gram matrix (p, p) and scores (p,) at one noise of reduced columns X (R, p) that are not among the rows."""
+    added = rows_like(rows, X)
+    p = project(node, added)
+    return p.G, p.b[:, 0]
+
+
+def rows_like(rows: Rows, X: Array) -> Rows:
+    """The same calibration and data with other columns."""
+    Q = rows.Q
+    X = X - Q @ (Q.T @ X)
+    A = np.concatenate([Q, X, rows.y], axis=1)
+    low = rows.low.shape[0]
+    return Rows(A[:low], A[low:].T @ A[low:], rows.q, X.shape[1], Q, rows.y)
+
+
 def log_bayes(G: Array, b: Array) -> Array:
     """ln BF (..., sizes) for Gram matrices G (..., p, p) and scores b (..., p), one per prior size."""
     if G.shape[-1] == 1:
@@ -98,35 +115,32 @@ def log_bayes(G: Array, b: Array) -> Array:
     return np.asarray(0.5 * (gain - np.log1p(s2 * lam)).sum(axis=-1))
 
 
-def mixed(ln: Array, prior: Array, axis: int = -1) -> Array:
-    """ln of the prior-weighted mean of exp(ln) along an axis."""
-    from scipy.special import logsumexp
-
-    shape = [1] * ln.ndim
-    shape[axis] = -1
-    return np.asarray(logsumexp(ln + np.log(prior).reshape(shape), axis=axis))
+def mixed(ln: Array, prior: Array) -> Array:
+    """ln of the prior-weighted mean of exp(ln) along the last axis."""
+    ln = ln + np.log(prior)
+    top = ln.max(axis=-1, keepdims=True)
+    return np.asarray(np.log(np.exp(ln - top).sum(axis=-1)) + top[..., 0])
 
 
 def gather(projections: Sequence[Projection], candidates: Sequence[Candidate]) -> Array:
     """ln BF (nodes, candidates) of every single candidate at every noise, sizes and variants mixed; b (P, 1)."""
-    out = np.full((len(projections), len(candidates)), -np.inf)
-    by_width: dict[int, list[tuple[int, tuple[int, ...]]]] = {}
-    for i, c in enumerate(candidates):
-        for v in c.variants:
-            by_width.setdefault(len(v.index), []).append((i, v.index))
-    variants: list[list[Array]] = [[] for _ in candidates]
+    variants = [v for c in candidates for v in c.variants]
+    starts = np.cumsum([0] + [len(c.variants) for c in candidates])[:-1]
+    weight = np.concatenate([_shares(c) for c in candidates])
     G, b = np.stack([p.G for p in projections]), np.stack([p.b[:, 0] for p in projections])
-    for members in by_width.values():
-        index = np.array([at for _, at in members])
+    ln = np.empty((len(projections), len(variants)))
+    widths = np.array([len(v.index) for v in variants])
+    for width in np.unique(widths):
+        members = np.flatnonzero(widths == width)
+        index = np.array([variants[m].index for m in members])
         parts = log_bayes(G[:, index[:, :, None], index[:, None, :]], b[:, index])
-        ln = mixed(parts, SIZE_PRIOR)
-        for j, (i, _) in enumerate(members):
-            variants[i].append(ln[:, j])
-    for i, parts_of in enumerate(variants):
-        weight = np.array([v.weight for v in candidates[i].variants])
-        order = np.argsort([len(v.index) for v in candidates[i].variants], kind="stable")
-        out[:, i] = mixed(np.stack(parts_of, axis=-1), (weight / weight.sum())[order])
-    return out
+        ln[:, members] = mixed(parts, SIZE_PRIOR)
+    return np.asarray(np.logaddexp.reduceat(ln + np.log(weight), starts, axis=1))
+
+
+def _shares(c: Candidate) -> Array:
+    weight = np.array([v.weight for v in c.variants])
+    return np.asarray(weight / weight.sum())
 
 
 def condition(p: Projection, columns: Sequence[int], size: float) -> Projection:

@@ -106,16 +106,26 @@ def nodes(o: Observations) -> tuple[Node, ...]:
 
 def _dwell_nodes(o: Observations) -> tuple[Node, ...]:
     setting, walk = _setting(o), _walk(o)
-    R = len(setting)
-    out = []
-    for s, ps in zip(SETTING, SETTING_PRIOR, strict=True):
-        for w, pw in zip(WALK, WALK_PRIOR, strict=True):
-            V = np.eye(R) + s**2 * setting @ setting.T + w**2 * walk
-            L = np.linalg.cholesky(V)
-            logdet = 2 * float(np.log(np.diag(L)).sum())
-            root = np.linalg.inv(L)
-            out.append(Node((("setting error", s), ("random walk", w)), ps * pw, logdet, root))
-    return tuple(out)
+    K = setting @ setting.T
+    return tuple(
+        _dwell_node(K, walk, s, w, ps * pw)
+        for s, ps in zip(SETTING, SETTING_PRIOR, strict=True)
+        for w, pw in zip(WALK, WALK_PRIOR, strict=True)
+    )
+
+
+def _dwell_node(setting: Array, walk: Array, s: float, w: float, prior: float) -> Node:
+    L = np.linalg.cholesky(np.eye(len(setting)) + s**2 * setting + w**2 * walk)
+    logdet = 2 * float(np.log(np.diag(L)).sum())
+    return Node((("setting error", s), ("random walk", w)), prior, logdet, np.linalg.inv(L))
+
+
+def nominal(o: Observations) -> Node:
+    """The noise as stated, without a random walk."""
+    if o.kind == "static-run":
+        return _spectral_nodes(o)[0]
+    setting = _setting(o)
+    return _dwell_node(setting @ setting.T, np.zeros((len(setting), len(setting))), 1.0, 0.0, 1.0)
 
 
 def _setting(o: Observations) -> Array:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -106,10 +107,12 @@ class _Probe(Effect):
 _PROBES = {stage: type(f"_Probe{stage.name}", (_Probe,), {"stage": stage}) for stage in Stage}
 
 
-def observe(recording: Recording, baseline: Sequence[str] = (), known: Sequence[Effect] = ()) -> Observations:
+def observe(
+    recording: Recording, baseline: Sequence[str] = (), known: Sequence[Effect] = (), steps: int = 2
+) -> Observations:
     """Fit the baseline of this kind of recording and return residuals and sensitivities about it.
 
-    `known` are values to start from. Raises InputError for a kind without a forward model or with missing channels.
+    `known` are values to start from, `steps` the Gauss-Newton steps (none for a recording that is only planned). Raises InputError for a kind without a forward model or with missing channels.
     """
     if recording.kind not in CHANNELS:
         raise InputError(f"{recording.title!r} is a {recording.kind} recording; `diagnose` takes {', '.join(CHANNELS)}")
@@ -122,7 +125,7 @@ def observe(recording: Recording, baseline: Sequence[str] = (), known: Sequence[
     ids = tuple(baseline) or BASELINE[recording.kind]
     constants = tuple(p for i in ids for p in parameters(_known(i), s.axis_names) if _has_axis(p, recording))
     effects = with_values(tuple(known), constants, values(tuple(known), constants), s.axis_names)
-    for _ in range(2):
+    for _ in range(steps):
         y, Z = _linear(recording, s, effects, constants, channels, measured, sigma)
         found = solve(information(Z, y.ravel(), constants))
         effects = with_values(effects, constants, values(effects, constants) + found.x, s.axis_names)
@@ -234,7 +237,19 @@ def _blocks(recording: Recording) -> Array:
     return out
 
 
-def absent_effect(effect_id: str, s: Stimulus, **constants: float) -> Effect:
-    """An effect of the catalogue with zero parameters and these non-linear constants."""
-    return replace(absent(CATALOGUE[effect_id], s.axis_names), **constants)
+def absent_effect(effect_id: str, s: Stimulus, source: str = "", **constants: float) -> Effect:
+    """An effect of the catalogue with zero parameters, these non-linear constants, following covariate `source`."""
+    named: dict[str, Any] = {"covariate": source} if source else {}
+    return replace(absent(CATALOGUE[effect_id], s.axis_names), **constants, **named)
 
+
+def restimulated(o: Observations, shift: Array, stage: Stage) -> Stimulus:
+    """What a stage experiences once the calibration constants are shifted by (q,) prior sigmas."""
+    x = values(o.baseline, o.constants) + shift * np.array([p.sigma for p in o.constants])
+    effects = with_values(o.baseline, o.constants, x, o.stimulus.axis_names)
+    met: dict[Stage, Stimulus] = {}
+    k = len(o.recording.platform.axes)
+    shape = {Stage.ENCODER: (k,), Stage.AXIS_TILT: (k, 3)}.get(stage, (3,))
+    probe = _PROBES[stage](value=np.zeros(shape), met=met)
+    predict(o.recording.platform, o.stimulus, (*effects, probe), o.kind)
+    return met[stage]

@@ -7,22 +7,31 @@ part of its own. Everything is relative to "nothing is missing", noise integrate
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.diagnose.candidates import Candidate, Library, Variant, constant_fields, limits, scaled_columns
-from gimbalcal.diagnose.evidence import Projection, Rows, best_size, condition, gather, project, stack
+from gimbalcal.diagnose.candidates import Candidate, Library
+from gimbalcal.diagnose.evidence import (
+    SIZE_PRIOR,
+    Projection,
+    Rows,
+    best_size,
+    condition,
+    gather,
+    log_bayes,
+    mixed,
+    project,
+    stack,
+)
 from gimbalcal.diagnose.noise import Node, coloured
-from gimbalcal.diagnose.observations import Observations, absent_effect
-from gimbalcal.effects import CATALOGUE, parameters, with_values
+from gimbalcal.diagnose.observations import Observations
+from gimbalcal.diagnose.refine import refine
 from gimbalcal.number import Array
 
 SINGLE, PAIR, UNKNOWN, BESIDE = 0.65, 0.15, 0.10, 0.10  # prior shares, given that something is missing
 FIRST = 14  # known causes that are tried with a second one, when one alone is found
-ROUNDS = 2  # refinements of a non-linear constant, each narrowing its range fourfold
 VISIBLE = 0.05  # sigmas per prior sigma: less is not seen by this recording at any plausible size
-CLOSE = 25.0  # nats behind the best within which a cause is worth refining
 
 
 @dataclass(frozen=True)
@@ -49,6 +58,7 @@ class Search:
     hypotheses: tuple[Hypothesis, ...]
     null: Array  # (nodes,) ln prior x likelihood of nothing missing
     singles: Array  # (candidates,) ln Bayes factors
+    share: Array  # (candidates,) ln prior share of each alone
 
     @property
     def ln_total(self) -> float:
@@ -62,9 +72,8 @@ class Search:
 
 
 def _logsumexp(x: Array, axis: int | None = None) -> Array:
-    from scipy.special import logsumexp
-
-    return np.asarray(logsumexp(x, axis=axis))
+    top = x.max(axis=axis, keepdims=True)
+    return np.asarray(np.log(np.exp(x - top).sum(axis=axis)) + np.squeeze(top, axis=axis))
 
 
 def log_priors(candidates: Sequence[Candidate]) -> Array:
@@ -88,7 +97,7 @@ def search(o: Observations, library: Library, nodes: Sequence[Node]) -> Search:
     rows, projections = prepare(o, library, nodes)
     library = _visible(library, projections[0])
     null, ln, joint = _singles(projections, library.candidates)
-    finer = refine(o, library, projections, null, joint)
+    finer = refine(o, library, projections, ln, joint, rows)
     if finer is not library:
         library = finer
         rows, projections = prepare(o, library, nodes)
@@ -99,7 +108,7 @@ def search(o: Observations, library: Library, nodes: Sequence[Node]) -> Search:
     found = [Hypothesis((i,), float(ln[i]), float(ln[i] + share[i])) for i in range(len(ln))]
     found += pairs(projections, library.candidates, null, joint, prior)
     found.sort(key=lambda h: -h.ln_weight)
-    return Search(o, library, rows, projections, tuple(found), null, ln)
+    return Search(o, library, rows, projections, tuple(found), null, ln, share)
 
 
 def _visible(library: Library, p: Projection) -> Library:
@@ -184,8 +193,6 @@ def _beside(
 
 def given(p: Projection, c: Candidate) -> tuple[Projection, float]:
     """The projection with a cause in the model (its best variant and size), and the ln BF it gained."""
-    from gimbalcal.diagnose.evidence import SIZE_PRIOR, log_bayes, mixed
-
     scores = []
     for v in c.variants:
         at = np.array(v.index)
@@ -193,110 +200,3 @@ def given(p: Projection, c: Candidate) -> tuple[Projection, float]:
     best = np.array(c.variants[int(np.argmax(scores))].index)
     ln = float(_logsumexp(np.array(scores)) - np.log(sum(v.weight for v in c.variants)))
     return condition(p, best, best_size(p.G[np.ix_(best, best)], p.b[best, 0])), ln
-
-
-# --- continuous constants ---------------------------------------------------------------------------------------------
-
-
-def refine(
-    o: Observations, library: Library, projections: Sequence[Projection], null: Array, joint: Array
-) -> Library:
-    """Add finer values of the non-linear constants around the best of each promising candidate."""
-    total = _logsumexp(joint, axis=0) - _logsumexp(null)
-    best = total.max()
-    if best < 2.0:
-        return library
-    blocks, candidates, changed = [library.X], list(library.candidates), False
-    at = library.X.shape[1]
-    for i, c in enumerate(library.candidates):
-        if c.rival or total[i] < best - CLOSE - 0.2 * best:
-            continue
-        k = int(np.argmax(joint[:, i]))
-        made = _narrowed(o, c, projections[k]) if _continuous(c) else _relinearised(o, c, projections[k])
-        if made:
-            variants, new = made
-            for v, X in zip(variants[len(variants) - len(new) :], new, strict=True):
-                variants[variants.index(v)] = replace(v, index=tuple(range(at, at + X.shape[1])))
-                at += X.shape[1]
-                blocks.append(X)
-            candidates[i], changed = replace(c, variants=tuple(variants)), True
-    return Library(tuple(candidates), np.concatenate(blocks, axis=1)) if changed else library
-
-
-def _continuous(c: Candidate) -> bool:
-    """Whether exactly one constant of the effect can take any value."""
-    names = [f.name for f in constant_fields(c.effect)]
-    return len(names) == 1 and names[0] not in ("position", "order", "lines", "m") and len(c.variants) > 1
-
-
-def _narrowed(o: Observations, c: Candidate, p: Projection) -> tuple[list[Variant], list[Array]] | None:
-    """Replace the grid cell of the best value by nine values, twice; each carries its share of the cell's prior."""
-    (field,) = constant_fields(c.effect)
-    low, high = limits(field, o) if field.name != "epoch" else (0.0, float(o.stimulus.time[-1]))
-    x = np.array([v.constants[0][1] for v in c.variants])
-    score = np.array([_score(p, p.G[np.ix_(v.index, v.index)], p.b[list(v.index), 0]) for v in c.variants])
-    log = low > 0 and field.name != "period"
-    kept, new_x, new_X = list(c.variants), np.zeros(0), list[Array]()
-    best = int(np.argmax(score))
-    around = (x[max(best - 1, 0)], x[min(best + 1, len(x) - 1)])
-    cell = c.variants[best].weight
-    for _ in range(ROUNDS):
-        fine = np.geomspace(*around, 11)[1:-1] if log else np.linspace(*around, 11)[1:-1]
-        fine = np.clip(fine, low, high)
-        new_X = [_columns(o, c, float(v)) for v in fine]
-        fits = np.array([_score(p, *_fresh(o, p, X)) for X in new_X])
-        j = int(np.argmax(fits))
-        new_x, cell = fine, cell if _ == 0 else cell * 2 / 10
-        around = (fine[max(j - 1, 0)], fine[min(j + 1, 8)])
-        if np.ptp(fits[max(j - 1, 0) : j + 2]) < 0.3:
-            break
-    variants = [replace(v, weight=v.weight) for k, v in enumerate(kept) if k != best]
-    fine_variants = [Variant(((field.name, float(v)),), (), 2 * cell / 9) for v in new_x]
-    return variants + [kept[best]] + fine_variants, new_X
-
-
-def _columns(o: Observations, c: Candidate, value: float) -> Array:
-    (field,) = constant_fields(c.effect)
-    return scaled_columns(o, absent_effect(c.effect, o.stimulus, **{field.name: value}), c.parameters)
-
-
-def _fresh(o: Observations, p: Projection, X: Array) -> tuple[Array, Array]:
-    """Gram matrix and scores of columns that are not in the library yet, at one noise."""
-    rows = stack(o.reduce(o.Z), X, o.reduce(o.y[:, :, None]), coloured(o))
-    q = project(p.node, rows)
-    return q.G, q.b[:, 0]
-
-
-def _score(p: Projection, G: Array, b: Array) -> float:
-    del p
-    from gimbalcal.diagnose.evidence import SIZE_PRIOR, log_bayes, mixed
-
-    return float(mixed(log_bayes(G, b), SIZE_PRIOR))
-
-
-def _relinearised(o: Observations, c: Candidate, p: Projection) -> tuple[list[Variant], list[Array]] | None:
-    """For an effect that bends with its own size: the secant at the fitted size instead of the tangent at none."""
-    cls = CATALOGUE[c.effect]
-    if cls.linear or len(c.parameters) != 1:
-        return None
-    at = list(c.variants[0].index)
-    size = float(p.b[at[0], 0] / max(p.G[at[0], at[0]], 1e-12)) * c.parameters[0].sigma
-    X = np.zeros(0)
-    for _ in range(3):
-        X = _secant(o, c, size)
-        G, b = _fresh(o, p, X)
-        size = float(b[0] / max(G[0, 0], 1e-12)) * c.parameters[0].sigma
-    v = c.variants[0]
-    return [v, Variant(v.constants, (), v.weight)], [X]
-
-
-def _secant(o: Observations, c: Candidate, size: float) -> Array:
-    """Reduced column per prior sigma of the change that this size of the parameter makes."""
-    if size == 0:
-        return scaled_columns(o, absent_effect(c.effect, o.stimulus), c.parameters)
-    cls, names, s = CATALOGUE[c.effect], o.stimulus.axis_names, o.seen[CATALOGUE[c.effect].stage]
-    none = absent_effect(c.effect, o.stimulus)
-    (made,) = with_values([none], c.parameters, np.array([size]), names)
-    added = np.asarray(made.contribution(s)) - np.asarray(none.contribution(s))
-    assert parameters(cls, names)
-    return o.reduce(o.through(cls.stage, added)[:, :, None]) / size * c.parameters[0].sigma

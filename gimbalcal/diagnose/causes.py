@@ -1,0 +1,144 @@
+"""Candidates for a view: effects of the catalogue by axis and constants, and shapes that stand for "none of these"."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gimbalcal.diagnose.candidates import SHAPES, groups
+from gimbalcal.diagnose.views import View
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, absent, parameters
+from gimbalcal.number import Array
+
+GRID = 7
+SKIPPED = (*SHAPES, "position_blunder", "gravity_error", "frame_misalignment", "vertical_deflection", "clock_rate")
+
+
+@dataclass(frozen=True)
+class Cause:
+    """An effect on some of its axes with all its variants, as indices of columns; a shape if `shape` says what of."""
+
+    effect: str
+    axis: str
+    parameters: tuple[Parameter, ...]
+    variants: tuple[tuple[Effect | None, tuple[int, ...]], ...]
+    shape: str = ""
+
+    @property
+    def label(self) -> str:
+        """Readable name."""
+        return f"{self.effect}:{self.axis}" if self.axis else self.effect
+
+
+def causes(v: View, present: Sequence[Effect], modelled: Sequence[Parameter]) -> tuple[tuple[Cause, ...], Array]:
+    """Everything that could still be missing, and its columns (n, C, P) per prior sigma."""
+    blocks: list[Array] = []
+    found: list[Cause] = []
+    for effect_id in available(v):
+        found += _of_effect(v, effect_id, present, modelled, blocks)
+    found += _shapes(v, present, blocks)
+    return tuple(found), np.concatenate(blocks, axis=-1)
+
+
+def available(v: View) -> tuple[str, ...]:
+    """Ids of the catalogue that act on these rows and whose channels were recorded."""
+    out = []
+    for effect_id, cls in CATALOGUE.items():
+        takes_covariate = any(f.name == "covariate" for f in dataclasses.fields(cls))
+        if cls.stage in v.stages and v.recording.kind in cls.kinds and effect_id not in SKIPPED and not takes_covariate:
+            if all(q == "position" or v.recording.has(q) for q in cls.requires):
+                out.append(effect_id)
+    return tuple(out)
+
+
+def _of_effect(
+    v: View, effect_id: str, present: Sequence[Effect], modelled: Sequence[Parameter], blocks: list[Array]
+) -> list[Cause]:
+    names = v.stimulus.axis_names
+    had = {(p.effect, p.field, p.axis) for p in modelled}
+    wanted = [p for p in parameters(CATALOGUE[effect_id], names) if (p.effect, p.field, p.axis) not in had]
+    if not wanted:
+        return []
+    made: list[tuple[Effect | None, int]] = []
+    X: Array = np.zeros(0)
+    for variant in variants(v, effect_id, present):
+        effects = [e for e in present if e.id != effect_id] + [variant]
+        try:
+            X = v.linear(effects, wanted)[1] * np.array([p.sigma for p in wanted])
+        except (ValueError, IndexError):  # it asks for something that a unit without gimbals does not have
+            return []
+        made.append((variant, sum(b.shape[-1] for b in blocks)))
+        blocks.append(np.nan_to_num(X))
+    out = []
+    for axis, chosen in groups(wanted, effect_id).items():
+        index = [wanted.index(p) for p in chosen]
+        if np.abs(blocks[-1][..., index]).max() > 0:
+            spans = tuple((variant, tuple(at + i for i in index)) for variant, at in made)
+            out.append(Cause(effect_id, axis, tuple(chosen), spans))
+    return out
+
+
+def variants(v: View, effect_id: str, present: Sequence[Effect]) -> list[Effect]:
+    """The effect as it is, or absent with each choice of its non-linear constants."""
+    there = [e for e in present if e.id == effect_id]
+    if there:
+        return there
+    out = [absent(CATALOGUE[effect_id], v.stimulus.axis_names)]
+    for f in dataclasses.fields(out[0]):
+        if f.metadata.get("kind") == "constant":
+            out = [replace(e, **{f.name: float(x)}) for e in out for x in _grid(v, effect_id, f)]
+    return out
+
+
+def _grid(v: View, effect_id: str, f: dataclasses.Field[float]) -> Array:
+    time = v.recording.time - v.recording.time[0]
+    low, high = float(f.metadata["low"]), float(f.metadata["high"])
+    if f.name == "epoch":
+        return np.asarray((time[1:] + time[:-1]) / 2)[:: max(1, len(time) // 40)]
+    if f.name in ("tau", "period"):
+        low, high = max(low, float(np.median(np.diff(time)))), min(high, 3 * float(time[-1]))
+    if low >= high:
+        return np.array([float(f.default)])
+    grid = np.geomspace(low, high, GRID) if low > 0 else np.linspace(low, high, GRID)
+    return np.unique(np.round(grid)) if f.name in CATALOGUE[effect_id].steps else grid
+
+
+def _shapes(v: View, present: Sequence[Effect], blocks: list[Array]) -> list[Cause]:
+    """Smooth in time in each channel; smooth in the direction of gravity, or harmonics of the gimbal angles."""
+    rms = float(np.sqrt(np.mean(v.linear(present, ())[0] ** 2)))
+    n, C = len(v.recording.time), len(v.channels)
+    t = v.recording.time - v.recording.time[0]
+    bases = {"time": ("a smooth function of time", np.cos(np.pi * np.outer(t / t[-1], np.arange(1, 9))))}
+    if v.name == "pointing":
+        bases |= _angle_harmonics(v)
+    elif v.name != "table":
+        u = v.stimulus.force / v.stimulus.gravity
+        x, y, z = u.T
+        basis = np.stack([x * x, y * y, x * y, y * z, z * x, x**3, y**3, z**3, x * y * y, x * z * z, y * x * x, y * z * z,
+                          z * x * x, z * y * y, x * y * z], axis=-1)  # fmt: skip
+        bases["orientation"] = ("a smooth function of the direction of gravity", basis)
+    out = []
+    for name, (words, basis) in bases.items():
+        scaled = rms * basis / np.sqrt((basis**2).mean(axis=0))
+        for c, (_, axis) in enumerate(v.channels):
+            X = np.zeros((n, C, basis.shape[1]))
+            X[:, c] = scaled
+            at = sum(b.shape[-1] for b in blocks)
+            blocks.append(X)
+            out.append(Cause(f"unknown {name}", axis, (), ((None, tuple(range(at, at + basis.shape[1]))),), words))
+    return out
+
+
+def _angle_harmonics(v: View) -> dict[str, tuple[str, Array]]:
+    """Harmonics 2 to 6 of each gimbal angle that moves."""
+    out = {}
+    for i, axis in enumerate(v.stimulus.axis_names):
+        angle = v.stimulus.readout[:, i]
+        if np.ptp(angle) > 1e-2:
+            basis = np.stack([f(k * angle) for k in range(2, 7) for f in (np.cos, np.sin)], axis=-1)
+            words = axis.replace("_", " ")
+            out[f"{words} angle"] = (f"a pattern in the {words} angle, twice per turn and faster", basis)
+    return out

@@ -1,0 +1,286 @@
+"""Diagnosis of a view: the strongest cause or pair is taken up, everything refitted, and the rest searched again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gimbalcal.diagnose.causes import Cause, causes
+from gimbalcal.diagnose.decide import CLAIM, TOGETHER
+from gimbalcal.diagnose.free_scale import Ground, best_evidence, gain, ground, log_evidence
+from gimbalcal.diagnose.search import PAIR, SINGLE, UNKNOWN
+from gimbalcal.diagnose.views import View
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
+from gimbalcal.number import Array
+
+MOST = 8  # rounds
+EXCHANGE = 1.0  # ln of odds by which another cause must be likelier to take a place
+USUAL = {"pointing": ("base_tilt", "tube_flexure", "refraction", "gimbal_nonorthogonality")}  # in every pointing model
+OFTEN = np.log(10.0)  # how much likelier those are before any data
+Taken = tuple[Cause, Effect | None]
+FIRST = 12  # likeliest single causes that are tried with every other; all of them where none is found alone
+
+
+@dataclass(frozen=True)
+class Model:
+    """Effects with the parameters that were fitted (p,), their covariance (p, p) in SI, misfit (n, C), columns."""
+
+    effects: tuple[Effect, ...]
+    fitted: tuple[Parameter, ...]
+    covariance: Array
+    r: Array
+    J: Array
+
+    @property
+    def rms(self) -> float:
+        """Root mean square length of a row's misfit, SI."""
+        return float(np.sqrt((self.r**2).sum() / len(self.r)))
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one round took up, with its ln Bayes factor, and the model after it."""
+
+    taken: tuple[Taken, ...]
+    ln_bayes: float
+    model: Model
+
+
+@dataclass(frozen=True)
+class Course:
+    """The baseline, the steps from it, and the shape that is left in what no cause explains ("" where none is)."""
+
+    start: Model
+    steps: tuple[Step, ...]
+    left: tuple[Cause, ...]
+
+    @property
+    def end(self) -> Model:
+        """The model after the last step."""
+        return self.steps[-1].model if self.steps else self.start
+
+
+def refit(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Model:
+    """Gauss-Newton on all wanted parameters; directions that the rows do not see stay where they are."""
+    names = v.stimulus.axis_names
+    made, scale = tuple(effects), np.array([p.sigma for p in wanted])
+    weight = np.ones(()) if v.sigma is None else v.sigma.min() / v.sigma
+    C = np.zeros((len(wanted), len(wanted)))
+    for _ in range(6):
+        r, J = v.linear(made, wanted)
+        n = r.size
+        A = (J * weight[..., None] if v.sigma is not None else J).reshape(n, -1) * scale
+        y = (r * weight).ravel()
+        U, S, Vt = np.linalg.svd(A, full_matrices=False)
+        keep = S > np.sqrt(np.mean(y**2)) * 0.01  # a prior sigma of the direction moves the rows by less than noise
+        keep &= S > 1e-9 * S[0]
+        b = U.T @ y
+        step = Vt[keep].T @ (b[keep] / S[keep])
+        variance = float(y @ y - b[keep] @ b[keep]) / max(n - int(keep.sum()), 1)
+        C = (Vt[keep].T / S[keep] ** 2) @ Vt[keep] * variance + Vt[~keep].T @ Vt[~keep]
+        made = with_values(made, wanted, values(made, wanted) + step * scale, names)
+        if np.abs(step).max(initial=0.0) < 1e-9:
+            break
+    r, J = v.linear(made, wanted)
+    return Model(made, tuple(wanted), C * np.outer(scale, scale), r, J)
+
+
+def start(v: View) -> Model:
+    """The baseline alone."""
+    wanted = tuple(p for i in v.baseline for p in parameters(CATALOGUE[i], v.stimulus.axis_names))
+    return refit(v, with_values((), wanted, np.zeros(len(wanted)), v.stimulus.axis_names), wanted)
+
+
+def course(v: View, tell: Callable[[str], None]) -> Course:
+    """Forward in white noise as long as anything is claimed, exchanging what fits better; back in noise with memory.
+
+    A wandering noise can stand in for the first of several causes, not for all: so it has its say at the end.
+    """
+    model = first = start(v)
+    taken: list[Taken] = []
+    for _ in range(MOST):
+        found, ln, total, strange, _ = _round(v, model)
+        if total < CLAIM or strange > 0.5:
+            break
+        tell(f"taken up: {', '.join(c.label for c, _ in found)}; ln Bayes factor {ln:.0f}")
+        taken = exchanged(v, first, [*taken, *found], tell)
+        model = take(v, first, taken)
+    taken = pruned(v, first, taken, tell)
+    return steps_of(v, first, taken)
+
+
+def exchanged(v: View, first: Model, taken: Sequence[Taken], tell: Callable[[str], None]) -> list[Taken]:
+    """Each cause in turn gives way if another cause, or two, belong in its place."""
+    out = list(taken)
+    for cause, variant in taken:
+        if len(out) < 2 or (cause, variant) not in out:
+            continue
+        others = [t for t in out if t[0] != cause]
+        found, *_, lead = _round(v, take(v, first, others), against=cause)
+        if lead > EXCHANGE:
+            tell(f"{cause.label} gives way to {', '.join(c.label for c, _ in found)}")
+            out = [*others, *found]
+    return out
+
+
+def pruned(v: View, first: Model, taken: Sequence[Taken], tell: Callable[[str], None]) -> list[Taken]:
+    """Without the causes that noise with a memory explains as well."""
+    out = list(taken)
+    while out:
+        support = [alone(v, take(v, first, [t for t in out if t != this]), this) for this in out]
+        weakest = int(np.argmin(support))
+        if support[weakest] > CLAIM:
+            break
+        tell(f"{out[weakest][0].label} is not kept: noise with a memory explains it")
+        del out[weakest]
+    return out
+
+
+def alone(v: View, without: Model, this: Taken) -> float:
+    """ln Bayes factor of one cause with the others in the model, noise with memory."""
+    cause, variant = this
+    effects = without.effects if variant is None else [e for e in without.effects if e.id != variant.id] + [variant]
+    X = v.linear(effects, cause.parameters)[1] * np.array([p.sigma for p in cause.parameters])
+    g = ground(weighted(v, without.r), weighted(v, without.J), weighted(v, X))
+    return log_evidence(g, range(X.shape[-1]))
+
+
+def steps_of(v: View, first: Model, taken: Sequence[Taken]) -> Course:
+    """The causes in the order of what each takes away, and the shape of what is left."""
+    left, steps, model = list(taken), [], first
+    while left:
+        models = [take(v, first, [*(t for s in steps for t in s.taken), t]) for t in left]
+        best = int(np.argmin([m.rms for m in models]))
+        ln = alone(v, model, left[best])
+        model = models[best]
+        steps.append(Step((left.pop(best),), ln, model))
+    found, _, total, strange, _ = _round(v, model, memory=True)
+    shapes = tuple(c for c, _ in found if c.shape) if total > CLAIM and strange > 0.5 else ()
+    return Course(first, tuple(steps), shapes)
+
+
+def take(v: View, model: Model, found: Sequence[Taken]) -> Model:
+    """The model with these causes in it, everything refitted."""
+    effects = list(model.effects)
+    wanted = list(model.fitted)
+    for c, variant in found:
+        if variant is not None and variant.id not in {e.id for e in effects}:
+            effects.append(variant)
+        wanted += c.parameters
+    return refit(v, effects, wanted)
+
+
+def weighted(v: View, r: Array) -> Array:
+    """Misfit (n, C, ...) in units in which all rows are equally sure."""
+    if v.sigma is None:
+        return r
+    w = v.sigma.min() / v.sigma
+    return np.asarray(r * w.reshape(*w.shape, *([1] * (r.ndim - 2))))
+
+
+def _round(
+    v: View, model: Model, memory: bool = False, against: Cause | None = None
+) -> tuple[list[Taken], float, float, float, float]:
+    """The likeliest causes, their ln Bayes factor, that of anything at all, the probability of a mere shape, and the
+
+    ln odds of the best to the cause `against`.
+    """
+    known, X = causes(v, model.effects, model.fitted)
+    g = ground(weighted(v, model.r), weighted(v, model.J), weighted(v, X), memory)
+    choice, ln = single(g, known)
+    prior = priors(v, known)
+    shape = np.array([bool(c.shape) for c in known])
+    weight = ln + prior + np.where(shape, np.log(UNKNOWN), np.log(SINGLE))
+    hypotheses: list[tuple[float, float, tuple[int, ...]]] = [(float(w), float(b), (i,)) for i, (w, b) in
+                                                              enumerate(zip(weight, ln, strict=True))]  # fmt: skip
+    hypotheses += _pairs(g, known, choice, ln, prior)
+    w = np.array([h[0] for h in hypotheses])
+    total = float(np.logaddexp.reduce(w))
+    strange = float(np.exp(np.logaddexp.reduce(w[[any(shape[i] for i in h[2]) for h in hypotheses]]) - total))
+    named = [h for h in hypotheses if strange > 0.5 or not any(shape[i] for i in h[2])]
+    best = max(named, key=lambda h: h[0])
+    rival = [float(w) for w, c in zip(weight, known, strict=True) if against and c.label == against.label]
+    lead = best[0] - rival[0] if rival and not any(shape[i] for i in best[2]) else 0.0
+    return [(known[i], known[i].variants[choice[i]][0]) for i in best[2]], best[1], total, strange, lead
+
+
+def single(g: Ground, known: Sequence[Cause]) -> tuple[list[int], Array]:
+    """For each cause its best variant and its ln Bayes factor, the search over variants paid for."""
+    choice, out = [], []
+    for c in known:
+        each = np.array([log_evidence(g, at) for _, at in c.variants])
+        choice.append(int(np.argmax(each)))
+        out.append(float(np.logaddexp.reduce(each)) - np.log(len(each)))
+    return choice, np.array(out)
+
+
+def priors(v: View, known: Sequence[Cause]) -> Array:
+    """ln prior share: effects alike but for the usual ones, then their axes alike; shapes alike among themselves."""
+    count: dict[str, int] = {}
+    for c in known:
+        count[c.effect] = count.get(c.effect, 0) + 1
+    usual = USUAL.get(v.name, ())
+    share = np.array([OFTEN * (c.effect in usual) - np.log(count[c.effect]) for c in known])
+    shape = np.array([bool(c.shape) for c in known])
+    total = np.where(shape, np.logaddexp.reduce(share[shape]), np.logaddexp.reduce(share[~shape]))
+    return np.asarray(share - total)
+
+
+def _pairs(
+    g: Ground, known: Sequence[Cause], choice: Sequence[int], ln: Array, prior: Array
+) -> list[tuple[float, float, tuple[int, ...]]]:
+    real = [i for i, c in enumerate(known) if not c.shape]
+    order = sorted(real, key=lambda i: -(ln[i] + prior[i]))
+    firsts = order[:FIRST] if ln.max() > CLAIM else order
+    out = []
+    seen = set()
+    for i in firsts:
+        for j in real:
+            key = (min(i, j), max(i, j))
+            if key in seen or known[i].effect == known[j].effect:
+                continue
+            seen.add(key)
+            at = known[i].variants[choice[i]][1] + known[j].variants[choice[j]][1]
+            paid = np.log(len(known[i].variants) * len(known[j].variants))
+            both = log_evidence(g, at) - paid
+            out.append((both + np.log(2 * PAIR) + prior[i] + prior[j], both, key))
+    return out
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One cause in the final model: its probability among all that could stand in its place, sigmas, twins."""
+
+    cause: Cause
+    probability: float
+    sigma: float
+    twins: tuple[str, ...]
+
+
+def judged(v: View, end: Model, taken: Cause) -> Verdict:
+    """Take one cause out, the others kept, and ask again which cause belongs there."""
+    own = {(p.effect, p.field, p.axis) for p in taken.parameters}
+    keep = [i for i, p in enumerate(end.fitted) if (p.effect, p.field, p.axis) not in own]
+    mine = [i for i in range(len(end.fitted)) if i not in keep]
+    wanted = [end.fitted[i] for i in keep]
+    without = refit(v, with_values(end.effects, taken.parameters, np.zeros(len(mine)), v.stimulus.axis_names), wanted)
+    known, X = causes(v, without.effects, wanted)
+    g = ground(weighted(v, without.r), weighted(v, without.J), weighted(v, X))
+    choice, ln = single(g, known)
+    prior = priors(v, known)
+    shape = np.array([bool(c.shape) for c in known])
+    w = ln + prior + np.where(shape, np.log(UNKNOWN), np.log(SINGLE))
+    at = next(i for i, c in enumerate(known) if c.effect == taken.effect and c.axis == taken.axis)
+    fits = {i: best_evidence(g, c.variants[choice[i]][1]) for i, c in enumerate(known) if w[i] > w[at] - 3 * TOGETHER}
+    alike = [i for i, f in fits.items() if f > fits[at] - TOGETHER and not shape[i] and known[i].effect != taken.effect]
+    twins = tuple(dict.fromkeys(known[i].effect for i in sorted(alike, key=lambda i: -fits[i])))
+    same = [i for i, c in enumerate(known) if c.effect in (taken.effect, *twins)]
+    probability = float(np.exp(np.logaddexp.reduce(w[same]) - np.logaddexp.reduce(np.append(w, 0.0))))
+    after = ground(weighted(v, end.r), weighted(v, end.J), weighted(v, X[..., :1]))
+    k, scale = after.best()
+    rows = weighted(v, X[..., known[at].variants[choice[at]][1]])
+    lone = ground(weighted(v, without.r), weighted(v, without.J), rows)
+    lone = Ground((lone.cleared[k],), lone.scale, lone.ln[k : k + 1], lone.gram[k : k + 1], lone.score[k : k + 1])
+    return Verdict(taken, probability, float(np.sqrt(gain(lone, range(rows.shape[-1])))) / scale, twins)

@@ -1,0 +1,190 @@
+r"""Recordings without a stated noise or without gimbals, as rows of misfit that the effects of the catalogue may explain.
+
+A view is one function: effects in, misfit r (n, C) and its exact derivative J (n, C, p) out.
+
+* *pointing*: what is seen of a star against where it is, across and along, `forward.predict`;
+* *norm* (rest positions of unknown attitude): the corrected force is as long as gravity,
+  :math:`r = g - |h^{-1}(y)|`, with derivative :math:`u^T H^{-1} \partial h` for h what the accelerometers read;
+* *rest rates* (gyroscopes in the same positions): the mean output at rest, less what the effects say;
+* *table* (force and rate while a table tilts): force against that of a level unit at rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gimbalcal.effects import Effect, Parameter, Stage, Stimulus, values, with_values
+from gimbalcal.errors import InputError
+from gimbalcal.forward import accelerometers, gyroscopes, jacobian, predict, stimulus
+from gimbalcal.number import STEP, Array
+from gimbalcal.recording import Recording, dwell_means, dwells
+
+FORCE, RATE = "specific_force", "angular_rate"
+Linear = Callable[[Sequence[Effect], Sequence[Parameter]], tuple[Array, Array]]
+BLOCK = 0.5  # s; a table is tilted over seconds, what is faster shakes building and floor
+SENSORS = frozenset({Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER})
+
+
+@dataclass(frozen=True)
+class View:
+    """Rows of misfit: channels (C), their unit in print, the stages that show in them, and the baseline's effects."""
+
+    name: str
+    recording: Recording
+    stimulus: Stimulus
+    channels: tuple[tuple[str, str], ...]
+    unit: str
+    sigma: Array | None  # (n, C) of each row where the samples tell it
+    stages: frozenset[Stage]
+    baseline: tuple[str, ...]
+    linear: Linear
+
+
+def view(recording: Recording, baseline: Sequence[str] = (), known: Sequence[Effect] = ()) -> View:
+    """The view of a pointing run, of rest positions on a bench, or of a tilting table.
+
+    `known` are effects of a calibration; a baseline that names a gyroscope effect asks for the gyroscopes at rest.
+    Raises InputError for a recording that has none of these.
+    """
+    if recording.kind == "pointing":
+        return pointing(recording, baseline)
+    if recording.kind == "rotation":
+        return table(recording, baseline)
+    if recording.platform.axes:
+        raise InputError(f"{recording.title!r} has gimbals: its angles say more than the norm of the force")
+    if any(i.startswith("gyro_") for i in baseline) or not recording.has(FORCE):
+        return rest_rates(recording, baseline, known)
+    return norm(recording, baseline)
+
+
+def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
+    """A pointing run."""
+    s = stimulus(recording)
+
+    def linear(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
+        r = -predict(recording.platform, s, effects, "pointing")["pointing"]
+        J = np.zeros((*r.shape, 0))
+        return r, jacobian(recording.platform, s, effects, wanted, "pointing")["pointing"] if wanted else J
+
+    return View(
+        "pointing", recording, s, (("pointing", "across"), ("pointing", "along")), "arcsec", None,
+        frozenset({Stage.ENCODER, Stage.AXIS_TILT, Stage.BASE, Stage.LINE_OF_SIGHT}),
+        tuple(baseline) or ("gimbal_zero", "axis_collimation", "gimbal_nonorthogonality"), linear,
+    )  # fmt: skip
+
+
+def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
+    """Rest positions of unknown attitude: one row each."""
+    from gimbalcal.estimate.multiposition import in_si
+
+    means, _ = in_si(dwell_means(recording))
+    y, g = means.triad(FORCE), means.site.gravity
+    s = stimulus(means)
+
+    def linear(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
+        f, H = solved(lambda f: accelerometers(f, s, effects), y)
+        length = np.linalg.norm(f, axis=-1)
+        towards = np.linalg.solve(np.swapaxes(H, -1, -2), (f / length[:, None])[..., None])[..., 0]
+        J = by_parameters(lambda e: accelerometers(f, s, e), effects, wanted, s.axis_names, y.shape)
+        return (length - g)[:, None], np.einsum("ni,nip->np", towards, J)[:, None]
+
+    ids = tuple(baseline) or ("bias", "scale_factor", "misalignment")
+    return View("norm", means, s, ((FORCE, "norm"),), "mg", None, SENSORS, ids, linear)
+
+
+def rest_rates(recording: Recording, baseline: Sequence[str] = (), known: Sequence[Effect] = ()) -> View:
+    """Gyroscopes in rest positions: the mean output of each, and how well the scatter of its samples lets it be known.
+
+    The force is the accelerometers' reading, corrected by `known`.
+    """
+    from gimbalcal.estimate.multiposition import in_si
+
+    means, _ = in_si(dwell_means(recording))
+    y = means.triad(RATE)
+    sigma = np.array([_scatter(recording, a) for a in "xyz"]) / np.sqrt(means.weight)[:, None]
+    s = stimulus(means)
+    s = s.at(force=solved(lambda f: accelerometers(f, s, known), means.triad(FORCE))[0], rate=0 * y)
+
+    def linear(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
+        J = by_parameters(lambda e: gyroscopes(0 * y, s, e), effects, wanted, s.axis_names, y.shape)
+        return y - gyroscopes(0 * y, s, effects), J
+
+    channels = tuple((RATE, a) for a in "xyz")
+    unit = "deg/h" if means.units.get((RATE, "x"), "rad/s") != "count" else "1"
+    return View(
+        "rest rates", means, s, channels, unit, sigma, frozenset({Stage.GYROSCOPE}),
+        tuple(baseline) or ("gyro_bias",), linear,
+    )  # fmt: skip
+
+
+def table(recording: Recording, baseline: Sequence[str] = ()) -> View:
+    """Force and rate of a unit that starts level and is tilted, in means over `BLOCK`; the mean force is not known."""
+    s = stimulus(recording)
+    rate = recording.triad(RATE)
+    s = s.at(force=-s.gravity * np.eye(3)[2] + 0 * rate, rate=rate)
+    size = max(1, round(BLOCK / float(np.median(np.diff(recording.time)))))
+    n = len(recording.time) // size * size
+
+    def mean(x: Array) -> Array:
+        return np.asarray(x[:n].reshape(n // size, size, *x.shape[1:]).mean(axis=1))
+
+    def centred(x: Array) -> Array:
+        return np.asarray(x - x.mean(axis=0))
+
+    y = recording.triad(FORCE)
+
+    def linear(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
+        r = y - predict(recording.platform, s, effects)[FORCE]
+        J = jacobian(recording.platform, s, effects, wanted)[FORCE] if wanted else np.zeros((*r.shape, 0))
+        return centred(mean(r)), centred(mean(J))
+
+    rows = replace(
+        recording, time=mean(recording.time), position=None, weight=np.full(n // size, float(size)),
+        channels={k: mean(v) for k, v in recording.channels.items()},
+    )  # fmt: skip
+    stages = frozenset({Stage.PLATFORM, *SENSORS})
+    ids = tuple(baseline) or ("bias",)
+    return View("table", rows, s, tuple((FORCE, a) for a in "xyz"), "ug", None, stages, ids, linear)
+
+
+def solved(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array]:
+    """f (n, 3) with h(f) = y, and dh/df (n, 3, 3) there: Newton's method with the exact derivative."""
+    f = y.copy()
+    for _ in range(8):
+        H = np.stack([h(f + 1j * STEP * u).imag / STEP for u in np.eye(3)], axis=-1)
+        step = np.linalg.solve(H, (y - h(f).real)[..., None])[..., 0]
+        f = f + step
+        if np.abs(step).max() < 1e-13 * np.abs(y).max():
+            break
+    return f, H
+
+
+def by_parameters(
+    h: Callable[[Sequence[Effect]], Array], effects: Sequence[Effect], wanted: Sequence[Parameter],
+    gimbals: Sequence[str], shape: tuple[int, ...],
+) -> Array:  # fmt: skip
+    """Derivative (n, 3, p) of what is read by the wanted parameters."""
+    if not wanted:
+        return np.zeros((*shape, 0))
+    x = values(effects, wanted)
+    return np.stack(
+        [h(with_values(effects, wanted, x + 1j * STEP * u, gimbals)).imag / STEP for u in np.eye(len(x))], axis=-1
+    )
+
+
+def _scatter(recording: Recording, axis: str) -> float:
+    """One sigma of a sample of a gyroscope inside the dwells."""
+    x = recording.channels[RATE, axis]
+    inside = [x[d.rows] - x[d.rows].mean() for d in dwells(recording) if d.stop - d.start > 1]
+    if inside:
+        return float(np.sqrt(np.mean(np.concatenate(inside) ** 2)))
+    return float(recording.scatter.get((RATE, axis), 1.0))
+
+
+def named_units(view_name: str) -> Mapping[str, str]:
+    """What one row of a view is, for sentences."""
+    rows = {"pointing": "star", "norm": "position", "rest rates": "position", "table": "half second"}
+    return {"row": rows[view_name]}

@@ -1,0 +1,58 @@
+"""What a diagnosis says in plain sentences, written from its numbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from gimbalcal.effects import CATALOGUE
+
+
+def plain(effect: str) -> str:
+    """An id in words."""
+    return effect.replace("_", " ")
+
+
+def physics(effect: str) -> str:
+    """The first sentence of the effect's card."""
+    return " ".join((CATALOGUE[effect].__doc__ or "").strip().split("\n\n")[0].split())
+
+
+def equation(effect: str) -> str:
+    """The formula of the effect's card, LaTeX."""
+    found = re.search(r"\.\. math::(.*?)(?:\n\s*\n|\Z)", CATALOGUE[effect].__doc__ or "", re.DOTALL)
+    return " ".join(found[1].split()) if found else ""
+
+
+def named(f: Mapping[str, Any]) -> str:
+    """Finding with its axis and twins."""
+    axis = f" ({f['axis']})" if f["axis"] else ""
+    twins = "".join(f" or {plain(t)}" for t in f["twins"])
+    return f"{plain(f['effect'])}{axis}{twins}"
+
+
+def answer(
+    verdict: str, findings: Sequence[Mapping[str, Any]], unexplained: Sequence[Mapping[str, Any]],
+    mismatch: Sequence[Mapping[str, Any]], fit: Mapping[str, Any],
+) -> str:  # fmt: skip
+    """The verdict in two sentences."""
+    if verdict == "adequate":
+        return f"The calibrated model explains these data: reduced chi^2 {fit['chi2_reduced_before']:.3g}."
+    where = f" {mismatch[0]['in_words']}." if mismatch else ""
+    if verdict == "unexplained":
+        shape = f": {unexplained[0]['shape']} in {unexplained[0]['channel']}" if unexplained else ""
+        return f"The model does not explain these data, and no cause of the catalogue does{shape}.{where}"
+    causes = " and ".join(named(f) for f in findings)
+    better = (
+        f"Reduced chi^2 goes from {fit['chi2_reduced_before']:.3g} to {fit['chi2_reduced_after']:.3g}, "
+        f"on held-out data from {fit['heldout_before']:.3g} to {fit['heldout_after']:.3g}."
+    )
+    lead = "What was left out: " if verdict == "missing-physics" else "These data cannot tell which was left out: "
+    return f"{lead}{causes}. {better}{where}"
+
+
+def shape(rival: str, channel: str, axis: str) -> dict[str, str]:
+    """One unexplained shape as the contract wants it."""
+    place = f"{channel} {axis}".strip()
+    return {"channel": place, "shape": f"depends as {rival} on axis {axis}" if axis else f"depends as {rival}"}
