@@ -132,7 +132,7 @@ def diagnose(
     start = read_calibration(known) if known else None
     diagnosis = run(loaded, calibration=start, baseline=listed(baseline), seed=seed, tell=tell)
     if out is not None:
-        write_diagnosis(diagnosis, out)
+        write_diagnosis(diagnosis, out, loaded[0].title)
         tell(f"wrote {out / 'diagnosis.json'} and {out / 'report.html'}")
     show(diagnosis.to_dict(), diagnosis.in_words, as_json, quiet)
     sys.exit(0 if diagnosis.verdict == "adequate" else 1)

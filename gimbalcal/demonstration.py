@@ -71,6 +71,7 @@ def _diagnose(folder: Path, out: Path, tell: Tell) -> Diagnosis:
     from gimbalcal.pipeline import load
     from gimbalcal.report.files import write_diagnosis
 
-    found = diagnose(load([folder], tell), tell=tell)
-    write_diagnosis(found, out)
+    recordings = load([folder], tell)
+    found = diagnose(recordings, tell=tell)
+    write_diagnosis(found, out, recordings[0].title)
     return found

@@ -5,15 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 import gimbalcal
 from gimbalcal.effects import CATALOGUE
+from gimbalcal.number import Array
 from gimbalcal.references import cite
 from gimbalcal.report import wording
 from gimbalcal.report.html import Picture, picture, render
 from gimbalcal.report.rounding import minus, pdg, significant
 
 if TYPE_CHECKING:
+    from gimbalcal.diagnose.diagnosis import Curves
     from gimbalcal.report.figures import Panel
+
+POINTS = 240  # points of a panel; more cannot be told apart on a page
 
 LOOKS = {"adequate": "fits", "missing-physics": "found", "unexplained": "misfit", "not-identifiable": "misfit"}
 
@@ -26,68 +32,64 @@ def diagnosis_report(content: Mapping[str, Any], panels: Sequence[Panel] = (), t
     context = {
         "title": title or "a recording",
         "remark": f"gimbalcal {gimbalcal.__version__}",
-        "answer": wording.typeset(answer(content)),
+        "answer": wording.typeset(content["in_words"]),
         "verdict": LOOKS.get(content["verdict"], "misfit"),
         "facts": _facts(content),
         "findings": findings,
         "picture": _before_after(panels),
         "mismatch": [_mismatch(m) for m in content["mismatch"]],
         "unexplained": [dict(u) for u in content["unexplained"]],
+        "moved": [_moved(m) for m in content["fit"].get("calibration_moved", [])],
         "provenance": [
-            (str(k).replace("_", " "), text) for k, v in content["provenance"].items() if (text := wording.plain(v))
+            (str(k).replace("_", " "), text)
+            for k, v in content["provenance"].items()
+            if k != "recordings" and (text := wording.plain(v))
         ],
+        "sources": content["provenance"].get("recordings", []),
         "citations": cite(*keys),
     }
     return render("diagnosis.html", context)
 
 
-def answer(content: Mapping[str, Any]) -> str:
-    """What was left out, in one or two sentences, from the content of diagnosis.json."""
-    findings, verdict = content["findings"], content["verdict"]
-    if verdict == "adequate":
-        return f"The model explains these data; nothing needs to be added.{_improvement(content)}"
-    if verdict == "unexplained" or not findings:
-        shapes = "; ".join(str(u["shape"]) for u in content["unexplained"])
-        found = f" It has this shape: {shapes}." if shapes else ""
-        named = f" Beside it, {wording.listed([_named(f) for f in findings])} was found." if findings else ""
-        return f"The mismatch is real, and no effect of the catalogue explains it.{found}{named}"
-    if verdict == "not-identifiable":
-        each = [wording.alternatives([_named(f), *map(wording.named, f["twins"])]) for f in findings]
-        advice = " ".join(s for f in findings if (s := str(f.get("separate_by", ""))))
-        return f"The data cannot tell which effect was left out: {'; '.join(each)}. {advice}".strip()
-    told = wording.listed([f"{_named(f)} ({_percent(f['probability'])}{_size(f)})" for f in findings])
-    return f"The model left out {told}.{_improvement(content)}"
+def panels(curves: Curves, mismatch: Sequence[Mapping[str, Any]]) -> tuple[Panel, ...]:
+    """The channel that is off most, by position where there are positions and over time, in sigmas of one row."""
+    worst = next(((str(m["channel"]), str(m["axis"])) for m in mismatch), None)
+    if worst not in curves.channels:
+        worst = curves.channels[int(np.argmax((np.nan_to_num(curves.before) ** 2).sum(axis=0)))]
+    i = curves.channels.index(worst)
+    name = " ".join(worst).replace("_", " ").strip()
+    ok = np.isfinite(curves.before[:, i]) & np.isfinite(curves.after[:, i])
+    order = np.argsort(curves.time[ok], kind="stable")
+    time, before, after = curves.time[ok][order], curves.before[ok, i][order], curves.after[ok, i][order]
+    groups = np.array_split(np.arange(time.size), min(time.size, POINTS))
+    made = [_panel(f"{name} over time", "time [h]", [g for g in groups if g.size], time / 3600, before, after)]
+    held = np.unique(position := curves.position[ok][order])
+    if 1 < held.size <= POINTS:
+        at = [np.flatnonzero(position == number) for number in held]
+        made.insert(0, _panel(f"{name} by position", "position", at, position.astype(float), before, after))
+    return tuple(made)
 
 
-def _named(f: Mapping[str, Any]) -> str:
-    return wording.named(f["effect"], str(f.get("axis", "") or "").replace("_", " "))
+def _panel(name: str, x_label: str, groups: Sequence[Array], x: Array, before: Array, after: Array) -> Panel:
+    """Means of groups of rows as points, with the sigma that noise which differs from row to row gives them."""
+    from gimbalcal.report.figures import Panel
+
+    first, second = (np.array([v[g].mean() for g in groups]) for v in (before, after))
+    sigma = np.array([1 / np.sqrt(g.size) for g in groups])
+    return Panel(name, "σ", np.array([x[g].mean() for g in groups]), x_label, first, second, sigma)
 
 
-def _size(f: Mapping[str, Any]) -> str:
-    """The first coefficient with its sigma, if there is one."""
-    if not f["parameters"]:
-        return ""
-    p = f["parameters"][0]
-    value, sigma = pdg(p["value"], p["sigma"])
-    return f"; {p['name']} = {minus(value)} ± {sigma} {wording.unit_in_print(p['unit'])}"
-
-
-def _percent(p: float) -> str:
-    return "over 99 % probable" if p > 0.99 else f"{100 * p:.0f} % probable"
-
-
-def _improvement(content: Mapping[str, Any]) -> str:
-    fit = content["fit"]
-    if content["verdict"] == "adequate" and "chi2_reduced_before" in fit:
-        return f" Reduced χ² is {significant(fit['chi2_reduced_before'], 3)}."
-    if not {"chi2_reduced_before", "chi2_reduced_after"} <= fit.keys():
-        return ""
-    before, after = (significant(fit[f"chi2_reduced_{when}"], 3) for when in ("before", "after"))
-    text = f" With {'it' if len(content['findings']) < 2 else 'them'}, reduced χ² falls from {before} to {after}"
-    if {"heldout_before", "heldout_after"} <= fit.keys():
-        out = (significant(fit[f"heldout_{when}"], 3) for when in ("before", "after"))
-        text += " and, on data that the fit did not see, from {} to {}".format(*out)
-    return text + "."
+def _moved(m: Mapping[str, Any]) -> dict[str, Any]:
+    """How far one calibration parameter moved because of what was left out."""
+    moved, sigma = pdg(m["moved"], m["sigma"])
+    return {
+        "words": wording.named(m["name"], m["axis"].replace("_", " ")),
+        "value": minus(moved),
+        "sigma": sigma,
+        "unit": wording.unit_in_print(m["unit"]),
+        "in_sigmas": m["in_sigmas"],
+        "text": minus(f"{m['in_sigmas']:+.1f} σ"),
+    }
 
 
 def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -98,19 +100,33 @@ def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
         values = [significant(value, 3) for value in known]
         if values:
             facts.append((" → ".join(values), what))
+    if fit.get("scan_p_after") is not None:
+        facts.append((_chance(float(fit["scan_p_after"])), "probability by chance of what a new scan still finds"))
     return facts
+
+
+def _chance(p: float) -> str:
+    return "< 1e−6" if p < 1e-6 else minus(f"{p:.2g}")
 
 
 def _finding(f: Mapping[str, Any]) -> dict[str, Any]:
     rows = []
     for p in f["parameters"]:
         value, sigma = pdg(p["value"], p["sigma"])
-        words = wording.named(p["name"], str(p.get("axis", "") or "").replace("_", " "))
-        rows.append({"words": words, "value": minus(value), "sigma": sigma, "unit": wording.unit_in_print(p["unit"])})
+        words = wording.NAMES.get(p["name"], p["name"])
+        axis = str(p.get("axis", "") or "").replace("_", " ")
+        rows.append(
+            {
+                "words": f"{words} {axis}".strip(),
+                "value": minus(value),
+                "sigma": sigma,
+                "unit": wording.unit_in_print(p["unit"]),
+            }
+        )
     card = CATALOGUE.get(f["effect"])
     sentence = ((card.__doc__ if card else "") or "").strip().split("\n\n")[0].replace("\n", " ")
     return {
-        "words": _named(f),
+        "words": wording.named(f["effect"], str(f.get("axis", "") or "").replace("_", " ")),
         "probability": f"{100 * f['probability']:.1f} %",
         "share": max(0.0, min(100.0, 100 * f["probability"])),
         "sigma": f"{f['sigma']:.1f} σ",
@@ -143,7 +159,7 @@ def _mismatch(m: Mapping[str, Any]) -> dict[str, str]:
         "channel": f"{m['channel'].replace('_', ' ')} {axis}".strip(),
         "where": wording.plain(m.get("where")),
         "statistic": significant(float(m["statistic"]), 3) if "statistic" in m else "",
-        "p": "" if p is None else ("< 1e−6" if p < 1e-6 else minus(f"{p:.2g}")),
+        "p": "" if p is None else _chance(float(p)),
         "in_words": wording.typeset(str(m.get("in_words", ""))),
     }
 
@@ -157,5 +173,6 @@ def _before_after(panels: Sequence[Panel]) -> Picture | None:
     return picture(
         figures.before_after(panels),
         f"Residuals before and after the effect is added, rms {told}.",
-        "Measured minus model: as calibrated (grey) and with what was left out added (blue); bars are one sigma.",
+        "Measured minus model in units of the noise of one row, as calibrated (grey) and with what was left out added "
+        "(blue). Bars and band are what that noise alone would do; setting errors of the gimbals come on top.",
     )

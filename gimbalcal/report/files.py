@@ -41,10 +41,11 @@ def write_calibration(
     write_text(out / "report.html", page)
 
 
-def write_diagnosis(diagnosis: Diagnosis, out: Path) -> None:
-    """diagnosis.json and report.html into `out`."""
-    from gimbalcal.report.diagnosis_page import diagnosis_report
+def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "") -> None:
+    """diagnosis.json and report.html into `out`; `title` says of which recording."""
+    from gimbalcal.report.diagnosis_page import diagnosis_report, panels
 
-    page = diagnosis_report(diagnosis.to_dict())
+    drawn = panels(diagnosis.curves, diagnosis.mismatch) if diagnosis.curves else ()
+    page = diagnosis_report(diagnosis.to_dict(), drawn, title)
     write_json(out / "diagnosis.json", diagnosis.to_dict())
     write_text(out / "report.html", page)

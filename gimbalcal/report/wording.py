@@ -200,7 +200,7 @@ def typeset(text: str) -> str:
     >>> typeset("0.0016 -> 0.0059 m/s^2")
     '0.0016 → 0.0059 m/s²'
     """
-    return text.replace("^2", "²").replace("^3", "³").replace(" -> ", " → ")
+    return text.replace("^2", "²").replace("^3", "³").replace(" -> ", " → ").replace(" degC", " °C")
 
 
 def plain(value: Any) -> str:

@@ -3,7 +3,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gimbalcal.report.diagnosis_page import answer, diagnosis_report, equation
+from gimbalcal.diagnose.diagnosis import Curves
+from gimbalcal.report.diagnosis_page import diagnosis_report, equation, panels
 from gimbalcal.report.figures import Panel
 
 CUBIC = {
@@ -30,34 +31,36 @@ def diagnosis(verdict: str = "missing-physics", **changes: Any) -> dict[str, Any
     }
     fit = {"chi2_reduced_before": 3.1, "chi2_reduced_after": 1.02, "heldout_before": 3.3, "heldout_after": 1.05}
     content = {"format": 1, "verdict": verdict, "mismatch": [mismatch], "findings": [CUBIC], "unexplained": []}
-    return content | {"fit": fit, "provenance": {"seed": 1}} | changes
+    words = "What was left out: cubic nonlinearity (y). Reduced chi^2 goes from 3.1 to 1.02."
+    return content | {"fit": fit, "provenance": {"seed": 1}, "in_words": words} | changes
 
 
-def test_a_found_effect_leads() -> None:
-    assert answer(diagnosis()) == (
-        "The model left out cubic nonlinearity y (98 % probable; K3 = 16.2 ± 0.7 µg/g³). With it, reduced χ² falls "
-        "from 3.10 to 1.02 and, on data that the fit did not see, from 3.30 to 1.05."
-    )
-
-
-def test_nothing_missing_is_said_first() -> None:
-    said = answer(diagnosis("adequate", findings=[], mismatch=[], fit={"chi2_reduced_before": 0.98}))
-    assert said == "The model explains these data; nothing needs to be added. Reduced χ² is 0.980."
+def test_the_sentence_of_the_diagnosis_leads() -> None:
+    page = diagnosis_report(diagnosis())
+    assert page.index("What was left out: cubic nonlinearity (y). Reduced chi² goes") < page.index("16.2")
 
 
 def test_twins_stand_together_with_what_would_separate_them() -> None:
     twin = CUBIC | {"twins": ["odd_quadratic"], "separate_by": "Tilt by 30 and 60 degrees."}
-    assert answer(diagnosis("not-identifiable", findings=[twin])) == (
-        "The data cannot tell which effect was left out: cubic nonlinearity y or odd quadratic. "
-        "Tilt by 30 and 60 degrees."
-    )
+    page = diagnosis_report(diagnosis("not-identifiable", findings=[twin]))
+    assert "<strong>Cannot be told from</strong> odd quadratic." in page
+    assert "Tilt by 30 and 60 degrees." in page
 
 
-def test_the_unknown_is_not_named_by_force() -> None:
+def test_the_unknown_is_told_by_its_shape() -> None:
     shape = {"channel": "specific_force z", "shape": "grows with the square root of time"}
-    said = answer(diagnosis("unexplained", findings=[], unexplained=[shape]))
-    assert "no effect of the catalogue explains it" in said
-    assert "grows with the square root of time" in said
+    page = diagnosis_report(diagnosis("unexplained", findings=[], unexplained=[shape]))
+    assert "What no effect of the catalogue explains" in page
+    assert "grows with the square root of time" in page
+    assert "What was left out</h2>" not in page
+
+
+def test_what_the_effect_did_to_the_calibration_is_told() -> None:
+    moved = {"name": "bias", "axis": "y", "moved": -34.6, "sigma": 2.7, "unit": "ug", "in_sigmas": -12.84}
+    page = diagnosis_report(diagnosis(fit={"calibration_moved": [moved]}))
+    assert "−34.6" in page
+    assert "± 2.7" in page
+    assert "−12.8 σ" in page
 
 
 @pytest.mark.parametrize("verdict", ["adequate", "missing-physics", "unexplained", "not-identifiable"])
@@ -83,3 +86,27 @@ def test_equations_are_drawn_or_left_as_text() -> None:
     assert drawn.alt == r"\delta a_y = K_{3,y} f_y^3"
     assert equation(r"\begin{bmatrix} 1 \end{bmatrix}") is None
     assert equation("") is None
+
+
+def curves(rows: int = 20, positions: int = 18) -> Curves:
+    n = rows * positions
+    position = np.repeat(np.arange(1, positions + 1), rows)
+    before = np.stack([np.ones(n), np.where(position == 4, 2.0, 0.0)], axis=1)
+    before[7, 1] = np.nan
+    channels = (("specific_force", "x"), ("specific_force", "y"))
+    return Curves(60.0 * np.arange(n), position, channels, before, 0 * before)
+
+
+def test_positions_and_times_are_means_in_sigmas_of_one_row() -> None:
+    by_position, over_time = panels(curves(), [{"channel": "specific_force", "axis": "y"}])
+    assert by_position.name == "specific force y by position"
+    assert by_position.before[3] == 2.0
+    assert by_position.sigma == pytest.approx(np.full(18, 1 / np.sqrt(20)), rel=0.03)  # one row of 20 is not finite
+    assert np.flatnonzero(by_position.before).tolist() == [3]
+    assert over_time.x.size == 240
+    assert np.isfinite(over_time.before).all()
+
+
+def test_without_a_located_mismatch_the_largest_channel_is_drawn() -> None:
+    assert panels(curves(), [])[0].name == "specific force x by position"
+    assert len(panels(curves(positions=1), [])) == 1
