@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,9 @@ from gimbalcal.units import check, to_si
 # A NumPy scalar printed with repr() under NumPy >= 2 reads `np.float64(6.4e-05)`, which is not TOML. Programs that
 # write recordings have let it through, so this one pattern is put right, with a remark; nothing else is.
 _NUMPY_SCALAR = re.compile(r"np\.float64\(\s*([-+0-9.eE]+)\s*\)")
+
+
+LARGEST = 1e100  # nothing that is measured comes near; its square is still a number
 
 
 class Document:
@@ -85,8 +87,8 @@ class Document:
                 f'{where}: {key} needs a number and its unit, write {key} = {{ value = ..., unit = "..." }}'
             )
         value, unit = entry["value"], entry["unit"]
-        if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-            raise InputError(f"{where}: the value of {key} must be a finite number, got {value!r}")
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST:
+            raise InputError(f"{where}: the value of {key} must be a finite number, got {shortened(repr(value))}")
         return to_si(float(value), self.unit(where, key, unit, quantity))
 
     def unit(self, where: str, name: str, unit: object, quantity: str) -> str:
@@ -98,6 +100,11 @@ class Document:
         except InputError as error:
             raise InputError(f"{where}, {name}: {error}") from None
         return unit
+
+
+def shortened(text: str, most: int = 60) -> str:
+    """`text`, less its middle where it is long: a message shows what was written, not all of it."""
+    return text if len(text) <= most else f"{text[: most // 2]}...{text[-most // 4 :]}"
 
 
 def listed(words: Sequence[str]) -> str:

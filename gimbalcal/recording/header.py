@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import pi
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 
 from gimbalcal.earth import G0, normal_gravity
 from gimbalcal.errors import InputError
 from gimbalcal.platform import BENCH, KNOWN, Axis, Platform, known
 from gimbalcal.recording.columns import Column, columns_of
-from gimbalcal.recording.document import Document, listed
+from gimbalcal.recording.document import Document, listed, shortened
 from gimbalcal.recording.record import KINDS, SENSORS, Site
 from gimbalcal.units import is_raw
 
 NAME = "recording.toml"
+LOWEST, HIGHEST = -12e3, 100e3  # m, from the deepest trench to the edge of space
+ANOMALY = 0.01  # m/s^2; gravity differs by less from its normal value at any place on the Earth
 
 
 @dataclass(frozen=True)
@@ -88,15 +90,32 @@ def _samples(document: Document, folder: Path) -> Path:
     if not isinstance(name, str) or not name:
         raise InputError(f'{where}: samples must be the name of a file, as in samples = "samples.csv", got {name!r}')
     path = folder / name
-    if Path(name).is_absolute() or not path.resolve().is_relative_to(folder.resolve()):
+    inside = _inside(path, folder)
+    if inside is None or PureWindowsPath(name).drive or "\\" in name:
+        raise InputError(
+            f"{where}: samples = {shortened(repr(name))} is no name of a file here; put the file into the folder "
+            "of the recording and write its name alone"
+        )
+    if Path(name).is_absolute() or not inside:
         raise InputError(f"{where}: samples = {name!r} leaves the folder of the recording; put the file inside it")
     if path.suffix not in (".csv", ".parquet"):
         raise InputError(
             f"{where}: samples = {name!r} must end in .csv or .parquet; `gimbalcal import` converts others"
         )
+    if path.is_dir():
+        raise InputError(f"{where}: samples = {name!r} is a folder; write the name of the file with the rows")
     if not path.is_file():
         raise InputError(f"{where}: the samples file {path} does not exist; put it there or correct its name")
     return path
+
+
+def _inside(path: Path, folder: Path) -> bool | None:
+    """Whether `path`, links followed, lies in `folder`; None if it is no path: too long, a link to itself, a NUL."""
+    try:
+        path.exists()
+        return path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError, ValueError):
+        return None
 
 
 def _site(document: Document, kind: str) -> tuple[Site, tuple[str, ...]]:
@@ -111,6 +130,12 @@ def _site(document: Document, kind: str) -> tuple[Site, tuple[str, ...]]:
             f"{document.where('site', 'latitude')}: latitude {written['value']} {written['unit']} is beyond "
             "90 deg; give it between -90 and 90 deg, or correct its unit"
         )
+    if not LOWEST <= height <= HIGHEST:
+        written = table["height"]
+        raise InputError(
+            f"{document.where('site', 'height')}: height {written['value']} {written['unit']} is no place for a rig; "
+            "give it above the sea, or correct its unit"
+        )
     if kind == "static-run" and latitude is None:
         raise InputError(
             f"{document.where('site')}: a static run needs the latitude, because the Earth turns under the "
@@ -123,11 +148,21 @@ def _site(document: Document, kind: str) -> tuple[Site, tuple[str, ...]]:
             "the Earth (9.76 to 9.84 m/s^2); correct the value or its unit"
         )
     if "gravity" in given:
-        return Site(latitude, height, given["gravity"]), ()
+        return Site(latitude, height, given["gravity"]), _odd_gravity(document, latitude, height, given["gravity"])
     if latitude is not None:
         return Site(latitude, height, float(normal_gravity(latitude, height))), ()
     remark = f"{document.path}: neither gravity nor latitude is given in [site]; standard gravity {G0} m/s^2 is used"
     return Site(None, height, G0), (remark,)
+
+
+def _odd_gravity(document: Document, latitude: float | None, height: float, gravity: float) -> tuple[str, ...]:
+    """A remark where the stated gravity is not that of the stated place: it goes straight into the scale factors."""
+    normal = gravity if latitude is None else float(normal_gravity(latitude, height))
+    if abs(gravity - normal) < ANOMALY:
+        return ()
+    off = 1e6 * (gravity / normal - 1)
+    remark = f"gravity {gravity:.6g} m/s^2 is {off:+.0f} ppm off the {normal:.6g} m/s^2 of this latitude and height"
+    return (f"{document.where('site', 'gravity')}: {remark}; the scale factors follow it",)
 
 
 def _platform(document: Document, kind: str) -> Platform:

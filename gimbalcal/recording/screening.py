@@ -20,6 +20,7 @@ import numpy as np
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import Column
+from gimbalcal.recording.document import LARGEST
 from gimbalcal.recording.header import Header
 from gimbalcal.recording.record import SENSORS
 from gimbalcal.recording.samples import Batch, place
@@ -29,6 +30,8 @@ IMPOSSIBLE = 100.0  # m/s^2, some ten g, at rest
 GAP = 10.0  # times the usual step: longer ones end a run of rows
 LONGEST_STEP = 86400.0  # s; no rig pauses for longer in one recording
 FEWEST = 20  # equal rows that can be called frozen or clipped at all
+MOST_POSITIONS = 1_000_000
+FURTHEST = 2e4 * np.pi  # rad; ten thousand turns
 STRIDE = 5  # every run of FEWEST rows holds four neighbours of every fifth row
 CHANCE = 1e-6
 SMOOTH = 1e-7  # of the largest value: what third differences leave of a sidereal wave sampled each minute is 2e-8
@@ -45,6 +48,10 @@ class Screen:
         self.clock, self.position = clock, position
         self.sensors = [c for c in header.columns if c.quantity in ("specific_force", "angular_rate")]
         self.angles = [c for c in header.columns if c.quantity == "gimbal_angle"]
+        if header.kind == "static-run":  # the readings of the run go on and on; at a position they may well stand still
+            self.sensors += [c for c in header.columns if c.quantity == "attitude_error"]
+        # gimbals that must not stand still once they have moved
+        self.turning = self.angles if header.kind == "static-run" else []
         self.n = 0
         self.step = 0.0  # usual step in time
         self.last_time, self.last_position = np.nan, np.nan
@@ -56,7 +63,7 @@ class Screen:
     def see(self, batch: Batch) -> Array:
         """Check a batch; returns for each row whether it begins anew (after a gap or in another position)."""
         for name, x in batch.items():
-            if not np.isfinite(x.sum()):
+            if not np.dot(x, x) < LARGEST**2:  # a NaN is not less either
                 self._finite(name, x)
         begins = self._time(batch[self.clock.name])
         if self.position is not None:
@@ -64,7 +71,7 @@ class Screen:
         for each in self.sensors:
             self._sensor(each.name, batch[each.name])
         for each in self.angles:
-            self._peak(each.name, batch[each.name])
+            (self._sensor if each in self.turning else self._peak)(each.name, batch[each.name])
         self.n += len(begins)
         return begins
 
@@ -73,6 +80,12 @@ class Screen:
 
     def _finite(self, name: str, x: Array) -> None:
         bad = np.flatnonzero(~np.isfinite(x))
+        huge = np.flatnonzero(np.abs(x) >= LARGEST)
+        if not len(bad) and len(huge):
+            raise InputError(
+                f"{self._place(self.n + int(huge[0]))}, column {name}: {x[huge[0]]:g} is beyond anything that can be "
+                "measured; correct it, or leave such rows out"
+            )
         if len(bad):
             run = int(np.argmax(np.append(np.diff(bad), 2) > 1)) + 1
             more = f", nor are the {run - 1} below it" if run > 1 else ""
@@ -110,7 +123,7 @@ class Screen:
         )
 
     def _positions(self, p: Array) -> Array:
-        odd = np.flatnonzero((p != np.floor(p)) | (p < 0))
+        odd = np.flatnonzero((p != np.floor(p)) | (p < 0) | (p > MOST_POSITIONS))
         if self.position is not None and len(odd):
             raise InputError(
                 f"{self._place(self.n + int(odd[0]))}, column {self.position.name}: a position is a "
@@ -145,7 +158,7 @@ class Screen:
         self._clock_inside_dwells()
         self._angle_units()
         self._spikes()
-        for each in self.sensors:
+        for each in (*self.sensors, *self.turning):
             piled = [k for (name, _), (_, k) in self.peaks.items() if name == each.name and k >= self._many()]
             if each.name in self.stuck or piled:
                 sigma = self._sigma(each, scatter)
@@ -157,17 +170,17 @@ class Screen:
     def _sigma(self, each: Column, scatter: Mapping[str, float]) -> float:
         """What the triad scatters by, or the header's noise where that is less or nothing scatters at all."""
         sensor = next(name for name, quantity in SENSORS.items() if quantity == each.quantity)
-        triad = [to_si(scatter.get(c.name, 0.0), c.unit) for c in self.sensors if c.quantity == each.quantity]
-        largest = max(abs(to_si(self.peaks[c.name, k][0], c.unit)) for c in self.sensors for k in (1, -1))
+        alike = [c for c in self.sensors if c.quantity == each.quantity] or [each]  # a gimbal stands for itself
+        triad = [to_si(scatter.get(c.name, 0.0), c.unit) for c in alike]
+        largest = max(abs(to_si(self.peaks[c.name, k][0], c.unit)) for c in alike for k in (1, -1))
         seen = max(triad) if max(triad) > SMOOTH * largest else 0.0
         stated = self.header.noise.get(sensor, seen)
         return from_si(min(stated, seen) if seen else stated, each.unit)
 
     def _alive(self, each: Column, x: Array, sigma: float, piled: bool) -> None:
-        steps = np.abs(np.diff(x))
-        quantum = float(np.min(steps, where=steps > 0, initial=np.inf))
-        quantum = 0.0 if np.isinf(quantum) else quantum
-        if sigma <= quantum:
+        levels = np.unique(x)
+        quantum = float(np.diff(levels).min()) if len(levels) > 1 else 0.0
+        if sigma <= quantum or (each in self.turning and len(levels) == 1):
             return
         for sign, word in ((1, "largest"), (-1, "smallest")) if piled else ():
             rows = piled_up(sign * x)
@@ -193,10 +206,13 @@ class Screen:
             return
         edges = np.array([*self.turns, self.n])
         changed = set(self.turns)
-        for row, dt in self.gaps:
+        inside = [(row, dt) for row, dt in self.gaps if row not in changed]
+        steps = np.diff(self.whole(self.clock.name), prepend=np.nan) if inside else np.zeros(0)
+        for row, dt in inside:
             k = int(np.searchsorted(edges, row, side="right"))
-            rest = (edges[k] - edges[k - 1] - 2) * self.step
-            if row not in changed and dt > rest:
+            within = steps[edges[k - 1] + 1 : edges[k]]  # a logger may be slower at rest than between
+            rest = float(within.sum()) - dt
+            if len(within) > 2 and dt > rest and dt > GAP * np.median(within):
                 where, unit = self._place(row), self.clock.unit
                 raise InputError(
                     f"{where}, column {self.clock.name}: the clock jumps forward by {dt:.6g} {unit} "
@@ -209,10 +225,14 @@ class Screen:
         if self.header.kind == "rotation":
             return
         for each in self.angles:
-            if self.header.kind == "static-run" and each.axis == "platform":
-                continue
             largest = max((abs(self.peaks[each.name, sign][0]) for sign in (1, -1)), default=0.0)
-            if "rad" in each.unit and to_si(largest, each.unit) > 4 * np.pi:
+            if to_si(largest, each.unit) > FURTHEST:
+                raise InputError(
+                    f"{self.header.samples}, column {each.name}: angles up to {largest:g} {each.unit} are no readout "
+                    f"of a gimbal; correct them, or the unit in {self.header.path}"
+                )
+            goes_on = self.header.kind == "static-run" and each.axis == "platform"
+            if not goes_on and "rad" in each.unit and to_si(largest, each.unit) > 4 * np.pi:
                 raise InputError(
                     f"{self.header.samples}, column {each.name}: angles up to {largest:g} {each.unit} look like "
                     f'degrees; write unit = "deg" for it in {self.header.path}'
