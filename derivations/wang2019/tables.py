@@ -14,7 +14,7 @@ printed digits, must hold the difference of methods 2 and 3.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
+from math import pi, sqrt
 
 from derivations.verdict import AGREES, MISPRINT, NOT_DETERMINED, WRONG, Verdict
 
@@ -166,6 +166,28 @@ def judge_experiment(number: int, one: float, three: float, printed: float) -> V
                    "0" if right else f"{abs(derived - printed):.2g} %", better)  # fmt: skip
 
 
+def judge_swing() -> Verdict:
+    """Table 4's second order of the gyroscopes under Table 5's swing."""
+    K1, K2 = 5.09e-7, 6.35e-18  # deg/s per pulse/s, the smallest of the three K_g2
+    frequency, amplitude = 8.0, 5.0  # Hz, deg: roll
+    mean = K2 / K1**2 * (2 * pi * frequency * amplitude) ** 2 / 2
+    return Verdict(
+        SOURCE,
+        "Tables 4 and 5, K_g2",
+        WRONG,
+        "K_g2x -6.35e-18 deg/s/pulse^2; roll 8 Hz, 5 deg",
+        f"mean rate {mean:.2f} deg/s where it is left out",
+        f"{mean:.2f} deg/s",
+        f"A square does not average out: 5 deg at 8 Hz peaks at {2 * pi * frequency * amplitude:.0f} deg/s, and the "
+        f"smallest "
+        f"K_g2 of Table 4 makes {mean:.2f} deg/s of mean drift of it for a navigator that leaves it out. No position "
+        f"would "
+        "survive a minute of that, while Figure 10 shows 18 % less error. Either pulses are not per second, or K_g2 "
+        "is some "
+        "thousand times too large: Eq. (30) hardly determines it (see there).",
+    )
+
+
 def sentences() -> tuple[Verdict, ...]:
     """What the text of section 5.1 sums up."""
     means = [m for row in ROWS if row.table == 2 and row.name.startswith("E_") for m, _ in row.entries]
@@ -193,5 +215,5 @@ def verdicts() -> tuple[Verdict, ...]:
     experiments = (judge_experiment(i, a, c, d) for i, (a, _, c, d) in enumerate(TABLE_6, start=1))
     return (
         *(judge_row(row) for row in ROWS), *(judge_bias(*row) for row in TABLE_4), *judge_angles(), *experiments,
-        *sentences(),
+        judge_swing(), *sentences(),
     )  # fmt: skip

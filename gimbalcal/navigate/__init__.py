@@ -1,0 +1,1 @@
+"""What a calibration is worth on the way: errors of a navigator, propagated."""
