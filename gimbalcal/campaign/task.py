@@ -97,7 +97,7 @@ def _turntable(content: Mapping[str, Any], where: str) -> float:
 
 def compute(what: Task, runs: range) -> dict[str, list[Any]]:
     """Columns (see COLUMNS) of these runs; runs that fail carry a sentence in `outcome` and no estimate."""
-    from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+    from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):  # small matrices: a second thread only waits, and sums in another order
         if what.kind in PULSES:
