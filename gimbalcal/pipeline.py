@@ -22,10 +22,11 @@ from gimbalcal.estimate.joint import information_of, joint
 from gimbalcal.estimate.multiposition import multiposition
 from gimbalcal.estimate.system import static, static_information
 from gimbalcal.plausibility import refuse_implausible
-from gimbalcal.recording import Recording, read
+from gimbalcal.recording import Recording, dwells, read
 from gimbalcal.recording.header import read_header
 
 Tell = Callable[[str], None]
+FEWEST_POSITIONS = 6
 STATIC_BLOCK = 60.0  # s; a static run is read as minute means: no effect of the catalogue lives below 3 min
 
 
@@ -95,6 +96,7 @@ def three_stage(recordings: Sequence[Recording], tell: Tell = silent) -> Calibra
     if device is None:
         raise InputError("`calibrate` needs a multi-position recording, a static run, or one of each")
 
+    _refuse_too_little(device)
     tell("stage 1: coarse, from faces and tilted positions")
     first = coarse(device)
     tell("stage 2: fine, from the norm of the force at every position")
@@ -108,6 +110,21 @@ def three_stage(recordings: Sequence[Recording], tell: Tell = silent) -> Calibra
     tell("stage 3: system level, force, gimbals and attitude error of the static run")
     third = fuse(information_of(device, both.effects), static_information(run, both.effects), both)
     return replace(third, method="three-stage", stages=(*stages, *static(run).stages, *third.stages))
+
+
+def _refuse_too_little(device: Recording) -> None:
+    """The vector fit needs the gimbal angles, and three numbers at each of six positions for its 17 coefficients."""
+    if device.platform.axes and not device.has("gimbal_angle"):
+        raise InputError(
+            f"{device.title!r} has no gimbal_angle column, so its attitude is not known; add the readouts to "
+            "[columns], or calibrate it from the norm of the force with --method multiposition"
+        )
+    held = sorted({d.position for d in dwells(device)})
+    if len(held) < FEWEST_POSITIONS:
+        raise InputError(
+            f"{device.title!r} holds {len(held)} position(s) ({', '.join(map(str, held))}), from which the errors of "
+            f"three accelerometers cannot be told; hold {FEWEST_POSITIONS} or more, each axis up, down and tilted"
+        )
 
 
 def _one_of_each(recordings: Sequence[Recording]) -> tuple[Recording | None, Recording | None]:

@@ -20,28 +20,39 @@ import numpy as np
 from gimbalcal.earth import EARTH_RATE, G0
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array, apply_matrix
-from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.platform import SPACE_STABLE_INERTIAL
+from gimbalcal.recording import SENSORS, Recording, dwell_means, dwells
 from gimbalcal.units import is_raw
 
 CLOSE = np.radians(15.0)  # far above gimbal zeros, misalignments and hand-set angles, far below a wrong axis
 NEARLY_ALL = 0.9
+QUIETEST = 1e-15  # SI; less than this is zero to any instrument
+UNSTILL = 0.2  # of gravity, half of the rows: a table that shakes so much is no rest
+WRONG_PLACE = np.radians(5.0)  # above any tilt of a level base and of the polar axis, below a wrong sign or unit
+WRONG_ATTITUDE = np.radians(10.0)
+STILL = 1e-3  # rad
 AXES = ("x", "y", "z")
 CLOCK_JUMP = np.radians(0.2)  # of the sidereal angle: 48 s; drift and encoder errors stay below arc minutes
 
 
 def refuse_implausible(recording: Recording) -> None:
     """`InputError` with one sentence where units, axes, signs or the clock of `recording` cannot be right."""
+    _check_noise(recording)
     if recording.kind == "static-run":
         _check_turn(recording)
+        _check_attitude(recording)
     if recording.kind not in ("multi-position", "static-run") or set(recording.axes("specific_force")) != set(AXES):
         return
     rests = dwell_means(recording) if recording.kind == "multi-position" else _thinned(recording)
     force, raw = rests.triad("specific_force"), is_raw(recording.units.get(("specific_force", "x"), "m/s^2"))
     if not raw:
+        _check_stillness(recording)
         _check_magnitude(rests, force)
         if rests.platform.axes and _angles_logged(rests):
             _check_degrees(rests, force)
+            _check_each_axis(rests, force)
             _check_axes(rests, force)
+        _check_latitude(rests, force)
 
 
 def _where(recording: Recording) -> str:
@@ -56,6 +67,33 @@ def _thinned(recording: Recording) -> Recording:
 def _angles_logged(recording: Recording) -> bool:
     logged = set(recording.axes("gimbal_angle"))
     return {"platform", "middle"} <= logged if recording.kind == "static-run" else bool(logged)
+
+
+def _check_noise(recording: Recording) -> None:
+    for sensor, sigma in recording.noise.items():
+        channels = [key for key in recording.channels if key[0] == SENSORS[sensor]]
+        if 0 < sigma < QUIETEST and not any(is_raw(recording.units.get(key, "")) for key in channels):
+            raise InputError(
+                f"{_where(recording)}: a noise of {sigma:g} in SI units, as [noise] states for the {sensor}, is less "
+                "than any instrument has; correct it, or leave it out to have it taken from the rows"
+            )
+
+
+def _check_stillness(recording: Recording) -> None:
+    """Within a position the force keeps its direction and size, give or take what shakes the table."""
+    if recording.kind != "multi-position" or recording.position is None:
+        return
+    force = recording.triad("specific_force")
+    for dwell in dwells(recording):
+        rows = force[dwell.rows]
+        moved = float(np.median(np.linalg.norm(rows - rows.mean(axis=0), axis=1)))
+        if moved > UNSTILL * recording.site.gravity:
+            t = recording.time[[dwell.start, dwell.stop - 1]]
+            raise InputError(
+                f"{_where(recording)}: within position {dwell.position}, from {t[0]:.10g} to {t[1]:.10g} s, the force "
+                f"moves by {moved:.3g} m/s^2 from row to row, so this is no rest; give each rest its own position "
+                "number, and 0 to the rows between, or leave the position column out to have the rests found"
+            )
 
 
 def _check_magnitude(rests: Recording, force: Array) -> None:
@@ -96,6 +134,46 @@ def _check_degrees(rests: Recording, force: Array) -> None:
         )
 
 
+def _check_each_axis(rests: Recording, force: Array) -> None:
+    """One accelerometer alone that follows the prediction in another unit."""
+    ideal = _predicted(rests, rests.angles()) * rests.site.gravity
+    for i, axis in enumerate(AXES):
+        size = float(ideal[:, i] @ ideal[:, i])
+        slope = float(force[:, i] @ ideal[:, i]) / size if size > len(ideal) else 1.0
+        off = np.linalg.norm(force[:, i] - slope * ideal[:, i]) / np.linalg.norm(force[:, i])
+        if off < 0.1 and not 0.5 < abs(slope) < 2:
+            unit = rests.units.get(("specific_force", axis), "m/s^2")
+            raise InputError(
+                f"{_where(rests)}: the accelerometer {axis} alone reads {abs(slope):.4g} times what the gimbal angles "
+                f"predict, so its unit is not {unit!r}; correct it in [columns]"
+            )
+
+
+def _check_latitude(rests: Recording, force: Array) -> None:
+    """The force of an inertially stable platform circles the Earth's axis at the height of the pole, the latitude."""
+    if rests.kind != "static-run" or rests.platform != SPACE_STABLE_INERTIAL or rests.site.latitude is None:
+        return
+    seen = float(np.median(np.arcsin(np.clip(force[:, 2] / np.linalg.norm(force, axis=1), -1, 1))))
+    if abs(seen - rests.site.latitude) > WRONG_PLACE:
+        raise InputError(
+            f"{_where(rests)}: the force lies at {np.degrees(seen):.3g} deg to the Earth's axis, which is the latitude "
+            f"of the place, and [site] says {np.degrees(rests.site.latitude):.3g} deg; correct the latitude, its sign "
+            "or its unit"
+        )
+
+
+def _check_attitude(recording: Recording) -> None:
+    """A navigator that is off by many degrees is not navigating: its errors are in another unit."""
+    for axis in recording.axes("attitude_error"):
+        largest = float(np.max(np.abs(recording.channels["attitude_error", axis])))
+        if largest > WRONG_ATTITUDE:
+            unit = recording.units.get(("attitude_error", axis), "rad")
+            raise InputError(
+                f"{_where(recording)}: the attitude error in {axis} reaches {np.degrees(largest):.3g} deg, read in the "
+                f"unit {unit!r}; correct the unit of its column, for example to arcsec"
+            )
+
+
 def _predicted(rests: Recording, angles: Array) -> Array:
     return -apply_matrix(rests.platform.attitude(angles), np.array([0.0, 0.0, 1.0]))
 
@@ -104,6 +182,12 @@ def _agreeing(force: Array, ideal: Array) -> int:
     """How many forces point where they should."""
     cosine = np.sum(force * ideal, axis=1) / np.linalg.norm(force, axis=1)
     return int(np.count_nonzero(cosine > np.cos(CLOSE)))
+
+
+def _matters(rests: Recording, i: int) -> bool:
+    """Whether a turn of gimbal `i` would be felt: one about the vertical is not."""
+    angles = rests.angles()
+    return bool(np.abs(_predicted(rests, angles + np.eye(angles.shape[1])[i]) - _predicted(rests, angles)).max() > 0.1)
 
 
 def _check_axes(rests: Recording, force: Array) -> None:
@@ -121,9 +205,19 @@ def _check_axes(rests: Recording, force: Array) -> None:
     if stated < 0.5 * n:
         raise InputError(
             f"{_where(rests)}: only {stated} of {n} {kind} have the force within {np.degrees(CLOSE):.0f} deg "
-            "of what the gimbal angles predict, whichever axes or signs are changed; check the platform, its zero "
-            "angles and the gimbal columns, or leave these out and name the platform 'bench'"
+            f"of what the gimbal angles predict, whichever axes or signs are changed{_silent_gimbals(rests)}; check "
+            "the platform, its zero angles and the gimbal columns, or leave these out and name the platform 'bench'"
         )
+
+
+def _silent_gimbals(rests: Recording) -> str:
+    """Readouts that are missing or never move, as an aside: most likely the fault is theirs."""
+    logged = {a: rests.channels["gimbal_angle", a] for a in rests.axes("gimbal_angle")}
+    absent = [a for i, a in enumerate(rests.platform.axis_names) if a not in logged and _matters(rests, i)]
+    still = [a for a, angle in logged.items() if np.ptp(angle) < STILL]
+    asides = [f"the {' and '.join(absent)} angle is in no column and taken as zero"] if absent else []
+    asides += [f"the {' and '.join(still)} readout never moves"] if still else []
+    return f" ({', and '.join(asides)})" if asides else ""
 
 
 def _readings(rests: Recording, force: Array) -> Iterator[tuple[int, str]]:
@@ -138,6 +232,10 @@ def _readings(rests: Recording, force: Array) -> Iterator[tuple[int, str]]:
         turned = angles.copy()
         turned[:, i] *= -1
         yield _agreeing(force, _predicted(rests, turned)), f"the {names[i]} angle has the opposite sign"
+    for i in logged:
+        turned = angles.copy()
+        turned[:, i] = np.degrees(angles[:, i])
+        yield _agreeing(force, _predicted(rests, turned)), f"the {names[i]} angle is in radians"
     for i in logged:
         for j in logged:
             if i < j:
@@ -172,7 +270,12 @@ def _axes_in_words(order: tuple[int, ...], signs: tuple[int, ...]) -> str:
 
 def _check_turn(recording: Recording) -> None:
     """The platform gimbal of a static run follows the Earth; where it does not, the clock or a unit is wrong."""
-    if ("gimbal_angle", "platform") not in recording.channels or len(recording.time) < 3:
+    if len(recording.time) < 3:
+        raise InputError(
+            f"{_where(recording)}: the static run lasts {np.ptp(recording.time):.6g} s, in which the Earth hardly "
+            "turns; record hours, or correct the unit of the time"
+        )
+    if ("gimbal_angle", "platform") not in recording.channels:
         return
     time, angle = recording.time, recording.channels["gimbal_angle", "platform"]
     dt = np.diff(time)
