@@ -60,7 +60,7 @@ def fuse(device: Information, static: Information, before: Calibration) -> Calib
         unobservable=tuple({"direction": u.direction, "why": u.why} for u in together.unseen),
         residual=Residual(together.chi2, together.dof, before.residual.rms),
         outcome=". ".join(filter(None, (before.outcome, outcome(alone[1]), contradiction(together, *alone)))),
-        stages=(_gain(together, alone[0], before.residual.rms),),
+        stages=(_gain(together, alone[0], before.stages[-1].rms if before.stages else 0.0),),
     )
 
 
@@ -85,18 +85,17 @@ def contradiction(together: Solution, device: Solution, static: Solution) -> str
     )
 
 
-def _gain(together: Solution, device: Solution, rms: Mapping[str, float]) -> Stage:
-    """What the static run added, for the record."""
+def _gain(together: Solution, device: Solution, rms: float) -> Stage:
+    """What the static run added, for the record; rms [m/s^2] is that of the positions, which it hardly moves."""
     before = dict(zip(device.parameters, device.sigma, strict=True))
     ratio = [s / before[p] for p, s in zip(together.parameters, together.sigma, strict=True) if p in before]
     best = min(ratio, default=1.0)
-    force = [x for name, x in rms.items() if name.startswith("specific_force")]
     return Stage(
         "system level: fused with the static run",
         tuple(p.label for p in together.parameters),
         together.x,
         together.sigma,
-        float(np.sqrt(np.mean(np.square(force)))) if force else 0.0,
+        rms,
         f"the static run makes sigma of {sum(r < 0.9 for r in ratio)} of {len(ratio)} parameters smaller by more than "
         f"a tenth, the best by a factor of {1 / best:.1f}; {len(together.unseen)} directions are seen by neither stage",
     )
