@@ -24,7 +24,7 @@ from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Parameter, Stimulus, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.information import information, solve
-from gimbalcal.estimate.multiposition import TERMS, unknowns
+from gimbalcal.estimate.multiposition import TERMS, TRIANGLE
 from gimbalcal.estimate.setting import BASELINE, Linear, Noise, baseline, whiten
 from gimbalcal.forward import jacobian, predict, stimulus
 from gimbalcal.number import STEP, Array
@@ -136,7 +136,8 @@ def design_parameters(rig: Rig, terms: Sequence[str]) -> tuple[Parameter, ...]:
         gimbals = [t for t in terms if parameters(CATALOGUE[t], rig.platform.axis_names) != parameters(CATALOGUE[t])]
         if gimbals:
             raise InputError(f"{gimbals[0]} is an angle error, which cannot be seen where no angle is known")
-        return unknowns(terms)
+        found = [p for t in terms for p in parameters(CATALOGUE[t])]
+        return tuple(p for p in found if p.effect != "misalignment" or p.axis in TRIANGLE)
     return baseline(rig.platform, terms)
 
 
