@@ -30,6 +30,7 @@ from gimbalcal.units import is_raw
 
 FORCE, RATE, ANGLE = "specific_force", "angular_rate", "gimbal_angle"
 AXES = ("x", "y", "z")
+FLAT = 1e-6  # of a determinant that is one for a perfect sensor
 ROUNDS = 6  # each multiplies what is left by a product of two errors, below 1e-5
 
 
@@ -86,11 +87,16 @@ def _columns(quantity: str, v: Array) -> dict[Key, Array]:
 
 
 def _solve(h: Callable[[Array], Array], y: Array, steps: int = 20) -> Array:
-    """Solve h(f) = y for f (n, 3) by Newton from f = y; h couples only the axes of one row."""
+    """Solve h(f) = y for f (n, 3) by Newton from f = y; h couples only the axes of one row.
+
+    Where the law is flat (a dead zone) nothing can be told back: there f stays as it is.
+    """
     f = np.array(y, dtype=float)
     for _ in range(steps):
         J = np.stack([h(f + 1j * STEP * unit).imag / STEP for unit in np.eye(3)], axis=-1)
-        step = np.linalg.solve(J, (y - h(f))[..., None])[..., 0]
+        flat = np.abs(np.linalg.det(J)) < FLAT
+        J[flat] = np.eye(3)
+        step = np.where(flat[:, None], 0.0, np.linalg.solve(J, (y - h(f))[..., None])[..., 0])
         f = f + step
         if np.all(np.abs(step) <= 4e-16 * np.max(np.abs(y), initial=1e-300)):  # two units in the last place
             break
@@ -148,27 +154,45 @@ def nominal(calibration: Calibration) -> Mapping[str, Any]:
     return found
 
 
+def gyro_scale(calibration: Calibration) -> float | None:
+    """Nominal rad/s per count of a gyroscope calibration made from counts; None for one in rad/s."""
+    found = calibration.provenance.get("options", {}).get("gyro_nominal", {}).get("scale")
+    return None if found is None else float(found)
+
+
 def _from_counts(calibration: Calibration, recording: Recording) -> Recording:
     known = nominal(calibration)
-    raw = any(is_raw(recording.units.get((FORCE, a), "m/s^2")) for a in AXES if (FORCE, a) in recording.channels)
-    if raw != bool(known):
-        have, want = ("counts", "m/s^2") if raw else ("m/s^2", "counts")
+    if _counted(recording, FORCE) != bool(known) and recording.has(FORCE):
+        have, want = ("counts", "m/s^2") if not known else ("m/s^2", "counts")
         raise InputError(
             f"{recording.title!r} reads specific force in {have} and the calibration was made from readings in {want}: "
             "use a calibration of the same unit"
         )
-    if not raw:
-        return recording
-    N = recording.triad(FORCE)
-    y = np.asarray(known["scale"]) * (N - np.asarray(known["offset"]))
-    units = dict(recording.units) | {(FORCE, a): "m/s^2" for a in AXES}
-    return replace(recording, channels=dict(recording.channels) | _columns(FORCE, y), units=units)
+    channels, units = dict(recording.channels), dict(recording.units)
+    if known and recording.has(FORCE):
+        y = np.asarray(known["scale"]) * (recording.triad(FORCE) - np.asarray(known["offset"]))
+        channels |= _columns(FORCE, y)
+        units |= {(FORCE, a): "m/s^2" for a in AXES}
+    scale = gyro_scale(calibration)
+    if scale is not None and _counted(recording, RATE):
+        channels |= _columns(RATE, scale * recording.triad(RATE))
+        units |= {(RATE, a): "rad/s" for a in AXES}
+    return replace(recording, channels=channels, units=units)
 
 
 def _to_counts(calibration: Calibration, recording: Recording) -> Recording:
-    known = nominal(calibration)
-    if not known or not recording.has(FORCE):
-        return recording
-    N = recording.triad(FORCE) / np.asarray(known["scale"]) + np.asarray(known["offset"])
-    units = dict(recording.units) | {(FORCE, a): "count" for a in AXES}
-    return replace(recording, channels=dict(recording.channels) | _columns(FORCE, N), units=units)
+    known, scale = nominal(calibration), gyro_scale(calibration)
+    channels, units = dict(recording.channels), dict(recording.units)
+    if known and recording.has(FORCE):
+        N = recording.triad(FORCE) / np.asarray(known["scale"]) + np.asarray(known["offset"])
+        channels |= _columns(FORCE, N)
+        units |= {(FORCE, a): "count" for a in AXES}
+    if scale is not None and recording.has(RATE):
+        channels |= _columns(RATE, recording.triad(RATE) / scale)
+        units |= {(RATE, a): "count" for a in AXES}
+    return replace(recording, channels=channels, units=units)
+
+
+def _counted(recording: Recording, quantity: str) -> bool:
+    """Whether a quantity was logged in counts or pulses."""
+    return any(is_raw(u) for (q, _), u in recording.units.items() if q == quantity)
