@@ -75,31 +75,6 @@ def gyroscopes_between_rests(
     return _calibration(recording, fits, declined, bias, scale)
 
 
-def with_gyroscopes(recording: Recording, accelerometers: Calibration, terms: Sequence[str] = ()) -> Calibration:
-    """Both triads in one calibration: the accelerometers', and the gyroscopes between the same rests beside it.
-
-    Without rates, or without rows between the rests, it is the accelerometers' calibration as it came.
-    """
-    if not recording.has(RATE) or recording.position is None or not np.any(recording.position == 0):
-        return accelerometers
-    g = gyroscopes_between_rests(recording, accelerometers, terms)
-    n = len(accelerometers.parameters)
-    covariance = np.zeros((n + len(g.parameters),) * 2)
-    covariance[:n, :n], covariance[n:, n:] = accelerometers.covariance, g.covariance
-    mine, theirs = (c.provenance.get("options", {}) for c in (accelerometers, g))
-    named = {f"gyro_{k}" if not k.startswith("gyro_") else k: v for k, v in theirs.items()}
-    return replace(
-        accelerometers,
-        effects=(*accelerometers.effects, *g.effects),
-        parameters=(*accelerometers.parameters, *g.parameters),
-        covariance=covariance,
-        unobservable=(*accelerometers.unobservable, *g.unobservable),
-        residual=replace(accelerometers.residual, rms={**accelerometers.residual.rms, **g.residual.rms}),
-        provenance={**accelerometers.provenance, "options": {**mine, **named}},
-        stages=(*accelerometers.stages, *g.stages),
-    )
-
-
 def _turns(recording: Recording, accelerometers: Calibration) -> tuple[Turned, Array, float]:
     """Turns with readings less the rests' level, the level of all rests (k, 3) [rad/s], and rad/s per unit."""
     stays = dwells(recording)

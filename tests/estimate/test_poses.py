@@ -14,7 +14,8 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate import poses
 from gimbalcal.estimate.inter_triad import euler, rotation
 from gimbalcal.estimate.multiposition import multiposition
-from gimbalcal.estimate.poses import LINEAR, gyroscopes_between_rests, with_gyroscopes
+from gimbalcal.estimate.poses import LINEAR, gyroscopes_between_rests
+from gimbalcal.estimate.unit import inertial_unit, with_gyroscopes
 from gimbalcal.forward import gyroscopes, stimulus
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
@@ -146,3 +147,13 @@ def test_both_triads_in_one_calibration_correct_a_recording_in_counts() -> None:
     still = replace(recording, position=np.ones(len(recording.time), dtype=int))
     accelerometers = multiposition(hand(TRUTH, 1e-3), ("bias",))
     assert with_gyroscopes(still, accelerometers) is accelerometers
+
+
+def test_a_unit_is_calibrated_whole_or_says_why_not() -> None:
+    whole = inertial_unit(hand(TRUTH, 1e-3))
+    assert {"bias", "gyro_bias", "gyro_scale_factor"} <= {p.effect for p in whole.parameters}
+    alone = inertial_unit(hand(TRUTH, 1e-3), ("bias",))
+    assert {p.effect for p in alone.parameters} == {"bias"}
+    few = hand(TRUTH, 1e-3, turns=3)
+    with pytest.raises(InputError, match="turns between at least six"):
+        inertial_unit(few, ("bias", "gyro_scale_factor"))
