@@ -140,7 +140,9 @@ def read(path: Path) -> Calibration:
     """The calibration in a calibration.json. Raises InputError, naming the file, when it cannot be read."""
     try:
         return from_dict(json.loads(path.read_text()))
-    except (OSError, json.JSONDecodeError, KeyError) as problem:
+    except FileNotFoundError:
+        raise InputError(f"there is no {path}; give a calibration.json that `gimbalcal calibrate` wrote") from None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as problem:
         raise InputError(
             f"{path} is not a calibration.json written by `gimbalcal calibrate` ({type(problem).__name__}: {problem})"
         ) from None

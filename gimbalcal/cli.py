@@ -7,6 +7,7 @@ Heavy packages are imported inside the commands, so that `gimbalcal --help` answ
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -27,14 +28,21 @@ def main() -> None:
         gimbalcal(standalone_mode=False)
     except InputError as problem:
         _stop(f"gimbalcal: {problem}", 2)
-    except click.ClickException as problem:
+    except click.exceptions.NoArgsIsHelpError as problem:
         problem.show()
         sys.exit(2)
+    except click.ClickException as problem:
+        context = getattr(problem, "ctx", None)
+        command = context.command_path if context else "gimbalcal"
+        _stop(f"gimbalcal: {problem.format_message().rstrip('.')}; see `{command} --help`", 2)
     except (KeyboardInterrupt, click.Abort):
         _stop("gimbalcal: interrupted; nothing half-written is left behind", 130)
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(0)
+    except OSError as problem:
+        name, why = problem.filename or "a file", problem.strerror or problem
+        _stop(f"gimbalcal: {name} cannot be read or written ({why}); correct its name or its permissions", 2)
 
 
 def _stop(sentence: str, status: int) -> None:
@@ -47,8 +55,20 @@ def output_options(command: F) -> F:
     command = click.option("--json", "as_json", is_flag=True, help="Print the result on stdout as JSON.")(command)
     command = click.option("--quiet", is_flag=True, help="No progress on stderr.")(command)
     return click.option(
-        "--out", type=click.Path(path_type=Path, file_okay=False), default=None, help="Folder for the results."
+        "--out", type=click.Path(path_type=Path), callback=_folder, default=None, help="Folder for the results."
     )(command)
+
+
+def _folder(_context: click.Context, _option: click.Parameter, out: Path | None) -> Path | None:
+    """--out, refused before anything is computed if no folder can be there."""
+    if out is None:
+        return None
+    there = next(p for p in (out, *out.absolute().parents) if p.exists() or p.is_symlink())
+    if not there.is_dir():
+        raise InputError(f"--out {out} cannot be a folder, because {there} is a file; give another name")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(f"--out {out} cannot be written, {there} does not permit it; give another folder")
+    return out
 
 
 def listed(words: str) -> tuple[str, ...]:

@@ -61,6 +61,10 @@ def calibrate(
             raise InputError(f"--method multiposition takes one recording, got {len(recordings)}; run it once for each")
         tell("norm of the force at every position")
         made = multiposition(recordings[0], terms)
+    elif terms:
+        raise InputError(
+            f"--terms {','.join(terms)} goes with --method multiposition; three-stage has its own, leave it out"
+        )
     else:
         made = three_stage(recordings, tell)
     return replace(made, provenance=provenance(recordings, made, terms)), recordings
@@ -73,7 +77,7 @@ def provenance(recordings: Sequence[Recording], made: Calibration, terms: Sequen
         "recordings": [{"path": s.path, "sha256": s.sha256} for r in recordings for s in r.source],
         "version": gimbalcal.__version__,
         "seed": None,  # nothing in a calibration is drawn
-        "options": {"method": made.method, "terms": list(terms)},
+        "options": {**made.provenance.get("options", {}), "method": made.method, "terms": list(terms)},
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "remarks": [remark for r in recordings for remark in r.remarks],
     }

@@ -80,6 +80,8 @@ def _check_names(path: Path, names: Sequence[str], present: Mapping[str, pl.Data
     if all(_is_number(name.partition("_duplicated_")[0]) for name in present):
         raise InputError(f"{path}, line {_heading(path)}: numbers stand where the column names belong; put them above")
     hint = "correct the name on one side"
+    if any("\ufffd" in name for name in present):
+        hint = "the names are not text in UTF-8, save the file as UTF-8"
     if all(name in [there.strip() for there in present] for name in missing):
         hint = "take the blanks away around the names"
     has = [repr(shortened(name)) for name in present]

@@ -32,6 +32,7 @@ LONGEST_STEP = 86400.0  # s; no rig pauses for longer in one recording
 FEWEST = 20  # equal rows that can be called frozen or clipped at all
 MOST_POSITIONS = 1_000_000
 FURTHEST = 2e4 * np.pi  # rad; ten thousand turns
+DISTINCT = 0.9
 STRIDE = 5  # every run of FEWEST rows holds four neighbours of every fifth row
 CHANCE = 1e-6
 SMOOTH = 1e-7  # of the largest value: what third differences leave of a sidereal wave sampled each minute is 2e-8
@@ -63,7 +64,9 @@ class Screen:
     def see(self, batch: Batch) -> Array:
         """Check a batch; returns for each row whether it begins anew (after a gap or in another position)."""
         for name, x in batch.items():
-            if not np.dot(x, x) < LARGEST**2:  # a NaN is not less either
+            with np.errstate(over="ignore", invalid="ignore"):
+                sound = np.dot(x, x) < LARGEST**2  # a NaN is not
+            if not sound:
                 self._finite(name, x)
         begins = self._time(batch[self.clock.name])
         if self.position is not None:
@@ -178,8 +181,10 @@ class Screen:
         return from_si(min(stated, seen) if seen else stated, each.unit)
 
     def _alive(self, each: Column, x: Array, sigma: float, piled: bool) -> None:
-        levels = np.unique(x)
-        quantum = float(np.diff(levels).min()) if len(levels) > 1 else 0.0
+        levels, counts = np.unique(x, return_counts=True)
+        others = len(x) - int(np.sort(counts)[-2:].sum())  # rows that are neither stuck nor at one of two stops
+        coarse = len(levels) - 2 < DISTINCT * others  # no two readings alike: no steps to be seen
+        quantum = float(np.diff(levels).min()) if len(levels) > 1 and coarse else 0.0
         if sigma <= quantum or (each in self.turning and len(levels) == 1):
             return
         for sign, word in ((1, "largest"), (-1, "smallest")) if piled else ():
