@@ -27,6 +27,7 @@ from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.units import from_si, is_raw
 
 LINEAR = ("scale_factor", "bias", "misalignment")
+UNSTEADY = 10.0  # times the white noise of a mean: what the wandering of a low-cost bias adds between positions
 CLEAR = 3.0  # sigma that the largest coefficient of a further term must reach to be taken up
 WIDE = 100.0  # times the prior scale of a navigation platform: low-cost units reach 50 mg, 5 % and 3 deg
 TERMS = (*LINEAR, "scale_nonlinearity", "cubic_nonlinearity")
@@ -65,7 +66,7 @@ def multiposition(recording: Recording, terms: Sequence[str] = ()) -> Calibratio
     wanted = tuple(dict.fromkeys(terms)) or TERMS
     _check(wanted)
     means = dwell_means(recording)
-    means, nominal = _in_si(means)
+    means, nominal = in_si(means)
     base = tuple(t for t in wanted if t in LINEAR) or ("bias",)
     best = norm_fit(means, base)
     tried, declined = [(base, best)], []
@@ -214,7 +215,7 @@ def _refusal(term: str, without: NormFit, candidate: NormFit | None) -> str:
     )
 
 
-def _in_si(means: Recording) -> tuple[Recording, dict[str, list[float]]]:
+def in_si(means: Recording) -> tuple[Recording, dict[str, list[float]]]:
     """Readings in counts or pulses become m/s^2 by the ellipsoid's scale and offset, which are kept as nominal."""
     units = [means.units.get((FORCE, a), "m/s^2") for a in "xyz"]
     if not any(is_raw(u) for u in units):
@@ -299,13 +300,18 @@ def _rotations() -> list[dict[str, Any]]:
 def _outcome(recording: Recording, best: NormFit) -> str:
     if best.fit.steps == 0:
         return "the fit did not settle: the positions do not determine these terms together"
-    if "accelerometer" not in recording.noise or best.excess == 0:
+    own = best.fit.noise.accelerometer / np.sqrt(float(np.median(recording_weights(recording))))
+    if "accelerometer" not in recording.noise or best.excess <= UNSTEADY * own:
         return ""
-    own = best.fit.noise.accelerometer / np.sqrt(float(np.median(recording.weight)))
     return (
-        f"the positions scatter by {best.excess:.2g} m/s^2 about the model, which the stated noise does not explain; "
-        f"all sigma are scaled to that scatter (noise of one sample {own:.2g} m/s^2)"
+        f"the positions scatter by {best.excess:.2g} m/s^2 about the model, which the stated noise does not explain "
+        f"({own:.2g} m/s^2 for the mean of a position); all sigma are scaled to that scatter"
     )
+
+
+def recording_weights(recording: Recording) -> Array:
+    """Raw samples behind the mean of each position (m,)."""
+    return np.asarray(dwell_means(recording).weight, dtype=float)
 
 
 def _stage(terms: Sequence[str], made: NormFit) -> Stage:
