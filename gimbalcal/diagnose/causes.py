@@ -8,13 +8,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.candidates import SHAPES, groups
+from gimbalcal.diagnose.candidates import SHAPES
 from gimbalcal.diagnose.views import View
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, absent, parameters
 from gimbalcal.number import Array
 
 GRID = 7
-SKIPPED = (*SHAPES, "position_blunder", "gravity_error", "frame_misalignment", "vertical_deflection", "clock_rate")
+DAY_PART = {"base_tilt_diurnal": 8 * 3600.0}  # s; shorter, it is base_tilt_drift and nothing else
+SKIPPED = (  # nothing that these rows could show, or a part of another candidate
+    *SHAPES, "position_blunder", "gravity_error", "frame_misalignment", "vertical_deflection", "clock_rate",
+    "torquer_scale_factor", "accelerometer_lever_arm",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -47,19 +51,39 @@ def available(v: View) -> tuple[str, ...]:
     """Ids of the catalogue that act on these rows and whose channels were recorded."""
     out = []
     for effect_id, cls in CATALOGUE.items():
-        takes_covariate = any(f.name == "covariate" for f in dataclasses.fields(cls))
-        if cls.stage in v.stages and v.recording.kind in cls.kinds and effect_id not in SKIPPED and not takes_covariate:
-            if all(q == "position" or v.recording.has(q) for q in cls.requires):
-                out.append(effect_id)
+        follows = any(f.name == "covariate" for f in dataclasses.fields(cls))
+        acts = cls.linear and cls.stage in v.stages and v.recording.kind in cls.kinds and not follows
+        long_enough = np.ptp(v.recording.time) >= DAY_PART.get(effect_id, 0.0)
+        logged = all(q == "position" or v.recording.has(q) for q in cls.requires)
+        if acts and long_enough and logged and effect_id not in SKIPPED:
+            out.append(effect_id)
     return tuple(out)
+
+
+def unknowns(v: View, effect_id: str) -> tuple[Parameter, ...]:
+    """Parameters of an effect, without those of gimbals that were not read and those that a bench cannot see."""
+    names, read = v.stimulus.axis_names, v.recording.axes("gimbal_angle")
+    found = parameters(CATALOGUE[effect_id], names)
+    seen = (p for p in found if (p.axis not in names or p.axis in read) and (p.effect, p.axis) not in v.unseen)
+    return tuple(replace(p, sigma=v.wide * p.sigma) for p in seen)
+
+
+def by_axis(wanted: Sequence[Parameter]) -> dict[str, tuple[Parameter, ...]]:
+    """Parameters of each axis ("xy" belongs to x), and all of them together."""
+    out: dict[str, list[Parameter]] = {}
+    for p in wanted:
+        pair = len(p.axis) == 2 and set(p.axis) <= set("xyz")
+        out.setdefault(p.axis[0] if pair else p.axis, []).append(p)
+    if len(out) > 1:
+        out[", ".join(out)] = list(wanted)
+    return {axis: tuple(ps) for axis, ps in out.items()}
 
 
 def _of_effect(
     v: View, effect_id: str, present: Sequence[Effect], modelled: Sequence[Parameter], blocks: list[Array]
 ) -> list[Cause]:
-    names = v.stimulus.axis_names
     had = {(p.effect, p.field, p.axis) for p in modelled}
-    wanted = [p for p in parameters(CATALOGUE[effect_id], names) if (p.effect, p.field, p.axis) not in had]
+    wanted = [p for p in unknowns(v, effect_id) if (p.effect, p.field, p.axis) not in had]
     if not wanted:
         return []
     made: list[tuple[Effect | None, int]] = []
@@ -73,7 +97,7 @@ def _of_effect(
         made.append((variant, sum(b.shape[-1] for b in blocks)))
         blocks.append(np.nan_to_num(X))
     out = []
-    for axis, chosen in groups(wanted, effect_id).items():
+    for axis, chosen in by_axis(wanted).items():
         index = [wanted.index(p) for p in chosen]
         if np.abs(blocks[-1][..., index]).max() > 0:
             spans = tuple((variant, tuple(at + i for i in index)) for variant, at in made)
@@ -101,7 +125,7 @@ def _grid(v: View, effect_id: str, f: dataclasses.Field[float]) -> Array:
     if f.name in ("tau", "period"):
         low, high = max(low, float(np.median(np.diff(time)))), min(high, 3 * float(time[-1]))
     if low >= high:
-        return np.array([float(f.default)])
+        return np.array([low])
     grid = np.geomspace(low, high, GRID) if low > 0 else np.linspace(low, high, GRID)
     return np.unique(np.round(grid)) if f.name in CATALOGUE[effect_id].steps else grid
 
@@ -117,8 +141,9 @@ def _shapes(v: View, present: Sequence[Effect], blocks: list[Array]) -> list[Cau
     elif v.name != "table":
         u = v.stimulus.force / v.stimulus.gravity
         x, y, z = u.T
-        basis = np.stack([x * x, y * y, x * y, y * z, z * x, x**3, y**3, z**3, x * y * y, x * z * z, y * x * x, y * z * z,
-                          z * x * x, z * y * y, x * y * z], axis=-1)  # fmt: skip
+        second = [x * x, y * y, x * y, y * z, z * x]
+        third = [x**3, y**3, z**3, x * y * y, x * z * z, y * x * x, y * z * z, z * x * x, z * y * y, x * y * z]
+        basis = np.stack(second + third, axis=-1)
         bases["orientation"] = ("a smooth function of the direction of gravity", basis)
     out = []
     for name, (words, basis) in bases.items():

@@ -18,9 +18,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence import SIZE_PRIOR, SIZES
 from gimbalcal.number import Array
 
+SIZES = np.array([0.1, 0.3, 1.0, 3.0, 10.0, 30.0])  # times the catalogue's prior sigma: rigs differ, physics less
+SIZE_PRIOR = np.array([0.15, 0.2, 0.25, 0.2, 0.12, 0.08])
 MEMORY = (0.0, 0.3, 0.6, 0.8, 0.9, 0.96)
 MEMORY_PRIOR = (0.5, 0.1, 0.1, 0.1, 0.1, 0.1)
 SCALES = np.geomspace(0.003, 2.0, 48)  # of the rms misfit: a cause may take away all but 1 / 300 of it
@@ -91,6 +92,8 @@ def log_evidence(g: Ground, index: Sequence[int], sizes: Array = SIZES, prior: A
     lam, V = np.linalg.eigh(g.gram[:, at[:, None], at])
     c2 = np.einsum("kij,ki->kj", V, g.score[:, at]) ** 2
     lam = np.maximum(lam, 0.0)
+    most = np.array([c.y @ c.y for c in g.cleared])[:, None] * lam  # Cauchy and Schwarz, against rounding
+    c2 = np.minimum(c2, most)
     s2 = (sizes**2)[:, None] / g.scale**2  # (sizes, scales)
     damped = 1 + s2 * lam[:, :, None, None]  # (memories, columns, sizes, scales)
     gain = (s2 / g.scale**2) * c2[:, :, None, None] / damped
@@ -112,6 +115,5 @@ def gain(g: Ground, index: Sequence[int]) -> float:
 
 
 def _logsumexp(x: Array) -> float:
-    from scipy.special import logsumexp
-
-    return float(logsumexp(x))
+    most = float(x.max())
+    return most + float(np.log(np.exp(x - most).sum()))

@@ -7,17 +7,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.diagnose.causes import Cause, causes
+from gimbalcal.diagnose.causes import Cause, causes, unknowns
 from gimbalcal.diagnose.decide import CLAIM, TOGETHER
 from gimbalcal.diagnose.free_scale import Ground, best_evidence, gain, ground, log_evidence
 from gimbalcal.diagnose.search import PAIR, SINGLE, UNKNOWN
 from gimbalcal.diagnose.views import View
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
+from gimbalcal.effects import Effect, Parameter, values, with_values
 from gimbalcal.number import Array
 
 MOST = 8  # rounds
 EXCHANGE = 1.0  # ln of odds by which another cause must be likelier to take a place
-USUAL = {"pointing": ("base_tilt", "tube_flexure", "refraction", "gimbal_nonorthogonality")}  # in every pointing model
+USUAL = {  # what every textbook of such a rig names first
+    "pointing": ("base_tilt", "tube_flexure", "refraction", "gimbal_nonorthogonality", "axis_collimation"),
+    "norm": ("misalignment",),
+    "table": ("gravity_leakage", "lever_arm", "time_tag_latency", "misalignment"),
+}
 OFTEN = np.log(10.0)  # how much likelier those are before any data
 Taken = tuple[Cause, Effect | None]
 FIRST = 12  # likeliest single causes that are tried with every other; all of them where none is found alone
@@ -81,7 +85,7 @@ def refit(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Mo
         variance = float(y @ y - b[keep] @ b[keep]) / max(n - int(keep.sum()), 1)
         C = (Vt[keep].T / S[keep] ** 2) @ Vt[keep] * variance + Vt[~keep].T @ Vt[~keep]
         made = with_values(made, wanted, values(made, wanted) + step * scale, names)
-        if np.abs(step).max(initial=0.0) < 1e-9:
+        if np.abs(step).max(initial=0.0) < 1e-6:
             break
     r, J = v.linear(made, wanted)
     return Model(made, tuple(wanted), C * np.outer(scale, scale), r, J)
@@ -89,7 +93,7 @@ def refit(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Mo
 
 def start(v: View) -> Model:
     """The baseline alone."""
-    wanted = tuple(p for i in v.baseline for p in parameters(CATALOGUE[i], v.stimulus.axis_names))
+    wanted = tuple(p for i in v.baseline for p in unknowns(v, i))
     return refit(v, with_values((), wanted, np.zeros(len(wanted)), v.stimulus.axis_names), wanted)
 
 
@@ -108,17 +112,20 @@ def course(v: View, tell: Callable[[str], None]) -> Course:
         taken = exchanged(v, first, [*taken, *found], tell)
         model = take(v, first, taken)
     taken = pruned(v, first, taken, tell)
+    taken = pruned(v, first, exchanged(v, first, taken, tell, memory=True), tell)
     return steps_of(v, first, taken)
 
 
-def exchanged(v: View, first: Model, taken: Sequence[Taken], tell: Callable[[str], None]) -> list[Taken]:
+def exchanged(
+    v: View, first: Model, taken: Sequence[Taken], tell: Callable[[str], None], memory: bool = False
+) -> list[Taken]:
     """Each cause in turn gives way if another cause, or two, belong in its place."""
     out = list(taken)
     for cause, variant in taken:
-        if len(out) < 2 or (cause, variant) not in out:
+        if (cause, variant) not in out:
             continue
         others = [t for t in out if t[0] != cause]
-        found, *_, lead = _round(v, take(v, first, others), against=cause)
+        found, *_, lead = _round(v, take(v, first, others), memory, cause)
         if lead > EXCHANGE:
             tell(f"{cause.label} gives way to {', '.join(c.label for c, _ in found)}")
             out = [*others, *found]
@@ -149,7 +156,8 @@ def alone(v: View, without: Model, this: Taken) -> float:
 
 def steps_of(v: View, first: Model, taken: Sequence[Taken]) -> Course:
     """The causes in the order of what each takes away, and the shape of what is left."""
-    left, steps, model = list(taken), [], first
+    left, model = list(taken), first
+    steps: list[Step] = []
     while left:
         models = [take(v, first, [*(t for s in steps for t in s.taken), t]) for t in left]
         best = int(np.argmin([m.rms for m in models]))
@@ -234,7 +242,7 @@ def _pairs(
     real = [i for i, c in enumerate(known) if not c.shape]
     order = sorted(real, key=lambda i: -(ln[i] + prior[i]))
     firsts = order[:FIRST] if ln.max() > CLAIM else order
-    out = []
+    out: list[tuple[float, float, tuple[int, ...]]] = []
     seen = set()
     for i in firsts:
         for j in real:

@@ -1,4 +1,4 @@
-r"""Recordings without a stated noise or without gimbals, as rows of misfit that the effects of the catalogue may explain.
+r"""Recordings without a stated noise or without gimbals, as rows of misfit to be explained.
 
 A view is one function: effects in, misfit r (n, C) and its exact derivative J (n, C, p) out.
 
@@ -18,13 +18,18 @@ import numpy as np
 
 from gimbalcal.effects import Effect, Parameter, Stage, Stimulus, values, with_values
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.multiposition import WIDE, in_si
 from gimbalcal.forward import accelerometers, gyroscopes, jacobian, predict, stimulus
 from gimbalcal.number import STEP, Array
 from gimbalcal.recording import Recording, dwell_means, dwells
 
 FORCE, RATE = "specific_force", "angular_rate"
 Linear = Callable[[Sequence[Effect], Sequence[Parameter]], tuple[Array, Array]]
-BLOCK = 0.5  # s; a table is tilted over seconds, what is faster shakes building and floor
+DOWN = frozenset({("base_tilt", "down")})  # a turn of the base about the vertical is no tilt: the azimuth zero has it
+TRIANGLE = frozenset({("misalignment", "xy"), ("misalignment", "xz"), ("misalignment", "yx")})  # a convention
+BLOCK = 1.0  # s; a table is tilted over seconds, what is faster shakes building and floor
+FINE = 0.02  # s; step at which the physics of a tilting table is evaluated
+BY_HAND = 3.0  # times the catalogue's scales: sensors of different makers, bolted together
 SENSORS = frozenset({Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER})
 
 
@@ -41,6 +46,8 @@ class View:
     stages: frozenset[Stage]
     baseline: tuple[str, ...]
     linear: Linear
+    unseen: frozenset[tuple[str, str]] = frozenset()  # (effect, axis) that these rows cannot show by convention
+    wide: float = 1.0  # prior scales of these sensors against those of the catalogue
 
 
 def view(recording: Recording, baseline: Sequence[str] = (), known: Sequence[Effect] = ()) -> View:
@@ -61,8 +68,11 @@ def view(recording: Recording, baseline: Sequence[str] = (), known: Sequence[Eff
 
 
 def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
-    """A pointing run."""
+    """A pointing run; every star is a visit of its own."""
     s = stimulus(recording)
+    n = len(recording.time)
+    moved = np.diff(s.readout, axis=0, prepend=s.readout[:1])
+    s = s.at(visit=np.arange(n), position=np.arange(1, n + 1), since_move=0 * s.time, move_angle=moved)
 
     def linear(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
         r = -predict(recording.platform, s, effects, "pointing")["pointing"]
@@ -72,17 +82,16 @@ def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
     return View(
         "pointing", recording, s, (("pointing", "across"), ("pointing", "along")), "arcsec", None,
         frozenset({Stage.ENCODER, Stage.AXIS_TILT, Stage.BASE, Stage.LINE_OF_SIGHT}),
-        tuple(baseline) or ("gimbal_zero", "axis_collimation", "gimbal_nonorthogonality"), linear,
+        tuple(baseline) or ("gimbal_zero", "axis_collimation", "gimbal_nonorthogonality"), linear, DOWN,
     )  # fmt: skip
 
 
 def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
     """Rest positions of unknown attitude: one row each."""
-    from gimbalcal.estimate.multiposition import in_si
-
     means, _ = in_si(dwell_means(recording))
     y, g = means.triad(FORCE), means.site.gravity
     s = stimulus(means)
+    s = s.at(rate=0 * s.rate)
 
     def linear(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
         f, H = solved(lambda f: accelerometers(f, s, effects), y)
@@ -92,7 +101,7 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
         return (length - g)[:, None], np.einsum("ni,nip->np", towards, J)[:, None]
 
     ids = tuple(baseline) or ("bias", "scale_factor", "misalignment")
-    return View("norm", means, s, ((FORCE, "norm"),), "mg", None, SENSORS, ids, linear)
+    return View("norm", means, s, ((FORCE, "norm"),), "mg", None, SENSORS, ids, linear, TRIANGLE, WIDE)
 
 
 def rest_rates(recording: Recording, baseline: Sequence[str] = (), known: Sequence[Effect] = ()) -> View:
@@ -100,8 +109,6 @@ def rest_rates(recording: Recording, baseline: Sequence[str] = (), known: Sequen
 
     The force is the accelerometers' reading, corrected by `known`.
     """
-    from gimbalcal.estimate.multiposition import in_si
-
     means, _ = in_si(dwell_means(recording))
     y = means.triad(RATE)
     sigma = np.array([_scatter(recording, a) for a in "xyz"]) / np.sqrt(means.weight)[:, None]
@@ -116,20 +123,17 @@ def rest_rates(recording: Recording, baseline: Sequence[str] = (), known: Sequen
     unit = "deg/h" if means.units.get((RATE, "x"), "rad/s") != "count" else "1"
     return View(
         "rest rates", means, s, channels, unit, sigma, frozenset({Stage.GYROSCOPE}),
-        tuple(baseline) or ("gyro_bias",), linear,
+        tuple(baseline) or ("gyro_bias",), linear, frozenset(), WIDE,
     )  # fmt: skip
 
 
 def table(recording: Recording, baseline: Sequence[str] = ()) -> View:
     """Force and rate of a unit that starts level and is tilted, in means over `BLOCK`; the mean force is not known."""
+    recording = averaged(recording, FINE)
     s = stimulus(recording)
     rate = recording.triad(RATE)
     s = s.at(force=-s.gravity * np.eye(3)[2] + 0 * rate, rate=rate)
-    size = max(1, round(BLOCK / float(np.median(np.diff(recording.time)))))
-    n = len(recording.time) // size * size
-
-    def mean(x: Array) -> Array:
-        return np.asarray(x[:n].reshape(n // size, size, *x.shape[1:]).mean(axis=1))
+    size = _rows_in(recording, BLOCK)
 
     def centred(x: Array) -> Array:
         return np.asarray(x - x.mean(axis=0))
@@ -139,15 +143,32 @@ def table(recording: Recording, baseline: Sequence[str] = ()) -> View:
     def linear(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
         r = y - predict(recording.platform, s, effects)[FORCE]
         J = jacobian(recording.platform, s, effects, wanted)[FORCE] if wanted else np.zeros((*r.shape, 0))
-        return centred(mean(r)), centred(mean(J))
+        return centred(_means(r, size)), centred(_means(J, size))
 
-    rows = replace(
-        recording, time=mean(recording.time), position=None, weight=np.full(n // size, float(size)),
-        channels={k: mean(v) for k, v in recording.channels.items()},
-    )  # fmt: skip
     stages = frozenset({Stage.PLATFORM, *SENSORS})
     ids = tuple(baseline) or ("bias",)
-    return View("table", rows, s, tuple((FORCE, a) for a in "xyz"), "ug", None, stages, ids, linear)
+    return View(
+        "table", averaged(recording, BLOCK), s, tuple((FORCE, a) for a in "xyz"), "ug", None, stages, ids, linear,
+        frozenset(), BY_HAND,
+    )  # fmt: skip
+
+
+def averaged(recording: Recording, duration: float) -> Recording:
+    """Means over blocks of rows of about this duration [s]; a last, shorter block is left out."""
+    size = _rows_in(recording, duration)
+    return replace(
+        recording, time=_means(recording.time, size), position=None, weight=_means(recording.weight, size) * size,
+        channels={k: _means(x, size) for k, x in recording.channels.items()},
+    )  # fmt: skip
+
+
+def _rows_in(recording: Recording, duration: float) -> int:
+    return max(1, round(duration / float(np.median(np.diff(recording.time)))))
+
+
+def _means(x: Array, size: int) -> Array:
+    n = len(x) // size
+    return np.asarray(x[: n * size].reshape(n, size, *x.shape[1:]).mean(axis=1))
 
 
 def solved(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array]:

@@ -40,6 +40,28 @@ class GyroBias(Effect):
 
 
 @effect
+class GyroBiasDrift(Effect):
+    r"""The output at zero rate changes steadily.
+
+    .. math:: \delta\omega = \dot\varepsilon \, t
+
+    Source: IEEE Std 952, rate ramp. Magnitude: 0.001 deg/h/h (ring laser), 1 to 100 deg/h/h (MEMS, warming up). Seen
+    by: rest in the same attitude early and late. Twin: gyro_g_sensitivity_rate where the attitudes follow the clock.
+    """
+
+    id = "gyro_bias_drift"
+    stage = Stage.GYROSCOPE
+    channel = "angular_rate"
+    kinds = KINDS
+    sources = ("ieee952",)
+    rate: Array = parameter(TRIAD, unit="deg/h/h", sigma=10, name="gyro_bias_drift")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rate added [rad/s], (n, 3)."""
+        return self.rate * s.time[..., None] + 0 * s.rate
+
+
+@effect
 class GyroScaleFactor(Effect):
     r"""Each gyroscope's scale factor differs from the nominal one.
 

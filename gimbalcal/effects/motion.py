@@ -60,6 +60,29 @@ class AccelerometerLeverArm(Effect):
 
 
 @effect
+class GravityLeakage(Effect):
+    r"""A unit that is taken to stay level tilts: gravity leaks into its horizontal axes.
+
+    .. math:: \varphi = \kappa \int \omega \, dt, \qquad \delta f = -\varphi \times f
+
+    with kappa = 1 where the gyroscopes tell the whole of the tilt. Source: Groves (2013), a level frame
+    that is not.  Magnitude: 0.5 to 1. Seen by: slow tilts, in the horizontal axes. Twin: none; lever_arm grows with
+    the second power of the frequency.
+    """
+
+    id = "gravity_leakage"
+    stage = Stage.PLATFORM
+    requires = ("angular_rate",)
+    kinds = ("rotation",)
+    sources = ("groves2013",)
+    kappa: float = parameter(SCALAR, unit="1", sigma=1, name="gravity_leakage")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rotation in platform axes [rad], (n, 3)."""
+        return self.kappa * integral(s.rate, s.time)
+
+
+@effect
 class TorquerScaleFactor(Effect):
     r"""A platform that is torqued to follow the Earth or the base turns a little more or less than commanded.
 

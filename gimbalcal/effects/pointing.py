@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.effects.effect import SCALAR, Effect, Stage, Stimulus, effect, parameter
+from gimbalcal.effects.effect import GIMBALS, SCALAR, Effect, Stage, Stimulus, effect, parameter
 from gimbalcal.number import Array
 
 
@@ -36,8 +36,8 @@ class TubeFlexure(Effect):
 
     .. math:: \delta(\text{along}) = -k \, g_z / g = -k \cos E , \qquad \delta(\text{across}) = k \, g_y / g
 
-    Source: Wallace, TPOINT manual. Magnitude: 1 to 60 arcsec. Seen by: low against high elevation. Twin: a once-per-turn
-    encoder error of a horizontal axis.
+    Source: Wallace, TPOINT manual. Magnitude: 1 to 60 arcsec. Seen by: low against high elevation. Twin: a
+    once-per-turn encoder error of a horizontal axis.
     """
 
     id = "tube_flexure"
@@ -72,6 +72,28 @@ class Refraction(Effect):
     def contribution(self, s: Stimulus) -> Array:
         """Rotation of the line of sight to the true place of what is seen, R cot E lower [rad], (n, 3)."""
         return _towards_down(s) * (self.R / _sine_of_elevation(s))[..., None]
+
+
+@effect
+class GimbalZeroDrift(Effect):
+    r"""The zero of an angle sensor wanders: a slipping clutch, or a drive that runs fast.
+
+    .. math:: \theta = \theta_{readout} + \dot\theta_0 t
+
+    Source: Wallace, TPOINT manual, zero points that change in the course of a night. Magnitude: 1 to 300 arcsec/h. Seen
+    by: stars in the same part of the sky early and late. Twin: base_tilt_drift where only one part of it is seen.
+    """
+
+    id = "gimbal_zero_drift"
+    stage = Stage.ENCODER
+    channel = "pointing"
+    kinds = ("pointing",)
+    sources = ("wallace_tpoint",)
+    rate: Array = parameter(GIMBALS, unit="arcsec/h", sigma=60, name="gimbal_zero_drift")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Angle minus readout [rad], (n, k)."""
+        return self.rate * s.time[..., None] + 0 * s.readout
 
 
 def _towards_down(s: Stimulus) -> Array:
