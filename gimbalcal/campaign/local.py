@@ -10,6 +10,7 @@ from signal import SIG_IGN, SIGINT, signal
 from typing import Any
 
 from gimbalcal.campaign.task import Task, compute
+from gimbalcal.errors import InputError
 
 Work = Callable[[Task, range], dict[str, list[Any]]]
 DEATHS = 3  # workers that a share may take with it before it is the share's fault
@@ -24,7 +25,7 @@ def here(task: Task, shares: Sequence[range]) -> Iterator[tuple[range, dict[str,
 def processes(
     task: Task, shares: Sequence[range], workers: int, work: Work = compute
 ) -> Iterator[tuple[range, dict[str, list[Any]]]]:
-    """As they come, from `workers` processes; raises RuntimeError when one share keeps killing its worker."""
+    """As they come, from `workers` processes; raises InputError when one share keeps killing its worker."""
     left = list(shares)
     deaths = dict.fromkeys(shares, 0)
     while left:
@@ -39,9 +40,9 @@ def processes(
             for share in left[:workers]:  # only these can have been in work: `_run` keeps no more in the pool
                 deaths[share] += 1
                 if deaths[share] >= DEATHS:
-                    raise RuntimeError(
-                        f"runs {share.start} to {share.stop - 1} ended their worker {DEATHS} times (out of memory?); "
-                        "what is done is kept"
+                    raise InputError(
+                        f"runs {share.start} to {share.stop - 1} ended their worker {DEATHS} times, out of memory most likely: "
+                        "take fewer --workers, what is done is kept"
                     ) from None
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
