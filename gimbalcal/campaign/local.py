@@ -25,27 +25,41 @@ def here(task: Task, shares: Sequence[range]) -> Iterator[tuple[range, dict[str,
 def processes(
     task: Task, shares: Sequence[range], workers: int, work: Work = compute
 ) -> Iterator[tuple[range, dict[str, list[Any]]]]:
-    """As they come, from `workers` processes; raises InputError when one share keeps killing its worker."""
+    """As they come, from `workers` processes; raises InputError when one share keeps ending its worker."""
     left = list(shares)
-    deaths = dict.fromkeys(shares, 0)
     while left:
-        # a fork server starts clean processes: no copied locks of BLAS or Arrow threads
-        # Ctrl-C is the parent's to answer: it stops handing out shares
-        pool = ProcessPoolExecutor(workers, get_context("forkserver"), signal, (SIGINT, SIG_IGN))
         try:
-            for share, columns in _run(pool, task, left, workers, work):
+            for share, columns in _pooled(task, left, workers, work):
                 left.remove(share)
                 yield share, columns
         except BrokenProcessPool:
-            for share in left[:workers]:  # only these can have been in work: `_run` keeps no more in the pool
-                deaths[share] += 1
-                if deaths[share] >= DEATHS:
-                    raise InputError(
-                        f"runs {share.start} to {share.stop - 1} ended their worker {DEATHS} times, out of memory most likely: "
-                        "take fewer --workers, what is done is kept"
-                    ) from None
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+            for share in left[:workers]:  # only these can have been in work: `_pooled` keeps no more in the pool
+                yield share, _alone(task, share, work)
+            left = left[workers:]
+
+
+def _alone(task: Task, share: range, work: Work) -> dict[str, list[Any]]:
+    """One share in a process of its own, so that a death is its own and not its neighbour's."""
+    for _ in range(DEATHS):
+        try:
+            return next(_pooled(task, [share], 1, work))[1]
+        except BrokenProcessPool:
+            continue
+    raise InputError(
+        f"runs {share.start} to {share.stop - 1} ended their worker {DEATHS} times, out of memory most likely: take a "
+        "smaller scenario; what is done is kept"
+    )
+
+
+def _pooled(
+    task: Task, shares: Sequence[range], workers: int, work: Work
+) -> Iterator[tuple[range, dict[str, list[Any]]]]:
+    # a fork server starts clean processes: no copied locks of BLAS or Arrow threads; Ctrl-C is the parent's to answer
+    pool = ProcessPoolExecutor(workers, get_context("forkserver"), signal, (SIGINT, SIG_IGN))
+    try:
+        yield from _run(pool, task, shares, workers, work)
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _run(

@@ -45,7 +45,7 @@ def test_workers_and_a_death_change_no_digit(tmp_path: Path) -> None:
 
 def test_a_share_that_keeps_killing_workers_is_named() -> None:
     with pytest.raises(InputError, match="runs 20 to 29 ended their worker 3 times"):
-        collected(processes(small(), SHARES, 1, always_dies))
+        collected(processes(small(), SHARES, 2, always_dies))
 
 
 def test_one_file_with_the_statistics_of_the_bench(tmp_path: Path) -> None:
