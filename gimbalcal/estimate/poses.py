@@ -60,12 +60,12 @@ def gyroscopes_between_rests(
     bad = [t for t in wanted if t not in CATALOGUE or CATALOGUE[t].stage.name != "GYROSCOPE" or t == "gyro_bias"]
     if bad:
         raise InputError(f"--terms names {bad[0]!r}, which is not a gyroscope effect that turns between rests can show")
-    turned, bias, scale = _turns(recording, accelerometers)
+    turned, bias, scale = turns(recording, accelerometers)
     base = tuple(t for t in wanted if t in LINEAR) or wanted[:1]
-    best = _fit(turned, base)
+    best = fit_turns(turned, base)
     fits, declined = [(base, best)], []
     for term in (t for t in wanted if t not in base):
-        candidate = _fit(turned, (*fits[-1][0], term))
+        candidate = fit_turns(turned, (*fits[-1][0], term))
         why = _refusal(term, best, candidate)
         if why:
             declined.append((term, why))
@@ -75,8 +75,14 @@ def gyroscopes_between_rests(
     return _calibration(recording, fits, declined, bias, scale)
 
 
-def _turns(recording: Recording, accelerometers: Calibration) -> tuple[Turned, Array, float]:
-    """Turns with readings less the rests' level, the level of all rests (k, 3) [rad/s], and rad/s per unit."""
+def turns(
+    recording: Recording, accelerometers: Calibration, at_rest: Sequence[Effect] = ()
+) -> tuple[Turned, Array, float]:
+    """Turns with readings less the rests' level, the level of all rests (k, 3) [rad/s], and rad/s per unit.
+
+    The level of a turn is the mean of the rests before and after it; or, with `at_rest`, what these effects make a
+    unit read that does not turn and feels the measured force.
+    """
     stays = dwells(recording)
     if len(stays) < 6:
         raise InputError(f"{recording.title!r} holds {len(stays)} rests; turns between at least six are needed")
@@ -99,7 +105,16 @@ def _turns(recording: Recording, accelerometers: Calibration) -> tuple[Turned, A
     made = Turned(reading, step, down[:-1], down[1:], s)
     raw = any(is_raw(recording.units.get((RATE, a), "rad/s")) for a in "xyz")
     scale = _rough_scale(made) if raw else 1.0
-    return replace(made, reading=scale * reading), scale * level, scale
+    if at_rest:
+        made = replace(made, reading=made.reading + _relevelled(made, level, scale, at_rest))
+    return replace(made, reading=scale * made.reading), scale * level, scale
+
+
+def _relevelled(turned: Turned, level: Array, scale: float, at_rest: Sequence[Effect]) -> Array:
+    """What to add to the readings (m, n, 3) so that effects tell their level, not the neighbouring rests."""
+    felt = gyroscopes(0 * turned.stimulus.rate, turned.stimulus, at_rest).reshape(turned.reading.shape)
+    neighbours = (level[:-1] + level[1:]) / 2
+    return np.where(turned.step[..., None] > 0, neighbours[:, None] - felt / scale, 0.0)
 
 
 def _stimulus_of(recording: Recording, rate: Array, force: Array) -> Stimulus:
@@ -180,7 +195,7 @@ class PoseFit:
         return float(np.sqrt((self.misfit**2).sum() / (2 * len(self.misfit))))
 
 
-def _fit(turned: Turned, terms: Sequence[str]) -> PoseFit:
+def fit_turns(turned: Turned, terms: Sequence[str]) -> PoseFit:
     wanted = tuple(p for t in terms for p in parameters(CATALOGUE[t]))
     m = len(turned.before)
     if 2 * m < len(wanted):

@@ -73,8 +73,8 @@ def test_truth_comes_back_within_its_uncertainty() -> None:
 
 def test_derivative_is_that_of_a_difference() -> None:
     recording = hand(TRUTH, 0.0, turns=8)
-    turned, _, _ = poses._turns(recording, multiposition(recording, ("bias",)))
-    wanted = poses._fit(turned, LINEAR).parameters
+    turned, _, _ = poses.turns(recording, multiposition(recording, ("bias",)))
+    wanted = poses.fit_turns(turned, LINEAR).parameters
     x = np.full(len(wanted), 0.01)
     J = poses._linear(turned, wanted, x)[1]
     h = 1e-6
@@ -126,8 +126,8 @@ def test_rotation_between_the_triads_comes_out_of_the_misalignments() -> None:
     M = np.linalg.inv(rotation(angles).T @ triangle @ np.diag([1.01, 0.98, 1.0]))
     x = np.array([*(np.diag(M) - 1), M[0, 1], M[0, 2], M[1, 2], M[1, 0], M[2, 0], M[2, 1]])
     recording = hand(TRUTH, 0.0, turns=8)
-    turned, _, _ = poses._turns(recording, multiposition(recording, ("bias",)))
-    fit = replace(poses._fit(turned, LINEAR), x=x)
+    turned, _, _ = poses.turns(recording, multiposition(recording, ("bias",)))
+    fit = replace(poses.fit_turns(turned, LINEAR), x=x)
     np.testing.assert_allclose(poses._inter_triad(fit), angles, atol=1e-14)  # an exact factorisation
     np.testing.assert_allclose(euler(rotation(angles)), angles, atol=1e-15)
 
