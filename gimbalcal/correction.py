@@ -43,7 +43,7 @@ def correct(calibration: Calibration, recording: Recording) -> Recording:
     effects = _with_needs(calibration.effects, recording)
     made = _from_counts(calibration, recording)
     made = _turned(made, effects, 1.0)
-    s = stimulus(made)
+    s = _felt(made)
     force, rate = (made.triad(q) if made.has(q) else None for q in (FORCE, RATE))
     for _ in range(ROUNDS):  # force and rate enter each other's errors (g-sensitivity, lever arms)
         before = s
@@ -59,6 +59,14 @@ def correct(calibration: Calibration, recording: Recording) -> Recording:
     return replace(made, channels=channels)
 
 
+def _felt(recording: Recording) -> Stimulus:
+    """The stimulus; gyroscopes alone, on no platform, are taken to feel no force."""
+    if recording.platform.axes or recording.has(FORCE):
+        return stimulus(recording)
+    nothing = {(FORCE, a): np.zeros(len(recording.time)) for a in AXES}
+    return stimulus(replace(recording, channels=dict(recording.channels) | nothing))
+
+
 def _forces(s: Stimulus, effects: Sequence[Effect], f: Array) -> Array:
     return accelerometers(f, s, effects)
 
@@ -71,7 +79,7 @@ def corrupt(calibration: Calibration, recording: Recording) -> Recording:
     """The recording as the calibrated unit would have read it, inverse of `correct`. Direction: physics to readings."""
     effects = _with_needs(calibration.effects, recording)
     read = _turned(recording, effects, -1.0)
-    s = stimulus(recording if recording.platform.axes else read)
+    s = _felt(recording if recording.platform.axes else read)
     channels = dict(read.channels)
     if recording.has(FORCE):
         f = recording.triad(FORCE)
