@@ -216,7 +216,7 @@ def _silent_gimbals(rests: Recording) -> str:
     absent = [a for i, a in enumerate(rests.platform.axis_names) if a not in logged and _matters(rests, i)]
     still = [a for a, angle in logged.items() if np.ptp(angle) < STILL]
     asides = [f"the {' and '.join(absent)} angle is in no column and taken as zero"] if absent else []
-    asides += [f"the {' and '.join(still)} readout never moves"] if still else []
+    asides += [f"the readout of {' and of '.join(still)} never moves"] if still else []
     return f" ({', and '.join(asides)})" if asides else ""
 
 

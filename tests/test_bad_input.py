@@ -287,7 +287,7 @@ ROWS: dict[str, tuple[Path, Change, str]] = {
         )
     },
     "a gimbal is dead": (DEVICE, column("inner", lambda _: 0.25),
-        r"\(the inner readout never moves\); check the platform"),
+        r"\(the readout of inner never moves\); check the platform"),
     "the platform gimbal is dead": (STATIC, column("platform", lambda _: 9.0),
         "platform gimbal turns by 0 deg/h where"),
     "dead in one position": (DEVICE, column("accel_x", lambda _: 1.25, 120, 180),
@@ -422,7 +422,7 @@ FILES: dict[str, tuple[Path, Change, str]] = {
         "samples.parquet, row 1, column accel_x: the value is empty or not a finite number, nor are the 5 below it",
     ),
     "Parquet without rows": (DEVICE, parquet(lambda f: f.head(0)),
-        "rec/samples.parquet has a line of column names and no"),
+        "rec/samples.parquet has columns and no rows"),
     "Parquet called CSV": (DEVICE, data(lambda _: b"PAR1\x15\x00"),
         "samples.csv is a Parquet file; call it samples.parquet"),
     "above the folder": (DEVICE, header("samples.csv", "../samples.csv"),
@@ -605,7 +605,8 @@ def test_ctrl_c_in_the_middle_leaves_nothing(tmp_path: Path) -> None:
         time.sleep(0.05)
         process.send_signal(signal.SIGINT)
         rest = process.stderr.read()
-        assert process.wait(timeout=30) == 130
+        # struck while a module is being made, the interpreter ends itself by the signal; a shell calls both 130
+        assert process.wait(timeout=30) in (130, -signal.SIGINT)
     assert rest.splitlines()[-1] == "gimbalcal: interrupted; nothing half-written is left behind"
     assert "Traceback" not in rest
     assert not list(tmp_path.iterdir())

@@ -110,8 +110,12 @@ def grid(effect_id: str, f: dataclasses.Field[float], o: Observations) -> Array:
     if f.name in CATALOGUE[effect_id].steps:
         return np.unique(np.round(np.geomspace(low, high, GRID)))
     if f.name == "period":
-        return period_grid(float(f.default), low, high, float(o.stimulus.time[-1]))
+        return period_grid(_usual(f), low, high, float(o.stimulus.time[-1]))
     return np.geomspace(low, high, GRID) if low > 0 else np.linspace(low, high, GRID)
+
+
+def _usual(f: dataclasses.Field[float]) -> float:
+    return f.default if isinstance(f.default, float) else 0.0
 
 
 def period_grid(usual: float, low: float, high: float, duration: float) -> Array:
@@ -268,7 +272,7 @@ def _thermal(time: Array, temperature: Array) -> Array:
 
 
 def gimbal_harmonics(o: Observations, blocks: list[Array]) -> list[Candidate]:
-    """Third to eighth harmonic of each moving gimbal angle as an error of that angle, aliases of lower ones left out."""
+    """Third to eighth harmonic of each moving gimbal angle as its error, aliases of lower ones left out."""
     out = []
     for i, axis in enumerate(o.stimulus.axis_names):
         angle = o.seen[Stage.ENCODER].angle[:, i]

@@ -181,7 +181,8 @@ def _sizes(s: Search, f: Fit, j: int, size: Array, sigma: Array) -> list[dict[st
     rows = []
     for p, x, e in zip(c.parameters, size, sigma, strict=True):
         scale = float(from_si(p.sigma, p.unit))
-        rows.append({"name": p.name, "axis": p.axis, "value": float(x) * scale, "sigma": float(e) * scale, "unit": p.unit})
+        value, sigma_ = float(x) * scale, float(e) * scale
+        rows.append({"name": p.name, "axis": p.axis, "value": value, "sigma": sigma_, "unit": p.unit})
     units = {g.name: g.metadata["unit"] for g in CATALOGUE[c.effect].__dataclass_fields__.values() if g.metadata}
     return rows + [
         {"name": name, "axis": "", "value": float(from_si(value, units[name])),

@@ -1,4 +1,4 @@
-r"""How strongly the data speak for each cause: closed-form Gaussian evidence, calibration profiled out, noise integrated.
+r"""How strongly the data speak for each cause: closed-form evidence, calibration profiled out, noise integrated.
 
 For one noise phi and one prior size s, with X the whitened columns from which the calibration has been projected,
 
@@ -143,13 +143,14 @@ def _shares(c: Candidate) -> Array:
     return np.asarray(weight / weight.sum())
 
 
-def condition(p: Projection, columns: Sequence[int], size: float) -> Projection:
+def condition(p: Projection, columns: Array, size: float) -> Projection:
     """The same projection given that these columns are in the model with prior size s."""
-    a = np.asarray(columns)
+    a = columns
     M = np.linalg.inv(p.G[np.ix_(a, a)] + np.eye(len(a)) / size**2)
     Ga, ba = p.G[:, a], p.b[a]
-    return Projection(p.node, p.G - Ga @ M @ Ga.T, p.b - Ga @ (M @ ba), p.misfit - (ba * (M @ ba)).sum(axis=0),
-                      p.penalty + float(np.linalg.slogdet(np.eye(len(a)) + size**2 * p.G[np.ix_(a, a)])[1]))  # fmt: skip
+    penalty = float(np.linalg.slogdet(np.eye(len(a)) + size**2 * p.G[np.ix_(a, a)])[1])
+    misfit = p.misfit - (ba * (M @ ba)).sum(axis=0)
+    return Projection(p.node, p.G - Ga @ M @ Ga.T, p.b - Ga @ (M @ ba), misfit, p.penalty + penalty)
 
 
 def best_size(G: Array, b: Array) -> float:

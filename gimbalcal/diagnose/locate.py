@@ -115,8 +115,7 @@ def _patterns(o: Observations) -> list[tuple[dict[str, Any], str, Array]]:
     t = s.time / s.time[-1]
     out: list[tuple[dict[str, Any], str, Array]] = []
     if o.kind == "multi-position":
-        for place in np.unique(s.position):
-            out.append(({"positions": [int(place)]}, f"at position {place}", _column(s.position == place)))
+        out += [({"positions": [int(p)]}, f"at position {p}", _column(s.position == p)) for p in np.unique(s.position)]
         start = np.exp(-s.since_move / max(1.0, 0.3 * float(s.since_move.max())))
         out.append(({"dwell": "start"}, "at the start of each dwell", _column(start)))
     else:
@@ -133,7 +132,8 @@ def _patterns(o: Observations) -> list[tuple[dict[str, Any], str, Array]]:
     out.append(({"time": "trend"}, "as a trend in time", _column(t)))
     out.append(({"time": "slow"}, "slowly in time", np.cos(np.pi * np.outer(t, np.arange(1, 6)))))
     if s.temperature is not None:
-        out.append(({"covariate": "temperature"}, "with the temperature", _column(s.temperature - s.temperature.mean())))
+        warmth = _column(s.temperature - s.temperature.mean())
+        out.append(({"covariate": "temperature"}, "with the temperature", warmth))
     for name, x in s.covariates.items():
         out.append(({"covariate": name}, f"with {name}", _column(x - x.mean())))
     return out
@@ -174,8 +174,10 @@ def told(s: Scan, at_least: int = 0) -> tuple[dict[str, Any], ...]:
         if key in out:
             out[key]["where"]["positions"] = sorted([*out[key]["where"]["positions"], *c.where["positions"]])
             continue
-        out[key] = {"channel": c.channel, "axis": c.axis, "where": dict(c.where),
-                    "statistic": round(float(s.statistic[i]), 2), "p_value": float(s.p_values[i]), "words": c.words}  # fmt: skip
+        out[key] = {
+            "channel": c.channel, "axis": c.axis, "where": dict(c.where), "words": c.words,
+            "statistic": round(float(s.statistic[i]), 2), "p_value": float(s.p_values[i]),
+        }  # fmt: skip
     return tuple(_sentence(m) for m in list(out.values())[:LISTED])
 
 

@@ -112,7 +112,8 @@ def observe(
 ) -> Observations:
     """Fit the baseline of this kind of recording and return residuals and sensitivities about it.
 
-    `known` are values to start from, `steps` the Gauss-Newton steps (none for a recording that is only planned). Raises InputError for a kind without a forward model or with missing channels.
+    `known` are values to start from, `steps` the Gauss-Newton steps (none for a recording that is only planned).
+    Raises InputError for a kind without a forward model or with missing channels.
     """
     if recording.kind not in CHANNELS:
         raise InputError(f"{recording.title!r} is a {recording.kind} recording; `diagnose` takes {', '.join(CHANNELS)}")

@@ -63,7 +63,7 @@ def sentence(a: Advice, found: Candidate, other: Candidate) -> str:
     names = f"{found.effect.replace('_', ' ')} from {other.effect.replace('_', ' ')}"
     if a.words:
         return f"To tell {names}: {a.words}, {a.hours:.2g} h, with an expected log Bayes factor of {a.ln_bayes:.0f}."
-    return f"No manoeuvre of the menu would tell {names} at this size; it takes another input (a centrifuge, a tiltmeter, another sensor)."  # noqa: E501
+    return f"No manoeuvre of the menu would tell {names} at this size: it takes another kind of input."
 
 
 def separation(o: Observations, found: Candidate, variant: int, size: Array, other: Candidate) -> float:
@@ -102,14 +102,15 @@ def menu(recording: Recording) -> tuple[Manoeuvre, ...]:
     """Manoeuvres for this kind of recording."""
     hours = float(recording.time[-1] - recording.time[0]) / 3600.0
     if recording.kind == "static-run":
-        return (Manoeuvre("let the run go on as long again", hours, lambda r: _extended(r)),)
+        return (Manoeuvre("let the run go on as long again", hours, _extended),)
     out = [
         Manoeuvre("repeat the positions in reversed order", hours, lambda r: joined(r, reverse=True)),
         Manoeuvre("wait 6 h and repeat the positions", hours + 6, lambda r: joined(r, pause=6 * 3600.0)),
         Manoeuvre("take the positions with gimbals at 30 and 60 degrees", hours, lambda r: joined(r, share=2 / 3)),
     ]
     if {"inner", "middle"} <= set(recording.axes("gimbal_angle")):
-        out.append(Manoeuvre("repeat the positions with the other gimbal solution", hours, lambda r: joined(r, other=True)))
+        words = "repeat the positions with the other gimbal solution"
+        out.append(Manoeuvre(words, hours, lambda r: joined(r, other=True)))
     if recording.has("temperature"):
         out.append(Manoeuvre("repeat the positions 6 degC warmer", hours + 2, lambda r: joined(r, 7200.0, warmer=6.0)))
     return tuple(out)
@@ -127,7 +128,8 @@ def joined(
     for (quantity, axis), v in r.channels.items():
         second = v[order] * (share if quantity == "gimbal_angle" else 1.0)
         second = second + (warmer if quantity == "temperature" else 0.0)
-        second = second + np.pi if other and axis == "inner" else np.pi - second if other and axis == "middle" else second
+        if other and axis in ("inner", "middle"):
+            second = second + np.pi if axis == "inner" else np.pi - second
         channels[quantity, axis] = np.concatenate([v, second])
     moved = r.time[-1] - r.time[order] if reverse else r.time - r.time[0]
     time = np.concatenate([r.time, r.time[-1] + step + pause + moved])

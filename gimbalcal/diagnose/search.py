@@ -134,19 +134,18 @@ def pairs(
     known = [int(i) for i in np.argsort(-(total + prior)) if not rival[i]]
     detected = total.max() > np.log(100.0)
     firsts = known[:FIRST] if detected else known
-    best: dict[tuple[int, ...], float] = {}
+    best: dict[tuple[int, int], float] = {}
     keep = 8 if detected else 2
-    seconds = np.arange(len(candidates)) if detected else np.flatnonzero(~rival)
+    seconds = [j for j in range(len(candidates)) if detected or not rival[j]]
     for i in firsts:
         for j, ln in zip(seconds, _beside(projections, candidates, null, joint, (i,), seconds, keep), strict=True):
             if j != i and not _same(candidates, i, j):
-                members = (i, int(j)) if rival[j] else (min(i, int(j)), max(i, int(j)))
+                members = (i, j) if rival[j] else (min(i, j), max(i, j))
                 best[members] = max(best.get(members, -np.inf), float(ln))
     out = []
-    for members, ln in best.items():
-        i, j = members
+    for (i, j), gained in best.items():
         share = np.log(BESIDE if rival[j] else PAIR * 2) + prior[i] + prior[j]
-        out.append(Hypothesis(members, ln, ln + share))
+        out.append(Hypothesis((i, j), gained, gained + float(share)))
     return out + _thirds(projections, candidates, null, joint, prior, out, rival) if detected else out
 
 
@@ -164,7 +163,7 @@ def _thirds(
     top = max(known, key=lambda h: h.ln_weight)
     if top.ln_weight < max(float(joint.max() - _logsumexp(null)) + np.log(SINGLE) + float(prior.min()), 0.0):
         return []
-    ln = _beside(projections, candidates, null, joint, top.members, np.arange(len(candidates)), 8)
+    ln = _beside(projections, candidates, null, joint, top.members, range(len(candidates)), 8)
     share = np.where(rival, np.log(BESIDE / 2), np.log(PAIR)) + prior + sum(prior[i] for i in top.members)
     return [
         Hypothesis((*top.members, j), float(ln[j]), float(ln[j] + share[j]))
@@ -175,7 +174,7 @@ def _thirds(
 
 def _beside(
     projections: Sequence[Projection], candidates: Sequence[Candidate], null: Array, joint: Array,
-    members: tuple[int, ...], seconds: Array, keep: int,
+    members: tuple[int, ...], seconds: Sequence[int], keep: int,
 ) -> Array:  # fmt: skip
     """ln BF against nothing of `members` with each of `seconds` in turn, over the `keep` weightiest noises."""
     nominal = int(np.argmax([p.node.prior for p in projections]))

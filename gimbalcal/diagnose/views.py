@@ -11,17 +11,20 @@ A view is one function: effects in, misfit r (n, C) and its exact derivative J (
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Effect, Parameter, Stage, Stimulus, values, with_values
-from gimbalcal.errors import InputError
-from gimbalcal.estimate.multiposition import WIDE, in_si
+from gimbalcal.estimate.multiposition import WIDE, in_si, multiposition
+from gimbalcal.estimate.poses import turns
+from gimbalcal.estimate.rest_rates import rests
 from gimbalcal.forward import accelerometers, gyroscopes, jacobian, predict, stimulus
 from gimbalcal.number import STEP, Array
-from gimbalcal.recording import Recording, dwell_means, dwells
+from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.units import is_raw
 
 FORCE, RATE = "specific_force", "angular_rate"
 Linear = Callable[[Sequence[Effect], Sequence[Parameter]], tuple[Array, Array]]
@@ -48,23 +51,7 @@ class View:
     linear: Linear
     unseen: frozenset[tuple[str, str]] = frozenset()  # (effect, axis) that these rows cannot show by convention
     wide: float = 1.0  # prior scales of these sensors against those of the catalogue
-
-
-def view(recording: Recording, baseline: Sequence[str] = (), known: Sequence[Effect] = ()) -> View:
-    """The view of a pointing run, of rest positions on a bench, or of a tilting table.
-
-    `known` are effects of a calibration; a baseline that names a gyroscope effect asks for the gyroscopes at rest.
-    Raises InputError for a recording that has none of these.
-    """
-    if recording.kind == "pointing":
-        return pointing(recording, baseline)
-    if recording.kind == "rotation":
-        return table(recording, baseline)
-    if recording.platform.axes:
-        raise InputError(f"{recording.title!r} has gimbals: its angles say more than the norm of the force")
-    if any(i.startswith("gyro_") for i in baseline) or not recording.has(FORCE):
-        return rest_rates(recording, baseline, known)
-    return norm(recording, baseline)
+    noise: Array | None = None  # (n, C) what the samples' scatter alone makes of a row, where it is known
 
 
 def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
@@ -100,30 +87,35 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
         J = by_parameters(lambda e: accelerometers(f, s, e), effects, wanted, s.axis_names, y.shape)
         return (length - g)[:, None], np.einsum("ni,nip->np", towards, J)[:, None]
 
+    sample = means.sigma("accelerometer")
+    noise = None if sample is None else (sample / np.sqrt(means.weight))[:, None]
     ids = tuple(baseline) or ("bias", "scale_factor", "misalignment")
-    return View("norm", means, s, ((FORCE, "norm"),), "mg", None, SENSORS, ids, linear, TRIANGLE, WIDE)
+    return View("norm", means, s, ((FORCE, "norm"),), "mg", None, SENSORS, ids, linear, TRIANGLE, WIDE, noise)
 
 
-def rest_rates(recording: Recording, baseline: Sequence[str] = (), known: Sequence[Effect] = ()) -> View:
-    """Gyroscopes in rest positions: the mean output of each, and how well the scatter of its samples lets it be known.
+def rest_rates(
+    recording: Recording, baseline: Sequence[str] = (), accelerometers: Calibration | None = None
+) -> View | None:
+    """Gyroscopes in rest positions: the mean output of each, weighted by how well the scatter of its samples tells it.
 
-    The force is the accelerometers' reading, corrected by `known`.
+    `accelerometers` calibrates the force (left out, the positions do). None where the outputs are counts and no turns
+    between the rests say how much a count is.
     """
-    means, _ = in_si(dwell_means(recording))
-    y = means.triad(RATE)
-    sigma = np.array([_scatter(recording, a) for a in "xyz"]) / np.sqrt(means.weight)[:, None]
-    s = stimulus(means)
-    s = s.at(force=solved(lambda f: accelerometers(f, s, known), means.triad(FORCE))[0], rate=0 * y)
+    made = accelerometers or multiposition(recording, ("bias", "scale_factor", "misalignment"))
+    moving = recording.position is not None and bool(np.any(recording.position == 0))
+    raw = any(is_raw(recording.units.get((RATE, a), "rad/s")) for a in "xyz")
+    if raw and not moving:
+        return None
+    found = rests(recording, made, turns(recording, made)[2] if raw else 1.0)
+    s, y = found.stimulus, found.rate
 
     def linear(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
         J = by_parameters(lambda e: gyroscopes(0 * y, s, e), effects, wanted, s.axis_names, y.shape)
         return y - gyroscopes(0 * y, s, effects), J
 
-    channels = tuple((RATE, a) for a in "xyz")
-    unit = "deg/h" if means.units.get((RATE, "x"), "rad/s") != "count" else "1"
     return View(
-        "rest rates", means, s, channels, unit, sigma, frozenset({Stage.GYROSCOPE}),
-        tuple(baseline) or ("gyro_bias",), linear, frozenset(), WIDE,
+        "rest rates", dwell_means(recording), s, tuple((RATE, a) for a in "xyz"), "deg/h", found.sigma,
+        frozenset({Stage.GYROSCOPE}), tuple(baseline) or ("gyro_bias",), linear, frozenset(), WIDE, found.sigma,
     )  # fmt: skip
 
 
@@ -194,18 +186,3 @@ def by_parameters(
     return np.stack(
         [h(with_values(effects, wanted, x + 1j * STEP * u, gimbals)).imag / STEP for u in np.eye(len(x))], axis=-1
     )
-
-
-def _scatter(recording: Recording, axis: str) -> float:
-    """One sigma of a sample of a gyroscope inside the dwells."""
-    x = recording.channels[RATE, axis]
-    inside = [x[d.rows] - x[d.rows].mean() for d in dwells(recording) if d.stop - d.start > 1]
-    if inside:
-        return float(np.sqrt(np.mean(np.concatenate(inside) ** 2)))
-    return float(recording.scatter.get((RATE, axis), 1.0))
-
-
-def named_units(view_name: str) -> Mapping[str, str]:
-    """What one row of a view is, for sentences."""
-    rows = {"pointing": "star", "norm": "position", "rest rates": "position", "table": "half second"}
-    return {"row": rows[view_name]}

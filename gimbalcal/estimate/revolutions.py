@@ -27,6 +27,7 @@ from gimbalcal.recording import Recording, dwells
 from gimbalcal.units import is_raw
 
 NEAR = 0.05  # of a revolution: scale errors of low-cost units reach 3 %
+ROUNDS = 3  # the bias enters the Earth's share of the ramps, a few percent of it: each round takes that factor off
 OPPOSITE = -0.99  # cosine between the axes of a pair
 RATE = "angular_rate"
 EFFECTS = ("gyro_bias", "gyro_scale_factor", "gyro_misalignment", "gyro_scale_nonlinearity")
@@ -37,18 +38,28 @@ def gyroscopes_from_revolutions(recording: Recording) -> Calibration:
 
     Raises InputError for readings in counts, fewer than six pairs of revolutions, or no rests.
     """
-    turns, used = turns_of(recording)
-    fit = gyroscope_pulses(turns)
+    bias = np.zeros(3)
+    for _ in range(ROUNDS):
+        turns, used = turns_of(recording, bias)
+        fit = gyroscope_pulses(turns)
+        bias = fit.pulses.bias[0]
     return _calibration(recording, turns, fit, used)
 
 
-def turns_of(recording: Recording) -> tuple[Turns, int]:
-    """The pairs of revolutions and the rests of a recording, readings in rad/s as pulses/s, and how many pairs."""
+def turns_of(recording: Recording, bias: Array | None = None) -> tuple[Turns, int]:
+    """The pairs of revolutions and the rests of a recording, readings in rad/s as pulses/s, and how many pairs.
+
+    bias (3,) [rad/s]: what turns the readings at rest into the Earth's rate, to take out what the ramps leave of it.
+    """
     if any(is_raw(recording.units.get((RATE, a), "rad/s")) for a in "xyz"):
         raise InputError(f"{recording.title!r} reads rates in counts; give a nominal scale, in rad/s or deg/s")
     stays = dwells(recording)
     y = recording.triad(RATE)
-    moved = [_integrals(recording.time, y, slice(a.stop - 1, b.start + 1)) for a, b in pairwise(stays)]
+    earth = [y[d.rows].mean(0) + (0.0 if bias is None else bias) for d in stays]
+    moved = [
+        _integrals(recording.time, y, slice(a.stop - 1, b.start + 1), e)
+        for (a, b), e in zip(pairwise(stays), earth, strict=False)
+    ]
     pairs = _pairs(moved)
     if len(pairs) < 6:
         raise InputError(
@@ -71,15 +82,26 @@ Moved = tuple[Array, float, float]
 """Integrals of N and N^2 (2, 3), time [s], angle [rad]: whole revolutions, or nan."""
 
 
-def _integrals(time: Array, y: Array, span: slice) -> Moved:
-    """Trapezoids over a move, and the whole number of revolutions that it is, if it is one."""
+def _integrals(time: Array, y: Array, span: slice, earth: Array) -> Moved:
+    """Trapezoids over a move, and the whole number of revolutions that it is, if it is one.
+
+    The Earth's rate across the axis would average out at constant speed; what it leaves while the speed comes and goes
+    is integrated along the measured phase, from `earth` (3,) [rad/s] before the move, and taken off.
+    """
     dt, rows = np.diff(time[span]), y[span]
     both = np.stack([rows, rows**2], axis=1)
     S = ((both[1:] + both[:-1]) / 2 * dt[:, None, None]).sum(0)
-    turns = float(np.linalg.norm(S[0]) / (2 * np.pi))
-    whole = round(turns)
-    near = whole >= 1 and abs(turns - whole) < NEAR * whole
-    return S, float(dt.sum()), 2 * np.pi * whole if near else float("nan")
+    turned = float(np.linalg.norm(S[0]))
+    whole = round(turned / (2 * np.pi))
+    if whole < 1 or abs(turned / (2 * np.pi) - whole) >= NEAR * whole:
+        return S, float(dt.sum()), float("nan")
+    u = S[0] / turned
+    along = rows @ u
+    phase = np.concatenate([[0.0], np.cumsum((along[1:] + along[:-1]) / 2 * dt)]) * (2 * np.pi * whole / turned)
+    across = earth - u * (u @ earth)
+    seen = np.cos(phase)[:, None] * across - np.sin(phase)[:, None] * np.cross(u, across)
+    S[0] -= ((seen[1:] + seen[:-1]) / 2 * dt[:, None]).sum(0)
+    return S, float(dt.sum()), 2 * np.pi * whole
 
 
 def _pairs(moved: Sequence[Moved]) -> list[tuple[int, int]]:

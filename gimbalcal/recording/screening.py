@@ -157,7 +157,8 @@ class Screen:
     def finish(self, scatter: Mapping[str, float]) -> None:
         """The verdict on the whole; `scatter` is one sigma by column name, in the unit of the file."""
         if self.n == 0:
-            raise InputError(f"{self.header.samples} has a line of column names and no rows")
+            what = "a line of column names" if self.header.samples.suffix == ".csv" else "columns"
+            raise InputError(f"{self.header.samples} has {what} and no rows")
         self._clock_inside_dwells()
         self._angle_units()
         self._spikes()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from decimal import ROUND_HALF_EVEN, Decimal
+from decimal import ROUND_HALF_EVEN, Decimal, localcontext
 from math import isfinite
 
 
@@ -41,7 +41,8 @@ def last_place(sigma: float) -> int:
 
 def _at(x: float, place: int) -> str:
     """X rounded half to even at 10^place, in plain decimal notation without a negative zero."""
-    rounded = Decimal(repr(float(x))).quantize(Decimal(1).scaleb(place), rounding=ROUND_HALF_EVEN)
+    with localcontext(prec=700):  # a float has digits from 1e308 down to 1e-324
+        rounded = Decimal(repr(float(x))).quantize(Decimal(1).scaleb(place), rounding=ROUND_HALF_EVEN)
     text = f"{rounded:f}" if place <= 0 else f"{int(rounded)}"
     return text[1:] if text.startswith("-") and not any(c in "123456789" for c in text) else text
 

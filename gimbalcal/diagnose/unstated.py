@@ -1,0 +1,262 @@
+"""Diagnosis of recordings whose noise nobody states: pointing runs, units turned by hand, tilting tables.
+
+    recording ──> views ──> steps (what is taken up, exchanged, dropped) ──> each cause judged ──> diagnosis
+
+A unit turned by hand has two views: its accelerometers through the norm of gravity, its gyroscopes at rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import gimbalcal
+from gimbalcal.calibration import Calibration
+from gimbalcal.diagnose import wording
+from gimbalcal.diagnose.causes import Cause, causes
+from gimbalcal.diagnose.free_scale import best_evidence, gain, ground
+from gimbalcal.diagnose.stepwise import Course, Model, Verdict, course, judged, weighted
+from gimbalcal.diagnose.views import FORCE, RATE, View, norm, pointing, rest_rates, table
+from gimbalcal.effects import Parameter, values
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording
+from gimbalcal.units import from_si
+
+if TYPE_CHECKING:
+    from gimbalcal.diagnose.diagnosis import Diagnosis
+
+LEFT_OUT = 10  # s: rows of a table closer than this are left out together, the table moves as slowly
+ODD = 1e-3  # p-value below which a pattern of the misfit is told
+
+
+def applies(recording: Recording) -> bool:
+    """Whether a recording is one of these: pointing, a unit without gimbals, or forces and rates while it turns."""
+    return recording.kind == "pointing" or (recording.kind != "static-run" and not recording.platform.axes)
+
+
+def diagnose_unstated(
+    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int,
+    tell: Callable[[str], None],
+) -> Diagnosis:  # fmt: skip
+    """What was left out of the models of such a recording."""
+    told = [_told(v, course(v, tell), tell) for v in views(recording, calibration, baseline, tell)]
+    return _together(recording, told, baseline, seed)
+
+
+def views(
+    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Callable[[str], None]
+) -> tuple[View, ...]:
+    """The views of a recording; a baseline of gyroscope effects alone asks for the gyroscopes alone, and so on."""
+    if recording.kind == "pointing":
+        return (pointing(recording, baseline),)
+    if recording.kind == "rotation":
+        return (table(recording, baseline),)
+    mine = [i for i in baseline if not i.startswith("gyro_")]
+    gyro = [i for i in baseline if i.startswith("gyro_")]
+    out = [norm(recording, mine)] if recording.has(FORCE) and (mine or not baseline) else []
+    if recording.has(RATE) and recording.has(FORCE) and (gyro or not baseline):
+        at_rest = rest_rates(recording, gyro, calibration)
+        if at_rest is None:
+            tell("the gyroscopes count and no turn says how much a count is: they are left out")
+        else:
+            out.append(at_rest)
+    return tuple(out)
+
+
+@dataclass(frozen=True)
+class Told:
+    """One view told: verdict, mismatch, findings, shapes, fit, and misfits in sigma before and after (n, C)."""
+
+    view: View
+    verdict: str
+    mismatch: tuple[dict[str, Any], ...]
+    findings: tuple[dict[str, Any], ...]
+    unexplained: tuple[dict[str, Any], ...]
+    fit: dict[str, Any]
+    before: Array
+    after: Array
+
+
+def _told(v: View, c: Course, tell: Callable[[str], None]) -> Told:
+    tell("asking of each cause what else could stand in its place")
+    found = tuple(_finding(c, judged(v, c.end, cause)) for s in c.steps for cause, _ in s.taken)
+    shapes = tuple({"channel": f"{v.channels[0][0]} {s.axis}".strip(), "shape": s.shape} for s in c.left)
+    verdict = "adequate"
+    if found:
+        verdict = "missing-physics" if any(not f["twins"] for f in found) else "not-identifiable"
+    elif shapes:
+        verdict = "unexplained"
+    sigma = _sigma(v, c.end)
+    mismatch = () if verdict == "adequate" else patterns(v, c.start)
+    return Told(v, verdict, mismatch, found, shapes, _fit(v, c, sigma), c.start.r / sigma, c.end.r / sigma)
+
+
+def _finding(c: Course, j: Verdict) -> dict[str, Any]:
+    e = j.cause.effect
+    rows = [r for r in _sizes(c.end) if r["effect"] == e and (r["name"], r["axis"]) in _keys(j.cause.parameters)]
+    return {
+        "effect": e, "axis": j.cause.axis, "probability": round(min(j.probability, 0.9999), 4),
+        "sigma": round(j.sigma, 2), "parameters": [{k: x for k, x in r.items() if k != "effect"} for r in rows],
+        "twins": list(j.twins), "physics": wording.physics(e), "equation": wording.equation(e),
+        "separate_by": _advice(j),
+    }  # fmt: skip
+
+
+def _keys(wanted: Sequence[Parameter]) -> set[tuple[str, str]]:
+    return {(p.name, p.axis) for p in wanted}
+
+
+def _advice(j: Verdict) -> str:
+    """What the cards say would show the one and not the other."""
+    if not j.twins:
+        return ""
+    from gimbalcal.effects import CATALOGUE
+
+    def seen(effect: str) -> str:
+        card = " ".join((CATALOGUE[effect].__doc__ or "").split())
+        after = card.partition("Seen by: ")[2]
+        return after.partition(". ")[0].strip(". ")
+
+    others = "; ".join(f"{wording.plain(t)} by {seen(t)}" for t in j.twins[:3])
+    return f"{wording.plain(j.cause.effect)} is seen by {seen(j.cause.effect)}; {others}."
+
+
+def _sizes(m: Model) -> list[dict[str, Any]]:
+    sigma = np.sqrt(np.diag(m.covariance))
+    return [
+        {"effect": p.effect, "name": p.name, "axis": p.axis, "value": float(from_si(x, p.unit)),
+         "sigma": float(from_si(s, p.unit)), "unit": p.unit}
+        for p, x, s in zip(m.fitted, values(m.effects, m.fitted), sigma, strict=True)
+    ]  # fmt: skip
+
+
+def _sigma(v: View, end: Model) -> Array:
+    """One sigma of each row and channel (n, C): the scatter about the last model, spread as the samples' noise is."""
+    r = weighted(v, end.r)
+    shape = np.ones_like(end.r) if v.sigma is None else v.sigma / v.sigma.min()
+    free = max(r.size - np.linalg.matrix_rank(end.J.reshape(r.size, -1), tol=None), 1)
+    return np.asarray(shape * np.sqrt((r**2).sum() / free))
+
+
+def _fit(v: View, c: Course, sigma: Array) -> dict[str, Any]:
+    before, after = c.start, c.end
+    out: dict[str, Any] = {
+        "chi2_reduced_before": _reduced(before, sigma),
+        "chi2_reduced_after": _reduced(after, sigma),
+        "heldout_before": _heldout(v, before, sigma),
+        "heldout_after": _heldout(v, after, sigma),
+        "noise": {"of": v.name, "sigma_of_a_row": float(from_si(float(np.median(sigma)), v.unit)), "unit": v.unit,
+                  "from": "the scatter about the last model"},
+        "rms_before": float(from_si(before.rms, v.unit)),
+        "rms_after": float(from_si(after.rms, v.unit)),
+        "steps": [
+            {"effect": cause.effect, "axis": cause.axis, "rms": float(from_si(s.model.rms, v.unit)), "unit": v.unit}
+            for s in c.steps for cause, _ in s.taken
+        ],
+        "calibration_moved": moved(before, after),
+    }  # fmt: skip
+    if v.noise is not None:
+        n = len(before.r)
+        for name, m in (("before", before), ("after", after)):
+            seen = [(np.abs(m.J[:, i]).max(axis=0) > 0).sum() for i in range(len(v.channels))]
+            chi2 = ((m.r / v.noise) ** 2).sum(axis=0) / np.maximum(n - np.array(seen), 1)
+            out[f"chi2_of_samples_{name}"] = dict(zip([a for _, a in v.channels], chi2.tolist(), strict=True))
+    return out
+
+
+def _reduced(m: Model, sigma: Array) -> float:
+    J = (m.J / sigma[..., None]).reshape(m.r.size, -1)
+    rank = np.linalg.matrix_rank(J / (np.sqrt((J**2).sum(axis=0)) + 1e-300), tol=1e-7)
+    return float(((m.r / sigma) ** 2).sum() / max(m.r.size - rank, 1))
+
+
+def _heldout(v: View, m: Model, sigma: Array) -> float:
+    """Mean square, in sigma, of what a fit without them says of rows left out: one each, or ten seconds of a table."""
+    n, C = m.r.shape
+    J = (m.J / sigma[..., None]).reshape(n * C, -1)
+    U, S, _ = np.linalg.svd(J / (np.sqrt((J**2).sum(axis=0)) + 1e-300), full_matrices=False)
+    Q = U[:, S > 1e-7 * S.max(initial=1e-300)].reshape(n, C, -1)
+    r = m.r / sigma
+    size = max(1, round(LEFT_OUT / float(np.median(np.diff(v.recording.time))))) if v.name == "table" else 1
+    left = []
+    for k in range(0, n, size):
+        q, e = Q[k : k + size].reshape(-1, Q.shape[-1]), r[k : k + size].ravel()
+        left.append(np.linalg.lstsq(np.eye(len(e)) - q @ q.T, e, rcond=1e-6)[0])
+    return float(np.mean(np.concatenate(left) ** 2))
+
+
+def moved(before: Model, after: Model) -> list[dict[str, Any]]:
+    """How far each constant of the baseline moves once what was found is in the model."""
+    new = {(r["name"], r["axis"]): r for r in _sizes(after)}
+    out = []
+    for r in _sizes(before):
+        n = new[r["name"], r["axis"]]
+        shift = n["value"] - r["value"]
+        ratio = round(shift / n["sigma"], 2) if n["sigma"] > 0 else 0.0
+        row = {"moved": shift, "sigma": n["sigma"], "in_sigmas": ratio}
+        out.append({"name": r["name"], "axis": r["axis"], "unit": r["unit"], **row})
+    return sorted(out, key=lambda row: -abs(row["in_sigmas"]))
+
+
+def patterns(v: View, m: Model) -> tuple[dict[str, Any], ...]:
+    """Where the baseline fails: the shapes that its misfit follows, most telling first, by an F test each."""
+    from scipy.stats import f
+
+    known, X = causes(v, m.effects, m.fitted)
+    shapes = [c for c in known if c.shape]
+    g = ground(weighted(v, m.r), weighted(v, m.J), weighted(v, X), memory=False)
+    out = []
+    for c in shapes:
+        at = c.variants[0][1]
+        y2, taken = float(g.cleared[0].y @ g.cleared[0].y), gain(g, at)
+        free = max(g.cleared[0].dof - len(at), 1)
+        F = (taken / len(at)) / max((y2 - taken) / free, 1e-300)
+        p = min(1.0, float(f.sf(F, len(at), free)) * len(shapes))
+        out.append((best_evidence(g, at), F, p, c))
+    told = sorted((t for t in out if t[2] < ODD), key=lambda t: -t[0])[:3]
+    return tuple(_pattern(v, m, c, F, p) for _, F, p, c in told)
+
+
+def _pattern(v: View, m: Model, c: Cause, F: float, p: float) -> dict[str, Any]:
+    i = [a for _, a in v.channels].index(c.axis)
+    worst = np.argsort(-np.abs(m.r[:, i]))[:3]
+    size = float(from_si(float(np.sqrt(np.mean(m.r[:, i] ** 2))), v.unit))
+    at = [int(k) for k in (v.stimulus.position[worst] if v.name != "table" else worst + 1)]
+    return {
+        "channel": v.channels[0][0], "axis": c.axis, "where": {"positions": at}, "statistic": round(F, 2), "p_value": p,
+        "in_words": f"The misfit of {v.name} along {c.axis} ({size:.3g} {v.unit} rms) follows {c.shape}",
+    }  # fmt: skip
+
+
+def _together(recording: Recording, told: Sequence[Told], baseline: Sequence[str], seed: int) -> Diagnosis:
+    from gimbalcal.diagnose.diagnosis import Diagnosis
+
+    order = ("adequate", "not-identifiable", "unexplained", "missing-physics")
+    verdict = max((t.verdict for t in told), key=order.index, default="adequate")
+    lead = max(told, key=lambda t: (order.index(t.verdict), -told.index(t)))
+    fit = dict(lead.fit)
+    if len(told) > 1:
+        fit["views"] = {t.view.name: t.fit for t in told}
+    found = tuple(f for t in told for f in t.findings)
+    shapes = tuple(u for t in told for u in t.unexplained)
+    mismatch = tuple(m for t in (lead, *(t for t in told if t is not lead)) for m in t.mismatch)
+    provenance = {
+        "version": gimbalcal.__version__,
+        "recordings": [{"path": r.path, "sha256": r.sha256} for r in recording.source],
+        "options": {"baseline": list(baseline) or [i for t in told for i in t.view.baseline], "seed": seed},
+        "views": [t.view.name for t in told],
+    }
+    words = wording.answer(verdict, found, shapes, mismatch, fit)
+    return Diagnosis(verdict, mismatch, found, shapes, fit, provenance, words, _curves(lead))
+
+
+def _curves(t: Told) -> Any:
+    from gimbalcal.diagnose.diagnosis import Curves
+
+    n = len(t.before)
+    time = t.view.recording.time - t.view.recording.time[0]
+    return Curves(time, np.arange(1, n + 1), t.view.channels, t.before, t.after)
+

@@ -1,0 +1,107 @@
+"""Verdicts on an independent plant: clean, one cause, twins, none of the known ones, and how honest the sizes are."""
+
+import json
+from functools import cache
+
+import numpy as np
+import pytest
+
+from gimbalcal.diagnose import diagnose
+from gimbalcal.errors import InputError
+from tests.diagnose.plant import UG, at_strength, known, on, record, strange, strength
+
+SIGMAS = 20.0
+
+
+@cache
+def diagnosed(name, axis=0, seed=11):
+    error = {**{k: v[0] for k, v in known(axis).items()}, **strange(axis)}[name]
+    return diagnose([at_strength(seed, error, SIGMAS)])
+
+
+def test_a_clean_recording_is_adequate():
+    d = diagnose([record(np.random.default_rng(2))])
+    assert d.verdict == "adequate"
+    assert d.findings == ()
+    assert d.mismatch == ()
+    assert d.fit["chi2_reduced_before"] == pytest.approx(1.0, abs=0.3)  # 270 degrees of freedom: 3.5 sigma
+    assert d.provenance["false_alarm_rate_simulated"] <= 0.02
+
+
+@pytest.mark.parametrize(("name", "axis"), [("asymmetry", 1), ("scale T", 2), ("two-cycle", 0), ("friction", 0)])
+def test_one_cause_is_named(name, axis):
+    d = diagnosed(name, axis)
+    (found,) = d.findings
+    assert found["effect"] in known(axis)[name][1]
+    assert found["probability"] > 0.9
+    assert found["sigma"] == pytest.approx(SIGMAS, abs=4.5)  # its own noise of one sigma, and the noise that was fitted
+    assert d.fit["chi2_reduced_after"] == pytest.approx(1.0, abs=0.3)
+    assert d.fit["heldout_after"] == pytest.approx(1.0, abs=0.35)
+    assert d.fit["heldout_before"] > 1.3 * d.fit["heldout_after"]
+    assert d.fit["scan_p_after"] > 0.01
+    assert d.mismatch[0]["p_value"] < 1e-3
+
+
+def test_twins_stand_together_with_the_experiment_that_separates_them():
+    d = diagnosed("cubic", 0)
+    (found,) = d.findings
+    assert d.verdict == "not-identifiable"
+    assert {found["effect"], *found["twins"]} == {"cubic_nonlinearity", "odd_quadratic", "soft_saturation"}
+    assert "30 and 60 degrees" in found["separate_by"]
+
+
+@pytest.mark.parametrize("name", ["scrambled", "cycling", "mixed angle"])
+def test_what_no_catalogue_holds_is_not_named_by_force(name):
+    d = diagnosed(name, 1)
+    assert d.verdict == "unexplained"
+    assert d.findings == ()
+    assert "y" in d.unexplained[0]["channel"]
+
+
+def test_without_the_thermometer_its_effect_is_a_shape_in_time():
+    error, _ = known(0)["bias T"]
+    seed = 4
+    seen = diagnose([at_strength(seed, error, SIGMAS)])
+    blind = diagnose([at_strength(seed, error, SIGMAS, hide=("temperature",))])
+    assert seen.findings[0]["effect"] == "bias_temperature"
+    assert blind.verdict == "unexplained"
+    assert "time" in blind.unexplained[0]["shape"]
+
+
+def test_two_causes_at_once():
+    def both(b):
+        a = known(0)["scale T"][0](b)["output"] * 2.0
+        return {"output": a + known(2)["asymmetry"][0](b)["output"] * 30 * a.std() / a.std()}
+
+    d = diagnose([at_strength(8, both, 40.0)])
+    assert {f["effect"] for f in d.findings} == {"scale_temperature", "scale_factor_asymmetry"}
+
+
+def test_sizes_lie_within_their_sigmas():
+    """An effect of known size on eight recordings: errors over stated sigmas have spread one."""
+    def error(b):
+        return on(1, np.abs(b.ideal[:, 1]))
+
+    def of(size):
+        return record(np.random.default_rng(0), error, size)
+
+    size = 3 * UG * SIGMAS / strength(of, 3 * UG)
+    pulls = []
+    for seed in range(8):
+        found = diagnose([record(np.random.default_rng(seed), error, size)]).findings[0]
+        p = found["parameters"][0]
+        pulls.append((p["value"] * 1e-6 * 9.80146 - size) / (p["sigma"] * 1e-6 * 9.80146))
+    assert np.max(np.abs(pulls)) < 3.2  # the largest of eight normal numbers exceeds it once in 100
+    assert 0.35 < np.std(pulls) < 1.8  # 0.1 % tails of the spread of eight
+
+
+def test_the_answer_is_json_and_the_same_again():
+    d = diagnosed("asymmetry", 1)
+    again = json.loads(json.dumps(d.to_dict()))
+    assert set(again) >= {"format", "verdict", "mismatch", "findings", "unexplained", "fit", "provenance"}
+    assert again["format"] == 1
+
+
+def test_nothing_to_diagnose_is_refused():
+    with pytest.raises(InputError, match="at least one recording"):
+        diagnose([])
