@@ -32,7 +32,8 @@ if TYPE_CHECKING:
     from gimbalcal.calibration import Calibration
     from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
     from gimbalcal.errors import InputError
-    from gimbalcal.forward import jacobian, predict, stimulus
+    from gimbalcal.forward import jacobian, predict
+    from gimbalcal.kinematics import stimulus
     from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL, Axis, Platform
     from gimbalcal.recording import Recording
     from gimbalcal.schedule import EIGHTEEN_POSITIONS, Hold, Schedule
@@ -58,7 +59,7 @@ __all__ = [
     "predict",
     "stimulus",
 ]
-_HOMES = ("calibration", "effects", "errors", "forward", "platform", "recording", "schedule")
+_HOMES = ("calibration", "effects", "errors", "forward", "kinematics", "platform", "recording", "schedule")
 
 
 def __getattr__(name: str) -> Any:

@@ -22,7 +22,8 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Effect, Stage, Stimulus
 from gimbalcal.errors import InputError
-from gimbalcal.forward import accelerometers, gyroscopes, stimulus
+from gimbalcal.forward import accelerometers, gyroscopes
+from gimbalcal.kinematics import stimulus
 from gimbalcal.number import STEP, Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import Key

@@ -26,7 +26,8 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.information import information, solve
 from gimbalcal.estimate.multiposition import TERMS, TRIANGLE
 from gimbalcal.estimate.setting import BASELINE, Linear, Noise, baseline, whiten
-from gimbalcal.forward import jacobian, predict, stimulus
+from gimbalcal.forward import jacobian, predict
+from gimbalcal.kinematics import stimulus
 from gimbalcal.number import STEP, Array
 from gimbalcal.platform import KNOWN, Platform, known
 from gimbalcal.recording import Recording, Site

@@ -29,7 +29,8 @@ from gimbalcal.estimate.expected import planned
 from gimbalcal.estimate.information import SEEN, Information, Solution, information, solve
 from gimbalcal.estimate.setting import BASELINE, Noise, baseline, linearise, problem, whiten
 from gimbalcal.estimate.static_run import BASELINE as STATIC_BASELINE
-from gimbalcal.forward import jacobian, stimulus
+from gimbalcal.forward import jacobian
+from gimbalcal.kinematics import stimulus
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording, Site

@@ -12,7 +12,8 @@ import sympy
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, parameters, values, with_values
 from gimbalcal.estimate.information import information, solve
-from gimbalcal.forward import jacobian, predict, stimulus
+from gimbalcal.forward import jacobian, predict
+from gimbalcal.kinematics import stimulus
 from gimbalcal.number import STEP, Array
 from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording

@@ -121,9 +121,9 @@ def test_roll_of_a_force_error_along_east_has_the_sign_of_eq_28() -> None:
     """A measured force error Delta f^E gives roll error + Delta f_E / g (Eq. (28), first vector, first row)."""
     s = static(24, 3600)
     north_east_down = np.array([0.0, 1e-5 * G, 0.0])
-    from gimbalcal.forward import _navigation_to_platform
+    from gimbalcal.kinematics import navigation_to_platform
 
-    C_np = _navigation_to_platform(s.readout[:, 0], LATITUDE)
+    C_np = navigation_to_platform(s.readout[:, 0], LATITUDE)
     error = navigator_attitude_error(SPACE_STABLE_INERTIAL, s.force + C_np @ north_east_down, s.readout)
     np.testing.assert_allclose(error[:, 0], 1e-5, rtol=1e-4)
     np.testing.assert_allclose(error[:, 1], 0, atol=1e-9)

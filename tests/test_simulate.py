@@ -13,7 +13,8 @@ import gimbalcal.simulate.run as run_module
 from gimbalcal.effects import CATALOGUE, parameters, values
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.information import information, solve
-from gimbalcal.forward import jacobian, predict, stimulus
+from gimbalcal.forward import jacobian, predict
+from gimbalcal.kinematics import stimulus
 from gimbalcal.recording import dwells, read
 from gimbalcal.simulate import check_content, simulate, simulate_to
 from gimbalcal.simulate.truth import BASELINE

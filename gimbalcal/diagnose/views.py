@@ -21,7 +21,8 @@ from gimbalcal.effects import Effect, Parameter, Stage, Stimulus, values, with_v
 from gimbalcal.estimate.multiposition import WIDE, in_si, multiposition
 from gimbalcal.estimate.poses import turns
 from gimbalcal.estimate.rest_rates import rests
-from gimbalcal.forward import accelerometers, gyroscopes, jacobian, predict, stimulus
+from gimbalcal.forward import accelerometers, gyroscopes, jacobian, predict
+from gimbalcal.kinematics import stimulus
 from gimbalcal.number import STEP, Array
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.units import is_raw

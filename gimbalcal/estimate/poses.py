@@ -24,7 +24,8 @@ from gimbalcal.correction import correct
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.inter_triad import euler
-from gimbalcal.forward import gyroscopes, stimulus
+from gimbalcal.forward import gyroscopes
+from gimbalcal.kinematics import stimulus
 from gimbalcal.number import STEP, Array
 from gimbalcal.recording import Recording, dwells
 from gimbalcal.units import from_si, is_raw

@@ -20,7 +20,8 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.correction import correct
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, with_values
 from gimbalcal.estimate.poses import LINEAR, fit_turns, turns
-from gimbalcal.forward import gyroscopes, stimulus
+from gimbalcal.forward import gyroscopes
+from gimbalcal.kinematics import stimulus
 from gimbalcal.number import STEP, Array
 from gimbalcal.recording import Recording, dwell_means, dwells
 

@@ -19,7 +19,8 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, values, with_values
 from gimbalcal.estimate.information import Information, Solution, information, solve
-from gimbalcal.forward import jacobian, predict, stimulus
+from gimbalcal.forward import jacobian, predict
+from gimbalcal.kinematics import stimulus
 from gimbalcal.number import STEP, Array, apply_matrix, tilt_rotation
 from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwell_means

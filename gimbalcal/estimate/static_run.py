@@ -21,7 +21,8 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.information import Information, information
 from gimbalcal.estimate.setting import select
-from gimbalcal.forward import jacobian, predict, stimulus
+from gimbalcal.forward import jacobian, predict
+from gimbalcal.kinematics import stimulus
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 

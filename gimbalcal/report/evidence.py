@@ -12,7 +12,8 @@ from gimbalcal.earth import G0
 from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.estimate.fusion import READOUT_SIGNS
 from gimbalcal.estimate.static_run import prepare
-from gimbalcal.forward import accelerometers, predict, stimulus
+from gimbalcal.forward import accelerometers, predict
+from gimbalcal.kinematics import stimulus
 from gimbalcal.number import STEP, Array
 from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwell_means

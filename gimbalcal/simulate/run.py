@@ -13,7 +13,8 @@ from gimbalcal.earth import G0, normal_gravity
 from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.effects.process import Flicker, GaussMarkov, Process, Quantisation, RandomWalk, WhiteNoise, sample
 from gimbalcal.errors import InputError
-from gimbalcal.forward import predict, stimulus
+from gimbalcal.forward import predict
+from gimbalcal.kinematics import stimulus
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, Site

@@ -33,7 +33,8 @@ from gimbalcal.estimate.combined import FITTED, MEANS, NAMES, matrix, operators
 from gimbalcal.estimate.force_filter import accumulate, estimate, observation_matrix, projection, squared_norm
 from gimbalcal.estimate.harmonics import columns, design
 from gimbalcal.estimate.static_run import StaticRun, prepare
-from gimbalcal.forward import predict, stimulus
+from gimbalcal.forward import predict
+from gimbalcal.kinematics import stimulus
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording, Site

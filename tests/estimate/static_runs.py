@@ -8,7 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, parameters, with_values
-from gimbalcal.forward import predict, stimulus
+from gimbalcal.forward import predict
+from gimbalcal.kinematics import stimulus
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording, Site
 from tests.stimuli import LATITUDE, G, static

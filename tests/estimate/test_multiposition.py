@@ -12,7 +12,8 @@ from gimbalcal.effects import Effect
 from gimbalcal.effects.accelerometer import Bias, Misalignment, ScaleFactor, ScaleNonlinearity
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.multiposition import LINEAR, multiposition, unknowns
-from gimbalcal.forward import predict, stimulus
+from gimbalcal.forward import predict
+from gimbalcal.kinematics import stimulus
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 

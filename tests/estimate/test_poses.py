@@ -16,7 +16,8 @@ from gimbalcal.estimate.inter_triad import euler, rotation
 from gimbalcal.estimate.multiposition import multiposition
 from gimbalcal.estimate.poses import LINEAR, gyroscopes_between_rests
 from gimbalcal.estimate.unit import inertial_unit, with_gyroscopes
-from gimbalcal.forward import gyroscopes, stimulus
+from gimbalcal.forward import gyroscopes
+from gimbalcal.kinematics import stimulus
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site

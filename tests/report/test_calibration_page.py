@@ -114,7 +114,7 @@ def test_residuals_of_the_fit_are_as_large_as_their_sigma() -> None:
 
 def test_a_setting_error_moves_a_horizontal_axis_by_g_times_the_angle() -> None:
     _, (still, _), _ = example()
-    from gimbalcal.forward import stimulus
+    from gimbalcal.kinematics import stimulus
 
     spread = setting_spread(still.platform, stimulus(still), ARCSEC)
     # position 1: z down; the inner gimbal (x) moves f_y, the middle one (y) moves f_x, nothing moves f_z
@@ -123,7 +123,8 @@ def test_a_setting_error_moves_a_horizontal_axis_by_g_times_the_angle() -> None:
 
 def test_correcting_undoes_the_accelerometers() -> None:
     content, (still, _), _ = example()
-    from gimbalcal.forward import accelerometers, stimulus
+    from gimbalcal.forward import accelerometers
+    from gimbalcal.kinematics import stimulus
 
     effects = from_dict(content, still.platform.axis_names).effects
     s = stimulus(still)
@@ -142,7 +143,8 @@ def test_a_day_is_drawn_with_few_points_and_their_own_sigma() -> None:
 
 def test_a_unit_without_gimbals_is_judged_by_the_size_of_gravity() -> None:
     from gimbalcal.effects import CATALOGUE, parameters, with_values
-    from gimbalcal.forward import accelerometers, stimulus
+    from gimbalcal.forward import accelerometers
+    from gimbalcal.kinematics import stimulus
     from gimbalcal.platform import BENCH
 
     wanted = [p for i in ("scale_factor", "bias", "misalignment") for p in parameters(CATALOGUE[i])]

@@ -1,0 +1,149 @@
+r"""From a recording to what its hardware experienced: the `Stimulus` that every effect reads, and what was measured.
+
+Ideal here means of a perfect platform, on a level base that points north in a static run:
+
+.. math:: f^p = -g \, C_b^p(\text{readout}) \, (0, 0, 1)^T \quad \text{or} \quad
+          f^p = g \, (\cos S_t \cos L, \; \sin S_t \cos L, \; \sin L)^T .
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gimbalcal.earth import EARTH_RATE
+from gimbalcal.effects import Stimulus
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array, apply_matrix, cos, sin
+from gimbalcal.platform import Platform
+from gimbalcal.recording import Recording, dwells
+
+DOWN = np.array([0.0, 0.0, 1.0])
+
+
+def stimulus(recording: Recording) -> Stimulus:
+    """What the hardware experienced in a recording, row by row, as far as the readouts tell."""
+    n = recording.time.shape[0]
+    readout = recording.angles()
+    position = recording.position if recording.position is not None else np.ones(n, dtype=int)
+    visit, since = np.zeros(n, dtype=int), np.asarray(recording.time - recording.time[0], dtype=float)
+    starts = [0]
+    if recording.position is not None:
+        stays = dwells(recording)
+        starts = [d.start for d in stays]
+        for i, d in enumerate(stays):
+            visit[d.start :] = i
+            since[d.start :] = recording.time[d.start :] - recording.time[d.start]
+    force = ideal_force(recording, readout)
+    return Stimulus(
+        time=recording.time - recording.time[0],
+        readout=readout,
+        angle=readout,
+        force=force,
+        gravity=recording.site.gravity,
+        visit=visit,
+        position=position,
+        since_move=since,
+        move_force=_last_move(force, starts, visit, 1),
+        move_angle=_last_move(readout, starts, visit, 1),
+        earlier_move_force=_last_move(force, starts, visit, 2),
+        rate=_rate(recording, force.shape),
+        axis_names=recording.platform.axis_names,
+        latitude=recording.site.latitude,
+        true_angle=_true_angle(recording),
+        temperature=recording.channels.get(("temperature", "")),
+        covariates={axis: v for (quantity, axis), v in recording.channels.items() if quantity == "covariate"},
+        axis_directions=tuple(axis.direction for axis in recording.platform.axes),
+        attitude=_ideal_attitude(recording, readout),
+        load=gimbal_load(recording.platform, readout),
+    )
+
+
+def _ideal_attitude(recording: Recording, readout: Array) -> Array | None:
+    """C_np (n, 3, 3) of a perfect platform on a level base that points north; None for a unit without gimbals."""
+    if not recording.platform.axes:
+        return None
+    if recording.kind == "static-run":
+        return navigation_to_platform(sidereal_phase(recording, readout), required_latitude(recording.site.latitude))
+    return recording.platform.attitude(readout)
+
+
+def gimbal_load(platform: Platform, readout: Array) -> Array:
+    """Unit gravity (n, k, 3) in the frame that turns with each gimbal, on a level base."""
+    frames = [Platform(platform.name, platform.axes[i:]).attitude(readout[:, i:]) for i in range(len(platform.axes))]
+    return np.stack([apply_matrix(C, DOWN) for C in frames], axis=1) if frames else np.zeros((len(readout), 0, 3))
+
+
+def ideal_force(recording: Recording, readout: Array) -> Array:
+    """Specific force in platform axes (n, 3) [m/s^2] of a perfect platform, from readouts or from the Earth's turn.
+
+    A unit without gimbals has no attitude to compute it from: there the measured force serves.
+    """
+    if not recording.platform.axes:
+        return recording.triad("specific_force")
+    if recording.kind == "static-run":
+        phase = sidereal_phase(recording, readout)
+        return recording.site.gravity * _inertial_direction(phase, required_latitude(recording.site.latitude))
+    return -recording.site.gravity * apply_matrix(recording.platform.attitude(readout), DOWN)
+
+
+def _true_angle(recording: Recording) -> Array | None:
+    if not recording.has("true_angle"):
+        return None
+    angles = {axis: recording.channels["true_angle", axis] for axis in recording.axes("true_angle")}
+    return recording.platform.angles(angles, recording.time.shape)
+
+
+def observations(recording: Recording) -> dict[str, Array]:
+    """What was measured, in the channels and shapes that `predict` returns for this kind of recording.
+
+    A gimbal that was not read in a static run stays at its drawing's zero; channels that were not logged are left out.
+    """
+    if recording.kind == "pointing":
+        return {"pointing": np.zeros((len(recording.time), 2))}
+    out = {"specific_force": recording.triad("specific_force")} if recording.has("specific_force") else {}
+    if recording.kind == "static-run":
+        if recording.has("gimbal_angle"):
+            out["gimbal_angle"] = recording.angles()
+        if recording.has("attitude_error"):
+            out["attitude_error"] = recording.triad("attitude_error", ("roll", "pitch", "yaw"))
+    return out
+
+
+def sidereal_phase(recording: Recording, readout: Array) -> Array:
+    """S_t (n,) [rad]: Earth rate x time, through the circular mean of what the platform gimbal reads less that."""
+    turned = EARTH_RATE * (recording.time - recording.time[0])
+    offset = readout[:, recording.platform.axis_names.index("platform")] - turned
+    return np.asarray(turned + np.angle(np.mean(np.exp(1j * offset))))
+
+
+def _last_move(x: Array, starts: Sequence[int], visit: Array, lag: int) -> Array:
+    """Change of x over the slew `lag` slews before each row; zero before that many slews happened."""
+    step = np.diff(x[list(starts)], axis=0, prepend=x[:1])
+    before = np.concatenate([np.zeros_like(step[: lag - 1]), step])[: len(step)]
+    return np.asarray(before[visit])
+
+
+def _rate(recording: Recording, shape: tuple[int, ...]) -> Array:
+    return recording.triad("angular_rate") if recording.has("angular_rate") else np.zeros(shape)
+
+
+def required_latitude(latitude: float | None) -> float:
+    if latitude is None:
+        raise InputError("a static run needs `latitude` in [site] of recording.toml: the Earth turns below it")
+    return latitude
+
+
+def _inertial_direction(phase: Array, latitude: float) -> Array:
+    """Unit specific force of an inertially fixed platform (n, 3): Wu et al. (2018), Eq. (19)."""
+    along = np.cos(latitude) * np.ones_like(phase)
+    return np.stack([cos(phase) * along, sin(phase) * along, np.sin(latitude) * np.ones_like(phase)], axis=-1)
+
+
+def navigation_to_platform(phase: Array, latitude: float) -> Array:
+    """C_np (n, 3, 3) of a perfect inertially fixed platform: Wu et al. (2018), Eq. (18)."""
+    st, ct, sL, cL = sin(phase), cos(phase), np.sin(latitude), np.cos(latitude)
+    one = np.ones_like(phase)
+    rows = [[-ct * sL, -st, -ct * cL], [-st * sL, ct, -st * cL], [cL * one, 0 * one, -sL * one]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
