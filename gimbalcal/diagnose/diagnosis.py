@@ -24,6 +24,7 @@ from gimbalcal.diagnose.observations import BASELINE, observe
 from gimbalcal.diagnose.recommend import advise, sentence
 from gimbalcal.diagnose.search import Search, search
 from gimbalcal.diagnose.threshold import clean_evidence
+from gimbalcal.diagnose.unstated import applies, diagnose_unstated
 from gimbalcal.diagnose.verify import physical_columns, residual_rows, verify
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.errors import InputError
@@ -101,6 +102,8 @@ def diagnose(
 def _diagnose(
     recording: Recording, calibration: Calibration | None, baseline: tuple[str, ...], seed: int, tell: Tell
 ) -> Diagnosis:
+    if applies(recording):
+        return diagnose_unstated(recording, calibration, baseline, seed, tell)
     rng = np.random.default_rng(seed)
     ids = tuple(baseline) or BASELINE.get(recording.kind, ())
     tell("fitting the calibrated model")
