@@ -7,19 +7,20 @@ r"""From probabilities to a verdict: what is claimed, what stands together, and 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from gimbalcal.diagnose.candidates import Candidate
-from gimbalcal.diagnose.evidence import SIZES, Projection, log_bayes
-from gimbalcal.diagnose.search import Hypothesis, Search
+from gimbalcal.diagnose.evidence import ANY_SIZE, Projection, log_bayes
+from gimbalcal.diagnose.search import Hypothesis, Ranking, Search
 from gimbalcal.number import Array
 
 CLAIM = np.log(20.0)  # simulated clean recordings reach it in less than 1 in 1000; 1 in 20 would be the bound
 TOGETHER = np.log(20.0)
 SURE = 0.90
+Scores = Callable[[Sequence[int]], Array]  # ln evidence (candidates,) at each one's best size, beside these others
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,11 @@ class Decision:
 
 def decide(s: Search, threshold: float = CLAIM) -> Decision:
     """The verdict of a search; `threshold` is the ln Bayes factor that clean recordings of this design reach."""
+    return judge(s, threshold, lambda beside: likeliest(s, beside))
+
+
+def judge(s: Ranking, threshold: float, scores: Scores) -> Decision:
+    """The verdict on a ranking of hypotheses, of one recording or of several together."""
     if s.ln_total < max(CLAIM, threshold):
         return Decision("adequate", None, (), ())
     candidates, p = s.library.candidates, s.posterior()
@@ -47,7 +53,7 @@ def decide(s: Search, threshold: float = CLAIM) -> Decision:
     twins, probability = [], []
     for member in best.members:
         others = tuple(i for i in best.members if i != member)
-        alike = fits_alike(s, member, others)
+        alike = fits_alike(s, member, others, scores(others))
         alike = alike if _share(s, p, (member, *alike)) >= SURE else _widened(s, p, member, alike, others)
         twins.append(alike)
         probability.append(_share(s, p, (member, *alike)))
@@ -55,7 +61,7 @@ def decide(s: Search, threshold: float = CLAIM) -> Decision:
     return Decision(verdict, best, tuple(twins), tuple(probability), (), unknown)
 
 
-def _simplest(s: Search, best: Hypothesis) -> Hypothesis:
+def _simplest(s: Ranking, best: Hypothesis) -> Hypothesis:
     """One axis instead of all, where the evidence for all is not 20 times larger."""
     c = s.library.candidates
     if len(best.members) != 1 or "," not in c[best.members[0]].axis:
@@ -65,7 +71,7 @@ def _simplest(s: Search, best: Hypothesis) -> Hypothesis:
     return min(few, key=lambda h: (len(c[h.members[0]].parameters), -h.ln_bayes))
 
 
-def _shapes(s: Search, p: Array, strange: Array) -> tuple[int, ...]:
+def _shapes(s: Ranking, p: Array, strange: Array) -> tuple[int, ...]:
     """Rivals by probability."""
     total: dict[int, float] = {}
     for h, w, odd in zip(s.hypotheses, p, strange, strict=True):
@@ -75,7 +81,7 @@ def _shapes(s: Search, p: Array, strange: Array) -> tuple[int, ...]:
     return tuple(sorted(total, key=lambda i: -total[i]))
 
 
-def _share(s: Search, p: Array, alike: Sequence[int]) -> float:
+def _share(s: Ranking, p: Array, alike: Sequence[int]) -> float:
     """Probability of all hypotheses without an unknown that contain one of these causes."""
     candidates = s.library.candidates
     named = {candidates[i].effect for i in alike}
@@ -88,9 +94,8 @@ def _share(s: Search, p: Array, alike: Sequence[int]) -> float:
                      if not h.unknown(candidates) and any(inside(i) for i in h.members)))  # fmt: skip
 
 
-def fits_alike(s: Search, member: int, beside: Sequence[int]) -> tuple[int, ...]:
+def fits_alike(s: Ranking, member: int, beside: Sequence[int], scores: Array) -> tuple[int, ...]:
     """Candidates of other ids whose evidence at their own best size is within a factor 20 of this one's."""
-    scores = likeliest(s, beside)
     candidates = s.library.candidates
     alike = [
         int(i)
@@ -109,7 +114,7 @@ def _distinct(candidates: Sequence[Candidate], member: int, alike: Sequence[int]
     return tuple(out.values())
 
 
-def _widened(s: Search, p: Array, member: int, alike: tuple[int, ...], beside: Sequence[int]) -> tuple[int, ...]:
+def _widened(s: Ranking, p: Array, member: int, alike: tuple[int, ...], beside: Sequence[int]) -> tuple[int, ...]:
     """Add the next likely causes until the set is sure or has three."""
     candidates = s.library.candidates
     for h in s.hypotheses:
@@ -145,7 +150,5 @@ def _best_sizes(p: Projection, candidates: Sequence[Candidate]) -> Array:
         if c.rival:
             continue
         at = np.array([v.index for v in c.variants])
-        ln = log_bayes(p.G[at[:, :, None], at[:, None, :]], p.b[at, 0])
-        assert ln.shape[-1] == len(SIZES)
-        out[i] = ln.max()
+        out[i] = log_bayes(p.G[at[:, :, None], at[:, None, :]], p.b[at, 0], ANY_SIZE).max()
     return out

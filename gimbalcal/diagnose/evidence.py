@@ -20,8 +20,9 @@ from gimbalcal.diagnose.candidates import Candidate
 from gimbalcal.diagnose.noise import Node
 from gimbalcal.number import Array
 
-SIZES = np.array([0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0])  # times the catalogue's prior sigma
-SIZE_PRIOR = np.array([0.15, 0.2, 0.25, 0.18, 0.12, 0.06, 0.04])
+SIZES = np.array([0.001, 0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0])  # times the catalogue's prior sigma
+SIZE_PRIOR = np.array([0.04, 0.08, 0.15, 0.18, 0.22, 0.15, 0.10, 0.05, 0.03])
+ANY_SIZE = np.geomspace(1e-4, 1e3, 29)  # fine enough that twins of different plausible sizes fit alike
 ABSORBED = 1e-3  # a column of which less is left rests on second-order terms and on noise in its own inputs
 SEEN = 1e-4  # sigmas per prior sigma: a calibration direction below it changes nothing
 
@@ -102,7 +103,7 @@ def rows_like(rows: Rows, X: Array) -> Rows:
     return Rows(A[:low], A[low:].T @ A[low:], rows.q, X.shape[1], Q, rows.y)
 
 
-def log_bayes(G: Array, b: Array) -> Array:
+def log_bayes(G: Array, b: Array, sizes: Array = SIZES) -> Array:
     """ln BF (..., sizes) for Gram matrices G (..., p, p) and scores b (..., p), one per prior size."""
     if G.shape[-1] == 1:
         lam, c = G[..., 0], b
@@ -110,7 +111,7 @@ def log_bayes(G: Array, b: Array) -> Array:
         lam, V = np.linalg.eigh(G)
         c = np.einsum("...ij,...i->...j", V, b)
     lam = np.maximum(lam, 0.0)[..., None, :]
-    s2 = (SIZES**2)[:, None]
+    s2 = (sizes**2)[:, None]
     gain = s2 * c[..., None, :] ** 2 / (1 + s2 * lam)
     return np.asarray(0.5 * (gain - np.log1p(s2 * lam)).sum(axis=-1))
 
