@@ -48,17 +48,11 @@ class Hypothesis:
 
 
 @dataclass(frozen=True)
-class Search:
-    """All hypotheses, best first, with what is needed to look at them again."""
+class Ranking:
+    """Candidates, and hypotheses over them, best first."""
 
-    o: Observations
     library: Library
-    rows: Rows
-    projections: tuple[Projection, ...]
     hypotheses: tuple[Hypothesis, ...]
-    null: Array  # (nodes,) ln prior x likelihood of nothing missing
-    singles: Array  # (candidates,) ln Bayes factors
-    share: Array  # (candidates,) ln prior share of each alone
 
     @property
     def ln_total(self) -> float:
@@ -69,6 +63,19 @@ class Search:
         """Probability of each hypothesis given that something is missing."""
         w = np.array([h.ln_weight for h in self.hypotheses])
         return np.asarray(np.exp(w - _logsumexp(w)))
+
+
+@dataclass(frozen=True)
+class Search(Ranking):
+    """The ranking of one recording, with what is needed to look at its hypotheses again."""
+
+    o: Observations
+    rows: Rows
+    projections: tuple[Projection, ...]
+    null: Array  # (nodes,) ln prior x likelihood of nothing missing
+    joint: Array  # (nodes, candidates) ln prior x likelihood of each alone
+    singles: Array  # (candidates,) ln Bayes factors
+    share: Array  # (candidates,) ln prior share of each alone
 
 
 def _logsumexp(x: Array, axis: int | None = None) -> Array:
@@ -108,7 +115,7 @@ def search(o: Observations, library: Library, nodes: Sequence[Node]) -> Search:
     found = [Hypothesis((i,), float(ln[i]), float(ln[i] + share[i])) for i in range(len(ln))]
     found += pairs(projections, library.candidates, null, joint, prior)
     found.sort(key=lambda h: -h.ln_weight)
-    return Search(o, library, rows, projections, tuple(found), null, ln, share)
+    return Search(library, tuple(found), o, rows, projections, null, joint, ln, share)
 
 
 def _visible(library: Library, p: Projection) -> Library:
@@ -138,8 +145,8 @@ def pairs(
     keep = 8 if detected else 2
     seconds = [j for j in range(len(candidates)) if detected or not rival[j]]
     for i in firsts:
-        for j, ln in zip(seconds, _beside(projections, candidates, null, joint, (i,), seconds, keep), strict=True):
-            if j != i and not _same(candidates, i, j):
+        for j, ln in zip(seconds, beside(projections, candidates, null, joint, (i,), seconds, keep), strict=True):
+            if j != i and not same(candidates, i, j):
                 members = (i, j) if rival[j] else (min(i, j), max(i, j))
                 best[members] = max(best.get(members, -np.inf), float(ln))
     out = []
@@ -149,7 +156,7 @@ def pairs(
     return out + _thirds(projections, candidates, null, joint, prior, out, rival) if detected else out
 
 
-def _same(candidates: Sequence[Candidate], i: int, j: int) -> bool:
+def same(candidates: Sequence[Candidate], i: int, j: int) -> bool:
     return candidates[i].effect == candidates[j].effect and ("," in candidates[i].axis or "," in candidates[j].axis)
 
 
@@ -163,16 +170,16 @@ def _thirds(
     top = max(known, key=lambda h: h.ln_weight)
     if top.ln_weight < max(float(joint.max() - _logsumexp(null)) + np.log(SINGLE) + float(prior.min()), 0.0):
         return []
-    ln = _beside(projections, candidates, null, joint, top.members, range(len(candidates)), 8)
+    ln = beside(projections, candidates, null, joint, top.members, range(len(candidates)), 8)
     share = np.where(rival, np.log(BESIDE / 2), np.log(PAIR)) + prior + sum(prior[i] for i in top.members)
     return [
         Hypothesis((*top.members, j), float(ln[j]), float(ln[j] + share[j]))
         for j in range(len(ln))
-        if not any(j == i or _same(candidates, i, j) for i in top.members)
+        if not any(j == i or same(candidates, i, j) for i in top.members)
     ]
 
 
-def _beside(
+def beside(
     projections: Sequence[Projection], candidates: Sequence[Candidate], null: Array, joint: Array,
     members: tuple[int, ...], seconds: Sequence[int], keep: int,
 ) -> Array:  # fmt: skip
