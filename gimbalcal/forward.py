@@ -28,10 +28,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect, Parameter, Stage, Stimulus, values, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.kinematics import DOWN, navigation_to_platform, required_latitude
-from gimbalcal.number import STEP, Array, apply_matrix, arcsin, arctan2, is_symbolic, tilt_rotation
+from gimbalcal.number import STEP, Array, apply_matrix, arcsin, arctan2, cos, is_symbolic, sin, tilt_rotation
 from gimbalcal.platform import Platform
 
 
@@ -98,6 +99,21 @@ def accelerometers(force: Array, s: Stimulus, effects: Sequence[Effect]) -> Arra
     s = s.at(force=s.force + _total(effects, Stage.INPUT_AXIS, s))
     s = s.at(force=s.force + _total(effects, Stage.SCALE, s))
     return np.asarray(s.force + _total(effects, Stage.ACCELEROMETER, s))
+
+
+def turning(platform: Platform, s: Stimulus, effects: Sequence[Effect], readout_rate: Array) -> Array:
+    r"""Angular rate (n, 3) [rad/s] of the sensor block against the inertial frame, in its axes.
+
+    .. math:: \omega = -\mathrm{vee}(\dot C_n^p {C_n^p}^T) + C_n^p \, \omega_{ie}^n
+
+    exact for the chain as it is built; `readout_rate` (n, k) [rad/s] says how the readouts change.
+    """
+    C_np = _mount(platform, s, effects)[0]
+    moved = _mount(platform, s.at(readout=s.readout + 1j * STEP * readout_rate), effects)[0]
+    W = (moved.imag / STEP) @ np.swapaxes(C_np, -1, -2)
+    earth = EARTH_RATE * np.array([cos(required_latitude(s.latitude)), 0.0, -sin(required_latitude(s.latitude))])
+    own = -np.stack([W[..., 2, 1], W[..., 0, 2], W[..., 1, 0]], axis=-1)
+    return apply_matrix(_rotation(effects, Stage.PLATFORM, s), own + apply_matrix(C_np, earth + 0 * own))
 
 
 def gyroscopes(rate: Array, s: Stimulus, effects: Sequence[Effect]) -> Array:

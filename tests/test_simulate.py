@@ -174,7 +174,7 @@ def test_truth_is_set_by_axis_by_parameter_and_by_draw() -> None:
 
 
 WRONG: list[tuple[dict[str, Any], str]] = [
-    (device(kind="swing"), "kind: Input should be 'multi-position' or 'static-run'"),
+    (device(kind="swing"), "kind: Input should be 'multi-position', 'static-run' or 'rotation'"),
     (device(noise={"accelerometer": 1.0}), 'noise.accelerometer: give it as { value = ..., unit = "..." }'),
     (device(noise={"accelerometer": {"value": 1.0, "unit": "deg"}}), "'deg' is not a unit of it; give it in m/s^2"),
     (device(noise={"gyro": {"value": 1.0, "unit": "deg/h"}}), "noise.gyro: Extra inputs are not permitted"),

@@ -18,7 +18,8 @@ from gimbalcal.simulate.scenario import Faults, Motion, Scenario
 class Timetable:
     """Visits of a run in order: their position, gimbal angles as told and as they truly are (m, k) [rad], and times.
 
-    `start`, `stop` (m,) [s] bound each visit; between two of them the gimbals turn at a constant rate.
+    `start`, `stop` (m,) [s] bound each visit. Between two of them the gimbals turn at a constant rate; with a `ramp`
+    [s] their rate rises and falls as sin^2 in that time, and all is still for `settle` [s] before the next visit.
     """
 
     position: Array
@@ -26,6 +27,8 @@ class Timetable:
     true: Array
     start: Array
     stop: Array
+    ramp: float = 0.0
+    settle: float = 0.0
 
     def visit(self, time: Array) -> Array:
         """Ordinal of the visit that began last (n,)."""
@@ -37,8 +40,29 @@ class Timetable:
 
     def angles(self, time: Array, of: Array) -> Array:
         """Gimbal angles (n, k) [rad] on the way through `of` (m, k)."""
+        if self.ramp > 0:
+            here, move, share, _ = self._way(time, of)
+            return np.asarray(here + move * share[:, None])
         knots = np.stack([self.start, self.stop], axis=1).ravel()
         return np.stack([np.interp(time, knots, np.repeat(column, 2)) for column in of.T], axis=-1)
+
+    def rates(self, time: Array, of: Array) -> Array:
+        """Rates (n, k) [rad/s] at which the gimbals turn there; needs a ramp, or they jump."""
+        _, move, _, speed = self._way(time, of)
+        return np.asarray(move * speed[:, None])
+
+    def _way(self, time: Array, of: Array) -> tuple[Array, Array, Array, Array]:
+        """Angles (n, k) of the last visit, the move to the next (n, k), the share of it done (n,) and d(share)/dt."""
+        i = self.visit(time)
+        j = np.minimum(i + 1, len(self.start) - 1)
+        r, full = self.ramp, np.where(j > i, self.start[j] - self.settle - self.stop[i], 2 * self.ramp)
+        u = np.clip(time - self.stop[i], 0.0, full)
+        near = np.minimum(u, full - u)  # from the nearer end: both ramps are alike
+        x = np.pi * np.minimum(near, r) / r
+        gone = np.minimum(near, r) / 2 - r / (2 * np.pi) * np.sin(x) + np.maximum(near - r, 0.0)
+        speed = np.where(j > i, (1 - np.cos(x)) / 2 / (full - r), 0.0)
+        share = gone / (full - r)
+        return of[i], of[j] - of[i], np.where(u <= full / 2, share, 1 - share) * (j > i), speed
 
 
 def planned(scenario: Scenario) -> Schedule:
@@ -65,15 +89,17 @@ def platform_of(scenario: Scenario) -> Platform:
     return platform
 
 
-def timetable(schedule: Schedule, motion: Motion, faults: Faults) -> Timetable:
+def timetable(schedule: Schedule, motion: Motion, faults: Faults, ramp: float = 0.0) -> Timetable:
     """Times of all visits: dwell, turn at the finite slew rate, settle, dwell again."""
     holds = list(schedule.holds) * motion.sweeps
     told = np.tile(schedule.angles, (motion.sweeps, 1))
     dwell = np.array([motion.dwell or hold.duration for hold in holds])
-    turn = np.abs(np.diff(told, axis=0)).max(axis=1, initial=0.0) / motion.slew_rate + motion.settle
+    turn = np.abs(np.diff(told, axis=0)).max(axis=1, initial=0.0) / motion.slew_rate
+    turn = np.maximum(turn, ramp) + ramp + motion.settle  # a short turn does not come to speed
     start = np.concatenate([[0.0], np.cumsum(dwell[:-1] + turn)])
     position = np.tile(np.arange(1, len(schedule.holds) + 1), motion.sweeps)
-    return Timetable(position, told, _with_faults(told, position, schedule.platform, faults), start, start + dwell)
+    true = _with_faults(told, position, schedule.platform, faults)
+    return Timetable(position, told, true, start, start + dwell, ramp, motion.settle)
 
 
 def sidereal(motion: Motion, latitude: float, platform: Platform, time: Array) -> Array:

@@ -13,7 +13,7 @@ from gimbalcal.earth import G0, normal_gravity
 from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.effects.process import Flicker, GaussMarkov, Process, Quantisation, RandomWalk, WhiteNoise, sample
 from gimbalcal.errors import InputError
-from gimbalcal.forward import predict
+from gimbalcal.forward import gyroscopes, predict, turning
 from gimbalcal.kinematics import stimulus
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
@@ -51,8 +51,8 @@ def prepare(scenario: Scenario, seed: int | None = None) -> Run:
     truth_rng, setting_rng, weather_rng = np.random.default_rng([seed, 0]).spawn(3)
     platform, site = platform_of(scenario), _site(scenario)
     table = None
-    if scenario.kind == "multi-position":
-        table = timetable(planned(scenario), scenario.schedule, scenario.faults)
+    if scenario.kind != "static-run":
+        table = timetable(planned(scenario), scenario.schedule, scenario.faults, scenario.ramp)
         read = tuple(name for name, column in zip(platform.axis_names, table.told.T, strict=True) if np.any(column))
     else:
         read = tuple(name for name in platform.axis_names if name != "inner")  # redundant, held at zero
@@ -64,7 +64,7 @@ def prepare(scenario: Scenario, seed: int | None = None) -> Run:
     if scenario.environment.temperature is not None:
         around["temperature", ""] = scenario.environment.temperature
     environment = {key: _history(history, float(time[-1]), weather_rng) for key, history in around.items()}
-    _check_needs(effects, scenario.kind, environment)
+    _check_needs(effects, scenario, environment)
     return Run(scenario, platform, site, effects, table, time, setting, environment, read, seed)
 
 
@@ -114,6 +114,11 @@ def _block(
         q = run.scenario.faults.quantisation
         channels["specific_force", axis] = Quantisation(q).rounded(y) if q else y
     channels |= _angles(run, out, time, rng)
+    if run.scenario.turning:
+        felt = s.at(force=predict(run.platform, s, ())["specific_force"])
+        rate = gyroscopes(s.rate, felt, run.effects)[past.size :]
+        noisy = rate + noise.gyroscope * rng.standard_normal((len(time), 3))
+        channels |= {("angular_rate", axis): noisy[:, i] for i, axis in enumerate("xyz")}
     for key, history in run.environment.items():
         sigma = run.scenario.environment.thermometer_sigma if key[0] == "temperature" else 0.0
         channels[key] = history(time) + sigma * rng.standard_normal(len(time))
@@ -156,8 +161,11 @@ def _as_it_was(run: Run, nominal: Recording) -> Stimulus:
     s = stimulus(nominal)
     if run.table is None:
         return s
-    angle = s.readout + run.setting[run.table.visit(nominal.time)]
-    return s.at(readout=angle, angle=angle)
+    angle = s.readout + run.table.angles(nominal.time, run.setting)
+    s = s.at(readout=angle, angle=angle)
+    if not run.scenario.turning:
+        return s
+    return s.at(rate=turning(run.platform, s, run.effects, run.table.rates(nominal.time, run.table.true + run.setting)))
 
 
 def _coloured(
@@ -204,7 +212,7 @@ def _row_times(scenario: Scenario, table: Timetable | None) -> Array:
         return np.arange(round(motion.duration * motion.rate)) / motion.rate
     time = np.arange(int(np.floor(table.stop[-1] * motion.rate + 1e-9)) + 1) / motion.rate
     time = time[time < table.stop[-1]]
-    if not motion.record_slews:
+    if not (motion.record_slews or scenario.turning):
         time = time[~table.moving(time)]
     dropped = np.isin(table.position[table.visit(time)], scenario.faults.drop)
     time = time[~dropped]
@@ -213,15 +221,20 @@ def _row_times(scenario: Scenario, table: Timetable | None) -> Array:
     return time
 
 
-def _check_needs(effects: Sequence[Effect], kind: str, environment: Mapping[Key, object]) -> None:
+def _check_needs(effects: Sequence[Effect], scenario: Scenario, environment: Mapping[Key, object]) -> None:
     """Refuse a truth that this scenario cannot show."""
-    logged = {"temperature", "position"} if ("temperature", "") in environment else {"position"}
+    kind, logged = scenario.kind, {"position"}
+    logged |= {"temperature"} if ("temperature", "") in environment else set()
+    logged |= {"angular_rate"} if scenario.turning else set()
     names = {name for quantity, name in environment if quantity == "covariate"}
     logged |= {f"covariate:{name}" for name in names} | ({"covariate"} if names else set())
     for each in effects:
         if kind not in each.kinds:
             raise InputError(f"truth.{each.id}: it shows in {' and '.join(each.kinds)} recordings, not in a {kind}")
-        for need in each.requires:
+        needs = (*each.requires, *(["angular_rate"] if each.channel == "angular_rate" else []))
+        for need in needs:
+            if need == "angular_rate" and need not in logged:
+                raise InputError(f"truth.{each.id}: it shows in angular_rate; write gyroscopes = true")
             if need not in logged:
                 quantity, _, name = need.partition(":")
                 where = (
@@ -256,10 +269,12 @@ def _site(scenario: Scenario) -> Site:
 def _stated(scenario: Scenario) -> dict[str, float]:
     """Noise that the header states: white noise of one sample and the setting error."""
     noise = scenario.noise
-    every = {"accelerometer": noise.accelerometer, "gimbal_angle": noise.gimbal_angle, "attitude": noise.attitude}
+    every = {"accelerometer": noise.accelerometer, "gyroscope": noise.gyroscope,
+             "gimbal_angle": noise.gimbal_angle, "attitude": noise.attitude}  # fmt: skip
     return {name: size for name, size in every.items() if size > 0}
 
 
 def _units(channels: Mapping[Key, Array]) -> dict[Key, str]:
-    unit = {"specific_force": "m/s^2", "gimbal_angle": "deg", "attitude_error": "arcsec", "temperature": "degC"}
+    unit = {"specific_force": "m/s^2", "gimbal_angle": "deg", "attitude_error": "arcsec", "temperature": "degC",
+            "angular_rate": "rad/s"}  # fmt: skip
     return {key: unit[key[0]] for key in channels if key[0] in unit}

@@ -43,6 +43,7 @@ Rate = Annotated[float, _measured("", "Hz"), AfterValidator(_positive)]
 Turn = Annotated[float, _measured("", "deg/s"), AfterValidator(_positive)]
 Angle = Annotated[float, _measured("angle")]
 Force = Annotated[float, _measured("", "m/s^2")]
+Spin = Annotated[float, _measured("", "deg/h")]
 Walk = Annotated[float, _measured("", "ug/sqrt(h)")]
 Length = Annotated[float, _measured("height")]
 
@@ -59,6 +60,7 @@ class Motion(_Section):
     dwell: Duration | None = None  # of every hold, instead of the schedule's own
     rate: Rate = 1.0
     slew_rate: Turn = float(np.deg2rad(6.0))
+    ramp: Annotated[float, _measured("time")] | None = None  # to come to slew_rate; none: 0, with gyroscopes 1 s
     settle: Annotated[float, _measured("time")] = 5.0
     record_slews: bool = False
     sweeps: int = Field(default=1, ge=1, le=1000)
@@ -130,6 +132,7 @@ class Noise(_Section):
     accelerometer_flicker: Force = 0.0
     accelerometer_gauss_markov: Force = 0.0
     accelerometer_gauss_markov_tau: Duration = 3600.0
+    gyroscope: Spin = 0.0
     gimbal_angle: Angle = 0.0  # setting error of a position; of one reading in a static run
     attitude: Angle = 0.0
 
@@ -155,7 +158,8 @@ class Scenario(_Section):
     """The whole file."""
 
     format: Literal[1]
-    kind: Literal["multi-position", "static-run"]
+    kind: Literal["multi-position", "static-run", "rotation"]
+    gyroscopes: bool = False  # log angular_rate, and the slews; a rotation recording always does
     title: str = "simulated"
     seed: int = Field(default=1, ge=0)
     site: Place = Place()
@@ -170,9 +174,23 @@ class Scenario(_Section):
     def _complete(self) -> Scenario:
         if self.kind == "static-run" and self.site.latitude is None:
             raise ValueError("a static run needs [site] latitude: the Earth turns below the platform")
-        if self.kind == "multi-position" and not (self.schedule.name or self.schedule.holds):
-            raise ValueError('a multi-position scenario needs [schedule] name = "wu2018-18" or [[schedule.holds]]')
+        if self.kind != "static-run" and not (self.schedule.name or self.schedule.holds):
+            raise ValueError(f'a {self.kind} scenario needs [schedule] name = "wu2018-18" or [[schedule.holds]]')
+        if self.turning and self.kind == "static-run":
+            raise ValueError("gyroscopes are simulated where something turns: kind = multi-position or rotation")
+        if self.turning and self.site.latitude is None:
+            raise ValueError("gyroscopes feel the Earth turn: give [site] latitude")
         return self
+
+    @property
+    def turning(self) -> bool:
+        """Whether angular rates are logged, through the slews too."""
+        return self.gyroscopes or self.kind == "rotation"
+
+    @property
+    def ramp(self) -> float:
+        """Time [s] in which a slew comes to speed; gyroscopes do not see a rate that jumps."""
+        return float(self.turning) if self.schedule.ramp is None else self.schedule.ramp
 
 
 def find(scenario: str | Path) -> Path:
