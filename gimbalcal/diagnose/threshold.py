@@ -22,6 +22,21 @@ def clean_evidence(
     rng: np.random.Generator, draws: int = DRAWS,
 ) -> Array:  # fmt: skip
     """ln Bayes factors (draws,) of "something is missing" on simulated clean recordings of this design."""
+    return anything(clean_singles(rows, projections, candidates, null, rng, draws), share)
+
+
+def anything(singles: Array, share: Array) -> Array:
+    """ln Bayes factors (draws,) of any single candidate, from those of each (candidates, draws) and its prior share."""
+    from scipy.special import logsumexp
+
+    return np.asarray(logsumexp(singles + share[:, None], axis=0))
+
+
+def clean_singles(
+    rows: Rows, projections: Sequence[Projection], candidates: Sequence[Candidate], null: Array,
+    rng: np.random.Generator, draws: int = DRAWS,
+) -> Array:  # fmt: skip
+    """ln Bayes factors (candidates, draws) of each candidate on simulated clean recordings, noise integrated over."""
     from scipy.special import logsumexp
 
     weights = np.exp(null - logsumexp(null))
@@ -33,7 +48,7 @@ def clean_evidence(
         b, misfit = _scores(rows, p, low, tail)
         ln = np.log(p.node.prior) - 0.5 * (misfit + p.penalty)
         empty.append(ln)
-        full.append(ln + _any(p.G, b, candidates, share))
+        full.append(ln + _each(p.G, b, candidates))
     return np.asarray(logsumexp(np.array(full), axis=0) - logsumexp(np.array(empty), axis=0))
 
 
@@ -68,9 +83,9 @@ def _scores(rows: Rows, p: Projection, low: Array, tail: Array) -> tuple[Array, 
     return v[q:] - K.T @ z, (y**2).sum(axis=0) - (z**2).sum(axis=0)
 
 
-def _any(G: Array, b: Array, candidates: Sequence[Candidate], share: Array) -> Array:
-    """ln Bayes factor (draws,) of any single candidate, sizes and variants mixed, in one noise."""
-    out = np.full(b.shape[1], -np.inf)
+def _each(G: Array, b: Array, candidates: Sequence[Candidate]) -> Array:
+    """ln Bayes factor (candidates, draws) of every single candidate, sizes and variants mixed, in one noise."""
+    out = np.full((len(candidates), b.shape[1]), -np.inf)
     for i, c in enumerate(candidates):
         total = sum(v.weight for v in c.variants)
         for v in c.variants:
@@ -82,5 +97,5 @@ def _any(G: Array, b: Array, candidates: Sequence[Candidate], share: Array) -> A
                 s2l = size**2 * np.maximum(lam, 0.0)
                 gain = 0.5 * ((size**2 / (1 + s2l)) @ c2 - np.log1p(s2l).sum())
                 ln = np.logaddexp(ln, gain + np.log(prior))
-            out = np.logaddexp(out, ln + share[i] + np.log(v.weight / total))
+            out[i] = np.logaddexp(out[i], ln + np.log(v.weight / total))
     return out
