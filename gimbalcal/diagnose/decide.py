@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.diagnose.candidates import Candidate
-from gimbalcal.diagnose.evidence import SIZES, Projection, log_bayes
+from gimbalcal.diagnose.evidence import ANY_SIZE, Projection, log_bayes
 from gimbalcal.diagnose.search import Hypothesis, Ranking, Search
 from gimbalcal.number import Array
 
@@ -150,7 +150,5 @@ def _best_sizes(p: Projection, candidates: Sequence[Candidate]) -> Array:
         if c.rival:
             continue
         at = np.array([v.index for v in c.variants])
-        ln = log_bayes(p.G[at[:, :, None], at[:, None, :]], p.b[at, 0])
-        assert ln.shape[-1] == len(SIZES)
-        out[i] = ln.max()
+        out[i] = log_bayes(p.G[at[:, :, None], at[:, None, :]], p.b[at, 0], ANY_SIZE).max()
     return out
