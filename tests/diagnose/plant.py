@@ -18,6 +18,7 @@ from gimbalcal.recording import Recording, Site
 G = 9.80146
 UG = 9.80665e-6
 ARCSEC = np.pi / 180 / 3600
+LOGS = ("fan",)
 DRIFTS = {"base_tilt_drift", "base_tilt_diurnal"}
 STEPS = np.array([
     (0, 0, 0), (0, 1, 0), (0, 2, 0), (1, 2, 0), (2, 2, 0), (2, 1, 0), (2, 4, 0), (2, 4, -1), (2, 4, -2),
@@ -35,6 +36,7 @@ class Bench:
     since: Array
     T: Array
     rng: np.random.Generator
+    body: Array  # (n,) temperature without the thermometer's noise
 
     @property
     def ideal(self) -> Array:
@@ -45,13 +47,19 @@ class Bench:
 Error = Callable[[Bench], dict[str, Array]]
 
 
-def specific_force(angle: Array, tilt: Array) -> Array:
-    """-g in platform axes (n, 3) [g]: rotate the body, not the frame; tilt (n, 2) of the base about north and east."""
+def specific_force(angle: Array, tilt: Array, lean: Array | None = None) -> Array:
+    """-g in platform axes (n, 3) [g]; tilt (n, 2) of the base about north and east, lean (n, 3, 3) of each axis."""
     down = Rotation.from_rotvec(np.column_stack([-tilt, np.zeros(len(tilt))])).apply([0.0, 0.0, 1.0])
-    platform, inner, middle = angle.T
-    out = Rotation.from_euler("y", -middle[:, None]).apply(down)
-    out = Rotation.from_euler("x", -inner[:, None]).apply(out)
-    return -Rotation.from_euler("z", -platform[:, None]).apply(out)
+    return -inwards(down, angle, lean)
+
+
+def inwards(v: Array, angle: Array, lean: Array | None = None) -> Array:
+    """Vectors (n, 3) from level axes into platform axes: rotate the body, not the frame, bearing by bearing."""
+    lean = np.zeros((len(angle), 3, 3)) if lean is None else lean
+    for name, gimbal in (("y", 2), ("x", 1), ("z", 0)):
+        v = Rotation.from_rotvec(-lean[:, gimbal]).apply(v)
+        v = Rotation.from_euler(name, -angle[:, gimbal, None]).apply(v)
+    return np.asarray(v)
 
 
 def bench(rng: np.random.Generator, dwell: int = 120, sweeps: int = 1) -> Bench:
@@ -60,8 +68,9 @@ def bench(rng: np.random.Generator, dwell: int = 120, sweeps: int = 1) -> Bench:
     visit = np.repeat(np.arange(visits), dwell)
     t = np.concatenate([v * (dwell + 15.0) + np.arange(dwell) for v in range(visits)])
     phase, period = rng.uniform(0, 2 * np.pi), rng.uniform(0.5, 1.2) * t[-1]
-    T = 23 + rng.uniform(-1, 1) + 2 * np.sin(2 * np.pi * t / period + phase) + 0.01 * rng.standard_normal(len(t))
-    return Bench(t, visit, STEPS[visit % 18], t - visit * (dwell + 15.0), T, rng)
+    body = 23 + rng.uniform(-1, 1) + 2 * np.sin(2 * np.pi * t / period + phase)
+    T = body + 0.01 * rng.standard_normal(len(t))
+    return Bench(t, visit, STEPS[visit % 18], t - visit * (dwell + 15.0), T, rng, body)
 
 
 def record(
@@ -76,10 +85,12 @@ def record(
     setting = loose * ARCSEC * rng.standard_normal((visits, 3))[b.visit]
     zero = rng.uniform(-50, 50, 3) * ARCSEC
     angle = b.read + zero + setting + size * extra.get("angle", 0.0)
-    f = specific_force(angle, size * extra.get("tilt", np.zeros((n, 2)))) * G
+    bent = size * extra.get("lean", np.zeros((n, 3, 3)))
+    f = specific_force(angle, size * extra.get("tilt", np.zeros((n, 2))), bent) * G
     lean = np.eye(3) + rng.uniform(-40, 40, (3, 3)) * ARCSEC * (1 - np.eye(3))
     u = f @ lean.T / (1 + rng.uniform(-4e-4, 4e-4, 3))
     K, bias = rng.uniform(-2e-6, 2e-6, 3), rng.uniform(-300, 300, 3) * UG
+    u = u - np.sign(u) * np.minimum(np.abs(u), size * extra.get("dead", 0.0))
     w = u + K * u**2 + 2 * K**2 * u**3
     noise = rng.standard_t(tails, (n, 3)) * np.sqrt((tails - 2) / tails) if tails else rng.standard_normal((n, 3))
     steps = rng.standard_normal((n, 3)) * np.sqrt(np.diff(b.t, prepend=b.t[0]) / b.t[-1])[:, None]
@@ -87,6 +98,7 @@ def record(
     channels = {("specific_force", a): out[:, i] for i, a in enumerate("xyz")}
     channels |= {("gimbal_angle", a): b.read[:, i] for i, a in enumerate(("platform", "inner", "middle"))}
     channels |= {("temperature", ""): b.T}
+    channels |= {("covariate", k): v for k, v in extra.items() if k in LOGS}
     channels = {k: v for k, v in channels.items() if k[0] not in hide}
     stated = {"accelerometer": white * UG, "gimbal_angle": ARCSEC}
     return Recording("multi-position", "plant", SPACE_STABLE, Site(None, 0.0, G), stated, b.t,
@@ -107,7 +119,7 @@ def turned(gimbal: int, values: Array) -> dict[str, Array]:
     return {"angle": out}
 
 
-def _cooled(b: Bench, tau: float) -> Array:
+def cooled(b: Bench, tau: float) -> Array:
     """Temperature behind a first-order lag, step by step."""
     y = np.empty_like(b.T)
     y[0] = b.T[0]
@@ -117,7 +129,7 @@ def _cooled(b: Bench, tau: float) -> Array:
     return y
 
 
-def _came(b: Bench, gimbal: int) -> Array:
+def came(b: Bench, gimbal: int) -> Array:
     moves = np.sign(np.diff(STEPS[:, gimbal], prepend=STEPS[0, gimbal]))
     return np.asarray(moves[b.visit % 18])
 
@@ -132,13 +144,13 @@ def known(axis: int) -> dict[str, tuple[Error, set[str]]]:
         "cross": (lambda b: on(axis, f(b) * b.ideal[:, j]), {"cross_coupling"}),
         "bias T": (lambda b: on(axis, b.T - 20), {"bias_temperature"}),
         "scale T": (lambda b: on(axis, f(b) * (b.T - 20)), {"scale_temperature"}),
-        "lagged T": (lambda b: on(axis, _cooled(b, 1200.0)), {"bias_temperature_lagged"}),
+        "lagged T": (lambda b: on(axis, cooled(b, 1200.0)), {"bias_temperature_lagged"}),
         "warm-up": (lambda b: on(axis, np.exp(-b.t / 700.0)), {"warm_up"}),
         "drift": (lambda b: on(axis, b.t / b.t[-1]), {"bias_drift"}),
         "step": (lambda b: on(axis, (b.visit >= 8).astype(float)), {"bias_step"}),
         "eccentricity": (lambda b: turned(1, np.sin(b.read[:, 1] + axis)), {"encoder_eccentricity", "gimbal_flexure"}),
         "two-cycle": (lambda b: turned(0, np.sin(2 * b.read[:, 0] + axis)), {"encoder_two_cycle"}),
-        "friction": (lambda b: turned(1, _came(b, 1)), {"gimbal_friction"}),
+        "friction": (lambda b: turned(1, came(b, 1)), {"gimbal_friction"}),
         "tilt drift": (lambda b: {"tilt": np.outer(b.t, [1.0, 0.5]) / b.t[-1]}, DRIFTS),
         "blunder": (lambda b: turned(2, (b.visit == 4 + axis).astype(float)), {"position_blunder"}),
     }
@@ -149,7 +161,7 @@ def strange(axis: int) -> dict[str, Error]:
     return {
         "mixed angle": lambda b: on(axis, np.sin(5 * b.read[:, 0] + 3 * b.read[:, 1] + 1.0)),
         "cycling": lambda b: on(axis, np.sin(2 * np.pi * b.t / 660.0)),
-        "thermal rate cubed": lambda b: on(axis, (np.gradient(_cooled(b, 30.0), b.t) * 300) ** 3),
+        "thermal rate cubed": lambda b: on(axis, (np.gradient(cooled(b, 30.0), b.t) * 300) ** 3),
         "scrambled": lambda b: on(axis, np.random.default_rng(7 + axis).standard_normal(18)[b.visit % 18]),
         "beat": lambda b: on(axis, b.ideal[:, (axis + 1) % 3] * np.sin(2 * np.pi * b.t / 900.0)),
     }
