@@ -1,0 +1,212 @@
+r"""Several recordings of one unit, judged together: the cheapest power there is.
+
+.. math:: \ln BF(h) = \sum_k \ln BF_k(h)
+
+Calibration constants, noise and sizes are each recording's own, so that given a hypothesis the recordings are
+independent: the Bayes factors of the same hypothesis multiply, and a product of e-values is an e-value. Hypotheses are
+the same if effects, axes and covariates are. A recording that cannot see a cause says nothing of it: a factor of one.
+
+What happens once (a wrong position, a step) belongs to one recording and says nothing is missing in the others. A shape
+without a cause may belong to one, or to all that show it: what no catalogue holds comes back with the unit too, and
+would otherwise lose to a poor likeness that adds up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gimbalcal.diagnose.candidates import Candidate, Library, constant_fields
+from gimbalcal.diagnose.decide import Decision, judge
+from gimbalcal.diagnose.evidence import ANY_SIZE, Projection, log_bayes
+from gimbalcal.diagnose.search import (
+    BESIDE,
+    FIRST,
+    PAIR,
+    SINGLE,
+    UNKNOWN,
+    Hypothesis,
+    Ranking,
+    Search,
+    beside,
+    given,
+    log_priors,
+    same,
+)
+from gimbalcal.diagnose.threshold import anything, clean_singles
+from gimbalcal.number import Array
+
+ONCE = frozenset({"position", "epoch"})  # constants of what happens once
+ABSENT = -1
+KEEP, KEEP_FEW = 8, 2  # noises over which a second cause is judged, where something is found and where nothing is
+
+
+@dataclass(frozen=True)
+class Combined(Ranking):
+    """A ranking over several searches; `place` (candidates, recordings) is each candidate's index in each, or -1."""
+
+    searches: tuple[Search, ...]
+    place: Array
+    share: Array  # (candidates,) ln prior share of each alone
+
+    def within(self, members: Sequence[int], recording: int) -> tuple[int, ...]:
+        """Indices that these candidates have in the library of one recording, those that it does not see left out."""
+        at = self.place[list(members), recording]
+        return tuple(int(i) for i in at[at != ABSENT])
+
+    def sees(self, member: int) -> tuple[int, ...]:
+        """Recordings that see a candidate."""
+        return tuple(int(k) for k in np.flatnonzero(self.place[member] != ABSENT))
+
+    def summed(self, values: Sequence[Array], otherwise: Sequence[Array] | None = None) -> Array:
+        """Values per candidate of each recording (C_k, ...) added up over recordings (C, ...).
+
+        A recording that does not see a candidate adds what it says without: `otherwise` (...), or nothing.
+        """
+        total = np.zeros((len(self.place), *values[0].shape[1:]))
+        for k, v in enumerate(values):
+            seen = self.place[:, k] != ABSENT
+            total[seen] += v[self.place[seen, k]]
+            if otherwise is not None:
+                total[~seen] += otherwise[k]
+        return total
+
+
+def happens_once(c: Candidate) -> bool:
+    """Whether a cause belongs to one recording, as a mistake at one position or a step at one moment does."""
+    return any(f.name in ONCE for f in constant_fields(c.effect)) if not c.rival else False
+
+
+def matched(searches: Sequence[Search]) -> tuple[tuple[Candidate, ...], Array]:
+    """All candidates of all recordings, the same ones as one, and where each stands in each library."""
+    found: dict[tuple[str, str, str, int], tuple[Candidate, dict[int, int]]] = {}
+    for k, s in enumerate(searches):
+        for i, c in enumerate(s.library.candidates):
+            once = happens_once(c)
+            owners = [k] if once else [k, ABSENT] if c.rival else [ABSENT]
+            for owner in owners:
+                found.setdefault((c.effect, c.axis, c.source, owner), (c, {}))[1][k] = i
+    kept = [(c, at) for (*_, owner), (c, at) in found.items() if not (c.rival and owner == ABSENT and len(at) == 1)]
+    place = np.full((len(kept), len(searches)), ABSENT)
+    for j, (_, at) in enumerate(kept):
+        place[j, list(at)] = list(at.values())
+    return tuple(c for c, _ in kept), place
+
+
+def combine(searches: Sequence[Search]) -> Combined:
+    """Singles, pairs and thirds over all recordings, every pair judged in every recording that sees one of it."""
+    candidates, place = matched(searches)
+    prior = log_priors(candidates)
+    rival = np.array([bool(c.rival) for c in candidates])
+    share = np.where(rival, np.log(UNKNOWN), np.log(SINGLE)) + prior
+    c = Combined(Library(candidates, np.zeros((0, 0))), (), tuple(searches), place, share)
+    ln = c.summed([s.singles for s in searches])
+    found = [Hypothesis((i,), float(ln[i]), float(ln[i] + share[i])) for i in range(len(ln))]
+    found += _pairs(c, ln, prior, rival)
+    found.sort(key=lambda h: -h.ln_weight)
+    return Combined(c.library, tuple(found), c.searches, place, share)
+
+
+def _pairs(c: Combined, ln: Array, prior: Array, rival: Array) -> list[Hypothesis]:
+    """Second causes beside each promising first one, and where something is found thirds beside the best pair."""
+    candidates = c.library.candidates
+    detected = bool(ln.max() > np.log(100.0))
+    known = [int(i) for i in np.argsort(-(ln + prior)) if not rival[i]]
+    seconds = [j for j in range(len(ln)) if detected or not rival[j]]
+    best: dict[tuple[int, int], float] = {}
+    for i in known[:FIRST] if detected else known:
+        gained = _with_second(c, (i,), seconds, KEEP if detected else KEEP_FEW)
+        for j in seconds:
+            if j != i and not same(candidates, i, j):
+                members = (i, j) if rival[j] else (min(i, j), max(i, j))
+                best[members] = max(best.get(members, -np.inf), float(gained[j]))
+    out = []
+    for (i, j), value in best.items():
+        weight = np.log(BESIDE if rival[j] else PAIR * 2) + prior[i] + prior[j]
+        out.append(Hypothesis((i, j), value, value + float(weight)))
+    return out + _thirds(c, ln, prior, rival, out) if detected else out
+
+
+def _thirds(c: Combined, ln: Array, prior: Array, rival: Array, found: Sequence[Hypothesis]) -> list[Hypothesis]:
+    candidates = c.library.candidates
+    top = max((h for h in found if not h.unknown(candidates)), key=lambda h: h.ln_weight, default=None)
+    if top is None or top.ln_weight < max(float((ln + prior).max()) + np.log(SINGLE), 0.0):
+        return []
+    gained = _with_second(c, top.members, range(len(ln)), KEEP)
+    weight = np.where(rival, np.log(BESIDE / 2), np.log(PAIR)) + prior + sum(prior[i] for i in top.members)
+    return [
+        Hypothesis((*top.members, j), float(gained[j]), float(gained[j] + weight[j]))
+        for j in range(len(ln))
+        if not any(j == i or same(candidates, i, j) for i in top.members)
+    ]
+
+
+def _with_second(c: Combined, members: Sequence[int], seconds: Sequence[int], keep: int) -> Array:
+    """ln BF (candidates,) against nothing of `members` with each of `seconds`, added up over the recordings."""
+    values, without = [], []
+    for k, s in enumerate(c.searches):
+        mine = c.within(members, k)
+        if not mine:
+            values.append(s.singles)
+            without.append(np.zeros(()))
+            continue
+        asked = sorted(set(c.within(seconds, k)))
+        ln = np.full(len(s.singles), -np.inf)
+        ln[asked] = beside(s.projections, s.library.candidates, s.null, s.joint, mine, asked, keep)
+        values.append(ln)
+        without.append(np.asarray(_alone(s, mine, keep)))
+    return c.summed(values, without)
+
+
+def _alone(s: Search, members: tuple[int, ...], keep: int) -> float:
+    """ln BF of these members in one recording."""
+    if len(members) == 1:
+        return float(s.singles[members[0]])
+    return float(beside(s.projections, s.library.candidates, s.null, s.joint, members[:-1], members[-1:], keep)[0])
+
+
+def clean_together(c: Combined, rng: np.random.Generator) -> tuple[Array, tuple[Array, ...]]:
+    """ln Bayes factors of "something is missing" on simulated clean recordings: together, and of each alone."""
+    drawn = [clean_singles(s.rows, s.projections, s.library.candidates, s.null, rng) for s in c.searches]
+    alone = tuple(anything(d, s.share) for d, s in zip(drawn, c.searches, strict=True))
+    return anything(c.summed(drawn), c.share), alone
+
+
+def decide_together(c: Combined, threshold: float) -> Decision:
+    """The verdict of all recordings; `threshold` is the ln Bayes factor that clean ones reach together."""
+    return judge(c, threshold, lambda others: likeliest_together(c, others))
+
+
+def likeliest_together(c: Combined, others: Sequence[int]) -> Array:
+    """ln evidence (candidates,) at each one's best plausible size, the same in all recordings, beside the others.
+
+    A size of its own in each would excuse a cause for being strong in one recording and absent from the next.
+    """
+    from scipy.special import logsumexp
+
+    values, without = [], []
+    for k, s in enumerate(c.searches):
+        rows, base = [], []
+        for p, ln in zip(s.projections, s.null, strict=True):
+            here, gained = p, float(ln)
+            for i in c.within(others, k):
+                here, more = given(here, s.library.candidates[i])
+                gained += more
+            rows.append(_by_size(here, s.library.candidates) + gained)
+            base.append(gained)
+        values.append(np.asarray(logsumexp(np.stack(rows), axis=0) - logsumexp(s.null)))
+        without.append(np.asarray(logsumexp(base) - logsumexp(s.null)))
+    best = c.summed(values, without).max(axis=1)
+    return np.where([bool(x.rival) for x in c.library.candidates], -np.inf, best)
+
+
+def _by_size(p: Projection, candidates: Sequence[Candidate]) -> Array:
+    """ln Bayes factor (candidates, sizes) of each known cause at its best constants."""
+    out = np.zeros((len(candidates), len(ANY_SIZE)))
+    for i, c in enumerate(candidates):
+        if not c.rival:
+            at = np.array([v.index for v in c.variants])
+            out[i] = log_bayes(p.G[at[:, :, None], at[:, None, :]], p.b[at, 0], ANY_SIZE).max(axis=0)
+    return out
