@@ -31,8 +31,8 @@ lint: $(VENV)/.dev-ready  ## style, types, and the direction of imports
 	$(BIN)/mypy $(CHECKED)
 	$(BIN)/lint-imports
 
-bench: $(VENV)/.dev-ready  ## the figures of the README, measured (about a quarter of an hour)
-	for name in bench_device bench_static bench_multiposition bench_reading; do \
+bench: $(VENV)/.dev-ready  ## the figures of the README, measured (about 45 min; the diagnosis takes 30 of them)
+	for name in bench_device bench_static bench_multiposition bench_reading bench_diagnose; do \
 		echo "== $$name"; $(BIN)/python -m tests.benchmarks.$$name || exit 1; done
 
 docs: $(VENV)/.run-ready  ## what each effect is, from its own card

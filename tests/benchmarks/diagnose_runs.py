@@ -19,7 +19,7 @@ NAMES = tuple(laws(0))
 ODDITIES = tuple(oddities(0))
 IN_PAIRS = tuple(n for n, law in laws(0).items() if not law.bent and n not in ("odd", "saturation"))
 HIDDEN = ("bias T", "scale T", "lagged T", "rate T")
-RIVALS_ON_CLEAN = 100
+RIVALS_ON_CLEAN = 60
 ALIEN: Mapping[str, Mapping[str, Any]] = {
     "Student t, 4 degrees of freedom": {"tails": 4.0},
     "Student t, 3 degrees of freedom": {"tails": 3.0},
