@@ -19,8 +19,8 @@ from gimbalcal.estimate.coarse import coarse
 from gimbalcal.estimate.fine import fine
 from gimbalcal.estimate.fusion import fuse
 from gimbalcal.estimate.joint import information_of, joint
-from gimbalcal.estimate.multiposition import multiposition
 from gimbalcal.estimate.system import static, static_information
+from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.plausibility import refuse_implausible
 from gimbalcal.recording import Recording, dwells, read
 from gimbalcal.recording.header import read_header
@@ -59,8 +59,10 @@ def calibrate(
     if method == "multiposition":
         if len(recordings) != 1:
             raise InputError(f"--method multiposition takes one recording, got {len(recordings)}; run it once for each")
-        tell("norm of the force at every position")
-        made = multiposition(recordings[0], terms)
+        tell("norm of the force at every position, and the gyroscopes where they were logged on the way")
+        made = inertial_unit(recordings[0], terms)
+        if "gyroscopes" in made.provenance["options"]:
+            tell(f"note: the gyroscopes stay out: {made.provenance['options']['gyroscopes']}")
     elif terms:
         raise InputError(
             f"--terms {','.join(terms)} goes with --method multiposition; three-stage has its own, leave it out"

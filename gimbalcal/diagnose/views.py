@@ -19,8 +19,8 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Effect, Parameter, Stage, Stimulus, values, with_values
 from gimbalcal.estimate.multiposition import WIDE, in_si, multiposition
-from gimbalcal.estimate.poses import turns
 from gimbalcal.estimate.rest_rates import rests
+from gimbalcal.estimate.turned import turns
 from gimbalcal.forward import accelerometers, gyroscopes, jacobian, predict
 from gimbalcal.kinematics import stimulus
 from gimbalcal.number import STEP, Array

@@ -21,14 +21,14 @@ from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.pulse_fit import ellipsoid
 from gimbalcal.estimate.setting import FORCE, Fit, Noise, Problem, gauss_newton, problem
+from gimbalcal.estimate.support import refusal, scatter
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means
-from gimbalcal.units import from_si, is_raw
+from gimbalcal.units import is_raw
 
 LINEAR = ("scale_factor", "bias", "misalignment")
 UNSTEADY = 10.0  # times the white noise of a mean: what the wandering of a low-cost bias adds between positions
-CLEAR = 3.0  # sigma that the largest coefficient of a further term must reach to be taken up
 WIDE = 100.0  # times the prior scale of a navigation platform: low-cost units reach 50 mg, 5 % and 3 deg
 TERMS = (*LINEAR, "scale_nonlinearity", "cubic_nonlinearity")
 # x of the orthogonal frame lies along the first input axis, y in the plane of the first two: Eq. (5)
@@ -149,7 +149,7 @@ def _with_excess(p: Problem, noise: Noise, start: Array) -> NormFit:
         chi2, new = fit.solution.chi2, excess
         if dof > 0 and (excess > 0 or chi2 > dof + 3 * np.sqrt(2 * dof)):
             r = _misfit_si(fit, weight)
-            new = _scatter(r, noise.accelerometer**2 / count, dof)
+            new = scatter(r, noise.accelerometer**2 / count, dof)
         if abs(new - excess) <= 1e-3 * excess:
             break
         excess, start = new, fit.solution.x
@@ -167,15 +167,6 @@ def _misfit_si(fit: Fit, weight: Array) -> Array:
     rows = fit.whitened.r - (fit.whitened.J @ fit.solution.x)
     kept = np.isfinite(fit.whitened.sigma)
     return np.asarray((np.where(kept, rows, 0.0)).sum(1) * fit.noise.accelerometer / np.sqrt(weight))
-
-
-def _scatter(r: Array, own: Array, dof: int) -> float:
-    """The excess sigma at which the sum of r^2 / (own + excess^2) is dof; 0 where the noise alone explains r."""
-    low, high = 0.0, float(np.sqrt((r**2).sum()))
-    for _ in range(60):
-        mid = (low + high) / 2
-        low, high = (mid, high) if (r**2 / (own + mid**2)).sum() > dof else (low, mid)
-    return high if (r**2 / own).sum() > dof else 0.0
 
 
 def _rows(made: NormFit) -> tuple[Array, Array]:
@@ -200,19 +191,10 @@ def _refusal(term: str, without: NormFit, candidate: NormFit | None) -> str:
     if candidate is None:
         return f"{term} declined: {positions} positions are fewer than the parameters it would make"
     solution = candidate.fit.solution
-    mine = [i for i, q in enumerate(solution.parameters) if q.effect == term]
-    sigma, x = solution.sigma[mine], np.abs(solution.x[mine])
-    unit = solution.parameters[mine[0]].unit
-    worst, clear = float(from_si(sigma.max(), unit)), float(np.max(x / sigma))
-    condition = f"condition number {without.condition:.0f} -> {candidate.condition:.0f}"
-    if candidate.left_out <= without.left_out and clear > CLEAR:
-        return ""
-    outside = "worse" if candidate.left_out > without.left_out else "no worse"
-    return (
-        f"{term} declined: these {positions} positions leave it uncertain by {worst:.2g} {unit} and no coefficient "
-        f"exceeds {clear:.1f} sigma; positions left out are predicted {outside} with it ({without.left_out:.2g} -> "
-        f"{candidate.left_out:.2g} m/s^2, {condition})"
-    )
+    return refusal(
+        term, f"{positions} positions", solution.parameters, solution.x, solution.sigma,
+        (without.left_out, candidate.left_out), "m/s^2", (without.condition, candidate.condition),
+    )  # fmt: skip
 
 
 def in_si(means: Recording) -> tuple[Recording, dict[str, list[float]]]:

@@ -13,40 +13,26 @@ rotation between the triads too. The Earth's rate is left out: 15 deg/h, below w
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Residual, Stage
-from gimbalcal.correction import correct
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.inter_triad import euler
+from gimbalcal.estimate.rest_rates import BIAS, G_SENSITIVITY, RestFit, level_of, rests
+from gimbalcal.estimate.support import refusal
+from gimbalcal.estimate.turned import Turned, cross_matrix, end_of, left_jacobian, turns
 from gimbalcal.forward import gyroscopes
-from gimbalcal.kinematics import stimulus
 from gimbalcal.number import STEP, Array
-from gimbalcal.recording import Recording, dwells
-from gimbalcal.units import from_si, is_raw
+from gimbalcal.recording import Recording
+from gimbalcal.units import from_si
 
-RATE, FORCE = "angular_rate", "specific_force"
 LINEAR = ("gyro_scale_factor", "gyro_misalignment")
-TERMS = (*LINEAR, "gyro_scale_nonlinearity")
-
-
-@dataclass(frozen=True, eq=False)
-class Turned:
-    """Turns between rests: readings (m, n, 3) [rad/s] at rest level zero, steps (m, n) [s] (0 beyond the end),
-
-    unit force before and after (m, 3), and what the hardware felt at those rows.
-    """
-
-    reading: Array
-    step: Array
-    before: Array
-    after: Array
-    stimulus: Stimulus
+FURTHER = ("gyro_scale_nonlinearity", "gyro_scale_asymmetry", "gyro_scale_temperature", G_SENSITIVITY)
+ENDURING = 1e-9  # smallest relative singular value of the columns: below, the turns say nothing of a combination
 
 
 def gyroscopes_between_rests(
@@ -54,128 +40,68 @@ def gyroscopes_between_rests(
 ) -> Calibration:
     """Calibrate gyroscopes against accelerometers from a recording of rests with turns between them.
 
-    terms: gyroscope effects beside the bias (default scale factor, misalignment, scale nonlinearity); those that the
-    turns do not support are declined with a sentence. Raises InputError where there are too few turns or no rates.
+    terms: gyroscope effects beside the bias (default: scale factor, misalignment, and of scale nonlinearity,
+    asymmetry, temperature and g-sensitivity what the recording supports); those that it does not are declined with a
+    sentence. The g-sensitivity comes from the rests. Raises InputError where there are too few turns or no rates.
     """
-    wanted = tuple(dict.fromkeys(terms)) or TERMS
-    bad = [t for t in wanted if t not in CATALOGUE or CATALOGUE[t].stage.name != "GYROSCOPE" or t == "gyro_bias"]
-    if bad:
-        raise InputError(f"--terms names {bad[0]!r}, which is not a gyroscope effect that turns between rests can show")
-    turned, bias, scale = turns(recording, accelerometers)
-    base = tuple(t for t in wanted if t in LINEAR) or wanted[:1]
-    best = fit_turns(turned, base)
-    fits, declined = [(base, best)], []
-    for term in (t for t in wanted if t not in base):
-        candidate = fit_turns(turned, (*fits[-1][0], term))
-        why = _refusal(term, best, candidate)
-        if why:
-            declined.append((term, why))
-        else:
-            best = candidate
-            fits.append(((*fits[-1][0], term), best))
-    return _calibration(recording, fits, declined, bias, scale)
+    wanted = tuple(dict.fromkeys(terms)) or _default(recording)
+    _check(wanted, recording)
+    turned, _, scale = turns(recording, accelerometers)
+    level, why = level_of(rests(recording, accelerometers, scale), recording.site.latitude, recording.site.gravity,
+                          G_SENSITIVITY in wanted)  # fmt: skip
+    if len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
+        turned = turns(recording, accelerometers, level.effects)[0]
+    moving = tuple(t for t in wanted if t != G_SENSITIVITY)
+    base = tuple(t for t in moving if t in LINEAR) or moving[:1]
+    fits, declined = _taken_up(turned, base, [t for t in moving if t not in base]) if base else ([], {})
+    if why:
+        declined[G_SENSITIVITY] = why
+    return _calibration(recording, level, fits, declined, scale)
 
 
-def turns(
-    recording: Recording, accelerometers: Calibration, at_rest: Sequence[Effect] = ()
-) -> tuple[Turned, Array, float]:
-    """Turns with readings less the rests' level, the level of all rests (k, 3) [rad/s], and rad/s per unit.
-
-    The level of a turn is the mean of the rests before and after it; or, with `at_rest`, what these effects make a
-    unit read that does not turn and feels the measured force.
-    """
-    stays = dwells(recording)
-    if len(stays) < 6:
-        raise InputError(f"{recording.title!r} holds {len(stays)} rests; turns between at least six are needed")
-    there = correct(accelerometers, recording)
-    y, f = recording.triad(RATE), there.triad(FORCE)
-    level = np.array([y[d.rows].mean(0) for d in stays])
-    down = np.array([f[d.rows].mean(0) for d in stays])
-    down /= np.linalg.norm(down, axis=1, keepdims=True)
-    spans = [slice(a.stop - 1, b.start + 1) for a, b in pairwise(stays)]
-    longest = max(s.stop - s.start for s in spans) - 1
-    reading, step = np.zeros((len(spans), longest, 3)), np.zeros((len(spans), longest))
-    force = np.zeros((len(spans), longest, 3))
-    for i, span in enumerate(spans):
-        rows = y[span] - (level[i] + level[i + 1]) / 2  # the bias of that minute: slow drift is not the turn's
-        dt = np.diff(recording.time[span])
-        reading[i, : len(dt)], step[i, : len(dt)] = (rows[1:] + rows[:-1]) / 2, dt
-        force[i, : len(dt)] = f[span][1:]
-    flat = reading.reshape(-1, 3)
-    s = _stimulus_of(recording, flat, force.reshape(-1, 3))
-    made = Turned(reading, step, down[:-1], down[1:], s)
-    raw = any(is_raw(recording.units.get((RATE, a), "rad/s")) for a in "xyz")
-    scale = _rough_scale(made) if raw else 1.0
-    if at_rest:
-        made = replace(made, reading=made.reading + _relevelled(made, level, scale, at_rest))
-    return replace(made, reading=scale * made.reading), scale * level, scale
+def _default(recording: Recording) -> tuple[str, ...]:
+    return (*LINEAR, *(t for t in FURTHER if all(recording.has(q) for q in CATALOGUE[t].requires)))
 
 
-def _relevelled(turned: Turned, level: Array, scale: float, at_rest: Sequence[Effect]) -> Array:
-    """What to add to the readings (m, n, 3) so that effects tell their level, not the neighbouring rests."""
-    felt = gyroscopes(0 * turned.stimulus.rate, turned.stimulus, at_rest).reshape(turned.reading.shape)
-    neighbours = (level[:-1] + level[1:]) / 2
-    return np.where(turned.step[..., None] > 0, neighbours[:, None] - felt / scale, 0.0)
+def _check(terms: Sequence[str], recording: Recording) -> None:
+    for t in terms:
+        if t not in CATALOGUE or CATALOGUE[t].stage.name != "GYROSCOPE" or t == BIAS:
+            raise InputError(f"--terms names {t!r}, which is not a gyroscope effect that turns between rests can show")
+        missing = [q for q in CATALOGUE[t].requires if not recording.has(q)]
+        if missing:
+            raise InputError(f"--terms names {t}, which needs a {missing[0]} channel; {recording.title!r} has none")
 
 
-def _stimulus_of(recording: Recording, rate: Array, force: Array) -> Stimulus:
-    """A stimulus of the turns' rows, without history: gyroscope effects use rate, force and temperature."""
-    s = stimulus(recording.select(slice(0, 1)))
-    n = len(rate)
-    arrays = {k: v for k, v in vars(s).items() if isinstance(v, np.ndarray) and v.ndim}
-    wide = {k: np.broadcast_to(v, (n, *v.shape[1:])) for k, v in arrays.items()}
-    return s.at(**wide, covariates={}).at(rate=rate, force=force)
+Fits = list[tuple[tuple[str, ...], "PoseFit"]]
 
 
-def _rough_scale(turned: Turned) -> float:
-    """Common rad/s per count at which the turns fit gravity best: a scan, as nothing else says how long a turn was."""
-    largest = np.median((np.linalg.norm(turned.reading, axis=-1) * turned.step).sum(1))
-    guesses = np.geomspace(0.2, 20, 60) / largest  # a median turn between 0.2 and 20 rad, 8 % apart
-    misfit = [np.mean(_end(g * turned.reading, turned)[0] ** 2) for g in guesses]
-    return float(guesses[int(np.argmin(misfit))])
+def _taken_up(turned: Turned, base: tuple[str, ...], further: Sequence[str]) -> tuple[Fits, dict[str, str]]:
+    """Fits of base and of ever one term more, the one that tells left-out turns best; and why others were declined."""
+    fits, left = [(base, fit_turns(turned, base))], list(further)
+    declined: dict[str, str] = {}
+    while left:
+        terms, best = fits[-1]
+        tried = {t: _attempt(turned, (*terms, t), best) for t in left}
+        declined = {t: found for t, found in tried.items() if isinstance(found, str)}
+        good = {t: found for t, found in tried.items() if not isinstance(found, str)}
+        if not good:
+            break
+        first = min(good, key=lambda t: good[t].left_out)
+        fits.append(((*terms, first), good[first]))
+        left.remove(first)
+    return fits, declined
 
 
-def _exponential(phi: Array) -> Array:
-    """exp(-[phi x]) (..., 3, 3): frame rotations by phi (..., 3) [rad]."""
-    a2 = (phi**2).sum(-1)[..., None, None]
-    a = np.sqrt(a2)
-    small = a2 < 1e-12  # beyond, series and closed form agree to rounding
-    safe = np.where(small, 1.0, a)
-    X = _cross(phi)
-    s = np.where(small, 1 - a2 / 6, np.sin(safe) / safe)
-    c = np.where(small, 0.5 - a2 / 24, (1 - np.cos(safe)) / safe**2)
-    return np.asarray(np.eye(3) - s * X + c * (X @ X))
-
-
-def _left(phi: Array) -> Array:
-    """Derivative of the rotation vector at the end by phi (..., 3, 3): left Jacobian of SO(3) at -phi."""
-    a2 = (phi**2).sum(-1)[..., None, None]
-    a = np.sqrt(a2)
-    small = a2 < 1e-8  # (1 - cos a)/a^2 loses 1e-8 here, the series 1e-9
-    safe = np.where(small, 1.0, a)
-    X = _cross(phi)
-    c = np.where(small, 0.5 - a2 / 24, (1 - np.cos(safe)) / safe**2)
-    d = np.where(small, 1 / 6 - a2 / 120, (safe - np.sin(safe)) / safe**3)
-    return np.asarray(np.eye(3) - c * X + d * (X @ X))
-
-
-def _cross(v: Array) -> Array:
-    x, y, z = np.moveaxis(v, -1, 0)
-    o = np.zeros_like(x)
-    return np.stack([np.stack(r, -1) for r in ((o, -z, y), (z, o, -x), (-y, x, o))], axis=-2)
-
-
-def _end(rate: Array, turned: Turned) -> tuple[Array, Array, Array]:
-    """Misfit (m, 3) of gravity after each turn, gravity predicted (m, 3), and products (m, n, 3, 3) to the end."""
-    phi = rate * turned.step[..., None]
-    C = _exponential(phi)
-    tail = np.empty_like(C)
-    P = np.broadcast_to(np.eye(3), (len(C), 3, 3))
-    for k in range(C.shape[1] - 1, -1, -1):
-        tail[:, k] = P
-        P = P @ C[:, k]
-    predicted = (P @ turned.before[..., None])[..., 0]
-    return turned.after - predicted, predicted, tail
+def _attempt(turned: Turned, terms: tuple[str, ...], without: PoseFit) -> PoseFit | str:
+    """The fit with the last of the terms, or why the turns do not support it."""
+    try:
+        fit = fit_turns(turned, terms)
+    except InputError as problem:
+        return f"{terms[-1]} declined: {problem}"
+    sigma = np.sqrt(np.diag(fit.covariance))
+    left_out, condition = (without.left_out, fit.left_out), (without.condition, fit.condition)
+    data = f"{len(fit.misfit)} turns"
+    return refusal(terms[-1], data, fit.parameters, fit.x, sigma, left_out, "rad", condition) or fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,6 +130,8 @@ def fit_turns(turned: Turned, terms: Sequence[str]) -> PoseFit:
     scale = np.array([p.sigma for p in wanted])
     x = np.zeros(len(wanted))
     r, J = _linear(turned, wanted, x)
+    if _dark(J):
+        raise InputError(f"nothing in these {m} turns tells all of {', '.join(terms)} apart")
     damping = 1e-3
     for _ in range(60):
         A = J * scale
@@ -223,9 +151,15 @@ def fit_turns(turned: Turned, terms: Sequence[str]) -> PoseFit:
     return _judged(wanted, x, r, J, m)
 
 
+def _dark(J: Array) -> bool:
+    """Whether some combination of the columns changes nothing."""
+    size = np.sqrt((J**2).sum(0))
+    return bool(np.any(size == 0)) or bool(np.linalg.svd(J / size, compute_uv=False)[-1] < ENDURING)
+
+
 def _judged(wanted: tuple[Parameter, ...], x: Array, r: Array, J: Array, m: int) -> PoseFit:
     size = np.sqrt((J**2).sum(0))
-    Q, R = np.linalg.qr(J / np.where(size > 0, size, 1.0))
+    Q, R = np.linalg.qr(J / size)
     dof = 2 * m - len(x)
     variance = (r**2).sum() / max(dof, 1)
     inverse = np.linalg.inv(R) / size[:, None]
@@ -242,10 +176,10 @@ def _judged(wanted: tuple[Parameter, ...], x: Array, r: Array, J: Array, m: int)
 def _linear(turned: Turned, wanted: Sequence[Parameter], x: Array) -> tuple[Array, Array]:
     """Misfit (3 m,) and derivative (3 m, p) of the prediction."""
     rate, slope = _rates(turned, wanted, x)
-    misfit, predicted, tail = _end(rate, turned)
-    moved = tail @ _left(rate * turned.step[..., None])
+    misfit, predicted, tail = end_of(rate, turned)
+    moved = tail @ left_jacobian(rate * turned.step[..., None])
     turn = np.einsum("mkij,mkjp,mk->mip", moved, slope, turned.step, optimize=True)
-    return misfit.ravel(), (_cross(predicted) @ turn).reshape(misfit.size, -1)
+    return misfit.ravel(), (cross_matrix(predicted) @ turn).reshape(misfit.size, -1)
 
 
 def _rates(turned: Turned, wanted: Sequence[Parameter], x: Array) -> tuple[Array, Array]:
@@ -264,37 +198,26 @@ def _rates(turned: Turned, wanted: Sequence[Parameter], x: Array) -> tuple[Array
     return w.reshape(turned.reading.shape), slope.reshape(*turned.reading.shape, len(x))
 
 
-def _refusal(term: str, without: PoseFit, candidate: PoseFit) -> str:
-    mine = [i for i, p in enumerate(candidate.parameters) if p.effect == term]
-    sigma = np.sqrt(np.diag(candidate.covariance))[mine]
-    ratio = float(np.max(np.abs(candidate.x[mine]) / sigma))
-    if candidate.left_out <= without.left_out:
-        return ""
-    return (
-        f"{term} declined: turns left out are predicted worse with it ({without.left_out:.2g} -> "
-        f"{candidate.left_out:.2g} rad), no coefficient exceeds {ratio:.1f} sigma "
-        f"(condition number {without.condition:.0f} -> {candidate.condition:.0f})"
-    )
-
-
 def _calibration(
-    recording: Recording, fits: Sequence[tuple[tuple[str, ...], PoseFit]], declined: Sequence[tuple[str, str]],
-    level: Array, scale: float,
-) -> Calibration:  # fmt: skip
+    recording: Recording, level: RestFit, fits: Fits, declined: dict[str, str], scale: float
+) -> Calibration:
     from gimbalcal import __version__
 
-    best = fits[-1][1]
-    bias = parameters(CATALOGUE["gyro_bias"])
-    wanted = (*bias, *best.parameters)
-    x = np.concatenate([level.mean(0), best.x])
+    turning = fits[-1][1] if fits else None
+    wanted = (*level.parameters, *(turning.parameters if turning else ()))
+    x = np.concatenate([level.x, turning.x if turning else np.zeros(0)])
+    n = len(level.x)
     covariance = np.zeros((len(x), len(x)))
-    covariance[:3, :3] = np.diag(level.var(0, ddof=1) / len(level))
-    covariance[3:, 3:] = best.covariance
-    options: dict[str, Any] = {
-        "direction": "physics to reading", "condition": best.condition, "leave_one_out_rms": best.left_out,
-        "declined": dict(declined), "frame": "accelerometers",
-        "inter_triad_arcsec": [float(from_si(a, "arcsec")) for a in _inter_triad(best)],
-    }  # fmt: skip
+    covariance[:n, :n] = level.covariance
+    options: dict[str, Any] = {"direction": "physics to reading", "declined": declined, "frame": "accelerometers"}
+    rms = {"rate_at_rest": float(np.sqrt(np.mean(level.misfit**2)))}
+    if turning:
+        covariance[n:, n:] = turning.covariance
+        options |= {
+            "condition": turning.condition, "leave_one_out_rms": turning.left_out,
+            "inter_triad_arcsec": [float(from_si(a, "arcsec")) for a in _inter_triad(turning)],
+        }  # fmt: skip
+        rms["gravity_direction"] = turning.rms
     if scale != 1.0:
         options["gyro_nominal"] = {"scale": scale}
     stages = tuple(
@@ -302,10 +225,12 @@ def _calibration(
               f"gravity after {len(f.misfit)} turns; condition number {f.condition:.0f}, {f.left_out:.2g} rad left out")
         for terms, f in fits
     )  # fmt: skip
+    dof = turning.dof if turning else level.misfit.size - n
     return Calibration(
         "poses", with_values((), wanted, x), wanted, covariance,
-        tuple({"direction": {p.label: 1.0 for p in parameters(CATALOGUE[t])}, "why": why} for t, why in declined),
-        Residual(float(best.dof), best.dof, {"gravity_direction": best.rms}),
+        tuple({"direction": {p.label: 1.0 for p in parameters(CATALOGUE[t])}, "why": why}
+              for t, why in declined.items()),
+        Residual(float(dof), dof, rms),
         provenance={"recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source],
                     "version": __version__, "options": options},
         stages=stages,

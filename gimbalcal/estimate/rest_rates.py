@@ -1,12 +1,14 @@
 r"""Gyroscopes at rest: what their mean outputs say of bias and of what follows the pose.
 
-A unit at rest in many attitudes reads its bias, plus what gravity does to it,
+A unit at rest in many attitudes reads its bias, what gravity does to it, and the Earth,
 
-.. math:: y_k = \varepsilon + G f_k + \nu_k, \qquad \nu_k \sim \sigma / \sqrt{n_k} ,
+.. math:: y_k = \varepsilon + G f_k + \Omega \sin L \, f_k / g + \Omega \cos L \, n_k + \nu_k,
+          \qquad \nu_k^2 \sim \sigma^2 / n_k + \sigma_w^2 ,
 
-with f_k the calibrated force of rest k and n_k its samples. G learned there is tested on what it has not seen: the
-turns between the rests, where the gyroscopes must carry the direction of gravity from one rest to the next.
-The Earth's rate (15 deg/h, of unknown direction) is part of the scatter.
+with f_k the calibrated force of rest k, n_k its samples and sigma_w what a wandering bias adds. The Earth's vertical
+part is exactly a g-sensitivity common to all axes: it is taken off where the latitude is known, and where it is not,
+G_xx = G_yy = G_zz is uncertain by it (15 deg/h/g over the square root of 3). North is not known: what is horizontal
+of the Earth's rate is scatter.
 """
 
 from __future__ import annotations
@@ -18,15 +20,17 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.correction import correct
+from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, with_values
-from gimbalcal.estimate.poses import LINEAR, fit_turns, turns
+from gimbalcal.estimate.support import refusal, scatter
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus
 from gimbalcal.number import STEP, Array
 from gimbalcal.recording import Recording, dwell_means, dwells
 
 RATE, FORCE = "angular_rate", "specific_force"
-TERMS = ("gyro_bias", "gyro_g_sensitivity_rate")
+BIAS, G_SENSITIVITY = "gyro_bias", "gyro_g_sensitivity_rate"
+ROUNDS = 10  # of reweighting; each brings the excess within a few percent of the next
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,49 +44,68 @@ class Rests:
 
 @dataclass(frozen=True, eq=False)
 class RestFit:
-    """Effects fitted to rests: values (p,) and covariance (p, p) in SI, misfit (m, 3) [rad/s], chi^2 / dof by axis."""
+    """Effects fitted to rests: values (p,), covariance (p, p) in SI, misfit (m, 3) [rad/s], and what to judge it by."""
 
     effects: tuple[Effect, ...]
     parameters: tuple[Parameter, ...]
     x: Array
     covariance: Array
     misfit: Array
-    chi2: Array
+    left_out: float  # rad/s, rms misfit of a rest that took no part
+    condition: float
 
 
 def rests(recording: Recording, accelerometers: Calibration, scale: float = 1.0) -> Rests:
-    """The rests of a recording; `scale` is rad/s per unit of a raw output, see `poses.turns`."""
+    """The rests of a recording, less the Earth's vertical rate; `scale` is rad/s per unit of a raw output."""
     means = dwell_means(correct(accelerometers, recording))
     rows = dwell_means(recording)
     y = recording.triad(RATE)
     inside = np.concatenate([y[d.rows] - y[d.rows].mean(0) for d in dwells(recording)])
     sigma = np.sqrt((inside**2).mean(0)) / np.sqrt(rows.weight)[:, None]
+    force, latitude = means.triad(FORCE), recording.site.latitude
+    earth = 0.0 if latitude is None else EARTH_RATE * np.sin(latitude) * force / recording.site.gravity
     s = stimulus(means)
-    return Rests(scale * rows.triad(RATE), scale * sigma, s.at(force=means.triad(FORCE), rate=0 * s.rate))
+    return Rests(scale * rows.triad(RATE) - earth, scale * sigma, s.at(force=force, rate=0 * s.rate))
 
 
-def fit_rests(found: Rests, terms: Sequence[str] = TERMS) -> RestFit:
-    """Weighted least squares of gyroscope effects, which are linear at rest."""
+def fit_rests(found: Rests, terms: Sequence[str] = (BIAS, G_SENSITIVITY)) -> RestFit:
+    """Weighted least squares of gyroscope effects, which are linear at rest; the excess of each axis with it."""
     wanted = tuple(p for t in terms for p in parameters(CATALOGUE[t]))
-    none = np.zeros(len(wanted))
-    zero = 0 * found.rate
-    scale = np.array([p.sigma for p in wanted])
-    probes = [with_values((), wanted, none + 1j * STEP * u) for u in np.eye(len(none))]
+    zero, unit = 0 * found.rate, np.eye(len(wanted))
+    probes = [with_values((), wanted, 1j * STEP * u) for u in unit]
     J = np.stack([gyroscopes(zero, found.stimulus, e).imag / STEP for e in probes], axis=-1)
-    A = (J / found.sigma[..., None]).reshape(-1, len(none)) * scale
-    U, S, Vt = np.linalg.svd(A, full_matrices=False)
-    x = (Vt.T @ ((U.T @ (found.rate / found.sigma).ravel()) / S)) * scale
-    covariance = (Vt.T / S**2) @ Vt * np.outer(scale, scale)
-    misfit = found.rate - J @ x
-    used = np.array([np.any(J[:, i] != 0, axis=0).sum() for i in range(3)])
-    chi2 = ((misfit / found.sigma) ** 2).sum(axis=0) / (len(misfit) - used)
-    return RestFit(with_values((), wanted, x), wanted, x, covariance, misfit, chi2)
+    prior = np.array([p.sigma for p in wanted])
+    dof = len(J) - np.array([np.any(J[:, i] != 0, axis=0).sum() for i in range(3)])
+    excess = np.zeros(3)
+    for _ in range(ROUNDS):
+        sigma = np.sqrt(found.sigma**2 + excess**2)
+        A = (J / sigma[..., None]).reshape(-1, len(wanted)) * prior
+        U, S, Vt = np.linalg.svd(A, full_matrices=False)
+        x = (Vt.T @ ((U.T @ (found.rate / sigma).ravel()) / S)) * prior
+        misfit = found.rate - J @ x
+        excess = np.array([scatter(misfit[:, i], found.sigma[:, i] ** 2, int(dof[i])) for i in range(3)])
+    covariance = (Vt.T / S**2) @ Vt * np.outer(prior, prior)
+    slack = 1 - (U**2).sum(1).reshape(misfit.shape)
+    size = np.sqrt((A**2).sum(0))
+    return RestFit(with_values((), wanted, x), wanted, x, covariance, misfit,
+                   float(np.sqrt(np.mean((misfit / slack) ** 2))), float(np.linalg.cond(A / size)))  # fmt: skip
 
 
-def carried(recording: Recording, accelerometers: Calibration, at_rest: Sequence[Effect] = ()) -> Array:
-    """Angle (m,) [rad] by which gravity is missed after each turn, scale factors and misalignments fitted to the turns.
-
-    `at_rest`: effects that tell the output at rest; without them it is the mean of the rests before and after.
-    """
-    turned, _, _ = turns(recording, accelerometers, at_rest)
-    return np.asarray(np.linalg.norm(fit_turns(turned, LINEAR).misfit, axis=1))
+def level_of(found: Rests, latitude: float | None, gravity: float, g_sensitivity: bool) -> tuple[RestFit, str]:
+    """Bias, and g-sensitivity if the rests support it; the second value says why not, if they do not."""
+    plain = fit_rests(found, (BIAS,))
+    if not g_sensitivity:
+        return plain, ""
+    data = f"{len(found.rate)} rests"
+    if len(found.rate) < 6:  # four unknowns an axis, and something to test them on
+        return plain, f"{G_SENSITIVITY} declined: {data} are too few for it"
+    fit = fit_rests(found)
+    if latitude is None:  # the Earth's vertical rate, between -15 and 15 deg/h, is such a G
+        common = np.array([float(p.effect == G_SENSITIVITY and p.axis[0] == p.axis[-1]) for p in fit.parameters])
+        share = EARTH_RATE / np.sqrt(3) / gravity
+        fit = RestFit(fit.effects, fit.parameters, fit.x, fit.covariance + share**2 * np.outer(common, common),
+                      fit.misfit, fit.left_out, fit.condition)  # fmt: skip
+    sigma = np.sqrt(np.diag(fit.covariance))
+    why = refusal(G_SENSITIVITY, data, fit.parameters, fit.x, sigma, (plain.left_out, fit.left_out), "rad/s",
+                  (plain.condition, fit.condition))  # fmt: skip
+    return (plain, why) if why else (fit, "")

@@ -11,7 +11,8 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.multiposition import multiposition
-from gimbalcal.estimate.poses import RATE, gyroscopes_between_rests
+from gimbalcal.estimate.poses import gyroscopes_between_rests
+from gimbalcal.estimate.turned import RATE
 from gimbalcal.recording import Recording
 
 

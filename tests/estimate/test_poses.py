@@ -9,12 +9,20 @@ import pytest
 
 from gimbalcal.correction import correct, corrupt
 from gimbalcal.effects import Effect
-from gimbalcal.effects.gyroscope import GyroBias, GyroMisalignment, GyroScaleFactor, GyroScaleNonlinearity
+from gimbalcal.effects.gyroscope import (
+    GyroBias,
+    GyroMisalignment,
+    GyroScaleAsymmetry,
+    GyroScaleFactor,
+    GyroScaleNonlinearity,
+    GyroScaleTemperature,
+)
 from gimbalcal.errors import InputError
 from gimbalcal.estimate import poses
 from gimbalcal.estimate.inter_triad import euler, rotation
 from gimbalcal.estimate.multiposition import multiposition
 from gimbalcal.estimate.poses import LINEAR, gyroscopes_between_rests
+from gimbalcal.estimate.turned import exponential, turns
 from gimbalcal.estimate.unit import inertial_unit, with_gyroscopes
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus
@@ -32,25 +40,28 @@ TRUTH: tuple[Effect, ...] = (
 BENT = GyroScaleNonlinearity(K=np.array([2e-3, -1e-3, 1.5e-3]))
 
 
-def hand(effects: tuple[Effect, ...], noise: float, turns: int = 24, seed: int = 0) -> Recording:
+def hand(
+    effects: tuple[Effect, ...], noise: float, count: int = 24, seed: int = 0, temperature: Array | None = None
+) -> Recording:
     """A unit turned from rest to rest about random axes by random angles; its accelerometers are perfect."""
     rng = np.random.default_rng(seed)
     bump = np.sin(np.linspace(0, np.pi, TURN)) ** 2
     rates, forces, position = [], [], []
     f = np.array([0.0, 0.0, -9.8])
-    for k in range(turns + 1):
+    for k in range(count + 1):
         rates += [np.zeros((REST, 3))]
         forces += [np.tile(f, (REST, 1))]
         position += [np.full(REST, k + 1)]
         axis = rng.standard_normal(3)
         turn = axis / np.linalg.norm(axis) * rng.uniform(1, 3) / (bump.sum() * STEP)
         rates += [turn * bump[:, None]]
-        steps = poses._exponential(rates[-1] * STEP)
+        steps = exponential(rates[-1] * STEP)
         forces += [np.array([f := C @ f for C in steps])]
         position += [np.zeros(TURN, dtype=int)]
     rate, force = np.concatenate(rates[:-1]), np.concatenate(forces[:-1])
     n = len(rate)
     channels = {("specific_force", a): force[:, i] for i, a in enumerate("xyz")}
+    channels |= {} if temperature is None else {("temperature", ""): temperature}
     made = Recording("multi-position", "hand", BENCH, Site(gravity=9.8), {}, STEP * np.arange(n),
                      np.concatenate(position[:-1]), channels)  # fmt: skip
     y = gyroscopes(rate, stimulus(made), effects) + noise * rng.standard_normal((n, 3))
@@ -73,8 +84,8 @@ def test_truth_comes_back_within_its_uncertainty() -> None:
 
 
 def test_derivative_is_that_of_a_difference() -> None:
-    recording = hand(TRUTH, 0.0, turns=8)
-    turned, _, _ = poses.turns(recording, multiposition(recording, ("bias",)))
+    recording = hand(TRUTH, 0.0, count=8)
+    turned, _, _ = turns(recording, multiposition(recording, ("bias",)))
     wanted = poses.fit_turns(turned, LINEAR).parameters
     x = np.full(len(wanted), 0.01)
     J = poses._linear(turned, wanted, x)[1]
@@ -86,7 +97,7 @@ def test_derivative_is_that_of_a_difference() -> None:
 
 
 def test_nonlinearity_is_kept_where_it_is_and_declined_where_not() -> None:
-    bent, straight = (hand(e, 1e-3, turns=30) for e in ((*TRUTH, BENT), TRUTH))
+    bent, straight = (hand(e, 1e-3, count=30) for e in ((*TRUTH, BENT), TRUTH))
     kept = gyroscopes_between_rests(bent, multiposition(bent, ("bias",)))
     assert "gyro_scale_nonlinearity" in {p.effect for p in kept.parameters}
     declined = gyroscopes_between_rests(straight, multiposition(straight, ("bias",)))
@@ -112,7 +123,7 @@ def test_counts_get_their_scale_from_gravity() -> None:
 
 
 def test_too_few_rests_and_foreign_terms_are_refused() -> None:
-    recording = hand(TRUTH, 1e-3, turns=3)
+    recording = hand(TRUTH, 1e-3, count=3)
     accelerometers = multiposition(hand(TRUTH, 1e-3), ("bias",))
     with pytest.raises(InputError, match="holds 4 rests; turns between at least six are needed"):
         gyroscopes_between_rests(recording, accelerometers)
@@ -126,8 +137,8 @@ def test_rotation_between_the_triads_comes_out_of_the_misalignments() -> None:
     triangle = np.array([[1, 0, 0], [0.004, 1, 0], [-0.003, 0.002, 1]])
     M = np.linalg.inv(rotation(angles).T @ triangle @ np.diag([1.01, 0.98, 1.0]))
     x = np.array([*(np.diag(M) - 1), M[0, 1], M[0, 2], M[1, 2], M[1, 0], M[2, 0], M[2, 1]])
-    recording = hand(TRUTH, 0.0, turns=8)
-    turned, _, _ = poses.turns(recording, multiposition(recording, ("bias",)))
+    recording = hand(TRUTH, 0.0, count=8)
+    turned, _, _ = turns(recording, multiposition(recording, ("bias",)))
     fit = replace(poses.fit_turns(turned, LINEAR), x=x)
     np.testing.assert_allclose(poses._inter_triad(fit), angles, atol=1e-14)  # an exact factorisation
     np.testing.assert_allclose(euler(rotation(angles)), angles, atol=1e-15)
@@ -155,6 +166,30 @@ def test_a_unit_is_calibrated_whole_or_says_why_not() -> None:
     assert {"bias", "gyro_bias", "gyro_scale_factor"} <= {p.effect for p in whole.parameters}
     alone = inertial_unit(hand(TRUTH, 1e-3), ("bias",))
     assert {p.effect for p in alone.parameters} == {"bias"}
-    few = hand(TRUTH, 1e-3, turns=3)
+    few = hand(TRUTH, 1e-3, count=3)
     with pytest.raises(InputError, match="turns between at least six"):
         inertial_unit(few, ("bias", "gyro_scale_factor"))
+
+
+def test_asymmetry_is_told_from_nonlinearity_and_temperature_needs_its_channel() -> None:
+    recording = hand((*TRUTH, GyroScaleAsymmetry(A=np.array([8e-3, -6e-3, 7e-3]))), 1e-3, count=40)
+    accelerometers = multiposition(recording, ("bias",))
+    effects = {p.effect for p in gyroscopes_between_rests(recording, accelerometers).parameters}
+    assert "gyro_scale_asymmetry" in effects
+    assert "gyro_scale_nonlinearity" not in effects
+    with pytest.raises(InputError, match="gyro_scale_temperature, which needs a temperature channel"):
+        gyroscopes_between_rests(recording, accelerometers, ("gyro_scale_temperature",))
+
+
+def test_the_temperature_of_each_turn_counts() -> None:
+    warm = np.linspace(10.0, 40.0, len(hand(TRUTH, 0.0, count=40).time))
+    s_T = np.array([4e-4, -3e-4, 5e-4])
+    recording = hand((*TRUTH, GyroScaleTemperature(s_T=s_T)), 1e-3, count=40, temperature=warm)
+    made = gyroscopes_between_rests(recording, multiposition(recording, ("bias",)))
+    x = {p.label: (v, s) for p, v, s in zip(made.parameters, made.values, made.sigmas, strict=True)}
+    for i, a in enumerate("xyz"):
+        value, sigma = x[f"gyro_scale_temperature:{a}"]
+        assert abs(value - s_T[i]) < 4 * sigma < 2e-4
+    constant = replace(recording, channels=recording.channels | {("temperature", ""): np.full(len(warm), 20.0)})
+    declined = gyroscopes_between_rests(constant, multiposition(recording, ("bias",)))
+    assert "nothing in these 40 turns" in declined.provenance["options"]["declined"]["gyro_scale_temperature"]

@@ -1,0 +1,149 @@
+r"""Turns between rests: what the gyroscopes read on the way, and where down was before and after.
+
+The rests tell the level that a turn starts from; the accelerometers, calibrated, the direction of gravity in the frame
+that the gyroscopes are referred to. Rotations are frame rotations, exp(-[phi x]) for a rotation vector phi [rad].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.correction import correct
+from gimbalcal.effects import Effect, Stimulus
+from gimbalcal.errors import InputError
+from gimbalcal.forward import gyroscopes
+from gimbalcal.kinematics import stimulus
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording, dwells
+from gimbalcal.units import is_raw
+
+RATE, FORCE = "angular_rate", "specific_force"
+
+
+@dataclass(frozen=True, eq=False)
+class Turned:
+    """Turns between rests: readings (m, n, 3) [rad/s] at rest level zero, steps (m, n) [s] (0 beyond the end),
+
+    unit force before and after (m, 3), and what the hardware felt at those rows.
+    """
+
+    reading: Array
+    step: Array
+    before: Array
+    after: Array
+    stimulus: Stimulus
+
+
+def turns(
+    recording: Recording, accelerometers: Calibration, at_rest: Sequence[Effect] = ()
+) -> tuple[Turned, Array, float]:
+    """Turns with readings less the rests' level, the level of all rests (k, 3) [rad/s], and rad/s per unit.
+
+    The level of a turn is the mean of the rests before and after it; or, with `at_rest`, what these effects make a
+    unit read that does not turn and feels the measured force.
+    """
+    stays = dwells(recording)
+    if len(stays) < 6:
+        raise InputError(f"{recording.title!r} holds {len(stays)} rests; turns between at least six are needed")
+    there = correct(accelerometers, recording)
+    y, f = recording.triad(RATE), there.triad(FORCE)
+    level = np.array([y[d.rows].mean(0) for d in stays])
+    down = np.array([f[d.rows].mean(0) for d in stays])
+    down /= np.linalg.norm(down, axis=1, keepdims=True)
+    spans = [slice(a.stop - 1, b.start + 1) for a, b in pairwise(stays)]
+    longest = max(s.stop - s.start for s in spans) - 1
+    reading, step = np.zeros((len(spans), longest, 3)), np.zeros((len(spans), longest))
+    force = np.zeros((len(spans), longest, 3))
+    for i, span in enumerate(spans):
+        rows = y[span] - (level[i] + level[i + 1]) / 2  # the bias of that minute: slow drift is not the turn's
+        dt = np.diff(recording.time[span])
+        reading[i, : len(dt)], step[i, : len(dt)] = (rows[1:] + rows[:-1]) / 2, dt
+        force[i, : len(dt)] = f[span][1:]
+    flat = reading.reshape(-1, 3)
+    s = _stimulus_of(recording, spans, flat, force.reshape(-1, 3))
+    made = Turned(reading, step, down[:-1], down[1:], s)
+    raw = any(is_raw(recording.units.get((RATE, a), "rad/s")) for a in "xyz")
+    scale = _rough_scale(made) if raw else 1.0
+    if at_rest:
+        made = replace(made, reading=made.reading + _relevelled(made, level, scale, at_rest))
+    return replace(made, reading=scale * made.reading), scale * level, scale
+
+
+def _relevelled(turned: Turned, level: Array, scale: float, at_rest: Sequence[Effect]) -> Array:
+    """What to add to the readings (m, n, 3) so that effects tell their level, not the neighbouring rests."""
+    felt = gyroscopes(0 * turned.stimulus.rate, turned.stimulus, at_rest).reshape(turned.reading.shape)
+    neighbours = (level[:-1] + level[1:]) / 2
+    return np.where(turned.step[..., None] > 0, neighbours[:, None] - felt / scale, 0.0)
+
+
+def _stimulus_of(recording: Recording, spans: Sequence[slice], rate: Array, force: Array) -> Stimulus:
+    """A stimulus of the turns' rows, without history: gyroscope effects use rate, force, time and temperature."""
+    s = stimulus(recording.select(slice(0, 1)))
+    n = len(rate)
+    arrays = {k: v for k, v in vars(s).items() if isinstance(v, np.ndarray) and v.ndim}
+    wide = {k: np.broadcast_to(v, (n, *v.shape[1:])) for k, v in arrays.items()}
+    logged = {"time": recording.time - recording.time[0], "temperature": recording.channels.get(("temperature", ""))}
+    rows = {k: _rows_of(v, spans, n) for k, v in logged.items() if v is not None}
+    return s.at(**wide, covariates={}).at(rate=rate, force=force, **rows)
+
+
+def _rows_of(x: Array, spans: Sequence[slice], n: int) -> Array:
+    """Values (n,) of a channel on the steps of the turns; the last one stands where a turn is shorter than others."""
+    steps = n // len(spans)
+    return np.concatenate([np.pad(x[span][1:], (0, steps - len(x[span]) + 1), mode="edge") for span in spans])
+
+
+def _rough_scale(turned: Turned) -> float:
+    """Common rad/s per count at which the turns fit gravity best: a scan, as nothing else says how long a turn was."""
+    largest = np.median((np.linalg.norm(turned.reading, axis=-1) * turned.step).sum(1))
+    guesses = np.geomspace(0.2, 20, 60) / largest  # a median turn between 0.2 and 20 rad, 8 % apart
+    misfit = [np.mean(end_of(g * turned.reading, turned)[0] ** 2) for g in guesses]
+    return float(guesses[int(np.argmin(misfit))])
+
+
+def exponential(phi: Array) -> Array:
+    """exp(-[phi x]) (..., 3, 3): frame rotations by phi (..., 3) [rad]."""
+    a2 = (phi**2).sum(-1)[..., None, None]
+    a = np.sqrt(a2)
+    small = a2 < 1e-12  # beyond, series and closed form agree to rounding
+    safe = np.where(small, 1.0, a)
+    X = cross_matrix(phi)
+    s = np.where(small, 1 - a2 / 6, np.sin(safe) / safe)
+    c = np.where(small, 0.5 - a2 / 24, (1 - np.cos(safe)) / safe**2)
+    return np.asarray(np.eye(3) - s * X + c * (X @ X))
+
+
+def left_jacobian(phi: Array) -> Array:
+    """Derivative of the rotation vector at the end by phi (..., 3, 3): left Jacobian of SO(3) at -phi."""
+    a2 = (phi**2).sum(-1)[..., None, None]
+    a = np.sqrt(a2)
+    small = a2 < 1e-8  # (1 - cos a)/a^2 loses 1e-8 here, the series 1e-9
+    safe = np.where(small, 1.0, a)
+    X = cross_matrix(phi)
+    c = np.where(small, 0.5 - a2 / 24, (1 - np.cos(safe)) / safe**2)
+    d = np.where(small, 1 / 6 - a2 / 120, (safe - np.sin(safe)) / safe**3)
+    return np.asarray(np.eye(3) - c * X + d * (X @ X))
+
+
+def cross_matrix(v: Array) -> Array:
+    x, y, z = np.moveaxis(v, -1, 0)
+    o = np.zeros_like(x)
+    return np.stack([np.stack(r, -1) for r in ((o, -z, y), (z, o, -x), (-y, x, o))], axis=-2)
+
+
+def end_of(rate: Array, turned: Turned) -> tuple[Array, Array, Array]:
+    """Misfit (m, 3) of gravity after each turn, gravity predicted (m, 3), and products (m, n, 3, 3) to the end."""
+    phi = rate * turned.step[..., None]
+    C = exponential(phi)
+    tail = np.empty_like(C)
+    P = np.broadcast_to(np.eye(3), (len(C), 3, 3))
+    for k in range(C.shape[1] - 1, -1, -1):
+        tail[:, k] = P
+        P = P @ C[:, k]
+    predicted = (P @ turned.before[..., None])[..., 0]
+    return turned.after - predicted, predicted, tail
