@@ -15,9 +15,9 @@ import numpy as np
 import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import wording
-from gimbalcal.diagnose.candidates import library
+from gimbalcal.diagnose.candidates import Candidate, library
 from gimbalcal.diagnose.decide import CLAIM, Decision, decide
-from gimbalcal.diagnose.locate import scan, told
+from gimbalcal.diagnose.locate import Scan, scan, told
 from gimbalcal.diagnose.model import Fit, calibration_fit, constant_value, fit
 from gimbalcal.diagnose.noise import nodes, settle
 from gimbalcal.diagnose.observations import BASELINE, observe
@@ -26,7 +26,7 @@ from gimbalcal.diagnose.search import Search, search
 from gimbalcal.diagnose.threshold import clean_evidence
 from gimbalcal.diagnose.unstated import applies, diagnose_unstated
 from gimbalcal.diagnose.verify import physical_columns, residual_rows, verify
-from gimbalcal.effects import CATALOGUE
+from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -86,16 +86,19 @@ def diagnose(
 ) -> Diagnosis:
     """Say where the recordings differ from the calibrated model and which physics was left out.
 
-    `calibration` gives values to start from, `baseline` the ids of the effects the model holds (the usual ones of the
-    kind of recording otherwise). Raises InputError where there is nothing to compare.
+    Several recordings are those of one unit and are judged together. `calibration` gives values to start from,
+    `baseline` the ids of the effects the model holds (the usual ones of the kind of recording otherwise). Raises
+    InputError where there is nothing to compare.
     """
     if not recordings:
         raise InputError("`diagnose` needs at least one recording")
-    if len(recordings) > 1:
-        raise InputError("`diagnose` takes one recording at a time; run it on each and compare")
     from threadpoolctl import threadpool_limits
 
+    from gimbalcal.diagnose.together import diagnose_together
+
     with threadpool_limits(limits=1):  # many small matrices: threads only get into each other's way
+        if len(recordings) > 1:
+            return diagnose_together(recordings, calibration, tuple(baseline), seed, tell)
         return _diagnose(recordings[0], calibration, tuple(baseline), seed, tell)
 
 
@@ -106,14 +109,21 @@ def _diagnose(
         return diagnose_unstated(recording, calibration, baseline, seed, tell)
     rng = np.random.default_rng(seed)
     ids = tuple(baseline) or BASELINE.get(recording.kind, ())
-    tell("fitting the calibrated model")
-    o = settle(observe(recording, ids, calibration.effects if calibration else ()))
-    tell("comparing every cause of the catalogue, alone and in pairs")
-    s = search(o, library(o, ids), nodes(o))
+    s = searched(recording, calibration, ids, tell)
     tell("sending simulated clean recordings of this design through the same comparison")
     clean = clean_evidence(s.rows, s.projections, s.library.candidates, s.share, s.null, rng)
     d = decide(s, float(np.quantile(clean, 0.99)))
     return _report(s, d, clean, rng, {"baseline": list(ids), "seed": seed}, tell)
+
+
+def searched(
+    recording: Recording, calibration: Calibration | None, baseline: tuple[str, ...], tell: Tell
+) -> Search:
+    """Every cause of the catalogue tried on one recording."""
+    tell("fitting the calibrated model")
+    o = settle(observe(recording, baseline, calibration.effects if calibration else ()))
+    tell("comparing every cause of the catalogue, alone and in pairs")
+    return search(o, library(o, baseline), nodes(o))
 
 
 def _report(
@@ -122,24 +132,14 @@ def _report(
     members = d.hypothesis.members if d.hypothesis else ()
     f = fit(s, members)
     seen = fit(s, members or tuple(d.shapes[:1]))  # the noise as it is once the shape is allowed for
-    physical = physical_columns(s, f)
     tell("locating the mismatch and checking held-out data")
-    before = scan(s.o, s.rows, seen.projection.node, rng)
-    after = scan(s.o, s.rows, seen.projection.node, rng, s.library.X[:, list(f.index)]) if f.index else before
+    before, fitted, curves = measured(s, f, seen, rng)
     mismatch = () if d.verdict == "adequate" else told(before, at_least=1)
-    verification = verify(s, f if f.index else seen, physical).to_dict()
-    fitted = {
-        **verification,
-        "scan_p_before": before.p_value,
-        "scan_p_after": after.p_value,
-        "noise": dict(seen.projection.node.name),
-        "calibration_moved": moved(s, f) if f.index else [],
-    }
     named = findings(s, d, f)
-    shapes = tuple(_shape(s, i) for i in d.shapes[:3])
+    shapes = tuple(shape(s.library.candidates[i]) for i in d.shapes[:3])
     provenance = {
         "version": gimbalcal.__version__,
-        "recordings": [{"path": r.path, "sha256": r.sha256} for r in s.o.recording.source],
+        "recordings": sources(s),
         "options": dict(options),
         "ln_bayes_factor": round(s.ln_total, 3),
         "ln_bayes_factor_needed": round(max(CLAIM, float(np.quantile(clean, 0.99))), 3),
@@ -149,9 +149,31 @@ def _report(
         "excess_kurtosis": round(s.o.heavy, 3),
     }
     words = wording.answer(d.verdict, named, shapes, mismatch, fitted)
-    left, rest = residual_rows(s.o, physical, f.x)
-    curves = Curves(s.o.stimulus.time, s.o.stimulus.position, s.o.channels, left, rest)
     return Diagnosis(d.verdict, mismatch, named, shapes, fitted, provenance, words, curves)
+
+
+def measured(s: Search, f: Fit, seen: Fit, rng: np.random.Generator) -> tuple[Scan, dict[str, Any], Curves]:
+    """Where one recording is off before anything is added, the numbers of its fit, and its residuals.
+
+    `f` is the fit of what was found, `seen` the same or that of a shape, whose noise counts.
+    """
+    physical, node = physical_columns(s, f), seen.projection.node
+    before = scan(s.o, s.rows, node, rng)
+    after = scan(s.o, s.rows, node, rng, s.library.X[:, list(f.index)]) if f.index else before
+    fitted = {
+        **verify(s, f if f.index else seen, physical).to_dict(),
+        "scan_p_before": before.p_value,
+        "scan_p_after": after.p_value,
+        "noise": dict(node.name),
+        "calibration_moved": moved(s, f) if f.index else [],
+    }
+    left, rest = residual_rows(s.o, physical, f.x)
+    return before, fitted, Curves(s.o.stimulus.time, s.o.stimulus.position, s.o.channels, left, rest)
+
+
+def sources(s: Search) -> list[dict[str, str]]:
+    """The files of a recording."""
+    return [{"path": r.path, "sha256": r.sha256} for r in s.o.recording.source]
 
 
 def findings(s: Search, d: Decision, f: Fit) -> tuple[dict[str, Any], ...]:
@@ -163,34 +185,46 @@ def findings(s: Search, d: Decision, f: Fit) -> tuple[dict[str, Any], ...]:
         sigma = np.sqrt(np.diag(f.covariance))[at : at + len(c.parameters)]
         at += len(c.parameters)
         twins = [candidates[i] for i in d.twins[j]]
-        axes = list(dict.fromkeys(a for a in [c.axis, *(t.axis for t in twins)] if a))
-        axes = [a for n, a in enumerate(axes) if not any(a in b for b in axes[:n])]
         advice = ""
         if twins:
             a = advise(s.o, c, f.variants[j], size, twins[0])
             advice = sentence(a, c, twins[0])
-        out.append({
-            "effect": c.effect, "axis": " / ".join(axes), "probability": round(min(d.probability[j], 0.9999), 4),
-            "sigma": round(f.significance[j], 2), "parameters": _sizes(s, f, j, size, sigma),
-            "twins": [t.effect for t in twins], "physics": wording.physics(c.effect),
-            "equation": wording.equation(c.effect), "separate_by": advice,
-        })  # fmt: skip
+        rows = printed(c.parameters, size, sigma) + constants(c, constant_value(s, f, j))
+        out.append(finding(c, twins, d.probability[j], f.significance[j], rows, advice))
     return tuple(out)
 
 
-def _sizes(s: Search, f: Fit, j: int, size: Array, sigma: Array) -> list[dict[str, Any]]:
-    """Parameters of member j in printed units, then its non-linear constants."""
-    c = s.library.candidates[f.members[j]]
+def finding(
+    c: Candidate, twins: Sequence[Candidate], probability: float, significance: float, rows: list[dict[str, Any]],
+    advice: str,
+) -> dict[str, Any]:  # fmt: skip
+    """One finding as the contract wants it."""
+    axes = list(dict.fromkeys(a for a in [c.axis, *(t.axis for t in twins)] if a))
+    axes = [a for n, a in enumerate(axes) if not any(a in b for b in axes[:n])]
+    return {
+        "effect": c.effect, "axis": " / ".join(axes), "probability": round(min(probability, 0.9999), 4),
+        "sigma": round(significance, 2), "parameters": rows, "twins": [t.effect for t in twins],
+        "physics": wording.physics(c.effect), "equation": wording.equation(c.effect), "separate_by": advice,
+    }  # fmt: skip
+
+
+def printed(parameters: Sequence[Parameter], size: Array, sigma: Array) -> list[dict[str, Any]]:
+    """Parameters in printed units, from sizes and sigmas (p,) in prior sigmas."""
     rows = []
-    for p, x, e in zip(c.parameters, size, sigma, strict=True):
+    for p, x, e in zip(parameters, size, sigma, strict=True):
         scale = float(from_si(p.sigma, p.unit))
         value, sigma_ = float(x) * scale, float(e) * scale
         rows.append({"name": p.name, "axis": p.axis, "value": value, "sigma": sigma_, "unit": p.unit})
+    return rows
+
+
+def constants(c: Candidate, values: Sequence[tuple[str, float, float]]) -> list[dict[str, Any]]:
+    """Non-linear constants in printed units, from name, value and sigma in SI."""
     units = {g.name: g.metadata["unit"] for g in CATALOGUE[c.effect].__dataclass_fields__.values() if g.metadata}
-    return rows + [
+    return [
         {"name": name, "axis": "", "value": float(from_si(value, units[name])),
          "sigma": float(from_si(spread, units[name])), "unit": units[name]}
-        for name, value, spread in constant_value(s, f, j)
+        for name, value, spread in values
     ]  # fmt: skip
 
 
@@ -207,6 +241,6 @@ def moved(s: Search, f: Fit) -> list[dict[str, Any]]:
     return sorted(out, key=lambda row: -abs(row["in_sigmas"]))
 
 
-def _shape(s: Search, i: int) -> dict[str, str]:
-    c = s.library.candidates[i]
+def shape(c: Candidate) -> dict[str, str]:
+    """What is left unexplained, as the contract wants it."""
     return wording.shape(c.rival, c.channel, c.axis)
