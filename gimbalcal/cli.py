@@ -152,7 +152,7 @@ def diagnose(
     start = read_calibration(known) if known else None
     diagnosis = run(loaded, calibration=start, baseline=listed(baseline), seed=seed, tell=tell)
     if out is not None:
-        write_diagnosis(diagnosis, out, loaded[0].title)
+        write_diagnosis(diagnosis, out, " and ".join(dict.fromkeys(r.title for r in loaded)))
         tell(f"wrote {out / 'diagnosis.json'} and {out / 'report.html'}")
     show(diagnosis.to_dict(), diagnosis.in_words, as_json, quiet)
     sys.exit(0 if diagnosis.verdict == "adequate" else 1)
