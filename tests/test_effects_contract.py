@@ -118,7 +118,7 @@ def test_parameter_names_are_unique_so_that_a_calibration_can_be_read_back() -> 
 OWN_IDS = {  # constituents of the baseline, and any logged channel: not rows of the catalogue's tables
     "bias", "scale_factor", "scale_nonlinearity", "misalignment", "base_tilt", "bias_covariate",
     "bias_covariate_lagged", "bias_covariate_squared", "gyro_bias", "gyro_scale_factor", "gyro_misalignment",
-    "gyro_g_sensitivity_rate", "gyro_bias_drift", "gimbal_zero_drift", "gravity_leakage",
+    "gyro_g_sensitivity_rate", "gyro_bias_drift", "gimbal_zero_drift", "gravity_leakage", "slow_bias_drift",
 }  # fmt: skip
 
 

@@ -18,6 +18,7 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters
 from gimbalcal.number import Array
 
 SHAPES = ("encoder_harmonic", "encoder_cyclic_error", "readout_curve", "setting_error")  # say a shape, not a cause
+RANDOM = ("slow_bias_drift",)  # realisations of what is integrated over as noise where the noise is stated
 JOINT = ("position_blunder",)  # effects whose parameters are one vector
 CARRIED = ("kappa_3", "kappa_4", "l")  # a second mechanism of the same effect: a candidate of its own
 TWOFOLD = ("gimbal_flexure", "post_move_creep")
@@ -72,7 +73,7 @@ def available(o: Observations, baseline: Sequence[str]) -> tuple[str, ...]:
     """Ids of the catalogue that this recording could show."""
     out = []
     for effect_id, cls in CATALOGUE.items():
-        if effect_id in SHAPES or effect_id in baseline or cls.stage not in o.sensitivity or o.kind not in cls.kinds:
+        if effect_id in (*SHAPES, *RANDOM, *baseline) or cls.stage not in o.sensitivity or o.kind not in cls.kinds:
             continue
         if all(q == "position" or o.recording.has(q) for q in cls.requires) and parameters(cls, o.stimulus.axis_names):
             out.append(effect_id)

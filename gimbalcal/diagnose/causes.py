@@ -120,6 +120,8 @@ def variants(v: View, effect_id: str, present: Sequence[Effect]) -> list[Effect]
 def _grid(v: View, effect_id: str, f: dataclasses.Field[float]) -> Array:
     time = v.recording.time - v.recording.time[0]
     low, high = float(f.metadata["low"]), float(f.metadata["high"])
+    if f.name == "span":
+        return time[-1:]
     if f.name == "epoch":
         return np.asarray((time[1:] + time[:-1]) / 2)[:: max(1, len(time) // 40)]
     if f.name in ("tau", "period"):

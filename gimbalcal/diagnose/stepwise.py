@@ -19,7 +19,8 @@ MOST = 8  # rounds
 EXCHANGE = 1.0  # ln of odds by which another cause must be likelier to take a place
 USUAL = {  # what every textbook of such a rig names first
     "pointing": ("base_tilt", "tube_flexure", "refraction", "gimbal_nonorthogonality", "axis_collimation"),
-    "norm": ("misalignment",),
+    "norm": ("misalignment", "slow_bias_drift"),
+    "rest rates": ("gyro_g_sensitivity_rate",),
     "table": ("gravity_leakage", "lever_arm", "time_tag_latency", "misalignment"),
 }
 OFTEN = np.log(10.0)  # how much likelier those are before any data
@@ -78,9 +79,10 @@ def refit(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Mo
         A = (J * weight[..., None] if v.sigma is not None else J).reshape(n, -1) * scale
         y = (r * weight).ravel()
         U, S, Vt = np.linalg.svd(A, full_matrices=False)
-        keep = S > np.sqrt(np.mean(y**2)) * 0.01  # a prior sigma of the direction moves the rows by less than noise
-        keep &= S > 1e-9 * S[0]
         b = U.T @ y
+        keep = S > 1e-9 * S[0] if len(S) else np.zeros(0, bool)
+        noise = np.sqrt(max(float(y @ y - b[keep] @ b[keep]), 0.0) / n)
+        keep &= S > 0.01 * noise  # else a prior sigma of the direction moves the rows by less than noise
         step = Vt[keep].T @ (b[keep] / S[keep])
         variance = float(y @ y - b[keep] @ b[keep]) / max(n - int(keep.sum()), 1)
         C = (Vt[keep].T / S[keep] ** 2) @ Vt[keep] * variance + Vt[~keep].T @ Vt[~keep]
@@ -225,12 +227,18 @@ def single(g: Ground, known: Sequence[Cause]) -> tuple[list[int], Array]:
 
 
 def priors(v: View, known: Sequence[Cause]) -> Array:
-    """ln prior share: effects alike but for the usual ones, then their axes alike; shapes alike among themselves."""
-    count: dict[str, int] = {}
-    for c in known:
-        count[c.effect] = count.get(c.effect, 0) + 1
+    """ln prior share: effects alike but for the usual ones; half for all axes together, which are of one make, and
+
+    half for one of them; shapes alike among themselves.
+    """
+    single = {e: sum(c.effect == e and "," not in c.axis for c in known) for e in {c.effect for c in known}}
+    several = {c.effect for c in known if "," in c.axis}
     usual = USUAL.get(v.name, ())
-    share = np.array([OFTEN * (c.effect in usual) - np.log(count[c.effect]) for c in known])
+    share = np.array([
+        OFTEN * (c.effect in usual) - np.log((2 if c.effect in several else 1) * (1 if "," in c.axis else
+                                                                                   single[c.effect]))
+        for c in known
+    ])  # fmt: skip
     shape = np.array([bool(c.shape) for c in known])
     total = np.where(shape, np.logaddexp.reduce(share[shape]), np.logaddexp.reduce(share[~shape]))
     return np.asarray(share - total)

@@ -183,7 +183,8 @@ def _heldout(v: View, m: Model, sigma: Array) -> float:
     size = max(1, round(LEFT_OUT / float(np.median(np.diff(v.recording.time))))) if v.name == "table" else 1
     left = []
     for k in range(0, n, size):
-        q, e = Q[k : k + size].reshape(-1, Q.shape[-1]), r[k : k + size].ravel()
+        e = r[k : k + size].ravel()
+        q = Q[k : k + size].reshape(len(e), Q.shape[-1])
         left.append(np.linalg.lstsq(np.eye(len(e)) - q @ q.T, e, rcond=1e-6)[0])
     return float(np.mean(np.concatenate(left) ** 2))
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from math import pi
+
 import numpy as np
 
 from gimbalcal.earth import G0
 from gimbalcal.effects.accelerometer import MISALIGNMENT_AXES, lean
 from gimbalcal.effects.effect import TRIAD, Effect, Stage, Stimulus, constant, effect, parameter
 from gimbalcal.effects.history import lagged
-from gimbalcal.number import Array, exp
+from gimbalcal.number import Array, cos, exp
 
 HOUR = 3600.0
 
@@ -184,6 +186,30 @@ class BiasDrift(Effect):
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
         return self.d * s.time[..., None]
+
+
+@effect
+class SlowBiasDrift(Effect):
+    r"""The bias drifts to and fro over the whole recording: the bias instability of a low-cost sensor.
+
+    .. math:: \delta a_i = w_{1,i} \cos(\pi t / T) + w_{2,i} \cos(2 \pi t / T)
+
+    a drift and its turning within the span T: the slowest terms of any wander about its mean. Source: IEEE Std 952,
+    bias instability. Magnitude: 0.5 to 5 ug (quartz flexure), 20 to 500 (MEMS). Seen by: a return to the same few
+    positions throughout. Twin: bias_drift and warm_up in part, bias_temperature where no thermometer was logged.
+    """
+
+    id = "slow_bias_drift"
+    stage = Stage.ACCELEROMETER
+    sources = ("ieee952",)
+    w_1: Array = parameter(TRIAD, unit="ug", sigma=3, name="slow_drift_1")
+    w_2: Array = parameter(TRIAD, unit="ug", sigma=3, name="slow_drift_2")
+    span: float = constant(3600.0, unit="s", low=60.0, high=1e6)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Output added [m/s^2]."""
+        phase = pi * s.time[..., None] / self.span
+        return self.w_1 * cos(phase) + self.w_2 * cos(2 * phase)
 
 
 @effect
