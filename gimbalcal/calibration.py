@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from gimbalcal.correction import correct, corrupt
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
+from gimbalcal.recording import Recording
 from gimbalcal.units import from_si, to_si
 
 FORMAT = 1
@@ -63,6 +65,14 @@ class Calibration:
     def sigmas(self) -> Array:
         """One standard deviation (p,) in SI."""
         return np.sqrt(np.diag(self.covariance))
+
+    def apply(self, recording: Recording) -> Recording:
+        """The recording corrected, readings to physics: force [m/s^2], rate [rad/s] and gimbal angles as they were."""
+        return correct(self, recording)
+
+    def corrupt(self, recording: Recording) -> Recording:
+        """What this unit would have read, physics to readings: the exact inverse of `apply`."""
+        return corrupt(self, recording)
 
     def to_dict(self) -> dict[str, Any]:
         """The content of calibration.json (interfaces.md section 3): values in printed units, covariance in SI."""

@@ -15,11 +15,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Effect, Stage, Stimulus
 from gimbalcal.errors import InputError
 from gimbalcal.forward import accelerometers, gyroscopes
@@ -35,7 +34,19 @@ FLAT = 1e-6  # of a determinant that is one for a perfect sensor
 ROUNDS = 6  # each multiplies what is left by a product of two errors, below 1e-5
 
 
-def correct(calibration: Calibration, recording: Recording) -> Recording:
+class Calibrated(Protocol):
+    """What is asked of a calibration here: its effects, and in its provenance the nominal scale of a unit in counts."""
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """Physics to reading."""
+
+    @property
+    def provenance(self) -> Mapping[str, Any]:
+        """`options` holds `nominal` and `gyro_nominal` where the readings were counts."""
+
+
+def correct(calibration: Calibrated, recording: Recording) -> Recording:
     """The recording with its readings turned into what was there: force [m/s^2], rate [rad/s], true gimbal angles.
 
     Direction: readings to physics. Raises InputError where the calibration was made from counts and the recording is
@@ -76,7 +87,7 @@ def _rates(s: Stimulus, effects: Sequence[Effect], w: Array) -> Array:
     return gyroscopes(w, s, effects)
 
 
-def corrupt(calibration: Calibration, recording: Recording) -> Recording:
+def corrupt(calibration: Calibrated, recording: Recording) -> Recording:
     """The recording as the calibrated unit would have read it, inverse of `correct`. Direction: physics to readings."""
     effects = _with_needs(calibration.effects, recording)
     read = _turned(recording, effects, -1.0)
@@ -157,19 +168,19 @@ def _has(recording: Recording, need: str) -> bool:
     return (quantity, name) in recording.channels if name else recording.has(quantity)
 
 
-def nominal(calibration: Calibration) -> Mapping[str, Any]:
+def nominal(calibration: Calibrated) -> Mapping[str, Any]:
     """Scale [m/s^2 per count] and offset [count] of a calibration made from counts; empty for one in m/s^2."""
     found: Mapping[str, Any] = calibration.provenance.get("options", {}).get("nominal", {})
     return found
 
 
-def gyro_scale(calibration: Calibration) -> float | None:
+def gyro_scale(calibration: Calibrated) -> float | None:
     """Nominal rad/s per count of a gyroscope calibration made from counts; None for one in rad/s."""
     found = calibration.provenance.get("options", {}).get("gyro_nominal", {}).get("scale")
     return None if found is None else float(found)
 
 
-def _from_counts(calibration: Calibration, recording: Recording) -> Recording:
+def _from_counts(calibration: Calibrated, recording: Recording) -> Recording:
     known = nominal(calibration)
     if _counted(recording, FORCE) != bool(known) and recording.has(FORCE):
         have, want = ("counts", "m/s^2") if not known else ("m/s^2", "counts")
@@ -189,7 +200,7 @@ def _from_counts(calibration: Calibration, recording: Recording) -> Recording:
     return replace(recording, channels=channels, units=units)
 
 
-def _to_counts(calibration: Calibration, recording: Recording) -> Recording:
+def _to_counts(calibration: Calibrated, recording: Recording) -> Recording:
     known, scale = nominal(calibration), gyro_scale(calibration)
     channels, units = dict(recording.channels), dict(recording.units)
     if known and recording.has(FORCE):

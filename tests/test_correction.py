@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gimbalcal.calibration import Calibration, Residual
-from gimbalcal.correction import correct, corrupt
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Effect, Stage, absent, parameters, with_values
 from gimbalcal.effects.accelerometer import Bias
@@ -61,7 +60,7 @@ def drawn(effect_id: str, seed: int) -> Effect:
 def test_correcting_what_was_corrupted_gives_it_back(ids: set[str], seed: int) -> None:
     made = calibration(tuple(drawn(i, seed) for i in sorted(ids)))
     true = table_recording(seed)
-    back = correct(made, corrupt(made, true))
+    back = made.apply(made.corrupt(true))
     for key, values in true.channels.items():
         # a few roundings of g; angles of 2 pi; rates of a few rad/s
         np.testing.assert_allclose(back.channels[key], values, rtol=0, atol=2e-14 * 10, err_msg=str(key))
@@ -71,7 +70,7 @@ def test_corrupt_moves_every_kind_of_reading() -> None:
     bias = Bias(b=np.array([1e-3, -2e-3, 3e-3]))
     effects = (bias, drawn("gyro_bias", 1), drawn("gimbal_zero", 1))
     true = table_recording(1)
-    read = corrupt(calibration(effects), true)
+    read = calibration(effects).corrupt(true)
     for key in (("specific_force", "x"), ("angular_rate", "y"), ("gimbal_angle", "inner")):
         assert np.all(read.channels[key] != true.channels[key])
     np.testing.assert_allclose(
@@ -88,28 +87,28 @@ def test_counts_become_force_and_back() -> None:
                     {("specific_force", a): N[:, i] for i, a in enumerate("xyz")},
                     units={("specific_force", a): "count" for a in "xyz"})  # fmt: skip
     made = multiposition(raw, LINEAR)
-    there = correct(made, raw)
+    there = made.apply(raw)
     norm = np.linalg.norm(there.triad("specific_force"), axis=1)
     np.testing.assert_allclose(norm, 9.8, atol=1e-9)  # a linear unit: the fit is exact up to its stopping rule
     assert there.units["specific_force", "x"] == "m/s^2"
-    np.testing.assert_allclose(corrupt(made, there).triad("specific_force"), N, rtol=1e-12)
+    np.testing.assert_allclose(made.corrupt(there).triad("specific_force"), N, rtol=1e-12)
     with pytest.raises(InputError, match=r"reads specific force in m/s\^2 and the calibration was made .* in counts"):
-        correct(made, replace(raw, units={}))
+        made.apply(replace(raw, units={}))
 
 
 def test_a_missing_temperature_is_named() -> None:
     true = table_recording(2)
     bare = replace(true, channels={k: v for k, v in true.channels.items() if k[0] != "temperature"})
     with pytest.raises(InputError, match="corrects bias_temperature, which needs a temperature channel"):
-        correct(calibration((drawn("bias_temperature", 0),)), bare)
+        calibration((drawn("bias_temperature", 0),)).apply(bare)
 
 
 def test_a_dead_zone_leaves_the_reading() -> None:
     made = calibration((CATALOGUE["dead_zone"](d=np.full(3, 1e-3)),))  # type: ignore[call-arg]
     true = table_recording(0)
     small = {("specific_force", a): np.full(18, 5e-4) for a in "xyz"}
-    read = corrupt(made, replace(true, channels=dict(true.channels) | small))
-    assert np.all(np.isfinite(correct(made, read).triad("specific_force")))
+    read = made.corrupt(replace(true, channels=dict(true.channels) | small))
+    assert np.all(np.isfinite(made.apply(read).triad("specific_force")))
 
 
 def test_every_sensor_effect_takes_part() -> None:

@@ -9,7 +9,6 @@ import pytest
 from scipy.io import loadmat
 
 from gimbalcal.calibration import Calibration, Residual
-from gimbalcal.correction import correct, corrupt
 from gimbalcal.effects import CATALOGUE, Effect, parameters, values, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.exchange import KINDS, LINEAR, export, matrices, read_exchange
@@ -63,7 +62,7 @@ def test_the_kalibr_equations_corrupt(tmp_path: Path) -> None:
     Ma, Mg, A, C = (
         np.array(m) for m in (imu["accelerometers"]["M"], *(imu["gyroscopes"][k] for k in ("M", "A", "C_gyro_i")))
     )
-    read_f, read_w = readings(corrupt(made, shaken()))
+    read_f, read_w = readings(made.corrupt(shaken()))
     np.testing.assert_allclose(f @ Ma.T + imu["gimbalcal"]["accelerometer_bias"], read_f, rtol=1e-13)
     np.testing.assert_allclose(w @ (Mg @ C).T + f @ A.T + imu["gimbalcal"]["gyroscope_bias"], read_w, rtol=1e-12)
     np.testing.assert_allclose(C @ C.T, np.eye(3), atol=1e-15)
@@ -74,9 +73,9 @@ def test_the_psins_equations_correct(tmp_path: Path) -> None:
     made = made_of((*LINEAR, "scale_nonlinearity"))
     export(made, "psins", tmp_path / "clbt.mat")
     clbt = loadmat(tmp_path / "clbt.mat", struct_as_record=False, squeeze_me=True)["clbt"]
-    read = corrupt(made, shaken())
+    read = made.corrupt(shaken())
     y, v = readings(read)
-    f, w = readings(correct(made, read))
+    f, w = readings(made.apply(read))
     # Ka2 acts outside Ka: what is left is misalignment times second order, 6e-4 x 3e-5 x g^2 / g
     np.testing.assert_allclose(y @ clbt.Ka.T - clbt.db - clbt.Ka2 * y**2, f, atol=1e-6)
     np.testing.assert_allclose(v @ clbt.Kg.T - clbt.eb - y @ clbt.gSens.T, w, atol=1e-9)  # gSens on readings: G x 1e-4

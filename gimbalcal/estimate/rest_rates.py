@@ -19,7 +19,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.correction import correct
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, with_values
 from gimbalcal.estimate.support import refusal, scatter
@@ -57,7 +56,7 @@ class RestFit:
 
 def rests(recording: Recording, accelerometers: Calibration, scale: float = 1.0) -> Rests:
     """The rests of a recording, less the Earth's vertical rate; `scale` is rad/s per unit of a raw output."""
-    means = dwell_means(correct(accelerometers, recording))
+    means = dwell_means(accelerometers.apply(recording))
     rows = dwell_means(recording)
     y = recording.triad(RATE)
     inside = np.concatenate([y[d.rows] - y[d.rows].mean(0) for d in dwells(recording)])

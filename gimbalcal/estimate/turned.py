@@ -13,7 +13,6 @@ from itertools import pairwise
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.correction import correct
 from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.errors import InputError
 from gimbalcal.forward import gyroscopes
@@ -50,7 +49,7 @@ def turns(
     stays = dwells(recording)
     if len(stays) < 6:
         raise InputError(f"{recording.title!r} holds {len(stays)} rests; turns between at least six are needed")
-    there = correct(accelerometers, recording)
+    there = accelerometers.apply(recording)
     y, f = recording.triad(RATE), there.triad(FORCE)
     level = np.array([y[d.rows].mean(0) for d in stays])
     down = np.array([f[d.rows].mean(0) for d in stays])

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.correction import correct, corrupt
 from gimbalcal.effects import Effect
 from gimbalcal.effects.gyroscope import (
     GyroBias,
@@ -151,11 +150,11 @@ def test_both_triads_in_one_calibration_correct_a_recording_in_counts() -> None:
     made = with_gyroscopes(counted, multiposition(counted, ("bias",)), LINEAR)
     assert {p.effect for p in made.parameters} == {"bias", "gyro_bias", *LINEAR}
     assert made.covariance.shape == (15, 15)
-    there = correct(made, counted)
+    there = made.apply(counted)
     at_rest = recording.position != 0
     # the rests read no rate: what is left is the noise of a sample and the level's error
     assert np.sqrt(np.mean(there.triad("angular_rate")[at_rest] ** 2)) < 1.5e-3
-    np.testing.assert_allclose(corrupt(made, there).triad("angular_rate"), counted.triad("angular_rate"), rtol=1e-12)
+    np.testing.assert_allclose(made.corrupt(there).triad("angular_rate"), counted.triad("angular_rate"), rtol=1e-12)
     still = replace(recording, position=np.ones(len(recording.time), dtype=int))
     accelerometers = multiposition(hand(TRUTH, 1e-3), ("bias",))
     assert with_gyroscopes(still, accelerometers) is accelerometers
