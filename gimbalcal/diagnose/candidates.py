@@ -27,13 +27,14 @@ GRID = 7  # values of a non-linear constant before refinement
 ORDERS = {"m": (1.0, 2.0)}  # whole-number constants: what a bearing does
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Variant:
     """One choice of the non-linear constants, and where its columns stand in the library."""
 
     constants: tuple[tuple[str, float], ...]
     index: tuple[int, ...]
     weight: float = 1.0  # share of the candidate's prior, up to their sum
+    column: Array | None = None  # (n, C) per prior sigma, of an effect that bends with its size
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 r"""From probabilities to a verdict: what is claimed, what stands together, and when nothing is named.
 
 * something is missing only if the Bayes factor for it exceeds 20 and what clean recordings of this very design reach;
-* a shape without a cause wins when its probability exceeds one half: then no cause is named by force;
+* a shape without a cause wins when its probability exceeds one half: then no cause is named by force, unless one
+  carries nine tenths of the evidence by itself: then it is named, and the rest beside it as a shape;
 * causes whose evidence, each at its own best size, lies within a factor 20 of the best stand together.
 """
 
@@ -20,6 +21,7 @@ from gimbalcal.number import Array
 CLAIM = np.log(20.0)  # simulated clean recordings reach it in less than 1 in 1000; 1 in 20 would be the bound
 TOGETHER = np.log(20.0)
 SURE = 0.90
+NEARLY = 0.90  # share of the evidence that a cause alone must carry to be named although a rest has no cause
 Scores = Callable[[Sequence[int]], Array]  # ln evidence (candidates,) at each one's best size, beside these others
 
 
@@ -47,18 +49,21 @@ def judge(s: Ranking, threshold: float, scores: Scores) -> Decision:
     candidates, p = s.library.candidates, s.posterior()
     strange = np.array([h.unknown(candidates) for h in s.hypotheses])
     unknown = float(p[strange].sum())
-    if unknown > 0.5:
-        return Decision("unexplained", None, (), (), _shapes(s, p, strange), unknown)
-    best = _simplest(s, next(h for h in s.hypotheses if not h.unknown(candidates)))
+    rest = _shapes(s, p, strange) if unknown > 0.5 else ()
+    named = (h for h in s.hypotheses if not h.unknown(candidates) and (not rest or len(h.members) == 1))
+    known = next(named, None)
+    if known is None or (rest and known.ln_bayes < NEARLY * max(h.ln_bayes for h in s.hypotheses)):
+        return Decision("unexplained", None, (), (), rest, unknown)
+    best = _simplest(s, known)
     twins, probability = [], []
     for member in best.members:
         others = tuple(i for i in best.members if i != member)
         alike = fits_alike(s, member, others, scores(others))
-        alike = alike if _share(s, p, (member, *alike)) >= SURE else _widened(s, p, member, alike, others)
+        alike = alike if rest or _share(s, p, (member, *alike)) >= SURE else _widened(s, p, member, alike, others)
         twins.append(alike)
-        probability.append(_share(s, p, (member, *alike)))
+        probability.append(_share(s, p, (member, *alike), bool(rest)))
     verdict = "not-identifiable" if any(twins) or min(probability) < SURE / 2 else "missing-physics"
-    return Decision(verdict, best, tuple(twins), tuple(probability), (), unknown)
+    return Decision(verdict, best, tuple(twins), tuple(probability), rest, unknown)
 
 
 def _simplest(s: Ranking, best: Hypothesis) -> Hypothesis:
@@ -81,8 +86,11 @@ def _shapes(s: Ranking, p: Array, strange: Array) -> tuple[int, ...]:
     return tuple(sorted(total, key=lambda i: -total[i]))
 
 
-def _share(s: Ranking, p: Array, alike: Sequence[int]) -> float:
-    """Probability of all hypotheses without an unknown that contain one of these causes."""
+def _share(s: Ranking, p: Array, alike: Sequence[int], with_rest: bool = False) -> float:
+    """Probability of all hypotheses that contain one of these causes: without an unknown, or with one beside it.
+
+    A law that leaves a rest may be another law much like it, so with a rest no cause is sure.
+    """
     candidates = s.library.candidates
     named = {candidates[i].effect for i in alike}
     axes = {a for i in alike for a in candidates[i].axis.split(", ")}
@@ -90,8 +98,9 @@ def _share(s: Ranking, p: Array, alike: Sequence[int]) -> float:
     def inside(i: int) -> bool:
         return candidates[i].effect in named and bool(axes & set(candidates[i].axis.split(", ")))
 
-    return float(sum(w for h, w in zip(s.hypotheses, p, strict=True)
-                     if not h.unknown(candidates) and any(inside(i) for i in h.members)))  # fmt: skip
+    total = sum(w for h, w in zip(s.hypotheses, p, strict=True)
+                if (with_rest or not h.unknown(candidates)) and any(inside(i) for i in h.members))  # fmt: skip
+    return float(NEARLY * total if with_rest else total)
 
 
 def fits_alike(s: Ranking, member: int, beside: Sequence[int], scores: Array) -> tuple[int, ...]:

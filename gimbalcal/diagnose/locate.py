@@ -186,6 +186,7 @@ def _sentence(m: dict[str, Any]) -> dict[str, Any]:
     places = m["where"].get("positions")
     if places and len(places) > 1:
         words = f"at positions {', '.join(str(p) for p in places)}"
-    p = "below 1e-6" if m["p_value"] < 1e-6 else f"{m['p_value']:.1g}"
-    m["in_words"] = f"{m['channel'].replace('_', ' ')} {m['axis']} is off {words} (p = {p} over the whole scan)"
+    p = "p < 1e-6" if m["p_value"] < 1e-6 else f"p = {m['p_value']:.1g}"
+    channel = m["channel"].replace("_", " ").capitalize()
+    m["in_words"] = f"{channel} {m['axis']} is off {words} ({p} over the whole scan)"
     return m

@@ -6,7 +6,7 @@ A grid value close to the best is replaced by finer ones that share its prior, s
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,8 @@ ROUNDS = 3  # refinements of a constant, each narrowing its range fourfold
 FINE = 7  # values of a constant in one refinement
 CLOSE = 25.0  # nats behind the best within which a cause is worth refining
 WHOLE = ("position", "order", "lines", "m")  # constants that count
-SIZES = (0.4, 0.7, 1.0, 1.4, 2.0)  # times the size that the tangent finds
+SECANTS = 8  # steps of size and calibration together; they settle in three or four
+BRANCHES = 3  # positions at which the sign of a force may turn out to be the other one
 
 
 def refine(
@@ -30,12 +31,13 @@ def refine(
     best = float(total.max())
     if best < 2.0:
         return library
+    stated = max(projections, key=lambda p: p.node.prior)  # a larger noise would hide that a law is on a wrong branch
     blocks, candidates, at = [library.X], list(library.candidates), library.X.shape[1]
     for i, c in enumerate(library.candidates):
         if c.rival or total[i] < best - CLOSE - 0.2 * best:
             continue
         p = projections[int(np.argmax(joint[:, i]))]
-        made = _narrowed(o, c, p, rows) if _continuous(c) else _relinearised(o, c, p, rows)
+        made = _narrowed(o, c, p, rows) if _continuous(c) else _relinearised(o, c, stated)
         variants = list(c.variants)
         for v, X in made:
             variants.append(replace(v, index=tuple(range(at, at + X.shape[1]))))
@@ -104,49 +106,80 @@ def _score(G: Array, b: Array) -> float:
     return float(mixed(log_bayes(G, b), SIZE_PRIOR))
 
 
-def _relinearised(o: Observations, c: Candidate, p: Projection, rows: Rows) -> list[tuple[Variant, Array]]:
-    """For an effect that bends with its own size: secants at several sizes, the calibration moved along with each."""
-    cls = CATALOGUE[c.effect]
-    if cls.linear or len(c.parameters) != 1:
+def _relinearised(o: Observations, c: Candidate, p: Projection) -> list[tuple[Variant, Array]]:
+    """For an effect that bends with its own size: secants at the size and calibration that fit best with it.
+
+    Near null, small angles decide the sign of a force, and with it the branch of a law such as a dead zone: angles of
+    the sensor's insides too, of which the calibration knows nothing. So each position where the sign is in doubt is
+    also tried with the other one; all branches that were tried share the prior.
+    """
+    if CATALOGUE[c.effect].linear or len(c.parameters) != 1:
         return []
+    Z, y = (p.node.whiten(o.reduce(A)) for A in (o.Z, o.y[:, :, None]))
     at = c.variants[0].index[0]
     tangent = float(p.b[at, 0] / max(p.G[at, at], 1e-12)) * c.parameters[0].sigma
-    Z, y = o.reduce(o.Z), o.reduce(o.y[:, :, None])[:, 0]
-    made, sizes = [], [k * tangent for k in SIZES]
-    for n in range(3 * len(SIZES)):
-        size = sizes[n]
-        s = o.seen[cls.stage]
-        X = _secant(o, c, size, s)
-        for _ in range(2):
-            shift = np.linalg.lstsq(Z, y - X[:, 0] * size / c.parameters[0].sigma, rcond=1e-9)[0]
-            s = restimulated(o, shift, cls.stage)
-            X = _secant(o, c, size, s)
-        made.append((Variant(c.variants[0].constants, (), c.variants[0].weight / len(SIZES)), X))
-        if n >= len(SIZES) - 1:
-            G, b = extended(p.node, rows, X)
-            found = float(b[0] / max(G[0, 0], 1e-12)) * c.parameters[0].sigma
-            if abs(found - size) < 0.01 * abs(size) or n == 3 * len(SIZES) - 1:
-                break
-            sizes.append(found if n > len(SIZES) - 1 else _best_size(p, rows, made, sizes, c))
-    return made
+    if tangent == 0.0:
+        return []
+    best = _bent(o, c, p, Z, y, tangent, frozenset())
+    tried = [best]
+    for _ in range(BRANCHES):
+        more = [_bent(o, c, p, Z, y, best.size, best.turned | {i}) for i in best.doubtful - best.turned]
+        tried += more
+        better = min(more, key=lambda b: b.misfit, default=best)
+        if better.misfit > best.misfit - 1.0:
+            break
+        best = better
+    return [(Variant(c.variants[0].constants, (), 1.0, b.column), o.reduce(b.column[:, :, None])) for b in tried]
 
 
-def _best_size(
-    p: Projection, rows: Rows, made: Sequence[tuple[Variant, Array]], sizes: Sequence[float], c: Candidate
-) -> float:
-    """Size that the likeliest secant finds."""
-    fits = [extended(p.node, rows, X) for _, X in made]
-    G, b = fits[int(np.argmax([_score(*f) for f in fits]))]
-    del sizes
-    return float(b[0] / max(G[0, 0], 1e-12)) * c.parameters[0].sigma
+@dataclass(frozen=True)
+class _Bent:
+    """A branch: misfit, size (SI), positions with the sign turned and with it in doubt, secant (n, C)."""
+
+    misfit: float
+    size: float
+    turned: frozenset[int]
+    doubtful: frozenset[int]
+    column: Array
+
+
+def _bent(
+    o: Observations, c: Candidate, p: Projection, Z: Array, y: Array, size: float, turned: frozenset[int]
+) -> _Bent:
+    """Size and calibration fitted together by secants, the force at some positions held on the other side of null."""
+    sigma, stage = c.parameters[0].sigma, CATALOGUE[c.effect].stage
+    s = o.seen[stage]
+    for _ in range(SECANTS):
+        column = _secant(o, c, size, _other_side(s, c.axis, turned, size))
+        A = np.concatenate([Z, p.node.whiten(o.reduce(column[:, :, None]))], axis=1)
+        x = np.linalg.lstsq(A, y[:, 0], rcond=1e-9)[0]
+        found = float(x[-1]) * sigma
+        if found == 0.0 or abs(found - size) < 0.01 * abs(size):
+            break
+        size, s = found, restimulated(o, x[:-1], stage)
+    return _Bent(float(((y[:, 0] - A @ x) ** 2).sum()), size, turned, _doubtful(s, c.axis, size), column)
+
+
+def _doubtful(s: Stimulus, axis: str, size: float) -> frozenset[int]:
+    """Positions at which the force along an axis is within three sizes of null."""
+    near = np.abs(s.force[:, "xyz".index(axis)]) < 3 * abs(size) if axis in "xyz" else np.zeros(len(s.time), bool)
+    return frozenset(int(i) for i in np.unique(s.position[near]))
+
+
+def _other_side(s: Stimulus, axis: str, turned: frozenset[int], size: float) -> Stimulus:
+    """The stimulus with the force along one axis beyond null at some positions."""
+    if not turned:
+        return s
+    force, i = s.force.copy(), "xyz".index(axis)
+    there = np.isin(s.position, list(turned))
+    force[there, i] = -np.sign(force[there, i]) * np.maximum(np.abs(force[there, i]), abs(size))
+    return s.at(force=force)
 
 
 def _secant(o: Observations, c: Candidate, size: float, s: Stimulus) -> Array:
-    """Reduced column per prior sigma of the change that this size of the parameter makes."""
+    """Column (n, C) per prior sigma of the change that this size of the parameter makes."""
     cls, names = CATALOGUE[c.effect], o.stimulus.axis_names
     none: Effect = absent_effect(c.effect, o.stimulus)
-    if size == 0:
-        return scaled_columns(o, none, c.parameters)
     (made,) = with_values([none], c.parameters, np.array([size]), names)
     added = np.asarray(made.contribution(s)) - np.asarray(none.contribution(s))
-    return o.reduce(o.through(cls.stage, added.real)[:, :, None]) / size * c.parameters[0].sigma
+    return o.through(cls.stage, added.real) / size * c.parameters[0].sigma

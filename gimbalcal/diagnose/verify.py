@@ -118,7 +118,10 @@ def physical_columns(s: Search, f: Fit) -> Array:
     out = [np.zeros((*o.y.shape, 0))]
     for m, v in zip(f.members, f.variants, strict=True):
         c = s.library.candidates[m]
-        if not c.rival:
+        bent = c.variants[v].column
+        if bent is not None:
+            out.append(bent[:, :, None])
+        elif not c.rival:
             effect = absent_effect(c.effect, o.stimulus, c.source, **dict(c.variants[v].constants))
             out.append(o.columns(effect, c.parameters) * np.array([p.sigma for p in c.parameters]))
     return np.concatenate(out, axis=-1)

@@ -41,18 +41,23 @@ def answer(
         return f"The calibrated model explains these data: reduced chi^2 {fit['chi2_reduced_before']:.3g}."
     where = f" {mismatch[0]['in_words']}." if mismatch else ""
     if verdict == "unexplained":
-        shape = f": {unexplained[0]['shape']} in {unexplained[0]['channel']}" if unexplained else ""
-        return f"The model does not explain these data, and no cause of the catalogue does{shape}.{where}"
+        left = f" What is left is {_of(unexplained[0])}." if unexplained else ""
+        return f"The model does not explain these data, and no cause of the catalogue does.{left}{where}"
     causes = " and ".join(named(f) for f in findings)
     better = (
         f"Reduced chi^2 goes from {fit['chi2_reduced_before']:.3g} to {fit['chi2_reduced_after']:.3g}, "
         f"on held-out data from {fit['heldout_before']:.3g} to {fit['heldout_after']:.3g}."
     )
+    if unexplained:
+        better += f" A small rest has no known cause: {_of(unexplained[0])}."
     lead = "What was left out: " if verdict == "missing-physics" else "These data cannot tell which was left out: "
     return f"{lead}{causes}. {better}{where}"
 
 
+def _of(u: Mapping[str, Any]) -> str:
+    return f"{u['shape']} in {u['channel'].replace('_', ' ')}"
+
+
 def shape(rival: str, channel: str, axis: str) -> dict[str, str]:
     """One unexplained shape as the contract wants it."""
-    place = f"{channel} {axis}".strip()
-    return {"channel": place, "shape": f"depends as {rival} on axis {axis}" if axis else f"depends as {rival}"}
+    return {"channel": f"{channel} {axis}".strip(), "shape": rival}
