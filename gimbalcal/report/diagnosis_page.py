@@ -38,7 +38,7 @@ def diagnosis_report(content: Mapping[str, Any], panels: Sequence[Panel] = (), t
         "findings": findings,
         "picture": _before_after(panels),
         "mismatch": [_mismatch(m) for m in content["mismatch"]],
-        "unexplained": [dict(u) for u in content["unexplained"]],
+        "unexplained": [{**u, "channel": str(u["channel"]).replace("_", " ")} for u in content["unexplained"]],
         "moved": [_moved(m) for m in content["fit"].get("calibration_moved", [])],
         "provenance": [
             (str(k).replace("_", " "), text)
