@@ -12,6 +12,7 @@ import numpy as np
 
 from gimbalcal.diagnose.candidates import Candidate, Library, Variant, constant_fields, limits, scaled_columns
 from gimbalcal.diagnose.evidence import SIZE_PRIOR, Projection, Rows, extended, log_bayes, mixed
+from gimbalcal.diagnose.noise import Node
 from gimbalcal.diagnose.observations import Observations, absent_effect, restimulated
 from gimbalcal.effects import CATALOGUE, Effect, Stimulus, with_values
 from gimbalcal.number import Array
@@ -115,7 +116,7 @@ def _relinearised(o: Observations, c: Candidate, p: Projection) -> list[tuple[Va
     """
     if CATALOGUE[c.effect].linear or len(c.parameters) != 1:
         return []
-    Z, y = (p.node.whiten(o.reduce(A)) for A in (o.Z, o.y[:, :, None]))
+    Z, y = (_whitened(p.node, o.reduce(A)) for A in (o.Z, o.y[:, :, None]))
     at = c.variants[0].index[0]
     tangent = float(p.b[at, 0] / max(p.G[at, at], 1e-12)) * c.parameters[0].sigma
     if tangent == 0.0:
@@ -130,6 +131,12 @@ def _relinearised(o: Observations, c: Candidate, p: Projection) -> list[tuple[Va
             break
         best = better
     return [(Variant(c.variants[0].constants, (), 1.0, b.column), o.reduce(b.column[:, :, None])) for b in tried]
+
+
+def _whitened(node: Node, A: Array) -> Array:
+    """All reduced rows to unit covariance; those beyond the coloured ones have it already."""
+    low = node.inverse_root.shape[0]
+    return np.concatenate([node.whiten(A[:low]), A[low:]])
 
 
 @dataclass(frozen=True)
@@ -151,7 +158,7 @@ def _bent(
     s = o.seen[stage]
     for _ in range(SECANTS):
         column = _secant(o, c, size, _other_side(s, c.axis, turned, size))
-        A = np.concatenate([Z, p.node.whiten(o.reduce(column[:, :, None]))], axis=1)
+        A = np.concatenate([Z, _whitened(p.node, o.reduce(column[:, :, None]))], axis=1)
         x = np.linalg.lstsq(A, y[:, 0], rcond=1e-9)[0]
         found = float(x[-1]) * sigma
         if found == 0.0 or abs(found - size) < 0.01 * abs(size):
