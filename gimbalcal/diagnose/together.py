@@ -94,8 +94,9 @@ def _check(recordings: Sequence[Recording]) -> None:
                 f"{first.title!r} is of platform {first.platform.name!r} and {r.title!r} of {r.platform.name!r}: "
                 "`diagnose` combines recordings of one unit; run it on each"
             )
-    files = [s.sha256 for r in recordings for s in r.source]
-    twice = next((s.path for r in recordings for s in r.source if files.count(s.sha256) > 1), "")
+    files = [s for r in recordings for s in r.source if not s.path.endswith(".toml")]  # headers may well be alike
+    seen = [s.sha256 for s in files]
+    twice = next((s.path for s in files if seen.count(s.sha256) > 1), "")
     if twice or len({id(r) for r in recordings}) < len(recordings):
         raise InputError(f"{twice or first.title!r} is given twice: the same data are no more evidence; give it once")
 
@@ -156,8 +157,8 @@ def _mismatch(shares: Sequence[Share], lead: int) -> tuple[dict[str, Any], ...]:
     out = []
     for k in sorted(range(len(shares)), key=lambda k: k != lead):
         for m in told(shares[k].before, at_least=int(k == lead)):
-            words = f"In recording {k + 1}, {m['in_words']}"
-            out.append({**m, "recording": k + 1, "in_words": words})
+            words = m["in_words"]
+            out.append({**m, "recording": k + 1, "in_words": f"In recording {k + 1}, {words[0].lower()}{words[1:]}"})
     return tuple(out[:LISTED])
 
 
@@ -217,9 +218,9 @@ def _advice(c: Combined, d: Decision, shares: Sequence[Part], slot: int, size: A
 def _shape(c: Combined, i: int) -> dict[str, Any]:
     """A shape without a cause, and which recordings show it."""
     seen = [k + 1 for k in c.sees(i)]
-    where = f" in recording {seen[0]}" if len(seen) == 1 else " in every recording that could show it"
-    told_ = shape(c.library.candidates[i])
-    return {**told_, "shape": told_["shape"] + where, "recordings": seen}
+    where = f"recording {seen[0]}" if len(seen) == 1 else "every recording that could show it"
+    rest = shape(c.library.candidates[i])
+    return {**rest, "channel": f"{rest['channel']} of {where}", "recordings": seen}
 
 
 def _sums(shares: Sequence[Share], lead: int) -> dict[str, Any]:
