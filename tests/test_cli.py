@@ -5,9 +5,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gimbalcal import cli
+from gimbalcal.recording import dwell_means, read
+from gimbalcal.simulate import simulate_to
 
 ROOT = Path(__file__).resolve().parent.parent
 DEVICE = ROOT / "data" / "space_stable_18"
@@ -69,6 +72,8 @@ def test_calibrate_writes_the_contract_and_a_page(command, capsys, tmp_path: Pat
         (["import", "no-such-rig", "file"], "no-such-rig"),
         (["import", "csv", "file", "--set", "unit"], "NAME=VALUE"),
         (["calibrate", str(DEVICE), str(DEVICE)], "one of each kind"),
+        (["apply", str(DEVICE), "--calibration", "nowhere.json"], "there is no nowhere.json"),
+        (["export", "matlab", "--calibration", "nowhere.json"], "there is no nowhere.json"),
         (["calibrate", str(DEVICE), str(STATIC), "--method", "multiposition"], "takes one recording"),
     ],
 )
@@ -90,3 +95,31 @@ def test_an_interruption_says_so(command, capsys, monkeypatch) -> None:  # type:
     monkeypatch.setattr("gimbalcal.pipeline.calibrate", interrupted)
     assert command("calibrate", DEVICE) == 130
     assert "interrupted" in capsys.readouterr().err
+
+
+def test_a_recording_is_corrected_and_corrupted_again(command, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    assert command("calibrate", DEVICE, "--out", tmp_path / "made", "--quiet") == 0
+    assert command("export", "csv", "--calibration", tmp_path / "made" / "calibration.json", "--out", tmp_path) == 0
+    known = ("--calibration", tmp_path / "calibration.csv", "--quiet")
+    assert command("apply", DEVICE, "--out", tmp_path / "true", *known) == 0
+    assert command("apply", tmp_path / "true", "--inverse", "--out", tmp_path / "read", *known) == 0
+    raw, true, back = (read(folder) for folder in (DEVICE, tmp_path / "true", tmp_path / "read"))
+    # two files of 17 digits on the way
+    np.testing.assert_allclose(back.triad("specific_force"), raw.triad("specific_force"), atol=1e-13)
+    norm = np.linalg.norm(dwell_means(true).triad("specific_force"), axis=1)
+    # 18 coefficients fitted: what is left of the norm is the noise of a mean, below 10 ug
+    np.testing.assert_allclose(norm, true.site.gravity, atol=1e-4)
+    assert np.abs(np.linalg.norm(dwell_means(raw).triad("specific_force"), axis=1) - raw.site.gravity).max() > 1e-3
+
+
+def test_a_recording_is_not_written_over_itself(command, capsys, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    simulate_to("demo", tmp_path / "demo")
+    assert command("calibrate", tmp_path / "demo", "--out", tmp_path / "made", "--quiet") == 1  # a concealed effect
+    known = tmp_path / "made" / "calibration.json"
+    assert command("apply", tmp_path / "demo", "--calibration", known, "--out", tmp_path / "demo") == 2
+    assert "is the recording itself" in capsys.readouterr().err
+    assert command("export", "json", "--calibration", known, "--out", tmp_path / "made") == 2
+    assert "is the calibration itself" in capsys.readouterr().err
+    assert command("export", "matlab", "--calibration", known, "--out", tmp_path / "new") == 2
+    assert "take one of kalibr, psins, csv, json" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()

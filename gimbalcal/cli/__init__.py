@@ -6,19 +6,16 @@ Heavy packages are imported inside the commands, so that `gimbalcal --help` answ
 
 from __future__ import annotations
 
-import json
-import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
 
 import click
 
 from gimbalcal import __version__
+from gimbalcal.cli.files import apply, export, import_
+from gimbalcal.cli.options import RECORDINGS, listed, output_options, progress, show
 from gimbalcal.errors import InputError
 
-F = TypeVar("F", bound=Callable[..., Any])
 CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 
 
@@ -50,57 +47,15 @@ def _stop(sentence: str, status: int) -> None:
     sys.exit(status)
 
 
-def output_options(command: F) -> F:
-    """--out, --quiet and --json, which every command that computes has."""
-    command = click.option("--json", "as_json", is_flag=True, help="Print the result on stdout as JSON.")(command)
-    command = click.option("--quiet", is_flag=True, help="No progress on stderr.")(command)
-    return click.option(
-        "--out", type=click.Path(path_type=Path), callback=_folder, default=None, help="Folder for the results."
-    )(command)
-
-
-def _folder(_context: click.Context, _option: click.Parameter, out: Path | None) -> Path | None:
-    """--out, refused before anything is computed if no folder can be there."""
-    if out is None:
-        return None
-    there = next(p for p in (out, *out.absolute().parents) if p.exists() or p.is_symlink())
-    if not there.is_dir():
-        raise InputError(f"--out {out} cannot be a folder, because {there} is a file; give another name")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise InputError(f"--out {out} cannot be written, {there} does not permit it; give another folder")
-    return out
-
-
-def listed(words: str) -> tuple[str, ...]:
-    """A comma-separated option as a tuple."""
-    return tuple(w.strip() for w in words.split(",") if w.strip())
-
-
-def progress(quiet: bool) -> Callable[[str], None]:
-    """A function that tells what is being done, on stderr."""
-
-    def tell(sentence: str) -> None:
-        if not quiet:
-            print(f"  {sentence}", file=sys.stderr, flush=True)
-
-    return tell
-
-
-def show(result: dict[str, Any], sentence: str, as_json: bool, quiet: bool) -> None:
-    """Print the sentence, and the result on stdout if asked."""
-    if as_json:
-        print(json.dumps(result))
-    if not quiet:
-        print(sentence, file=sys.stderr if as_json else sys.stdout)
-
-
-RECORDINGS = click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
-
-
 @click.group(context_settings=CONTEXT)
 @click.version_option(__version__, prog_name="gimbalcal")
 def gimbalcal() -> None:
     """Calibrate inertial sensors on gimballed platforms, and say what physics the model left out."""
+
+
+gimbalcal.add_command(apply)
+gimbalcal.add_command(export)
+gimbalcal.add_command(import_)
 
 
 @gimbalcal.command()
@@ -142,8 +97,8 @@ def diagnose(
     out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Say where the data differ from the model, which physics was left out, and what it changes."""
-    from gimbalcal.calibration import read as read_calibration
     from gimbalcal.diagnose import diagnose as run
+    from gimbalcal.exchange import read_calibration
     from gimbalcal.pipeline import load
     from gimbalcal.report.files import write_diagnosis
 
@@ -254,40 +209,6 @@ def catalogue(effect: str | None) -> None:
         print(inspect.getdoc(CATALOGUE[effect]))
     else:
         raise InputError(f"no effect is called {effect!r}; `gimbalcal catalogue` lists them")
-
-
-@gimbalcal.command("import")
-@click.argument("kind")
-@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="What the importer of this kind asks for.")
-@output_options
-def import_(
-    kind: str, files: tuple[Path, ...], settings: tuple[str, ...], out: Path | None, quiet: bool, as_json: bool
-) -> None:
-    """Turn another rig's FILES into a recording folder; KIND is the rig or file type."""
-    from gimbalcal.importers import import_files
-    from gimbalcal.recording import write
-
-    options = dict(_pair(s) for s in settings)
-    tell = progress(quiet)
-    tell(f"importing {len(files)} file(s) as {kind}")
-    recording = import_files(kind, files, options)
-    for remark in recording.remarks:
-        tell(remark)
-    folder = out or Path(files[0].stem)
-    write(recording, folder)
-    summary = {"kind": recording.kind, "rows": len(recording.time), "folder": str(folder)}
-    if as_json:
-        print(json.dumps(summary))
-    elif not quiet:
-        print(f"wrote a {recording.kind} recording of {len(recording.time)} rows into {folder}")
-
-
-def _pair(setting: str) -> tuple[str, str]:
-    name, equals, value = setting.partition("=")
-    if not equals:
-        raise InputError(f"--set takes NAME=VALUE, got {setting!r}")
-    return name, value
 
 
 @gimbalcal.command()

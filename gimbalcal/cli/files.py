@@ -1,0 +1,92 @@
+"""Files into files: a recording corrected, a calibration for another program, another rig's recording."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from gimbalcal.cli.options import output_options, progress, show
+from gimbalcal.errors import InputError
+
+CALIBRATION = click.option(
+    "--calibration", "known", required=True, type=click.Path(path_type=Path),
+    help="calibration.json, or another program's: Kalibr .yaml, PSINS .mat, .csv.",
+)  # fmt: skip
+
+
+@click.command()
+@click.argument("recording", type=click.Path(path_type=Path))
+@CALIBRATION
+@click.option("--inverse", is_flag=True, help="Physics to readings: what the calibrated unit would have read.")
+@output_options
+def apply(recording: Path, known: Path, inverse: bool, out: Path | None, quiet: bool, as_json: bool) -> None:
+    """Correct RECORDING by a calibration: readings to physics, into a recording folder."""
+    from gimbalcal.exchange import read_calibration
+    from gimbalcal.recording import read, write
+
+    calibration, there = read_calibration(known), read(recording)
+    folder = out or Path(f"{recording.name}-{'corrupted' if inverse else 'corrected'}")
+    if folder.resolve() == recording.resolve():
+        raise InputError(f"--out {folder} is the recording itself; give another folder")
+    made = calibration.corrupt(there) if inverse else calibration.apply(there)
+    write(made, folder, "samples.parquet" if (recording / "samples.parquet").is_file() else "samples.csv")
+    direction = "physics to readings" if inverse else "readings to physics"
+    result = {"rows": len(made.time), "folder": str(folder), "direction": direction,
+              "effects": sorted({e.id for e in calibration.effects})}  # fmt: skip
+    show(result, f"wrote {made.title!r}, {direction}, {len(made.time)} rows, into {folder}", as_json, quiet)
+
+
+@click.command()
+@click.argument("kind")
+@CALIBRATION
+@output_options
+def export(kind: str, known: Path, out: Path | None, quiet: bool, as_json: bool) -> None:
+    """Write a calibration for another program; KIND is kalibr, psins, csv or json."""
+    from gimbalcal.exchange import DIRECTION, FILES, read_calibration
+    from gimbalcal.exchange import export as run
+
+    calibration = read_calibration(known)
+    path = (out or Path()) / FILES.get(kind, "calibration")
+    if path.resolve() == known.resolve():
+        raise InputError(f"{path} is the calibration itself; give another --out")
+    lost = run(calibration, kind, path)
+    for words in lost:
+        progress(quiet)(f"note: {words}")
+    result = {"file": str(path), "direction": DIRECTION[kind], "lost": list(lost)}
+    show(result, f"wrote {path}, {DIRECTION[kind]}", as_json, quiet)
+
+
+@click.command("import")
+@click.argument("kind")
+@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="What the importer of this kind asks for.")
+@output_options
+def import_(
+    kind: str, files: tuple[Path, ...], settings: tuple[str, ...], out: Path | None, quiet: bool, as_json: bool
+) -> None:
+    """Turn another rig's FILES into a recording folder; KIND is the rig or file type."""
+    from gimbalcal.importers import import_files
+    from gimbalcal.recording import write
+
+    options = dict(_pair(s) for s in settings)
+    tell = progress(quiet)
+    tell(f"importing {len(files)} file(s) as {kind}")
+    recording = import_files(kind, files, options)
+    for remark in recording.remarks:
+        tell(remark)
+    folder = out or Path(files[0].stem)
+    write(recording, folder)
+    summary = {"kind": recording.kind, "rows": len(recording.time), "folder": str(folder)}
+    if as_json:
+        print(json.dumps(summary))
+    elif not quiet:
+        print(f"wrote a {recording.kind} recording of {len(recording.time)} rows into {folder}")
+
+
+def _pair(setting: str) -> tuple[str, str]:
+    name, equals, value = setting.partition("=")
+    if not equals:
+        raise InputError(f"--set takes NAME=VALUE, got {setting!r}")
+    return name, value

@@ -1,0 +1,63 @@
+"""Options that several commands share, and how a command tells what it does."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from gimbalcal.errors import InputError
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def output_options(command: F) -> F:
+    """--out, --quiet and --json, which every command that computes has."""
+    command = click.option("--json", "as_json", is_flag=True, help="Print the result on stdout as JSON.")(command)
+    command = click.option("--quiet", is_flag=True, help="No progress on stderr.")(command)
+    return click.option(
+        "--out", type=click.Path(path_type=Path), callback=_folder, default=None, help="Folder for the results."
+    )(command)
+
+
+def _folder(_context: click.Context, _option: click.Parameter, out: Path | None) -> Path | None:
+    """--out, refused before anything is computed if no folder can be there."""
+    if out is None:
+        return None
+    there = next(p for p in (out, *out.absolute().parents) if p.exists() or p.is_symlink())
+    if not there.is_dir():
+        raise InputError(f"--out {out} cannot be a folder, because {there} is a file; give another name")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(f"--out {out} cannot be written, {there} does not permit it; give another folder")
+    return out
+
+
+def listed(words: str) -> tuple[str, ...]:
+    """A comma-separated option as a tuple."""
+    return tuple(w.strip() for w in words.split(",") if w.strip())
+
+
+def progress(quiet: bool) -> Callable[[str], None]:
+    """A function that tells what is being done, on stderr."""
+
+    def tell(sentence: str) -> None:
+        if not quiet:
+            print(f"  {sentence}", file=sys.stderr, flush=True)
+
+    return tell
+
+
+def show(result: dict[str, Any], sentence: str, as_json: bool, quiet: bool) -> None:
+    """Print the sentence, and the result on stdout if asked."""
+    if as_json:
+        print(json.dumps(result))
+    if not quiet:
+        print(sentence, file=sys.stderr if as_json else sys.stdout)
+
+
+RECORDINGS = click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))

@@ -1,0 +1,67 @@
+"""The linear model as matrices, which other programs hold: from effects, and back to parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
+from gimbalcal.number import Array
+
+LINEAR = ("bias", "scale_factor", "misalignment", "gyro_bias", "gyro_scale_factor", "gyro_misalignment",
+          "gyro_g_sensitivity_rate")  # fmt: skip
+QUADRATIC = ("scale_nonlinearity",)
+Found = dict[Parameter, tuple[float, float]]
+"""Value and sigma [SI] of each parameter that a file holds."""
+
+
+def _by_effect(effects: Sequence[Effect]) -> dict[str, Array]:
+    """Parameter arrays of the effects, zeros where absent."""
+    by_id = {e.id: e for e in effects}
+    out = {}
+    for name in (*LINEAR, *QUADRATIC):
+        field = parameters(CATALOGUE[name])[0].field
+        size = len(parameters(CATALOGUE[name]))
+        out[name] = np.asarray(getattr(by_id[name], field) if name in by_id else np.zeros(size), dtype=float)
+    return out
+
+
+def matrices(effects: Sequence[Effect]) -> dict[str, Array]:
+    """Linear model, physics to reading: y = Ma f + ba (+ K (y - ba)^2), w_m = Mg w + A f + bg. SI."""
+    v = _by_effect(effects)
+    xy, xz, yz, yx, zx, zy = v["misalignment"]
+    C = np.array([[1, xz, -xy], [-yz, 1, yx], [zy, -zx, 1]])  # Wu et al. (2018), Eq. (5)
+    gxy, gxz, gyz, gyx, gzx, gzy = v["gyro_misalignment"]
+    off = np.array([[0, gxy, gxz], [gyx, 0, gyz], [gzx, gzy, 0]])
+    return {
+        "Ma": C / (1 + v["scale_factor"])[:, None],
+        "ba": v["bias"],
+        "K": v["scale_nonlinearity"],
+        "Mg": np.eye(3) + np.diag(v["gyro_scale_factor"]) + off,
+        "bg": v["gyro_bias"],
+        "A": v["gyro_g_sensitivity_rate"].reshape(3, 3),
+    }
+
+
+def parameters_of(m: Mapping[str, Array]) -> Found:
+    """Parameters of the matrices, the inverse of `matrices`; sigma zero, as these formats state none."""
+    Ma, Mg = m["Ma"], m["Mg"]
+    s = 1 / np.diag(Ma) - 1
+    C = Ma * (1 + s)[:, None]
+    arrays: dict[str, ArrayLike] = {
+        "scale_factor": s,
+        "bias": m["ba"],
+        "misalignment": [-C[0, 2], C[0, 1], -C[1, 0], C[1, 2], -C[2, 1], C[2, 0]],
+        "scale_nonlinearity": m["K"],
+        "gyro_scale_factor": np.diag(Mg) - 1,
+        "gyro_bias": m["bg"],
+        "gyro_misalignment": [Mg[0, 1], Mg[0, 2], Mg[1, 2], Mg[1, 0], Mg[2, 0], Mg[2, 1]],
+        "gyro_g_sensitivity_rate": np.ravel(m["A"]),
+    }
+    out: Found = {}
+    for name, x in arrays.items():
+        if np.any(np.asarray(x) != 0):
+            out |= {p: (float(v), 0.0) for p, v in zip(parameters(CATALOGUE[name]), np.asarray(x), strict=True)}
+    return out
