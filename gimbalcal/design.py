@@ -5,10 +5,8 @@ of the same forward model that calibrates, so that information adds,
 
 .. math:: F = I + \sum_c A_c^T A_c
 
-with I the prior. D maximises log det F (the volume of what is left uncertain), A minimises tr F^{-1} (its mean square
-in units of the priors). A greedy start and random ones are improved by exchanging positions until no exchange helps
-(Fedorov 1972). Without angles a position brings one row, the norm of the force; with angles three, less what a setting
-error takes.
+with I the prior; `selection` chooses among them. Without angles a position brings one row, the norm of the force; with
+angles three, less what a setting error takes.
 """
 
 from __future__ import annotations
@@ -32,9 +30,9 @@ from gimbalcal.number import STEP, Array
 from gimbalcal.platform import KNOWN, Platform, known
 from gimbalcal.recording import Recording, Site
 from gimbalcal.schedule import SCHEDULES, Hold, Schedule
+from gimbalcal.selection import CRITERIA, optimise, value
 from gimbalcal.units import from_si, to_si
 
-CRITERIA = ("D", "A")
 MOST_CANDIDATES = 200_000  # rows of some 18 parameters: 100 MB of work space
 
 
@@ -49,7 +47,7 @@ class Rig:
     platform: Platform
     grid: Mapping[str, Array]
     setting: float = np.inf
-    accelerometer: float = 1e-5
+    accelerometer: float = 1e-6 * G0
     gravity: float = G0
 
     def candidates(self) -> Array:
@@ -70,10 +68,11 @@ def free_rig(platform: Platform, step: float = np.pi / 4, **options: Any) -> Rig
     return Rig(platform, {a.name: grid(-np.pi, np.pi, step) for a in turning}, **options)
 
 
-def rig_of(name: str, step: float, setting: float | None) -> Rig:
+def rig_of(name: str, step: float, setting: float | None, force: float = 1.0) -> Rig:
     """The rig of a known platform in steps of `step` [deg], set to `setting` [arcsec] (None: no angle is known).
 
-    Raises InputError for a platform that is not known, or a step that does not divide the circle.
+    force [ug]: noise of one position's mean. Raises InputError for a platform that is not known, a step that does not
+    divide the circle, or a noise that is none.
     """
     platform = known(name)
     if platform is None or not platform.axes:
@@ -83,7 +82,10 @@ def rig_of(name: str, step: float, setting: float | None) -> Rig:
         raise InputError(f"--step must divide 360 deg into equal parts, got {step:g} deg")
     if setting is not None and not 0 <= setting < np.inf:
         raise InputError(f"--angle-sigma must be a finite number of arcsec from 0, got {setting:g}")
-    made = free_rig(platform, np.deg2rad(step), setting=np.inf if setting is None else to_si(setting, "arcsec"))
+    if not 0 < force < np.inf:
+        raise InputError(f"--force-sigma must be a finite number of ug above 0, got {force:g}")
+    noise = {"setting": np.inf if setting is None else to_si(setting, "arcsec"), "accelerometer": to_si(force, "ug")}
+    made = free_rig(platform, np.deg2rad(step), **noise)
     if (360 / step) ** len(made.grid) > MOST_CANDIDATES:
         raise InputError(f"--step {step:g} deg on {len(made.grid)} axes makes too many attitudes: take a coarser step")
     return made
@@ -189,65 +191,6 @@ def _turns(rig: Rig, s: Stimulus) -> Array:
     return np.stack([force.imag / STEP for force in turned], axis=-1)
 
 
-def optimise(rows: Array, count: int, criterion: str, interest: Array, seed: int, starts: int = 10) -> Array:
-    """Indices (count,) of the candidates (c, 3, p) that are best for the parameters of `interest` (p,)."""
-    rng = np.random.default_rng(seed)
-    begin = [_greedy(rows, count, criterion, interest), *(rng.integers(0, len(rows), count) for _ in range(starts - 1))]
-    found = [_exchange(rows, chosen, criterion, interest) for chosen in begin]
-    best = max(found, key=lambda chosen: value(rows[chosen], criterion, interest))
-    return np.sort(best)
-
-
-def value(rows: Array, criterion: str, interest: Array) -> float:
-    """The criterion (larger is better) of positions with rows (n, 3, p)."""
-    F = np.eye(rows.shape[-1]) + np.einsum("cip,ciq->pq", rows, rows)
-    P = np.linalg.inv(F)[np.ix_(interest, interest)]
-    return float(-np.linalg.slogdet(P)[1] if criterion == "D" else -np.trace(P))
-
-
-def gains(rows: Array, F: Array, criterion: str, interest: Array) -> Array:
-    """What adding each candidate (c, 3, p) to information F (p, p) would be worth."""
-    P = np.linalg.inv(F)
-    AP = rows @ P
-    middle = np.linalg.inv(np.eye(rows.shape[1]) + AP @ np.swapaxes(rows, -1, -2))
-    if criterion == "A":
-        part = AP[..., interest]
-        return np.einsum("cip,cij,cjp->c", part, middle, part)
-    full = -np.linalg.slogdet(middle)[1]
-    if interest.all():
-        return np.asarray(full)
-    other = rows[..., ~interest]
-    Pn = np.linalg.inv(F[np.ix_(~interest, ~interest)])
-    return full - np.linalg.slogdet(np.eye(rows.shape[1]) + other @ Pn @ np.swapaxes(other, -1, -2))[1]
-
-
-def _greedy(rows: Array, count: int, criterion: str, interest: Array) -> Array:
-    F, chosen = np.eye(rows.shape[-1]), []
-    for _ in range(count):
-        best = int(np.argmax(gains(rows, F, criterion, interest)))
-        chosen.append(best)
-        F = F + rows[best].T @ rows[best]
-    return np.array(chosen)
-
-
-def _exchange(rows: Array, chosen: Array, criterion: str, interest: Array, rounds: int = 20) -> Array:
-    chosen = np.array(chosen)
-    F = np.eye(rows.shape[-1]) + np.einsum("cip,ciq->pq", rows[chosen], rows[chosen])
-    for _ in range(rounds):
-        moved = False
-        for i in range(len(chosen)):
-            without = F - rows[chosen[i]].T @ rows[chosen[i]]
-            worth = gains(rows, without, criterion, interest)
-            best = int(np.argmax(worth))
-            # an exchange must pay by more than rounding, or equal positions would swap for ever
-            if worth[best] > worth[chosen[i]] * (1 + 1e-9) + 1e-12:
-                chosen[i], moved = best, True
-                F = without + rows[best].T @ rows[best]
-        if not moved:
-            break
-    return chosen
-
-
 def _visiting_order(settings: Array) -> list[int]:
     """Nearest neighbour next: short slews."""
     left, order = list(range(1, len(settings))), [0]
@@ -316,8 +259,18 @@ def unsupported(wanted: Sequence[Parameter], sigma: Array) -> list[str]:
 
 
 def _against(own: float, other: float, n: int, m: int, criterion: str, sigma: Array, theirs: Array) -> dict[str, Any]:
-    """Comparison with another schedule of m positions: criterion, and ratio of sigma for equal total time."""
-    ratio = float(np.exp(np.mean(np.log(sigma / theirs))) * np.sqrt(n / m))
-    words = f"sigma is {ratio:.3g} of its sigma, in the geometric mean over parameters and for equal time"
+    """Comparison with another schedule of m positions for equal total time: by the criterion, and by each sigma.
+
+    The criterion as one length in units of the priors: the mean radius of the ellipsoid (D), the rms of its axes (A).
+    """
+    equal = np.sqrt(n / m)  # sigma falls with the root of the time
+    radius = float(np.exp((other - own) / (2 * len(sigma))) if criterion == "D" else np.sqrt(own / other)) * equal
+    each = sigma / theirs * equal
+    ratio = float(np.exp(np.mean(np.log(each))))
+    meant = "the mean radius of what stays uncertain" if criterion == "D" else "the rms of what stays uncertain"
+    words = (
+        f"for equal time {meant} is {radius:.3g} times as much; sigma is {ratio:.3g} of its sigma in the geometric mean "
+        f"over parameters, between {each.min():.3g} and {each.max():.3g}"
+    )
     return {f"{criterion}_value": own, f"{criterion}_value_of_other": other, "positions": m,
-            "sigma_ratio_equal_time": ratio, "in_words": words}  # fmt: skip
+            "criterion_ratio_equal_time": radius, "sigma_ratio_equal_time": ratio, "in_words": words}  # fmt: skip

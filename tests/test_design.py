@@ -13,16 +13,15 @@ from gimbalcal.design import (
     design,
     design_parameters,
     free_rig,
-    gains,
     grid,
-    optimise,
+    report,
     rig_of,
-    value,
 )
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.multiposition import TERMS
 from gimbalcal.platform import KNOWN
-from gimbalcal.schedule import EIGHTEEN_POSITIONS, FIFTEEN_POSITIONS
+from gimbalcal.schedule import EIGHTEEN_POSITIONS, FIFTEEN_POSITIONS, Schedule
+from gimbalcal.selection import gains, optimise, value
 
 TABLE = KNOWN["two-axis-table"]
 
@@ -52,12 +51,13 @@ def test_gain_is_the_change_of_the_value(criterion: str) -> None:
 
 
 def test_fifteen_positions_beat_the_published_fifteen() -> None:
-    made, report = design(free_rig(TABLE), 15, criterion="A")
-    against = report["against"]["wang2019-15"]
+    made, seen = design(free_rig(TABLE, np.pi / 12), 15, criterion="A")
+    against = seen["against"]["wang2019-15"]
     assert len(made.holds) == 15
     assert against["A_value"] > against["A_value_of_other"]
     assert against["sigma_ratio_equal_time"] < 0.95
-    assert report["unsupported"] == []
+    assert against["criterion_ratio_equal_time"] < 0.95
+    assert seen["unsupported"] == []
 
 
 def test_predicted_sigma_is_that_of_a_calibration() -> None:
@@ -76,16 +76,16 @@ def test_predicted_sigma_is_that_of_a_calibration() -> None:
 
 def test_a_rig_that_only_leans_is_told_what_it_cannot_support() -> None:
     rig = Rig(TABLE, {"outer": grid(0, np.pi / 6, np.pi / 12), "inner": grid(-np.pi, np.pi, np.pi / 4)})
-    _, report = design(rig, 15)
-    assert any("K3:z would be uncertain by" in words for words in report["unsupported"])
+    _, seen = design(rig, 15)
+    assert any("K3:z would be uncertain by" in words for words in seen["unsupported"])
 
 
 def test_with_angles_the_platform_zero_stays_one_with_a_rotation_of_the_triad() -> None:
-    _, report = design(free_rig(KNOWN["space-stable"], setting=5e-6), 18)
-    assert [set(u["direction"]) for u in report["unobservable"]] == [
+    _, seen = design(free_rig(KNOWN["space-stable"], setting=5e-6), 18)
+    assert [set(u["direction"]) for u in seen["unobservable"]] == [
         {"misalignment:xz", "misalignment:yz", "gimbal_zero:platform"}
     ]
-    assert report["against"][EIGHTEEN_POSITIONS.name]["sigma_ratio_equal_time"] < 1
+    assert seen["against"][EIGHTEEN_POSITIONS.name]["sigma_ratio_equal_time"] < 1
 
 
 def test_separating_twins_makes_both_known_better() -> None:
@@ -136,5 +136,21 @@ def test_a_rig_that_cannot_be_is_refused(arguments: tuple[str, float, float | No
 
 
 def test_words_name_the_published_schedules() -> None:
-    _, report = design(rig_of("two-axis-table", 45.0, None), 15)
-    assert "against wang2019-15: sigma is 0." in report["in_words"]
+    _, seen = design(rig_of("two-axis-table", 45.0, None), 15)
+    assert "against wang2019-15: for equal time the mean radius of what stays uncertain is 0." in seen["in_words"]
+
+
+@pytest.mark.parametrize("criterion", ["D", "A"])
+def test_a_schedule_against_itself_is_worth_the_same_and_twice_the_positions_too(criterion: str) -> None:
+    rig = free_rig(TABLE, accelerometer=1e-7)  # far below the priors, which do not double
+    twice = Schedule("twice", TABLE, 2 * FIFTEEN_POSITIONS.holds)
+    seen = report(FIFTEEN_POSITIONS, rig, design_parameters(rig, TERMS), criterion, (FIFTEEN_POSITIONS, twice), 0)
+    for name in ("wang2019-15", "twice"):
+        assert seen["against"][name]["criterion_ratio_equal_time"] == pytest.approx(1, rel=1e-3)
+        assert seen["against"][name]["sigma_ratio_equal_time"] == pytest.approx(1, rel=1e-3)
+
+
+def test_a_noisy_unit_is_told_which_orders_it_cannot_support() -> None:
+    quiet, noisy = (design(rig_of("two-axis-table", 45.0, None, ug), 15)[1]["unsupported"] for ug in (1.0, 1000.0))
+    assert quiet == []
+    assert {words.split(":")[0] for words in noisy} >= {"scale_nonlinearity", "K3"}

@@ -152,13 +152,14 @@ def observe(
 @click.option("-n", "--positions", default=18, show_default=True, help="How many positions to hold.")
 @click.option("--step", default=45.0, show_default=True, help="Angles that an axis may take: multiples of this, deg.")
 @click.option("--angle-sigma", type=float, default=None, help="Setting error, arcsec; left out: no angle is known.")
+@click.option("--force-sigma", default=1.0, show_default=True, help="Noise of the mean force of a position, ug.")
 @click.option("--terms", default="", help="Comma-separated effects to estimate (default: the baseline).")
 @click.option("--separate", default="", help="Comma-separated effects that the schedule should tell apart.")
 @click.option("--criterion", type=click.Choice(["D", "A"]), default="D", show_default=True)
 @output_options
 def design(
-    platform: str, positions: int, step: float, angle_sigma: float | None, terms: str, separate: str, criterion: str,
-    out: Path | None, quiet: bool, as_json: bool,
+    platform: str, positions: int, step: float, angle_sigma: float | None, force_sigma: float, terms: str,
+    separate: str, criterion: str, out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Choose the positions that see most, or that separate named effects, under a rig's limits."""
     from gimbalcal.design import design as run
@@ -166,7 +167,7 @@ def design(
     from gimbalcal.report.files import write_text
     from gimbalcal.schedule_file import schedule_toml
 
-    rig = rig_of(platform, step, angle_sigma)
+    rig = rig_of(platform, step, angle_sigma, force_sigma)
     schedule, seen = run(rig, positions, listed(terms), criterion, listed(separate))
     if out is not None:
         write_text(out / "schedule.toml", schedule_toml(schedule))
