@@ -269,8 +269,8 @@ def _against(own: float, other: float, n: int, m: int, criterion: str, sigma: Ar
     ratio = float(np.exp(np.mean(np.log(each))))
     meant = "the mean radius of what stays uncertain" if criterion == "D" else "the rms of what stays uncertain"
     words = (
-        f"for equal time {meant} is {radius:.3g} times as much; sigma is {ratio:.3g} of its sigma in the geometric mean "
-        f"over parameters, between {each.min():.3g} and {each.max():.3g}"
+        f"for equal time {meant} is {radius:.3g} times as much; sigma is {ratio:.3g} of its sigma in the geometric "
+        f"mean over parameters, between {each.min():.3g} and {each.max():.3g}"
     )
     return {f"{criterion}_value": own, f"{criterion}_value_of_other": other, "positions": m,
             "criterion_ratio_equal_time": radius, "sigma_ratio_equal_time": ratio, "in_words": words}  # fmt: skip

@@ -1,4 +1,10 @@
-"""A whole inertial unit turned from rest to rest: accelerometers by the norm of gravity, gyroscopes by the turns."""
+r"""A whole inertial unit turned from rest to rest: accelerometers by the norm of gravity, gyroscopes by the turns.
+
+Revolutions both ways calibrate the gyroscopes in a frame of their own, q; the other turns between rests tell how it
+lies in the accelerometers' frame p, Eq. (43) of Wang et al. (2019), and with M physics to reading
+
+.. math:: y = M \omega^q + \dots = (M C_p^q) \, \omega^p + \dots
+"""
 
 from __future__ import annotations
 
@@ -8,20 +14,29 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.effects import CATALOGUE
+from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.inter_triad import InterTriad, from_turns, rotation
 from gimbalcal.estimate.multiposition import multiposition
 from gimbalcal.estimate.poses import gyroscopes_between_rests
-from gimbalcal.estimate.turned import RATE
-from gimbalcal.recording import Recording
+from gimbalcal.estimate.revolutions import EFFECTS, gyroscopes_from_revolutions
+from gimbalcal.estimate.turned import FORCE, RATE, exponential
+from gimbalcal.number import STEP, Array
+from gimbalcal.recording import Recording, dwells
+from gimbalcal.units import from_si
+
+MOVED = 0.1  # of gravity's direction: a turn that moves it less, a whole revolution, says nothing of the triads
 
 
 def inertial_unit(recording: Recording, terms: Sequence[str] = ()) -> Calibration:
     """Calibrate what a unit turned from rest to rest holds: accelerometers by the norm, gyroscopes by the turns.
 
-    terms: ids of effects of either triad (default: those of `multiposition` and of `gyroscopes_between_rests`). When
-    the turns do not suffice, the accelerometers stand alone and the options say why.
+    A recording of rates alone is calibrated by its revolutions. terms: ids of effects of either triad (default: those
+    of `multiposition` and of `gyroscopes_between_rests`). When the turns do not suffice, the accelerometers stand alone
+    and the options say why.
     """
+    if not recording.has(FORCE):
+        return gyroscopes_from_revolutions(recording)
     of_rate = tuple(t for t in terms if t in CATALOGUE and CATALOGUE[t].stage.name == "GYROSCOPE")
     made = multiposition(recording, tuple(t for t in terms if t not in of_rate))
     if terms and not of_rate:
@@ -38,11 +53,13 @@ def inertial_unit(recording: Recording, terms: Sequence[str] = ()) -> Calibratio
 def with_gyroscopes(recording: Recording, accelerometers: Calibration, terms: Sequence[str] = ()) -> Calibration:
     """Both triads in one calibration: the accelerometers', and the gyroscopes between the same rests beside it.
 
-    Without rates, or without rows between the rests, it is the accelerometers' calibration as it came.
+    Revolutions both ways are taken where there are six pairs of them, the direction of gravity elsewhere. Without
+    rates, or without rows between the rests, it is the accelerometers' calibration as it came.
     """
     if not recording.has(RATE) or recording.position is None or not np.any(recording.position == 0):
         return accelerometers
-    g = gyroscopes_between_rests(recording, accelerometers, terms)
+    g = _from_revolutions(recording, accelerometers, terms)
+    g = gyroscopes_between_rests(recording, accelerometers, terms) if g is None else g
     n = len(accelerometers.parameters)
     covariance = np.zeros((n + len(g.parameters),) * 2)
     covariance[:n, :n], covariance[n:, n:] = accelerometers.covariance, g.covariance
@@ -58,3 +75,84 @@ def with_gyroscopes(recording: Recording, accelerometers: Calibration, terms: Se
         provenance={**accelerometers.provenance, "options": {**mine, **named}},
         stages=(*accelerometers.stages, *g.stages),
     )
+
+
+def _from_revolutions(recording: Recording, accelerometers: Calibration, terms: Sequence[str]) -> Calibration | None:
+    """The gyroscopes by revolutions both ways, in the accelerometers' frame; None where there are too few of them."""
+    if not set(terms) <= set(EFFECTS):
+        return None
+    try:
+        g = gyroscopes_from_revolutions(recording)
+    except InputError:
+        return None
+    try:
+        return in_frame_of(g, turned_by(g, recording, accelerometers))
+    except InputError as problem:
+        return replace(g, unobservable=({**g.unobservable[0], "why": f"{g.unobservable[0]['why']}; {problem}"},))
+
+
+def turned_by(gyroscopes: Calibration, recording: Recording, accelerometers: Calibration) -> InterTriad:
+    """C_p^q from the turns between rests that move gravity, against the Earth; sigma from what the turns leave."""
+    rate = gyroscopes.apply(recording).triad(RATE)
+    force = accelerometers.apply(recording).triad(FORCE)
+    stays = dwells(recording)
+    down = np.array([force[d.rows].mean(0) for d in stays])
+    down /= np.linalg.norm(down, axis=1, keepdims=True)
+    moves = [i for i in range(len(stays) - 1) if np.linalg.norm(down[i + 1] - down[i]) > MOVED]
+    turns = [
+        _turn(recording.time, rate, slice(stays[i].stop - 1, stays[i + 1].start + 1), rate[stays[i].rows].mean(0))
+        for i in moves
+    ]
+    if len(moves) < 3:
+        raise InputError(f"{len(moves)} turns move gravity; three or more tell how the triads lie to each other")
+    after = [i + 1 for i in moves]
+    found = from_turns(down[moves], down[after], np.array(turns), 1.0)
+    # each turn has three residuals of rank two
+    sigma = found.rms * np.sqrt(3 * len(moves) / max(2 * len(moves) - 3, 1))
+    return replace(found, covariance=sigma**2 * found.covariance)
+
+
+def _turn(time: Array, rate: Array, span: slice, earth: Array) -> Array:
+    """R^q (3, 3) of one turn against the Earth, whose rate (3,) [rad/s] is known before it.
+
+    From sample to sample the rate is a cubic with its slopes, which makes its rotation vector
+    dt (a + b) / 2 + dt^2 / 12 (a' - b' + a x b), right to the fifth order in dt.
+    """
+    y, t, C = rate[span], time[span], np.eye(3)
+    slope = np.gradient(y, t, axis=0)
+    mean, bend = (y[1:] + y[:-1]) / 2, (slope[:-1] - slope[1:] + np.cross(y[:-1], y[1:])) / 12
+    for dt, a, c in zip(np.diff(t), mean, bend, strict=True):
+        C = exponential((a - C @ earth) * dt + c * dt**2) @ C
+    return C
+
+
+def in_frame_of(gyroscopes: Calibration, lie: InterTriad) -> Calibration:
+    """The same gyroscopes referred to the accelerometers' frame: six misalignments instead of three, exact."""
+    order = [p for e in EFFECTS for p in parameters(CATALOGUE[e])]
+    labels = [p.label for p in gyroscopes.parameters]
+    n = len(labels)
+
+    def referred(x: Array) -> Array:
+        own = dict(zip(labels, x[:n], strict=True))
+        M = np.array([[own.get(_label(a, b), 0.0) + (a == b) for b in "xyz"] for a in "xyz"]) @ rotation(x[n:])
+        new = {_label(a, b): M[i, j] - (a == b) for i, a in enumerate("xyz") for j, b in enumerate("xyz")}
+        return np.array([(own | new)[p.label] for p in order])
+
+    x = np.concatenate([gyroscopes.values, lie.angles])
+    J = np.stack([referred(x + 1j * STEP * u).imag / STEP for u in np.eye(len(x))], axis=-1)
+    covariance = np.zeros((n + 3, n + 3))
+    covariance[:n, :n], covariance[n:, n:] = gyroscopes.covariance, lie.covariance
+    told = {
+        "frame": "accelerometers",
+        "inter_triad_arcsec": [float(from_si(a, "arcsec")) for a in lie.angles],
+        "inter_triad_sigma_arcsec": [float(from_si(a, "arcsec")) for a in np.sqrt(np.diag(lie.covariance))],
+    }
+    options = {**gyroscopes.provenance["options"], **told}
+    return replace(
+        gyroscopes, effects=with_values((), order, referred(x)), parameters=tuple(order),
+        covariance=J @ covariance @ J.T, unobservable=(), provenance={**gyroscopes.provenance, "options": options},
+    )  # fmt: skip
+
+
+def _label(a: str, b: str) -> str:
+    return f"gyro_scale_factor:{a}" if a == b else f"gyro_misalignment:{a}{b}"
