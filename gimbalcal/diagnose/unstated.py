@@ -15,12 +15,12 @@ import numpy as np
 
 import gimbalcal
 from gimbalcal.calibration import Calibration
-from gimbalcal.diagnose import wording
-from gimbalcal.diagnose.causes import Cause, causes
-from gimbalcal.diagnose.free_scale import best_evidence, gain, ground
-from gimbalcal.diagnose.stepwise import Course, Model, Verdict, course, judged, weighted
+from gimbalcal.diagnose import unstated_words, wording
+from gimbalcal.diagnose.instead import Verdict, judged
+from gimbalcal.diagnose.stepwise import Course, Model, course, refined, weighted
+from gimbalcal.diagnose.unstated_where import patterns, whereabouts
 from gimbalcal.diagnose.views import FORCE, RATE, View, norm, pointing, rest_rates, table
-from gimbalcal.effects import Parameter, values
+from gimbalcal.effects import values
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from gimbalcal.diagnose.diagnosis import Diagnosis
 
 LEFT_OUT = 10  # s: rows of a table closer than this are left out together, the table moves as slowly
-ODD = 1e-3  # p-value below which a pattern of the misfit is told
+UNSEEN = 0.99  # of the prior sigma: what a parameter keeps if the rows say nothing of it
 
 
 def applies(recording: Recording) -> bool:
@@ -82,7 +82,12 @@ class Told:
 
 def _told(v: View, c: Course, tell: Callable[[str], None]) -> Told:
     tell("asking of each cause what else could stand in its place")
-    found = tuple(_finding(c, judged(v, c.end, cause)) for s in c.steps for cause, _ in s.taken)
+    verdicts = [judged(v, c.end, cause) for s in c.steps for cause, _ in s.taken]
+    if v.finer is not None:
+        tell("refitting at the full resolution")
+        v = v.finer()
+        c = refined(v, c)
+    found = tuple(_finding(c, j) for j in verdicts)
     shapes = tuple({"channel": f"{v.channels[0][0]} {s.axis}".strip(), "shape": s.shape} for s in c.left)
     verdict = "adequate"
     if found:
@@ -90,23 +95,20 @@ def _told(v: View, c: Course, tell: Callable[[str], None]) -> Told:
     elif shapes:
         verdict = "unexplained"
     sigma = _sigma(v, c.end)
-    mismatch = () if verdict == "adequate" else patterns(v, c.start)
+    mismatch = () if verdict == "adequate" else patterns(v, c.start) or whereabouts(v, c.start, sigma)
     return Told(v, verdict, mismatch, found, shapes, _fit(v, c, sigma), c.start.r / sigma, c.end.r / sigma)
 
 
 def _finding(c: Course, j: Verdict) -> dict[str, Any]:
     e = j.cause.effect
-    rows = [r for r in _sizes(c.end) if r["effect"] == e and (r["name"], r["axis"]) in _keys(j.cause.parameters)]
+    wanted = {(p.name, p.axis): UNSEEN * float(from_si(p.sigma, p.unit)) for p in j.cause.parameters}
+    rows = [r for r in _sizes(c.end) if r["effect"] == e and r["sigma"] < wanted.get((r["name"], r["axis"]), 0.0)]
     return {
         "effect": e, "axis": j.cause.axis, "probability": round(min(j.probability, 0.9999), 4),
         "sigma": round(j.sigma, 2), "parameters": [{k: x for k, x in r.items() if k != "effect"} for r in rows],
         "twins": list(j.twins), "physics": wording.physics(e), "equation": wording.equation(e),
         "separate_by": _advice(j),
     }  # fmt: skip
-
-
-def _keys(wanted: Sequence[Parameter]) -> set[tuple[str, str]]:
-    return {(p.name, p.axis) for p in wanted}
 
 
 def _advice(j: Verdict) -> str:
@@ -146,8 +148,8 @@ def _fit(v: View, c: Course, sigma: Array) -> dict[str, Any]:
     out: dict[str, Any] = {
         "chi2_reduced_before": _reduced(before, sigma),
         "chi2_reduced_after": _reduced(after, sigma),
-        "heldout_before": _heldout(v, before, sigma),
-        "heldout_after": _heldout(v, after, sigma),
+        **_outside("before", v, before, sigma),
+        **_outside("after", v, after, sigma),
         "noise": {"of": v.name, "sigma_of_a_row": float(from_si(float(np.median(sigma)), v.unit)), "unit": v.unit,
                   "from": "the scatter about the last model"},
         "rms_before": float(from_si(before.rms, v.unit)),
@@ -158,6 +160,9 @@ def _fit(v: View, c: Course, sigma: Array) -> dict[str, Any]:
         ],
         "calibration_moved": moved(before, after),
     }  # fmt: skip
+    if v.turns is not None and c.steps:
+        missed = [float(from_si(v.turns(e), "arcsec")) for e in ((), after.effects)]
+        out["turns"] = {"rms_before": missed[0], "rms_after": missed[1], "unit": "arcsec"}
     if v.noise is not None:
         n = len(before.r)
         for name, m in (("before", before), ("after", after)):
@@ -173,8 +178,15 @@ def _reduced(m: Model, sigma: Array) -> float:
     return float(((m.r / sigma) ** 2).sum() / max(m.r.size - rank, 1))
 
 
-def _heldout(v: View, m: Model, sigma: Array) -> float:
-    """Mean square, in sigma, of what a fit without them says of rows left out: one each, or ten seconds of a table."""
+def _outside(when: str, v: View, m: Model, sigma: Array) -> dict[str, float]:
+    """Misfit of rows that a fit without them has not seen: mean square in sigma, and rms length of a row in print."""
+    left = heldout(v, m, sigma)
+    rms = float(np.sqrt(((left * sigma) ** 2).sum() / len(left)))
+    return {f"heldout_{when}": float(np.mean(left**2)), f"heldout_rms_{when}": float(from_si(rms, v.unit))}
+
+
+def heldout(v: View, m: Model, sigma: Array) -> Array:
+    """What a fit without them says of rows left out (n, C) in sigma: one each, or ten seconds of a table."""
     n, C = m.r.shape
     J = (m.J / sigma[..., None]).reshape(n * C, -1)
     U, S, _ = np.linalg.svd(J / (np.sqrt((J**2).sum(axis=0)) + 1e-300), full_matrices=False)
@@ -186,50 +198,21 @@ def _heldout(v: View, m: Model, sigma: Array) -> float:
         e = r[k : k + size].ravel()
         q = Q[k : k + size].reshape(len(e), Q.shape[-1])
         left.append(np.linalg.lstsq(np.eye(len(e)) - q @ q.T, e, rcond=1e-6)[0])
-    return float(np.mean(np.concatenate(left) ** 2))
+    return np.concatenate(left).reshape(n, C)
 
 
 def moved(before: Model, after: Model) -> list[dict[str, Any]]:
     """How far each constant of the baseline moves once what was found is in the model."""
     new = {(r["name"], r["axis"]): r for r in _sizes(after)}
     out = []
-    for r in _sizes(before):
+    seen = np.abs(before.J).max(axis=(0, 1)) > 1e-9  # means taken off leave rounding of a bias
+    for r in (row for row, there in zip(_sizes(before), seen, strict=True) if there):
         n = new[r["name"], r["axis"]]
         shift = n["value"] - r["value"]
         ratio = round(shift / n["sigma"], 2) if n["sigma"] > 0 else 0.0
         row = {"moved": shift, "sigma": n["sigma"], "in_sigmas": ratio}
         out.append({"name": r["name"], "axis": r["axis"], "unit": r["unit"], **row})
     return sorted(out, key=lambda row: -abs(row["in_sigmas"]))
-
-
-def patterns(v: View, m: Model) -> tuple[dict[str, Any], ...]:
-    """Where the baseline fails: the shapes that its misfit follows, most telling first, by an F test each."""
-    from scipy.stats import f
-
-    known, X = causes(v, m.effects, m.fitted)
-    shapes = [c for c in known if c.shape]
-    g = ground(weighted(v, m.r), weighted(v, m.J), weighted(v, X), memory=False)
-    out = []
-    for c in shapes:
-        at = c.variants[0][1]
-        y2, taken = float(g.cleared[0].y @ g.cleared[0].y), gain(g, at)
-        free = max(g.cleared[0].dof - len(at), 1)
-        F = (taken / len(at)) / max((y2 - taken) / free, 1e-300)
-        p = min(1.0, float(f.sf(F, len(at), free)) * len(shapes))
-        out.append((best_evidence(g, at), F, p, c))
-    told = sorted((t for t in out if t[2] < ODD), key=lambda t: -t[0])[:3]
-    return tuple(_pattern(v, m, c, F, p) for _, F, p, c in told)
-
-
-def _pattern(v: View, m: Model, c: Cause, F: float, p: float) -> dict[str, Any]:
-    i = [a for _, a in v.channels].index(c.axis)
-    worst = np.argsort(-np.abs(m.r[:, i]))[:3]
-    size = float(from_si(float(np.sqrt(np.mean(m.r[:, i] ** 2))), v.unit))
-    at = [int(k) for k in (v.stimulus.position[worst] if v.name != "table" else worst + 1)]
-    return {
-        "channel": v.channels[0][0], "axis": c.axis, "where": {"positions": at}, "statistic": round(F, 2), "p_value": p,
-        "in_words": f"The misfit of {v.name} along {c.axis} ({size:.3g} {v.unit} rms) follows {c.shape}",
-    }  # fmt: skip
 
 
 def _together(recording: Recording, told: Sequence[Told], baseline: Sequence[str], seed: int) -> Diagnosis:
@@ -250,7 +233,7 @@ def _together(recording: Recording, told: Sequence[Told], baseline: Sequence[str
         "options": {"baseline": list(baseline) or [i for t in told for i in t.view.baseline], "seed": seed},
         "views": [t.view.name for t in told],
     }
-    words = wording.answer(verdict, found, shapes, mismatch, fit)
+    words = unstated_words.answer(verdict, [(t.view, t.fit, t.findings) for t in told], shapes, mismatch)
     return Diagnosis(verdict, mismatch, found, shapes, fit, provenance, words, _curves(lead))
 
 
@@ -260,4 +243,3 @@ def _curves(t: Told) -> Any:
     n = len(t.before)
     time = t.view.recording.time - t.view.recording.time[0]
     return Curves(time, np.arange(1, n + 1), t.view.channels, t.before, t.after)
-

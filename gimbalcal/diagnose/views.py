@@ -19,6 +19,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Effect, Parameter, Stage, Stimulus, values, with_values
 from gimbalcal.estimate.multiposition import WIDE, in_si, multiposition
+from gimbalcal.estimate.poses import LINEAR, fit_turns
 from gimbalcal.estimate.rest_rates import rests
 from gimbalcal.estimate.turned import turns
 from gimbalcal.forward import accelerometers, gyroscopes, jacobian, predict
@@ -32,7 +33,7 @@ Linear = Callable[[Sequence[Effect], Sequence[Parameter]], tuple[Array, Array]]
 DOWN = frozenset({("base_tilt", "down")})  # a turn of the base about the vertical is no tilt: the azimuth zero has it
 TRIANGLE = frozenset({("misalignment", "xy"), ("misalignment", "xz"), ("misalignment", "yx")})  # a convention
 BLOCK = 1.0  # s; a table is tilted over seconds, what is faster shakes building and floor
-FINE = 0.02  # s; step at which the physics of a tilting table is evaluated
+COARSE, FINE = 0.04, 0.01  # s; steps at which the physics of a tilting table is evaluated, for search and last fit
 BY_HAND = 3.0  # times the catalogue's scales: sensors of different makers, bolted together
 SENSORS = frozenset({Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER})
 
@@ -53,6 +54,8 @@ class View:
     unseen: frozenset[tuple[str, str]] = frozenset()  # (effect, axis) that these rows cannot show by convention
     wide: float = 1.0  # prior scales of these sensors against those of the catalogue
     noise: Array | None = None  # (n, C) what the samples' scatter alone makes of a row, where it is known
+    finer: Callable[[], View] | None = None  # the same rows from physics in finer steps, for the last fit
+    turns: Callable[[Sequence[Effect]], float] | None = None  # rad by which turns miss gravity with these at rest
 
 
 def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
@@ -110,6 +113,10 @@ def rest_rates(
     found = rests(recording, made, turns(recording, made)[2] if raw else 1.0)
     s, y = found.stimulus, found.rate
 
+    def missed(at_rest: Sequence[Effect]) -> float:
+        misfit = fit_turns(turns(recording, made, at_rest)[0], LINEAR).misfit
+        return float(np.sqrt((misfit**2).sum() / len(misfit)))
+
     def linear(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
         J = by_parameters(lambda e: gyroscopes(0 * y, s, e), effects, wanted, s.axis_names, y.shape)
         return y - gyroscopes(0 * y, s, effects), J
@@ -117,12 +124,18 @@ def rest_rates(
     return View(
         "rest rates", dwell_means(recording), s, tuple((RATE, a) for a in "xyz"), "deg/h", found.sigma,
         frozenset({Stage.GYROSCOPE}), tuple(baseline) or ("gyro_bias",), linear, frozenset(), WIDE, found.sigma,
+        turns=missed if moving else None,
     )  # fmt: skip
 
 
-def table(recording: Recording, baseline: Sequence[str] = ()) -> View:
-    """Force and rate of a unit that starts level and is tilted, in means over `BLOCK`; the mean force is not known."""
-    recording = averaged(recording, FINE)
+def table(recording: Recording, baseline: Sequence[str] = (), step: float = COARSE) -> View:
+    """Force and rate of a unit that starts level and is tilted, in means over `BLOCK`; the mean force is not known.
+
+    What a lever arm makes of a block's mean is the change of rate between its ends: means of the rate over `step` blur
+    these, so that the sizes come from `FINE` steps, while `COARSE` ones tell the causes apart.
+    """
+    whole = recording
+    recording = averaged(recording, step)
     s = stimulus(recording)
     rate = recording.triad(RATE)
     s = s.at(force=-s.gravity * np.eye(3)[2] + 0 * rate, rate=rate)
@@ -142,7 +155,7 @@ def table(recording: Recording, baseline: Sequence[str] = ()) -> View:
     ids = tuple(baseline) or ("bias",)
     return View(
         "table", averaged(recording, BLOCK), s, tuple((FORCE, a) for a in "xyz"), "ug", None, stages, ids, linear,
-        frozenset(), BY_HAND,
+        frozenset(), BY_HAND, finer=(lambda: table(whole, baseline, FINE)) if step > FINE else None,
     )  # fmt: skip
 
 

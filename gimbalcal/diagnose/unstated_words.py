@@ -1,0 +1,98 @@
+"""What a diagnosis of recordings without a stated noise says in sentences: misfits in their own unit, not in sigma."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.diagnose import wording
+from gimbalcal.diagnose.views import View
+from gimbalcal.number import Array
+
+ROWS = {"pointing": "stars", "norm": "positions", "rest rates": "positions", "table": "stretches of ten seconds"}
+QUIET = 1.5  # times the samples' own scatter; beyond it a sentence says what the rest may be
+
+
+def channel(v: View, axis: str) -> str:
+    """One channel of a view as a person says it."""
+    if v.name == "pointing":
+        return f"pointing {axis} {v.stimulus.axis_names[0].replace('_', ' ')}"
+    named = {"norm": "the norm of the force", "rest rates": f"the rate about {axis} at rest"}
+    return named.get(v.name, f"the force along {axis}")
+
+
+def whole(v: View) -> str:
+    """All channels of a view together."""
+    return {"norm": "the norm of the force", "rest rates": "the rates at rest", "table": "the force"}.get(
+        v.name, "pointing"
+    )
+
+
+def follows(v: View, axis: str, size: float, shape: str) -> str:
+    """A pattern found in a channel."""
+    return f"The misfit of {channel(v, axis)} ({size:.3g} {v.unit} rms) follows {shape}"
+
+
+def largest(v: View, axis: str, size: float, ratio: float, rows: Array) -> str:
+    """A misfit without a pattern of its own: how large it is and where it is largest."""
+    if v.name == "table":
+        time = v.recording.time[np.sort(rows)] - v.recording.time[0]
+        where = f"{', '.join(f'{t:.0f}' for t in time[:-1])} and {time[-1]:.0f} s after the start"
+    else:
+        where = "at " + ", ".join(str(int(k)) for k in v.stimulus.position[rows])
+    return (
+        f"The misfit of {channel(v, axis)} is {size:.3g} {v.unit} rms, {ratio:.3g} times what remains in the end, and "
+        f"largest {where}"
+    )
+
+
+def answer(
+    verdict: str, views: Sequence[tuple[View, Mapping[str, Any], Sequence[Mapping[str, Any]]]],
+    unexplained: Sequence[Mapping[str, Any]], mismatch: Sequence[Mapping[str, Any]],
+) -> str:  # fmt: skip
+    """The verdict in a few sentences; per view, what its misfit was and is, and the findings in it."""
+    found = [f for _, _, fs in views for f in fs]
+    where = f" {mismatch[0]['in_words']}." if mismatch else ""
+    if verdict == "adequate":
+        return "The calibrated model explains these data. " + " ".join(_scatter(v, fit) for v, fit, _ in views)
+    if verdict == "unexplained":
+        left = f" What is left is {unexplained[0]['shape']} in {unexplained[0]['channel'].replace('_', ' ')}."
+        return f"The model does not explain these data, and no cause of the catalogue does.{left}{where}"
+    lead = "What was left out: " if verdict == "missing-physics" else "These data cannot tell which was left out: "
+    better = " ".join(_better(v, fit) for v, fit, fs in views if fs)
+    rest = ""
+    if unexplained:
+        shape, at = unexplained[0]["shape"], unexplained[0]["channel"].replace("_", " ")
+        rest = f" A small rest has no known cause: {shape} in {at}."
+    sure = "; ".join(wording.named(f).replace("_", " ") for f in found)
+    return f"{lead}{sure}. {better}{rest}{where}"
+
+
+def _better(v: View, fit: Mapping[str, Any]) -> str:
+    out = (
+        f"The misfit of {whole(v)} goes from {fit['rms_before']:.3g} to {fit['rms_after']:.3g} {v.unit} rms, and for "
+        f"{ROWS[v.name]} that the fit has not seen from {fit['heldout_rms_before']:.3g} to "
+        f"{fit['heldout_rms_after']:.3g} {v.unit}."
+    )
+    if "turns" in fit:
+        t = fit["turns"]
+        out += (
+            f" Carried through the turns between the positions, gravity is missed by {t['rms_after']:.0f} {t['unit']} "
+            f"rms instead of {t['rms_before']:.0f}."
+        )
+    return out
+
+
+def _scatter(v: View, fit: Mapping[str, Any]) -> str:
+    start = f"What is left of {whole(v)} is {fit['rms_after']:.3g} {v.unit} rms without a pattern"
+    if v.noise is None:
+        return f"{start}."
+    times = float(np.sqrt(np.mean(list(fit["chi2_of_samples_after"].values()))))
+    if times < QUIET:
+        return f"{start}, {times:.2g} times what the scatter of the samples makes of a mean."
+    return (
+        f"{start}, but {times:.2g} times what the scatter of the samples makes of a mean: the outputs wander from one "
+        "position to the next."
+    )
