@@ -40,6 +40,8 @@ from gimbalcal.number import Array
 
 ONCE = frozenset({"position", "epoch"})  # constants of what happens once
 ABSENT = -1
+DETECTED = np.log(100.0)  # ln BF of a single cause beyond which `search` takes up the promising first causes only
+Pairs = dict[tuple[int, ...], dict[int, float]]
 KEEP, KEEP_FEW = 8, 2  # noises over which a second cause is judged, where something is found and where nothing is
 
 
@@ -112,12 +114,13 @@ def combine(searches: Sequence[Search]) -> Combined:
 def _pairs(c: Combined, ln: Array, prior: Array, rival: Array) -> list[Hypothesis]:
     """Second causes beside each promising first one, and where something is found thirds beside the best pair."""
     candidates = c.library.candidates
-    detected = bool(ln.max() > np.log(100.0))
+    detected = bool(ln.max() > DETECTED)
     known = [int(i) for i in np.argsort(-(ln + prior)) if not rival[i]]
     seconds = [j for j in range(len(ln)) if detected or not rival[j]]
     best: dict[tuple[int, int], float] = {}
+    own = [{} if detected else _own_pairs(s) for s in c.searches]
     for i in known[:FIRST] if detected else known:
-        gained = _with_second(c, (i,), seconds, KEEP if detected else KEEP_FEW)
+        gained = _with_second(c, (i,), seconds, KEEP if detected else KEEP_FEW, own)
         for j in seconds:
             if j != i and not same(candidates, i, j):
                 members = (i, j) if rival[j] else (min(i, j), max(i, j))
@@ -134,7 +137,7 @@ def _thirds(c: Combined, ln: Array, prior: Array, rival: Array, found: Sequence[
     top = max((h for h in found if not h.unknown(candidates)), key=lambda h: h.ln_weight, default=None)
     if top is None or top.ln_weight < max(float((ln + prior).max()) + np.log(SINGLE), 0.0):
         return []
-    gained = _with_second(c, top.members, range(len(ln)), KEEP)
+    gained = _with_second(c, top.members, range(len(ln)), KEEP, [{} for _ in c.searches])
     weight = np.where(rival, np.log(BESIDE / 2), np.log(PAIR)) + prior + sum(prior[i] for i in top.members)
     return [
         Hypothesis((*top.members, j), float(gained[j]), float(gained[j] + weight[j]))
@@ -143,8 +146,13 @@ def _thirds(c: Combined, ln: Array, prior: Array, rival: Array, found: Sequence[
     ]
 
 
-def _with_second(c: Combined, members: Sequence[int], seconds: Sequence[int], keep: int) -> Array:
-    """ln BF (candidates,) against nothing of `members` with each of `seconds`, added up over the recordings."""
+def _with_second(
+    c: Combined, members: Sequence[int], seconds: Sequence[int], keep: int, own: Sequence[Pairs]
+) -> Array:
+    """ln BF (candidates,) against nothing of `members` with each of `seconds`, added up over the recordings.
+
+    What a recording has judged already is taken from `own`.
+    """
     values, without = [], []
     for k, s in enumerate(c.searches):
         mine = c.within(members, k)
@@ -154,10 +162,24 @@ def _with_second(c: Combined, members: Sequence[int], seconds: Sequence[int], ke
             continue
         asked = sorted(set(c.within(seconds, k)))
         ln = np.full(len(s.singles), -np.inf)
-        ln[asked] = beside(s.projections, s.library.candidates, s.null, s.joint, mine, asked, keep)
+        if known := own[k].get(mine):
+            ln[list(known)] = list(known.values())
+        else:
+            ln[asked] = beside(s.projections, s.library.candidates, s.null, s.joint, mine, asked, keep)
         values.append(ln)
         without.append(np.asarray(_alone(s, mine, keep)))
     return c.summed(values, without)
+
+
+def _own_pairs(s: Search) -> Pairs:
+    """ln BF of each cause with each other where a recording, showing nothing by itself, has tried them all."""
+    out: Pairs = {}
+    if s.singles.max() <= DETECTED:
+        for h in s.hypotheses:
+            if len(h.members) == 2:
+                for i, j in (h.members, h.members[::-1]):
+                    out.setdefault((i,), {})[j] = h.ln_bayes
+    return out
 
 
 def _alone(s: Search, members: tuple[int, ...], keep: int) -> float:

@@ -85,17 +85,19 @@ def _scores(rows: Rows, p: Projection, low: Array, tail: Array) -> tuple[Array, 
 
 def _each(G: Array, b: Array, candidates: Sequence[Candidate]) -> Array:
     """ln Bayes factor (candidates, draws) of every single candidate, sizes and variants mixed, in one noise."""
-    out = np.full((len(candidates), b.shape[1]), -np.inf)
-    for i, c in enumerate(candidates):
-        total = sum(v.weight for v in c.variants)
-        for v in c.variants:
-            at = np.array(v.index)
-            lam, V = np.linalg.eigh(G[np.ix_(at, at)])
-            c2 = (V.T @ b[at]) ** 2
-            ln = np.full(b.shape[1], -np.inf)
-            for size, prior in zip(SIZES, SIZE_PRIOR, strict=True):
-                s2l = size**2 * np.maximum(lam, 0.0)
-                gain = 0.5 * ((size**2 / (1 + s2l)) @ c2 - np.log1p(s2l).sum())
-                ln = np.logaddexp(ln, gain + np.log(prior))
-            out[i] = np.logaddexp(out[i], ln + np.log(v.weight / total))
-    return out
+    variants = [v for c in candidates for v in c.variants]
+    starts = np.cumsum([0, *(len(c.variants) for c in candidates)])[:-1]
+    weight = np.concatenate([np.array([v.weight for v in c.variants]) for c in candidates])
+    weight /= np.repeat(np.add.reduceat(weight, starts), np.diff([*starts, len(weight)]))
+    ln = np.full((len(variants), b.shape[1]), -np.inf)
+    widths = np.array([len(v.index) for v in variants])
+    for width in np.unique(widths):
+        members = np.flatnonzero(widths == width)
+        index = np.array([variants[m].index for m in members])
+        lam, V = np.linalg.eigh(G[index[:, :, None], index[:, None, :]])
+        c2 = (np.swapaxes(V, -1, -2) @ b[index]) ** 2
+        for size, prior in zip(SIZES, SIZE_PRIOR, strict=True):
+            s2l = size**2 * np.maximum(lam, 0.0)
+            gain = ((size**2 / (1 + s2l))[:, None] @ c2)[:, 0] - np.log1p(s2l).sum(axis=1)[:, None]
+            ln[members] = np.logaddexp(ln[members], 0.5 * gain + np.log(prior))
+    return np.asarray(np.logaddexp.reduceat(ln + np.log(weight)[:, None], starts, axis=0))
