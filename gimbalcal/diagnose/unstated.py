@@ -242,4 +242,5 @@ def _curves(t: Told) -> Any:
 
     n = len(t.before)
     time = t.view.recording.time - t.view.recording.time[0]
-    return Curves(time, np.arange(1, n + 1), t.view.channels, t.before, t.after)
+    number = np.ones(n) if t.view.name == "table" else np.arange(1, n + 1)
+    return Curves(time, number, t.view.channels, t.before, t.after)

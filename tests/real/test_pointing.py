@@ -1,0 +1,70 @@
+"""Telescopes: the 6.5 m MMT, and two amateur mounts of which one slips."""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.real.recordings import DATA, FILES, diagnosed, finding, names, recording, rms_after, size
+
+
+def test_mmt_tilt_flexure_and_a_cotangent() -> None:
+    d = diagnosed("mmt")
+    assert d.verdict == "missing-physics"
+    assert names(d) == {"base_tilt", "tube_flexure", "refraction"}
+    assert not finding(d, "base_tilt")["twins"]
+    # reference 10.5 -> 0.94 arcsec; collimation and squareness are in the model from the start here, hence 9.8
+    assert d.fit["rms_before"] == pytest.approx(9.77, rel=0.02)
+    assert d.fit["rms_after"] == pytest.approx(0.94, rel=0.02)
+    assert d.fit["heldout_rms_after"] < 1.1 * d.fit["rms_after"]
+    tilt, sigma = size(d, "base_tilt", "north")
+    assert abs(tilt) > 50 * sigma
+
+
+def test_mmt_through_the_command_line(tmp_path: Path) -> None:
+    recording("mmt")
+    run = [sys.executable, "-m", "gimbalcal"]
+    kind, file = FILES["mmt"]
+    subprocess.run([*run, "import", kind, str(DATA / file), "--out", str(tmp_path / "mmt"), "--quiet"], check=True)
+    used = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+    options = ["--baseline", "gimbal_zero", "--out", str(tmp_path / "out"), "--quiet"]
+    done = subprocess.run([*run, "diagnose", str(tmp_path / "mmt"), *options], check=False)
+    assert done.returncode == 1  # done, and the model does not explain the data
+    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - used < 30  # s of processor, the limit that was set
+    content = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert content["fit"]["rms_before"] == pytest.approx(10.5, rel=0.01)
+    assert content["fit"]["rms_after"] < 1.0
+    found = {f["effect"] for f in content["findings"]}
+    assert {"base_tilt", "tube_flexure", "refraction"} <= found
+    assert found <= {"base_tilt", "tube_flexure", "refraction", "gimbal_nonorthogonality", "axis_collimation"}
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "base tilt" in page
+    assert "Traceback" not in page
+
+
+def test_cgx_l_cone_polar_axis_and_eccentricity() -> None:
+    d = diagnosed("cgx-l", "gimbal_zero")
+    assert d.verdict == "missing-physics"
+    assert names(d) == {"axis_collimation", "base_tilt", "gimbal_nonorthogonality", "encoder_eccentricity"}
+    assert "gimbal_zero_drift" not in names(d)
+    assert d.fit["rms_after"] < 0.1 * d.fit["rms_before"]
+    assert d.fit["heldout_rms_after"] < 0.1 * d.fit["heldout_rms_before"]
+    assert "declination" in d.unexplained[0]["shape"]  # 183 arcsec stay, with a pattern: it is told, not hidden
+
+
+def test_warp_astron_slips_in_the_course_of_the_night() -> None:
+    d = diagnosed("warp-astron")
+    assert d.verdict == "missing-physics"
+    assert {"encoder_eccentricity", "gimbal_zero_drift"} <= names(d)
+    # reference 55 -> 28 arcsec by the drift; the steps differ in what else they hold, by up to a quarter
+    assert rms_after(d.fit, "encoder_eccentricity") == pytest.approx(55, rel=0.25)
+    assert rms_after(d.fit, "gimbal_zero_drift") == pytest.approx(28, rel=0.25)
+    assert d.fit["rms_after"] < 28
+    assert d.fit["heldout_rms_after"] < 0.2 * d.fit["heldout_rms_before"]
+    rate, sigma = size(d, "gimbal_zero_drift", "declination")
+    assert abs(rate) > 10 * sigma
