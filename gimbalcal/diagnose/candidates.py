@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.diagnose.observations import Observations, absent_effect
+from gimbalcal.diagnose.shapes import shapes, turns
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters
 from gimbalcal.number import Array
 
@@ -231,72 +232,21 @@ def _stage_axes(o: Observations) -> list[tuple[str, Array]]:
     return out
 
 
-def shapes(o: Observations) -> dict[str, tuple[str, Array]]:
-    """Bases (n, m) of the rivals that act on each accelerometer output."""
-    s = o.stimulus
-    t = s.time / s.time[-1]
-    m = 10 if o.kind == "multi-position" else 20
-    out = {"time": ("a smooth function of time", np.cos(np.pi * np.outer(t, np.arange(1, m + 1))))}
-    if o.kind == "multi-position":
-        places = np.unique(s.position)
-        out["position"] = ("a value of its own at each position", (s.position[:, None] == places).astype(float))
-        out["orientation"] = ("a smooth function of the direction of gravity", _harmonics(s.force / s.gravity))
-    else:
-        phase = np.arctan2(s.force[:, 1], s.force[:, 0])
-        n = np.arange(2, 7)
-        basis = np.concatenate([np.cos(np.outer(phase, n)), np.sin(np.outer(phase, n))], axis=1)
-        out["orientation"] = ("harmonics of the sidereal angle", basis)
-    if s.temperature is not None:
-        out["temperature"] = ("a function of temperature", _thermal(s.time, s.temperature))
-    return out
-
-
-def _harmonics(u: Array) -> Array:
-    """Second- and third-degree polynomials of the unit force (n, 16)."""
-    x, y, z = u.T
-    second = [x * y, y * z, z * x, x * x, y * y]
-    third = [x**3, y**3, z**3, x * x * y, x * x * z, y * y * x, y * y * z, z * z * x, z * z * y, x * y * z]
-    return np.stack(second + third, axis=-1)
-
-
-def _thermal(time: Array, temperature: Array) -> Array:
-    """Legendre polynomials 2 to 5 of temperature, its smoothed rate, square and cube (n, 7)."""
-    from numpy.polynomial import legendre
-    from scipy.ndimage import gaussian_filter1d
-
-    centred = temperature - temperature.mean()
-    x = centred / (np.abs(centred).max() + 1e-12)
-    poly = legendre.legvander(x, 5)[:, 2:]
-    width = max(2.0, len(time) / 200)
-    rate = np.gradient(gaussian_filter1d(temperature, width), time)
-    rate = rate / (np.abs(rate).max() + 1e-300)
-    return np.concatenate([poly, np.stack([rate, rate**2, rate**3], axis=-1)], axis=1)
-
-
 def gimbal_harmonics(o: Observations, blocks: list[Array]) -> list[Candidate]:
-    """Third to eighth harmonic of each moving gimbal angle as its error, aliases of lower ones left out."""
+    """Third to eighth harmonic of each moving gimbal angle as its error."""
     out = []
     for i, axis in enumerate(o.stimulus.axis_names):
-        angle = o.seen[Stage.ENCODER].angle[:, i]
-        basis = _above_second(angle)
-        if np.ptp(angle) < 1e-2 or not basis.shape[1]:
-            continue
-        added = np.zeros((*basis.shape, len(o.stimulus.axis_names)))
-        added[:, :, i] = basis
-        X = np.stack([o.through(Stage.ENCODER, added[:, j]) for j in range(basis.shape[1])], axis=-1)
-        size = np.abs(X).max()
-        if size > 0:
-            variant = Variant((), tuple(_append(blocks, o.reduce(X / size) * RIVAL_SIGMA)))
+        variants = []
+        for basis in turns(o.seen[Stage.ENCODER].angle[:, i]):
+            added = np.zeros((*basis.shape, len(o.stimulus.axis_names)))
+            added[:, :, i] = basis
+            X = np.stack([o.through(Stage.ENCODER, added[:, j]) for j in range(basis.shape[1])], axis=-1)
+            size = np.abs(X).max()
+            if size > 0:
+                variants.append(Variant((), tuple(_append(blocks, o.reduce(X / size) * RIVAL_SIGMA))))
+        if variants:
             words = f"a third or higher harmonic of the {axis} gimbal angle"
-            out.append(Candidate("unknown gimbal angle", axis, (), (variant,), rival=words, channel="gimbal_angle"))
+            out.append(
+                Candidate("unknown gimbal angle", axis, (), tuple(variants), rival=words, channel="gimbal_angle")
+            )
     return out
-
-
-def _above_second(angle: Array) -> Array:
-    """Harmonics 3 to 8 (n, m) cleared of what constant, first and second say at these angles, and of each other."""
-    low = np.stack([f(n * angle) for n in range(3) for f in (np.cos, np.sin)], axis=-1)
-    high = np.stack([f(n * angle) for n in range(3, 9) for f in (np.cos, np.sin)], axis=-1)
-    Q = np.linalg.svd(low, full_matrices=False)
-    base = Q[0][:, Q[1] > 1e-6 * Q[1][0]]
-    U, S, _ = np.linalg.svd(high - base @ (base.T @ high), full_matrices=False)
-    return np.asarray(U[:, S > 1e-2 * np.sqrt(len(angle))] * np.sqrt(len(angle)))

@@ -1,0 +1,77 @@
+"""Shapes without a cause: what stands for "none of these" when the known causes are compared with it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gimbalcal.diagnose.observations import Observations
+from gimbalcal.number import Array
+
+
+def shapes(o: Observations) -> dict[str, tuple[str, Array]]:
+    """Bases (n, m) of the rivals that act on each accelerometer output."""
+    s = o.stimulus
+    t = s.time / s.time[-1]
+    m = 10 if o.kind == "multi-position" else 20
+    out = {"time": ("a smooth function of time", np.cos(np.pi * np.outer(t, np.arange(1, m + 1))))}
+    if o.kind == "multi-position":
+        places = np.unique(s.position)
+        out["position"] = ("a value of its own at each position", (s.position[:, None] == places).astype(float))
+        out["orientation"] = ("a smooth function of the direction of gravity", _harmonics(s.force / s.gravity))
+    else:
+        phase = np.arctan2(s.force[:, 1], s.force[:, 0])
+        n = np.arange(2, 7)
+        basis = np.concatenate([np.cos(np.outer(phase, n)), np.sin(np.outer(phase, n))], axis=1)
+        out["orientation"] = ("harmonics of the sidereal angle", basis)
+    if s.temperature is not None:
+        out["temperature"] = ("a function of temperature", _thermal(s.time, s.temperature))
+    return out
+
+
+def _harmonics(u: Array) -> Array:
+    """Second- and third-degree polynomials of the unit force (n, 16)."""
+    x, y, z = u.T
+    second = [x * y, y * z, z * x, x * x, y * y]
+    third = [x**3, y**3, z**3, x * x * y, x * x * z, y * y * x, y * y * z, z * z * x, z * z * y, x * y * z]
+    return np.stack(second + third, axis=-1)
+
+
+def _thermal(time: Array, temperature: Array) -> Array:
+    """Legendre polynomials 2 to 5 of temperature, its smoothed rate, square and cube (n, 7)."""
+    from numpy.polynomial import legendre
+    from scipy.ndimage import gaussian_filter1d
+
+    centred = temperature - temperature.mean()
+    x = centred / (np.abs(centred).max() + 1e-12)
+    poly = legendre.legvander(x, 5)[:, 2:]
+    width = max(2.0, len(time) / 200)
+    rate = np.gradient(gaussian_filter1d(temperature, width), time)
+    rate = rate / (np.abs(rate).max() + 1e-300)
+    return np.concatenate([poly, np.stack([rate, rate**2, rate**3], axis=-1)], axis=1)
+
+
+def turns(angle: Array) -> list[Array]:
+    """Bases (n, m) of an error that repeats three to eight times a turn: all beyond the second, and each as it is.
+
+    What positions show of a harmonic is in part what first and second show: the first basis is cleared of that, so
+    that it takes nothing from them; each harmonic as it is needs nothing beside it.
+    """
+    beyond = _above_second(angle)
+    if np.ptp(angle) < 1e-2 or not beyond.shape[1]:
+        return []
+    out = [beyond]
+    for n in range(3, 9):
+        pair = np.stack([np.cos(n * angle), np.sin(n * angle)], axis=-1)
+        if np.linalg.norm(beyond.T @ pair) > 0.1 * len(angle):
+            out.append(pair)
+    return out
+
+
+def _above_second(angle: Array) -> Array:
+    """Harmonics 3 to 8 (n, m) cleared of what constant, first and second say at these angles, and of each other."""
+    low = np.stack([f(n * angle) for n in range(3) for f in (np.cos, np.sin)], axis=-1)
+    high = np.stack([f(n * angle) for n in range(3, 9) for f in (np.cos, np.sin)], axis=-1)
+    Q = np.linalg.svd(low, full_matrices=False)
+    base = Q[0][:, Q[1] > 1e-6 * Q[1][0]]
+    U, S, _ = np.linalg.svd(high - base @ (base.T @ high), full_matrices=False)
+    return np.asarray(U[:, S > 1e-2 * np.sqrt(len(angle))] * np.sqrt(len(angle)))
