@@ -267,4 +267,4 @@ def _each_alone(c: Combined, shares: Sequence[Share]) -> str:
     """One sentence: what each recording would have said by itself."""
     told_ = "; ".join(f"recording {k + 1}: {_called(s, x.alone)}"
                       for k, (s, x) in enumerate(zip(c.searches, shares, strict=True)))  # fmt: skip
-    return f"Alone, each would have said: {told_}."
+    return f"With this model each alone would have said: {told_}."
