@@ -18,6 +18,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import unstated_words, wording
 from gimbalcal.diagnose.instead import Verdict, judged
 from gimbalcal.diagnose.stepwise import Course, Model, course, refined, weighted
+from gimbalcal.diagnose.turning import turned_rates
 from gimbalcal.diagnose.unstated_where import patterns, whereabouts
 from gimbalcal.diagnose.views import FORCE, RATE, View, norm, pointing, rest_rates, table
 from gimbalcal.effects import values
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from gimbalcal.diagnose.diagnosis import Diagnosis
 
 LEFT_OUT = 10  # s: rows of a table closer than this are left out together, the table moves as slowly
-UNSEEN = 0.99  # of the prior sigma: what a parameter keeps if the rows say nothing of it
+UNSEEN = 0.01  # of the prior sigma: a parameter that is nearer to its prior than this was not seen
 
 
 def applies(recording: Recording) -> bool:
@@ -63,6 +64,8 @@ def views(
             tell("the gyroscopes count and no turn says how much a count is: they are left out")
         else:
             out.append(at_rest)
+            moving = turned_rates(recording, calibration)
+            out += [moving] if moving is not None and not gyro else []
     return tuple(out)
 
 
@@ -101,14 +104,20 @@ def _told(v: View, c: Course, tell: Callable[[str], None]) -> Told:
 
 def _finding(c: Course, j: Verdict) -> dict[str, Any]:
     e = j.cause.effect
-    wanted = {(p.name, p.axis): UNSEEN * float(from_si(p.sigma, p.unit)) for p in j.cause.parameters}
-    rows = [r for r in _sizes(c.end) if r["effect"] == e and r["sigma"] < wanted.get((r["name"], r["axis"]), 0.0)]
+    prior = {(p.name, p.axis): float(from_si(p.sigma, p.unit)) for p in j.cause.parameters}
+    rows = [r for r in _sizes(c.end) if r["effect"] == e and (r["name"], r["axis"]) in prior]
+    rows = [r for r in rows if _seen(r, prior[r["name"], r["axis"]])]
     return {
         "effect": e, "axis": j.cause.axis, "probability": round(min(j.probability, 0.9999), 4),
         "sigma": round(j.sigma, 2), "parameters": [{k: x for k, x in r.items() if k != "effect"} for r in rows],
         "twins": list(j.twins), "physics": wording.physics(e), "equation": wording.equation(e),
         "separate_by": _advice(j),
     }  # fmt: skip
+
+
+def _seen(row: dict[str, Any], prior: float) -> bool:
+    """Whether the rows say anything of a parameter: otherwise it keeps the prior's zero and sigma."""
+    return abs(row["sigma"] / prior - 1) > UNSEEN or abs(row["value"]) > UNSEEN * prior
 
 
 def _advice(j: Verdict) -> str:

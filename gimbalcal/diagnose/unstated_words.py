@@ -11,28 +11,40 @@ from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.views import View
 from gimbalcal.number import Array
 
-ROWS = {"pointing": "stars", "norm": "positions", "rest rates": "positions", "table": "stretches of ten seconds"}
+ROWS = {"pointing": "stars", "norm": "positions", "rest rates": "positions", "turns": "turns",
+        "table": "stretches of ten seconds"}
 QUIET = 1.5  # times the samples' own scatter; beyond it a sentence says what the rest may be
+
+
+def digits(x: float) -> str:
+    """A positive number with three digits, without a power of ten as long as it is readable.
+
+    >>> digits(1921.3), digits(0.9317)
+    ('1921', '0.932')
+    """
+    return f"{x:.0f}" if 1e3 <= x < 1e5 else f"{x:.3g}"
 
 
 def channel(v: View, axis: str) -> str:
     """One channel of a view as a person says it."""
     if v.name == "pointing":
         return f"pointing {axis} {v.stimulus.axis_names[0].replace('_', ' ')}"
+    if v.name == "turns":
+        return f"gravity's direction after a turn, {axis}"
     named = {"norm": "the norm of the force", "rest rates": f"the rate about {axis} at rest"}
     return named.get(v.name, f"the force along {axis}")
 
 
 def whole(v: View) -> str:
     """All channels of a view together."""
-    return {"norm": "the norm of the force", "rest rates": "the rates at rest", "table": "the force"}.get(
-        v.name, "pointing"
-    )
+    named = {"norm": "the norm of the force", "rest rates": "the rates at rest", "table": "the force",
+             "turns": "gravity's direction after the turns"}  # fmt: skip
+    return named.get(v.name, "pointing")
 
 
 def follows(v: View, axis: str, size: float, shape: str) -> str:
     """A pattern found in a channel."""
-    return f"The misfit of {channel(v, axis)} ({size:.3g} {v.unit} rms) follows {shape}"
+    return f"The misfit of {channel(v, axis)} ({digits(size)} {v.unit} rms) follows {shape}"
 
 
 def largest(v: View, axis: str, size: float, ratio: float, rows: Array) -> str:
@@ -44,8 +56,8 @@ def largest(v: View, axis: str, size: float, ratio: float, rows: Array) -> str:
         one, two, three = (int(k) for k in v.stimulus.position[rows])
         where = f"at {ROWS[v.name]} {one}, {two} and {three}"
     return (
-        f"The misfit of {channel(v, axis)} is {size:.3g} {v.unit} rms, {ratio:.3g} times what remains in the end, and "
-        f"largest {where}"
+        f"The misfit of {channel(v, axis)} is {digits(size)} {v.unit} rms, {ratio:.3g} times what remains in the end, "
+        f"and largest {where}"
     )
 
 
@@ -66,16 +78,16 @@ def answer(
     rest = ""
     if unexplained:
         shape, at = unexplained[0]["shape"], unexplained[0]["channel"].replace("_", " ")
-        rest = f" A small rest has no known cause: {shape} in {at}."
+        rest = f" What is left has no known cause: {shape} in {at}."
     sure = "; ".join(wording.named(f).replace("_", " ") for f in found)
     return f"{lead}{sure}. {better}{rest}{where}"
 
 
 def _better(v: View, fit: Mapping[str, Any]) -> str:
     out = (
-        f"The misfit of {whole(v)} goes from {fit['rms_before']:.3g} to {fit['rms_after']:.3g} {v.unit} rms, and for "
-        f"{ROWS[v.name]} that the fit has not seen from {fit['heldout_rms_before']:.3g} to "
-        f"{fit['heldout_rms_after']:.3g} {v.unit}."
+        f"The misfit of {whole(v)} goes from {digits(fit['rms_before'])} to {digits(fit['rms_after'])} {v.unit} rms, "
+        f"and for {ROWS[v.name]} that the fit has not seen from {digits(fit['heldout_rms_before'])} to "
+        f"{digits(fit['heldout_rms_after'])} {v.unit}."
     )
     if "turns" in fit:
         t = fit["turns"]
@@ -87,7 +99,7 @@ def _better(v: View, fit: Mapping[str, Any]) -> str:
 
 
 def _scatter(v: View, fit: Mapping[str, Any]) -> str:
-    start = f"What is left of {whole(v)} is {fit['rms_after']:.3g} {v.unit} rms without a pattern"
+    start = f"What is left of {whole(v)} is {digits(fit['rms_after'])} {v.unit} rms without a pattern"
     if v.noise is None:
         return f"{start}."
     times = float(np.sqrt(np.mean(list(fit["chi2_of_samples_after"].values()))))

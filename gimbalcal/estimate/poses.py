@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Residual, Stage
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.inter_triad import euler
 from gimbalcal.estimate.rest_rates import BIAS, G_SENSITIVITY, RestFit, level_of, rests
@@ -173,28 +173,35 @@ def _judged(wanted: tuple[Parameter, ...], x: Array, r: Array, J: Array, m: int)
     )  # fmt: skip
 
 
-def _linear(turned: Turned, wanted: Sequence[Parameter], x: Array) -> tuple[Array, Array]:
-    """Misfit (3 m,) and derivative (3 m, p) of the prediction."""
-    rate, slope = _rates(turned, wanted, x)
+def linear(turned: Turned, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
+    """Misfit (m, 3) of gravity after each turn with these effects, and its derivative (m, 3, p) by the wanted ones."""
+    rate, slope = _rates(turned, effects, wanted)
     misfit, predicted, tail = end_of(rate, turned)
     moved = tail @ left_jacobian(rate * turned.step[..., None])
     turn = np.einsum("mkij,mkjp,mk->mip", moved, slope, turned.step, optimize=True)
-    return misfit.ravel(), (cross_matrix(predicted) @ turn).reshape(misfit.size, -1)
+    return misfit, cross_matrix(predicted) @ turn
 
 
-def _rates(turned: Turned, wanted: Sequence[Parameter], x: Array) -> tuple[Array, Array]:
+def _linear(turned: Turned, wanted: Sequence[Parameter], x: Array) -> tuple[Array, Array]:
+    """The same as rows, (3 m,) and (3 m, p)."""
+    r, J = linear(turned, with_values((), wanted, x), wanted)
+    return r.ravel(), J.reshape(r.size, -1)
+
+
+def _rates(turned: Turned, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
     """Rates (m, n, 3) that give the readings, and their derivatives (m, n, 3, p): Newton and implicit function."""
     y, s = turned.reading.reshape(-1, 3), turned.stimulus
-    effects: tuple[Effect, ...] = with_values((), wanted, x)
     w = y.copy()
     for _ in range(20):
         D = np.stack([gyroscopes(w + 1j * STEP * u, s, effects).imag / STEP for u in np.eye(3)], axis=-1)
         step = np.linalg.solve(D, (y - gyroscopes(w, s, effects))[..., None])[..., 0]
         w = w + step
-        if np.max(np.abs(step)) < 1e-13:  # rad/s; a turn of 10 s then closes to 1e-12 rad
+        if np.max(np.abs(step), initial=0.0) < 1e-13:  # rad/s; a turn of 10 s then closes to 1e-12 rad
             break
-    by = [gyroscopes(w, s, with_values((), wanted, x + 1j * STEP * u)).imag / STEP for u in np.eye(len(x))]
-    slope = -np.linalg.solve(D, np.stack(by, axis=-1))
+    x = values(effects, wanted)
+    nudged = (with_values(effects, wanted, x + 1j * STEP * u) for u in np.eye(len(x)))
+    by = [gyroscopes(w, s, e).imag / STEP for e in nudged]
+    slope = -np.linalg.solve(D, np.stack(by, axis=-1)) if by else np.zeros((*w.shape, 0))
     return w.reshape(turned.reading.shape), slope.reshape(*turned.reading.shape, len(x))
 
 
