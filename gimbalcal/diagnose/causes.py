@@ -166,6 +166,6 @@ def _angle_harmonics(v: View) -> dict[str, tuple[str, Array]]:
         angle = v.stimulus.readout[:, i]
         if np.ptp(angle) > 1e-2:
             basis = np.stack([f(k * angle) for k in range(2, 7) for f in (np.cos, np.sin)], axis=-1)
-            words = axis.replace("_", " ")
-            out[f"{words} angle"] = (f"a pattern in the {words} angle, twice per turn and faster", basis)
+            words = axis.replace("_", " ").removesuffix(" angle") + " angle"
+            out[words] = (f"a pattern in the {words}, twice per turn and faster", basis)
     return out

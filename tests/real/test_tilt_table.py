@@ -1,4 +1,4 @@
-"""A seismometer and a fibre-optic gyroscope on a tilting table (Bernauer et al., 2020): gravity, then lever arm and delay."""
+"""A seismometer and a fibre-optic gyroscope on a tilting table: gravity leaks in, then lever arm and delay."""
 
 from __future__ import annotations
 
