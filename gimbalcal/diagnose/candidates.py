@@ -21,8 +21,8 @@ from gimbalcal.number import Array
 SHAPES = ("encoder_harmonic", "encoder_cyclic_error", "readout_curve", "setting_error")  # say a shape, not a cause
 RANDOM = ("slow_bias_drift",)  # realisations of what is integrated over as noise where the noise is stated
 JOINT = ("position_blunder",)  # effects whose parameters are one vector
-CARRIED = ("kappa_3", "kappa_4", "l")  # a second mechanism of the same effect: a candidate of its own
-TWOFOLD = ("gimbal_flexure", "post_move_creep")
+CARRIED = ("kappa_3", "kappa_4", "l", "K_pp")  # a second mechanism of the same effect: a candidate of its own
+TWOFOLD = ("gimbal_flexure", "post_move_creep", "cross_axis_product")
 SINGLE_AXES = ("x", "y", "z", "platform", "inner", "middle", "outer")
 GRID = 7  # values of a non-linear constant before refinement
 ORDERS = {"m": (1.0, 2.0)}  # whole-number constants: what a bearing does

@@ -39,6 +39,27 @@ def lagged(x: Array, time: Array, tau: float) -> Array:
     return recursion(np.concatenate([np.zeros(1), a]), np.concatenate([x[:1], b]))
 
 
+def smoothed_rate(x: Array, time: Array, tau: float) -> Array:
+    r"""dx/dt (n,) smoothed by a first-order filter of tau run forwards and backwards; exact for a ramp, ends included.
+
+    .. math:: \dot x = \frac{x_{lead} - x_{lag}}{t_{lead} - t_{lag}}
+    """
+    if len(time) < 2:
+        return 0.0 * x
+
+    def spread(v: Array) -> Array:
+        h = np.diff(time)
+        return _behind(v, h, tau) - _behind(v[::-1], h[::-1], tau)[::-1]
+
+    return np.asarray(spread(x) / spread(time))
+
+
+def _behind(x: Array, h: Array, tau: float) -> Array:
+    """x (n,) less its first-order lag, without the difference of two large numbers."""
+    a = exp(-h / tau)
+    return recursion(np.concatenate([np.zeros(1), a]), np.concatenate([0 * x[:1], np.diff(x) / h * tau * (1 - a)]))
+
+
 def integral(x: Array, time: Array) -> Array:
     """Integral of x (n, ...) over time from the first sample, trapezoid rule."""
     h = np.reshape(np.diff(time), (-1,) + (1,) * (x.ndim - 1))

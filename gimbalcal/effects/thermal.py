@@ -9,7 +9,7 @@ import numpy as np
 from gimbalcal.earth import G0
 from gimbalcal.effects.accelerometer import MISALIGNMENT_AXES, lean
 from gimbalcal.effects.effect import TRIAD, Effect, Stage, Stimulus, constant, effect, parameter
-from gimbalcal.effects.history import lagged
+from gimbalcal.effects.history import lagged, smoothed_rate
 from gimbalcal.number import Array, cos, exp
 
 HOUR = 3600.0
@@ -107,9 +107,9 @@ class BiasTemperatureLagged(Effect):
 class BiasTemperatureRate(Effect):
     r"""A temperature gradient across the sensor, in proportion to the rate, moves the bias.
 
-    .. math:: \delta a_i = r_i \dot T, \qquad \dot T = (T - T_{lag}) / \tau
+    .. math:: \delta a_i = r_i \dot T
 
-    with the rate seen through a lag of tau, because thermometers are noisy. Source: IEEE Std 1293, thermal
+    with the rate smoothed over tau to both sides, because thermometers are noisy. Source: IEEE Std 1293, thermal
     transients. Magnitude: 1 to 20 ug/(degC/h). Seen by: ramps. Twin: bias_temperature with bias_temperature_lagged.
     """
 
@@ -118,12 +118,11 @@ class BiasTemperatureRate(Effect):
     requires = ("temperature",)
     sources = ("ieee1293",)
     r: Array = parameter(TRIAD, unit="ug/(degC/h)", sigma=10, name="bias_per_rate")
-    tau: float = constant(120.0, unit="min", low=10.0, high=1800.0)
+    tau: float = constant(5.0, unit="min", low=1.0, high=60.0)
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
-        T = s.temperature_excess()
-        return self.r * ((T - lagged(T, s.time, self.tau)) / self.tau)[..., None]
+        return self.r * smoothed_rate(s.temperature_excess(), s.time, self.tau)[..., None]
 
 
 @effect

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gimbalcal.effects.history import direction, integral, lagged, recursion, slope
+from gimbalcal.effects.history import direction, integral, lagged, recursion, slope, smoothed_rate
 
 TIME = np.cumsum(np.random.default_rng(1).uniform(0.1, 40.0, 200))
 
@@ -28,6 +28,14 @@ def test_the_lag_of_a_ramp_is_the_textbook_response(tau: float) -> None:
 
 def test_the_lag_of_a_constant_is_that_constant() -> None:
     np.testing.assert_allclose(lagged(np.full(200, 3.0), TIME, 20.0), 3.0, rtol=1e-13)
+
+
+def test_the_smoothed_rate_of_a_ramp_is_its_slope_from_end_to_end() -> None:
+    t = TIME - TIME[0]
+    np.testing.assert_allclose(smoothed_rate(3.0 + 0.7 * t, TIME, 50.0), 0.7, rtol=1e-12)
+    noisy = 0.7 * t + np.random.default_rng(3).standard_normal(200)
+    # white noise of 1 every 20 s through 300 s: about sqrt(20 / 300) / 300 a second, four times that allowed
+    np.testing.assert_allclose(smoothed_rate(noisy, TIME, 300.0)[20:-20], 0.7, atol=4 * 0.26 / 300)
 
 
 def test_integral_and_slope_of_a_parabola() -> None:
