@@ -118,7 +118,7 @@ class BiasTemperatureRate(Effect):
     requires = ("temperature",)
     sources = ("ieee1293",)
     r: Array = parameter(TRIAD, unit="ug/(degC/h)", sigma=10, name="bias_per_rate")
-    tau: float = constant(5.0, unit="min", low=1.0, high=60.0)
+    tau: float = constant(120.0, unit="min", low=15.0, high=1800.0)
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
