@@ -20,8 +20,6 @@ import numpy as np
 
 from gimbalcal.number import Array
 
-MISALIGNMENTS = ("yx", "zx", "zy")
-
 
 def lower(E: Array) -> Array:
     """Unit lower-triangular C (..., 3, 3) of Eqs. (5) and (8) from E = (E_yx, E_zx, E_zy), (..., 3)."""

@@ -16,13 +16,6 @@ from gimbalcal.schedule import FIFTEEN_POSITIONS
 
 _H = float(np.sqrt(0.5))
 
-FACES = tuple(tuple(sign * float(v) for v in np.eye(3)[i]) for i in range(3) for sign in (1, -1))
-EDGES = (
-    (_H, _H, 0.0), (_H, -_H, 0.0), (-_H, _H, 0.0), (-_H, -_H, 0.0),
-    (_H, 0.0, _H), (_H, 0.0, -_H), (-_H, 0.0, _H), (-_H, 0.0, -_H),
-    (0.0, _H, _H), (0.0, _H, -_H), (0.0, -_H, _H), (0.0, -_H, -_H),
-)  # fmt: skip
-
 # Figure 2: unit specific force in the sensor frame at each position
 POSITIONS: Array = -FIFTEEN_POSITIONS.gravity_directions()
 

@@ -5,7 +5,7 @@ rotation R^q, the accelerometers where gravity was before and after, and both mu
 
 .. math:: C_p^q f_2^p = R^q \, C_p^q f_1^p .
 
-A whole revolution brings gravity back and says nothing here; a vertical axis does: u^q = C_p^q f^p / g.
+A whole revolution brings gravity back and says nothing here.
 """
 
 from __future__ import annotations
@@ -25,11 +25,6 @@ class InterTriad:
     angles: Array
     covariance: Array
     rms: float
-
-    @property
-    def C_qp(self) -> Array:
-        """C_p^q: components in p to components in q, (3, 3)."""
-        return rotation(self.angles)
 
 
 def rotation(angles: Array) -> Array:
@@ -69,27 +64,3 @@ def from_turns(before: Array, after: Array, turns: Array, sigma: float) -> Inter
         if np.max(np.abs(step)) < 1e-15:
             break
     return InterTriad(x, sigma**2 * np.linalg.inv(J.T @ J), float(np.sqrt(np.mean(r**2))))
-
-
-def from_vertical_axes(axes: Array, force: Array, sigma: float) -> InterTriad:
-    """From rotation axes u (m, 3) in q that were vertical, and unit force (m, 3) in p: Wahba's problem by SVD.
-
-    Raises InputError for fewer than two different directions.
-    """
-    U, S, Vt = np.linalg.svd(np.asarray(axes).T @ np.asarray(force))
-    if S[1] < 1e-6 * S[0]:
-        raise InputError("one vertical direction leaves the rotation about it open: turn about two or more")
-    C = U @ np.diag([1.0, 1.0, np.linalg.det(U) * np.linalg.det(Vt)]) @ Vt
-    r = np.asarray(axes) - apply_matrix(C, force)
-    # a small rotation e moves C f by -e x C f: information is the sum of 1 - (C f)(C f)^T
-    moved = apply_matrix(C, force)
-    F = len(moved) * np.eye(3) - moved.T @ moved
-    x = euler(C)
-    G = np.stack([_vector(rotation(x + 1e-30j * u).imag / 1e-30 @ C.T) for u in np.eye(3)], axis=-1)
-    H = np.linalg.inv(G)
-    return InterTriad(x, sigma**2 * H @ np.linalg.inv(F) @ H.T, float(np.sqrt(np.mean(r**2))))
-
-
-def _vector(S: Array) -> Array:
-    """Vector of a skew matrix -[v x]."""
-    return np.array([S[1, 2], S[2, 0], S[0, 1]])

@@ -118,21 +118,16 @@ def norm_fit(means: Recording, terms: Sequence[str]) -> NormFit:
     towards = y / np.linalg.norm(y, axis=1, keepdims=True)
     p = replace(p, stimulus=p.stimulus.at(force=g * towards))
     sample = means.sigma("accelerometer") or 1e-6 * g  # no scatter known: far below any rig, the excess takes over
-    return _with_excess(p, Noise(sample, np.inf), _start(y / g, wanted) * g_units(wanted, g))
+    return _with_excess(p, Noise(sample, np.inf), _start(y, wanted, g))
 
 
-def g_units(wanted: Sequence[Parameter], g: float) -> Array:
-    """SI per g of the parameters that `_start` gives in g: the bias."""
-    return np.array([g if q.effect == "bias" else 1.0 for q in wanted])
-
-
-def _start(u: Array, wanted: Sequence[Parameter]) -> Array:
-    """Linear start from the ellipsoid through the readings u (m, 3) in g, turned to the direction of the effects."""
-    found = ellipsoid(u[None])[0] if len(u) >= 9 else np.full(9, np.nan)
+def _start(y: Array, wanted: Sequence[Parameter], g: float) -> Array:
+    """Linear start [SI] from the ellipsoid through the readings y (m, 3), turned to the direction of the effects."""
+    found = ellipsoid(y[None] / g)[0] if len(y) >= 9 else np.full(9, np.nan)
     if not np.isfinite(found).all():
         return np.zeros(len(wanted))
     K1, bias, (yx, zx, zy) = found[:3], found[3:6], found[6:]
-    start = {("scale_factor", i): K1[i] - 1 for i in range(3)} | {("bias", i): -bias[i] / K1[i] for i in range(3)}
+    start = {("scale_factor", i): K1[i] - 1 for i in range(3)} | {("bias", i): -g * bias[i] / K1[i] for i in range(3)}
     inverse = {"yz": yx, "zy": -(zx - zy * yx), "zx": zy}  # the inverse of Eq. (5), in the betas of Wu et al.'s Eq. (5)
     return np.array(
         [inverse[q.axis] if q.effect == "misalignment" else start.get((q.effect, q.index), 0.0) for q in wanted]
@@ -282,18 +277,13 @@ def _rotations() -> list[dict[str, Any]]:
 def _outcome(recording: Recording, best: NormFit) -> str:
     if best.fit.steps == 0:
         return "the fit did not settle: the positions do not determine these terms together"
-    own = best.fit.noise.accelerometer / np.sqrt(float(np.median(recording_weights(recording))))
+    own = best.fit.noise.accelerometer / np.sqrt(float(np.median(dwell_means(recording).weight)))
     if "accelerometer" not in recording.noise or best.excess <= UNSTEADY * own:
         return ""
     return (
         f"the positions scatter by {best.excess:.2g} m/s^2 about the model, which the stated noise does not explain "
         f"({own:.2g} m/s^2 for the mean of a position); all sigma are scaled to that scatter"
     )
-
-
-def recording_weights(recording: Recording) -> Array:
-    """Raw samples behind the mean of each position (m,)."""
-    return np.asarray(dwell_means(recording).weight, dtype=float)
 
 
 def _stage(terms: Sequence[str], made: NormFit) -> Stage:

@@ -12,10 +12,18 @@ from gimbalcal.earth import G0
 from gimbalcal.estimate import pulse_fit
 from gimbalcal.estimate.pulse_fit import accelerometer_pulses, ellipsoid, initial_scale
 from gimbalcal.pulses import Pulses
-from gimbalcal.schedules_wang2019 import EDGES, FACES, POSITIONS
+from gimbalcal.schedules_wang2019 import POSITIONS
 from gimbalcal.trials import accelerometer_truth, accelerometers, generators, tipped
 
 SIGMA = 7e-6  # m/s^2
+
+_H = float(np.sqrt(0.5))
+FACES = tuple(tuple(sign * float(v) for v in np.eye(3)[i]) for i in range(3) for sign in (1, -1))
+EDGES = (
+    (_H, _H, 0.0), (_H, -_H, 0.0), (-_H, _H, 0.0), (-_H, -_H, 0.0),
+    (_H, 0.0, _H), (_H, 0.0, -_H), (-_H, 0.0, _H), (-_H, 0.0, -_H),
+    (0.0, _H, _H), (0.0, _H, -_H), (0.0, -_H, _H), (0.0, -_H, -_H),
+)  # fmt: skip
 
 
 def counts(runs: int, noise: float, visits: int = 1) -> tuple[Pulses, np.ndarray]:
