@@ -167,7 +167,7 @@ def _fit(v: View, c: Course, sigma: Array) -> dict[str, Any]:
             {"effect": cause.effect, "axis": cause.axis, "rms": float(from_si(s.model.rms, v.unit)), "unit": v.unit}
             for s in c.steps for cause, _ in s.taken
         ],
-        "calibration_moved": moved(before, after),
+        "calibration_moved": moved(before, after) if c.steps else [],
     }  # fmt: skip
     if v.turns is not None and c.steps:
         missed = [float(from_si(v.turns(e), "arcsec")) for e in ((), after.effects)]
