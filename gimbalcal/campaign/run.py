@@ -56,7 +56,7 @@ def run_campaign(
         fresh += len(share)
         left = (n - done - fresh) * (monotonic() - start) / fresh
         progress(f"{done + fresh} of {n} runs, {_spell(left)} left")
-    return store.finish(summarise)
+    return store.finish(lambda rows: {"direction": what.direction, **summarise(rows)})
 
 
 def _spell(seconds: float) -> str:

@@ -32,6 +32,11 @@ class Task:
     share: int
 
     @property
+    def direction(self) -> str:
+        """Which way the coefficients go that this campaign estimates."""
+        return "pulses to physics" if self.kind in PULSES else "physics to readings"
+
+    @property
     def identity(self) -> dict[str, Any]:
         """What must agree for a stopped campaign to go on: everything that a run depends on."""
         from gimbalcal import __version__
@@ -167,9 +172,9 @@ def _simulated(what: Task, run: int) -> dict[str, list[Any]]:
 
 def _calibrated(method: str, recording: Any) -> Any:
     if method == "multiposition":
-        from gimbalcal.estimate.multiposition import multiposition
+        from gimbalcal.estimate.unit import inertial_unit
 
-        return multiposition(recording)
+        return inertial_unit(recording)
     from gimbalcal.pipeline import three_stage
 
     return three_stage([recording])
@@ -183,16 +188,21 @@ def _failed(run: int, why: str) -> dict[str, list[Any]]:
 
 
 def _comparable(effects: Sequence[Any], wanted: Sequence[Any], method: str) -> Any:
-    """Truth (p,) in the convention of the estimate: without angles the triad's rotation is fixed by its first axes."""
+    """Truth (p,) in the convention of the estimate: without angles the triad's rotation is fixed by its first axes.
+
+    The accelerometers' frame so turned is that of the gyroscopes too; to first order in the misalignments.
+    """
     from gimbalcal.effects import values
 
     truth = values(effects, wanted)
     if method != "multiposition":
         return truth
     beta = next((e.beta for e in effects if e.id == "misalignment"), None)
-    # xy, xz, yz, yx, zx, zy: a rotation changes xz and yz, xy and zy, yx and zx alike (to first order)
-    partner = {"yz": 1, "zy": 0, "zx": 3}
-    for i, p in enumerate(wanted):
-        if p.effect == "misalignment" and beta is not None:
-            truth[i] -= beta[partner[p.axis]]
-    return truth
+    if beta is None:
+        return truth
+    xy, xz, _, yx, _, _ = beta
+    # a rotation changes xz and yz, xy and zy, yx and zx alike; gyroscopes: the skew matrix of Eq. (5)'s upper triangle
+    turned = {("misalignment", "yz"): xz, ("misalignment", "zy"): xy, ("misalignment", "zx"): yx}
+    skew = {"xy": xz, "xz": -xy, "yz": yx, "yx": -xz, "zx": xy, "zy": -yx}
+    turned |= {("gyro_misalignment", axis): by for axis, by in skew.items()}
+    return truth - np.array([turned.get((p.effect, p.axis), 0.0) for p in wanted])

@@ -102,7 +102,7 @@ def report() -> list[str]:
     """Tables 2 and 3 and the count of Figure 4, as lines."""
     lines = []
     for number, title in ((2, "Table 2, accelerometers"), (3, "Table 3, gyroscopes")):
-        lines.append(f"{title}: RMS of {RUNS} runs (ours / printed / ours over the Cramer-Rao bound)")
+        lines.append(f"{title}: RMS of {RUNS} runs, pulses to physics (ours / printed / over the Cramer-Rao bound)")
         for tilt in TILTS:
             trials, seconds = campaign(number, tilt)
             found = RUNS - lost(trials)

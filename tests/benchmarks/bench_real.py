@@ -84,7 +84,7 @@ def compared(recording: Recording) -> list[str]:
     lines.append(f"  {'imu_tk model (T K b) on the means':82s} {np.sqrt(np.mean(imu_tk_style(y, g) ** 2)) / UG:9.1f}")
     other = imucal_style(y, g)
     words = "not installed" if other is None else f"{np.sqrt(np.mean(other**2)) / UG:9.1f}"
-    lines.append(f"  {'imucal (Ferraris) from the six positions nearest to faces':82s} {words}")
+    lines.append(f"  {'imucal (Ferraris), the six positions nearest to faces taken for faces':82s} {words}")
     return lines
 
 

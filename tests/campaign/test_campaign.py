@@ -20,8 +20,13 @@ import pytest
 from gimbalcal.campaign import run_campaign
 from gimbalcal.campaign.cluster import connect
 from gimbalcal.campaign.local import here, processes
-from gimbalcal.campaign.task import Task, seed_of, task
+from gimbalcal.campaign.task import Task, _comparable, seed_of, task
+from gimbalcal.effects import parameters
+from gimbalcal.effects.accelerometer import Misalignment
+from gimbalcal.effects.gyroscope import GyroMisalignment
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.multiposition import TRIANGLE
+from gimbalcal.exchange.matrices import matrices
 from tests.campaign.deadly import always_dies, dies_once
 
 PULSES = "wang2019-accelerometers-3arcmin"
@@ -149,9 +154,32 @@ def test_no_scheduler_is_one_sentence() -> None:
 def test_a_simulated_scenario_is_calibrated_run_by_run(tmp_path: Path) -> None:
     summary = run_campaign("wu2018-18", 3, tmp_path / "c", workers=1, method="multiposition")
     assert summary["runs"] == 3
+    assert summary["direction"] == "physics to readings"
     by_name = {row["parameter"]: row for row in summary["parameters"]}
     # three runs: an rms of three normal errors exceeds 3 sigma once in 1e5
     assert all(row["ratio"] < 3 for name, row in by_name.items() if name.startswith(("bias", "scale_factor")))
+
+
+def test_truth_is_turned_into_the_frame_of_the_estimate() -> None:
+    """The frame whose x lies along the first input axis and y in the plane of the first two, for both triads."""
+    rng = np.random.default_rng(2)
+    beta, E = 1e-4 * rng.standard_normal((2, 6))
+    truth = (Misalignment(beta=beta), GyroMisalignment(E=E))
+    wanted = tuple(p for e in truth for p in parameters(type(e)) if e.id != "misalignment" or p.axis in TRIANGLE)
+    found = {p.label: x for p, x in zip(wanted, _comparable(truth, wanted, "multiposition"), strict=True)}
+    m = matrices(truth)
+    # M = L Q with L lower triangular: Q carries the drawing's frame into the one of the estimate
+    Q = np.linalg.qr(m["Ma"].T)[0].T
+    Q = Q * np.sign(np.diag(Q))[:, None]
+    lower, gyro = m["Ma"] @ Q.T, m["Mg"] @ Q.T
+    # products of two misalignments, 1e-8
+    assert found["misalignment:yz"] == pytest.approx(-lower[1, 0], abs=1e-7)
+    assert found["misalignment:zy"] == pytest.approx(lower[2, 0], abs=1e-7)
+    assert found["misalignment:zx"] == pytest.approx(-lower[2, 1], abs=1e-7)
+    for i, a in enumerate("xyz"):
+        for j, b in enumerate("xyz"):
+            if a != b:
+                assert found[f"gyro_misalignment:{a}{b}"] == pytest.approx(gyro[i, j], abs=1e-7)
 
 
 @pytest.mark.parametrize(
