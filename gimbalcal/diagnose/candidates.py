@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gimbalcal.diagnose.evidence import orthonormal
 from gimbalcal.diagnose.observations import Observations, absent_effect
-from gimbalcal.diagnose.shapes import shapes, turns
+from gimbalcal.diagnose.shapes import products, shapes, turns
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters
 from gimbalcal.number import Array
 
@@ -204,11 +205,13 @@ def scaled_columns(o: Observations, effect: Effect, wanted: Sequence[Parameter])
 
 # --- the rivals: shapes without a cause -------------------------------------------------------------------------------
 
+ALIKE = 0.97  # correlation from which a simple law is one that the catalogue has
+SLOWEST = 2000  # reduced rows on which that is judged: all of 18 positions, the slowest of a static run
 RIVAL_SIGMA = 3.0  # prior size of one shape, in sigmas of a row: mixed over 0.1 to 100 like every other
 
 
 def rivals(o: Observations, blocks: list[Array]) -> list[Candidate]:
-    """Free per position, smooth in orientation, smooth in time, gimbal harmonics, function of temperature."""
+    """Free per position, smooth in orientation, in time, in temperature, gimbal harmonics; and simple laws."""
     out: list[Candidate] = []
     for name, (words, basis) in shapes(o).items():
         scale = basis / (np.sqrt((basis**2).mean(axis=0)) + 1e-300)
@@ -219,7 +222,31 @@ def rivals(o: Observations, blocks: list[Array]) -> list[Candidate]:
             every += at
             out.append(Candidate(f"unknown {name}", axis, (), (Variant((), at),), rival=words))
         out.append(Candidate(f"unknown {name}", "x, y, z", (), (Variant((), tuple(every)),), rival=words))
-    return out + gimbal_harmonics(o, blocks)
+    return out + gimbal_harmonics(o, blocks) + _simple_laws(o, blocks)
+
+
+def _simple_laws(o: Observations, blocks: list[Array]) -> list[Candidate]:
+    """Products and powers of what was recorded, as outputs of one accelerometer, less those that have a cause."""
+    Q = orthonormal(o.reduce(o.Z)[:SLOWEST])
+
+    def unit(X: Array) -> Array:
+        X = X[:SLOWEST]
+        left = X - Q @ (Q.T @ X)
+        size = np.sqrt((left**2).sum(axis=0))
+        return left / np.where(size > 1e-3 * np.sqrt((X**2).sum(axis=0)) + 1e-300, size, np.inf)
+
+    known = unit(np.concatenate([b[:SLOWEST] for b in blocks], axis=1))
+    out = []
+    for name, (words, bases) in products(o).items():
+        for axis, along in _stage_axes(o):
+            variants = []
+            for basis in bases:
+                X = o.reduce(along[:, :, None] * (basis / np.sqrt((basis**2).mean(axis=0)))[:, None, :])
+                if np.abs(known.T @ unit(X)).max(axis=0).min() < ALIKE:
+                    variants.append(Variant((), tuple(_append(blocks, X * RIVAL_SIGMA))))
+            if variants:
+                out.append(Candidate(f"unknown {name}", axis, (), tuple(variants), rival=words))
+    return out
 
 
 def _stage_axes(o: Observations) -> list[tuple[str, Array]]:

@@ -13,12 +13,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gimbalcal.diagnose.candidates import Candidate
 from gimbalcal.diagnose.noise import Node
 from gimbalcal.number import Array
+
+if TYPE_CHECKING:
+    from gimbalcal.diagnose.candidates import Candidate
 
 SIZES = np.array([0.001, 0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0])  # times the catalogue's prior sigma
 SIZE_PRIOR = np.array([0.04, 0.08, 0.15, 0.18, 0.22, 0.15, 0.10, 0.05, 0.03])

@@ -50,6 +50,34 @@ def _thermal(time: Array, temperature: Array) -> Array:
     return np.concatenate([poly, np.stack([rate, rate**2, rate**3], axis=-1)], axis=1)
 
 
+def products(o: Observations) -> dict[str, tuple[str, list[Array]]]:
+    """Simple laws that nobody has written down yet, by family: words, and bases (n, 1 or 2), any one of which it is.
+
+    A flexible shape cannot compete with a known cause that happens to look much like the truth; the truth itself can.
+    """
+    from gimbalcal.effects.history import smoothed_rate
+
+    s = o.stimulus
+    t = s.time / s.time[-1] - 0.5
+    angles = [a for a in s.angle.T if np.ptp(a) > 1e-2]
+    where = [f[:, None] for f in (s.force / s.gravity).T if np.std(f) > 1e-3]
+    where += [np.stack([np.cos(a), np.sin(a)], axis=-1) for a in angles]
+    follows = {"time": t}
+    if s.temperature is not None:
+        follows["temperature"] = s.temperature - s.temperature.mean()
+        rate = smoothed_rate(s.temperature, s.time, float(s.time[-1]) / 100)
+        follows["the rate of temperature"] = rate / (np.abs(rate).max() + 1e-300)
+    out = {f"with {name}": (f"a force or gimbal angle times {name}", [x[:, None] * w for w in where])
+           for name, x in follows.items()}  # fmt: skip
+    powers = [(x**n)[:, None] for x in follows.values() for n in (2, 3)]
+    out["power"] = ("a square or cube of " + ", ".join(follows), powers)
+    if o.kind == "multi-position":
+        every = np.where(s.visit % 2, 1.0, -1.0)[:, None]
+        words = "something that alternates from one position to the next"
+        out["alternating"] = (words, [every, *(every * w for w in where)])
+    return out
+
+
 def turns(angle: Array) -> list[Array]:
     """Bases (n, m) of an error that repeats three to eight times a turn: all beyond the second, and each as it is.
 
