@@ -317,7 +317,9 @@ where the files are present, and says that it was skipped where they are not.
 None of these recordings says how large its noise is. The scale of the noise is integrated over, a wandering noise has
 its say before anything is claimed, and misfits are given in their own units. "What the fit has not seen" is the misfit
 of rows that were left out one by one, or ten seconds at a time for the table. The panels show the misfit before (grey)
-and after (blue).
+and after (blue). Where there is nothing to find nothing is claimed: on 60 made pointing runs and 60 made units turned
+by hand without any of these effects the verdict was *adequate* every time (`tests/diagnose/test_unstated.py` holds
+twelve of them).
 """
 
 

@@ -1,0 +1,123 @@
+"""Diagnosis without a stated noise on made recordings: telescopes by spherical trigonometry, units turned by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gimbalcal.diagnose import Diagnosis, diagnose
+from gimbalcal.number import Array
+from gimbalcal.platform import BENCH, KNOWN
+from gimbalcal.recording import Recording, Site
+
+ARCSEC = np.pi / 648000
+G = 9.8
+N = 80  # stars, as in a real run
+
+
+def stars(seed: int) -> tuple[np.random.Generator, Array, Array]:
+    """Elevations and azimuths [rad] all over the sky in a random order."""
+    rng = np.random.default_rng(seed)
+    return rng, np.arcsin(rng.uniform(0.26, 0.99, N)), rng.uniform(-np.pi, np.pi, N)
+
+
+def run(elevation: Array, azimuth: Array, seen: tuple[Array, Array], rng: np.random.Generator) -> Recording:
+    """Encoders that read what is seen, with zeros and an arcsecond of noise on the sky."""
+    read = {
+        "elevation": seen[0] + 0.1 + ARCSEC * rng.standard_normal(N),
+        "azimuth": seen[1] - 0.2 + ARCSEC * rng.standard_normal(N) / np.cos(elevation),
+    }
+    true = {"elevation": elevation, "azimuth": azimuth}
+    channels = {("gimbal_angle", a): x for a, x in read.items()} | {("true_angle", a): x for a, x in true.items()}
+    return Recording("pointing", "made", KNOWN["alt-az"], Site(0.55, 0.0, G), {}, 130.0 * np.arange(N), None, channels)
+
+
+def tilted(elevation: Array, azimuth: Array, north: float, east: float) -> tuple[Array, Array]:
+    """Elevation and azimuth in a base turned by small angles [rad] about north and about east."""
+    n, e = np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth)
+    d = -np.sin(elevation)
+    n, e, d = n - east * d, e + north * d, d + east * n - north * e  # frame rotation, first order
+    return -np.arcsin(d), azimuth + np.angle(np.exp(1j * (np.arctan2(e, n) - azimuth)))
+
+
+def size(d: Diagnosis, effect: str, axis: str) -> tuple[float, float]:
+    p = next(p for f in d.findings if f["effect"] == effect for p in f["parameters"] if p["axis"] == axis)
+    return p["value"], p["sigma"]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_telescope_that_lacks_nothing(seed: int) -> None:
+    rng, E, A = stars(seed)
+    d = diagnose([run(E, A, (E, A), rng)])
+    assert d.verdict == "adequate"
+    assert d.findings == ()
+    assert d.fit["rms_after"] == pytest.approx(np.sqrt(2), rel=0.2)  # two components of an arcsecond, 155 degrees
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_tilt_and_flexure_come_back(seed: int) -> None:
+    rng, E, A = stars(seed)
+    seen = tilted(E, A, 12 * ARCSEC, -7 * ARCSEC)
+    d = diagnose([run(E, A, (seen[0] + 15 * ARCSEC * np.cos(E), seen[1]), rng)])
+    assert d.verdict == "missing-physics"
+    assert "base_tilt" in {f["effect"] for f in d.findings}
+    assert any("tube_flexure" in (f["effect"], *f["twins"]) for f in d.findings)
+    for axis, truth in (("north", 12.0), ("east", -7.0)):
+        value, sigma = size(d, "base_tilt", axis)
+        assert abs(value - truth) < 3.5 * sigma  # the larger of four, once in five hundred
+        assert sigma < 0.5
+    assert d.fit["heldout_rms_after"] < 0.2 * d.fit["heldout_rms_before"]
+
+
+def test_what_no_catalogue_holds_is_a_shape() -> None:
+    rng, E, A = stars(3)
+    d = diagnose([run(E, A, (E + 20 * ARCSEC * np.sin(5 * A), A), rng)])
+    assert d.verdict == "unexplained"
+    assert d.findings == ()
+    assert "azimuth angle" in d.unexplained[0]["shape"]
+
+
+def turned(seed: int, g_sensitivity: Array | None = None, drift: float = 0.0) -> Recording:
+    """A unit at rest in forty attitudes, ten means each: bias, scale and misalignment, and what is asked for."""
+    rng = np.random.default_rng(seed)
+    up = rng.standard_normal((40, 3))
+    f = G * np.repeat(up / np.linalg.norm(up, axis=1, keepdims=True), 10, axis=0)
+    n = len(f)
+    t = np.linspace(0.0, 600.0, n)
+    M = np.eye(3) + 1e-2 * rng.standard_normal((3, 3))
+    wander = drift * np.stack([np.sin(4 * np.pi * t / t[-1]), -np.cos(2 * np.pi * t / t[-1]), (t / t[-1]) ** 2], -1)
+    y = f @ M.T + [0.1, -0.2, 0.05] + wander * 1e-3 * G + 3e-4 * G * rng.standard_normal((n, 3))
+    hour = np.pi / 648000  # rad/s of a degree an hour
+    w = hour * (np.array([50.0, -80.0, 20.0]) + 60 * rng.standard_normal((n, 3)))
+    if g_sensitivity is not None:
+        w = w + hour * f / G @ g_sensitivity.T
+    channels = {("specific_force", a): y[:, i] for i, a in enumerate("xyz")}
+    channels |= {("angular_rate", a): w[:, i] for i, a in enumerate("xyz")}
+    position = np.repeat(np.arange(1, 41), 10)
+    return Recording("multi-position", "made", BENCH, Site(None, 0.0, G), {}, t, position, channels)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_unit_turned_by_hand_that_lacks_nothing(seed: int) -> None:
+    d = diagnose([turned(seed)])
+    assert d.verdict == "adequate"
+    assert d.findings == ()
+
+
+def test_rates_that_follow_the_pose() -> None:
+    truth = np.array([[0.0, 100.0, -50.0], [200.0, 0.0, 0.0], [0.0, -150.0, 0.0]])
+    d = diagnose([turned(7, truth)], baseline=("gyro_bias",))
+    assert [f["effect"] for f in d.findings] == ["gyro_g_sensitivity_rate"]
+    pulls = []
+    for i, a in enumerate("xyz"):
+        for j, b in enumerate("xyz"):
+            value, sigma = size(d, "gyro_g_sensitivity_rate", a + b)
+            pulls.append((value - truth[i, j]) / sigma)
+    assert np.max(np.abs(pulls)) < 3.5  # nine normal numbers exceed it once in 240
+    assert d.fit["heldout_after"] < 0.2 * d.fit["heldout_before"]
+
+
+def test_biases_that_drift_are_seen_in_the_order_of_visits() -> None:
+    d = diagnose([turned(8, drift=1.0)], baseline=("bias", "scale_factor", "misalignment"))
+    assert [f["effect"] for f in d.findings] == ["slow_bias_drift"]
+    assert d.fit["rms_after"] < 0.7 * d.fit["rms_before"]
