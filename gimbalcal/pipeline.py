@@ -61,8 +61,8 @@ def calibrate(
             raise InputError(f"--method multiposition takes one recording, got {len(recordings)}; run it once for each")
         tell("norm of the force at every position, and the gyroscopes where they were logged on the way")
         made = inertial_unit(recordings[0], terms)
-        if "gyroscopes" in made.provenance["options"]:
-            tell(f"note: the gyroscopes stay out: {made.provenance['options']['gyroscopes']}")
+        for words in _left_out(made):
+            tell(f"note: {words}")
     elif terms:
         raise InputError(
             f"--terms {','.join(terms)} goes with --method multiposition; three-stage has its own, leave it out"
@@ -70,6 +70,14 @@ def calibrate(
     else:
         made = three_stage(recordings, tell)
     return replace(made, provenance=provenance(recordings, made, terms)), recordings
+
+
+def _left_out(made: Calibration) -> list[str]:
+    """What was asked for and not taken up, and why."""
+    options = made.provenance["options"]
+    declined = {**options.get("declined", {}), **options.get("gyro_declined", {})}
+    gyroscopes = [f"the gyroscopes stay out: {options['gyroscopes']}"] if "gyroscopes" in options else []
+    return [*declined.values(), *gyroscopes]
 
 
 def provenance(recordings: Sequence[Recording], made: Calibration, terms: Sequence[str]) -> dict[str, object]:

@@ -123,3 +123,11 @@ def test_a_recording_is_not_written_over_itself(command, capsys, tmp_path: Path)
     assert command("export", "matlab", "--calibration", known, "--out", tmp_path / "new") == 2
     assert "take one of kalibr, psins, csv, json" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
+
+
+def test_declined_terms_are_told(command, capsys) -> None:  # type: ignore[no-untyped-def]
+    assert command("calibrate", ROOT / "data" / "xsens_positions", "--method", "multiposition") == 0
+    told = capsys.readouterr().err
+    for term in ("scale_nonlinearity", "cubic_nonlinearity"):
+        assert f"note: {term} declined: these 38 positions leave it uncertain by" in told
+    assert "positions left out are predicted worse with it" in told

@@ -65,7 +65,7 @@ gimbalcal.add_command(import_)
     type=click.Choice(["three-stage", "multiposition"]),
     default="three-stage",
     show_default=True,
-    help="three-stage: space-stable platform, angles recorded; multiposition: no angles needed.",
+    help="three-stage: space-stable platform, angles recorded; multiposition: no angles needed, gyroscopes too.",
 )
 @click.option("--terms", default="", help="multiposition: comma-separated terms to estimate (see the report).")
 @output_options
