@@ -116,7 +116,7 @@ def _rows(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> list
             "value": minus(value),
             "sigma": sigma,
             "unit": wording.unit_in_print(p["unit"]),
-            "prior": f"{p['prior_sigma']:.4g}",
+            "prior": significant(p["prior_sigma"], 2),
             "moved": moved,
             "moved_text": minus(f"{moved:+.2f} σ").replace("−0.00", "0.00").replace("+0.00", "0.00"),
             "unseen": label_of(p) in in_unseen,
