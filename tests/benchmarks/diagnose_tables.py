@@ -62,6 +62,9 @@ def false_alarms(rows: Sequence[Row], say: Say) -> None:
         raised = [r for r in mine if r["verdict"] != "adequate"]
         named = sum(bool(r["claims"]) for r in raised)
         say(f"  {arm:42}{share(len(raised), len(mine))}; a cause named in {named}")
+        at = (0.05, 0.5, 0.95, 0.99, 1.0)
+        levels = " ".join(f"{q:.1f}" for q in np.quantile([r["ln_bayes"] for r in mine], at))
+        say(f"      ln Bayes factor at 5, 50, 95, 99 and 100 %: {levels}")
         for r in raised:
             say(f"      seed {r['seed']}: {r['verdict']}, {_said(r)} (ln BF {r['ln_bayes']:.1f})")
 
@@ -124,24 +127,36 @@ def pairs(rows: Sequence[Row], say: Say) -> None:
 
 def strange(rows: Sequence[Row], say: Say) -> None:
     """Effects that no catalogue holds."""
-    mine = _of(rows, "strange")
-    if not mine:
-        return
-    say("\neffects that no catalogue holds")
+    for arm, title in (
+        ("strange", "effects that no catalogue holds, known when the unknown was given its shapes"),
+        ("strange new", "effects that no catalogue holds, written afterwards"),
+    ):
+        mine = [r for r in rows if r["arm"] == arm]
+        if mine:
+            say(f"\n{title}")
+            _strange(mine, say)
+
+
+def _strange(mine: Sequence[Row], say: Say) -> None:
     detected = [r for r in mine if r["verdict"] != "adequate"]
     odd = [r for r in detected if r["verdict"] == "unexplained"]
     bold = [r for r in detected if any(c[3] > SURE for c in r["claims"])]
     say(f"  detected                              {share(len(detected), len(mine))}")
     say(f"  called unexplained, where detected    {share(len(odd), len(detected))}")
     say(f"  a wrong cause stated above 90 %       {share(len(bold), len(detected))}")
-    say(f"  {'':20}{'n':>5}{'detected':>10}{'unexplained':>13}{'named':>7}")
+    far = [r for r in detected if r["nearest"][0] > 5]
+    say(f"  the same, more than 5 sigmas from any {share(sum(r in odd for r in far), len(far))}")
+    say(f"  {'':20}{'n':>5}{'detected':>10}{'unexplained':>13}{'named':>7}{'sigmas the nearest cause leaves':>34}")
     for name in dict.fromkeys(r["concealed"][0] for r in mine):
         part = [r for r in mine if r["concealed"][0] == name]
         seen = [r for r in part if r["verdict"] != "adequate"]
         named = [r for r in seen if r["verdict"] != "unexplained"]
-        say(f"  {name:20}{len(part):5d}{len(seen):10d}{len(seen) - len(named):13d}{len(named):7d}")
+        left = [r["nearest"][0] for r in part]
+        spread = f"{min(left):.1f} to {max(left):.1f}"
+        say(f"  {name:20}{len(part):5d}{len(seen):10d}{len(seen) - len(named):13d}{len(named):7d}{spread:>34}")
         for r in named:
-            say(f"      axis {r['axis']}, {r['sigmas']:g} sigma: {_said(r)}")
+            near = f"{r['nearest'][1]} leaves {r['nearest'][0]:.1f}"
+            say(f"      axis {r['axis']}, {r['sigmas']:g} sigma: {_said(r)}; {near}")
 
 
 def hidden(rows: Sequence[Row], say: Say) -> None:

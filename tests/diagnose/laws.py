@@ -208,13 +208,53 @@ def _field(b: Bench) -> Array:
 
 
 def oddities(axis: int) -> dict[str, Error]:
-    """Effects that no catalogue holds."""
+    """Effects that no catalogue holds: those the diagnosis was built with in view, and those it never saw."""
     second = STEPS[:, (axis + 1) % 3]
-    return strange(axis) | {
+    seen: dict[str, Error] = {
         "third harmonic": lambda b: turned(1, np.sin(3 * b.read[:, 1] + axis + 0.4)),
         "alternating": lambda b: on(axis, np.where(b.visit % 2, 1.0, -1.0)),
         "angle times T": lambda b: on(axis, np.sin(second[b.visit % 18] + 0.5) * (cooled(b, 600.0) - 20)),
     }
+    return strange(axis) | seen | unforeseen(axis)
+
+
+def unforeseen(axis: int) -> dict[str, Error]:
+    """Oddities that are no single product or power of what is recorded: the honest half of the test."""
+    f = _force(axis)
+    return {
+        "thermal onset": lambda b: on(axis, np.expm1(np.maximum(b.body - np.quantile(b.body, 0.6), 0) / 0.4)),
+        "thermostat": lambda b: on(axis, np.where(b.body > np.median(b.body), 1.0, -1.0) * f(b)),
+        "thermal loop": lambda b: on(axis, np.tanh(2 * (b.body - _slack(b.body, 1.0)))),
+        "sawtooth": lambda b: on(axis, (b.t / 780.0 + 0.3 * axis) % 1.0),
+        "sticking": lambda b: turned(1, _stuck(b, 1) * (np.cos(b.read[:, 1]) < -0.1)),
+        "settling": lambda b: on(axis, f(b) * np.exp(-b.since / (10 + 200 * f(b) ** 2))),
+        "half turns": lambda b: turned(axis % 2, np.sign(np.cos(b.read[:, axis % 2] + axis // 2) + 0.3)),
+        "jumps": lambda b: on(axis, np.random.default_rng(21 + axis).standard_normal(18)[b.visit // 2]),
+        "pier": lambda b: {"tilt": _pier(b, axis)},
+        "two stops": lambda b: on(axis, np.sign(b.ideal[:, (axis + 1) % 3] + 0.2) * b.ideal[:, (axis + 2) % 3]),
+    }
+
+
+def _slack(x: Array, width: float) -> Array:
+    """What a load with so much play follows of x (n,): it moves only when it is pushed."""
+    y = np.empty_like(x)
+    y[0] = x[0]
+    for k in range(1, len(x)):
+        y[k] = np.clip(y[k - 1], x[k] - width / 2, x[k] + width / 2)
+    return y
+
+
+def _stuck(b: Bench, gimbal: int) -> Array:
+    """Direction (n,) of the last turn of a gimbal, zero before the first."""
+    moves = came(b, gimbal)
+    last = np.maximum.accumulate(np.where(moves != 0, np.arange(len(moves)), 0))
+    return np.asarray(moves[last])
+
+
+def _pier(b: Bench, axis: int) -> Array:
+    """Tilt (n, 2) of a pier that gives way to one side only, by the direction of a load on the turning platform."""
+    load = b.read[:, 0] + 2 * b.read[:, 1] + axis
+    return np.column_stack([np.maximum(np.cos(load), 0), np.maximum(np.sin(load), 0)])
 
 
 def at_size(seed: int, law: Law, sigmas: float, **options: Any) -> tuple[Recording, float]:
