@@ -66,7 +66,8 @@ def panels(curves: Curves, mismatch: Sequence[Mapping[str, Any]]) -> tuple[Panel
     held = np.unique(position := curves.position[ok][order])
     if 1 < held.size <= POINTS:
         at = [np.flatnonzero(position == number) for number in held]
-        made.insert(0, _panel(f"{name} by position", "position", at, position.astype(float), before, after))
+        place = "star" if worst[0] == "pointing" else "position"
+        made.insert(0, _panel(f"{name} by {place}", place, at, position.astype(float), before, after))
     return tuple(made)
 
 
@@ -95,11 +96,15 @@ def _moved(m: Mapping[str, Any]) -> dict[str, Any]:
 def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
     fit = content["fit"]
     facts = [(content["verdict"].replace("-", " "), "verdict")]
-    for key, what in (("chi2_reduced", "reduced χ², before → after"), ("heldout", "the same on held-out data")):
+    measures = [("chi2_reduced", "reduced χ², before → after", ""), ("heldout", "the same on held-out data", "")]
+    if "rms_before" in fit:  # the noise is what the last model leaves, so its chi^2 says nothing
+        unit = " " + wording.unit_in_print(fit["noise"]["unit"])
+        measures = [("rms", "misfit rms, before → after", unit), ("heldout_rms", "the same on held-out data", unit)]
+    for key, what, unit in measures:
         known = [fit[f"{key}_{when}"] for when in ("before", "after") if fit.get(f"{key}_{when}") is not None]
         values = [significant(value, 3) for value in known]
         if values:
-            facts.append((" → ".join(values), what))
+            facts.append((" → ".join(values) + unit, what))
     if fit.get("scan_p_after") is not None:
         facts.append((_chance(float(fit["scan_p_after"])), "probability by chance of what a new scan still finds"))
     return facts
@@ -113,7 +118,7 @@ def _finding(f: Mapping[str, Any]) -> dict[str, Any]:
     rows = []
     for p in f["parameters"]:
         value, sigma = pdg(p["value"], p["sigma"])
-        words = wording.NAMES.get(p["name"], p["name"])
+        words = wording.NAMES.get(p["name"], p["name"].replace("_", " ") if len(p["name"]) > 4 else p["name"])
         axis = str(p.get("axis", "") or "").replace("_", " ")
         rows.append(
             {

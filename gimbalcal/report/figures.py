@@ -162,11 +162,12 @@ def before_after(panels: Sequence[Panel]) -> Figure:
 def formula(latex: str) -> Figure:
     """A formula by itself. Raises ValueError where it is beyond matplotlib's mathematics."""
     import matplotlib as mpl
+    from matplotlib.font_manager import FontProperties
     from matplotlib.mathtext import MathTextParser
 
     with mpl.rc_context({**STYLE, "mathtext.fontset": "dejavuserif"}):
-        width, height, *_ = MathTextParser("path").parse(f"${latex}$", dpi=72)
-        figure = _figure((width * 1.3 + 16) / 72, (height * 1.3 + 14) / 72)
+        width, height, *_ = MathTextParser("path").parse(f"${latex}$", dpi=72, prop=FontProperties(size=12))
+        figure = _figure((width + 16) / 72, (height + 14) / 72)
         figure.text(0.5, 0.5, f"${latex}$", ha="center", va="center", fontsize=12)
         return figure
 
