@@ -35,8 +35,8 @@ bench: $(VENV)/.dev-ready  ## the figures of the README, measured (about 45 min;
 	for name in bench_device bench_static bench_multiposition bench_reading bench_diagnose; do \
 		echo "== $$name"; $(BIN)/python -m tests.benchmarks.$$name || exit 1; done
 
-docs: $(VENV)/.run-ready  ## what each effect is, from its own card
-	@if [ -f docs/build.py ]; then $(BIN)/python docs/build.py; else echo "README.md and the docstrings are the documentation"; fi
+docs: $(VENV)/.run-ready  ## docs/effects.md: what each effect is, from its own card
+	$(BIN)/python docs/build_effects.py
 
 $(VENV)/.run-ready: requirements/run.txt pyproject.toml
 	@$(call install,requirements/run.txt)
