@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import re
+import sys
 from pathlib import Path
 
 from gimbalcal.effects import CATALOGUE, Effect
@@ -17,10 +18,11 @@ from gimbalcal.units import from_si
 PAGE = Path(__file__).parent / "effects.md"
 HEAD = """# The physical effects
 
-{count} effects, each one class in [`gimbalcal/effects`](../gimbalcal/effects) that the simulator, the estimators, the diagnosis and the derivations
-read alike. Written from their cards by `make docs`; the same cards are shown by `gimbalcal catalogue EFFECT`. "Usual" is the prior sigma: the size of
-the effect on a sensor of the class it is known from; the diagnosis allows from a thousandth to a hundred times that. A twin is a cause whose pattern
-is the same on the usual schedules.
+{count} effects, each one class in [`gimbalcal/effects`](../gimbalcal/effects) that the simulator, the estimators, the
+diagnosis and the derivations read alike. Written from their cards by `make docs`; `gimbalcal catalogue EFFECT` shows
+the same card. "Usual" is the prior sigma: the size of the effect on a sensor of the class it is known from; the
+diagnosis allows from a thousandth to a hundred times that. A twin is a cause whose pattern is the same on the usual
+schedules.
 """
 
 
@@ -78,4 +80,4 @@ def rows(c: type[Effect]) -> list[str]:
 
 if __name__ == "__main__":
     PAGE.write_text(page())
-    print(f"wrote {PAGE.name}: {len(CATALOGUE)} effects")
+    sys.stdout.write(f"wrote {PAGE.name}: {len(CATALOGUE)} effects\n")
