@@ -27,6 +27,7 @@ SIZES = np.array([0.001, 0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0])  # times 
 SIZE_PRIOR = np.array([0.04, 0.08, 0.15, 0.18, 0.22, 0.15, 0.10, 0.05, 0.03])
 ANY_SIZE = np.geomspace(1e-4, 1e3, 29)  # fine enough that twins of different plausible sizes fit alike
 ABSORBED = 1e-3  # a column of which less is left rests on second-order terms and on noise in its own inputs
+CHUNK = 64  # columns
 SEEN = 1e-4  # sigmas per prior sigma: a calibration direction below it changes nothing
 
 
@@ -64,12 +65,17 @@ class Projection:
 def stack(Z: Array, X: Array, y: Array, low: int) -> Rows:
     """Reduced Z (R, z), X (R, P), y (R, m) to `Rows` whose first `low` rows are coloured."""
     Q = orthonormal(Z)
-    before = np.sqrt((X**2).sum(axis=0))
-    X, y = X - Q @ (Q.T @ X), y - Q @ (Q.T @ y)
-    X = np.where(np.sqrt((X**2).sum(axis=0)) > ABSORBED * before, X, 0.0)
-    A = np.concatenate([Q, X, y], axis=1)
+    q, P = Q.shape[1], X.shape[1]
+    y = y - Q @ (Q.T @ y)
+    A = np.empty((len(X), q + P + y.shape[1]))  # a day of data has gigabytes of columns: one copy, a few at a time
+    A[:, :q], A[:, q + P :] = Q, y
+    for k in range(0, P, CHUNK):
+        part = X[:, k : k + CHUNK]
+        left = part - Q @ (Q.T @ part)
+        seen = np.linalg.norm(left, axis=0) > ABSORBED * np.linalg.norm(part, axis=0)
+        A[:, q + k : q + k + part.shape[1]] = np.where(seen, left, 0.0)
     tail = A[low:]
-    return Rows(A[:low], tail.T @ tail, Q.shape[1], X.shape[1], Q, y)
+    return Rows(A[:low].copy(), tail.T @ tail, q, P, Q, y)
 
 
 def orthonormal(Z: Array) -> Array:
@@ -81,11 +87,13 @@ def orthonormal(Z: Array) -> Array:
 def project(node: Node, rows: Rows) -> Projection:
     """Whiten by a node, profile the calibration out, and form the Gram matrix and scores."""
     W = node.whiten(rows.low)
-    A = W.T @ W + rows.high
+    A = W.T @ W  # some MB each: in place
+    A += rows.high
     q, P = rows.q, rows.P
     L = np.linalg.cholesky(A[:q, :q])
     K = np.linalg.solve(L, A[:q, q:])
-    B = A[q:, q:] - K.T @ K
+    B = K.T @ K
+    np.subtract(A[q:, q:], B, out=B)
     logdet = 2 * float(np.log(np.diag(L)).sum())
     return Projection(node, B[:P, :P], B[:P, P:], np.diag(B)[P:].copy(), node.logdet + logdet)
 
@@ -131,13 +139,14 @@ def gather(projections: Sequence[Projection], candidates: Sequence[Candidate]) -
     variants = [v for c in candidates for v in c.variants]
     starts = np.cumsum([0] + [len(c.variants) for c in candidates])[:-1]
     weight = np.concatenate([_shares(c) for c in candidates])
-    G, b = np.stack([p.G for p in projections]), np.stack([p.b[:, 0] for p in projections])
+    b = np.stack([p.b[:, 0] for p in projections])
     ln = np.empty((len(projections), len(variants)))
     widths = np.array([len(v.index) for v in variants])
     for width in np.unique(widths):
         members = np.flatnonzero(widths == width)
         index = np.array([variants[m].index for m in members])
-        parts = log_bayes(G[:, index[:, :, None], index[:, None, :]], b[:, index])
+        G = np.stack([p.G[index[:, :, None], index[:, None, :]] for p in projections])
+        parts = log_bayes(G, b[:, index])
         ln[:, members] = mixed(parts, SIZE_PRIOR)
     return np.asarray(np.logaddexp.reduceat(ln + np.log(weight), starts, axis=1))
 
@@ -154,7 +163,9 @@ def condition(p: Projection, columns: Array, size: float) -> Projection:
     Ga, ba = p.G[:, a], p.b[a]
     penalty = float(np.linalg.slogdet(np.eye(len(a)) + size**2 * p.G[np.ix_(a, a)])[1])
     misfit = p.misfit - (ba * (M @ ba)).sum(axis=0)
-    return Projection(p.node, p.G - Ga @ M @ Ga.T, p.b - Ga @ (M @ ba), misfit, p.penalty + penalty)
+    G = Ga @ M @ Ga.T
+    np.subtract(p.G, G, out=G)
+    return Projection(p.node, G, p.b - Ga @ (M @ ba), misfit, p.penalty + penalty)
 
 
 def best_size(G: Array, b: Array) -> float:
