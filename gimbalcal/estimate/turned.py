@@ -44,7 +44,8 @@ def turns(
     """Turns with readings less the rests' level, the level of all rests (k, 3) [rad/s], and rad/s per unit.
 
     The level of a turn is the mean of the rests before and after it; or, with `at_rest`, what these effects make a
-    unit read that does not turn and feels the measured force.
+    unit read that does not turn and feels the measured force. From sample to sample the rate is a cubic with its
+    slopes, whose rotation vector dt (a + b) / 2 + dt^2 / 12 (a' - b' + a x b) is right to the fifth order in dt.
     """
     stays = dwells(recording)
     if len(stays) < 6:
@@ -57,11 +58,14 @@ def turns(
     spans = [slice(a.stop - 1, b.start + 1) for a, b in pairwise(stays)]
     longest = max(s.stop - s.start for s in spans) - 1
     reading, step = np.zeros((len(spans), longest, 3)), np.zeros((len(spans), longest))
-    force = np.zeros((len(spans), longest, 3))
+    bend, swing, force = 0 * reading, 0 * reading, 0 * reading
     for i, span in enumerate(spans):
         rows = y[span] - (level[i] + level[i + 1]) / 2  # the bias of that minute: slow drift is not the turn's
         dt = np.diff(recording.time[span])
         reading[i, : len(dt)], step[i, : len(dt)] = (rows[1:] + rows[:-1]) / 2, dt
+        slope = np.gradient(rows, recording.time[span], axis=0)
+        bend[i, : len(dt)] = (slope[:-1] - slope[1:]) * dt[:, None] / 12
+        swing[i, : len(dt)] = np.cross(rows[:-1], rows[1:]) * dt[:, None] / 12
         force[i, : len(dt)] = f[span][1:]
     flat = reading.reshape(-1, 3)
     s = _stimulus_of(recording, spans, flat, force.reshape(-1, 3))
@@ -70,7 +74,7 @@ def turns(
     scale = _rough_scale(made) if raw else 1.0
     if at_rest:
         made = replace(made, reading=made.reading + _relevelled(made, level, scale, at_rest))
-    return replace(made, reading=scale * made.reading), scale * level, scale
+    return replace(made, reading=scale * (made.reading + bend) + scale**2 * swing), scale * level, scale
 
 
 def _relevelled(turned: Turned, level: Array, scale: float, at_rest: Sequence[Effect]) -> Array:
