@@ -38,7 +38,7 @@ CHANNELS: Mapping[str, tuple[str, ...]] = {
 }
 ATTITUDE_AXES = ("roll", "pitch", "yaw")
 BLOCKS_IN_ALL = 108  # block means of a multi-position recording: 6 in each of 18 dwells, at least 2 in each of many
-MOST_ROWS = 6000  # rows on which physics is evaluated; longer recordings are averaged to about this first
+MOST_ROWS = 3600  # rows on which physics is evaluated; longer recordings are averaged to about this first
 
 
 @dataclass(frozen=True)
