@@ -2,7 +2,8 @@
 
     python -m tests.benchmarks.bench_diagnose [--quick] [--jobs 2] [ARM ...]
 
-Arms: clean, timetable, alien, single, pair, strange, hidden, static (all; a word chooses those that begin with it).
+Arms: clean, timetable, alien, single, pair, strange, strange new, hidden, static (all; a word chooses those that
+begin with it).
 Every result is appended to out/bench_diagnose-<digest of the sources>.jsonl as it comes: stopped and started again it
 goes on where it was, and results of other sources are never mixed in. About 25 min on two cores, 3 min with --quick.
 """
@@ -67,7 +68,7 @@ def collect(wanted: Sequence[Run], path: Path, jobs: int) -> list[Row]:
                 if n % 20 == 0 or n == len(left):
                     sys.stderr.write(f"\r{n} of {len(left)} runs, {perf_counter() - begin:.0f} s ")
         except KeyboardInterrupt:
-            pool.shutdown(wait=False, cancel_futures=True)
+            pool.shutdown(cancel_futures=True)  # waits for the runs under way, else `with` takes the cancelling back
             sys.stderr.write(f"\nstopped; {path} keeps what was done\n")
     return [rows[run.key] for run in wanted if run.key in rows]
 
