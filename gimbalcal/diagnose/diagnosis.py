@@ -17,6 +17,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.candidates import Candidate, library
 from gimbalcal.diagnose.decide import CLAIM, Decision, decide
+from gimbalcal.diagnose.gimballed import diagnose_gimballed, has_gyroscopes
 from gimbalcal.diagnose.locate import Scan, scan, told
 from gimbalcal.diagnose.model import Fit, calibration_fit, constant_value, fit
 from gimbalcal.diagnose.noise import nodes, settle
@@ -107,13 +108,23 @@ def _diagnose(
 ) -> Diagnosis:
     if applies(recording):
         return diagnose_unstated(recording, calibration, baseline, seed, tell)
+    if has_gyroscopes(recording):
+        return diagnose_gimballed(
+            recording, calibration, baseline, seed, tell, lambda r, ids: _of_forces(r, calibration, ids, seed, tell)
+        )
+    return _of_forces(recording, calibration, baseline, seed, tell)[0]
+
+
+def _of_forces(
+    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
+) -> tuple[Diagnosis, Search, Decision]:
     rng = np.random.default_rng(seed)
     ids = tuple(baseline) or BASELINE.get(recording.kind, ())
     s = searched(recording, calibration, ids, tell)
     tell("sending simulated clean recordings of this design through the same comparison")
     clean = clean_evidence(s.rows, s.projections, s.library.candidates, s.share, s.null, rng)
     d = decide(s, float(np.quantile(clean, 0.99)))
-    return _report(s, d, clean, rng, {"baseline": list(ids), "seed": seed}, tell)
+    return _report(s, d, clean, rng, {"baseline": list(ids), "seed": seed}, tell), s, d
 
 
 def searched(

@@ -7,6 +7,7 @@ so effects that show there are not for this view, and what grows with the rate i
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,11 +18,12 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.multiposition import WIDE, multiposition
 from gimbalcal.estimate.poses import LINEAR, linear
 from gimbalcal.estimate.rest_rates import BIAS, level_of, rests
-from gimbalcal.estimate.turned import turns
+from gimbalcal.estimate.turned import Turned, turns
 from gimbalcal.kinematics import stimulus
 from gimbalcal.number import Array
-from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording import Recording, dwell_means, dwells
 
+BACK = 0.01  # of the attitude's elements: gimbals that stand where they stood
 FEWEST = 12  # turns: twice as many numbers, for nine parameters of the linear model and what is asked beyond
 
 
@@ -40,6 +42,7 @@ def turned_rates(recording: Recording, accelerometers: Calibration | None = None
         return None
     if len(turned.before) < FEWEST:
         return None
+    turned = _with_headings(turned, made.apply(recording))
     sideways = _across(turned.after)
 
     def rows(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
@@ -51,6 +54,24 @@ def turned_rates(recording: Recording, accelerometers: Calibration | None = None
     return View(
         "turns", ends, s, ((RATE, "level"), (RATE, "tilted")), "arcsec", None, frozenset({Stage.GYROSCOPE}),
         LINEAR, rows, _at_rest(turned.stimulus), WIDE,
+    )  # fmt: skip
+
+
+def _with_headings(turned: Turned, recording: Recording) -> Turned:
+    """Whole revolutions as gimbals tell them: gravity says nothing of a turn about it, so north stands for it there.
+
+    The gimbals came back, so a constant error of theirs cancels.
+    """
+    if not recording.platform.axes:
+        return turned
+    stays = dwells(recording)
+    C_np = recording.platform.attitude(np.array([recording.angles()[d.rows].mean(0) for d in stays]))
+    back = np.linalg.norm(C_np[1:] - C_np[:-1], axis=(1, 2)) < BACK
+    turn = np.linalg.norm((turned.reading * turned.step[..., None]).sum(1), axis=1)
+    whole = (back & (turn > np.pi))[:, None]
+    return replace(
+        turned, before=np.where(whole, C_np[:-1, :, 0], turned.before),
+        after=np.where(whole, C_np[1:, :, 0], turned.after),
     )  # fmt: skip
 
 

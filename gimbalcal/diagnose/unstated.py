@@ -43,7 +43,7 @@ def diagnose_unstated(
     tell: Callable[[str], None],
 ) -> Diagnosis:  # fmt: skip
     """What was left out of the models of such a recording."""
-    told = [_told(v, course(v, tell), tell) for v in views(recording, calibration, baseline, tell)]
+    told = [told_of(v, course(v, tell), tell) for v in views(recording, calibration, baseline, tell)]
     return _together(recording, told, baseline, seed)
 
 
@@ -83,7 +83,8 @@ class Told:
     after: Array
 
 
-def _told(v: View, c: Course, tell: Callable[[str], None]) -> Told:
+def told_of(v: View, c: Course, tell: Callable[[str], None]) -> Told:
+    """What a course through a view says."""
     tell("asking of each cause what else could stand in its place")
     verdicts = [judged(v, c.end, cause) for s in c.steps for cause, _ in s.taken]
     if v.finer is not None:
@@ -243,10 +244,11 @@ def _together(recording: Recording, told: Sequence[Told], baseline: Sequence[str
         "views": [t.view.name for t in told],
     }
     words = unstated_words.answer(verdict, [(t.view, t.fit, t.findings) for t in told], shapes, mismatch)
-    return Diagnosis(verdict, mismatch, found, shapes, fit, provenance, words, _curves(lead))
+    return Diagnosis(verdict, mismatch, found, shapes, fit, provenance, words, curves_of(lead))
 
 
-def _curves(t: Told) -> Any:
+def curves_of(t: Told) -> Any:
+    """Misfits of a view for a picture."""
     from gimbalcal.diagnose.diagnosis import Curves
 
     n = len(t.before)

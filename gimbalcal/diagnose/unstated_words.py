@@ -83,6 +83,13 @@ def answer(
     return f"{lead}{sure}. {better}{rest}{where}"
 
 
+def of_view(v: View, fit: Mapping[str, Any], findings: Sequence[Mapping[str, Any]], verdict: str) -> str:
+    """What naming the causes does to the misfit of a view, or how little is left of it."""
+    if findings:
+        return _better(v, fit)
+    return _scatter(v, fit) if verdict == "adequate" else ""
+
+
 def _better(v: View, fit: Mapping[str, Any]) -> str:
     out = (
         f"The misfit of {whole(v)} goes from {digits(fit['rms_before'])} to {digits(fit['rms_after'])} {v.unit} rms, "

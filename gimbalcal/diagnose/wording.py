@@ -44,14 +44,19 @@ def answer(
         left = f" What is left is {_of(unexplained[0])}." if unexplained else ""
         return f"The model does not explain these data, and no cause of the catalogue does.{left}{where}"
     causes = " and ".join(named(f) for f in findings)
-    better = (
-        f"Reduced chi^2 goes from {fit['chi2_reduced_before']:.3g} to {fit['chi2_reduced_after']:.3g}, "
-        f"on held-out data from {fit['heldout_before']:.3g} to {fit['heldout_after']:.3g}."
-    )
+    better = improved(fit)
     if unexplained:
         better += f" A small rest has no known cause: {_of(unexplained[0])}."
     lead = "What was left out: " if verdict == "missing-physics" else "These data cannot tell which was left out: "
     return f"{lead}{causes}. {better}{where}"
+
+
+def improved(fit: Mapping[str, Any], of: str = "Reduced chi^2") -> str:
+    """What naming the causes does to the misfit, in one sentence."""
+    return (
+        f"{of} goes from {fit['chi2_reduced_before']:.3g} to {fit['chi2_reduced_after']:.3g}, "
+        f"on held-out data from {fit['heldout_before']:.3g} to {fit['heldout_after']:.3g}."
+    )
 
 
 def _of(u: Mapping[str, Any]) -> str:
