@@ -20,6 +20,7 @@ from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwells
 
 DOWN = np.array([0.0, 0.0, 1.0])
+EQUATORIAL = np.array([1.0, 1.0, 0.0])  # the part of an inertially fixed platform's force that turns with the Earth
 
 
 def stimulus(recording: Recording) -> Stimulus:
@@ -109,6 +110,26 @@ def observations(recording: Recording) -> dict[str, Array]:
         if recording.has("attitude_error"):
             out["attitude_error"] = recording.triad("attitude_error", ("roll", "pitch", "yaw"))
     return out
+
+
+def lost_to_averaging(recording: Recording, force: Array) -> Array:
+    """What means over blocks have lost of the ideal force (n, 3) of a static run, whose equatorial part turns."""
+    return shortening(recording)[:, None] * force * EQUATORIAL
+
+
+def shortening(recording: Recording) -> Array:
+    r"""1 - kappa (n,) of rows that are means of m samples h apart; zero for single samples.
+
+    .. math:: \overline{\cos S_t} = \kappa \cos S_t(\bar t), \qquad
+              \kappa = \frac{\sin(m \Omega h / 2)}{m \sin(\Omega h / 2)}
+
+    8e-7 for a minute: five sigma of a day's scale factors.
+    """
+    m, time = recording.weight, recording.time
+    h = 2 * np.diff(time) / (m[1:] + m[:-1])
+    half = EARTH_RATE * float(np.median(h)) / 2 if len(h) else 0.0
+    kappa = np.sin(m * half) / (m * np.sin(half)) if half else np.ones_like(m)
+    return np.asarray(1 - kappa)
 
 
 def sidereal_phase(recording: Recording, readout: Array) -> Array:

@@ -20,9 +20,9 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, abs
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.information import information, solve
 from gimbalcal.forward import jacobian, predict
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import lost_to_averaging, stimulus
 from gimbalcal.number import STEP, Array
-from gimbalcal.recording import Recording, dwells
+from gimbalcal.recording import Recording, block_means, dwells
 
 Key = tuple[str, str]
 BASELINE: Mapping[str, tuple[str, ...]] = {
@@ -38,7 +38,7 @@ CHANNELS: Mapping[str, tuple[str, ...]] = {
 }
 ATTITUDE_AXES = ("roll", "pitch", "yaw")
 BLOCKS_IN_ALL = 108  # block means of a multi-position recording: 6 in each of 18 dwells, at least 2 in each of many
-MOST_ROWS = 3600  # rows on which physics is evaluated; longer recordings are averaged to about this first
+MOST_ROWS = 4000  # of a static run: 48 h come as minute means, and half a gigabyte of columns is enough
 
 
 @dataclass(frozen=True)
@@ -120,9 +120,15 @@ def observe(
         raise InputError(f"{recording.title!r} is a {recording.kind} recording; `diagnose` takes {', '.join(CHANNELS)}")
     if recording.position is not None and np.any(recording.position == 0):
         recording = recording.select(recording.position > 0)
+    if recording.kind == "static-run" and len(recording.time) > MOST_ROWS:
+        recording = block_means(recording, -(-len(recording.time) // MOST_ROWS))
     s = stimulus(recording)
     channels = measured_channels(recording)
     measured = np.stack([recording.channels[key] for key in channels], axis=-1)
+    if recording.kind == "static-run":
+        force = [i for i, (q, _) in enumerate(channels) if q == "specific_force"]
+        lost = lost_to_averaging(recording, s.force)
+        measured[:, force] += lost[:, ["xyz".index(channels[i][1]) for i in force]]
     sigma = row_sigma(recording, channels, measured)
     ids = tuple(baseline) or BASELINE[recording.kind]
     constants = tuple(p for i in ids for p in parameters(_known(i), s.axis_names) if _has_axis(p, recording))

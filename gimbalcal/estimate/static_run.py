@@ -1,12 +1,7 @@
 r"""A static run as whitened rows: what was read, less what the forward model expects, channel by channel.
 
 Rows may be means over blocks of time. Gimbal angles and attitude errors are as good as linear over a minute; the
-specific force turns with the Earth, and the mean of a turning vector is shorter than the vector,
-
-.. math:: \overline{\cos S_t} = \kappa \cos S_t(\bar t), \qquad \kappa = \frac{\sin(n \, \Omega \, \delta/2)}
-          {n \sin(\Omega \, \delta/2)}
-
-for n samples delta apart: 8e-7 at one minute, five sigma of a day's scale factors. It is put back.
+specific force turns with the Earth, and what the mean of a turning vector loses is put back.
 """
 
 from __future__ import annotations
@@ -16,13 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, values
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.information import Information, information
 from gimbalcal.estimate.setting import select
 from gimbalcal.forward import jacobian, predict
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import lost_to_averaging, stimulus
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 
@@ -37,7 +31,6 @@ BASELINE = (
     "polar_axis_misalignment",
 )
 SENSORS = (("specific_force", "accelerometer"), ("gimbal_angle", "gimbal_angle"), ("attitude_error", "attitude"))
-EQUATORIAL = np.array([1.0, 1.0, 0.0])  # the part of the force that turns with the Earth
 ATTITUDE = ("roll", "pitch", "yaw")
 
 
@@ -111,7 +104,7 @@ def prepare(recording: Recording) -> StaticRun:
     run = StaticRun(recording, s, channels, observed, np.ones(observed.shape))
     force = run.columns("specific_force")
     if force:
-        lost = shortening(recording)[:, None] * s.force * EQUATORIAL
+        lost = lost_to_averaging(recording, s.force)
         observed[:, force] += lost[:, ["xyz".index(channels[i][1]) for i in force]]
     return replace(run, sigma=_sigmas(run))
 
@@ -121,15 +114,6 @@ def _with_phase_of_force(recording: Recording) -> Recording:
     f = recording.triad("specific_force")
     angle = np.arctan2(f[:, 1], f[:, 0])
     return replace(recording, channels={**recording.channels, ("gimbal_angle", "platform"): angle})
-
-
-def shortening(recording: Recording) -> Array:
-    """1 - kappa (n,) of rows that are means over blocks; zero for single samples."""
-    n, time = recording.weight, recording.time
-    step = 2 * np.diff(time) / (n[1:] + n[:-1])
-    x = EARTH_RATE * float(np.median(step)) / 2 if len(step) else 0.0
-    kappa = np.sin(n * x) / (n * np.sin(x)) if x else np.ones_like(n)
-    return np.asarray(1 - kappa)
 
 
 def _sigmas(run: StaticRun) -> Array:

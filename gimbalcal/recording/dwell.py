@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
@@ -50,17 +52,25 @@ def dwell_means(recording: Recording) -> Recording:
         raise InputError(
             f"the recording {recording.title!r} has no dwell: every row has position 0, or nothing in it is at rest"
         )
-    weight = np.array([recording.weight[d.rows].sum() for d in visits])
+    return _means(recording, visits, np.array([d.position for d in visits], dtype=np.int64))
 
+
+def block_means(recording: Recording, rows: int) -> Recording:
+    """One row per `rows` consecutive rows of a recording without positions, averaged as `dwell_means` does."""
+    n = len(recording.time)
+    return _means(recording, [Dwell(1, start, min(start + rows, n)) for start in range(0, n, rows)], None)
+
+
+def _means(recording: Recording, stretches: Sequence[Dwell], position: NDArray[np.int64] | None) -> Recording:
     def mean(values: Array, angle: bool = False) -> Array:
-        return np.array([_mean(values[d.rows], recording.weight[d.rows], angle) for d in visits])
+        return np.array([_mean(values[d.rows], recording.weight[d.rows], angle) for d in stretches])
 
     return replace(
         recording,
         time=mean(recording.time),
-        position=np.array([d.position for d in visits], dtype=np.int64),
+        position=position,
         channels={key: mean(values, key[0] in ANGLES) for key, values in recording.channels.items()},
-        weight=weight,
+        weight=np.array([recording.weight[d.rows].sum() for d in stretches]),
     )
 
 

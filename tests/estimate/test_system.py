@@ -14,8 +14,9 @@ from gimbalcal.effects import CATALOGUE, values
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.combined import MEANS, NAMES, matrix
 from gimbalcal.estimate.information import solve
-from gimbalcal.estimate.static_run import baseline, prepare, shortening
+from gimbalcal.estimate.static_run import baseline, prepare
 from gimbalcal.estimate.system import force_state, static, static_information
+from gimbalcal.kinematics import shortening
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, read
 from tests.estimate.static_runs import TABLE_2_3, draw, run
