@@ -5,7 +5,7 @@ attitude of its own that is not known, and what the three readings of a dwell sa
 the misfit of the norm. Direction: physics to reading, as everywhere in `effects`; `gimbalcal.pulses` is the other one.
 
 Terms beyond bias, scale factor and misalignment are taken up one at a time, and only while the positions support them:
-a coefficient of it must stand clear of its sigma, and positions left out must be predicted no worse.
+a coefficient must stand clear of its sigma (`support`), and positions left out must be predicted no worse.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.pulse_fit import ellipsoid
 from gimbalcal.estimate.setting import FORCE, Fit, Noise, Problem, gauss_newton, problem
-from gimbalcal.estimate.support import refusal, scatter
+from gimbalcal.estimate.support import coefficients, needed, refusal, scatter
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means
@@ -72,7 +72,7 @@ def multiposition(recording: Recording, terms: Sequence[str] = ()) -> Calibratio
     tried, declined = [(base, best)], []
     for term in (t for t in wanted if t not in base):
         candidate = _attempt(means, (*tried[-1][0], term))
-        why = _refusal(term, best, candidate)
+        why = _refusal(term, best, candidate, coefficients(wanted) - coefficients(base))
         if why:
             declined.append((term, why))
         else:
@@ -180,8 +180,8 @@ def _attempt(means: Recording, terms: Sequence[str]) -> NormFit | None:
         return None
 
 
-def _refusal(term: str, without: NormFit, candidate: NormFit | None) -> str:
-    """Why the positions do not support a term; empty where they do."""
+def _refusal(term: str, without: NormFit, candidate: NormFit | None, tried: int) -> str:
+    """Why the positions do not support a term, of `tried` coefficients in all; empty where they do."""
     positions = len(without.problem.force)
     if candidate is None:
         return f"{term} declined: {positions} positions are fewer than the parameters it would make"
@@ -189,6 +189,7 @@ def _refusal(term: str, without: NormFit, candidate: NormFit | None) -> str:
     return refusal(
         term, f"{positions} positions", solution.parameters, solution.x, solution.sigma,
         (without.left_out, candidate.left_out), "m/s^2", (without.condition, candidate.condition),
+        needed(tried, solution.dof if candidate.excess > 0 else np.inf),
     )  # fmt: skip
 
 

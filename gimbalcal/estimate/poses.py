@@ -23,7 +23,7 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, 
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.inter_triad import euler
 from gimbalcal.estimate.rest_rates import BIAS, G_SENSITIVITY, RestFit, level_of, rests
-from gimbalcal.estimate.support import refusal
+from gimbalcal.estimate.support import coefficients, needed, refusal
 from gimbalcal.estimate.turned import Turned, cross_matrix, end_of, left_jacobian, turns
 from gimbalcal.forward import gyroscopes
 from gimbalcal.number import STEP, Array
@@ -42,18 +42,20 @@ def gyroscopes_between_rests(
 
     terms: gyroscope effects beside the bias (default: scale factor, misalignment, and of scale nonlinearity,
     asymmetry, temperature and g-sensitivity what the recording supports); those that it does not are declined with a
-    sentence. The g-sensitivity comes from the rests. Raises InputError where there are too few turns or no rates.
+    sentence, and one that is not there is taken up once in 200 calibrations (`support`). The g-sensitivity comes from
+    the rests. Raises InputError where there are too few turns or no rates.
     """
     wanted = tuple(dict.fromkeys(terms)) or _default(recording)
     _check(wanted, recording)
     turned, _, scale = turns(recording, accelerometers)
-    level, why = level_of(rests(recording, accelerometers, scale), recording.site.latitude, recording.site.gravity,
-                          G_SENSITIVITY in wanted)  # fmt: skip
-    if len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
-        turned = turns(recording, accelerometers, level.effects)[0]
     moving = tuple(t for t in wanted if t != G_SENSITIVITY)
     base = tuple(t for t in moving if t in LINEAR) or moving[:1]
-    fits, declined = _taken_up(turned, base, [t for t in moving if t not in base]) if base else ([], {})
+    tried = coefficients([t for t in wanted if t not in base])
+    level, why = level_of(rests(recording, accelerometers, scale), recording.site.latitude, recording.site.gravity,
+                          G_SENSITIVITY in wanted, tried)  # fmt: skip
+    if len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
+        turned = turns(recording, accelerometers, level.effects)[0]
+    fits, declined = _taken_up(turned, base, [t for t in moving if t not in base], tried) if base else ([], {})
     if why:
         declined[G_SENSITIVITY] = why
     return _calibration(recording, level, fits, declined, scale)
@@ -75,13 +77,15 @@ def _check(terms: Sequence[str], recording: Recording) -> None:
 Fits = list[tuple[tuple[str, ...], "PoseFit"]]
 
 
-def _taken_up(turned: Turned, base: tuple[str, ...], further: Sequence[str]) -> tuple[Fits, dict[str, str]]:
+def _taken_up(
+    turned: Turned, base: tuple[str, ...], further: Sequence[str], coefficients_tried: int
+) -> tuple[Fits, dict[str, str]]:
     """Fits of base and of ever one term more, the one that tells left-out turns best; and why others were declined."""
     fits, left = [(base, fit_turns(turned, base))], list(further)
     declined: dict[str, str] = {}
     while left:
         terms, best = fits[-1]
-        tried = {t: _attempt(turned, (*terms, t), best) for t in left}
+        tried = {t: _attempt(turned, (*terms, t), best, coefficients_tried) for t in left}
         declined = {t: found for t, found in tried.items() if isinstance(found, str)}
         good = {t: found for t, found in tried.items() if not isinstance(found, str)}
         if not good:
@@ -92,7 +96,7 @@ def _taken_up(turned: Turned, base: tuple[str, ...], further: Sequence[str]) -> 
     return fits, declined
 
 
-def _attempt(turned: Turned, terms: tuple[str, ...], without: PoseFit) -> PoseFit | str:
+def _attempt(turned: Turned, terms: tuple[str, ...], without: PoseFit, tried: int) -> PoseFit | str:
     """The fit with the last of the terms, or why the turns do not support it."""
     try:
         fit = fit_turns(turned, terms)
@@ -101,7 +105,8 @@ def _attempt(turned: Turned, terms: tuple[str, ...], without: PoseFit) -> PoseFi
     sigma = np.sqrt(np.diag(fit.covariance))
     left_out, condition = (without.left_out, fit.left_out), (without.condition, fit.condition)
     data = f"{len(fit.misfit)} turns"
-    return refusal(terms[-1], data, fit.parameters, fit.x, sigma, left_out, "rad", condition) or fit
+    clear_of = needed(tried, fit.dof)
+    return refusal(terms[-1], data, fit.parameters, fit.x, sigma, left_out, "rad", condition, clear_of) or fit
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, with_values
-from gimbalcal.estimate.support import refusal, scatter
+from gimbalcal.estimate.support import coefficients, needed, refusal, scatter
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus
 from gimbalcal.number import STEP, Array
@@ -52,6 +52,7 @@ class RestFit:
     misfit: Array
     left_out: float  # rad/s, rms misfit of a rest that took no part
     condition: float
+    dof: float  # of the scatter that the sigmas are made from; inf where the samples' own noise is all there is
 
 
 def rests(recording: Recording, accelerometers: Calibration, scale: float = 1.0) -> Rests:
@@ -87,11 +88,17 @@ def fit_rests(found: Rests, terms: Sequence[str] = (BIAS, G_SENSITIVITY)) -> Res
     slack = 1 - (U**2).sum(1).reshape(misfit.shape)
     size = np.sqrt((A**2).sum(0))
     return RestFit(with_values((), wanted, x), wanted, x, covariance, misfit,
-                   float(np.sqrt(np.mean((misfit / slack) ** 2))), float(np.linalg.cond(A / size)))  # fmt: skip
+                   float(np.sqrt(np.mean((misfit / slack) ** 2))), float(np.linalg.cond(A / size)),
+                   float(dof.min()) if np.any(excess > 0) else np.inf)  # fmt: skip
 
 
-def level_of(found: Rests, latitude: float | None, gravity: float, g_sensitivity: bool) -> tuple[RestFit, str]:
-    """Bias, and g-sensitivity if the rests support it; the second value says why not, if they do not."""
+def level_of(
+    found: Rests, latitude: float | None, gravity: float, g_sensitivity: bool, tried: int = 0
+) -> tuple[RestFit, str]:
+    """Bias, and g-sensitivity if the rests support it; the second value says why not, if they do not.
+
+    tried: coefficients that were asked for in all, those of the g-sensitivity with them (left out: these alone).
+    """
     plain = fit_rests(found, (BIAS,))
     if not g_sensitivity:
         return plain, ""
@@ -103,8 +110,9 @@ def level_of(found: Rests, latitude: float | None, gravity: float, g_sensitivity
         common = np.array([float(p.effect == G_SENSITIVITY and p.axis[0] == p.axis[-1]) for p in fit.parameters])
         share = EARTH_RATE / np.sqrt(3) / gravity
         fit = RestFit(fit.effects, fit.parameters, fit.x, fit.covariance + share**2 * np.outer(common, common),
-                      fit.misfit, fit.left_out, fit.condition)  # fmt: skip
+                      fit.misfit, fit.left_out, fit.condition, fit.dof)  # fmt: skip
     sigma = np.sqrt(np.diag(fit.covariance))
+    clear_of = needed(tried or coefficients([G_SENSITIVITY]), fit.dof)
     why = refusal(G_SENSITIVITY, data, fit.parameters, fit.x, sigma, (plain.left_out, fit.left_out), "rad/s",
-                  (plain.condition, fit.condition))  # fmt: skip
+                  (plain.condition, fit.condition), clear_of)  # fmt: skip
     return (plain, why) if why else (fit, "")

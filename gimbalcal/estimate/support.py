@@ -1,4 +1,13 @@
-"""Whether data support a term: a coefficient stands clear of its sigma, and what was left out is told no worse."""
+r"""Whether data support a term: a coefficient stands clear of its sigma, and what was left out is told no worse.
+
+How far it must stand clear is paid for by what was tried. With n further coefficients, none of them there, and sigmas
+scaled to the scatter of nu degrees of freedom,
+
+.. math:: P(\max_i |x_i| / \sigma_i > t) \le 2 n \, P(T_\nu > t) = \alpha
+
+(Bonferroni, whatever the correlations; Student's T). A recording may hold two triads, each with alpha = 0.5 %: the
+chance that anything at all is taken up in a calibration that has only the linear terms is at most 1 %.
+"""
 
 from __future__ import annotations
 
@@ -6,32 +15,50 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gimbalcal.effects import Parameter
+from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
-CLEAR = 3.0  # sigma that the largest coefficient of a further term must reach to be taken up
+SPURIOUS = 0.01  # chance that a calibration takes up any term that is not there
+TRIADS = 2  # accelerometers and gyroscopes share it
+
+
+def needed(tried: int, dof: float) -> float:
+    """Sigmas t that the largest of `tried` further coefficients must exceed, see above; dof is inf for a known noise.
+
+    >>> round(needed(6, np.inf), 2), round(needed(15, 30), 2)
+    (3.34, 4.05)
+    """
+    from scipy.stats import t
+
+    return float(t.isf(SPURIOUS / TRIADS / (2 * max(tried, 1)), max(dof, 1)))
+
+
+def coefficients(terms: Sequence[str]) -> int:
+    """How many coefficients these terms have together."""
+    return sum(len(parameters(CATALOGUE[i])) for i in terms)
 
 
 def refusal(
     term: str, data: str, wanted: Sequence[Parameter], x: Array, sigma: Array,
-    left_out: tuple[float, float], unit: str, condition: tuple[float, float],
+    left_out: tuple[float, float], unit: str, condition: tuple[float, float], clear_of: float,
 ) -> str:  # fmt: skip
     """Why `data` ("38 positions") do not support `term`, in a sentence; empty where they do.
 
     wanted, x, sigma: parameters of the fit with the term, SI; left_out: rms misfit [unit] of what took no part,
-    without and with the term; condition: the condition numbers, columns of length one.
+    without and with the term; condition: the condition numbers, columns of length one; clear_of: sigmas that its
+    largest coefficient must exceed (`needed`).
     """
     mine = [i for i, q in enumerate(wanted) if q.effect == term]
     clear = float(np.max(np.abs(x[mine]) / sigma[mine]))
     worse = left_out[1] > left_out[0]
-    if not worse and clear > CLEAR:
+    if not worse and clear > clear_of:
         return ""
     printed, things = wanted[mine[0]].unit, data.rsplit(maxsplit=1)[-1]
     return (
         f"{term} declined: these {data} leave it uncertain by {from_si(float(sigma[mine].max()), printed):.2g} "
-        f"{printed} and no coefficient exceeds {clear:.1f} sigma; {things} left out are predicted "
-        f"{'worse' if worse else 'no worse'} with it ({left_out[0]:.3g} -> {left_out[1]:.3g} {unit}, "
+        f"{printed} and the largest coefficient is {clear:.1f} sigma ({clear_of:.1f} needed); {things} left out "
+        f"are predicted {'worse' if worse else 'no worse'} with it ({left_out[0]:.3g} -> {left_out[1]:.3g} {unit}, "
         f"condition number {condition[0]:.0f} -> {condition[1]:.0f})"
     )
 
