@@ -22,6 +22,7 @@ from gimbalcal.number import Array
 CLAIM = np.log(20.0)  # simulated clean recordings reach it in less than 1 in 1000; 1 in 20 would be the bound
 TOGETHER = np.log(20.0)
 SURE = 0.90
+LIKELY = 0.02  # probability from which a cause may widen a set that is not sure
 NEARLY = 0.90  # share of the evidence that a cause alone must carry to be named although a rest has no cause
 Scores = Callable[[Sequence[int]], Array]  # ln evidence (candidates,) at each one's best size, beside these others
 
@@ -77,7 +78,7 @@ def judge(s: Ranking, threshold: float, scores: Scores) -> Decision:
     known = next(named, None)
     if known is None or (rest and known.ln_bayes < NEARLY * max(h.ln_bayes for h in s.hypotheses)):
         return Decision("unexplained", None, (), (), rest, unknown)
-    best = _simplest(s, known)
+    best = _simplest(s, _needed(s, known))
     twins, probability = [], []
     for member in best.members:
         others = tuple(i for i in best.members if i != member)
@@ -87,6 +88,15 @@ def judge(s: Ranking, threshold: float, scores: Scores) -> Decision:
         probability.append(_share(s, p, (member, *alike), bool(rest)))
     verdict = "not-identifiable" if any(twins) or min(probability) < SURE / 2 else "missing-physics"
     return Decision(verdict, best, tuple(twins), tuple(probability), rest, unknown)
+
+
+def _needed(s: Ranking, best: Hypothesis) -> Hypothesis:
+    """Without the causes that are not claimed themselves: each has to make what stands beside it 20 times likelier."""
+    for h in sorted(s.hypotheses, key=lambda h: -h.ln_weight):
+        fewer = set(h.members) < set(best.members)
+        if fewer and not h.unknown(s.library.candidates) and h.ln_weight > best.ln_weight - CLAIM:
+            return _needed(s, h)
+    return best
 
 
 def _simplest(s: Ranking, best: Hypothesis) -> Hypothesis:
@@ -149,7 +159,9 @@ def _distinct(candidates: Sequence[Candidate], member: int, alike: Sequence[int]
 def _widened(s: Ranking, p: Array, member: int, alike: tuple[int, ...], beside: Sequence[int]) -> tuple[int, ...]:
     """Add the next likely causes until the set is sure or has three."""
     candidates = s.library.candidates
-    for h in s.hypotheses:
+    for h, share in zip(s.hypotheses, p, strict=True):
+        if share < LIKELY:
+            break
         extra = [i for i in h.members if i not in beside]
         if len(h.members) != len(beside) + 1 or h.unknown(candidates) or len(extra) != 1:
             continue
