@@ -102,7 +102,7 @@ def _attempt(turned: Turned, terms: tuple[str, ...], without: PoseFit, tried: in
         fit = fit_turns(turned, terms)
     except InputError as problem:
         return f"{terms[-1]} declined: {problem}"
-    sigma = np.sqrt(np.diag(fit.covariance))
+    sigma = np.maximum(np.sqrt(np.diag(fit.covariance)), fit.jackknife)
     left_out, condition = (without.left_out, fit.left_out), (without.condition, fit.condition)
     data = f"{len(fit.misfit)} turns"
     clear_of = needed(tried, fit.dof)
@@ -111,7 +111,10 @@ def _attempt(turned: Turned, terms: tuple[str, ...], without: PoseFit, tried: in
 
 @dataclass(frozen=True, eq=False)
 class PoseFit:
-    """A fit of turns: parameters, estimate, covariance scaled to the scatter, misfits (m, 3), and what to judge by."""
+    """A fit of turns: parameters, estimate, covariance scaled to the scatter, misfits (m, 3), and what to judge by.
+
+    `jackknife` (p,) is one sigma as the estimate moves when turns are left out: right where long turns scatter more.
+    """
 
     parameters: tuple[Parameter, ...]
     x: Array
@@ -120,6 +123,7 @@ class PoseFit:
     dof: int
     condition: float
     left_out: float
+    jackknife: Array
 
     @property
     def rms(self) -> float:
@@ -172,9 +176,10 @@ def _judged(wanted: tuple[Parameter, ...], x: Array, r: Array, J: Array, m: int)
         np.linalg.lstsq(np.eye(3) - q @ q.T, e, rcond=1e-9)[0]
         for q, e in zip(Q.reshape(m, 3, -1), r.reshape(m, 3), strict=True)
     ])  # fmt: skip
+    moves = np.einsum("mip,mi->mp", Q.reshape(m, 3, -1), left.reshape(m, 3)) @ inverse.T
     return PoseFit(
         wanted, x, variance * inverse @ inverse.T, r.reshape(m, 3), dof, float(np.linalg.cond(R)),
-        float(np.sqrt((left**2).sum() / (2 * m))),
+        float(np.sqrt((left**2).sum() / (2 * m))), np.sqrt((moves**2).sum(0)),
     )  # fmt: skip
 
 
