@@ -52,6 +52,7 @@ def correct(calibration: Calibrated, recording: Recording) -> Recording:
     Direction: readings to physics. Raises InputError where the calibration was made from counts and the recording is
     in another unit, or the other way round.
     """
+    _refuse_other_rig(calibration, recording)
     effects = _with_needs(calibration.effects, recording)
     made = _from_counts(calibration, recording)
     made = _turned(made, effects, 1.0)
@@ -69,6 +70,22 @@ def correct(calibration: Calibrated, recording: Recording) -> Recording:
     channels |= _columns(FORCE, s.force) if force is not None else {}
     channels |= _columns(RATE, s.rate) if rate is not None else {}
     return replace(made, channels=channels)
+
+
+def _refuse_other_rig(calibration: Calibrated, recording: Recording) -> None:
+    if not (recording.has(FORCE) or recording.has(RATE)):
+        raise InputError(
+            f"{recording.title!r} has neither specific_force nor angular_rate, so there is nothing to correct; give a "
+            "recording of the calibrated sensors"
+        )
+    axes = recording.platform.axis_names
+    for e in calibration.effects:
+        sizes = {np.size(v) for v in vars(e).values() if np.ndim(v) == 1}
+        if e.stage is Stage.ENCODER and recording.has(ANGLE) and sizes - {len(axes)}:
+            raise InputError(
+                f"{recording.title!r} has the gimbals {', '.join(axes) or 'none'} and the {e.id} of the calibration is "
+                f"for {max(sizes)}; give a calibration of the same platform"
+            )
 
 
 def _felt(recording: Recording) -> Stimulus:
@@ -89,6 +106,7 @@ def _rates(s: Stimulus, effects: Sequence[Effect], w: Array) -> Array:
 
 def corrupt(calibration: Calibrated, recording: Recording) -> Recording:
     """The recording as the calibrated unit would have read it, inverse of `correct`. Direction: physics to readings."""
+    _refuse_other_rig(calibration, recording)
     effects = _with_needs(calibration.effects, recording)
     read = _turned(recording, effects, -1.0)
     s = _felt(recording if recording.platform.axes else read)

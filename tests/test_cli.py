@@ -15,6 +15,7 @@ from gimbalcal.simulate import simulate_to
 ROOT = Path(__file__).resolve().parent.parent
 DEVICE = ROOT / "data" / "space_stable_18"
 STATIC = ROOT / "data" / "space_stable_static"
+XSENS = ROOT / "data" / "xsens_positions"
 
 
 def run(*arguments: object, monkeypatch: pytest.MonkeyPatch) -> int:
@@ -131,3 +132,33 @@ def test_declined_terms_are_told(command, capsys) -> None:  # type: ignore[no-un
     for term in ("scale_nonlinearity", "cubic_nonlinearity"):
         assert f"note: {term} declined: these 38 positions leave it uncertain by" in told
     assert "positions left out are predicted worse with it" in told
+
+
+def test_a_calibration_brings_its_sensors_along_and_not_how_the_rig_stood(tmp_path, command, capsys):
+    """The base tilt of a static run is no tilt of the positions that were taken before it."""
+    assert command("calibrate", DEVICE, STATIC, "--out", tmp_path / "cal", "--quiet") == 0
+    known = ("--calibration", tmp_path / "cal" / "calibration.json")
+    assert command("diagnose", DEVICE, *known, "--quiet") == 0
+    assert "explains these data" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("diagnose", XSENS, "--baseline", "bias,nonsense"), "'nonsense', which is no effect of the catalogue"),
+        (("observe", "wu2018-18", "--force-sigma", "0"), "not in the range x>0"),
+        (("observe", "wu2018-18", "--angle-sigma", "-1"), "not in the range x>0"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(arguments, says, command, capsys):
+    assert command(*arguments, "--quiet") == 2
+    assert says in capsys.readouterr().err
+
+
+def test_a_defect_does_not_look_like_a_verdict(command, capsys, monkeypatch):
+    def broken(*_, **__):
+        raise ZeroDivisionError("as if")
+
+    monkeypatch.setattr("gimbalcal.pipeline.load", broken)
+    assert command("diagnose", DEVICE, "--quiet") == 3
+    assert "defect of the program" in capsys.readouterr().err

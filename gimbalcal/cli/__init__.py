@@ -1,12 +1,14 @@
 """The command line: one command a question, each a few lines around a function of the package.
 
-Exit status: 0 done; 1 done, and the model does not explain the data; 2 bad input, nothing written; 130 interrupted.
+Exit status: 0 done; 1 done, and the model does not explain the data; 2 bad input, nothing written; 3 a defect of this
+program; 130 interrupted.
 Heavy packages are imported inside the commands, so that `gimbalcal --help` answers at once.
 """
 
 from __future__ import annotations
 
 import sys
+import traceback
 from pathlib import Path
 
 import click
@@ -16,6 +18,7 @@ from gimbalcal.cli.files import apply, export, import_
 from gimbalcal.cli.options import RECORDINGS, listed, output_options, progress, show
 from gimbalcal.errors import InputError
 
+POSITIVE = click.FloatRange(min=0, min_open=True)
 CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 
 
@@ -40,6 +43,11 @@ def main() -> None:
     except OSError as problem:
         name, why = problem.filename or "a file", problem.strerror or problem
         _stop(f"gimbalcal: {name} cannot be read or written ({why}); correct its name or its permissions", 2)
+
+
+    except Exception:  # noqa: BLE001  status 1 is a verdict, which a defect must not look like
+        traceback.print_exc()
+        _stop("gimbalcal: this is a defect of the program, not of your data; please report it with the lines above", 3)
 
 
 def _stop(sentence: str, status: int) -> None:
@@ -128,8 +136,12 @@ def simulate(scenario: Path, seed: int | None, out: Path | None, quiet: bool, as
 
 @gimbalcal.command()
 @click.argument("schedule")
-@click.option("--angle-sigma", default=1.0, show_default=True, help="Setting error of a position, arcsec.")
-@click.option("--force-sigma", default=2.0, show_default=True, help="Noise of the mean force of a position, ug.")
+@click.option(
+    "--angle-sigma", default=1.0, type=POSITIVE, show_default=True, help="Setting error of a position, arcsec."
+)
+@click.option(
+    "--force-sigma", default=2.0, type=POSITIVE, show_default=True, help="Noise of the mean force of a position, ug."
+)
 @click.option("--latitude", default=40.0, show_default=True, help="SCHEDULE static-48h and the like: where, deg.")
 @click.option("--candidates", default="", help="Comma-separated effects that may be there besides: would they show?")
 @output_options
@@ -191,7 +203,12 @@ def campaign(
     from gimbalcal.campaign import run_campaign
 
     folder = out or Path(f"campaign-{scenario.stem}")
-    summary = run_campaign(scenario, runs, folder, workers, scheduler, progress(quiet), method, seed)
+    tell = progress(quiet)
+    try:
+        summary = run_campaign(scenario, runs, folder, workers, scheduler, tell, method, seed)
+    except KeyboardInterrupt:
+        tell(f"the runs that are done stay in {folder}; the same command goes on from there")
+        raise
     show(summary, summary["in_words"], as_json, quiet)
 
 
@@ -199,6 +216,7 @@ def campaign(
 @click.argument("effect", required=False)
 def catalogue(effect: str | None) -> None:
     """List the physical effects that are known, or show the card of one EFFECT."""
+    import dataclasses
     import inspect
 
     from gimbalcal.effects import CATALOGUE
@@ -208,6 +226,13 @@ def catalogue(effect: str | None) -> None:
             print(f"{name:28s} {(inspect.getdoc(CATALOGUE[name]) or '').splitlines()[0].lstrip('r')}")
     elif effect in CATALOGUE:
         print(inspect.getdoc(CATALOGUE[effect]))
+        print()
+        for f in dataclasses.fields(CATALOGUE[effect]):
+            m = f.metadata
+            if m.get("kind") == "parameter":
+                axes = ", ".join(a for a in m["axes"] if a)
+                print(f"  {m['name'] or f.name} [{m['unit']}] {axes}: usually {m['sigma']:g}")
+        print(f"  in recordings of kind {', '.join(CATALOGUE[effect].kinds)}")
     else:
         raise InputError(f"no effect is called {effect!r}; `gimbalcal catalogue` lists them")
 

@@ -53,11 +53,12 @@ def progress(quiet: bool) -> Callable[[str], None]:
 
 
 def show(result: dict[str, Any], sentence: str, as_json: bool, quiet: bool) -> None:
-    """Print the sentence, and the result on stdout if asked."""
+    """Print the answer on stdout: the sentence, or the result as JSON with the sentence as progress."""
     if as_json:
         print(json.dumps(result))
-    if not quiet:
-        print(sentence, file=sys.stderr if as_json else sys.stdout)
+        progress(quiet)(sentence)
+    else:
+        print(sentence)
 
 
 RECORDINGS = click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))

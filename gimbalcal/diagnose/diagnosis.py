@@ -21,13 +21,13 @@ from gimbalcal.diagnose.gimballed import diagnose_gimballed, has_gyroscopes
 from gimbalcal.diagnose.locate import Scan, scan, told
 from gimbalcal.diagnose.model import Fit, calibration_fit, constant_value, fit
 from gimbalcal.diagnose.noise import nodes, settle
-from gimbalcal.diagnose.observations import BASELINE, observe
+from gimbalcal.diagnose.observations import BASELINE, known_effect, observe
 from gimbalcal.diagnose.recommend import advise, sentence
 from gimbalcal.diagnose.search import Search, search
 from gimbalcal.diagnose.threshold import clean_evidence
 from gimbalcal.diagnose.unstated import applies, diagnose_unstated
 from gimbalcal.diagnose.verify import physical_columns, residual_rows, verify
-from gimbalcal.effects import CATALOGUE, Parameter
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -93,6 +93,8 @@ def diagnose(
     """
     if not recordings:
         raise InputError("`diagnose` needs at least one recording")
+    for effect_id in baseline:
+        known_effect(effect_id)
     from threadpoolctl import threadpool_limits
 
     from gimbalcal.diagnose.together import diagnose_together
@@ -131,10 +133,16 @@ def searched(
     recording: Recording, calibration: Calibration | None, baseline: tuple[str, ...], tell: Tell
 ) -> Search:
     """Every cause of the catalogue tried on one recording."""
-    tell("fitting the calibrated model")
-    o = settle(observe(recording, baseline, calibration.effects if calibration else ()))
+    tell(f"fitting the model: {', '.join(wording.plain(i) for i in baseline)} (another: --baseline)")
+    o = settle(observe(recording, baseline, carried(calibration, baseline)))
     tell("comparing every cause of the catalogue, alone and in pairs")
     return search(o, library(o, baseline), nodes(o))
+
+
+def carried(calibration: Calibration | None, baseline: Sequence[str]) -> tuple[Effect, ...]:
+    """Effects of a calibration that hold on another day: the baseline's and the sensors', not how the rig stood."""
+    held = {Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER, Stage.GYROSCOPE}
+    return tuple(e for e in (calibration.effects if calibration else ()) if e.id in baseline or e.stage in held)
 
 
 def _report(

@@ -131,7 +131,7 @@ def observe(
         measured[:, force] += lost[:, ["xyz".index(channels[i][1]) for i in force]]
     sigma = row_sigma(recording, channels, measured)
     ids = tuple(baseline) or BASELINE[recording.kind]
-    constants = tuple(p for i in ids for p in parameters(_known(i), s.axis_names) if _has_axis(p, recording))
+    constants = tuple(p for i in ids for p in parameters(known_effect(i), s.axis_names) if _has_axis(p, recording))
     effects = with_values(tuple(known), constants, values(tuple(known), constants), s.axis_names)
     for _ in range(steps):
         y, Z = _linear(recording, s, effects, constants, channels, measured, sigma)
@@ -145,9 +145,12 @@ def observe(
     )  # fmt: skip
 
 
-def _known(effect_id: str) -> type[Effect]:
+def known_effect(effect_id: str) -> type[Effect]:
+    """The effect of the catalogue with this id. Raises InputError where there is none."""
     if effect_id not in CATALOGUE:
-        raise InputError(f"the baseline names {effect_id!r}, which is no effect of the catalogue (docs, `effects`)")
+        raise InputError(
+            f"the baseline names {effect_id!r}, which is no effect of the catalogue; `gimbalcal catalogue` lists them"
+        )
     return CATALOGUE[effect_id]
 
 

@@ -86,6 +86,8 @@ def _lost(calibration: Calibration, kind: str) -> tuple[str, ...]:
     present = {p.effect for p, v in zip(calibration.parameters, calibration.values, strict=True) if v != 0}
     held = {"kalibr": set(LINEAR), "psins": {*LINEAR, *QUADRATIC}, "csv": present}[kind]
     lost = [f"{kind} has no term for {e}: it is left out" for e in sorted(present - held)]
+    if np.count_nonzero(calibration.covariance - np.diag(np.diag(calibration.covariance))):
+        lost.append(f"{kind} has no place for correlations: calibration.json has them")
     options = calibration.provenance.get("options", {})
     if "nominal" in options or "gyro_nominal" in options:
         lost.append(f"{kind} has no place for the nominal scale of counts: its numbers hold after that scale")

@@ -148,7 +148,9 @@ def _site(document: Document, kind: str) -> tuple[Site, tuple[str, ...]]:
             "the Earth (9.76 to 9.84 m/s^2); correct the value or its unit"
         )
     if "gravity" in given:
-        return Site(latitude, height, given["gravity"]), _odd_gravity(document, latitude, height, given["gravity"])
+        weighs = kind != "pointing"  # a telescope has no accelerometer that gravity scales
+        odd = _odd_gravity(document, latitude, height, given["gravity"]) if weighs else ()
+        return Site(latitude, height, given["gravity"]), odd
     if latitude is not None:
         return Site(latitude, height, float(normal_gravity(latitude, height))), ()
     remark = f"{document.path}: neither gravity nor latitude is given in [site]; standard gravity {G0} m/s^2 is used"
