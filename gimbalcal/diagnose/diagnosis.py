@@ -167,8 +167,19 @@ def _report(
         "causes_compared": len([c for c in s.library.candidates if not c.rival]),
         "excess_kurtosis": round(s.o.heavy, 3),
     }
-    words = wording.answer(d.verdict, named, shapes, mismatch, fitted)
+    words = wording.answer(d.verdict, named, shapes, mismatch, fitted) + _misheld(s, d)
     return Diagnosis(d.verdict, mismatch, named, shapes, fitted, provenance, words, curves)
+
+
+def _misheld(s: Search, d: Decision) -> str:
+    """A sentence on positions that were not held where the readouts say, which is a fault and no physics."""
+    if d.verdict != "unexplained" or s.o.kind != "multi-position":
+        return ""
+    from gimbalcal.estimate.joint import analyse
+
+    faults = analyse(s.o.recording).faults
+    leave = " `gimbalcal calibrate` names such positions and leaves them out." if faults else ""
+    return "".join(f" {f.in_words[:1].upper()}{f.in_words[1:].rstrip('.')}." for f in faults) + leave
 
 
 def measured(s: Search, f: Fit, seen: Fit, rng: np.random.Generator) -> tuple[Scan, dict[str, Any], Curves]:

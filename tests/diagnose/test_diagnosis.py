@@ -1,6 +1,7 @@
 """Verdicts on an independent plant: clean, one cause, twins, none of the known ones, and how honest the sizes are."""
 
 import json
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -105,3 +106,16 @@ def test_the_answer_is_json_and_the_same_again():
 def test_nothing_to_diagnose_is_refused():
     with pytest.raises(InputError, match="at least one recording"):
         diagnose([])
+
+
+def test_interchanged_positions_are_told_from_physics():
+    r = record(np.random.default_rng(3))
+    channels = dict(r.channels)
+    for axis in ("platform", "inner", "middle"):
+        angle = channels["gimbal_angle", axis].copy()
+        four, ten = angle[r.position == 4][0], angle[r.position == 10][0]
+        angle[r.position == 4], angle[r.position == 10] = ten, four
+        channels["gimbal_angle", axis] = angle
+    d = diagnose([replace(r, channels=channels)])
+    assert d.verdict == "unexplained"
+    assert "Positions 4 and 10 are interchanged" in d.in_words
