@@ -91,7 +91,7 @@ def test_revolutions_about_the_vertical_are_told_by_the_gimbals() -> None:
     d = diagnose([gimballed("revolutions", gyro_scale_nonlinearity=truth)])
     assert [f["effect"] for f in d.findings] == ["gyro_scale_nonlinearity"]
     sizes_are(d, "gyro_scale_nonlinearity", truth)
-    assert d.findings[0]["parameters"][0]["sigma"] < 3.0  # ppm/(rad/s); gravity alone would leave 40
+    assert d.findings[0]["parameters"][0]["sigma"] < 3.0  # ppm/(rad/s); gravity alone leaves 9 to 14
 
 
 def test_what_cannot_be_said_is_one_note() -> None:
