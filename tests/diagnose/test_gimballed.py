@@ -52,7 +52,8 @@ def sizes_are(d: Diagnosis, effect: str, truth: Mapping[str, float], near: float
     ],
 )
 def test_what_the_gyroscopes_lack_is_named(effect: str, truth: dict[str, float], view: str) -> None:
-    d = diagnose([gimballed(**{effect: truth})])
+    more: dict[str, Any] = {effect: truth}
+    d = diagnose([gimballed(**more)])
     assert d.verdict == "missing-physics"
     assert [f["effect"] for f in d.findings] == [effect]
     assert d.findings[0]["twins"] == []
