@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gimbalcal import number
-from gimbalcal.number import STEP
+from gimbalcal.number import STEP, eigh
 
 angles = st.floats(-7, 7, allow_nan=False)
 
@@ -55,3 +55,19 @@ def test_tilt_rotation_to_first_order_is_minus_the_cross_product() -> None:
     v = np.array([2e-9, -1e-9, 3e-9])
     f = np.array([1.0, 2.0, -3.0])
     np.testing.assert_allclose(number.tilt_rotation(v) @ f - f, -np.cross(v, f), atol=1e-15)
+
+
+def test_eigenvalues_of_a_matrix_on_which_divide_and_conquer_fails(monkeypatch):
+    first = iter([True])
+    real = np.linalg.eigh
+
+    def once(G):
+        if next(first, False):
+            raise np.linalg.LinAlgError("Eigenvalues did not converge")
+        return real(G)
+
+    x = np.random.default_rng(1).standard_normal((4, 3, 6))
+    G = np.swapaxes(x, -1, -2) @ x  # rank 3 of 6
+    monkeypatch.setattr(np.linalg, "eigh", once)
+    lam, V = eigh(G)
+    np.testing.assert_allclose((V * lam[..., None, :]) @ np.swapaxes(V, -1, -2), G, atol=1e-10)

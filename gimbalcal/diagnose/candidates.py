@@ -15,7 +15,7 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence import orthonormal
 from gimbalcal.diagnose.observations import Observations, absent_effect
-from gimbalcal.diagnose.shapes import products, shapes, turns
+from gimbalcal.diagnose.shapes import products, settings, shapes, turns
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters
 from gimbalcal.number import Array
 
@@ -260,20 +260,28 @@ def _stage_axes(o: Observations) -> list[tuple[str, Array]]:
 
 
 def gimbal_harmonics(o: Observations, blocks: list[Array]) -> list[Candidate]:
-    """Third to eighth harmonic of each moving gimbal angle as its error."""
+    """Errors of each moving gimbal that no bearing or encoder has: high harmonics, or a value at each setting."""
     out = []
     for i, axis in enumerate(o.stimulus.axis_names):
-        variants = []
-        for basis in turns(o.seen[Stage.ENCODER].angle[:, i]):
-            added = np.zeros((*basis.shape, len(o.stimulus.axis_names)))
-            added[:, :, i] = basis
-            X = np.stack([o.through(Stage.ENCODER, added[:, j]) for j in range(basis.shape[1])], axis=-1)
-            size = np.abs(X).max()
-            if size > 0:
-                variants.append(Variant((), tuple(_append(blocks, o.reduce(X / size) * RIVAL_SIGMA))))
-        if variants:
-            words = f"a third or higher harmonic of the {axis} gimbal angle"
-            out.append(
-                Candidate("unknown gimbal angle", axis, (), tuple(variants), rival=words, channel="gimbal_angle")
-            )
+        harmonics = turns(o.seen[Stage.ENCODER].angle[:, i])
+        words = f"a third or higher harmonic of the {axis} gimbal angle"
+        out += _of_gimbal(o, i, "unknown gimbal angle", words, harmonics, blocks)
+        words = f"a value of its own at each setting of the {axis} gimbal"
+        out += _of_gimbal(o, i, "unknown gimbal setting", words, settings(o.stimulus.readout[:, i]), blocks)
     return out
+
+
+def _of_gimbal(
+    o: Observations, i: int, effect: str, words: str, bases: Sequence[Array], blocks: list[Array]
+) -> list[Candidate]:
+    variants = []
+    for basis in bases:
+        added = np.zeros((*basis.shape, len(o.stimulus.axis_names)))
+        added[:, :, i] = basis
+        X = np.stack([o.through(Stage.ENCODER, added[:, j]) for j in range(basis.shape[1])], axis=-1)
+        size = np.abs(X).max()
+        if size > 0:
+            variants.append(Variant((), tuple(_append(blocks, o.reduce(X / size) * RIVAL_SIGMA))))
+    axis = o.stimulus.axis_names[i]
+    made = Candidate(effect, axis, (), tuple(variants), rival=words, channel="gimbal_angle")
+    return [made] if variants else []

@@ -22,6 +22,7 @@ from gimbalcal.number import Array
 CLAIM = np.log(20.0)  # simulated clean recordings reach it in less than 1 in 1000; 1 in 20 would be the bound
 TOGETHER = np.log(20.0)
 SURE = 0.90
+OUTSIDE = 0.10  # kept for laws nobody has written down: some look like one that is, and no data of this kind can tell
 LIKELY = 0.02  # probability from which a cause may widen a set that is not sure
 NEARLY = 0.90  # share of the evidence that a cause alone must carry to be named although a rest has no cause
 Scores = Callable[[Sequence[int]], Array]  # ln evidence (candidates,) at each one's best size, beside these others
@@ -45,6 +46,11 @@ def decide(s: Search, threshold: float = CLAIM) -> Decision:
     if d.hypothesis is None or d.shapes or strained(s, d.hypothesis.members) < CLAIM:
         return d
     return replace(d, probability=tuple(NEARLY * p for p in d.probability))
+
+
+def stated(probability: float) -> float:
+    """A probability among all causes and shapes that were compared, as it is told: never more than 90 %."""
+    return round(min(probability, 1 - OUTSIDE), 4)
 
 
 def strained(s: Search, members: Sequence[int]) -> float:

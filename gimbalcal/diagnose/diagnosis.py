@@ -16,7 +16,7 @@ import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.candidates import Candidate, library
-from gimbalcal.diagnose.decide import CLAIM, Decision, decide
+from gimbalcal.diagnose.decide import CLAIM, Decision, decide, stated
 from gimbalcal.diagnose.gimballed import diagnose_gimballed, has_gyroscopes
 from gimbalcal.diagnose.locate import Scan, scan, told
 from gimbalcal.diagnose.model import Fit, calibration_fit, constant_value, fit
@@ -232,7 +232,7 @@ def finding(
     axes = list(dict.fromkeys(a for a in [c.axis, *(t.axis for t in twins)] if a))
     axes = [a for n, a in enumerate(axes) if not any(a in b for b in axes[:n])]
     return {
-        "effect": c.effect, "axis": " / ".join(axes), "probability": round(min(probability, 0.9999), 4),
+        "effect": c.effect, "axis": " / ".join(axes), "probability": stated(probability),
         "sigma": round(significance, 2), "parameters": rows, "twins": [t.effect for t in twins],
         "physics": wording.physics(c.effect), "equation": wording.equation(c.effect), "separate_by": advice,
     }  # fmt: skip

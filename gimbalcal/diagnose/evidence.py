@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gimbalcal.diagnose.noise import Node
-from gimbalcal.number import Array
+from gimbalcal.number import Array, eigh
 
 if TYPE_CHECKING:
     from gimbalcal.diagnose.candidates import Candidate
@@ -119,7 +119,7 @@ def log_bayes(G: Array, b: Array, sizes: Array = SIZES) -> Array:
     if G.shape[-1] == 1:
         lam, c = G[..., 0], b
     else:
-        lam, V = np.linalg.eigh(G)
+        lam, V = eigh(G)
         c = np.einsum("...ij,...i->...j", V, b)
     lam = np.maximum(lam, 0.0)[..., None, :]
     s2 = (sizes**2)[:, None]

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.number import Array
+from gimbalcal.number import Array, eigh
 
 SIZES = np.array([0.1, 0.3, 1.0, 3.0, 10.0, 30.0])  # times the catalogue's prior sigma: rigs differ, physics less
 SIZE_PRIOR = np.array([0.15, 0.2, 0.25, 0.2, 0.12, 0.08])
@@ -89,7 +89,7 @@ def ground(r: Array, J: Array, X: Array, memory: bool = True) -> Ground:
 def log_evidence(g: Ground, index: Sequence[int], sizes: Array = SIZES, prior: Array = SIZE_PRIOR) -> float:
     """ln Bayes factor of the columns `index` together against nothing, all unknowns of the noise integrated over."""
     at = np.asarray(index)
-    lam, V = np.linalg.eigh(g.gram[:, at[:, None], at])
+    lam, V = eigh(g.gram[:, at[:, None], at])
     c2 = np.einsum("kij,ki->kj", V, g.score[:, at]) ** 2
     lam = np.maximum(lam, 0.0)
     most = np.array([c.y @ c.y for c in g.cleared])[:, None] * lam  # Cauchy and Schwarz, against rounding

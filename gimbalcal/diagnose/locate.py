@@ -16,7 +16,7 @@ import numpy as np
 from gimbalcal.diagnose.evidence import Rows, orthonormal, project, rows_like
 from gimbalcal.diagnose.noise import Node
 from gimbalcal.diagnose.observations import Observations
-from gimbalcal.number import Array
+from gimbalcal.number import Array, eigh
 
 DRAWS = 400
 LISTED = 6  # cells that are told, strongest first
@@ -59,7 +59,7 @@ def scan(
     p = project(node, rows_like(rows, X))
     statistic = np.array([_score(p.G, p.b[:, :1], c.index)[0] for c in cells])
     dof = np.array([_rank(p.G, c.index) for c in cells])
-    lam, V = np.linalg.eigh(p.G)
+    lam, V = eigh(p.G)
     drawn = V @ (np.sqrt(np.maximum(lam, 0.0))[:, None] * rng.standard_normal((len(lam), DRAWS)))
     clean = np.stack([_score(p.G, drawn, c.index) for c in cells])
     tails, clean_tails = _tail(statistic, dof), _tail(clean, dof[:, None])

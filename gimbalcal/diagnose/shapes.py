@@ -7,6 +7,8 @@ import numpy as np
 from gimbalcal.diagnose.observations import Observations
 from gimbalcal.number import Array
 
+SETTINGS = 16  # of a gimbal; with more of them, harmonics say it better
+
 
 def shapes(o: Observations) -> dict[str, tuple[str, Array]]:
     """Bases (n, m) of the rivals that act on each accelerometer output."""
@@ -18,6 +20,7 @@ def shapes(o: Observations) -> dict[str, tuple[str, Array]]:
         places = np.unique(s.position)
         out["position"] = ("a value of its own at each position", (s.position[:, None] == places).astype(float))
         out["orientation"] = ("a smooth function of the direction of gravity", _harmonics(s.force / s.gravity))
+        out["settling"] = ("a course of its own after each move", _settling(o))
     else:
         phase = np.arctan2(s.force[:, 1], s.force[:, 0])
         n = np.arange(2, 7)
@@ -26,6 +29,16 @@ def shapes(o: Observations) -> dict[str, tuple[str, Array]]:
     if s.temperature is not None:
         out["temperature"] = ("a function of temperature", _thermal(s.time, s.temperature))
     return out
+
+
+def _settling(o: Observations) -> Array:
+    """Forces, and their changes at the last move, dying away at three speeds within a dwell: a basis (n, up to 18)."""
+    s = o.stimulus
+    longest = float(s.since_move.max())
+    fades = [np.exp(-s.since_move / (longest * part))[:, None] for part in (0.05, 0.2, 0.8)]
+    basis = np.concatenate([fade * f / s.gravity for fade in fades for f in (s.force, s.move_force)], axis=1)
+    U, S, _ = np.linalg.svd(basis, full_matrices=False)
+    return np.asarray(U[:, S > 1e-2 * S[0]])
 
 
 def _harmonics(u: Array) -> Array:
@@ -93,6 +106,12 @@ def turns(angle: Array) -> list[Array]:
         if np.linalg.norm(beyond.T @ pair) > 0.1 * len(angle):
             out.append(pair)
     return out
+
+
+def settings(angle: Array) -> list[Array]:
+    """Basis (n, m) of an error that has a value of its own at each setting of a gimbal, if it has few settings."""
+    held, at = np.unique(np.round(np.mod(angle, 2 * np.pi), 3), return_inverse=True)
+    return [np.eye(len(held))[at]] if 3 <= len(held) <= SETTINGS else []
 
 
 def _above_second(angle: Array) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 
 from gimbalcal.diagnose.candidates import Candidate
 from gimbalcal.diagnose.evidence import SIZE_PRIOR, SIZES, Projection, Rows
-from gimbalcal.number import Array
+from gimbalcal.number import Array, eigh
 
 DRAWS = 200
 
@@ -65,7 +65,7 @@ def _draw(
         root = p.node.inverse_root
         if mine.any():
             low[:, mine] = noise[:, mine] / root[:, None] if root.ndim == 1 else np.linalg.solve(root, noise[:, mine])
-    lam, V = np.linalg.eigh(rows.high[:m, :m])
+    lam, V = eigh(rows.high[:m, :m])
     tail = V @ (np.sqrt(np.maximum(lam, 0.0))[:, None] * rng.standard_normal((m, draws)))
     return low, tail
 
@@ -94,7 +94,7 @@ def _each(G: Array, b: Array, candidates: Sequence[Candidate]) -> Array:
     for width in np.unique(widths):
         members = np.flatnonzero(widths == width)
         index = np.array([variants[m].index for m in members])
-        lam, V = np.linalg.eigh(G[index[:, :, None], index[:, None, :]])
+        lam, V = eigh(G[index[:, :, None], index[:, None, :]])
         c2 = (np.swapaxes(V, -1, -2) @ b[index]) ** 2
         for size, prior in zip(SIZES, SIZE_PRIOR, strict=True):
             s2l = size**2 * np.maximum(lam, 0.0)

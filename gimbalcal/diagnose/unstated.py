@@ -16,6 +16,7 @@ import numpy as np
 import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import unstated_words, wording
+from gimbalcal.diagnose.decide import stated
 from gimbalcal.diagnose.instead import Verdict, judged
 from gimbalcal.diagnose.stepwise import Course, Model, course, refined, weighted
 from gimbalcal.diagnose.turning import turned_rates
@@ -109,7 +110,7 @@ def _finding(c: Course, j: Verdict) -> dict[str, Any]:
     rows = [r for r in _sizes(c.end) if r["effect"] == e and (r["name"], r["axis"]) in prior]
     rows = [r for r in rows if _seen(r, prior[r["name"], r["axis"]])]
     return {
-        "effect": e, "axis": j.cause.axis, "probability": round(min(j.probability, 0.9999), 4),
+        "effect": e, "axis": j.cause.axis, "probability": stated(j.probability),
         "sigma": round(j.sigma, 2), "parameters": [{k: x for k, x in r.items() if k != "effect"} for r in rows],
         "twins": list(j.twins), "physics": wording.physics(e), "equation": wording.equation(e),
         "separate_by": _advice(j),

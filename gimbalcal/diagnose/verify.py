@@ -16,7 +16,7 @@ import numpy as np
 from gimbalcal.diagnose.model import Fit
 from gimbalcal.diagnose.observations import Observations
 from gimbalcal.diagnose.search import Search
-from gimbalcal.number import Array
+from gimbalcal.number import Array, eigh
 
 FOLDS = 12  # stretches of a static run
 
@@ -98,7 +98,7 @@ def _held_out(A: Array, y: Array, fold: Array) -> float:
     for k in np.unique(fold):
         out = fold == k
         Ak, yk = A[out], y[out]
-        lam, V = np.linalg.eigh(G - Ak.T @ Ak)
+        lam, V = eigh(G - Ak.T @ Ak)
         keep = lam > 1e-7
         W = V[:, keep] / np.sqrt(lam[keep])
         x = W @ (W.T @ (b - Ak.T @ yk))
