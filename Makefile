@@ -1,5 +1,5 @@
 # Every target does its own set-up: Python 3.11 or later and make are all it takes.
-# With uv on the path it takes seconds; without, `python3 -m venv` and pip do the same in a minute.
+# With uv on the path it takes seconds; without, `python3 -m venv` and pip do the same in a few minutes.
 
 VENV   ?= .venv
 PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3 python; do \
@@ -28,6 +28,7 @@ test: lint  ## everything that a change has to pass
 
 lint: $(VENV)/.dev-ready  ## style, types, and the direction of imports
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --check --quiet .
 	$(BIN)/mypy $(CHECKED)
 	$(BIN)/lint-imports
 

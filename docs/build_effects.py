@@ -1,6 +1,6 @@
 """Write docs/effects.md: every physical effect of the catalogue, from its own card.
 
-    python docs/build_effects.py
+python docs/build_effects.py
 """
 
 from __future__ import annotations

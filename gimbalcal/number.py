@@ -106,9 +106,7 @@ def frame_rotation(direction: str, angle: ArrayLike) -> Array:
 def tilt_rotation(tilt: ArrayLike) -> Array:
     """Frame rotation by three small angles about x, then y, then z: ``Rz Ry Rx``; (..., 3) [rad] to (..., 3, 3)."""
     tilt = np.asarray(tilt)
-    return (
-        frame_rotation("z", tilt[..., 2]) @ frame_rotation("y", tilt[..., 1]) @ frame_rotation("x", tilt[..., 0])
-    )
+    return frame_rotation("z", tilt[..., 2]) @ frame_rotation("y", tilt[..., 1]) @ frame_rotation("x", tilt[..., 0])
 
 
 def apply_matrix(matrix: ArrayLike, vector: ArrayLike) -> Array:

@@ -87,8 +87,12 @@ def provenance(recordings: Sequence[Recording], made: Calibration, terms: Sequen
         "recordings": [{"path": s.path, "sha256": s.sha256} for r in recordings for s in r.source],
         "version": gimbalcal.__version__,
         "seed": None,  # nothing in a calibration is drawn
-        "options": {"direction": "physics to reading", **made.provenance.get("options", {}),
-                    "method": made.method, "terms": list(terms)},
+        "options": {
+            "direction": "physics to reading",
+            **made.provenance.get("options", {}),
+            "method": made.method,
+            "terms": list(terms),
+        },
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "remarks": [remark for r in recordings for remark in r.remarks],
     }

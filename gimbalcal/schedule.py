@@ -42,9 +42,7 @@ class Schedule:
 
     def lasting(self, duration: float) -> Schedule:
         """The same holds, each for `duration` seconds."""
-        return Schedule(
-            self.name, self.platform, tuple(Hold(h.angles, duration) for h in self.holds), self.slew_rate
-        )
+        return Schedule(self.name, self.platform, tuple(Hold(h.angles, duration) for h in self.holds), self.slew_rate)
 
 
 # Wu et al. (2018), Table 1: platform, inner and middle angle of positions 1 to 18 in units of pi/4

@@ -44,7 +44,6 @@ def main() -> None:
         name, why = problem.filename or "a file", problem.strerror or problem
         _stop(f"gimbalcal: {name} cannot be read or written ({why}); correct its name or its permissions", 2)
 
-
     except Exception:  # noqa: BLE001  status 1 is a verdict, which a defect must not look like
         traceback.print_exc()
         _stop("gimbalcal: this is a defect of the program, not of your data; please report it with the lines above", 3)

@@ -146,9 +146,7 @@ def _thirds(c: Combined, ln: Array, prior: Array, rival: Array, found: Sequence[
     ]
 
 
-def _with_second(
-    c: Combined, members: Sequence[int], seconds: Sequence[int], keep: int, own: Sequence[Pairs]
-) -> Array:
+def _with_second(c: Combined, members: Sequence[int], seconds: Sequence[int], keep: int, own: Sequence[Pairs]) -> Array:
     """ln BF (candidates,) against nothing of `members` with each of `seconds`, added up over the recordings.
 
     What a recording has judged already is taken from `own`.

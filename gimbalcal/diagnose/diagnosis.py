@@ -1,7 +1,7 @@
 r"""The diagnosis: locate, name, model, verify, recommend; one function, one frozen answer.
 
-    observe ──> noise ──> library ──> search ──> decide ──> model ──> verify ──> recommend
-                                        └──> locate (before and after)
+observe ──> noise ──> library ──> search ──> decide ──> model ──> verify ──> recommend
+                                    └──> locate (before and after)
 """
 
 from __future__ import annotations
@@ -129,9 +129,7 @@ def _of_forces(
     return _report(s, d, clean, rng, {"baseline": list(ids), "seed": seed}, tell), s, d
 
 
-def searched(
-    recording: Recording, calibration: Calibration | None, baseline: tuple[str, ...], tell: Tell
-) -> Search:
+def searched(recording: Recording, calibration: Calibration | None, baseline: tuple[str, ...], tell: Tell) -> Search:
     """Every cause of the catalogue tried on one recording."""
     tell(f"fitting the model: {', '.join(wording.plain(i) for i in baseline)} (another: --baseline)")
     o = settle(observe(recording, baseline, carried(calibration, baseline)))

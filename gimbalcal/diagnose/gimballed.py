@@ -228,11 +228,10 @@ def _answer(
     if verdict == "adequate":
         out = ["The calibrated model explains these data."]
     elif found:
-        lead = "What was left out: " if verdict != "not-identifiable" else "These data cannot tell which was left out: "
-        out = [f"{lead}{' and '.join(wording.named(f) for f in found)}."]
+        out = [f"{wording.causes(verdict, found)}."]
     else:
-        out = ["The model does not explain these data, and no cause of the catalogue does."]
+        out = [wording.NO_CAUSE]
     out += [p.in_words for p in parts if p.in_words]
-    out += [f"Without a known cause is {u['shape']} in {u['channel'].replace('_', ' ')}." for u in shapes[:1]]
+    out += [f"Without a known cause is {wording.left_over(u)}." for u in shapes[:1]]
     out += [f"{m['in_words']}." for m in mismatch[:1]]
     return " ".join([*out, *notes])

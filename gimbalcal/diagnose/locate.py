@@ -49,9 +49,7 @@ class Scan:
         return float(self.p_values.min(initial=1.0))
 
 
-def scan(
-    o: Observations, rows: Rows, node: Node, rng: np.random.Generator, explained: Array | None = None
-) -> Scan:
+def scan(o: Observations, rows: Rows, node: Node, rng: np.random.Generator, explained: Array | None = None) -> Scan:
     """Scan the data (or what is left beside `explained` columns (R, p)) in one noise."""
     cells, X = _cells(o)
     if explained is not None and explained.shape[1]:

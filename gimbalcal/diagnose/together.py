@@ -1,7 +1,7 @@
 r"""The diagnosis of several recordings of one unit.
 
-    recording 1 ──> search ─┐                       ┌─> fit, verify, locate ─┐
-    recording 2 ──> search ─┴─> combine ──> decide ─┴─> fit, verify, locate ─┴─> sizes pooled ──> one diagnosis
+recording 1 ──> search ─┐                       ┌─> fit, verify, locate ─┐
+recording 2 ──> search ─┴─> combine ──> decide ─┴─> fit, verify, locate ─┴─> sizes pooled ──> one diagnosis
 """
 
 from __future__ import annotations
@@ -125,9 +125,7 @@ def _shares(c: Combined, d: Decision, clean: Sequence[Array], rng: np.random.Gen
     return tuple(out)
 
 
-def _report(
-    c: Combined, d: Decision, clean: Array, shares: tuple[Share, ...], options: dict[str, Any]
-) -> Diagnosis:
+def _report(c: Combined, d: Decision, clean: Array, shares: tuple[Share, ...], options: dict[str, Any]) -> Diagnosis:
     lead = min(range(len(shares)), key=lambda k: (shares[k].before.p_value, -shares[k].before.statistic.max()))
     mismatch = () if d.verdict == "adequate" else _mismatch(shares, lead)
     named = _findings(c, d, [x.part for x in shares])

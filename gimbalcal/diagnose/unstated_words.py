@@ -11,8 +11,13 @@ from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.views import View
 from gimbalcal.number import Array
 
-ROWS = {"pointing": "stars", "norm": "positions", "rest rates": "positions", "turns": "turns",
-        "table": "stretches of ten seconds"}
+ROWS = {
+    "pointing": "stars",
+    "norm": "positions",
+    "rest rates": "positions",
+    "turns": "turns",
+    "table": "stretches of ten seconds",
+}
 QUIET = 1.5  # times the samples' own scatter; beyond it a sentence says what the rest may be
 
 
@@ -71,16 +76,10 @@ def answer(
     if verdict == "adequate":
         return "The calibrated model explains these data. " + " ".join(_scatter(v, fit) for v, fit, _ in views)
     if verdict == "unexplained":
-        left = f" What is left is {unexplained[0]['shape']} in {unexplained[0]['channel'].replace('_', ' ')}."
-        return f"The model does not explain these data, and no cause of the catalogue does.{left}{where}"
-    lead = "What was left out: " if verdict == "missing-physics" else "These data cannot tell which was left out: "
+        return f"{wording.NO_CAUSE} What is left is {wording.left_over(unexplained[0])}.{where}"
     better = " ".join(_better(v, fit) for v, fit, fs in views if fs)
-    rest = ""
-    if unexplained:
-        shape, at = unexplained[0]["shape"], unexplained[0]["channel"].replace("_", " ")
-        rest = f" What is left has no known cause: {shape} in {at}."
-    sure = "; ".join(wording.named(f).replace("_", " ") for f in found)
-    return f"{lead}{sure}. {better}{rest}{where}"
+    rest = f" What is left has no known cause: {wording.left_over(unexplained[0])}." if unexplained else ""
+    return f"{wording.causes(verdict, found, by='; ')}. {better}{rest}{where}"
 
 
 def of_view(v: View, fit: Mapping[str, Any], findings: Sequence[Mapping[str, Any]], verdict: str) -> str:

@@ -71,7 +71,7 @@ def _whitened(s: Search, f: Fit, physical: Array) -> tuple[Array, Array, Array, 
     visits = o.stimulus.visit[np.flatnonzero(np.diff(o.block, prepend=-1))]
     inside = _inside_dwell(s, f)
     part = np.flatnonzero(np.diff(o.block, prepend=-1))
-    ordinal = np.array([np.sum(visits[: i] == v) for i, v in enumerate(visits)]) if inside else visits
+    ordinal = np.array([np.sum(visits[:i] == v) for i, v in enumerate(visits)]) if inside else visits
     del part
     rows = [node.whiten(A) for A in (o.reduce(o.Z), o.reduce(physical), o.reduce(o.y[:, :, None]))]
     return rows[0], rows[1], rows[2][:, 0], np.repeat(ordinal, C), "parts of each dwell" if inside else "position"

@@ -8,6 +8,8 @@ from typing import Any
 
 from gimbalcal.effects import CATALOGUE
 
+NO_CAUSE = "The model does not explain these data, and no cause of the catalogue does."
+
 
 def plain(effect: str) -> str:
     """An id in words."""
@@ -41,14 +43,24 @@ def answer(
         return f"The calibrated model explains these data: reduced chi^2 {fit['chi2_reduced_before']:.3g}."
     where = f" {mismatch[0]['in_words']}." if mismatch else ""
     if verdict == "unexplained":
-        left = f" What is left is {_of(unexplained[0])}." if unexplained else ""
-        return f"The model does not explain these data, and no cause of the catalogue does.{left}{where}"
-    causes = " and ".join(named(f) for f in findings)
-    better = improved(fit)
-    if unexplained:
-        better += f" A small rest has no known cause: {_of(unexplained[0])}."
-    lead = "What was left out: " if verdict == "missing-physics" else "These data cannot tell which was left out: "
-    return f"{lead}{causes}. {better}{where}"
+        left = f" What is left is {left_over(unexplained[0])}." if unexplained else ""
+        return f"{NO_CAUSE}{left}{where}"
+    rest = ""
+    if unexplained and verdict != "not-identifiable":
+        rest = f" Part of it may have no known cause: {left_over(unexplained[0])}."
+    return f"{causes(verdict, findings, unexplained)}. {improved(fit)}{rest}{where}"
+
+
+def causes(
+    verdict: str, findings: Sequence[Mapping[str, Any]], unexplained: Sequence[Mapping[str, Any]] = (),
+    by: str = " and ",
+) -> str:  # fmt: skip
+    """What was left out; where that is open, with the shape that may stand in its place."""
+    said = by.join(named(f) for f in findings)
+    if verdict != "not-identifiable":
+        return f"What was left out: {said}"
+    other = f", or none that is known: {left_over(unexplained[0])}" if unexplained else ""
+    return f"These data cannot tell which was left out: {said}{other}"
 
 
 def improved(fit: Mapping[str, Any], of: str = "Reduced chi^2") -> str:
@@ -59,8 +71,10 @@ def improved(fit: Mapping[str, Any], of: str = "Reduced chi^2") -> str:
     )
 
 
-def _of(u: Mapping[str, Any]) -> str:
-    return f"{u['shape']} in {u['channel'].replace('_', ' ')}"
+def left_over(u: Mapping[str, Any]) -> str:
+    """A shape without a cause, and where it is."""
+    channel = u["channel"].replace("_", " ")
+    return str(u["shape"]) if channel.startswith("gimbal") and "gimbal" in u["shape"] else f"{u['shape']} in {channel}"
 
 
 def shape(rival: str, channel: str, axis: str) -> dict[str, str]:

@@ -30,9 +30,7 @@ class InterTriad:
 def rotation(angles: Array) -> Array:
     """C_p^q = Ry(gamma) Rx(beta) Rz(alpha) of Eq. (43) from (..., 3) [rad]."""
     a = np.asarray(angles)
-    return np.asarray(
-        frame_rotation("y", a[..., 2]) @ frame_rotation("x", a[..., 1]) @ frame_rotation("z", a[..., 0])
-    )
+    return np.asarray(frame_rotation("y", a[..., 2]) @ frame_rotation("x", a[..., 1]) @ frame_rotation("z", a[..., 0]))
 
 
 def euler(C: Array) -> Array:

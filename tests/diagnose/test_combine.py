@@ -26,6 +26,7 @@ CLEAR = 20.0
 
 def asymmetry(axis):
     """|f| of one accelerometer, on the table and at rest."""
+
     def at_rest(r):
         out = np.zeros_like(r.ideal)
         out[:, axis] = np.abs(r.ideal[:, axis])

@@ -80,6 +80,7 @@ def test_two_causes_at_once():
 
 def test_sizes_lie_within_their_sigmas():
     """An effect of known size on eight recordings: errors over stated sigmas have spread one."""
+
     def error(b):
         return on(1, np.abs(b.ideal[:, 1]))
 
