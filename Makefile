@@ -73,4 +73,4 @@ lock:  ## refresh requirements/*.txt from pyproject.toml (needs uv)
 	@! grep -nE '^-|://' requirements/*.txt || { echo "a lock file names an address" >&2; exit 1; }
 
 clean:  ## remove what the other targets made, but not the environment
-	rm -rf out .mypy_cache .ruff_cache .pytest_cache .hypothesis .benchmarks .import_linter_cache
+	rm -rf out .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
