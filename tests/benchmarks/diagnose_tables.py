@@ -140,10 +140,10 @@ def strange(rows: Sequence[Row], say: Say) -> None:
 def _strange(mine: Sequence[Row], say: Say) -> None:
     detected = [r for r in mine if r["verdict"] != "adequate"]
     odd = [r for r in detected if r["verdict"] == "unexplained"]
-    bold = [r for r in detected if any(c[3] > SURE for c in r["claims"])]
+    bold = [r for r in detected if any(c[3] >= SURE for c in r["claims"])]
     say(f"  detected                              {share(len(detected), len(mine))}")
     say(f"  called unexplained, where detected    {share(len(odd), len(detected))}")
-    say(f"  a wrong cause stated above 90 %       {share(len(bold), len(detected))}")
+    say(f"  a wrong cause at 90 %, the highest    {share(len(bold), len(detected))}")
     far = [r for r in detected if r["nearest"][0] > 5]
     say(f"  the same, more than 5 sigmas from any {share(sum(r in odd for r in far), len(far))}")
     say(f"  {'':20}{'n':>5}{'detected':>10}{'unexplained':>13}{'named':>7}{'sigmas the nearest cause leaves':>34}")
@@ -198,13 +198,12 @@ def honesty(rows: Sequence[Row], say: Say) -> None:
     if not claims:
         return
     say("\nhonesty: of the causes (or named sets) stated with this probability, so many are right")
-    for low, high in ((0.0, 0.5), (0.5, 0.8), (0.8, 0.9), (0.9, 0.95), (0.95, 0.98), (0.98, 1.01)):
+    for low, high in ((0.0, 0.5), (0.5, 0.8), (0.8, 0.9), (0.9, 1.01)):
         part = [(p, ok) for _, p, ok in claims if low <= p < high]
         if part:
             stated = np.mean([p for p, _ in part])
             say(f"  {low:.2f} to {min(high, 1):.2f}, mean {stated:.3f}   {share(sum(ok for _, ok in part), len(part))}")
     sure = [(arm, ok) for arm, p, ok in claims if p >= SURE]
-    say(f"  0.90 and more              {share(sum(ok for _, ok in sure), len(sure))}")
     for arm in dict.fromkeys(a for a, _ in sure):
         part = [ok for a, ok in sure if a == arm]
         say(f"      of these, arm {arm:12} {share(sum(part), len(part))}")
