@@ -1,5 +1,5 @@
 # Every target does its own set-up: Python 3.11 or later and make are all it takes.
-# With uv on the path it takes half a minute; without, `python3 -m venv` and pip do the same in a few. Bytecode is compiled once here:
+# With uv on the path it takes half a minute; without, `python3 -m venv` and pip take a few. Bytecode is compiled once here:
 # else each start of a program compiles its imports again wherever writing bytecode is switched off, which takes longer than most commands.
 
 VENV   ?= .venv
