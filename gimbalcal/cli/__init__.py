@@ -16,6 +16,7 @@ import click
 from gimbalcal import __version__
 from gimbalcal.cli.files import apply, export, import_
 from gimbalcal.cli.options import RECORDINGS, listed, output_options, progress, show
+from gimbalcal.cli.placing import OVERWRITE, placed
 from gimbalcal.errors import InputError
 
 POSITIVE = click.FloatRange(min=0, min_open=True)
@@ -75,7 +76,7 @@ gimbalcal.add_command(import_)
     help="three-stage: space-stable platform, angles recorded; multiposition: no angles needed, gyroscopes too.",
 )
 @click.option("--terms", default="", help="multiposition: comma-separated terms to estimate (see the report).")
-@output_options
+@output_options("calibration.json and report.html")
 def calibrate(
     recordings: tuple[Path, ...], method: str, terms: str, out: Path | None, quiet: bool, as_json: bool
 ) -> None:
@@ -98,7 +99,7 @@ def calibrate(
 @click.option("--calibration", "known", type=click.Path(path_type=Path), help="A calibration.json to start from.")
 @click.option("--baseline", default="", help="Comma-separated effects the model holds; what is left out can be found.")
 @click.option("--seed", default=1, show_default=True, help="Seed of the simulated threshold.")
-@output_options
+@output_options("diagnosis.json and report.html")
 def diagnose(
     recordings: tuple[Path, ...], known: Path | None, baseline: str, seed: int,
     out: Path | None, quiet: bool, as_json: bool,
@@ -123,13 +124,15 @@ def diagnose(
 @gimbalcal.command()
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--seed", type=int, default=None, help="Instead of the scenario's own.")
-@output_options
-def simulate(scenario: Path, seed: int | None, out: Path | None, quiet: bool, as_json: bool) -> None:
+@OVERWRITE
+@output_options("the recording and its truth.json", "the name of SCENARIO, here")
+def simulate(scenario: Path, seed: int | None, overwrite: bool, out: Path | None, quiet: bool, as_json: bool) -> None:
     """Make a recording from truth: SCENARIO.toml, or the name of one that ships with the package."""
     from gimbalcal.simulate import simulate_to
 
     folder = out or Path(scenario.stem)
-    truth = simulate_to(scenario, folder, seed, progress(quiet))
+    with placed(folder, overwrite) as new:
+        truth = simulate_to(scenario, new, seed, progress(quiet))
     show(truth, f"wrote a recording and its truth into {folder}", as_json, quiet)
 
 
@@ -143,7 +146,7 @@ def simulate(scenario: Path, seed: int | None, out: Path | None, quiet: bool, as
 )
 @click.option("--latitude", default=40.0, show_default=True, help="SCHEDULE static-48h and the like: where, deg.")
 @click.option("--candidates", default="", help="Comma-separated effects that may be there besides: would they show?")
-@output_options
+@output_options("observability.json")
 def observe(
     schedule: str, angle_sigma: float, force_sigma: float, latitude: float, candidates: str,
     out: Path | None, quiet: bool, as_json: bool,
@@ -167,10 +170,11 @@ def observe(
 @click.option("--terms", default="", help="Comma-separated effects to estimate (default: the baseline).")
 @click.option("--separate", default="", help="Comma-separated effects that the schedule should tell apart.")
 @click.option("--criterion", type=click.Choice(["D", "A"]), default="D", show_default=True)
-@output_options
+@OVERWRITE
+@output_options("schedule.toml")
 def design(
     platform: str, positions: int, step: float, angle_sigma: float | None, force_sigma: float, terms: str,
-    separate: str, criterion: str, out: Path | None, quiet: bool, as_json: bool,
+    separate: str, criterion: str, overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Choose the positions that see most, or that separate named effects, under a rig's limits."""
     from gimbalcal.design import design as run
@@ -181,7 +185,8 @@ def design(
     rig = rig_of(platform, step, angle_sigma, force_sigma)
     schedule, seen = run(rig, positions, listed(terms), criterion, listed(separate))
     if out is not None:
-        write_text(out / "schedule.toml", schedule_toml(schedule))
+        with placed(out, overwrite) as new:
+            write_text(new / "schedule.toml", schedule_toml(schedule))
         progress(quiet)(f"wrote {out / 'schedule.toml'}")
     show(seen, seen["in_words"], as_json, quiet)
 
@@ -193,7 +198,7 @@ def design(
 @click.option("--scheduler", default="", help="Address of a running Dask scheduler, tcp://host:port, instead.")
 @click.option("--method", default="three-stage", show_default=True, help="How each simulated recording is calibrated.")
 @click.option("--seed", type=int, default=None, help="Instead of the scenario's own.")
-@output_options
+@output_options("campaign.json and campaign.parquet", "campaign- and the name of SCENARIO, here")
 def campaign(
     scenario: Path, runs: int, workers: int | None, scheduler: str, method: str, seed: int | None,
     out: Path | None, quiet: bool, as_json: bool,
@@ -237,7 +242,7 @@ def catalogue(effect: str | None) -> None:
 
 
 @gimbalcal.command()
-@output_options
+@output_options("the reports", "out/demo")
 def demo(out: Path | None, quiet: bool, as_json: bool) -> None:
     """The three stages and the diagnosis on the recordings that ship with the project."""
     from gimbalcal.demonstration import demonstrate

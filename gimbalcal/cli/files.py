@@ -8,7 +8,10 @@ from pathlib import Path
 import click
 
 from gimbalcal.cli.options import output_options, progress, show
+from gimbalcal.cli.placing import OVERWRITE, placed
 from gimbalcal.errors import InputError
+
+SAMPLES = "samples.csv"
 
 CALIBRATION = click.option(
     "--calibration", "known", required=True, type=click.Path(path_type=Path),
@@ -20,8 +23,11 @@ CALIBRATION = click.option(
 @click.argument("recording", type=click.Path(path_type=Path))
 @CALIBRATION
 @click.option("--inverse", is_flag=True, help="Physics to readings: what the calibrated unit would have read.")
-@output_options
-def apply(recording: Path, known: Path, inverse: bool, out: Path | None, quiet: bool, as_json: bool) -> None:
+@OVERWRITE
+@output_options("the new recording", "RECORDING-corrected, or -corrupted with --inverse, here")
+def apply(
+    recording: Path, known: Path, inverse: bool, overwrite: bool, out: Path | None, quiet: bool, as_json: bool
+) -> None:
     """Correct RECORDING by a calibration: readings to physics, into a recording folder."""
     from gimbalcal.exchange import read_calibration
     from gimbalcal.recording import read, write
@@ -31,7 +37,9 @@ def apply(recording: Path, known: Path, inverse: bool, out: Path | None, quiet: 
     if folder.resolve() == recording.resolve():
         raise InputError(f"--out {folder} is the recording itself; give another folder")
     made = calibration.corrupt(there) if inverse else calibration.apply(there)
-    write(made, folder, "samples.parquet" if (recording / "samples.parquet").is_file() else "samples.csv")
+    samples = "samples.parquet" if (recording / "samples.parquet").is_file() else SAMPLES
+    with placed(folder, overwrite) as new:
+        write(made, new, samples)
     direction = "physics to readings" if inverse else "readings to physics"
     result = {"rows": len(made.time), "folder": str(folder), "direction": direction,
               "effects": sorted({e.id for e in calibration.effects})}  # fmt: skip
@@ -41,8 +49,9 @@ def apply(recording: Path, known: Path, inverse: bool, out: Path | None, quiet: 
 @click.command()
 @click.argument("kind")
 @CALIBRATION
-@output_options
-def export(kind: str, known: Path, out: Path | None, quiet: bool, as_json: bool) -> None:
+@OVERWRITE
+@output_options("the file", "the current folder")
+def export(kind: str, known: Path, overwrite: bool, out: Path | None, quiet: bool, as_json: bool) -> None:
     """Write a calibration for another program; KIND is kalibr, psins, csv or json."""
     from gimbalcal.exchange import DIRECTION, FILES, read_calibration
     from gimbalcal.exchange import export as run
@@ -51,7 +60,8 @@ def export(kind: str, known: Path, out: Path | None, quiet: bool, as_json: bool)
     path = (out or Path()) / FILES.get(kind, "calibration")
     if path.resolve() == known.resolve():
         raise InputError(f"{path} is the calibration itself; give another --out")
-    lost = run(calibration, kind, path)
+    with placed(path.parent, overwrite) as new:
+        lost = run(calibration, kind, new / path.name)
     for words in lost:
         progress(quiet)(f"note: {words}")
     result = {"file": str(path), "direction": DIRECTION[kind], "lost": list(lost)}
@@ -62,22 +72,26 @@ def export(kind: str, known: Path, out: Path | None, quiet: bool, as_json: bool)
 @click.argument("kind")
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="What the importer of this kind asks for.")
-@output_options
+@OVERWRITE
+@output_options("the recording", "the name of the first of FILES without its ending, here")
 def import_(
-    kind: str, files: tuple[Path, ...], settings: tuple[str, ...], out: Path | None, quiet: bool, as_json: bool
-) -> None:
+    kind: str, files: tuple[Path, ...], settings: tuple[str, ...], overwrite: bool,
+    out: Path | None, quiet: bool, as_json: bool,
+) -> None:  # fmt: skip
     """Turn another rig's FILES into a recording folder; KIND is the rig or file type."""
     from gimbalcal.importers import import_files
     from gimbalcal.recording import write
 
     options = dict(_pair(s) for s in settings)
-    tell = progress(quiet)
-    tell(f"importing {len(files)} file(s) as {kind}")
+    folder, tell = out or Path(files[0].stem), progress(quiet)
+    if (folder / SAMPLES).resolve() in [file.resolve() for file in files]:
+        raise InputError(f"{folder / SAMPLES} is to be read and would be written over; give another --out")
+    tell(f"importing {len(files)} file{'s' * (len(files) != 1)} as {kind}")
     recording = import_files(kind, files, options)
     for remark in recording.remarks:
         tell(remark)
-    folder = out or Path(files[0].stem)
-    write(recording, folder)
+    with placed(folder, overwrite) as new:
+        write(recording, new, SAMPLES)
     summary = {"kind": recording.kind, "rows": len(recording.time), "folder": str(folder)}
     if as_json:
         print(json.dumps(summary))

@@ -16,13 +16,18 @@ from gimbalcal.errors import InputError
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def output_options(command: F) -> F:
-    """--out, --quiet and --json, which every command that computes has."""
-    command = click.option("--json", "as_json", is_flag=True, help="Print the result on stdout as JSON.")(command)
-    command = click.option("--quiet", is_flag=True, help="No progress on stderr.")(command)
-    return click.option(
-        "--out", type=click.Path(path_type=Path), callback=_folder, default=None, help="Folder for the results."
-    )(command)
+def output_options(what: str, default: str = "nothing is written") -> Callable[[F], F]:
+    """--out, --quiet and --json, which every command that computes has: `what` goes into --out, else `default`."""
+
+    def decorate(command: F) -> F:
+        command = click.option("--json", "as_json", is_flag=True, help="Print the result on stdout as JSON.")(command)
+        command = click.option("--quiet", is_flag=True, help="No progress on stderr.")(command)
+        told = f"Folder for {what}.  [default: {default}]"
+        return click.option("--out", type=click.Path(path_type=Path), callback=_folder, default=None, help=told)(
+            command
+        )
+
+    return decorate
 
 
 def _folder(_context: click.Context, _option: click.Parameter, out: Path | None) -> Path | None:

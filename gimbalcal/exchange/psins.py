@@ -13,6 +13,8 @@ from gimbalcal.errors import InputError
 from gimbalcal.exchange.matrices import Found, matrices, parameters_of
 from gimbalcal.number import Array
 
+HEADING = b"MATLAB 5.0 MAT-file, written by gimbalcal".ljust(116)  # SciPy's has the time: equal content, equal bytes
+
 
 def content(calibration: Calibration, lost: Sequence[str]) -> bytes:
     from scipy.io import savemat
@@ -35,7 +37,7 @@ def content(calibration: Calibration, lost: Sequence[str]) -> bytes:
     note = "reading to physics: f = Ka y - db - Ka2 y^2, w = Kg y_g - eb - gSens y; SI. " + " ".join(lost)
     file = io.BytesIO()
     savemat(file, {"clbt": clbt, "direction": note})  # type: ignore[arg-type]  # SciPy writes to any binary file
-    return file.getvalue()
+    return HEADING + file.getvalue()[len(HEADING) :]
 
 
 def _column(v: Array) -> Array:
