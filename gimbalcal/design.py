@@ -20,7 +20,7 @@ import numpy as np
 
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Parameter, Stimulus, parameters
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.information import information, solve
 from gimbalcal.estimate.multiposition import TERMS, TRIANGLE
 from gimbalcal.estimate.setting import BASELINE, Linear, Noise, baseline, whiten
@@ -232,7 +232,7 @@ def report(
         name: _against(own, value(r, criterion, everything), len(made.holds), len(r), criterion, sigma, s)
         for name, (s, _, r) in others.items()
     }
-    lines = [f"{len(made.holds)} positions chosen out of {candidates}"]
+    lines = [f"{amount(len(made.holds), 'position')} chosen out of {candidates}"]
     lines += [f"against {name}: {a['in_words']}" for name, a in against.items()]
     lines += [f"not seen: {u.why}" for u in unseen] + unsupported(wanted, sigma)
     return {

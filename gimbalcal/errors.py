@@ -1,4 +1,4 @@
-"""The one exception that a user is meant to read."""
+"""The one exception that a user is meant to read, and how a sentence counts things."""
 
 
 class InputError(ValueError):
@@ -7,3 +7,12 @@ class InputError(ValueError):
     The message is one sentence: what is wrong, where (file, line or row, column), and what to write instead.
     The command line prints it and ends with status 2.
     """
+
+
+def amount(n: int, noun: str, plural: str = "") -> str:
+    """A number with its noun.
+
+    >>> amount(1, "rest position"), amount(7, "rest position"), amount(2, "axis", "axes")
+    ('1 rest position', '7 rest positions', '2 axes')
+    """
+    return f"{n} {noun if n == 1 else plural or noun + 's'}"

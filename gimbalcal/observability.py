@@ -24,7 +24,7 @@ import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, normal_gravity
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.expected import planned
 from gimbalcal.estimate.information import SEEN, Information, Solution, information, solve
 from gimbalcal.estimate.setting import BASELINE, Noise, baseline, linearise, problem, whiten
@@ -79,7 +79,7 @@ class Observability:
     def in_words(self) -> str:
         """The answer in one paragraph."""
         n, unseen = len(self.solution.parameters), self.solution.unseen
-        lines = [f"{self.schedule} sees {n - len(unseen)} of {n} combinations of parameters"]
+        lines = [f"{self.schedule} sees {n - len(unseen)} of {amount(n, 'combination')} of parameters"]
         lines += [f"not seen: {u.why}" for u in unseen]
         lines += [f"twins: {t.one} and {t.other} (cosine {t.cosine:+.4f})" for t in self.twins]
         hidden = [c.effect for c in self.candidates if c.strength < SEEN]

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import gimbalcal
 from gimbalcal.calibration import Calibration
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.coarse import coarse
 from gimbalcal.estimate.fine import fine
 from gimbalcal.estimate.fusion import fuse
@@ -141,8 +141,9 @@ def _refuse_too_little(device: Recording) -> None:
     held = sorted({d.position for d in dwells(device)})
     if len(held) < FEWEST_POSITIONS:
         raise InputError(
-            f"{device.title!r} holds {len(held)} position(s) ({', '.join(map(str, held))}), from which the errors of "
-            f"three accelerometers cannot be told; hold {FEWEST_POSITIONS} or more, each axis up, down and tilted"
+            f"{device.title!r} holds {amount(len(held), 'position')} ({', '.join(map(str, held))}), from which the "
+            f"errors of three accelerometers cannot be told; hold {FEWEST_POSITIONS} or more, each axis up, down and "
+            "tilted"
         )
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 from gimbalcal.platform import KNOWN, Platform
 from gimbalcal.recording.document import Document
 from gimbalcal.schedule import SCHEDULES, Hold, Schedule
@@ -22,7 +22,7 @@ def schedule_toml(schedule: Schedule) -> str:
     # one duration for all holds, as a scenario has it; designs and published schedules hold no other
     seconds = schedule.holds[0].duration if schedule.holds else 0.0
     lines = [
-        f"# {len(schedule.holds)} holds; angles in degrees",
+        f"# {amount(len(schedule.holds), 'hold')}; angles in degrees",
         "format = 1",
         f'title = "{schedule.name}"',
         "",

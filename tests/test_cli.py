@@ -130,8 +130,8 @@ def test_declined_terms_are_told(command, capsys) -> None:  # type: ignore[no-un
     assert command("calibrate", ROOT / "data" / "xsens_positions", "--method", "multiposition") == 0
     told = capsys.readouterr().err
     for term in ("scale_nonlinearity", "cubic_nonlinearity"):
-        assert f"note: {term} declined: these 38 positions leave it uncertain by" in told
-    assert "positions left out are predicted worse with it" in told
+        assert f"note: {term} is left out: from these 38 positions its largest coefficient is" in told
+    assert "to rule out chance, and positions kept out of the fit are predicted worse with it" in told
 
 
 def test_a_calibration_brings_its_sensors_along_and_not_how_the_rig_stood(tmp_path, command, capsys):

@@ -82,7 +82,7 @@ def test_imu_tk_text(tmp_path: Path) -> None:
     np.testing.assert_array_equal(recording.triad("specific_force"), counts)
     assert set(recording.units.values()) == {"count"}
     assert len(dwells(recording)) == 38
-    assert recording.remarks == ("38 dwells were found where the sensors are quiet, numbered in order of time",)
+    assert recording.remarks == ("38 dwells found where the sensors are quiet, numbered in order of time",)
 
 
 def test_the_shipped_positions_are_the_means_of_the_raw_data(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from gimbalcal.campaign.cluster import cluster, connect
 from gimbalcal.campaign.local import here, processes
 from gimbalcal.campaign.store import Store
 from gimbalcal.campaign.task import task
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 
 Tell = Callable[[str], None]
 
@@ -45,7 +45,7 @@ def run_campaign(
     todo = store.open()
     done = n - sum(len(share) for share in todo)
     if done:
-        progress(f"{done} of {n} runs were there already")
+        progress(f"{done} of {amount(n, 'run')} were there already")
     if client is not None:
         results = cluster(what, todo, client)
     else:
@@ -55,7 +55,7 @@ def run_campaign(
         store.keep(share, columns)
         fresh += len(share)
         left = (n - done - fresh) * (monotonic() - start) / fresh
-        progress(f"{done + fresh} of {n} runs, {_spell(left)} left")
+        progress(f"{done + fresh} of {amount(n, 'run')}, {_spell(left)} left")
     return store.finish(lambda rows: {"direction": what.direction, **summarise(rows)})
 
 
@@ -93,6 +93,6 @@ def summarise(rows: Any) -> dict[str, Any]:
 def _words(runs: int, failed: int, table: list[dict[str, Any]]) -> str:
     ratios = [row["ratio"] for row in table if row["ratio"] is not None]
     if not ratios:
-        return f"{runs} runs, none with an estimate"
+        return f"{amount(runs, 'run')}, none with an estimate"
     spread = f"RMS error is {min(ratios):.2f} to {max(ratios):.2f} of the predicted sigma"
-    return f"{runs} runs, {failed} with an outcome to read; {spread} over {len(table)} parameters"
+    return f"{amount(runs, 'run')}, {failed} with an outcome to read; {spread} over {amount(len(table), 'parameter')}"

@@ -9,7 +9,7 @@ import click
 
 from gimbalcal.cli.options import output_options, progress, show
 from gimbalcal.cli.placing import OVERWRITE, placed
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 
 SAMPLES = "samples.csv"
 
@@ -43,7 +43,7 @@ def apply(
     direction = "physics to readings" if inverse else "readings to physics"
     result = {"rows": len(made.time), "folder": str(folder), "direction": direction,
               "effects": sorted({e.id for e in calibration.effects})}  # fmt: skip
-    show(result, f"wrote {made.title!r}, {direction}, {len(made.time)} rows, into {folder}", as_json, quiet)
+    show(result, f"wrote {made.title!r}, {direction}, {amount(len(made.time), 'row')}, into {folder}", as_json, quiet)
 
 
 @click.command()
@@ -86,7 +86,7 @@ def import_(
     folder, tell = out or Path(files[0].stem), progress(quiet)
     if (folder / SAMPLES).resolve() in [file.resolve() for file in files]:
         raise InputError(f"{folder / SAMPLES} is to be read and would be written over; give another --out")
-    tell(f"importing {len(files)} file{'s' * (len(files) != 1)} as {kind}")
+    tell(f"importing {amount(len(files), 'file')} as {kind}")
     recording = import_files(kind, files, options)
     for remark in recording.remarks:
         tell(remark)
@@ -96,7 +96,7 @@ def import_(
     if as_json:
         print(json.dumps(summary))
     elif not quiet:
-        print(f"wrote a {recording.kind} recording of {len(recording.time)} rows into {folder}")
+        print(f"wrote a {recording.kind} recording of {amount(len(recording.time), 'row')} into {folder}")
 
 
 def _pair(setting: str) -> tuple[str, str]:

@@ -24,6 +24,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Residual, Stage
 from gimbalcal.effects import with_values
+from gimbalcal.errors import amount
 from gimbalcal.estimate.information import Information, Solution, solve
 from gimbalcal.estimate.system import outcome
 from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL
@@ -97,5 +98,6 @@ def _gain(together: Solution, device: Solution, rms: float) -> Stage:
         together.sigma,
         rms,
         f"the static run makes sigma of {sum(r < 0.9 for r in ratio)} of {len(ratio)} parameters smaller by more than "
-        f"a tenth, the best by a factor of {1 / best:.1f}; {len(together.unseen)} directions are seen by neither stage",
+        f"a tenth, the best by a factor of {1 / best:.1f}; "
+        f"seen by neither stage: {amount(len(together.unseen), 'direction')}",
     )

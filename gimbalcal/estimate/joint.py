@@ -18,7 +18,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.effects import Effect, Parameter, parameters, values, with_values
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.account import outcome, provenance, rms, stage
 from gimbalcal.estimate.information import Information, information
 from gimbalcal.estimate.misset import Fault, fit_without_faults
@@ -127,5 +127,6 @@ def in_words(found: Joint) -> str:
     setting = from_si(fit.noise.setting, "arcsec")
     return (
         f"{len(p.parameters)} coefficients from the force at {p.visits} visits, with their setting errors of "
-        f"{setting:.3g} arcsec (from the {fit.noise.setting_from}); {len(fit.solution.unseen)} direction(s) not seen"
+        f"{setting:.3g} arcsec (from the {fit.noise.setting_from}); "
+        f"{amount(len(fit.solution.unseen), 'direction')} not seen"
     )

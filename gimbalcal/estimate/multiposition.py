@@ -18,7 +18,9 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Residual, Stage
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.account import noise_record
+from gimbalcal.estimate.noise import ATTITUDE, HEADER, SAMPLES
 from gimbalcal.estimate.pulse_fit import ellipsoid
 from gimbalcal.estimate.setting import FORCE, Fit, Noise, Problem, gauss_newton, problem
 from gimbalcal.estimate.support import coefficients, needed, refusal, scatter
@@ -110,15 +112,16 @@ def norm_fit(means: Recording, terms: Sequence[str]) -> NormFit:
     y, g = means.triad(FORCE), means.site.gravity
     if len(y) < len(wanted):
         raise InputError(
-            f"{means.title!r} holds {len(y)} rest positions and {len(wanted)} parameters are asked for "
-            f"({', '.join(terms)}): hold more positions or name fewer --terms"
+            f"{means.title!r} holds {amount(len(y), 'rest position')} for "
+            f"{amount(len(wanted), 'parameter')} ({', '.join(terms)}): hold more positions or name fewer --terms"
         )
     bench = replace(means, platform=BENCH, channels={k: v for k, v in means.channels.items() if k[0] != "gimbal_angle"})
     p = problem(bench, wanted)
     towards = y / np.linalg.norm(y, axis=1, keepdims=True)
     p = replace(p, stimulus=p.stimulus.at(force=g * towards))
     sample = means.sigma("accelerometer") or 1e-6 * g  # no scatter known: far below any rig, the excess takes over
-    return _with_excess(p, Noise(sample, np.inf), _start(y, wanted, g))
+    source = HEADER if "accelerometer" in means.noise else SAMPLES
+    return _with_excess(p, Noise(sample, np.inf, source, ATTITUDE), _start(y, wanted, g))
 
 
 def _start(y: Array, wanted: Sequence[Parameter], g: float) -> Array:
@@ -184,7 +187,7 @@ def _refusal(term: str, without: NormFit, candidate: NormFit | None, tried: int)
     """Why the positions do not support a term, of `tried` coefficients in all; empty where they do."""
     positions = len(without.problem.force)
     if candidate is None:
-        return f"{term} declined: {positions} positions are fewer than the parameters it would make"
+        return f"{term} is left out: {positions} positions are fewer than the parameters it would make"
     solution = candidate.fit.solution
     return refusal(
         term, f"{positions} positions", solution.parameters, solution.x, solution.sigma,
@@ -204,8 +207,8 @@ def in_si(means: Recording) -> tuple[Recording, dict[str, list[float]]]:
     found = ellipsoid(((N - middle) / spread)[None])[0] if len(N) >= 9 else np.full(9, np.nan)
     if not np.isfinite(found).all():
         raise InputError(
-            f"{means.title!r} reads in {units[0]} and its {len(N)} rest positions do not fix a scale: hold at least "
-            "nine that turn every axis up and down, or give the columns in m/s^2"
+            f"{means.title!r} reads in {units[0]} and {amount(len(N), 'rest position')} cannot fix its scale: hold at "
+            "least nine that turn every axis up and down, or give the columns in m/s^2"
         )
     scale = found[:3] * means.site.gravity / spread
     offset = middle - found[3:6] / found[:3] * spread
@@ -254,13 +257,10 @@ def _calibration(
         unobservable=tuple(unseen),
         residual=Residual(solution.chi2, solution.dof, {FORCE: float(np.sqrt(np.mean(best.misfit**2)))}),
         outcome=_outcome(recording, best),
-        provenance={
-            "recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source],
-            "version": __version__,
-            "options": options,
-        },
+        provenance={"recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source],
+                    "version": __version__, "noise": noise_record(best.fit.noise), "options": options},
         stages=tuple(_stage(terms, made) for terms, made in tried),
-    )
+    )  # fmt: skip
 
 
 def _rotations() -> list[dict[str, Any]]:

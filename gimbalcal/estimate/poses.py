@@ -20,7 +20,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Residual, Stage
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.inter_triad import euler
 from gimbalcal.estimate.rest_rates import BIAS, G_SENSITIVITY, RestFit, level_of, rests
 from gimbalcal.estimate.support import coefficients, needed, refusal
@@ -101,7 +101,7 @@ def _attempt(turned: Turned, terms: tuple[str, ...], without: PoseFit, tried: in
     try:
         fit = fit_turns(turned, terms)
     except InputError as problem:
-        return f"{terms[-1]} declined: {problem}"
+        return f"{terms[-1]} is left out: {problem}"
     sigma = np.maximum(np.sqrt(np.diag(fit.covariance)), fit.jackknife)
     left_out, condition = (without.left_out, fit.left_out), (without.condition, fit.condition)
     data = f"{len(fit.misfit)} turns"
@@ -135,12 +135,14 @@ def fit_turns(turned: Turned, terms: Sequence[str]) -> PoseFit:
     wanted = tuple(p for t in terms for p in parameters(CATALOGUE[t]))
     m = len(turned.before)
     if 2 * m < len(wanted):
-        raise InputError(f"{m} turns say {2 * m} things and {len(wanted)} parameters are asked for: turn more often")
+        raise InputError(
+            f"{amount(m, 'turn')} for {amount(len(wanted), 'parameter')} that are asked for: turn more often"
+        )
     scale = np.array([p.sigma for p in wanted])
     x = np.zeros(len(wanted))
     r, J = _linear(turned, wanted, x)
     if _dark(J):
-        raise InputError(f"nothing in these {m} turns tells all of {', '.join(terms)} apart")
+        raise InputError(f"nothing in {amount(m, 'turn')} tells all of {', '.join(terms)} apart")
     damping = 1e-3
     for _ in range(60):
         A = J * scale
@@ -239,7 +241,8 @@ def _calibration(
         options["gyro_nominal"] = {"scale": scale}
     stages = tuple(
         Stage(" + ".join(terms), tuple(p.label for p in f.parameters), f.x, np.sqrt(np.diag(f.covariance)), f.rms,
-              f"gravity after {len(f.misfit)} turns; condition number {f.condition:.0f}, {f.left_out:.2g} rad left out")
+              f"gravity after {len(f.misfit)} turns; condition number {f.condition:.0f}, {f.left_out:.2g} rad for a "
+              "turn left out")
         for terms, f in fits
     )  # fmt: skip
     dof = turning.dof if turning else level.misfit.size - n

@@ -104,7 +104,7 @@ def level_of(
         return plain, ""
     data = f"{len(found.rate)} rests"
     if len(found.rate) < 6:  # four unknowns an axis, and something to test them on
-        return plain, f"{G_SENSITIVITY} declined: {data} are too few for it"
+        return plain, f"{G_SENSITIVITY} is left out: {data} are too few for it"
     fit = fit_rests(found)
     if latitude is None:  # the Earth's vertical rate, between -15 and 15 deg/h, is such a G
         common = np.array([float(p.effect == G_SENSITIVITY and p.axis[0] == p.axis[-1]) for p in fit.parameters])

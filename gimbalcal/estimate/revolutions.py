@@ -18,7 +18,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.pulse_fit import PulseFit
 from gimbalcal.estimate.rotations import FREE, Turns, gyroscope_pulses
 from gimbalcal.number import STEP, Array
@@ -63,8 +63,9 @@ def turns_of(recording: Recording, bias: Array | None = None) -> tuple[Turns, in
     pairs = _pairs(moved)
     if len(pairs) < 6:
         raise InputError(
-            f"{recording.title!r} holds {len(pairs)} pairs of whole revolutions, one each way about one axis between "
-            "rests; at least six pairs about different axes are needed (nine: gimbalcal.schedules_wang2019.ROTATIONS)"
+            f"{recording.title!r} holds {amount(len(pairs), 'pair')} of whole revolutions, one each way about one axis "
+            "between rests; at least six pairs about different axes are needed "
+            "(nine: gimbalcal.schedules_wang2019.ROTATIONS)"
         )
     rest = np.array([y[d.rows].mean(0) for d in stays])
     sigma = recording.sigma("gyroscope") or 1e-6

@@ -14,6 +14,7 @@ import numpy as np
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, values
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.information import Information, information
+from gimbalcal.estimate.noise import HEADER, SAMPLES
 from gimbalcal.estimate.setting import select
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.kinematics import lost_to_averaging, stimulus
@@ -114,6 +115,12 @@ def _with_phase_of_force(recording: Recording) -> Recording:
     f = recording.triad("specific_force")
     angle = np.arctan2(f[:, 1], f[:, 0])
     return replace(recording, channels={**recording.channels, ("gimbal_angle", "platform"): angle})
+
+
+def noise_from(run: StaticRun) -> str:
+    """Whether the header tells the noise of every channel, or the samples had to."""
+    sensor = dict(SENSORS)
+    return HEADER if all(sensor[q] in run.recording.noise for q, _ in run.channels) else SAMPLES
 
 
 def _sigmas(run: StaticRun) -> Array:

@@ -55,11 +55,14 @@ def refusal(
     if not worse and clear > clear_of:
         return ""
     printed, things = wanted[mine[0]].unit, data.rsplit(maxsplit=1)[-1]
+    joint = "but" if clear > clear_of else "and" if worse else "although"
+    most = float(f"{from_si(float(sigma[mine].max()), printed):.2g}")
     return (
-        f"{term} declined: these {data} leave it uncertain by {from_si(float(sigma[mine].max()), printed):.2g} "
-        f"{printed} and the largest coefficient is {clear:.1f} sigma ({clear_of:.1f} needed); {things} left out "
-        f"are predicted {'worse' if worse else 'no worse'} with it ({left_out[0]:.3g} -> {left_out[1]:.3g} {unit}, "
-        f"condition number {condition[0]:.0f} -> {condition[1]:.0f})"
+        f"{term} is left out: from these {data} its largest coefficient is {clear:.1f} times its sigma, where it "
+        f"takes {clear_of:.1f} to rule out chance, {joint} {things} kept out of the fit are predicted "
+        f"{'worse' if worse else 'no worse'} with it (rms {left_out[1]:.3g} {unit} with it, {left_out[0]:.3g} without; "
+        f"its sigma is up to {most:g} {printed}, the condition number "
+        f"{condition[1]:.0f} with it, {condition[0]:.0f} without)"
     )
 
 

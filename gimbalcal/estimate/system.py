@@ -26,7 +26,7 @@ from gimbalcal.estimate.force_filter import (
     projection,
 )
 from gimbalcal.estimate.information import Information, Solution, information, solve
-from gimbalcal.estimate.static_run import StaticRun, baseline, information_of_rows, prepare
+from gimbalcal.estimate.static_run import StaticRun, baseline, information_of_rows, noise_from, prepare
 from gimbalcal.recording import Recording
 
 TOLERATED = 1.1  # chi^2 per degree of freedom: the header's sigma is not known better than to 5 %
@@ -92,7 +92,10 @@ def static(
         unobservable=tuple({"direction": u.direction, "why": u.why} for u in solution.unseen),
         residual=Residual(solution.chi2, solution.dof, rms_by_channel(run, effects)),
         outcome=outcome(solution),
-        provenance={"recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source]},
+        provenance={
+            "recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source],
+            "noise": {"from": noise_from(run)},
+        },
         stages=(stage(run, effects, combined(run, prior, effects, solution, J)),),
     )
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Effect, Stimulus
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus
 from gimbalcal.number import Array
@@ -49,7 +49,9 @@ def turns(
     """
     stays = dwells(recording)
     if len(stays) < 6:
-        raise InputError(f"{recording.title!r} holds {len(stays)} rests; turns between at least six are needed")
+        raise InputError(
+            f"{recording.title!r} holds {amount(len(stays), 'rest')}; turns between at least six are needed"
+        )
     there = accelerometers.apply(recording)
     y, f = recording.triad(RATE), there.triad(FORCE)
     level = np.array([y[d.rows].mean(0) for d in stays])

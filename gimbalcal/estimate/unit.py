@@ -15,7 +15,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, parameters, with_values
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.inter_triad import InterTriad, from_turns, rotation
 from gimbalcal.estimate.multiposition import multiposition
 from gimbalcal.estimate.poses import gyroscopes_between_rests
@@ -104,7 +104,9 @@ def turned_by(gyroscopes: Calibration, recording: Recording, accelerometers: Cal
         for i in moves
     ]
     if len(moves) < 3:
-        raise InputError(f"{len(moves)} turns move gravity; three or more tell how the triads lie to each other")
+        raise InputError(
+            f"gravity is moved by {amount(len(moves), 'turn')}; three or more tell how the triads lie to each other"
+        )
     after = [i + 1 for i in moves]
     found = from_turns(down[moves], down[after], np.array(turns), 1.0)
     # each turn has three residuals of rank two

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording.detection import detect
@@ -62,5 +62,6 @@ def still_positions(
         units=units,
         scatter=pooled(time, position, channels),
     )
-    found = f"{len(dwells(recording))} dwells were found where the sensors are quiet, numbered in order of time"
+    stays = amount(len(dwells(recording)), "dwell")
+    found = f"{stays} found where the sensors are quiet, numbered in order of time"
     return replace(recording, remarks=(found,))

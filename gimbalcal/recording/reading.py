@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import UNITLESS, Column
 from gimbalcal.recording.detection import detect
@@ -82,8 +82,8 @@ def _rows(
     position = detect(to_si(table[screen.clock.name], screen.clock.unit), sensors)
     table[_DETECTED.name] = position.astype(float)
     remark = (
-        f"{header.samples}: there is no position column; {int(position.max())} dwells were found where the sensors "
-        "are quiet, numbered in order of time"
+        f"{header.samples}: there is no position column; {amount(int(position.max()), 'dwell')} found where the "
+        "sensors are quiet, numbered in order of time"
     )
     found = Screen(replace(header, columns=columns), whole)
     found.sensors, found.angles = [], []  # they have passed

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
 from gimbalcal.recording.document import listed, shortened
 
@@ -162,8 +162,8 @@ def _first_bad_line(path: Path, names: Sequence[str]) -> InputError | None:
             continue
         if len(cells) > len(header):
             return InputError(
-                f"{path}, line {line}: {len(cells)} values where the first line names {len(header)} columns; "
-                "remove what is too much, and write decimal points, not commas"
+                f"{path}, line {line}: {amount(len(cells), 'value')} where the first line names "
+                f"{amount(len(header), 'column')}; remove what is too much, and write decimal points, not commas"
             )
         for name, cell in zip(header, cells, strict=False):
             if name in names and not _is_number(cell):

@@ -71,7 +71,7 @@ def test_terms_that_the_data_support_are_kept_and_others_declined_in_words() -> 
     assert len(bent.stages) >= 2
     few = multiposition(rested((*TRUTH, BENT), scattered(11)))
     assert {p.effect for p in few.parameters} == set(LINEAR)
-    why = [u["why"] for u in few.unobservable if "declined" in u["why"]]
+    why = [u["why"] for u in few.unobservable if "is left out" in u["why"]]
     assert any("11 positions are fewer than the parameters it would make" in w for w in why)
 
 
@@ -120,7 +120,7 @@ def test_an_effect_that_needs_angles_is_refused() -> None:
 
 
 def test_too_few_positions_are_refused_with_the_remedy() -> None:
-    with pytest.raises(InputError, match=r"holds 7 rest positions and 9 parameters .* hold more positions"):
+    with pytest.raises(InputError, match=r"holds 7 rest positions for 9 parameters .* hold more positions"):
         multiposition(rested(TRUTH, scattered(7)), LINEAR)
 
 

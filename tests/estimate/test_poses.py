@@ -103,7 +103,7 @@ def test_nonlinearity_is_kept_where_it_is_and_declined_where_not() -> None:
     names = {p.effect for p in declined.parameters}
     if "gyro_scale_nonlinearity" not in names:
         assert "positions" not in declined.unobservable[0]["why"]
-        assert "turns left out are predicted worse with it" in declined.unobservable[0]["why"]
+        assert "turns kept out of the fit are predicted worse with it" in declined.unobservable[0]["why"]
     else:
         x = {p.label: abs(v / s) for p, v, s in zip(declined.parameters, declined.values, declined.sigmas, strict=True)}
         assert max(v for k, v in x.items() if "nonlinearity" in k) < 4
@@ -191,4 +191,4 @@ def test_the_temperature_of_each_turn_counts() -> None:
         assert abs(value - s_T[i]) < 4 * sigma < 2e-4
     constant = replace(recording, channels=recording.channels | {("temperature", ""): np.full(len(warm), 20.0)})
     declined = gyroscopes_between_rests(constant, multiposition(recording, ("bias",)))
-    assert "nothing in these 40 turns" in declined.provenance["options"]["declined"]["gyro_scale_temperature"]
+    assert "is left out: nothing in 40 turns" in declined.provenance["options"]["declined"]["gyro_scale_temperature"]

@@ -72,7 +72,7 @@ def test_what_is_there_is_taken_up_and_what_is_not_is_declined() -> None:
     assert {p.effect for p in taken.parameters} == {"gyro_bias", G_SENSITIVITY}
     plain, why = level_of(seen(poses(GyroGSensitivityRate(G=np.zeros(9)))), LATITUDE, G0, True)
     assert plain.parameters == parameters(GyroBias)
-    assert why.startswith("gyro_g_sensitivity_rate declined: these 40 rests leave it uncertain by")
+    assert why.startswith("gyro_g_sensitivity_rate is left out: from these 40 rests its largest coefficient is")
     assert level_of(seen(poses(G)), LATITUDE, G0, False)[0].parameters == parameters(GyroBias)
 
 
