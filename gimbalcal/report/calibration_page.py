@@ -10,11 +10,13 @@ import numpy as np
 import gimbalcal
 from gimbalcal.calibration import from_dict
 from gimbalcal.effects import CATALOGUE, Effect
+from gimbalcal.errors import amount
 from gimbalcal.recording import SENSORS, Recording
 from gimbalcal.references import cite
 from gimbalcal.report import wording
 from gimbalcal.report.html import Picture, picture, render
-from gimbalcal.report.rounding import minus, pdg, significant
+from gimbalcal.report.parameter_rows import nominal_in_words, rows
+from gimbalcal.report.rounding import minus, significant
 from gimbalcal.report.stages import stages
 from gimbalcal.report.wording import label_of
 from gimbalcal.units import from_si, is_raw
@@ -36,9 +38,9 @@ def calibration_report(
         "answer": wording.answer(content),
         "verdict": wording.verdict(content),
         "facts": _facts(content, recordings),
-        "rows": _rows(content, truth),
+        "rows": rows(content, truth),
         "with_truth": truth is not None,
-        "nominal": _nominal(content),
+        "nominal": nominal_in_words(content),
         **_unseen(content),
         "leading": leading,
         "pictures": others,
@@ -76,18 +78,6 @@ def _minute(provenance: Mapping[str, Any]) -> str:
     return str(provenance.get("created", ""))[:16].replace("T", " ")
 
 
-def _nominal(content: Mapping[str, Any]) -> str:
-    """What the parameters are counted from where readings are in counts, in a sentence; else empty."""
-    nominal = content["provenance"].get("options", {}).get("nominal")
-    if not nominal:
-        return ""
-    scale, offset = (", ".join(f"{v:.7g}" for v in nominal[key]) for key in ("scale", "offset"))
-    return (
-        f"The readings are counts. Scale factors and biases are errors of a nominal {scale} m/s² per count from "
-        f"{offset} counts (x, y, z)."
-    )
-
-
 def _unseen(content: Mapping[str, Any]) -> dict[str, Any]:
     """What the data do not see among the unknowns, what was held instead of estimated, what missing data cost."""
     unseen = wording.unseen_of(content)
@@ -103,33 +93,6 @@ def _unseen(content: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _rows(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> list[dict[str, Any]]:
-    """The calibration table, one row a parameter."""
-    in_unseen = {label for u in wording.unseen_of(content) for label in wording.leading(u["direction"])}
-    rows, previous = [], None
-    for p in content["parameters"]:
-        value, sigma = pdg(p["value"], p["sigma"])
-        moved = p["value"] / p["prior_sigma"] if p["prior_sigma"] else 0.0
-        row = {
-            "words": wording.named(p["name"], p["axis"].replace("_", " ")),
-            "first": p["name"] != previous,
-            "value": minus(value),
-            "sigma": sigma,
-            "unit": wording.unit_in_print(p["unit"]),
-            "prior": significant(p["prior_sigma"], 2),
-            "moved": moved,
-            "moved_text": minus(f"{moved:+.2f} σ").replace("−0.00", "0.00").replace("+0.00", "0.00"),
-            "unseen": label_of(p) in in_unseen,
-            "error": "",
-        }
-        if truth is not None and label_of(p) in truth and p["sigma"] > 0:
-            error = (p["value"] - float(from_si(truth[label_of(p)], p["unit"]))) / p["sigma"]
-            row["error"] = minus(f"{error:+.1f} σ").replace("−0.0", "0.0").replace("+0.0", "0.0")
-        rows.append(row)
-        previous = p["name"]
-    return rows
-
-
 def _evidence(content: Mapping[str, Any], recordings: Iterable[Recording]) -> tuple[list[Picture], list[Picture]]:
     """Pictures of the residuals (for the first screen) and of the data behind them."""
     from gimbalcal.report.evidence import in_run_sense
@@ -137,7 +100,7 @@ def _evidence(content: Mapping[str, Any], recordings: Iterable[Recording]) -> tu
     leading, others = [], []
     for r in recordings:
         effects = from_dict(content, r.platform.axis_names).effects
-        if r.kind == "multi-position":
+        if r.kind != "static-run" and r.position is not None and r.has("specific_force"):
             first, more = _position_pictures(r, effects, content["provenance"])
             leading.append(first)
             others += more
@@ -162,7 +125,8 @@ def _position_pictures(
     circled = f"; circled: {wording.counted(far, 'reading')} beyond {figures.OUTLIER} σ" if far else ""
     residuals = picture(
         figures.residuals_by_position(e.labels, e.before, e.after, e.sigma, e.axes, unit),
-        f"Residuals of {len(e.labels)} positions by axis: {before} {unit} rms before, {after} {unit} rms after.",
+        f"Residuals of {wording.counted(len(e.labels), 'position')} by axis: {before} {unit} rms before, "
+        f"{after} {unit} rms after.",
         f"Measured minus model at each position of “{r.title}”: with perfect sensors (left), with the calibration "
         f"(right, its own scale{circled}).",
     )
@@ -170,7 +134,7 @@ def _position_pictures(
         return residuals, []
     held = picture(
         figures.schedule(e.labels, e.angles, e.axis_names, e.gravity),
-        f"Gimbal angles at {len(e.labels)} positions and where gravity lay in platform axes.",
+        f"Gimbal angles at {wording.counted(len(e.labels), 'position')} and where gravity lay in platform axes.",
         "What the platform did: gimbal angles by position, and the direction of gravity in platform axes, along z.",
     )
     return residuals, [held]
@@ -194,7 +158,7 @@ def _correlations(content: Mapping[str, Any]) -> dict[str, Any]:
     """Picture of the correlation matrix and its strongest pairs."""
     if len(content["parameters"]) < 2:
         return {"correlation": None, "strongest": []}
-    from gimbalcal.report import figures
+    from gimbalcal.report import parameter_figures
 
     words = [wording.label_in_words(label_of(p)) for p in content["parameters"]]
     P = np.array(content["covariance"], dtype=float)
@@ -205,7 +169,9 @@ def _correlations(content: Mapping[str, Any]) -> dict[str, Any]:
     strongest = [{"words": f"{words[i]} with {words[j]}", "value": minus(f"{R[i, j]:+.2f}")} for i, j in ranked]
     strongest = strongest or [{"words": f"none exceeds {STRONG}", "value": ""}]
     told = f"{strongest[0]['words']} {strongest[0]['value']}".strip()
-    drawn = picture(figures.correlation(words, R), f"Correlation matrix of {len(words)} parameters; strongest: {told}.")
+    drawn = picture(
+        parameter_figures.correlation(words, R), f"Correlation matrix of {len(words)} parameters; strongest: {told}."
+    )
     return {"correlation": drawn, "strongest": strongest}
 
 
@@ -241,7 +207,7 @@ def _measured(r: Recording) -> dict[str, Any]:
         ("kind", r.kind + visits),
         ("platform", f"{r.platform.name} ({', '.join(r.platform.axis_names) or 'no gimbals'})"),
         ("duration", f"{duration / 3600:.2f} h" if duration > 3600 else f"{duration:.0f} s"),
-        ("rows", f"{len(r.time)} rows that stand for {int(r.weight.sum())} samples"),
+        ("rows", f"{len(r.time)}, from {amount(int(r.weight.sum()), 'sample')}"),
         ("site", "; ".join(where)),
         ("noise, one sigma", _noise(r) or "not stated and not seen"),
     ]

@@ -173,8 +173,9 @@ def _before_after(panels: Sequence[Panel]) -> Picture | None:
     if not panels:
         return None
     from gimbalcal.report import figures
+    from gimbalcal.report.style import rms
 
-    told = "; ".join(f"{p.name}: {figures.rms(p.before)} to {figures.rms(p.after)} {p.unit}" for p in panels)
+    told = "; ".join(f"{p.name}: {rms(p.before)} to {rms(p.after)} {p.unit}" for p in panels)
     return picture(
         figures.before_after(panels),
         f"Residuals before and after the effect is added, rms {told}.",

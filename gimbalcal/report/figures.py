@@ -1,55 +1,21 @@
-"""Pictures for the report: functions of arrays that return a matplotlib Figure, and its text as SVG.
-
-Colours are those of Okabe and Ito, told apart by colour-blind readers and in grey print; every axis has its unit.
-"""
+"""Pictures of data for the report: functions of arrays that return a matplotlib Figure; every axis has its unit."""
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gimbalcal.number import Array
-from gimbalcal.report.rounding import significant
+from gimbalcal.report.style import BLUE, FULL, GREY, HALF, INK, ORANGE, PALE, SERIES, STYLE, VERMILION, empty, rms
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-BLUE, VERMILION, GREEN, ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
-INK, GREY, PALE = "#222222", "#7a7a7a", "#d9d9d9"
-HALF, FULL = 5.9, 9.2  # inches: the widths of a column and of the page, so that letters come out as large as text
-SERIES = (BLUE, VERMILION, GREEN, ORANGE, "#CC79A7", "#56B4E9")
-
 OUTLIER = 3.5  # sigmas; of 54 readings, one in forty sets has one this far out by chance
-
-STYLE: Any = {
-    "font.size": 8.5,
-    "axes.titlesize": 9,
-    "axes.titlelocation": "left",
-    "axes.labelsize": 8.5,
-    "axes.edgecolor": GREY,
-    "axes.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.unicode_minus": True,
-    "xtick.color": GREY,
-    "ytick.color": GREY,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "xtick.labelsize": 8,
-    "ytick.labelsize": 8,
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "legend.frameon": False,
-    "legend.fontsize": 8,
-    "lines.linewidth": 1.1,
-    "svg.fonttype": "path",  # the same letters on every machine
-    "svg.hashsalt": "gimbalcal",  # the same bytes for the same picture
-}
 
 
 @dataclass(frozen=True)
@@ -76,23 +42,6 @@ class Panel:
     sigma: Array | None = None
 
 
-def svg(figure: Figure) -> bytes:
-    """The figure as SVG; equal arrays give equal bytes."""
-    import matplotlib as mpl
-
-    out = io.BytesIO()
-    with mpl.rc_context(STYLE):
-        figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
-    return out.getvalue()
-
-
-def _figure(width: float, height: float) -> Figure:
-    """An empty figure [inch]; the global state of pyplot is not touched."""
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height), layout="constrained", facecolor="white")
-
-
 def residuals_by_position(
     positions: Sequence[str], before: Array, after: Array, sigma: Array | None, axes: Sequence[str], unit: str
 ) -> Figure:
@@ -100,7 +49,7 @@ def residuals_by_position(
     import matplotlib as mpl
 
     with mpl.rc_context(STYLE):
-        figure = _figure(HALF, 0.9 + 1.5 * len(axes))
+        figure = empty(HALF, 0.9 + 1.5 * len(axes))
         grid = figure.subplots(len(axes), 2, sharex=True, sharey="col", squeeze=False)
         x = np.arange(len(positions))
         for i, axis in enumerate(axes):
@@ -127,17 +76,12 @@ def _title(ax: Axes, word: str, residual: Array, unit: str, remark: str = "") ->
     ax.set_title(rf"$\bf{{{word}}}$: {rms(residual)} {unit} rms{remark}")
 
 
-def rms(x: Array) -> str:
-    """Root mean square with three significant digits."""
-    return significant(float(np.sqrt(np.mean(x**2))), 3)
-
-
 def before_after(panels: Sequence[Panel]) -> Figure:
     """One row a panel: residuals before (grey squares) and after (blue dots) over the same x, with sigma as bars."""
     import matplotlib as mpl
 
     with mpl.rc_context(STYLE):
-        figure = _figure(FULL, 0.8 + 1.7 * len(panels))
+        figure = empty(FULL, 0.8 + 1.7 * len(panels))
         grid = figure.subplots(len(panels), 1, squeeze=False)[:, 0]
         for ax, p in zip(grid, panels, strict=True):
             few = p.x.size <= 60
@@ -167,66 +111,8 @@ def formula(latex: str) -> Figure:
 
     with mpl.rc_context({**STYLE, "mathtext.fontset": "dejavuserif"}):
         width, height, *_ = MathTextParser("path").parse(f"${latex}$", dpi=72, prop=FontProperties(size=12))
-        figure = _figure((width + 16) / 72, (height + 14) / 72)
+        figure = empty((width + 16) / 72, (height + 14) / 72)
         figure.text(0.5, 0.5, f"${latex}$", ha="center", va="center", fontsize=12)
-        return figure
-
-
-def sigma_by_stage(labels: Sequence[str], stages: Sequence[str], ratio: Array) -> Figure:
-    """What each stage leaves of the prior sigma: ratio (stages, p), dots on a logarithmic axis, one row a parameter.
-
-    NaN where a stage does not estimate a parameter.
-    """
-    import matplotlib as mpl
-
-    with mpl.rc_context(STYLE):
-        figure = _figure(HALF, 0.8 + 0.21 * len(labels))
-        ax = figure.subplots()
-        y = np.arange(len(labels))[::-1]
-        low, high = np.where(np.isnan(ratio), 1.0, ratio).min(axis=0), np.ones(len(labels))
-        ax.hlines(y, low, high, color=PALE, lw=1.2, zorder=1)
-        markers = ("o", "s", "D", "^", "v")
-        for k, (stage, row) in enumerate(zip(stages, ratio, strict=True)):
-            ax.plot(row, y, markers[k % 5], ms=4.2, color=SERIES[k % 6], label=stage, ls="none", zorder=3)
-        ax.axvline(1, color=GREY, lw=0.8, ls=(0, (3, 2)))
-        ax.text(1, len(labels) - 0.35, "prior ", ha="right", va="bottom", color=GREY, fontsize=8)
-        ax.set_xscale("log")
-        ax.set_yticks(y, list(labels))
-        ax.tick_params(axis="y", length=0)
-        ax.spines["left"].set_visible(False)
-        ax.set_ylim(-0.7, len(labels) - 0.3)
-        ax.set_xlabel("sigma / prior sigma (further left is better known)")
-        ax.legend(loc="lower center", bbox_to_anchor=(0.4, 1.0), ncols=max(len(stages), 1), handletextpad=0.1)
-        return figure
-
-
-def correlation(labels: Sequence[str], matrix: Array) -> Figure:
-    """Correlation matrix (p, p); strong off-diagonal values are written into their cells."""
-    import matplotlib as mpl
-
-    p = len(labels)
-    with mpl.rc_context(STYLE):
-        side = min(2.2 + 0.22 * p, HALF)
-        figure = _figure(side + 0.3, 0.92 * side)
-        ax = figure.subplots()
-        image = ax.pcolormesh(
-            np.arange(p + 1), np.arange(p + 1), matrix, cmap="RdBu_r", vmin=-1, vmax=1, edgecolors="white", lw=0.6
-        )
-        for i, j in zip(*np.nonzero(np.abs(matrix) >= 0.3), strict=True):
-            if i != j:
-                colour = "white" if abs(matrix[i, j]) > 0.6 else INK
-                text = f"{matrix[i, j]:.1f}".replace("0.", ".").replace("1.0", "1").replace("-", "−")
-                ax.text(j + 0.5, i + 0.5, text, ha="center", va="center", fontsize=6.5, color=colour)
-        ax.set_xticks(np.arange(p) + 0.5, list(labels), rotation=90)
-        ax.set_yticks(np.arange(p) + 0.5, list(labels))
-        ax.tick_params(length=0)
-        ax.invert_yaxis()
-        ax.set_aspect("equal", anchor="N")
-        for spine in ax.spines.values():
-            spine.set_visible(False)
-        bar = figure.colorbar(image, ax=ax, shrink=0.5, aspect=18, ticks=[-1, -0.5, 0, 0.5, 1])
-        bar.set_label("correlation")
-        bar.outline.set_visible(False)
         return figure
 
 
@@ -235,7 +121,7 @@ def over_time(hours: Array, curves: Sequence[Curve]) -> Figure:
     import matplotlib as mpl
 
     with mpl.rc_context(STYLE):
-        figure = _figure(FULL, 0.9 + 1.5 * len(curves))
+        figure = empty(FULL, 0.9 + 1.5 * len(curves))
         grid = figure.subplots(len(curves), 2, sharex=True, squeeze=False, width_ratios=(3, 2))
         for (left, right), curve in zip(grid, curves, strict=True):
             left.plot(hours, curve.measured, ".", ms=1.8, color=GREY, label="measured", rasterized=hours.size > 4000)
@@ -262,7 +148,7 @@ def schedule(labels: Sequence[str], angles: Array, axis_names: Sequence[str], gr
     import matplotlib as mpl
 
     with mpl.rc_context(STYLE):
-        figure = _figure(FULL, 3.2)
+        figure = empty(FULL, 3.2)
         left, up, down = figure.subplots(1, 3, width_ratios=(1.55, 1, 1))
         x = np.arange(len(labels))
         moving = [i for i in range(len(axis_names)) if np.ptp(angles[:, i]) > 0] or list(range(len(axis_names)))

@@ -24,7 +24,7 @@ class Picture:
 
 def picture(figure: Figure, alt: str, caption: str = "") -> Picture:
     """A matplotlib figure as SVG inside the page."""
-    from gimbalcal.report.figures import svg
+    from gimbalcal.report.style import svg
 
     return Picture("data:image/svg+xml;base64," + b64encode(svg(figure)).decode(), alt, caption)
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from gimbalcal.effects import CATALOGUE, Stage
 from gimbalcal.report import wording
 from gimbalcal.report.html import Picture, picture
+from gimbalcal.report.parameter_rows import nominal_of, stated
 from gimbalcal.report.rounding import last_place, minus, pdg, significant
 from gimbalcal.report.wording import label_of
 from gimbalcal.units import from_si
@@ -18,32 +20,40 @@ def stages(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> dic
     """Table and picture of what each stage added; stages that estimate other things come as tables of their own."""
     every = content.get("stages", [])
     parameters = content["parameters"]
-    labels = {label_of(p): p for p in parameters}
-    ours = [s for s in every if labels.keys() & s["values"].keys()]
-    several = len(ours) > 1
+    labels = {label_of(p) for p in parameters}
+    ours = [s for s in every if labels & s["values"].keys()]
+    staged = [p for p in parameters if any(label_of(p) in s["values"] for s in ours)]
+    several, nominal = len(ours) > 1, nominal_of(content)
     return {
-        "stages": [_stage(s) for s in every],
+        "stages": [_stage(s, parameters) for s in every],
         "stage_names": [_short(s["name"]) for s in ours] if several else [],
-        "stage_rows": [_stage_row(p, i and parameters[i - 1], ours, truth) for i, p in enumerate(parameters)],
-        "stage_figure": _stage_picture(labels, ours) if several else None,
+        "stage_rows": [_stage_row(p, i and staged[i - 1], ours, nominal, truth) for i, p in enumerate(staged)],
+        "stage_figure": _stage_picture(staged, ours) if several else None,
+        "stage_rest": _elsewhere(p for p in parameters if p not in staged) if several else "",
         "coefficients": [_coefficients(s) for s in every if s["values"] and s not in ours],
     }
+
+
+def _elsewhere(parameters: Iterable[Mapping[str, Any]]) -> str:
+    """A sentence on the parameters that no stage lists; empty where there are none."""
+    names = dict.fromkeys(wording.named(p["name"]) for p in parameters)
+    return f"Found apart from these stages, in one step: {wording.listed(list(names))}." if names else ""
 
 
 def _short(name: str) -> str:
     return name.replace("_", " ").replace("system level: ", "")
 
 
-def _stage_picture(labels: Mapping[str, Mapping[str, Any]], stages: Sequence[Mapping[str, Any]]) -> Picture:
-    from gimbalcal.report import figures
+def _stage_picture(parameters: Sequence[Mapping[str, Any]], stages: Sequence[Mapping[str, Any]]) -> Picture:
+    from gimbalcal.report.parameter_figures import sigma_by_stage
 
     ratio = [
-        [float(from_si(s["sigmas"].get(k, np.nan), p["unit"])) / p["prior_sigma"] for k, p in labels.items()]
+        [float(from_si(s["sigmas"].get(label_of(p), np.nan), p["unit"])) / p["prior_sigma"] for p in parameters]
         for s in stages
     ]
-    words = [wording.label_in_words(k) for k in labels]
+    words = [wording.label_in_words(label_of(p)) for p in parameters]
     return picture(
-        figures.sigma_by_stage(words, [_short(s["name"]) for s in stages], np.array(ratio)),
+        sigma_by_stage(words, [_short(s["name"]) for s in stages], np.array(ratio)),
         f"Sigma of each parameter after each of {wording.counted(len(stages), 'stage')}, relative to its prior.",
         "What each stage leaves of the prior uncertainty.",
     )
@@ -58,22 +68,30 @@ def _coefficients(s: Mapping[str, Any]) -> dict[str, Any]:
     return {"name": _short(s["name"]), "rows": rows}
 
 
-def _stage(s: Mapping[str, Any]) -> dict[str, str]:
-    rms = from_si(s["rms"], "ug")
-    text = f"{significant(float(rms), 3)} µg" if np.isfinite(rms) else "–"
+def _stage(s: Mapping[str, Any], parameters: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """A row of the table of stages; one that calibrates gyroscopes alone leaves angles, others forces."""
+    effects = {p["effect"] for p in parameters if label_of(p) in s["values"]}
+    turned = effects and all(CATALOGUE[e].stage is Stage.GYROSCOPE for e in effects)
+    rms = float(from_si(s["rms"], "arcsec" if turned else "ug"))
+    text = f"{significant(rms, 3)} {'arcsec' if turned else 'µg'}" if np.isfinite(rms) else "–"
     words = wording.typeset(s["in_words"])
     return {"name": _short(s["name"]), "count": str(len(s["values"])), "rms": text, "in_words": words}
 
 
 def _stage_row(
-    p: Mapping[str, Any], before: Any, stages: Sequence[Mapping[str, Any]], truth: Mapping[str, float] | None
+    p: Mapping[str, Any],
+    before: Any,
+    stages: Sequence[Mapping[str, Any]],
+    nominal: Mapping[str, Any],
+    truth: Mapping[str, float] | None,
 ) -> dict[str, Any]:
-    label, unit = label_of(p), p["unit"]
+    label, unit, printed = label_of(p), p["unit"], ""
     cells = []
     for s in stages:
         if label in s["values"]:
-            value, sigma = pdg(float(from_si(s["values"][label], unit)), float(from_si(s["sigmas"][label], unit)))
-            cells.append(minus(f"{value} ± {sigma}"))
+            own, spread = (float(from_si(s[key][label], unit)) for key in ("values", "sigmas"))
+            value, sigma, printed = stated(p, own, spread, nominal)
+            cells.append(f"{value} ± {sigma}")
         else:
             cells.append("–")
     places = max(0, -last_place(p["sigma"])) if p["sigma"] > 0 else 2
@@ -83,5 +101,5 @@ def _stage_row(
         "first": not before or before["name"] != p["name"],
         "cells": cells,
         "truth": known,
-        "unit": wording.unit_in_print(unit),
+        "unit": printed,
     }

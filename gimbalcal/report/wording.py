@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from math import isnan, sqrt
 from typing import Any, Literal
@@ -89,7 +90,7 @@ def alternatives(items: Sequence[str]) -> str:
 
 
 def fit(chi2: float, dof: int) -> tuple[float, float, Verdict]:
-    """Residual in units of the stated noise, probability of a chi^2 at least as large, and what that means."""
+    """Residual in units of the noise, probability of a chi^2 at least as large, and what that means."""
     from scipy.stats import chi2 as distribution
 
     if dof <= 0:
@@ -120,6 +121,12 @@ def scaled_to_residual(content: Mapping[str, Any]) -> bool:
     return "residual" in sources or bool(provenance.get("options", {}).get("excess_scatter"))
 
 
+def noise_is_stated(content: Mapping[str, Any]) -> bool:
+    """Whether recording.toml told the noise; else it was taken from how the samples scatter."""
+    noise = content["provenance"].get("noise", {})
+    return "samples" not in (noise.get("accelerometer_from"), noise.get("from"))
+
+
 def verdict(content: Mapping[str, Any]) -> Verdict:
     """What the fit says of the model, from the content of calibration.json."""
     if content["outcome"]:
@@ -145,11 +152,13 @@ def _left(content: Mapping[str, Any]) -> str:
         return "there are as many unknowns as data, so nothing is left to test the fit with"
     if scaled_to_residual(content) and meaning == "fits":
         return "every sigma is scaled to what the readings scatter about the model"
-    text = f"what is left is {ratio:.2f} times the stated noise"
+    stated = noise_is_stated(content)
+    text = f"what is left is {ratio:.2f} times the {'stated noise' if stated else 'noise that the samples show'}"
     if meaning == "misfit":
-        return f"{text}, more than chance allows: the model lacks something, or the noise is larger than stated"
+        other = "is larger than stated" if stated else "wanders more than it scatters from sample to sample"
+        return f"{text}, more than chance allows: the model lacks something, or the noise {other}"
     if meaning == "overstated":
-        return f"{text}: the noise is smaller than stated, and so is every sigma"
+        return f"{text}: the noise is smaller than {'stated' if stated else 'that'}, and so is every sigma"
     return text
 
 
@@ -187,20 +196,24 @@ def direction_in_words(direction: Mapping[str, float]) -> str:
 
 
 def why_in_words(unseen: Mapping[str, Any]) -> str:
-    """The reason of an entry of `unobservable` with labels as a person says them."""
+    """The reason of an entry of `unobservable` with labels and effects as a person says them."""
+    from gimbalcal.effects import CATALOGUE
+
     text = str(unseen["why"])
     for label in sorted(unseen["direction"], key=len, reverse=True):
         text = text.replace(label, label_in_words(label))
-    return typeset(text)
+    known = "|".join(sorted(CATALOGUE, key=len, reverse=True))
+    return typeset(re.sub(rf"(?<![.\w])({known})(?!\w)", lambda found: named(found[0]), text))
 
 
 def typeset(text: str) -> str:
-    """Powers and arrows of a plain sentence as they are printed.
+    """Powers, arrows and micro-g of a plain sentence as they are printed.
 
     >>> typeset("0.0016 -> 0.0059 m/s^2")
     '0.0016 → 0.0059 m/s²'
     """
-    return text.replace("^2", "²").replace("^3", "³").replace(" -> ", " → ").replace(" degC", " °C")
+    text = text.replace("^2", "²").replace("^3", "³").replace(" -> ", " → ").replace(" degC", " °C")
+    return re.sub(r"\bug\b", "µg", text)
 
 
 def plain(value: Any) -> str:

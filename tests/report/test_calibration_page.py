@@ -9,7 +9,9 @@ import pytest
 from gimbalcal.calibration import from_dict
 from gimbalcal.report import calibration_report
 from gimbalcal.report.evidence import by_position, corrected, in_run_sense, over_time, setting_spread
+from gimbalcal.report.parameter_rows import rows
 from gimbalcal.report.rounding import pdg
+from gimbalcal.report.stages import stages
 from gimbalcal.units import from_si
 from tests.report.example import ARCSEC, NOISE, example
 
@@ -195,3 +197,65 @@ def test_readings_in_counts_are_judged_in_si() -> None:
     assert e.sigma == pytest.approx(expected.sigma, rel=1e-12)
     text = calibration_report(content | {"provenance": nominal})
     assert "a nominal 0.002, 0.003, 0.004 m/s² per count from 100, -50, 7 counts" in text
+
+
+def test_what_counts_mean_is_what_the_calibration_makes_of_them() -> None:
+    """The printed scale and offset of an axis against `Calibration.apply` on readings in counts."""
+    from gimbalcal.calibration import Calibration, Residual
+    from gimbalcal.effects import CATALOGUE, parameters, with_values
+    from gimbalcal.platform import BENCH
+
+    wanted = [p for i in ("scale_factor", "bias") for p in parameters(CATALOGUE[i])]
+    x = np.array([0.02, -0.03, 0.01, 0.5, -0.4, 0.3])
+    options = {"nominal": {"scale": [0.002, 0.003, 0.004], "offset": [100.0, -50.0, 7.0]}}
+    made = Calibration("multiposition", with_values((), wanted, x), tuple(wanted), np.diag(np.full(6, 1e-8)), (),
+                       Residual(0.0, 0, {}), provenance={"options": options})  # fmt: skip
+    channels = {("specific_force", a): np.array([0.0, 1000.0]) for a in "xyz"}
+    _, (still, _), _ = example()
+    raw = dataclasses.replace(
+        still, platform=BENCH, channels=channels, time=np.arange(2.0), position=np.array([1, 2]), weight=np.ones(2),
+        units=dict.fromkeys(channels, "count"),
+    )  # fmt: skip
+    force = made.apply(raw).triad("specific_force")
+    shown = [float(row["value"].replace("−", "-")) for row in rows(made.to_dict(), None)]
+    scale, zero = np.array(shown[:3]) * 1e-6, np.array(shown[3:])
+    # the sigma of 1e-4 leaves six digits of the scale (2e-7 m/s^2 a count) and two decimals of an offset of hundreds
+    np.testing.assert_allclose(scale, (force[1] - force[0]) / 1000, rtol=5e-5)
+    np.testing.assert_allclose(zero, -force[0] / scale, atol=0.02)
+    assert {row["unit"] for row in rows(made.to_dict(), None)} == {"µm/s²/count", "counts"}
+
+
+def test_what_the_data_do_not_tell_alone_stands_below(page: str) -> None:
+    content, _, _ = example()
+    table = rows(content, None)
+    below = [row["unseen"] for row in table]
+    assert below == sorted(below)
+    assert [row["words"] for row in table if row["unseen"]] == [
+        "misalignment xz",
+        "misalignment yz",
+        "gimbal zero platform",
+    ]
+    assert [row["words"] for row in table if row["below"]] == ["misalignment xz"]
+    assert page.index("Not seen one by one") < page.index("misalignment xz</th>") < page.index('id="stages"')
+
+
+def test_a_parameter_that_no_stage_lists_is_named_instead_of_dashes() -> None:
+    content, _, _ = example()
+    short = copy.deepcopy(content)
+    for stage in short["stages"]:
+        for label in [k for k in stage["values"] if k.startswith("bias")]:
+            del stage["values"][label], stage["sigmas"][label]
+    told = stages(short, None)
+    assert not any(row["words"].startswith("bias") for row in told["stage_rows"])
+    assert all(set(row["cells"]) != {"–"} for row in told["stage_rows"])
+    assert told["stage_rest"] == "Found apart from these stages, in one step: bias."
+    assert stages(content, None)["stage_rest"] == ""
+
+
+def test_a_stage_that_leaves_angles_says_so() -> None:
+    parameter = {"effect": "gyro_scale_factor", "name": "gyro_scale_factor", "axis": "x", "value": 1.0, "sigma": 1.0,
+                 "unit": "ppm", "prior_sigma": 1000.0}  # fmt: skip
+    one = {"gyro_scale_factor:x": 1e-6}
+    turned = {"name": "gyro_scale_factor", "values": one, "sigmas": one, "rms": ARCSEC, "in_words": "turns"}
+    content = {"parameters": [parameter], "stages": [turned], "provenance": {}}
+    assert stages(content, None)["stages"][0]["rms"] == "1.00 arcsec"

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gimbalcal.report import figures
+from gimbalcal.report import figures, parameter_figures, style
 
 RNG = np.random.default_rng(7)
 
@@ -26,22 +26,48 @@ def test_titles_give_the_rms() -> None:
 
 def test_equal_arrays_give_equal_bytes() -> None:
     matrix = np.eye(3) + 0.4 * (1 - np.eye(3))
-    first, second = (figures.svg(figures.correlation("abc", matrix)) for _ in range(2))
+    first, second = (style.svg(parameter_figures.correlation("abc", matrix)) for _ in range(2))
     assert first == second
     assert first.startswith(b"<?xml")
 
 
 def test_correlation_writes_strong_values_into_their_cells() -> None:
     matrix = np.array([[1.0, -0.72, 0.1], [-0.72, 1.0, 0.0], [0.1, 0.0, 1.0]])
-    texts = [t.get_text() for t in figures.correlation("abc", matrix).axes[0].texts]
+    texts = [t.get_text() for t in parameter_figures.correlation("abc", matrix).axes[0].texts]
     assert texts == ["−.7", "−.7"]
 
 
 def test_stages_may_leave_a_parameter_out() -> None:
     ratio = np.array([[0.1, np.nan], [0.01, 0.5]])
-    ax = figures.sigma_by_stage(["bias x", "K x"], ["coarse", "joint"], ratio).axes[0]
-    assert ax.get_xscale() == "log"
-    assert [t.get_text() for t in ax.get_legend().get_texts()] == ["coarse", "joint"]  # type: ignore[union-attr]
+    figure = parameter_figures.sigma_by_stage(["bias x", "K x"], ["coarse", "joint"], ratio)
+    assert figure.axes[0].get_xscale() == "log"
+    assert [t.get_text() for t in figure.legends[0].get_texts()] == ["coarse", "joint"]
+
+
+@pytest.mark.parametrize("count", [1, 33, 120])
+def test_stages_with_long_names_fit_whatever_the_number_of_parameters(count: int) -> None:
+    stages = [
+        " + ".join(["gyro scale factor", "gyro misalignment", "gyro scale nonlinearity"][: k + 1]) for k in range(3)
+    ]
+    labels = [f"gyro g sensitivity rate {i}" for i in range(count)]
+    figure = parameter_figures.sigma_by_stage(labels, stages, np.full((3, count), 0.1))
+    style.svg(figure)  # lays it out; a figure that is too small is a warning, and so an error
+    (width, height), (ax,) = figure.get_size_inches(), figure.axes
+    axes, legend = ax.get_position(), figure.legends[0].get_window_extent()
+    assert axes.width > 0.5
+    assert axes.height * height / count > 0.12  # inches a row: letters of 8 points are 0.11 high
+    assert legend.x0 >= 0
+    assert legend.x1 <= width * figure.dpi
+    assert legend.y0 > axes.y1 * height * figure.dpi
+
+
+def test_letters_of_many_correlations_fit_their_rows() -> None:
+    for count in (3, 30, 90):
+        figure = parameter_figures.correlation([f"bias {i}" for i in range(count)], np.eye(count))
+        style.svg(figure)
+        ax = figure.axes[0]
+        row = ax.get_window_extent().height / figure.dpi * 72 / count
+        assert ax.get_yticklabels()[0].get_fontsize() < row
 
 
 def test_what_is_left_over_time_is_measured_minus_fitted() -> None:

@@ -49,6 +49,15 @@ def test_noise_that_is_overstated_says_so() -> None:
     assert "the noise is smaller than stated" in answer(content(chi2=0.25 * 37))
 
 
+@pytest.mark.parametrize("noise", [{"accelerometer_from": "samples"}, {"from": "samples"}])
+def test_noise_that_nobody_stated_is_not_called_stated(noise: dict[str, str]) -> None:
+    seen = {"provenance": {"noise": noise}}
+    assert answer(content() | seen).endswith("what is left is 1.01 times the noise that the samples show.")
+    for chi2 in (9 * 37, 0.25 * 37):
+        assert "stated" not in answer(content(chi2=chi2) | seen)
+        assert "stated" in answer(content(chi2=chi2) | {"provenance": {"noise": {"accelerometer_from": "header"}}})
+
+
 def test_a_failure_leads_with_its_outcome() -> None:
     assert answer(content(outcome="only five positions remain")) == "Only five positions remain."
     assert verdict(content(outcome="only five positions remain.")) == "reserved"
@@ -103,3 +112,11 @@ def test_noise_from_the_residual_proves_nothing(provenance: dict[str, Any]) -> N
 def test_reasons_say_labels_in_words() -> None:
     unseen = {"direction": {"bias:x": 1.0, "misalignment:xy": 0.3}, "why": "+1 bias:x +0.3 misalignment:xy leave it"}
     assert why_in_words(unseen) == "+1 bias x +0.3 misalignment xy leave it"
+
+
+def test_reasons_say_effects_and_micro_g_in_words() -> None:
+    left_out = {
+        "direction": {"K3:x": 1.0},
+        "why": "cubic_nonlinearity is left out: its sigma is 3 ug/g^3 (a.inter_triad)",
+    }
+    assert why_in_words(left_out) == "cubic nonlinearity is left out: its sigma is 3 µg/g³ (a.inter_triad)"

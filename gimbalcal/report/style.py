@@ -1,0 +1,69 @@
+"""The look of all pictures, and a picture as SVG.
+
+Colours are those of Okabe and Ito, told apart by colour-blind readers and in grey print.
+"""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gimbalcal.number import Array
+from gimbalcal.report.rounding import significant
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+BLUE, VERMILION, GREEN, ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
+INK, GREY, PALE = "#222222", "#7a7a7a", "#d9d9d9"
+HALF, FULL = 5.9, 9.2  # inches: the widths of a column and of the page, so that letters come out as large as text
+SERIES = (BLUE, VERMILION, GREEN, ORANGE, "#CC79A7", "#56B4E9")
+
+STYLE: Any = {
+    "font.size": 8.5,
+    "axes.titlesize": 9,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 8.5,
+    "axes.edgecolor": GREY,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.unicode_minus": True,
+    "xtick.color": GREY,
+    "ytick.color": GREY,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+    "lines.linewidth": 1.1,
+    "svg.fonttype": "path",  # the same letters on every machine
+    "svg.hashsalt": "gimbalcal",  # the same bytes for the same picture
+}
+
+
+def svg(figure: Figure) -> bytes:
+    """The figure as SVG; equal arrays give equal bytes."""
+    import matplotlib as mpl
+
+    out = io.BytesIO()
+    with mpl.rc_context(STYLE):
+        figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
+    return out.getvalue()
+
+
+def empty(width: float, height: float) -> Figure:
+    """An empty figure [inch]; the global state of pyplot is not touched."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained", facecolor="white")
+
+
+def rms(x: Array) -> str:
+    """Root mean square with three significant digits."""
+    return significant(float(np.sqrt(np.mean(x**2))), 3)
