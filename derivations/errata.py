@@ -15,14 +15,17 @@ from pathlib import Path
 from derivations.verdict import AGREES, VERDICTS, Verdict
 
 ITEM, VERDICT, SIZE = 26, 15, 22  # column widths
+PAPERS = {"000": "Wang 2019", "001": "Wu 2018"}  # `source` of errata.json, as a reader knows it
 
 
 def table(verdicts: Sequence[Verdict], width: int | None = None) -> str:
-    """Item, verdict, size and why, the why wrapped into the last column."""
+    """Item, verdict, size and why, the why wrapped into the last column; a line opens each paper."""
     width = width or max(100, min(shutil.get_terminal_size((140, 24)).columns, 180))
     left = ITEM + VERDICT + SIZE
     lines = [f"{'item':{ITEM}}{'verdict':{VERDICT}}{'size':{SIZE}}why", "-" * width]
-    for v in verdicts:
+    for i, v in enumerate(verdicts):
+        if not i or v.source != verdicts[i - 1].source:
+            lines.append(f"{PAPERS.get(v.source, v.source)} (source {v.source} in errata.json)")
         text = v.why if v.verdict != AGREES else v.why.split(". ")[0].rstrip(".") + "."  # a few words suffice
         why = textwrap.wrap(text, width - left) or [""]
         lines.append(f"{v.item:{ITEM}}{v.verdict:{VERDICT}}{v.size:{SIZE}}{why[0]}")
@@ -31,11 +34,14 @@ def table(verdicts: Sequence[Verdict], width: int | None = None) -> str:
 
 
 def summary(verdicts: Sequence[Verdict]) -> str:
-    """Counts, and the items that do not simply agree or approximate."""
+    """Counts, and the items of each paper that do not simply agree or approximate."""
     counts = Counter(v.verdict for v in verdicts)
     total = ", ".join(f"{counts[name]} {name}" for name in VERDICTS if counts[name])
-    faulty = [v.item for v in verdicts if v.verdict not in (AGREES, "approximation")]
-    return f"{len(verdicts)} items: {total}.\nNot right as printed: {'; '.join(faulty) or 'none'}."
+    lines = [f"{len(verdicts)} items: {total}."]
+    for source in dict.fromkeys(v.source for v in verdicts):
+        faulty = [v.item for v in verdicts if v.source == source and v.verdict not in (AGREES, "approximation")]
+        lines.append(f"Not right as printed in {PAPERS.get(source, source)}: {'; '.join(faulty) or 'none'}.")
+    return "\n".join(lines)
 
 
 def write(verdicts: Sequence[Verdict], folder: Path) -> Path:

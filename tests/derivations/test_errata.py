@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -22,8 +23,16 @@ def test_table_shortens_what_agrees_and_nothing_else():
     assert "It does not follow. At all." in text
 
 
+def test_papers_are_named_as_a_reader_knows_them():
+    other = replace(VERDICTS[0], source="000")
+    lines = errata.table((other, *VERDICTS), width=200).splitlines()
+    assert lines[2] == "Wang 2019 (source 000 in errata.json)"
+    assert lines[4] == "Wu 2018 (source 001 in errata.json)"
+    assert "Not right as printed in Wang 2019: none." in errata.summary((other, *VERDICTS))
+
+
 def test_summary_counts_and_names_faults():
-    assert errata.summary(VERDICTS) == "2 items: 1 agrees, 1 wrong.\nNot right as printed: Table 4, x1."
+    assert errata.summary(VERDICTS) == "2 items: 1 agrees, 1 wrong.\nNot right as printed in Wu 2018: Table 4, x1."
 
 
 def test_file_has_the_seven_fields_and_replaces_the_old_one(tmp_path):
