@@ -171,19 +171,13 @@ def _off(encoder: Sequence[Effect], recording: Recording, readout: Array) -> Arr
 def _with_needs(effects: Sequence[Effect], recording: Recording) -> tuple[Effect, ...]:
     """The effects, if the recording has what they need. Raises InputError, naming effect and channel, if not."""
     for e in effects:
-        missing = [q for q in e.requires if not _has(recording, q)]
+        missing = [q for q in e.requires if not recording.has(q)]
         if missing:
             raise InputError(
                 f"the calibration corrects {e.id}, which needs a {missing[0]} channel, and {recording.title!r} has "
                 "none: log it, or calibrate without this effect"
             )
     return tuple(effects)
-
-
-def _has(recording: Recording, need: str) -> bool:
-    """Whether a quantity was logged, or a covariate by its name ("covariate:supply_voltage")."""
-    quantity, _, name = need.partition(":")
-    return (quantity, name) in recording.channels if name else recording.has(quantity)
 
 
 def nominal(calibration: Calibrated) -> Mapping[str, Any]:

@@ -13,6 +13,8 @@ from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording.record import ANGLES, Recording
 
+MISSED = 1.5  # times the usual step: a row is missing, and rows on both sides have no common middle
+
 
 @dataclass(frozen=True)
 class Dwell:
@@ -56,9 +58,16 @@ def dwell_means(recording: Recording) -> Recording:
 
 
 def block_means(recording: Recording, rows: int) -> Recording:
-    """One row per `rows` consecutive rows of a recording without positions, averaged as `dwell_means` does."""
-    n = len(recording.time)
-    return _means(recording, [Dwell(1, start, min(start + rows, n)) for start in range(0, n, rows)], None)
+    """One row per `rows` consecutive rows of a recording without positions, averaged as `dwell_means` does.
+
+    No block reaches across a gap: one that a gap cuts has fewer rows.
+    """
+    n, dt = len(recording.time), np.diff(recording.time)
+    gaps = (np.flatnonzero(dt > MISSED * np.median(dt)) + 1).tolist() if n > 1 else []
+    blocks = [
+        Dwell(1, at, min(at + rows, stop)) for start, stop in pairwise([0, *gaps, n]) for at in range(start, stop, rows)
+    ]
+    return _means(recording, blocks, None)
 
 
 def _means(recording: Recording, stretches: Sequence[Dwell], position: NDArray[np.int64] | None) -> Recording:

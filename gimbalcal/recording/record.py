@@ -88,8 +88,9 @@ class Recording:
                 raise ValueError(f"`{name}` must have one value per row of `time` ({n}), got {size}")
 
     def has(self, quantity: str) -> bool:
-        """Whether any axis of `quantity` was logged."""
-        return any(q == quantity for q, _ in self.channels)
+        """Whether any axis of `quantity` was logged, or the one that is named ("covariate:pressure")."""
+        quantity, _, axis = quantity.partition(":")
+        return any(q == quantity and axis in ("", a) for q, a in self.channels)
 
     def axes(self, quantity: str) -> tuple[str, ...]:
         """The axes of `quantity` that were logged, in the order of the file."""
