@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gimbalcal.diagnose.baseline import follows, logged
 from gimbalcal.diagnose.evidence import orthonormal
 from gimbalcal.diagnose.observations import Observations, absent_effect
 from gimbalcal.diagnose.shapes import products, settings, shapes, turns
@@ -78,7 +79,7 @@ def available(o: Observations, baseline: Sequence[str]) -> tuple[str, ...]:
     for effect_id, cls in CATALOGUE.items():
         if effect_id in (*SHAPES, *RANDOM, *baseline) or cls.stage not in o.sensitivity or o.kind not in cls.kinds:
             continue
-        if all(q == "position" or o.recording.has(q) for q in cls.requires) and parameters(cls, o.stimulus.axis_names):
+        if logged(o.recording, cls) and parameters(cls, o.stimulus.axis_names):
             out.append(effect_id)
     return tuple(out)
 
@@ -161,9 +162,14 @@ def _catalogue(o: Observations, baseline: Sequence[str], blocks: list[Array]) ->
 
 
 def sources(effect_id: str, o: Observations) -> tuple[str, ...]:
-    """Names of the recorded covariates for an effect that follows one, else the empty name."""
-    follows = any(f.name == "covariate" for f in dataclasses.fields(CATALOGUE[effect_id]))
-    return tuple(o.stimulus.covariates) if follows else ("",)
+    """Names of the recorded covariates for an effect that follows any of them, else the empty name.
+
+    What an effect of its own says of a channel (pressure, supply_voltage) need not be said by bias_covariate as well.
+    """
+    if follows(CATALOGUE[effect_id]) != "":
+        return ("",)
+    own = {need for cls in CATALOGUE.values() for need in cls.requires} if effect_id == "bias_covariate" else set()
+    return tuple(name for name in o.stimulus.covariates if f"covariate:{name}" not in own)
 
 
 def _of_effect(o: Observations, effect_id: str, source: str, blocks: list[Array]) -> list[Candidate]:
@@ -213,15 +219,18 @@ RIVAL_SIGMA = 3.0  # prior size of one shape, in sigmas of a row: mixed over 0.1
 def rivals(o: Observations, blocks: list[Array]) -> list[Candidate]:
     """Free per position, smooth in orientation, in time, in temperature, gimbal harmonics; and simple laws."""
     out: list[Candidate] = []
+    axes = _stage_axes(o)
     for name, (words, basis) in shapes(o).items():
         scale = basis / (np.sqrt((basis**2).mean(axis=0)) + 1e-300)
         every: list[int] = []
-        for axis, along in _stage_axes(o):
+        for axis, along in axes:
             X = np.stack([along * b[:, None] for b in scale.T], axis=-1)
             at = tuple(_append(blocks, o.reduce(X) * RIVAL_SIGMA))
             every += at
             out.append(Candidate(f"unknown {name}", axis, (), (Variant((), at),), rival=words))
-        out.append(Candidate(f"unknown {name}", "x, y, z", (), (Variant((), tuple(every)),), rival=words))
+        if len(axes) > 1:
+            together = ", ".join(axis for axis, _ in axes)
+            out.append(Candidate(f"unknown {name}", together, (), (Variant((), tuple(every)),), rival=words))
     return out + gimbal_harmonics(o, blocks) + _simple_laws(o, blocks)
 
 
@@ -250,12 +259,13 @@ def _simple_laws(o: Observations, blocks: list[Array]) -> list[Candidate]:
 
 
 def _stage_axes(o: Observations) -> list[tuple[str, Array]]:
-    """What one unit (a sigma of a row) added to each accelerometer does to all channels, (n, C)."""
+    """What one unit (a sigma of a row) added to each accelerometer that was logged does to all channels, (n, C)."""
     S = o.sensitivity[Stage.ACCELEROMETER]
     out = []
-    for i, axis in enumerate("xyz"):
-        along = S[:, :, i]
-        out.append((axis, along / np.abs(along[:, 0:3]).max()))
+    for k, (quantity, axis) in enumerate(o.channels):
+        if quantity == "specific_force":
+            along = S[:, :, "xyz".index(axis)]
+            out.append((axis, along / np.abs(along[:, k]).max()))
     return out
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gimbalcal.diagnose.baseline import NORTH, follows, logged
 from gimbalcal.diagnose.candidates import SHAPES
 from gimbalcal.diagnose.views import View
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, absent, parameters
@@ -51,11 +52,10 @@ def available(v: View) -> tuple[str, ...]:
     """Ids of the catalogue that act on these rows and whose channels were recorded."""
     out = []
     for effect_id, cls in CATALOGUE.items():
-        follows = any(f.name == "covariate" for f in dataclasses.fields(cls))
-        acts = cls.linear and cls.stage in v.stages and v.recording.kind in cls.kinds and not follows
+        acts = cls.linear and cls.stage in v.stages and v.recording.kind in cls.kinds and follows(cls) is None
         long_enough = np.ptp(v.recording.time) >= DAY_PART.get(effect_id, 0.0)
-        logged = all(q == "position" or v.recording.has(q) for q in cls.requires)
-        if acts and long_enough and logged and effect_id not in SKIPPED:
+        headed = bool(v.recording.platform.axes) or effect_id not in NORTH
+        if acts and long_enough and headed and logged(v.recording, cls) and effect_id not in SKIPPED:
             out.append(effect_id)
     return tuple(out)
 
@@ -87,13 +87,9 @@ def _of_effect(
     if not wanted:
         return []
     made: list[tuple[Effect | None, int]] = []
-    X: Array = np.zeros(0)
     for variant in variants(v, effect_id, present):
         effects = [e for e in present if e.id != effect_id] + [variant]
-        try:
-            X = v.linear(effects, wanted)[1] * np.array([p.sigma for p in wanted])
-        except (ValueError, IndexError):  # it asks for something that a unit without gimbals does not have
-            return []
+        X = v.linear(effects, wanted)[1] * np.array([p.sigma for p in wanted])
         made.append((variant, sum(b.shape[-1] for b in blocks)))
         blocks.append(np.nan_to_num(X))
     out = []

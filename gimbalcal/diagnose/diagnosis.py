@@ -15,13 +15,14 @@ import numpy as np
 import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import wording
+from gimbalcal.diagnose.baseline import check_baseline, check_finite
 from gimbalcal.diagnose.candidates import Candidate, library
 from gimbalcal.diagnose.decide import CLAIM, Decision, decide, stated
 from gimbalcal.diagnose.gimballed import diagnose_gimballed, has_gyroscopes
 from gimbalcal.diagnose.locate import Scan, scan, told
 from gimbalcal.diagnose.model import Fit, calibration_fit, constant_value, fit
 from gimbalcal.diagnose.noise import nodes, settle
-from gimbalcal.diagnose.observations import BASELINE, known_effect, observe
+from gimbalcal.diagnose.observations import BASELINE, observe
 from gimbalcal.diagnose.recommend import advise, sentence
 from gimbalcal.diagnose.search import Search, search
 from gimbalcal.diagnose.threshold import clean_evidence
@@ -29,6 +30,7 @@ from gimbalcal.diagnose.unstated import applies, diagnose_unstated
 from gimbalcal.diagnose.verify import physical_columns, residual_rows, verify
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.joint import analyse
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
@@ -93,8 +95,9 @@ def diagnose(
     """
     if not recordings:
         raise InputError("`diagnose` needs at least one recording")
-    for effect_id in baseline:
-        known_effect(effect_id)
+    check_baseline(baseline, recordings)
+    for r in recordings:
+        check_finite(r)
     from threadpoolctl import threadpool_limits
 
     from gimbalcal.diagnose.together import diagnose_together
@@ -173,9 +176,10 @@ def _misheld(s: Search, d: Decision) -> str:
     """A sentence on positions that were not held where the readouts say, which is a fault and no physics."""
     if d.verdict != "unexplained" or s.o.kind != "multi-position":
         return ""
-    from gimbalcal.estimate.joint import analyse
-
-    faults = analyse(s.o.recording).faults
+    try:
+        faults = analyse(s.o.recording).faults
+    except InputError:  # too few positions or accelerometers to tell one that was not held
+        return ""
     leave = " `gimbalcal calibrate` names such positions and leaves them out." if faults else ""
     return "".join(f" {f.in_words[:1].upper()}{f.in_words[1:].rstrip('.')}." for f in faults) + leave
 

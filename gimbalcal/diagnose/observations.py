@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from gimbalcal.diagnose.baseline import known_effect
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, parameters, values, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.information import information, solve
@@ -120,6 +121,8 @@ def observe(
         raise InputError(f"{recording.title!r} is a {recording.kind} recording; `diagnose` takes {', '.join(CHANNELS)}")
     if recording.position is not None and np.any(recording.position == 0):
         recording = recording.select(recording.position > 0)
+    if not len(recording.time):
+        raise InputError(f"{recording.title!r} has no dwell: every row has position 0, so nothing in it is at rest")
     if recording.kind == "static-run" and len(recording.time) > MOST_ROWS:
         recording = block_means(recording, -(-len(recording.time) // MOST_ROWS))
     s = stimulus(recording)
@@ -129,7 +132,7 @@ def observe(
         force = [i for i, (q, _) in enumerate(channels) if q == "specific_force"]
         lost = lost_to_averaging(recording, s.force)
         measured[:, force] += lost[:, ["xyz".index(channels[i][1]) for i in force]]
-    sigma = row_sigma(recording, channels, measured)
+    sigma = row_sigma(recording, channels, measured, s.visit)
     ids = tuple(baseline) or BASELINE[recording.kind]
     constants = tuple(p for i in ids for p in parameters(known_effect(i), s.axis_names) if _has_axis(p, recording))
     effects = with_values(tuple(known), constants, values(tuple(known), constants), s.axis_names)
@@ -140,18 +143,18 @@ def observe(
     y, Z = _linear(recording, s, effects, constants, channels, measured, sigma)
     seen, sensitivity = _sensitivities(recording, s, effects, channels, sigma)
     Z = Z * np.array([p.sigma for p in constants])
-    return Observations(
-        recording, s, channels, sigma, y, Z, effects, constants, seen, sensitivity, _blocks(recording)
-    )  # fmt: skip
+    o = Observations(recording, s, channels, sigma, y, Z, effects, constants, seen, sensitivity, _blocks(recording))
+    refuse_too_little(recording, o.reduce(Z))
+    return o
 
 
-def known_effect(effect_id: str) -> type[Effect]:
-    """The effect of the catalogue with this id. Raises InputError where there is none."""
-    if effect_id not in CATALOGUE:
+def refuse_too_little(recording: Recording, Z: Array) -> None:
+    """Raise InputError where the constants of the model, columns Z (N, q), take up all N numbers."""
+    if len(Z) <= Z.shape[-1] and np.linalg.matrix_rank(Z / (np.linalg.norm(Z, axis=0) + 1e-300)) == len(Z):
         raise InputError(
-            f"the baseline names {effect_id!r}, which is no effect of the catalogue; `gimbalcal catalogue` lists them"
+            f"{recording.title!r} gives {len(Z)} numbers, and the constants of the model take up {len(Z)} of them: "
+            "nothing is left to compare; give a longer recording, or a --baseline of fewer effects"
         )
-    return CATALOGUE[effect_id]
 
 
 def _has_axis(p: Parameter, recording: Recording) -> bool:
@@ -171,15 +174,24 @@ def measured_channels(recording: Recording) -> tuple[Key, ...]:
     return tuple(out)
 
 
-def row_sigma(recording: Recording, channels: Sequence[Key], measured: Array) -> Array:
-    """One sigma (C,) of a row: the header's over the root of the samples in a row, else successive differences."""
+def row_sigma(recording: Recording, channels: Sequence[Key], measured: Array, visit: Array) -> Array:
+    """One sigma (C,) of a row: the header's over the root of the samples in a row, else successive differences.
+
+    Differences are taken of measured (n, C) within a visit (n,). Raises InputError where there are none.
+    """
+    inside = visit[2:] == visit[:-2]
     out = []
     for (quantity, _), x in zip(channels, measured.T, strict=True):
         stated = recording.noise.get(SENSOR_OF[quantity])
         if stated is not None:
             out.append(stated / np.sqrt(np.median(recording.weight)))
         else:
-            second = np.diff(x, 2)
+            second = np.diff(x, 2)[inside]
+            if not len(second):
+                raise InputError(
+                    f"{recording.title!r} states no noise of the {SENSOR_OF[quantity]} and holds too few rows in a "
+                    "position to show it: write it into [noise] of recording.toml"
+                )
             out.append(np.median(np.abs(second)) / 0.6745 / np.sqrt(6) + 1e-15)
     return np.array(out)
 

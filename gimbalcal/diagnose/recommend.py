@@ -147,5 +147,6 @@ def _extended(r: Recording) -> Recording:
     for (quantity, axis), v in r.channels.items():
         turned = EARTH_RATE * shift if (quantity, axis) == ("gimbal_angle", "platform") else 0.0
         channels[quantity, axis] = np.concatenate([v, v + turned])
-    return replace(r, time=np.concatenate([r.time, r.time + shift]), channels=channels,
+    position = None if r.position is None else np.concatenate([r.position, r.position])
+    return replace(r, time=np.concatenate([r.time, r.time + shift]), position=position, channels=channels,
                    weight=np.concatenate([r.weight, r.weight]))  # fmt: skip

@@ -20,13 +20,14 @@ def shapes(o: Observations) -> dict[str, tuple[str, Array]]:
         places = np.unique(s.position)
         out["position"] = ("a value of its own at each position", (s.position[:, None] == places).astype(float))
         out["orientation"] = ("a smooth function of the direction of gravity", _harmonics(s.force / s.gravity))
-        out["settling"] = ("a course of its own after each move", _settling(o))
+        if s.since_move.max() > 0:
+            out["settling"] = ("a course of its own after each move", _settling(o))
     else:
         phase = np.arctan2(s.force[:, 1], s.force[:, 0])
         n = np.arange(2, 7)
         basis = np.concatenate([np.cos(np.outer(phase, n)), np.sin(np.outer(phase, n))], axis=1)
         out["orientation"] = ("harmonics of the sidereal angle", basis)
-    if s.temperature is not None:
+    if s.temperature is not None and np.ptp(s.temperature) > 0:
         out["temperature"] = ("a function of temperature", _thermal(s.time, s.temperature))
     return out
 
@@ -76,7 +77,7 @@ def products(o: Observations) -> dict[str, tuple[str, list[Array]]]:
     where = [f[:, None] for f in (s.force / s.gravity).T if np.std(f) > 1e-3]
     where += [np.stack([np.cos(a), np.sin(a)], axis=-1) for a in angles]
     follows = {"time": t}
-    if s.temperature is not None:
+    if s.temperature is not None and np.ptp(s.temperature) > 0:
         follows["temperature"] = s.temperature - s.temperature.mean()
         rate = smoothed_rate(s.temperature, s.time, float(s.time[-1]) / 100)
         follows["the rate of temperature"] = rate / (np.abs(rate).max() + 1e-300)

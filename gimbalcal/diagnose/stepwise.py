@@ -10,6 +10,7 @@ import numpy as np
 from gimbalcal.diagnose.causes import Cause, causes, unknowns
 from gimbalcal.diagnose.decide import CLAIM
 from gimbalcal.diagnose.free_scale import Ground, ground, log_evidence
+from gimbalcal.diagnose.observations import refuse_too_little
 from gimbalcal.diagnose.search import PAIR, SINGLE, UNKNOWN
 from gimbalcal.diagnose.views import View
 from gimbalcal.effects import Effect, Parameter, values, with_values
@@ -105,6 +106,7 @@ def course(v: View, tell: Callable[[str], None]) -> Course:
     A wandering noise can stand in for the first of several causes, not for all: so it has its say at the end.
     """
     model = first = start(v)
+    refuse_too_little(v.recording, first.J.reshape(first.r.size, -1))
     taken: list[Taken] = []
     for _ in range(MOST):
         found, ln, total, strange, _ = _round(v, model)

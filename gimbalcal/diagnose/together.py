@@ -15,6 +15,7 @@ import numpy as np
 import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import wording
+from gimbalcal.diagnose.baseline import lacking
 from gimbalcal.diagnose.combine import Combined, clean_together, combine, decide_together
 from gimbalcal.diagnose.decide import CLAIM, Decision, decide
 from gimbalcal.diagnose.diagnosis import (
@@ -107,7 +108,7 @@ def baseline_of(r: Recording, recordings: Sequence[Recording], wanted: Sequence[
     A constant of the sensors that any of the recordings calibrates is part of the model in all of them.
     """
     if wanted:
-        return tuple(i for i in wanted if i not in CATALOGUE or r.kind in CATALOGUE[i].kinds) or BASELINE[r.kind]
+        return tuple(i for i in wanted if not lacking(i, r)) or BASELINE[r.kind]
     every = [i for other in recordings for i in BASELINE[other.kind] if CATALOGUE[i].stage in SENSORS]
     return tuple(dict.fromkeys([*BASELINE[r.kind], *(i for i in every if r.kind in CATALOGUE[i].kinds)]))
 

@@ -23,6 +23,7 @@ from gimbalcal.diagnose.turning import turned_rates
 from gimbalcal.diagnose.unstated_where import patterns, whereabouts
 from gimbalcal.diagnose.views import FORCE, RATE, View, norm, pointing, rest_rates, table
 from gimbalcal.effects import values
+from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
@@ -45,6 +46,11 @@ def diagnose_unstated(
 ) -> Diagnosis:  # fmt: skip
     """What was left out of the models of such a recording."""
     told = [told_of(v, course(v, tell), tell) for v in views(recording, calibration, baseline, tell)]
+    if not told:
+        raise InputError(
+            f"{recording.title!r} leaves nothing to compare: at rest it takes {FORCE} along x, y and z, and "
+            f"{RATE} in a unit with a scale for the gyroscopes"
+        )
     return _together(recording, told, baseline, seed)
 
 

@@ -58,8 +58,8 @@ def largest(v: View, axis: str, size: float, ratio: float, rows: Array) -> str:
         time = v.recording.time[np.sort(rows)] - v.recording.time[0]
         where = f"{', '.join(f'{t:.0f}' for t in time[:-1])} and {time[-1]:.0f} s after the start"
     else:
-        one, two, three = (int(k) for k in v.stimulus.position[rows])
-        where = f"at {ROWS[v.name]} {one}, {two} and {three}"
+        *most, last = (str(int(k)) for k in v.stimulus.position[rows])
+        where = f"at {ROWS[v.name]} {' and '.join([*filter(None, [', '.join(most)]), last])}"
     return (
         f"The misfit of {channel(v, axis)} is {digits(size)} {v.unit} rms, {ratio:.3g} times what remains in the end, "
         f"and largest {where}"

@@ -18,6 +18,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Effect, Parameter, Stage, Stimulus, values, with_values
+from gimbalcal.errors import InputError
 from gimbalcal.estimate.multiposition import WIDE, in_si, multiposition
 from gimbalcal.estimate.poses import LINEAR, fit_turns
 from gimbalcal.estimate.rest_rates import rests
@@ -33,6 +34,7 @@ Linear = Callable[[Sequence[Effect], Sequence[Parameter]], tuple[Array, Array]]
 DOWN = frozenset({("base_tilt", "down")})  # a turn of the base about the vertical is no tilt: the azimuth zero has it
 TRIANGLE = frozenset({("misalignment", "xy"), ("misalignment", "xz"), ("misalignment", "yx")})  # a convention
 BLOCK = 1.0  # s; a table is tilted over seconds, what is faster shakes building and floor
+FEWEST = 3  # means of a table that can differ from one another in more than a trend
 COARSE, FINE = 0.04, 0.01  # s; steps at which the physics of a tilting table is evaluated, for search and last fit
 BY_HAND = 3.0  # times the catalogue's scales: sensors of different makers, bolted together
 SENSORS = frozenset({Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER})
@@ -135,6 +137,7 @@ def table(recording: Recording, baseline: Sequence[str] = (), step: float = COAR
     these, so that the sizes come from `FINE` steps, while `COARSE` ones tell the causes apart.
     """
     whole = recording
+    refuse_table(recording)
     recording = averaged(recording, step)
     s = stimulus(recording)
     rate = recording.triad(RATE)
@@ -159,6 +162,22 @@ def table(recording: Recording, baseline: Sequence[str] = (), step: float = COAR
     )  # fmt: skip
 
 
+def refuse_table(recording: Recording) -> None:
+    """Raise InputError for a table that is logged too shortly, or in counts."""
+    logged = next((u for u in recording.units.values() if is_raw(u)), "")
+    if logged:
+        raise InputError(
+            f"{recording.title!r} reads in {logged}: a tilting table needs m/s^2 and rad/s; give the scale of its "
+            "columns, or a `position` column if the unit was turned from rest to rest"
+        )
+    lasts = float(recording.time[-1] - recording.time[0])
+    if lasts < FEWEST * BLOCK:
+        raise InputError(
+            f"{recording.title!r} lasts {lasts:.2g} s: a tilting table is judged by means over {BLOCK:g} s, so give "
+            f"{FEWEST} s or more"
+        )
+
+
 def averaged(recording: Recording, duration: float) -> Recording:
     """Means over blocks of rows of about this duration [s]; a last, shorter block is left out."""
     size = _rows_in(recording, duration)
@@ -178,11 +197,20 @@ def _means(x: Array, size: int) -> Array:
 
 
 def solved(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array]:
-    """f (n, 3) with h(f) = y, and dh/df (n, 3, 3) there: Newton's method with the exact derivative."""
+    """f (n, 3) with h(f) = y, and dh/df (n, 3, 3) there: Newton's method with the exact derivative.
+
+    Raises InputError where h reads the same for different forces, as within a dead zone.
+    """
     f = y.copy()
     for _ in range(8):
         H = np.stack([h(f + 1j * STEP * u).imag / STEP for u in np.eye(3)], axis=-1)
-        step = np.linalg.solve(H, (y - h(f).real)[..., None])[..., 0]
+        try:
+            step = np.linalg.solve(H, (y - h(f).real)[..., None])[..., 0]
+        except np.linalg.LinAlgError:
+            raise InputError(
+                "in the model of the accelerometers different forces read the same; name bias, scale_factor and "
+                "misalignment in --baseline, and no dead_zone"
+            ) from None
         f = f + step
         if np.abs(step).max() < 1e-13 * np.abs(y).max():
             break

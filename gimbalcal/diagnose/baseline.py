@@ -1,0 +1,67 @@
+"""Which effects the model of a recording can hold: the recording has what they act on, and the way it is fitted."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from gimbalcal.effects import CATALOGUE, Effect
+from gimbalcal.errors import InputError
+from gimbalcal.recording import Recording
+
+NORTH = ("magnetic_field",)  # effects that ask the gimbals where north is
+
+
+def known_effect(effect_id: str) -> type[Effect]:
+    """The effect of the catalogue with this id. Raises InputError where there is none."""
+    if effect_id not in CATALOGUE:
+        raise InputError(
+            f"the baseline names {effect_id!r}, which is no effect of the catalogue; `gimbalcal catalogue` lists them"
+        )
+    return CATALOGUE[effect_id]
+
+
+def logged(recording: Recording, cls: type[Effect]) -> bool:
+    """Whether a recording has the channels that an effect acts on."""
+    return all(need == "position" or recording.has(need) for need in cls.requires)
+
+
+def follows(cls: type[Effect]) -> str | None:
+    """The covariate that an effect follows: its name, the empty name for whichever was logged, None for no effect."""
+    return next((str(f.default) for f in dataclasses.fields(cls) if f.name == "covariate"), None)
+
+
+def lacking(effect_id: str, recording: Recording) -> str:
+    """Why the model of a recording cannot hold an effect, to be said after "which"; empty where it can."""
+    cls, logs = known_effect(effect_id), recording.axes("covariate")
+    if recording.kind not in cls.kinds:
+        return f"shows in {' and '.join(cls.kinds)} recordings, and {recording.title!r} is a {recording.kind} recording"
+    missing = [need for need in cls.requires if need != "position" and not recording.has(need)]
+    if missing:
+        return f"needs {missing[0]}, and {recording.title!r} has none"
+    if follows(cls) == "" and len(logs) > 1:
+        return f"follows one covariate, and {recording.title!r} has {len(logs)} of them"
+    if effect_id in NORTH and not recording.platform.axes:
+        return f"needs gimbals, which say where north is, and {recording.title!r} has none"
+    return ""
+
+
+def check_baseline(ids: Sequence[str], recordings: Sequence[Recording]) -> None:
+    """Raise InputError for an effect that none of the recordings can hold in its model."""
+    for effect_id in ids:
+        reasons = [lacking(effect_id, r) for r in recordings]
+        if all(reasons):
+            raise InputError(f"the baseline names {effect_id!r}, which {reasons[0]}; leave it out of --baseline")
+
+
+def check_finite(recording: Recording) -> None:
+    """Raise InputError, with row and channel, for a value that is no number."""
+    for (quantity, axis), x in recording.channels.items():
+        bad = np.flatnonzero(~np.isfinite(x))
+        if bad.size:
+            name = f"{quantity} {axis}".strip()
+            raise InputError(
+                f"{recording.title!r}, row {bad[0] + 1}, {name}: the value is not a finite number; leave such rows out"
+            )

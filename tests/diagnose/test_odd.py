@@ -1,0 +1,236 @@
+"""Recordings that are short, sparse, constant or incomplete: a verdict, or one sentence that says what is lacking."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gimbalcal import cli
+from gimbalcal.diagnose import diagnose
+from gimbalcal.diagnose.candidates import available, sources
+from gimbalcal.diagnose.observations import observe
+from gimbalcal.diagnose.unstated_words import largest
+from gimbalcal.diagnose.views import pointing, solved
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording, Site, dwell_means, write
+from tests.diagnose import plant, static_plant
+from tests.diagnose.plant import UG, Bench, at_strength, known, on, record
+from tests.diagnose.test_unstated import run as pointing_run
+from tests.diagnose.test_unstated import stars
+
+TEMPERATURE = ("temperature", "")
+CLEAN = record(np.random.default_rng(2))
+AT_REST = static_plant.record(np.random.default_rng(3))
+
+
+def changed(r: Recording, channels: dict[tuple[str, str], Array] | None = None, without: Any = ()) -> Recording:
+    """Other channels, or fewer: quantities, or (quantity, axis)."""
+    kept = {k: v for k, v in r.channels.items() if k not in without and k[0] not in without}
+    return replace(r, channels={**kept, **(channels or {})})
+
+
+def first_rows(r: Recording, count: int) -> Recording:
+    """So many rows of each position."""
+    assert r.position is not None
+    return r.select(np.sort(np.concatenate([np.flatnonzero(r.position == p)[:count] for p in np.unique(r.position)])))
+
+
+def held(r: Recording, *positions: int) -> Recording:
+    return r.select(np.isin(r.position, positions))
+
+
+ODD = {
+    "one position": lambda: held(CLEAN, 1),
+    "three positions": lambda: held(CLEAN, 1, 5, 9),
+    "one row in each position": lambda: first_rows(CLEAN, 1),
+    "two rows in each position": lambda: first_rows(CLEAN, 2),
+    "means of positions": lambda: dwell_means(CLEAN),
+    "constant temperature": lambda: changed(CLEAN, {TEMPERATURE: np.full(len(CLEAN.time), 21.0)}),
+    "constant temperature at rest": lambda: changed(AT_REST, {TEMPERATURE: np.full(len(AT_REST.time), 21.0)}),
+    "constant covariate": lambda: changed(CLEAN, {("covariate", "fan"): np.full(len(CLEAN.time), 3.0)}),
+    "no temperature": lambda: changed(CLEAN, without=["temperature"]),
+    "two accelerometers": lambda: changed(CLEAN, without=[("specific_force", "z")]),
+    "one accelerometer": lambda: changed(CLEAN, without=[("specific_force", "x"), ("specific_force", "z")]),
+    "a clock from midnight": lambda: replace(CLEAN, time=CLEAN.time + 40000.0),
+    "no noise stated": lambda: replace(CLEAN, noise={}),
+}
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_an_odd_recording_without_a_fault_is_adequate(name: str) -> None:
+    d = diagnose([ODD[name]()])
+    assert (d.verdict, d.findings) == ("adequate", ())
+    assert np.isfinite(d.fit["chi2_reduced_before"])
+
+
+def test_two_accelerometers_show_a_cause_of_theirs() -> None:
+    error, ids = known(1)["asymmetry"]
+    d = diagnose([changed(at_strength(11, error, 25.0), without=[("specific_force", "x")])])
+    assert {f["effect"] for f in d.findings} == ids
+    assert {f["axis"] for f in d.findings} == {"y"}
+
+
+@pytest.mark.parametrize("few", ["positions", "accelerometers"])
+def test_a_rest_is_told_although_no_fault_of_setting_can_be_looked_for(few: str) -> None:
+    """Five positions, or two accelerometers, do not show which position was interchanged; the rest is told."""
+    r = at_strength(8, lambda b: on(1, np.sin(2 * np.pi * b.t / 130.0)), 60.0)
+    d = diagnose([held(r, 1, 3, 5, 8, 11) if few == "positions" else changed(r, without=[("specific_force", "z")])])
+    assert d.verdict == "unexplained"
+    assert "y" in d.unexplained[0]["channel"]
+
+
+LONG = 6000  # rows of a run that is averaged before it is diagnosed
+
+
+def test_a_gap_in_a_long_static_run_is_not_taken_for_physics(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A block that reaches across 400 min would lose a third of the force: blocks end where the clock jumps."""
+    short = static_plant.rest
+    monkeypatch.setattr(static_plant, "rest", lambda rng: short(rng, hours=LONG / 60, step=60.0))
+    r = static_plant.record(np.random.default_rng(3))
+    row = np.arange(len(r.time))
+    whole, broken = (observe(r.select(rows), steps=0) for rows in (row >= 0, (row <= 2000) | (row > 2400)))
+    assert len(broken.y) < LONG / 2
+    assert np.abs(broken.y).max() < 1.1 * np.abs(whole.y).max()  # same noise, same constants: nothing stands out
+
+
+def test_positions_of_a_static_run_do_no_harm() -> None:
+    """The experiment that would tell twins apart is laid out with the positions that were written down."""
+    r = static_plant.record(np.random.default_rng(22), lambda s: s.ideal**2, 20 * UG)
+    d = diagnose([replace(r, position=np.ones(len(r.time), dtype=np.int64))])
+    assert d.verdict == "not-identifiable"
+    assert d.findings[0]["separate_by"]
+
+
+# --- covariates that have an effect of their own ----------------------------------------------------------------------
+
+
+def follows(name: str, size: float) -> Any:
+    """A bias that follows a logged channel."""
+
+    def error(b: Bench) -> dict[str, Array]:
+        x = np.cumsum(np.random.default_rng(5).standard_normal(int(b.visit.max()) + 1))[b.visit]
+        return {**on(1, x - x.mean()), name: x * size}
+
+    return error
+
+
+@pytest.mark.parametrize(("name", "swing", "effect"), [("pressure", 1e4, "pressure"), ("fan", 1.0, "bias_covariate")])
+def test_a_logged_channel_is_named_by_its_own_effect(
+    monkeypatch: pytest.MonkeyPatch, name: str, swing: float, effect: str
+) -> None:
+    monkeypatch.setattr(plant, "LOGS", (name,))
+    (found,) = diagnose([at_strength(11, follows(name, swing), 25.0)]).findings
+    assert (found["effect"], found["axis"], found["twins"]) == (effect, "y", [])
+
+
+def test_effects_of_named_channels_are_candidates_where_these_were_logged() -> None:
+    n = len(CLEAN.time)
+    x = np.linspace(0, 1, n)
+    named = {("covariate", k): x for k in ("pressure", "servo_x", "servo_y", "servo_z", "fan")}
+    o = observe(changed(CLEAN, named))
+    assert {"pressure", "servo_following_error"} <= set(available(o, ()))
+    assert not {"supply_voltage", "vibration_rectification"} & set(available(o, ()))
+    assert sources("pressure", o) == ("",)
+    assert sources("bias_covariate", o) == ("fan",)
+    assert "fan" in sources("bias_covariate_squared", o)
+
+
+# --- refused ----------------------------------------------------------------------------------------------------------
+
+
+def spoiled(channel: tuple[str, str]) -> Recording:
+    x = CLEAN.channels[channel].copy()
+    x[9] = np.nan
+    return changed(CLEAN, {channel: x})
+
+
+def by_hand(positions: int) -> Recording:
+    """A unit that somebody turned: 20 rows in each rest."""
+    rng = np.random.default_rng(4)
+    g = rng.standard_normal((positions, 3))
+    f = 9.8 * g / np.linalg.norm(g, axis=1, keepdims=True)
+    f = np.repeat(f, 20, axis=0) + 1e-3 * rng.standard_normal((20 * positions, 3))
+    at = np.repeat(np.arange(1, positions + 1), 20)
+    channels = {("specific_force", a): f[:, i] for i, a in enumerate("xyz")}
+    return Recording(
+        "multi-position", "by hand", BENCH, Site(None, 0.0, 9.8), {}, np.arange(len(at)) * 1.0, at, channels
+    )
+
+
+def tilted(rows: int, **units: str) -> Recording:
+    rng = np.random.default_rng(5)
+    channels = {(q, a): 1e-3 * rng.standard_normal(rows) for q in ("specific_force", "angular_rate") for a in "xyz"}
+    return Recording("rotation", "table", BENCH, Site(0.7, 0.0, 9.8), {}, np.arange(rows) * 0.01, None, channels,
+                     units={k: units.get(k[0], "m/s^2") for k in channels})  # fmt: skip
+
+
+def few_stars(count: int) -> Recording:
+    rng, elevation, azimuth = stars(1)
+    return pointing_run(elevation, azimuth, (elevation, azimuth), rng).select(slice(0, count))
+
+
+REFUSED = {
+    "one row": (lambda: CLEAN.select([0]), (), "'plant' gives 3 numbers, and the constants of the model take up 3 of"),
+    "two rows, two positions": (lambda: CLEAN.select([0, 120]), (), "the constants of the model take up 6 of them"),
+    "one row at rest": (lambda: AT_REST.select([0]), (), "'plant at rest' gives 6 numbers, and the constants of the"),
+    "never at rest": (lambda: replace(CLEAN, position=0 * CLEAN.position), (), "'plant' has no dwell"),
+    "no noise to be seen": (lambda: replace(first_rows(CLEAN, 2), noise={}), (), "'plant' states no noise of the accel"),
+    "NaN force": (lambda: spoiled(("specific_force", "y")), (), "'plant', row 10, specific_force y: the value is not"),
+    "NaN temperature": (lambda: spoiled(TEMPERATURE), (), "'plant', row 10, temperature: the value is not a finite"),
+    "no force": (lambda: changed(CLEAN, without=["specific_force"]), (), "'plant' has no specific_force channel"),
+    "by hand, no force": (lambda: changed(by_hand(12), without=["specific_force"]), (), "'by hand' leaves nothing to"),
+    "by hand, nine positions": (lambda: by_hand(9), (), "'by hand' gives 9 numbers, and the constants of the model"),
+    "one star": (lambda: few_stars(1), (), "gives 2 numbers, and the constants of the model take up 2 of them"),
+    "a short table": (lambda: tilted(150), (), "'table' lasts 1.5 s: a tilting table is judged by means over 1 s"),
+    "a table in counts": (lambda: tilted(900, specific_force="count"), (), "'table' reads in count: a tilting table"),
+    "another kind": (lambda: CLEAN, ("refraction",), "the baseline names 'refraction', which shows in pointing record"),
+    "no thermometer": (lambda: changed(CLEAN, without=["temperature"]), ("bias", "bias_temperature"),
+                       "the baseline names 'bias_temperature', which needs temperature, and 'plant' has none"),
+    "no such log": (lambda: CLEAN, ("pressure",), "'pressure', which needs covariate:pressure, and 'plant' has none"),
+    "no log": (lambda: CLEAN, ("bias_covariate",), "'bias_covariate', which needs covariate, and 'plant' has none"),
+    "two logs": (lambda: changed(CLEAN, {("covariate", k): CLEAN.time for k in "ab"}), ("bias_covariate",),
+                 "'bias_covariate', which follows one covariate, and 'plant' has 2 of them"),
+    "no north": (lambda: by_hand(12), ("magnetic_field",), "'magnetic_field', which needs gimbals"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_cannot_be_diagnosed_is_refused_in_one_sentence(name: str) -> None:
+    made, baseline, sentence = REFUSED[name]
+    with pytest.raises(InputError) as refusal:
+        diagnose([made()], baseline=baseline)
+    assert sentence in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_law_that_reads_the_same_for_different_forces_is_refused() -> None:
+    with pytest.raises(InputError, match="different forces read the same"):
+        solved(lambda f: 0 * f, np.ones((4, 3)))
+
+
+def test_rows_are_listed_however_few() -> None:
+    """Words for the rows that are off most, however few there are."""
+    v = pointing(few_stars(4))
+    assert largest(v, "across", 1.0, 2.0, np.array([2, 0, 1])).endswith("largest at stars 3, 1 and 2")
+    assert largest(v, "across", 1.0, 2.0, np.array([1])).endswith("largest at stars 2")
+
+
+@pytest.mark.parametrize("name", ["one row", "no force"])
+def test_the_command_line_says_it_and_ends_with_status_2(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(REFUSED[name][0](), tmp_path / "rec")
+    monkeypatch.setattr("sys.argv", ["gimbalcal", "diagnose", str(tmp_path / "rec"), "--quiet"])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    shown = capsys.readouterr()
+    assert stop.value.code == 2
+    assert shown.out == ""
+    assert shown.err.count("\n") == 1
+    assert shown.err.startswith("gimbalcal: ")
