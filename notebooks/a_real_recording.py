@@ -10,9 +10,9 @@
 # ---
 
 # %% [markdown]
-
-# %% [markdown]
 # # A real recording: an Xsens unit turned by hand
+#
+# *A notebook as text: VS Code, PyCharm and Spyder run it cell by cell; for Jupyter see README.md beside it.*
 #
 # No gimbals, no angles, raw counts. All that is known is that gravity has the same size in every position. How far does
 # that go, and where does the recording stop supporting more?

@@ -10,9 +10,9 @@
 # ---
 
 # %% [markdown]
-
-# %% [markdown]
 # # From coarse to fine to system level
+#
+# *A notebook as text: VS Code, PyCharm and Spyder run it cell by cell; for Jupyter see README.md beside it.*
 #
 # The three stages of Wu et al. (2018) on a recording whose truth is known: 18 positions of ten minutes, then 48 hours in
 # which the platform stands still in inertial space and the Earth turns below it. What does each stage add?

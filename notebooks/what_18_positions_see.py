@@ -12,6 +12,8 @@
 # %% [markdown]
 # # What do 18 positions see?
 #
+# *A notebook as text: VS Code, PyCharm and Spyder run it cell by cell; for Jupyter see README.md beside it.*
+#
 # Wu et al. (2018) turn a space-stable platform through 18 positions and fit 18 coefficients. Which of them can such a
 # recording determine, how well, and which not at all? Nothing needs to be recorded to know: the derivative of the
 # forward model by each coefficient says it.
