@@ -8,6 +8,7 @@ prior, so that the search is paid for.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -177,7 +178,7 @@ def _of_effect(o: Observations, effect_id: str, source: str, blocks: list[Array]
     wanted = parameters(cls, o.stimulus.axis_names)
     fields = constant_fields(effect_id)
     made: list[tuple[tuple[tuple[str, float], ...], range, Array]] = []
-    for values in product_grid([grid(effect_id, f, o) for f in fields]):
+    for values in itertools.product(*(grid(effect_id, f, o).tolist() for f in fields)):
         named = tuple((f.name, v) for f, v in zip(fields, values, strict=True))
         X = scaled_columns(o, absent_effect(effect_id, o.stimulus, source, **dict(named)), wanted)
         made.append((named, _append(blocks, X), X))
@@ -195,18 +196,15 @@ def _of_effect(o: Observations, effect_id: str, source: str, blocks: list[Array]
     return out
 
 
-def product_grid(grids: Sequence[Array]) -> list[tuple[float, ...]]:
-    """Every combination of constants."""
-    out: list[tuple[float, ...]] = [()]
-    for g in grids:
-        out = [(*head, float(v)) for head in out for v in g]
-    return out
-
-
 def scaled_columns(o: Observations, effect: Effect, wanted: Sequence[Parameter]) -> Array:
     """Reduced columns (R, p) of an effect per prior sigma of each parameter."""
     X = o.columns(effect, wanted) * np.array([p.sigma for p in wanted])
     return o.reduce(np.nan_to_num(X))
+
+
+def columns_at(o: Observations, c: Candidate, constants: Sequence[tuple[str, float]]) -> Array:
+    """Reduced columns (R, p) of a cause at these non-linear constants, per prior sigma."""
+    return scaled_columns(o, absent_effect(c.effect, o.stimulus, c.source, **dict(constants)), c.parameters)
 
 
 # --- the rivals: shapes without a cause -------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ import numpy as np
 
 from gimbalcal.diagnose.candidates import Candidate
 from gimbalcal.diagnose.evidence import ANY_SIZE, Projection, log_bayes
-from gimbalcal.diagnose.search import Hypothesis, Ranking, Search
+from gimbalcal.diagnose.search import Hypothesis, Ranking, Search, given
 from gimbalcal.number import Array
 
 CLAIM = np.log(20.0)  # simulated clean recordings reach it in less than 1 in 1000; 1 in 20 would be the bound
@@ -59,8 +59,6 @@ def strained(s: Search, members: Sequence[int]) -> float:
     A law much like the truth leaves a rest, and a larger noise takes it up; what was stated does not. The noise may
     well be larger, so the cause stays named, but it is not sure.
     """
-    from gimbalcal.diagnose.search import given
-
     likelihood = []
     for p, ln in zip(s.projections, s.null, strict=True):
         here, total = p, float(ln) - float(np.log(p.node.prior))
@@ -181,8 +179,6 @@ def _widened(s: Ranking, p: Array, member: int, alike: tuple[int, ...], beside: 
 def likeliest(s: Search, beside: Sequence[int] = ()) -> Array:
     """ln evidence (candidates,) at each one's best size and constants, relative to nothing, noise integrated over."""
     from scipy.special import logsumexp
-
-    from gimbalcal.diagnose.search import given
 
     rows = []
     for p, ln in zip(s.projections, s.null, strict=True):

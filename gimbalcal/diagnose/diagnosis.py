@@ -28,6 +28,7 @@ from gimbalcal.diagnose.search import Search, search
 from gimbalcal.diagnose.threshold import clean_evidence
 from gimbalcal.diagnose.unstated import applies, diagnose_unstated
 from gimbalcal.diagnose.verify import physical_columns, residual_rows, verify
+from gimbalcal.diagnose.views import SENSORS
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.joint import analyse
@@ -142,7 +143,7 @@ def searched(recording: Recording, calibration: Calibration | None, baseline: tu
 
 def carried(calibration: Calibration | None, baseline: Sequence[str]) -> tuple[Effect, ...]:
     """Effects of a calibration that hold on another day: the baseline's and the sensors', not how the rig stood."""
-    held = {Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER, Stage.GYROSCOPE}
+    held = {*SENSORS, Stage.GYROSCOPE}
     return tuple(e for e in (calibration.effects if calibration else ()) if e.id in baseline or e.stage in held)
 
 

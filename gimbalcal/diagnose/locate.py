@@ -64,7 +64,7 @@ def scan(o: Observations, rows: Rows, node: Node, rng: np.random.Generator, expl
     least = clean_tails.min(axis=0)
     family = (1 + (least[None, :] <= tails[:, None]).sum(axis=1)) / (1 + DRAWS)
     # beyond the draws: Sidak's bound over as many independent cells as the simulated minimum behaves like
-    effective = max(1.0, float(np.median(np.log(0.5) / np.log1p(-np.clip(np.median(least), 1e-12, 0.5)))))
+    effective = max(1.0, float(np.log(0.5) / np.log1p(-np.clip(np.median(least), 1e-12, 0.5))))
     bound = -np.expm1(effective * np.log1p(-np.clip(tails, 0.0, 1 - 1e-15)))
     return Scan(tuple(cells), statistic, np.where(family <= 2 / (1 + DRAWS), np.minimum(bound, family), family))
 

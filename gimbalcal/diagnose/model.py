@@ -19,7 +19,7 @@ from gimbalcal.number import Array
 
 @dataclass(frozen=True)
 class Fit:
-    """Sizes (p,) in prior sigmas with covariance (p, p), their columns, significance, noise chosen, misfits."""
+    """Sizes (p,) in prior sigmas with covariance (p, p), the columns they belong to, and the likeliest noise."""
 
     members: tuple[int, ...]
     variants: tuple[int, ...]
@@ -28,15 +28,12 @@ class Fit:
     covariance: Array
     significance: tuple[float, ...]  # per member, sigmas beyond what everything else explains
     projection: Projection
-    misfit_before: float
-    misfit_after: float
-    weights: Array  # (nodes,) posterior of the noise
 
 
 def fit(s: Search, members: Sequence[int]) -> Fit:
     """Joint fit of the members in the noise that their presence makes likely."""
     candidates = s.library.candidates
-    k, variants = _choose(s, members)
+    variants = _choose(s, members)
     index = tuple(i for m, v in zip(members, variants, strict=True) for i in candidates[m].variants[v].index)
     at = np.array(index, dtype=int)
     weights = _weights(s, at)
@@ -48,16 +45,14 @@ def fit(s: Search, members: Sequence[int]) -> Fit:
     x = np.einsum("k,kp->p", weights, np.array(xs))
     spread = np.array(xs) - x
     covariance = np.einsum("k,kpq->pq", weights, np.array(Cs)) + np.einsum("k,kp,kq->pq", weights, spread, spread)
-    k = int(np.argmax(weights))
-    p = s.projections[k]
-    after = float(p.misfit[0] - p.b[at, 0] @ xs[k])
+    p = s.projections[int(np.argmax(weights))]
     significance = _significance(p, candidates, members, variants)
-    return Fit(tuple(members), variants, index, x, covariance, significance, p, float(p.misfit[0]), after, weights)
+    return Fit(tuple(members), variants, index, x, covariance, significance, p)
 
 
-def _choose(s: Search, members: Sequence[int]) -> tuple[int, tuple[int, ...]]:
-    """The noise and the constants under which the members, one after the other, are likeliest."""
-    best: tuple[float, int, tuple[int, ...]] = (-np.inf, 0, ())
+def _choose(s: Search, members: Sequence[int]) -> tuple[int, ...]:
+    """The variants of the members that are likeliest in any one noise, chosen one after the other."""
+    best: tuple[float, tuple[int, ...]] = (-np.inf, ())
     for k, p in enumerate(s.projections):
         chosen: list[int] = [0] * len(members)
         for _ in range(2):
@@ -67,8 +62,8 @@ def _choose(s: Search, members: Sequence[int]) -> tuple[int, tuple[int, ...]]:
                 chosen[j] = int(np.argmax([gain(p, others, v.index) for v in s.library.candidates[m].variants]))
         index = [i for m, v in zip(members, chosen, strict=True) for i in s.library.candidates[m].variants[v].index]
         ln = gain(p, [], index) / 2 + float(s.null[k])
-        best = max(best, (ln, k, tuple(chosen)), key=lambda b: b[0])
-    return best[1], best[2]
+        best = max(best, (ln, tuple(chosen)), key=lambda b: b[0])
+    return best[1]
 
 
 def gain(p: Projection, others: Sequence[int], index: Sequence[int]) -> float:
@@ -122,16 +117,10 @@ def constant_value(s: Search, f: Fit, j: int) -> tuple[tuple[str, float, float],
 def calibration_fit(s: Search, f: Fit) -> tuple[Array, Array, Array]:
     """Calibration constants, in prior sigmas, without and with what was found, and their sigma with it (q,) each."""
     o, node = s.o, f.projection.node
-    Z, y = o.reduce(o.Z), o.reduce(o.y[:, :, None])
-    X = s.library.X[:, list(f.index)]
-    low = s.rows.low.shape[0]
-
-    def whitened(A: Array) -> Array:
-        return np.concatenate([node.whiten(A[:low]), A[low:]])
-
-    Zw, Xw, yw = whitened(Z), whitened(X), whitened(y)[:, 0]
-    before = np.linalg.lstsq(Zw, yw, rcond=1e-9)[0]
-    A = np.concatenate([Zw, Xw], axis=1)
-    after = np.linalg.lstsq(A, yw, rcond=1e-9)[0][: Z.shape[1]]
+    Z, X, y = (node.whiten(A) for A in (o.reduce(o.Z), s.library.X[:, list(f.index)], o.reduce(o.y[:, :, None])))
+    q = Z.shape[1]
+    before = np.linalg.lstsq(Z, y[:, 0], rcond=1e-9)[0]
+    A = np.concatenate([Z, X], axis=1)
+    after = np.linalg.lstsq(A, y[:, 0], rcond=1e-9)[0][:q]
     C = np.linalg.pinv(A.T @ A, rcond=1e-12, hermitian=True)
-    return before, after, np.sqrt(np.diag(C)[: Z.shape[1]])
+    return before, after, np.sqrt(np.diag(C)[:q])

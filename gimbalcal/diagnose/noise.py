@@ -39,7 +39,10 @@ class Node:
     inverse_root: Array  # (R, R) lower triangle inverse, or (R,) diagonal
 
     def whiten(self, rows: Array) -> Array:
-        """Rows (R, p) to unit covariance."""
+        """Reduced rows (R, p) to unit covariance; those beyond the coloured ones have it already."""
+        coloured = len(self.inverse_root)
+        if len(rows) > coloured:
+            return np.concatenate([self.whiten(rows[:coloured]), rows[coloured:]])
         if self.inverse_root.ndim == 1:
             return np.asarray(self.inverse_root[:, None] * rows)
         return np.asarray(self.inverse_root @ rows)

@@ -11,7 +11,7 @@ transform of each channel, in which white noise stays white and a random walk be
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from gimbalcal.estimate.information import information, solve
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.kinematics import lost_to_averaging, stimulus
 from gimbalcal.number import STEP, Array
-from gimbalcal.recording import Recording, block_means, dwells
+from gimbalcal.recording import SENSORS, Recording, block_means, dwells
 
 Key = tuple[str, str]
 BASELINE: Mapping[str, tuple[str, ...]] = {
@@ -32,7 +32,7 @@ BASELINE: Mapping[str, tuple[str, ...]] = {
         "scale_factor", "bias", "misalignment", "gimbal_zero", "base_tilt", "polar_axis_misalignment",
     ),
 }  # fmt: skip
-SENSOR_OF = {"specific_force": "accelerometer", "gimbal_angle": "gimbal_angle", "attitude_error": "attitude"}
+SENSOR_OF = {quantity: sensor for sensor, quantity in SENSORS.items()}
 CHANNELS: Mapping[str, tuple[str, ...]] = {
     "multi-position": ("specific_force",),
     "static-run": ("specific_force", "gimbal_angle", "attitude_error"),
@@ -58,7 +58,6 @@ class Observations:
     sensitivity: Mapping[Stage, Array]  # (n, C, m)
     block: Array  # (n,) ordinal of the block of each row; empty for a static run
     heavy: float = 0.0  # excess kurtosis of the samples
-    notes: tuple[str, ...] = field(default=())
 
     @property
     def kind(self) -> str:
@@ -164,14 +163,17 @@ def _has_axis(p: Parameter, recording: Recording) -> bool:
 
 def measured_channels(recording: Recording) -> tuple[Key, ...]:
     """Channels of this kind of recording that the forward model predicts and the recording has."""
-    out: list[Key] = []
-    for quantity in CHANNELS[recording.kind]:
-        order = {"specific_force": ("x", "y", "z"), "attitude_error": ATTITUDE_AXES}
-        axes = order.get(quantity, recording.platform.axis_names)
-        out += [(quantity, a) for a in axes if (quantity, a) in recording.channels]
+    keys = [(quantity, axis) for quantity in CHANNELS[recording.kind] for axis in _axes(quantity, recording)]
+    out = [key for key in keys if key in recording.channels]
     if not any(q == "specific_force" for q, _ in out):
         raise InputError(f"{recording.title!r} has no specific_force channel: there is nothing to explain")
     return tuple(out)
+
+
+def _axes(quantity: str, recording: Recording) -> tuple[str, ...]:
+    """Axes of a quantity in the order in which the forward model returns them."""
+    order = {"specific_force": ("x", "y", "z"), "attitude_error": ATTITUDE_AXES}
+    return order.get(quantity, recording.platform.axis_names)
 
 
 def row_sigma(recording: Recording, channels: Sequence[Key], measured: Array, visit: Array) -> Array:
@@ -198,10 +200,7 @@ def row_sigma(recording: Recording, channels: Sequence[Key], measured: Array, vi
 
 def select(predicted: Mapping[str, Array], recording: Recording, channels: Sequence[Key]) -> Array:
     """The wanted channels (n, C, ...) of what the forward model returns."""
-    order = {"specific_force": ("x", "y", "z"), "attitude_error": ATTITUDE_AXES}
-    return np.stack(
-        [predicted[q][:, order.get(q, recording.platform.axis_names).index(a)] for q, a in channels], axis=1
-    )
+    return np.stack([predicted[q][:, _axes(q, recording).index(a)] for q, a in channels], axis=1)
 
 
 def _difference(measured: Array, predicted: Array, channels: Sequence[Key]) -> Array:
@@ -223,15 +222,12 @@ def _linear(
 def _sensitivities(
     recording: Recording, s: Stimulus, effects: Sequence[Effect], channels: Sequence[Key], sigma: Array
 ) -> tuple[dict[Stage, Stimulus], dict[Stage, Array]]:
-    k = len(recording.platform.axes)
-    shapes: dict[Stage, tuple[int, ...]] = {Stage.ENCODER: (k,), Stage.AXIS_TILT: (k, 3)}
     met: dict[Stage, Stimulus] = {}
     out = {}
     for stage, probe in _PROBES.items():
-        shape = shapes.get(stage, (3,))
-        size = int(np.prod(shape))
+        shape = _added(stage, recording)
         rows = []
-        for unit in np.eye(size):
+        for unit in np.eye(int(np.prod(shape))):
             added = probe(value=(1j * STEP * unit).reshape(shape), met=met)
             outputs = predict(recording.platform, s, (*effects, added), recording.kind)
             rows.append(select({q: v.imag / STEP for q, v in outputs.items()}, recording, channels))
@@ -241,6 +237,13 @@ def _sensitivities(
             out[stage] = np.stack(rows, axis=-1) / sigma[:, None]
             met[stage] = _real(met[stage])
     return met, out
+
+
+def _added(stage: Stage, recording: Recording) -> tuple[int, ...]:
+    """Shape of what an effect adds to one row at a stage."""
+    k = len(recording.platform.axes)
+    shapes: dict[Stage, tuple[int, ...]] = {Stage.ENCODER: (k,), Stage.AXIS_TILT: (k, 3)}
+    return shapes.get(stage, (3,))
 
 
 def _real(s: Stimulus) -> Stimulus:
@@ -271,8 +274,6 @@ def restimulated(o: Observations, shift: Array, stage: Stage) -> Stimulus:
     x = values(o.baseline, o.constants) + shift * np.array([p.sigma for p in o.constants])
     effects = with_values(o.baseline, o.constants, x, o.stimulus.axis_names)
     met: dict[Stage, Stimulus] = {}
-    k = len(o.recording.platform.axes)
-    shape = {Stage.ENCODER: (k,), Stage.AXIS_TILT: (k, 3)}.get(stage, (3,))
-    probe = _PROBES[stage](value=np.zeros(shape), met=met)
+    probe = _PROBES[stage](value=np.zeros(_added(stage, o.recording)), met=met)
     predict(o.recording.platform, o.stimulus, (*effects, probe), o.kind)
     return met[stage]

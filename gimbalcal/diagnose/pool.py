@@ -16,11 +16,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.candidates import Candidate, Library, Variant, scaled_columns
+from gimbalcal.diagnose.candidates import Candidate, Library, Variant, columns_at
 from gimbalcal.diagnose.combine import Combined
 from gimbalcal.diagnose.evidence import project, rows_like
 from gimbalcal.diagnose.model import Fit, constant_value, fit, gain
-from gimbalcal.diagnose.observations import absent_effect
 from gimbalcal.diagnose.search import Search, prepare
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
@@ -90,7 +89,7 @@ def _common(c: Combined, members: Sequence[int], j: int, own: Sequence[Fit]) -> 
     for k in seen:
         s, n = c.searches[k], _slots(c, members, k).index(j)
         others = [i for o in range(len(own[k].members)) if o != n for i in _index(s, own[k], o)]
-        made = [_at(s, _candidate(c, members[j], k), constants) for constants in tried]
+        made = [columns_at(s.o, _candidate(c, members[j], k), constants) for constants in tried]
         X = np.concatenate([s.library.X[:, others], *made], axis=1)
         p = project(own[k].projection.node, rows_like(s.rows, X))
         beside, width = range(len(others)), made[0].shape[1]
@@ -107,19 +106,13 @@ def _index(s: Search, f: Fit, n: int) -> tuple[int, ...]:
     return s.library.candidates[f.members[n]].variants[f.variants[n]].index
 
 
-def _at(s: Search, found: Candidate, constants: Constants) -> Array:
-    """Reduced columns of a cause at these constants."""
-    return scaled_columns(s.o, absent_effect(found.effect, s.o.stimulus, found.source, **dict(constants)),
-                          found.parameters)  # fmt: skip
-
-
 def _columns(s: Search, f: Fit, n: int, constants: Constants | None) -> tuple[Candidate, Variant, Array]:
     """The n-th fitted cause at the common constants, or as this recording alone has it."""
     found = s.library.candidates[f.members[n]]
     v = found.variants[f.variants[n]]
     if constants is None:
         return found, v, s.library.X[:, list(v.index)]
-    return found, Variant(constants, ()), _at(s, found, constants)
+    return found, Variant(constants, ()), columns_at(s.o, found, constants)
 
 
 def _only(s: Search, chosen: Sequence[tuple[Candidate, Variant, Array]]) -> Search:

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.candidates import Candidate
+from gimbalcal.diagnose.candidates import Candidate, columns_at
 from gimbalcal.diagnose.evidence import orthonormal
 from gimbalcal.diagnose.noise import nominal
-from gimbalcal.diagnose.observations import Observations, absent_effect, observe
+from gimbalcal.diagnose.observations import Observations, observe
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 
@@ -37,11 +37,10 @@ class Manoeuvre:
 
 @dataclass(frozen=True)
 class Advice:
-    """The best manoeuvre, what it is expected to bring, and what the recording brings as it is."""
+    """The best manoeuvre ("" where none helps), the log Bayes factor it is expected to bring, and its hours."""
 
     words: str
     ln_bayes: float
-    now: float
     hours: float
 
 
@@ -49,12 +48,11 @@ def advise(o: Observations, found: Candidate, variant: int, size: Array, other: 
     """The manoeuvre that separates `found`, at its fitted size in prior sigmas, from `other` fastest."""
     step = max(1, len(o.recording.time) // ENOUGH) if o.kind == "static-run" else 1
     thin = o.recording.select(slice(None, None, step))
-    now = separation(o, found, variant, size, other)
-    best = Advice("", 0.0, now, 0.0)
+    best = Advice("", 0.0, 0.0)
     for m in menu(thin):
         gained = step * separation(observe_design(m.apply(thin), o), found, variant, size, other)
         if gained > SETTLED and (not best.words or gained / m.hours > best.ln_bayes / best.hours):
-            best = Advice(m.words, gained, now, m.hours)
+            best = Advice(m.words, gained, m.hours)
     return best
 
 
@@ -69,27 +67,16 @@ def sentence(a: Advice, found: Candidate, other: Candidate) -> str:
 def separation(o: Observations, found: Candidate, variant: int, size: Array, other: Candidate) -> float:
     """Expected log Bayes factor between the two causes in the nominal noise."""
     node = nominal(o)
-    Z = o.reduce(o.Z)
-    low = node.inverse_root.shape[0]
-
-    def whitened(A: Array) -> Array:
-        return np.concatenate([node.whiten(A[:low]), A[low:]])
-
-    Q = orthonormal(whitened(Z))
-    signal = whitened(_columns(o, found, variant) @ size[:, None])[:, 0]
+    Q = orthonormal(node.whiten(o.reduce(o.Z)))
+    signal = node.whiten(columns_at(o, found, found.variants[variant].constants) @ size[:, None])[:, 0]
     signal = signal - Q @ (Q.T @ signal)
     least = float(signal @ signal)
-    for k in range(min(len(other.variants), TRIED)):
-        X = whitened(_columns(o, other, k))
+    for v in other.variants[:TRIED]:
+        X = node.whiten(columns_at(o, other, v.constants))
         X = X - Q @ (Q.T @ X)
         left = signal - X @ np.linalg.lstsq(X, signal, rcond=1e-9)[0]
         least = min(least, float(left @ left))
     return least / 2
-
-
-def _columns(o: Observations, c: Candidate, variant: int) -> Array:
-    effect = absent_effect(c.effect, o.stimulus, c.source, **dict(c.variants[variant].constants))
-    return o.reduce(np.nan_to_num(o.columns(effect, c.parameters) * np.array([p.sigma for p in c.parameters])))
 
 
 def observe_design(recording: Recording, o: Observations) -> Observations:

@@ -1,6 +1,6 @@
 r"""Non-linear constants made continuous, and effects that bend with their own size taken at that size.
 
-A grid value close to the best is replaced by finer ones that share its prior, so that a finer search is still paid for.
+Finer values are put around the best of the grid and together weigh as much as it does: the search is still paid for.
 """
 
 from __future__ import annotations
@@ -10,9 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.candidates import Candidate, Library, Variant, constant_fields, limits, scaled_columns
+from gimbalcal.diagnose.candidates import Candidate, Library, Variant, columns_at, constant_fields, limits
 from gimbalcal.diagnose.evidence import SIZE_PRIOR, Projection, Rows, extended, log_bayes, mixed
-from gimbalcal.diagnose.noise import Node
 from gimbalcal.diagnose.observations import Observations, absent_effect, restimulated
 from gimbalcal.effects import CATALOGUE, Effect, Stimulus, with_values
 from gimbalcal.number import Array
@@ -56,7 +55,7 @@ def _continuous(c: Candidate) -> bool:
 
 
 def _narrowed(o: Observations, c: Candidate, p: Projection, rows: Rows) -> list[tuple[Variant, Array]]:
-    """Finer values of each constant in turn about the best variant; together they carry that variant's prior."""
+    """Finer values of each constant in turn about the best variant; as heavy together as it, then a third of that."""
     score = [_score(p.G[np.ix_(v.index, v.index)], p.b[list(v.index), 0]) for v in c.variants]
     start = c.variants[int(np.argmax(score))]
     here = dict(start.constants)
@@ -69,11 +68,12 @@ def _narrowed(o: Observations, c: Candidate, p: Projection, rows: Rows) -> list[
         for f in fields:
             low, high = limits(f, o) if f.name != "epoch" else (0.0, float(o.stimulus.time[-1]))
             for value in np.clip(_between(*ranges[f.name], f.name), low, high):
-                X = _columns(o, c, {**here, f.name: float(value)})
+                there = {**here, f.name: float(value)}
+                X = columns_at(o, c, tuple(there.items()))
                 ln = _score(*extended(p.node, rows, X))
-                made.append((Variant(tuple({**here, f.name: float(value)}.items()), (), share / FINE), X))
+                made.append((Variant(tuple(there.items()), (), share / FINE), X))
                 if ln > best:
-                    best, here = ln, {**here, f.name: float(value)}
+                    best, here = ln, there
             ranges[f.name] = _shrunk(ranges[f.name], here[f.name])
         share /= 3
         if best - before < 0.3:
@@ -99,10 +99,6 @@ def _shrunk(cell: tuple[float, float], value: float) -> tuple[float, float]:
     return value - width, value + width
 
 
-def _columns(o: Observations, c: Candidate, constants: dict[str, float]) -> Array:
-    return scaled_columns(o, absent_effect(c.effect, o.stimulus, c.source, **constants), c.parameters)
-
-
 def _score(G: Array, b: Array) -> float:
     return float(mixed(log_bayes(G, b), SIZE_PRIOR))
 
@@ -116,7 +112,7 @@ def _relinearised(o: Observations, c: Candidate, p: Projection) -> list[tuple[Va
     """
     if CATALOGUE[c.effect].linear or len(c.parameters) != 1:
         return []
-    Z, y = (_whitened(p.node, o.reduce(A)) for A in (o.Z, o.y[:, :, None]))
+    Z, y = (p.node.whiten(o.reduce(A)) for A in (o.Z, o.y[:, :, None]))
     at = c.variants[0].index[0]
     tangent = float(p.b[at, 0] / max(p.G[at, at], 1e-12)) * c.parameters[0].sigma
     if tangent == 0.0:
@@ -131,12 +127,6 @@ def _relinearised(o: Observations, c: Candidate, p: Projection) -> list[tuple[Va
             break
         best = better
     return [(Variant(c.variants[0].constants, (), 1.0, b.column), o.reduce(b.column[:, :, None])) for b in tried]
-
-
-def _whitened(node: Node, A: Array) -> Array:
-    """All reduced rows to unit covariance; those beyond the coloured ones have it already."""
-    low = node.inverse_root.shape[0]
-    return np.concatenate([node.whiten(A[:low]), A[low:]])
 
 
 @dataclass(frozen=True)
@@ -158,7 +148,7 @@ def _bent(
     s = o.seen[stage]
     for _ in range(SECANTS):
         column = _secant(o, c, size, _other_side(s, c.axis, turned, size))
-        A = np.concatenate([Z, _whitened(p.node, o.reduce(column[:, :, None]))], axis=1)
+        A = np.concatenate([Z, p.node.whiten(o.reduce(column[:, :, None]))], axis=1)
         x = np.linalg.lstsq(A, y[:, 0], rcond=1e-9)[0]
         found = float(x[-1]) * sigma
         if found == 0.0 or abs(found - size) < 0.01 * abs(size):

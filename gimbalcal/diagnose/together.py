@@ -30,7 +30,7 @@ from gimbalcal.diagnose.diagnosis import (
     shape,
     sources,
 )
-from gimbalcal.diagnose.locate import Scan, told
+from gimbalcal.diagnose.locate import LISTED, Scan, told
 from gimbalcal.diagnose.model import fit
 from gimbalcal.diagnose.observations import BASELINE
 from gimbalcal.diagnose.pool import Part, agreement, constants_of, parts, pooled
@@ -44,8 +44,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 
 DIFFER = 1e-3  # p-value of agreement below which a size is said to differ between recordings
-LISTED = 6  # mismatches that are told
-AVERAGED = ("chi2_reduced", "heldout")
+AVERAGED = ("chi2_reduced", "heldout")  # numbers of a fit that are averages over its rows
 
 
 @dataclass(frozen=True)

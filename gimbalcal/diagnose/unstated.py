@@ -156,7 +156,7 @@ def _sigma(v: View, end: Model) -> Array:
     """One sigma of each row and channel (n, C): the scatter about the last model, spread as the samples' noise is."""
     r = weighted(v, end.r)
     shape = np.ones_like(end.r) if v.sigma is None else v.sigma / v.sigma.min()
-    free = max(r.size - np.linalg.matrix_rank(end.J.reshape(r.size, -1), tol=None), 1)
+    free = max(r.size - np.linalg.matrix_rank(end.J.reshape(r.size, -1)), 1)
     return np.asarray(shape * np.sqrt((r**2).sum() / free))
 
 

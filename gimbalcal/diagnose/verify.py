@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.diagnose.model import Fit
-from gimbalcal.diagnose.observations import Observations
+from gimbalcal.diagnose.observations import Observations, absent_effect
 from gimbalcal.diagnose.search import Search
 from gimbalcal.number import Array, eigh
 
@@ -70,9 +70,7 @@ def _whitened(s: Search, f: Fit, physical: Array) -> tuple[Array, Array, Array, 
     node = f.projection.node
     visits = o.stimulus.visit[np.flatnonzero(np.diff(o.block, prepend=-1))]
     inside = _inside_dwell(s, f)
-    part = np.flatnonzero(np.diff(o.block, prepend=-1))
     ordinal = np.array([np.sum(visits[:i] == v) for i, v in enumerate(visits)]) if inside else visits
-    del part
     rows = [node.whiten(A) for A in (o.reduce(o.Z), o.reduce(physical), o.reduce(o.y[:, :, None]))]
     return rows[0], rows[1], rows[2][:, 0], np.repeat(ordinal, C), "parts of each dwell" if inside else "position"
 
@@ -112,8 +110,6 @@ def _held_out(A: Array, y: Array, fold: Array) -> float:
 
 def physical_columns(s: Search, f: Fit) -> Array:
     """Columns (n, C, p) of what was found, before reduction, per prior sigma."""
-    from gimbalcal.diagnose.observations import absent_effect
-
     o = s.o
     out = [np.zeros((*o.y.shape, 0))]
     for m, v in zip(f.members, f.variants, strict=True):

@@ -180,7 +180,7 @@ REFUSED = {
     "two rows, two positions": (lambda: CLEAN.select([0, 120]), (), "the constants of the model take up 6 of them"),
     "one row at rest": (lambda: AT_REST.select([0]), (), "'plant at rest' gives 6 numbers, and the constants of the"),
     "never at rest": (lambda: replace(CLEAN, position=0 * CLEAN.position), (), "'plant' has no dwell"),
-    "no noise to be seen": (lambda: replace(first_rows(CLEAN, 2), noise={}), (), "'plant' states no noise of the accel"),
+    "no noise to be seen": (lambda: replace(first_rows(CLEAN, 2), noise={}), (), "states no noise of the"),
     "NaN force": (lambda: spoiled(("specific_force", "y")), (), "'plant', row 10, specific_force y: the value is not"),
     "NaN temperature": (lambda: spoiled(TEMPERATURE), (), "'plant', row 10, temperature: the value is not a finite"),
     "no force": (lambda: changed(CLEAN, without=["specific_force"]), (), "'plant' has no specific_force channel"),
