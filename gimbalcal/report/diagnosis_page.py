@@ -114,6 +114,13 @@ def _chance(p: float) -> str:
     return "< 1e−6" if p < 1e-6 else minus(f"{p:.2g}")
 
 
+def _probable(p: float) -> str:
+    from gimbalcal.diagnose.decide import OUTSIDE
+
+    highest = p >= 1 - OUTSIDE
+    return f"{100 * p:.3g} % probable" + (", the most that is stated of any cause" if highest else "")
+
+
 def _finding(f: Mapping[str, Any]) -> dict[str, Any]:
     rows = []
     for p in f["parameters"]:
@@ -132,7 +139,7 @@ def _finding(f: Mapping[str, Any]) -> dict[str, Any]:
     sentence = ((card.__doc__ if card else "") or "").strip().split("\n\n")[0].replace("\n", " ")
     return {
         "words": wording.named(f["effect"], str(f.get("axis", "") or "").replace("_", " ")),
-        "probability": f"{100 * f['probability']:.1f} %",
+        "probability": _probable(float(f["probability"])),
         "share": max(0.0, min(100.0, 100 * f["probability"])),
         "sigma": f"{f['sigma']:.1f} σ",
         "physics": wording.typeset(str(f.get("physics") or sentence)),

@@ -10,7 +10,7 @@ from gimbalcal.report.figures import Panel
 CUBIC = {
     "effect": "cubic_nonlinearity",
     "axis": "y",
-    "probability": 0.98,
+    "probability": 0.78,
     "sigma": 24.1,
     "parameters": [{"name": "K3", "value": 16.2, "sigma": 0.7, "unit": "ug/g^3"}],
     "twins": [],
@@ -70,7 +70,12 @@ def test_every_verdict_makes_a_page_that_escapes(verdict: str) -> None:
     assert "<script>" not in page
     assert "<b>rig" not in page
     assert "16.2" in page
-    assert "98.0 % probable, 24.1 σ" in page
+    assert "78 % probable; 24.1 σ" in page
+
+
+def test_the_highest_probability_is_said_to_be_the_highest() -> None:
+    page = diagnosis_report(diagnosis(findings=[CUBIC | {"probability": 0.9}]))
+    assert "90 % probable, the most that is stated of any cause" in page
 
 
 def test_the_picture_tells_its_numbers_to_those_who_cannot_see_it() -> None:
