@@ -11,15 +11,18 @@ The gimbals say how the Earth's rate lies in the unit, up to the heading psi of 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 import gimbalcal
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.diagnose import unstated_words, wording
+from gimbalcal.diagnose.decide import Decision
+from gimbalcal.diagnose.diagnosis import VERDICTS, Diagnosis, files
+from gimbalcal.diagnose.forces import diagnose_forces
 from gimbalcal.diagnose.model import calibration_fit, fit
 from gimbalcal.diagnose.observations import absent_effect
 from gimbalcal.diagnose.search import Search
@@ -34,16 +37,10 @@ from gimbalcal.estimate.multiposition import LINEAR, multiposition
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import ideal_force, stimulus
 from gimbalcal.number import Array
+from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.units import is_raw
 
-if TYPE_CHECKING:
-    from gimbalcal.diagnose.decide import Decision
-    from gimbalcal.diagnose.diagnosis import Diagnosis
-
-Tell = Callable[[str], None]
-Forces = Callable[[Recording, Sequence[str]], "tuple[Diagnosis, Search, Decision]"]
-ORDER = ("adequate", "not-identifiable", "unexplained", "missing-physics")
 RESTS = 6  # fewer do not tell a pattern of the pose from chance
 
 
@@ -54,10 +51,9 @@ def has_gyroscopes(recording: Recording) -> bool:
 
 
 def diagnose_gimballed(
-    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell,
-    forces: Forces,
-) -> Diagnosis:  # fmt: skip
-    """What was left out of the models of both triads; `forces` diagnoses forces at known angles.
+    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
+) -> Diagnosis:
+    """What was left out of the models of both triads.
 
     A baseline of gyroscope effects alone asks for the gyroscopes alone, and so on. Raises InputError for a rotation
     without rests.
@@ -65,7 +61,8 @@ def diagnose_gimballed(
     recording = _with_rests(recording)
     mine = [i for i in baseline if not i.startswith("gyro_")]
     gyro = [i for i in baseline if i.startswith("gyro_")]
-    found = forces(recording, mine) if recording.has(FORCE) and (mine or not baseline) else None
+    asked = recording.has(FORCE) and (mine or not baseline)
+    found = diagnose_forces(recording, calibration, mine, seed, tell) if asked else None
     if found is not None and ((mine and not gyro) or not recording.has(RATE)):
         return found[0]
     made = calibration if found is None else _accelerometers(found[1], found[2])
@@ -174,7 +171,7 @@ class _Part:
     def rank(self) -> tuple[int, float]:
         """Verdict, then how far it is off."""
         off = 0.0 if self.said.verdict == "adequate" else float(self.said.fit["chi2_reduced_before"])
-        return ORDER.index(self.said.verdict), off
+        return VERDICTS.index(self.said.verdict), off
 
 
 def _part_of_forces(d: Diagnosis) -> _Part:
@@ -188,8 +185,6 @@ def _together(
     recording: Recording, forces: Diagnosis | None, told: Sequence[Told], notes: Sequence[str],
     baseline: Sequence[str], seed: int,
 ) -> Diagnosis:  # fmt: skip
-    from gimbalcal.diagnose.diagnosis import Diagnosis
-
     parts = [] if forces is None else [_part_of_forces(forces)]
     parts += [_Part(t.view.name, t, unstated_words.of_view(t.view, t.fit, t.findings, t.verdict)) for t in told]
     if not parts:
@@ -203,7 +198,7 @@ def _together(
     options = {"seed": seed} if forces is None else dict(forces.provenance["options"])
     provenance: dict[str, Any] = {
         "version": gimbalcal.__version__,
-        "recordings": [{"path": r.path, "sha256": r.sha256} for r in recording.source],
+        "recordings": files(recording),
         **({} if forces is None else forces.provenance),
         "options": {**options, "baseline": list(baseline) or [*_ids(options), *ids]},
         "views": [p.name for p in parts],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,7 @@ from gimbalcal.diagnose.search import PAIR, SINGLE, UNKNOWN
 from gimbalcal.diagnose.views import View
 from gimbalcal.effects import Effect, Parameter, values, with_values
 from gimbalcal.number import Array
+from gimbalcal.pipeline import Tell
 
 MOST = 8  # rounds
 EXCHANGE = 1.0  # ln of odds by which another cause must be likelier to take a place
@@ -100,7 +101,7 @@ def start(v: View) -> Model:
     return refit(v, with_values((), wanted, np.zeros(len(wanted)), v.stimulus.axis_names), wanted)
 
 
-def course(v: View, tell: Callable[[str], None]) -> Course:
+def course(v: View, tell: Tell) -> Course:
     """Forward in white noise as long as anything is claimed, exchanging what fits better; back in noise with memory.
 
     A wandering noise can stand in for the first of several causes, not for all: so it has its say at the end.
@@ -120,9 +121,7 @@ def course(v: View, tell: Callable[[str], None]) -> Course:
     return steps_of(v, first, taken)
 
 
-def exchanged(
-    v: View, first: Model, taken: Sequence[Taken], tell: Callable[[str], None], memory: bool = False
-) -> list[Taken]:
+def exchanged(v: View, first: Model, taken: Sequence[Taken], tell: Tell, memory: bool = False) -> list[Taken]:
     """Each cause in turn gives way if another cause, or two, belong in its place."""
     out = list(taken)
     for cause, variant in taken:
@@ -136,7 +135,7 @@ def exchanged(
     return out
 
 
-def pruned(v: View, first: Model, taken: Sequence[Taken], tell: Callable[[str], None]) -> list[Taken]:
+def pruned(v: View, first: Model, taken: Sequence[Taken], tell: Tell) -> list[Taken]:
     """Without the causes that noise with a memory explains as well."""
     out = list(taken)
     while out:

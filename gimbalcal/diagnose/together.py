@@ -18,18 +18,8 @@ from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.baseline import lacking
 from gimbalcal.diagnose.combine import Combined, clean_together, combine, decide_together
 from gimbalcal.diagnose.decide import CLAIM, Decision, decide
-from gimbalcal.diagnose.diagnosis import (
-    Curves,
-    Diagnosis,
-    Tell,
-    constants,
-    finding,
-    measured,
-    printed,
-    searched,
-    shape,
-    sources,
-)
+from gimbalcal.diagnose.diagnosis import Curves, Diagnosis, files
+from gimbalcal.diagnose.forces import constants, finding, measured, printed, searched, shape
 from gimbalcal.diagnose.locate import LISTED, Scan, told
 from gimbalcal.diagnose.model import fit
 from gimbalcal.diagnose.observations import BASELINE
@@ -41,6 +31,7 @@ from gimbalcal.diagnose.views import SENSORS
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
+from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording
 
 DIFFER = 1e-3  # p-value of agreement below which a size is said to differ between recordings
@@ -133,7 +124,7 @@ def _report(c: Combined, d: Decision, clean: Array, shares: tuple[Share, ...], o
     fitted = {**_sums(shares, lead), "recordings": [_row(c, k, x) for k, x in enumerate(shares)]}
     provenance = {
         "version": gimbalcal.__version__,
-        "recordings": [row for s in c.searches for row in sources(s)],
+        "recordings": [row for s in c.searches for row in files(s.o.recording)],
         "options": options,
         "ln_bayes_factor": round(c.ln_total, 3),
         "ln_bayes_factor_needed": round(max(CLAIM, float(np.quantile(clean, 0.99))), 3),

@@ -7,9 +7,9 @@ A unit turned by hand has two views: its accelerometers through the norm of grav
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,19 +17,18 @@ import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import unstated_words, wording
 from gimbalcal.diagnose.decide import stated
+from gimbalcal.diagnose.diagnosis import VERDICTS, Curves, Diagnosis, files
 from gimbalcal.diagnose.instead import Verdict, judged
 from gimbalcal.diagnose.stepwise import Course, Model, course, refined, weighted
 from gimbalcal.diagnose.turning import turned_rates
 from gimbalcal.diagnose.unstated_where import patterns, whereabouts
 from gimbalcal.diagnose.views import FORCE, RATE, View, norm, pointing, rest_rates, table
-from gimbalcal.effects import values
+from gimbalcal.effects import CATALOGUE, values
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
+from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
-
-if TYPE_CHECKING:
-    from gimbalcal.diagnose.diagnosis import Diagnosis
 
 LEFT_OUT = 10  # s: rows of a table closer than this are left out together, the table moves as slowly
 UNSEEN = 0.01  # of the prior sigma: a parameter that is nearer to its prior than this was not seen
@@ -41,9 +40,8 @@ def applies(recording: Recording) -> bool:
 
 
 def diagnose_unstated(
-    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int,
-    tell: Callable[[str], None],
-) -> Diagnosis:  # fmt: skip
+    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
+) -> Diagnosis:
     """What was left out of the models of such a recording."""
     told = [told_of(v, course(v, tell), tell) for v in views(recording, calibration, baseline, tell)]
     if not told:
@@ -55,7 +53,7 @@ def diagnose_unstated(
 
 
 def views(
-    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Callable[[str], None]
+    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell
 ) -> tuple[View, ...]:
     """The views of a recording; a baseline of gyroscope effects alone asks for the gyroscopes alone, and so on."""
     if recording.kind == "pointing":
@@ -90,7 +88,7 @@ class Told:
     after: Array
 
 
-def told_of(v: View, c: Course, tell: Callable[[str], None]) -> Told:
+def told_of(v: View, c: Course, tell: Tell) -> Told:
     """What a course through a view says."""
     tell("asking of each cause what else could stand in its place")
     verdicts = [judged(v, c.end, cause) for s in c.steps for cause, _ in s.taken]
@@ -132,7 +130,6 @@ def _advice(j: Verdict) -> str:
     """What the cards say would show the one and not the other."""
     if not j.twins:
         return ""
-    from gimbalcal.effects import CATALOGUE
 
     def seen(effect: str) -> str:
         card = " ".join((CATALOGUE[effect].__doc__ or "").split())
@@ -233,11 +230,8 @@ def moved(before: Model, after: Model) -> list[dict[str, Any]]:
 
 
 def _together(recording: Recording, told: Sequence[Told], baseline: Sequence[str], seed: int) -> Diagnosis:
-    from gimbalcal.diagnose.diagnosis import Diagnosis
-
-    order = ("adequate", "not-identifiable", "unexplained", "missing-physics")
-    verdict = max((t.verdict for t in told), key=order.index, default="adequate")
-    lead = max(told, key=lambda t: (order.index(t.verdict), -told.index(t)))
+    lead = max(told, key=lambda t: VERDICTS.index(t.verdict))
+    verdict = lead.verdict
     fit = dict(lead.fit)
     if len(told) > 1:
         fit["views"] = {t.view.name: t.fit for t in told}
@@ -246,7 +240,7 @@ def _together(recording: Recording, told: Sequence[Told], baseline: Sequence[str
     mismatch = tuple(m for t in (lead, *(t for t in told if t is not lead)) for m in t.mismatch)
     provenance = {
         "version": gimbalcal.__version__,
-        "recordings": [{"path": r.path, "sha256": r.sha256} for r in recording.source],
+        "recordings": files(recording),
         "options": {"baseline": list(baseline) or [i for t in told for i in t.view.baseline], "seed": seed},
         "views": [t.view.name for t in told],
     }
@@ -254,10 +248,8 @@ def _together(recording: Recording, told: Sequence[Told], baseline: Sequence[str
     return Diagnosis(verdict, mismatch, found, shapes, fit, provenance, words, curves_of(lead))
 
 
-def curves_of(t: Told) -> Any:
+def curves_of(t: Told) -> Curves:
     """Misfits of a view for a picture."""
-    from gimbalcal.diagnose.diagnosis import Curves
-
     n = len(t.before)
     time = t.view.recording.time - t.view.recording.time[0]
     number = np.ones(n) if t.view.name == "table" else np.arange(1, n + 1)

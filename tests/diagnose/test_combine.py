@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.combine import combine
-from gimbalcal.diagnose.diagnosis import searched
+from gimbalcal.diagnose.forces import searched
 from gimbalcal.diagnose.observations import BASELINE
 from gimbalcal.diagnose.pool import pooled
 from gimbalcal.diagnose.together import baseline_of

@@ -1,0 +1,52 @@
+"""The way in: which kind of diagnosis a recording, or several, take."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.diagnose.baseline import check_baseline, check_finite
+from gimbalcal.diagnose.diagnosis import Diagnosis
+from gimbalcal.diagnose.forces import diagnose_forces
+from gimbalcal.diagnose.gimballed import diagnose_gimballed, has_gyroscopes
+from gimbalcal.diagnose.together import diagnose_together
+from gimbalcal.diagnose.unstated import applies, diagnose_unstated
+from gimbalcal.errors import InputError
+from gimbalcal.pipeline import Tell, silent
+from gimbalcal.recording import Recording
+
+
+def diagnose(
+    recordings: Sequence[Recording],
+    calibration: Calibration | None = None,
+    baseline: Sequence[str] = (),
+    seed: int = 1,
+    tell: Tell = silent,
+) -> Diagnosis:
+    """Say where the recordings differ from the calibrated model and which physics was left out.
+
+    Several recordings are those of one unit and are judged together. `calibration` gives values to start from,
+    `baseline` the ids of the effects the model holds (the usual ones of the kind of recording otherwise). Raises
+    InputError where there is nothing to compare.
+    """
+    if not recordings:
+        raise InputError("`diagnose` needs at least one recording")
+    check_baseline(baseline, recordings)
+    for r in recordings:
+        check_finite(r)
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1):  # many small matrices: threads only get into each other's way
+        if len(recordings) > 1:
+            return diagnose_together(recordings, calibration, tuple(baseline), seed, tell)
+        return _diagnose(recordings[0], calibration, tuple(baseline), seed, tell)
+
+
+def _diagnose(
+    recording: Recording, calibration: Calibration | None, baseline: tuple[str, ...], seed: int, tell: Tell
+) -> Diagnosis:
+    if applies(recording):
+        return diagnose_unstated(recording, calibration, baseline, seed, tell)
+    if has_gyroscopes(recording):
+        return diagnose_gimballed(recording, calibration, baseline, seed, tell)
+    return diagnose_forces(recording, calibration, baseline, seed, tell)[0]
