@@ -10,6 +10,7 @@ import numpy as np
 
 from gimbalcal.diagnose.baseline import NORTH, follows, logged
 from gimbalcal.diagnose.candidates import SHAPES
+from gimbalcal.diagnose.shapes import polynomials
 from gimbalcal.diagnose.views import View
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, absent, parameters
 from gimbalcal.number import Array
@@ -44,8 +45,8 @@ def causes(v: View, present: Sequence[Effect], modelled: Sequence[Parameter]) ->
     found: list[Cause] = []
     for effect_id in available(v):
         found += _of_effect(v, effect_id, present, modelled, blocks)
-    found += _shapes(v, present, blocks)
-    return tuple(found), np.concatenate(blocks, axis=-1)
+    strange, X = shapes_of(v, present, sum(b.shape[-1] for b in blocks))
+    return (*found, *strange), np.concatenate([*blocks, X], axis=-1)
 
 
 def available(v: View) -> tuple[str, ...]:
@@ -128,8 +129,11 @@ def _grid(v: View, effect_id: str, f: dataclasses.Field[float]) -> Array:
     return np.unique(np.round(grid)) if f.name in CATALOGUE[effect_id].steps else grid
 
 
-def _shapes(v: View, present: Sequence[Effect], blocks: list[Array]) -> list[Cause]:
-    """Smooth in time in each channel; smooth in the direction of gravity, or harmonics of the gimbal angles."""
+def shapes_of(v: View, present: Sequence[Effect], at: int = 0) -> tuple[tuple[Cause, ...], Array]:
+    """What is no cause, and its columns (n, C, P), numbered from `at`, per rms of the misfit.
+
+    Smooth in time in each channel; smooth in the direction of gravity, or harmonics of the gimbal angles.
+    """
     rms = float(np.sqrt(np.mean(v.linear(present, ())[0] ** 2)))
     n, C = len(v.recording.time), len(v.channels)
     t = v.recording.time - v.recording.time[0]
@@ -137,22 +141,18 @@ def _shapes(v: View, present: Sequence[Effect], blocks: list[Array]) -> list[Cau
     if v.name == "pointing":
         bases |= _angle_harmonics(v)
     elif v.name != "table":
-        u = v.stimulus.force / v.stimulus.gravity
-        x, y, z = u.T
-        second = [x * x, y * y, x * y, y * z, z * x]
-        third = [x**3, y**3, z**3, x * y * y, x * z * z, y * x * x, y * z * z, z * x * x, z * y * y, x * y * z]
-        basis = np.stack(second + third, axis=-1)
+        basis = polynomials(v.stimulus.force / v.stimulus.gravity)
         bases["orientation"] = ("a smooth function of the direction of gravity", basis)
-    out = []
+    out, blocks = [], []
     for name, (words, basis) in bases.items():
         scaled = rms * basis / np.sqrt((basis**2).mean(axis=0))
         for c, (_, axis) in enumerate(v.channels):
             X = np.zeros((n, C, basis.shape[1]))
             X[:, c] = scaled
-            at = sum(b.shape[-1] for b in blocks)
+            at += basis.shape[1]
             blocks.append(X)
-            out.append(Cause(f"unknown {name}", axis, (), ((None, tuple(range(at, at + basis.shape[1]))),), words))
-    return out
+            out.append(Cause(f"unknown {name}", axis, (), ((None, tuple(range(at - basis.shape[1], at))),), words))
+    return tuple(out), np.concatenate(blocks, axis=-1)
 
 
 def _angle_harmonics(v: View) -> dict[str, tuple[str, Array]]:

@@ -20,11 +20,9 @@ import numpy as np
 
 from gimbalcal.diagnose.candidates import Candidate, Library, constant_fields
 from gimbalcal.diagnose.decide import Decision, judge
-from gimbalcal.diagnose.evidence import ANY_SIZE, Projection, log_bayes
+from gimbalcal.diagnose.evidence import ANY_SIZE, Projection, log_bayes, logsumexp
 from gimbalcal.diagnose.search import (
-    BESIDE,
-    FIRST,
-    PAIR,
+    DETECTED,
     SINGLE,
     UNKNOWN,
     Hypothesis,
@@ -33,16 +31,14 @@ from gimbalcal.diagnose.search import (
     beside,
     given,
     log_priors,
-    same,
+    pairs,
 )
 from gimbalcal.diagnose.threshold import anything, clean_singles
 from gimbalcal.number import Array
 
 ONCE = frozenset({"position", "epoch"})  # constants of what happens once
 ABSENT = -1
-DETECTED = np.log(100.0)  # ln BF of a single cause beyond which `search` takes up the promising first causes only
 Pairs = dict[tuple[int, ...], dict[int, float]]
-KEEP, KEEP_FEW = 8, 2  # noises over which a second cause is judged, where something is found and where nothing is
 
 
 @dataclass(frozen=True)
@@ -105,45 +101,15 @@ def combine(searches: Sequence[Search]) -> Combined:
     share = np.where(rival, np.log(UNKNOWN), np.log(SINGLE)) + prior
     c = Combined(Library(candidates, np.zeros((0, 0))), (), tuple(searches), place, share)
     ln = c.summed([s.singles for s in searches])
+    own = [{} if ln.max() > DETECTED else _own_pairs(s) for s in searches]
+
+    def gained(members: tuple[int, ...], seconds: Sequence[int], keep: int) -> Array:
+        return _with_second(c, members, seconds, keep, own)[list(seconds)]
+
     found = [Hypothesis((i,), float(ln[i]), float(ln[i] + share[i])) for i in range(len(ln))]
-    found += _pairs(c, ln, prior, rival)
+    found += pairs(candidates, ln, prior, float((ln + prior).max()), gained)
     found.sort(key=lambda h: -h.ln_weight)
     return Combined(c.library, tuple(found), c.searches, place, share)
-
-
-def _pairs(c: Combined, ln: Array, prior: Array, rival: Array) -> list[Hypothesis]:
-    """Second causes beside each promising first one, and where something is found thirds beside the best pair."""
-    candidates = c.library.candidates
-    detected = bool(ln.max() > DETECTED)
-    known = [int(i) for i in np.argsort(-(ln + prior)) if not rival[i]]
-    seconds = [j for j in range(len(ln)) if detected or not rival[j]]
-    best: dict[tuple[int, int], float] = {}
-    own = [{} if detected else _own_pairs(s) for s in c.searches]
-    for i in known[:FIRST] if detected else known:
-        gained = _with_second(c, (i,), seconds, KEEP if detected else KEEP_FEW, own)
-        for j in seconds:
-            if j != i and not same(candidates, i, j):
-                members = (i, j) if rival[j] else (min(i, j), max(i, j))
-                best[members] = max(best.get(members, -np.inf), float(gained[j]))
-    out = []
-    for (i, j), value in best.items():
-        weight = np.log(BESIDE if rival[j] else PAIR * 2) + prior[i] + prior[j]
-        out.append(Hypothesis((i, j), value, value + float(weight)))
-    return out + _thirds(c, ln, prior, rival, out) if detected else out
-
-
-def _thirds(c: Combined, ln: Array, prior: Array, rival: Array, found: Sequence[Hypothesis]) -> list[Hypothesis]:
-    candidates = c.library.candidates
-    top = max((h for h in found if not h.unknown(candidates)), key=lambda h: h.ln_weight, default=None)
-    if top is None or top.ln_weight < max(float((ln + prior).max()) + np.log(SINGLE), 0.0):
-        return []
-    gained = _with_second(c, top.members, range(len(ln)), KEEP, [{} for _ in c.searches])
-    weight = np.where(rival, np.log(BESIDE / 2), np.log(PAIR)) + prior + sum(prior[i] for i in top.members)
-    return [
-        Hypothesis((*top.members, j), float(gained[j]), float(gained[j] + weight[j]))
-        for j in range(len(ln))
-        if not any(j == i or same(candidates, i, j) for i in top.members)
-    ]
 
 
 def _with_second(c: Combined, members: Sequence[int], seconds: Sequence[int], keep: int, own: Sequence[Pairs]) -> Array:
@@ -204,8 +170,6 @@ def likeliest_together(c: Combined, others: Sequence[int]) -> Array:
 
     A size of its own in each would excuse a cause for being strong in one recording and absent from the next.
     """
-    from scipy.special import logsumexp
-
     values, without = [], []
     for k, s in enumerate(c.searches):
         rows, base = [], []
@@ -216,8 +180,8 @@ def likeliest_together(c: Combined, others: Sequence[int]) -> Array:
                 gained += more
             rows.append(_by_size(here, s.library.candidates) + gained)
             base.append(gained)
-        values.append(np.asarray(logsumexp(np.stack(rows), axis=0) - logsumexp(s.null)))
-        without.append(np.asarray(logsumexp(base) - logsumexp(s.null)))
+        values.append(logsumexp(np.stack(rows), axis=0) - logsumexp(s.null))
+        without.append(logsumexp(np.array(base)) - logsumexp(s.null))
     best = c.summed(values, without).max(axis=1)
     return np.where([bool(x.rival) for x in c.library.candidates], -np.inf, best)
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.candidates import Candidate
-from gimbalcal.diagnose.evidence import ANY_SIZE, Projection, log_bayes
+from gimbalcal.diagnose.evidence import ANY_SIZE, Projection, log_bayes, logsumexp
 from gimbalcal.diagnose.search import Hypothesis, Ranking, Search, given
 from gimbalcal.number import Array
 
@@ -178,8 +178,6 @@ def _widened(s: Ranking, p: Array, member: int, alike: tuple[int, ...], beside: 
 
 def likeliest(s: Search, beside: Sequence[int] = ()) -> Array:
     """ln evidence (candidates,) at each one's best size and constants, relative to nothing, noise integrated over."""
-    from scipy.special import logsumexp
-
     rows = []
     for p, ln in zip(s.projections, s.null, strict=True):
         here, gained = p, 0.0
@@ -187,7 +185,7 @@ def likeliest(s: Search, beside: Sequence[int] = ()) -> Array:
             here, more = given(here, s.library.candidates[i])
             gained += more
         rows.append(_best_sizes(here, s.library.candidates) + ln + gained)
-    return np.asarray(logsumexp(np.stack(rows), axis=0) - logsumexp(s.null))
+    return logsumexp(np.stack(rows), axis=0) - logsumexp(s.null)
 
 
 def _best_sizes(p: Projection, candidates: Sequence[Candidate]) -> Array:

@@ -11,7 +11,7 @@ the weight that the data give each, over the noise.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -127,33 +127,44 @@ def log_bayes(G: Array, b: Array, sizes: Array = SIZES) -> Array:
     return np.asarray(0.5 * (gain - np.log1p(s2 * lam)).sum(axis=-1))
 
 
+def logsumexp(x: Array, axis: int | None = None) -> Array:
+    """ln of the sum of exp(x) along an axis, or of all; -inf where every term is."""
+    top = x.max(axis=axis, keepdims=True)
+    top = np.where(np.isfinite(top), top, 0.0)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log(np.exp(x - top).sum(axis=axis)) + np.squeeze(top, axis=axis))
+
+
 def mixed(ln: Array, prior: Array) -> Array:
     """ln of the prior-weighted mean of exp(ln) along the last axis."""
-    ln = ln + np.log(prior)
-    top = ln.max(axis=-1, keepdims=True)
-    return np.asarray(np.log(np.exp(ln - top).sum(axis=-1)) + top[..., 0])
+    return logsumexp(ln + np.log(prior), axis=-1)
 
 
 def gather(projections: Sequence[Projection], candidates: Sequence[Candidate]) -> Array:
     """ln BF (nodes, candidates) of every single candidate at every noise, sizes and variants mixed; b (P, 1)."""
-    variants = [v for c in candidates for v in c.variants]
-    starts = np.cumsum([0] + [len(c.variants) for c in candidates])[:-1]
-    weight = np.concatenate([_shares(c) for c in candidates])
     b = np.stack([p.b[:, 0] for p in projections])
-    ln = np.empty((len(projections), len(variants)))
-    widths = np.array([len(v.index) for v in variants])
+    starts, share = variant_shares(candidates)
+    ln = np.empty((len(projections), len(share)))
+    for members, index in by_width(candidates):
+        G = np.stack([p.G[index[:, :, None], index[:, None, :]] for p in projections])
+        ln[:, members] = mixed(log_bayes(G, b[:, index]), SIZE_PRIOR)
+    return np.asarray(np.logaddexp.reduceat(ln + np.log(share), starts, axis=1))
+
+
+def variant_shares(candidates: Sequence[Candidate]) -> tuple[Array, Array]:
+    """Where each candidate's variants start (candidates,) in a row of all, and the prior share (variants,) of each."""
+    weights = [np.array([v.weight for v in c.variants]) for c in candidates]
+    starts = np.cumsum([0, *(len(w) for w in weights)])[:-1]
+    return starts, np.concatenate([w / w.sum() for w in weights])
+
+
+def by_width(candidates: Sequence[Candidate]) -> Iterator[tuple[Array, Array]]:
+    """Variants with as many columns as each other: their ordinals (m,) among all, and each one's columns (m, width)."""
+    spans = [v.index for c in candidates for v in c.variants]
+    widths = np.array([len(span) for span in spans])
     for width in np.unique(widths):
         members = np.flatnonzero(widths == width)
-        index = np.array([variants[m].index for m in members])
-        G = np.stack([p.G[index[:, :, None], index[:, None, :]] for p in projections])
-        parts = log_bayes(G, b[:, index])
-        ln[:, members] = mixed(parts, SIZE_PRIOR)
-    return np.asarray(np.logaddexp.reduceat(ln + np.log(weight), starts, axis=1))
-
-
-def _shares(c: Candidate) -> Array:
-    weight = np.array([v.weight for v in c.variants])
-    return np.asarray(weight / weight.sum())
+        yield members, np.array([spans[m] for m in members])
 
 
 def condition(p: Projection, columns: Array, size: float) -> Projection:

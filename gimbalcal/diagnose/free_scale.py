@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gimbalcal.diagnose.evidence import logsumexp
 from gimbalcal.number import Array, eigh
 
 SIZES = np.array([0.1, 0.3, 1.0, 3.0, 10.0, 30.0])  # times the catalogue's prior sigma: rigs differ, physics less
@@ -98,7 +99,7 @@ def log_evidence(g: Ground, index: Sequence[int], sizes: Array = SIZES, prior: A
     damped = 1 + s2 * lam[:, :, None, None]  # (memories, columns, sizes, scales)
     gain = (s2 / g.scale**2) * c2[:, :, None, None] / damped
     ln = 0.5 * (gain - np.log(damped)).sum(axis=1)
-    return float(_logsumexp(ln + np.log(prior)[:, None] + g.ln[:, None]) - _logsumexp(g.ln))
+    return float(logsumexp(ln + np.log(prior)[:, None] + g.ln[:, None]) - logsumexp(g.ln))
 
 
 def best_evidence(g: Ground, index: Sequence[int]) -> float:
@@ -106,14 +107,9 @@ def best_evidence(g: Ground, index: Sequence[int]) -> float:
     return max(log_evidence(g, index, SIZES[i : i + 1], np.ones(1)) for i in range(len(SIZES)))
 
 
-def gain(g: Ground, index: Sequence[int]) -> float:
-    """Share of the misfit that these columns can take away, at the likeliest memory."""
-    k, _ = g.best()
+def gain(g: Ground, index: Sequence[int], memory: int | None = None) -> float:
+    """Misfit y^T y that these columns can take away, at the likeliest memory or at that of ordinal `memory`."""
+    k = g.best()[0] if memory is None else memory
     at = np.asarray(index)
     b = g.score[k, at]
     return float(b @ np.linalg.pinv(g.gram[k][np.ix_(at, at)], rcond=1e-10, hermitian=True) @ b)
-
-
-def _logsumexp(x: Array) -> float:
-    most = float(x.max())
-    return most + float(np.log(np.exp(x - most).sum()))

@@ -8,7 +8,7 @@ import numpy as np
 
 from gimbalcal.diagnose.causes import Cause, causes
 from gimbalcal.diagnose.decide import TOGETHER
-from gimbalcal.diagnose.free_scale import Ground, best_evidence, gain, ground
+from gimbalcal.diagnose.free_scale import best_evidence, gain, ground
 from gimbalcal.diagnose.search import SINGLE, UNKNOWN
 from gimbalcal.diagnose.stepwise import Model, priors, refit, single, weighted
 from gimbalcal.diagnose.views import View
@@ -44,9 +44,6 @@ def judged(v: View, end: Model, taken: Cause) -> Verdict:
     twins = tuple(dict.fromkeys(known[i].effect for i in sorted(alike, key=lambda i: -fits[i])))
     same = [i for i, c in enumerate(known) if c.effect in (taken.effect, *twins)]
     probability = float(np.exp(np.logaddexp.reduce(w[same]) - np.logaddexp.reduce(np.append(w, 0.0))))
-    after = ground(weighted(v, end.r), weighted(v, end.J), weighted(v, X[..., :1]))
-    k, scale = after.best()
-    rows = weighted(v, X[..., known[at].variants[choice[at]][1]])
-    lone = ground(weighted(v, without.r), weighted(v, without.J), rows)
-    lone = Ground((lone.cleared[k],), lone.scale, lone.ln[k : k + 1], lone.gram[k : k + 1], lone.score[k : k + 1])
-    return Verdict(taken, probability, float(np.sqrt(gain(lone, range(rows.shape[-1])))) / scale, twins)
+    memory, scale = ground(weighted(v, end.r), weighted(v, end.J), weighted(v, X[..., :0])).best()
+    sigmas = float(np.sqrt(gain(g, known[at].variants[choice[at]][1], memory))) / scale
+    return Verdict(taken, probability, sigmas, twins)

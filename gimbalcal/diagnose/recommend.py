@@ -18,6 +18,7 @@ from gimbalcal.diagnose.candidates import Candidate, columns_at
 from gimbalcal.diagnose.evidence import orthonormal
 from gimbalcal.diagnose.noise import nominal
 from gimbalcal.diagnose.observations import Observations, observe
+from gimbalcal.diagnose.wording import plain
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 
@@ -58,7 +59,7 @@ def advise(o: Observations, found: Candidate, variant: int, size: Array, other: 
 
 def sentence(a: Advice, found: Candidate, other: Candidate) -> str:
     """The advice as one sentence."""
-    names = f"{found.effect.replace('_', ' ')} from {other.effect.replace('_', ' ')}"
+    names = f"{plain(found.effect)} from {plain(other.effect)}"
     if a.words:
         return f"To tell {names}: {a.words}, {a.hours:.2g} h, with an expected log Bayes factor of {a.ln_bayes:.0f}."
     return f"No manoeuvre of the menu would tell {names} at this size: it takes another kind of input."

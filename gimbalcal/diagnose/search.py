@@ -6,7 +6,7 @@ part of its own. Everything is relative to "nothing is missing", noise integrate
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,7 @@ from gimbalcal.diagnose.evidence import (
     condition,
     gather,
     log_bayes,
+    logsumexp,
     mixed,
     project,
     stack,
@@ -30,8 +31,14 @@ from gimbalcal.diagnose.refine import refine
 from gimbalcal.number import Array
 
 SINGLE, PAIR, UNKNOWN, BESIDE = 0.65, 0.15, 0.10, 0.10  # prior shares, given that something is missing
-FIRST = 14  # known causes that are tried with a second one, when one alone is found
+DETECTED = np.log(100.0)  # ln BF of a single cause beyond which only the promising ones are tried with a second
+FIRST = 14  # of them
+KEEP, KEEP_FEW = 8, 2  # noises over which a second cause is judged, where something is found and where nothing is
 VISIBLE = 0.05  # sigmas per prior sigma: less is not seen by this recording at any plausible size
+
+
+Gained = Callable[[tuple[int, ...], Sequence[int], int], Array]
+"""ln BF (seconds,) against nothing of some members with each of `seconds`, over so many noises."""
 
 
 @dataclass(frozen=True)
@@ -57,12 +64,12 @@ class Ranking:
     @property
     def ln_total(self) -> float:
         """ln Bayes factor of "something is missing" against nothing."""
-        return float(_logsumexp(np.array([h.ln_weight for h in self.hypotheses])))
+        return float(logsumexp(np.array([h.ln_weight for h in self.hypotheses])))
 
     def posterior(self) -> Array:
         """Probability of each hypothesis given that something is missing."""
         w = np.array([h.ln_weight for h in self.hypotheses])
-        return np.asarray(np.exp(w - _logsumexp(w)))
+        return np.asarray(np.exp(w - logsumexp(w)))
 
 
 @dataclass(frozen=True)
@@ -76,11 +83,6 @@ class Search(Ranking):
     joint: Array  # (nodes, candidates) ln prior x likelihood of each alone
     singles: Array  # (candidates,) ln Bayes factors
     share: Array  # (candidates,) ln prior share of each alone
-
-
-def _logsumexp(x: Array, axis: int | None = None) -> Array:
-    top = x.max(axis=axis, keepdims=True)
-    return np.asarray(np.log(np.exp(x - top).sum(axis=axis)) + np.squeeze(top, axis=axis))
 
 
 def log_priors(candidates: Sequence[Candidate]) -> Array:
@@ -102,7 +104,7 @@ def prepare(o: Observations, library: Library, nodes: Sequence[Node]) -> tuple[R
 def search(o: Observations, library: Library, nodes: Sequence[Node]) -> Search:
     """Singles, refinement, then pairs where a single cause is found wanting or none is found."""
     rows, projections = prepare(o, library, nodes)
-    library = _visible(library, projections[0])
+    library = _visible(library, projections[0])  # the least noise of the grid: what it hides, they all hide
     null, ln, joint = _singles(projections, library.candidates)
     finer = refine(o, library, projections, ln, joint, rows)
     if finer is not library:
@@ -113,7 +115,12 @@ def search(o: Observations, library: Library, nodes: Sequence[Node]) -> Search:
     rival = np.array([bool(c.rival) for c in library.candidates])
     share = np.where(rival, np.log(UNKNOWN), np.log(SINGLE)) + prior
     found = [Hypothesis((i,), float(ln[i]), float(ln[i] + share[i])) for i in range(len(ln))]
-    found += pairs(projections, library.candidates, null, joint, prior)
+
+    def gained(members: tuple[int, ...], seconds: Sequence[int], keep: int) -> Array:
+        return beside(projections, library.candidates, null, joint, members, seconds, keep)
+
+    floor = float(joint.max() - logsumexp(null)) + float(prior.min())
+    found += pairs(library.candidates, ln, prior, floor, gained)
     found.sort(key=lambda h: -h.ln_weight)
     return Search(library, tuple(found), o, rows, projections, null, joint, ln, share)
 
@@ -129,48 +136,46 @@ def _singles(projections: Sequence[Projection], candidates: Sequence[Candidate])
     """ln weight of no effect per node, ln BF of each candidate, and ln weight per node and candidate."""
     null = np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in projections])
     joint = gather(projections, candidates) + null[:, None]
-    return null, _logsumexp(joint, axis=0) - _logsumexp(null), joint
+    return null, logsumexp(joint, axis=0) - logsumexp(null), joint
 
 
-def pairs(
-    projections: Sequence[Projection], candidates: Sequence[Candidate], null: Array, joint: Array, prior: Array
-) -> list[Hypothesis]:
-    """Second causes, known or unknown, beside each promising first one; thirds beside the best pair."""
+def pairs(candidates: Sequence[Candidate], ln: Array, prior: Array, floor: float, gained: Gained) -> list[Hypothesis]:
+    """Second causes, known or unknown, beside each promising first one; thirds beside the best pair.
+
+    `ln` (candidates,) is the ln Bayes factor of each alone, `prior` (candidates,) its ln share among the known or the
+    unknown, `floor` the ln weight, less that of a single cause, that a pair must reach for a third to be tried.
+    """
     rival = np.array([bool(c.rival) for c in candidates])
-    total = _logsumexp(joint, axis=0) - _logsumexp(null)
-    known = [int(i) for i in np.argsort(-(total + prior)) if not rival[i]]
-    detected = total.max() > np.log(100.0)
-    firsts = known[:FIRST] if detected else known
-    best: dict[tuple[int, int], float] = {}
-    keep = 8 if detected else 2
+    detected = bool(ln.max() > DETECTED)
+    known = [int(i) for i in np.argsort(-(ln + prior)) if not rival[i]]
     seconds = [j for j in range(len(candidates)) if detected or not rival[j]]
-    for i in firsts:
-        for j, ln in zip(seconds, beside(projections, candidates, null, joint, (i,), seconds, keep), strict=True):
+    best: dict[tuple[int, int], float] = {}
+    for i in known[:FIRST] if detected else known:
+        values = gained((i,), seconds, KEEP if detected else KEEP_FEW)
+        for j, value in zip(seconds, values, strict=True):
             if j != i and not same(candidates, i, j):
                 members = (i, j) if rival[j] else (min(i, j), max(i, j))
-                best[members] = max(best.get(members, -np.inf), float(ln))
+                best[members] = max(best.get(members, -np.inf), float(value))
     out = []
-    for (i, j), gained in best.items():
+    for (i, j), value in best.items():
         share = np.log(BESIDE if rival[j] else PAIR * 2) + prior[i] + prior[j]
-        out.append(Hypothesis((i, j), gained, gained + float(share)))
-    return out + _thirds(projections, candidates, null, joint, prior, out, rival) if detected else out
+        out.append(Hypothesis((i, j), value, value + float(share)))
+    return out + _thirds(candidates, prior, floor, gained, out) if detected else out
 
 
 def same(candidates: Sequence[Candidate], i: int, j: int) -> bool:
+    """Whether two candidates are one effect on all its axes and on one of them."""
     return candidates[i].effect == candidates[j].effect and ("," in candidates[i].axis or "," in candidates[j].axis)
 
 
 def _thirds(
-    projections: Sequence[Projection], candidates: Sequence[Candidate], null: Array, joint: Array, prior: Array,
-    found: Sequence[Hypothesis], rival: Array,
-) -> list[Hypothesis]:  # fmt: skip
-    known = [h for h in found if not h.unknown(candidates)]
-    if not known:
+    candidates: Sequence[Candidate], prior: Array, floor: float, gained: Gained, found: Sequence[Hypothesis]
+) -> list[Hypothesis]:
+    top = max((h for h in found if not h.unknown(candidates)), key=lambda h: h.ln_weight, default=None)
+    if top is None or top.ln_weight < max(floor + np.log(SINGLE), 0.0):
         return []
-    top = max(known, key=lambda h: h.ln_weight)
-    if top.ln_weight < max(float(joint.max() - _logsumexp(null)) + np.log(SINGLE) + float(prior.min()), 0.0):
-        return []
-    ln = beside(projections, candidates, null, joint, top.members, range(len(candidates)), 8)
+    ln = gained(top.members, range(len(candidates)), KEEP)
+    rival = np.array([bool(c.rival) for c in candidates])
     share = np.where(rival, np.log(BESIDE / 2), np.log(PAIR)) + prior + sum(prior[i] for i in top.members)
     return [
         Hypothesis((*top.members, j), float(ln[j]), float(ln[j] + share[j]))
@@ -194,7 +199,7 @@ def beside(
             p, gained = given(p, candidates[i])
             ln += gained
         rows.append(gather([p], chosen)[0] + ln)
-    return np.asarray(_logsumexp(np.stack(rows), axis=0) - _logsumexp(null))
+    return np.asarray(logsumexp(np.stack(rows), axis=0) - logsumexp(null))
 
 
 def given(p: Projection, c: Candidate) -> tuple[Projection, float]:
@@ -204,5 +209,5 @@ def given(p: Projection, c: Candidate) -> tuple[Projection, float]:
         at = np.array(v.index)
         scores.append(float(mixed(log_bayes(p.G[np.ix_(at, at)], p.b[at, 0]), SIZE_PRIOR)) + np.log(v.weight))
     best = np.array(c.variants[int(np.argmax(scores))].index)
-    ln = float(_logsumexp(np.array(scores)) - np.log(sum(v.weight for v in c.variants)))
+    ln = float(logsumexp(np.array(scores)) - np.log(sum(v.weight for v in c.variants)))
     return condition(p, best, best_size(p.G[np.ix_(best, best)], p.b[best, 0])), ln

@@ -19,7 +19,7 @@ def shapes(o: Observations) -> dict[str, tuple[str, Array]]:
     if o.kind == "multi-position":
         places = np.unique(s.position)
         out["position"] = ("a value of its own at each position", (s.position[:, None] == places).astype(float))
-        out["orientation"] = ("a smooth function of the direction of gravity", _harmonics(s.force / s.gravity))
+        out["orientation"] = ("a smooth function of the direction of gravity", polynomials(s.force / s.gravity))
         if s.since_move.max() > 0:
             out["settling"] = ("a course of its own after each move", _settling(o))
     else:
@@ -42,8 +42,8 @@ def _settling(o: Observations) -> Array:
     return np.asarray(U[:, S > 1e-2 * S[0]])
 
 
-def _harmonics(u: Array) -> Array:
-    """Second- and third-degree polynomials of the unit force (n, 16)."""
+def polynomials(u: Array) -> Array:
+    """Second- and third-degree polynomials (n, 15) of the unit force (n, 3), z^2 left out: it is 1 - x^2 - y^2."""
     x, y, z = u.T
     second = [x * y, y * z, z * x, x * x, y * y]
     third = [x**3, y**3, z**3, x * x * y, x * x * z, y * y * x, y * y * z, z * z * x, z * z * y, x * y * z]

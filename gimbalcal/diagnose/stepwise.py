@@ -11,7 +11,7 @@ from gimbalcal.diagnose.causes import Cause, causes, unknowns
 from gimbalcal.diagnose.decide import CLAIM
 from gimbalcal.diagnose.free_scale import Ground, ground, log_evidence
 from gimbalcal.diagnose.observations import refuse_too_little
-from gimbalcal.diagnose.search import PAIR, SINGLE, UNKNOWN
+from gimbalcal.diagnose.search import PAIR, SINGLE, UNKNOWN, Hypothesis
 from gimbalcal.diagnose.views import View
 from gimbalcal.effects import Effect, Parameter, values, with_values
 from gimbalcal.number import Array
@@ -110,11 +110,11 @@ def course(v: View, tell: Tell) -> Course:
     refuse_too_little(v.recording, first.J.reshape(first.r.size, -1))
     taken: list[Taken] = []
     for _ in range(MOST):
-        found, ln, total, strange, _ = _round(v, model)
-        if total < CLAIM or strange > 0.5:
+        best = weigh(v, model)
+        if best.ln_total < CLAIM or best.strange > 0.5:
             break
-        tell(f"taken up: {', '.join(c.label for c, _ in found)}; ln Bayes factor {ln:.0f}")
-        taken = exchanged(v, first, [*taken, *found], tell)
+        tell(f"taken up: {', '.join(c.label for c, _ in best.found)}; ln Bayes factor {best.ln_bayes:.0f}")
+        taken = exchanged(v, first, [*taken, *best.found], tell)
         model = take(v, first, taken)
     taken = pruned(v, first, taken, tell)
     taken = pruned(v, first, exchanged(v, first, taken, tell, memory=True), tell)
@@ -128,10 +128,10 @@ def exchanged(v: View, first: Model, taken: Sequence[Taken], tell: Tell, memory:
         if (cause, variant) not in out:
             continue
         others = [t for t in out if t[0] != cause]
-        found, *_, lead = _round(v, take(v, first, others), memory, cause)
-        if lead > EXCHANGE:
-            tell(f"{cause.label} gives way to {', '.join(c.label for c, _ in found)}")
-            out = [*others, *found]
+        best = weigh(v, take(v, first, others), memory, cause)
+        if best.lead > EXCHANGE:
+            tell(f"{cause.label} gives way to {', '.join(c.label for c, _ in best.found)}")
+            out = [*others, *best.found]
     return out
 
 
@@ -160,8 +160,8 @@ def alone(v: View, without: Model, this: Taken) -> float:
 def steps_of(v: View, first: Model, taken: Sequence[Taken]) -> Course:
     """The causes in the order of what each takes away, and the shape of what is left."""
     steps = ordered(v, first, taken)
-    found, _, total, strange, _ = _round(v, steps[-1].model if steps else first, memory=True)
-    shapes = tuple(c for c, _ in found if c.shape) if total > CLAIM and strange > 0.5 else ()
+    rest = weigh(v, steps[-1].model if steps else first, memory=True)
+    shapes = tuple(c for c, _ in rest.found if c.shape) if rest.ln_total > CLAIM and rest.strange > 0.5 else ()
     return Course(first, steps, shapes)
 
 
@@ -203,30 +203,36 @@ def weighted(v: View, r: Array) -> Array:
     return np.asarray(r * w.reshape(*w.shape, *([1] * (r.ndim - 2))))
 
 
-def _round(
-    v: View, model: Model, memory: bool = False, against: Cause | None = None
-) -> tuple[list[Taken], float, float, float, float]:
-    """The likeliest causes, their ln Bayes factor, that of anything at all, the probability of a mere shape, and the
+@dataclass(frozen=True)
+class Round:
+    """What is likeliest to be missing from a model: one cause or two, or a shape."""
 
-    ln odds of the best to the cause `against`.
-    """
+    found: tuple[Taken, ...]
+    ln_bayes: float  # of these
+    ln_total: float  # of anything at all
+    strange: float  # probability of a shape without a cause
+    lead: float  # ln odds of these to the cause they were held against
+
+
+def weigh(v: View, model: Model, memory: bool = False, against: Cause | None = None) -> Round:
+    """Compare everything that could be missing, alone and in pairs, in white noise or in noise with memory."""
     known, X = causes(v, model.effects, model.fitted)
     g = ground(weighted(v, model.r), weighted(v, model.J), weighted(v, X), memory)
     choice, ln = single(g, known)
     prior = priors(v, known)
     shape = np.array([bool(c.shape) for c in known])
     weight = ln + prior + np.where(shape, np.log(UNKNOWN), np.log(SINGLE))
-    hypotheses: list[tuple[float, float, tuple[int, ...]]] = [(float(w), float(b), (i,)) for i, (w, b) in
-                                                              enumerate(zip(weight, ln, strict=True))]  # fmt: skip
+    hypotheses = [Hypothesis((i,), float(ln[i]), float(weight[i])) for i in range(len(known))]
     hypotheses += _pairs(g, known, choice, ln, prior)
-    w = np.array([h[0] for h in hypotheses])
+    w = np.array([h.ln_weight for h in hypotheses])
     total = float(np.logaddexp.reduce(w))
-    strange = float(np.exp(np.logaddexp.reduce(w[[any(shape[i] for i in h[2]) for h in hypotheses]]) - total))
-    named = [h for h in hypotheses if strange > 0.5 or not any(shape[i] for i in h[2])]
-    best = max(named, key=lambda h: h[0])
+    odd = np.array([any(shape[i] for i in h.members) for h in hypotheses])
+    strange = float(np.exp(np.logaddexp.reduce(w[odd]) - total))
+    best = hypotheses[int(np.argmax(w if strange > 0.5 else np.where(odd, -np.inf, w)))]
     rival = [float(w) for w, c in zip(weight, known, strict=True) if against and c.label == against.label]
-    lead = best[0] - rival[0] if rival and not any(shape[i] for i in best[2]) else 0.0
-    return [(known[i], known[i].variants[choice[i]][0]) for i in best[2]], best[1], total, strange, lead
+    lead = best.ln_weight - rival[0] if rival and not any(shape[i] for i in best.members) else 0.0
+    found = tuple((known[i], known[i].variants[choice[i]][0]) for i in best.members)
+    return Round(found, best.ln_bayes, total, strange, lead)
 
 
 def single(g: Ground, known: Sequence[Cause]) -> tuple[list[int], Array]:
@@ -240,9 +246,10 @@ def single(g: Ground, known: Sequence[Cause]) -> tuple[list[int], Array]:
 
 
 def priors(v: View, known: Sequence[Cause]) -> Array:
-    """ln prior share: effects alike but for the usual ones; half for all axes together, which are of one make, and
+    """ln prior share of each cause, adding up to one among the effects and among the shapes.
 
-    half for one of them; shapes alike among themselves.
+    Effects are alike but for the usual ones; of each, half is for all axes together, which are of one make, and half
+    for one of them. Shapes are alike.
     """
     single = {e: sum(c.effect == e and "," not in c.axis for c in known) for e in {c.effect for c in known}}
     several = {c.effect for c in known if "," in c.axis}
@@ -257,22 +264,18 @@ def priors(v: View, known: Sequence[Cause]) -> Array:
     return np.asarray(share - total)
 
 
-def _pairs(
-    g: Ground, known: Sequence[Cause], choice: Sequence[int], ln: Array, prior: Array
-) -> list[tuple[float, float, tuple[int, ...]]]:
+def _pairs(g: Ground, known: Sequence[Cause], choice: Sequence[int], ln: Array, prior: Array) -> list[Hypothesis]:
     real = [i for i, c in enumerate(known) if not c.shape]
     order = sorted(real, key=lambda i: -(ln[i] + prior[i]))
     firsts = order[:FIRST] if ln.max() > CLAIM else order
-    out: list[tuple[float, float, tuple[int, ...]]] = []
-    seen = set()
+    out: dict[tuple[int, int], Hypothesis] = {}
     for i in firsts:
         for j in real:
             key = (min(i, j), max(i, j))
-            if key in seen or known[i].effect == known[j].effect:
+            if key in out or known[i].effect == known[j].effect:
                 continue
-            seen.add(key)
             at = known[i].variants[choice[i]][1] + known[j].variants[choice[j]][1]
             paid = np.log(len(known[i].variants) * len(known[j].variants))
-            both = log_evidence(g, at) - paid
-            out.append((both + np.log(2 * PAIR) + prior[i] + prior[j], both, key))
-    return out
+            both = float(log_evidence(g, at) - paid)
+            out[key] = Hypothesis(key, both, float(both + np.log(2 * PAIR) + prior[i] + prior[j]))
+    return list(out.values())

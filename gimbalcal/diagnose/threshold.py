@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gimbalcal.diagnose.candidates import Candidate
-from gimbalcal.diagnose.evidence import SIZE_PRIOR, SIZES, Projection, Rows
+from gimbalcal.diagnose.evidence import SIZE_PRIOR, SIZES, Projection, Rows, by_width, logsumexp, variant_shares
 from gimbalcal.number import Array, eigh
 
 DRAWS = 200
@@ -27,9 +27,7 @@ def clean_evidence(
 
 def anything(singles: Array, share: Array) -> Array:
     """ln Bayes factors (draws,) of any single candidate, from those of each (candidates, draws) and its prior share."""
-    from scipy.special import logsumexp
-
-    return np.asarray(logsumexp(singles + share[:, None], axis=0))
+    return logsumexp(singles + share[:, None], axis=0)
 
 
 def clean_singles(
@@ -37,8 +35,6 @@ def clean_singles(
     rng: np.random.Generator, draws: int = DRAWS,
 ) -> Array:  # fmt: skip
     """ln Bayes factors (candidates, draws) of each candidate on simulated clean recordings, noise integrated over."""
-    from scipy.special import logsumexp
-
     weights = np.exp(null - logsumexp(null))
     kept = [k for k in np.argsort(-weights) if weights[k] > 1e-4]
     low, tail = _draw(rows, [projections[k] for k in kept], weights[kept], rng, draws)
@@ -49,7 +45,7 @@ def clean_singles(
         ln = np.log(p.node.prior) - 0.5 * (misfit + p.penalty)
         empty.append(ln)
         full.append(ln + _each(p.G, b, candidates))
-    return np.asarray(logsumexp(np.array(full), axis=0) - logsumexp(np.array(empty), axis=0))
+    return logsumexp(np.array(full), axis=0) - logsumexp(np.array(empty), axis=0)
 
 
 def _draw(
@@ -85,19 +81,13 @@ def _scores(rows: Rows, p: Projection, low: Array, tail: Array) -> tuple[Array, 
 
 def _each(G: Array, b: Array, candidates: Sequence[Candidate]) -> Array:
     """ln Bayes factor (candidates, draws) of every single candidate, sizes and variants mixed, in one noise."""
-    variants = [v for c in candidates for v in c.variants]
-    starts = np.cumsum([0, *(len(c.variants) for c in candidates)])[:-1]
-    weight = np.concatenate([np.array([v.weight for v in c.variants]) for c in candidates])
-    weight /= np.repeat(np.add.reduceat(weight, starts), np.diff([*starts, len(weight)]))
-    ln = np.full((len(variants), b.shape[1]), -np.inf)
-    widths = np.array([len(v.index) for v in variants])
-    for width in np.unique(widths):
-        members = np.flatnonzero(widths == width)
-        index = np.array([variants[m].index for m in members])
+    starts, share = variant_shares(candidates)
+    ln = np.full((len(share), b.shape[1]), -np.inf)
+    for members, index in by_width(candidates):
         lam, V = eigh(G[index[:, :, None], index[:, None, :]])
         c2 = (np.swapaxes(V, -1, -2) @ b[index]) ** 2
         for size, prior in zip(SIZES, SIZE_PRIOR, strict=True):
             s2l = size**2 * np.maximum(lam, 0.0)
             gain = ((size**2 / (1 + s2l))[:, None] @ c2)[:, 0] - np.log1p(s2l).sum(axis=1)[:, None]
             ln[members] = np.logaddexp(ln[members], 0.5 * gain + np.log(prior))
-    return np.asarray(np.logaddexp.reduceat(ln + np.log(weight)[:, None], starts, axis=0))
+    return np.asarray(np.logaddexp.reduceat(ln + np.log(share)[:, None], starts, axis=0))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.diagnose import unstated_words
-from gimbalcal.diagnose.causes import Cause, causes
+from gimbalcal.diagnose.causes import Cause, shapes_of
 from gimbalcal.diagnose.free_scale import best_evidence, gain, ground
 from gimbalcal.diagnose.stepwise import Model, weighted
 from gimbalcal.diagnose.views import View
@@ -21,8 +21,7 @@ def patterns(v: View, m: Model) -> tuple[dict[str, Any], ...]:
     """Where the baseline fails: the shapes that its misfit follows, most telling first, by an F test each."""
     from scipy.stats import f
 
-    known, X = causes(v, m.effects, m.fitted)
-    shapes = [c for c in known if c.shape]
+    shapes, X = shapes_of(v, m.effects)
     g = ground(weighted(v, m.r), weighted(v, m.J), weighted(v, X), memory=False)
     out = []
     for c in shapes:

@@ -10,7 +10,7 @@ import pytest
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.decide import CLAIM
-from gimbalcal.diagnose.stepwise import _round, start
+from gimbalcal.diagnose.stepwise import start, weigh
 from gimbalcal.diagnose.views import norm
 from gimbalcal.estimate.multiposition import multiposition
 from gimbalcal.recording import Recording, read
@@ -76,7 +76,7 @@ def test_the_drift_is_no_accident_of_the_order() -> None:
 
     def odds(means: Recording) -> float:
         view = norm(means)
-        return float(_round(view, start(view))[2])
+        return weigh(view, start(view)).ln_total
 
     means = read(MEANS)
     assert odds(means) > CLAIM
