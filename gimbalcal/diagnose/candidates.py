@@ -17,7 +17,7 @@ import numpy as np
 from gimbalcal.diagnose.baseline import follows, logged
 from gimbalcal.diagnose.evidence import orthonormal
 from gimbalcal.diagnose.observations import Observations, absent_effect
-from gimbalcal.diagnose.shapes import products, settings, shapes, turns
+from gimbalcal.diagnose.shapes import products, settings, shapes, turns, unit_rms
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters
 from gimbalcal.number import Array
 
@@ -219,10 +219,10 @@ def rivals(o: Observations, blocks: list[Array]) -> list[Candidate]:
     out: list[Candidate] = []
     axes = _stage_axes(o)
     for name, (words, basis) in shapes(o).items():
-        scale = basis / (np.sqrt((basis**2).mean(axis=0)) + 1e-300)
+        scaled = unit_rms(basis)
         every: list[int] = []
         for axis, along in axes:
-            X = np.stack([along * b[:, None] for b in scale.T], axis=-1)
+            X = np.stack([along * b[:, None] for b in scaled.T], axis=-1)
             at = tuple(_append(blocks, o.reduce(X) * RIVAL_SIGMA))
             every += at
             out.append(Candidate(f"unknown {name}", axis, (), (Variant((), at),), rival=words))
@@ -248,8 +248,8 @@ def _simple_laws(o: Observations, blocks: list[Array]) -> list[Candidate]:
         for axis, along in _stage_axes(o):
             variants = []
             for basis in bases:
-                X = o.reduce(along[:, :, None] * (basis / np.sqrt((basis**2).mean(axis=0)))[:, None, :])
-                if np.abs(known.T @ unit(X)).max(axis=0).min() < ALIKE:
+                X = o.reduce(along[:, :, None] * unit_rms(basis)[:, None, :])
+                if X.any() and np.abs(known.T @ unit(X)).max(axis=0).min() < ALIKE:
                     variants.append(Variant((), tuple(_append(blocks, X * RIVAL_SIGMA))))
             if variants:
                 out.append(Candidate(f"unknown {name}", axis, (), tuple(variants), rival=words))

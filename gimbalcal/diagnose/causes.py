@@ -10,7 +10,7 @@ import numpy as np
 
 from gimbalcal.diagnose.baseline import NORTH, follows, logged
 from gimbalcal.diagnose.candidates import SHAPES
-from gimbalcal.diagnose.shapes import polynomials
+from gimbalcal.diagnose.shapes import polynomials, unit_rms
 from gimbalcal.diagnose.views import View
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, absent, parameters
 from gimbalcal.number import Array
@@ -145,7 +145,7 @@ def shapes_of(v: View, present: Sequence[Effect], at: int = 0) -> tuple[tuple[Ca
         bases["orientation"] = ("a smooth function of the direction of gravity", basis)
     out, blocks = [], []
     for name, (words, basis) in bases.items():
-        scaled = rms * basis / np.sqrt((basis**2).mean(axis=0))
+        scaled = rms * unit_rms(basis)
         for c, (_, axis) in enumerate(v.channels):
             X = np.zeros((n, C, basis.shape[1]))
             X[:, c] = scaled

@@ -7,6 +7,7 @@ import numpy as np
 from gimbalcal.diagnose.observations import Observations
 from gimbalcal.number import Array
 
+ROUNDING = 1e-14  # of functions of order one: sines of half turns are 1e-16, cubes of a millidegree more
 SETTINGS = 16  # of a gimbal; with more of them, harmonics say it better
 
 
@@ -40,6 +41,12 @@ def _settling(o: Observations) -> Array:
     basis = np.concatenate([fade * f / s.gravity for fade in fades for f in (s.force, s.move_force)], axis=1)
     U, S, _ = np.linalg.svd(basis, full_matrices=False)
     return np.asarray(U[:, S > 1e-2 * S[0]])
+
+
+def unit_rms(basis: Array) -> Array:
+    """Columns (n, m) scaled to rms one; what is nothing but rounding, as x y with one axis up or down, becomes zero."""
+    rms = np.sqrt((basis**2).mean(axis=0))
+    return np.where(rms > ROUNDING, basis / np.where(rms > ROUNDING, rms, 1.0), 0.0)
 
 
 def polynomials(u: Array) -> Array:

@@ -4,11 +4,22 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.shapes import turns
+from gimbalcal.diagnose.shapes import polynomials, turns, unit_rms
 from tests.diagnose.laws import oddities
-from tests.diagnose.plant import STEPS, at_strength
+from tests.diagnose.plant import STEPS, at_strength, specific_force
 
 PLATFORM, INNER, MIDDLE = STEPS.T
+
+
+def test_rounding_is_no_shape():
+    """Six faces by half turns: sines of pi are 1e-16, and products of two forces are nothing else."""
+    faces = specific_force(
+        np.array([(0, 0, k) for k in range(4)] + [(0, 1, 0), (0, 3, 0)]) * np.pi / 2, np.zeros((6, 2))
+    )
+    basis = unit_rms(polynomials(faces))
+    rms = np.sqrt((basis**2).mean(axis=0))
+    assert set(np.round(rms, 12)) == {0.0, 1.0}
+    assert rms[:5].tolist() == pytest.approx([0, 0, 0, 1, 1])  # xy, yz, zx, xx, yy
 
 
 def left(y, basis):
