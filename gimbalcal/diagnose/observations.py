@@ -20,6 +20,7 @@ from gimbalcal.diagnose.baseline import known_effect
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, parameters, values, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.information import information, solve
+from gimbalcal.estimate.static_run import with_phase_of_force
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.kinematics import lost_to_averaging, stimulus
 from gimbalcal.number import STEP, Array
@@ -124,8 +125,9 @@ def observe(
         raise InputError(f"{recording.title!r} has no dwell: every row has position 0, so nothing in it is at rest")
     if recording.kind == "static-run" and len(recording.time) > MOST_ROWS:
         recording = block_means(recording, -(-len(recording.time) // MOST_ROWS))
-    s = stimulus(recording)
     channels = measured_channels(recording)
+    unread = recording.kind == "static-run" and ("gimbal_angle", "platform") not in channels
+    s = stimulus(with_phase_of_force(recording) if unread else recording)
     measured = np.stack([recording.channels[key] for key in channels], axis=-1)
     if recording.kind == "static-run":
         force = [i for i, (q, _) in enumerate(channels) if q == "specific_force"]
@@ -165,6 +167,11 @@ def measured_channels(recording: Recording) -> tuple[Key, ...]:
     """Channels of this kind of recording that the forward model predicts and the recording has."""
     keys = [(quantity, axis) for quantity in CHANNELS[recording.kind] for axis in _axes(quantity, recording)]
     out = [key for key in keys if key in recording.channels]
+    if recording.kind == "multi-position" and not recording.has("gimbal_angle"):
+        raise InputError(
+            f"{recording.title!r} has no gimbal_angle column, so its attitude is not known; add the readouts to "
+            "[columns], or name the platform 'bench'"
+        )
     if not any(q == "specific_force" for q, _ in out):
         raise InputError(f"{recording.title!r} has no specific_force channel: there is nothing to explain")
     return tuple(out)

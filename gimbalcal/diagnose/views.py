@@ -114,6 +114,7 @@ def rest_rates(
         return None
     found = rests(recording, made, turns(recording, made)[2] if raw else 1.0)
     s, y = found.stimulus, found.rate
+    told = found.sigma if np.all(found.sigma > 0) else None  # one row per rest says nothing of its scatter
 
     def missed(at_rest: Sequence[Effect]) -> float:
         misfit = fit_turns(turns(recording, made, at_rest)[0], LINEAR).misfit
@@ -124,8 +125,8 @@ def rest_rates(
         return y - gyroscopes(0 * y, s, effects), J
 
     return View(
-        "rest rates", dwell_means(recording), s, tuple((RATE, a) for a in "xyz"), "deg/h", found.sigma,
-        frozenset({Stage.GYROSCOPE}), tuple(baseline) or ("gyro_bias",), linear, frozenset(), WIDE, found.sigma,
+        "rest rates", dwell_means(recording), s, tuple((RATE, a) for a in "xyz"), "deg/h", told,
+        frozenset({Stage.GYROSCOPE}), tuple(baseline) or ("gyro_bias",), linear, frozenset(), WIDE, told,
         turns=missed if moving else None,
     )  # fmt: skip
 

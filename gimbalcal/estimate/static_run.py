@@ -99,7 +99,7 @@ def prepare(recording: Recording) -> StaticRun:
     }
     channels = tuple((q, a) for q, _ in SENSORS for a in axes[q] if (q, a) in recording.channels)
     if ("gimbal_angle", "platform") not in channels:
-        recording = _with_phase_of_force(recording)
+        recording = with_phase_of_force(recording)
     s = stimulus(recording)
     observed = np.stack([recording.channels[key] for key in channels], axis=1)
     run = StaticRun(recording, s, channels, observed, np.ones(observed.shape))
@@ -110,7 +110,7 @@ def prepare(recording: Recording) -> StaticRun:
     return replace(run, sigma=_sigmas(run))
 
 
-def _with_phase_of_force(recording: Recording) -> Recording:
+def with_phase_of_force(recording: Recording) -> Recording:
     """The recording with a platform gimbal made from the direction of the force in the equatorial plane."""
     f = recording.triad("specific_force")
     angle = np.arctan2(f[:, 1], f[:, 0])

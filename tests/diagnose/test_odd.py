@@ -13,14 +13,16 @@ from gimbalcal import cli
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.candidates import available, sources
 from gimbalcal.diagnose.observations import observe
+from gimbalcal.diagnose.stepwise import start
 from gimbalcal.diagnose.unstated_words import largest
-from gimbalcal.diagnose.views import pointing, solved
+from gimbalcal.diagnose.views import pointing, rest_rates, solved
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site, dwell_means, write
 from tests.diagnose import plant, static_plant
 from tests.diagnose.plant import UG, Bench, at_strength, known, on, record
+from tests.diagnose.test_turning import by_hand as turned_by_hand
 from tests.diagnose.test_unstated import run as pointing_run
 from tests.diagnose.test_unstated import stars
 
@@ -56,6 +58,7 @@ ODD = {
     "constant covariate": lambda: changed(CLEAN, {("covariate", "fan"): np.full(len(CLEAN.time), 3.0)}),
     "no temperature": lambda: changed(CLEAN, without=["temperature"]),
     "two accelerometers": lambda: changed(CLEAN, without=[("specific_force", "z")]),
+    "no platform angle at rest": lambda: changed(AT_REST, without=[("gimbal_angle", "platform")]),
     "one accelerometer": lambda: changed(CLEAN, without=[("specific_force", "x"), ("specific_force", "z")]),
     "a clock from midnight": lambda: replace(CLEAN, time=CLEAN.time + 40000.0),
     "no noise stated": lambda: replace(CLEAN, noise={}),
@@ -105,6 +108,21 @@ def test_positions_of_a_static_run_do_no_harm() -> None:
     d = diagnose([replace(r, position=np.ones(len(r.time), dtype=np.int64))])
     assert d.verdict == "not-identifiable"
     assert d.findings[0]["separate_by"]
+
+
+def test_without_a_readout_of_the_platform_gimbal_the_force_tells_the_phase() -> None:
+    r = changed(static_plant.record(np.random.default_rng(1)), without=[("gimbal_angle", "platform")])
+    assert np.sqrt(np.mean(observe(r).y ** 2)) == pytest.approx(1.0, abs=0.1)  # 1440 numbers: 4 sigma, and a K of 1e-6
+
+
+def test_rests_of_one_row_each_count_alike() -> None:
+    """One row says nothing of its own scatter: no rest is surer than another."""
+    r = turned_by_hand()
+    assert r.position is not None
+    view = rest_rates(first_rows(r.select(r.position > 0), 1))
+    assert view is not None
+    assert view.sigma is None
+    assert np.isfinite(start(view).covariance).all()
 
 
 # --- covariates that have an effect of their own ----------------------------------------------------------------------
@@ -183,6 +201,7 @@ REFUSED = {
     "no noise to be seen": (lambda: replace(first_rows(CLEAN, 2), noise={}), (), "states no noise of the"),
     "NaN force": (lambda: spoiled(("specific_force", "y")), (), "'plant', row 10, specific_force y: the value is not"),
     "NaN temperature": (lambda: spoiled(TEMPERATURE), (), "'plant', row 10, temperature: the value is not a finite"),
+    "no angles": (lambda: changed(CLEAN, without=["gimbal_angle"]), (), "'plant' has no gimbal_angle column, so its"),
     "no force": (lambda: changed(CLEAN, without=["specific_force"]), (), "'plant' has no specific_force channel"),
     "by hand, no force": (lambda: changed(by_hand(12), without=["specific_force"]), (), "'by hand' leaves nothing to"),
     "by hand, nine positions": (lambda: by_hand(9), (), "'by hand' gives 9 numbers, and the constants of the model"),
