@@ -152,9 +152,11 @@ def finding(
 
 
 def printed(parameters: Sequence[Parameter], size: Array, sigma: Array) -> list[dict[str, Any]]:
-    """Parameters in printed units, from sizes and sigmas (p,) in prior sigmas."""
+    """Parameters in printed units, from sizes and sigmas (p,) in prior sigmas; without those that nothing shows."""
     rows = []
     for p, x, e in zip(parameters, size, sigma, strict=True):
+        if e == 0:
+            continue
         scale = float(from_si(p.sigma, p.unit))
         value, sigma_ = float(x) * scale, float(e) * scale
         rows.append({"name": p.name, "axis": p.axis, "value": value, "sigma": sigma_, "unit": p.unit})

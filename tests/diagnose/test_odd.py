@@ -79,6 +79,14 @@ def test_two_accelerometers_show_a_cause_of_theirs() -> None:
     assert {f["axis"] for f in d.findings} == {"y"}
 
 
+def test_a_size_that_nothing_shows_is_not_told() -> None:
+    """All axes together are one cause; of the accelerometer that was not logged nothing is said, not even zero."""
+    r = at_strength(11, lambda b: {"output": np.abs(b.ideal) * [1.0, 1.0, 0.0]}, 40.0)
+    (found,) = diagnose([changed(r, without=[("specific_force", "z")])]).findings
+    assert found["axis"] == "x, y, z"
+    assert [p["axis"] for p in found["parameters"]] == ["x", "y"]
+
+
 @pytest.mark.parametrize("few", ["positions", "accelerometers"])
 def test_a_rest_is_told_although_no_fault_of_setting_can_be_looked_for(few: str) -> None:
     """Five positions, or two accelerometers, do not show which position was interchanged; the rest is told."""
