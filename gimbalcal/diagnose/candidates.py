@@ -217,7 +217,7 @@ RIVAL_SIGMA = 3.0  # prior size of one shape, in sigmas of a row: mixed over 0.1
 def rivals(o: Observations, blocks: list[Array]) -> list[Candidate]:
     """Free per position, smooth in orientation, in time, in temperature, gimbal harmonics; and simple laws."""
     out: list[Candidate] = []
-    axes = _stage_axes(o)
+    axes = _outputs(o)
     for name, (words, basis) in shapes(o).items():
         scaled = unit_rms(basis)
         every: list[int] = []
@@ -245,7 +245,7 @@ def _simple_laws(o: Observations, blocks: list[Array]) -> list[Candidate]:
     known = unit(np.concatenate([b[:SLOWEST] for b in blocks], axis=1))
     out = []
     for name, (words, bases) in products(o).items():
-        for axis, along in _stage_axes(o):
+        for axis, along in _outputs(o):
             variants = []
             for basis in bases:
                 X = o.reduce(along[:, :, None] * unit_rms(basis)[:, None, :])
@@ -256,7 +256,7 @@ def _simple_laws(o: Observations, blocks: list[Array]) -> list[Candidate]:
     return out
 
 
-def _stage_axes(o: Observations) -> list[tuple[str, Array]]:
+def _outputs(o: Observations) -> list[tuple[str, Array]]:
     """What one unit (a sigma of a row) added to each accelerometer that was logged does to all channels, (n, C)."""
     S = o.sensitivity[Stage.ACCELEROMETER]
     out = []

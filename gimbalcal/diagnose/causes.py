@@ -9,13 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.baseline import NORTH, follows, logged
-from gimbalcal.diagnose.candidates import SHAPES
+from gimbalcal.diagnose.candidates import GRID, SHAPES
 from gimbalcal.diagnose.shapes import polynomials, unit_rms
 from gimbalcal.diagnose.views import View
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, absent, parameters
 from gimbalcal.number import Array
 
-GRID = 7
 DAY_PART = {"base_tilt_diurnal": 8 * 3600.0}  # s; shorter, it is base_tilt_drift and nothing else
 SKIPPED = (  # nothing that these rows could show, or a part of another candidate
     *SHAPES, "position_blunder", "gravity_error", "frame_misalignment", "vertical_deflection", "clock_rate",

@@ -155,7 +155,7 @@ def _alone(s: Search, members: tuple[int, ...], keep: int) -> float:
 
 def clean_together(c: Combined, rng: np.random.Generator) -> tuple[Array, tuple[Array, ...]]:
     """ln Bayes factors of "something is missing" on simulated clean recordings: together, and of each alone."""
-    drawn = [clean_singles(s.rows, s.projections, s.library.candidates, s.null, rng) for s in c.searches]
+    drawn = [clean_singles(s, rng) for s in c.searches]
     alone = tuple(anything(d, s.share) for d, s in zip(drawn, c.searches, strict=True))
     return anything(c.summed(drawn), c.share), alone
 

@@ -20,8 +20,9 @@ from gimbalcal.diagnose.search import Hypothesis, Ranking, Search, given
 from gimbalcal.number import Array
 
 CLAIM = np.log(20.0)  # simulated clean recordings reach it in less than 1 in 1000; 1 in 20 would be the bound
-TOGETHER = np.log(20.0)
-SURE = 0.90
+TOGETHER = np.log(20.0)  # evidence by which causes must differ to be told apart: the same odds as a claim
+SURE = 0.90  # probability of a set of causes from which it is not widened
+UNSURE = 0.90  # of its probability is left to a cause that leaves a rest, or more than the stated noise
 OUTSIDE = 0.10  # kept for laws nobody has written down: some look like one that is, and no data of this kind can tell
 LIKELY = 0.02  # probability from which a cause may widen a set that is not sure
 NEARLY = 0.90  # share of the evidence that a cause alone must carry to be named although a rest has no cause
@@ -45,7 +46,7 @@ def decide(s: Search, threshold: float = CLAIM) -> Decision:
     d = judge(s, threshold, lambda beside: likeliest(s, beside))
     if d.hypothesis is None or d.shapes or strained(s, d.hypothesis.members) < CLAIM:
         return d
-    return replace(d, probability=tuple(NEARLY * p for p in d.probability))
+    return replace(d, probability=tuple(UNSURE * p for p in d.probability))
 
 
 def stated(probability: float) -> float:
@@ -137,7 +138,7 @@ def _share(s: Ranking, p: Array, alike: Sequence[int], with_rest: bool = False) 
 
     total = sum(w for h, w in zip(s.hypotheses, p, strict=True)
                 if (with_rest or not h.unknown(candidates)) and any(inside(i) for i in h.members))  # fmt: skip
-    return float(NEARLY * total if with_rest else total)
+    return float(UNSURE * total if with_rest else total)
 
 
 def fits_alike(s: Ranking, member: int, beside: Sequence[int], scores: Array) -> tuple[int, ...]:

@@ -43,7 +43,7 @@ def diagnose_forces(
     ids = tuple(baseline) or BASELINE.get(recording.kind, ())
     s = searched(recording, calibration, ids, tell)
     tell("sending simulated clean recordings of this design through the same comparison")
-    clean = clean_evidence(s.rows, s.projections, s.library.candidates, s.share, s.null, rng)
+    clean = clean_evidence(s, rng)
     d = decide(s, float(np.quantile(clean, 0.99)))
     return _report(s, d, clean, rng, {"baseline": list(ids), "seed": seed}, tell), s, d
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.polynomial import legendre
 
 from gimbalcal.diagnose.observations import Observations
 from gimbalcal.number import Array
@@ -59,7 +60,6 @@ def polynomials(u: Array) -> Array:
 
 def _thermal(time: Array, temperature: Array) -> Array:
     """Legendre polynomials 2 to 5 of temperature, its smoothed rate, square and cube (n, 7)."""
-    from numpy.polynomial import legendre
     from scipy.ndimage import gaussian_filter1d
 
     centred = temperature - temperature.mean()

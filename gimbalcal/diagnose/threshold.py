@@ -12,17 +12,16 @@ import numpy as np
 
 from gimbalcal.diagnose.candidates import Candidate
 from gimbalcal.diagnose.evidence import SIZE_PRIOR, SIZES, Projection, Rows, by_width, logsumexp, variant_shares
+from gimbalcal.diagnose.search import Search
 from gimbalcal.number import Array, eigh
 
-DRAWS = 200
+DRAWS = 200  # clean recordings: the 99 % point rests on two of them, and CLAIM is above it but for odd designs
+UNLIKELY = 1e-4  # weight of a noise below which it is left out
 
 
-def clean_evidence(
-    rows: Rows, projections: Sequence[Projection], candidates: Sequence[Candidate], share: Array, null: Array,
-    rng: np.random.Generator, draws: int = DRAWS,
-) -> Array:  # fmt: skip
-    """ln Bayes factors (draws,) of "something is missing" on simulated clean recordings of this design."""
-    return anything(clean_singles(rows, projections, candidates, null, rng, draws), share)
+def clean_evidence(s: Search, rng: np.random.Generator) -> Array:
+    """ln Bayes factors (DRAWS,) of "something is missing" on simulated clean recordings of this design."""
+    return anything(clean_singles(s, rng), s.share)
 
 
 def anything(singles: Array, share: Array) -> Array:
@@ -30,39 +29,36 @@ def anything(singles: Array, share: Array) -> Array:
     return logsumexp(singles + share[:, None], axis=0)
 
 
-def clean_singles(
-    rows: Rows, projections: Sequence[Projection], candidates: Sequence[Candidate], null: Array,
-    rng: np.random.Generator, draws: int = DRAWS,
-) -> Array:  # fmt: skip
-    """ln Bayes factors (candidates, draws) of each candidate on simulated clean recordings, noise integrated over."""
-    weights = np.exp(null - logsumexp(null))
-    kept = [k for k in np.argsort(-weights) if weights[k] > 1e-4]
-    low, tail = _draw(rows, [projections[k] for k in kept], weights[kept], rng, draws)
+def clean_singles(s: Search, rng: np.random.Generator) -> Array:
+    """ln Bayes factors (candidates, DRAWS) of each candidate on simulated clean recordings, noise integrated over."""
+    weights = np.exp(s.null - logsumexp(s.null))
+    kept = [k for k in np.argsort(-weights) if weights[k] > UNLIKELY]
+    low, tail = _draw(s.rows, [s.projections[k] for k in kept], weights[kept], rng)
     empty, full = [], []
     for k in kept:
-        p = projections[k]
-        b, misfit = _scores(rows, p, low, tail)
+        p = s.projections[k]
+        b, misfit = _scores(s.rows, p, low, tail)
         ln = np.log(p.node.prior) - 0.5 * (misfit + p.penalty)
         empty.append(ln)
-        full.append(ln + _each(p.G, b, candidates))
+        full.append(ln + _each(p.G, b, s.library.candidates))
     return logsumexp(np.array(full), axis=0) - logsumexp(np.array(empty), axis=0)
 
 
 def _draw(
-    rows: Rows, projections: Sequence[Projection], weights: Array, rng: np.random.Generator, draws: int
+    rows: Rows, projections: Sequence[Projection], weights: Array, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Clean coloured rows (R', draws) and the products (q + P, draws) of white rows with the columns."""
+    """Clean coloured rows (R', DRAWS) and the products (q + P, DRAWS) of white rows with the columns."""
     n, m = rows.low.shape[0], rows.q + rows.P
-    low = np.empty((n, draws))
-    picked = rng.choice(len(projections), size=draws, p=weights / weights.sum())
-    noise = rng.standard_normal((n, draws))
+    low = np.empty((n, DRAWS))
+    picked = rng.choice(len(projections), size=DRAWS, p=weights / weights.sum())
+    noise = rng.standard_normal((n, DRAWS))
     for k, p in enumerate(projections):
         mine = picked == k
         root = p.node.inverse_root
         if mine.any():
             low[:, mine] = noise[:, mine] / root[:, None] if root.ndim == 1 else np.linalg.solve(root, noise[:, mine])
     lam, V = eigh(rows.high[:m, :m])
-    tail = V @ (np.sqrt(np.maximum(lam, 0.0))[:, None] * rng.standard_normal((m, draws)))
+    tail = V @ (np.sqrt(np.maximum(lam, 0.0))[:, None] * rng.standard_normal((m, DRAWS)))
     return low, tail
 
 

@@ -20,6 +20,7 @@ from gimbalcal.diagnose.combine import Combined, clean_together, combine, decide
 from gimbalcal.diagnose.decide import CLAIM, Decision, decide
 from gimbalcal.diagnose.diagnosis import Curves, Diagnosis, files
 from gimbalcal.diagnose.forces import constants, finding, measured, printed, searched, shape
+from gimbalcal.diagnose.gimballed import has_gyroscopes
 from gimbalcal.diagnose.locate import LISTED, Scan, told
 from gimbalcal.diagnose.model import fit
 from gimbalcal.diagnose.observations import BASELINE
@@ -60,6 +61,8 @@ def diagnose_together(
     searches = []
     for k, (r, mine) in enumerate(zip(recordings, ids, strict=True)):
         tell(f"recording {k + 1} of {len(recordings)}: {r.title}")
+        if has_gyroscopes(r):
+            tell("its gyroscopes are not looked at together with other recordings; give it alone for them")
         searches.append(searched(r, calibration, mine, tell))
     tell("adding up the evidence of all recordings")
     c = combine(searches)

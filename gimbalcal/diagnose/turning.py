@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.diagnose.views import RATE, View
+from gimbalcal.diagnose.views import PLAIN, RATE, View
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, parameters, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.multiposition import WIDE, multiposition
@@ -31,7 +31,7 @@ def turned_rates(recording: Recording, accelerometers: Calibration | None = None
     """The turns of a recording, across gravity; None where there are too few or nothing was logged on the way."""
     if recording.position is None or not np.any(recording.position == 0):
         return None
-    made = accelerometers or multiposition(recording, ("bias", "scale_factor", "misalignment"))
+    made = accelerometers or multiposition(recording, PLAIN)
     try:
         turned, _, scale = turns(recording, made)
         still = rests(recording, made, scale)

@@ -37,6 +37,7 @@ BLOCK = 1.0  # s; a table is tilted over seconds, what is faster shakes building
 FEWEST = 3  # means of a table that can differ from one another in more than a trend
 COARSE, FINE = 0.04, 0.01  # s; steps at which the physics of a tilting table is evaluated, for search and last fit
 BY_HAND = 3.0  # times the catalogue's scales: sensors of different makers, bolted together
+PLAIN = ("bias", "scale_factor", "misalignment")  # of accelerometers that nobody has calibrated
 SENSORS = frozenset({Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER})
 
 
@@ -95,7 +96,7 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
 
     sample = means.sigma("accelerometer")
     noise = None if sample is None else (sample / np.sqrt(means.weight))[:, None]
-    ids = tuple(baseline) or ("bias", "scale_factor", "misalignment")
+    ids = tuple(baseline) or PLAIN
     return View("norm", means, s, ((FORCE, "norm"),), "mg", None, SENSORS, ids, linear, TRIANGLE, WIDE, noise)
 
 
@@ -107,7 +108,7 @@ def rest_rates(
     `accelerometers` calibrates the force (left out, the positions do). None where the outputs are counts and no turns
     between the rests say how much a count is.
     """
-    made = accelerometers or multiposition(recording, ("bias", "scale_factor", "misalignment"))
+    made = accelerometers or multiposition(recording, PLAIN)
     moving = recording.position is not None and bool(np.any(recording.position == 0))
     raw = any(is_raw(recording.units.get((RATE, a), "rad/s")) for a in "xyz")
     if raw and not moving:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.candidates import library
-from gimbalcal.diagnose.decide import CLAIM, NEARLY, decide, strained
+from gimbalcal.diagnose.decide import CLAIM, UNSURE, decide, strained
 from gimbalcal.diagnose.noise import nodes, settle
 from gimbalcal.diagnose.observations import BASELINE, observe
 from gimbalcal.diagnose.search import search
@@ -22,7 +22,7 @@ def test_a_cause_that_leaves_more_than_the_stated_noise_is_not_sure():
     d = decide(s)
     assert d.hypothesis is not None
     assert strained(s, d.hypothesis.members) > CLAIM
-    assert max(d.probability) <= NEARLY
+    assert max(d.probability) <= UNSURE
 
 
 @pytest.mark.parametrize("name", ["asymmetry", "two-cycle"])
@@ -31,7 +31,7 @@ def test_a_cause_that_leaves_the_stated_noise_is_sure(name):
     d = decide(s)
     assert d.hypothesis is not None
     assert strained(s, d.hypothesis.members) < CLAIM
-    assert min(d.probability) > NEARLY
+    assert min(d.probability) > UNSURE
 
 
 def test_nothing_named_has_nothing_to_be_sure_of():
