@@ -134,9 +134,19 @@ def shortening(recording: Recording) -> Array:
 
 def sidereal_phase(recording: Recording, readout: Array) -> Array:
     """S_t (n,) [rad]: Earth rate x time, through the circular mean of what the platform gimbal reads less that."""
+    refuse_other_platform(recording)
     turned = EARTH_RATE * (recording.time - recording.time[0])
     offset = readout[:, recording.platform.axis_names.index("platform")] - turned
     return np.asarray(turned + np.angle(np.mean(np.exp(1j * offset))))
+
+
+def refuse_other_platform(recording: Recording) -> None:
+    """Raise InputError for a static run of anything but a platform that stays at rest in inertial space."""
+    if "platform" not in recording.platform.axis_names:
+        raise InputError(
+            f"{recording.title!r} is a static run of {recording.platform.name!r}, and only a space-stable platform, "
+            "whose gimbal `platform` turns with the Earth, stays at rest in inertial space; give another kind"
+        )
 
 
 def _last_move(x: Array, starts: Sequence[int], visit: Array, lag: int) -> Array:

@@ -144,9 +144,8 @@ def _setting(o: Observations) -> Array:
 def _walk(o: Observations) -> Array:
     """Covariance (R, R) of independent random walks of the channels, reaching one sigma of a dwell mean at the end."""
     n, C = o.y.shape
-    starts = np.flatnonzero(np.diff(o.block, prepend=-1))
-    count = np.diff(np.append(starts, n))
-    t = np.add.reduceat(o.stimulus.time, starts) / count
+    count = np.diff(np.append(o.starts, n))
+    t = np.add.reduceat(o.stimulus.time, o.starts) / count
     dwell = n / len(np.unique(o.stimulus.visit))
     K = np.minimum.outer(t, t) / t[-1] * np.sqrt(np.outer(count, count)) / dwell
     return np.asarray(np.kron(K, np.eye(C)))
@@ -157,7 +156,7 @@ def coloured(o: Observations) -> int:
     n, C = o.y.shape
     if o.kind == "static-run":
         return min(n, SLOW) * C
-    return int(o.block.max() + 1) * C
+    return len(o.starts) * C
 
 
 def _spectral_nodes(o: Observations) -> tuple[Node, ...]:

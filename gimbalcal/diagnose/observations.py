@@ -22,7 +22,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.information import information, solve
 from gimbalcal.estimate.static_run import with_phase_of_force
 from gimbalcal.forward import jacobian, predict
-from gimbalcal.kinematics import lost_to_averaging, stimulus
+from gimbalcal.kinematics import lost_to_averaging, refuse_other_platform, stimulus
 from gimbalcal.number import STEP, Array
 from gimbalcal.recording import SENSORS, Recording, block_means, dwells
 
@@ -65,6 +65,11 @@ class Observations:
         """Kind of the recording."""
         return self.recording.kind
 
+    @property
+    def starts(self) -> Array:
+        """First row of each block."""
+        return np.flatnonzero(np.diff(self.block, prepend=-1))
+
     def reduce(self, columns: Array) -> Array:
         """Columns (n, C, p) to rows (R, p): block means times the root of their count, or the cosine transform."""
         n, C, p = columns.shape
@@ -72,10 +77,9 @@ class Observations:
             from scipy.fft import dct
 
             return np.asarray(dct(columns, axis=0, norm="ortho")).reshape(n * C, p)
-        starts = np.flatnonzero(np.diff(self.block, prepend=-1))
-        count = np.diff(np.append(starts, n))
-        total = np.add.reduceat(columns, starts, axis=0) / np.sqrt(count)[:, None, None]
-        return np.asarray(total.reshape(len(starts) * C, p))
+        count = np.diff(np.append(self.starts, n))
+        total = np.add.reduceat(columns, self.starts, axis=0) / np.sqrt(count)[:, None, None]
+        return np.asarray(total.reshape(len(count) * C, p))
 
     def through(self, stage: Stage, added: Array) -> Array:
         """What an addition (n, ...) at a stage does to the channels, in sigma: (n, C)."""
@@ -117,22 +121,11 @@ def observe(
     `known` are values to start from, `steps` the Gauss-Newton steps (none for a recording that is only planned).
     Raises InputError for a kind without a forward model or with missing channels.
     """
-    if recording.kind not in CHANNELS:
-        raise InputError(f"{recording.title!r} is a {recording.kind} recording; `diagnose` takes {', '.join(CHANNELS)}")
-    if recording.position is not None and np.any(recording.position == 0):
-        recording = recording.select(recording.position > 0)
-    if not len(recording.time):
-        raise InputError(f"{recording.title!r} has no dwell: every row has position 0, so nothing in it is at rest")
-    if recording.kind == "static-run" and len(recording.time) > MOST_ROWS:
-        recording = block_means(recording, -(-len(recording.time) // MOST_ROWS))
+    recording = _at_rest(recording)
     channels = measured_channels(recording)
     unread = recording.kind == "static-run" and ("gimbal_angle", "platform") not in channels
     s = stimulus(with_phase_of_force(recording) if unread else recording)
-    measured = np.stack([recording.channels[key] for key in channels], axis=-1)
-    if recording.kind == "static-run":
-        force = [i for i, (q, _) in enumerate(channels) if q == "specific_force"]
-        lost = lost_to_averaging(recording, s.force)
-        measured[:, force] += lost[:, ["xyz".index(channels[i][1]) for i in force]]
+    measured = _measured(recording, channels, s.force)
     sigma = row_sigma(recording, channels, measured, s.visit)
     ids = tuple(baseline) or BASELINE[recording.kind]
     constants = tuple(p for i in ids for p in parameters(known_effect(i), s.axis_names) if _has_axis(p, recording))
@@ -147,6 +140,31 @@ def observe(
     o = Observations(recording, s, channels, sigma, y, Z, effects, constants, seen, sensitivity, _blocks(recording))
     refuse_too_little(recording, o.reduce(Z))
     return o
+
+
+def _at_rest(recording: Recording) -> Recording:
+    """The rows that stand still, a long static run as means of blocks. Raises InputError where there are none."""
+    if recording.kind not in CHANNELS:
+        raise InputError(f"{recording.title!r} is a {recording.kind} recording; `diagnose` takes {', '.join(CHANNELS)}")
+    if recording.kind == "static-run":
+        refuse_other_platform(recording)
+    if recording.position is not None and np.any(recording.position == 0):
+        recording = recording.select(recording.position > 0)
+    if not len(recording.time):
+        raise InputError(f"{recording.title!r} has no dwell: every row has position 0, so nothing in it is at rest")
+    if recording.kind == "static-run" and len(recording.time) > MOST_ROWS:
+        return block_means(recording, -(-len(recording.time) // MOST_ROWS))
+    return recording
+
+
+def _measured(recording: Recording, channels: Sequence[Key], force: Array) -> Array:
+    """Readings (n, C) in SI, with what averaging took from a turning force (n, 3) put back."""
+    measured = np.stack([recording.channels[key] for key in channels], axis=-1)
+    if recording.kind == "static-run":
+        at = [i for i, (q, _) in enumerate(channels) if q == "specific_force"]
+        lost = lost_to_averaging(recording, force)
+        measured[:, at] += lost[:, ["xyz".index(channels[i][1]) for i in at]]
+    return measured
 
 
 def refuse_too_little(recording: Recording, Z: Array) -> None:

@@ -116,7 +116,7 @@ def joined(
     for (quantity, axis), v in r.channels.items():
         second = v[order] * (share if quantity == "gimbal_angle" else 1.0)
         second = second + (warmer if quantity == "temperature" else 0.0)
-        if other and axis in ("inner", "middle"):
+        if other and quantity == "gimbal_angle" and axis in ("inner", "middle"):
             second = second + np.pi if axis == "inner" else np.pi - second
         channels[quantity, axis] = np.concatenate([v, second])
     moved = r.time[-1] - r.time[order] if reverse else r.time - r.time[0]

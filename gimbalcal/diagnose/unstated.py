@@ -18,6 +18,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import unstated_words, wording
 from gimbalcal.diagnose.decide import stated
 from gimbalcal.diagnose.diagnosis import VERDICTS, Curves, Diagnosis, files
+from gimbalcal.diagnose.free_scale import RANK
 from gimbalcal.diagnose.instead import Verdict, judged
 from gimbalcal.diagnose.stepwise import Course, Model, course, refined, weighted
 from gimbalcal.diagnose.turning import turned_rates
@@ -153,7 +154,7 @@ def _sigma(v: View, end: Model) -> Array:
     """One sigma of each row and channel (n, C): the scatter about the last model, spread as the samples' noise is."""
     r = weighted(v, end.r)
     shape = np.ones_like(end.r) if v.sigma is None else v.sigma / v.sigma.min()
-    free = max(r.size - np.linalg.matrix_rank(end.J.reshape(r.size, -1)), 1)
+    free = max(r.size - _basis(end.J).shape[1], 1)
     return np.asarray(shape * np.sqrt((r**2).sum() / free))
 
 
@@ -187,9 +188,15 @@ def _fit(v: View, c: Course, sigma: Array) -> dict[str, Any]:
 
 
 def _reduced(m: Model, sigma: Array) -> float:
-    J = (m.J / sigma[..., None]).reshape(m.r.size, -1)
-    rank = np.linalg.matrix_rank(J / (np.sqrt((J**2).sum(axis=0)) + 1e-300), tol=1e-7)
+    rank = _basis(m.J / sigma[..., None]).shape[1]
     return float(((m.r / sigma) ** 2).sum() / max(m.r.size - rank, 1))
+
+
+def _basis(J: Array) -> Array:
+    """Orthonormal basis (n C, q) of modelled columns J (n, C, p), whatever their units."""
+    J = J.reshape(J.shape[0] * J.shape[1], -1)
+    U, S, _ = np.linalg.svd(J / (np.sqrt((J**2).sum(axis=0)) + 1e-300), full_matrices=False)
+    return np.asarray(U[:, S > RANK * S.max(initial=1e-300)])
 
 
 def _outside(when: str, v: View, m: Model, sigma: Array) -> dict[str, float]:
@@ -202,9 +209,7 @@ def _outside(when: str, v: View, m: Model, sigma: Array) -> dict[str, float]:
 def heldout(v: View, m: Model, sigma: Array) -> Array:
     """What a fit without them says of rows left out (n, C) in sigma: one each, or ten seconds of a table."""
     n, C = m.r.shape
-    J = (m.J / sigma[..., None]).reshape(n * C, -1)
-    U, S, _ = np.linalg.svd(J / (np.sqrt((J**2).sum(axis=0)) + 1e-300), full_matrices=False)
-    Q = U[:, S > 1e-7 * S.max(initial=1e-300)].reshape(n, C, -1)
+    Q = _basis(m.J / sigma[..., None]).reshape(n, C, -1)
     r = m.r / sigma
     size = max(1, round(LEFT_OUT / float(np.median(np.diff(v.recording.time))))) if v.name == "table" else 1
     left = []

@@ -68,7 +68,7 @@ def _whitened(s: Search, f: Fit, physical: Array) -> tuple[Array, Array, Array, 
         fold = np.repeat(np.arange(n) * FOLDS // n, C)
         return o.Z.reshape(n * C, -1), physical.reshape(n * C, -1), o.y.ravel(), fold, "time"
     node = f.projection.node
-    visits = o.stimulus.visit[np.flatnonzero(np.diff(o.block, prepend=-1))]
+    visits = o.stimulus.visit[o.starts]
     inside = _inside_dwell(s, f)
     ordinal = np.array([np.sum(visits[:i] == v) for i, v in enumerate(visits)]) if inside else visits
     rows = [node.whiten(A) for A in (o.reduce(o.Z), o.reduce(physical), o.reduce(o.y[:, :, None]))]

@@ -17,7 +17,7 @@ from gimbalcal.estimate.information import Information, information
 from gimbalcal.estimate.noise import HEADER, SAMPLES
 from gimbalcal.estimate.setting import select
 from gimbalcal.forward import jacobian, predict
-from gimbalcal.kinematics import lost_to_averaging, stimulus
+from gimbalcal.kinematics import lost_to_averaging, refuse_other_platform, stimulus
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 
@@ -92,6 +92,7 @@ def prepare(recording: Recording) -> StaticRun:
     """
     if recording.kind != "static-run":
         raise InputError(f"{recording.title!r} is a {recording.kind} recording where a static run is needed")
+    refuse_other_platform(recording)
     axes = {
         "specific_force": ("x", "y", "z"),
         "gimbal_angle": recording.platform.axis_names,

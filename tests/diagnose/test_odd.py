@@ -18,7 +18,7 @@ from gimbalcal.diagnose.unstated_words import largest
 from gimbalcal.diagnose.views import pointing, rest_rates, solved
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
-from gimbalcal.platform import BENCH
+from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.recording import Recording, Site, dwell_means, write
 from tests.diagnose import plant, static_plant
 from tests.diagnose.plant import UG, Bench, at_strength, known, on, record
@@ -26,6 +26,7 @@ from tests.diagnose.test_turning import by_hand as turned_by_hand
 from tests.diagnose.test_unstated import run as pointing_run
 from tests.diagnose.test_unstated import stars
 
+TABLE = KNOWN["three-axis-table"]
 TEMPERATURE = ("temperature", "")
 CLEAN = record(np.random.default_rng(2))
 AT_REST = static_plant.record(np.random.default_rng(3))
@@ -170,6 +171,9 @@ def test_effects_of_named_channels_are_candidates_where_these_were_logged() -> N
 # --- refused ----------------------------------------------------------------------------------------------------------
 
 
+FORCES_AT_REST = changed(AT_REST, without=["gimbal_angle"])
+
+
 def spoiled(channel: tuple[str, str]) -> Recording:
     x = CLEAN.channels[channel].copy()
     x[9] = np.nan
@@ -210,6 +214,8 @@ REFUSED = {
     "NaN force": (lambda: spoiled(("specific_force", "y")), (), "'plant', row 10, specific_force y: the value is not"),
     "NaN temperature": (lambda: spoiled(TEMPERATURE), (), "'plant', row 10, temperature: the value is not a finite"),
     "no angles": (lambda: changed(CLEAN, without=["gimbal_angle"]), (), "'plant' has no gimbal_angle column, so its"),
+    "at rest by hand": (lambda: replace(FORCES_AT_REST, platform=BENCH), (), "static run of 'bench', and"),
+    "at rest on a table": (lambda: replace(FORCES_AT_REST, platform=TABLE), (), "static run of 'three-axis-table'"),
     "no force": (lambda: changed(CLEAN, without=["specific_force"]), (), "'plant' has no specific_force channel"),
     "by hand, no force": (lambda: changed(by_hand(12), without=["specific_force"]), (), "'by hand' leaves nothing to"),
     "by hand, nine positions": (lambda: by_hand(9), (), "'by hand' gives 9 numbers, and the constants of the model"),
