@@ -67,9 +67,11 @@ def collect(wanted: Sequence[Run], path: Path, jobs: int) -> list[Row]:
                 file.flush()
                 if n % 20 == 0 or n == len(left):
                     sys.stderr.write(f"\r{n} of {len(left)} runs, {perf_counter() - begin:.0f} s ")
-        except KeyboardInterrupt:
+        except BaseException as problem:
             pool.shutdown(cancel_futures=True)  # waits for the runs under way, else `with` takes the cancelling back
             sys.stderr.write(f"\nstopped; {path} keeps what was done\n")
+            if not isinstance(problem, KeyboardInterrupt):
+                raise
     return [rows[run.key] for run in wanted if run.key in rows]
 
 
