@@ -48,16 +48,15 @@ class Model:
 
 @dataclass(frozen=True)
 class Step:
-    """What one round took up, with its ln Bayes factor, and the model after it."""
+    """A cause that was taken up, and the model after it."""
 
-    taken: tuple[Taken, ...]
-    ln_bayes: float
+    taken: Taken
     model: Model
 
 
 @dataclass(frozen=True)
 class Course:
-    """The baseline, the steps from it, and the shape that is left in what no cause explains ("" where none is)."""
+    """The baseline, the steps from it, and the shapes that are left in what no cause explains."""
 
     start: Model
     steps: tuple[Step, ...]
@@ -73,13 +72,11 @@ def refit(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Mo
     """Gauss-Newton on all wanted parameters; directions that the rows do not see stay where they are."""
     names = v.stimulus.axis_names
     made, scale = tuple(effects), np.array([p.sigma for p in wanted])
-    weight = np.ones(()) if v.sigma is None else v.sigma.min() / v.sigma
     C = np.zeros((len(wanted), len(wanted)))
     for _ in range(6):
         r, J = v.linear(made, wanted)
         n = r.size
-        A = (J * weight[..., None] if v.sigma is not None else J).reshape(n, -1) * scale
-        y = (r * weight).ravel()
+        A, y = weighted(v, J).reshape(n, -1) * scale, weighted(v, r).ravel()
         U, S, Vt = np.linalg.svd(A, full_matrices=False)
         b = U.T @ y
         keep = S > 1e-9 * S[0] if len(S) else np.zeros(0, bool)
@@ -167,21 +164,19 @@ def steps_of(v: View, first: Model, taken: Sequence[Taken]) -> Course:
 
 def ordered(v: View, first: Model, taken: Sequence[Taken]) -> tuple[Step, ...]:
     """One step for each cause, the one that takes away most first."""
-    left, model = list(taken), first
+    left = list(taken)
     steps: list[Step] = []
     while left:
-        models = [take(v, first, [*(t for s in steps for t in s.taken), t]) for t in left]
+        models = [take(v, first, [*(s.taken for s in steps), t]) for t in left]
         best = int(np.argmin([m.rms for m in models]))
-        ln = alone(v, model, left[best])
-        model = models[best]
-        steps.append(Step((left.pop(best),), ln, model))
+        steps.append(Step(left.pop(best), models[best]))
     return tuple(steps)
 
 
 def refined(v: View, c: Course) -> Course:
     """The same causes fitted to another view of the same recording."""
     first = start(v)
-    return Course(first, ordered(v, first, [t for s in c.steps for t in s.taken]), c.left)
+    return Course(first, ordered(v, first, [s.taken for s in c.steps]), c.left)
 
 
 def take(v: View, model: Model, found: Sequence[Taken]) -> Model:

@@ -92,7 +92,7 @@ class Told:
 def told_of(v: View, c: Course, tell: Tell) -> Told:
     """What a course through a view says."""
     tell("asking of each cause what else could stand in its place")
-    verdicts = [judged(v, c.end, cause) for s in c.steps for cause, _ in s.taken]
+    verdicts = [judged(v, c.end, s.taken[0]) for s in c.steps]
     if v.finer is not None:
         tell("refitting at the full resolution")
         v = v.finer()
@@ -170,8 +170,9 @@ def _fit(v: View, c: Course, sigma: Array) -> dict[str, Any]:
         "rms_before": float(from_si(before.rms, v.unit)),
         "rms_after": float(from_si(after.rms, v.unit)),
         "steps": [
-            {"effect": cause.effect, "axis": cause.axis, "rms": float(from_si(s.model.rms, v.unit)), "unit": v.unit}
-            for s in c.steps for cause, _ in s.taken
+            {"effect": s.taken[0].effect, "axis": s.taken[0].axis, "rms": float(from_si(s.model.rms, v.unit)),
+             "unit": v.unit}
+            for s in c.steps
         ],
         "calibration_moved": moved(before, after) if c.steps else [],
     }  # fmt: skip
