@@ -243,12 +243,12 @@ def step_rows(d: Diagnosis) -> list[str]:
 
 def size_rows(d: Diagnosis) -> list[str]:
     """What was found, with one sigma, its probability and its twins."""
-    rows = ["", "| found | probability | size ± 1σ | cannot be told from |", "|---|---|---|---|"]
+    rows = ["", "| found | probability (at most 90 %) | size ± 1σ | cannot be told from |", "|---|---|---|---|"]
     for f in d.findings:
         sizes = "<br>".join(_size(p) for p in f["parameters"])
         axis = f" ({f['axis'].replace('_', ' ')})" if f["axis"] else ""
         twins = ", ".join(named(t) for t in f["twins"]) or "–"
-        rows.append(f"| {named(f['effect'])}{axis} | {f['probability']:.3f} | {sizes} | {twins} |")
+        rows.append(f"| {named(f['effect'])}{axis} | {100 * f['probability']:.3g} % | {sizes} | {twins} |")
     return rows if d.findings else []
 
 

@@ -29,7 +29,7 @@ def equation(effect: str) -> str:
 
 def named(f: Mapping[str, Any]) -> str:
     """Finding with its axis and twins."""
-    axis = f" ({f['axis']})" if f["axis"] else ""
+    axis = f" ({plain(f['axis'])})" if f["axis"] else ""
     twins = "".join(f" or {plain(t)}" for t in f["twins"])
     return f"{plain(f['effect'])}{axis}{twins}"
 
