@@ -112,7 +112,7 @@ def _views(
     """The views of the gyroscopes, and what cannot be said of them, in sentences."""
     rests = len(dwell_means(recording).time)
     if rests < RESTS:
-        return [], [f"The gyroscopes were not looked at: it takes {RESTS} rests, and there {'is' if rests == 1 else 'are'} {rests}."]
+        return [], [f"The gyroscopes were not looked at: it takes {RESTS} rests, not {rests}."]
     if not recording.has(FORCE):
         force = ideal_force(recording, recording.angles())
         recording = replace(
