@@ -33,7 +33,7 @@ lint: $(VENV)/.dev-ready  ## style, types, and the direction of imports
 	$(BIN)/mypy $(CHECKED)
 	$(BIN)/lint-imports
 
-bench: $(VENV)/.dev-ready  ## the figures of the README, measured (about 45 min; the diagnosis takes 30 of them)
+bench: $(VENV)/.dev-ready  ## the figures of the README, measured (about 75 min; the diagnosis takes 60 of them)
 	for name in bench_device bench_static bench_multiposition bench_reading bench_diagnose; do \
 		echo "== $$name"; $(BIN)/python -m tests.benchmarks.$$name || exit 1; done
 

@@ -5,7 +5,7 @@
 Arms: clean, timetable, alien, single, pair, strange, strange new, hidden, static (all; a word chooses those that
 begin with it).
 Every result is appended to out/bench_diagnose-<digest of the sources>.jsonl as it comes: stopped and started again it
-goes on where it was, and results of other sources are never mixed in. About 25 min on two cores, 3 min with --quick.
+goes on where it was, and results of other sources are never mixed in. About an hour on two cores, 5 min with --quick.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def say(line: str) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("arms", nargs="*", metavar="ARM")
-    parser.add_argument("--quick", action="store_true", help="a tenth of the runs, about 3 min")
+    parser.add_argument("--quick", action="store_true", help="a tenth of the runs, about 5 min")
     parser.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1))
     options = parser.parse_args()
     wanted = [
