@@ -22,7 +22,7 @@ from gimbalcal.simulate import simulate
 from gimbalcal.simulate.truth import BASELINE
 from gimbalcal.units import from_si, parse
 
-PAGE = Path("/work/shared/design/effects.md")
+PAGE = Path(__file__).parents[2] / "shared" / "design" / "effects.md"
 ALL = sorted(CATALOGUE)
 
 

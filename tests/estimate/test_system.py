@@ -23,7 +23,7 @@ from tests.estimate.static_runs import TABLE_2_3, draw, run
 from tests.stimuli import LATITUDE, G
 
 ALL = ("scale_factor", "bias", "misalignment", "gimbal_zero", "base_tilt", "polar_axis_misalignment")
-CLEAN = Path("/work/shared/challenge/open/static-029")
+CLEAN = Path(__file__).parents[3] / "shared" / "challenge" / "open" / "static-029"
 
 
 def test_parameters_without_noise_come_back_in_every_seen_direction() -> None:
