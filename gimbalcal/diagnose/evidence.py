@@ -71,11 +71,34 @@ def stack(Z: Array, X: Array, y: Array, low: int) -> Rows:
     A[:, :q], A[:, q + P :] = Q, y
     for k in range(0, P, CHUNK):
         part = X[:, k : k + CHUNK]
-        left = part - Q @ (Q.T @ part)
-        seen = np.linalg.norm(left, axis=0) > ABSORBED * np.linalg.norm(part, axis=0)
-        A[:, q + k : q + k + part.shape[1]] = np.where(seen, left, 0.0)
+        A[:, q + k : q + k + part.shape[1]] = _cleared(Q, part)
     tail = A[low:]
     return Rows(A[:low].copy(), tail.T @ tail, q, P, Q, y)
+
+
+def appended(rows: Rows, X: Array, new: Array) -> Rows:
+    """`rows` of columns X (R, P), as `stack` makes them of X and `new` (R, p): for few of many columns in less time."""
+    q, P, low = rows.q, rows.P, len(rows.low)
+    left = _cleared(rows.Q, new)
+    seen = rows.low[:, q : q + P].any(axis=0) | (np.diag(rows.high)[q : q + P] > 0)
+    N = left[low:]
+    QN = rows.Q[low:].T @ N
+    XN = np.where(seen[:, None], X[low:].T @ N - (rows.Q.T @ X).T @ QN, 0.0)
+    at, total = slice(q + P, q + P + N.shape[1]), len(rows.high) + N.shape[1]
+    high = np.empty((total, total))
+    old = np.r_[0 : at.start, at.stop : total]
+    high[np.ix_(old, old)] = rows.high
+    high[:, at] = np.concatenate([QN, XN, N.T @ N, rows.y[low:].T @ N])
+    high[at] = high[:, at].T
+    columns = np.concatenate([rows.low[:, : at.start], left[:low], rows.low[:, at.start :]], axis=1)
+    return Rows(columns, high, q, P + N.shape[1], rows.Q, rows.y)
+
+
+def _cleared(Q: Array, X: Array) -> Array:
+    """X (R, P) cleared of the calibration, and zero where that leaves nothing to speak of."""
+    left = X - Q @ (Q.T @ X)
+    seen = np.linalg.norm(left, axis=0) > ABSORBED * np.linalg.norm(X, axis=0)
+    return np.asarray(np.where(seen, left, 0.0))
 
 
 def orthonormal(Z: Array) -> Array:

@@ -16,6 +16,7 @@ from gimbalcal.diagnose.evidence import (
     SIZE_PRIOR,
     Projection,
     Rows,
+    appended,
     best_size,
     condition,
     gather,
@@ -108,8 +109,8 @@ def search(o: Observations, library: Library, nodes: Sequence[Node]) -> Search:
     null, ln, joint = _singles(projections, library.candidates)
     finer = refine(o, library, projections, ln, joint, rows)
     if finer is not library:
-        library = finer
-        rows, projections = prepare(o, library, nodes)
+        rows = appended(rows, library.X, finer.X[:, library.X.shape[1] :])
+        projections, library = tuple(project(n, rows) for n in nodes), finer
         null, ln, joint = _singles(projections, library.candidates)
     prior = log_priors(library.candidates)
     rival = np.array([bool(c.rival) for c in library.candidates])

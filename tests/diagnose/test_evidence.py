@@ -10,6 +10,7 @@ from gimbalcal.diagnose.candidates import Candidate, Variant
 from gimbalcal.diagnose.evidence import (
     SIZE_PRIOR,
     SIZES,
+    appended,
     condition,
     extended,
     gather,
@@ -56,6 +57,16 @@ def test_evidence_is_the_integral_over_the_coefficients():
 
     value, _ = dblquad(integrand, -8, 8, -8, 8)
     assert log_bayes(G, b, np.ones(1)) == pytest.approx(np.log(value), abs=1e-6)
+
+
+@pytest.mark.parametrize("low", [0, 20, 40])
+def test_columns_may_be_appended_to_rows(low):
+    _, Z, X, y = example()
+    X = np.concatenate([X[:, :2], Z[:, :1], X[:, 2:], X[:, :1] * X[:, 1:2]], axis=1)  # the third is all absorbed
+    made, whole = appended(stack(Z, X[:, :4], y, low), X[:, :4], X[:, 4:]), stack(Z, X, y, low)
+    assert (made.q, made.P) == (whole.q, whole.P)
+    np.testing.assert_allclose(made.low, whole.low, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(made.high, whole.high, rtol=1e-11, atol=1e-11)
 
 
 def test_rows_that_stay_white_may_be_kept_as_their_gram_matrix():
