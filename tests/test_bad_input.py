@@ -25,7 +25,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gimbalcal import cli
 from gimbalcal.effects import values
 from gimbalcal.number import Array
 from gimbalcal.pipeline import calibrate, load
@@ -40,16 +39,11 @@ Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+def run(command: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> Run:
     """The command line in this process: status, stdout and stderr."""
 
     def go(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["gimbalcal", *map(str, arguments)])
-        status = 0
-        try:
-            cli.main()
-        except SystemExit as stop:
-            status = int(stop.code or 0)
+        status = command(*arguments)
         shown = capsys.readouterr()
         return status, shown.out, shown.err
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gimbalcal import cli
 from gimbalcal.recording import dwell_means, read
 from gimbalcal.simulate import simulate_to
 
@@ -16,21 +15,6 @@ ROOT = Path(__file__).resolve().parent.parent
 DEVICE = ROOT / "data" / "space_stable_18"
 STATIC = ROOT / "data" / "space_stable_static"
 XSENS = ROOT / "data" / "xsens_positions"
-
-
-def run(*arguments: object, monkeypatch: pytest.MonkeyPatch) -> int:
-    """Run the command line in this process; returns its exit status."""
-    monkeypatch.setattr(sys, "argv", ["gimbalcal", *map(str, arguments)])
-    try:
-        cli.main()
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
-
-
-@pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch):  # type: ignore[no-untyped-def]
-    return lambda *arguments: run(*arguments, monkeypatch=monkeypatch)
 
 
 def test_help_loads_nothing_heavy() -> None:

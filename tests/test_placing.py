@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -24,19 +23,6 @@ t = { quantity = "time", unit = "s" }
 """ + "".join(f'a{x} = {{ quantity = "specific_force", axis = "{x}", unit = "m/s^2" }}\n' for x in "xyz")
 
 Command = Callable[..., int]
-
-
-@pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch) -> Command:
-    def run(*arguments: object) -> int:
-        monkeypatch.setattr(sys, "argv", ["gimbalcal", *map(str, arguments)])
-        try:
-            cli.main()
-        except SystemExit as stop:
-            return int(stop.code or 0)
-        return 0
-
-    return run
 
 
 def contents(folder: Path) -> dict[str, bytes]:

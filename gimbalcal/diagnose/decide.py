@@ -49,6 +49,11 @@ def decide(s: Search, threshold: float = CLAIM) -> Decision:
     return replace(d, probability=tuple(UNSURE * p for p in d.probability))
 
 
+def bar(clean: Array) -> float:
+    """ln Bayes factor for a claim: 20 to one, and what 99 % of clean recordings (draws,) of the design stay below."""
+    return max(float(CLAIM), float(np.quantile(clean, 0.99)))
+
+
 def stated(probability: float) -> float:
     """A probability among all causes and shapes that were compared, as it is told: never more than 90 %."""
     return round(min(probability, 1 - OUTSIDE), 4)

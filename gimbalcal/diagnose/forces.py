@@ -15,7 +15,7 @@ import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.candidates import Candidate, library
-from gimbalcal.diagnose.decide import CLAIM, Decision, decide, stated
+from gimbalcal.diagnose.decide import CLAIM, Decision, bar, decide, stated
 from gimbalcal.diagnose.diagnosis import Curves, Diagnosis, files
 from gimbalcal.diagnose.locate import Scan, scan, told
 from gimbalcal.diagnose.model import Fit, calibration_fit, constant_value, fit
@@ -44,7 +44,7 @@ def diagnose_forces(
     s = searched(recording, calibration, ids, tell)
     tell("sending simulated clean recordings of this design through the same comparison")
     clean = clean_evidence(s, rng)
-    d = decide(s, float(np.quantile(clean, 0.99)))
+    d = decide(s, bar(clean))
     return _report(s, d, clean, rng, {"baseline": list(ids), "seed": seed}, tell), s, d
 
 
@@ -78,7 +78,7 @@ def _report(
         "recordings": files(s.o.recording),
         "options": dict(options),
         "ln_bayes_factor": round(s.ln_total, 3),
-        "ln_bayes_factor_needed": round(max(CLAIM, float(np.quantile(clean, 0.99))), 3),
+        "ln_bayes_factor_needed": round(bar(clean), 3),
         "false_alarm_rate_simulated": float(np.mean(clean >= CLAIM)),
         "probability_unknown": round(d.unknown, 4),
         "causes_compared": len([c for c in s.library.candidates if not c.rival]),

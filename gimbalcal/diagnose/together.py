@@ -17,7 +17,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.baseline import lacking
 from gimbalcal.diagnose.combine import Combined, clean_together, combine, decide_together
-from gimbalcal.diagnose.decide import CLAIM, Decision, decide
+from gimbalcal.diagnose.decide import CLAIM, Decision, bar, decide
 from gimbalcal.diagnose.diagnosis import Curves, Diagnosis, files
 from gimbalcal.diagnose.forces import constants, finding, measured, printed, searched, shape
 from gimbalcal.diagnose.gimballed import has_gyroscopes
@@ -68,7 +68,7 @@ def diagnose_together(
     c = combine(searches)
     tell("sending simulated clean recordings of these designs through the same comparison")
     clean, alone = clean_together(c, rng)
-    d = decide_together(c, float(np.quantile(clean, 0.99)))
+    d = decide_together(c, bar(clean))
     tell("locating the mismatch and checking held-out data")
     shares = _shares(c, d, alone, rng)
     options = {"baseline": [list(i) for i in ids], "seed": seed}
@@ -114,7 +114,7 @@ def _shares(c: Combined, d: Decision, clean: Sequence[Array], rng: np.random.Gen
         seen = part.fit
         if not members and (shapes := c.within(d.shapes, k)):
             seen = fit(s, shapes[:1])  # the noise as it is once the shape is allowed for
-        needed = max(CLAIM, float(np.quantile(clean[k], 0.99)))
+        needed = bar(clean[k])
         out.append(Share(part, decide(s, needed), needed, *measured(part.search, part.fit, seen, rng)))
     return tuple(out)
 
@@ -130,7 +130,7 @@ def _report(c: Combined, d: Decision, clean: Array, shares: tuple[Share, ...], o
         "recordings": [row for s in c.searches for row in files(s.o.recording)],
         "options": options,
         "ln_bayes_factor": round(c.ln_total, 3),
-        "ln_bayes_factor_needed": round(max(CLAIM, float(np.quantile(clean, 0.99))), 3),
+        "ln_bayes_factor_needed": round(bar(clean), 3),
         "false_alarm_rate_simulated": float(np.mean(clean >= CLAIM)),
         "probability_unknown": round(d.unknown, 4),
         "causes_compared": len({(x.effect, x.axis, x.source) for x in c.library.candidates if not x.rival}),
