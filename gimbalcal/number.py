@@ -113,16 +113,3 @@ def apply_matrix(matrix: ArrayLike, vector: ArrayLike) -> Array:
     """Matrix times vector over leading dimensions: (..., 3, 3), (..., 3) to (..., 3)."""
     product: Array = (np.asarray(matrix) @ np.asarray(vector)[..., None])[..., 0]
     return product
-
-
-def eigh(G: Array) -> tuple[Array, Array]:
-    """Eigenvalues and vectors of Gram matrices (..., p, p).
-
-    Divide and conquer fails on some matrices of low rank, and does not on the same with 1e-12 added to the diagonal.
-    """
-    try:
-        lam, V = np.linalg.eigh(G)
-    except np.linalg.LinAlgError:
-        size = np.trace(G, axis1=-2, axis2=-1)[..., None, None]
-        lam, V = np.linalg.eigh(G + 1e-12 * size * np.eye(G.shape[-1]))
-    return lam, V

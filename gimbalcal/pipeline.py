@@ -15,15 +15,15 @@ from pathlib import Path
 import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.errors import InputError, amount
-from gimbalcal.estimate.coarse import coarse
-from gimbalcal.estimate.fine import fine
+from gimbalcal.estimate.accelerometers.coarse import coarse
+from gimbalcal.estimate.accelerometers.fine import fine
+from gimbalcal.estimate.accelerometers.joint import information_of, joint
 from gimbalcal.estimate.fusion import fuse
-from gimbalcal.estimate.joint import information_of, joint
-from gimbalcal.estimate.system import static, static_information
+from gimbalcal.estimate.static_run.system import static, static_information
 from gimbalcal.estimate.unit import inertial_unit
-from gimbalcal.plausibility import refuse_implausible
 from gimbalcal.recording import Recording, dwells, read
 from gimbalcal.recording.header import read_header
+from gimbalcal.recording.plausibility import refuse_implausible
 
 Tell = Callable[[str], None]
 FEWEST_POSITIONS = 6

@@ -21,8 +21,8 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from gimbalcal.demonstration import shipped
-from gimbalcal.estimate.multiposition import multiposition
+from gimbalcal.cli.demonstration import shipped
+from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.pipeline import load
 
 (xsens,) = load([shipped() / "xsens_positions"])

@@ -24,7 +24,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from gimbalcal.demonstration import shipped
+from gimbalcal.cli.demonstration import shipped
 from gimbalcal.pipeline import load, three_stage
 from gimbalcal.units import from_si, to_si
 

@@ -44,7 +44,7 @@ plt.show()
 # the coefficient grows by its typical size. A column of zeros would be a coefficient that nothing sees.
 
 # %%
-from gimbalcal.observability import observe
+from gimbalcal.design.observability import observe
 
 seen = observe("wu2018-18")
 for sentence in seen.in_words.splitlines():

@@ -11,8 +11,8 @@ import sympy
 
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, parameters, values, with_values
-from gimbalcal.estimate.information import information, solve
 from gimbalcal.forward import jacobian, predict
+from gimbalcal.inference.information import information, solve
 from gimbalcal.kinematics import stimulus
 from gimbalcal.number import STEP, Array
 from gimbalcal.platform import Platform

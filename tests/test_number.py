@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gimbalcal import number
-from gimbalcal.number import STEP, eigh
+from gimbalcal.inference.algebra import eigh
+from gimbalcal.number import STEP
 
 angles = st.floats(-7, 7, allow_nan=False)
 

@@ -43,7 +43,7 @@ def _counts() -> Any:
 
 def accelerometer_model() -> float:
     """Eq. (2) against `Pulses.physical`."""
-    from gimbalcal.pulses import Pulses
+    from gimbalcal.wang2019.pulses import Pulses
 
     ours = Pulses.from_vector(_vector(3)).physical(_counts())[0]
     return float(np.abs(ours - numbers(triangle() * polynomial(3), GENERIC)[:, 0]).max())
@@ -51,7 +51,7 @@ def accelerometer_model() -> float:
 
 def gyroscope_model() -> float:
     """Eq. (6) against `Pulses.physical` without a cubic term."""
-    from gimbalcal.pulses import Pulses
+    from gimbalcal.wang2019.pulses import Pulses
 
     ours = Pulses.from_vector(_vector(2)).physical(_counts())[0]
     return float(np.abs(ours - numbers(triangle() * polynomial(2), GENERIC)[:, 0]).max())
@@ -59,7 +59,7 @@ def gyroscope_model() -> float:
 
 def norm_derivatives(exact: Any) -> float:
     """The 15 derivatives of F against the Jacobian of the norm fit (which is F over 2 sigma, in g)."""
-    from gimbalcal.estimate.pulse_fit import _residuals
+    from gimbalcal.wang2019.fit import _residuals
 
     x = _vector(3)
     J = 2 * _residuals(x[None], _counts()[None], 1.0, np.arange(15))[1][0, 0]
@@ -71,7 +71,7 @@ def norm_derivatives(exact: Any) -> float:
 
 def turn_derivatives(exact: dict[str, Any], sums: Any, squares: Any, psi: Any) -> float:
     """The 9 derivatives of P against the Jacobian of the rotation fit."""
-    from gimbalcal.estimate.rotations import _triad
+    from gimbalcal.wang2019.revolutions import _triad
 
     S, S2 = np.array([0.7, -0.4, 0.6]), np.array([0.1, 0.2, -0.15])
     at = {**GENERIC, **dict(zip(sums, S, strict=True)), **dict(zip(squares, S2, strict=True))}
@@ -86,7 +86,7 @@ def turn_derivatives(exact: dict[str, Any], sums: Any, squares: Any, psi: Any) -
 
 def rough_scale(gradient: Any) -> float:
     """Gradient of Eq. (41) or (42) at the package's initial scale factors, over its size elsewhere."""
-    from gimbalcal.estimate.pulse_fit import initial_scale
+    from gimbalcal.wang2019.fit import initial_scale
 
     rng = np.random.default_rng(RNG_SEED)
     counts = rng.standard_normal((1, 12, 3))
@@ -97,7 +97,7 @@ def rough_scale(gradient: Any) -> float:
 
 def euler_matrix(matrix: Any, angles: Any) -> float:
     """Eq. (43) against `inter_triad.rotation`."""
-    from gimbalcal.estimate.inter_triad import rotation
+    from gimbalcal.estimate.gyroscopes.inter_triad import rotation
 
     at = np.array([0.3, -0.2, 0.5])
     return float(np.abs(rotation(at) - numbers(matrix, dict(zip(angles, at, strict=True)))).max())

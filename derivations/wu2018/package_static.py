@@ -127,7 +127,7 @@ def observation_row() -> float:
     """Eq. (27): the filter's observation matrix over a day."""
     from derivations.wu2018.static_force import observation_row as derived
     from derivations.wu2018.symbols import L, S_t
-    from gimbalcal.estimate.force_filter import observation_matrix
+    from gimbalcal.estimate.static_run.force_filter import observation_matrix
 
     ours = observation_matrix(static_stimulus().force / G_NORMAL)
     rows = np.vstack([numbers(derived(), {L: LATITUDE, S_t: t}) for t in PHASES])
@@ -142,7 +142,7 @@ def coefficient_matrix() -> float:
     from derivations.wu2018.attitude_error import constant_part, dh, dS_t, kappa
     from derivations.wu2018.symbols import L, psi
     from gimbalcal.effects import CATALOGUE, parameters
-    from gimbalcal.estimate.combined import NAMES, matrix
+    from gimbalcal.estimate.static_run.combined import NAMES, matrix
 
     ids = ("scale_factor", "bias", "misalignment", "scale_nonlinearity")
     axes = ("platform", "middle", "outer")

@@ -105,8 +105,8 @@ def diagnose(
     out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Say where the data differ from the model, which physics was left out, and what it changes."""
+    from gimbalcal.calibration.exchange import read_calibration
     from gimbalcal.diagnose import diagnose as run
-    from gimbalcal.exchange import read_calibration
     from gimbalcal.pipeline import load
     from gimbalcal.report.files import write_diagnosis
 
@@ -152,7 +152,7 @@ def observe(
     out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Say what SCHEDULE (a name, a schedule.toml, or static-48h) can and cannot see, before anything is recorded."""
-    from gimbalcal.observability import observe_any
+    from gimbalcal.design.observability import observe_any
     from gimbalcal.report.files import write_json
 
     seen = observe_any(schedule, angle_sigma, force_sigma, latitude, listed(candidates))
@@ -177,10 +177,10 @@ def design(
     separate: str, criterion: str, overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Choose the positions that see most, or that separate named effects, under a rig's limits."""
-    from gimbalcal.design import design as run
-    from gimbalcal.design import rig_of
+    from gimbalcal.design.optimal import design as run
+    from gimbalcal.design.optimal import rig_of
     from gimbalcal.report.files import write_text
-    from gimbalcal.schedule_file import schedule_toml
+    from gimbalcal.schedule.file import schedule_toml
 
     rig = rig_of(platform, step, angle_sigma, force_sigma)
     schedule, seen = run(rig, positions, listed(terms), criterion, listed(separate))
@@ -245,7 +245,7 @@ def catalogue(effect: str | None) -> None:
 @output_options("the reports", "out/demo")
 def demo(out: Path | None, quiet: bool, as_json: bool) -> None:
     """The three stages and the diagnosis on the recordings that ship with the project."""
-    from gimbalcal.demonstration import demonstrate
+    from gimbalcal.cli.demonstration import demonstrate
 
     summary, sentence = demonstrate(out or Path("out/demo"), progress(quiet))
     show(summary, sentence, as_json, quiet)

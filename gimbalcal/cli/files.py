@@ -29,7 +29,7 @@ def apply(
     recording: Path, known: Path, inverse: bool, overwrite: bool, out: Path | None, quiet: bool, as_json: bool
 ) -> None:
     """Correct RECORDING by a calibration: readings to physics, into a recording folder."""
-    from gimbalcal.exchange import read_calibration
+    from gimbalcal.calibration.exchange import read_calibration
     from gimbalcal.recording import read, write
 
     calibration, there = read_calibration(known), read(recording)
@@ -53,8 +53,8 @@ def apply(
 @output_options("the file", "the current folder")
 def export(kind: str, known: Path, overwrite: bool, out: Path | None, quiet: bool, as_json: bool) -> None:
     """Write a calibration for another program; KIND is kalibr, psins, csv or json."""
-    from gimbalcal.exchange import DIRECTION, FILES, read_calibration
-    from gimbalcal.exchange import export as run
+    from gimbalcal.calibration.exchange import DIRECTION, FILES, read_calibration
+    from gimbalcal.calibration.exchange import export as run
 
     calibration = read_calibration(known)
     path = (out or Path()) / FILES.get(kind, "calibration")

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.diagnose.baseline import check_baseline, check_finite
-from gimbalcal.diagnose.diagnosis import Diagnosis
-from gimbalcal.diagnose.forces import diagnose_forces
-from gimbalcal.diagnose.gimballed import diagnose_gimballed, has_gyroscopes
-from gimbalcal.diagnose.together import diagnose_together
-from gimbalcal.diagnose.unstated import applies, diagnose_unstated
+from gimbalcal.diagnose.answer import Diagnosis
+from gimbalcal.diagnose.both_triads import diagnose_gimballed, has_gyroscopes
+from gimbalcal.diagnose.known_noise import diagnose_forces
+from gimbalcal.diagnose.rows.baseline import check_baseline, check_finite
+from gimbalcal.diagnose.several import diagnose_together
+from gimbalcal.diagnose.unknown_noise import applies, diagnose_unstated
 from gimbalcal.errors import InputError
 from gimbalcal.pipeline import Tell, silent
 from gimbalcal.recording import Recording

@@ -1,8 +1,8 @@
 r"""Input-output law of the gyroscopes: what a rate sensor adds to the angular rate it is given.
 
 Every contribution is evaluated at the true rate omega of the sensor block, so products of two errors are left out:
-for a misalignment and a scale error of 5e-4 each that is 2.5e-7 of the rate. `gimbalcal.pulses` keeps them, in the
-other direction (pulses to rate), where Eq. (6) of Wang et al. (2019) needs them. Units: rad/s and m/s^2 inside.
+for a misalignment and a scale error of 5e-4 each that is 2.5e-7 of the rate. `gimbalcal.wang2019.pulses` keeps them, in
+the other direction (pulses to rate), where Eq. (6) of Wang et al. (2019) needs them. Units: rad/s and m/s^2 inside.
 """
 
 from __future__ import annotations

@@ -25,8 +25,8 @@ import numpy as np
 from gimbalcal.calibration import Calibration, Residual, Stage
 from gimbalcal.effects import with_values
 from gimbalcal.errors import amount
-from gimbalcal.estimate.information import Information, Solution, solve
-from gimbalcal.estimate.system import outcome
+from gimbalcal.estimate.static_run.system import outcome
+from gimbalcal.inference.information import Information, Solution, solve
 from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL
 
 READOUT_SIGNS: Mapping[str, int] = {

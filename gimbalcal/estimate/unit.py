@@ -16,11 +16,11 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.errors import InputError, amount
-from gimbalcal.estimate.inter_triad import InterTriad, from_turns, rotation
-from gimbalcal.estimate.multiposition import multiposition
-from gimbalcal.estimate.poses import gyroscopes_between_rests
-from gimbalcal.estimate.revolutions import EFFECTS, gyroscopes_from_revolutions
-from gimbalcal.estimate.turned import FORCE, RATE, exponential
+from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.gyroscopes.between_rests import gyroscopes_between_rests
+from gimbalcal.estimate.gyroscopes.inter_triad import InterTriad, from_turns, rotation
+from gimbalcal.estimate.gyroscopes.revolutions import EFFECTS, gyroscopes_from_revolutions
+from gimbalcal.estimate.gyroscopes.turns import FORCE, RATE, exponential
 from gimbalcal.number import STEP, Array
 from gimbalcal.recording import Recording, dwells
 from gimbalcal.units import from_si

@@ -18,7 +18,7 @@ import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, SEMI_MAJOR_AXIS
 from gimbalcal.number import Array
-from gimbalcal.pulses import Pulses
+from gimbalcal.wang2019.pulses import Pulses
 
 RADIUS = SEMI_MAJOR_AXIS  # m; one radius for both directions: 0.7 % of the feedback
 

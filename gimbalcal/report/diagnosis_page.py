@@ -16,7 +16,7 @@ from gimbalcal.report.html import Picture, picture, render
 from gimbalcal.report.rounding import minus, pdg, significant
 
 if TYPE_CHECKING:
-    from gimbalcal.diagnose.diagnosis import Curves
+    from gimbalcal.diagnose.answer import Curves
     from gimbalcal.report.figures import Panel
 
 POINTS = 240  # points of a panel; more cannot be told apart on a page
@@ -115,7 +115,7 @@ def _chance(p: float) -> str:
 
 
 def _probable(p: float) -> str:
-    from gimbalcal.diagnose.decide import OUTSIDE
+    from gimbalcal.diagnose.evidence.odds import OUTSIDE
 
     highest = p >= 1 - OUTSIDE
     return f"{100 * p:.3g} % probable" + (", the most that is stated of any cause" if highest else "")

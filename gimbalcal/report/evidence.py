@@ -11,7 +11,7 @@ import numpy as np
 from gimbalcal.earth import G0
 from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.estimate.fusion import READOUT_SIGNS
-from gimbalcal.estimate.static_run import prepare
+from gimbalcal.estimate.static_run.run import prepare
 from gimbalcal.forward import accelerometers, predict
 from gimbalcal.kinematics import stimulus
 from gimbalcal.number import STEP, Array

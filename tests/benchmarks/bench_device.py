@@ -20,11 +20,11 @@ import pytest
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import values
-from gimbalcal.estimate.coarse import coarse
-from gimbalcal.estimate.fine import COMBINATIONS, PAIRS, fine
-from gimbalcal.estimate.information import SEEN
-from gimbalcal.estimate.joint import joint
-from gimbalcal.estimate.setting import Noise, linearise, problem, starting_values, whiten
+from gimbalcal.estimate.accelerometers.coarse import coarse
+from gimbalcal.estimate.accelerometers.fine import COMBINATIONS, PAIRS, fine
+from gimbalcal.estimate.accelerometers.joint import joint
+from gimbalcal.estimate.accelerometers.setting import Noise, linearise, problem, starting_values, whiten
+from gimbalcal.inference.information import SEEN
 from tests.estimate.device import ARCSEC, PARAMETERS, SAMPLE, draw, effects, measured
 
 LABELS = [q.label for q in PARAMETERS]

@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 
 from gimbalcal.earth import G0
-from gimbalcal.estimate.rotations import gyroscope_pulses
-from gimbalcal.trials import Trials, accelerometers, generators, gyroscope_truth, gyroscope_turns, gyroscopes
+from gimbalcal.wang2019.revolutions import gyroscope_pulses
+from gimbalcal.wang2019.trials import Trials, accelerometers, generators, gyroscope_truth, gyroscope_turns, gyroscopes
 
 TILTS = {"arcsec": 3 / 3600, "arcmin": 3 / 60, "deg": 3.0}
 RUNS = 500

@@ -14,11 +14,11 @@ import sys
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.estimate.pulse_fit import accelerometer_pulses
 from gimbalcal.navigate.error_model import Trajectory, misread, propagate
 from gimbalcal.navigate.motions import at_rest, drive, swing
-from gimbalcal.pulses import Pulses, truncated
-from gimbalcal.schedules_wang2019 import POSITIONS
+from gimbalcal.wang2019.fit import accelerometer_pulses
+from gimbalcal.wang2019.pulses import Pulses, truncated
+from gimbalcal.wang2019.schedules import POSITIONS
 
 DEGREE, NAUTICAL_MILE = np.pi / 180, 1852.0
 

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from gimbalcal.earth import G0
-from gimbalcal.estimate.multiposition import LINEAR, NormFit, in_si, norm_fit
+from gimbalcal.estimate.accelerometers.multiposition import LINEAR, NormFit, in_si, norm_fit
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means, read
 

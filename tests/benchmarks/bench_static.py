@@ -29,11 +29,17 @@ import pytest
 
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect, parameters, values
-from gimbalcal.estimate.combined import FITTED, MEANS, NAMES, matrix, operators
-from gimbalcal.estimate.force_filter import accumulate, estimate, observation_matrix, projection, squared_norm
-from gimbalcal.estimate.harmonics import columns, design
-from gimbalcal.estimate.static_run import StaticRun, prepare
+from gimbalcal.estimate.static_run.combined import FITTED, MEANS, NAMES, matrix, operators
+from gimbalcal.estimate.static_run.force_filter import (
+    accumulate,
+    estimate,
+    observation_matrix,
+    projection,
+    squared_norm,
+)
+from gimbalcal.estimate.static_run.run import StaticRun, prepare
 from gimbalcal.forward import predict
+from gimbalcal.inference.harmonics import columns, design
 from gimbalcal.kinematics import stimulus
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
@@ -57,7 +63,7 @@ start = time.perf_counter()
 from gimbalcal.recording import read
 recording = read(sys.argv[1], average_s=60.0)
 reading, reading_cpu = time.perf_counter() - start, time.process_time()
-from gimbalcal.estimate.system import static
+from gimbalcal.estimate.static_run.system import static
 found = static(recording)
 print(json.dumps({"samples": float(recording.weight.sum()), "rows": len(recording.time),
                   "seconds": round(time.perf_counter() - start, 2), "of which reading": round(reading, 2),

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.diagnose import Diagnosis, diagnose
-from gimbalcal.diagnose.candidates import library
-from gimbalcal.diagnose.evidence import orthonormal
-from gimbalcal.diagnose.noise import nominal
-from gimbalcal.diagnose.observations import BASELINE, observe
+from gimbalcal.diagnose.evidence.noise import nominal
+from gimbalcal.diagnose.library.candidates import library
+from gimbalcal.diagnose.rows.observations import BASELINE, observe
+from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.recording import Recording
 from tests.benchmarks.diagnose_static import AXIS, static_recording
 from tests.diagnose.laws import Law, at_size, laws, oddities, unforeseen

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence import orthonormal
-from gimbalcal.diagnose.observations import observe
+from gimbalcal.diagnose.rows.observations import observe
 from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording

@@ -17,12 +17,13 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from gimbalcal.diagnose import evidence, search
-from gimbalcal.diagnose.candidates import library
-from gimbalcal.diagnose.evidence import orthonormal
-from gimbalcal.diagnose.noise import nodes, nominal, settle
-from gimbalcal.diagnose.observations import BASELINE, observe
-from gimbalcal.estimate.joint import joint
+from gimbalcal.diagnose.evidence import known_scale as evidence
+from gimbalcal.diagnose.evidence.noise import nodes, nominal, settle
+from gimbalcal.diagnose.library.candidates import library
+from gimbalcal.diagnose.rows.observations import BASELINE, observe
+from gimbalcal.diagnose.search import ranking as search
+from gimbalcal.estimate.accelerometers.joint import joint
+from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from tests.diagnose.laws import Law

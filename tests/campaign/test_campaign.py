@@ -17,6 +17,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from gimbalcal.calibration.exchange.matrices import matrices
 from gimbalcal.campaign import run_campaign
 from gimbalcal.campaign.cluster import connect
 from gimbalcal.campaign.local import here, processes
@@ -25,8 +26,7 @@ from gimbalcal.effects import parameters
 from gimbalcal.effects.accelerometer import Misalignment
 from gimbalcal.effects.gyroscope import GyroMisalignment
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.multiposition import TRIANGLE
-from gimbalcal.exchange.matrices import matrices
+from gimbalcal.estimate.accelerometers.multiposition import TRIANGLE
 from tests.campaign.deadly import always_dies, dies_once
 
 PULSES = "wang2019-accelerometers-3arcmin"

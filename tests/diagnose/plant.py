@@ -169,9 +169,9 @@ def strange(axis: int) -> dict[str, Error]:
 
 def strength(recording_of: Callable[[float], Recording], probe: float) -> float:
     """Sigmas above noise of an effect of size `probe`, after calibration and setting errors took what they can."""
-    from gimbalcal.diagnose.evidence import orthonormal
-    from gimbalcal.diagnose.noise import nominal
-    from gimbalcal.diagnose.observations import observe
+    from gimbalcal.diagnose.evidence.known_scale import orthonormal
+    from gimbalcal.diagnose.evidence.noise import nominal
+    from gimbalcal.diagnose.rows.observations import observe
 
     with_it, without = recording_of(probe), recording_of(0.0)
     o = observe(without)

@@ -62,8 +62,8 @@ def record(rng: np.random.Generator, error: Error | None = None, size: float = 0
 
 def strength(seed: int, error: Error, size: float) -> float:
     """Sigmas above noise of an effect, after the calibration took what it can."""
-    from gimbalcal.diagnose.evidence import orthonormal
-    from gimbalcal.diagnose.observations import observe
+    from gimbalcal.diagnose.evidence.known_scale import orthonormal
+    from gimbalcal.diagnose.rows.observations import observe
 
     with_it, without = (record(np.random.default_rng(seed), error, x) for x in (size, 0.0))
     o = observe(without)

@@ -5,11 +5,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.candidates import library
-from gimbalcal.diagnose.evidence import orthonormal
-from gimbalcal.diagnose.noise import nominal
-from gimbalcal.diagnose.observations import BASELINE, observe
+from gimbalcal.diagnose.evidence.noise import nominal
+from gimbalcal.diagnose.library.candidates import library
+from gimbalcal.diagnose.rows.observations import BASELINE, observe
 from gimbalcal.effects import CATALOGUE
+from gimbalcal.inference.algebra import orthonormal
 from tests.diagnose.laws import PROBE, at_size, laws, oddities
 from tests.diagnose.plant import record, strength
 

@@ -11,20 +11,20 @@ import pytest
 
 from gimbalcal import cli
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.candidates import available, sources
-from gimbalcal.diagnose.observations import observe
-from gimbalcal.diagnose.stepwise import start
-from gimbalcal.diagnose.unstated_words import largest
-from gimbalcal.diagnose.views import pointing, rest_rates, solved
+from gimbalcal.diagnose.library.candidates import available, sources
+from gimbalcal.diagnose.rows.observations import observe
+from gimbalcal.diagnose.rows.views import pointing, rest_rates, solved
+from gimbalcal.diagnose.search.stepwise import start
+from gimbalcal.diagnose.unknown_wording import largest
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.recording import Recording, Site, dwell_means, write
 from tests.diagnose import plant, static_plant
 from tests.diagnose.plant import UG, Bench, at_strength, known, on, record
-from tests.diagnose.test_turning import by_hand as turned_by_hand
-from tests.diagnose.test_unstated import run as pointing_run
-from tests.diagnose.test_unstated import stars
+from tests.diagnose.rows.test_turns import by_hand as turned_by_hand
+from tests.diagnose.test_unknown_noise import run as pointing_run
+from tests.diagnose.test_unknown_noise import stars
 
 TABLE = KNOWN["three-axis-table"]
 TEMPERATURE = ("temperature", "")

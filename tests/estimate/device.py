@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.effects import Parameter, with_values
-from gimbalcal.estimate.expected import planned
-from gimbalcal.estimate.setting import baseline, model, problem
+from gimbalcal.estimate.accelerometers.expected import planned
+from gimbalcal.estimate.accelerometers.setting import baseline, model, problem
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, Site
 from gimbalcal.schedule import EIGHTEEN_POSITIONS, Schedule

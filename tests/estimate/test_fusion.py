@@ -10,9 +10,9 @@ import pytest
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.estimate.fusion import READOUT_SIGNS, fuse, in_table_1_sense
-from gimbalcal.estimate.information import Information, information, solve
-from gimbalcal.estimate.system import static_information
+from gimbalcal.estimate.static_run.system import static_information
 from gimbalcal.forward import jacobian, predict
+from gimbalcal.inference.information import Information, information, solve
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL
 from tests.estimate.static_runs import ARCSEC, run

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimbalcal.estimate.multiposition import LINEAR, TERMS, multiposition
-from gimbalcal.estimate.poses import FURTHER, gyroscopes_between_rests
+from gimbalcal.estimate.accelerometers.multiposition import LINEAR, TERMS, multiposition
+from gimbalcal.estimate.gyroscopes.between_rests import FURTHER, gyroscopes_between_rests
 from gimbalcal.estimate.support import SPURIOUS, TRIADS, needed
-from tests.estimate.test_multiposition import TRUTH as FORCES
-from tests.estimate.test_multiposition import rested, scattered
-from tests.estimate.test_poses import TRUTH as RATES
-from tests.estimate.test_poses import hand
+from tests.estimate.accelerometers.test_multiposition import TRUTH as FORCES
+from tests.estimate.accelerometers.test_multiposition import rested, scattered
+from tests.estimate.gyroscopes.test_between_rests import TRUTH as RATES
+from tests.estimate.gyroscopes.test_between_rests import hand
 
 SEEDS = 40
 FEW = 2  # of 40 at 0.5 % each: more than two in one of 1000 sets of seeds; a fixed 3 sigma would pass 4 % of runs

@@ -10,7 +10,7 @@ import pytest
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Effect
-from gimbalcal.estimate.revolutions import gyroscopes_from_revolutions
+from gimbalcal.estimate.gyroscopes.revolutions import gyroscopes_from_revolutions
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording

@@ -8,7 +8,7 @@ import pytest
 from gimbalcal.earth import EARTH_RATE, G0
 from gimbalcal.navigate.error_model import RADIUS, Trajectory, aligned, cross, misread, propagate
 from gimbalcal.navigate.motions import at_rest, drive, swing
-from gimbalcal.pulses import Pulses, truncated
+from gimbalcal.wang2019.pulses import Pulses, truncated
 
 SCHULER = np.sqrt(G0 / RADIUS)
 NONE = np.zeros(3)

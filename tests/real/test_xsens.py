@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.decide import CLAIM
-from gimbalcal.diagnose.stepwise import start, weigh
-from gimbalcal.diagnose.views import norm
-from gimbalcal.estimate.multiposition import multiposition
+from gimbalcal.diagnose.evidence.odds import CLAIM
+from gimbalcal.diagnose.rows.views import norm
+from gimbalcal.diagnose.search.stepwise import start, weigh
+from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.recording import Recording, read
 from tests.real.recordings import diagnosed, finding, names, recording, rms_after, size
 

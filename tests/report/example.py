@@ -8,8 +8,8 @@ import numpy as np
 from gimbalcal.calibration import Calibration, Residual, Stage
 from gimbalcal.earth import EARTH_RATE, G0
 from gimbalcal.effects import CATALOGUE, parameters, with_values
-from gimbalcal.estimate.information import information, solve
 from gimbalcal.forward import jacobian, predict
+from gimbalcal.inference.information import information, solve
 from gimbalcal.kinematics import stimulus
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording, Site, Source

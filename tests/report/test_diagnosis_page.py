@@ -3,7 +3,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.diagnosis import Curves
+from gimbalcal.diagnose.answer import Curves
 from gimbalcal.report.diagnosis_page import diagnosis_report, equation, panels
 from gimbalcal.report.figures import Panel
 

@@ -1,0 +1,94 @@
+r"""Calibrations in other programs' files: Kalibr-style YAML, the `clbt` structure of PSINS, and plain CSV.
+
+Every format has a direction, and each file says its own:
+
+=======  =====================  ====================================================================================
+kalibr   physics to reading     a_m = M a + b; w_m = M C_gyro_i w + A a + b (linear; bias in a section of ours)
+psins    reading to physics     f = Ka y - db - Ka2 y^2; w = Kg y - eb - gSens y_f
+csv      physics to reading     one row per parameter, exactly as in calibration.json, without correlations
+json     physics to reading     calibration.json itself
+=======  =====================  ====================================================================================
+
+`export` returns the sentences on what the format cannot hold; a term that is lost is never lost silently.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from gimbalcal import calibration as own
+from gimbalcal.calibration import GIMBAL_NAMES, Calibration, Residual
+from gimbalcal.calibration.exchange import kalibr, psins, table
+from gimbalcal.calibration.exchange.matrices import LINEAR, QUADRATIC
+from gimbalcal.effects import with_values
+from gimbalcal.errors import InputError
+
+FORMATS = {"kalibr": kalibr, "psins": psins, "csv": table}
+FILES = {"kalibr": "imu.yaml", "psins": "clbt.mat", "csv": "calibration.csv", "json": "calibration.json"}
+DIRECTION = {kind: "readings to physics" if kind == "psins" else "physics to readings" for kind in FILES}
+ENDINGS = {".yaml": "kalibr", ".yml": "kalibr", ".mat": "psins", ".csv": "csv"}
+
+
+def export(calibration: Calibration, kind: str, path: Path) -> tuple[str, ...]:
+    """Write a calibration as `kind`, whole or not at all; returns what the format could not hold, in sentences."""
+    lost = _lost(calibration, _known(kind))
+    made = json.dumps(calibration.to_dict(), indent=1).encode() if kind == "json" else None
+    content = FORMATS[kind].content(calibration, lost) if made is None else made
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.part")
+    try:
+        temporary.write_bytes(content)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+    return lost
+
+
+def read_calibration(path: Path) -> Calibration:
+    """The calibration in a file, told by its ending: ours (.json) or another program's. Raises InputError."""
+    kind = ENDINGS.get(path.suffix.lower())
+    return own.read(path) if kind is None else read_exchange(kind, path)
+
+
+def read_exchange(kind: str, path: Path) -> Calibration:
+    """The calibration in another program's file. Raises InputError, naming file and field, where it cannot be read."""
+    if _known(kind) == "json":
+        return own.read(path)
+    if not path.is_file():
+        raise InputError(f"{path} does not exist or is not a file")
+    found = FORMATS[kind].read(path)
+    wanted = tuple(found)
+    x = np.array([v for v, _ in found.values()])
+    sigma = np.array([s for _, s in found.values()])
+    return Calibration(
+        method=f"imported from {kind}",
+        effects=with_values((), wanted, x, GIMBAL_NAMES),
+        parameters=wanted,
+        covariance=np.diag(sigma**2),
+        unobservable=(),
+        residual=Residual(0.0, 0, {}),
+        provenance={"recordings": [], "options": {"file": path.name, "format": kind}},
+    )
+
+
+def _known(kind: str) -> str:
+    if kind not in FILES:
+        raise InputError(f"no exchange format is called {kind!r}; take one of {', '.join(FILES)}")
+    return kind
+
+
+def _lost(calibration: Calibration, kind: str) -> tuple[str, ...]:
+    if kind == "json":
+        return ()
+    present = {p.effect for p, v in zip(calibration.parameters, calibration.values, strict=True) if v != 0}
+    held = {"kalibr": set(LINEAR), "psins": {*LINEAR, *QUADRATIC}, "csv": present}[kind]
+    lost = [f"{kind} has no term for {e}: it is left out" for e in sorted(present - held)]
+    if np.count_nonzero(calibration.covariance - np.diag(np.diag(calibration.covariance))):
+        lost.append(f"{kind} has no place for correlations: calibration.json has them")
+    options = calibration.provenance.get("options", {})
+    if "nominal" in options or "gyro_nominal" in options:
+        lost.append(f"{kind} has no place for the nominal scale of counts: its numbers hold after that scale")
+    return tuple(lost)

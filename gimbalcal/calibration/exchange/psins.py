@@ -1,0 +1,76 @@
+"""The `clbt` structure of PSINS, reading to physics: f = Ka y - db - Ka2 y^2; w = Kg y - eb - gSens y_f."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.calibration.exchange.matrices import Found, matrices, parameters_of
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+
+HEADING = b"MATLAB 5.0 MAT-file, written by gimbalcal".ljust(116)  # SciPy's has the time: equal content, equal bytes
+
+
+def content(calibration: Calibration, lost: Sequence[str]) -> bytes:
+    from scipy.io import savemat
+
+    m = matrices(calibration.effects)
+    Ka, Kg = np.linalg.inv(m["Ma"]), np.linalg.inv(m["Mg"])
+    b, K = m["ba"], m["K"]
+    zero = np.zeros((3, 1))
+    # y = u + K (y - b)^2 + b solved for u is u = (1 + 2 K b) y - b - K b^2 - K y^2; Ka2 leaves K times E out
+    clbt = {
+        "sf": np.ones((6, 1)),
+        "Kg": Kg,
+        "eb": _column(Kg @ (m["bg"] - m["A"] @ Ka @ b)),
+        "gSens": Kg @ m["A"] @ Ka,
+        "Ka": Ka @ np.diag(1 + 2 * K * b),
+        "db": _column(Ka @ (b + K * b**2)),
+        "Ka2": _column(np.diag(Ka) * K),
+        "rx": zero, "ry": zero, "rz": zero, "tGA": 0.0,
+    }  # fmt: skip
+    note = "reading to physics: f = Ka y - db - Ka2 y^2, w = Kg y_g - eb - gSens y; SI. " + " ".join(lost)
+    file = io.BytesIO()
+    savemat(file, {"clbt": clbt, "direction": note})  # type: ignore[arg-type]  # SciPy writes to any binary file
+    return HEADING + file.getvalue()[len(HEADING) :]
+
+
+def _column(v: Array) -> Array:
+    return np.reshape(v, (3, 1))
+
+
+def read(path: Path) -> Found:
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        found = loadmat(path, struct_as_record=False, squeeze_me=True)
+    except (ValueError, TypeError, EOFError, OSError, NotImplementedError, MatReadError):
+        raise InputError(f"{path} is not a MATLAB file of version 5 to 7, or it is cut short") from None
+    if "clbt" not in found:
+        names = ", ".join(k for k in found if not k.startswith("__"))
+        raise InputError(f"{path} has no structure clbt; it has {names}")
+    clbt = found["clbt"]
+
+    def field(name: str, default: Array) -> Array:
+        v = np.asarray(getattr(clbt, name, default), dtype=float)
+        if v.shape != default.shape:
+            raise InputError(f"{path}: clbt.{name} must have shape {default.shape}, got {v.shape}")
+        return v
+
+    sf = field("sf", np.ones(6))
+    Ka, Kg = field("Ka", np.eye(3)), field("Kg", np.eye(3))
+    K = field("Ka2", np.zeros(3)) / np.diag(Ka)
+    b = np.linalg.solve(Ka, field("db", np.zeros(3)))
+    b = b / (1 + K * b)  # db = Ka (b + K b^2), to first order in K
+    Ma = np.linalg.inv(Ka @ np.diag(1 / (1 + 2 * K * b)))
+    Mg = np.linalg.inv(Kg)
+    A = Mg @ field("gSens", np.zeros((3, 3))) @ Ma
+    bg = Mg @ field("eb", np.zeros(3)) + A @ np.linalg.solve(Ma, b)
+    return parameters_of({"Ma": Ma / sf[3:, None], "ba": b / sf[3:], "K": K * sf[3:], "Mg": Mg / sf[:3, None],
+                    "bg": bg / sf[:3], "A": A / sf[:3, None]})  # fmt: skip

@@ -1,0 +1,52 @@
+"""Plain CSV, physics to reading: one row per parameter as in calibration.json, without correlations."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from gimbalcal.calibration import GIMBAL_NAMES, Calibration
+from gimbalcal.calibration.exchange.matrices import Found
+from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.errors import InputError
+from gimbalcal.units import from_si, to_si
+
+HEADER = ("name", "axis", "value", "sigma", "unit", "effect")
+
+
+def content(calibration: Calibration, _: Sequence[str]) -> bytes:
+    file = io.StringIO()
+    file.write("# Direction: physics to reading, as in calibration.json; correlations are not in this file.\n")
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(HEADER)
+    for p, v, s in zip(calibration.parameters, calibration.values, calibration.sigmas, strict=True):
+        row = (repr(float(from_si(v, p.unit))), repr(float(from_si(s, p.unit))))
+        writer.writerow((p.name, p.axis, *row, p.unit, p.effect))
+    return file.getvalue().encode()
+
+
+def read(path: Path) -> Found:
+    known = {(p.name, p.axis): p for cls in CATALOGUE.values() for p in parameters(cls, GIMBAL_NAMES, constants=True)}
+    out: Found = {}
+    lines = path.read_text(encoding="utf-8").splitlines()
+    start = next((i for i, line in enumerate(lines) if not line.startswith("#")), len(lines))
+    rows = csv.DictReader(lines[start:])
+    missing = [c for c in ("name", "axis", "value", "unit") if c not in (rows.fieldnames or ())]
+    if missing:
+        raise InputError(f"{path}, line {start + 1}: the column {missing[0]!r} is missing; write {','.join(HEADER)}")
+    for n, row in enumerate(rows, start=start + 2):
+        p = known.get((row["name"], row["axis"]))
+        if p is None:
+            raise InputError(f"{path}, line {n}: no parameter is called {row['name']}:{row['axis']}")
+        try:
+            value, sigma = (float(to_si(float(x), row["unit"])) for x in (row["value"], row.get("sigma") or "0"))
+        except ValueError as problem:
+            raise InputError(f"{path}, line {n}: {problem}") from None
+        if not (np.isfinite(value) and np.isfinite(sigma)):
+            raise InputError(f"{path}, line {n}: {p.label} must be finite, got {row['value']} and {row.get('sigma')}")
+        out[p] = (value, sigma)
+    return out

@@ -1,0 +1,1 @@
+"""What a schedule can and cannot see, and the schedule that sees most."""

@@ -1,0 +1,257 @@
+r"""What a schedule can and cannot see, before anything is recorded: sigmas, null directions and twins, by name.
+
+From the whitened Jacobian of the forward model, with the setting errors eliminated (`estimate.setting`):
+
+* the Cramer-Rao bound, the sigma that an unbiased estimate of each parameter cannot beat;
+* null directions: combinations of parameters that change no reading;
+* twins: two parameters, or two effects, that cannot be told apart, because their columns, with those of all other
+  parameters projected out, are parallel (:math:`|\cos| > 0.99`); of effects with several parameters, all those of the
+  smaller one;
+* for effects that are no part of the calibration: how much of one at its prior size shows at all, and how much of it
+  the calibration takes for its own.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.earth import EARTH_RATE, normal_gravity
+from gimbalcal.effects import CATALOGUE, Parameter, parameters
+from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.accelerometers.expected import planned
+from gimbalcal.estimate.accelerometers.setting import BASELINE, Noise, baseline, linearise, problem, whiten
+from gimbalcal.estimate.static_run.run import BASELINE as STATIC_BASELINE
+from gimbalcal.forward import jacobian
+from gimbalcal.inference.information import SEEN, Information, Solution, information, solve
+from gimbalcal.kinematics import stimulus
+from gimbalcal.number import Array
+from gimbalcal.platform import SPACE_STABLE_INERTIAL
+from gimbalcal.recording import Recording, Site
+from gimbalcal.schedule import Schedule
+from gimbalcal.schedule.file import read_schedule
+from gimbalcal.units import from_si, to_si
+
+PARALLEL = 0.99  # |cos| above which two are called twins: telling them apart takes 7 times the signal of seeing one
+STATIC_ROWS = 289  # 10 min apart over 48 h: thinning, with the weight kept, leaves the information of slow signals
+
+
+@dataclass(frozen=True)
+class Twins:
+    """Two that this schedule cannot tell apart, and the cosine between what is left of their signals."""
+
+    one: str
+    other: str
+    cosine: float
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect outside the calibration: its signal-to-noise ratio at prior size, and the share that is absorbed."""
+
+    effect: str
+    strength: float
+    absorbed: float
+
+
+@dataclass(frozen=True, eq=False)
+class Observability:
+    """What a schedule sees of `parameters`: Cramer-Rao `sigma` (p,) in SI, null directions, twins, candidates."""
+
+    schedule: str
+    solution: Solution
+    twins: tuple[Twins, ...]
+    candidates: tuple[Candidate, ...]
+    noise: dict[str, float]
+
+    @property
+    def sigma(self) -> Array:
+        """Cramer-Rao bound (p,) in SI; the prior's sigma in directions that are not seen."""
+        return self.solution.sigma
+
+    @property
+    def in_words(self) -> str:
+        """The answer in one paragraph."""
+        n, unseen = len(self.solution.parameters), self.solution.unseen
+        lines = [f"{self.schedule} sees {n - len(unseen)} of {amount(n, 'combination')} of parameters"]
+        lines += [f"not seen: {u.why}" for u in unseen]
+        lines += [f"twins: {t.one} and {t.other} (cosine {t.cosine:+.4f})" for t in self.twins]
+        hidden = [c.effect for c in self.candidates if c.strength < SEEN]
+        lines += [f"would not show at their usual size: {', '.join(hidden)}"] if hidden else []
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of observability.json, in printed units."""
+        rows = [
+            {
+                "name": q.name, "axis": q.axis, "unit": q.unit, "effect": q.effect,
+                "sigma": from_si(float(s), q.unit), "prior_sigma": from_si(q.sigma, q.unit),
+            }
+            for q, s in zip(self.solution.parameters, self.sigma, strict=True)
+        ]  # fmt: skip
+        return {
+            "format": 1,
+            "schedule": self.schedule,
+            "noise": self.noise,
+            "parameters": rows,
+            "unobservable": [{"direction": u.direction, "why": u.why} for u in self.solution.unseen],
+            "twins": [vars(t) for t in self.twins],
+            "candidates": [vars(c) for c in self.candidates],
+            "in_words": self.in_words,
+        }
+
+
+def observe(
+    schedule: Schedule | str | Path,
+    angle_sigma: float = 1.0,
+    force_sigma: float = 2.0,
+    effects: Sequence[str] = BASELINE,
+    candidates: Sequence[str] = (),
+) -> Observability:
+    """What a multi-position schedule sees.
+
+    schedule: one as such, the name of a published one, or a schedule.toml; angle_sigma [arcsec] setting error of a
+    position (infinite: attitude unknown), force_sigma [ug] noise of the mean force of a position; effects: ids that the
+    calibration estimates; candidates: ids of effects that may be there besides. Raises InputError for unknown ids.
+    """
+    held = schedule if isinstance(schedule, Schedule) else read_schedule(schedule)
+    noise = Noise(to_si(force_sigma, "ug"), to_si(angle_sigma, "arcsec"))
+    recording = planned(held)
+    calibrated = baseline(held.platform, _known(effects))
+    others = _parameters_of(candidates, effects, recording, "multi-position")
+    p = problem(recording, (*calibrated, *others))
+    linear = linearise(p, np.zeros(len(p.parameters)), np.zeros((p.visits, p.turns)))
+    info = whiten(replace(linear, r=np.zeros_like(linear.r)), noise).information(p.parameters)
+    said = {"gimbal_angle_arcsec": angle_sigma, "accelerometer_ug": force_sigma}
+    return _observability(held.name, info, calibrated, said)
+
+
+def observe_static(
+    hours: float,
+    latitude: float,
+    noise: dict[str, float],
+    effects: Sequence[str] = STATIC_BASELINE,
+    candidates: Sequence[str] = (),
+    sample_s: float = 1.0,
+) -> Observability:
+    """What a static run of `hours` at `latitude` [rad] sees.
+
+    noise: one sigma of a sample in SI by sensor (accelerometer, gimbal_angle, attitude); a sensor that is not named is
+    not used. sample_s [s] between samples.
+    """
+    recording = static_plan(hours, latitude, sample_s)
+    names = recording.platform.axis_names
+    calibrated = tuple(q for e in _known(effects) for q in parameters(CATALOGUE[e], names))
+    others = _parameters_of(candidates, effects, recording, "static-run")
+    wanted = (*calibrated, *others)
+    J = jacobian(recording.platform, stimulus(recording), (), wanted, "static-run")
+    channels = {"accelerometer": "specific_force", "gimbal_angle": "gimbal_angle", "attitude": "attitude_error"}
+    unknown = set(noise) - set(channels)
+    if unknown or not noise:
+        raise InputError(f"the noise of a static run is stated for {', '.join(channels)}; got {', '.join(noise)}")
+    root = np.sqrt(recording.weight)[:, None, None]
+    rows = np.concatenate([(J[channels[k]] * root / s).reshape(-1, len(wanted)) for k, s in noise.items()])
+    info = information(rows, np.zeros(len(rows)), wanted)
+    return _observability(f"static run of {hours:g} h at {np.rad2deg(latitude):.4g} deg", info, calibrated, dict(noise))
+
+
+def observe_any(
+    schedule: str, angle_sigma: float, force_sigma: float, latitude: float, candidates: Sequence[str] = ()
+) -> Observability:
+    """What the command line asks: a multi-position schedule, or a static run such as "static-48h".
+
+    angle_sigma [arcsec], force_sigma [ug], latitude [deg]; a static run takes them as noise of a one-minute mean.
+    """
+    run = re.fullmatch(r"static-(\d+(?:\.\d+)?)h", schedule)
+    if run is None:
+        return observe(schedule, angle_sigma, force_sigma, candidates=candidates)
+    if not abs(latitude) < 90:
+        raise InputError(f"--latitude must be between -90 and 90 deg, got {latitude:g}")
+    angle = to_si(angle_sigma, "arcsec")
+    noise = {"accelerometer": to_si(force_sigma, "ug"), "gimbal_angle": angle, "attitude": angle}
+    return observe_static(float(run[1]), np.deg2rad(latitude), noise, candidates=candidates, sample_s=60.0)
+
+
+def static_plan(hours: float, latitude: float, sample_s: float) -> Recording:
+    """Ideal gimbal readouts of a static run, thinned to `STATIC_ROWS` rows that carry the weight of all samples."""
+    platform, time = SPACE_STABLE_INERTIAL, np.linspace(0.0, hours * 3600, STATIC_ROWS)
+    readings = {"platform": EARTH_RATE * time, "middle": np.full_like(time, latitude)}
+    channels = {("gimbal_angle", a): readings.get(a, np.zeros_like(time)) for a in platform.axis_names}
+    weight = np.full(len(time), max(hours * 3600 / sample_s / len(time), 1.0))
+    site = Site(latitude=latitude, gravity=float(normal_gravity(latitude)))
+    return Recording("static-run", "plan", platform, site, {}, time, None, channels, weight=weight)
+
+
+def _known(effects: Sequence[str]) -> Sequence[str]:
+    unknown = [e for e in effects if e not in CATALOGUE]
+    if unknown:
+        raise InputError(f"no effect is called {unknown[0]!r}; the catalogue has {', '.join(sorted(CATALOGUE))}")
+    return effects
+
+
+def _parameters_of(
+    candidates: Sequence[str], effects: Sequence[str], recording: Recording, kind: str
+) -> tuple[Parameter, ...]:
+    """Linear parameters of candidates that are not calibrated and need nothing that a plan does not have."""
+    new = [e for e in _known(candidates) if e not in effects]
+    lacking = [e for e in new if kind not in CATALOGUE[e].kinds or CATALOGUE[e].requires]
+    if lacking:
+        raise InputError(f"{lacking[0]} cannot be judged from the angles of a {kind} schedule alone; leave it out")
+    return tuple(q for e in new for q in parameters(CATALOGUE[e], recording.platform.axis_names))
+
+
+def _observability(
+    name: str, info: Information, calibrated: Sequence[Parameter], noise: dict[str, float]
+) -> Observability:
+    p = len(calibrated)
+    rows = info.rows[:, :-1]
+    own = Information(tuple(calibrated), np.column_stack([rows[:, :p], info.rows[:, -1]]), info.count)
+    solution = solve(own)
+    found = _parameter_twins(rows[:, :p], solution)
+    basis = _basis(rows[:, :p])
+    groups: dict[str, list[int]] = {}
+    for i, q in enumerate(info.parameters[p:], start=p):
+        groups.setdefault(q.effect, []).append(i)
+    left = {e: rows[:, i] - basis @ (basis.T @ rows[:, i]) for e, i in groups.items()}
+    told = tuple(_candidate(e, left[e], rows[:, i]) for e, i in groups.items())
+    visible = {c.effect: left[c.effect] for c in told if c.strength > SEEN}
+    for one, other in combinations(visible, 2):
+        cosine = float(np.linalg.svd(_basis(visible[one]).T @ _basis(visible[other]), compute_uv=False)[-1])
+        if cosine > PARALLEL:
+            found.append(Twins(one, other, cosine))
+    return Observability(name, solution, tuple(found), told, noise)
+
+
+def _basis(rows: Array) -> Array:
+    """Orthonormal basis of the directions that exceed the noise."""
+    U, S, _ = np.linalg.svd(rows, full_matrices=False)
+    return np.asarray(U[:, S >= SEEN])
+
+
+def _candidate(effect: str, left: Array, signal: Array) -> Candidate:
+    whole, rest = float(np.linalg.norm(signal)), float(np.linalg.norm(left))
+    return Candidate(effect, rest, 1 - rest / whole if whole > 0 else 0.0)
+
+
+def _parameter_twins(rows: Array, solution: Solution) -> list[Twins]:
+    """Pairs of parameters whose columns are parallel once all others are projected out, from the inverse of J^T J.
+
+    With P = (J^T J)^-1 the cosine of the two is -P_ij / sqrt(P_ii P_jj). The prior's unit weight makes it exist where
+    directions are not seen at all. Members of a null direction of three or more are named there and not once more.
+    """
+    P = np.linalg.inv(rows.T @ rows + np.eye(rows.shape[1]))
+    d = np.sqrt(np.diag(P))
+    cosine = -P / np.outer(d, d)
+    labels = [q.label for q in solution.parameters]
+    larger = [set(u.direction) for u in solution.unseen if len(u.direction) > 2]
+    return [
+        Twins(labels[i], labels[j], float(cosine[i, j]))
+        for i, j in combinations(range(len(labels)), 2)
+        if abs(cosine[i, j]) > PARALLEL and not any({labels[i], labels[j]} <= direction for direction in larger)
+    ]

@@ -1,0 +1,276 @@
+r"""Positions that see most: D- and A-optimal schedules under a rig's constraints, and what no schedule of it can see.
+
+Candidates are the attitudes that the rig can take, on a grid of its axes. Each brings whitened, prior-scaled rows A_c
+of the same forward model that calibrates, so that information adds,
+
+.. math:: F = I + \sum_c A_c^T A_c
+
+with I the prior; `selection` chooses among them. Without angles a position brings one row, the norm of the force; with
+angles three, less what a setting error takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.design.exchange import CRITERIA, optimise, value
+from gimbalcal.earth import G0
+from gimbalcal.effects import CATALOGUE, Parameter, Stimulus, parameters
+from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.accelerometers.multiposition import TERMS, TRIANGLE
+from gimbalcal.estimate.accelerometers.setting import BASELINE, Linear, Noise, baseline, whiten
+from gimbalcal.forward import jacobian, predict
+from gimbalcal.inference.information import information, solve
+from gimbalcal.kinematics import stimulus
+from gimbalcal.number import STEP, Array
+from gimbalcal.platform import KNOWN, Platform, known
+from gimbalcal.recording import Recording, Site
+from gimbalcal.schedule import SCHEDULES, Hold, Schedule
+from gimbalcal.units import from_si, to_si
+
+MOST_CANDIDATES = 200_000  # rows of some 18 parameters: 100 MB of work space
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What a rig can do: its axes, the angles that each may take [rad], and how well it is read.
+
+    setting [rad] is the one-sigma error of a setting; infinite where no angle is known. accelerometer [m/s^2] is the
+    noise of one position's mean.
+    """
+
+    platform: Platform
+    grid: Mapping[str, Array]
+    setting: float = np.inf
+    accelerometer: float = 1e-6 * G0
+    gravity: float = G0
+
+    def candidates(self) -> Array:
+        """All settings (c, k) [rad] of the grid in platform axis order; an axis that is not in the grid stays at 0."""
+        return np.array(list(product(*(self.grid.get(name, np.zeros(1)) for name in self.platform.axis_names))))
+
+
+def grid(low: float, high: float, step: float) -> Array:
+    """Angles [rad] from low through high; a full circle does not repeat its start."""
+    n = round((high - low) / step)
+    full = np.isclose(high - low, 2 * np.pi)
+    return np.asarray(low + step * np.arange(n if full else n + 1))
+
+
+def free_rig(platform: Platform, step: float = np.pi / 4, **options: Any) -> Rig:
+    """A rig whose axes turn freely in steps of `step` [rad]; a vertical last axis stays, as it moves no gravity."""
+    turning = platform.axes[:-1] if platform.axes[-1].direction == "z" else platform.axes
+    return Rig(platform, {a.name: grid(-np.pi, np.pi, step) for a in turning}, **options)
+
+
+def rig_of(name: str, step: float, setting: float | None, force: float = 1.0) -> Rig:
+    """The rig of a known platform in steps of `step` [deg], set to `setting` [arcsec] (None: no angle is known).
+
+    force [ug]: noise of one position's mean. Raises InputError for a platform that is not known, a step that does not
+    divide the circle, or a noise that is none.
+    """
+    platform = known(name)
+    if platform is None or not platform.axes:
+        with_axes = ", ".join(n for n, p in KNOWN.items() if p.axes)
+        raise InputError(f"no rig is called {name!r}; known are {with_axes}")
+    if not 0 < step <= 180 or abs(360 / step - round(360 / step)) > 1e-9:
+        raise InputError(f"--step must divide 360 deg into equal parts, got {step:g} deg")
+    if setting is not None and not 0 <= setting < np.inf:
+        raise InputError(f"--angle-sigma must be a finite number of arcsec from 0, got {setting:g}")
+    if not 0 < force < np.inf:
+        raise InputError(f"--force-sigma must be a finite number of ug above 0, got {force:g}")
+    noise = {"setting": np.inf if setting is None else to_si(setting, "arcsec"), "accelerometer": to_si(force, "ug")}
+    made = free_rig(platform, np.deg2rad(step), **noise)
+    if (360 / step) ** len(made.grid) > MOST_CANDIDATES:
+        raise InputError(f"--step {step:g} deg on {len(made.grid)} axes makes too many attitudes: take a coarser step")
+    return made
+
+
+def design(
+    rig: Rig,
+    count: int,
+    terms: Sequence[str] = (),
+    criterion: str = "D",
+    separate: Sequence[str] = (),
+    compare: Sequence[Schedule] = (),
+    duration: float = 200.0,
+    seed: int = 0,
+) -> tuple[Schedule, dict[str, Any]]:
+    """The `count` positions of a rig that see most of `terms` (ids of effects), and a report of what they see.
+
+    separate: effects whose parameters alone count, against each other and everything else in `terms`.
+    compare: schedules to stand beside (default the published ones that the rig can take). Raises InputError for an
+    unknown effect or criterion, or a rig that cannot move.
+    """
+    if criterion not in CRITERIA:
+        raise InputError(f"criterion {criterion!r} is not known; choose D (volume) or A (mean variance)")
+    wanted = design_parameters(rig, (*(terms or _default(rig)), *separate))
+    settings, rows = distinct(rig.candidates(), rig, wanted)
+    if len(settings) < 2:
+        raise InputError(f"the rig {rig.platform.name!r} has no axis that moves gravity: widen its grid of angles")
+    interest = np.array([not separate or p.effect in separate for p in wanted])
+    chosen = optimise(rows, count, criterion, interest, seed)
+    order = _visiting_order(settings[chosen])
+    holds = tuple(Hold(tuple(float(a) for a in settings[chosen[i]]), duration) for i in order)
+    made = Schedule(f"{criterion}-optimal-{count}", rig.platform, holds)
+    return made, report(made, rig, wanted, criterion, compare or _published(rig), len(settings))
+
+
+def _default(rig: Rig) -> tuple[str, ...]:
+    return TERMS if np.isinf(rig.setting) else BASELINE
+
+
+def design_parameters(rig: Rig, terms: Sequence[str]) -> tuple[Parameter, ...]:
+    """The scalar unknowns of the terms that this rig could see at all. Raises InputError for an unknown effect."""
+    terms = tuple(dict.fromkeys(terms))
+    for term in terms:
+        if term not in CATALOGUE:
+            raise InputError(f"no effect is called {term!r}; `gimbalcal catalogue` lists {len(CATALOGUE)} of them")
+        cls = CATALOGUE[term]
+        if cls.channel != "specific_force" or cls.requires:
+            need = f" and needs a {cls.requires[0]} channel" if cls.requires else ""
+            raise InputError(f"{term} shows in {cls.channel}{need}: positions at rest do not design for it")
+    if np.isinf(rig.setting):
+        gimbals = [t for t in terms if parameters(CATALOGUE[t], rig.platform.axis_names) != parameters(CATALOGUE[t])]
+        if gimbals:
+            raise InputError(f"{gimbals[0]} is an angle error, which cannot be seen where no angle is known")
+        found = [p for t in terms for p in parameters(CATALOGUE[t])]
+        return tuple(p for p in found if p.effect != "misalignment" or p.axis in TRIANGLE)
+    return baseline(rig.platform, terms)
+
+
+def held(settings: Array, rig: Rig) -> Recording:
+    """A noiseless recording of the settings (c, k) [rad], one row each: what the forward model asks for."""
+    n = len(settings)
+    names = rig.platform.axis_names
+    channels = {("gimbal_angle", a): settings[:, i] for i, a in enumerate(names)}
+    return Recording("multi-position", "design", rig.platform, Site(gravity=rig.gravity), {}, 600.0 * np.arange(n),
+                     np.arange(1, n + 1), channels)  # fmt: skip
+
+
+def distinct(settings: Array, rig: Rig, wanted: Sequence[Parameter]) -> tuple[Array, Array]:
+    """Settings (c, k) that differ in what they say, and their whitened, prior-scaled rows (c, 3, p)."""
+    rows = whitened_rows(settings, rig, wanted)
+    F = np.einsum("cip,ciq->cpq", rows, rows).reshape(len(rows), -1)
+    size = np.abs(F).max() or 1.0
+    # 1e-9 of the largest: rounding of a cosine against a real difference of attitude
+    _, first = np.unique(np.round(F / size, 9) + 0.0, axis=0, return_index=True)
+    keep = np.sort(first)
+    return settings[keep], rows[keep]
+
+
+def whitened_rows(settings: Array, rig: Rig, wanted: Sequence[Parameter]) -> Array:
+    """Rows (c, 3, p) that each setting adds, in units of its noise and of the priors."""
+    recording = held(settings, rig)
+    s = stimulus(recording).at(
+        move_force=np.zeros((len(settings), 3)),  # a design has no order yet: effects of the last move show nothing
+        move_angle=np.zeros_like(settings),
+        earlier_move_force=np.zeros((len(settings), 3)),
+    )
+    J = jacobian(rig.platform, s, (), wanted)["specific_force"]
+    linear = Linear(J, 0 * s.force, _turns(rig, s), np.ones(len(settings)), J[:0], s.force[:0])
+    noise = Noise(rig.accelerometer, rig.setting)
+    w = whiten(linear, noise)
+    return np.where(np.isfinite(w.sigma)[..., None], w.J, 0.0) * np.array([p.sigma for p in wanted])
+
+
+def _turns(rig: Rig, s: Stimulus) -> Array:
+    """dh/de (c, 3, k): what a setting error does; where no angle is known any turn of the force may be."""
+    f = s.force
+    if np.isinf(rig.setting):
+        zero = np.zeros(len(f))
+        x, y, z = f.T
+        return np.stack([np.stack(r, -1) for r in ([zero, -z, y], [z, zero, -x], [-y, x, zero])], axis=-2)
+    steps = 1j * STEP * np.eye(s.readout.shape[1])
+    turned = (predict(rig.platform, s.at(readout=s.readout + e), ())["specific_force"] for e in steps)
+    return np.stack([force.imag / STEP for force in turned], axis=-1)
+
+
+def _visiting_order(settings: Array) -> list[int]:
+    """Nearest neighbour next: short slews."""
+    left, order = list(range(1, len(settings))), [0]
+    while left:
+        here = settings[order[-1]]
+        turn = [np.abs(np.angle(np.exp(1j * (settings[i] - here)))).max() for i in left]
+        order.append(left.pop(int(np.argmin(turn))))
+    return order
+
+
+def _published(rig: Rig) -> tuple[Schedule, ...]:
+    """Published schedules of the rig's platform; without angles only directions count, so all of them."""
+    return tuple(s for s in SCHEDULES.values() if np.isinf(rig.setting) or s.platform.name == rig.platform.name)
+
+
+def assess(schedule: Schedule, rig: Rig, wanted: Sequence[Parameter]) -> tuple[Array, tuple[Any, ...], Array]:
+    """Predicted sigma (p,) in SI, unseen directions and whitened rows of a schedule read as this rig is."""
+    same = replace(rig, platform=schedule.platform)
+    rows = whitened_rows(schedule.angles, same, wanted)
+    scale = np.array([p.sigma for p in wanted])
+    solution = solve(information((rows / scale).reshape(-1, len(wanted)), np.zeros(rows[..., 0].size), wanted))
+    return solution.sigma, solution.unseen, rows
+
+
+def report(
+    made: Schedule, rig: Rig, wanted: Sequence[Parameter], criterion: str, compare: Sequence[Schedule], candidates: int
+) -> dict[str, Any]:
+    """What a schedule sees: sigma per parameter, the same for others, and the terms that it cannot support."""
+    sigma, unseen, rows = assess(made, rig, wanted)
+    everything = np.ones(len(wanted), dtype=bool)
+    others = {s.name: assess(s, rig, wanted) for s in compare}
+    table = []
+    for i, p in enumerate(wanted):
+        unit = {name: float(from_si(s[i], p.unit)) for name, (s, _, _) in others.items()}
+        table.append({"name": p.name, "axis": p.axis, "unit": p.unit, "sigma": float(from_si(sigma[i], p.unit)),
+                      "prior_sigma": float(from_si(p.sigma, p.unit)), "others": unit})  # fmt: skip
+    own = value(rows, criterion, everything)
+    against = {
+        name: _against(own, value(r, criterion, everything), len(made.holds), len(r), criterion, sigma, s)
+        for name, (s, _, r) in others.items()
+    }
+    lines = [f"{amount(len(made.holds), 'position')} chosen out of {candidates}"]
+    lines += [f"against {name}: {a['in_words']}" for name, a in against.items()]
+    lines += [f"not seen: {u.why}" for u in unseen] + unsupported(wanted, sigma)
+    return {
+        "criterion": criterion,
+        "positions": len(made.holds),
+        "candidates": candidates,
+        "angles": "unknown" if np.isinf(rig.setting) else f"{float(from_si(rig.setting, 'arcsec')):.3g} arcsec",
+        "parameters": table,
+        "unobservable": [{"direction": u.direction, "why": u.why} for u in unseen],
+        "unsupported": unsupported(wanted, sigma),
+        "against": against,
+        "in_words": "\n".join(lines),
+    }
+
+
+def unsupported(wanted: Sequence[Parameter], sigma: Array) -> list[str]:
+    """One sentence for each parameter that would be known no better than it is expected to be anyway."""
+    return [
+        f"{p.label} would be uncertain by {float(from_si(s, p.unit)):.3g} {p.unit}, no better than the "
+        f"{float(from_si(p.sigma, p.unit)):.3g} {p.unit} it is expected to be: this schedule does not support it"
+        for p, s in zip(wanted, sigma, strict=True)
+        if s >= 0.9 * p.sigma  # the data then add less than a fifth to the information of the prior
+    ]
+
+
+def _against(own: float, other: float, n: int, m: int, criterion: str, sigma: Array, theirs: Array) -> dict[str, Any]:
+    """Comparison with another schedule of m positions for equal total time: by the criterion, and by each sigma.
+
+    The criterion as one length in units of the priors: the mean radius of the ellipsoid (D), the rms of its axes (A).
+    """
+    equal = np.sqrt(n / m)  # sigma falls with the root of the time
+    radius = float(np.exp((other - own) / (2 * len(sigma))) if criterion == "D" else np.sqrt(own / other)) * equal
+    each = sigma / theirs * equal
+    ratio = float(np.exp(np.mean(np.log(each))))
+    meant = "the mean radius of what stays uncertain" if criterion == "D" else "the rms of what stays uncertain"
+    words = (
+        f"for equal time {meant} is {radius:.3g} times as much; sigma is {ratio:.3g} of its sigma in the geometric "
+        f"mean over parameters, between {each.min():.3g} and {each.max():.3g}"
+    )
+    return {f"{criterion}_value": own, f"{criterion}_value_of_other": other, "positions": m,
+            "criterion_ratio_equal_time": radius, "sigma_ratio_equal_time": ratio, "in_words": words}  # fmt: skip

@@ -1,0 +1,233 @@
+r"""Diagnosis of a recording with gimbal angles and gyroscopes: forces through the path, gyroscopes through the views.
+
+    forces at known angles ──> library, search, decide ──┐
+          └─ accelerometers with what was found           ├──> one diagnosis
+    rates less the Earth's ──> at rest, between rests ───┘
+
+The gimbals say how the Earth's rate lies in the unit, up to the heading psi of the base, which the rests tell:
+
+.. math:: \omega_{ie}^p = \Omega \, C_b^p \, (\cos L \cos\psi, \; -\cos L \sin\psi, \; -\sin L)^T
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+import gimbalcal
+from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.diagnose import unknown_wording as unstated_words
+from gimbalcal.diagnose import wording
+from gimbalcal.diagnose.answer import VERDICTS, Diagnosis, files
+from gimbalcal.diagnose.known_noise import diagnose_forces
+from gimbalcal.diagnose.rows.observations import absent_effect
+from gimbalcal.diagnose.rows.turns import FEWEST, turned_rates
+from gimbalcal.diagnose.rows.views import FORCE, RATE, SENSORS, View, rest_rates
+from gimbalcal.diagnose.search.ranking import Search
+from gimbalcal.diagnose.search.stepwise import course, start
+from gimbalcal.diagnose.unknown_noise import Told, curves_of, told_of
+from gimbalcal.diagnose.verdict.decide import Decision
+from gimbalcal.diagnose.verdict.model import calibration_fit, fit
+from gimbalcal.earth import EARTH_RATE
+from gimbalcal.effects import Effect, values, with_values
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition
+from gimbalcal.forward import gyroscopes
+from gimbalcal.kinematics import ideal_force, stimulus
+from gimbalcal.number import Array
+from gimbalcal.pipeline import Tell
+from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.units import is_raw
+
+RESTS = 6  # fewer do not tell a pattern of the pose from chance
+
+
+def has_gyroscopes(recording: Recording) -> bool:
+    """Whether gimbals tell the attitude and gyroscopes were logged, or should have been."""
+    logged = recording.kind == "multi-position" and recording.has(RATE) and recording.position is not None
+    return bool(recording.platform.axes) and (logged or recording.kind == "rotation")
+
+
+def diagnose_gimballed(
+    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
+) -> Diagnosis:
+    """What was left out of the models of both triads.
+
+    A baseline of gyroscope effects alone asks for the gyroscopes alone, and so on. Raises InputError for a rotation
+    without rests.
+    """
+    recording = _with_rests(recording)
+    mine = [i for i in baseline if not i.startswith("gyro_")]
+    gyro = [i for i in baseline if i.startswith("gyro_")]
+    asked = recording.has(FORCE) and (mine or not baseline)
+    found = diagnose_forces(recording, calibration, mine, seed, tell) if asked else None
+    if found is not None and ((mine and not gyro) or not recording.has(RATE)):
+        return found[0]
+    made = calibration if found is None else _accelerometers(found[1], found[2])
+    explained = found is None or found[0].verdict != "unexplained"
+    views, notes = _views(recording, made, gyro, explained)
+    told = []
+    for v in views:
+        tell(f"the gyroscopes: {unstated_words.whole(v)}")
+        told.append(told_of(v, course(v, tell), tell))
+    for note in notes:
+        tell(note)
+    return _together(recording, None if found is None else found[0], told, notes, baseline, seed)
+
+
+def _with_rests(recording: Recording) -> Recording:
+    """Rests at known angles are positions, whatever turned between them."""
+    if recording.position is None or not np.any(recording.position > 0):
+        raise InputError(
+            f"{recording.title!r} is a rotation recording without rests: `diagnose` compares rests and the turns "
+            "between them, so give a `position` column that numbers the rests and is 0 on the way"
+        )
+    return replace(recording, kind="multi-position")
+
+
+def _accelerometers(s: Search, d: Decision) -> Calibration:
+    """The accelerometers as the forces tell them: the calibrated model with what was found in it."""
+    f = fit(s, d.hypothesis.members if d.hypothesis else ())
+    scale = np.array([p.sigma for p in s.o.constants])
+    x = values(s.o.baseline, s.o.constants) + calibration_fit(s, f)[1] * scale
+    names = s.o.stimulus.axis_names
+    effects = with_values(s.o.baseline, s.o.constants, x, names)
+    at = 0
+    for m, v in zip(f.members, f.variants, strict=True):
+        c = s.library.candidates[m]
+        size = f.x[at : at + len(c.parameters)] * np.array([p.sigma for p in c.parameters])
+        at += len(c.parameters)
+        if c.parameters and c.effect not in {e.id for e in effects}:
+            effects = (*effects, absent_effect(c.effect, s.o.stimulus, c.source, **dict(c.variants[v].constants)))
+        effects = with_values(effects, c.parameters, values(effects, c.parameters) + size, names)
+    kept = tuple(e for e in effects if e.stage in SENSORS and e.channel == FORCE)
+    return Calibration("diagnosis", kept, (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
+
+
+def _views(
+    recording: Recording, made: Calibration | None, gyro: Sequence[str], explained: bool
+) -> tuple[list[View], list[str]]:
+    """The views of the gyroscopes, and what cannot be said of them, in sentences."""
+    rests = len(dwell_means(recording).time)
+    if rests < RESTS:
+        return [], [f"The gyroscopes were not looked at: it takes {RESTS} rests, not {rests}."]
+    if not recording.has(FORCE):
+        force = ideal_force(recording, recording.angles())
+        recording = replace(
+            recording, channels={**recording.channels, **{(FORCE, a): force[:, i] for i, a in enumerate("xyz")}}
+        )
+        made = Calibration("gimbals", (), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
+    made = made or multiposition(recording, LINEAR)
+    turning = turned_rates(without_earth(recording), made) if explained and not gyro else None
+    linear = start(turning).effects if turning else ()
+    still = rest_rates(without_earth(recording, linear), gyro, made)
+    if still is None:
+        return [], ["The gyroscopes were not looked at: they count, and no turn says how much a count is."]
+    notes = []
+    if turning is None and not gyro:
+        why = f"fewer than {FEWEST} turns between rests were logged" if explained else "nothing explains the forces"
+        notes = [f"What grows with the rate of the gyroscopes was not looked at: {why}."]
+    return [replace(still, turns=None), *([turning] if turning else [])], notes
+
+
+def without_earth(recording: Recording, gyro: Sequence[Effect] = ()) -> Recording:
+    """Rates less what the gyroscopes, with these effects, read of the Earth's rate; counts stay as they are."""
+    L = recording.site.latitude
+    if L is None or any(is_raw(recording.units.get((RATE, a), "rad/s")) for a in "xyz"):
+        return recording
+    rest = dwell_means(recording)
+    A = EARTH_RATE * attitude_of(rest)
+    u = rest.triad(FORCE) / rest.site.gravity
+    level = np.concatenate([np.einsum("ij,n->nij", np.eye(3), np.ones(len(u))), np.einsum("ij,nk->nijk", np.eye(3), u)
+                            .reshape(len(u), 3, 9)], axis=-1)  # fmt: skip
+    columns = np.concatenate([np.cos(L) * A[..., :2], EARTH_RATE * level], axis=-1).reshape(3 * len(u), -1)
+    north = np.linalg.lstsq(columns, rest.triad(RATE).ravel(), rcond=1e-9)[0][:2]
+    size = float(np.hypot(*north))
+    north = north / size if size > 0 else np.array([1.0, 0.0])
+    earth = EARTH_RATE * attitude_of(recording) @ np.array([*(np.cos(L) * north), -np.sin(L)])
+    seen = gyroscopes(earth, stimulus(recording), gyro)
+    rate = recording.triad(RATE) - seen
+    channels = {**recording.channels, **{(RATE, a): rate[:, i] for i, a in enumerate("xyz")}}
+    # at the equator the vertical has no part of the Earth's rate: nothing is left there to take off once more
+    return replace(recording, channels=channels, site=replace(recording.site, latitude=0.0))
+
+
+def attitude_of(recording: Recording) -> Array:
+    """C_bp (n, 3, 3) as the gimbals tell it."""
+    return recording.platform.attitude(recording.angles())
+
+
+@dataclass(frozen=True)
+class _Part:
+    """What one view says: name, verdict, fit, and a sentence of what naming the causes does or what is left."""
+
+    name: str
+    said: Diagnosis | Told
+    in_words: str
+
+    @property
+    def rank(self) -> tuple[int, float]:
+        """Verdict, then how far it is off."""
+        off = 0.0 if self.said.verdict == "adequate" else float(self.said.fit["chi2_reduced_before"])
+        return VERDICTS.index(self.said.verdict), off
+
+
+def _part_of_forces(d: Diagnosis) -> _Part:
+    if d.findings:
+        return _Part("forces", d, wording.improved(d.fit, "Reduced chi^2 of the forces"))
+    left = f"Reduced chi^2 of the forces is {d.fit['chi2_reduced_before']:.3g}."
+    return _Part("forces", d, left if d.verdict == "adequate" else "")
+
+
+def _together(
+    recording: Recording, forces: Diagnosis | None, told: Sequence[Told], notes: Sequence[str],
+    baseline: Sequence[str], seed: int,
+) -> Diagnosis:  # fmt: skip
+    parts = [] if forces is None else [_part_of_forces(forces)]
+    parts += [_Part(t.view.name, t, unstated_words.of_view(t.view, t.fit, t.findings, t.verdict)) for t in told]
+    if not parts:
+        raise InputError(f"{recording.title!r} leaves nothing to compare. {' '.join(notes)}")
+    lead = max(parts, key=lambda p: p.rank)
+    parts_by_weight = [lead, *(p for p in parts if p is not lead)]
+    mismatch: tuple[Mapping[str, Any], ...] = tuple(m for p in parts_by_weight for m in p.said.mismatch)
+    found: tuple[Mapping[str, Any], ...] = tuple(f for p in parts for f in p.said.findings)
+    shapes: tuple[Mapping[str, Any], ...] = tuple(u for p in parts for u in p.said.unexplained)
+    ids = [i for t in told for i in t.view.baseline]
+    options = {"seed": seed} if forces is None else dict(forces.provenance["options"])
+    provenance: dict[str, Any] = {
+        "version": gimbalcal.__version__,
+        "recordings": files(recording),
+        **({} if forces is None else forces.provenance),
+        "options": {**options, "baseline": list(baseline) or [*_ids(options), *ids]},
+        "views": [p.name for p in parts],
+        **({"notes": list(notes)} if notes else {}),
+    }
+    fitted = {**lead.said.fit, "views": {p.name: dict(p.said.fit) for p in parts}}
+    verdict = lead.said.verdict
+    words = _answer(verdict, parts, found, shapes, mismatch, notes)
+    drawn = curves_of(lead.said) if isinstance(lead.said, Told) else lead.said.curves
+    return Diagnosis(verdict, mismatch, found, shapes, fitted, provenance, words, drawn)
+
+
+def _ids(options: Mapping[str, Any]) -> list[str]:
+    return list(options.get("baseline", []))
+
+
+def _answer(
+    verdict: str, parts: Sequence[_Part], found: Sequence[Mapping[str, Any]], shapes: Sequence[Mapping[str, Any]],
+    mismatch: Sequence[Mapping[str, Any]], notes: Sequence[str],
+) -> str:  # fmt: skip
+    """One answer that names what both triads lack."""
+    if verdict == "adequate":
+        out = ["The calibrated model explains these data."]
+    elif found:
+        out = [f"{wording.causes(verdict, found)}."]
+    else:
+        out = [wording.NO_CAUSE]
+    out += [p.in_words for p in parts if p.in_words]
+    out += [f"Without a known cause is {wording.left_over(u)}." for u in shapes[:1]]
+    out += [f"{m['in_words']}." for m in mismatch[:1]]
+    return " ".join([*out, *notes])

@@ -1,0 +1,1 @@
+"""How strongly the data speak for a cause: closed forms, noise integrated over, and what clean recordings show."""

@@ -1,0 +1,190 @@
+r"""How strongly the data speak for each cause: closed-form evidence, calibration profiled out, noise integrated.
+
+For one noise phi and one prior size s, with X the whitened columns from which the calibration has been projected,
+
+.. math:: \ln BF = -\tfrac12 \ln |I + s^2 X^T X| + \tfrac12 b^T (s^{-2} I + X^T X)^{-1} b, \qquad b = X^T y ,
+
+columns being scaled by their prior sigma. The calibration constants have a flat prior, so that BF is an e-value: under
+no effect it exceeds 1 / alpha with probability at most alpha. Mixed over s, over the variants of a candidate and, with
+the weight that the data give each, over the noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.library.candidates import Candidate
+from gimbalcal.inference.algebra import eigh, logsumexp, orthonormal
+from gimbalcal.number import Array
+
+SIZES = np.array([0.001, 0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0])  # times the catalogue's prior sigma
+SIZE_PRIOR = np.array([0.04, 0.08, 0.15, 0.18, 0.22, 0.15, 0.10, 0.05, 0.03])
+ANY_SIZE = np.geomspace(1e-4, 1e3, 29)  # fine enough that twins of different plausible sizes fit alike
+ABSORBED = 1e-3  # a column of which less is left rests on second-order terms and on noise in its own inputs
+CHUNK = 64  # columns
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Reduced rows [Z | X | y], split where the noise is white whatever the node.
+
+    low (R', q + P + m) are the rows that a node whitens; high is the Gram matrix of the others. Z is orthonormal
+    over all rows under white noise, and X and y have been cleared of it there, so that nothing cancels later.
+    """
+
+    low: Array
+    high: Array
+    q: int
+    P: int
+    Q: Array  # (R, q) orthonormal calibration columns
+    y: Array  # (R, m) data cleared of them
+
+
+@dataclass(frozen=True)
+class Projection:
+    """One noise node with the calibration projected out: Gram matrix, scores, misfit."""
+
+    node: Node
+    G: Array  # (P, P)
+    b: Array  # (P, m) one column per data vector
+    misfit: Array  # (m,) y^T V^-1 y after projection
+    penalty: float  # ln |V| + ln |Z^T V^-1 Z|
+
+    def log_likelihood(self) -> Array:
+        """ln p(y | phi) of no effect, up to a constant, (m,)."""
+        return np.asarray(-0.5 * (self.misfit + self.penalty))
+
+
+def stack(Z: Array, X: Array, y: Array, low: int) -> Rows:
+    """Reduced Z (R, z), X (R, P), y (R, m) to `Rows` whose first `low` rows are coloured."""
+    Q = orthonormal(Z)
+    q, P = Q.shape[1], X.shape[1]
+    y = y - Q @ (Q.T @ y)
+    A = np.empty((len(X), q + P + y.shape[1]))  # a day of data has gigabytes of columns: one copy, a few at a time
+    A[:, :q], A[:, q + P :] = Q, y
+    for k in range(0, P, CHUNK):
+        part = X[:, k : k + CHUNK]
+        A[:, q + k : q + k + part.shape[1]] = _cleared(Q, part)
+    tail = A[low:]
+    return Rows(A[:low].copy(), tail.T @ tail, q, P, Q, y)
+
+
+def appended(rows: Rows, X: Array, new: Array) -> Rows:
+    """`rows` of columns X (R, P), as `stack` makes them of X and `new` (R, p): for few of many columns in less time."""
+    q, P, low = rows.q, rows.P, len(rows.low)
+    left = _cleared(rows.Q, new)
+    seen = rows.low[:, q : q + P].any(axis=0) | (np.diag(rows.high)[q : q + P] > 0)
+    N = left[low:]
+    QN = rows.Q[low:].T @ N
+    XN = np.where(seen[:, None], X[low:].T @ N - (rows.Q.T @ X).T @ QN, 0.0)
+    at, total = slice(q + P, q + P + N.shape[1]), len(rows.high) + N.shape[1]
+    high = np.empty((total, total))
+    old = np.r_[0 : at.start, at.stop : total]
+    high[np.ix_(old, old)] = rows.high
+    high[:, at] = np.concatenate([QN, XN, N.T @ N, rows.y[low:].T @ N])
+    high[at] = high[:, at].T
+    columns = np.concatenate([rows.low[:, : at.start], left[:low], rows.low[:, at.start :]], axis=1)
+    return Rows(columns, high, q, P + N.shape[1], rows.Q, rows.y)
+
+
+def _cleared(Q: Array, X: Array) -> Array:
+    """X (R, P) cleared of the calibration, and zero where that leaves nothing to speak of."""
+    left = X - Q @ (Q.T @ X)
+    seen = np.linalg.norm(left, axis=0) > ABSORBED * np.linalg.norm(X, axis=0)
+    return np.asarray(np.where(seen, left, 0.0))
+
+
+def project(node: Node, rows: Rows) -> Projection:
+    """Whiten by a node, profile the calibration out, and form the Gram matrix and scores."""
+    W = node.whiten(rows.low)
+    A = W.T @ W  # some MB each: in place
+    A += rows.high
+    q, P = rows.q, rows.P
+    L = np.linalg.cholesky(A[:q, :q])
+    K = np.linalg.solve(L, A[:q, q:])
+    B = K.T @ K
+    np.subtract(A[q:, q:], B, out=B)
+    logdet = 2 * float(np.log(np.diag(L)).sum())
+    return Projection(node, B[:P, :P], B[:P, P:], np.diag(B)[P:].copy(), node.logdet + logdet)
+
+
+def extended(node: Node, rows: Rows, X: Array) -> tuple[Array, Array]:
+    """Gram matrix (p, p) and scores (p,) at one noise of reduced columns X (R, p) that are not among the rows."""
+    added = rows_like(rows, X)
+    p = project(node, added)
+    return p.G, p.b[:, 0]
+
+
+def rows_like(rows: Rows, X: Array) -> Rows:
+    """The same calibration and data with other columns."""
+    Q = rows.Q
+    X = X - Q @ (Q.T @ X)
+    A = np.concatenate([Q, X, rows.y], axis=1)
+    low = rows.low.shape[0]
+    return Rows(A[:low], A[low:].T @ A[low:], rows.q, X.shape[1], Q, rows.y)
+
+
+def log_bayes(G: Array, b: Array, sizes: Array = SIZES) -> Array:
+    """ln BF (..., sizes) for Gram matrices G (..., p, p) and scores b (..., p), one per prior size."""
+    if G.shape[-1] == 1:
+        lam, c = G[..., 0], b
+    else:
+        lam, V = eigh(G)
+        c = np.einsum("...ij,...i->...j", V, b)
+    lam = np.maximum(lam, 0.0)[..., None, :]
+    s2 = (sizes**2)[:, None]
+    gain = s2 * c[..., None, :] ** 2 / (1 + s2 * lam)
+    return np.asarray(0.5 * (gain - np.log1p(s2 * lam)).sum(axis=-1))
+
+
+def mixed(ln: Array, prior: Array) -> Array:
+    """ln of the prior-weighted mean of exp(ln) along the last axis."""
+    return logsumexp(ln + np.log(prior), axis=-1)
+
+
+def gather(projections: Sequence[Projection], candidates: Sequence[Candidate]) -> Array:
+    """ln BF (nodes, candidates) of every single candidate at every noise, sizes and variants mixed; b (P, 1)."""
+    b = np.stack([p.b[:, 0] for p in projections])
+    starts, share = variant_shares(candidates)
+    ln = np.empty((len(projections), len(share)))
+    for members, index in by_width(candidates):
+        G = np.stack([p.G[index[:, :, None], index[:, None, :]] for p in projections])
+        ln[:, members] = mixed(log_bayes(G, b[:, index]), SIZE_PRIOR)
+    return np.asarray(np.logaddexp.reduceat(ln + np.log(share), starts, axis=1))
+
+
+def variant_shares(candidates: Sequence[Candidate]) -> tuple[Array, Array]:
+    """Where each candidate's variants start (candidates,) in a row of all, and the prior share (variants,) of each."""
+    weights = [np.array([v.weight for v in c.variants]) for c in candidates]
+    starts = np.cumsum([0, *(len(w) for w in weights)])[:-1]
+    return starts, np.concatenate([w / w.sum() for w in weights])
+
+
+def by_width(candidates: Sequence[Candidate]) -> Iterator[tuple[Array, Array]]:
+    """Variants with as many columns as each other: their ordinals (m,) among all, and each one's columns (m, width)."""
+    spans = [v.index for c in candidates for v in c.variants]
+    widths = np.array([len(span) for span in spans])
+    for width in np.unique(widths):
+        members = np.flatnonzero(widths == width)
+        yield members, np.array([spans[m] for m in members])
+
+
+def condition(p: Projection, columns: Array, size: float) -> Projection:
+    """The same projection given that these columns are in the model with prior size s."""
+    a = columns
+    M = np.linalg.inv(p.G[np.ix_(a, a)] + np.eye(len(a)) / size**2)
+    Ga, ba = p.G[:, a], p.b[a]
+    penalty = float(np.linalg.slogdet(np.eye(len(a)) + size**2 * p.G[np.ix_(a, a)])[1])
+    misfit = p.misfit - (ba * (M @ ba)).sum(axis=0)
+    G = Ga @ M @ Ga.T
+    np.subtract(p.G, G, out=G)
+    return Projection(p.node, G, p.b - Ga @ (M @ ba), misfit, p.penalty + penalty)
+
+
+def best_size(G: Array, b: Array) -> float:
+    """Prior size under which one candidate is likeliest."""
+    return float(SIZES[int(np.argmax(log_bayes(G, b) + np.log(SIZE_PRIOR)))])

@@ -1,0 +1,192 @@
+r"""Diagnosis of forces at known attitude in a stated noise: a multi-position recording or a static run.
+
+observe ──> noise ──> library ──> search ──> decide ──> model ──> verify ──> recommend
+                                    └──> locate (before and after)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+import gimbalcal
+from gimbalcal.calibration import Calibration
+from gimbalcal.diagnose import wording
+from gimbalcal.diagnose.answer import Curves, Diagnosis, files
+from gimbalcal.diagnose.evidence.noise import nodes, settle
+from gimbalcal.diagnose.evidence.odds import CLAIM
+from gimbalcal.diagnose.library.candidates import Candidate, library
+from gimbalcal.diagnose.rows.observations import BASELINE, observe
+from gimbalcal.diagnose.rows.views import SENSORS
+from gimbalcal.diagnose.search.ranking import Search, search
+from gimbalcal.diagnose.verdict.decide import Decision, bar, decide, stated
+from gimbalcal.diagnose.verdict.locate import Scan, scan, told
+from gimbalcal.diagnose.verdict.model import Fit, calibration_fit, constant_value, fit
+from gimbalcal.diagnose.verdict.recommend import advise, sentence
+from gimbalcal.diagnose.verdict.threshold import clean_evidence
+from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.joint import analyse
+from gimbalcal.number import Array
+from gimbalcal.pipeline import Tell
+from gimbalcal.recording import Recording
+from gimbalcal.units import from_si
+
+
+def diagnose_forces(
+    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
+) -> tuple[Diagnosis, Search, Decision]:
+    """What was left out of the model of a recording whose attitude and noise are known, and how that was found."""
+    rng = np.random.default_rng(seed)
+    ids = tuple(baseline) or BASELINE.get(recording.kind, ())
+    s = searched(recording, calibration, ids, tell)
+    tell("sending simulated clean recordings of this design through the same comparison")
+    clean = clean_evidence(s, rng)
+    d = decide(s, bar(clean))
+    return _report(s, d, clean, rng, {"baseline": list(ids), "seed": seed}, tell), s, d
+
+
+def searched(recording: Recording, calibration: Calibration | None, baseline: tuple[str, ...], tell: Tell) -> Search:
+    """Every cause of the catalogue tried on one recording."""
+    tell(f"fitting the model: {', '.join(wording.plain(i) for i in baseline)} (another: --baseline)")
+    o = settle(observe(recording, baseline, carried(calibration, baseline)))
+    tell("comparing every cause of the catalogue, alone and in pairs")
+    return search(o, library(o, baseline), nodes(o))
+
+
+def carried(calibration: Calibration | None, baseline: Sequence[str]) -> tuple[Effect, ...]:
+    """Effects of a calibration that hold on another day: the baseline's and the sensors', not how the rig stood."""
+    held = {*SENSORS, Stage.GYROSCOPE}
+    return tuple(e for e in (calibration.effects if calibration else ()) if e.id in baseline or e.stage in held)
+
+
+def _report(
+    s: Search, d: Decision, clean: Array, rng: np.random.Generator, options: Mapping[str, Any], tell: Tell
+) -> Diagnosis:
+    members = d.hypothesis.members if d.hypothesis else ()
+    f = fit(s, members)
+    seen = fit(s, members or tuple(d.shapes[:1]))  # the noise as it is once the shape is allowed for
+    tell("locating the mismatch and checking held-out data")
+    before, fitted, curves = measured(s, f, seen, rng)
+    mismatch = () if d.verdict == "adequate" else told(before, at_least=1)
+    named = findings(s, d, f)
+    shapes = tuple(shape(s.library.candidates[i]) for i in d.shapes[:3])
+    provenance = {
+        "version": gimbalcal.__version__,
+        "recordings": files(s.o.recording),
+        "options": dict(options),
+        "ln_bayes_factor": round(s.ln_total, 3),
+        "ln_bayes_factor_needed": round(bar(clean), 3),
+        "false_alarm_rate_simulated": float(np.mean(clean >= CLAIM)),
+        "probability_unknown": round(d.unknown, 4),
+        "causes_compared": len([c for c in s.library.candidates if not c.rival]),
+        "excess_kurtosis": round(s.o.heavy, 3),
+    }
+    words = wording.answer(d.verdict, named, shapes, mismatch, fitted) + _misheld(s, d)
+    return Diagnosis(d.verdict, mismatch, named, shapes, fitted, provenance, words, curves)
+
+
+def _misheld(s: Search, d: Decision) -> str:
+    """A sentence on positions that were not held where the readouts say, which is a fault and no physics."""
+    if d.verdict != "unexplained" or s.o.kind != "multi-position":
+        return ""
+    try:
+        faults = analyse(s.o.recording).faults
+    except InputError:  # too few positions or accelerometers to tell one that was not held
+        return ""
+    leave = " `gimbalcal calibrate` names such positions and leaves them out." if faults else ""
+    return "".join(f" {f.in_words[:1].upper()}{f.in_words[1:].rstrip('.')}." for f in faults) + leave
+
+
+def measured(s: Search, f: Fit, seen: Fit, rng: np.random.Generator) -> tuple[Scan, dict[str, Any], Curves]:
+    """Where one recording is off before anything is added, the numbers of its fit, and its residuals.
+
+    `f` is the fit of what was found, `seen` the same or that of a shape, whose noise counts.
+    """
+    physical, node = physical_columns(s, f), seen.projection.node
+    before = scan(s.o, s.rows, node, rng)
+    after = scan(s.o, s.rows, node, rng, s.library.X[:, list(f.index)]) if f.index else before
+    fitted = {
+        **verify(s, f if f.index else seen, physical).to_dict(),
+        "scan_p_before": before.p_value,
+        "scan_p_after": after.p_value,
+        "noise": dict(node.name),
+        "calibration_moved": moved(s, f) if f.index else [],
+    }
+    left, rest = residual_rows(s.o, physical, f.x)
+    return before, fitted, Curves(s.o.stimulus.time, s.o.stimulus.position, s.o.channels, left, rest)
+
+
+def findings(s: Search, d: Decision, f: Fit) -> tuple[dict[str, Any], ...]:
+    """What is named: effect, axis, probability, significance, sizes, twins, physics, and what would separate them."""
+    candidates, out, at = s.library.candidates, [], 0
+    for j, m in enumerate(f.members):
+        c = candidates[m]
+        size = f.x[at : at + len(c.parameters)]
+        sigma = np.sqrt(np.diag(f.covariance))[at : at + len(c.parameters)]
+        at += len(c.parameters)
+        twins = [candidates[i] for i in d.twins[j]]
+        advice = ""
+        if twins:
+            a = advise(s.o, c, f.variants[j], size, twins[0])
+            advice = sentence(a, c, twins[0])
+        rows = printed(c.parameters, size, sigma) + constants(c, constant_value(s, f, j))
+        out.append(finding(c, twins, d.probability[j], f.significance[j], rows, advice))
+    return tuple(out)
+
+
+def finding(
+    c: Candidate, twins: Sequence[Candidate], probability: float, significance: float, rows: list[dict[str, Any]],
+    advice: str,
+) -> dict[str, Any]:  # fmt: skip
+    """One finding as the contract wants it."""
+    axes = list(dict.fromkeys(a for a in [c.axis, *(t.axis for t in twins)] if a))
+    axes = [a for n, a in enumerate(axes) if not any(a in b for b in axes[:n])]
+    return {
+        "effect": c.effect, "axis": " / ".join(axes), "probability": stated(probability),
+        "sigma": round(significance, 2), "parameters": rows, "twins": [t.effect for t in twins],
+        "physics": wording.physics(c.effect), "equation": wording.equation(c.effect), "separate_by": advice,
+    }  # fmt: skip
+
+
+def printed(parameters: Sequence[Parameter], size: Array, sigma: Array) -> list[dict[str, Any]]:
+    """Parameters in printed units, from sizes and sigmas (p,) in prior sigmas; without those that nothing shows."""
+    rows = []
+    for p, x, e in zip(parameters, size, sigma, strict=True):
+        if e == 0:
+            continue
+        scale = float(from_si(p.sigma, p.unit))
+        value, sigma_ = float(x) * scale, float(e) * scale
+        rows.append({"name": p.name, "axis": p.axis, "value": value, "sigma": sigma_, "unit": p.unit})
+    return rows
+
+
+def constants(c: Candidate, values: Sequence[tuple[str, float, float]]) -> list[dict[str, Any]]:
+    """Non-linear constants in printed units, from name, value and sigma in SI."""
+    units = {g.name: g.metadata["unit"] for g in CATALOGUE[c.effect].__dataclass_fields__.values() if g.metadata}
+    return [
+        {"name": name, "axis": "", "value": float(from_si(value, units[name])),
+         "sigma": float(from_si(spread, units[name])), "unit": units[name]}
+        for name, value, spread in values
+    ]  # fmt: skip
+
+
+def moved(s: Search, f: Fit) -> list[dict[str, Any]]:
+    """How far each calibration constant moves once what was found is in the model."""
+    before, after, sigma = calibration_fit(s, f)
+    out = []
+    for p, b, a, e in zip(s.o.constants, before, after, sigma, strict=True):
+        scale = float(from_si(p.sigma, p.unit))
+        out.append({
+            "name": p.name, "axis": p.axis, "moved": float(a - b) * scale, "sigma": float(e) * scale, "unit": p.unit,
+            "in_sigmas": round(float((a - b) / e), 2) if e > 0 else 0.0,
+        })  # fmt: skip
+    return sorted(out, key=lambda row: -abs(row["in_sigmas"]))
+
+
+def shape(c: Candidate) -> dict[str, str]:
+    """What is left unexplained, as the contract wants it."""
+    return wording.shape(c.rival, c.channel, c.axis)

@@ -1,0 +1,1 @@
+"""With what: every cause of the catalogue as columns, and the shapes that stand for "none of these"."""

@@ -1,0 +1,96 @@
+"""Turns between rests as a view: gravity carried by the gyroscopes from one rest to the next, and where it is found.
+
+What the gyroscopes read at rest is taken off, by the neighbouring rests or by a g-sensitivity that the rests support;
+so effects that show there are not for this view, and what grows with the rate is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.diagnose.rows.views import PLAIN, RATE, View
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, parameters, with_values
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.multiposition import WIDE, multiposition
+from gimbalcal.estimate.gyroscopes.between_rests import LINEAR, linear
+from gimbalcal.estimate.gyroscopes.rests import BIAS, level_of, rests
+from gimbalcal.estimate.gyroscopes.turns import Turned, turns
+from gimbalcal.kinematics import stimulus
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording, dwell_means, dwells
+
+BACK = 0.01  # of the attitude's elements: gimbals that stand where they stood
+FEWEST = 12  # turns: twice as many numbers, for nine parameters of the linear model and what is asked beyond
+
+
+def turned_rates(recording: Recording, accelerometers: Calibration | None = None) -> View | None:
+    """The turns of a recording, across gravity; None where there are too few or nothing was logged on the way."""
+    if recording.position is None or not np.any(recording.position == 0):
+        return None
+    made = accelerometers or multiposition(recording, PLAIN)
+    try:
+        turned, _, scale = turns(recording, made)
+        still = rests(recording, made, scale)
+        level = level_of(still, recording.site.latitude, recording.site.gravity, True)[0]
+        if len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
+            turned = turns(recording, made, level.effects)[0]
+    except InputError:
+        return None
+    if len(turned.before) < FEWEST:
+        return None
+    turned = _with_headings(turned, made.apply(recording))
+    sideways = _across(turned.after)
+
+    def rows(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
+        r, J = linear(turned, effects, wanted)
+        return np.einsum("mci,mi->mc", sideways, r), np.einsum("mci,mip->mcp", sideways, J)
+
+    ends = dwell_means(recording).select(slice(1, None))
+    s = stimulus(ends)
+    return View(
+        "turns", ends, s, ((RATE, "level"), (RATE, "tilted")), "arcsec", None, frozenset({Stage.GYROSCOPE}),
+        LINEAR, rows, _at_rest(turned.stimulus), WIDE,
+    )  # fmt: skip
+
+
+def _with_headings(turned: Turned, recording: Recording) -> Turned:
+    """Whole revolutions as gimbals tell them: gravity says nothing of a turn about it, so north stands for it there.
+
+    The gimbals came back, so a constant error of theirs cancels.
+    """
+    if not recording.platform.axes:
+        return turned
+    stays = dwells(recording)
+    C_np = recording.platform.attitude(np.array([recording.angles()[d.rows].mean(0) for d in stays]))
+    back = np.linalg.norm(C_np[1:] - C_np[:-1], axis=(1, 2)) < BACK
+    turn = np.linalg.norm((turned.reading * turned.step[..., None]).sum(1), axis=1)
+    whole = (back & (turn > np.pi))[:, None]
+    return replace(
+        turned, before=np.where(whole, C_np[:-1, :, 0], turned.before),
+        after=np.where(whole, C_np[1:, :, 0], turned.after),
+    )  # fmt: skip
+
+
+def _across(down: Array) -> Array:
+    """Two unit vectors (m, 2, 3) across each of `down` (m, 3)."""
+    least = np.eye(3)[np.argmin(np.abs(down), axis=-1)]
+    first = np.cross(down, least)
+    first /= np.linalg.norm(first, axis=-1, keepdims=True)
+    return np.stack([first, np.cross(down, first)], axis=1)
+
+
+def _at_rest(s: Stimulus) -> frozenset[tuple[str, str]]:
+    """Parameters of gyroscopes that show where nothing turns: the rests before and after have taken them off."""
+    still = s.at(rate=0 * s.rate)
+    out = set()
+    for cls in CATALOGUE.values():
+        if cls.stage is Stage.GYROSCOPE and (s.temperature is not None or "temperature" not in cls.requires):
+            for p in parameters(cls):
+                effect = with_values((), (p,), np.array([p.sigma]))[0]
+                if np.any(effect.contribution(still) != 0):
+                    out.add((p.effect, p.axis))
+    return frozenset(out)

@@ -1,0 +1,232 @@
+r"""Recordings without a stated noise or without gimbals, as rows of misfit to be explained.
+
+A view is one function: effects in, misfit r (n, C) and its exact derivative J (n, C, p) out.
+
+* *pointing*: what is seen of a star against where it is, across and along, `forward.predict`;
+* *norm* (rest positions of unknown attitude): the corrected force is as long as gravity,
+  :math:`r = g - |h^{-1}(y)|`, with derivative :math:`u^T H^{-1} \partial h` for h what the accelerometers read;
+* *rest rates* (gyroscopes in the same positions): the mean output at rest, less what the effects say;
+* *table* (force and rate while a table tilts): force against that of a level unit at rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.effects import Effect, Parameter, Stage, Stimulus, values, with_values
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.multiposition import WIDE, in_si, multiposition
+from gimbalcal.estimate.gyroscopes.between_rests import LINEAR, fit_turns
+from gimbalcal.estimate.gyroscopes.rests import rests
+from gimbalcal.estimate.gyroscopes.turns import turns
+from gimbalcal.forward import accelerometers, gyroscopes, jacobian, predict
+from gimbalcal.kinematics import stimulus
+from gimbalcal.number import STEP, Array
+from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.units import is_raw
+
+FORCE, RATE = "specific_force", "angular_rate"
+Linear = Callable[[Sequence[Effect], Sequence[Parameter]], tuple[Array, Array]]
+DOWN = frozenset({("base_tilt", "down")})  # a turn of the base about the vertical is no tilt: the azimuth zero has it
+TRIANGLE = frozenset({("misalignment", "xy"), ("misalignment", "xz"), ("misalignment", "yx")})  # a convention
+BLOCK = 1.0  # s; a table is tilted over seconds, what is faster shakes building and floor
+FEWEST = 3  # means of a table that can differ from one another in more than a trend
+COARSE, FINE = 0.04, 0.01  # s; steps at which the physics of a tilting table is evaluated, for search and last fit
+BY_HAND = 3.0  # times the catalogue's scales: sensors of different makers, bolted together
+PLAIN = ("bias", "scale_factor", "misalignment")  # of accelerometers that nobody has calibrated
+SENSORS = frozenset({Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER})
+
+
+@dataclass(frozen=True)
+class View:
+    """Rows of misfit: channels (C), their unit in print, the stages that show in them, and the baseline's effects."""
+
+    name: str
+    recording: Recording
+    stimulus: Stimulus
+    channels: tuple[tuple[str, str], ...]
+    unit: str
+    sigma: Array | None  # (n, C) of each row where the samples tell it
+    stages: frozenset[Stage]
+    baseline: tuple[str, ...]
+    linear: Linear
+    unseen: frozenset[tuple[str, str]] = frozenset()  # (effect, axis) that these rows cannot show by convention
+    wide: float = 1.0  # prior scales of these sensors against those of the catalogue
+    noise: Array | None = None  # (n, C) what the samples' scatter alone makes of a row, where it is known
+    finer: Callable[[], View] | None = None  # the same rows from physics in finer steps, for the last fit
+    turns: Callable[[Sequence[Effect]], float] | None = None  # rad by which turns miss gravity with these at rest
+
+
+def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
+    """A pointing run; every star is a visit of its own."""
+    s = stimulus(recording)
+    n = len(recording.time)
+    moved = np.diff(s.readout, axis=0, prepend=s.readout[:1])
+    s = s.at(visit=np.arange(n), position=np.arange(1, n + 1), since_move=0 * s.time, move_angle=moved)
+
+    def linear(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
+        r = -predict(recording.platform, s, effects, "pointing")["pointing"]
+        J = np.zeros((*r.shape, 0))
+        return r, jacobian(recording.platform, s, effects, wanted, "pointing")["pointing"] if wanted else J
+
+    return View(
+        "pointing", recording, s, (("pointing", "across"), ("pointing", "along")), "arcsec", None,
+        frozenset({Stage.ENCODER, Stage.AXIS_TILT, Stage.BASE, Stage.LINE_OF_SIGHT}),
+        tuple(baseline) or ("gimbal_zero", "axis_collimation", "gimbal_nonorthogonality"), linear, DOWN,
+    )  # fmt: skip
+
+
+def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
+    """Rest positions of unknown attitude: one row each."""
+    means, _ = in_si(dwell_means(recording))
+    y, g = means.triad(FORCE), means.site.gravity
+    s = stimulus(means)
+    s = s.at(rate=0 * s.rate)
+
+    def linear(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
+        f, H = solved(lambda f: accelerometers(f, s, effects), y)
+        length = np.linalg.norm(f, axis=-1)
+        towards = np.linalg.solve(np.swapaxes(H, -1, -2), (f / length[:, None])[..., None])[..., 0]
+        J = by_parameters(lambda e: accelerometers(f, s, e), effects, wanted, s.axis_names, y.shape)
+        return (length - g)[:, None], np.einsum("ni,nip->np", towards, J)[:, None]
+
+    sample = means.sigma("accelerometer")
+    noise = None if sample is None else (sample / np.sqrt(means.weight))[:, None]
+    ids = tuple(baseline) or PLAIN
+    return View("norm", means, s, ((FORCE, "norm"),), "mg", None, SENSORS, ids, linear, TRIANGLE, WIDE, noise)
+
+
+def rest_rates(
+    recording: Recording, baseline: Sequence[str] = (), accelerometers: Calibration | None = None
+) -> View | None:
+    """Gyroscopes in rest positions: the mean output of each, weighted by how well the scatter of its samples tells it.
+
+    `accelerometers` calibrates the force (left out, the positions do). None where the outputs are counts and no turns
+    between the rests say how much a count is.
+    """
+    made = accelerometers or multiposition(recording, PLAIN)
+    moving = recording.position is not None and bool(np.any(recording.position == 0))
+    raw = any(is_raw(recording.units.get((RATE, a), "rad/s")) for a in "xyz")
+    if raw and not moving:
+        return None
+    found = rests(recording, made, turns(recording, made)[2] if raw else 1.0)
+    s, y = found.stimulus, found.rate
+    told = found.sigma if np.all(found.sigma > 0) else None  # one row per rest says nothing of its scatter
+
+    def missed(at_rest: Sequence[Effect]) -> float:
+        misfit = fit_turns(turns(recording, made, at_rest)[0], LINEAR).misfit
+        return float(np.sqrt((misfit**2).sum() / len(misfit)))
+
+    def linear(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
+        J = by_parameters(lambda e: gyroscopes(0 * y, s, e), effects, wanted, s.axis_names, y.shape)
+        return y - gyroscopes(0 * y, s, effects), J
+
+    return View(
+        "rest rates", dwell_means(recording), s, tuple((RATE, a) for a in "xyz"), "deg/h", told,
+        frozenset({Stage.GYROSCOPE}), tuple(baseline) or ("gyro_bias",), linear, frozenset(), WIDE, told,
+        turns=missed if moving else None,
+    )  # fmt: skip
+
+
+def table(recording: Recording, baseline: Sequence[str] = (), step: float = COARSE) -> View:
+    """Force and rate of a unit that starts level and is tilted, in means over `BLOCK`; the mean force is not known.
+
+    What a lever arm makes of a block's mean is the change of rate between its ends: means of the rate over `step` blur
+    these, so that the sizes come from `FINE` steps, while `COARSE` ones tell the causes apart.
+    """
+    whole = recording
+    refuse_table(recording)
+    recording = averaged(recording, step)
+    s = stimulus(recording)
+    rate = recording.triad(RATE)
+    s = s.at(force=-s.gravity * np.eye(3)[2] + 0 * rate, rate=rate)
+    size = _rows_in(recording, BLOCK)
+
+    def centred(x: Array) -> Array:
+        return np.asarray(x - x.mean(axis=0))
+
+    y = recording.triad(FORCE)
+
+    def linear(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
+        r = y - predict(recording.platform, s, effects)[FORCE]
+        J = jacobian(recording.platform, s, effects, wanted)[FORCE] if wanted else np.zeros((*r.shape, 0))
+        return centred(_means(r, size)), centred(_means(J, size))
+
+    stages = frozenset({Stage.PLATFORM, *SENSORS})
+    ids = tuple(baseline) or ("bias",)
+    return View(
+        "table", averaged(recording, BLOCK), s, tuple((FORCE, a) for a in "xyz"), "ug", None, stages, ids, linear,
+        frozenset(), BY_HAND, finer=(lambda: table(whole, baseline, FINE)) if step > FINE else None,
+    )  # fmt: skip
+
+
+def refuse_table(recording: Recording) -> None:
+    """Raise InputError for a table that is logged too shortly, or in counts."""
+    logged = next((u for u in recording.units.values() if is_raw(u)), "")
+    if logged:
+        raise InputError(
+            f"{recording.title!r} reads in {logged}: a tilting table needs m/s^2 and rad/s; give the scale of its "
+            "columns, or a `position` column if the unit was turned from rest to rest"
+        )
+    lasts = float(recording.time[-1] - recording.time[0])
+    if lasts < FEWEST * BLOCK:
+        raise InputError(
+            f"{recording.title!r} lasts {lasts:.2g} s: a tilting table is judged by means over {BLOCK:g} s, so give "
+            f"{FEWEST} s or more"
+        )
+
+
+def averaged(recording: Recording, duration: float) -> Recording:
+    """Means over blocks of rows of about this duration [s]; a last, shorter block is left out."""
+    size = _rows_in(recording, duration)
+    return replace(
+        recording, time=_means(recording.time, size), position=None, weight=_means(recording.weight, size) * size,
+        channels={k: _means(x, size) for k, x in recording.channels.items()},
+    )  # fmt: skip
+
+
+def _rows_in(recording: Recording, duration: float) -> int:
+    return max(1, round(duration / float(np.median(np.diff(recording.time)))))
+
+
+def _means(x: Array, size: int) -> Array:
+    n = len(x) // size
+    return np.asarray(x[: n * size].reshape(n, size, *x.shape[1:]).mean(axis=1))
+
+
+def solved(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array]:
+    """f (n, 3) with h(f) = y, and dh/df (n, 3, 3) there: Newton's method with the exact derivative.
+
+    Raises InputError where h reads the same for different forces, as within a dead zone.
+    """
+    f = y.copy()
+    for _ in range(8):
+        H = np.stack([h(f + 1j * STEP * u).imag / STEP for u in np.eye(3)], axis=-1)
+        try:
+            step = np.linalg.solve(H, (y - h(f).real)[..., None])[..., 0]
+        except np.linalg.LinAlgError:
+            raise InputError(
+                "in the model of the accelerometers different forces read the same; name bias, scale_factor and "
+                "misalignment in --baseline, and no dead_zone"
+            ) from None
+        f = f + step
+        if np.abs(step).max() < 1e-13 * np.abs(y).max():
+            break
+    return f, H
+
+
+def by_parameters(
+    h: Callable[[Sequence[Effect]], Array], effects: Sequence[Effect], wanted: Sequence[Parameter],
+    gimbals: Sequence[str], shape: tuple[int, ...],
+) -> Array:  # fmt: skip
+    """Derivative (n, 3, p) of what is read by the wanted parameters."""
+    if not wanted:
+        return np.zeros((*shape, 0))
+    x = values(effects, wanted)
+    return np.stack(
+        [h(with_values(effects, wanted, x + 1j * STEP * u, gimbals)).imag / STEP for u in np.eye(len(x))], axis=-1
+    )

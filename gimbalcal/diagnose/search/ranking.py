@@ -1,0 +1,213 @@
+r"""The search: singles, refined constants, pairs and thirds, and the unknown alone or beside a known cause.
+
+Prior: the causes of the catalogue share alike, then their axes; pairs share what single causes share; the unknown has a
+part of its own. Everything is relative to "nothing is missing", noise integrated over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gimbalcal.diagnose.evidence.known_scale import (
+    SIZE_PRIOR,
+    Projection,
+    Rows,
+    appended,
+    best_size,
+    condition,
+    gather,
+    log_bayes,
+    mixed,
+    project,
+    stack,
+)
+from gimbalcal.diagnose.evidence.noise import Node, coloured
+from gimbalcal.diagnose.evidence.odds import BESIDE, DETECTED, PAIR, SINGLE, UNKNOWN
+from gimbalcal.diagnose.library.candidates import Candidate, Library
+from gimbalcal.diagnose.rows.observations import Observations
+from gimbalcal.diagnose.search.refine import refine
+from gimbalcal.inference.algebra import logsumexp
+from gimbalcal.number import Array
+
+FIRST = 14  # of them
+KEEP, KEEP_FEW = 8, 2  # noises over which a second cause is judged, where something is found and where nothing is
+VISIBLE = 0.05  # sigmas per prior sigma: less is not seen by this recording at any plausible size
+
+
+Gained = Callable[[tuple[int, ...], Sequence[int], int], Array]
+"""ln BF (seconds,) against nothing of some members with each of `seconds`, over so many noises."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A set of causes, its ln Bayes factor against none, and ln of prior share times that."""
+
+    members: tuple[int, ...]
+    ln_bayes: float
+    ln_weight: float
+
+    def unknown(self, candidates: Sequence[Candidate]) -> bool:
+        """Whether a shape without a cause is among the members."""
+        return any(candidates[i].rival for i in self.members)
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """Candidates, and hypotheses over them, best first."""
+
+    library: Library
+    hypotheses: tuple[Hypothesis, ...]
+
+    @property
+    def ln_total(self) -> float:
+        """ln Bayes factor of "something is missing" against nothing."""
+        return float(logsumexp(np.array([h.ln_weight for h in self.hypotheses])))
+
+    def posterior(self) -> Array:
+        """Probability of each hypothesis given that something is missing."""
+        w = np.array([h.ln_weight for h in self.hypotheses])
+        return np.asarray(np.exp(w - logsumexp(w)))
+
+
+@dataclass(frozen=True)
+class Search(Ranking):
+    """The ranking of one recording, with what is needed to look at its hypotheses again."""
+
+    o: Observations
+    rows: Rows
+    projections: tuple[Projection, ...]
+    null: Array  # (nodes,) ln prior x likelihood of nothing missing
+    joint: Array  # (nodes, candidates) ln prior x likelihood of each alone
+    singles: Array  # (candidates,) ln Bayes factors
+    share: Array  # (candidates,) ln prior share of each alone
+
+
+def log_priors(candidates: Sequence[Candidate]) -> Array:
+    """ln prior share of each candidate among the known (or among the unknown), summing to one in each."""
+    families: dict[str, int] = {}
+    for c in candidates:
+        families[c.effect] = families.get(c.effect, 0) + 1
+    known = len({c.effect for c in candidates if not c.rival})
+    unknown = len({c.effect for c in candidates if c.rival})
+    return np.array([-np.log(families[c.effect] * (unknown if c.rival else known)) for c in candidates])
+
+
+def prepare(o: Observations, library: Library, nodes: Sequence[Node]) -> tuple[Rows, tuple[Projection, ...]]:
+    """Rows and one projection per noise node."""
+    rows = stack(o.reduce(o.Z), library.X, o.reduce(o.y[:, :, None]), coloured(o))
+    return rows, tuple(project(n, rows) for n in nodes)
+
+
+def search(o: Observations, library: Library, nodes: Sequence[Node]) -> Search:
+    """Singles, refinement, then pairs where a single cause is found wanting or none is found."""
+    rows, projections = prepare(o, library, nodes)
+    library = _visible(library, projections[0])  # the least noise of the grid: what it hides, they all hide
+    null, ln, joint = _singles(projections, library.candidates)
+    finer = refine(o, library, projections, ln, joint, rows)
+    if finer is not library:
+        rows = appended(rows, library.X, finer.X[:, library.X.shape[1] :])
+        projections, library = tuple(project(n, rows) for n in nodes), finer
+        null, ln, joint = _singles(projections, library.candidates)
+    prior = log_priors(library.candidates)
+    rival = np.array([bool(c.rival) for c in library.candidates])
+    share = np.where(rival, np.log(UNKNOWN), np.log(SINGLE)) + prior
+    found = [Hypothesis((i,), float(ln[i]), float(ln[i] + share[i])) for i in range(len(ln))]
+
+    def gained(members: tuple[int, ...], seconds: Sequence[int], keep: int) -> Array:
+        return beside(projections, library.candidates, null, joint, members, seconds, keep)
+
+    floor = float(joint.max() - logsumexp(null)) + float(prior.min())
+    found += pairs(library.candidates, ln, prior, floor, gained)
+    found.sort(key=lambda h: -h.ln_weight)
+    return Search(library, tuple(found), o, rows, projections, null, joint, ln, share)
+
+
+def _visible(library: Library, p: Projection) -> Library:
+    """Only candidates of which the calibration leaves something at ten times their plausible size."""
+    left = np.sqrt(np.diag(p.G))
+    kept = [c for c in library.candidates if max(left[list(v.index)].max() for v in c.variants) > VISIBLE]
+    return Library(tuple(kept), library.X)
+
+
+def _singles(projections: Sequence[Projection], candidates: Sequence[Candidate]) -> tuple[Array, Array, Array]:
+    """ln weight of no effect per node, ln BF of each candidate, and ln weight per node and candidate."""
+    null = np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in projections])
+    joint = gather(projections, candidates) + null[:, None]
+    return null, logsumexp(joint, axis=0) - logsumexp(null), joint
+
+
+def pairs(candidates: Sequence[Candidate], ln: Array, prior: Array, floor: float, gained: Gained) -> list[Hypothesis]:
+    """Second causes, known or unknown, beside each promising first one; thirds beside the best pair.
+
+    `ln` (candidates,) is the ln Bayes factor of each alone, `prior` (candidates,) its ln share among the known or the
+    unknown, `floor` the ln weight, less that of a single cause, that a pair must reach for a third to be tried.
+    """
+    rival = np.array([bool(c.rival) for c in candidates])
+    detected = bool(ln.max() > DETECTED)
+    known = [int(i) for i in np.argsort(-(ln + prior)) if not rival[i]]
+    seconds = [j for j in range(len(candidates)) if detected or not rival[j]]
+    best: dict[tuple[int, int], float] = {}
+    for i in known[:FIRST] if detected else known:
+        values = gained((i,), seconds, KEEP if detected else KEEP_FEW)
+        for j, value in zip(seconds, values, strict=True):
+            if j != i and not same(candidates, i, j):
+                members = (i, j) if rival[j] else (min(i, j), max(i, j))
+                best[members] = max(best.get(members, -np.inf), float(value))
+    out = []
+    for (i, j), value in best.items():
+        share = np.log(BESIDE if rival[j] else PAIR * 2) + prior[i] + prior[j]
+        out.append(Hypothesis((i, j), value, value + float(share)))
+    return out + _thirds(candidates, prior, floor, gained, out) if detected else out
+
+
+def same(candidates: Sequence[Candidate], i: int, j: int) -> bool:
+    """Whether two candidates are one effect on all its axes and on one of them."""
+    return candidates[i].effect == candidates[j].effect and ("," in candidates[i].axis or "," in candidates[j].axis)
+
+
+def _thirds(
+    candidates: Sequence[Candidate], prior: Array, floor: float, gained: Gained, found: Sequence[Hypothesis]
+) -> list[Hypothesis]:
+    top = max((h for h in found if not h.unknown(candidates)), key=lambda h: h.ln_weight, default=None)
+    if top is None or top.ln_weight < max(floor + np.log(SINGLE), 0.0):
+        return []
+    ln = gained(top.members, range(len(candidates)), KEEP)
+    rival = np.array([bool(c.rival) for c in candidates])
+    share = np.where(rival, np.log(BESIDE / 2), np.log(PAIR)) + prior + sum(prior[i] for i in top.members)
+    return [
+        Hypothesis((*top.members, j), float(ln[j]), float(ln[j] + share[j]))
+        for j in range(len(ln))
+        if not any(j == i or same(candidates, i, j) for i in top.members)
+    ]
+
+
+def beside(
+    projections: Sequence[Projection], candidates: Sequence[Candidate], null: Array, joint: Array,
+    members: tuple[int, ...], seconds: Sequence[int], keep: int,
+) -> Array:  # fmt: skip
+    """ln BF against nothing of `members` with each of `seconds` in turn, over the `keep` weightiest noises."""
+    nominal = int(np.argmax([p.node.prior for p in projections]))
+    weighty = set(np.argsort(-joint[:, members[0]])[: keep - 1].tolist()) | {nominal}
+    chosen = [candidates[j] for j in seconds]
+    rows = []
+    for k in sorted(weighty):
+        p, ln = projections[k], float(null[k])
+        for i in members:
+            p, gained = given(p, candidates[i])
+            ln += gained
+        rows.append(gather([p], chosen)[0] + ln)
+    return np.asarray(logsumexp(np.stack(rows), axis=0) - logsumexp(null))
+
+
+def given(p: Projection, c: Candidate) -> tuple[Projection, float]:
+    """The projection with a cause in the model (its best variant and size), and the ln BF it gained."""
+    scores = []
+    for v in c.variants:
+        at = np.array(v.index)
+        scores.append(float(mixed(log_bayes(p.G[np.ix_(at, at)], p.b[at, 0]), SIZE_PRIOR)) + np.log(v.weight))
+    best = np.array(c.variants[int(np.argmax(scores))].index)
+    ln = float(logsumexp(np.array(scores)) - np.log(sum(v.weight for v in c.variants)))
+    return condition(p, best, best_size(p.G[np.ix_(best, best)], p.b[best, 0])), ln

@@ -1,0 +1,182 @@
+r"""Non-linear constants made continuous, and effects that bend with their own size taken at that size.
+
+Finer values are put around the best of the grid and together weigh as much as it does: the search is still paid for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gimbalcal.diagnose.evidence.known_scale import SIZE_PRIOR, Projection, Rows, extended, log_bayes, mixed
+from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant, columns_at, constant_fields, limits
+from gimbalcal.diagnose.rows.observations import Observations, absent_effect, restimulated
+from gimbalcal.effects import CATALOGUE, Effect, Stimulus, with_values
+from gimbalcal.number import Array
+
+ROUNDS = 3  # refinements of a constant, each narrowing its range fourfold
+FINE = 7  # values of a constant in one refinement
+CLOSE = 25.0  # nats behind the best within which a cause is worth refining
+WHOLE = ("position", "order", "lines", "m")  # constants that count
+SECANTS = 8  # steps of size and calibration together; they settle in three or four
+BRANCHES = 3  # positions at which the sign of a force may turn out to be the other one
+
+
+def refine(
+    o: Observations, library: Library, projections: Sequence[Projection], total: Array, joint: Array, rows: Rows
+) -> Library:
+    """Add finer values of the non-linear constants around the best of each promising candidate."""
+    best = float(total.max())
+    if best < 2.0:
+        return library
+    stated = max(projections, key=lambda p: p.node.prior)  # a larger noise would hide that a law is on a wrong branch
+    blocks, candidates, at = [library.X], list(library.candidates), library.X.shape[1]
+    for i, c in enumerate(library.candidates):
+        if c.rival or total[i] < best - CLOSE - 0.2 * best:
+            continue
+        p = projections[int(np.argmax(joint[:, i]))]
+        made = _narrowed(o, c, p, rows) if _continuous(c) else _relinearised(o, c, stated)
+        variants = list(c.variants)
+        for v, X in made:
+            variants.append(replace(v, index=tuple(range(at, at + X.shape[1]))))
+            at += X.shape[1]
+            blocks.append(X)
+        candidates[i] = replace(c, variants=tuple(variants))
+    if len(blocks) == 1:
+        return library
+    return Library(tuple(candidates), np.concatenate(blocks, axis=1))
+
+
+def _continuous(c: Candidate) -> bool:
+    """Whether a constant of the effect can take any value."""
+    return any(f.name not in WHOLE for f in constant_fields(c.effect))
+
+
+def _narrowed(o: Observations, c: Candidate, p: Projection, rows: Rows) -> list[tuple[Variant, Array]]:
+    """Finer values of each constant in turn about the best variant; as heavy together as it, then a third of that."""
+    score = [_score(p.G[np.ix_(v.index, v.index)], p.b[list(v.index), 0]) for v in c.variants]
+    start = c.variants[int(np.argmax(score))]
+    here = dict(start.constants)
+    fields = [f for f in constant_fields(c.effect) if f.name not in WHOLE]
+    ranges = {f.name: _cell(c, f.name, here[f.name]) for f in fields}
+    made: list[tuple[Variant, Array]] = []
+    best, share = max(score), start.weight
+    for _ in range(ROUNDS):
+        before = best
+        for f in fields:
+            low, high = limits(f, o) if f.name != "epoch" else (0.0, float(o.stimulus.time[-1]))
+            for value in np.clip(_between(*ranges[f.name], f.name), low, high):
+                there = {**here, f.name: float(value)}
+                X = columns_at(o, c, tuple(there.items()))
+                ln = _score(*extended(p.node, rows, X))
+                made.append((Variant(tuple(there.items()), (), share / FINE), X))
+                if ln > best:
+                    best, here = ln, there
+            ranges[f.name] = _shrunk(ranges[f.name], here[f.name])
+        share /= 3
+        if best - before < 0.3:
+            break
+    return made
+
+
+def _cell(c: Candidate, name: str, value: float) -> tuple[float, float]:
+    """Neighbouring grid values of one constant."""
+    x = np.unique([dict(v.constants)[name] for v in c.variants])
+    j = int(np.argmin(np.abs(x - value)))
+    return float(x[max(j - 1, 0)]), float(x[min(j + 1, len(x) - 1)])
+
+
+def _between(low: float, high: float, name: str) -> Array:
+    if name in ("tau", "f_0") and low > 0:
+        return np.geomspace(low, high, FINE + 2)[1:-1]
+    return np.linspace(low, high, FINE + 2)[1:-1]
+
+
+def _shrunk(cell: tuple[float, float], value: float) -> tuple[float, float]:
+    width = (cell[1] - cell[0]) / (FINE + 1)
+    return value - width, value + width
+
+
+def _score(G: Array, b: Array) -> float:
+    return float(mixed(log_bayes(G, b), SIZE_PRIOR))
+
+
+def _relinearised(o: Observations, c: Candidate, p: Projection) -> list[tuple[Variant, Array]]:
+    """For an effect that bends with its own size: secants at the size and calibration that fit best with it.
+
+    Near null, small angles decide the sign of a force, and with it the branch of a law such as a dead zone: angles of
+    the sensor's insides too, of which the calibration knows nothing. So each position where the sign is in doubt is
+    also tried with the other one; all branches that were tried share the prior.
+    """
+    if CATALOGUE[c.effect].linear or len(c.parameters) != 1:
+        return []
+    Z, y = (p.node.whiten(o.reduce(A)) for A in (o.Z, o.y[:, :, None]))
+    at = c.variants[0].index[0]
+    tangent = float(p.b[at, 0] / max(p.G[at, at], 1e-12)) * c.parameters[0].sigma
+    if tangent == 0.0:
+        return []
+    best = _bent(o, c, p, Z, y, tangent, frozenset())
+    tried = [best]
+    for _ in range(BRANCHES):
+        more = [_bent(o, c, p, Z, y, best.size, best.turned | {i}) for i in best.doubtful - best.turned]
+        tried += more
+        better = min(more, key=lambda b: b.misfit, default=best)
+        if better.misfit > best.misfit - 1.0:
+            break
+        best = better
+    return [(Variant(c.variants[0].constants, (), 1.0, b.column), o.reduce(b.column[:, :, None])) for b in tried]
+
+
+@dataclass(frozen=True)
+class _Bent:
+    """A branch: misfit, size (SI), positions with the sign turned and with it in doubt, secant (n, C)."""
+
+    misfit: float
+    size: float
+    turned: frozenset[int]
+    doubtful: frozenset[int]
+    column: Array
+
+
+def _bent(
+    o: Observations, c: Candidate, p: Projection, Z: Array, y: Array, size: float, turned: frozenset[int]
+) -> _Bent:
+    """Size and calibration fitted together by secants, the force at some positions held on the other side of null."""
+    sigma, stage = c.parameters[0].sigma, CATALOGUE[c.effect].stage
+    s = o.seen[stage]
+    for _ in range(SECANTS):
+        column = _secant(o, c, size, _other_side(s, c.axis, turned, size))
+        A = np.concatenate([Z, p.node.whiten(o.reduce(column[:, :, None]))], axis=1)
+        x = np.linalg.lstsq(A, y[:, 0], rcond=1e-9)[0]
+        found = float(x[-1]) * sigma
+        if found == 0.0 or abs(found - size) < 0.01 * abs(size):
+            break
+        size, s = found, restimulated(o, x[:-1], stage)
+    return _Bent(float(((y[:, 0] - A @ x) ** 2).sum()), size, turned, _doubtful(s, c.axis, size), column)
+
+
+def _doubtful(s: Stimulus, axis: str, size: float) -> frozenset[int]:
+    """Positions at which the force along an axis is within three sizes of null."""
+    near = np.abs(s.force[:, "xyz".index(axis)]) < 3 * abs(size) if axis in "xyz" else np.zeros(len(s.time), bool)
+    return frozenset(int(i) for i in np.unique(s.position[near]))
+
+
+def _other_side(s: Stimulus, axis: str, turned: frozenset[int], size: float) -> Stimulus:
+    """The stimulus with the force along one axis beyond null at some positions."""
+    if not turned:
+        return s
+    force, i = s.force.copy(), "xyz".index(axis)
+    there = np.isin(s.position, list(turned))
+    force[there, i] = -np.sign(force[there, i]) * np.maximum(np.abs(force[there, i]), abs(size))
+    return s.at(force=force)
+
+
+def _secant(o: Observations, c: Candidate, size: float, s: Stimulus) -> Array:
+    """Column (n, C) per prior sigma of the change that this size of the parameter makes."""
+    cls, names = CATALOGUE[c.effect], o.stimulus.axis_names
+    none: Effect = absent_effect(c.effect, o.stimulus)
+    (made,) = with_values([none], c.parameters, np.array([size]), names)
+    added = np.asarray(made.contribution(s)) - np.asarray(none.contribution(s))
+    return o.through(cls.stage, added.real) / size * c.parameters[0].sigma

@@ -1,0 +1,264 @@
+r"""The diagnosis of several recordings of one unit.
+
+recording 1 ──> search ─┐                       ┌─> fit, verify, locate ─┐
+recording 2 ──> search ─┴─> combine ──> decide ─┴─> fit, verify, locate ─┴─> sizes pooled ──> one diagnosis
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import gimbalcal
+from gimbalcal.calibration import Calibration
+from gimbalcal.diagnose import wording
+from gimbalcal.diagnose.answer import Curves, Diagnosis, files
+from gimbalcal.diagnose.both_triads import has_gyroscopes
+from gimbalcal.diagnose.evidence.odds import CLAIM
+from gimbalcal.diagnose.known_noise import constants, finding, measured, printed, searched, shape
+from gimbalcal.diagnose.rows.baseline import lacking
+from gimbalcal.diagnose.rows.observations import BASELINE
+from gimbalcal.diagnose.rows.views import SENSORS
+from gimbalcal.diagnose.search.combine import Combined, combine
+from gimbalcal.diagnose.search.ranking import Search
+from gimbalcal.diagnose.unknown_noise import applies
+from gimbalcal.diagnose.verdict.decide import Decision, bar, decide
+from gimbalcal.diagnose.verdict.decide_together import clean_together, decide_together
+from gimbalcal.diagnose.verdict.locate import LISTED, Scan, told
+from gimbalcal.diagnose.verdict.model import fit
+from gimbalcal.diagnose.verdict.pool import Part, agreement, constants_of, parts, pooled
+from gimbalcal.diagnose.verdict.recommend import advise, sentence
+from gimbalcal.effects import CATALOGUE
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.pipeline import Tell
+from gimbalcal.recording import Recording
+
+DIFFER = 1e-3  # p-value of agreement below which a size is said to differ between recordings
+AVERAGED = ("chi2_reduced", "heldout")  # numbers of a fit that are averages over its rows
+
+
+@dataclass(frozen=True)
+class Share:
+    """One recording in the common answer: its part of the fit, what it alone would have said, and its numbers."""
+
+    part: Part
+    alone: Decision
+    needed: float
+    before: Scan
+    fit: dict[str, Any]
+    curves: Curves
+
+
+def diagnose_together(
+    recordings: Sequence[Recording], calibration: Calibration | None, baseline: tuple[str, ...], seed: int, tell: Tell
+) -> Diagnosis:
+    """One diagnosis from several recordings of one unit; InputError if they are not that."""
+    _check(recordings)
+    rng = np.random.default_rng(seed)
+    ids = [baseline_of(r, recordings, baseline) for r in recordings]
+    searches = []
+    for k, (r, mine) in enumerate(zip(recordings, ids, strict=True)):
+        tell(f"recording {k + 1} of {len(recordings)}: {r.title}")
+        if has_gyroscopes(r):
+            tell("its gyroscopes are not looked at together with other recordings; give it alone for them")
+        searches.append(searched(r, calibration, mine, tell))
+    tell("adding up the evidence of all recordings")
+    c = combine(searches)
+    tell("sending simulated clean recordings of these designs through the same comparison")
+    clean, alone = clean_together(c, rng)
+    d = decide_together(c, bar(clean))
+    tell("locating the mismatch and checking held-out data")
+    shares = _shares(c, d, alone, rng)
+    options = {"baseline": [list(i) for i in ids], "seed": seed}
+    return _report(c, d, clean, shares, options)
+
+
+def _check(recordings: Sequence[Recording]) -> None:
+    first = recordings[0]
+    for r in recordings:
+        if applies(r) or r.kind not in BASELINE:
+            raise InputError(
+                f"{r.title!r} is a {r.kind} recording of {r.platform.name!r}: `diagnose` combines multi-position and "
+                "static-run recordings with gimbals; give this one alone"
+            )
+        if (r.platform.name, r.platform.axis_names) != (first.platform.name, first.platform.axis_names):
+            raise InputError(
+                f"{first.title!r} is of platform {first.platform.name!r} and {r.title!r} of {r.platform.name!r}: "
+                "`diagnose` combines recordings of one unit; run it on each"
+            )
+    files = [s for r in recordings for s in r.source if not s.path.endswith(".toml")]  # headers may well be alike
+    seen = [s.sha256 for s in files]
+    twice = next((s.path for s in files if seen.count(s.sha256) > 1), "")
+    if twice or len({id(r) for r in recordings}) < len(recordings):
+        raise InputError(f"{twice or first.title!r} is given twice: the same data are no more evidence; give it once")
+
+
+def baseline_of(r: Recording, recordings: Sequence[Recording], wanted: Sequence[str]) -> tuple[str, ...]:
+    """Effects that the model of one recording holds: those wanted that it can show, or the usual ones of its kind.
+
+    A constant of the sensors that any of the recordings calibrates is part of the model in all of them.
+    """
+    if wanted:
+        return tuple(i for i in wanted if not lacking(i, r)) or BASELINE[r.kind]
+    every = [i for other in recordings for i in BASELINE[other.kind] if CATALOGUE[i].stage in SENSORS]
+    return tuple(dict.fromkeys([*BASELINE[r.kind], *(i for i in every if r.kind in CATALOGUE[i].kinds)]))
+
+
+def _shares(c: Combined, d: Decision, clean: Sequence[Array], rng: np.random.Generator) -> tuple[Share, ...]:
+    members = d.hypothesis.members if d.hypothesis else ()
+    out = []
+    for k, part in enumerate(parts(c, members)):
+        s = c.searches[k]
+        seen = part.fit
+        if not members and (shapes := c.within(d.shapes, k)):
+            seen = fit(s, shapes[:1])  # the noise as it is once the shape is allowed for
+        needed = bar(clean[k])
+        out.append(Share(part, decide(s, needed), needed, *measured(part.search, part.fit, seen, rng)))
+    return tuple(out)
+
+
+def _report(c: Combined, d: Decision, clean: Array, shares: tuple[Share, ...], options: dict[str, Any]) -> Diagnosis:
+    lead = min(range(len(shares)), key=lambda k: (shares[k].before.p_value, -shares[k].before.statistic.max()))
+    mismatch = () if d.verdict == "adequate" else _mismatch(shares, lead)
+    named = _findings(c, d, [x.part for x in shares])
+    unexplained = tuple(_shape(c, i) for i in d.shapes[:3])
+    fitted = {**_sums(shares, lead), "recordings": [_row(c, k, x) for k, x in enumerate(shares)]}
+    provenance = {
+        "version": gimbalcal.__version__,
+        "recordings": [row for s in c.searches for row in files(s.o.recording)],
+        "options": options,
+        "ln_bayes_factor": round(c.ln_total, 3),
+        "ln_bayes_factor_needed": round(bar(clean), 3),
+        "false_alarm_rate_simulated": float(np.mean(clean >= CLAIM)),
+        "probability_unknown": round(d.unknown, 4),
+        "causes_compared": len({(x.effect, x.axis, x.source) for x in c.library.candidates if not x.rival}),
+        "excess_kurtosis": round(max(s.o.heavy for s in c.searches), 3),
+    }
+    words = [wording.answer(d.verdict, named, unexplained, mismatch, fitted)]
+    words += [f["agreement"]["in_words"] for f in named if f["agreement"]["in_words"]]
+    words.append(_each_alone(c, shares))
+    return Diagnosis(
+        d.verdict, mismatch, named, unexplained, fitted, provenance, " ".join(words), shares[lead].curves
+    )  # fmt: skip
+
+
+def _mismatch(shares: Sequence[Share], lead: int) -> tuple[dict[str, Any], ...]:
+    """Where each recording is off, the one that is off most first."""
+    out = []
+    for k in sorted(range(len(shares)), key=lambda k: k != lead):
+        for m in told(shares[k].before, at_least=int(k == lead)):
+            words = m["in_words"]
+            out.append({**m, "recording": k + 1, "in_words": f"In recording {k + 1}, {words[0].lower()}{words[1:]}"})
+    return tuple(out[:LISTED])
+
+
+def _findings(c: Combined, d: Decision, shares: Sequence[Part]) -> tuple[dict[str, Any], ...]:
+    """What is named, with the size that all recordings give it and the size that each gives it."""
+    members = d.hypothesis.members if d.hypothesis else ()
+    counts = [len(c.library.candidates[m].parameters) for m in members]
+    x, C = pooled(shares, counts)
+    starts, out = np.cumsum([0, *counts]), []
+    for j, m in enumerate(members):
+        cause, at = c.library.candidates[m], slice(starts[j], starts[j + 1])
+        rows = printed(cause.parameters, x[at], np.sqrt(np.diag(C))[at])
+        rows += constants(cause, constants_of(c, members, shares, j))
+        twins = [c.library.candidates[i] for i in d.twins[j]]
+        significance = float(np.sqrt(sum(p.fit.significance[p.slots.index(j)] ** 2 for p in shares if j in p.slots)))
+        advice = _advice(c, d, shares, j, x[at])
+        made = finding(cause, twins, d.probability[j], significance, rows, advice)
+        out.append({**made, "recordings": _sizes(shares, j), "agreement": _agreement(shares, j, made)})
+    return tuple(out)
+
+
+def _sizes(shares: Sequence[Part], slot: int) -> list[dict[str, Any]]:
+    """The size that each recording gives a member."""
+    out = []
+    for k, p in enumerate(shares):
+        if slot in p.slots:
+            n, at = p.slots.index(slot), p.span(slot)
+            sigma = np.sqrt(np.diag(p.fit.covariance))[at]
+            rows = printed(p.search.library.candidates[n].parameters, p.fit.x[at], sigma)
+            out.append({"recording": k + 1, "sigma": round(p.fit.significance[n], 2), "parameters": rows})
+    return out
+
+
+def _agreement(shares: Sequence[Part], slot: int, found: dict[str, Any]) -> dict[str, Any]:
+    a = agreement(shares, slot)
+    words = ""
+    if a.dof and a.p_value < DIFFER:
+        name = wording.named({**found, "twins": []})
+        words = (
+            f"The recordings do not agree on the size of {name}: it differs between them "
+            f"(chi^2 {a.chi2:.3g} on {a.dof}, p = {a.p_value:.1g}); the mean stands for none of them."
+        )
+    return {"chi2": round(a.chi2, 3), "dof": a.dof, "p_value": a.p_value, "in_words": words}
+
+
+def _advice(c: Combined, d: Decision, shares: Sequence[Part], slot: int, size: Array) -> str:
+    """What would tell a member from its nearest twin, in the recording that shows it best and could show both."""
+    for twin in d.twins[slot][:1]:
+        both = [k for k in c.sees(twin) if slot in shares[k].slots]
+        for k in sorted(both, key=lambda k: -shares[k].fit.significance[shares[k].slots.index(slot)])[:1]:
+            found = shares[k].search.library.candidates[shares[k].slots.index(slot)]
+            other = c.searches[k].library.candidates[int(c.place[twin, k])]
+            return sentence(advise(c.searches[k].o, found, 0, size, other), found, other)
+    return ""
+
+
+def _shape(c: Combined, i: int) -> dict[str, Any]:
+    """A shape without a cause, and which recordings show it."""
+    seen = [k + 1 for k in c.sees(i)]
+    where = f"recording {seen[0]}" if len(seen) == 1 else "every recording that could show it"
+    rest = shape(c.library.candidates[i])
+    return {**rest, "channel": f"{rest['channel']} of {where}", "recordings": seen}
+
+
+def _sums(shares: Sequence[Share], lead: int) -> dict[str, Any]:
+    """The numbers of all recordings together; noise and calibration are those of the recording that is off most."""
+    out = dict(shares[lead].fit)
+    sizes = [x.part.search.rows.Q.shape for x in shares]
+    for what in AVERAGED:
+        for when in ("before", "after"):
+            fitted = [len(x.part.fit.index) if when == "after" else 0 for x in shares]
+            weight = [R - (q + p if what == "chi2_reduced" else 0) for (R, q), p in zip(sizes, fitted, strict=True)]
+            key = f"{what}_{when}"
+            out[key] = float(np.average([x.fit[key] for x in shares], weights=weight))
+    for when in ("before", "after"):
+        p = [x.fit[f"scan_p_{when}"] for x in shares]
+        out[f"scan_p_{when}"] = float(-np.expm1(len(p) * np.log1p(-min(*p, 1 - 1e-15))))
+    out["heldout_by"] = " and ".join(dict.fromkeys(x.fit["heldout_by"] for x in shares))
+    return out
+
+
+def _row(c: Combined, k: int, x: Share) -> dict[str, Any]:
+    """One recording in `fit`: what it is, its numbers, and what it alone would have said."""
+    s = c.searches[k]
+    return {
+        "recording": k + 1, "title": s.o.recording.title, "kind": s.o.kind, **x.fit,
+        "alone": {"verdict": x.alone.verdict, "in_words": _called(s, x.alone),
+                  "ln_bayes_factor": round(s.ln_total, 3), "ln_bayes_factor_needed": round(x.needed, 3)},
+    }  # fmt: skip
+
+
+def _called(s: Search, d: Decision) -> str:
+    """A verdict in a few words."""
+    if d.verdict == "adequate":
+        return "nothing is missing"
+    if d.hypothesis is None:
+        return "something is missing that no cause of the catalogue explains"
+    found = s.library.candidates
+    return " and ".join(
+        wording.named({"effect": found[m].effect, "axis": found[m].axis, "twins": [found[i].effect for i in twins]})
+        for m, twins in zip(d.hypothesis.members, d.twins, strict=True)
+    )
+
+
+def _each_alone(c: Combined, shares: Sequence[Share]) -> str:
+    """One sentence: what each recording would have said by itself."""
+    told_ = "; ".join(f"recording {k + 1}: {_called(s, x.alone)}"
+                      for k, (s, x) in enumerate(zip(c.searches, shares, strict=True)))  # fmt: skip
+    return f"With this model each alone would have said: {told_}."

@@ -1,0 +1,263 @@
+"""Diagnosis of recordings whose noise nobody states: pointing runs, units turned by hand, tilting tables.
+
+    recording ──> views ──> steps (what is taken up, exchanged, dropped) ──> each cause judged ──> diagnosis
+
+A unit turned by hand has two views: its accelerometers through the norm of gravity, its gyroscopes at rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import gimbalcal
+from gimbalcal.calibration import Calibration
+from gimbalcal.diagnose import unknown_wording as unstated_words
+from gimbalcal.diagnose import wording
+from gimbalcal.diagnose.answer import VERDICTS, Curves, Diagnosis, files
+from gimbalcal.diagnose.evidence.free_scale import RANK
+from gimbalcal.diagnose.rows.turns import turned_rates
+from gimbalcal.diagnose.rows.views import FORCE, RATE, View, norm, pointing, rest_rates, table
+from gimbalcal.diagnose.search.alternatives import Verdict, judged
+from gimbalcal.diagnose.search.stepwise import Course, Model, course, refined, weighted
+from gimbalcal.diagnose.verdict.decide import stated
+from gimbalcal.diagnose.verdict.where import patterns, whereabouts
+from gimbalcal.effects import CATALOGUE, values
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.pipeline import Tell
+from gimbalcal.recording import Recording
+from gimbalcal.units import from_si
+
+LEFT_OUT = 10  # s: rows of a table closer than this are left out together, the table moves as slowly
+UNSEEN = 0.01  # of the prior sigma: a parameter that is nearer to its prior than this was not seen
+
+
+def applies(recording: Recording) -> bool:
+    """Whether a recording is one of these: pointing, a unit without gimbals, or forces and rates while it turns."""
+    return recording.kind == "pointing" or (recording.kind != "static-run" and not recording.platform.axes)
+
+
+def diagnose_unstated(
+    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
+) -> Diagnosis:
+    """What was left out of the models of such a recording."""
+    told = [told_of(v, course(v, tell), tell) for v in views(recording, calibration, baseline, tell)]
+    if not told:
+        raise InputError(
+            f"{recording.title!r} leaves nothing to compare: at rest it takes {FORCE} along x, y and z, and "
+            f"{RATE} in a unit with a scale for the gyroscopes"
+        )
+    return _together(recording, told, baseline, seed)
+
+
+def views(
+    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell
+) -> tuple[View, ...]:
+    """The views of a recording; a baseline of gyroscope effects alone asks for the gyroscopes alone, and so on."""
+    if recording.kind == "pointing":
+        return (pointing(recording, baseline),)
+    if recording.kind == "rotation":
+        return (table(recording, baseline),)
+    mine = [i for i in baseline if not i.startswith("gyro_")]
+    gyro = [i for i in baseline if i.startswith("gyro_")]
+    out = [norm(recording, mine)] if recording.has(FORCE) and (mine or not baseline) else []
+    if recording.has(RATE) and recording.has(FORCE) and (gyro or not baseline):
+        at_rest = rest_rates(recording, gyro, calibration)
+        if at_rest is None:
+            tell("the gyroscopes count and no turn says how much a count is: they are left out")
+        else:
+            out.append(at_rest)
+            moving = turned_rates(recording, calibration)
+            out += [moving] if moving is not None and not gyro else []
+    return tuple(out)
+
+
+@dataclass(frozen=True)
+class Told:
+    """One view told: verdict, mismatch, findings, shapes, fit, and misfits in sigma before and after (n, C)."""
+
+    view: View
+    verdict: str
+    mismatch: tuple[dict[str, Any], ...]
+    findings: tuple[dict[str, Any], ...]
+    unexplained: tuple[dict[str, Any], ...]
+    fit: dict[str, Any]
+    before: Array
+    after: Array
+
+
+def told_of(v: View, c: Course, tell: Tell) -> Told:
+    """What a course through a view says."""
+    tell("asking of each cause what else could stand in its place")
+    verdicts = [judged(v, c.end, s.taken[0]) for s in c.steps]
+    if v.finer is not None:
+        tell("refitting at the full resolution")
+        v = v.finer()
+        c = refined(v, c)
+    found = tuple(_finding(c, j) for j in verdicts)
+    shapes = tuple({"channel": f"{v.channels[0][0]} {s.axis}".strip(), "shape": s.shape} for s in c.left)
+    verdict = "adequate"
+    if found:
+        verdict = "missing-physics" if any(not f["twins"] for f in found) else "not-identifiable"
+    elif shapes:
+        verdict = "unexplained"
+    sigma = _sigma(v, c.end)
+    mismatch = () if verdict == "adequate" else patterns(v, c.start) or whereabouts(v, c.start, sigma)
+    return Told(v, verdict, mismatch, found, shapes, _fit(v, c, sigma), c.start.r / sigma, c.end.r / sigma)
+
+
+def _finding(c: Course, j: Verdict) -> dict[str, Any]:
+    e = j.cause.effect
+    prior = {(p.name, p.axis): float(from_si(p.sigma, p.unit)) for p in j.cause.parameters}
+    rows = [r for r in _sizes(c.end) if r["effect"] == e and (r["name"], r["axis"]) in prior]
+    rows = [r for r in rows if _seen(r, prior[r["name"], r["axis"]])]
+    return {
+        "effect": e, "axis": j.cause.axis, "probability": stated(j.probability),
+        "sigma": round(j.sigma, 2), "parameters": [{k: x for k, x in r.items() if k != "effect"} for r in rows],
+        "twins": list(j.twins), "physics": wording.physics(e), "equation": wording.equation(e),
+        "separate_by": _advice(j),
+    }  # fmt: skip
+
+
+def _seen(row: dict[str, Any], prior: float) -> bool:
+    """Whether the rows say anything of a parameter: otherwise it keeps the prior's zero and sigma."""
+    return abs(row["sigma"] / prior - 1) > UNSEEN or abs(row["value"]) > UNSEEN * prior
+
+
+def _advice(j: Verdict) -> str:
+    """What the cards say would show the one and not the other."""
+    if not j.twins:
+        return ""
+
+    def seen(effect: str) -> str:
+        card = " ".join((CATALOGUE[effect].__doc__ or "").split())
+        after = card.partition("Seen by: ")[2]
+        return after.partition(". ")[0].strip(". ")
+
+    others = "; ".join(f"{wording.plain(t)} by {seen(t)}" for t in j.twins[:3])
+    return f"{wording.plain(j.cause.effect)} is seen by {seen(j.cause.effect)}; {others}."
+
+
+def _sizes(m: Model) -> list[dict[str, Any]]:
+    sigma = np.sqrt(np.diag(m.covariance))
+    return [
+        {"effect": p.effect, "name": p.name, "axis": p.axis, "value": float(from_si(x, p.unit)),
+         "sigma": float(from_si(s, p.unit)), "unit": p.unit}
+        for p, x, s in zip(m.fitted, values(m.effects, m.fitted), sigma, strict=True)
+    ]  # fmt: skip
+
+
+def _sigma(v: View, end: Model) -> Array:
+    """One sigma of each row and channel (n, C): the scatter about the last model, spread as the samples' noise is."""
+    r = weighted(v, end.r)
+    shape = np.ones_like(end.r) if v.sigma is None else v.sigma / v.sigma.min()
+    free = max(r.size - _basis(end.J).shape[1], 1)
+    return np.asarray(shape * np.sqrt((r**2).sum() / free))
+
+
+def _fit(v: View, c: Course, sigma: Array) -> dict[str, Any]:
+    before, after = c.start, c.end
+    out: dict[str, Any] = {
+        "chi2_reduced_before": _reduced(before, sigma),
+        "chi2_reduced_after": _reduced(after, sigma),
+        **_outside("before", v, before, sigma),
+        **_outside("after", v, after, sigma),
+        "noise": {"of": v.name, "sigma_of_a_row": float(from_si(float(np.median(sigma)), v.unit)), "unit": v.unit,
+                  "from": "the scatter about the last model"},
+        "rms_before": float(from_si(before.rms, v.unit)),
+        "rms_after": float(from_si(after.rms, v.unit)),
+        "steps": [
+            {"effect": s.taken[0].effect, "axis": s.taken[0].axis, "rms": float(from_si(s.model.rms, v.unit)),
+             "unit": v.unit}
+            for s in c.steps
+        ],
+        "calibration_moved": moved(before, after) if c.steps else [],
+    }  # fmt: skip
+    if v.turns is not None and c.steps:
+        missed = [float(from_si(v.turns(e), "arcsec")) for e in ((), after.effects)]
+        out["turns"] = {"rms_before": missed[0], "rms_after": missed[1], "unit": "arcsec"}
+    if v.noise is not None:
+        n = len(before.r)
+        for name, m in (("before", before), ("after", after)):
+            seen = [(np.abs(m.J[:, i]).max(axis=0) > 0).sum() for i in range(len(v.channels))]
+            chi2 = ((m.r / v.noise) ** 2).sum(axis=0) / np.maximum(n - np.array(seen), 1)
+            out[f"chi2_of_samples_{name}"] = dict(zip([a for _, a in v.channels], chi2.tolist(), strict=True))
+    return out
+
+
+def _reduced(m: Model, sigma: Array) -> float:
+    rank = _basis(m.J / sigma[..., None]).shape[1]
+    return float(((m.r / sigma) ** 2).sum() / max(m.r.size - rank, 1))
+
+
+def _basis(J: Array) -> Array:
+    """Orthonormal basis (n C, q) of modelled columns J (n, C, p), whatever their units."""
+    J = J.reshape(J.shape[0] * J.shape[1], -1)
+    U, S, _ = np.linalg.svd(J / (np.sqrt((J**2).sum(axis=0)) + 1e-300), full_matrices=False)
+    return np.asarray(U[:, S > RANK * S.max(initial=1e-300)])
+
+
+def _outside(when: str, v: View, m: Model, sigma: Array) -> dict[str, float]:
+    """Misfit of rows that a fit without them has not seen: mean square in sigma, and rms length of a row in print."""
+    left = heldout(v, m, sigma)
+    rms = float(np.sqrt(((left * sigma) ** 2).sum() / len(left)))
+    return {f"heldout_{when}": float(np.mean(left**2)), f"heldout_rms_{when}": float(from_si(rms, v.unit))}
+
+
+def heldout(v: View, m: Model, sigma: Array) -> Array:
+    """What a fit without them says of rows left out (n, C) in sigma: one each, or ten seconds of a table."""
+    n, C = m.r.shape
+    Q = _basis(m.J / sigma[..., None]).reshape(n, C, -1)
+    r = m.r / sigma
+    size = max(1, round(LEFT_OUT / float(np.median(np.diff(v.recording.time))))) if v.name == "table" else 1
+    left = []
+    for k in range(0, n, size):
+        e = r[k : k + size].ravel()
+        q = Q[k : k + size].reshape(len(e), Q.shape[-1])
+        left.append(np.linalg.lstsq(np.eye(len(e)) - q @ q.T, e, rcond=1e-6)[0])
+    return np.concatenate(left).reshape(n, C)
+
+
+def moved(before: Model, after: Model) -> list[dict[str, Any]]:
+    """How far each constant of the baseline moves once what was found is in the model."""
+    new = {(r["name"], r["axis"]): r for r in _sizes(after)}
+    out = []
+    seen = np.abs(before.J).max(axis=(0, 1)) > 1e-9  # means taken off leave rounding of a bias
+    for r in (row for row, there in zip(_sizes(before), seen, strict=True) if there):
+        n = new[r["name"], r["axis"]]
+        shift = n["value"] - r["value"]
+        ratio = round(shift / n["sigma"], 2) if n["sigma"] > 0 else 0.0
+        row = {"moved": shift, "sigma": n["sigma"], "in_sigmas": ratio}
+        out.append({"name": r["name"], "axis": r["axis"], "unit": r["unit"], **row})
+    return sorted(out, key=lambda row: -abs(row["in_sigmas"]))
+
+
+def _together(recording: Recording, told: Sequence[Told], baseline: Sequence[str], seed: int) -> Diagnosis:
+    lead = max(told, key=lambda t: VERDICTS.index(t.verdict))
+    verdict = lead.verdict
+    fit = dict(lead.fit)
+    if len(told) > 1:
+        fit["views"] = {t.view.name: t.fit for t in told}
+    found = tuple(f for t in told for f in t.findings)
+    shapes = tuple(u for t in told for u in t.unexplained)
+    mismatch = tuple(m for t in (lead, *(t for t in told if t is not lead)) for m in t.mismatch)
+    provenance = {
+        "version": gimbalcal.__version__,
+        "recordings": files(recording),
+        "options": {"baseline": list(baseline) or [i for t in told for i in t.view.baseline], "seed": seed},
+        "views": [t.view.name for t in told],
+    }
+    words = unstated_words.answer(verdict, [(t.view, t.fit, t.findings) for t in told], shapes, mismatch)
+    return Diagnosis(verdict, mismatch, found, shapes, fit, provenance, words, curves_of(lead))
+
+
+def curves_of(t: Told) -> Curves:
+    """Misfits of a view for a picture."""
+    n = len(t.before)
+    time = t.view.recording.time - t.view.recording.time[0]
+    number = np.ones(n) if t.view.name == "table" else np.arange(1, n + 1)
+    return Curves(time, number, t.view.channels, t.before, t.after)

@@ -1,0 +1,126 @@
+r"""The model with what was found in it: sizes with their uncertainty, and what that does to the calibration.
+
+Generalised least squares, calibration and causes together, averaged over the noise with the weight that the data give
+each; the spread between noises is part of the stated sigma.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gimbalcal.diagnose.evidence.known_scale import Projection, log_bayes
+from gimbalcal.diagnose.library.candidates import Candidate
+from gimbalcal.diagnose.search.ranking import Search
+from gimbalcal.number import Array
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Sizes (p,) in prior sigmas with covariance (p, p), the columns they belong to, and the likeliest noise."""
+
+    members: tuple[int, ...]
+    variants: tuple[int, ...]
+    index: tuple[int, ...]
+    x: Array
+    covariance: Array
+    significance: tuple[float, ...]  # per member, sigmas beyond what everything else explains
+    projection: Projection
+
+
+def fit(s: Search, members: Sequence[int]) -> Fit:
+    """Joint fit of the members in the noise that their presence makes likely."""
+    candidates = s.library.candidates
+    variants = _choose(s, members)
+    index = tuple(i for m, v in zip(members, variants, strict=True) for i in candidates[m].variants[v].index)
+    at = np.array(index, dtype=int)
+    weights = _weights(s, at)
+    xs, Cs = [], []
+    for p in s.projections:
+        C = np.linalg.pinv(p.G[np.ix_(at, at)], rcond=1e-10, hermitian=True)
+        xs.append(C @ p.b[at, 0])
+        Cs.append(C)
+    x = np.einsum("k,kp->p", weights, np.array(xs))
+    spread = np.array(xs) - x
+    covariance = np.einsum("k,kpq->pq", weights, np.array(Cs)) + np.einsum("k,kp,kq->pq", weights, spread, spread)
+    p = s.projections[int(np.argmax(weights))]
+    significance = _significance(p, candidates, members, variants)
+    return Fit(tuple(members), variants, index, x, covariance, significance, p)
+
+
+def _choose(s: Search, members: Sequence[int]) -> tuple[int, ...]:
+    """The variants of the members that are likeliest in any one noise, chosen one after the other."""
+    best: tuple[float, tuple[int, ...]] = (-np.inf, ())
+    for k, p in enumerate(s.projections):
+        chosen: list[int] = [0] * len(members)
+        for _ in range(2):
+            for j, m in enumerate(members):
+                others = [i for n, o in enumerate(members) if n != j
+                          for i in s.library.candidates[o].variants[chosen[n]].index]  # fmt: skip
+                chosen[j] = int(np.argmax([gain(p, others, v.index) for v in s.library.candidates[m].variants]))
+        index = [i for m, v in zip(members, chosen, strict=True) for i in s.library.candidates[m].variants[v].index]
+        ln = gain(p, [], index) / 2 + float(s.null[k])
+        best = max(best, (ln, tuple(chosen)), key=lambda b: b[0])
+    return best[1]
+
+
+def gain(p: Projection, others: Sequence[int], index: Sequence[int]) -> float:
+    """Misfit that these columns take away beyond the others."""
+    both = np.array([*others, *index], dtype=int)
+    total = p.b[both, 0] @ np.linalg.pinv(p.G[np.ix_(both, both)], rcond=1e-10, hermitian=True) @ p.b[both, 0]
+    if not len(others):
+        return float(total)
+    o = np.array(others, dtype=int)
+    return float(total - p.b[o, 0] @ np.linalg.pinv(p.G[np.ix_(o, o)], rcond=1e-10, hermitian=True) @ p.b[o, 0])
+
+
+def _weights(s: Search, at: Array) -> Array:
+    """Posterior (nodes,) of the noise given these columns at their likeliest size."""
+    if not len(at):
+        ln = s.null
+    else:
+        ln = np.array([n + log_bayes(p.G[np.ix_(at, at)], p.b[at, 0]).max()
+                       for n, p in zip(s.null, s.projections, strict=True)])  # fmt: skip
+    w = np.exp(ln - ln.max())
+    return np.asarray(w / w.sum())
+
+
+def _significance(
+    p: Projection, candidates: Sequence[Candidate], members: Sequence[int], variants: Sequence[int]
+) -> tuple[float, ...]:
+    spans = [candidates[m].variants[v].index for m, v in zip(members, variants, strict=True)]
+    out = []
+    for j, own in enumerate(spans):
+        others = [i for n, span in enumerate(spans) if n != j for i in span]
+        out.append(float(np.sqrt(max(gain(p, others, own), 0.0))))
+    return tuple(out)
+
+
+def constant_value(s: Search, f: Fit, j: int) -> tuple[tuple[str, float, float], ...]:
+    """Non-linear constants of member j: name, value and sigma in SI, from the fits of all its variants."""
+    c = s.library.candidates[f.members[j]]
+    spans = [s.library.candidates[m].variants[v].index for m, v in zip(f.members, f.variants, strict=True)]
+    others = [i for n, span in enumerate(spans) if n != j for i in span]
+    ln = np.array([gain(f.projection, others, v.index) / 2 + np.log(v.weight) for v in c.variants])
+    w = np.exp(ln - ln.max())
+    w /= w.sum()
+    out = []
+    for n, (name, value) in enumerate(c.variants[f.variants[j]].constants):
+        x = np.array([v.constants[n][1] for v in c.variants])
+        sigma = float(np.sqrt(np.sum(w * (x - np.sum(w * x)) ** 2)))
+        out.append((name, float(value), sigma))
+    return tuple(out)
+
+
+def calibration_fit(s: Search, f: Fit) -> tuple[Array, Array, Array]:
+    """Calibration constants, in prior sigmas, without and with what was found, and their sigma with it (q,) each."""
+    o, node = s.o, f.projection.node
+    Z, X, y = (node.whiten(A) for A in (o.reduce(o.Z), s.library.X[:, list(f.index)], o.reduce(o.y[:, :, None])))
+    q = Z.shape[1]
+    before = np.linalg.lstsq(Z, y[:, 0], rcond=1e-9)[0]
+    A = np.concatenate([Z, X], axis=1)
+    after = np.linalg.lstsq(A, y[:, 0], rcond=1e-9)[0][:q]
+    C = np.linalg.pinv(A.T @ A, rcond=1e-12, hermitian=True)
+    return before, after, np.sqrt(np.diag(C)[:q])

@@ -1,0 +1,140 @@
+r"""What experiment would tell apart what this recording cannot: expected log Bayes factor per hour of bench time.
+
+For two causes i and j and the size at which i was found, the recording extended by a manoeuvre separates them by
+
+.. math:: \lambda^2 = \min_a \| X_i \hat\beta - X_j a \|^2_{V^{-1}}, \qquad E[\ln BF] = \lambda^2 / 2 ,
+
+the calibration profiled out of both. Each manoeuvre of the menu is laid out as rows and passed through the same model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gimbalcal.diagnose.evidence.noise import nominal
+from gimbalcal.diagnose.library.candidates import Candidate, columns_at
+from gimbalcal.diagnose.rows.observations import Observations, observe
+from gimbalcal.diagnose.wording import plain
+from gimbalcal.inference.algebra import orthonormal
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording
+
+TRIED = 12  # variants of the other cause: the grid of its constants
+ENOUGH = 720  # rows of a static run that a planned one is laid out with
+SETTLED = 3.0  # nats: a factor 20
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """One thing to do on the bench: in words, hours it takes, and the recording it would add to."""
+
+    words: str
+    hours: float
+    apply: Callable[[Recording], Recording]
+
+
+@dataclass(frozen=True)
+class Advice:
+    """The best manoeuvre ("" where none helps), the log Bayes factor it is expected to bring, and its hours."""
+
+    words: str
+    ln_bayes: float
+    hours: float
+
+
+def advise(o: Observations, found: Candidate, variant: int, size: Array, other: Candidate) -> Advice:
+    """The manoeuvre that separates `found`, at its fitted size in prior sigmas, from `other` fastest."""
+    step = max(1, len(o.recording.time) // ENOUGH) if o.kind == "static-run" else 1
+    thin = o.recording.select(slice(None, None, step))
+    best = Advice("", 0.0, 0.0)
+    for m in menu(thin):
+        gained = step * separation(observe_design(m.apply(thin), o), found, variant, size, other)
+        if gained > SETTLED and (not best.words or gained / m.hours > best.ln_bayes / best.hours):
+            best = Advice(m.words, gained, m.hours)
+    return best
+
+
+def sentence(a: Advice, found: Candidate, other: Candidate) -> str:
+    """The advice as one sentence."""
+    names = f"{plain(found.effect)} from {plain(other.effect)}"
+    if a.words:
+        return f"To tell {names}: {a.words}, {a.hours:.2g} h, with an expected log Bayes factor of {a.ln_bayes:.0f}."
+    return f"No manoeuvre of the menu would tell {names} at this size: it takes another kind of input."
+
+
+def separation(o: Observations, found: Candidate, variant: int, size: Array, other: Candidate) -> float:
+    """Expected log Bayes factor between the two causes in the nominal noise."""
+    node = nominal(o)
+    Q = orthonormal(node.whiten(o.reduce(o.Z)))
+    signal = node.whiten(columns_at(o, found, found.variants[variant].constants) @ size[:, None])[:, 0]
+    signal = signal - Q @ (Q.T @ signal)
+    least = float(signal @ signal)
+    for v in other.variants[:TRIED]:
+        X = node.whiten(columns_at(o, other, v.constants))
+        X = X - Q @ (Q.T @ X)
+        left = signal - X @ np.linalg.lstsq(X, signal, rcond=1e-9)[0]
+        least = min(least, float(left @ left))
+    return least / 2
+
+
+def observe_design(recording: Recording, o: Observations) -> Observations:
+    """Sensitivities of a planned recording; its readings do not matter, only where and when they would be taken."""
+    ids = tuple(dict.fromkeys(p.effect for p in o.constants))
+    return observe(recording, ids, o.baseline, steps=0)
+
+
+def menu(recording: Recording) -> tuple[Manoeuvre, ...]:
+    """Manoeuvres for this kind of recording."""
+    hours = float(recording.time[-1] - recording.time[0]) / 3600.0
+    if recording.kind == "static-run":
+        return (Manoeuvre("let the run go on as long again", hours, _extended),)
+    out = [
+        Manoeuvre("repeat the positions in reversed order", hours, lambda r: joined(r, reverse=True)),
+        Manoeuvre("wait 6 h and repeat the positions", hours + 6, lambda r: joined(r, pause=6 * 3600.0)),
+        Manoeuvre("take the positions with gimbals at 30 and 60 degrees", hours, lambda r: joined(r, share=2 / 3)),
+    ]
+    if {"inner", "middle"} <= set(recording.axes("gimbal_angle")):
+        words = "repeat the positions with the other gimbal solution"
+        out.append(Manoeuvre(words, hours, lambda r: joined(r, other=True)))
+    if recording.has("temperature"):
+        out.append(Manoeuvre("repeat the positions 6 degC warmer", hours + 2, lambda r: joined(r, 7200.0, warmer=6.0)))
+    return tuple(out)
+
+
+def joined(
+    r: Recording, pause: float = 60.0, *, reverse: bool = False, share: float = 1.0, other: bool = False,
+    warmer: float = 0.0,
+) -> Recording:  # fmt: skip
+    """The recording followed by itself, changed."""
+    n = len(r.time)
+    step = float(np.median(np.diff(r.time)))
+    order = np.arange(n)[::-1] if reverse else np.arange(n)
+    channels = {key: np.concatenate([v, v[order]]) for key, v in r.channels.items()}
+    for (quantity, axis), v in r.channels.items():
+        second = v[order] * (share if quantity == "gimbal_angle" else 1.0)
+        second = second + (warmer if quantity == "temperature" else 0.0)
+        if other and quantity == "gimbal_angle" and axis in ("inner", "middle"):
+            second = second + np.pi if axis == "inner" else np.pi - second
+        channels[quantity, axis] = np.concatenate([v, second])
+    moved = r.time[-1] - r.time[order] if reverse else r.time - r.time[0]
+    time = np.concatenate([r.time, r.time[-1] + step + pause + moved])
+    position = None if r.position is None else np.concatenate([r.position, r.position[order]])
+    return replace(r, time=time, position=position, channels=channels, weight=np.concatenate([r.weight, r.weight]))
+
+
+def _extended(r: Recording) -> Recording:
+    """A static run of twice the length; readouts go on as the Earth turns."""
+    from gimbalcal.earth import EARTH_RATE
+
+    step = float(np.median(np.diff(r.time)))
+    shift = float(r.time[-1] - r.time[0]) + step
+    channels = {}
+    for (quantity, axis), v in r.channels.items():
+        turned = EARTH_RATE * shift if (quantity, axis) == ("gimbal_angle", "platform") else 0.0
+        channels[quantity, axis] = np.concatenate([v, v + turned])
+    position = None if r.position is None else np.concatenate([r.position, r.position])
+    return replace(r, time=np.concatenate([r.time, r.time + shift]), position=position, channels=channels,
+                   weight=np.concatenate([r.weight, r.weight]))  # fmt: skip

@@ -1,0 +1,133 @@
+r"""Does the fit improve, on data it saw and on data it did not see; and is what is left noise.
+
+Held out in turn: each visit of a multi-position recording, each stretch of a static run. The prediction error is
+compared with its own covariance, so that one is what noise alone gives.
+
+.. math:: \chi^2_{out} = \frac{1}{n} \sum_f r_f^T (I + A_f C_{-f} A_f^T)^{-1} r_f
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.diagnose.rows.observations import Observations, absent_effect
+from gimbalcal.diagnose.search.ranking import Search
+from gimbalcal.diagnose.verdict.model import Fit
+from gimbalcal.inference.algebra import eigh
+from gimbalcal.number import Array
+
+FOLDS = 12  # stretches of a static run
+
+
+@dataclass(frozen=True)
+class Verification:
+    """Reduced chi^2 of the fit and of held-out data, without and with what was found."""
+
+    before: float
+    after: float
+    heldout_before: float
+    heldout_after: float
+    heldout_by: str
+    autocorrelation: float  # of the whitened residual from one block to the next, after
+    autocorrelation_sigma: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Entries of `fit` in diagnosis.json."""
+        return {
+            "chi2_reduced_before": self.before, "chi2_reduced_after": self.after,
+            "heldout_before": self.heldout_before, "heldout_after": self.heldout_after,
+            "heldout_by": self.heldout_by, "autocorrelation_after": self.autocorrelation,
+            "autocorrelation_sigma": self.autocorrelation_sigma,
+        }  # fmt: skip
+
+
+def verify(s: Search, f: Fit, physical: Array) -> Verification:
+    """Fit and prediction in the noise of the final model; `physical` (n, C, p) are its columns, row by row."""
+    Z, X, y, fold, by = _whitened(s, f, physical)
+    C = s.o.y.shape[1]
+    left, q = _residual(Z, y)
+    rest, qx = _residual(np.concatenate([Z, X], axis=1), y)
+    series = rest.reshape(-1, C)
+    same = fold.reshape(-1, C)[1:, 0] == fold.reshape(-1, C)[:-1, 0] if by != "time" else slice(None)
+    pairs = (series[1:] * series[:-1])[same]
+    lag = float(pairs.sum() / (series**2).sum()) if series.size else 0.0
+    return Verification(
+        float(left @ left) / max(1, len(y) - q), float(rest @ rest) / max(1, len(y) - qx),
+        _held_out(Z, y, fold), _held_out(np.concatenate([Z, X], axis=1), y, fold),
+        by, lag, 1 / np.sqrt(max(1, pairs.size)),
+    )  # fmt: skip
+
+
+def _whitened(s: Search, f: Fit, physical: Array) -> tuple[Array, Array, Array, Array, str]:
+    """Whitened Z, X, y and the fold of each row: in visits of the reduced rows, or in stretches of the raw ones."""
+    o = s.o
+    n, C = o.y.shape
+    if o.kind == "static-run":
+        fold = np.repeat(np.arange(n) * FOLDS // n, C)
+        return o.Z.reshape(n * C, -1), physical.reshape(n * C, -1), o.y.ravel(), fold, "time"
+    node = f.projection.node
+    visits = o.stimulus.visit[o.starts]
+    inside = _inside_dwell(s, f)
+    ordinal = np.array([np.sum(visits[:i] == v) for i, v in enumerate(visits)]) if inside else visits
+    rows = [node.whiten(A) for A in (o.reduce(o.Z), o.reduce(physical), o.reduce(o.y[:, :, None]))]
+    return rows[0], rows[1], rows[2][:, 0], np.repeat(ordinal, C), "parts of each dwell" if inside else "position"
+
+
+def _inside_dwell(s: Search, f: Fit) -> bool:
+    """Whether what was found lives at one place or instant, which no other position can predict."""
+    names = {name for m, v in zip(f.members, f.variants, strict=True)
+             for name, _ in s.library.candidates[m].variants[v].constants}  # fmt: skip
+    return bool(names & {"position", "epoch"})
+
+
+def _residual(A: Array, y: Array) -> tuple[Array, int]:
+    U, S, _ = np.linalg.svd(A, full_matrices=False)
+    Q = U[:, S > 1e-9 * S[0]]
+    return y - Q @ (Q.T @ y), Q.shape[1]
+
+
+def _held_out(A: Array, y: Array, fold: Array) -> float:
+    """Normalised squared prediction error over all folds; directions that a training set does not see stay at zero."""
+    A = A / (np.sqrt((A**2).sum(axis=0)) + 1e-300)
+    total, count = 0.0, 0
+    G, b = A.T @ A, A.T @ y
+    for k in np.unique(fold):
+        out = fold == k
+        Ak, yk = A[out], y[out]
+        lam, V = eigh(G - Ak.T @ Ak)
+        keep = lam > 1e-7
+        W = V[:, keep] / np.sqrt(lam[keep])
+        x = W @ (W.T @ (b - Ak.T @ yk))
+        r, H = yk - Ak @ x, Ak @ W
+        small = np.eye(H.shape[1]) + H.T @ H  # Woodbury: (I + H H^T)^-1 = I - H (I + H^T H)^-1 H^T
+        h = H.T @ r
+        total += float(r @ r - h @ np.linalg.solve(small, h))
+        count += int(out.sum())
+    return total / max(1, count)
+
+
+def physical_columns(s: Search, f: Fit) -> Array:
+    """Columns (n, C, p) of what was found, before reduction, per prior sigma."""
+    o = s.o
+    out = [np.zeros((*o.y.shape, 0))]
+    for m, v in zip(f.members, f.variants, strict=True):
+        c = s.library.candidates[m]
+        bent = c.variants[v].column
+        if bent is not None:
+            out.append(bent[:, :, None])
+        elif not c.rival:
+            effect = absent_effect(c.effect, o.stimulus, c.source, **dict(c.variants[v].constants))
+            out.append(o.columns(effect, c.parameters) * np.array([p.sigma for p in c.parameters]))
+    return np.concatenate(out, axis=-1)
+
+
+def residual_rows(o: Observations, physical: Array, x: Array) -> tuple[Array, Array]:
+    """Residuals (n, C) in sigma without and with what was found, the calibration refitted each time."""
+    n, C = o.y.shape
+    Z, X, y = o.Z.reshape(n * C, -1), physical.reshape(n * C, -1), o.y.ravel()
+    before, _ = _residual(Z, y)
+    after, _ = _residual(Z, y - X @ x)
+    return before.reshape(n, C), after.reshape(n, C)

@@ -1,0 +1,70 @@
+"""Where the baseline fails on a recording without a stated noise: shapes that the misfit follows, or the worst rows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.diagnose import unknown_wording as unstated_words
+from gimbalcal.diagnose.evidence.free_scale import best_evidence, gain, ground
+from gimbalcal.diagnose.library.causes import Cause, shapes_of
+from gimbalcal.diagnose.rows.views import View
+from gimbalcal.diagnose.search.stepwise import Model, weighted
+from gimbalcal.number import Array
+from gimbalcal.units import from_si
+
+ODD = 1e-3  # p-value below which a pattern of the misfit is told
+
+
+def patterns(v: View, m: Model) -> tuple[dict[str, Any], ...]:
+    """Where the baseline fails: the shapes that its misfit follows, most telling first, by an F test each."""
+    from scipy.stats import f
+
+    shapes, X = shapes_of(v, m.effects)
+    g = ground(weighted(v, m.r), weighted(v, m.J), weighted(v, X), memory=False)
+    out = []
+    for c in shapes:
+        at = c.variants[0][1]
+        y2, taken = float(g.cleared[0].y @ g.cleared[0].y), gain(g, at)
+        free = max(g.cleared[0].dof - len(at), 1)
+        F = (taken / len(at)) / max((y2 - taken) / free, 1e-300)
+        p = min(1.0, float(f.sf(F, len(at), free)) * len(shapes))
+        out.append((best_evidence(g, at), F, p, c))
+    told = sorted((t for t in out if t[2] < ODD), key=lambda t: -t[0])[:3]
+    return tuple(_pattern(v, m, c, F, p) for _, F, p, c in told)
+
+
+def _pattern(v: View, m: Model, c: Cause, F: float, p: float) -> dict[str, Any]:
+    i, size = _channel(v, m, c.axis)
+    rows = np.argsort(-np.abs(m.r[:, i]))[:3]
+    return {
+        "channel": v.channels[0][0], "axis": c.axis, "where": _where(v, rows), "statistic": round(F, 2), "p_value": p,
+        "in_words": unstated_words.follows(v, c.axis, size, c.shape),
+    }  # fmt: skip
+
+
+def whereabouts(v: View, m: Model, sigma: Array) -> tuple[dict[str, Any], ...]:
+    """The channel that the baseline misses by most, against the scatter that is left in the end."""
+    from scipy.stats import chi2
+
+    square = ((m.r / sigma) ** 2).mean(axis=0)
+    axis = v.channels[int(np.argmax(square))][1]
+    i, size = _channel(v, m, axis)
+    rows = np.argsort(-np.abs(m.r[:, i]))[:3]
+    ratio = float(square[i])
+    p = min(1.0, float(chi2.sf(ratio * len(m.r), len(m.r))) * len(v.channels))
+    words = unstated_words.largest(v, axis, size, float(np.sqrt(ratio)), rows)
+    told = {"channel": v.channels[0][0], "axis": axis, "where": _where(v, rows), "statistic": round(ratio, 2)}
+    return ({**told, "p_value": p, "in_words": words},)
+
+
+def _channel(v: View, m: Model, axis: str) -> tuple[int, float]:
+    i = [a for _, a in v.channels].index(axis)
+    return i, float(from_si(float(np.sqrt(np.mean(m.r[:, i] ** 2))), v.unit))
+
+
+def _where(v: View, rows: Array) -> dict[str, list[float]]:
+    if v.name == "table":
+        return {"time_s": [round(float(x), 3) for x in np.sort(v.recording.time[rows] - v.recording.time[0])]}
+    return {"positions": [int(k) for k in v.stimulus.position[rows]]}

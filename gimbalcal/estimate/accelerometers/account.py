@@ -1,0 +1,90 @@
+"""How a fit of a multi-position recording is told: residual, stage, outcome and provenance of a Calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.calibration import Stage
+from gimbalcal.estimate.accelerometers.expected import lost
+from gimbalcal.estimate.accelerometers.misset import Fault, acceptable, probability
+from gimbalcal.estimate.accelerometers.setting import FORCE, Fit, Noise, Problem, model
+from gimbalcal.recording import Recording
+from gimbalcal.units import from_si
+
+
+def rms(p: Problem, fit: Fit) -> Mapping[str, float]:
+    """Root mean square [m/s^2] by channel of what is left when setting errors are taken out."""
+    left = p.force - model(p, fit.solution.x, fit.setting)
+    mean_square = np.average(left**2, axis=0, weights=p.weight)
+    return {f"{FORCE}:{axis}": float(np.sqrt(v)) for axis, v in zip("xyz", mean_square, strict=True)}
+
+
+def stage(name: str, p: Problem, fit: Fit, in_words: str) -> Stage:
+    """The fit for the record."""
+    left = p.force - model(p, fit.solution.x, np.zeros_like(fit.setting))
+    labels = tuple(q.label for q in p.parameters)
+    return Stage(name, labels, fit.solution.x, fit.solution.sigma, float(np.sqrt(np.mean(left**2))), in_words)
+
+
+def outcome(fit: Fit, faults: Sequence[Fault]) -> str:
+    """Why this calibration should not be used as it is; empty where nothing speaks against it."""
+    sentences = faults_in_words(faults)
+    if not fit.steps:
+        sentences.append("the fit did not converge, so its numbers mean nothing: check signs, axes and units")
+    else:
+        sentences += misfit_in_words(fit.solution.chi2, fit.solution.dof)
+    return joined(sentences)
+
+
+def faults_in_words(faults: Sequence[Fault]) -> list[str]:
+    """One sentence about all positions that were left out, in a list; empty if none was."""
+    if not faults:
+        return []
+    left_out = "it was" if sum(len(f.visits) for f in faults) == 1 else "they were"
+    return ["; ".join(f.in_words for f in faults) + f"; {left_out} left out of the fit"]
+
+
+def misfit_in_words(chi2: float, dof: int) -> list[str]:
+    """One sentence, in a list, if chance does not leave such a residual; empty if it may."""
+    if acceptable(chi2, dof):
+        return []
+    tail = probability(chi2, dof)
+    excess = f"chi^2 = {chi2:.4g} for {dof} degrees of freedom, p = {tail:.1g}"
+    factor = np.sqrt(chi2 / dof)
+    words = f"the residual is {factor:.3g} times what the noise allows ({excess}), so the model misses something"
+    return [f"{words}: `gimbalcal diagnose` looks for it"]
+
+
+def joined(sentences: Sequence[str]) -> str:
+    """Sentences in a row, each with its capital."""
+    return ". ".join(s[0].upper() + s[1:] for s in sentences)
+
+
+def provenance(recording: Recording, p: Problem, fit: Fit, faults: Sequence[Fault]) -> dict[str, Any]:
+    """Where the numbers come from: files, noise and its source, visits left out, setting errors, what was lost."""
+    names = recording.platform.axis_names
+    said = {
+        "recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source],
+        "noise": noise_record(fit.noise),
+        "setting_errors_arcsec": [
+            {"position": int(position), **dict(zip(names, np.round(e, 4).tolist(), strict=True))}
+            for position, e in zip(p.positions, from_si(fit.setting, "arcsec"), strict=True)
+        ],
+        "left_out": [list(f.positions) for f in faults],
+        "remarks": list(recording.remarks),
+    }
+    missing = lost(p, fit.noise, fit.solution)
+    return {**said, "lost": missing} if missing else said
+
+
+def noise_record(noise: Noise) -> dict[str, Any]:
+    """Noise and its source, in printed units."""
+    return {
+        "accelerometer_ug": from_si(noise.accelerometer, "ug"),
+        "accelerometer_from": noise.accelerometer_from,
+        "gimbal_angle_arcsec": from_si(noise.setting, "arcsec") if np.isfinite(noise.setting) else None,
+        "gimbal_angle_from": noise.setting_from,
+    }

@@ -1,0 +1,221 @@
+r"""Coarse calibration: Wu et al. (2018), section 3. Nonlinearity is ignored, angles are believed.
+
+1. The six faces, where one input axis stands along the vertical, give its scale factor and bias in closed form,
+
+   .. math:: \frac{1}{SF_i} = \frac{f^a_{i+} - f^a_{i-}}{f^p_{i+} - f^p_{i-}}, \qquad
+             b_i = \frac{f^a_{i+} + f^a_{i-}}{2} - \frac{f^p_{i+} + f^p_{i-}}{2 \, SF_i} .
+
+2. The other positions, where two axes lean by 45 deg, give gimbal zeros and misalignments by linear least squares of
+
+   .. math:: f^a = SF^{-1} C_p^a \, f^p(\theta + \theta_0) + b \qquad \text{(Eq. (7))} .
+
+3. The platform's force is computed again with the estimated zeros, and both steps repeat until nothing moves. With a
+   platform at hand, `relevel` turns it back by the zeros and measures again, as the paper does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.effects import with_values
+from gimbalcal.estimate.accelerometers.account import faults_in_words, joined, provenance, rms, stage
+from gimbalcal.estimate.accelerometers.joint import analyse
+from gimbalcal.estimate.accelerometers.setting import (
+    BASELINE,
+    Fit,
+    Linear,
+    Noise,
+    Problem,
+    Whitened,
+    baseline,
+    linearise,
+    visit_means,
+    whiten,
+)
+from gimbalcal.inference.information import SEEN, Solution, information, solve
+from gimbalcal.number import Array, apply_matrix
+from gimbalcal.recording import Recording
+
+NEGLECTED = "scale_nonlinearity"
+FACE = np.cos(np.deg2rad(10.0))  # cosine of the vertical: a face, even if the zeros are off by degrees
+ROUNDS = 20  # three are enough: each round leaves the product of two small angles
+LEVEL = np.deg2rad(0.1 / 3600)  # rad: 0.1 arcsec moves 0.5 ug across an axis at 1 g
+
+
+def coarse(recording: Recording) -> Calibration:
+    """Scale factors and biases from the faces, gimbal zeros and misalignments from the other positions.
+
+    The stated sigmas hold noise, setting errors, and what a nonlinearity of its prior size does, since it is ignored.
+    Where an axis lacks a face, all coefficients come from one least squares over all positions; what these do not
+    determine is named in `unobservable`.
+    """
+    found = analyse(recording)
+    wanted = baseline(recording.platform, [name for name in BASELINE if name != NEGLECTED])
+    p = replace(found.problem, parameters=wanted)
+    noise = found.fit.noise
+    settled = _settle(p, noise)
+    fit = _as_fit(p, noise, settled)
+    x, covariance, solution = settled.x, settled.covariance, settled.solution
+    estimate = with_values(p.effects, wanted, x, p.platform.axis_names)
+    lack = f"axis {', '.join(settled.faceless)} lacks a face: one least squares over all positions took its place"
+    notes = [lack] if settled.faceless else []
+    return Calibration(
+        method="coarse",
+        effects=estimate,
+        parameters=wanted,
+        covariance=covariance,
+        unobservable=tuple({"direction": u.direction, "why": u.why} for u in solution.unseen),
+        residual=Residual(fit.solution.chi2, fit.solution.dof, rms(p, fit)),
+        outcome=joined(faults_in_words(found.faults)),
+        provenance={**provenance(recording, p, fit, found.faults), "notes": notes},
+        stages=(stage("coarse", p, fit, joined(["faces and tilted positions, nonlinearity ignored", *notes])),),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """Where the two steps came to rest: x (p,), its covariance, the last linearisation and the last solution."""
+
+    x: Array
+    covariance: Array
+    linear: Linear
+    solution: Solution
+    faceless: str  # axes without both faces
+
+
+def _settle(p: Problem, noise: Noise) -> Settled:
+    """Faces, then tilted positions, until nothing moves; with the covariance of both steps.
+
+    Where an axis lacks a face, one least squares over all positions takes the place of both steps.
+    """
+    x = np.zeros(len(p.parameters))
+    scale = np.array([q.sigma for q in p.parameters])
+    for _ in range(ROUNDS):
+        linear = linearise(p, x, np.zeros((p.visits, p.turns)))
+        before, x = x, x.copy()
+        axes, faces, faceless = _faces(p, linear, before)
+        for i, axis in enumerate(axes):
+            x[_at(p, "scale_factor", i)], x[_at(p, "bias", i)] = axis.values
+        columns = _tilt_columns(p) if axes else np.arange(len(x))
+        rows = ~faces if axes and not faces.all() else np.ones_like(faces)
+        solution = _least_squares(p, whiten(linear, noise), x, columns, rows)
+        x[columns] = solution.x
+        if np.all(np.abs(x - before) < 1e-7 * scale):  # 1e-5 arcsec, 5e-5 ug
+            break
+    return Settled(x, _covariance(p, linear, noise, axes, columns, rows), linear, solution, faceless)
+
+
+@dataclass(frozen=True, eq=False)
+class AxisFit:
+    """Scale factor - 1 and bias of one axis, and their derivatives (2, m) by its readings."""
+
+    values: Array
+    derivative: Array
+
+
+def _faces(p: Problem, linear: Linear, x: Array) -> tuple[list[AxisFit], Array, str]:
+    """Step 1: a line through the two clusters of faces, which is the closed form; which visits are faces (m,).
+
+    No axis is fitted, and those that lack a face are named, unless each has both.
+    """
+    measured = visit_means(p, p.force)
+    h = measured - (linear.r - linear.J @ x)
+    scale, bias = (np.array([x[_at(p, name, i)] for i in range(3)]) for name in ("scale_factor", "bias"))
+    u = (1 + scale) * (h - bias)
+    vertical = np.abs(u) > FACE * p.stimulus.gravity
+    both = np.any(vertical & (u > 0), axis=0) & np.any(vertical & (u < 0), axis=0)
+    out = []
+    for i in range(3) if both.all() else ():
+        slope, level = np.linalg.pinv(np.stack([u[:, i], np.ones(len(u))], axis=-1) * vertical[:, [i]])
+        a = slope @ measured[:, i]
+        # 1/SF = a: d(SF - 1) = -da / a^2
+        out.append(AxisFit(np.array([1 / a - 1, level @ measured[:, i]]), np.stack([-slope / a**2, level])))
+    return out, vertical.any(axis=1), "".join(np.array(["x", "y", "z"])[~both])
+
+
+def _least_squares(p: Problem, w: Whitened, x: Array, columns: Array, rows: Array) -> Solution:
+    """Step 2: some parameters from some visits, the others held at x."""
+    others = np.setdiff1d(np.arange(len(x)), columns)
+    r = w.r[rows] - w.J[rows][..., others] @ x[others]
+    return solve(information(w.J[rows][..., columns], r, [p.parameters[i] for i in columns]))
+
+
+def _covariance(
+    p: Problem, linear: Linear, noise: Noise, axes: Sequence[AxisFit], columns: Array, rows: Array
+) -> Array:
+    """Both steps are linear in the readings, x = A y: noise and setting errors through A, and the neglected K."""
+    m, P = p.visits, len(p.parameters)
+    A = np.zeros((P, m, 3))
+    for i, axis in enumerate(axes):
+        A[[_at(p, "scale_factor", i), _at(p, "bias", i)], :, i] = axis.derivative
+    w = whiten(linear, noise)
+    scale = np.array([p.parameters[i].sigma for i in columns])
+    U, S, Vt = np.linalg.svd((w.J[rows][..., columns] * scale).reshape(-1, scale.size), full_matrices=False)
+    keep = S >= SEEN
+    B = np.zeros((scale.size, m, 3))
+    gain = ((scale[:, None] * Vt[keep].T / S[keep]) @ U[:, keep].T).reshape(scale.size, -1, 3)
+    B[:, rows] = np.einsum("qvi,vij->qvj", gain, w.W[rows])
+    A[columns] = B - np.einsum("qmi,mip,pnj->qnj", B, linear.J, A)
+    spread = np.einsum("pmi,mij->pmj", A, np.linalg.inv(w.W)).reshape(P, -1)
+    K = replace(p, parameters=baseline(p.platform, [NEGLECTED]))
+    J_K = linearise(K, np.zeros(3), np.zeros((m, p.turns))).J * np.array([q.sigma for q in K.parameters])
+    bent = np.einsum("qmi,mik->qk", A, J_K)
+    unseen = np.zeros((P, P))
+    unseen[np.ix_(columns, columns)] = (scale[:, None] * Vt[~keep].T) @ (Vt[~keep] * scale)
+    return np.asarray(spread @ spread.T + bent @ bent.T + unseen)
+
+
+def _at(p: Problem, effect: str, index: int) -> int:
+    return next(i for i, q in enumerate(p.parameters) if q.effect == effect and q.index == index)
+
+
+def _tilt_columns(p: Problem) -> Array:
+    return np.array([i for i, q in enumerate(p.parameters) if q.effect in ("misalignment", "gimbal_zero")])
+
+
+def _as_fit(p: Problem, noise: Noise, settled: Settled) -> Fit:
+    """The result in the form that is told: its chi^2 is that of all visits, nonlinearity included in the misfit."""
+    w = whiten(settled.linear, noise)
+    left = w.r - w.J @ settled.x
+    count = int(np.isfinite(w.sigma).sum())
+    solution = replace(
+        settled.solution, parameters=p.parameters, x=settled.x, covariance=settled.covariance,
+        chi2=float((left**2).sum()), dof=count - len(p.parameters) + len(settled.solution.unseen),
+    )  # fmt: skip
+    setting = apply_matrix(w.gain, settled.linear.r - settled.linear.J @ settled.x)
+    return Fit(solution, setting, settled.linear, w, noise, 1)
+
+
+@dataclass(frozen=True)
+class Levelled:
+    """The end of the levelling loop: last coarse calibration, its recording, and each round's leftover zeros [rad]."""
+
+    calibration: Calibration
+    recording: Recording
+    leftover: tuple[Array, ...]
+
+
+def relevel(measure: Callable[[Array], Recording], angles: Array, negligible: float = LEVEL) -> Levelled:
+    """Turn the platform back by the estimated zeros and calibrate again, until the zeros that are left are negligible.
+
+    measure(readouts (m, k) [rad]) holds the platform at these readouts and records; angles (m, k) are the schedule's.
+    Inner and middle gimbal are levelled, as in Wu et al. (2018), section 3; a zero about the vertical does nothing. A
+    leftover is what the last estimate adds to the correction already made. Ends after 10 rounds at the latest.
+    """
+    corrected = np.zeros(angles.shape[1])
+    history: list[Array] = []
+    while True:
+        recording = measure(angles - corrected)
+        calibration = coarse(recording)
+        zero = corrected.copy()
+        for q, value in zip(calibration.parameters, calibration.values, strict=True):
+            if q.effect == "gimbal_zero" and q.axis != recording.platform.axes[0].name:
+                zero[recording.platform.axis_names.index(q.axis)] = value
+        history.append(zero - corrected)
+        if np.all(np.abs(history[-1]) < negligible) or len(history) == 10:
+            return Levelled(calibration, recording, tuple(history))
+        corrected = zero

@@ -1,0 +1,165 @@
+r"""Fine calibration: Wu et al. (2018), section 4. The norm of the force does not care where the gimbals really stood.
+
+Half the squared norm of the true force less that of the estimated one is linear in the remaining errors (Eqs. (8) to
+(17); Delta = true less estimate, beta the angles of Eq. (5)):
+
+.. math:: \tfrac12 (g^2 - |\hat f^p|^2) = \sum_i u_i^2 \frac{\Delta SF_i}{SF_i} - u_i \, SF_i \Delta b_i
+          - u_i^3 \frac{\Delta K_i}{SF_i} + u_x u_y \Delta(\beta_{yz} - \beta_{xz})
+          + u_x u_z \Delta(\beta_{xy} - \beta_{zy}) + u_z u_y \Delta(\beta_{zx} - \beta_{yx}),
+          \quad u = \hat{SF} (f^a - \hat b)
+
+Twelve combinations, one row per position. The paper solves once; here the force is estimated again with the result,
+nonlinearity included (Eq. (8), exact), until nothing moves. The sums of the three pairs of misalignments turn all axes
+alike, which no norm can show: they are named, and stay as the coarse stage left them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration, Residual, Stage
+from gimbalcal.effects import Parameter, values, with_values
+from gimbalcal.effects.accelerometer import MISALIGNMENT_AXES
+from gimbalcal.estimate.accelerometers.account import faults_in_words, joined, misfit_in_words, provenance
+from gimbalcal.estimate.accelerometers.joint import analyse
+from gimbalcal.estimate.accelerometers.setting import BASELINE, Problem, baseline, visit_means
+from gimbalcal.inference.information import SEEN, Information, Solution, information, solve
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording
+
+FORCE_TERMS = [name for name in BASELINE if name != "gimbal_zero"]
+PAIRS = (("yz", "xz"), ("xy", "zy"), ("zx", "yx"))  # first less second: the differences that Eq. (17) holds
+COMBINATIONS = tuple(
+    [f"{name}:{axis}" for name in FORCE_TERMS[:3] for axis in "xyz"] + [f"misalignment:{a}-{b}" for a, b in PAIRS]
+)
+ROUNDS = 20  # two after a coarse calibration, four from nothing
+NORM = "specific_force:norm"
+
+
+def fine(recording: Recording, coarse: Calibration | None = None) -> Calibration:
+    """Twelve combinations of coefficients from the norm of the force at every position, iterated to convergence.
+
+    `coarse` is where the iteration begins and supplies what the norm cannot see: sums of misalignments and gimbal
+    zeros, with their covariance. Without it these stay at zero with their prior sigma.
+    """
+    found = analyse(recording)
+    p, noise = found.problem, found.fit.noise
+    wanted = baseline(p.platform, FORCE_TERMS)
+    start = coarse.effects if coarse else ()
+    x, info = _iterate(p, wanted, values(start, wanted), noise.accelerometer)
+    solution = solve(info)
+    every = baseline(p.platform)
+    labels = [q.label for q in every]
+    first = values(start, every)
+    first[[labels.index(q.label) for q in wanted]] = x
+    covariance = _combine(info, solution, coarse, every)
+    left = np.sqrt(solution.chi2 / p.visits) * noise.accelerometer / np.sqrt(np.mean(p.weight))
+    misfit = misfit_in_words(solution.chi2, solution.dof)
+    return Calibration(
+        method="fine",
+        effects=with_values(start, every, first, p.platform.axis_names),
+        parameters=every,
+        covariance=covariance,
+        unobservable=_unobservable(solution, coarse),
+        residual=Residual(solution.chi2, solution.dof, {NORM: float(left)}),
+        outcome=joined([*faults_in_words(found.faults), *misfit]),
+        provenance=provenance(recording, p, found.fit, found.faults),
+        stages=(_stage(solution, x, float(left)),),
+    )
+
+
+def _iterate(p: Problem, wanted: tuple[Parameter, ...], x: Array, sigma: float) -> tuple[Array, Information]:
+    """Gauss-Newton on Eq. (16); directions that the norm does not see stay where they are."""
+    measured, weight = visit_means(p, p.force), np.bincount(p.visit, p.weight)
+    for _ in range(ROUNDS):
+        info = norm_rows(measured, weight, x, wanted, p.stimulus.gravity, sigma)
+        solution = solve(info)
+        x = x + solution.x
+        if np.all(np.abs(solution.x) < 1e-6 * solution.sigma):
+            break
+    return x, info
+
+
+def norm_rows(
+    measured: Array, weight: Array, x: Array, wanted: tuple[Parameter, ...], gravity: float, sigma: float
+) -> Information:
+    """Eq. (16) at estimates x: whitened rows, one per visit, about the increments of `wanted` (15,).
+
+    measured (m, 3) [m/s^2], weight (m,) samples behind each, sigma [m/s^2] of one sample.
+    """
+    scale, bias, K, beta = np.split(x, [3, 6, 9])
+    SF = 1 + scale
+    off = measured - bias
+    force = np.linalg.solve(mounting(beta), (SF * (off - K * off**2)).T).T  # Eq. (8)
+    variance = sigma**2 / weight
+    # white noise adds 3 sigma^2 / n to the squared norm on average: 4e-7 g^2 at 5e-3 m/s^2 a sample
+    z = (gravity**2 - ((force**2).sum(axis=-1) - 3 * variance)) / 2
+    u = SF * off  # Eq. (15)
+    products = [u[:, "xyz".index(i)] * u[:, "xyz".index(j)] for i, j in ("xy", "xz", "zy")]
+    H = np.column_stack([u**2, -u, -(u**3), *products])  # Eq. (16)
+    noise = gravity * np.sqrt(variance)
+    return information((H @ combinations(SF)) / noise[:, None], z / noise, wanted)
+
+
+def combinations(SF: Array) -> Array:
+    """The unknowns of Eq. (17) by the increments of scale factor, bias, nonlinearity and misalignment, (12, 15)."""
+    M = np.zeros((12, 15))
+    M[[0, 1, 2], [0, 1, 2]] = 1 / SF
+    M[[3, 4, 5], [3, 4, 5]] = SF
+    M[[6, 7, 8], [6, 7, 8]] = 1 / SF
+    for row, (plus, minus) in enumerate(PAIRS, start=9):
+        M[row, 9 + MISALIGNMENT_AXES.index(plus)] = 1
+        M[row, 9 + MISALIGNMENT_AXES.index(minus)] = -1
+    return M
+
+
+def mounting(beta: Array) -> Array:
+    """C_p^a (3, 3) of Eq. (5) from the six angles in the order of MISALIGNMENT_AXES [rad]."""
+    xy, xz, yz, yx, zx, zy = beta
+    return np.array([[1, xz, -xy], [-yz, 1, yx], [zy, -zx, 1]])
+
+
+def _combine(info: Information, solution: Solution, coarse: Calibration | None, every: tuple[Parameter, ...]) -> Array:
+    """Covariance (p, p): what the norm saw from here, what it did not see from the coarse stage."""
+    before = np.diag([q.sigma**2 for q in every])
+    if coarse is not None:
+        shared = [i for i, q in enumerate(every) if q in coarse.parameters]
+        theirs = [coarse.parameters.index(every[i]) for i in shared]
+        before[np.ix_(shared, shared)] = coarse.covariance[np.ix_(theirs, theirs)]
+    mine = [every.index(q) for q in solution.parameters]
+    scale = np.array([q.sigma for q in solution.parameters])
+    _, S, Vt = np.linalg.svd(info.rows[:, :-1], full_matrices=True)
+    null = Vt[np.concatenate([S, np.zeros(len(Vt) - len(S))]) < SEEN].T
+    unseen = null @ null.T
+    T = np.eye(len(every))
+    T[np.ix_(mine, mine)] = scale[:, None] * unseen / scale
+    total = T @ before @ T.T
+    total[np.ix_(mine, mine)] += solution.covariance - np.outer(scale, scale) * unseen
+    return np.asarray(total)
+
+
+def _unobservable(solution: Solution, coarse: Calibration | None) -> tuple[Mapping[str, Any], ...]:
+    keeps = "kept from the coarse stage" if coarse else "left at zero"
+    mine = [
+        {
+            "direction": u.direction,
+            "why": f"the norm of the force stays the same when {' and '.join(u.direction)} change together; {keeps}",
+        }
+        for u in solution.unseen
+    ]
+    return (*mine, *(coarse.unobservable if coarse else ()))
+
+
+def _stage(solution: Solution, x: Array, left: float) -> Stage:
+    """The twelve combinations that the norm determines, in full: what Eq. (17) adds up to."""
+    D = np.zeros((12, 15))
+    D[np.arange(9), np.arange(9)] = 1
+    for row, (plus, minus) in enumerate(PAIRS, start=9):
+        D[row, 9 + MISALIGNMENT_AXES.index(plus)] = 1
+        D[row, 9 + MISALIGNMENT_AXES.index(minus)] = -1
+    sigma = np.sqrt(np.diag(D @ solution.covariance @ D.T))
+    words = "norm of the force: twelve combinations, nonlinearity among them, whatever the gimbals did"
+    return Stage("fine", COMBINATIONS, D @ x, sigma, left, words)

@@ -1,0 +1,164 @@
+r"""Positions that were not held where the readouts say: found, named and left out, never averaged away.
+
+For each visit, how much would :math:`\chi^2` fall if its angles were free? With the whitened residual
+:math:`\rho = (I - Q Q^T) r` and the rows of its block d that a turn of the gimbals reaches,
+
+.. math:: D_d = \rho_d^T (I - Q_d Q_d^T)^{-1} \rho_d ,
+
+distributed as :math:`\chi^2_2` where nothing is wrong. A turn cannot change the size of the force, so a law of the
+accelerometers that bends at one position is not mistaken for a wrong angle. Two interchanged positions are recognised
+because each other's angles explain them: all pairs are tried. A suspect is believed only if the data fit without it,
+or nearly all of the misfit was its own; a misfit that many positions share is missing physics, and no position is
+blamed for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from gimbalcal.estimate.accelerometers.noise import RESIDUAL, fit_with_noise
+from gimbalcal.estimate.accelerometers.setting import (
+    Fit,
+    Noise,
+    Problem,
+    linearise,
+    model,
+    starting_values,
+    visit_means,
+    whiten,
+)
+from gimbalcal.inference.information import SEEN, Information
+from gimbalcal.number import Array, apply_matrix
+from gimbalcal.units import from_si
+
+SURPRISE = 1e-3  # probability, number of trials paid, below which chance is not believed
+REMAINS = 0.01  # share of the excess chi^2 that may remain where something else is wrong besides
+MOST = 2  # faults looked for: of more, one could not say which positions are the reference
+PAIRS = 40  # visits among which interchanged ones are looked for, worst first: keeps long recordings quick
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Visits that do not belong where they are said to be: one mis-set, or two interchanged."""
+
+    visits: tuple[int, ...]
+    positions: tuple[int, ...]
+    in_words: str
+
+
+def probability(chi2: float, dof: int) -> float:
+    """Probability that noise alone leaves at least this chi^2."""
+    from scipy.special import gammaincc  # the chi^2 tail, without the half second that scipy.stats takes to import
+
+    return float(gammaincc(dof / 2, chi2 / 2)) if dof > 0 else 1.0
+
+
+def acceptable(chi2: float, dof: int) -> bool:
+    """Whether chance alone may leave a chi^2 as large as this."""
+    return probability(chi2, dof) >= SURPRISE
+
+
+def fit_without_faults(
+    p: Problem, noise: Noise, start: Array | None = None, prior: Information | None = None
+) -> tuple[Problem, Fit, tuple[Fault, ...]]:
+    """The visits that can be trusted, their fit, and the faults found in the others."""
+    whole = fit_with_noise(p, noise, start, prior)
+    scaled = noise.setting_from == RESIDUAL  # an estimated setting error hides a fault from the test of the whole
+    if acceptable(whole.solution.chi2, whole.solution.dof) and not scaled:
+        return p, whole, ()
+    groups = _suspects(p, noise, scaled)
+    if not groups:
+        return p, whole, ()
+    rest = p.without([visit for group in groups for visit in group])
+    fit = fit_with_noise(rest, noise, None, prior)
+    if not (scaled or _believed(whole, fit)):
+        return p, whole, ()
+    return rest, fit, tuple(_fault(p, fit, group) for group in groups)
+
+
+def _believed(whole: Fit, fit: Fit) -> bool:
+    before, after = (f.solution.chi2 - f.solution.dof for f in (whole, fit))
+    return acceptable(fit.solution.chi2, fit.solution.dof) or after < REMAINS * before
+
+
+def _suspects(p: Problem, noise: Noise, scaled: bool) -> list[tuple[int, ...]]:
+    """Greedy search on the problem linearised at nominal parameters, which no fault has pulled away."""
+    w = whiten(linearise(p, starting_values(p, p.effects), np.zeros((p.visits, p.turns))), noise)
+    J = w.J * np.array([q.sigma for q in p.parameters])
+    measured = visit_means(p, p.force)
+    active, groups = np.arange(p.visits), []
+    for _ in range(MOST):
+        found = _worst(J[active], w.r[active], w.W[active], w.reached[active], measured[active], scaled)
+        if found is None:
+            break
+        groups.append(tuple(int(active[v]) for v in found))
+        active = np.delete(active, list(found))
+    return groups
+
+
+def _worst(J: Array, r: Array, W: Array, reached: Array, measured: Array, scaled: bool) -> tuple[int, ...] | None:
+    """The visit, or the pair of interchanged visits, whose fault explains the misfit best; None if none stands out."""
+    basis = _seen_basis(J)
+    dof = r.size - basis.shape[-1]
+    rest = r - basis @ np.einsum("mij,mi->j", basis, r)
+    chi2 = float((rest**2).sum())
+    if dof <= 3 or (acceptable(chi2, dof) and not scaled):
+        return None
+    falls = _falls(basis, rest, reached)
+    single = int(np.argmax(falls))
+    swapped, pair, pairs = _best_swap(basis, r, W, measured, np.sort(np.argsort(falls)[-PAIRS:]))
+    options = [(chi2 - float(falls[single]), dof - 2, len(r), (single,)), (swapped, dof, pairs, pair)]
+    left, free, trials, found = min(options, key=lambda option: option[0])
+    scale = max(left / free, 1e-300) if scaled else 1.0
+    return found if trials * probability((chi2 - left) / scale, 2 * len(found)) < SURPRISE else None
+
+
+def _seen_basis(J: Array) -> Array:
+    """Orthonormal basis (m, 3, rank) of what parameters can do, J (m, 3, p) whitened and prior-scaled."""
+    U, S, _ = np.linalg.svd(J.reshape(-1, J.shape[-1]), full_matrices=False)
+    return np.asarray(U[:, S >= SEEN].reshape(*J.shape[:2], -1))
+
+
+def _falls(basis: Array, rest: Array, reached: Array) -> Array:
+    """Fall of chi^2 (m,) if the angles of one visit were free (module docstring)."""
+    own = np.eye(3) - basis @ np.swapaxes(basis, -1, -2)
+    # rows that no turn reaches take no part: their own block is the identity, their residual zero
+    own = np.where(reached[:, :, None] & reached[:, None, :], own, np.eye(3))
+    values, vectors = np.linalg.eigh(own)
+    along = np.einsum("mij,mi->mj", vectors, np.where(reached, rest, 0.0))
+    # a visit that alone determines a parameter has no say about its own fault: its block is singular
+    return np.asarray((np.where(values > 1e-6, 1 / np.maximum(values, 1e-6), 0.0) * along**2).sum(axis=-1))
+
+
+def _best_swap(basis: Array, r: Array, W: Array, measured: Array, among: Array) -> tuple[float, tuple[int, int], int]:
+    """Lowest chi^2 when the readings of two visits change places, which two, and how many pairs were tried."""
+    pairs = np.array(list(combinations(among, 2)))
+    rows = np.repeat(r[None], len(pairs), axis=0)
+    which = np.arange(len(pairs))
+    for here, there in ((0, 1), (1, 0)):
+        i, j = pairs[:, here], pairs[:, there]
+        rows[which, i] += apply_matrix(W[i], measured[j] - measured[i])
+    explained = np.einsum("mij,qmi->qj", basis, rows)
+    chi2 = (rows**2).sum(axis=(1, 2)) - (explained**2).sum(axis=1)
+    best = int(np.argmin(chi2))
+    return float(chi2[best]), (int(pairs[best, 0]), int(pairs[best, 1])), len(pairs)
+
+
+def _fault(p: Problem, fit: Fit, visits: tuple[int, ...]) -> Fault:
+    names = tuple(int(p.positions[v]) for v in visits)
+    if len(visits) == 2:
+        words = f"positions {names[0]} and {names[1]} are interchanged: each reads what the angles of the other predict"
+        return Fault(visits, names, words)
+    rows = p.visit == visits[0]
+    ideal = model(p, fit.solution.x, np.zeros((p.visits, p.turns)))[rows].mean(axis=0)
+    measured = p.force[rows].mean(axis=0)
+    cross = np.linalg.norm(np.cross(measured, ideal))
+    angle = from_si(float(np.arctan2(cross, measured @ ideal)), "arcsec")
+    size = from_si(float(np.linalg.norm(measured) - np.linalg.norm(ideal)), "ug")
+    off = f"{angle:.3g} arcsec off the direction" if angle < 3600 else f"{angle / 3600:.3g} deg off the direction"
+    repeated = f" (visit {visits[0] + 1})" if np.sum(p.positions == names[0]) > 1 else ""
+    words = f"position {names[0]}{repeated} is mis-set: its force is {off} and {size:+.3g} ug off the size predicted"
+    return Fault(visits, names, words)

@@ -1,0 +1,300 @@
+r"""Accelerometers from rest in many positions, no angles needed: the norm of the force is gravity at any attitude.
+
+Wang et al. (2019), section 4.1, with the effects of the catalogue instead of one polynomial: every dwell has an
+attitude of its own that is not known, and what the three readings of a dwell say beyond that attitude is one number,
+the misfit of the norm. Direction: physics to reading, as everywhere in `effects`; `wang2019.pulses` is the other one.
+
+Terms beyond bias, scale factor and misalignment are taken up one at a time, and only while the positions support them:
+a coefficient must stand clear of its sigma (`support`), and positions left out must be predicted no worse.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration, Residual, Stage
+from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
+from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.accelerometers.account import noise_record
+from gimbalcal.estimate.accelerometers.noise import ATTITUDE, HEADER, SAMPLES
+from gimbalcal.estimate.accelerometers.setting import FORCE, Fit, Noise, Problem, gauss_newton, problem
+from gimbalcal.estimate.support import coefficients, needed, refusal, scatter
+from gimbalcal.number import Array
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.units import is_raw
+from gimbalcal.wang2019.fit import ellipsoid
+
+LINEAR = ("scale_factor", "bias", "misalignment")
+UNSTEADY = 10.0  # times the white noise of a mean: what the wandering of a low-cost bias adds between positions
+WIDE = 100.0  # times the prior scale of a navigation platform: low-cost units reach 50 mg, 5 % and 3 deg
+TERMS = (*LINEAR, "scale_nonlinearity", "cubic_nonlinearity")
+# x of the orthogonal frame lies along the first input axis, y in the plane of the first two: Eq. (5)
+TRIANGLE = ("yz", "zy", "zx")
+
+
+@dataclass(frozen=True, eq=False)
+class NormFit:
+    """A fit with what says whether to trust it: condition number (columns of length one), leave-one-out rms [m/s^2]."""
+
+    fit: Fit
+    problem: Problem
+    excess: float  # m/s^2 scatter of the positions beyond the noise of their means
+    condition: float
+    left_out: float
+
+    @property
+    def misfit(self) -> Array:
+        """Misfit of the norm of each position (m,) [m/s^2]."""
+        return np.asarray(_rows(self)[1] * self.sigma)
+
+    @property
+    def sigma(self) -> Array:
+        """Noise of the norm of each position (m,) [m/s^2]."""
+        return np.asarray(self.fit.noise.accelerometer / np.sqrt(self.problem.weight))
+
+
+def multiposition(recording: Recording, terms: Sequence[str] = ()) -> Calibration:
+    """Calibrate an accelerometer triad from rest positions of unknown attitude.
+
+    terms: ids of effects that act on the force along an axis (default bias, scale_factor, misalignment,
+    scale_nonlinearity, cubic_nonlinearity). Those that the positions do not support are declined with a sentence in
+    `unobservable`. Raises InputError for an effect that needs angles, for too few positions, or for no gravity.
+    """
+    wanted = tuple(dict.fromkeys(terms)) or TERMS
+    _check(wanted)
+    means = dwell_means(recording)
+    means, nominal = in_si(means)
+    base = tuple(t for t in wanted if t in LINEAR) or ("bias",)
+    best = norm_fit(means, base)
+    tried, declined = [(base, best)], []
+    for term in (t for t in wanted if t not in base):
+        candidate = _attempt(means, (*tried[-1][0], term))
+        why = _refusal(term, best, candidate, coefficients(wanted) - coefficients(base))
+        if why:
+            declined.append((term, why))
+        else:
+            assert candidate is not None
+            best = candidate
+            tried.append(((*tried[-1][0], term), candidate))
+    return _calibration(recording, best, tried, declined, nominal)
+
+
+def _check(terms: Sequence[str]) -> None:
+    for term in terms:
+        cls = CATALOGUE.get(term)
+        allowed = [i for i, c in CATALOGUE.items() if _without_angles(c)]
+        if cls is None or not _without_angles(cls):
+            raise InputError(
+                f"--terms names {term!r}, which is not an effect that rest positions without angles can show; "
+                f"choose from {', '.join(allowed)}"
+            )
+
+
+def _without_angles(cls: Any) -> bool:
+    return cls.stage.name in ("INPUT_AXIS", "SCALE", "ACCELEROMETER") and cls.channel == FORCE
+
+
+def unknowns(terms: Sequence[str]) -> tuple[Parameter, ...]:
+    """Parameters of the terms; of the six misalignments the three that the norm can see."""
+    found = [p for t in terms for p in parameters(CATALOGUE[t])]
+    kept = (p for p in found if p.effect != "misalignment" or p.axis in TRIANGLE)
+    return tuple(replace(p, sigma=WIDE * p.sigma) for p in kept)
+
+
+def norm_fit(means: Recording, terms: Sequence[str]) -> NormFit:
+    """Fit the terms to one row per dwell in SI. The scatter beyond the noise of the means is estimated with it."""
+    wanted = unknowns(terms)
+    y, g = means.triad(FORCE), means.site.gravity
+    if len(y) < len(wanted):
+        raise InputError(
+            f"{means.title!r} holds {amount(len(y), 'rest position')} for "
+            f"{amount(len(wanted), 'parameter')} ({', '.join(terms)}): hold more positions or name fewer --terms"
+        )
+    bench = replace(means, platform=BENCH, channels={k: v for k, v in means.channels.items() if k[0] != "gimbal_angle"})
+    p = problem(bench, wanted)
+    towards = y / np.linalg.norm(y, axis=1, keepdims=True)
+    p = replace(p, stimulus=p.stimulus.at(force=g * towards))
+    sample = means.sigma("accelerometer") or 1e-6 * g  # no scatter known: far below any rig, the excess takes over
+    source = HEADER if "accelerometer" in means.noise else SAMPLES
+    return _with_excess(p, Noise(sample, np.inf, source, ATTITUDE), _start(y, wanted, g))
+
+
+def _start(y: Array, wanted: Sequence[Parameter], g: float) -> Array:
+    """Linear start [SI] from the ellipsoid through the readings y (m, 3), turned to the direction of the effects."""
+    found = ellipsoid(y[None] / g)[0] if len(y) >= 9 else np.full(9, np.nan)
+    if not np.isfinite(found).all():
+        return np.zeros(len(wanted))
+    K1, bias, (yx, zx, zy) = found[:3], found[3:6], found[6:]
+    start = {("scale_factor", i): K1[i] - 1 for i in range(3)} | {("bias", i): -g * bias[i] / K1[i] for i in range(3)}
+    inverse = {"yz": yx, "zy": -(zx - zy * yx), "zx": zy}  # the inverse of Eq. (5), in the betas of Wu et al.'s Eq. (5)
+    return np.array(
+        [inverse[q.axis] if q.effect == "misalignment" else start.get((q.effect, q.index), 0.0) for q in wanted]
+    )
+
+
+def _with_excess(p: Problem, noise: Noise, start: Array) -> NormFit:
+    """Fit, and let positions scatter by `excess` beyond their noise so that chi^2 equals its degrees of freedom."""
+    count, excess = p.weight, 0.0
+    for _ in range(8):
+        weight = noise.accelerometer**2 / (noise.accelerometer**2 / count + excess**2)
+        fit = gauss_newton(replace(p, weight=weight), noise, start)
+        dof = fit.solution.dof
+        chi2, new = fit.solution.chi2, excess
+        if dof > 0 and (excess > 0 or chi2 > dof + 3 * np.sqrt(2 * dof)):
+            r = _misfit_si(fit, weight)
+            new = scatter(r, noise.accelerometer**2 / count, dof)
+        if abs(new - excess) <= 1e-3 * excess:
+            break
+        excess, start = new, fit.solution.x
+    made = NormFit(fit, replace(p, weight=weight), excess, 0.0, 0.0)
+    J, r = _rows(made)
+    size = np.sqrt((J**2).sum(0))
+    J = J / np.where(size > 0, size, 1.0)
+    Q = np.linalg.qr(J)[0]
+    slack = 1 - (Q**2).sum(1)  # exact for a linear model: the misfit of a position that took no part
+    left = r / np.where(slack > 1e-9, slack, np.nan) * made.sigma if len(r) > J.shape[1] else np.full(len(r), np.nan)
+    return replace(made, condition=float(np.linalg.cond(J)), left_out=float(np.sqrt(np.mean(left**2))))
+
+
+def _misfit_si(fit: Fit, weight: Array) -> Array:
+    rows = fit.whitened.r - (fit.whitened.J @ fit.solution.x)
+    kept = np.isfinite(fit.whitened.sigma)
+    return np.asarray((np.where(kept, rows, 0.0)).sum(1) * fit.noise.accelerometer / np.sqrt(weight))
+
+
+def _rows(made: NormFit) -> tuple[Array, Array]:
+    """The one row of each position that a free attitude leaves: whitened Jacobian (m, p) and misfit (m,)."""
+    w = made.fit.whitened
+    kept = np.isfinite(w.sigma)[..., None]
+    J = np.where(kept, w.J, 0.0).sum(1)
+    r = np.where(kept[..., 0], w.r, 0.0).sum(1)
+    return J, r - J @ made.fit.solution.x
+
+
+def _attempt(means: Recording, terms: Sequence[str]) -> NormFit | None:
+    try:
+        return norm_fit(means, terms)
+    except InputError:
+        return None
+
+
+def _refusal(term: str, without: NormFit, candidate: NormFit | None, tried: int) -> str:
+    """Why the positions do not support a term, of `tried` coefficients in all; empty where they do."""
+    positions = len(without.problem.force)
+    if candidate is None:
+        return f"{term} is left out: {positions} positions are fewer than the parameters it would make"
+    solution = candidate.fit.solution
+    return refusal(
+        term, f"{positions} positions", solution.parameters, solution.x, solution.sigma,
+        (without.left_out, candidate.left_out), "m/s^2", (without.condition, candidate.condition),
+        needed(tried, solution.dof if candidate.excess > 0 else np.inf),
+    )  # fmt: skip
+
+
+def in_si(means: Recording) -> tuple[Recording, dict[str, list[float]]]:
+    """Readings in counts or pulses become m/s^2 by the ellipsoid's scale and offset, which are kept as nominal."""
+    units = [means.units.get((FORCE, a), "m/s^2") for a in "xyz"]
+    if not any(is_raw(u) for u in units):
+        return means, {}
+    N = means.triad(FORCE)
+    spread = (N.max(0) - N.min(0)).mean() / 2
+    middle = (N.max(0) + N.min(0)) / 2
+    found = ellipsoid(((N - middle) / spread)[None])[0] if len(N) >= 9 else np.full(9, np.nan)
+    if not np.isfinite(found).all():
+        raise InputError(
+            f"{means.title!r} reads in {units[0]} and {amount(len(N), 'rest position')} cannot fix its scale: hold at "
+            "least nine that turn every axis up and down, or give the columns in m/s^2"
+        )
+    scale = found[:3] * means.site.gravity / spread
+    offset = middle - found[3:6] / found[:3] * spread
+    channels = dict(means.channels)
+    for i, a in enumerate("xyz"):
+        channels[FORCE, a] = scale[i] * (N[:, i] - offset[i])
+    noise, scatter = dict(means.noise), dict(means.scatter)
+    for i, a in enumerate("xyz"):
+        if (FORCE, a) in scatter:
+            scatter[FORCE, a] = scatter[FORCE, a] * float(scale[i])
+    if "accelerometer" in noise:
+        noise["accelerometer"] = noise["accelerometer"] * float(scale.mean())
+    made = replace(means, channels=channels, noise=noise, scatter=scatter)
+    return made, {"scale": scale.tolist(), "offset": offset.tolist()}
+
+
+def _calibration(
+    recording: Recording,
+    best: NormFit,
+    tried: Sequence[tuple[tuple[str, ...], NormFit]],
+    declined: Sequence[tuple[str, str]],
+    nominal: Mapping[str, Any],
+) -> Calibration:
+    from gimbalcal import __version__
+
+    solution = best.fit.solution
+    unseen: list[dict[str, Any]] = [{"direction": u.direction, "why": u.why} for u in solution.unseen]
+    if any(q.effect == "misalignment" for q in solution.parameters):
+        unseen += _rotations()
+    unseen += [{"direction": {q.label: 1.0 for q in unknowns([t])}, "why": why} for t, why in declined]
+    options = {
+        "gravity": recording.site.gravity,
+        "direction": "physics to reading",
+        "excess_scatter": best.excess,
+        "condition": best.condition,
+        "leave_one_out_rms": best.left_out if np.isfinite(best.left_out) else None,
+        "declined": dict(declined),
+    }
+    if nominal:
+        options["nominal"] = dict(nominal)
+    return Calibration(
+        method="multiposition",
+        effects=with_values((), solution.parameters, solution.x),
+        parameters=solution.parameters,
+        covariance=solution.covariance,
+        unobservable=tuple(unseen),
+        residual=Residual(solution.chi2, solution.dof, {FORCE: float(np.sqrt(np.mean(best.misfit**2)))}),
+        outcome=_outcome(recording, best),
+        provenance={"recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source],
+                    "version": __version__, "noise": noise_record(best.fit.noise), "options": options},
+        stages=tuple(_stage(terms, made) for terms, made in tried),
+    )  # fmt: skip
+
+
+def _rotations() -> list[dict[str, Any]]:
+    pairs = (("yx", "zx", "x"), ("xy", "zy", "y"), ("xz", "yz", "z"))
+    return [
+        {
+            "direction": {f"misalignment:{a}": 1.0, f"misalignment:{b}": 1.0},
+            "why": f"turning all three input axes about {axis} changes no norm; convention: x of the frame lies along "
+            "the first input axis and y in the plane of the first two (xy, xz and yx are zero)",
+        }
+        for a, b, axis in pairs
+    ]
+
+
+def _outcome(recording: Recording, best: NormFit) -> str:
+    if best.fit.steps == 0:
+        return "the fit did not settle: the positions do not determine these terms together"
+    own = best.fit.noise.accelerometer / np.sqrt(float(np.median(dwell_means(recording).weight)))
+    if "accelerometer" not in recording.noise or best.excess <= UNSTEADY * own:
+        return ""
+    return (
+        f"the positions scatter by {best.excess:.2g} m/s^2 about the model, which the stated noise does not explain "
+        f"({own:.2g} m/s^2 for the mean of a position); all sigma are scaled to that scatter"
+    )
+
+
+def _stage(terms: Sequence[str], made: NormFit) -> Stage:
+    solution = made.fit.solution
+    left = f", {made.left_out:.2g} m/s^2 for a position left out" if np.isfinite(made.left_out) else ""
+    return Stage(
+        name=" + ".join(terms),
+        labels=tuple(q.label for q in solution.parameters),
+        values=solution.x,
+        sigmas=solution.sigma,
+        rms=float(np.sqrt(np.mean(made.misfit**2))),
+        in_words=f"norm of gravity at {len(made.problem.force)} positions; condition number {made.condition:.0f}{left}",
+    )

@@ -1,0 +1,102 @@
+r"""Noise of a multi-position recording: from its header, else from its samples, else from what a fit leaves.
+
+The noise of a sample shows inside the dwells. The setting error of the gimbals shows only between them; where the
+header does not state it, it is the value that maximises the likelihood of the residual with the calibration parameters
+integrated out (REML),
+
+.. math:: -2 \ln L = \sum \ln \sigma_i^2 + \ln |J^T W J| + \chi^2 .
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gimbalcal.earth import G0
+from gimbalcal.estimate.accelerometers.setting import Fit, Linear, Noise, Problem, gauss_newton, whiten
+from gimbalcal.inference.information import Information
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording, dwells
+
+SETTING = np.deg2rad(1 / 3600)  # rad, start of the search: what a good gimbal repeats to
+SAMPLE = 1e-5 * G0  # m/s^2, start of the search
+HEADER, SAMPLES, RESIDUAL, ATTITUDE = "header", "samples", "residual", "attitude unknown"
+
+
+def stated_noise(recording: Recording) -> Noise:
+    """Noise as header and samples tell it; what neither tells is marked "residual" and a first guess."""
+    force = recording.noise.get("accelerometer")
+    source = HEADER
+    if force is None:
+        force, source = recording.sigma("accelerometer") or inside_dwells(recording), SAMPLES
+    if not recording.platform.axes:
+        return Noise(force or SAMPLE, np.inf, source if force else RESIDUAL, ATTITUDE)
+    setting = recording.noise.get("gimbal_angle")
+    return Noise(
+        force or SAMPLE,
+        SETTING if setting is None else setting,
+        source if force else RESIDUAL,
+        RESIDUAL if setting is None else HEADER,
+    )
+
+
+def inside_dwells(recording: Recording) -> float | None:
+    """One sigma of a raw sample from the scatter about the dwell means, three axes pooled; None for one row a dwell."""
+    squares, free = 0.0, 0
+    force = recording.triad("specific_force")
+    for d in dwells(recording):
+        w = recording.weight[d.rows][:, None]
+        f = force[d.rows]
+        squares += float((w * (f - np.average(f, axis=0, weights=w[:, 0])) ** 2).sum())
+        free += 3 * (len(f) - 1)
+    return float(np.sqrt(squares / free)) if free and squares > 0 else None
+
+
+def fit_with_noise(p: Problem, noise: Noise, start: Array | None = None, prior: Information | None = None) -> Fit:
+    """Fit, with what the noise does not state estimated from the residual (two rounds: the linearisation moves)."""
+    fit = gauss_newton(p, noise, start, prior)
+    if RESIDUAL in (noise.accelerometer_from, noise.setting_from):
+        for _ in range(2):
+            fit = gauss_newton(p, residual_noise(p, fit), fit.solution.x, prior)
+            if not fit.steps:
+                break
+    return fit
+
+
+def residual_noise(p: Problem, fit: Fit) -> Noise:
+    """The noise that makes the residual of a fit most likely, over what header and samples left open."""
+    from scipy.optimize import minimize
+
+    scale = np.array([q.sigma for q in p.parameters])
+    opened = [
+        name
+        for name, source in (("accelerometer", fit.noise.accelerometer_from), ("setting", fit.noise.setting_from))
+        if source == RESIDUAL
+    ]
+    start = np.log([getattr(fit.noise, name) for name in opened])
+
+    def cost(logs: Array) -> float:
+        return deviance(fit.linear, _with(fit.noise, opened, logs), scale)
+
+    # two starts: the likelihood has a second, flat mode where all is put down to the other noise
+    found = [minimize(cost, start + shift, method="Nelder-Mead", options={"xatol": 1e-3}) for shift in (0.0, 4.0)]
+    return _with(fit.noise, opened, min(found, key=lambda result: float(result.fun)).x)
+
+
+def _with(noise: Noise, names: list[str], logs: Array) -> Noise:
+    # 1e-12 to 1: an angle or a force beyond these is no noise; keeps the search inside the range of floats
+    return replace(noise, **dict(zip(names, np.exp(np.clip(logs, -28, 0)).tolist(), strict=True)))
+
+
+def deviance(linear: Linear, noise: Noise, scale: Array) -> float:
+    """-2 ln of the restricted likelihood, parameters under a prior of `scale` (p,), up to a constant."""
+    w = whiten(linear, noise)
+    rows = np.concatenate([w.J.reshape(-1, scale.size), w.J_inside.reshape(-1, scale.size)]) * scale
+    r = np.concatenate([w.r.ravel(), w.r_inside.ravel(), np.zeros(scale.size)])
+    R = np.linalg.qr(np.column_stack([np.concatenate([rows, np.eye(scale.size)]), r]), mode="r")
+    diagonal = np.abs(np.diag(R))
+    sigma = w.sigma[np.isfinite(w.sigma)]
+    inside = w.r_inside.size - (3 * len(w.r) if w.r_inside.size else 0)
+    spread = np.log(sigma).sum() + inside * np.log(noise.accelerometer)
+    return float(2 * spread + 2 * np.log(diagonal[:-1]).sum() + diagonal[-1] ** 2)

@@ -1,0 +1,265 @@
+r"""Least squares on dwells: white noise of the samples, and a setting error of the gimbals at every visit.
+
+.. math:: y_d = h(x, \theta_d + e_d) + n_d, \qquad e_d \sim N(0, \sigma_\theta^2 I), \qquad
+          n_d \sim N(0, \sigma_a^2 / n \, I)
+
+The setting errors e_d are unknowns of their own with that prior, and are eliminated visit by visit: with
+G_d = dh/de_d = U diag(s) V^T the rows U^T / sqrt(sigma_a^2 / n + sigma_theta^2 s^2) have unit noise, which is the
+Schur complement of e_d without squaring anything. sigma_theta = 0 is the fit to exact angles; sigma_theta = infinity
+drops the directions that a turn can reach and leaves the norm of the force, so one code covers good angles, poor ones
+and none. Without gimbals e_d is a turn of the force itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, values, with_values
+from gimbalcal.forward import jacobian, predict
+from gimbalcal.inference.information import Information, Solution, information, solve
+from gimbalcal.kinematics import stimulus
+from gimbalcal.number import STEP, Array, apply_matrix, tilt_rotation
+from gimbalcal.platform import Platform
+from gimbalcal.recording import Recording, dwell_means
+
+BASELINE = ("scale_factor", "bias", "scale_nonlinearity", "misalignment", "gimbal_zero")
+FORCE = "specific_force"
+TURN = 1e-9  # relative singular value of dh/de below which a turn does not reach a direction; rounding leaves 1e-16
+ROUNDS = 30  # Gauss-Newton steps; 1 arcsec takes 3, 3 degrees 5
+AIMS = 2  # the second leaves 10 arcsec of 6 degrees
+POOR = 1e-3  # rad; below, the square of a setting error is less than 1 ug
+FAR = 1e3  # prior sigmas beyond which the linearisation means nothing: 0.5 g of bias, 50 % of scale, 33 deg
+
+
+@dataclass(frozen=True)
+class Noise:
+    """One sigma of a raw accelerometer sample [m/s^2] and of a gimbal setting [rad], and where each is from."""
+
+    accelerometer: float
+    setting: float
+    accelerometer_from: str = "header"
+    setting_from: str = "header"
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is fitted: readings `force` (n, 3), `weight` (n,) raw samples each, `visit` (n,) = 0 ... m-1 of each row."""
+
+    platform: Platform
+    stimulus: Stimulus
+    force: Array
+    weight: Array
+    visit: Array
+    positions: Array  # (m,) name of the position of each visit
+    effects: tuple[Effect, ...]
+    parameters: tuple[Parameter, ...]
+
+    @property
+    def visits(self) -> int:
+        """Number of visits m."""
+        return len(self.positions)
+
+    @property
+    def turns(self) -> int:
+        """Number k of setting errors of a visit: one per gimbal, or three for a unit without gimbals."""
+        return len(self.platform.axes) or 3
+
+    def without(self, visits: Sequence[int]) -> Problem:
+        """The problem with some visits left out."""
+        keep = ~np.isin(np.arange(self.visits), visits)
+        rows = keep[self.visit]
+        return replace(
+            self,
+            stimulus=select(self.stimulus, rows),
+            force=self.force[rows],
+            weight=self.weight[rows],
+            visit=(np.cumsum(keep) - 1)[self.visit[rows]],
+            positions=self.positions[keep],
+        )
+
+
+def select(s: Stimulus, rows: Array) -> Stimulus:
+    """The stimulus at some rows only."""
+    n = len(s.time)
+    cut = {k: v[rows] for k, v in vars(s).items() if isinstance(v, np.ndarray) and v.ndim and len(v) == n}
+    return s.at(**cut, covariates={k: v[rows] for k, v in s.covariates.items()})
+
+
+def baseline(platform: Platform, effects: Sequence[str] = BASELINE) -> tuple[Parameter, ...]:
+    """Parameters of the named effects. A gimbal next to a level base that turns about the vertical is left out."""
+    wanted = [p for name in effects for p in parameters(CATALOGUE[name], platform.axis_names)]
+    vertical = [a.name for a in platform.axes[-1:] if a.direction == "z"]
+    return tuple(p for p in wanted if not (p.effect == "gimbal_zero" and p.axis in vertical))
+
+
+def problem(
+    recording: Recording,
+    wanted: Sequence[Parameter] | None = None,
+    effects: Sequence[Effect] = (),
+    averaged: bool = True,
+) -> Problem:
+    """The fit of a recording: of one mean per dwell, or of every row where what happens inside a dwell matters."""
+    rows = dwell_means(recording) if averaged else _at_rest(recording)
+    s = stimulus(rows)
+    first = np.flatnonzero(np.diff(s.visit, prepend=-1))
+    return Problem(
+        platform=rows.platform,
+        stimulus=s,
+        force=rows.triad(FORCE),
+        weight=np.asarray(rows.weight, dtype=float),
+        visit=s.visit,
+        positions=np.asarray(s.position)[first],
+        effects=tuple(effects),
+        parameters=tuple(wanted if wanted is not None else baseline(rows.platform)),
+    )
+
+
+def _at_rest(recording: Recording) -> Recording:
+    return recording if recording.position is None else recording.select(recording.position > 0)
+
+
+def set_off(p: Problem, e: Array) -> Stimulus:
+    """The stimulus when the gimbals stand off their readouts by e (m, k) [rad]."""
+    s, turn = p.stimulus, e[p.visit]
+    if p.platform.axes:
+        return s.at(readout=s.readout + turn, angle=s.readout + turn)
+    return s.at(force=apply_matrix(tilt_rotation(turn), s.force))
+
+
+def model(p: Problem, x: Array, e: Array) -> Array:
+    """Readings (n, 3) [m/s^2] that parameters x (p,) and setting errors e (m, k) predict."""
+    effects = with_values(p.effects, p.parameters, x, p.platform.axis_names)
+    return predict(p.platform, set_off(p, e), effects)[FORCE]
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """The problem linearised at (x, e), by visit: y - h + G e + J x = r; inside each dwell the deviations from it."""
+
+    J: Array  # (m, 3, p)
+    r: Array  # (m, 3)
+    G: Array  # (m, 3, k)
+    weight: Array  # (m,)
+    J_inside: Array  # (n, 3, p) times sqrt(weight), empty for means
+    r_inside: Array  # (n, 3)
+
+
+def linearise(p: Problem, x: Array, e: Array) -> Linear:
+    """Exact derivatives by complex step at parameters x and setting errors e."""
+    effects = with_values(p.effects, p.parameters, x, p.platform.axis_names)
+    J = jacobian(p.platform, set_off(p, e), effects, p.parameters)[FORCE]
+    G = by_turns(p, x, e)
+    r = p.force - model(p, x, e) + (J @ x) + apply_matrix(G, e[p.visit])
+    if len(p.force) == p.visits:
+        return Linear(J, r, G, p.weight, J[:0], r[:0])
+    weight = np.bincount(p.visit, p.weight)
+    J_mean, r_mean, G_mean = (visit_means(p, a) for a in (J, r, G))
+    root = np.sqrt(p.weight)
+    inside = (root[:, None, None] * (J - J_mean[p.visit]), root[:, None] * (r - r_mean[p.visit]))
+    return Linear(J_mean, r_mean, G_mean, weight, *inside)
+
+
+def by_turns(p: Problem, x: Array, e: Array) -> Array:
+    """Derivative of the readings by the setting errors of their own visit (n, 3, k), exact by complex step."""
+    return np.stack([model(p, x, e + 1j * STEP * one).imag / STEP for one in np.eye(p.turns)], axis=-1)
+
+
+def aim(p: Problem, x: Array, noise: Noise) -> Array:
+    """Setting errors (m, k) that x alone would call for, so that poor angles do not throw the first step off."""
+    e = np.zeros((p.visits, p.turns))
+    for _ in range(AIMS if noise.setting > POOR else 0):
+        G = by_turns(p, x, e)
+        r = visit_means(p, p.force - model(p, x, e) + apply_matrix(G, e[p.visit]))
+        G, weight = visit_means(p, G), np.bincount(p.visit, p.weight)
+        e = apply_matrix(whiten(Linear(G[..., :0], r, G, weight, G[:0, :, :0], r[:0]), noise).gain, r)
+    return e
+
+
+def visit_means(p: Problem, a: Array) -> Array:
+    """Weighted means over the rows of each visit: (n, ...) to (m, ...)."""
+    total = np.zeros((p.visits, *a.shape[1:]))
+    np.add.at(total, p.visit, a * p.weight.reshape(-1, *[1] * (a.ndim - 1)))
+    return np.asarray(total / np.bincount(p.visit, p.weight).reshape(-1, *[1] * (a.ndim - 1)))
+
+
+@dataclass(frozen=True, eq=False)
+class Whitened:
+    """Rows of unit noise by visit, and what turns a misfit into setting errors."""
+
+    W: Array  # (m, 3, 3)
+    J: Array  # (m, 3, p) = W J
+    r: Array  # (m, 3) = W r
+    reached: Array  # (m, 3) whether a turn reaches the direction of the row
+    gain: Array  # (m, k, 3): e = gain (r - J x) of the linear problem
+    sigma: Array  # (m, 3) of the rows before whitening; inf where a free turn takes them away
+    J_inside: Array  # (n, 3, p)
+    r_inside: Array  # (n, 3)
+
+    def information(self, wanted: Sequence[Parameter]) -> Information:
+        """All rows as information. Deviations inside a dwell of n rows hold n - 1 independent ones."""
+        P = len(wanted)
+        J = np.concatenate([self.J.reshape(-1, P), self.J_inside.reshape(-1, P)])
+        r = np.concatenate([self.r.ravel(), self.r_inside.ravel()])
+        free = self.r_inside.size - (3 * len(self.r) if self.r_inside.size else 0)
+        return replace(information(J, r, wanted), count=int(np.isfinite(self.sigma).sum()) + free)
+
+
+def whiten(linear: Linear, noise: Noise) -> Whitened:
+    """Scale to unit noise with the setting errors eliminated (module docstring)."""
+    U, s, Vt = np.linalg.svd(linear.G, full_matrices=True)
+    k = s.shape[-1]
+    s = np.where(s > TURN * max(s.max(initial=0.0), 1e-300), s, 0.0)
+    white = (noise.accelerometer**2 / linear.weight)[:, None]
+    # 0 * inf: a direction that no turn reaches keeps the white noise alone
+    spread = np.where(s > 0, noise.setting**2 * np.where(s > 0, s, 1.0) ** 2, 0.0)
+    variance = np.concatenate([white + spread, np.broadcast_to(white, (len(s), 3 - k))], axis=1)
+    W = np.swapaxes(U, -1, -2) / np.sqrt(variance)[..., None]
+    divisor = np.where(s > 0, s, 1.0)
+    share = np.where(s > 0, 1 / (divisor + white / (noise.setting**2 or 1e-300) / divisor), 0.0)
+    reached = np.concatenate([s > 0, np.zeros((len(s), 3 - k), dtype=bool)], axis=1)
+    gain = np.swapaxes(Vt[:, :k], -1, -2) @ (share[..., None] * np.swapaxes(U, -1, -2)[:, :k])
+    return Whitened(
+        W, W @ linear.J, apply_matrix(W, linear.r), reached, gain, np.sqrt(variance),
+        linear.J_inside / noise.accelerometer, linear.r_inside / noise.accelerometer,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A converged fit: its solution, the setting errors (m, k) [rad] and the last linearisation."""
+
+    solution: Solution
+    setting: Array
+    linear: Linear
+    whitened: Whitened
+    noise: Noise
+    steps: int  # 0 where it did not converge
+
+
+def gauss_newton(p: Problem, noise: Noise, start: Array | None = None, prior: Information | None = None) -> Fit:
+    """Iterate the whitened linear solution until a step is below 1e-3 of the noise; give up where it runs away."""
+    far = FAR * np.array([q.sigma for q in p.parameters])
+    x = np.zeros(len(p.parameters)) if start is None or np.any(np.abs(start) > far) else start
+    e = aim(p, x, noise)
+    for step in range(1, ROUNDS + 1):
+        linear = linearise(p, x, e)
+        w = whiten(linear, noise)
+        info = w.information(p.parameters)
+        solution = solve(info if prior is None else info + prior)
+        e_new = apply_matrix(w.gain, linear.r - linear.J @ solution.x)
+        moved_x, moved_e = np.abs(solution.x - x), np.abs(apply_matrix(linear.G, e_new - e))
+        x, e = solution.x, e_new
+        quiet = noise.accelerometer / np.sqrt(linear.weight)[:, None]
+        if np.all(moved_x <= 1e-3 * solution.sigma) and np.all(moved_e <= 1e-2 * quiet):
+            return Fit(solution, e, linear, w, noise, step)
+        if np.any(np.abs(x) > far):
+            break
+    return Fit(solution, e, linear, w, noise, 0)
+
+
+def starting_values(p: Problem, effects: Sequence[Effect]) -> Array:
+    """Values (p,) of the problem's parameters in `effects`, zero where absent."""
+    return np.asarray(values(effects, p.parameters), dtype=float)

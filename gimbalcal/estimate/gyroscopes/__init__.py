@@ -1,0 +1,1 @@
+"""Gyroscopes from rests, from the turns between them, and from whole revolutions."""

@@ -1,0 +1,270 @@
+r"""Gyroscopes from turns between rest poses, with the direction of gravity as the only reference.
+
+A unit in the hand, no table: the calibrated accelerometers say where down is before and after each turn, the
+gyroscopes what happened between,
+
+.. math:: \hat f_{i+1} = \prod_k \exp(-[\omega_k \Delta t \times]) \, \hat f_i, \qquad y = h(\omega)
+
+(Tedaldi et al. 2014). Direction: physics to reading; the rates are solved from the readings for any effects of the
+gyroscope stage, and derivatives are exact. The frame is that of the accelerometers, so the six misalignments hold the
+rotation between the triads too. The Earth's rate is left out: 15 deg/h, below what a hand-turned unit can see.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration, Residual, Stage
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
+from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.gyroscopes.inter_triad import euler
+from gimbalcal.estimate.gyroscopes.rests import BIAS, G_SENSITIVITY, RestFit, level_of, rests
+from gimbalcal.estimate.gyroscopes.turns import Turned, cross_matrix, end_of, left_jacobian, turns
+from gimbalcal.estimate.support import coefficients, needed, refusal
+from gimbalcal.forward import gyroscopes
+from gimbalcal.number import STEP, Array
+from gimbalcal.recording import Recording
+from gimbalcal.units import from_si
+
+LINEAR = ("gyro_scale_factor", "gyro_misalignment")
+FURTHER = ("gyro_scale_nonlinearity", "gyro_scale_asymmetry", "gyro_scale_temperature", G_SENSITIVITY)
+ENDURING = 1e-9  # smallest relative singular value of the columns: below, the turns say nothing of a combination
+
+
+def gyroscopes_between_rests(
+    recording: Recording, accelerometers: Calibration, terms: Sequence[str] = ()
+) -> Calibration:
+    """Calibrate gyroscopes against accelerometers from a recording of rests with turns between them.
+
+    terms: gyroscope effects beside the bias (default: scale factor, misalignment, and of scale nonlinearity,
+    asymmetry, temperature and g-sensitivity what the recording supports); those that it does not are declined with a
+    sentence, and one that is not there is taken up once in 200 calibrations (`support`). The g-sensitivity comes from
+    the rests. Raises InputError where there are too few turns or no rates.
+    """
+    wanted = tuple(dict.fromkeys(terms)) or _default(recording)
+    _check(wanted, recording)
+    turned, _, scale = turns(recording, accelerometers)
+    moving = tuple(t for t in wanted if t != G_SENSITIVITY)
+    base = tuple(t for t in moving if t in LINEAR) or moving[:1]
+    tried = coefficients([t for t in wanted if t not in base])
+    level, why = level_of(rests(recording, accelerometers, scale), recording.site.latitude, recording.site.gravity,
+                          G_SENSITIVITY in wanted, tried)  # fmt: skip
+    if len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
+        turned = turns(recording, accelerometers, level.effects)[0]
+    fits, declined = _taken_up(turned, base, [t for t in moving if t not in base], tried) if base else ([], {})
+    if why:
+        declined[G_SENSITIVITY] = why
+    return _calibration(recording, level, fits, declined, scale)
+
+
+def _default(recording: Recording) -> tuple[str, ...]:
+    return (*LINEAR, *(t for t in FURTHER if all(recording.has(q) for q in CATALOGUE[t].requires)))
+
+
+def _check(terms: Sequence[str], recording: Recording) -> None:
+    for t in terms:
+        if t not in CATALOGUE or CATALOGUE[t].stage.name != "GYROSCOPE" or t == BIAS:
+            raise InputError(f"--terms names {t!r}, which is not a gyroscope effect that turns between rests can show")
+        missing = [q for q in CATALOGUE[t].requires if not recording.has(q)]
+        if missing:
+            raise InputError(f"--terms names {t}, which needs a {missing[0]} channel; {recording.title!r} has none")
+
+
+Fits = list[tuple[tuple[str, ...], "PoseFit"]]
+
+
+def _taken_up(
+    turned: Turned, base: tuple[str, ...], further: Sequence[str], coefficients_tried: int
+) -> tuple[Fits, dict[str, str]]:
+    """Fits of base and of ever one term more, the one that tells left-out turns best; and why others were declined."""
+    fits, left = [(base, fit_turns(turned, base))], list(further)
+    declined: dict[str, str] = {}
+    while left:
+        terms, best = fits[-1]
+        tried = {t: _attempt(turned, (*terms, t), best, coefficients_tried) for t in left}
+        declined = {t: found for t, found in tried.items() if isinstance(found, str)}
+        good = {t: found for t, found in tried.items() if not isinstance(found, str)}
+        if not good:
+            break
+        first = min(good, key=lambda t: good[t].left_out)
+        fits.append(((*terms, first), good[first]))
+        left.remove(first)
+    return fits, declined
+
+
+def _attempt(turned: Turned, terms: tuple[str, ...], without: PoseFit, tried: int) -> PoseFit | str:
+    """The fit with the last of the terms, or why the turns do not support it."""
+    try:
+        fit = fit_turns(turned, terms)
+    except InputError as problem:
+        return f"{terms[-1]} is left out: {problem}"
+    sigma = np.maximum(np.sqrt(np.diag(fit.covariance)), fit.jackknife)
+    left_out, condition = (without.left_out, fit.left_out), (without.condition, fit.condition)
+    data = f"{len(fit.misfit)} turns"
+    clear_of = needed(tried, fit.dof)
+    return refusal(terms[-1], data, fit.parameters, fit.x, sigma, left_out, "rad", condition, clear_of) or fit
+
+
+@dataclass(frozen=True, eq=False)
+class PoseFit:
+    """A fit of turns: parameters, estimate, covariance scaled to the scatter, misfits (m, 3), and what to judge by.
+
+    `jackknife` (p,) is one sigma as the estimate moves when turns are left out: right where long turns scatter more.
+    """
+
+    parameters: tuple[Parameter, ...]
+    x: Array
+    covariance: Array
+    misfit: Array
+    dof: int
+    condition: float
+    left_out: float
+    jackknife: Array
+
+    @property
+    def rms(self) -> float:
+        """Misfit of gravity's direction [rad], per component across gravity."""
+        return float(np.sqrt((self.misfit**2).sum() / (2 * len(self.misfit))))
+
+
+def fit_turns(turned: Turned, terms: Sequence[str]) -> PoseFit:
+    wanted = tuple(p for t in terms for p in parameters(CATALOGUE[t]))
+    m = len(turned.before)
+    if 2 * m < len(wanted):
+        raise InputError(
+            f"{amount(m, 'turn')} for {amount(len(wanted), 'parameter')} that are asked for: turn more often"
+        )
+    scale = np.array([p.sigma for p in wanted])
+    x = np.zeros(len(wanted))
+    r, J = _linear(turned, wanted, x)
+    if _dark(J):
+        raise InputError(f"nothing in {amount(m, 'turn')} tells all of {', '.join(terms)} apart")
+    damping = 1e-3
+    for _ in range(60):
+        A = J * scale
+        size = np.sqrt((A**2).sum(0))
+        rows = np.concatenate([A / size, np.sqrt(damping) * np.eye(len(x))])
+        step = np.linalg.lstsq(rows, np.concatenate([r, 0 * x]), rcond=None)[0] / size * scale
+        r1, J1 = _linear(turned, wanted, x + step)
+        if (r1**2).sum() <= (r**2).sum():
+            gain = (r**2).sum() - (r1**2).sum()
+            x, r, J, damping = x + step, r1, J1, damping / 10
+            if gain <= 1e-14 * (r**2).sum():
+                break
+        else:
+            damping *= 10
+            if damping > 1e10:
+                break
+    return _judged(wanted, x, r, J, m)
+
+
+def _dark(J: Array) -> bool:
+    """Whether some combination of the columns changes nothing."""
+    size = np.sqrt((J**2).sum(0))
+    return bool(np.any(size == 0)) or bool(np.linalg.svd(J / size, compute_uv=False)[-1] < ENDURING)
+
+
+def _judged(wanted: tuple[Parameter, ...], x: Array, r: Array, J: Array, m: int) -> PoseFit:
+    size = np.sqrt((J**2).sum(0))
+    Q, R = np.linalg.qr(J / size)
+    dof = 2 * m - len(x)
+    variance = (r**2).sum() / max(dof, 1)
+    inverse = np.linalg.inv(R) / size[:, None]
+    left = np.concatenate([
+        np.linalg.lstsq(np.eye(3) - q @ q.T, e, rcond=1e-9)[0]
+        for q, e in zip(Q.reshape(m, 3, -1), r.reshape(m, 3), strict=True)
+    ])  # fmt: skip
+    moves = np.einsum("mip,mi->mp", Q.reshape(m, 3, -1), left.reshape(m, 3)) @ inverse.T
+    return PoseFit(
+        wanted, x, variance * inverse @ inverse.T, r.reshape(m, 3), dof, float(np.linalg.cond(R)),
+        float(np.sqrt((left**2).sum() / (2 * m))), np.sqrt((moves**2).sum(0)),
+    )  # fmt: skip
+
+
+def linear(turned: Turned, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
+    """Misfit (m, 3) of gravity after each turn with these effects, and its derivative (m, 3, p) by the wanted ones."""
+    rate, slope = _rates(turned, effects, wanted)
+    misfit, predicted, tail = end_of(rate, turned)
+    moved = tail @ left_jacobian(rate * turned.step[..., None])
+    turn = np.einsum("mkij,mkjp,mk->mip", moved, slope, turned.step, optimize=True)
+    return misfit, cross_matrix(predicted) @ turn
+
+
+def _linear(turned: Turned, wanted: Sequence[Parameter], x: Array) -> tuple[Array, Array]:
+    """The same as rows, (3 m,) and (3 m, p)."""
+    r, J = linear(turned, with_values((), wanted, x), wanted)
+    return r.ravel(), J.reshape(r.size, -1)
+
+
+def _rates(turned: Turned, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
+    """Rates (m, n, 3) that give the readings, and their derivatives (m, n, 3, p): Newton and implicit function."""
+    y, s = turned.reading.reshape(-1, 3), turned.stimulus
+    w = y.copy()
+    for _ in range(20):
+        D = np.stack([gyroscopes(w + 1j * STEP * u, s, effects).imag / STEP for u in np.eye(3)], axis=-1)
+        step = np.linalg.solve(D, (y - gyroscopes(w, s, effects))[..., None])[..., 0]
+        w = w + step
+        if np.max(np.abs(step), initial=0.0) < 1e-13:  # rad/s; a turn of 10 s then closes to 1e-12 rad
+            break
+    x = values(effects, wanted)
+    nudged = (with_values(effects, wanted, x + 1j * STEP * u) for u in np.eye(len(x)))
+    by = [gyroscopes(w, s, e).imag / STEP for e in nudged]
+    slope = -np.linalg.solve(D, np.stack(by, axis=-1)) if by else np.zeros((*w.shape, 0))
+    return w.reshape(turned.reading.shape), slope.reshape(*turned.reading.shape, len(x))
+
+
+def _calibration(
+    recording: Recording, level: RestFit, fits: Fits, declined: dict[str, str], scale: float
+) -> Calibration:
+    from gimbalcal import __version__
+
+    turning = fits[-1][1] if fits else None
+    wanted = (*level.parameters, *(turning.parameters if turning else ()))
+    x = np.concatenate([level.x, turning.x if turning else np.zeros(0)])
+    n = len(level.x)
+    covariance = np.zeros((len(x), len(x)))
+    covariance[:n, :n] = level.covariance
+    options: dict[str, Any] = {"direction": "physics to reading", "declined": declined, "frame": "accelerometers"}
+    rms = {"rate_at_rest": float(np.sqrt(np.mean(level.misfit**2)))}
+    if turning:
+        covariance[n:, n:] = turning.covariance
+        options |= {
+            "condition": turning.condition, "leave_one_out_rms": turning.left_out,
+            "inter_triad_arcsec": [float(from_si(a, "arcsec")) for a in _inter_triad(turning)],
+        }  # fmt: skip
+        rms["gravity_direction"] = turning.rms
+    if scale != 1.0:
+        options["gyro_nominal"] = {"scale": scale}
+    stages = tuple(
+        Stage(" + ".join(terms), tuple(p.label for p in f.parameters), f.x, np.sqrt(np.diag(f.covariance)), f.rms,
+              f"gravity after {len(f.misfit)} turns; condition number {f.condition:.0f}, {f.left_out:.2g} rad for a "
+              "turn left out")
+        for terms, f in fits
+    )  # fmt: skip
+    dof = turning.dof if turning else level.misfit.size - n
+    return Calibration(
+        "poses", with_values((), wanted, x), wanted, covariance,
+        tuple({"direction": {p.label: 1.0 for p in parameters(CATALOGUE[t])}, "why": why}
+              for t, why in declined.items()),
+        Residual(float(dof), dof, rms),
+        provenance={"recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source],
+                    "version": __version__, "options": options},
+        stages=stages,
+    )  # fmt: skip
+
+
+def _inter_triad(fit: PoseFit) -> Array:
+    """alpha, beta, gamma [rad] of C_p^q, Eq. (43): the rotation that is left when Eq. (8) has taken the triangle."""
+    by = {(p.effect, p.axis): v for p, v in zip(fit.parameters, fit.x, strict=True)}
+    M = np.eye(3)
+    for i, a in enumerate("xyz"):
+        for j, b in enumerate("xyz"):
+            M[i, j] += by.get(("gyro_scale_factor", a), 0.0) if a == b else by.get(("gyro_misalignment", a + b), 0.0)
+    # omega^p = M^-1 y = C_q^p (C_g^q K) y: orthogonal times lower triangular, by QR of the matrix read backwards
+    Q, R = np.linalg.qr(np.linalg.inv(M)[:, ::-1])
+    C_pq = (Q * np.sign(np.diag(R)))[:, ::-1]
+    return euler(C_pq.T)

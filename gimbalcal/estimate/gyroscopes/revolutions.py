@@ -1,0 +1,178 @@
+r"""A recording of revolutions both ways and of rests, to the gyroscopes' calibration: Wang et al. (2019), section 4.2.
+
+What turned between two rests is a revolution when its angle is a whole number of turns within `NEAR`; two neighbours
+about one axis in opposite senses are a pair. Everything else that moved is left out. The fit is that of
+`rotations.gyroscope_pulses`, pulses to rate; the calibration is returned as effects, physics to reading,
+
+.. math:: M = (C K_1)^{-1}, \quad b = -\varepsilon / K_1, \quad K = -K_2 / K_1^3
+
+the last to first order in K2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
+from gimbalcal.errors import InputError, amount
+from gimbalcal.number import STEP, Array
+from gimbalcal.recording import Recording, dwells
+from gimbalcal.units import is_raw
+from gimbalcal.wang2019.fit import PulseFit
+from gimbalcal.wang2019.pulses import Pulses, lower
+from gimbalcal.wang2019.revolutions import FREE, Turns, gyroscope_pulses
+
+NEAR = 0.05  # of a revolution: scale errors of low-cost units reach 3 %
+ROUNDS = 3  # the bias enters the Earth's share of the ramps, a few percent of it: each round takes that factor off
+OPPOSITE = -0.99  # cosine between the axes of a pair
+RATE = "angular_rate"
+EFFECTS = ("gyro_bias", "gyro_scale_factor", "gyro_misalignment", "gyro_scale_nonlinearity")
+
+
+def gyroscopes_from_revolutions(recording: Recording) -> Calibration:
+    """Bias, scale factor, misalignment (triangle) and second order of three gyroscopes from one recording.
+
+    Raises InputError for readings in counts, fewer than six pairs of revolutions, or no rests.
+    """
+    bias = np.zeros(3)
+    for _ in range(ROUNDS):
+        turns, used = turns_of(recording, bias)
+        fit = gyroscope_pulses(turns)
+        bias = fit.pulses.bias[0]
+    return _calibration(recording, turns, fit, used)
+
+
+def turns_of(recording: Recording, bias: Array | None = None) -> tuple[Turns, int]:
+    """The pairs of revolutions and the rests of a recording, readings in rad/s as pulses/s, and how many pairs.
+
+    bias (3,) [rad/s]: what turns the readings at rest into the Earth's rate, to take out what the ramps leave of it.
+    """
+    if any(is_raw(recording.units.get((RATE, a), "rad/s")) for a in "xyz"):
+        raise InputError(f"{recording.title!r} reads rates in counts; give a nominal scale, in rad/s or deg/s")
+    stays = dwells(recording)
+    y = recording.triad(RATE)
+    earth = [y[d.rows].mean(0) + (0.0 if bias is None else bias) for d in stays]
+    moved = [
+        _integrals(recording.time, y, slice(a.stop - 1, b.start + 1), e)
+        for (a, b), e in zip(pairwise(stays), earth, strict=False)
+    ]
+    pairs = _pairs(moved)
+    if len(pairs) < 6:
+        raise InputError(
+            f"{recording.title!r} holds {amount(len(pairs), 'pair')} of whole revolutions, one each way about one axis "
+            "between rests; at least six pairs about different axes are needed "
+            "(nine: gimbalcal.wang2019.schedules.ROTATIONS)"
+        )
+    rest = np.array([y[d.rows].mean(0) for d in stays])
+    sigma = recording.sigma("gyroscope") or 1e-6
+    step = float(np.median(np.diff(recording.time)))
+    first = [moved[i] for i, _ in pairs]
+    duration = float(np.mean([t for _, t, _ in first]))
+    angle = float(np.mean([a for _, _, a in first]))
+    shortest = min(d.stop - d.start for d in stays)
+    scaled = [np.stack([_scaled(moved[k], angle, duration) for k in side]) for side in zip(*pairs, strict=True)]
+    return Turns(scaled[0][None], scaled[1][None], rest[None], duration, angle,
+                 sigma * np.sqrt(duration * step), sigma / np.sqrt(shortest)), len(pairs)  # fmt: skip
+
+
+Moved = tuple[Array, float, float]
+"""Integrals of N and N^2 (2, 3), time [s], angle [rad]: whole revolutions, or nan."""
+
+
+def _integrals(time: Array, y: Array, span: slice, earth: Array) -> Moved:
+    """Trapezoids over a move, and the whole number of revolutions that it is, if it is one.
+
+    The Earth's rate across the axis would average out at constant speed; what it leaves while the speed comes and goes
+    is integrated along the measured phase, from `earth` (3,) [rad/s] before the move, and taken off.
+    """
+    dt, rows = np.diff(time[span]), y[span]
+    both = np.stack([rows, rows**2], axis=1)
+    S = ((both[1:] + both[:-1]) / 2 * dt[:, None, None]).sum(0)
+    turned = float(np.linalg.norm(S[0]))
+    whole = round(turned / (2 * np.pi))
+    if whole < 1 or abs(turned / (2 * np.pi) - whole) >= NEAR * whole:
+        return S, float(dt.sum()), float("nan")
+    u = S[0] / turned
+    along = rows @ u
+    phase = np.concatenate([[0.0], np.cumsum((along[1:] + along[:-1]) / 2 * dt)]) * (2 * np.pi * whole / turned)
+    across = earth - u * (u @ earth)
+    seen = np.cos(phase)[:, None] * across - np.sin(phase)[:, None] * np.cross(u, across)
+    S[0] -= ((seen[1:] + seen[:-1]) / 2 * dt[:, None]).sum(0)
+    return S, float(dt.sum()), 2 * np.pi * whole
+
+
+def _pairs(moved: Sequence[Moved]) -> list[tuple[int, int]]:
+    """Neighbouring revolutions about one axis in opposite senses, each used once."""
+    out, k = [], 0
+    while k + 1 < len(moved):
+        (a, _, first), (b, _, second) = moved[k], moved[k + 1]
+        cosine = a[0] @ b[0] / max(float(np.linalg.norm(a[0]) * np.linalg.norm(b[0])), 1e-300)
+        if first == second and cosine < OPPOSITE:
+            out.append((k, k + 1))
+            k += 2
+        else:
+            k += 1
+    return out
+
+
+def _scaled(one: Moved, angle: float, duration: float) -> Array:
+    """A revolution brought to the common angle and duration: shares of its own, which leaves the equations true."""
+    S, t, own = one
+    if abs(t / duration - 1) > 0.1 or abs(own / angle - 1) > 1e-9:
+        raise InputError(
+            "the revolutions differ in length: turn all by the same angle at the same speed, as each pair must share "
+            "angle and time"
+        )
+    return S
+
+
+def forward(x: Array) -> Array:
+    """Values of the effects (12,) [SI] from K1, K2, bias, E (12,) of the pulse model; float or complex."""
+    triad = Pulses(x[0:3], x[3:6], 0 * x[0:3], x[6:9], x[9:12])
+    M = np.linalg.inv(lower(triad.E) * triad.K1[None, :])
+    return np.concatenate(
+        [-triad.bias / triad.K1, np.diag(M) - 1, [M[1, 0], M[2, 0], M[2, 1]], -triad.K2 / triad.K1**3]
+    )
+
+
+def triangle() -> tuple[Parameter, ...]:
+    """The parameters in the order of `forward`; of the misalignments those that a rotation of the triad leaves."""
+    found = [p for e in EFFECTS for p in parameters(CATALOGUE[e])]
+    return tuple(p for p in found if p.effect != "gyro_misalignment" or p.axis in ("yx", "zx", "zy"))
+
+
+def _calibration(recording: Recording, turns: Turns, fit: PulseFit, pairs: int) -> Calibration:
+    from gimbalcal import __version__
+
+    x = fit.pulses.vector()[0][FREE]
+    J = np.stack([forward(x + 1j * STEP * u).imag / STEP for u in np.eye(12)], axis=-1)
+    dof = 3 * pairs + turns.rest.shape[1] - 12
+    chi2 = float(fit.chi2[0])
+    scale = max(1.0, chi2 / max(dof, 1))
+    covariance = scale * J @ fit.covariance[0][np.ix_(FREE, FREE)] @ J.T
+    wanted = triangle()
+    options = {
+        "direction": "physics to reading",
+        "pairs": pairs,
+        "rests": int(turns.rest.shape[1]),
+        "turned_each_way": turns.angle / (2 * np.pi),
+        "scatter_over_noise": float(np.sqrt(chi2 / max(dof, 1))),
+        "frame": "x along the first input axis, y in the plane of the first two",
+    }
+    return Calibration(
+        "revolutions",
+        with_values((), wanted, forward(x)),
+        wanted,
+        covariance,
+        ({"direction": {"gyro_misalignment:xy": 1.0, "gyro_misalignment:yx": -1.0},
+          "why": "a rotation of the whole triad changes no norm and no angle: it needs a reference, such as the "
+          "accelerometers (gimbalcal.estimate.gyroscopes.inter_triad)"},),
+        Residual(chi2, dof, {RATE: float(turns.sigma_angle / turns.duration * np.sqrt(scale))}),
+        outcome="" if bool(fit.converged[0]) else "the fit did not settle: the revolutions do not determine the triad",
+        provenance={"recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source],
+                    "version": __version__, "options": options},
+    )  # fmt: skip

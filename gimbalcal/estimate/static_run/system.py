@@ -1,0 +1,133 @@
+r"""System level: what a static run says about the accelerometers, all channels in one fit.
+
+Specific force, gimbal readouts and attitude error of a run are fitted together with the exact forward model. It sees
+nine combinations of the twelve linear residual parameters of Wu et al. (2018), section 5, and no evaluation of the
+same channels can see more: the bias of x and its lean towards the pole, for one, pull the constant part of f_x alike.
+Those combinations come back by name. The paper's own road, squared norm and Fourier coefficients, is in
+`force_filter`, `harmonics` and `combined`; both roads must agree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration, Residual, Stage
+from gimbalcal.effects import Effect, Parameter, values, with_values
+from gimbalcal.estimate.accelerometers.account import joined, misfit_in_words
+from gimbalcal.estimate.static_run.combined import Combined, combined
+from gimbalcal.estimate.static_run.force_filter import (
+    ForceState,
+    accumulate,
+    estimate,
+    kalman,
+    observation_matrix,
+    projection,
+)
+from gimbalcal.estimate.static_run.run import StaticRun, baseline, information_of_rows, noise_from, prepare
+from gimbalcal.inference.information import Information, Solution, information, solve
+from gimbalcal.recording import Recording
+
+TOLERATED = 1.1  # chi^2 per degree of freedom: the header's sigma is not known better than to 5 %
+ENOUGH = 300  # rows for a first solution to linearise at: good to 1e-6, its square is nothing
+
+
+def force_state(recording: Recording, effects: Sequence[Effect] = (), *, sample_by_sample: bool = False) -> ForceState:
+    """State x1 ... x5 of Eqs. (21)-(25) from the specific force of a run, less what the effects explain.
+
+    By the information form, or with filterpy's Kalman filter sample by sample: equal to 1e-9 sigma.
+    """
+    run = prepare(recording)
+    columns, g, u = run.columns("specific_force"), run.stimulus.gravity, run.direction
+    z = projection(run.departures(effects)[:, columns], u, g)
+    H = observation_matrix(u)
+    variance = ((u * run.sigma[:, columns] / g) ** 2).sum(axis=1)
+    return kalman(z, H, variance) if sample_by_sample else estimate(accumulate(z, H, variance))
+
+
+def static_information(
+    recording: Recording, effects: Sequence[Effect] = (), wanted: Sequence[Parameter] | None = None
+) -> Information:
+    """Information of a static run about the wanted parameters (default: the baseline).
+
+    Linearised at `effects` and what the run adds to them, so that products of a bias and a turn that only another
+    recording sees come out right; effects that are not wanted are held. `gimbal_zero` refers to the readouts S_t, h,
+    q of Eq. (4): zeros among `effects` may be counted otherwise and are found anew, see `fusion`.
+    """
+    run = prepare(recording)
+    wanted = tuple(wanted) if wanted is not None else baseline(run)
+    return information_of_rows(run, linearisation_point(run, effects, wanted), wanted)
+
+
+def linearisation_point(run: StaticRun, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Effect, ...]:
+    """Effects with the wanted parameters moved to where a part of the rows is explained; unseen directions stay."""
+    anew = any(p.effect == "gimbal_zero" for p in wanted)
+    effects = tuple(e for e in effects if not (anew and e.id == "gimbal_zero"))
+    few = run.thinned(ENOUGH)
+    J = few.jacobian(effects, wanted)
+    step = solve(information(J / few.sigma[..., None], few.departures(effects) / few.sigma, wanted))
+    return with_values(effects, wanted, values(effects, wanted) + step.x, run.recording.platform.axis_names)
+
+
+def static(
+    recording: Recording, prior: Sequence[Effect] = (), wanted: Sequence[Parameter] | None = None
+) -> Calibration:
+    """Calibration from a static run alone: the combinations that it sees, the others at zero with their prior sigma.
+
+    prior: effects to linearise at; those whose parameters are not wanted stay as they are. The combined coefficients
+    of the paper, of what the prior leaves, stand in `stages`.
+    """
+    run = prepare(recording)
+    wanted = tuple(wanted) if wanted is not None else baseline(run)
+    effects = linearisation_point(run, prior, wanted)
+    J = run.jacobian(effects, wanted)
+    solution = solve(information_of_rows(run, effects, wanted, J))
+    effects = with_values(effects, wanted, solution.x, recording.platform.axis_names)
+    return Calibration(
+        method="static-run",
+        effects=effects,
+        parameters=wanted,
+        covariance=solution.covariance,
+        unobservable=tuple({"direction": u.direction, "why": u.why} for u in solution.unseen),
+        residual=Residual(solution.chi2, solution.dof, rms_by_channel(run, effects)),
+        outcome=outcome(solution),
+        provenance={
+            "recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source],
+            "noise": {"from": noise_from(run)},
+        },
+        stages=(stage(run, effects, combined(run, prior, effects, solution, J)),),
+    )
+
+
+def outcome(solution: Solution) -> str:
+    """One sentence where the residual is more than chance and a sigma stated to a few per cent allow, else ""."""
+    if solution.chi2 < TOLERATED * solution.dof:
+        return ""
+    return joined([f"in the static run {words}" for words in misfit_in_words(solution.chi2, solution.dof)])
+
+
+def rms_by_channel(run: StaticRun, effects: Sequence[Effect]) -> dict[str, float]:
+    """Root mean square of what the effects leave, SI, by "quantity:axis"."""
+    rms = np.sqrt(np.mean(run.departures(effects) ** 2, axis=0))
+    return {f"{q}:{axis}": float(x) for (q, axis), x in zip(run.channels, rms, strict=True)}
+
+
+def stage(run: StaticRun, fitted: Sequence[Effect], table: Combined) -> Stage:
+    """The combined coefficients of section 5 for the record, each from its own channel."""
+    rms = np.sqrt(np.mean(run.departures(fitted) ** 2, axis=0))[run.columns("specific_force")]
+    words = "no combined coefficients: the run has neither the whole specific force nor roll nor pitch errors"
+    if table.names:
+        worst = float(np.max(np.abs(table.value - table.fit) / table.sigma))
+        words = (
+            f"{len(table.names)} combined coefficients of Eqs. (21)-(38), each from its own channel; the joint fit of "
+            f"all channels moves none by more than {worst:.1f} of its sigma"
+        )
+    return Stage(
+        "system level: combined coefficients of the static run",
+        table.names,
+        table.value,
+        table.sigma,
+        float(np.sqrt(np.mean(rms**2))) if len(rms) else 0.0,
+        words,
+    )

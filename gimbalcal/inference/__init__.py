@@ -1,0 +1,1 @@
+"""Statistics without physics: information and its null directions, coloured noise, filters, harmonics, minimisers."""

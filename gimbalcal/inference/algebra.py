@@ -1,0 +1,36 @@
+"""Linear algebra that several estimators share."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gimbalcal.number import Array
+
+SEEN = 1e-4  # sigmas per prior sigma: a calibration direction below it changes nothing
+
+
+def eigh(G: Array) -> tuple[Array, Array]:
+    """Eigenvalues and vectors of Gram matrices (..., p, p).
+
+    Divide and conquer fails on some matrices of low rank, and does not on the same with 1e-12 added to the diagonal.
+    """
+    try:
+        lam, V = np.linalg.eigh(G)
+    except np.linalg.LinAlgError:
+        size = np.trace(G, axis1=-2, axis2=-1)[..., None, None]
+        lam, V = np.linalg.eigh(G + 1e-12 * size * np.eye(G.shape[-1]))
+    return lam, V
+
+
+def orthonormal(Z: Array) -> Array:
+    """Orthonormal basis (R, q) of the calibration columns, numerically null directions left out."""
+    U, S, _ = np.linalg.svd(Z, full_matrices=False)
+    return np.asarray(U[:, S > SEEN])
+
+
+def logsumexp(x: Array, axis: int | None = None) -> Array:
+    """ln of the sum of exp(x) along an axis, or of all; -inf where every term is."""
+    top = x.max(axis=axis, keepdims=True)
+    top = np.where(np.isfinite(top), top, 0.0)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log(np.exp(x - top).sum(axis=axis)) + np.squeeze(top, axis=axis))

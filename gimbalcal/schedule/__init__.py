@@ -1,0 +1,22 @@
+"""What a platform is told to do: holds in order, the published schedules, and their files."""
+
+from gimbalcal.schedule.published import (
+    EIGHTEEN_ANGLES,
+    EIGHTEEN_POSITIONS,
+    FACE_POSITIONS,
+    FIFTEEN_ANGLES,
+    FIFTEEN_POSITIONS,
+    SCHEDULES,
+)
+from gimbalcal.schedule.schedule import Hold, Schedule
+
+__all__ = [
+    "EIGHTEEN_ANGLES",
+    "EIGHTEEN_POSITIONS",
+    "FACE_POSITIONS",
+    "FIFTEEN_ANGLES",
+    "FIFTEEN_POSITIONS",
+    "SCHEDULES",
+    "Hold",
+    "Schedule",
+]

@@ -1,0 +1,150 @@
+r"""Accelerometers in pulses from rest positions alone: the norm of the force is gravity, wherever the unit points.
+
+Wang et al. (2019), sections 4.1 and 4.3, on arrays of runs. No angle is needed or used. Direction: pulses to force.
+
+.. math:: \min_x \frac12 \sum_i \left( \frac{\|f_i\|^2 - g^2}{2 g \sigma} \right)^2, \qquad
+          f_i = C_a^p (K_1 N_i + K_2 N_i^2 + K_3 N_i^3 + \nabla)
+
+Eq. (18) divided by (2 g sigma)^2: the residual is then the misfit of the norm in units of the noise of a position, and
+the minimum is the maximum of the likelihood to first order (the unknown direction takes the other two components).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gimbalcal.inference.levenberg import Minimum, covariance, minimise
+from gimbalcal.number import Array
+from gimbalcal.wang2019.pulses import Pulses, along, lower
+
+TERMS = ("K1", "K2", "K3", "bias", "E")
+
+
+@dataclass(frozen=True)
+class PulseFit:
+    """Estimates of many runs: `pulses` (r, 3) each, covariance (r, 15, 15) in SI (order K1, K2, K3, bias, E).
+
+    chi2 (r,) of the weighted misfit, converged (r,), steps (r,).
+    """
+
+    pulses: Pulses
+    covariance: Array
+    chi2: Array
+    converged: Array
+    steps: Array
+
+    @property
+    def sigma(self) -> Array:
+        """One standard deviation (r, 15): the Cramer-Rao bound at the estimate."""
+        return np.asarray(np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1)))
+
+
+def initial_scale(N: Array, magnitude: float | Array) -> Array:
+    r"""Rough linear scale factors (r, 3) from counts N (r, m, 3) whose images all have one magnitude: Eqs. (41), (42).
+
+    The cost is quadratic in the squares of the scale factors: one linear solution is its global minimum. Where a
+    square comes out negative (positions that do not turn that axis), the common scale of all axes stands in.
+    """
+    target = np.broadcast_to(np.asarray(magnitude, dtype=float), N.shape[:-1])
+    unit = np.sqrt((N**2).mean((-2, -1), keepdims=True))
+    A, b = (N / unit) ** 2, target**2
+    AT = np.swapaxes(A, -1, -2)
+    # an axis that was never turned must not divide by zero; 1e-15 is below the rounding of any real information
+    ridge = 1e-15 * np.trace(AT @ A, axis1=-2, axis2=-1)[:, None, None] * np.eye(3)
+    squares = np.linalg.solve(AT @ A + ridge, AT @ b[..., None])[..., 0]
+    common = (target**2).sum(-1, keepdims=True) / A.sum((-2, -1))[:, None]
+    return np.asarray(np.sqrt(np.where(squares > 0.05 * common, squares, common)) / unit[:, 0])
+
+
+def ellipsoid(u: Array) -> Array:
+    r"""The linear model (K1, bias, E) that carries points u (r, m, 3) to the unit sphere, without iteration; (r, 9).
+
+    .. math:: u^T Q u + q^T u = 1 \;\Rightarrow\; M^T M = s Q, \quad M^T C b = s q / 2, \quad
+              s = 1 / (1 + \tfrac14 q^T Q^{-1} q)
+
+    with M = C K1 lower triangular. Start beyond Eqs. (41) and (42): exact for any misalignment and bias when the unit
+    is linear. Rows are NaN where the points lie on no ellipsoid.
+    """
+    x, y, z = np.moveaxis(u, -1, 0)
+    A = np.stack([x * x, y * y, z * z, 2 * x * y, 2 * x * z, 2 * y * z, x, y, z], axis=-1)
+    Qr, R = np.linalg.qr(A)
+    degenerate = np.abs(np.diagonal(R, axis1=-2, axis2=-1)).min(-1) < 1e-9 * np.sqrt(A.shape[-2])  # u is of order one
+    R = np.where(degenerate[:, None, None], np.eye(9), R)
+    c = np.linalg.solve(R, np.swapaxes(Qr, -1, -2) @ np.ones((*A.shape[:-1], 1)))[..., 0]
+    Q = c[:, [0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(-1, 3, 3)
+    bad = degenerate | (np.linalg.eigvalsh(Q)[:, 0] <= 0)
+    Q = np.where(bad[:, None, None], np.eye(3), Q)
+    q = c[:, 6:]
+    s = 1 / (1 + (q * np.linalg.solve(Q, q[..., None])[..., 0]).sum(-1) / 4)
+    # M^T M with M lower triangular is the Cholesky factorisation of the matrix read from its last row and column
+    L = np.linalg.cholesky((s[:, None, None] * Q)[:, ::-1, ::-1])
+    M = np.swapaxes(L, -1, -2)[:, ::-1, ::-1]
+    K1 = np.diagonal(M, axis1=-2, axis2=-1)
+    h = np.linalg.solve(np.swapaxes(M, -1, -2), (s[:, None] * q / 2)[..., None])  # h = C b
+    C = M / K1[:, None, :]
+    bias = np.linalg.solve(C, h)[..., 0]
+    out = np.concatenate([K1, bias, np.stack([C[:, 1, 0], C[:, 2, 0], C[:, 2, 1]], axis=-1)], axis=-1)
+    return np.where(bad[:, None], np.nan, out)
+
+
+def accelerometer_pulses(N: Array, gravity: float, sigma: float, order: int = 3) -> PulseFit:
+    """Fit Eq. (2) to mean counts N (r, m, 3) [pulse/s] of m rest positions in r runs.
+
+    gravity [m/s^2]; sigma [m/s^2] noise of one position's mean along each axis; order 1, 2 or 3 of the scale polynomial
+    (higher terms stay zero). Both starts, Eq. (41) and the ellipsoid, are followed and the lower minimum is kept.
+    """
+    free = _free(order)
+    K0 = initial_scale(N, gravity)
+    u = N * K0[:, None, :] / gravity  # of order one: the force in g
+
+    def model(x: Array, runs: Array) -> tuple[Array, Array]:
+        return _residuals(_full(x, free), u[runs], sigma / gravity, free)
+
+    plain = np.tile(np.r_[np.ones(3), np.zeros(12)], (len(N), 1))[:, free]
+    found = minimise(model, plain)
+    if N.shape[-2] >= 9:
+        second = ellipsoid(u)
+        usable = np.isfinite(second).all(-1)
+        start = _full(plain, free)
+        start[usable, :3], start[usable, 9:] = second[usable, :3], second[usable, 3:]
+        found = found.better(minimise(model, start[:, free]))
+    return _in_si(found, free, K0, gravity)
+
+
+def _free(order: int) -> Array:
+    return np.flatnonzero(np.repeat([True, order >= 2, order >= 3, True, True], 3))
+
+
+def _full(x: Array, free: Array) -> Array:
+    out = np.zeros((*x.shape[:-1], 15))
+    out[..., free] = x
+    return out
+
+
+def _residuals(p: Array, u: Array, sigma: float, free: Array) -> tuple[Array, Array]:
+    """Misfit of the norm over sigma (r, m) and its derivatives (r, m, q): Eqs. (20)-(25), nothing left out."""
+    triad = Pulses.from_vector(p)
+    fa = triad.along_axes(u)
+    C = lower(triad.E)
+    f = along(C, fa)
+    back = f @ C  # C^T f
+    misalignment = np.stack([f[..., 1] * fa[..., 0], f[..., 2] * fa[..., 0], f[..., 2] * fa[..., 1]], axis=-1)
+    J = np.concatenate([back * u, back * u**2, back * u**3, back, misalignment], axis=-1) / sigma
+    return ((f**2).sum(-1) - 1) / (2 * sigma), J[..., free]
+
+
+def _in_si(found: Minimum, free: Array, K0: Array, gravity: float) -> PulseFit:
+    """From the dimensionless problem (force in g, counts in g of the rough scale) to SI per pulse."""
+    one = np.ones_like(K0)
+    unit = np.concatenate([K0, K0**2 / gravity, K0**3 / gravity**2, gravity * one, one], axis=-1)
+    full = np.zeros((len(K0), 15, 15))
+    full[:, free[:, None], free] = covariance(found.jacobian)
+    return PulseFit(
+        Pulses.from_vector(_full(found.x, free) * unit),
+        full * unit[:, :, None] * unit[:, None, :],
+        2 * found.cost,
+        found.converged,
+        found.steps,
+    )

@@ -1,0 +1,116 @@
+"""Correct and corrupt are exact inverses, for any calibration that the catalogue can hold."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.earth import G0
+from gimbalcal.effects import CATALOGUE, Effect, Stage, absent, parameters, with_values
+from gimbalcal.effects.accelerometer import Bias
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition
+from gimbalcal.platform import BENCH, SPACE_STABLE
+from gimbalcal.recording import Recording, Site
+from gimbalcal.schedule import EIGHTEEN_POSITIONS
+
+SENSORS = (Stage.ENCODER, Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER, Stage.GYROSCOPE)
+LOSSY = ("dead_zone",)  # a flat law: what is in it cannot be told back
+IDS = sorted(i for i, c in CATALOGUE.items() if c.stage in SENSORS and c.requires != ("covariate",) and i not in LOSSY)
+
+
+def table_recording(seed: int) -> Recording:
+    """The 18 positions with a temperature, and the force and rate of a perfect unit, shaken."""
+    rng = np.random.default_rng(seed)
+    n = 18
+    angles = EIGHTEEN_POSITIONS.angles
+    channels = {("gimbal_angle", a): angles[:, i] for i, a in enumerate(SPACE_STABLE.axis_names)}
+    force = -G0 * EIGHTEEN_POSITIONS.gravity_directions() + 0.1 * rng.standard_normal((n, 3))
+    rate = rng.standard_normal((n, 3))
+    channels |= {("specific_force", a): force[:, i] for i, a in enumerate("xyz")}
+    channels |= {("angular_rate", a): rate[:, i] for i, a in enumerate("xyz")}
+    channels["temperature", ""] = 20 + rng.standard_normal(n)
+    for need in {need for i in IDS for need in CATALOGUE[i].requires if ":" in need}:
+        channels["covariate", need.partition(":")[2]] = rng.standard_normal(n)
+    return Recording("multi-position", "table", SPACE_STABLE, Site(0.7, 60.0, 9.8), {}, 600.0 * np.arange(n),
+                     np.arange(1, n + 1), channels)  # fmt: skip
+
+
+def calibration(effects: tuple[Effect, ...], **options: object) -> Calibration:
+    return Calibration("test", effects, (), np.zeros((0, 0)), (), Residual(0.0, 0, {}), provenance={"options": options})
+
+
+def drawn(effect_id: str, seed: int) -> Effect:
+    rng = np.random.default_rng(seed)
+    cls = CATALOGUE[effect_id]
+    wanted = parameters(cls, SPACE_STABLE.axis_names)
+    x = np.array([p.sigma for p in wanted]) * rng.uniform(-2, 2, len(wanted))
+    made = with_values((absent(cls, SPACE_STABLE.axis_names),), wanted, x, SPACE_STABLE.axis_names)
+    return made[0]
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.sets(st.sampled_from(IDS), min_size=1, max_size=5), st.integers(0, 10**6))
+def test_correcting_what_was_corrupted_gives_it_back(ids: set[str], seed: int) -> None:
+    made = calibration(tuple(drawn(i, seed) for i in sorted(ids)))
+    true = table_recording(seed)
+    back = made.apply(made.corrupt(true))
+    for key, values in true.channels.items():
+        # a few roundings of g; angles of 2 pi; rates of a few rad/s
+        np.testing.assert_allclose(back.channels[key], values, rtol=0, atol=2e-14 * 10, err_msg=str(key))
+
+
+def test_corrupt_moves_every_kind_of_reading() -> None:
+    bias = Bias(b=np.array([1e-3, -2e-3, 3e-3]))
+    effects = (bias, drawn("gyro_bias", 1), drawn("gimbal_zero", 1))
+    true = table_recording(1)
+    read = calibration(effects).corrupt(true)
+    for key in (("specific_force", "x"), ("angular_rate", "y"), ("gimbal_angle", "inner")):
+        assert np.all(read.channels[key] != true.channels[key])
+    np.testing.assert_allclose(
+        read.channels["specific_force", "x"] - true.channels["specific_force", "x"], bias.b[0], rtol=1e-9
+    )  # rounding of 9.8 against a bias of 1e-3
+
+
+def test_counts_become_force_and_back() -> None:
+    rng = np.random.default_rng(4)
+    v = rng.standard_normal((25, 3))
+    force = 9.8 * v / np.linalg.norm(v, axis=1, keepdims=True)
+    N = force @ np.array([[500, 2, 3], [0, 480, 5], [0, 0, 510.0]]) + [100, -50, 3e4]
+    raw = Recording("multi-position", "raw", BENCH, Site(gravity=9.8), {}, 60.0 * np.arange(25), np.arange(1, 26),
+                    {("specific_force", a): N[:, i] for i, a in enumerate("xyz")},
+                    units={("specific_force", a): "count" for a in "xyz"})  # fmt: skip
+    made = multiposition(raw, LINEAR)
+    there = made.apply(raw)
+    norm = np.linalg.norm(there.triad("specific_force"), axis=1)
+    np.testing.assert_allclose(norm, 9.8, atol=1e-9)  # a linear unit: the fit is exact up to its stopping rule
+    assert there.units["specific_force", "x"] == "m/s^2"
+    np.testing.assert_allclose(made.corrupt(there).triad("specific_force"), N, rtol=1e-12)
+    with pytest.raises(InputError, match=r"reads specific force in m/s\^2 and the calibration was made .* in counts"):
+        made.apply(replace(raw, units={}))
+
+
+def test_a_missing_temperature_is_named() -> None:
+    true = table_recording(2)
+    bare = replace(true, channels={k: v for k, v in true.channels.items() if k[0] != "temperature"})
+    with pytest.raises(InputError, match="corrects bias_temperature, which needs a temperature channel"):
+        calibration((drawn("bias_temperature", 0),)).apply(bare)
+
+
+def test_a_dead_zone_leaves_the_reading() -> None:
+    made = calibration((CATALOGUE["dead_zone"](d=np.full(3, 1e-3)),))  # type: ignore[call-arg]
+    true = table_recording(0)
+    small = {("specific_force", a): np.full(18, 5e-4) for a in "xyz"}
+    read = made.corrupt(replace(true, channels=dict(true.channels) | small))
+    assert np.all(np.isfinite(made.apply(read).triad("specific_force")))
+
+
+def test_every_sensor_effect_takes_part() -> None:
+    assert len(IDS) > 20
+    assert all(dataclasses.is_dataclass(CATALOGUE[i]) for i in IDS)

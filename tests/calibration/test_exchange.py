@@ -1,0 +1,175 @@
+"""Calibrations in other programs' files and back, with the direction each file states."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.calibration.exchange import FILES, FORMATS, export, read_calibration, read_exchange
+from gimbalcal.calibration.exchange.matrices import LINEAR, matrices
+from gimbalcal.effects import CATALOGUE, Effect, parameters, values, with_values
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording, Site
+
+G = 9.8
+
+
+def made_of(names: tuple[str, ...], seed: int = 1, size: float = 1.0) -> Calibration:
+    rng = np.random.default_rng(seed)
+    wanted = tuple(p for n in names for p in parameters(CATALOGUE[n]))
+    x = np.array([p.sigma for p in wanted]) * rng.uniform(-size, size, len(wanted))
+    sigma = np.array([p.sigma for p in wanted]) / 100
+    effects: tuple[Effect, ...] = with_values((), wanted, x)
+    return Calibration("test", effects, wanted, np.diag(sigma**2), (), Residual(0.0, 0, {}))
+
+
+def shaken(n: int = 20) -> Recording:
+    rng = np.random.default_rng(0)
+    channels = {("specific_force", a): G * rng.uniform(-1, 1, n) for a in "xyz"}
+    channels |= {("angular_rate", a): rng.uniform(-2, 2, n) for a in "xyz"}
+    return Recording("rotation", "shaken", BENCH, Site(gravity=G), {}, np.arange(float(n)), None, channels)
+
+
+def readings(r: Recording) -> tuple[Array, Array]:
+    return r.triad("specific_force"), r.triad("angular_rate")
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_linear_parameters_come_back(kind: str, tmp_path: Path) -> None:
+    made = made_of(LINEAR)
+    assert export(made, kind, tmp_path / "file") == ()
+    back = read_exchange(kind, tmp_path / "file")
+    found = dict(zip(((p.name, p.axis) for p in back.parameters), back.values, strict=True))
+    for p, v in zip(made.parameters, made.values, strict=True):
+        # a few roundings of numbers of order one, inverted and factorised
+        assert found[p.name, p.axis] == pytest.approx(v, abs=1e-14 * max(1.0, abs(v) / p.sigma)), p.label
+    assert [f.name for f in tmp_path.iterdir()] == ["file"]
+
+
+def test_the_kalibr_equations_corrupt(tmp_path: Path) -> None:
+    made = made_of(LINEAR)
+    export(made, "kalibr", tmp_path / "imu.yaml")
+    text = (tmp_path / "imu.yaml").read_text()
+    assert text.startswith("# Direction: physics to reading.")
+    yaml = pytest.importorskip("yaml")  # a check of the file with another program's parser
+    imu = yaml.safe_load(text)["imu0"]
+    f, w = readings(shaken())
+    Ma, Mg, A, C = (
+        np.array(m) for m in (imu["accelerometers"]["M"], *(imu["gyroscopes"][k] for k in ("M", "A", "C_gyro_i")))
+    )
+    read_f, read_w = readings(made.corrupt(shaken()))
+    np.testing.assert_allclose(f @ Ma.T + imu["gimbalcal"]["accelerometer_bias"], read_f, rtol=1e-13)
+    np.testing.assert_allclose(w @ (Mg @ C).T + f @ A.T + imu["gimbalcal"]["gyroscope_bias"], read_w, rtol=1e-12)
+    np.testing.assert_allclose(C @ C.T, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(np.triu(Mg, 1), 0, atol=1e-15)
+
+
+def test_the_psins_equations_correct(tmp_path: Path) -> None:
+    made = made_of((*LINEAR, "scale_nonlinearity"))
+    export(made, "psins", tmp_path / "clbt.mat")
+    clbt = loadmat(tmp_path / "clbt.mat", struct_as_record=False, squeeze_me=True)["clbt"]
+    read = made.corrupt(shaken())
+    y, v = readings(read)
+    f, w = readings(made.apply(read))
+    # Ka2 acts outside Ka: what is left is misalignment times second order, 6e-4 x 3e-5 x g^2 / g
+    np.testing.assert_allclose(y @ clbt.Ka.T - clbt.db - clbt.Ka2 * y**2, f, atol=1e-6)
+    np.testing.assert_allclose(v @ clbt.Kg.T - clbt.eb - y @ clbt.gSens.T, w, atol=1e-9)  # gSens on readings: G x 1e-4
+    back = read_exchange("psins", tmp_path / "clbt.mat")
+    for p, x in zip(made.parameters, made.values, strict=True):
+        assert values(back.effects, (p,))[0] == pytest.approx(x, abs=1e-6 * p.sigma)  # products of two errors
+
+
+def test_what_a_format_cannot_hold_is_said(tmp_path: Path) -> None:
+    made = made_of(("bias", "cubic_nonlinearity"))
+    assert export(made, "kalibr", tmp_path / "a") == ("kalibr has no term for cubic_nonlinearity: it is left out",)
+    assert "# kalibr has no term for cubic_nonlinearity" in (tmp_path / "a").read_text()
+    assert export(made, "csv", tmp_path / "b") == ()
+
+
+def test_csv_keeps_every_parameter_and_its_sigma(tmp_path: Path) -> None:
+    names = tuple(n for n in ("bias", "cubic_nonlinearity", "gyro_scale_asymmetry", "warm_up"))
+    made = made_of(names)
+    export(made, "csv", tmp_path / "c.csv")
+    back = read_exchange("csv", tmp_path / "c.csv")
+    assert back.parameters == made.parameters
+    np.testing.assert_allclose(back.values, made.values, rtol=1e-15)
+    np.testing.assert_allclose(back.sigmas, made.sigmas, rtol=1e-15)
+
+
+def test_foreign_yaml_in_block_style_is_read(tmp_path: Path) -> None:
+    text = """imu0:
+  accelerometers:
+    M:
+    - [1.01, 0.0, 0.0]
+    - [0.002, 0.99, 0.0]
+    - [0.003, -0.001, 1.02]
+  gyroscopes:
+    A:
+    - - 0.0
+      - 0.0
+      - 1.0e-05
+    - [0.0, 0.0, 0.0]
+    - [0.0, 0.0, 0.0]
+    M:
+    - [1.0, 0.0, 0.0]
+    - [0.0, 1.003, 0.0]
+    - [0.0, 0.0, 1.0]
+  model: scale-misalignment
+  rostopic: /imu0
+  update_rate: 200.0
+"""
+    (tmp_path / "k.yaml").write_text(text)
+    m = matrices(read_exchange("kalibr", tmp_path / "k.yaml").effects)
+    np.testing.assert_allclose(m["Ma"], [[1.01, 0, 0], [0.002, 0.99, 0], [0.003, -0.001, 1.02]], atol=1e-15)
+    assert m["A"][0, 2] == 1e-5
+    assert m["Mg"][1, 1] == pytest.approx(1.003)
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "words"),
+    [
+        ("kalibr", "cam0:\n  x: 1\n", "not a Kalibr scale-misalignment file"),
+        ("kalibr", "imu0:\n  accelerometers:\n    M: [1, 2, 3]\n", "accelerometers / M must hold 3 x 3 numbers, got 3"),
+        ("psins", "text", "is not a MATLAB file"),
+        ("csv", "name,axis,value\n", "line 1: the column 'unit' is missing"),
+        ("csv", "name,axis,value,unit\nspin,x,1,ug\n", "line 2: no parameter is called spin:x"),
+        ("csv", "name,axis,value,unit\nbias,x,many,ug\n", "line 2: could not convert"),
+        ("csv", "name,axis,value,unit\nbias,x,nan,ug\n", "line 2: bias:x must be finite"),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_one_sentence(kind: str, text: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    path.write_text(text)
+    with pytest.raises(InputError, match=words):
+        read_exchange(kind, path)
+
+
+def test_unknown_formats_and_files(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no exchange format is called 'xml'"):
+        export(made_of(("bias",)), "xml", tmp_path / "x")
+    with pytest.raises(InputError, match="does not exist"):
+        read_exchange("csv", tmp_path / "nothing")
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_a_file_is_told_by_its_ending(kind: str, tmp_path: Path) -> None:
+    made = made_of(LINEAR)
+    export(made, kind, tmp_path / FILES[kind])
+    back = read_calibration(tmp_path / FILES[kind])
+    read = made.corrupt(shaken())
+    # as above: 1e-14 of the parameters; the largest of them bend a reading of order ten by 1e-3
+    np.testing.assert_allclose(readings(back.apply(read))[0], readings(shaken())[0], atol=1e-12)
+
+
+def test_the_scale_of_counts_is_said_to_be_lost(tmp_path: Path) -> None:
+    counted = replace(made_of(LINEAR), provenance={"options": {"nominal": {"scale": [1.0] * 3, "offset": [0.0] * 3}}})
+    assert export(counted, "json", tmp_path / "a") == ()
+    for kind in FORMATS:
+        assert "nominal scale of counts" in export(counted, kind, tmp_path / "b")[0]

@@ -1,0 +1,139 @@
+"""The closed forms against brute force, and against each other."""
+
+import numpy as np
+import pytest
+from scipy.integrate import dblquad, quad
+from scipy.linalg import null_space
+from scipy.stats import multivariate_normal
+
+from gimbalcal.diagnose.evidence.known_scale import (
+    SIZE_PRIOR,
+    SIZES,
+    appended,
+    condition,
+    extended,
+    gather,
+    log_bayes,
+    mixed,
+    project,
+    stack,
+)
+from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.library.candidates import Candidate, Variant
+
+
+def example(seed=3, R=40, low=40):
+    rng = np.random.default_rng(seed)
+    Z, X = rng.standard_normal((R, 3)), rng.standard_normal((R, 5))
+    y = X[:, :1] * 0.8 + rng.standard_normal((R, 1))
+    root = np.linalg.inv(np.linalg.cholesky(np.eye(low) + 0.5 * np.ones((low, low))))
+    return Node((), 1.0, 0.0, root), Z, X, y
+
+
+def dense_log_bayes(node, Z, X, y, size):
+    """The same number from the contrasts that are free of the calibration: a basis of what is orthogonal to Z."""
+    free = null_space(Z.T)
+    V = np.linalg.inv(node.inverse_root) @ np.linalg.inv(node.inverse_root).T
+    data, none = free.T @ y[:, 0], free.T @ V @ free
+    with_it = none + size**2 * free.T @ X @ X.T @ free
+    return multivariate_normal(cov=with_it).logpdf(data) - multivariate_normal(cov=none).logpdf(data)
+
+
+@pytest.mark.parametrize("columns", [[0], [1, 2], [0, 3, 4]])
+def test_evidence_is_the_ratio_of_two_normal_densities(columns):
+    node, Z, X, y = example()
+    p = project(node, stack(Z, X, y, len(y)))
+    ln = log_bayes(p.G[np.ix_(columns, columns)], p.b[columns, 0])
+    for k, size in enumerate(SIZES[:7]):
+        assert ln[k] == pytest.approx(dense_log_bayes(node, Z, X[:, columns], y, size), abs=1e-8)
+
+
+def test_evidence_is_the_integral_over_the_coefficients():
+    G, b = np.array([[2.0, 0.6], [0.6, 1.0]]), np.array([1.5, -0.4])
+
+    def integrand(v, u):
+        x = np.array([u, v])
+        return np.exp(b @ x - x @ G @ x / 2 - x @ x / 2) / (2 * np.pi)
+
+    value, _ = dblquad(integrand, -8, 8, -8, 8)
+    assert log_bayes(G, b, np.ones(1)) == pytest.approx(np.log(value), abs=1e-6)
+
+
+@pytest.mark.parametrize("low", [0, 20, 40])
+def test_columns_may_be_appended_to_rows(low):
+    _, Z, X, y = example()
+    X = np.concatenate([X[:, :2], Z[:, :1], X[:, 2:], X[:, :1] * X[:, 1:2]], axis=1)  # the third is all absorbed
+    made, whole = appended(stack(Z, X[:, :4], y, low), X[:, :4], X[:, 4:]), stack(Z, X, y, low)
+    assert (made.q, made.P) == (whole.q, whole.P)
+    np.testing.assert_allclose(made.low, whole.low, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(made.high, whole.high, rtol=1e-11, atol=1e-11)
+
+
+def test_rows_that_stay_white_may_be_kept_as_their_gram_matrix():
+    _, Z, X, y = example()
+    half = 20
+    root = np.linalg.inv(np.linalg.cholesky(np.eye(half) + 0.5 * np.ones((half, half))))
+    whole = np.eye(40)
+    whole[:half, :half] = root
+    a = project(Node((), 1.0, 0.0, root), stack(Z, X, y, half))
+    b = project(Node((), 1.0, 0.0, whole), stack(Z, X, y, 40))
+    np.testing.assert_allclose(a.G, b.G, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(a.b, b.b, rtol=1e-10, atol=1e-10)
+    assert a.misfit == pytest.approx(b.misfit)
+
+
+def test_a_second_cause_given_the_first_is_the_pair():
+    node, Z, X, y = example()
+    p = project(node, stack(Z, X, y, len(y)))
+    size = 1.0
+    one = np.array([size])
+    both = log_bayes(p.G[:2, :2], p.b[:2, 0], one)
+    first = log_bayes(p.G[:1, :1], p.b[:1, 0], one)
+    given = condition(p, np.array([0]), size)
+    second = log_bayes(given.G[1:2, 1:2], given.b[1:2, 0], one)
+    assert first + second == pytest.approx(both)
+
+
+def test_columns_that_are_not_in_the_library_are_scored_alike():
+    node, Z, X, y = example()
+    rows = stack(Z, X, y, len(y))
+    p = project(node, rows)
+    G, b = extended(node, rows, X[:, 1:3])
+    np.testing.assert_allclose(G, p.G[1:3, 1:3], atol=1e-10)
+    np.testing.assert_allclose(b, p.b[1:3, 0], atol=1e-10)
+
+
+def test_variants_share_the_prior_by_their_weights():
+    node, Z, X, y = example()
+    p = project(node, stack(Z, X, y, len(y)))
+    c = Candidate("", "", (), (Variant((), (0,), 1.0), Variant((), (1,), 3.0)))
+    one, two = (mixed(log_bayes(p.G[k : k + 1, k : k + 1], p.b[k : k + 1, 0]), SIZE_PRIOR) for k in (0, 1))
+    assert gather([p], [c])[0, 0] == pytest.approx(np.log(0.25 * np.exp(one) + 0.75 * np.exp(two)))
+
+
+def test_under_no_effect_the_scores_have_their_gram_matrix_as_covariance():
+    """With the calibration profiled out under coloured noise, b is N(0, G): what every tail probability rests on."""
+    node, Z, X, _ = example()
+    draws = 2000
+    y = np.linalg.solve(node.inverse_root, np.random.default_rng(0).standard_normal((40, draws)))
+    p = project(node, stack(Z, X, y, 40))
+    scale = np.sqrt(np.outer(np.diag(p.G), np.diag(p.G)))
+    np.testing.assert_allclose(np.cov(p.b) / scale, p.G / scale, atol=5 * np.sqrt(2 / draws))
+    np.testing.assert_allclose(p.b.mean(axis=1) / np.sqrt(np.diag(p.G)), 0, atol=5 / np.sqrt(draws))
+
+
+@pytest.mark.parametrize("G", [0.01, 1.0, 50.0])
+def test_under_no_effect_the_bayes_factor_averages_to_one(G):
+    """The defining property of an e-value, E[BF] = 1, and what follows from it by Markov's inequality."""
+
+    def weighed(b):
+        ln = mixed(log_bayes(np.array([[G]]), np.array([b])), SIZE_PRIOR)
+        return np.exp(ln - b**2 / G / 2) / np.sqrt(2 * np.pi * G)
+
+    end = 12 * np.sqrt(G * (1 + SIZES[-1] ** 2 * G))
+    points = end * np.array([-0.1, -0.01, -1e-3, 0, 1e-3, 0.01, 0.1])
+    value, _ = quad(weighed, -end, end, points=points, limit=500)
+    assert value == pytest.approx(1.0, abs=1e-6)
+    b = np.sqrt(G) * np.random.default_rng(1).standard_normal(20000)
+    ln = mixed(log_bayes(np.full((20000, 1, 1), G), b[:, None]), SIZE_PRIOR)
+    assert np.mean(ln >= np.log(20)) < 1 / 20

@@ -1,0 +1,84 @@
+"""Columns by way of the stages against the complex step through the whole model; noise against what was put in."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gimbalcal.diagnose.evidence.noise import nodes, nominal, settle
+from gimbalcal.diagnose.rows.observations import MOST_ROWS, absent_effect, observe, select
+from gimbalcal.effects import CATALOGUE, parameters, values
+from gimbalcal.errors import InputError
+from gimbalcal.forward import jacobian
+from gimbalcal.recording import block_means, read
+from tests.diagnose.plant import ARCSEC, UG, record
+
+
+@pytest.fixture(scope="module")
+def o():
+    return observe(record(np.random.default_rng(5)))
+
+
+@pytest.mark.parametrize(
+    "effect",
+    ["cubic_nonlinearity", "bias_temperature", "misalignment_temperature", "encoder_two_cycle", "gimbal_flexure",
+     "gimbal_nonorthogonality", "base_tilt_drift", "post_move_creep", "position_blunder"],
+)  # fmt: skip
+def test_columns_are_the_derivatives_of_the_forward_model(o, effect):
+    wanted = parameters(CATALOGUE[effect], o.stimulus.axis_names)
+    made = absent_effect(effect, o.stimulus)
+    quick = o.columns(made, wanted)
+    J = jacobian(o.recording.platform, o.stimulus, (*o.baseline, made), wanted, o.kind)
+    whole = select(J, o.recording, o.channels) / o.sigma[:, None]
+    # both are first derivatives at the same point: rounding only
+    np.testing.assert_allclose(quick, whole, atol=1e-9 * np.abs(whole).max())
+
+
+def test_noise_of_a_clean_recording_is_what_the_header_says(o):
+    settled = settle(o)
+    np.testing.assert_allclose(settled.sigma, 20 * UG, rtol=0.06)  # 3 sigma of 720 independent second differences
+
+
+def test_heavy_tails_are_clipped_and_stay_white():
+    settled = settle(observe(record(np.random.default_rng(1), tails=3.0)))
+    assert settled.heavy > 1
+    # Student's t with 3 degrees of freedom: the clipped mean is worth 1.5 to 2 times as many samples as the plain one
+    assert np.all(settled.sigma < 0.9 * 20 * UG)
+
+
+def test_setting_errors_have_the_covariance_of_the_node():
+    """Differences between a record with and without setting errors, whitened by the nominal node, have chi^2 of 1."""
+    node_chi2 = []
+    for seed in range(6):
+        loose = observe(record(np.random.default_rng(seed), loose=1.0))
+        y = nominal(loose).whiten(loose.reduce(loose.y[:, :, None]))[:, 0]
+        Z = nominal(loose).whiten(loose.reduce(loose.Z))
+        left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-10)[0]
+        node_chi2.append(left @ left / (len(y) - 17))
+    assert np.mean(node_chi2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 300 / 6))
+    assert ARCSEC > 0
+
+
+def test_priors_of_the_noise_sum_to_one(o):
+    assert sum(n.prior for n in nodes(o)) == pytest.approx(1.0)
+
+
+def test_an_unknown_baseline_is_refused(o):
+    with pytest.raises(InputError, match="the baseline names 'bais', which is no effect"):
+        observe(o.recording, ["bais"])
+
+
+def test_a_long_static_run_is_averaged_first_and_says_the_same():
+    run = read("data/space_stable_static")
+    means = block_means(run, 5)
+    assert means.weight.sum() == run.weight.sum()
+    fine, coarse = observe(run), observe(means)
+    C = np.linalg.pinv(np.einsum("ncp,ncq->pq", fine.Z, fine.Z), hermitian=True)
+    moved = values(fine.baseline, fine.constants) - values(coarse.baseline, coarse.constants)
+    moved /= np.array([p.sigma for p in fine.constants]) * np.sqrt(np.diag(C))
+    # 25 minutes shorten a turning force by 360 ppm, 1600 sigma of a scale factor; put back, the same readings say the
+    # same but for the last block, which has fewer rows and stands for as many
+    assert np.max(np.abs(moved)) < 3
+    long = replace(run, time=np.arange(9000) * 20.0, weight=np.ones(9000),
+                   channels={k: np.resize(v, 9000) for k, v in run.channels.items()})  # fmt: skip
+    assert len(observe(long, steps=0).y) <= MOST_ROWS

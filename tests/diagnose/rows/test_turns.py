@@ -1,0 +1,64 @@
+"""A unit turned from rest to rest: what grows with the rate is found in the turns, and only what is there."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import gimbalcal.simulate
+from gimbalcal.diagnose import diagnose
+from gimbalcal.diagnose.rows.turns import turned_rates
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording
+from gimbalcal.simulate import simulate
+
+SCENARIO = Path(gimbalcal.simulate.__file__).parents[1] / "scenarios" / "turned-unit.toml"
+PLAIN = ("bias", "scale_factor", "misalignment", "gyro_bias", "gyro_scale_factor", "gyro_misalignment")
+WARM = {"temperature": {"shape": "ramp", "mean": 10.0, "rate": 100.0}}
+
+
+def by_hand(**more: Any) -> Recording:
+    """The shipped scenario with other effects beside the linear ones, as a unit of which no angle is known."""
+    content = tomllib.loads(SCENARIO.read_text())
+    content["truth"] = {k: v for k, v in content["truth"].items() if k in PLAIN} | more
+    content["environment"] = WARM
+    made, _ = simulate(content, seed=5)
+    kept = {k: v for k, v in made.channels.items() if k[0] != "gimbal_angle"}
+    return replace(made, platform=BENCH, channels=kept, noise={})
+
+
+@pytest.mark.parametrize(
+    ("effect", "truth"),
+    [
+        ("gyro_scale_nonlinearity", {"x": 1000.0, "y": -800.0, "z": 600.0}),
+        ("gyro_scale_asymmetry", {"x": 1500.0, "y": -1200.0, "z": 900.0}),
+        ("gyro_scale_temperature", {"x": 300.0, "y": -250.0, "z": 200.0}),
+        ("gyro_g_sensitivity_rate", {"xx": 30.0, "yz": -30.0, "zy": 30.0}),
+    ],
+)
+def test_what_was_left_out_is_named_with_its_size(effect: str, truth: dict[str, float]) -> None:
+    found = diagnose((by_hand(**{effect: truth}),)).to_dict()
+    assert [f["effect"] for f in found["findings"]] == [effect]
+    sizes = {p["axis"]: (p["value"], p["sigma"]) for p in found["findings"][0]["parameters"]}
+    for axis, value in truth.items():
+        # the sigma is that of a model without the products of two errors, 1e-3 of the size
+        assert abs(sizes[axis][0] - value) < 4 * sizes[axis][1] + 0.01 * abs(value)
+
+
+def test_a_linear_unit_is_adequate() -> None:
+    assert diagnose((by_hand(),)).to_dict()["verdict"] == "adequate"
+
+
+def test_no_rows_on_the_way_make_no_view() -> None:
+    recording = by_hand()
+    assert turned_rates(recording) is not None
+    assert recording.position is not None
+    at_rest = recording.position > 0
+    still = {k: v[at_rest] for k, v in recording.channels.items()}
+    bare = replace(recording, time=recording.time[at_rest], position=recording.position[at_rest], channels=still,
+                   weight=recording.weight[at_rest])  # fmt: skip
+    assert turned_rates(bare) is None

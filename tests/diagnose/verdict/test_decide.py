@@ -1,0 +1,41 @@
+"""How sure a verdict is of a cause: less where it leaves more than the stated noise."""
+
+import numpy as np
+import pytest
+
+from gimbalcal.diagnose.evidence.noise import nodes, settle
+from gimbalcal.diagnose.evidence.odds import CLAIM, UNSURE
+from gimbalcal.diagnose.library.candidates import library
+from gimbalcal.diagnose.rows.observations import BASELINE, observe
+from gimbalcal.diagnose.search.ranking import search
+from gimbalcal.diagnose.verdict.decide import decide, strained
+from tests.diagnose.laws import Law, at_size, laws, unforeseen
+
+
+def searched(law, seed, sigmas):
+    recording, _ = at_size(seed, law, sigmas)
+    o = settle(observe(recording))
+    return search(o, library(o, BASELINE[recording.kind]), nodes(o))
+
+
+def test_a_cause_that_leaves_more_than_the_stated_noise_is_not_sure():
+    s = searched(Law(unforeseen(1)["pier"], ()), 9821, 25.0)
+    d = decide(s)
+    assert d.hypothesis is not None
+    assert strained(s, d.hypothesis.members) > CLAIM
+    assert max(d.probability) <= UNSURE
+
+
+@pytest.mark.parametrize("name", ["asymmetry", "two-cycle"])
+def test_a_cause_that_leaves_the_stated_noise_is_sure(name):
+    s = searched(laws(1)[name], 5, 25.0)
+    d = decide(s)
+    assert d.hypothesis is not None
+    assert strained(s, d.hypothesis.members) < CLAIM
+    assert min(d.probability) > UNSURE
+
+
+def test_nothing_named_has_nothing_to_be_sure_of():
+    s = searched(laws(1)["asymmetry"], 5, 0.0)
+    d = decide(s, threshold=float(np.inf))
+    assert (d.hypothesis, d.probability) == (None, ())

@@ -1,0 +1,112 @@
+"""Interchanged and mis-set positions are named; missing physics is not blamed on a position."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gimbalcal.effects import CATALOGUE
+from gimbalcal.estimate.accelerometers.misset import acceptable, fit_without_faults, probability
+from gimbalcal.estimate.accelerometers.noise import stated_noise
+from gimbalcal.estimate.accelerometers.setting import model, problem
+from gimbalcal.recording import Recording
+from tests.estimate.device import ARCSEC, SAMPLE, draw, effects, interchanged, measured, misread
+
+
+@pytest.fixture(scope="module")
+def clean() -> Recording:
+    rng = np.random.default_rng(11)
+    return measured(draw(rng), rng)
+
+
+def faults_of(recording: Recording) -> list[tuple[int, ...]]:
+    return [f.positions for f in fit_without_faults(problem(recording), stated_noise(recording))[2]]
+
+
+def unstated(recording: Recording) -> Recording:
+    return replace(recording, noise={"accelerometer": SAMPLE})
+
+
+def test_nothing_is_named_on_clean_recordings() -> None:
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        recording = measured(draw(rng), rng)
+        assert faults_of(recording) == []
+
+
+@pytest.mark.parametrize(("i", "j"), [(0, 1), (3, 9), (5, 16), (6, 10)])
+def test_interchanged_positions_are_named_with_and_without_a_stated_setting_error(
+    clean: Recording, i: int, j: int
+) -> None:
+    swapped = interchanged(clean, i, j)
+    assert faults_of(swapped) == [(i + 1, j + 1)]
+    assert faults_of(unstated(swapped)) == [(i + 1, j + 1)]
+
+
+def test_two_pairs_are_found(clean: Recording) -> None:
+    assert sorted(faults_of(interchanged(interchanged(clean, 3, 9), 5, 16))) == [(4, 10), (6, 17)]
+
+
+@pytest.mark.parametrize("angle", [20 * ARCSEC, 1e-3, 0.1, np.pi / 4 + 0.01])
+def test_a_mis_set_position_is_named_with_its_angle(clean: Recording, angle: float) -> None:
+    recording = misread(clean, 6, "inner", angle)
+    _, fit, (fault,) = fit_without_faults(problem(recording), stated_noise(recording))
+    assert fault.positions == (7,)
+    assert "position 7 is mis-set" in fault.in_words
+    said, unit = fault.in_words.split("its force is ")[1].split()[:2]
+    # position 7 hangs from the inner gimbal at right angles, so the force turns by the same angle; 4 arcsec of noise
+    assert float(said) * {"arcsec": ARCSEC, "deg": np.pi / 180}[unit] == pytest.approx(angle, abs=4 * ARCSEC, rel=6e-3)
+    assert acceptable(fit.solution.chi2, fit.solution.dof)
+
+
+def test_what_is_left_is_the_calibration_without_that_position(clean: Recording) -> None:
+    spoiled = misread(clean, 6, "inner", 1e-3)
+    rest, fit, _ = fit_without_faults(problem(spoiled), stated_noise(spoiled))
+    fair = clean.select(np.arange(18) != 6)
+    _, expected, _ = fit_without_faults(problem(fair), stated_noise(fair))
+    assert rest.positions.tolist() == fair.position.tolist()
+    np.testing.assert_allclose(fit.solution.x, expected.solution.x, atol=1e-6 * expected.solution.sigma.min())
+
+
+@pytest.mark.parametrize("effect", ["scale_factor_asymmetry", "cubic_nonlinearity", "cross_coupling", "base_tilt"])
+def test_missing_physics_is_no_fault_of_a_position(clean: Recording, effect: str) -> None:
+    kind = CATALOGUE[effect]
+    field = next(f for f in kind.__dataclass_fields__.values() if f.metadata.get("kind") == "parameter")
+    size = np.zeros(len(field.metadata["axes"]))
+    size[0] = 3e-4 if effect in ("scale_factor_asymmetry", "base_tilt") else 3e-6
+    p = problem(clean)
+    truth = draw(np.random.default_rng(11))
+    with_it = replace(p, effects=(*effects(truth), kind(**{field.name: size})))
+    more = model(with_it, truth, np.zeros((18, 4))) - model(p, truth, np.zeros((18, 4)))
+    bent = {**clean.channels, **{("specific_force", a): clean.channels["specific_force", a] + more[:, i]
+                                 for i, a in enumerate("xyz")}}  # fmt: skip
+    recording = replace(clean, channels=bent)
+    _, fit, faults = fit_without_faults(problem(recording), stated_noise(recording))
+    assert faults == ()
+    assert not acceptable(fit.solution.chi2, fit.solution.dof)
+
+
+def test_a_repeated_position_is_named_with_its_visit(clean: Recording) -> None:
+    rng = np.random.default_rng(5)
+    truth = draw(rng)
+    twice = [measured(truth, rng) for _ in range(2)]
+    both = replace(
+        twice[0],
+        time=np.arange(36.0),
+        position=np.concatenate([r.position for r in twice]),
+        channels={k: np.concatenate([r.channels[k] for r in twice]) for k in twice[0].channels},
+        weight=np.concatenate([r.weight for r in twice]),
+    )
+    assert faults_of(both) == []
+    recording = misread(both, 25, "middle", 60 * ARCSEC)
+    _, _, (fault,) = fit_without_faults(problem(recording), stated_noise(recording))
+    assert fault.visits == (25,)
+    assert fault.in_words.startswith("position 8 (visit 26) is mis-set")
+
+
+def test_probability_is_the_chi_squared_tail() -> None:
+    from scipy.stats import chi2
+
+    for dof in (1, 6, 37):
+        assert probability(1.7 * dof, dof) == pytest.approx(chi2.sf(1.7 * dof, dof), rel=1e-12)
+    assert probability(5.0, 0) == 1.0

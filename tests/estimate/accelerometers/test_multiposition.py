@@ -1,0 +1,128 @@
+"""The norm fit without angles: recovery, terms declined in words, raw counts, and refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.effects import Effect
+from gimbalcal.effects.accelerometer import Bias, Misalignment, ScaleFactor, ScaleNonlinearity
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition, unknowns
+from gimbalcal.forward import predict
+from gimbalcal.kinematics import stimulus
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording, Site
+
+G = 9.8
+UG = 9.80665e-6
+SAMPLE, COUNT = 2e-4, 400  # m/s^2 and samples per dwell: 1 ug per position
+
+TRUTH: tuple[Effect, ...] = (
+    Bias(b=np.array([300, -200, 100]) * UG),
+    ScaleFactor(s=np.array([400, -300, 200]) * 1e-6),
+    Misalignment(beta=np.array([0, 0, 1e-4, 0, -2e-4, 3e-4])),
+)
+BENT = ScaleNonlinearity(K_nl=np.array([30, -20, 25]) * 1e-6 / 9.80665)
+
+
+def rested(effects: tuple[Effect, ...], directions: np.ndarray, noise: float = 1.0, seed: int = 0) -> Recording:
+    n = len(directions)
+    force = G * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    channels = {("specific_force", a): force[:, i] for i, a in enumerate("xyz")}
+    made = Recording("multi-position", "rests", BENCH, Site(gravity=G), {"accelerometer": SAMPLE}, np.arange(n) * 60.0,
+                     np.arange(1, n + 1), channels, weight=np.full(n, float(COUNT)))  # fmt: skip
+    y = predict(BENCH, stimulus(made), effects)["specific_force"]
+    y = y + noise * SAMPLE / np.sqrt(COUNT) * np.random.default_rng(seed).standard_normal(y.shape)
+    return replace(made, channels={("specific_force", a): y[:, i] for i, a in enumerate("xyz")})
+
+
+def scattered(n: int, seed: int = 3) -> np.ndarray:
+    return np.random.default_rng(seed).standard_normal((n, 3))
+
+
+def truth_of(effects: tuple[Effect, ...], calibration: Calibration) -> np.ndarray:
+    by_id = {e.id: e for e in effects}
+    return np.array([np.atleast_1d(getattr(by_id[p.effect], p.field))[p.index] if p.effect in by_id else 0.0
+                     for p in calibration.parameters])  # fmt: skip
+
+
+def test_truth_comes_back_within_its_uncertainty() -> None:
+    errors = []
+    for seed in range(20):
+        made = multiposition(rested((*TRUTH, BENT), scattered(40), seed=seed), (*LINEAR, "scale_nonlinearity"))
+        errors.append((made.values - truth_of((*TRUTH, BENT), made)) / made.sigmas)
+        assert made.outcome == ""
+    spread = np.sqrt(np.mean(np.square(errors)))
+    assert spread == pytest.approx(1, abs=0.2)  # 240 correlated normal numbers: about 0.06, three sigma
+
+
+def test_without_noise_the_error_is_that_of_rounding() -> None:
+    made = multiposition(rested(TRUTH, scattered(20), noise=0), LINEAR)
+    assert np.max(np.abs(made.values - truth_of(TRUTH, made)) / made.sigmas) < 1e-3  # Gauss-Newton stops at 1e-3 sigma
+
+
+def test_terms_that_the_data_support_are_kept_and_others_declined_in_words() -> None:
+    bent = multiposition(rested((*TRUTH, BENT), scattered(40)))
+    assert {p.effect for p in bent.parameters} >= {"scale_nonlinearity"}
+    assert len(bent.stages) >= 2
+    few = multiposition(rested((*TRUTH, BENT), scattered(11)))
+    assert {p.effect for p in few.parameters} == set(LINEAR)
+    why = [u["why"] for u in few.unobservable if "is left out" in u["why"]]
+    assert any("11 positions are fewer than the parameters it would make" in w for w in why)
+
+
+def test_six_faces_cannot_see_misalignment_and_say_so() -> None:
+    faces = np.concatenate([np.eye(3), -np.eye(3)]) + 1e-9
+    made = multiposition(rested(TRUTH, np.tile(faces, (2, 1))), LINEAR)
+    named = {label for u in made.unobservable for label in u["direction"]}
+    assert {"misalignment:yz", "misalignment:zy", "misalignment:zx"} <= named
+
+
+def test_rotations_of_the_triad_are_named_as_unseen() -> None:
+    made = multiposition(rested(TRUTH, scattered(20)), LINEAR)
+    whys = [u["why"] for u in made.unobservable]
+    assert sum("changes no norm" in w for w in whys) == 3
+    assert {p.axis for p in made.parameters if p.effect == "misalignment"} == {"yz", "zy", "zx"}
+
+
+def test_counts_are_scaled_and_the_scale_is_kept() -> None:
+    plain = rested(TRUTH, scattered(25))
+    scale, offset = np.array([2e-3, -2.1e-3, 2.2e-3]), np.array([32768.0, 100, -50])
+    N = plain.triad("specific_force") / scale + offset
+    raw = replace(
+        plain,
+        noise={},
+        channels={("specific_force", a): N[:, i] for i, a in enumerate("xyz")},
+        units={("specific_force", a): "count" for a in "xyz"},
+    )
+    made = multiposition(raw, LINEAR)
+    nominal = made.provenance["options"]["nominal"]
+    # the nominal scale takes scale factor and bias of the truth (400 ppm, 300 ug) into it
+    np.testing.assert_allclose(np.abs(nominal["scale"]), np.abs(scale), rtol=1e-3)
+    np.testing.assert_allclose(nominal["offset"], offset, atol=3)
+    assert made.residual.rms["specific_force"] < 3 * SAMPLE / np.sqrt(COUNT)
+
+
+def test_positions_that_scatter_more_than_the_stated_noise_are_told() -> None:
+    made = multiposition(rested(TRUTH, scattered(30), noise=30), LINEAR)
+    assert "which the stated noise does not explain" in made.outcome
+    error = (made.values - truth_of(TRUTH, made)) / made.sigmas
+    assert np.sqrt(np.mean(error**2)) < 2.5  # nine normal numbers of the inflated sigma
+
+
+def test_an_effect_that_needs_angles_is_refused() -> None:
+    with pytest.raises(InputError, match="'gimbal_zero', which is not an effect that rest positions without angles"):
+        multiposition(rested(TRUTH, scattered(20)), ("bias", "gimbal_zero"))
+
+
+def test_too_few_positions_are_refused_with_the_remedy() -> None:
+    with pytest.raises(InputError, match=r"holds 7 rest positions for 9 parameters .* hold more positions"):
+        multiposition(rested(TRUTH, scattered(7)), LINEAR)
+
+
+def test_the_norm_sees_three_of_six_misalignments() -> None:
+    assert len(unknowns(LINEAR)) == 9

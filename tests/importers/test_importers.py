@@ -1,0 +1,262 @@
+"""Other rigs' files: what comes out, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gimbalcal.errors import InputError
+from gimbalcal.importers import KINDS, import_files
+from gimbalcal.number import Array
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import dwell_means, dwells, read
+from tests.xsens import accelerometers, as_text
+
+SHIPPED = Path(__file__).parents[2] / "data" / "xsens_positions"
+
+COLUMNS = """\
+format = 1
+kind = "multi-position"
+title = "foreign"
+
+[site]
+gravity = {{ value = 9.80146, unit = "m/s^2" }}
+
+[columns]
+"{time}" = {{ quantity = "time", unit = "s" }}
+"{position}" = {{ quantity = "position" }}
+"{x}" = {{ quantity = "specific_force", axis = "x", unit = "g" }}
+"{y}" = {{ quantity = "specific_force", axis = "y", unit = "g" }}
+"{z}" = {{ quantity = "specific_force", axis = "z", unit = "g" }}
+"""
+
+
+def header(path: Path, **names: str) -> dict[str, str]:
+    """The option that names a header file for these columns."""
+    file = path / "columns.toml"
+    file.write_text(COLUMNS.format(**names))
+    return {"header": str(file)}
+
+
+def table(n: int = 60) -> tuple[Array, Array, Array]:
+    rng = np.random.default_rng(1)
+    position = np.repeat([1.0, 2.0], n // 2)
+    force = np.where(position[:, None] == 1, [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]) + 1e-4 * rng.standard_normal((n, 3))
+    return 0.5 * np.arange(n), position, force
+
+
+def refusal(kind: str, files: list[Path], options: dict[str, str] | None = None) -> str:
+    with pytest.raises(InputError) as caught:
+        import_files(kind, files, options)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_unknown_kind_lists_the_known_ones(tmp_path: Path) -> None:
+    assert refusal("xsens", [tmp_path]) == f"there is no importer 'xsens'; take one of {', '.join(KINDS)}"
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_every_kind_has_help_and_refuses_what_is_not_there(tmp_path: Path, kind: str) -> None:
+    assert KINDS[kind].__doc__
+    assert "does not exist or is not a file; give the files that" in refusal(kind, [tmp_path / "none"])
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_every_kind_refuses_an_unknown_option(tmp_path: Path, kind: str) -> None:
+    file = tmp_path / "file"
+    file.write_text("")
+    assert "the option 'bananas' is not known here" in refusal(kind, [file], {"bananas": "3"})
+
+
+# --- imu_tk ---------------------------------------------------------------------------------------------------------
+
+
+def test_imu_tk_text(tmp_path: Path) -> None:
+    recording = import_files("imu-tk", [as_text(tmp_path / "acc.mat")], {"title": "Xsens"})
+    time, counts = accelerometers()
+    assert (recording.kind, recording.platform, recording.title) == ("multi-position", BENCH, "Xsens")
+    np.testing.assert_array_equal(recording.time, time)
+    np.testing.assert_array_equal(recording.triad("specific_force"), counts)
+    assert set(recording.units.values()) == {"count"}
+    assert len(dwells(recording)) == 38
+    assert recording.remarks == ("38 dwells found where the sensors are quiet, numbered in order of time",)
+
+
+def test_the_shipped_positions_are_the_means_of_the_raw_data(tmp_path: Path) -> None:
+    made = import_files("imu-tk", [as_text(tmp_path / "acc.mat")], {"means": "yes"})
+    shipped = read(SHIPPED)
+    np.testing.assert_allclose(made.triad("specific_force"), shipped.triad("specific_force"), rtol=1e-14)
+    np.testing.assert_array_equal(made.weight, shipped.weight)
+    assert shipped.noise["accelerometer"] == pytest.approx(made.noise["accelerometer"], rel=1e-12)
+
+
+def test_the_real_positions_have_one_norm_to_a_tenth_of_a_milli_g() -> None:
+    # Bias, scale and misalignment (9 numbers) leave 0.1 mg; bias and scale alone (6) leave some 3.4 mg.
+    from scipy.optimize import least_squares
+
+    counts = read(SHIPPED).triad("specific_force")
+
+    def norm_error(p: Array) -> Array:
+        T = np.array([[p[3], p[6], p[7]], [0.0, p[4], p[8]], [0.0, 0.0, p[5]]]) / 4100
+        return np.asarray(np.linalg.norm((counts - 33000 - 100 * p[:3]) @ T.T, axis=1) - 1)
+
+    def without_misalignment(p: Array) -> Array:
+        return norm_error(np.concatenate([p, np.zeros(3)]))
+
+    full = least_squares(norm_error, np.array([0.0, 0, 0, 1, 1, 1, 0, 0, 0]))
+    plain = least_squares(without_misalignment, np.array([0.0, 0, 0, 1, 1, 1]))
+    assert 1e3 * np.sqrt(np.mean(full.fun**2)) == pytest.approx(0.106, abs=0.005)
+    assert 1e3 * np.sqrt(np.mean(plain.fun**2)) == pytest.approx(3.4, abs=0.2)
+
+
+def test_imu_tk_faults(tmp_path: Path) -> None:
+    good, other, words, short = (tmp_path / name for name in ("good", "other", "words", "short"))
+    lines = [f"{0.01 * i:.2f} 1 2 {3 + i % 2}" for i in range(50)]
+    good.write_text("\n".join(lines))
+    other.write_text("\n".join(lines[:-1]))
+    words.write_text("t x y z\n" + "\n".join(lines))
+    short.write_text("\n".join([*lines[:3], "0.03 1 2"]))
+    assert "other does not have the times of" in refusal("imu-tk", [good, other])
+    assert refusal("imu-tk", [words]).endswith("words, line 1: 't x y z' is not a row of numbers")
+    assert "short, line 4: 4 finite numbers are wanted, got '0.03 1 2'" in refusal("imu-tk", [short])
+    assert "imu-tk reads one or two files (accelerometers, gyroscopes), got 3" in refusal("imu-tk", [good] * 3)
+    good.write_text("")
+    assert "good is empty; it must hold rows of 4 numbers" in refusal("imu-tk", [good])
+    good.write_text("\n".join([*lines, lines[0]]))
+    assert "good, row 51: the clock does not go forward; sort the rows" in refusal("imu-tk", [good])
+
+
+# --- general tables -------------------------------------------------------------------------------------------------
+
+
+def test_csv_of_a_german_logger(tmp_path: Path) -> None:
+    time, position, force = table()
+    rows = ["Logger 3000", "Messung vom 18.11.2026", "Zeit;Pos;ax;ay;az;Bemerkung"]
+    for t, p, f in zip(time, position, force, strict=True):
+        rows.append(";".join([*(f"{v:.8f}".replace(".", ",") for v in (t, p, *f)), "ok"]))
+    (tmp_path / "log.csv").write_text("\n".join(rows))
+    options = header(tmp_path, time="Zeit", position="Pos", x="ax", y="ay", z="az")
+    recording = import_files("csv", [tmp_path / "log.csv"], {**options, "separator": "semicolon", "skip": "2"})
+    np.testing.assert_allclose(recording.triad("specific_force"), force * 9.80665, atol=1e-7)  # 8 digits of g
+    assert [d.position for d in dwells(recording)] == [1, 2]
+    assert recording.site.gravity == 9.80146
+    faulty = "\n".join(rows).replace("\n1,50000000;", "\n-9,50000000;")
+    (tmp_path / "log.csv").write_text(faulty)
+    said = refusal("csv", [tmp_path / "log.csv"], {**options, "separator": "semicolon", "skip": "2"})
+    assert "log.csv, line 7, column Zeit: the clock jumps back by 10.5 s at -9.5 s" in said
+
+
+def test_csv_faults(tmp_path: Path) -> None:
+    file = tmp_path / "log.csv"
+    file.write_text("t,p,a,b,c\n0,1,0,0,-1\n1,1,0,x,-1\n")
+    options = header(tmp_path, time="t", position="p", x="a", y="b", z="c")
+    assert "row 2 below the names, column b: 'x' is not a number" in refusal("csv", [file], options)
+    assert "Write it down as in recording.toml, with [columns]" in refusal("csv", [file])
+    assert "does not exist; it must say what the columns of" in refusal("csv", [file], {"header": "none.toml"})
+    assert "the separator '||' is not one character" in refusal("csv", [file], {**options, "separator": "||"})
+    assert "the option skip must be a number of at least 0, got 'two'" in refusal(
+        "csv", [file], {**options, "skip": "two"}
+    )
+    assert "give one file at a time, got 2" in refusal("csv", [file, file], options)
+    bad = header(tmp_path, time="t", position="p", x="a", y="b", z="d")
+    file.write_text("t,p,a,b,c\n0,1,0,0,-1\n")
+    assert "log.csv has no column 'd'; it has 't', 'p', 'a', 'b', 'c'" in refusal("csv", [file], bad)
+
+
+def test_csv_without_a_clock(tmp_path: Path) -> None:
+    _, position, force = table()
+    rows = ["p,a,b,c", *(f"{p},{x:.9f},{y:.9f},{z:.9f}" for p, (x, y, z) in zip(position, force, strict=True))]
+    (tmp_path / "log.csv").write_text("\n".join(rows))
+    options = header(tmp_path, time="row", position="p", x="a", y="b", z="c")
+    recording = import_files("csv", [tmp_path / "log.csv"], {**options, "rate": "50"})
+    np.testing.assert_allclose(recording.time, np.arange(60) / 50, rtol=1e-15)
+
+
+def test_matlab_up_to_v7(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    time, position, force = table()
+    savemat(tmp_path / "rig.mat", {"t": time, "imu": {"acc": force, "pos": position}, "name": "rig"})
+    options = header(tmp_path, time="t", position="imu.pos", x="imu.acc[0]", y="imu.acc[1]", z="imu.acc[2]")
+    recording = import_files("mat", [tmp_path / "rig.mat"], options)
+    np.testing.assert_allclose(recording.triad("specific_force"), force * 9.80665, rtol=1e-15)
+    np.testing.assert_array_equal(recording.time, time)
+    options = header(tmp_path, time="t", position="imu.pos", x="imu.acc[0]", y="imu.acc[1]", z="imu.acc[3]")
+    said = refusal("mat", [tmp_path / "rig.mat"], options)
+    assert "imu.acc[3] does not name one column of an array of shape (60, 3); write imu.acc[0], imu.acc[1], ..." in said
+    options = header(tmp_path, time="time", position="imu.pos", x="imu.acc[0]", y="imu.acc[1]", z="imu.acc[2]")
+    assert "rig.mat has no variable 'time'; it has t, imu, name" in refusal("mat", [tmp_path / "rig.mat"], options)
+    options = header(tmp_path, time="name", position="imu.pos", x="imu.acc[0]", y="imu.acc[1]", z="imu.acc[2]")
+    assert "name holds <U3 where real numbers are wanted" in refusal("mat", [tmp_path / "rig.mat"], options)
+
+
+def test_matlab_v73_is_hdf5(tmp_path: Path) -> None:
+    import h5py
+
+    time, position, force = table()
+    with h5py.File(tmp_path / "rig.mat", "w", userblock_size=512) as file:  # as MATLAB writes it, columns first
+        file["t"], file["imu/acc"], file["imu/pos"] = time[None], force.T, position[None]
+    options = header(tmp_path, time="t", position="imu.pos", x="imu.acc[0]", y="imu.acc[1]", z="imu.acc[2]")
+    recording = import_files("mat", [tmp_path / "rig.mat"], options)
+    np.testing.assert_allclose(recording.triad("specific_force"), force * 9.80665, rtol=1e-15)
+
+
+def test_hdf5(tmp_path: Path) -> None:
+    import h5py
+
+    time, position, force = table()
+    with h5py.File(tmp_path / "rig.h5", "w") as file:
+        file["clock"], file["imu/acc"], file["imu/pos"] = time, force, position.astype(np.int32)
+    options = header(tmp_path, time="/clock", position="/imu/pos", x="/imu/acc[0]", y="/imu/acc[1]", z="/imu/acc[2]")
+    recording = import_files("hdf5", [tmp_path / "rig.h5"], options)
+    np.testing.assert_allclose(recording.triad("specific_force"), force * 9.80665, rtol=1e-15)
+    options = header(tmp_path, time="/time", position="/imu/pos", x="/imu/acc[0]", y="/imu/acc[1]", z="/imu/acc[2]")
+    said = refusal("hdf5", [tmp_path / "rig.h5"], options)
+    assert "rig.h5 has no data set '/time'; it has clock, imu/acc, imu/pos" in said
+    (tmp_path / "rig.h5").write_bytes((tmp_path / "rig.h5").read_bytes()[:700])
+    assert "rig.h5 is not an HDF5 file, or it is cut short; copy it again" in refusal(
+        "hdf5", [tmp_path / "rig.h5"], options
+    )
+
+
+def test_text_called_mat_is_sent_elsewhere(tmp_path: Path) -> None:
+    options = header(tmp_path, time="t", position="p", x="a", y="b", z="c")
+    said = refusal("mat", [as_text(tmp_path / "xsens_acc.mat")], options)
+    assert "text files that are only called .mat go through `gimbalcal import imu-tk` or `csv`" in said
+
+
+def test_columns_of_different_length(tmp_path: Path) -> None:
+    import h5py
+
+    time, position, force = table()
+    with h5py.File(tmp_path / "rig.h5", "w") as file:
+        file["t"], file["p"], file["a"] = time, position[:-1], force
+    options = header(tmp_path, time="t", position="p", x="a[0]", y="a[1]", z="a[2]")
+    assert "the columns differ in length (t 60, p 59, a[0] 60" in refusal("hdf5", [tmp_path / "rig.h5"], options)
+
+
+def test_imported_tables_pass_the_same_checks(tmp_path: Path) -> None:
+    import h5py
+
+    time, position, force = table()
+    force[10:14, 1] = np.nan
+    with h5py.File(tmp_path / "rig.h5", "w") as file:
+        file["t"], file["p"], file["a"] = time, position, force
+    options = header(tmp_path, time="t", position="p", x="a[0]", y="a[1]", z="a[2]")
+    said = refusal("hdf5", [tmp_path / "rig.h5"], options)
+    assert "rig.h5, row 11, column a[1]: the value is empty or not a finite number, nor are the 3 below it" in said
+
+
+def test_mikoff_log(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    rows = np.column_stack([rng.normal([0, 0, -9.8], 0.05, (400, 3)), rng.normal(0, 1e-3, (400, 3))])
+    rows[180:220, :3] += rng.standard_normal((40, 3))
+    np.savetxt(tmp_path / "imu0.log", rows, fmt="%.5f")
+    recording = import_files("mikoff", [tmp_path / "imu0.log"])
+    assert recording.time[1] == 0.01
+    assert recording.units["angular_rate", "x"] == "rad/s"
+    np.testing.assert_allclose(recording.triad("angular_rate"), rows[:, 3:], atol=5.1e-6)  # five decimals
+    assert len(dwells(recording)) == len(dwell_means(recording).time)

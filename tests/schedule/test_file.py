@@ -1,0 +1,44 @@
+"""schedule.toml there and back, and its refusals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gimbalcal.errors import InputError
+from gimbalcal.schedule import SCHEDULES
+from gimbalcal.schedule.file import read_schedule, schedule_toml
+
+
+@pytest.mark.parametrize("name", SCHEDULES)
+def test_a_schedule_comes_back(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "schedule.toml"
+    path.write_text(schedule_toml(SCHEDULES[name]))
+    made = read_schedule(path)
+    np.testing.assert_allclose(made.angles, SCHEDULES[name].angles, atol=2e-11)  # written to 1e-9 deg
+    assert made.platform == SCHEDULES[name].platform
+    assert made.holds[0].duration == SCHEDULES[name].holds[0].duration
+    assert read_schedule(name) is SCHEDULES[name]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('[platform]\nname = "moon"\n', "no platform is called 'moon'"),
+        ("[schedule]\n", r"a schedule needs \[\[schedule.holds\]\]"),
+        ("[[schedule.holds]]\nyaw = 1.0\n", "hold 1 turns 'yaw', which the platform 'space-stable' does not have"),
+        ('[[schedule.holds]]\ninner = "a"\n', "hold 1 has the angle 'a'; give degrees"),
+    ],
+)
+def test_a_wrong_file_is_refused_with_the_place(text: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "schedule.toml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=words):
+        read_schedule(path)
+
+
+def test_an_unknown_name_lists_the_known_ones() -> None:
+    with pytest.raises(InputError, match="is no file and no published schedule; those are wu2018-18, wang2019-15"):
+        read_schedule("nobody-7")
