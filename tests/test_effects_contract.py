@@ -220,7 +220,7 @@ def test_what_is_called_linear_is_linear_and_the_rest_is_not(name: str) -> None:
 
 # --- does a fit find it again, and say so where it cannot? -----------------------------------------------------------
 
-SIGMA = {"specific_force": 2e-6 * G0, "gimbal_angle": 2e-6, "attitude_error": 2e-6}
+SIGMA = {"specific_force": 2e-6 * G0, "angular_rate": 1e-7, "gimbal_angle": 2e-6, "attitude_error": 2e-6}
 CASES = [
     (n, k) for n in ALL for k in RECORDINGS if k in CATALOGUE[n].kinds and CATALOGUE[n].stage is not Stage.GYROSCOPE
 ]

@@ -115,6 +115,7 @@ class Effect:
     kinds: ClassVar[tuple[str, ...]] = ("multi-position", "static-run", "rotation")
     sources: ClassVar[tuple[str, ...]] = ()  # keys of references.REFERENCES
     linear: ClassVar[bool] = True  # whether the contribution is linear in the parameters
+    spans_rows: ClassVar[bool] = False  # whether what is added at one row follows the force or angle of other rows
     steps: ClassVar[tuple[str, ...]] = ()  # constants to be scanned, not differentiated: the output jumps with them
 
     def contribution(self, s: Stimulus) -> Array:

@@ -116,6 +116,7 @@ class TimeTagLatency(Effect):
 
     id = "time_tag_latency"
     stage = Stage.INPUT_AXIS
+    spans_rows = True
     sources = ("groves2013",)
     latency: float = parameter(SCALAR, unit="ms", sigma=10, name="time_tag_latency")
 

@@ -245,6 +245,7 @@ class SelfHeating(Effect):
 
     id = "self_heating"
     stage = Stage.ACCELEROMETER
+    spans_rows = True
     sources = ("lawrence1998",)
     H: Array = parameter(TRIAD, unit="ug", sigma=5, name="self_heating")
     tau: float = constant(0.2 * HOUR, unit="h", low=0.02 * HOUR, high=3 * HOUR)

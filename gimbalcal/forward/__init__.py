@@ -1,0 +1,47 @@
+r"""The one forward model: gimbal angles, time and environment in, sensor readings out.
+
+This is the only place where the stages of `effects` meet. Kinds of recording differ in what holds still:
+
+* *encoder-referenced* (multi-position, rotation): the readouts say where the platform points,
+
+  .. math:: f^p = -C_b^p(\theta) \, C_n^b \, g^n, \qquad \theta = \text{readout} + \delta\theta ;
+
+* *inertially fixed* (static run): the gyroscopes hold the platform, the Earth turns under it, and the gimbal angles
+  are a result,
+
+  .. math:: f^p / g = R(\varphi) (\cos S_t \cos L, \; \sin S_t \cos L, \; \sin L), \qquad
+            C_b^p(\theta) = R(\varphi) \, C_n^p(S_t, L) \, {C_n^b}^T .
+
+* *pointing*: a telescope or antenna is told a direction; what a pointing model leaves is the direction seen across
+  and along the innermost gimbal,
+
+  .. math:: v = {C_n^b}^T {C_b^p(\theta)}^T R(\text{line of sight})^T \, x_p ,
+
+  against the target, in the axes in which a perfect mount would see it.
+
+Where the unit turns, gyroscopes in the same block read its angular rate against the inertial frame.
+
+`predict` returns the outputs of every channel; `linearise` holds them against what was read and returns `Rows`:
+residuals and their exact derivatives by what is added at each stage, from which the derivative by any parameter is one
+product.
+"""
+
+from gimbalcal.forward.angles import navigator_attitude_error
+from gimbalcal.forward.model import accelerometers, gyroscopes, predict, turning
+from gimbalcal.forward.rows import ANGLES, AXES, Key, Rows, difference, experienced, jacobian, linearise
+
+__all__ = [
+    "ANGLES",
+    "AXES",
+    "Key",
+    "Rows",
+    "accelerometers",
+    "difference",
+    "experienced",
+    "gyroscopes",
+    "jacobian",
+    "linearise",
+    "navigator_attitude_error",
+    "predict",
+    "turning",
+]

@@ -1,0 +1,83 @@
+"""Gimbal angles that realise an attitude, and the attitude that a navigator makes of its sensors."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gimbalcal.kinematics import DOWN
+from gimbalcal.number import Array, apply_matrix, arcsin, arctan2, is_symbolic, sqrt
+from gimbalcal.platform import Platform
+
+
+def ideal_angles(platform: Platform, phase: Array, latitude: float) -> Array:
+    """Angles (n, k) of a perfect platform on a level base: S_t, 0, L, 0."""
+    ideal = {"platform": phase, "middle": latitude * np.ones_like(phase)}
+    return platform.angles({k: v for k, v in ideal.items() if k in platform.axis_names}, phase.shape)
+
+
+def gimbal_angles(platform: Platform, C_bp: Array, ideal: Array, error: Array | float, tilts: Array | None) -> Array:
+    """True angles (n, k) at which the chain, axis tilts (n, k, 3) included, realises C_bp (n, 3, 3), from ideal ones.
+
+    The outer gimbal follows the inner one so that the *readout* of the inner gimbal stays at zero: its true angle is
+    its encoder's error (n, k). The others by Newton on the rotation vector; two steps leave 1e-16 rad
+    for errors of 1e-3 rad.
+    """
+    free = [i for i, name in enumerate(platform.axis_names) if name != "inner"]
+    held = [i for i, name in enumerate(platform.axis_names) if name == "inner"]
+    angle = ideal
+    if held and not isinstance(error, float):
+        angle = angle.astype(np.result_type(angle, error))
+        angle[..., held] += error[..., held]
+    for _ in range(2):
+        C = platform.attitude(angle, tilts)
+        left = _rotation_vector(C_bp @ np.swapaxes(C, -1, -2))
+        J = np.stack([_axis_in_platform(platform, angle, i) for i in free], axis=-1)
+        step = np.linalg.solve(J, left[..., None])[..., 0] if not is_symbolic(left) else _symbolic_solve(J, left)
+        angle = angle.astype(np.result_type(angle, step))
+        angle[..., free] += step
+    return angle
+
+
+def _symbolic_solve(J: Array, b: Array) -> Array:
+    import sympy
+
+    return np.array([list(sympy.Matrix(m).LUsolve(sympy.Matrix(v))) for m, v in zip(J, b, strict=True)], dtype=object)
+
+
+def _rotation_vector(C: Array) -> Array:
+    """First-order rotation vector of a frame rotation near identity: C = 1 - [v x] (..., 3)."""
+    pairs = ((1, 2), (2, 0), (0, 1))
+    return np.stack([(C[..., i, j] - C[..., j, i]) / 2 for i, j in pairs], axis=-1)
+
+
+def _axis_in_platform(platform: Platform, angle: Array, i: int) -> Array:
+    """Direction (n, 3) in platform axes about which readout i turns the platform."""
+    inner = Platform(platform.name, platform.axes[:i]).attitude(angle[..., :i])
+    axis = platform.axes[i]
+    unit = np.zeros(3)
+    unit["xyz".index(axis.direction)] = axis.sign
+    return apply_matrix(inner, np.broadcast_to(unit, (*angle.shape[:-1], 3)))
+
+
+def navigator_attitude_error(platform: Platform, force: Array, readout: Array) -> Array:
+    r"""Attitude of the still, level, north-pointing base minus what the navigator makes of its sensors (n, 3) [rad].
+
+    The navigator takes down from the measured force, north from the platform's polar axis z_p, and the base from the
+    gimbal readouts: C_n^b = C_p^b(readout) C_n^p(f, z_p). Roll, pitch, yaw with the sign of Wu et al. (2018), Eq. (28).
+    """
+    down = -force / np.sqrt((force**2).sum(axis=-1, keepdims=True)) if not is_symbolic(force) else _unit_down(force)
+    pole = np.broadcast_to(DOWN, down.shape)
+    east = np.cross(down, pole)
+    length = (east**2).sum(axis=-1, keepdims=True)
+    east = east / (np.sqrt(length) if not is_symbolic(length) else length ** (1 / 2))
+    C_np = np.stack([np.cross(east, down), east, down], axis=-1)
+    C_nb = np.swapaxes(platform.attitude(readout), -1, -2) @ C_np
+    # C_nb of Eq. (3): first row holds yaw and pitch, third column pitch and roll.
+    roll = arctan2(C_nb[..., 1, 2], C_nb[..., 2, 2])
+    pitch = -arcsin(C_nb[..., 0, 2])
+    yaw = arctan2(C_nb[..., 0, 1], C_nb[..., 0, 0])
+    return -np.stack([roll, pitch, yaw], axis=-1)
+
+
+def _unit_down(force: Array) -> Array:
+    return np.asarray(-force / sqrt((force**2).sum(axis=-1, keepdims=True)))

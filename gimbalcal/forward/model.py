@@ -1,0 +1,128 @@
+"""What the channels of a platform with these effects read: encoder-referenced, inertially fixed, pointing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gimbalcal.earth import EARTH_RATE
+from gimbalcal.effects import Effect, Stage, Stimulus
+from gimbalcal.errors import InputError
+from gimbalcal.forward.angles import gimbal_angles, ideal_angles, navigator_attitude_error
+from gimbalcal.kinematics import DOWN, navigation_to_platform, required_latitude
+from gimbalcal.number import STEP, Array, apply_matrix, arctan2, cos, sin, tilt_rotation
+from gimbalcal.platform import Platform
+
+
+def predict(
+    platform: Platform, s: Stimulus, effects: Sequence[Effect], kind: str = "multi-position"
+) -> dict[str, Array]:
+    """Channel outputs of a platform with these effects.
+
+    Returns "specific_force" (n, 3) [m/s^2] and "angular_rate" (n, 3) [rad/s], of gyroscopes in the same block that
+    turn at the stimulus' rate and feel the true force; for a static run, whose gyroscopes hold the platform, instead
+    "gimbal_angle" (n, k) [rad] and "attitude_error" (n, 3) [rad]; for a pointing recording "pointing" (n, 2) [rad],
+    seen direction minus target across the innermost axis' plane and along it. Float, complex or symbolic, as the
+    parameters are.
+    """
+    if kind == "static-run":
+        return _inertially_fixed(platform, s, effects)
+    if kind == "pointing":
+        return {"pointing": _pointing(platform, s, effects)}
+    force = _encoder_referenced(platform, s, effects)
+    rate = gyroscopes(s.rate, s.at(force=force), effects)
+    return {"specific_force": accelerometers(force, s, effects), "angular_rate": rate}
+
+
+def _total(effects: Sequence[Effect], stage: Stage, s: Stimulus) -> Array | float:
+    """Sum of what all effects add at one stage (0.0 where none does)."""
+    return sum((e.contribution(s) for e in effects if e.stage is stage), start=0.0)
+
+
+def _rotation(effects: Sequence[Effect], stage: Stage, s: Stimulus) -> Array:
+    tilt = _total(effects, stage, s)
+    return np.eye(3) if isinstance(tilt, float) else tilt_rotation(tilt)
+
+
+def _encoder_referenced(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
+    """f^p (n, 3) where the encoders say where the platform points; without gimbals the stimulus says it."""
+    rotation = _rotation(effects, Stage.PLATFORM, s)
+    if not platform.axes:
+        return apply_matrix(rotation, s.force)
+    C_np, s = _mount(platform, s, effects)
+    gravity = s.gravity * DOWN + _total(effects, Stage.GRAVITY, s)
+    return -apply_matrix(rotation @ C_np, np.broadcast_to(gravity, s.force.shape))
+
+
+def _mount(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> tuple[Array, Stimulus]:
+    """C_np of a mount whose readouts say where it points, and the stimulus with its true angles."""
+    angle = s.readout + _total(effects, Stage.ENCODER, s)
+    s = s.at(angle=angle)
+    tilts = _total(effects, Stage.AXIS_TILT, s)
+    C_bp = platform.attitude(angle, None if isinstance(tilts, float) else tilts)
+    return C_bp @ _rotation(effects, Stage.BASE, s), s
+
+
+def _pointing(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
+    """Seen direction minus target (n, 2) [rad], across and along the innermost axis, as a perfect mount sees them."""
+    true_angle = s.true_angle
+    if true_angle is None:
+        raise InputError("a pointing recording needs `true_angle` columns: where the target really was")
+    C_np, s = _mount(platform, s, effects)
+    s = s.at(force=-s.gravity * C_np[..., 2])
+    sight = np.swapaxes(_rotation(effects, Stage.LINE_OF_SIGHT, s) @ C_np, -1, -2)[..., 0]
+    seen = apply_matrix(platform.attitude(true_angle), sight)
+    return np.stack([seen[..., 1], -seen[..., 2]], axis=-1)
+
+
+def accelerometers(force: Array, s: Stimulus, effects: Sequence[Effect]) -> Array:
+    """Accelerometer outputs (n, 3) [m/s^2] for the specific force f^p (n, 3): Wu et al. (2018), Eq. (6)."""
+    s = s.at(force=force)
+    s = s.at(force=s.force + _total(effects, Stage.INPUT_AXIS, s))
+    s = s.at(force=s.force + _total(effects, Stage.SCALE, s))
+    return np.asarray(s.force + _total(effects, Stage.ACCELEROMETER, s))
+
+
+def turning(platform: Platform, s: Stimulus, effects: Sequence[Effect], readout_rate: Array) -> Array:
+    r"""Angular rate (n, 3) [rad/s] of the sensor block against the inertial frame, in its axes.
+
+    .. math:: \omega = -\mathrm{vee}(\dot C_n^p {C_n^p}^T) + C_n^p \, \omega_{ie}^n
+
+    exact for the chain as it is built; `readout_rate` (n, k) [rad/s] says how the readouts change.
+    """
+    C_np = _mount(platform, s, effects)[0]
+    moved = _mount(platform, s.at(readout=s.readout + 1j * STEP * readout_rate), effects)[0]
+    W = (moved.imag / STEP) @ np.swapaxes(C_np, -1, -2)
+    earth = EARTH_RATE * np.array([cos(required_latitude(s.latitude)), 0.0, -sin(required_latitude(s.latitude))])
+    own = -np.stack([W[..., 2, 1], W[..., 0, 2], W[..., 1, 0]], axis=-1)
+    return apply_matrix(_rotation(effects, Stage.PLATFORM, s), own + apply_matrix(C_np, earth + 0 * own))
+
+
+def gyroscopes(rate: Array, s: Stimulus, effects: Sequence[Effect]) -> Array:
+    """Gyroscope outputs (n, 3) [rad/s] for the angular rate (n, 3) of the sensor block."""
+    return np.asarray(rate + _total(effects, Stage.GYROSCOPE, s.at(rate=rate)))
+
+
+def _inertially_fixed(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> dict[str, Array]:
+    """Outputs of a platform that gyroscopes hold while a still base turns with the Earth."""
+    L = required_latitude(s.latitude)
+    unit = s.force / s.gravity
+    phase = arctan2(unit[..., 1], unit[..., 0])
+    drift = _rotation(effects, Stage.PLATFORM, s)
+    C_np = drift @ navigation_to_platform(phase, L)
+    gravity = s.gravity * DOWN + _total(effects, Stage.GRAVITY, s)
+    force = accelerometers(-apply_matrix(C_np, np.broadcast_to(gravity, s.force.shape)), s, effects)
+    C_nb = _rotation(effects, Stage.BASE, s)
+    s = s.at(angle=ideal_angles(platform, phase, L))
+    angle = gimbal_angles(platform, C_np @ np.swapaxes(C_nb, -1, -2), s.angle, *_axis_errors(s, effects))
+    s = s.at(angle=angle)
+    readout = angle - _total(effects, Stage.ENCODER, s)
+    attitude = navigator_attitude_error(platform, force, readout) + _total(effects, Stage.ATTITUDE, s)
+    return {"specific_force": force, "gimbal_angle": readout, "attitude_error": attitude}
+
+
+def _axis_errors(s: Stimulus, effects: Sequence[Effect]) -> tuple[Array | float, Array | None]:
+    """Angle minus readout (n, k), 0.0 for none, and tilts (n, k, 3) of the gimbal axes, None for none."""
+    tilts = _total(effects, Stage.AXIS_TILT, s)
+    return _total(effects, Stage.ENCODER, s), None if isinstance(tilts, float) else tilts

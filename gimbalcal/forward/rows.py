@@ -1,0 +1,225 @@
+r"""A recording held against the model: residuals, and exact derivatives by what is added at each stage.
+
+The model is differentiated once, stage by stage: S_k = d(outputs) / d(addition at stage k), by the complex step through
+the same code. The derivative by any parameter theta of an effect at that stage is then one product,
+
+.. math:: \frac{\partial h}{\partial \theta} = S_k \, \frac{\partial c_\theta}{\partial \theta} ,
+
+with c what the effect adds there, so that hundreds of candidates cost hundreds of small products. That holds row by
+row; an effect that is there and follows other rows' force (`spans_rows`: a late time tag) couples the rows behind its
+stage, and what acts in front of it is then differentiated through the whole model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, values, with_values
+from gimbalcal.forward.model import predict
+from gimbalcal.number import STEP, Array
+from gimbalcal.platform import Platform
+
+Key = tuple[str, str]
+AXES: Mapping[str, tuple[str, ...]] = {
+    "specific_force": ("x", "y", "z"),
+    "angular_rate": ("x", "y", "z"),
+    "attitude_error": ("roll", "pitch", "yaw"),
+    "pointing": ("across", "along"),
+}  # of each quantity, in the order of `predict`; gimbal angles are named after the platform's axes
+ANGLES = ("gimbal_angle", "attitude_error")  # a difference of these is within half a turn
+ONLY_IN = {  # stages that one quantity alone shows
+    Stage.GYROSCOPE: "angular_rate",
+    Stage.ATTITUDE: "attitude_error",
+    Stage.LINE_OF_SIGHT: "pointing",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """C channels of n rows about a model: what was read less what is predicted, and how they answer each stage.
+
+    residual (n, C); sensitivity: stage to (n, C, m) per unit of each of the m numbers added there, both in SI, or in
+    sigmas after `over`; seen: what each stage experiences; reduction: a linear map of columns (n, C, p) to fewer rows,
+    such as means over blocks, that `columns` end with and that the residual has been through.
+    """
+
+    platform: Platform
+    kind: str
+    stimulus: Stimulus
+    effects: tuple[Effect, ...]
+    channels: tuple[Key, ...]
+    residual: Array
+    seen: Mapping[Stage, Stimulus]
+    sensitivity: Mapping[Stage, Array]
+    sigma: Array | float = 1.0  # what residual and sensitivity have been divided by
+    reduction: Callable[[Array], Array] | None = None
+
+    def over(self, sigma: Array) -> Rows:
+        """The same rows in units of sigma (C,) or (n, C)."""
+        return replace(
+            self,
+            residual=self.residual / sigma,
+            sensitivity={k: S / sigma[..., None] for k, S in self.sensitivity.items()},
+            sigma=self.sigma * sigma,
+        )
+
+    def reduced(self, reduction: Callable[[Array], Array]) -> Rows:
+        """The same with columns (n, C, p), and the residual as one of them, mapped linearly to fewer rows."""
+        return replace(self, residual=reduction(self.residual[:, :, None])[:, :, 0], reduction=reduction)
+
+    def through(self, stage: Stage, added: Array) -> Array:
+        """What an addition (n, ...) at a stage does to the channels (n, C), before any reduction."""
+        S = self.sensitivity[stage]
+        return np.asarray(np.einsum("ncm,nm->nc", S, added.reshape(len(S), -1)))
+
+    def columns(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
+        """Derivative (n, C, p) of the channels by the wanted parameters of one effect, at its present values."""
+        s, names = self.seen[effect.stage], self.stimulus.axis_names
+        if any(e.spans_rows and e.stage is not effect.stage and _acts(e) for e in self.effects):
+            return self._through_all(effect, wanted)
+        if not len(wanted):
+            return np.zeros((*self.residual.shape, 0))
+        x0, out = values([effect], wanted), []
+        for unit in np.eye(len(wanted)):
+            (probe,) = with_values([effect], wanted, x0 + 1j * STEP * unit, names)
+            out.append(self.through(effect.stage, np.asarray(probe.contribution(s)).imag / STEP))
+        return self._mapped(out)
+
+    def _through_all(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
+        """The same through the whole model, whatever the rows have to do with each other."""
+        effects = (*(e for e in self.effects if e.id != effect.id), effect)
+        x0, names, out = values([effect], wanted), self.stimulus.axis_names, []
+        for unit in np.eye(len(wanted)):
+            nudged = with_values(effects, wanted, x0 + 1j * STEP * unit, names)
+            outputs = predict(self.platform, self.stimulus, nudged, self.kind)
+            out.append(_picked(self.platform, outputs, self.channels).imag / STEP / self.sigma)
+        return self._mapped(out)
+
+    def _mapped(self, columns: Sequence[Array]) -> Array:
+        X = np.stack(columns, axis=-1)
+        return X if self.reduction is None else self.reduction(X)
+
+    def jacobian(self, wanted: Sequence[Parameter]) -> Array:
+        """Derivative (n, C, p) of the channels by parameters of any effects; those that are not there count as zero."""
+        by_id, names = {e.id: e for e in self.effects}, self.stimulus.axis_names
+        out = np.zeros((*self.residual.shape, len(wanted)))
+        for effect_id in dict.fromkeys(p.effect for p in wanted):
+            effect = by_id.get(effect_id) or absent(CATALOGUE[effect_id], names)
+            mine = [i for i, p in enumerate(wanted) if p.effect == effect_id]
+            if effect.stage in self.sensitivity:  # no channel shows the others
+                out[:, :, mine] = self.columns(effect, [wanted[i] for i in mine])
+        return out
+
+
+def linearise(
+    platform: Platform,
+    s: Stimulus,
+    effects: Sequence[Effect],
+    kind: str = "multi-position",
+    channels: Sequence[Key] | None = None,
+    read: Array | None = None,
+    stages: Iterable[Stage] = Stage,
+) -> Rows:
+    """The rows of a recording about the effects, with the sensitivity of every channel to each of the stages.
+
+    channels: the quantities and axes that are looked at (default: all that the model predicts); read (n, C): what was
+    read of them in SI (default: as predicted, for a recording that is only planned).
+    """
+    outputs = predict(platform, s, effects, kind)
+    keys = tuple(channels) if channels is not None else _every(platform, outputs)
+    predicted = _picked(platform, outputs, keys)
+    seen: dict[Stage, Stimulus] = {}
+    sensitivity: dict[Stage, Array] = {}
+    for stage in stages:
+        if stage in ONLY_IN and not any(q == ONLY_IN[stage] for q, _ in keys):
+            continue
+        columns = []
+        shape = _added(stage, platform)
+        for unit in np.eye(int(np.prod(shape))):
+            probe = _PROBES[stage](value=(1j * STEP * unit).reshape(shape), met=seen)
+            added = _picked(platform, predict(platform, s, (*effects, probe), kind), keys)
+            columns.append(added.imag / STEP)
+            if stage not in seen:
+                break
+        if stage in seen:
+            sensitivity[stage] = np.stack(columns, axis=-1)
+            seen[stage] = seen[stage].at(force=seen[stage].force.real, angle=seen[stage].angle.real)
+    residual = np.zeros_like(predicted) if read is None else difference(read, predicted, keys)
+    return Rows(platform, kind, s, tuple(effects), keys, residual, seen, sensitivity)
+
+
+def jacobian(
+    platform: Platform,
+    s: Stimulus,
+    effects: Sequence[Effect],
+    wanted: Sequence[Parameter],
+    kind: str = "multi-position",
+) -> dict[str, Array]:
+    """Exact derivatives of `predict` by the wanted parameters, which may belong to effects that are absent.
+
+    Returns channel to (n, c, p), SI per SI.
+    """
+    stages = dict.fromkeys(CATALOGUE[p.effect].stage for p in wanted)
+    rows = linearise(platform, s, effects, kind, stages=stages)
+    full = rows.jacobian(wanted)
+    quantities = dict.fromkeys(q for q, _ in rows.channels)
+    return {q: full[:, [i for i, key in enumerate(rows.channels) if key[0] == q]] for q in quantities}
+
+
+def _acts(effect: Effect) -> bool:
+    """Whether any parameter of an effect differs from zero."""
+    return any(
+        np.any(np.asarray(getattr(effect, f.name)) != 0)
+        for f in fields(effect)
+        if f.metadata.get("kind") == "parameter"
+    )
+
+
+def difference(read: Array, predicted: Array, channels: Sequence[Key]) -> Array:
+    """Read minus predicted (n, C); angles within half a turn."""
+    d = read - predicted
+    angle = np.array([q in ANGLES for q, _ in channels], dtype=bool)
+    return np.asarray(np.where(angle, (d + np.pi) % (2 * np.pi) - np.pi, d))
+
+
+def _picked(platform: Platform, outputs: Mapping[str, Array], channels: Sequence[Key]) -> Array:
+    """The wanted channels (n, C) of what `predict` returns."""
+    return np.stack([outputs[q][:, AXES.get(q, platform.axis_names).index(a)] for q, a in channels], axis=1)
+
+
+def _every(platform: Platform, outputs: Mapping[str, Array]) -> tuple[Key, ...]:
+    return tuple((q, a) for q in outputs for a in AXES.get(q, platform.axis_names))
+
+
+def _added(stage: Stage, platform: Platform) -> tuple[int, ...]:
+    """Shape of what an effect adds to one row at a stage."""
+    k = len(platform.axes)
+    return {Stage.ENCODER: (k,), Stage.AXIS_TILT: (k, 3)}.get(stage, (3,))
+
+
+@dataclass(frozen=True)
+class _Probe(Effect):
+    """Adds a constant at a stage and remembers what the stage experienced."""
+
+    value: Array
+    met: dict[Stage, Stimulus]
+
+    def contribution(self, s: Stimulus) -> Array:
+        self.met[self.stage] = s
+        return np.broadcast_to(self.value, (len(s.time), *np.shape(self.value)))
+
+
+_PROBES = {stage: type(f"_Probe{stage.name}", (_Probe,), {"stage": stage}) for stage in Stage}
+
+
+def experienced(
+    platform: Platform, s: Stimulus, effects: Sequence[Effect], stage: Stage, kind: str = "multi-position"
+) -> Stimulus:
+    """What a stage experiences on a platform with these effects."""
+    met: dict[Stage, Stimulus] = {}
+    probe = _PROBES[stage](value=np.zeros(_added(stage, platform)), met=met)
+    predict(platform, s, (*effects, probe), kind)
+    return met[stage]
