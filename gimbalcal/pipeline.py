@@ -18,6 +18,7 @@ from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import fine
 from gimbalcal.estimate.accelerometers.joint import information_of, joint
+from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.estimate.fusion import fuse
 from gimbalcal.estimate.static_run.system import static, static_information
 from gimbalcal.estimate.unit import inertial_unit
@@ -116,18 +117,19 @@ def three_stage(recordings: Sequence[Recording], tell: Tell = silent) -> Calibra
         raise InputError("`calibrate` needs a multi-position recording, a static run, or one of each")
 
     _refuse_too_little(device)
+    positions = trusted_positions(device)
     tell("stage 1: coarse, from faces and tilted positions")
-    first = coarse(device)
+    first = coarse(positions)
     tell("stage 2: fine, from the norm of the force at every position")
-    second = fine(device, first)
+    second = fine(positions, first)
     tell("stage 2: all 18 coefficients jointly, with the setting error of each position")
-    both = joint(device, second)
+    both = joint(positions, second)
     stages = (*first.stages, *second.stages, *both.stages)
     if run is None:
         return replace(both, method="three-stage", stages=stages)
 
     tell("stage 3: system level, force, gimbals and attitude error of the static run")
-    third = fuse(information_of(device, both.effects), static_information(run, both.effects), both)
+    third = fuse(information_of(positions, both.effects), static_information(run, both.effects), both)
     return replace(third, method="three-stage", stages=(*stages, *static(run).stages, *third.stages))
 
 

@@ -29,7 +29,7 @@ from gimbalcal.diagnose.verdict.threshold import clean_evidence
 from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.joint import analyse
+from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording
@@ -94,7 +94,7 @@ def _misheld(s: Search, d: Decision) -> str:
     if d.verdict != "unexplained" or s.o.kind != "multi-position":
         return ""
     try:
-        faults = analyse(s.o.recording).faults
+        faults = trusted_positions(s.o.recording).faults
     except InputError:  # too few positions or accelerometers to tell one that was not held
         return ""
     leave = " `gimbalcal calibrate` names such positions and leaves them out." if faults else ""

@@ -23,6 +23,7 @@ from gimbalcal.effects import values
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import COMBINATIONS, PAIRS, fine
 from gimbalcal.estimate.accelerometers.joint import joint
+from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.estimate.accelerometers.setting import Noise, linearise, problem, starting_values, whiten
 from gimbalcal.inference.information import SEEN
 from tests.estimate.device import ARCSEC, PARAMETERS, SAMPLE, draw, effects, measured
@@ -129,7 +130,8 @@ def degradation(runs: int) -> list[tuple[str, float, float, float, float, int]]:
             rng = np.random.default_rng([3, i])
             truth = draw(rng)
             recording = measured(truth, rng, setting)
-            both = {"joint": joint(recording), "fine": fine(recording)}
+            positions = trusted_positions(recording)
+            both = {"joint": joint(positions), "fine": fine(positions)}
             for kind, c in both.items():
                 errors[kind].append(D @ (values(c.effects, PARAMETERS) - truth))
             error = values(both["joint"].effects, PARAMETERS) - truth

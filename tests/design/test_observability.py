@@ -11,6 +11,7 @@ from gimbalcal.design.observability import Observability, observe, observe_stati
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.joint import joint
+from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.estimate.accelerometers.setting import Noise, gauss_newton, model, problem
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.schedule import EIGHTEEN_POSITIONS, FACE_POSITIONS, Schedule
@@ -35,7 +36,7 @@ def test_predicted_sigmas_are_those_of_a_fit() -> None:
     rng = np.random.default_rng(1)
     force = float(from_si(SAMPLE / np.sqrt(SAMPLES), "ug"))
     seen = observe("wu2018-18", angle_sigma=1.0, force_sigma=force)
-    c = joint(measured(draw(rng), rng))
+    c = joint(trusted_positions(measured(draw(rng), rng)))
     # the plan is at nominal parameters and standard gravity, the fit at true ones: 1e-3
     np.testing.assert_allclose(seen.sigma, c.sigmas, rtol=3e-3)
     assert [q.label for q in seen.solution.parameters] == [q.label for q in c.parameters]

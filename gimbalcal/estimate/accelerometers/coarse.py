@@ -23,7 +23,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.effects import with_values
 from gimbalcal.estimate.accelerometers.account import faults_in_words, joined, provenance, rms, stage
-from gimbalcal.estimate.accelerometers.joint import analyse
+from gimbalcal.estimate.accelerometers.positions import Positions, trusted_positions
 from gimbalcal.estimate.accelerometers.setting import (
     BASELINE,
     Fit,
@@ -46,17 +46,15 @@ ROUNDS = 20  # three are enough: each round leaves the product of two small angl
 LEVEL = np.deg2rad(0.1 / 3600)  # rad: 0.1 arcsec moves 0.5 ug across an axis at 1 g
 
 
-def coarse(recording: Recording) -> Calibration:
+def coarse(positions: Positions) -> Calibration:
     """Scale factors and biases from the faces, gimbal zeros and misalignments from the other positions.
 
     The stated sigmas hold noise, setting errors, and what a nonlinearity of its prior size does, since it is ignored.
     Where an axis lacks a face, all coefficients come from one least squares over all positions; what these do not
     determine is named in `unobservable`.
     """
-    found = analyse(recording)
-    wanted = baseline(recording.platform, [name for name in BASELINE if name != NEGLECTED])
-    p = replace(found.problem, parameters=wanted)
-    noise = found.fit.noise
+    wanted = baseline(positions.recording.platform, [name for name in BASELINE if name != NEGLECTED])
+    p, noise = replace(positions.problem, parameters=wanted), positions.noise
     settled = _settle(p, noise)
     fit = _as_fit(p, noise, settled)
     x, covariance, solution = settled.x, settled.covariance, settled.solution
@@ -70,8 +68,8 @@ def coarse(recording: Recording) -> Calibration:
         covariance=covariance,
         unobservable=tuple({"direction": u.direction, "why": u.why} for u in solution.unseen),
         residual=Residual(fit.solution.chi2, fit.solution.dof, rms(p, fit)),
-        outcome=joined(faults_in_words(found.faults)),
-        provenance={**provenance(recording, p, fit, found.faults), "notes": notes},
+        outcome=joined(faults_in_words(positions.faults)),
+        provenance={**provenance(positions.recording, p, fit, positions.faults), "notes": notes},
         stages=(stage("coarse", p, fit, joined(["faces and tilted positions, nonlinearity ignored", *notes])),),
     )
 
@@ -210,7 +208,7 @@ def relevel(measure: Callable[[Array], Recording], angles: Array, negligible: fl
     history: list[Array] = []
     while True:
         recording = measure(angles - corrected)
-        calibration = coarse(recording)
+        calibration = coarse(trusted_positions(recording))
         zero = corrected.copy()
         for q, value in zip(calibration.parameters, calibration.values, strict=True):
             if q.effect == "gimbal_zero" and q.axis != recording.platform.axes[0].name:

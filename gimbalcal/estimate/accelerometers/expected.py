@@ -45,7 +45,9 @@ def lost(p: Problem, noise: Noise, solution: Solution) -> str:
         return ""
     extra = planned(schedule, float(np.median(p.weight))).select(np.array(missing) - 1)
     full = _expected_together(p, problem(extra, p.parameters, p.effects), noise)
-    grown = solution.sigma / full.sigma
+    grown = np.round(
+        solution.sigma / full.sigma, 6
+    )  # axes that are alike grow alike: the first is told, not a rounding
     worst = [i for i in np.argsort(-grown) if grown[i] > GREW] or [int(np.argmax(grown))]
     cost = ", ".join(f"{p.parameters[i].label} by {grown[i]:.2g}" for i in worst)
     names = ", ".join(map(str, missing))

@@ -24,11 +24,10 @@ from gimbalcal.calibration import Calibration, Residual, Stage
 from gimbalcal.effects import Parameter, values, with_values
 from gimbalcal.effects.accelerometer import MISALIGNMENT_AXES
 from gimbalcal.estimate.accelerometers.account import faults_in_words, joined, misfit_in_words, provenance
-from gimbalcal.estimate.accelerometers.joint import analyse
+from gimbalcal.estimate.accelerometers.positions import Positions
 from gimbalcal.estimate.accelerometers.setting import BASELINE, Problem, baseline, visit_means
 from gimbalcal.inference.information import SEEN, Information, Solution, information, solve
 from gimbalcal.number import Array
-from gimbalcal.recording import Recording
 
 FORCE_TERMS = [name for name in BASELINE if name != "gimbal_zero"]
 PAIRS = (("yz", "xz"), ("xy", "zy"), ("zx", "yx"))  # first less second: the differences that Eq. (17) holds
@@ -39,14 +38,13 @@ ROUNDS = 20  # two after a coarse calibration, four from nothing
 NORM = "specific_force:norm"
 
 
-def fine(recording: Recording, coarse: Calibration | None = None) -> Calibration:
+def fine(positions: Positions, coarse: Calibration | None = None) -> Calibration:
     """Twelve combinations of coefficients from the norm of the force at every position, iterated to convergence.
 
     `coarse` is where the iteration begins and supplies what the norm cannot see: sums of misalignments and gimbal
     zeros, with their covariance. Without it these stay at zero with their prior sigma.
     """
-    found = analyse(recording)
-    p, noise = found.problem, found.fit.noise
+    p, noise = positions.problem, positions.noise
     wanted = baseline(p.platform, FORCE_TERMS)
     start = coarse.effects if coarse else ()
     x, info = _iterate(p, wanted, values(start, wanted), noise.accelerometer)
@@ -65,8 +63,8 @@ def fine(recording: Recording, coarse: Calibration | None = None) -> Calibration
         covariance=covariance,
         unobservable=_unobservable(solution, coarse),
         residual=Residual(solution.chi2, solution.dof, {NORM: float(left)}),
-        outcome=joined([*faults_in_words(found.faults), *misfit]),
-        provenance=provenance(recording, p, found.fit, found.faults),
+        outcome=joined([*faults_in_words(positions.faults), *misfit]),
+        provenance=provenance(positions.recording, p, positions.fit, positions.faults),
         stages=(_stage(solution, x, float(left)),),
     )
 

@@ -30,7 +30,7 @@ from gimbalcal.estimate.accelerometers.setting import (
     visit_means,
     whiten,
 )
-from gimbalcal.inference.information import SEEN, Information
+from gimbalcal.inference.information import SEEN
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.units import from_si
 
@@ -61,11 +61,9 @@ def acceptable(chi2: float, dof: int) -> bool:
     return probability(chi2, dof) >= SURPRISE
 
 
-def fit_without_faults(
-    p: Problem, noise: Noise, start: Array | None = None, prior: Information | None = None
-) -> tuple[Problem, Fit, tuple[Fault, ...]]:
+def fit_without_faults(p: Problem, noise: Noise, start: Array | None = None) -> tuple[Problem, Fit, tuple[Fault, ...]]:
     """The visits that can be trusted, their fit, and the faults found in the others."""
-    whole = fit_with_noise(p, noise, start, prior)
+    whole = fit_with_noise(p, noise, start)
     scaled = noise.setting_from == RESIDUAL  # an estimated setting error hides a fault from the test of the whole
     if acceptable(whole.solution.chi2, whole.solution.dof) and not scaled:
         return p, whole, ()
@@ -73,7 +71,7 @@ def fit_without_faults(
     if not groups:
         return p, whole, ()
     rest = p.without([visit for group in groups for visit in group])
-    fit = fit_with_noise(rest, noise, None, prior)
+    fit = fit_with_noise(rest, noise)
     if not (scaled or _believed(whole, fit)):
         return p, whole, ()
     return rest, fit, tuple(_fault(p, fit, group) for group in groups)

@@ -15,7 +15,6 @@ import numpy as np
 
 from gimbalcal.earth import G0
 from gimbalcal.estimate.accelerometers.setting import Fit, Linear, Noise, Problem, gauss_newton, whiten
-from gimbalcal.inference.information import Information
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwells
 
@@ -53,12 +52,12 @@ def inside_dwells(recording: Recording) -> float | None:
     return float(np.sqrt(squares / free)) if free and squares > 0 else None
 
 
-def fit_with_noise(p: Problem, noise: Noise, start: Array | None = None, prior: Information | None = None) -> Fit:
+def fit_with_noise(p: Problem, noise: Noise, start: Array | None = None) -> Fit:
     """Fit, with what the noise does not state estimated from the residual (two rounds: the linearisation moves)."""
-    fit = gauss_newton(p, noise, start, prior)
+    fit = gauss_newton(p, noise, start)
     if RESIDUAL in (noise.accelerometer_from, noise.setting_from):
         for _ in range(2):
-            fit = gauss_newton(p, residual_noise(p, fit), fit.solution.x, prior)
+            fit = gauss_newton(p, residual_noise(p, fit), fit.solution.x)
             if not fit.steps:
                 break
     return fit

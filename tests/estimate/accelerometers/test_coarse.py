@@ -7,6 +7,7 @@ import pytest
 
 from gimbalcal.effects import values
 from gimbalcal.estimate.accelerometers.coarse import LEVEL, coarse, relevel
+from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.recording import Recording
 from gimbalcal.schedule import EIGHTEEN_POSITIONS, FACE_POSITIONS
 from tests.estimate.device import ARCSEC, PARAMETERS, SITE, draw, interchanged, measured
@@ -24,7 +25,7 @@ def quiet(truth: np.ndarray) -> Recording:
 
 def test_without_noise_and_nonlinearity_it_returns_the_truth() -> None:
     truth = draw(np.random.default_rng(1)) * NO_K
-    c = coarse(quiet(truth))
+    c = coarse(trusted_positions(quiet(truth)))
     known = [PARAMETERS[i].label for i in KEPT]
     assert [q.label for q in c.parameters] == known
     null = np.array([float(label in c.unobservable[0]["direction"]) for label in known])
@@ -38,7 +39,7 @@ def test_without_noise_and_nonlinearity_it_returns_the_truth() -> None:
 def test_faces_alone_give_scale_factor_and_bias_by_the_printed_formula() -> None:
     rng = np.random.default_rng(2)
     recording = measured(draw(rng), rng)
-    c = coarse(recording)
+    c = coarse(trusted_positions(recording))
     position = recording.position
     up, down = {"x": (11, 5), "y": (9, 3), "z": (7, 1)}, SITE.gravity
     assert sorted(sum(up.values(), ())) == sorted(FACE_POSITIONS)
@@ -59,7 +60,7 @@ def test_stated_sigma_holds_with_a_nonlinearity_of_prior_size() -> None:
         truth = draw(rng)
         K = [i for i, q in enumerate(PARAMETERS) if q.effect == "scale_nonlinearity"]
         truth[K] = [PARAMETERS[i].sigma for i in K] * rng.normal(size=3)
-        c = coarse(measured(truth, rng))
+        c = coarse(trusted_positions(measured(truth, rng)))
         scale = np.array([q.sigma for q in c.parameters])
         D, V = np.linalg.eigh(c.covariance / np.outer(scale, scale))
         seen = D < 1 - 1e-6
@@ -73,7 +74,7 @@ def test_a_missing_face_is_said_and_costs_only_accuracy(missing: list[int]) -> N
     rng = np.random.default_rng(3)
     truth = draw(rng)
     recording = measured(truth, rng)
-    c = coarse(recording.select(~np.isin(recording.position, missing)))
+    c = coarse(trusted_positions(recording.select(~np.isin(recording.position, missing))))
     assert "lacks a face" in c.provenance["notes"][0]
     assert "missing" in c.provenance["lost"]
     assert len(c.unobservable) == 1
@@ -83,7 +84,7 @@ def test_a_missing_face_is_said_and_costs_only_accuracy(missing: list[int]) -> N
 def test_interchanged_positions_do_not_spoil_it() -> None:
     rng = np.random.default_rng(4)
     truth = draw(rng)
-    c = coarse(interchanged(measured(truth, rng), 3, 9))
+    c = coarse(trusted_positions(interchanged(measured(truth, rng), 3, 9)))
     assert "Positions 4 and 10 are interchanged" in c.outcome
     assert np.all(np.abs(c.values - truth[KEPT])[:6] < 5 * c.sigmas[:6])
 
@@ -112,6 +113,6 @@ def test_levelling_turns_the_platform_until_its_zeros_are_negligible() -> None:
 def test_a_recorded_set_is_levelled_numerically() -> None:
     truth = draw(np.random.default_rng(6)) * NO_K
     truth[ZEROS] = np.deg2rad([0.8, -0.5])
-    c = coarse(quiet(truth))
+    c = coarse(trusted_positions(quiet(truth)))
     found = values(c.effects, [PARAMETERS[i] for i in ZEROS])
     np.testing.assert_allclose(found, truth[ZEROS], atol=1e-3 * ARCSEC)

@@ -16,6 +16,7 @@ from gimbalcal.estimate.accelerometers.fine import (
     mounting,
     norm_rows,
 )
+from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.estimate.accelerometers.setting import Noise, baseline, gauss_newton, problem
 from gimbalcal.platform import SPACE_STABLE
 from tests.estimate.device import ARCSEC, PARAMETERS, SAMPLE, SITE, draw, measured
@@ -66,7 +67,7 @@ def test_there_are_twelve_unknowns_and_three_sums_are_among_none_of_them() -> No
 def test_the_fixed_point_is_the_fit_of_the_norm() -> None:
     rng = np.random.default_rng(2)
     recording = measured(draw(rng), rng)
-    c = fine(recording)
+    c = fine(trusted_positions(recording))
     engine = gauss_newton(problem(recording, WANTED), Noise(SAMPLE, np.inf))
     assert c.residual.dof == engine.solution.dof == 6
     # chi^2 by the squared norm and by the residual along the force differ by the scale factors, 1e-3
@@ -82,7 +83,7 @@ def test_covariance_of_the_combinations_holds_whatever_the_gimbals_did(setting: 
         rng = np.random.default_rng(seed)
         truth = draw(rng)
         recording = measured(truth, rng, setting)
-        c = fine(recording)
+        c = fine(trusted_positions(recording))
         D = np.array([twelve(unit) for unit in np.eye(18)]).T
         P = D @ c.covariance @ D.T
         error = D @ c.values - twelve(truth)
@@ -93,8 +94,9 @@ def test_covariance_of_the_combinations_holds_whatever_the_gimbals_did(setting: 
 def test_where_it_starts_does_not_matter_for_what_it_sees_and_decides_the_rest() -> None:
     rng = np.random.default_rng(3)
     recording = measured(draw(rng), rng)
-    first = coarse(recording)
-    plain, after = fine(recording), fine(recording, first)
+    positions = trusted_positions(recording)
+    first = coarse(positions)
+    plain, after = fine(positions), fine(positions, first)
     # other sums of 20 arcsec change the norm by their squares, 1e-8: 0.03 of the smallest sigma, of the scale factors
     np.testing.assert_allclose(after.stages[0].values / plain.stages[0].sigmas,
                                plain.stages[0].values / plain.stages[0].sigmas, atol=0.1)  # fmt: skip
@@ -108,7 +110,7 @@ def test_where_it_starts_does_not_matter_for_what_it_sees_and_decides_the_rest()
 
 def test_the_three_sums_are_named() -> None:
     rng = np.random.default_rng(4)
-    c = fine(measured(draw(rng), rng))
+    c = fine(trusted_positions(measured(draw(rng), rng)))
     named = {tuple(sorted(u["direction"])) for u in c.unobservable}
     assert named == {tuple(sorted(f"misalignment:{a}" for a in pair)) for pair in PAIRS}
     assert all(u["direction"][k] == pytest.approx(1, abs=1e-3) for u in c.unobservable for k in u["direction"])
@@ -133,5 +135,5 @@ def test_a_misfit_is_told() -> None:
     recording = measured(draw(rng), rng)
     z = recording.channels["specific_force", "z"]
     bent = replace(recording, channels={**recording.channels, ("specific_force", "z"): z + 5e-6 * z**3 * np.abs(z)})
-    assert "misses something" in fine(bent).outcome
-    assert fine(recording).outcome == ""
+    assert "misses something" in fine(trusted_positions(bent)).outcome
+    assert fine(trusted_positions(recording)).outcome == ""

@@ -11,6 +11,7 @@ from gimbalcal.effects import CATALOGUE, parameters, values
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.joint import information_of, joint, prior_information
+from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.inference.information import solve
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
@@ -31,7 +32,7 @@ def test_covariance_holds_over_many_truths(setting: float) -> None:
     runs, total, dimension, squares = 40, 0.0, 0, []
     for seed in range(runs):
         truth, recording = recorded(seed, setting)
-        c = joint(recording)
+        c = joint(trusted_positions(recording))
         D, V = np.linalg.eigh(c.covariance / np.outer(SCALE, SCALE))
         seen = D < 1 - 1e-6
         squares.append(float(((V[:, seen].T @ ((c.values - truth) / SCALE)) ** 2 / D[seen]).sum()))
@@ -45,7 +46,7 @@ def test_covariance_holds_over_many_truths(setting: float) -> None:
 
 def test_the_turn_about_z_is_named_and_held_at_the_least_prior_norm() -> None:
     truth, recording = recorded(3)
-    c = joint(recording)
+    c = joint(trusted_positions(recording))
     (unseen,) = c.unobservable
     assert unseen["direction"] == pytest.approx(
         {"misalignment:xz": 1.0, "misalignment:yz": 1.0, "gimbal_zero:platform": -1.0}, abs=1e-4
@@ -66,7 +67,8 @@ def test_at_three_degrees_it_is_the_norm_fit() -> None:
     from gimbalcal.estimate.accelerometers.fine import COMBINATIONS, PAIRS, fine
 
     _, recording = recorded(4, np.deg2rad(3.0))
-    c, n = joint(recording), fine(recording)
+    positions = trusted_positions(recording)
+    c, n = joint(positions), fine(positions)
     D = np.zeros((12, 18))
     for row, label in enumerate(COMBINATIONS[:9]):
         D[row, LABELS.index(label)] = 1
@@ -81,7 +83,8 @@ def test_at_three_degrees_it_is_the_norm_fit() -> None:
 
 def test_where_it_starts_does_not_matter_and_adds_nothing() -> None:
     _, recording = recorded(5)
-    plain, started = joint(recording), joint(recording, coarse(recording))
+    positions = trusted_positions(recording)
+    plain, started = joint(positions), joint(positions, coarse(positions))
     np.testing.assert_allclose(started.values, plain.values, atol=1e-3 * plain.sigmas.min())
     np.testing.assert_allclose(started.sigmas, plain.sigmas, rtol=1e-5)
 
@@ -89,8 +92,8 @@ def test_where_it_starts_does_not_matter_and_adds_nothing() -> None:
 def test_a_prior_from_other_data_adds_its_information() -> None:
     truth, first = recorded(6)
     second = measured(truth, np.random.default_rng(60))
-    alone, prior = joint(second), joint(first)
-    both = joint(second, prior=prior)
+    alone, prior = joint(trusted_positions(second)), joint(trusted_positions(first))
+    both = joint(trusted_positions(second), prior=prior)
     seen = [i for i, q in enumerate(PARAMETERS) if q.label not in dict(both.unobservable[0]["direction"])]
     # the same schedule twice: sigma falls by sqrt(2)
     np.testing.assert_allclose(both.sigmas[seen], alone.sigmas[seen] / np.sqrt(2), rtol=1e-3)
@@ -101,7 +104,7 @@ def test_a_prior_from_other_data_adds_its_information() -> None:
 
 def test_prior_information_gives_the_calibration_back() -> None:
     _, recording = recorded(7)
-    c = joint(recording)
+    c = joint(trusted_positions(recording))
     again = solve(prior_information(c))
     np.testing.assert_allclose(again.x, c.values, atol=1e-6 * c.sigmas.min())
     np.testing.assert_allclose(again.covariance, c.covariance, atol=1e-9 * c.covariance.max())
@@ -109,8 +112,8 @@ def test_prior_information_gives_the_calibration_back() -> None:
 
 def test_information_of_a_recording_solves_to_its_joint_fit() -> None:
     _, recording = recorded(8)
-    c = joint(recording)
-    again = solve(information_of(recording, c.effects))
+    c = joint(trusted_positions(recording))
+    again = solve(information_of(trusted_positions(recording), c.effects))
     # linearised at the estimate instead of one step before it: 1e-3 sigma is where the iteration stops
     np.testing.assert_allclose(again.x, c.values, atol=2e-3 * c.sigmas.min())
     assert again.dof == c.residual.dof
@@ -123,8 +126,8 @@ def test_further_effects_are_estimated_with_the_rest() -> None:
     z = recording.channels["specific_force", "z"]
     size = 2e-6  # s^4/m^2: 188 ug/g^3
     bent = replace(recording, channels={**recording.channels, ("specific_force", "z"): z + size * z**3})
-    assert "misses something" in joint(bent).outcome
-    c = joint(bent, effects=(CATALOGUE["cubic_nonlinearity"](),))
+    assert "misses something" in joint(trusted_positions(bent)).outcome
+    c = joint(trusted_positions(bent, (CATALOGUE["cubic_nonlinearity"](),)))
     at = [q.label for q in c.parameters].index("K3:z")
     # the cubic of the output instead of the input differs by the scale factor: 1e-3
     assert c.values[at] == pytest.approx(size, abs=4 * c.sigmas[at], rel=5e-3)
@@ -135,18 +138,18 @@ def test_further_effects_are_estimated_with_the_rest() -> None:
 def test_a_misfit_is_told_by_its_factor_and_points_to_the_diagnosis() -> None:
     _, recording = recorded(10)
     tight = replace(recording, noise={k: v / 3 for k, v in recording.noise.items()})
-    c = joint(tight)
+    c = joint(trusted_positions(tight))
     factor = np.sqrt(c.residual.chi2 / c.residual.dof)
     # three times too small a noise, 37 degrees of freedom: 12 %
     assert factor == pytest.approx(3, rel=0.4)
     assert f"The residual is {factor:.3g} times what the noise allows" in c.outcome
     assert c.outcome.endswith("`gimbalcal diagnose` looks for it")
-    assert joint(recording).outcome == ""
+    assert joint(trusted_positions(recording)).outcome == ""
 
 
 def test_faults_are_in_the_outcome_and_out_of_the_fit() -> None:
     truth, recording = recorded(11)
-    c = joint(misread(interchanged(recording, 3, 9), 7, "middle", 120 * ARCSEC))
+    c = joint(trusted_positions(misread(interchanged(recording, 3, 9), 7, "middle", 120 * ARCSEC)))
     assert "Positions 4 and 10 are interchanged" in c.outcome
     assert "position 8 is mis-set" in c.outcome
     assert c.outcome.endswith("they were left out of the fit")
@@ -157,35 +160,35 @@ def test_faults_are_in_the_outcome_and_out_of_the_fit() -> None:
 
 def test_missing_positions_go_through_and_what_they_cost_is_told() -> None:
     _, recording = recorded(12)
-    few = joint(recording.select(~np.isin(recording.position, [8, 9, 10, 11, 12])))
+    few = joint(trusted_positions(recording.select(~np.isin(recording.position, [8, 9, 10, 11, 12]))))
     assert few.outcome == ""
     assert few.provenance["lost"].startswith(
         "positions 8, 9, 10, 11, 12 of schedule wu2018-18 missing: sigma grows most"
     )
-    none = joint(recording.select(recording.position <= 2))
+    none = joint(trusted_positions(recording.select(recording.position <= 2)))
     assert len(none.unobservable) > 10
     assert "not seen at all" in none.provenance["lost"]
-    assert "lost" not in joint(recording).provenance
+    assert "lost" not in joint(trusted_positions(recording)).provenance
 
 
 def test_without_angles_it_refuses_and_says_what_to_do() -> None:
     _, recording = recorded(13)
     with pytest.raises(InputError, match=r"has no gimbal angles.*--method multiposition"):
-        joint(replace(recording, platform=BENCH))
+        joint(trusted_positions(replace(recording, platform=BENCH)))
 
 
 def test_result_survives_its_file() -> None:
     _, recording = recorded(14)
-    c = joint(recording)
+    c = joint(trusted_positions(recording))
     again = from_dict(c.to_dict())
     np.testing.assert_allclose(values(again.effects, PARAMETERS), c.values, rtol=1e-12)
 
 
 def test_one_fit_takes_less_than_a_third_of_a_second() -> None:
     _, recording = recorded(15)
-    joint(recording)
+    joint(trusted_positions(recording))
     begin = perf_counter()
     for _ in range(3):
-        joint(recording)
+        joint(trusted_positions(recording))
     # 25 ms on an idle core; the bound of the specification leaves room for a busy one
     assert (perf_counter() - begin) / 3 < 0.3

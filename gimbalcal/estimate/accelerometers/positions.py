@@ -1,0 +1,56 @@
+r"""The positions of a recording, prepared once for every stage: readings per visit, noise, and visits that stay out.
+
+Nothing tells the noise that a header leaves open, or a visit that was not held where its readouts say, but a fit of
+all coefficients to the force vector at every visit: here it is made, and the stages after it do their own work alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from gimbalcal.effects import Effect, Parameter, parameters
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.misset import Fault, fit_without_faults
+from gimbalcal.estimate.accelerometers.noise import stated_noise
+from gimbalcal.estimate.accelerometers.setting import Fit, Noise, Problem, baseline, problem, starting_values
+from gimbalcal.recording import Recording
+
+
+@dataclass(frozen=True, eq=False)
+class Positions:
+    """Visits that can be trusted, the faults of the others, and the fit of the force vector that told them apart."""
+
+    recording: Recording
+    problem: Problem  # the trusted visits
+    fit: Fit  # of all its parameters, with the setting error of each visit
+    faults: tuple[Fault, ...]
+
+    @property
+    def noise(self) -> Noise:
+        """Noise of a sample and of a gimbal setting, as stated or as the residual of the fit shows."""
+        return self.fit.noise
+
+
+def trusted_positions(recording: Recording, effects: Sequence[Effect] = (), averaged: bool = True) -> Positions:
+    """Readings per visit, their noise, and which visits to trust.
+
+    `effects` join the baseline of coefficients, their parameters free too. `averaged=False` keeps every row instead of
+    dwell means, for effects that change inside a dwell. Raises InputError for a recording without gimbal angles or
+    without specific force.
+    """
+    if not recording.platform.axes:
+        raise InputError(
+            f"{recording.title!r} has no gimbal angles, so its attitude is not known; calibrate it from the norm of "
+            "the force with --method multiposition"
+        )
+    every = problem(recording, wanted_parameters(recording, effects), tuple(effects), averaged)
+    start = starting_values(every, effects)
+    return Positions(recording, *fit_without_faults(every, stated_noise(recording), start))
+
+
+def wanted_parameters(recording: Recording, effects: Sequence[Effect] = ()) -> tuple[Parameter, ...]:
+    """The 18 coefficients (17 and more on other chains) and those of further effects."""
+    names = recording.platform.axis_names
+    more = (q for e in effects for q in parameters(type(e), names))
+    return tuple(dict.fromkeys([*baseline(recording.platform), *more]))
