@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
     from gimbalcal.errors import InputError
     from gimbalcal.forward import jacobian, predict
-    from gimbalcal.kinematics import stimulus
+    from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings, stimulus_from_truth
     from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL, Axis, Platform
     from gimbalcal.recording import Recording
     from gimbalcal.schedule import EIGHTEEN_POSITIONS, Hold, Schedule
@@ -57,7 +57,9 @@ __all__ = [
     "__version__",
     "jacobian",
     "predict",
-    "stimulus",
+    "stimulus_from_angles",
+    "stimulus_from_readings",
+    "stimulus_from_truth",
 ]
 _HOMES = ("calibration", "effects", "errors", "forward", "kinematics", "platform", "recording", "schedule")
 

@@ -1,5 +1,11 @@
 r"""From a recording to what its hardware experienced: the `Stimulus` that every effect reads, and what was measured.
 
+A stimulus is the truth as far as it is known, and three functions say how far that is:
+
+* `stimulus_from_angles`: the gimbals, or the Earth's turn in a static run, tell the force; no sensor is asked;
+* `stimulus_from_truth`: the caller knows force and rate (a simulator, a calibrated reading, a unit at rest);
+* `stimulus_from_readings`: what the sensors read stands in where nothing else tells.
+
 Ideal here means of a perfect platform, on a level base that points north in a static run:
 
 .. math:: f^p = -g \, C_b^p(\text{readout}) \, (0, 0, 1)^T \quad \text{or} \quad
@@ -23,8 +29,32 @@ DOWN = np.array([0.0, 0.0, 1.0])
 EQUATORIAL = np.array([1.0, 1.0, 0.0])  # the part of an inertially fixed platform's force that turns with the Earth
 
 
-def stimulus(recording: Recording) -> Stimulus:
-    """What the hardware experienced in a recording, row by row, as far as the readouts tell."""
+def stimulus_from_angles(recording: Recording) -> Stimulus:
+    """What the hardware experienced as the gimbals tell it, or the Earth's turn in a static run; nothing is turning.
+
+    Raises InputError for a unit without gimbals.
+    """
+    force = ideal_force(recording, recording.angles())
+    return stimulus_from_truth(recording, force, np.zeros_like(force))
+
+
+def stimulus_from_readings(recording: Recording) -> Stimulus:
+    """What the hardware experienced, with readings in place of the truth where no gimbal tells it.
+
+    These are the force of a unit without gimbals and the rate wherever gyroscopes were logged. An effect evaluated
+    there is off by the product of itself and the error of the reading; `correction` iterates that away.
+    """
+    gimballed = bool(recording.platform.axes)
+    force = ideal_force(recording, recording.angles()) if gimballed else recording.triad("specific_force")
+    rate = recording.triad("angular_rate") if recording.has("angular_rate") else np.zeros_like(force)
+    return stimulus_from_truth(recording, force, rate)
+
+
+def stimulus_from_truth(recording: Recording, force: Array, rate: Array) -> Stimulus:
+    """What the hardware experienced where force (n, 3) [m/s^2] and angular rate (n, 3) [rad/s] are known.
+
+    Of the recording only time, gimbal readouts, positions and environment are used.
+    """
     n = recording.time.shape[0]
     readout = recording.angles()
     position = recording.position if recording.position is not None else np.ones(n, dtype=int)
@@ -36,7 +66,6 @@ def stimulus(recording: Recording) -> Stimulus:
         for i, d in enumerate(stays):
             visit[d.start :] = i
             since[d.start :] = recording.time[d.start :] - recording.time[d.start]
-    force = ideal_force(recording, readout)
     return Stimulus(
         time=recording.time - recording.time[0],
         readout=readout,
@@ -49,7 +78,7 @@ def stimulus(recording: Recording) -> Stimulus:
         move_force=_last_move(force, starts, visit, 1),
         move_angle=_last_move(readout, starts, visit, 1),
         earlier_move_force=_last_move(force, starts, visit, 2),
-        rate=_rate(recording, force.shape),
+        rate=rate,
         axis_names=recording.platform.axis_names,
         latitude=recording.site.latitude,
         true_angle=_true_angle(recording),
@@ -79,10 +108,13 @@ def gimbal_load(platform: Platform, readout: Array) -> Array:
 def ideal_force(recording: Recording, readout: Array) -> Array:
     """Specific force in platform axes (n, 3) [m/s^2] of a perfect platform, from readouts or from the Earth's turn.
 
-    A unit without gimbals has no attitude to compute it from: there the measured force serves.
+    Raises InputError for a unit without gimbals, whose force no angle tells.
     """
     if not recording.platform.axes:
-        return recording.triad("specific_force")
+        raise InputError(
+            f"{recording.title!r} was recorded on {recording.platform.name!r}, which has no gimbals, so no angle tells "
+            "the force; name the platform it stood on, with its readouts"
+        )
     if recording.kind == "static-run":
         phase = sidereal_phase(recording, readout)
         return recording.site.gravity * _inertial_direction(phase, required_latitude(recording.site.latitude))
@@ -154,10 +186,6 @@ def _last_move(x: Array, starts: Sequence[int], visit: Array, lag: int) -> Array
     step = np.diff(x[list(starts)], axis=0, prepend=x[:1])
     before = np.concatenate([np.zeros_like(step[: lag - 1]), step])[: len(step)]
     return np.asarray(before[visit])
-
-
-def _rate(recording: Recording, shape: tuple[int, ...]) -> Array:
-    return recording.triad("angular_rate") if recording.has("angular_rate") else np.zeros(shape)
 
 
 def required_latitude(latitude: float | None) -> float:

@@ -13,7 +13,7 @@ from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, parameters, values, with_values
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import STEP, Array
 from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording
@@ -58,7 +58,7 @@ RECORDINGS = {kind: recorded(kind) for kind in ("multi-position", "static-run")}
 
 def rich(kind: str = "multi-position") -> Stimulus:
     """A stimulus with everything that any effect may ask for, and no force that is exactly zero."""
-    s = stimulus(RECORDINGS[kind])
+    s = stimulus_from_readings(RECORDINGS[kind])
     rng = np.random.default_rng(6)
     n, k = s.readout.shape
     return s.at(
@@ -240,7 +240,7 @@ def rows(
 @pytest.mark.parametrize(("name", "kind"), CASES)
 def test_is_recovered_where_it_is_seen_and_named_where_it_is_not(name: str, kind: str) -> None:
     recording, rng = RECORDINGS[kind], np.random.default_rng([9, len(name)])
-    platform, s = recording.platform, stimulus(recording)
+    platform, s = recording.platform, stimulus_from_readings(recording)
     own = unknowns(name, constants=False)
     base = tuple(p for i in BASELINE[kind] if i != name for p in parameters(CATALOGUE[i], platform.axis_names))
     wanted = base + own

@@ -22,7 +22,7 @@ import numpy as np
 from gimbalcal.effects import Effect, Stage, Stimulus
 from gimbalcal.errors import InputError
 from gimbalcal.forward import accelerometers, gyroscopes
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import STEP, Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import Key
@@ -89,11 +89,11 @@ def _refuse_other_rig(calibration: Calibrated, recording: Recording) -> None:
 
 
 def _felt(recording: Recording) -> Stimulus:
-    """The stimulus; gyroscopes alone, on no platform, are taken to feel no force."""
+    """The stimulus to start from, readings for the truth; gyroscopes alone, on no platform, feel no force."""
     if recording.platform.axes or recording.has(FORCE):
-        return stimulus(recording)
+        return stimulus_from_readings(recording)
     nothing = {(FORCE, a): np.zeros(len(recording.time)) for a in AXES}
-    return stimulus(replace(recording, channels=dict(recording.channels) | nothing))
+    return stimulus_from_readings(replace(recording, channels=dict(recording.channels) | nothing))
 
 
 def _forces(s: Stimulus, effects: Sequence[Effect], f: Array) -> Array:
@@ -164,7 +164,7 @@ def _with_angles(recording: Recording, angle: Array) -> Recording:
 
 def _off(encoder: Sequence[Effect], recording: Recording, readout: Array) -> Array:
     """True angle minus readout (n, k) [rad] at these readouts."""
-    s = stimulus(_with_angles(recording, readout))
+    s = stimulus_from_readings(_with_angles(recording, readout))
     return np.asarray(sum(e.contribution(s) for e in encoder))
 
 

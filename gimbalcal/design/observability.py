@@ -30,7 +30,7 @@ from gimbalcal.estimate.accelerometers.setting import BASELINE, Noise, baseline,
 from gimbalcal.estimate.static_run.run import BASELINE as STATIC_BASELINE
 from gimbalcal.forward import jacobian
 from gimbalcal.inference.information import SEEN, Information, Solution, information, solve
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording, Site
@@ -150,7 +150,7 @@ def observe_static(
     calibrated = tuple(q for e in _known(effects) for q in parameters(CATALOGUE[e], names))
     others = _parameters_of(candidates, effects, recording, "static-run")
     wanted = (*calibrated, *others)
-    J = jacobian(recording.platform, stimulus(recording), (), wanted, "static-run")
+    J = jacobian(recording.platform, stimulus_from_angles(recording), (), wanted, "static-run")
     channels = {"accelerometer": "specific_force", "gimbal_angle": "gimbal_angle", "attitude": "attitude_error"}
     unknown = set(noise) - set(channels)
     if unknown or not noise:

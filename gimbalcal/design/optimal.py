@@ -26,7 +26,7 @@ from gimbalcal.estimate.accelerometers.multiposition import TERMS, TRIANGLE
 from gimbalcal.estimate.accelerometers.setting import BASELINE, Linear, Noise, baseline, whiten
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import STEP, Array
 from gimbalcal.platform import KNOWN, Platform, known
 from gimbalcal.recording import Recording, Site
@@ -167,7 +167,7 @@ def distinct(settings: Array, rig: Rig, wanted: Sequence[Parameter]) -> tuple[Ar
 def whitened_rows(settings: Array, rig: Rig, wanted: Sequence[Parameter]) -> Array:
     """Rows (c, 3, p) that each setting adds, in units of its noise and of the priors."""
     recording = held(settings, rig)
-    s = stimulus(recording).at(
+    s = stimulus_from_angles(recording).at(
         move_force=np.zeros((len(settings), 3)),  # a design has no order yet: effects of the last move show nothing
         move_angle=np.zeros_like(settings),
         earlier_move_force=np.zeros((len(settings), 3)),

@@ -36,7 +36,7 @@ from gimbalcal.effects import Effect, values, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition
 from gimbalcal.forward import gyroscopes
-from gimbalcal.kinematics import ideal_force, stimulus
+from gimbalcal.kinematics import ideal_force, stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording, dwell_means
@@ -148,7 +148,7 @@ def without_earth(recording: Recording, gyro: Sequence[Effect] = ()) -> Recordin
     size = float(np.hypot(*north))
     north = north / size if size > 0 else np.array([1.0, 0.0])
     earth = EARTH_RATE * attitude_of(recording) @ np.array([*(np.cos(L) * north), -np.sin(L)])
-    seen = gyroscopes(earth, stimulus(recording), gyro)
+    seen = gyroscopes(earth, stimulus_from_readings(recording), gyro)
     rate = recording.triad(RATE) - seen
     channels = {**recording.channels, **{(RATE, a): rate[:, i] for i, a in enumerate("xyz")}}
     # at the equator the vertical has no part of the Earth's rate: nothing is left there to take off once more

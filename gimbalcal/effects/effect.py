@@ -42,11 +42,13 @@ class Stage(Enum):
 
 @dataclass(frozen=True)
 class Stimulus:
-    """What the hardware experiences at n instants; immutable, SI. Every array has time first.
+    """What the hardware truly experiences at n instants; immutable, SI. Every array has time first.
 
-    `force` is the specific force as it arrives at the stage that is being evaluated, `angle` the true gimbal angle
-    as far as it is known there. Move quantities describe the last slew before the dwell of each row (zero in the
-    first dwell): the changes of ideal platform force and of readout, and the same one slew earlier.
+    What sensors read stands in the recording; `kinematics` says where a reading has to serve for the truth, and the
+    readouts of the gimbals stand here because the encoders' errors are a function of them. Temperature and covariates
+    are as logged. `force` is the specific force as it arrives at the stage that is being evaluated, `angle` the true
+    gimbal angle as far as it is known there. Move quantities describe the last slew before the dwell of each row (zero
+    in the first dwell): the changes of ideal platform force and of readout, and the same one slew earlier.
     """
 
     time: Array  # (n,) s since the first sample
@@ -60,7 +62,7 @@ class Stimulus:
     move_force: Array  # (n, 3) m/s^2
     move_angle: Array  # (n, k) rad
     earlier_move_force: Array  # (n, 3) m/s^2
-    rate: Array  # (n, 3) rad/s, angular rate of the sensor block against the inertial frame, platform axes
+    rate: Array  # (n, 3) rad/s, true angular rate of the sensor block against the inertial frame, in its axes
     axis_names: tuple[str, ...]
     latitude: float | None = None  # rad
     target: Array | None = None  # (n, 3) unit vector to the true direction, in north, east, down (pointing only)

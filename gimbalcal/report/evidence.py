@@ -13,7 +13,7 @@ from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.estimate.fusion import READOUT_SIGNS
 from gimbalcal.estimate.static_run.run import prepare
 from gimbalcal.forward import accelerometers, predict
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import STEP, Array
 from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwell_means
@@ -75,7 +75,7 @@ def in_si(means: Recording, nominal: Mapping[str, Sequence[float]]) -> Recording
 def by_position(recording: Recording, effects: Sequence[Effect], provenance: Mapping[str, Any]) -> ByPosition:
     """Position means of the accelerometers against the model; against |f| = g for a unit without gimbals."""
     means = in_si(dwell_means(recording), provenance.get("options", {}).get("nominal", {}))
-    s, spread = stimulus(means), spread_of(means, provenance)
+    s, spread = stimulus_from_readings(means), spread_of(means, provenance)
     measured = means.triad("specific_force")
     shape = measured.shape
     sigma = spread.accelerometer and np.hypot(spread.accelerometer / np.sqrt(means.weight), spread.excess)

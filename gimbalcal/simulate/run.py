@@ -14,7 +14,7 @@ from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.effects.process import Flicker, GaussMarkov, Process, Quantisation, RandomWalk, WhiteNoise, sample
 from gimbalcal.errors import InputError
 from gimbalcal.forward import gyroscopes, predict, turning
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, Site
@@ -158,7 +158,7 @@ def _nominal(run: Run, time: Array) -> Recording:
 
 def _as_it_was(run: Run, nominal: Recording) -> Stimulus:
     """The stimulus with each position's setting error, which no readout shows."""
-    s = stimulus(nominal)
+    s = stimulus_from_angles(nominal)
     if run.table is None:
         return s
     angle = s.readout + run.table.angles(nominal.time, run.setting)

@@ -40,7 +40,7 @@ from gimbalcal.estimate.static_run.force_filter import (
 from gimbalcal.estimate.static_run.run import StaticRun, prepare
 from gimbalcal.forward import predict
 from gimbalcal.inference.harmonics import columns, design
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording, Site
@@ -81,7 +81,7 @@ def recording(time: Array, weight: float, effects: Sequence[Effect] = TABLE_2_3,
         angles = {("gimbal_angle", "platform"): phase, ("gimbal_angle", "middle"): np.full_like(t, LATITUDE)}
         site = Site(LATITUDE, 0.0, G)
         drawing = Recording("static-run", "Table 4", SPACE_STABLE_INERTIAL, site, {}, t, None, angles)
-        out = predict(SPACE_STABLE_INERTIAL, stimulus(drawing), effects, "static-run")
+        out = predict(SPACE_STABLE_INERTIAL, stimulus_from_angles(drawing), effects, "static-run")
         for (quantity, axis), i in zip(CHANNELS, (0, 1, 2, 0, 1), strict=True):
             means[quantity, axis] = means.get((quantity, axis), 0.0) + share * out[quantity][:, i]
         means["gimbal_angle", "platform"] = means.get(("gimbal_angle", "platform"), 0.0) + share * phase

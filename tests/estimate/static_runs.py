@@ -9,7 +9,7 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, parameters, with_values
 from gimbalcal.forward import predict
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording, Site
 from tests.stimuli import LATITUDE, G, static
@@ -48,7 +48,7 @@ def run(
         noise=noise, time=s.time, position=None,
         channels={("gimbal_angle", a): s.readout[:, i] for i, a in enumerate(names)},
     )  # fmt: skip
-    out = predict(blank.platform, stimulus(blank), truth, "static-run")
+    out = predict(blank.platform, stimulus_from_angles(blank), truth, "static-run")
     axes = {"specific_force": ("x", "y", "z"), "gimbal_angle": names, "attitude_error": ("roll", "pitch", "yaw")}
     sensor = {"specific_force": "accelerometer", "gimbal_angle": "gimbal_angle", "attitude_error": "attitude"}
     channels = {}

@@ -10,7 +10,7 @@ from gimbalcal.earth import EARTH_RATE, G0
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording, Site, Source
 from gimbalcal.report.evidence import in_run_sense
@@ -35,14 +35,14 @@ def recordings(truth: np.ndarray, rng: np.random.Generator) -> tuple[Recording, 
     names, n = platform.axis_names, len(angles)
     effects = with_values((), unknowns(), truth, names)
     still = _recording("multi-position", "18 positions, laboratory", platform, angles, 600.0 * np.arange(n), 400.0)
-    set_at = stimulus(still).at(readout=angles + rng.normal(0, ARCSEC, angles.shape))
+    set_at = stimulus_from_angles(still).at(readout=angles + rng.normal(0, ARCSEC, angles.shape))
     force = predict(platform, set_at, effects)["specific_force"] + rng.normal(0, NOISE["accelerometer"] / 20, (n, 3))
     still.channels.update(zip([("specific_force", a) for a in "xyz"], force.T, strict=True))  # type: ignore[attr-defined]
 
     time = 60.0 * np.arange(1440)
     turned = np.stack([EARTH_RATE * time, 0 * time, np.full(1440, SITE.latitude), 0 * time], axis=-1)
     run = _recording("static-run", "static day", SPACE_STABLE_INERTIAL, turned, time, 60.0)
-    out = predict(SPACE_STABLE_INERTIAL, stimulus(run), in_run_sense(effects, names), "static-run")
+    out = predict(SPACE_STABLE_INERTIAL, stimulus_from_angles(run), in_run_sense(effects, names), "static-run")
     force = out["specific_force"] + rng.normal(0, NOISE["accelerometer"] / 60**0.5, (1440, 3))
     attitude = out["attitude_error"] + rng.normal(0, NOISE["attitude"] / 60**0.5, (1440, 3))
     run.channels.update(zip([("specific_force", a) for a in "xyz"], force.T, strict=True))  # type: ignore[attr-defined]
@@ -67,7 +67,7 @@ def example() -> tuple[dict[str, Any], tuple[Recording, Recording], dict[str, fl
     truth = rng.normal(0, [p.sigma / 3 for p in wanted])
     both = recordings(truth, rng)
     still, names = both[0], both[0].platform.axis_names
-    s = stimulus(still)
+    s = stimulus_from_angles(still)
     origin = with_values((), wanted, np.zeros(len(wanted)), names)
     stages = []
     x = np.zeros(len(wanted))

@@ -116,9 +116,9 @@ def test_residuals_of_the_fit_are_as_large_as_their_sigma() -> None:
 
 def test_a_setting_error_moves_a_horizontal_axis_by_g_times_the_angle() -> None:
     _, (still, _), _ = example()
-    from gimbalcal.kinematics import stimulus
+    from gimbalcal.kinematics import stimulus_from_readings
 
-    spread = setting_spread(still.platform, stimulus(still), ARCSEC)
+    spread = setting_spread(still.platform, stimulus_from_readings(still), ARCSEC)
     # position 1: z down; the inner gimbal (x) moves f_y, the middle one (y) moves f_x, nothing moves f_z
     assert spread[0] == pytest.approx([9.80146 * ARCSEC, 9.80146 * ARCSEC, 0.0], rel=1e-12, abs=1e-15)
 
@@ -126,10 +126,10 @@ def test_a_setting_error_moves_a_horizontal_axis_by_g_times_the_angle() -> None:
 def test_correcting_undoes_the_accelerometers() -> None:
     content, (still, _), _ = example()
     from gimbalcal.forward import accelerometers
-    from gimbalcal.kinematics import stimulus
+    from gimbalcal.kinematics import stimulus_from_readings
 
     effects = from_dict(content, still.platform.axis_names).effects
-    s = stimulus(still)
+    s = stimulus_from_readings(still)
     measured = accelerometers(s.force, s, effects)
     assert corrected(measured, s, effects) == pytest.approx(s.force, abs=1e-13)  # a few roundings of 9.8
 
@@ -146,13 +146,13 @@ def test_a_day_is_drawn_with_few_points_and_their_own_sigma() -> None:
 def test_a_unit_without_gimbals_is_judged_by_the_size_of_gravity() -> None:
     from gimbalcal.effects import CATALOGUE, parameters, with_values
     from gimbalcal.forward import accelerometers
-    from gimbalcal.kinematics import stimulus
+    from gimbalcal.kinematics import stimulus_from_readings
     from gimbalcal.platform import BENCH
 
     wanted = [p for i in ("scale_factor", "bias", "misalignment") for p in parameters(CATALOGUE[i])]
     effects = with_values((), wanted, np.random.default_rng(3).normal(0, [10 * p.sigma for p in wanted]))
     _, (still, _), _ = example()
-    s = stimulus(still)
+    s = stimulus_from_readings(still)
     turned = {("specific_force", a): f for a, f in zip("xyz", accelerometers(s.force, s, effects).T, strict=True)}
     e = by_position(dataclasses.replace(still, platform=BENCH, channels=turned), effects, {})
     assert e.axes == ("|f| − g",)

@@ -14,7 +14,7 @@ from gimbalcal.effects import CATALOGUE, parameters, values
 from gimbalcal.errors import InputError
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.recording import dwells, read
 from gimbalcal.simulate import check_content, simulate, simulate_to
 from gimbalcal.simulate.truth import BASELINE
@@ -41,7 +41,7 @@ def static(**changes: Any) -> dict[str, Any]:
 
 def residual(scenario: dict[str, Any], seed: int = 1) -> dict[str, Any]:
     recording, truth = simulate(scenario, seed)
-    h = predict(recording.platform, stimulus(recording), truth, recording.kind)
+    h = predict(recording.platform, stimulus_from_angles(recording), truth, recording.kind)
     y = {"specific_force": recording.triad("specific_force")}
     if recording.kind == "static-run":
         names = ("roll", "pitch", "yaw")
@@ -71,7 +71,10 @@ def test_a_static_run_of_a_perfect_platform_is_equation_19() -> None:
 def test_noise_is_as_stated_and_setting_errors_stay_within_a_dwell() -> None:
     noise = {"accelerometer": {"value": 20.0, "unit": "ug"}, "gimbal_angle": {"value": 30.0, "unit": "arcsec"}}
     recording, truth = simulate(device(noise=noise, schedule={"name": "wu2018-18"}), 3)  # 600 rows per dwell
-    r = recording.triad("specific_force") - predict(recording.platform, stimulus(recording), truth)["specific_force"]
+    r = (
+        recording.triad("specific_force")
+        - predict(recording.platform, stimulus_from_angles(recording), truth)["specific_force"]
+    )
     within = np.array([r[d.rows].std(axis=0) for d in dwells(recording)])
     sigma = 20e-6 * 9.80665
     # 600 samples: a standard deviation is known to 2.9 %; the mean of 54 to 0.4 %
@@ -88,7 +91,7 @@ def test_a_fit_of_the_truth_is_consistent_with_its_covariance() -> None:
     wanted = tuple(
         p for i in BASELINE["multi-position"] for p in parameters(CATALOGUE[i], recording.platform.axis_names)
     )
-    s, x, sigma = stimulus(recording), values(truth, wanted), 20e-6 * 9.80665
+    s, x, sigma = stimulus_from_angles(recording), values(truth, wanted), 20e-6 * 9.80665
     J = jacobian(recording.platform, s, truth, wanted)["specific_force"] / sigma
     h = predict(recording.platform, s, truth)["specific_force"]
     found = solve(information(J, (recording.triad("specific_force") - h) / sigma, wanted))

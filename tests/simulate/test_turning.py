@@ -11,7 +11,7 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.forward import turning
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Recording
@@ -55,7 +55,7 @@ def test_rates_are_the_turning_of_the_platform_and_of_the_earth() -> None:
 
 def test_a_leaning_axis_leans_the_rate() -> None:
     platform = KNOWN["three-axis-table"]
-    s = stimulus(simulate(table())[0])
+    s = stimulus_from_readings(simulate(table())[0])
     wanted = parameters(CATALOGUE["gimbal_nonorthogonality"], platform.axis_names)
     bent = with_values((), wanted, np.full(len(wanted), 1e-3), platform.axis_names)
     rates, h = np.tile([0.3, -0.2, 1.0], (len(s.time), 1)), 1e-6

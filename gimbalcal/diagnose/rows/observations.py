@@ -22,7 +22,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.static_run.run import with_phase_of_force
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
-from gimbalcal.kinematics import lost_to_averaging, refuse_other_platform, stimulus
+from gimbalcal.kinematics import lost_to_averaging, refuse_other_platform, stimulus_from_readings
 from gimbalcal.number import STEP, Array
 from gimbalcal.recording import SENSORS, Recording, block_means, dwells
 
@@ -124,7 +124,7 @@ def observe(
     recording = _at_rest(recording)
     channels = measured_channels(recording)
     unread = recording.kind == "static-run" and ("gimbal_angle", "platform") not in channels
-    s = stimulus(with_phase_of_force(recording) if unread else recording)
+    s = stimulus_from_readings(with_phase_of_force(recording) if unread else recording)
     measured = _measured(recording, channels, s.force)
     sigma = row_sigma(recording, channels, measured, s.visit)
     ids = tuple(baseline) or BASELINE[recording.kind]

@@ -19,7 +19,7 @@ from gimbalcal.estimate.accelerometers.multiposition import WIDE, multiposition
 from gimbalcal.estimate.gyroscopes.between_rests import LINEAR, linear
 from gimbalcal.estimate.gyroscopes.rests import BIAS, level_of, rests
 from gimbalcal.estimate.gyroscopes.turns import Turned, turns
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means, dwells
 
@@ -50,7 +50,7 @@ def turned_rates(recording: Recording, accelerometers: Calibration | None = None
         return np.einsum("mci,mi->mc", sideways, r), np.einsum("mci,mip->mcp", sideways, J)
 
     ends = dwell_means(recording).select(slice(1, None))
-    s = stimulus(ends)
+    s = stimulus_from_readings(ends)
     return View(
         "turns", ends, s, ((RATE, "level"), (RATE, "tilted")), "arcsec", None, frozenset({Stage.GYROSCOPE}),
         LINEAR, rows, _at_rest(turned.stimulus), WIDE,

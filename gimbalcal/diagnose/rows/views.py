@@ -24,7 +24,7 @@ from gimbalcal.estimate.gyroscopes.between_rests import LINEAR, fit_turns
 from gimbalcal.estimate.gyroscopes.rests import rests
 from gimbalcal.estimate.gyroscopes.turns import turns
 from gimbalcal.forward import accelerometers, gyroscopes, jacobian, predict
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings, stimulus_from_truth
 from gimbalcal.number import STEP, Array
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.units import is_raw
@@ -63,7 +63,7 @@ class View:
 
 def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
     """A pointing run; every star is a visit of its own."""
-    s = stimulus(recording)
+    s = stimulus_from_angles(recording)
     n = len(recording.time)
     moved = np.diff(s.readout, axis=0, prepend=s.readout[:1])
     s = s.at(visit=np.arange(n), position=np.arange(1, n + 1), since_move=0 * s.time, move_angle=moved)
@@ -84,8 +84,7 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
     """Rest positions of unknown attitude: one row each."""
     means, _ = in_si(dwell_means(recording))
     y, g = means.triad(FORCE), means.site.gravity
-    s = stimulus(means)
-    s = s.at(rate=0 * s.rate)
+    s = stimulus_from_readings(means).at(rate=np.zeros_like(y))  # at rest
 
     def linear(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
         f, H = solved(lambda f: accelerometers(f, s, effects), y)
@@ -141,9 +140,8 @@ def table(recording: Recording, baseline: Sequence[str] = (), step: float = COAR
     whole = recording
     refuse_table(recording)
     recording = averaged(recording, step)
-    s = stimulus(recording)
-    rate = recording.triad(RATE)
-    s = s.at(force=-s.gravity * np.eye(3)[2] + 0 * rate, rate=rate)
+    rate = recording.triad(RATE)  # what is read of the turning, as nothing else tells it
+    s = stimulus_from_truth(recording, -recording.site.gravity * np.eye(3)[2] + 0 * rate, rate)
     size = _rows_in(recording, BLOCK)
 
     def centred(x: Array) -> Array:

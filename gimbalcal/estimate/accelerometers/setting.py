@@ -20,7 +20,7 @@ import numpy as np
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, values, with_values
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import Information, Solution, information, solve
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import STEP, Array, apply_matrix, tilt_rotation
 from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwell_means
@@ -103,7 +103,7 @@ def problem(
 ) -> Problem:
     """The fit of a recording: of one mean per dwell, or of every row where what happens inside a dwell matters."""
     rows = dwell_means(recording) if averaged else _at_rest(recording)
-    s = stimulus(rows)
+    s = stimulus_from_readings(rows)
     first = np.flatnonzero(np.diff(s.visit, prepend=-1))
     return Problem(
         platform=rows.platform,

@@ -23,7 +23,7 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, with_values
 from gimbalcal.estimate.support import coefficients, needed, refusal, scatter
 from gimbalcal.forward import gyroscopes
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import STEP, Array
 from gimbalcal.recording import Recording, dwell_means, dwells
 
@@ -64,8 +64,8 @@ def rests(recording: Recording, accelerometers: Calibration, scale: float = 1.0)
     sigma = np.sqrt((inside**2).mean(0)) / np.sqrt(rows.weight)[:, None]
     force, latitude = means.triad(FORCE), recording.site.latitude
     earth = 0.0 if latitude is None else EARTH_RATE * np.sin(latitude) * force / recording.site.gravity
-    s = stimulus(means)
-    return Rests(scale * rows.triad(RATE) - earth, scale * sigma, s.at(force=force, rate=0 * s.rate))
+    felt = stimulus_from_readings(means).at(force=force, rate=np.zeros_like(force))  # at rest, as the calibration tells
+    return Rests(scale * rows.triad(RATE) - earth, scale * sigma, felt)
 
 
 def fit_rests(found: Rests, terms: Sequence[str] = (BIAS, G_SENSITIVITY)) -> RestFit:

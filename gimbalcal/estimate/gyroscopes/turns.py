@@ -16,7 +16,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.errors import InputError, amount
 from gimbalcal.forward import gyroscopes
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwells
 from gimbalcal.units import is_raw
@@ -87,8 +87,11 @@ def _relevelled(turned: Turned, level: Array, scale: float, at_rest: Sequence[Ef
 
 
 def _stimulus_of(recording: Recording, spans: Sequence[slice], rate: Array, force: Array) -> Stimulus:
-    """A stimulus of the turns' rows, without history: gyroscope effects use rate, force, time and temperature."""
-    s = stimulus(recording.select(slice(0, 1)))
+    """A stimulus of the turns' rows, without history: gyroscope effects use rate, force, time and temperature.
+
+    The rate that was read, less its level at rest, stands for the true one, and the calibrated force for the force.
+    """
+    s = stimulus_from_readings(recording.select(slice(0, 1)))
     n = len(rate)
     arrays = {k: v for k, v in vars(s).items() if isinstance(v, np.ndarray) and v.ndim}
     wide = {k: np.broadcast_to(v, (n, *v.shape[1:])) for k, v in arrays.items()}

@@ -17,7 +17,7 @@ from gimbalcal.estimate.accelerometers.noise import HEADER, SAMPLES
 from gimbalcal.estimate.accelerometers.setting import select
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import Information, information
-from gimbalcal.kinematics import lost_to_averaging, refuse_other_platform, stimulus
+from gimbalcal.kinematics import lost_to_averaging, refuse_other_platform, stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 
@@ -101,7 +101,7 @@ def prepare(recording: Recording) -> StaticRun:
     channels = tuple((q, a) for q, _ in SENSORS for a in axes[q] if (q, a) in recording.channels)
     if ("gimbal_angle", "platform") not in channels:
         recording = with_phase_of_force(recording)
-    s = stimulus(recording)
+    s = stimulus_from_angles(recording)
     observed = np.stack([recording.channels[key] for key in channels], axis=1)
     run = StaticRun(recording, s, channels, observed, np.ones(observed.shape))
     force = run.columns("specific_force")

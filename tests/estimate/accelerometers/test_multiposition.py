@@ -13,7 +13,7 @@ from gimbalcal.effects.accelerometer import Bias, Misalignment, ScaleFactor, Sca
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition, unknowns
 from gimbalcal.forward import predict
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 
@@ -35,7 +35,7 @@ def rested(effects: tuple[Effect, ...], directions: np.ndarray, noise: float = 1
     channels = {("specific_force", a): force[:, i] for i, a in enumerate("xyz")}
     made = Recording("multi-position", "rests", BENCH, Site(gravity=G), {"accelerometer": SAMPLE}, np.arange(n) * 60.0,
                      np.arange(1, n + 1), channels, weight=np.full(n, float(COUNT)))  # fmt: skip
-    y = predict(BENCH, stimulus(made), effects)["specific_force"]
+    y = predict(BENCH, stimulus_from_readings(made), effects)["specific_force"]
     y = y + noise * SAMPLE / np.sqrt(COUNT) * np.random.default_rng(seed).standard_normal(y.shape)
     return replace(made, channels={("specific_force", a): y[:, i] for i, a in enumerate("xyz")})
 

@@ -24,7 +24,7 @@ from gimbalcal.estimate.gyroscopes.inter_triad import euler, rotation
 from gimbalcal.estimate.gyroscopes.turns import exponential, turns
 from gimbalcal.estimate.unit import inertial_unit, with_gyroscopes
 from gimbalcal.forward import gyroscopes
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
@@ -63,7 +63,7 @@ def hand(
     channels |= {} if temperature is None else {("temperature", ""): temperature}
     made = Recording("multi-position", "hand", BENCH, Site(gravity=9.8), {}, STEP * np.arange(n),
                      np.concatenate(position[:-1]), channels)  # fmt: skip
-    y = gyroscopes(rate, stimulus(made), effects) + noise * rng.standard_normal((n, 3))
+    y = gyroscopes(rate, stimulus_from_readings(made), effects) + noise * rng.standard_normal((n, 3))
     return replace(made, channels=channels | {("angular_rate", a): y[:, i] for i, a in enumerate("xyz")})
 
 

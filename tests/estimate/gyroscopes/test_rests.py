@@ -13,7 +13,7 @@ from gimbalcal.effects.gyroscope import GyroBias, GyroGSensitivityRate
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.gyroscopes.rests import G_SENSITIVITY, Rests, fit_rests, level_of, rests
 from gimbalcal.forward import gyroscopes
-from gimbalcal.kinematics import stimulus
+from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
@@ -36,7 +36,7 @@ def poses(g: GyroGSensitivityRate, wander: float = 0.0, seed: int = 0, latitude:
     channels = {("specific_force", a): force[:, i] for i, a in enumerate("xyz")}
     made = Recording("multi-position", "poses", BENCH, Site(latitude, 0.0, G0), {}, 0.1 * np.arange(n),
                      np.repeat(np.arange(1, 41), 200), channels)  # fmt: skip
-    y = gyroscopes(rate, stimulus(made), (BIAS, g)) + 10 * UNIT * rng.standard_normal((n, 3))
+    y = gyroscopes(rate, stimulus_from_readings(made), (BIAS, g)) + 10 * UNIT * rng.standard_normal((n, 3))
     return replace(made, channels=channels | {("angular_rate", a): y[:, i] for i, a in enumerate("xyz")})
 
 
