@@ -52,7 +52,7 @@ class Misalignment(Effect):
 class ScaleFactor(Effect):
     r"""Each accelerometer's scale factor differs from the nominal one.
 
-    .. math:: f^a = SF^{-1} C_p^a f^p, \qquad \text{scale\_factor} = SF - 1
+    .. math:: \delta f_i = \frac{f_i}{1 + s_i} - f_i, \qquad f^a = SF^{-1} C_p^a f^p, \qquad s = SF - 1
 
     Source: Wu et al. (2018), Eq. (6). Magnitude: 10 to 500 ppm. Seen by: own axis at +1 g against -1 g. An error of
     the gravity value is the same thing as a common change of all three. Twin: gravity_error.
@@ -95,7 +95,7 @@ class ScaleNonlinearity(Effect):
 class Bias(Effect):
     r"""A constant output at zero force.
 
-    .. math:: f^a = \ldots + b
+    .. math:: \delta a_i = b_i
 
     Source: Wu et al. (2018), Eq. (6), delta b. Magnitude: 10 to 500 ug. Seen by: own axis at +1 g against -1 g. Twin:
     the common part of K2, Kpp and Koo at 1 g.

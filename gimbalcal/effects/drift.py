@@ -22,7 +22,7 @@ MATRIX_AXES = tuple(i + j for i in "xyz" for j in "xyz")  # output axis, then in
 class PolarAxisMisalignment(Effect):
     r"""The inertially fixed platform starts turned against its drawing: polar axis off the pole, azimuth off.
 
-    .. math:: f^p = R(\varphi_0) f^p_{ideal}
+    .. math:: \varphi = \varphi_0, \qquad f^p = R(\varphi) f^p_{ideal}
 
     Source: Britting (1971), initial alignment of a space-stabilised platform. Magnitude: 5 to 300 arcsec. Seen by:
     gimbals and force together in a static run; a turn of the encoders alone is a gimbal zero. Twin: none there;
@@ -131,6 +131,7 @@ class GyroDiurnalDrift(Effect):
     r"""The drift rate follows the solar day.
 
     .. math:: \varphi = \int (A \sin\omega_d t + B \cos\omega_d t) \, dt
+              = \frac{1}{\omega_d} (A (1 - \cos\omega_d t) + B \sin\omega_d t)
 
     Source: IEEE Std 952, environmentally sensitive drift. Magnitude: 1e-4 to 1e-3 deg/h. Seen by: accelerometers and
     gimbals together. Twin: gyro_g_sensitivity and cross_coupling in runs shorter than weeks.
@@ -228,7 +229,7 @@ class SchulerOscillation(Effect):
 class ClockRate(Effect):
     r"""The clock of the recording runs fast or slow against the Earth's turn.
 
-    .. math:: \delta f = \kappa t \, \dot f
+    .. math:: \varphi = (0, 0, -\omega_{ie} \kappa t), \qquad \delta f = \kappa t \, \dot f
 
     Source: Groves (2013), data timing. Magnitude: 0.01 to 50 ppm. Seen by: a growing phase of the sidereal line. Twin:
     gyro_drift about the polar axis, exactly, as far as the accelerometers are asked.

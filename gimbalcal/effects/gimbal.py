@@ -15,7 +15,7 @@ SMALLEST_TURN = 1e-3  # rad; a move below this has no sense of direction
 class GimbalZero(Effect):
     r"""The zero of an angle sensor is off: the true angle is the readout plus this.
 
-    .. math:: \theta = \theta_{readout} + \theta_0
+    .. math:: \delta\theta = \theta_0, \qquad \theta = \theta_{readout} + \delta\theta
 
     Source: Wu et al. (2018), section 3: theta_10 (platform), theta_20 (inner), theta_30 (middle). Magnitude: 1 to
     100 arcsec. Seen by: the same gimbal with gravity on two sides of it. Twin: base_tilt in a static run.
@@ -41,9 +41,10 @@ def directions(s: Stimulus) -> Array:
 class GimbalNonorthogonality(Effect):
     r"""Two neighbouring gimbal axes do not stand at right angles.
 
-    .. math:: C_b^p = R_1(\theta_1) \, T(\epsilon_1) \, R_2(\theta_2) \, T(\epsilon_2) \, R_3(\theta_3) \cdots
+    .. math:: T_i = \epsilon_i \, a_i \times a_{i+1}, \qquad
+              C_b^p = R_1(\theta_1) \, T_1 \, R_2(\theta_2) \, T_2 \, R_3(\theta_3) \cdots
 
-    with T(epsilon_i) the small rotation between axis i and the next one out, about the direction across both. Source:
+    with T_i the small rotation between axis i and the next one out, about the direction across both. Source:
     Wu et al. (2018), Eq. (3), whose axes are orthogonal. Magnitude: 1 to 20 arcsec. Seen by: all tilted positions,
     three channels together. Twin: gimbal_zero and base_tilt for the outermost pair when the outer gimbal stands still.
     """
@@ -183,7 +184,8 @@ class PeriodicWormError(Effect):
 class BearingWobble(Effect):
     r"""The axis of a bearing wobbles while it turns, m times per revolution.
 
-    .. math:: T_i = w_c (e_1 \cos m\theta + e_2 \sin m\theta) + w_s (e_2 \cos m\theta - e_1 \sin m\theta)
+    .. math:: T_i = w_{c,i} (e_{1,i} \cos m\theta_i + e_{2,i} \sin m\theta_i)
+              + w_{s,i} (e_{2,i} \cos m\theta_i - e_{1,i} \sin m\theta_i)
 
     with e_1, e_2 across the axis. Source: bearing run-out. Magnitude: 0.2 to 5 arcsec. Seen by: three channels
     together, m of 2 and more. Twin: with m = 1 a fixed lean of the next axis; near encoder_two_cycle with m = 2.
@@ -267,7 +269,7 @@ class GimbalFriction(Effect):
 class PositionBlunder(Effect):
     r"""One position was not set where the readout says, or its dwell was disturbed.
 
-    .. math:: f^p = R(\delta) f^p_{ideal} \quad \text{at one position}
+    .. math:: \varphi = \delta \, [p = p_0], \qquad f^p = R(\varphi) f^p_{ideal}
 
     Source: operation. Magnitude: any. Seen by: one position only, across the force. Twin: none; the turn about the
     force itself is invisible. Repeat the position.

@@ -93,10 +93,11 @@ class BaseTiltDiurnal(Effect):
 class PlumbLineTide(Effect):
     r"""Sun and Moon turn the plumb line against the ground.
 
-    .. math:: \delta g^n = g \, (\eta_N(t), \eta_E(t), 0), \qquad \eta = A \sin\omega t + B \cos\omega t
+    .. math:: \delta g^n = g \, (A \sin\omega t + B \cos\omega t), \qquad \omega = 2\pi / P
 
-    with the M2 period unless told otherwise. Source: IERS Conventions (2010), chapters 6 and 7. Magnitude: 20 to 100
-    nrad. Seen by: accelerometers alone. Twin: the K1 constituent is sidereal and cannot be told from a platform term.
+    in north and east, with P the period of M2 unless told otherwise. Source: IERS Conventions (2010), chapters 6
+    and 7. Magnitude: 20 to 100 nrad. Seen by: accelerometers alone. Twin: the K1 constituent is sidereal and cannot
+    be told from a platform term.
     """
 
     id = "plumb_line_tide"
@@ -118,7 +119,7 @@ class PlumbLineTide(Effect):
 class GravityTide(Effect):
     r"""Sun and Moon change the size of gravity.
 
-    .. math:: \delta g^n = (0, 0, A \sin\omega t + B \cos\omega t)
+    .. math:: \delta g^n = (0, 0, A \sin\omega t + B \cos\omega t), \qquad \omega = 2\pi / P
 
     Source: IERS Conventions (2010), chapter 7. Magnitude: 110 uGal (0.1 ug). Seen by: all channels in proportion to
     the force. Twin: near plumb_line_tide of the same period; gravity_error if constant.
@@ -162,7 +163,7 @@ class GravityError(Effect):
 class VerticalDeflection(Effect):
     r"""The plumb line is not the normal of the ellipsoid.
 
-    .. math:: \delta g^n = g \, (\xi, \eta, 0)
+    .. math:: \delta g^n = g \, (\xi_N, \xi_E, 0)
 
     Source: WGS-84 latitude against an astronomic one. Magnitude: 1 to 20 arcsec. Seen by: nothing alone. Twin:
     base_tilt with encoders; base_tilt and polar_axis_misalignment in a static run.

@@ -21,11 +21,12 @@ PARTNER_AXES = ("xy", "xz", "yx", "yz", "zx", "zy")  # own axis, then the other 
 class QuadraticNonlinearity(Effect):
     r"""The output bends with the square of the force: the two signs of input push the proof mass off its null alike.
 
-    .. math:: \delta a_i = K_{2,i} f_i^2
+    .. math:: \delta a_i = f_i \, \frac{1 - r}{1 + r}, \qquad r = \sqrt{1 - 4 K_{2,i} f_i}
 
-    Source: IEEE Std 1293, K2; the law of Eq. (6) of Wu et al. (2018). Magnitude: 5 to 50 ug/g^2 (quartz flexure), 100
-    to 3000 (MEMS). Seen by: own axis at 1 g against 0.71 g; the 2nd harmonic of a sidereal turn. Twin:
-    cross_coupling in a static run; scale_nonlinearity is the same coefficient in the 18-parameter model.
+    which is K_2 times the square of the output, to first order of the force. Source: IEEE Std 1293, K2; the law of
+    Eq. (6) of Wu et al. (2018). Magnitude: 5 to 50 ug/g^2 (quartz flexure), 100 to 3000 (MEMS). Seen by: own axis at
+    1 g against 0.71 g; the 2nd harmonic of a sidereal turn. Twin: cross_coupling in a static run; scale_nonlinearity
+    is the same coefficient in the 18-parameter model.
     """
 
     id = "quadratic_nonlinearity"

@@ -12,7 +12,7 @@ from gimbalcal.number import Array
 class AxisCollimation(Effect):
     r"""The line of sight is not square to the innermost axis (TPOINT: CA, CH; cone error).
 
-    .. math:: \delta(\text{across}) = c
+    .. math:: \vartheta = (0, 0, c), \qquad \delta(\text{across}) = c
 
     Source: Wallace, TPOINT manual. Magnitude: 1 to 600 arcsec. Seen by: the two pier sides, or low against high
     elevation. Twin: gimbal_nonorthogonality over a narrow range of the innermost axis.
@@ -34,7 +34,8 @@ class AxisCollimation(Effect):
 class TubeFlexure(Effect):
     r"""The line of sight sags with the part of gravity that acts across the tube (TPOINT: TF).
 
-    .. math:: \delta(\text{along}) = -k \, g_z / g = -k \cos E , \qquad \delta(\text{across}) = k \, g_y / g
+    .. math:: \vartheta = k \, x_p \times d, \qquad d = -\frac{f}{g}, \qquad
+              \delta(\text{along}) = -k \, d_z = -k \cos E, \qquad \delta(\text{across}) = k \, d_y
 
     Source: Wallace, TPOINT manual. Magnitude: 1 to 60 arcsec. Seen by: low against high elevation. Twin: a
     once-per-turn encoder error of a horizontal axis.
@@ -56,7 +57,8 @@ class TubeFlexure(Effect):
 class Refraction(Effect):
     r"""Refraction left over, or flexure of like form: the sky stands higher than was computed, by cot(elevation).
 
-    .. math:: E_{seen} - E_{true} = R \cot E
+    .. math:: \vartheta = \frac{R \, g}{f_x} \, x_p \times d, \qquad d = -\frac{f}{g}, \qquad
+              E_{seen} - E_{true} = R \cot E
 
     Source: Wallace, TPOINT manual (TX); Explanatory Supplement (plane-parallel atmosphere, R about 60 arcsec in full).
     Magnitude: 0.5 to 10 arcsec left over. Seen by: elevations below 30 deg. Twin: tube_flexure at high elevation.
@@ -78,7 +80,7 @@ class Refraction(Effect):
 class GimbalZeroDrift(Effect):
     r"""The zero of an angle sensor wanders: a slipping clutch, or a drive that runs fast.
 
-    .. math:: \theta = \theta_{readout} + \dot\theta_0 t
+    .. math:: \delta\theta = \dot\theta_0 t, \qquad \theta = \theta_{readout} + \delta\theta
 
     Source: Wallace, TPOINT manual, zero points that change in the course of a night. Magnitude: 1 to 300 arcsec/h. Seen
     by: stars in the same part of the sky early and late. Twin: base_tilt_drift where only one part of it is seen.

@@ -63,10 +63,11 @@ class ScaleTemperature(Effect):
 class MisalignmentTemperature(Effect):
     r"""The input axes lean with temperature.
 
-    .. math:: \delta f^a = (C_p^a(\mu_T) - I) f^p (T - T_0)
+    .. math:: \delta f_i = (\mu_{T,ik} f_j - \mu_{T,ij} f_k) (T - T_0)
 
-    in the pattern of Eq. (5) of Wu et al. (2018). Source: IEEE Std 1293, input-axis misalignment. Magnitude: 0.2 to 2
-    urad/degC. Seen by: cross axes at 1 g while the temperature moves. Twin: near a thermal tilt of the gimbals.
+    with j the next axis and k the one after: the pattern of Eq. (5) of Wu et al. (2018). Source: IEEE Std 1293,
+    input-axis misalignment. Magnitude: 0.2 to 2 urad/degC. Seen by: cross axes at 1 g while the temperature moves.
+    Twin: near a thermal tilt of the gimbals.
     """
 
     id = "misalignment_temperature"
