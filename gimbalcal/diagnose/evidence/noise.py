@@ -15,6 +15,7 @@ import numpy as np
 
 from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.effects import Stage
+from gimbalcal.inference.robust import huber
 from gimbalcal.number import Array
 from gimbalcal.units import to_si
 
@@ -25,8 +26,8 @@ WALK_PRIOR = (0.85, 0.07, 0.05, 0.03)
 DEFAULT_SETTING = float(to_si(1.0, "arcsec"))
 SLOW = 160  # cosine modes; the strongest walk of the grid adds 2 % to white noise there
 FEW = 30  # rows inside dwells below which the stated noise is better than what they show
-HEAVY = 0.6  # excess kurtosis above which samples are clipped
-CLIP = 2.0  # Huber's constant in sigmas: 97 % efficient on normal samples
+HEAVY = 0.6  # excess kurtosis above which rows are weighted
+NEIGHBOURS = 15  # rows of a static run in which a level is followed: a quarter of an hour of minute means
 
 
 @dataclass(frozen=True)
@@ -49,20 +50,24 @@ class Node:
 
 
 def settle(o: Observations) -> Observations:
-    """Rescale each channel to the scatter that the rows show, and clip samples where their tails are heavy."""
+    """Rescale each channel to the scatter that the rows show, and weight the rows where their tails are heavy.
+
+    What was measured stays as it is: y and its derivatives change by the unit of a channel alone.
+    """
     fast = _fast(o)
     if len(fast) < FEW:
         return o
     scale = np.median(np.abs(fast), axis=0) / 0.6745
     scale = np.where(scale > 0, scale, 1.0)
-    kurtosis = float(np.mean(_excess(fast / scale)))
-    y = o.y
+    kurtosis, weight = float(np.mean(_excess(fast / scale))), None
     if kurtosis > HEAVY:
-        y, scale = _clipped(o, scale)
+        static = o.kind == "static-run"
+        found = huber(o.y, np.arange(len(o.y)) // NEIGHBOURS if static else o.block, scale)
+        weight, scale = found.weight, found.of_rows if static else found.of_means
     else:
         scale = fast.std(axis=0)
     return replace(
-        o, y=y / scale, Z=o.Z / scale[:, None], sigma=o.sigma * scale, heavy=kurtosis,
+        o, y=o.y / scale, Z=o.Z / scale[:, None], sigma=o.sigma * scale, heavy=kurtosis, weight=weight,
         sensitivity={k: v / scale[:, None] for k, v in o.sensitivity.items()},
     )  # fmt: skip
 
@@ -80,26 +85,6 @@ def _excess(x: Array) -> Array:
     """Excess kurtosis per column, samples beyond 12 sigma counted as 12."""
     x = np.clip(x, -12, 12)
     return np.asarray((x**4).mean(axis=0) / (x**2).mean(axis=0) ** 2 - 3)
-
-
-def _clipped(o: Observations, scale: Array) -> tuple[Array, Array]:
-    """Huber pseudo-values about a local level, and the sigma that a mean of them has, per row."""
-    level = _level(o)
-    r = (o.y - level) / scale
-    psi, slope = np.clip(r, -CLIP, CLIP), (np.abs(r) < CLIP).mean(axis=0)
-    pseudo = psi / slope
-    return level + pseudo * scale, scale * np.sqrt((pseudo**2).mean(axis=0))
-
-
-def _level(o: Observations) -> Array:
-    from scipy.ndimage import median_filter
-
-    if o.kind == "static-run":
-        return np.asarray(median_filter(o.y, size=(61, 1), mode="nearest"))
-    level = np.zeros_like(o.y)
-    for b in np.unique(o.block):
-        level[o.block == b] = np.median(o.y[o.block == b], axis=0)
-    return level
 
 
 def nodes(o: Observations) -> tuple[Node, ...]:

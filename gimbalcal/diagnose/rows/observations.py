@@ -59,6 +59,7 @@ class Observations:
     sensitivity: Mapping[Stage, Array]  # (n, C, m)
     block: Array  # (n,) ordinal of the block of each row; empty for a static run
     heavy: float = 0.0  # excess kurtosis of the samples
+    weight: Array | None = None  # (n, C) of mean one where tails are heavy; None: all alike
 
     @property
     def kind(self) -> str:
@@ -71,15 +72,23 @@ class Observations:
         return np.flatnonzero(np.diff(self.block, prepend=-1))
 
     def reduce(self, columns: Array) -> Array:
-        """Columns (n, C, p) to rows (R, p): block means times the root of their count, or the cosine transform."""
+        """Columns (n, C, p) to rows (R, p): weighted block means times the root of their count, or cosine transform."""
         n, C, p = columns.shape
         if self.kind == "static-run":
             from scipy.fft import dct
 
-            return np.asarray(dct(columns, axis=0, norm="ortho")).reshape(n * C, p)
+            return np.asarray(dct(self.single(columns), axis=0, norm="ortho")).reshape(n * C, p)
         count = np.diff(np.append(self.starts, n))
-        total = np.add.reduceat(columns, self.starts, axis=0) / np.sqrt(count)[:, None, None]
+        if self.weight is None:
+            total = np.add.reduceat(columns, self.starts, axis=0) / np.sqrt(count)[:, None, None]
+        else:
+            share = np.sqrt(count)[:, None] / np.add.reduceat(self.weight, self.starts, axis=0)
+            total = np.add.reduceat(columns * self.weight[:, :, None], self.starts, axis=0) * share[:, :, None]
         return np.asarray(total.reshape(len(count) * C, p))
+
+    def single(self, columns: Array) -> Array:
+        """Columns (n, C, p) such that white noise has unit variance in every row: times the root of its weight."""
+        return columns if self.weight is None else np.asarray(columns * np.sqrt(self.weight)[:, :, None])
 
     def through(self, stage: Stage, added: Array) -> Array:
         """What an addition (n, ...) at a stage does to the channels, in sigma: (n, C)."""

@@ -142,7 +142,8 @@ def _lines(o: Observations) -> list[tuple[dict[str, Any], str, Array]]:
     """The strongest periods of a static run between two rows and a quarter of the run."""
     s = o.stimulus
     n = len(s.time)
-    power = (np.abs(np.fft.rfft(o.y - o.y.mean(axis=0), axis=0)) ** 2).sum(axis=1)
+    y = o.single(o.y[:, :, None])[:, :, 0]
+    power = (np.abs(np.fft.rfft(y - y.mean(axis=0), axis=0)) ** 2).sum(axis=1)
     out = []
     for k in np.argsort(-power[4:])[:3] + 4:
         period = n * float(np.median(np.diff(s.time))) / float(k)

@@ -67,7 +67,8 @@ def _whitened(s: Search, f: Fit, physical: Array) -> tuple[Array, Array, Array, 
     n, C = o.y.shape
     if o.kind == "static-run":
         fold = np.repeat(np.arange(n) * FOLDS // n, C)
-        return o.Z.reshape(n * C, -1), physical.reshape(n * C, -1), o.y.ravel(), fold, "time"
+        rows = [o.single(A).reshape(n * C, -1) for A in (o.Z, physical, o.y[:, :, None])]
+        return rows[0], rows[1], rows[2][:, 0], fold, "time"
     node = f.projection.node
     visits = o.stimulus.visit[o.starts]
     inside = _inside_dwell(s, f)
@@ -126,8 +127,12 @@ def physical_columns(s: Search, f: Fit) -> Array:
 
 def residual_rows(o: Observations, physical: Array, x: Array) -> tuple[Array, Array]:
     """Residuals (n, C) in sigma without and with what was found, the calibration refitted each time."""
-    n, C = o.y.shape
-    Z, X, y = o.Z.reshape(n * C, -1), physical.reshape(n * C, -1), o.y.ravel()
-    before, _ = _residual(Z, y)
-    after, _ = _residual(Z, y - X @ x)
-    return before.reshape(n, C), after.reshape(n, C)
+    Z = o.single(o.Z).reshape(o.y.size, -1)
+    after = o.y - physical @ x
+    return _refitted(o, Z, o.y), _refitted(o, Z, after)
+
+
+def _refitted(o: Observations, Z: Array, y: Array) -> Array:
+    """y (n, C) less its calibration, which has the weighted columns Z (n C, q)."""
+    left, _ = _residual(Z, o.single(y[:, :, None]).ravel())
+    return left.reshape(y.shape) if o.weight is None else np.asarray(left.reshape(y.shape) / np.sqrt(o.weight))
