@@ -1,0 +1,95 @@
+"""Constants between the values of a grid, and effects that bend with their own size."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gimbalcal.diagnose.evidence.known_scale import SIZE_PRIOR, log_bayes, mixed, variant_shares
+from gimbalcal.diagnose.search.ranking import Search
+from gimbalcal.diagnose.verdict.model import constant_value, fit
+from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.inference.algebra import logsumexp
+from gimbalcal.units import from_si
+from tests.diagnose.plant import UG, Bench, cooled, on, record
+from tests.diagnose.small import few, noises, observed, searched
+
+LAGGED = "bias_temperature_lagged:x"
+TAU = 750.0  # s, between the values 537 and 1049 of the grid
+SIZE = 300.0  # ug/K
+
+
+def lagged(seed: int, size: float = SIZE) -> Search:
+    return searched(observed(seed, lambda b: on(0, cooled(b, TAU)), size, dwell=60), LAGGED)
+
+
+FOUND = lagged(1)
+
+
+def test_a_lag_between_the_values_of_the_grid_is_found() -> None:
+    o = FOUND.o
+    tried = np.array([v.constants[0][1] for v in few(o, LAGGED).candidates[0].variants])
+    f = fit(FOUND, (0,))
+    ((name, tau, sigma),) = constant_value(FOUND, f, 0)
+    assert name == "tau"
+    assert abs(tau - TAU) < 3 * sigma
+    assert abs(tau - TAU) < 0.5 * np.abs(tried - TAU).min()  # nearer than the grid has it
+    assert 0 < sigma < 0.2 * TAU
+    (p,) = FOUND.library.candidates[0].parameters
+    assert f.x[0] * from_si(p.sigma, p.unit) == pytest.approx(SIZE, rel=0.1)  # rate and lag trade against each other
+
+
+def test_finer_values_fit_better_and_share_the_prior_of_the_cause() -> None:
+    """The candidate's Bayes factor stays a mean over all that was tried: the search is paid for."""
+    coarse, (fine,) = few(FOUND.o, LAGGED).candidates[0], FOUND.library.candidates
+    added = fine.variants[len(coarse.variants) :]
+    assert [v.constants for v in fine.variants[: len(coarse.variants)]] == [v.constants for v in coarse.variants]
+    starts, share = variant_shares([fine])
+    assert np.add.reduceat(share, starts) == pytest.approx([1.0])
+    each = np.array([
+        [mixed(log_bayes(p.G[np.ix_(v.index, v.index)], p.b[list(v.index), 0]), SIZE_PRIOR) for v in fine.variants]
+        for p in FOUND.projections
+    ])  # fmt: skip
+    mean = logsumexp(each + np.log(share), axis=1)
+    assert FOUND.singles[0] == pytest.approx(float(logsumexp(mean + FOUND.null) - logsumexp(FOUND.null)), abs=1e-9)
+    assert each[:, len(coarse.variants) :].max() > each[:, : len(coarse.variants)].max() + 1.0
+    first = sum(v.weight for v in added[:7])  # seven values between the neighbours of the best one
+    assert first == pytest.approx(coarse.variants[0].weight)
+    rounds = [sum(v.weight for v in added[k : k + 7]) for k in range(0, len(added), 7)]
+    np.testing.assert_allclose(np.array(rounds[1:]) / rounds[:-1], 1 / 3)
+
+
+def test_where_nothing_is_found_nothing_is_refined() -> None:
+    s = lagged(2, 0.0)
+    assert len(s.library.candidates[0].variants) == len(few(s.o, LAGGED).candidates[0].variants)
+
+
+def dead(b: Bench) -> dict[str, np.ndarray]:
+    return {"dead": np.eye(3)[0]}
+
+
+def test_a_dead_zone_is_taken_at_its_size() -> None:
+    """Its output is min(|f|, size) short: a column that is as it is at that size, not a tangent at none."""
+    size = 400 * UG
+    without, with_it = (record(np.random.default_rng(7), dead, x, dwell=12) for x in (0.0, size))
+    s = searched(observed(7, dead, 400.0), "dead_zone:x")
+    (c,) = s.library.candidates
+    f = fit(s, (0,))
+    (p,) = c.parameters
+    assert f.x[0] * p.sigma == pytest.approx(size, abs=4 * np.sqrt(f.covariance[0, 0]) * p.sigma)
+    made = c.variants[f.variants[0]].column
+    assert made is not None
+    change = (with_it.triad("specific_force") - without.triad("specific_force")) / s.o.sigma
+    # the calibrated model's force differs from the true one by its misalignments: at null by some of the zone itself
+    near = made * size / p.sigma
+    assert np.corrcoef(near.ravel(), change.ravel())[0, 1] > 0.98
+    assert np.linalg.norm(near - change) < 0.25 * np.linalg.norm(change)
+
+
+def test_effects_in_proportion_to_their_size_stay_as_they_are() -> None:
+    o = observed(3, lambda b: on(1, np.abs(b.ideal[:, 1])), 300.0)
+    s = searched(o, "scale_factor_asymmetry:y")
+    assert s.singles[0] > 5
+    assert len(s.library.candidates[0].variants) == 1
+    assert parameters(CATALOGUE["scale_factor_asymmetry"])[0].sigma > 0
+    assert len(noises(o)) == len(s.projections)

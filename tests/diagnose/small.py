@@ -1,0 +1,105 @@
+"""Small cases of which everything can be worked out densely: few rows, a few causes, a few noises.
+
+The builders stand here so that a change of the rows or of the search is followed in one place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.fft import idct
+
+from gimbalcal.diagnose.evidence.noise import Node, nodes, settle
+from gimbalcal.diagnose.library.candidates import Library, library
+from gimbalcal.diagnose.rows.observations import BASELINE, Observations, observe
+from gimbalcal.diagnose.search.ranking import Search, search
+from gimbalcal.number import Array
+from tests.diagnose import static_plant
+from tests.diagnose.plant import UG, Error, record
+
+
+def observed(seed: int = 1, error: Error | None = None, size: float = 0.0, **options: Any) -> Observations:
+    """Residual rows of 18 positions with 12 readings each; `size` in ug, where the error is one of an output."""
+    options.setdefault("dwell", 12)
+    return settle(observe(record(np.random.default_rng(seed), error, size * UG, **options)))
+
+
+def at_rest(seed: int = 1, error: static_plant.Error | None = None, size: float = 0.0) -> Observations:
+    """Residual rows of a static run of 48 h."""
+    return settle(observe(static_plant.record(np.random.default_rng(seed), error, size * UG)))
+
+
+def few(o: Observations, *labels: str) -> Library:
+    """The library of a recording with these candidates alone ("bias_drift:x"), each by its first entry."""
+    whole = library(o, BASELINE[o.kind])
+    kept, blocks, at = [], [], 0
+    for label in labels:
+        c = next(c for c in whole.candidates if c.label == label)
+        variants = []
+        for v in c.variants:
+            variants.append(replace(v, index=tuple(range(at, at + len(v.index)))))
+            blocks.append(whole.X[:, list(v.index)])
+            at += len(v.index)
+        kept.append(replace(c, variants=tuple(variants)))
+    return Library(tuple(kept), np.concatenate(blocks, axis=1))
+
+
+def noises(o: Observations, count: int = 3) -> tuple[Node, ...]:
+    """The noises with the largest prior shares, which add up to one again."""
+    chosen = sorted(nodes(o), key=lambda n: -n.prior)[:count]
+    total = sum(n.prior for n in chosen)
+    return tuple(replace(n, prior=n.prior / total) for n in chosen)
+
+
+def searched(o: Observations, *labels: str, count: int = 3) -> Search:
+    """The search among these candidates in the likeliest noises."""
+    return search(o, few(o, *labels), noises(o, count))
+
+
+def again(s: Search, o: Observations) -> Search:
+    """The same causes and noises on other data of the same design."""
+    return search(o, s.library, [p.node for p in s.projections])
+
+
+def candidate(s: Search, label: str) -> int:
+    """Place of a candidate in the library of a search."""
+    return [c.label for c in s.library.candidates].index(label)
+
+
+def rows_of(o: Observations) -> tuple[Array, Array]:
+    """Reduced calibration columns (R, q) and data (R,)."""
+    return o.reduce(o.Z), o.reduce(o.y[:, :, None])[:, 0]
+
+
+def covariance(node: Node, rows: int) -> Array:
+    """Dense covariance (R, R) of reduced rows in one noise, in squares of a row's sigma."""
+    root = node.inverse_root
+    coloured = len(root)
+    V = np.eye(rows)
+    inverse = np.diag(1 / root) if root.ndim == 1 else np.linalg.inv(root)
+    V[:coloured, :coloured] = inverse @ inverse.T
+    return V
+
+
+def gls(A: Array, y: Array, V: Array) -> tuple[Array, Array]:
+    """Generalised least squares by the normal equations: estimate and covariance."""
+    W = np.linalg.solve(V, A)
+    C = np.linalg.inv(A.T @ W)
+    return C @ (W.T @ y), C
+
+
+def with_data(o: Observations, rows: Array) -> Observations:
+    """The same recording with other data, given as reduced rows (R,)."""
+    n, C = o.y.shape
+    if o.kind == "static-run":
+        return replace(o, y=np.asarray(idct(rows.reshape(n, C), axis=0, norm="ortho")))
+    count = np.diff(np.append(o.starts, n))
+    return replace(o, y=np.repeat(rows.reshape(-1, C) / np.sqrt(count)[:, None], count, axis=0))
+
+
+def clean(o: Observations, node: Node, rng: np.random.Generator) -> Observations:
+    """The same recording with nothing but this noise in it."""
+    R = len(o.reduce(o.Z))
+    return with_data(o, np.linalg.cholesky(covariance(node, R)) @ rng.standard_normal(R))

@@ -1,0 +1,121 @@
+"""Where the mismatch is: the planted place comes first, statistics are chi^2 of a fit, and clean data look clean."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import kstest
+
+from gimbalcal.diagnose.evidence.known_scale import Rows
+from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.rows.observations import Observations
+from gimbalcal.diagnose.search.ranking import prepare
+from gimbalcal.diagnose.verdict import locate
+from gimbalcal.diagnose.verdict.locate import LISTED, Cell, Scan, scan, told
+from gimbalcal.number import Array
+from tests.diagnose.plant import known, on
+from tests.diagnose.small import at_rest, clean, covariance, few, noises, observed, rows_of
+
+TABLE = observed(1, dwell=6)
+REST = at_rest(2)
+LIBRARY = few(TABLE, "scale_factor_asymmetry:y")
+
+
+def prepared(o: Observations) -> tuple[Rows, Node]:
+    (node,) = noises(o, 1)
+    label = "scale_factor_asymmetry:y" if o.kind == "multi-position" else "bias_drift:x"
+    return prepare(o, few(o, label), [node])[0], node
+
+
+def scanned(o: Observations, seed: int = 1, explained: Array | None = None) -> Scan:
+    rows, node = prepared(o)
+    return scan(o, rows, node, np.random.default_rng(seed), explained)
+
+
+def fall_of_chi2(o: Observations, node: Node, columns: Array, beside: Array) -> float:
+    """Chi^2 that these columns (R, m) take away beside the calibration and others, in one noise."""
+    Z, y = rows_of(o)
+    root = np.linalg.inv(np.linalg.cholesky(covariance(node, len(y))))
+
+    def left(A: Array) -> float:
+        A = root @ A
+        A = A / (np.linalg.norm(A, axis=0) + 1e-300)
+        return float(np.sum((root @ y - A @ np.linalg.lstsq(A, root @ y, rcond=1e-8)[0]) ** 2))
+
+    base = np.concatenate([Z, beside], axis=1)
+    return left(base) - left(np.concatenate([base, columns], axis=1))
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_a_statistic_is_the_chi2_that_a_place_of_its_own_takes_away(beside: bool) -> None:
+    o = observed(3, known(1)["asymmetry"][0], 100.0, dwell=6)
+    rows, node = prepared(o)
+    X = LIBRARY.X if beside else np.zeros((len(LIBRARY.X), 0))
+    s = scan(o, rows, node, np.random.default_rng(1), X)
+    for position, k in ((4, 0), (11, 2)):
+        at = next(i for i, c in enumerate(s.cells) if c.where == {"positions": [position]} and c.axis == "xyz"[k])
+        column = np.zeros((*o.y.shape, 1))
+        column[o.stimulus.position == position, k] = 1.0
+        assert s.statistic[at] == pytest.approx(fall_of_chi2(o, node, o.reduce(column), X), rel=1e-4, abs=1e-4)
+
+
+@pytest.mark.parametrize(("position", "axis"), [(5, 1), (14, 0)])
+def test_a_misfit_at_one_position_is_the_first_cell(position: int, axis: int) -> None:
+    o = observed(4, lambda b: on(axis, (b.visit == position - 1).astype(float)), 80.0, dwell=6)
+    s = scanned(o)
+    assert s.p_value < 1e-4
+    first = told(s)[0]
+    assert (first["channel"], first["axis"]) == ("specific_force", "xyz"[axis])
+    assert first["where"] == {"positions": [position]}
+    assert first["in_words"].startswith(f"Specific force {'xyz'[axis]} is off at position {position} (p < 1e-6")
+
+
+def test_a_wave_in_a_static_run_is_seen_at_its_period() -> None:
+    o = at_rest(5, lambda r: np.outer(np.sin(2 * np.pi * r.t / 9600.0), [0.0, 0.0, 1.0]), 3.0)
+    first = told(scanned(o))[0]
+    assert (first["axis"], first["where"]) == ("z", {"period_min": 160.0})
+
+
+def test_a_clean_recording_is_as_bad_somewhere_as_its_p_value_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    """p is uniform over clean recordings of this design, whichever of the many overlapping cells is the worst."""
+    monkeypatch.setattr(locate, "DRAWS", 100)  # for time
+    rng = np.random.default_rng(6)
+    design = observed(1, dwell=2)
+    rows, node = prepared(design)
+    p = []
+    for _ in range(80):
+        o = clean(design, node, rng)
+        y = o.reduce(o.y[:, :, None])
+        y = y - rows.Q @ (rows.Q.T @ y)
+        here = Rows(np.concatenate([rows.low[:, :-1], y], axis=1), rows.high, rows.q, rows.P, rows.Q, y)
+        p.append(scan(o, here, node, rng).p_value)
+    assert kstest(p, "uniform").pvalue > 0.01
+    assert np.mean(np.array(p) < 0.1) < 0.1 + 3 * np.sqrt(0.09 / 80)
+
+
+def test_beside_its_cause_nothing_is_off() -> None:
+    o = observed(7, known(1)["asymmetry"][0], 400.0, dwell=6)
+    assert scanned(o).p_value < 1e-3
+    assert scanned(o, explained=LIBRARY.X).p_value > 0.05
+
+
+def cell(axis: str, position: int) -> Cell:
+    return Cell("specific_force", axis, {"positions": [position]}, f"at position {position}", ())
+
+
+def test_positions_of_one_channel_are_told_together() -> None:
+    cells = (cell("x", 9), cell("x", 2), cell("y", 3), cell("z", 4), cell("z", 5))
+    s = Scan(cells, np.array([50.0, 40.0, 30.0, 10.0, 35.0]), np.array([1e-9, 1e-7, 1e-4, 1e-3, 0.2]))
+    x, y = told(s)
+    assert x["where"] == {"positions": [2, 9]}
+    assert x["in_words"] == "Specific force x is off at positions 2, 9 (p < 1e-6 over the whole scan)"
+    assert (x["statistic"], x["p_value"]) == (50.0, 1e-9)
+    assert y["in_words"] == "Specific force y is off at position 3 (p = 0.0001 over the whole scan)"
+    # z 4 is less than a quarter of the strongest, and z 5 is not significant
+    nothing = replace(s, p_values=np.full(5, 0.5))
+    assert told(nothing) == ()
+    assert [m["axis"] for m in told(nothing, at_least=1)] == ["x"]
+    many = tuple(Cell("specific_force", "x", {"n": k}, f"there {k}", ()) for k in range(LISTED + 3))
+    assert len(told(Scan(many, np.ones(len(many)), np.full(len(many), 1e-3)))) == LISTED

@@ -1,0 +1,107 @@
+"""One size from several recordings: the joint least squares of their rows, and whether they agree on it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import block_diag
+from scipy.stats import chi2
+
+from gimbalcal.diagnose.search.combine import Combined, combine
+from gimbalcal.diagnose.verdict.model import constant_value, fit
+from gimbalcal.diagnose.verdict.pool import agreement, constants_of, information_of, parts, pooled
+from gimbalcal.inference.algebra import orthonormal
+from gimbalcal.number import Array
+from tests.diagnose.plant import cooled, known, on
+from tests.diagnose.small import candidate, covariance, gls, observed, rows_of, searched
+
+LABELS = ("scale_factor_asymmetry:y", "cross_coupling:y")
+
+
+def two(sizes: tuple[float, float]) -> Combined:
+    made = [observed(seed, known(1)["asymmetry"][0], x, dwell=6) for seed, x in zip((1, 2), sizes, strict=True)]
+    return combine([searched(o, *LABELS, count=1) for o in made])
+
+
+ALIKE = two((150.0, 150.0))
+
+
+def joint(c: Combined, labels: tuple[str, ...]) -> tuple[Array, Array]:
+    """Rows of both recordings stacked: a calibration of its own for each, and sizes common to both."""
+    Z, X, y, V = [], [], [], []
+    for s in c.searches:
+        calibration, data = rows_of(s.o)
+        index = [i for label in labels for i in s.library.candidates[candidate(s, label)].variants[0].index]
+        Z.append(orthonormal(calibration))
+        X.append(s.library.X[:, index])
+        y.append(data)
+        V.append(covariance(s.projections[0].node, len(data)))
+    A = np.concatenate([block_diag(*Z), np.concatenate(X)], axis=1)
+    x, C = gls(A, np.concatenate(y), block_diag(*V))
+    p = X[0].shape[1]
+    return x[-p:], C[-p:, -p:]
+
+
+def members(c: Combined, labels: tuple[str, ...]) -> tuple[int, ...]:
+    found = [x.label for x in c.library.candidates]
+    return tuple(found.index(label) for label in labels)
+
+
+@pytest.mark.parametrize("labels", [LABELS[:1], LABELS])
+def test_the_pooled_size_is_that_of_one_fit_to_both(labels: tuple[str, ...]) -> None:
+    m = members(ALIKE, labels)
+    made = parts(ALIKE, m)
+    counts = [len(ALIKE.library.candidates[i].parameters) for i in m]
+    x, C = pooled(made, counts)
+    x_joint, C_joint = joint(ALIKE, labels)
+    np.testing.assert_allclose(x, x_joint, rtol=1e-5, atol=1e-7)
+    np.testing.assert_allclose(C, C_joint, rtol=1e-5, atol=1e-9)
+    assert [p.slots for p in made] == [tuple(range(len(m)))] * 2
+    assert made[0].span(len(m) - 1) == slice(sum(counts[:-1]), sum(counts))
+
+
+@pytest.mark.parametrize(("sizes", "alike"), [((150.0, 150.0), True), ((150.0, -150.0), False)])
+def test_agreement_is_chi2_of_the_difference(sizes: tuple[float, float], alike: bool) -> None:
+    c = two(sizes)
+    made = parts(c, members(c, LABELS[:1]))
+    (x1, x2), (v1, v2) = [p.fit.x[0] for p in made], [p.fit.covariance[0, 0] for p in made]
+    a = agreement(made, 0)
+    assert a.dof == 1
+    assert a.chi2 == pytest.approx((x1 - x2) ** 2 / (v1 + v2), rel=1e-9)
+    assert a.p_value == pytest.approx(chi2.sf(a.chi2, 1), rel=1e-9)
+    assert (a.p_value > 1e-3) is alike
+
+
+def test_one_recording_has_nobody_to_disagree_with() -> None:
+    c = two((150.0, 150.0))
+    only = parts(c, members(c, LABELS[:1]))[:1]
+    assert (agreement(only, 0).dof, agreement(only, 0).p_value) == (0, 1.0)
+    x, C = pooled(only, [1])
+    assert (x[0], C[0, 0]) == pytest.approx((only[0].fit.x[0], only[0].fit.covariance[0, 0]))
+
+
+def test_without_members_each_part_is_the_fit_of_nothing() -> None:
+    for part, s in zip(parts(ALIKE, ()), ALIKE.searches, strict=True):
+        assert part.search is s
+        assert (part.slots, part.fit.index) == ((), ())
+
+
+def test_a_direction_without_information_stays_without() -> None:
+    C = np.array([[4.0, 0.0], [0.0, 0.0]])
+    np.testing.assert_allclose(information_of(C), [[0.25, 0.0], [0.0, 0.0]])
+    assert information_of(np.zeros((0, 0))).shape == (0, 0)
+
+
+def test_a_lag_is_common_and_surer_together() -> None:
+    """Each recording tries values of its own; the common one has the least chi^2 of both together."""
+    label = "bias_temperature_lagged:x"
+    made = [observed(seed, lambda b: on(0, cooled(b, 750.0)), 200.0, dwell=30) for seed in (3, 4)]
+    c = combine([searched(o, label, count=1) for o in made])
+    both = parts(c, (0,))
+    (common,) = {p.search.library.candidates[0].variants[0].constants for p in both}
+    ((name, value, sigma),) = constants_of(c, (0,), both, 0)
+    assert (name, value) == common[0]
+    assert abs(value - 750.0) < 3.5 * sigma
+    alone = [constant_value(s, fit(s, (0,)), 0)[0] for s in c.searches]
+    assert sigma == pytest.approx(1 / np.sqrt(sum(1 / s**2 for _, _, s in alone)))
+    assert min(x for _, x, _ in alone) <= value <= max(x for _, x, _ in alone)

@@ -1,0 +1,60 @@
+"""What clean recordings reach: the fast draws against recordings drawn one by one and sent through the whole search."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import kstest
+
+from gimbalcal.diagnose.evidence.known_scale import gather, project, stack
+from gimbalcal.diagnose.evidence.noise import coloured
+from gimbalcal.diagnose.search.ranking import Search
+from gimbalcal.diagnose.verdict.threshold import DRAWS, anything, clean_evidence, clean_singles
+from gimbalcal.inference.algebra import logsumexp
+from gimbalcal.number import Array
+from tests.diagnose.small import at_rest, covariance, observed, rows_of, searched
+
+LABELS = ("scale_factor_asymmetry:y", "bias_temperature_lagged:x", "encoder_two_cycle:inner", "cross_coupling:z")
+TABLE = searched(observed(1, dwell=6), *LABELS)
+REST = searched(at_rest(2), "scale_factor_asymmetry:x", "bias_drift:y", "bias_temperature:z")
+
+
+def drawn_one_by_one(s: Search, draws: int, rng: np.random.Generator) -> Array:
+    """ln Bayes factors (candidates, draws) of data drawn from the dense covariance of the noises the data make likely."""
+    Z, _ = rows_of(s.o)
+    weight = np.exp(s.null - logsumexp(s.null))
+    y = np.empty((len(Z), draws))
+    picked = rng.choice(len(weight), size=draws, p=weight / weight.sum())
+    for k, p in enumerate(s.projections):
+        mine = picked == k
+        y[:, mine] = np.linalg.cholesky(covariance(p.node, len(Z))) @ rng.standard_normal((len(Z), mine.sum()))
+    rows = stack(Z, s.library.X, y, coloured(s.o))
+    made = [project(p.node, rows) for p in s.projections]
+    null = np.array([np.log(p.node.prior) + p.log_likelihood() for p in made])  # (nodes, draws)
+    out = []
+    for j in range(draws):
+        one = [replace(p, b=p.b[:, j : j + 1]) for p in made]
+        out.append(logsumexp(gather(one, s.library.candidates) + null[:, j : j + 1], axis=0) - logsumexp(null[:, j]))
+    return np.stack(out, axis=-1)
+
+
+@pytest.mark.parametrize("s", [TABLE, REST], ids=["table", "at rest"])
+def test_clean_evidence_is_that_of_recordings_drawn_one_by_one(s: Search) -> None:
+    rng = np.random.default_rng(3)
+    quick = np.concatenate([clean_singles(s, rng) for _ in range(5)], axis=1)
+    slow = drawn_one_by_one(s, 600, rng)
+    assert quick.shape == (len(s.library.candidates), 5 * DRAWS)
+    for mine, theirs in zip(quick, slow, strict=True):
+        assert kstest(mine, theirs).pvalue > 1e-3
+        # the part that decides about a claim: of 1000 and 600 draws, 5 % either way is five sigmas
+        assert np.mean(mine > np.quantile(theirs, 0.9)) == pytest.approx(0.1, abs=0.05)
+
+
+def test_anything_is_the_mean_over_candidates_by_their_shares() -> None:
+    ln, share = np.log([[4.0, 1.0], [1.0, 16.0]]), np.log([0.25, 0.5])
+    np.testing.assert_allclose(np.exp(anything(ln, share)), [0.25 * 4 + 0.5 * 1, 0.25 * 1 + 0.5 * 16])
+    whole = clean_evidence(TABLE, np.random.default_rng(6))
+    each = clean_singles(TABLE, np.random.default_rng(6))
+    np.testing.assert_allclose(np.exp(whole), np.exp(TABLE.share) @ np.exp(each))

@@ -1,0 +1,128 @@
+"""The check on data that the fit has not seen: against refits without each part, on clean noise and on a known cause."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gimbalcal.diagnose.verdict.model import fit
+from gimbalcal.diagnose.verdict.verify import FOLDS, physical_columns, residual_rows, verify
+from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.forward import jacobian
+from gimbalcal.number import Array
+from tests.diagnose.plant import known
+from tests.diagnose.small import again, at_rest, candidate, clean, noises, observed, rows_of, searched
+
+LABEL = "scale_factor_asymmetry:y"
+PLANTED = observed(3, known(1)["asymmetry"][0], 300.0)
+
+
+def refitted_without_each(A: Array, y: Array, fold: Array) -> float:
+    """Mean square of each part's prediction error over its covariance, every fit made anew."""
+    A = A / np.linalg.norm(A, axis=0)
+    total = 0.0
+    for k in np.unique(fold):
+        out = fold == k
+        P = np.linalg.pinv(A[~out], rcond=1e-4)
+        r = y[out] - A[out] @ (P @ y[~out])
+        total += r @ np.linalg.solve(np.eye(out.sum()) + A[out] @ P @ P.T @ A[out].T, r)
+    return float(total / len(y))
+
+
+def test_held_out_positions_are_refits_without_each() -> None:
+    s = searched(PLANTED, LABEL)
+    f = fit(s, (0,))
+    X = physical_columns(s, f)
+    v = verify(s, f, X)
+    node, o = f.projection.node, s.o
+    Z, y = (node.whiten(A) for A in (rows_of(o)[0], rows_of(o)[1][:, None]))
+    both = np.concatenate([Z, node.whiten(o.reduce(X))], axis=1)
+    fold = np.repeat(o.stimulus.position[o.starts], 3)
+    assert v.heldout_by == "position"
+    assert v.heldout_before == pytest.approx(refitted_without_each(Z, y[:, 0], fold), rel=1e-6)
+    assert v.heldout_after == pytest.approx(refitted_without_each(both, y[:, 0], fold), rel=1e-6)
+    left = y[:, 0] - both @ np.linalg.lstsq(both, y[:, 0], rcond=1e-9)[0]
+    assert v.after == pytest.approx(left @ left / (len(left) - np.linalg.matrix_rank(both, 1e-8)), rel=1e-6)
+    r = left.reshape(18, 6, 3)  # six blocks in each dwell; nothing follows from one dwell to the next
+    assert v.autocorrelation == pytest.approx((r[:, 1:] * r[:, :-1]).sum() / (r**2).sum(), abs=1e-9)
+    assert v.autocorrelation_sigma == pytest.approx(1 / np.sqrt(18 * 5 * 3))
+
+
+def test_prediction_of_clean_noise_is_as_good_as_stated() -> None:
+    """One is what noise alone gives: 24 recordings of 324 numbers each, in the very noise that they are made of."""
+    rng = np.random.default_rng(4)
+    (node,) = noises(PLANTED, 1)
+    design, out = searched(PLANTED, LABEL, count=1), []
+    for _ in range(24):
+        s = again(design, clean(PLANTED, node, rng))
+        f = fit(s, ())
+        out.append(verify(s, f, physical_columns(s, f)))
+    four_sigmas = 4 * np.sqrt(2 / (24 * 324))
+    assert np.mean([v.before for v in out]) == pytest.approx(1.0, abs=four_sigmas)
+    assert np.mean([v.heldout_before for v in out]) == pytest.approx(1.0, abs=four_sigmas)
+
+
+def test_prediction_is_as_good_as_noise_once_the_missing_cause_is_in() -> None:
+    s = searched(PLANTED, LABEL)
+    f = fit(s, (0,))
+    v = verify(s, f, physical_columns(s, f))
+    assert v.before > 1.5
+    assert v.heldout_before > 1.5
+    assert v.after == pytest.approx(1.0, abs=4 * np.sqrt(2 / 300))
+    assert v.heldout_after == pytest.approx(1.0, abs=4 * np.sqrt(2 / 300))
+    assert v.to_dict()["heldout_after"] == v.heldout_after
+
+
+@pytest.mark.parametrize(("name", "label"), [("blunder", "position_blunder"), ("step", "bias_step:x")])
+def test_what_happens_at_one_place_or_moment_is_held_out_within_dwells(name: str, label: str) -> None:
+    """No other position can predict it: a sixth of every dwell is left out, and the rest of the dwell says what it is.
+
+    Left out with its whole position it would seem to explain nothing.
+    """
+    s = searched(observed(5, known(0)[name][0], 100.0), label)
+    f = fit(s, (0,))
+    X = physical_columns(s, f)
+    v = verify(s, f, X)
+    node, o = f.projection.node, s.o
+    A = node.whiten(np.concatenate([o.reduce(o.Z), o.reduce(X)], axis=1))
+    y = node.whiten(rows_of(o)[1][:, None])[:, 0]
+    part = np.repeat(np.tile(np.arange(6), 18), 3)
+    assert v.heldout_by == "parts of each dwell"
+    assert v.heldout_after == pytest.approx(refitted_without_each(A, y, part), rel=1e-6)
+    assert v.heldout_after < 0.7 * v.heldout_before
+
+
+def test_a_static_run_is_held_out_in_stretches_of_time() -> None:
+    o = at_rest(6)
+    s = searched(o, "bias_drift:x", count=1)
+    f = fit(s, (0,))
+    X = physical_columns(s, f)
+    v = verify(s, f, X)
+    n, C = o.y.shape
+    fold = np.repeat(np.arange(n) * FOLDS // n, C)
+    assert v.heldout_by == "time"
+    assert v.heldout_before == pytest.approx(refitted_without_each(o.Z.reshape(n * C, -1), o.y.ravel(), fold), rel=1e-5)
+
+
+@pytest.mark.parametrize("label", ["scale_factor_asymmetry:y", "encoder_two_cycle:inner"])
+def test_columns_of_a_finding_are_derivatives_of_the_forward_model(label: str) -> None:
+    s = searched(PLANTED, label)
+    f = fit(s, (candidate(s, label),))
+    c, o = s.library.candidates[0], s.o
+    wanted = [p for p in parameters(CATALOGUE[c.effect], o.stimulus.axis_names) if p.axis == c.axis]
+    J = jacobian(o.recording.platform, o.stimulus, o.baseline, wanted, o.kind)["specific_force"]
+    whole = J * np.array([p.sigma for p in wanted]) / o.sigma[:, None]
+    np.testing.assert_allclose(physical_columns(s, f), whole, atol=1e-6 * np.abs(whole).max())
+
+
+def test_residual_rows_are_what_calibration_cannot_follow() -> None:
+    s = searched(PLANTED, LABEL)
+    f = fit(s, (0,))
+    X = physical_columns(s, f)
+    before, after = residual_rows(s.o, X, f.x)
+    Z = s.o.Z.reshape(before.size, -1)
+    scale = np.linalg.norm(Z, axis=0) * np.linalg.norm(before)
+    assert np.abs(Z.T @ before.ravel() / scale).max() < 1e-9
+    taken = (before - after).ravel() - X.reshape(before.size, -1) @ f.x  # but for what the calibration takes up
+    assert np.linalg.norm(taken - Z @ np.linalg.lstsq(Z, taken, rcond=1e-9)[0]) < 1e-6 * np.linalg.norm(before)
+    assert (after**2).mean() < 0.9 * (before**2).mean()
