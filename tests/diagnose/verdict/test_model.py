@@ -108,7 +108,7 @@ def test_constants_of_the_calibration_move_as_a_joint_fit_moves_them() -> None:
     np.testing.assert_allclose(before, alone, atol=1e-6 * np.abs(alone).max())
     np.testing.assert_allclose(after, both[:q], atol=1e-6 * np.abs(both).max())
     assert np.abs(after - before).max() > 0.1 * sigma[np.argmax(np.abs(after - before))]
-    U, sv, Vt = np.linalg.svd(A, full_matrices=False)
+    _, sv, Vt = np.linalg.svd(A, full_matrices=False)
     keep = sv > 1e-6 * sv[0]  # `pinv` of the square cuts at 1e-12
     np.testing.assert_allclose(sigma, np.sqrt(((Vt[keep].T / sv[keep]) ** 2).sum(axis=1))[:q], rtol=1e-5)
 

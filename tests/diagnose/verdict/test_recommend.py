@@ -1,4 +1,4 @@
-"""Advice: the expected log Bayes factor of each manoeuvre against dense algebra, and the manoeuvre that physics asks."""
+"""Advice: expected log Bayes factors against dense algebra, and the manoeuvre that physics asks for."""
 
 from __future__ import annotations
 

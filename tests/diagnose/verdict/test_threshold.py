@@ -22,7 +22,7 @@ REST = searched(at_rest(2), "scale_factor_asymmetry:x", "bias_drift:y", "bias_te
 
 
 def drawn_one_by_one(s: Search, draws: int, rng: np.random.Generator) -> Array:
-    """ln Bayes factors (candidates, draws) of data drawn from the dense covariance of the noises the data make likely."""
+    """ln Bayes factors (candidates, draws) of data drawn from the dense covariance of the noises that are likely."""
     Z, _ = rows_of(s.o)
     weight = np.exp(s.null - logsumexp(s.null))
     y = np.empty((len(Z), draws))

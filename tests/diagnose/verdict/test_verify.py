@@ -1,4 +1,4 @@
-"""The check on data that the fit has not seen: against refits without each part, on clean noise and on a known cause."""
+"""The check on data not seen: against refits without each part, on clean noise and on a known cause."""
 
 from __future__ import annotations
 
