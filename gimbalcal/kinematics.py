@@ -85,6 +85,7 @@ def stimulus_from_truth(recording: Recording, force: Array, rate: Array) -> Stim
         temperature=recording.channels.get(("temperature", "")),
         covariates={axis: v for (quantity, axis), v in recording.channels.items() if quantity == "covariate"},
         axis_directions=tuple(axis.direction for axis in recording.platform.axes),
+        sense=recording.platform.sense,
         attitude=_ideal_attitude(recording, readout),
         load=gimbal_load(recording.platform, readout),
     )

@@ -11,7 +11,11 @@ platform or a telescope mount is a literal.
 The space-stable platform of Wu et al. (2018) appears with two readout conventions in the paper: Table 1 counts the
 calibration angles from the level platform, Eq. (4) the inertial angles S_t, h, q. They are one chain,
 
-.. math:: C_b^p = R_z(-S_t) \, R_x(0) \, R_y(h + \pi/2) \, R_z(-q) .
+.. math:: C_b^p = R_z(-S_t) \, R_x(0) \, R_y(h + \pi/2) \, R_z(-q) ,
+
+so the readouts of the platform and of the outer gimbal run the other way in a static run. An error of an encoder's
+zero is counted once, in the sense of the drawing that the platform is known by (Table 1); `Platform.sense` says how
+the readouts of a recording run against it.
 """
 
 from __future__ import annotations
@@ -54,6 +58,17 @@ class Platform:
     def axis_names(self) -> tuple[str, ...]:
         """Names of the axes, platform first."""
         return tuple(axis.name for axis in self.axes)
+
+    @property
+    def sense(self) -> tuple[int, ...]:
+        """Of each axis 1 where its readout grows as on the drawing that is known by this name, -1 where it falls.
+
+        A platform that is not known by name is its own drawing.
+        """
+        drawing = KNOWN.get(self.name, self)
+        if [(a.name, a.direction) for a in drawing.axes] != [(a.name, a.direction) for a in self.axes]:
+            drawing = self
+        return tuple(own.sign * drawn.sign for own, drawn in zip(self.axes, drawing.axes, strict=True))
 
     def attitude(self, angles: ArrayLike, tilts: ArrayLike | None = None) -> Array:
         """Direction cosine matrix from base to platform.

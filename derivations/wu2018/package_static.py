@@ -148,8 +148,9 @@ def coefficient_matrix() -> float:
     axes = ("platform", "middle", "outer")
     more = [*parameters(CATALOGUE["gimbal_zero"], axes)[:2], *parameters(CATALOGUE["base_tilt"])[:2]]
     unknowns = (*RESIDUALS, *separation.K_NL, dS_t, dh, *kappa[:2])
-    # A residual counts estimate minus truth, a zero truth minus readout; K_nl and the tilt of the base are themselves.
-    sense = np.array([-1.0] * 12 + [1.0] * 3 + [-1.0] * 2 + [1.0] * 2)
+    # A residual counts estimate minus truth, a zero truth minus readout, and that of the platform gimbal in the sense
+    # of Table 1, which is against S_t; K_nl and the tilt of the base are themselves.
+    sense = np.array([-1.0] * 12 + [1.0] * 3 + [1.0, -1.0] + [1.0] * 2)
     sensor, extra, constant = separation.coefficients(), separation.nonlinearity(), constant_part()
     means = {"dphi_mean": constant["roll"], "dtheta_mean": constant["pitch"]}
     total = sp.Matrix([sensor[n] + extra[n] + means.get(n, 0) for n in map(_derived_name, NAMES)])

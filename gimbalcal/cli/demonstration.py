@@ -52,10 +52,7 @@ def _calibrate(folders: list[Path], method: str, out: Path, tell: Tell) -> dict[
 
 
 def _truth(folders: list[Path]) -> dict[str, float] | None:
-    """What went into simulated recordings, label to SI; the first one that tells a parameter counts.
-
-    A static run counts its gimbal zeros otherwise than the positions that come before it.
-    """
+    """What went into simulated recordings, label to SI; the first one that tells a parameter counts."""
     from gimbalcal.report.wording import label_of
     from gimbalcal.units import to_si
 

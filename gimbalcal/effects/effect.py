@@ -71,6 +71,7 @@ class Stimulus:
     reference_temperature: float = 20.0  # degC, where temperature coefficients are referred to
     covariates: Mapping[str, Array] = dataclasses.field(default_factory=dict)
     axis_directions: tuple[str, ...] = ()  # "x", "y" or "z" of each gimbal axis
+    sense: tuple[int, ...] = ()  # of each readout against the platform's drawing, 1 or -1; all 1 where it is not said
     attitude: Array | None = None  # C_np (n, 3, 3) of the perfect platform
     load: Array | None = None  # (n, k, 3) unit gravity in the frame that turns with gimbal i
 

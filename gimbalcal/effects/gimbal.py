@@ -17,6 +17,9 @@ class GimbalZero(Effect):
 
     .. math:: \delta\theta = \theta_0, \qquad \theta = \theta_{readout} + \delta\theta
 
+    with all three counted as the platform's drawing counts them (Table 1), whichever way a recording logs its readouts:
+    those of S_t and q in Eq. (4) run the other way, and there the zero adds with the other sign.
+
     Source: Wu et al. (2018), section 3: theta_10 (platform), theta_20 (inner), theta_30 (middle). Magnitude: 1 to
     100 arcsec. Seen by: the same gimbal with gravity on two sides of it. Twin: base_tilt in a static run.
     """
@@ -28,8 +31,8 @@ class GimbalZero(Effect):
     theta_0: Array = parameter(GIMBALS, unit="arcsec", sigma=120, name="gimbal_zero")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Angle minus readout [rad], (n, k)."""
-        return self.theta_0 + 0 * s.readout
+        """Angle minus readout [rad], (n, k), in the sense in which the readouts at hand are counted."""
+        return np.asarray(self.theta_0) * np.array(s.sense or 1) + 0 * s.readout
 
 
 def directions(s: Stimulus) -> Array:

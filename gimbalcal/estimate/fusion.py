@@ -4,42 +4,23 @@ Both stages state the same parameters of Eq. (6) as square-root information, so 
 transfer of "residuals" from stage to stage. Wu et al. (2018) stop short of it: their third stage overwrites twelve
 coefficients. What is left unseen by both keeps its prior sigma and is named.
 
-The encoders are the same in both stages, but their readouts are counted differently: Table 1 counts theta_1, theta_2,
-theta_3 from the level platform, Eq. (4) S_t, h, q, and
-
-.. math:: \theta_1 = -S_t, \qquad \theta_3 = h + \pi/2, \qquad \theta_{outer} = -q .
-
-A zero therefore changes its sign with the sense of its axis: that of the platform gimbal and of the outer one. The
-fused calibration states `gimbal_zero` in the sense of Table 1. The mapping carries no accelerometer parameter across
-by itself, because the static run sees zeros only together with the tilt of the base; with the wrong sign, though, and
-a level base, the turn of the triad about z would seem to be determined, and it is not.
+The encoders are the same in both stages, and so are their zeros: `gimbal_zero` is counted in the sense of Table 1 in
+either, although the static run reads S_t and q, which run the other way (`Platform.sense`). With the wrong sign and a
+level base the turn of the triad about z would seem to be determined, and it is not.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-
-import numpy as np
 
 from gimbalcal.calibration import Calibration, Residual, Stage
 from gimbalcal.effects import with_values
 from gimbalcal.errors import amount
 from gimbalcal.estimate.static_run.system import outcome
 from gimbalcal.inference.information import Information, Solution, solve
-from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL
+from gimbalcal.platform import SPACE_STABLE
 
-READOUT_SIGNS: Mapping[str, int] = {
-    device.name: device.sign * inertial.sign
-    for device, inertial in zip(SPACE_STABLE.axes, SPACE_STABLE_INERTIAL.axes, strict=True)
-}
 CONTRADICTION = 1e-4  # probability below which two stages that are both right would differ so much
-
-
-def in_table_1_sense(static: Information) -> Information:
-    """Information of a static run about gimbal zeros of S_t, h, q as information about those of Table 1's angles."""
-    sign = [READOUT_SIGNS.get(p.axis, 1) if p.effect == "gimbal_zero" else 1 for p in static.parameters]
-    return replace(static, rows=static.rows * np.array([*sign, 1]))
 
 
 def fuse(device: Information, static: Information, before: Calibration) -> Calibration:
@@ -48,7 +29,6 @@ def fuse(device: Information, static: Information, before: Calibration) -> Calib
     device, static: linearised at the same effects; `before` is the device-level calibration, from which effects that
     neither informs about, and the provenance, are kept. `outcome` says so where the two stages contradict each other.
     """
-    static = in_table_1_sense(static)
     together = solve(device + static)
     names = tuple(axis.name for axis in SPACE_STABLE.axes)
     alone = solve(device), solve(static)

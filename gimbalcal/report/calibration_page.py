@@ -95,8 +95,6 @@ def _unseen(content: Mapping[str, Any]) -> dict[str, Any]:
 
 def _evidence(content: Mapping[str, Any], recordings: Iterable[Recording]) -> tuple[list[Picture], list[Picture]]:
     """Pictures of the residuals (for the first screen) and of the data behind them."""
-    from gimbalcal.report.evidence import in_run_sense
-
     leading, others = [], []
     for r in recordings:
         effects = from_dict(content, r.platform.axis_names).effects
@@ -105,8 +103,7 @@ def _evidence(content: Mapping[str, Any], recordings: Iterable[Recording]) -> tu
             leading.append(first)
             others += more
         elif r.kind == "static-run":
-            alone = content["method"] == "static-run"
-            others.append(_run_picture(r, effects if alone else in_run_sense(effects, r.platform.axis_names)))
+            others.append(_run_picture(r, effects))
     if not leading:
         leading, others = others[:1], others[1:]
     return leading, others

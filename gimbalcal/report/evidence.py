@@ -10,7 +10,6 @@ import numpy as np
 
 from gimbalcal.earth import G0
 from gimbalcal.effects import Effect, Stimulus
-from gimbalcal.estimate.fusion import READOUT_SIGNS
 from gimbalcal.estimate.static_run.run import prepare
 from gimbalcal.forward import accelerometers, predict
 from gimbalcal.kinematics import stimulus_from_readings
@@ -130,16 +129,10 @@ def _norm(f: Array) -> Array:
     return np.asarray(np.sqrt((f**2).sum(axis=-1, keepdims=True)))
 
 
-def in_run_sense(effects: Sequence[Effect], axis_names: Sequence[str]) -> tuple[Effect, ...]:
-    """Effects whose gimbal zeros are counted as Table 1 counts its angles, for the angles of Eq. (4) (see `fusion`)."""
-    sign = np.array([READOUT_SIGNS.get(name, 1) for name in axis_names])
-    return tuple(replace(e, theta_0=sign * e.theta_0) if e.id == "gimbal_zero" else e for e in effects)  # type: ignore[attr-defined,call-arg]
-
-
 def over_time(recording: Recording, effects: Sequence[Effect]) -> tuple[Array, tuple[Curve, ...]]:
     """Hours (m,) and departures of a static run from perfect sensors: attitude errors, and force along gravity.
 
-    The effects are in the sense of the run's own angles. Rows are averaged into at most `BLOCKS` blocks.
+    Rows are averaged into at most `BLOCKS` blocks.
     """
     run = prepare(recording)
     measured, left = run.departures(), run.departures(effects)

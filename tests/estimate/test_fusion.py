@@ -9,11 +9,10 @@ import pytest
 
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
-from gimbalcal.estimate.fusion import READOUT_SIGNS, fuse, in_table_1_sense
+from gimbalcal.estimate.fusion import fuse
 from gimbalcal.estimate.static_run.system import static_information
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import Information, information, solve
-from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL
 from tests.estimate.static_runs import ARCSEC, run
 from tests.stimuli import eighteen
@@ -32,12 +31,6 @@ def truth(seed: int) -> tuple[Effect, ...]:
     wanted = eighteen_coefficients()
     x = np.random.default_rng(seed).normal(size=len(wanted)) * [0.3 * p.sigma for p in wanted]
     return with_values((), wanted, x, NAMES)
-
-
-def as_static_run(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
-    """The same hardware with readouts counted as in Eq. (4)."""
-    sign = np.array([READOUT_SIGNS[n] for n in NAMES])
-    return tuple(replace(e, theta_0=sign * e.theta_0) if e.id == "gimbal_zero" else e for e in effects)  # type: ignore[attr-defined, call-arg]
 
 
 def device(effects: tuple[Effect, ...], rng: np.random.Generator | None, sigma: float = 1e-5) -> Information:
@@ -65,15 +58,15 @@ def fused(seed: int, noisy: bool = True) -> tuple[Calibration, Calibration, tupl
     rng = np.random.default_rng(seed + 100) if noisy else None
     true = truth(seed)
     d = device(true, rng)
-    recording = run(as_static_run(true), rng)
+    recording = run(true, rng)
     first = before(d)
-    return first, fuse(d, static_information(recording, as_static_run(true)), first), true
+    return first, fuse(d, static_information(recording, true), first), true
 
 
 def test_readouts_of_platform_and_outer_gimbal_run_the_other_way() -> None:
-    assert dict(READOUT_SIGNS) == {"platform": -1, "inner": 1, "middle": 1, "outer": -1}
-    angles = np.array([0.3, 0.1, -0.2, 0.7])
-    sign = np.array([READOUT_SIGNS[n] for n in NAMES])
+    assert SPACE_STABLE.sense == (1, 1, 1, 1)
+    assert SPACE_STABLE_INERTIAL.sense == (-1, 1, 1, -1)
+    angles, sign = np.array([0.3, 0.1, -0.2, 0.7]), np.array(SPACE_STABLE_INERTIAL.sense)
     offset = np.array([0.0, 0.0, np.pi / 2, 0.0])
     np.testing.assert_allclose(
         SPACE_STABLE.attitude(angles), SPACE_STABLE_INERTIAL.attitude(sign * (angles - offset)), atol=1e-15
@@ -110,15 +103,16 @@ def test_the_static_run_sharpens_what_the_positions_know_less_well() -> None:
 def test_what_neither_sees_is_named_and_only_with_the_right_sense_of_the_zeros() -> None:
     true = truth(4)
     d = device(true, None)
-    recording = run(as_static_run(true))
-    level = static_information(recording, as_static_run(true))
+    recording = run(true)
+    level = static_information(recording, true)
     # a base known to be level and north: the static run then sees the platform zero against the triad's turn
     tilt = tuple(p for p in level.parameters if p.effect == "base_tilt")
     level = level + information(np.eye(3) / (0.01 * ARCSEC), np.zeros(3), tilt)
     triad = {"gimbal_zero:platform", "misalignment:xz", "misalignment:yz"}
-    right = solve(d + in_table_1_sense(level)).unseen
+    right = solve(d + level).unseen
     assert any(triad <= set(u.direction) for u in right)
-    wrong = solve(d + level).unseen
+    other_way = [-1 if p.label == "gimbal_zero:platform" else 1 for p in level.parameters]
+    wrong = solve(d + replace(level, rows=level.rows * np.array([*other_way, 1]))).unseen
     assert not any(triad <= set(u.direction) for u in wrong)  # it would claim to see what no data show
 
 
@@ -126,21 +120,11 @@ def test_contradicting_stages_are_told() -> None:
     true = truth(5)
     rng = np.random.default_rng(6)
     d = device(true, rng)
-    x = values(as_static_run(true), eighteen_coefficients())
+    x = values(true, eighteen_coefficients())
     x[0] += 20e-6  # the scale factor of x moved by 20 ppm between the stages
     moved = with_values((), eighteen_coefficients(), x, NAMES)
     both = fuse(d, static_information(run(moved, rng), moved), before(d))
     assert both.outcome.startswith("The multi-position recording and the static run contradict each other: chi^2 of")
-
-
-def test_information_in_the_other_sense_is_the_same_information() -> None:
-    info = static_information(run(hours=24.0, step=1800.0))
-    there_and_back = in_table_1_sense(in_table_1_sense(info))
-    np.testing.assert_array_equal(info.rows, there_and_back.rows)
-    changed: Array = np.any(in_table_1_sense(info).rows != info.rows, axis=0)
-    labels = [p.label for p, c in zip(info.parameters, changed[:-1], strict=True) if c]
-    assert labels == ["gimbal_zero:platform", "gimbal_zero:outer"]
-    assert not changed[-1]
 
 
 @pytest.mark.parametrize("seed", [7, 8])

@@ -13,7 +13,6 @@ from gimbalcal.inference.information import information, solve
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording, Site, Source
-from gimbalcal.report.evidence import in_run_sense
 from gimbalcal.schedule import EIGHTEEN_POSITIONS
 
 EFFECTS = ("scale_factor", "bias", "scale_nonlinearity", "misalignment", "gimbal_zero")
@@ -42,7 +41,7 @@ def recordings(truth: np.ndarray, rng: np.random.Generator) -> tuple[Recording, 
     time = 60.0 * np.arange(1440)
     turned = np.stack([EARTH_RATE * time, 0 * time, np.full(1440, SITE.latitude), 0 * time], axis=-1)
     run = _recording("static-run", "static day", SPACE_STABLE_INERTIAL, turned, time, 60.0)
-    out = predict(SPACE_STABLE_INERTIAL, stimulus_from_angles(run), in_run_sense(effects, names), "static-run")
+    out = predict(SPACE_STABLE_INERTIAL, stimulus_from_angles(run), effects, "static-run")
     force = out["specific_force"] + rng.normal(0, NOISE["accelerometer"] / 60**0.5, (1440, 3))
     attitude = out["attitude_error"] + rng.normal(0, NOISE["attitude"] / 60**0.5, (1440, 3))
     run.channels.update(zip([("specific_force", a) for a in "xyz"], force.T, strict=True))  # type: ignore[attr-defined]

@@ -7,18 +7,19 @@ Eqs. (39)-(41), with the covariance of the coefficients for weights; two rows of
 and turn a matrix of rank 4 into one of rank 6, see `derivations`.
 
 Coefficients are those of *estimate minus true*, as the paper's; `matrix` has the signs for true parameters. With
-S = sin L, C = cos L, s = scale_factor, b = bias / g, K = scale_nonlinearity x g and zeros of the readouts S_t and h:
+S = sin L, C = cos L, s = scale_factor, b = bias / g, K = scale_nonlinearity x g and theta_10, theta_30 the zeros of the
+platform and the middle gimbal in the sense of Table 1, that is -theta_10 of the readout S_t:
 
 .. math::
     x_1 &= -\tfrac{s_x + s_y}{2} C^2 + b_z S - s_z S^2 + K_z S^3 \\
     x_2 &= -b_x + \beta_{xy} S - \beta_{zy} S - \tfrac34 K_x C^2 \qquad
     x_3  = -b_y - \beta_{yx} S + \beta_{zx} S - \tfrac34 K_y C^2 \\
     x_4 &= -\tfrac{s_x - s_y}{2} \qquad x_5 = -\tfrac{\beta_{yz} - \beta_{xz}}{2} \\
-    \phi_0 &= C \left(\theta_{0,S_t} - \tfrac{\beta_{yz} + \beta_{xz}}{2}\right) - \kappa_N \\
+    \phi_0 &= -C \left(\theta_{10} + \tfrac{\beta_{yz} + \beta_{xz}}{2}\right) - \kappa_N \\
     \phi_{1s} &= -b_x + \beta_{xy} S - \tfrac14 K_x C^2 \qquad
     \phi_{1c} = b_y + \beta_{yx} S + \tfrac14 K_y C^2 \\
     \phi_{2s} &= C \tfrac{s_x - s_y}{2} \qquad \phi_{2c} = -C \tfrac{\beta_{yz} - \beta_{xz}}{2} \\
-    \theta_0 &= -C \left[b_z - \left(s_z - \tfrac{s_x + s_y}{2}\right) S + K_z S^2\right] - \theta_{0,h} - \kappa_E \\
+    \theta_0 &= -C \left[b_z - \left(s_z - \tfrac{s_x + s_y}{2}\right) S + K_z S^2\right] - \theta_{30} - \kappa_E \\
     \theta_{1s} &= b_y S + \beta_{yx} S^2 + \beta_{zx} C^2 + \tfrac34 K_y S C^2 \\
     \theta_{1c} &= b_x S - \beta_{xy} S^2 - \beta_{zy} C^2 + \tfrac34 K_x S C^2 \\
     \theta_{2s} &= -SC \tfrac{\beta_{yz} - \beta_{xz}}{2} \qquad \theta_{2c} = -SC \tfrac{s_x - s_y}{2}
@@ -158,7 +159,7 @@ def matrix(latitude: float, gravity: float, wanted: Sequence[Parameter]) -> Arra
     """The fifteen coefficients (15, p) per SI unit of the wanted parameters, first order (module docstring)."""
     S, C = np.sin(latitude), np.cos(latitude)
     table = _sensor_columns(S, C, gravity) | {
-        "gimbal_zero:platform": {"phi_0": C},
+        "gimbal_zero:platform": {"phi_0": -C},  # S_t runs against the angle of Table 1
         "gimbal_zero:inner": {"phi_0": S},  # its readout is servoed to zero, so the navigator misses the angle
         "gimbal_zero:middle": {"theta_0": -1.0},
         "base_tilt:north": {"phi_0": -1.0},

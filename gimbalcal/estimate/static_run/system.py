@@ -52,8 +52,7 @@ def static_information(
     """Information of a static run about the wanted parameters (default: the baseline).
 
     Linearised at `effects` and what the run adds to them, so that products of a bias and a turn that only another
-    recording sees come out right; effects that are not wanted are held. `gimbal_zero` refers to the readouts S_t, h,
-    q of Eq. (4): zeros among `effects` may be counted otherwise and are found anew, see `fusion`.
+    recording sees come out right; effects that are not wanted are held.
     """
     run = prepare(recording)
     wanted = tuple(wanted) if wanted is not None else baseline(run)
@@ -62,8 +61,6 @@ def static_information(
 
 def linearisation_point(run: StaticRun, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Effect, ...]:
     """Effects with the wanted parameters moved to where a part of the rows is explained; unseen directions stay."""
-    anew = any(p.effect == "gimbal_zero" for p in wanted)
-    effects = tuple(e for e in effects if not (anew and e.id == "gimbal_zero"))
     few = run.thinned(ENOUGH)
     J = few.jacobian(effects, wanted)
     step = solve(information(J / few.sigma[..., None], few.departures(effects) / few.sigma, wanted))
