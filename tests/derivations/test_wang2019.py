@@ -71,7 +71,7 @@ def test_the_package_computes_the_derived_forms(found):
 
 
 def test_a_wrong_sign_in_the_package_is_seen(monkeypatch):
-    from gimbalcal.estimate import inter_triad
+    from gimbalcal.estimate.gyroscopes import inter_triad
 
     right = inter_triad.rotation
     monkeypatch.setattr(inter_triad, "rotation", lambda a: np.swapaxes(right(a), -1, -2))

@@ -89,7 +89,7 @@ def test_the_package_computes_every_derived_form(wu2018_verdicts):
 
 def test_a_wrong_sign_in_the_package_is_seen(monkeypatch):
     from derivations.wu2018 import package_static
-    from gimbalcal.estimate import combined
+    from gimbalcal.estimate.static_run import combined
 
     right = combined.matrix
 
