@@ -16,7 +16,7 @@ from gimbalcal.effects import CATALOGUE, Effect, parameters, values, with_values
 from gimbalcal.estimate.static_run.system import static
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
-from gimbalcal.kinematics import navigation_to_platform, stimulus
+from gimbalcal.kinematics import navigation_to_platform, stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL, Axis, Platform
 from gimbalcal.recording import Recording
@@ -50,7 +50,7 @@ def zeros(effects: Sequence[Effect]) -> Array:
 def from_positions(r: Recording) -> Calibration:
     """The zeros by least squares on the force; that of the outer gimbal, whose axis is vertical, is not among them."""
     wanted = parameters(CATALOGUE["gimbal_zero"], SPACE_STABLE.axis_names)[:3]
-    s, effects = stimulus(r), with_values((), wanted, np.zeros(3), SPACE_STABLE.axis_names)
+    s, effects = stimulus_from_angles(r), with_values((), wanted, np.zeros(3), SPACE_STABLE.axis_names)
     for _ in range(3):
         left = r.triad("specific_force") - predict(r.platform, s, effects)["specific_force"]
         J = jacobian(r.platform, s, effects, wanted)["specific_force"]
