@@ -83,33 +83,18 @@ def maximum(x: ArrayLike, y: ArrayLike) -> Array:
     return -minimum(-np.asarray(x), -np.asarray(y))
 
 
-def frame_rotation(direction: str, angle: ArrayLike) -> Array:
-    r"""Direction cosine matrix of a frame turned by `angle` about one of its axes (passive rotation).
-
-    .. math:: R_x(a) = \begin{bmatrix} 1&0&0\\ 0&\cos a&\sin a\\ 0&-\sin a&\cos a \end{bmatrix}
-
-    and cyclic. Parameters: direction "x", "y" or "z"; angle (...) [rad]. Returns (..., 3, 3).
-    """
-    angle = np.asarray(angle)
-    i = "xyz".index(direction)
-    j, k = (i + 1) % 3, (i + 2) % 3
-    out = np.zeros((*angle.shape, 3, 3), dtype=angle.dtype if angle.dtype.kind in "cO" else float)
-    c, s = cos(angle), sin(angle)
-    out[..., i, i] = 1
-    out[..., j, j] = c
-    out[..., k, k] = c
-    out[..., j, k] = s
-    out[..., k, j] = -s
-    return out
-
-
-def tilt_rotation(tilt: ArrayLike) -> Array:
-    """Frame rotation by three small angles about x, then y, then z: ``Rz Ry Rx``; (..., 3) [rad] to (..., 3, 3)."""
-    tilt = np.asarray(tilt)
-    return frame_rotation("z", tilt[..., 2]) @ frame_rotation("y", tilt[..., 1]) @ frame_rotation("x", tilt[..., 0])
-
-
 def apply_matrix(matrix: ArrayLike, vector: ArrayLike) -> Array:
     """Matrix times vector over leading dimensions: (..., 3, 3), (..., 3) to (..., 3)."""
     product: Array = (np.asarray(matrix) @ np.asarray(vector)[..., None])[..., 0]
     return product
+
+
+def complex_step(function: Callable[[Array], Array], x: Array) -> Array:
+    """Exact derivative of an array (...) by the last axis of x: (..., p) for x (p,), row by row for x (n, p).
+
+    Squire and Trapp (1998). The function must be made of this module's functions and arithmetic.
+    """
+    x = np.asarray(x)
+    if x.shape[-1] == 0:
+        return np.zeros((*np.shape(function(x)), 0))
+    return np.stack([np.asarray(function(x + 1j * STEP * unit)).imag / STEP for unit in np.eye(x.shape[-1])], axis=-1)

@@ -27,7 +27,8 @@ from math import pi
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gimbalcal.number import Array, frame_rotation, tilt_rotation
+from gimbalcal.number import Array
+from gimbalcal.rotation import frame_rotation, tilt_rotation
 
 
 @dataclass(frozen=True)

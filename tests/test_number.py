@@ -39,23 +39,13 @@ def test_arctan2_derivative(y: float, x: float) -> None:
     assert number.arctan2(y + 1j * STEP, x).imag / STEP == pytest.approx(expected, rel=1e-13)
 
 
-@given(a=angles, direction=st.sampled_from("xyz"))
-def test_frame_rotation_is_orthogonal_and_its_own_inverse_at_minus_the_angle(a: float, direction: str) -> None:
-    C = number.frame_rotation(direction, a)
-    np.testing.assert_allclose(C @ C.T, np.eye(3), atol=1e-15)
-    np.testing.assert_allclose(number.frame_rotation(direction, -a), C.T, atol=0)
-    assert np.linalg.det(C) == pytest.approx(1, abs=1e-14)
-
-
-def test_frame_rotation_is_passive() -> None:
-    # turning the frame by +90 deg about z makes the old x axis the new -y axis
-    np.testing.assert_allclose(number.frame_rotation("z", np.pi / 2) @ [1, 0, 0], [0, -1, 0], atol=1e-16)
-
-
-def test_tilt_rotation_to_first_order_is_minus_the_cross_product() -> None:
-    v = np.array([2e-9, -1e-9, 3e-9])
-    f = np.array([1.0, 2.0, -3.0])
-    np.testing.assert_allclose(number.tilt_rotation(v) @ f - f, -np.cross(v, f), atol=1e-15)
+def test_complex_step_by_all_parameters_and_row_by_row() -> None:
+    A = np.array([[1.0, 2.0], [3.0, 4.0], [-5.0, 6.0]])
+    x = np.array([0.3, -0.2])
+    np.testing.assert_array_equal(number.complex_step(lambda v: A @ v, x), A)
+    rows = np.array([[0.5, 2.0], [-1.0, 3.0]])  # x y and its gradient (y, x) at each row
+    np.testing.assert_array_equal(number.complex_step(lambda v: v[:, 0] * v[:, 1], rows), rows[:, ::-1])
+    assert number.complex_step(lambda v: A, np.zeros(0)).shape == (3, 2, 0)
 
 
 def test_eigenvalues_of_a_matrix_on_which_divide_and_conquer_fails(monkeypatch):

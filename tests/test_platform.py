@@ -6,8 +6,8 @@ import sympy
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gimbalcal.number import frame_rotation
 from gimbalcal.platform import BENCH, KNOWN, SPACE_STABLE, SPACE_STABLE_INERTIAL, Axis, Platform, known
+from gimbalcal.rotation import frame_rotation
 
 angle = st.floats(-4, 4)
 

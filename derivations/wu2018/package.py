@@ -132,15 +132,17 @@ def misalignment() -> float:
 @cache
 def _table_1() -> tuple[Any, Any]:
     """The package's g^p / g (18, 3) and its derivative by the zeros of platform, inner, middle (18, 3, 3)."""
-    from gimbalcal.number import STEP
+    from gimbalcal.number import complex_step
     from gimbalcal.platform import SPACE_STABLE
     from gimbalcal.schedule import EIGHTEEN_POSITIONS
 
     angles = EIGHTEEN_POSITIONS.angles
     down = np.array([0.0, 0.0, 1.0])
-    unit = np.eye(4)[:3]
-    steps = [SPACE_STABLE.attitude(angles + 1j * STEP * e) @ down for e in unit]
-    return SPACE_STABLE.attitude(angles) @ down, np.stack([x.imag / STEP for x in steps], axis=-1)
+
+    def gravity(theta: Any) -> Any:
+        return SPACE_STABLE.attitude(theta) @ down
+
+    return gravity(angles), complex_step(gravity, angles)[..., :3]
 
 
 def table_1_gravity(row: int, component: str) -> float:

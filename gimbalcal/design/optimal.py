@@ -27,9 +27,10 @@ from gimbalcal.estimate.accelerometers.setting import BASELINE, Linear, Noise, b
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
 from gimbalcal.kinematics import stimulus_from_angles
-from gimbalcal.number import STEP, Array
+from gimbalcal.number import Array, complex_step
 from gimbalcal.platform import KNOWN, Platform, known
 from gimbalcal.recording import Recording, Site
+from gimbalcal.rotation import cross_matrix
 from gimbalcal.schedule import SCHEDULES, Hold, Schedule
 from gimbalcal.units import from_si, to_si
 
@@ -181,14 +182,9 @@ def whitened_rows(settings: Array, rig: Rig, wanted: Sequence[Parameter]) -> Arr
 
 def _turns(rig: Rig, s: Stimulus) -> Array:
     """dh/de (c, 3, k): what a setting error does; where no angle is known any turn of the force may be."""
-    f = s.force
     if np.isinf(rig.setting):
-        zero = np.zeros(len(f))
-        x, y, z = f.T
-        return np.stack([np.stack(r, -1) for r in ([zero, -z, y], [z, zero, -x], [-y, x, zero])], axis=-2)
-    steps = 1j * STEP * np.eye(s.readout.shape[1])
-    turned = (predict(rig.platform, s.at(readout=s.readout + e), ())["specific_force"] for e in steps)
-    return np.stack([force.imag / STEP for force in turned], axis=-1)
+        return cross_matrix(s.force)
+    return complex_step(lambda angle: predict(rig.platform, s.at(readout=angle), ())["specific_force"], s.readout)
 
 
 def _visiting_order(settings: Array) -> list[int]:

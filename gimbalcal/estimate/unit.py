@@ -20,9 +20,10 @@ from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.gyroscopes.between_rests import gyroscopes_between_rests
 from gimbalcal.estimate.gyroscopes.inter_triad import InterTriad, from_turns, rotation
 from gimbalcal.estimate.gyroscopes.revolutions import EFFECTS, gyroscopes_from_revolutions
-from gimbalcal.estimate.gyroscopes.turns import FORCE, RATE, exponential
-from gimbalcal.number import STEP, Array
+from gimbalcal.estimate.gyroscopes.turns import FORCE, RATE
+from gimbalcal.number import Array, complex_step
 from gimbalcal.recording import Recording, dwells
+from gimbalcal.rotation import exponential, mean_rates
 from gimbalcal.units import from_si
 
 MOVED = 0.1  # of gravity's direction: a turn that moves it less, a whole revolution, says nothing of the triads
@@ -115,16 +116,11 @@ def turned_by(gyroscopes: Calibration, recording: Recording, accelerometers: Cal
 
 
 def _turn(time: Array, rate: Array, span: slice, earth: Array) -> Array:
-    """R^q (3, 3) of one turn against the Earth, whose rate (3,) [rad/s] is known before it.
-
-    From sample to sample the rate is a cubic with its slopes, which makes its rotation vector
-    dt (a + b) / 2 + dt^2 / 12 (a' - b' + a x b), right to the fifth order in dt.
-    """
-    y, t, C = rate[span], time[span], np.eye(3)
-    slope = np.gradient(y, t, axis=0)
-    mean, bend = (y[1:] + y[:-1]) / 2, (slope[:-1] - slope[1:] + np.cross(y[:-1], y[1:])) / 12
-    for dt, a, c in zip(np.diff(t), mean, bend, strict=True):
-        C = exponential((a - C @ earth) * dt + c * dt**2) @ C
+    """R^q (3, 3) of one turn against the Earth, whose rate (3,) [rad/s] is known before it."""
+    t, C = time[span], np.eye(3)
+    mean, bend, coning = mean_rates(t, rate[span])
+    for dt, w in zip(np.diff(t), mean + bend + coning, strict=True):
+        C = exponential((w - C @ earth) * dt) @ C
     return C
 
 
@@ -141,7 +137,7 @@ def in_frame_of(gyroscopes: Calibration, lie: InterTriad) -> Calibration:
         return np.array([(own | new)[p.label] for p in order])
 
     x = np.concatenate([gyroscopes.values, lie.angles])
-    J = np.stack([referred(x + 1j * STEP * u).imag / STEP for u in np.eye(len(x))], axis=-1)
+    J = complex_step(referred, x)
     covariance = np.zeros((n + 3, n + 3))
     covariance[:n, :n], covariance[n:, n:] = gyroscopes.covariance, lie.covariance
     told = {

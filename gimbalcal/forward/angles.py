@@ -7,6 +7,7 @@ import numpy as np
 from gimbalcal.kinematics import DOWN
 from gimbalcal.number import Array, apply_matrix, arcsin, arctan2, is_symbolic, sqrt
 from gimbalcal.platform import Platform
+from gimbalcal.rotation import small_rotation_vector
 
 
 def ideal_angles(platform: Platform, phase: Array, latitude: float) -> Array:
@@ -30,7 +31,7 @@ def gimbal_angles(platform: Platform, C_bp: Array, ideal: Array, error: Array | 
         angle[..., held] += error[..., held]
     for _ in range(2):
         C = platform.attitude(angle, tilts)
-        left = _rotation_vector(C_bp @ np.swapaxes(C, -1, -2))
+        left = small_rotation_vector(C_bp @ np.swapaxes(C, -1, -2))
         J = np.stack([_axis_in_platform(platform, angle, i) for i in free], axis=-1)
         step = np.linalg.solve(J, left[..., None])[..., 0] if not is_symbolic(left) else _symbolic_solve(J, left)
         angle = angle.astype(np.result_type(angle, step))
@@ -42,12 +43,6 @@ def _symbolic_solve(J: Array, b: Array) -> Array:
     import sympy
 
     return np.array([list(sympy.Matrix(m).LUsolve(sympy.Matrix(v))) for m, v in zip(J, b, strict=True)], dtype=object)
-
-
-def _rotation_vector(C: Array) -> Array:
-    """First-order rotation vector of a frame rotation near identity: C = 1 - [v x] (..., 3)."""
-    pairs = ((1, 2), (2, 0), (0, 1))
-    return np.stack([(C[..., i, j] - C[..., j, i]) / 2 for i, j in pairs], axis=-1)
 
 
 def _axis_in_platform(platform: Platform, angle: Array, i: int) -> Array:

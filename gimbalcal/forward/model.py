@@ -11,8 +11,9 @@ from gimbalcal.effects import Effect, Stage, Stimulus
 from gimbalcal.errors import InputError
 from gimbalcal.forward.angles import gimbal_angles, ideal_angles, navigator_attitude_error
 from gimbalcal.kinematics import DOWN, navigation_to_platform, required_latitude
-from gimbalcal.number import STEP, Array, apply_matrix, arctan2, cos, sin, tilt_rotation
+from gimbalcal.number import STEP, Array, apply_matrix, arctan2, cos, sin
 from gimbalcal.platform import Platform
+from gimbalcal.rotation import tilt_rotation
 
 
 def predict(

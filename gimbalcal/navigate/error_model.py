@@ -18,6 +18,7 @@ import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, SEMI_MAJOR_AXIS
 from gimbalcal.number import Array
+from gimbalcal.rotation import cross_matrix
 from gimbalcal.wang2019.pulses import Pulses
 
 RADIUS = SEMI_MAJOR_AXIS  # m; one radius for both directions: 0.7 % of the feedback
@@ -113,16 +114,9 @@ def _dynamics(path: Trajectory) -> Array:
     d_en[:, 0, 3], d_en[:, 1, 2], d_en[:, 2, 3] = 1 / R, -1 / R, -t / R
     F = np.zeros((len(L), 7, 7))
     F[:, 0, 2] = F[:, 1, 3] = 1
-    F[:, 2:4, 4:] = cross(f)[:, :2]
-    F[:, 2:4, :4] = (cross(np.stack([N, E, D], -1)) @ (2 * d_ie + d_en))[:, :2]
-    F[:, 2:4, 2:4] += -cross(2 * w_ie + w_en)[:, :2, :2]  # dV x w = -w x dV
-    F[:, 4:, 4:] = -cross(w_ie + w_en)  # phi x w = -w x phi
+    F[:, 2:4, 4:] = cross_matrix(f)[:, :2]
+    F[:, 2:4, :4] = (cross_matrix(np.stack([N, E, D], -1)) @ (2 * d_ie + d_en))[:, :2]
+    F[:, 2:4, 2:4] += -cross_matrix(2 * w_ie + w_en)[:, :2, :2]  # dV x w = -w x dV
+    F[:, 4:, 4:] = -cross_matrix(w_ie + w_en)  # phi x w = -w x phi
     F[:, 4:, :4] = d_ie + d_en
     return F
-
-
-def cross(v: Array) -> Array:
-    """The matrix (n, 3, 3) that multiplies w to v x w."""
-    x, y, z = np.moveaxis(v, -1, 0)
-    o = np.zeros_like(x)
-    return np.stack([np.stack(r, -1) for r in ((o, -z, y), (z, o, -x), (-y, x, o))], axis=-2)

@@ -6,7 +6,8 @@ import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, G0
 from gimbalcal.navigate.error_model import RADIUS, Trajectory
-from gimbalcal.number import Array, frame_rotation
+from gimbalcal.number import Array
+from gimbalcal.rotation import frame_rotation
 
 LATITUDE = np.deg2rad(32.0)  # Nanjing
 # Table 5: frequency [Hz] and amplitude [rad] of heading, pitch and roll

@@ -13,7 +13,7 @@ from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.estimate.static_run.run import prepare
 from gimbalcal.forward import accelerometers, predict
 from gimbalcal.kinematics import stimulus_from_readings
-from gimbalcal.number import STEP, Array
+from gimbalcal.number import Array, complex_step
 from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.report.figures import Curve
@@ -105,13 +105,8 @@ def by_position(recording: Recording, effects: Sequence[Effect], provenance: Map
 
 def setting_spread(platform: Platform, s: Stimulus, sigma: float) -> Array:
     """Sigma (n, 3) [m/s^2] of the force when every gimbal is set with an error of `sigma` [rad]."""
-    total = np.zeros(s.force.shape)
-    for i in range(len(platform.axes)):
-        step = np.zeros(len(platform.axes), dtype=complex)
-        step[i] = 1j * STEP
-        slope = predict(platform, s.at(readout=s.readout + step), ())["specific_force"].imag / STEP
-        total += (slope * sigma) ** 2
-    return np.sqrt(total)
+    slope = complex_step(lambda angle: predict(platform, s.at(readout=angle), ())["specific_force"], s.readout)
+    return np.sqrt(((slope * sigma) ** 2).sum(axis=-1))
 
 
 def corrected(measured: Array, s: Stimulus, effects: Sequence[Effect]) -> Array:

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, G0
-from gimbalcal.number import Array
+from gimbalcal.number import Array, apply_matrix
+from gimbalcal.rotation import exponential, normal_to
 from gimbalcal.wang2019.fit import PulseFit, accelerometer_pulses
 from gimbalcal.wang2019.pulses import Pulses, along, lower
 from gimbalcal.wang2019.revolutions import Turns, gyroscope_pulses
@@ -59,12 +60,8 @@ def _uniform(rngs: list[np.random.Generator], low: float, high: float) -> Array:
 
 
 def tipped(directions: Array, tips: Array) -> Array:
-    """Unit vectors (..., 3) turned by the rotation vectors `tips` [rad] (Rodrigues)."""
-    angle = np.linalg.norm(tips, axis=-1, keepdims=True)
-    axis = tips / np.where(angle > 0, angle, 1)
-    v = np.broadcast_to(directions, tips.shape)
-    c, s = np.cos(angle), np.sin(angle)
-    return np.asarray(v * c + np.cross(axis, v) * s + axis * (axis * v).sum(-1, keepdims=True) * (1 - c))
+    """Unit vectors (..., 3) turned by the rotation vectors `tips` [rad]."""
+    return apply_matrix(exponential(-tips), directions)
 
 
 def accelerometer_truth(rngs: list[np.random.Generator]) -> Pulses:
@@ -115,7 +112,7 @@ def gyroscopes(seed: int, runs: range, tilt: float, *, both_senses: bool = True)
 def _revolution(truth: Pulses, axes: Array, sign: float, duration: float, rngs: list[np.random.Generator]) -> Array:
     """Integrals of N and N^2 (r, k, 2, 3) over the revolutions about each axis (r, k, 3), which points up."""
     phase = sign * 2 * np.pi * (np.arange(BLOCKS) + 0.5) / BLOCKS
-    across = _any_normal(axes)
+    across = normal_to(axes)
     third = np.cross(axes, across)
     north = np.cos(phase)[:, None] * across[:, :, None] - np.sin(phase)[:, None] * third[:, :, None]
     earth = EARTH_RATE * (np.cos(LATITUDE) * north + np.sin(LATITUDE) * axes[:, :, None])
@@ -126,15 +123,9 @@ def _revolution(truth: Pulses, axes: Array, sign: float, duration: float, rngs: 
     return np.stack([N.sum(2), (N**2).sum(2)], axis=2) * duration / BLOCKS
 
 
-def _any_normal(u: Array) -> Array:
-    least = np.eye(3)[np.argmin(np.abs(u), axis=-1)]
-    v = np.cross(u, least)
-    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
-
-
 def _earth_at_rest(up: Array) -> Array:
     """Earth's rate (r, m, 3) [rad/s] in a unit with vertical `up`, headings spread by the golden angle."""
-    across = _any_normal(up)
+    across = normal_to(up)
     heading = np.pi * (3 - np.sqrt(5)) * np.arange(up.shape[-2])[:, None]
     north = np.cos(heading) * across + np.sin(heading) * np.cross(up, across)
     return np.asarray(EARTH_RATE * (np.cos(LATITUDE) * north + np.sin(LATITUDE) * up))

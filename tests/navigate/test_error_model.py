@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from gimbalcal.earth import EARTH_RATE, G0
-from gimbalcal.navigate.error_model import RADIUS, Trajectory, aligned, cross, misread, propagate
+from gimbalcal.navigate.error_model import RADIUS, Trajectory, aligned, misread, propagate
 from gimbalcal.navigate.motions import at_rest, drive, swing
+from gimbalcal.rotation import cross_matrix
 from gimbalcal.wang2019.pulses import Pulses, truncated
 
 SCHULER = np.sqrt(G0 / RADIUS)
@@ -63,7 +64,7 @@ def test_motions_obey_kinematics(path: Trajectory, size: float) -> None:
     w_ie = EARTH_RATE * np.stack([np.cos(L), 0 * L, -np.sin(L)], -1)
     N, E, _ = path.velocity.T
     w_en = np.stack([E, -N, -E * np.tan(L)], -1) / RADIUS
-    kinematic = path.C_bn @ cross(path.rate) - cross(w_ie + w_en) @ path.C_bn
+    kinematic = path.C_bn @ cross_matrix(path.rate) - cross_matrix(w_ie + w_en) @ path.C_bn
     # differences of neighbours: (2 pi f)^3 h^2 a / 6 of the swing, and the corners of the bend's second derivative
     assert np.max(np.abs(C_dot - kinematic)[2:-2]) < size * np.max(np.abs(path.rate))
     f = np.einsum("nij,nj->ni", path.C_bn, path.force)

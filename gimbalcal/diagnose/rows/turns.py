@@ -22,6 +22,7 @@ from gimbalcal.estimate.gyroscopes.turns import Turned, turns
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means, dwells
+from gimbalcal.rotation import normal_to
 
 BACK = 0.01  # of the attitude's elements: gimbals that stand where they stood
 FEWEST = 12  # turns: twice as many numbers, for nine parameters of the linear model and what is asked beyond
@@ -77,9 +78,7 @@ def _with_headings(turned: Turned, recording: Recording) -> Turned:
 
 def _across(down: Array) -> Array:
     """Two unit vectors (m, 2, 3) across each of `down` (m, 3)."""
-    least = np.eye(3)[np.argmin(np.abs(down), axis=-1)]
-    first = np.cross(down, least)
-    first /= np.linalg.norm(first, axis=-1, keepdims=True)
+    first = normal_to(down)
     return np.stack([first, np.cross(down, first)], axis=1)
 
 

@@ -21,9 +21,10 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import Information, Solution, information, solve
 from gimbalcal.kinematics import stimulus_from_readings
-from gimbalcal.number import STEP, Array, apply_matrix, tilt_rotation
+from gimbalcal.number import Array, apply_matrix, complex_step
 from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.rotation import tilt_rotation
 
 BASELINE = ("scale_factor", "bias", "scale_nonlinearity", "misalignment", "gimbal_zero")
 FORCE = "specific_force"
@@ -164,7 +165,7 @@ def linearise(p: Problem, x: Array, e: Array) -> Linear:
 
 def by_turns(p: Problem, x: Array, e: Array) -> Array:
     """Derivative of the readings by the setting errors of their own visit (n, 3, k), exact by complex step."""
-    return np.stack([model(p, x, e + 1j * STEP * one).imag / STEP for one in np.eye(p.turns)], axis=-1)
+    return complex_step(lambda off: model(p, x, off), e)
 
 
 def aim(p: Problem, x: Array, noise: Noise) -> Array:

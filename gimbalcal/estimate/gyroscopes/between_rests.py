@@ -23,11 +23,12 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, 
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.gyroscopes.inter_triad import euler
 from gimbalcal.estimate.gyroscopes.rests import BIAS, G_SENSITIVITY, RestFit, level_of, rests
-from gimbalcal.estimate.gyroscopes.turns import Turned, cross_matrix, end_of, left_jacobian, turns
+from gimbalcal.estimate.gyroscopes.turns import Turned, end_of, turns
 from gimbalcal.estimate.support import coefficients, needed, refusal
 from gimbalcal.forward import gyroscopes
-from gimbalcal.number import STEP, Array
+from gimbalcal.number import Array, complex_step
 from gimbalcal.recording import Recording
+from gimbalcal.rotation import cross_matrix, left_jacobian
 from gimbalcal.units import from_si
 
 LINEAR = ("gyro_scale_factor", "gyro_misalignment")
@@ -205,15 +206,13 @@ def _rates(turned: Turned, effects: Sequence[Effect], wanted: Sequence[Parameter
     y, s = turned.reading.reshape(-1, 3), turned.stimulus
     w = y.copy()
     for _ in range(20):
-        D = np.stack([gyroscopes(w + 1j * STEP * u, s, effects).imag / STEP for u in np.eye(3)], axis=-1)
+        D = complex_step(lambda rate: gyroscopes(rate, s, effects), w)
         step = np.linalg.solve(D, (y - gyroscopes(w, s, effects))[..., None])[..., 0]
         w = w + step
         if np.max(np.abs(step), initial=0.0) < 1e-13:  # rad/s; a turn of 10 s then closes to 1e-12 rad
             break
     x = values(effects, wanted)
-    nudged = (with_values(effects, wanted, x + 1j * STEP * u) for u in np.eye(len(x)))
-    by = [gyroscopes(w, s, e).imag / STEP for e in nudged]
-    slope = -np.linalg.solve(D, np.stack(by, axis=-1)) if by else np.zeros((*w.shape, 0))
+    slope = -np.linalg.solve(D, complex_step(lambda v: gyroscopes(w, s, with_values(effects, wanted, v)), x))
     return w.reshape(turned.reading.shape), slope.reshape(*turned.reading.shape, len(x))
 
 

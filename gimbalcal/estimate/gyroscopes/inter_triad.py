@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.number import Array, apply_matrix, arcsin, arctan2, frame_rotation
+from gimbalcal.number import Array, apply_matrix, arcsin, arctan2, complex_step
+from gimbalcal.rotation import frame_rotation
 
 
 @dataclass(frozen=True)
@@ -43,15 +44,15 @@ def from_turns(before: Array, after: Array, turns: Array, sigma: float) -> Inter
 
     sigma [rad]: error of one pair per component. Raises InputError where the turns do not determine the rotation.
     """
+
+    def misfit(x: Array) -> Array:
+        C = rotation(x)
+        return (apply_matrix(C, after) - apply_matrix(turns @ C, before)).ravel()
+
     x = np.zeros(3)
     for _ in range(30):
-        C = rotation(x)
-        r = (apply_matrix(C, after) - apply_matrix(turns @ C, before)).ravel()
-        columns = []
-        for unit in np.eye(3):
-            dC = rotation(x + 1e-30j * unit).imag / 1e-30
-            columns.append((apply_matrix(dC, after) - apply_matrix(turns @ dC, before)).ravel())
-        J = np.stack(columns, axis=-1)
+        r = misfit(x)
+        J = complex_step(misfit, x)
         if np.linalg.svd(J, compute_uv=False)[-1] < 1e-6 * np.sqrt(len(before)):  # turns of order one give order one
             raise InputError(
                 "these turns do not determine the rotation between the triads: turn about two axes that are not "

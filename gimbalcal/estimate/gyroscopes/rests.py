@@ -24,7 +24,7 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters
 from gimbalcal.estimate.support import coefficients, needed, refusal, scatter
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus_from_readings
-from gimbalcal.number import STEP, Array
+from gimbalcal.number import Array, complex_step
 from gimbalcal.recording import Recording, dwell_means, dwells
 
 RATE, FORCE = "angular_rate", "specific_force"
@@ -71,9 +71,8 @@ def rests(recording: Recording, accelerometers: Calibration, scale: float = 1.0)
 def fit_rests(found: Rests, terms: Sequence[str] = (BIAS, G_SENSITIVITY)) -> RestFit:
     """Weighted least squares of gyroscope effects, which are linear at rest; the excess of each axis with it."""
     wanted = tuple(p for t in terms for p in parameters(CATALOGUE[t]))
-    zero, unit = 0 * found.rate, np.eye(len(wanted))
-    probes = [with_values((), wanted, 1j * STEP * u) for u in unit]
-    J = np.stack([gyroscopes(zero, found.stimulus, e).imag / STEP for e in probes], axis=-1)
+    zero = 0 * found.rate
+    J = complex_step(lambda x: gyroscopes(zero, found.stimulus, with_values((), wanted, x)), np.zeros(len(wanted)))
     prior = np.array([p.sigma for p in wanted])
     dof = len(J) - np.array([np.any(J[:, i] != 0, axis=0).sum() for i in range(3)])
     excess = np.zeros(3)

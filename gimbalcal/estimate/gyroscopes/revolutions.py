@@ -19,7 +19,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
 from gimbalcal.errors import InputError, amount
-from gimbalcal.number import STEP, Array
+from gimbalcal.number import Array, complex_step
 from gimbalcal.recording import Recording, dwells
 from gimbalcal.units import is_raw
 from gimbalcal.wang2019.fit import PulseFit
@@ -149,7 +149,7 @@ def _calibration(recording: Recording, turns: Turns, fit: PulseFit, pairs: int) 
     from gimbalcal import __version__
 
     x = fit.pulses.vector()[0][FREE]
-    J = np.stack([forward(x + 1j * STEP * u).imag / STEP for u in np.eye(12)], axis=-1)
+    J = complex_step(forward, x)
     dof = 3 * pairs + turns.rest.shape[1] - 12
     chi2 = float(fit.chi2[0])
     scale = max(1.0, chi2 / max(dof, 1))

@@ -19,6 +19,7 @@ from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwells
+from gimbalcal.rotation import exponential, mean_rates
 from gimbalcal.units import is_raw
 
 RATE, FORCE = "angular_rate", "specific_force"
@@ -44,8 +45,8 @@ def turns(
     """Turns with readings less the rests' level, the level of all rests (k, 3) [rad/s], and rad/s per unit.
 
     The level of a turn is the mean of the rests before and after it; or, with `at_rest`, what these effects make a
-    unit read that does not turn and feels the measured force. From sample to sample the rate is a cubic with its
-    slopes, whose rotation vector dt (a + b) / 2 + dt^2 / 12 (a' - b' + a x b) is right to the fifth order in dt.
+    unit read that does not turn and feels the measured force. From sample to sample the readings make the rotation
+    vectors of `mean_rates`.
     """
     stays = dwells(recording)
     if len(stays) < 6:
@@ -64,10 +65,8 @@ def turns(
     for i, span in enumerate(spans):
         rows = y[span] - (level[i] + level[i + 1]) / 2  # the bias of that minute: slow drift is not the turn's
         dt = np.diff(recording.time[span])
-        reading[i, : len(dt)], step[i, : len(dt)] = (rows[1:] + rows[:-1]) / 2, dt
-        slope = np.gradient(rows, recording.time[span], axis=0)
-        bend[i, : len(dt)] = (slope[:-1] - slope[1:]) * dt[:, None] / 12
-        swing[i, : len(dt)] = np.cross(rows[:-1], rows[1:]) * dt[:, None] / 12
+        step[i, : len(dt)] = dt
+        reading[i, : len(dt)], bend[i, : len(dt)], swing[i, : len(dt)] = mean_rates(recording.time[span], rows)
         force[i, : len(dt)] = f[span][1:]
     flat = reading.reshape(-1, 3)
     s = _stimulus_of(recording, spans, flat, force.reshape(-1, 3))
@@ -112,36 +111,6 @@ def _rough_scale(turned: Turned) -> float:
     guesses = np.geomspace(0.2, 20, 60) / largest  # a median turn between 0.2 and 20 rad, 8 % apart
     misfit = [np.mean(end_of(g * turned.reading, turned)[0] ** 2) for g in guesses]
     return float(guesses[int(np.argmin(misfit))])
-
-
-def exponential(phi: Array) -> Array:
-    """exp(-[phi x]) (..., 3, 3): frame rotations by phi (..., 3) [rad]."""
-    a2 = (phi**2).sum(-1)[..., None, None]
-    a = np.sqrt(a2)
-    small = a2 < 1e-12  # beyond, series and closed form agree to rounding
-    safe = np.where(small, 1.0, a)
-    X = cross_matrix(phi)
-    s = np.where(small, 1 - a2 / 6, np.sin(safe) / safe)
-    c = np.where(small, 0.5 - a2 / 24, (1 - np.cos(safe)) / safe**2)
-    return np.asarray(np.eye(3) - s * X + c * (X @ X))
-
-
-def left_jacobian(phi: Array) -> Array:
-    """Derivative of the rotation vector at the end by phi (..., 3, 3): left Jacobian of SO(3) at -phi."""
-    a2 = (phi**2).sum(-1)[..., None, None]
-    a = np.sqrt(a2)
-    small = a2 < 1e-8  # (1 - cos a)/a^2 loses 1e-8 here, the series 1e-9
-    safe = np.where(small, 1.0, a)
-    X = cross_matrix(phi)
-    c = np.where(small, 0.5 - a2 / 24, (1 - np.cos(safe)) / safe**2)
-    d = np.where(small, 1 / 6 - a2 / 120, (safe - np.sin(safe)) / safe**3)
-    return np.asarray(np.eye(3) - c * X + d * (X @ X))
-
-
-def cross_matrix(v: Array) -> Array:
-    x, y, z = np.moveaxis(v, -1, 0)
-    o = np.zeros_like(x)
-    return np.stack([np.stack(r, -1) for r in ((o, -z, y), (z, o, -x), (-y, x, o))], axis=-2)
 
 
 def end_of(rate: Array, turned: Turned) -> tuple[Array, Array, Array]:

@@ -21,13 +21,14 @@ from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.gyroscopes import between_rests as poses
 from gimbalcal.estimate.gyroscopes.between_rests import LINEAR, gyroscopes_between_rests
 from gimbalcal.estimate.gyroscopes.inter_triad import euler, rotation
-from gimbalcal.estimate.gyroscopes.turns import exponential, turns
+from gimbalcal.estimate.gyroscopes.turns import turns
 from gimbalcal.estimate.unit import inertial_unit, with_gyroscopes
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
+from gimbalcal.rotation import exponential
 
 STEP = 0.04  # s
 REST, TURN = 50, 60  # samples

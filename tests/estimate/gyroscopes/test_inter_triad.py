@@ -7,7 +7,8 @@ import pytest
 
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.gyroscopes.inter_triad import from_turns, rotation
-from gimbalcal.number import Array, apply_matrix, frame_rotation
+from gimbalcal.number import Array, apply_matrix
+from gimbalcal.rotation import frame_rotation
 
 ANGLES = np.array([-14.72, 0.0039, -4.84]) / 60 * np.pi / 180  # Wang et al. (2019), Table 4
 

@@ -13,9 +13,10 @@ from gimbalcal.estimate.gyroscopes.revolutions import forward, gyroscopes_from_r
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
+from gimbalcal.rotation import normal_to
 from gimbalcal.wang2019.pulses import Pulses
 from gimbalcal.wang2019.schedules import ROTATIONS
-from gimbalcal.wang2019.trials import LATITUDE, _any_normal
+from gimbalcal.wang2019.trials import LATITUDE
 
 STEP, SPEED, TURN, REST = 0.1, np.deg2rad(30.0), 24.0, 60.0  # s, rad/s, s (two revolutions), s
 TRUE = Pulses(
@@ -26,7 +27,7 @@ TRUE = Pulses(
 
 def earth(up: Array, phase: Array) -> Array:
     """Earth's rate (n, 3) in a unit with axis `up` vertical, turned by `phase` about it."""
-    across = _any_normal(up)
+    across = normal_to(up)
     third = np.cross(up, across)
     north = np.cos(phase)[:, None] * across - np.sin(phase)[:, None] * third
     return np.asarray(EARTH_RATE * (np.cos(LATITUDE) * north + np.sin(LATITUDE) * up))
@@ -50,7 +51,7 @@ def table_run(noise: float, seed: int = 0) -> Recording:
             rates.append(earth(up, phase) + sign * speed * shape[:, None] * up)
             position.append(np.zeros(len(shape), dtype=int))
         k += 1
-        rates += [earth(up, np.zeros(200)), np.pi / 2 / 2.0 * np.tile(_any_normal(up), (20, 1))]
+        rates += [earth(up, np.zeros(200)), np.pi / 2 / 2.0 * np.tile(normal_to(up), (20, 1))]
         position += [np.full(200, k), np.zeros(20, dtype=int)]
     w = np.concatenate(rates)
     N = TRUE.counts(w) + noise * rng.standard_normal(w.shape)

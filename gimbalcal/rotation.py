@@ -1,0 +1,100 @@
+r"""Rotations of frames: about an axis, by small angles, by a vector, and by samples of a rate.
+
+All are passive, as everywhere in the package: a matrix gives the components of a fixed vector in the turned frame. A
+frame turned by the rotation vector :math:`\varphi` has
+
+.. math:: C = \exp(-[\varphi \times]) = 1 - \frac{\sin\varphi}{\varphi} [\varphi \times]
+          + \frac{1 - \cos\varphi}{\varphi^2} [\varphi \times]^2 .
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gimbalcal.number import Array, cos, sin
+
+
+def frame_rotation(direction: str, angle: ArrayLike) -> Array:
+    r"""Direction cosine matrix of a frame turned by `angle` about one of its axes (passive rotation).
+
+    .. math:: R_x(a) = \begin{bmatrix} 1&0&0\\ 0&\cos a&\sin a\\ 0&-\sin a&\cos a \end{bmatrix}
+
+    and cyclic. Parameters: direction "x", "y" or "z"; angle (...) [rad]. Returns (..., 3, 3).
+    """
+    angle = np.asarray(angle)
+    i = "xyz".index(direction)
+    j, k = (i + 1) % 3, (i + 2) % 3
+    out = np.zeros((*angle.shape, 3, 3), dtype=angle.dtype if angle.dtype.kind in "cO" else float)
+    c, s = cos(angle), sin(angle)
+    out[..., i, i] = 1
+    out[..., j, j] = c
+    out[..., k, k] = c
+    out[..., j, k] = s
+    out[..., k, j] = -s
+    return out
+
+
+def tilt_rotation(tilt: ArrayLike) -> Array:
+    """Frame rotation by three small angles about x, then y, then z: ``Rz Ry Rx``; (..., 3) [rad] to (..., 3, 3)."""
+    tilt = np.asarray(tilt)
+    return frame_rotation("z", tilt[..., 2]) @ frame_rotation("y", tilt[..., 1]) @ frame_rotation("x", tilt[..., 0])
+
+
+def small_rotation_vector(C: Array) -> Array:
+    """First-order rotation vector (..., 3) [rad] of a frame rotation near identity: C = 1 - [v x]."""
+    pairs = ((1, 2), (2, 0), (0, 1))
+    return np.stack([(C[..., i, j] - C[..., j, i]) / 2 for i, j in pairs], axis=-1)
+
+
+def cross_matrix(v: Array) -> Array:
+    """The matrix [v x] (..., 3, 3) that multiplies w to v x w, from v (..., 3)."""
+    x, y, z = np.moveaxis(v, -1, 0)
+    o = np.zeros_like(x)
+    return np.stack([np.stack(r, -1) for r in ((o, -z, y), (z, o, -x), (-y, x, o))], axis=-2)
+
+
+def exponential(phi: Array) -> Array:
+    """exp(-[phi x]) (..., 3, 3): frame rotations by phi (..., 3) [rad]. At -phi it turns vectors by phi."""
+    a2 = (phi**2).sum(-1)[..., None, None]
+    a = np.sqrt(a2)
+    small = a2 < 1e-12  # beyond, series and closed form agree to rounding
+    safe = np.where(small, 1.0, a)
+    X = cross_matrix(phi)
+    s = np.where(small, 1 - a2 / 6, np.sin(safe) / safe)
+    c = np.where(small, 0.5 - a2 / 24, (1 - np.cos(safe)) / safe**2)
+    return np.asarray(np.eye(3) - s * X + c * (X @ X))
+
+
+def left_jacobian(phi: Array) -> Array:
+    """Derivative of the rotation vector at the end by phi (..., 3, 3): left Jacobian of SO(3) at -phi."""
+    a2 = (phi**2).sum(-1)[..., None, None]
+    a = np.sqrt(a2)
+    small = a2 < 1e-8  # (1 - cos a)/a^2 loses 1e-8 here, the series 1e-9
+    safe = np.where(small, 1.0, a)
+    X = cross_matrix(phi)
+    c = np.where(small, 0.5 - a2 / 24, (1 - np.cos(safe)) / safe**2)
+    d = np.where(small, 1 / 6 - a2 / 120, (safe - np.sin(safe)) / safe**3)
+    return np.asarray(np.eye(3) - c * X + d * (X @ X))
+
+
+def mean_rates(time: Array, rate: Array) -> tuple[Array, Array, Array]:
+    r"""Rates whose sum, times the step, is the rotation vector from sample to sample of a rate (n, 3) [rad/s].
+
+    .. math:: \frac{\varphi}{\Delta t} = \frac{a + b}{2} + \frac{\Delta t}{12} (\dot a - \dot b)
+              + \frac{\Delta t}{12} \, a \times b ,
+
+    right to the fifth order in the step for a rate that is a cubic between samples a and b with the slopes of `time`
+    (n,) [s]. Returns the three terms, (n - 1, 3) each: the first two are linear in the rate, the third (coning) square.
+    """
+    dt = np.diff(time)[:, None]
+    slope = np.gradient(rate, time, axis=0)
+    bend = (slope[:-1] - slope[1:]) * dt / 12
+    return (rate[1:] + rate[:-1]) / 2, bend, np.cross(rate[:-1], rate[1:]) * dt / 12
+
+
+def normal_to(u: Array) -> Array:
+    """A unit vector across each of u (..., 3)."""
+    least = np.eye(3)[np.argmin(np.abs(u), axis=-1)]
+    v = np.cross(u, least)
+    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
