@@ -11,6 +11,7 @@ import sympy
 
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, parameters, values, with_values
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
 from gimbalcal.kinematics import stimulus_from_readings
@@ -19,7 +20,6 @@ from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording
 from gimbalcal.references import REFERENCES
 from gimbalcal.simulate import simulate
-from gimbalcal.simulate.truth import BASELINE
 from gimbalcal.units import from_si, parse
 
 PAGE = Path(__file__).parents[2] / "shared" / "design" / "effects.md"

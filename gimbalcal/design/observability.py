@@ -24,10 +24,10 @@ import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, normal_gravity
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
+from gimbalcal.effects.baseline import BASELINE, STATIC_CALIBRATION
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.expected import planned
-from gimbalcal.estimate.accelerometers.setting import BASELINE, Noise, baseline, linearise, problem, whiten
-from gimbalcal.estimate.static_run.run import BASELINE as STATIC_BASELINE
+from gimbalcal.estimate.accelerometers.setting import Noise, baseline, linearise, problem, whiten
 from gimbalcal.forward import jacobian
 from gimbalcal.inference.information import SEEN, Information, Solution, information, solve
 from gimbalcal.kinematics import stimulus_from_angles
@@ -111,7 +111,7 @@ def observe(
     schedule: Schedule | str | Path,
     angle_sigma: float = 1.0,
     force_sigma: float = 2.0,
-    effects: Sequence[str] = BASELINE,
+    effects: Sequence[str] = BASELINE["multi-position"],
     candidates: Sequence[str] = (),
 ) -> Observability:
     """What a multi-position schedule sees.
@@ -136,7 +136,7 @@ def observe_static(
     hours: float,
     latitude: float,
     noise: dict[str, float],
-    effects: Sequence[str] = STATIC_BASELINE,
+    effects: Sequence[str] = STATIC_CALIBRATION,
     candidates: Sequence[str] = (),
     sample_s: float = 1.0,
 ) -> Observability:

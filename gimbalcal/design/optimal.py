@@ -21,9 +21,10 @@ import numpy as np
 from gimbalcal.design.exchange import CRITERIA, optimise, value
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Parameter, Stimulus, parameters
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.multiposition import TERMS, TRIANGLE
-from gimbalcal.estimate.accelerometers.setting import BASELINE, Linear, Noise, baseline, whiten
+from gimbalcal.estimate.accelerometers.setting import Linear, Noise, baseline, whiten
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
 from gimbalcal.kinematics import stimulus_from_angles
@@ -123,7 +124,7 @@ def design(
 
 
 def _default(rig: Rig) -> tuple[str, ...]:
-    return TERMS if np.isinf(rig.setting) else BASELINE
+    return TERMS if np.isinf(rig.setting) else BASELINE["multi-position"]
 
 
 def design_parameters(rig: Rig, terms: Sequence[str]) -> tuple[Parameter, ...]:

@@ -18,7 +18,7 @@ from gimbalcal.diagnose.answer import Curves, Diagnosis, files
 from gimbalcal.diagnose.evidence.noise import nodes, settle
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.library.candidates import Candidate, library
-from gimbalcal.diagnose.rows.observations import BASELINE, observe
+from gimbalcal.diagnose.rows.observations import observe
 from gimbalcal.diagnose.rows.views import SENSORS
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.verdict.decide import Decision, bar, decide, stated
@@ -28,6 +28,7 @@ from gimbalcal.diagnose.verdict.recommend import advise, sentence
 from gimbalcal.diagnose.verdict.threshold import clean_evidence
 from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.number import Array

@@ -20,7 +20,6 @@ from gimbalcal.diagnose.both_triads import has_gyroscopes
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.known_noise import constants, finding, measured, printed, searched, shape
 from gimbalcal.diagnose.rows.baseline import lacking
-from gimbalcal.diagnose.rows.observations import BASELINE
 from gimbalcal.diagnose.rows.views import SENSORS
 from gimbalcal.diagnose.search.combine import Combined, combine
 from gimbalcal.diagnose.search.ranking import Search
@@ -32,6 +31,7 @@ from gimbalcal.diagnose.verdict.model import fit
 from gimbalcal.diagnose.verdict.pool import Part, agreement, constants_of, parts, pooled
 from gimbalcal.diagnose.verdict.recommend import advise, sentence
 from gimbalcal.effects import CATALOGUE
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell

@@ -79,6 +79,12 @@ class Stimulus:
         """The same stimulus with some arrays replaced."""
         return dataclasses.replace(self, **changes)
 
+    def select(self, rows: Any) -> Stimulus:
+        """The stimulus at some rows only."""
+        n = len(self.time)
+        cut = {k: v[rows] for k, v in vars(self).items() if isinstance(v, np.ndarray) and v.ndim and len(v) == n}
+        return self.at(**cut, covariates={k: v[rows] for k, v in self.covariates.items()})
+
     def temperature_excess(self) -> Array:
         """T - T0 (n,) [degC]. Raises ValueError where temperature was not recorded."""
         if self.temperature is None:

@@ -130,7 +130,7 @@ def over_time(recording: Recording, effects: Sequence[Effect]) -> tuple[Array, t
     Rows are averaged into at most `BLOCKS` blocks.
     """
     run = prepare(recording)
-    measured, left = run.departures(), run.departures(effects)
+    measured, left = run.residual(), run.residual(effects)
     edges = np.unique(np.linspace(0, len(measured), BLOCKS + 1).astype(int))
     thin = np.sqrt(np.median(np.diff(edges)))
     curves = []

@@ -8,14 +8,10 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.units import from_si, to_si
 
-BASELINE: Mapping[str, tuple[str, ...]] = {
-    "multi-position": ("scale_factor", "bias", "scale_nonlinearity", "misalignment", "gimbal_zero"),
-    "rotation": ("scale_factor", "bias", "misalignment", "gyro_bias", "gyro_scale_factor", "gyro_misalignment"),
-    "static-run": ("scale_factor", "bias", "misalignment", "gimbal_zero", "base_tilt", "polar_axis_misalignment"),
-}
 RESERVED = ("draw", "factor")
 
 

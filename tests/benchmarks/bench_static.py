@@ -37,12 +37,13 @@ from gimbalcal.estimate.static_run.force_filter import (
     projection,
     squared_norm,
 )
-from gimbalcal.estimate.static_run.run import StaticRun, prepare
+from gimbalcal.estimate.static_run.run import prepare
 from gimbalcal.forward import predict
 from gimbalcal.inference.harmonics import columns, design
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
+from gimbalcal.readings import Readings
 from gimbalcal.recording import Recording, Site
 from tests.estimate.static_runs import TABLE_2_3
 from tests.stimuli import LATITUDE, G
@@ -89,15 +90,15 @@ def recording(time: Array, weight: float, effects: Sequence[Effect] = TABLE_2_3,
     return dataclasses.replace(drawing, time=time, channels=means, noise=noise, weight=np.full(len(time), weight))
 
 
-def blocks(hours: float, rate: float) -> StaticRun:
+def blocks(hours: float, rate: float) -> Readings:
     """Minute means of a run."""
     time = BLOCK / 2 + np.arange(0.0, hours * 3600, BLOCK)
     return prepare(recording(time, BLOCK * rate, block=BLOCK))
 
 
-def noise(run: StaticRun, rng: np.random.Generator, runs: int) -> Array:
+def noise(run: Readings, rng: np.random.Generator, runs: int) -> Array:
     """Noise of every channel of a run (n, c, runs): one force noise makes that of force, roll and pitch."""
-    n = len(run.observed)
+    n = len(run.value)
     force = rng.normal(size=(n, 3, runs)) * SIGMA / np.sqrt(run.recording.weight)[:, None, None]
     c, s = np.cos(run.phase)[:, None], np.sin(run.phase)[:, None]
     outwards = c * force[:, 0] + s * force[:, 1]
@@ -108,16 +109,16 @@ def noise(run: StaticRun, rng: np.random.Generator, runs: int) -> Array:
     return np.stack([made.get(key, np.zeros((n, runs))) for key in run.channels], axis=1)
 
 
-def errors(run: StaticRun, made: Array, drift: int = 0) -> Array:
+def errors(run: Readings, made: Array, drift: int = 0) -> Array:
     """Estimate less truth (13, runs) of every coefficient but the means."""
-    d = run.departures()[:, :, None] + made
+    d = run.residual()[:, :, None] + made
     found = [p.apply(d[:, p.channels]) for p in operators(run, (), drift, "white")]
     truth = matrix(LATITUDE, G, PARAMETERS) @ values(TABLE_2_3, PARAMETERS)
     keep = [NAMES.index(n) for n in THIRTEEN]
     return (np.concatenate(found) - truth[:, None])[keep]
 
 
-def reconciled(run: StaticRun, e: Array, drift: int = 0) -> Array:
+def reconciled(run: Readings, e: Array, drift: int = 0) -> Array:
     """Errors (13, runs) when the coefficients are made to satisfy the relations among them, best weights.
 
     Thirteen coefficients hold seven combinations of parameters: c = G x, so each is estimated by G x_hat.
@@ -133,7 +134,7 @@ def reconciled(run: StaticRun, e: Array, drift: int = 0) -> Array:
     return np.asarray(np.linalg.solve(whiten, U @ (U.T @ (whiten @ e))))
 
 
-def _normal(run: StaticRun, drift: int) -> Array:
+def _normal(run: Readings, drift: int) -> Array:
     """Normal matrix (5, 5) of the harmonics under white noise, the drift being profiled."""
     A = design(run.stimulus.time, run.phase, FITTED, drift)
     N = A.T @ (run.recording.weight[:, None] * A)
@@ -159,7 +160,7 @@ def every_sample(hours: float, rate: float, seed: int) -> tuple[Array, Array, Ar
     n = round(BLOCK * rate)
     means = made.reshape(-1, n, *made.shape[1:]).mean(axis=1)
     direction, sigma = run.direction, SIGMA
-    d = run.departures()[:, :3] + made[:, :3, 0]
+    d = run.residual()[:, :3] + made[:, :3, 0]
     H = observation_matrix(direction)
     truth = (matrix(LATITUDE, G, PARAMETERS) @ values(TABLE_2_3, PARAMETERS))[0]
     z = (
@@ -187,7 +188,7 @@ def plain_fourier(time: Array, phase: Array, y: Array, *, bins: bool) -> Array:
 def plain_errors(hours: float, *, bins: bool) -> Array:
     """Bias (13,) of plain Fourier averages or FFT bins on noise-free minute means."""
     run = blocks(hours, 1.0)
-    d = run.departures()
+    d = run.residual()
     C = np.cos(LATITUDE)
     z = projection(d[:, :3], run.direction, G)
     a = plain_fourier(run.stimulus.time, run.phase, z, bins=bins)  # mean, 1s, 1c, 2s, 2c
@@ -230,7 +231,7 @@ def main() -> None:
     tell("\nLargest bias of the 13 without any noise [1e-6 rad]: harmonic fit, Fourier averages, FFT bins\n")
     for hours in (23.934, 24.0, 30.0, 36.0, 48.0, 60.0):
         run = blocks(hours, 1.0)
-        ours = np.abs(errors(run, np.zeros((*run.observed.shape, 1)))).max()
+        ours = np.abs(errors(run, np.zeros((*run.value.shape, 1)))).max()
         plain = [np.abs(plain_errors(hours, bins=b)).max() for b in (False, True)]
         tell(f"{hours:7.3f} h  {1e6 * ours:8.3f} {1e6 * plain[0]:9.2f} {1e6 * plain[1]:9.2f}\n")
     each, means, x1 = every_sample(24.0, 1.0, 1)

@@ -12,7 +12,8 @@ import numpy as np
 from gimbalcal.diagnose import Diagnosis, diagnose
 from gimbalcal.diagnose.evidence.noise import nominal
 from gimbalcal.diagnose.library.candidates import library
-from gimbalcal.diagnose.rows.observations import BASELINE, observe
+from gimbalcal.diagnose.rows.observations import observe
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.recording import Recording
 from tests.benchmarks.diagnose_static import AXIS, static_recording

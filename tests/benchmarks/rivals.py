@@ -20,8 +20,9 @@ from threadpoolctl import threadpool_limits
 from gimbalcal.diagnose.evidence import known_scale as evidence
 from gimbalcal.diagnose.evidence.noise import nodes, nominal, settle
 from gimbalcal.diagnose.library.candidates import library
-from gimbalcal.diagnose.rows.observations import BASELINE, observe
+from gimbalcal.diagnose.rows.observations import observe
 from gimbalcal.diagnose.search import ranking as search
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.estimate.accelerometers.joint import joint
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.inference.algebra import orthonormal

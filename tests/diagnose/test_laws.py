@@ -7,8 +7,9 @@ import pytest
 
 from gimbalcal.diagnose.evidence.noise import nominal
 from gimbalcal.diagnose.library.candidates import library
-from gimbalcal.diagnose.rows.observations import BASELINE, observe
+from gimbalcal.diagnose.rows.observations import observe
 from gimbalcal.effects import CATALOGUE
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.inference.algebra import orthonormal
 from tests.diagnose.laws import PROBE, at_size, laws, oddities
 from tests.diagnose.plant import record, strength

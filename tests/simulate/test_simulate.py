@@ -11,13 +11,13 @@ import pytest
 import gimbalcal.simulate.folder as folder_module
 import gimbalcal.simulate.run as run_module
 from gimbalcal.effects import CATALOGUE, parameters, values
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.recording import dwells, read
 from gimbalcal.simulate import check_content, simulate, simulate_to
-from gimbalcal.simulate.truth import BASELINE
 
 TEN_S = {"value": 10.0, "unit": "s"}
 ONE_HZ = {"value": 1.0, "unit": "Hz"}

@@ -66,10 +66,7 @@ def settle(o: Observations) -> Observations:
         weight, scale = found.weight, found.of_rows if static else found.of_means
     else:
         scale = fast.std(axis=0)
-    return replace(
-        o, y=o.y / scale, Z=o.Z / scale[:, None], sigma=o.sigma * scale, heavy=kurtosis, weight=weight,
-        sensitivity={k: v / scale[:, None] for k, v in o.sensitivity.items()},
-    )  # fmt: skip
+    return replace(o.over(scale), heavy=kurtosis, weight=weight)
 
 
 def _fast(o: Observations) -> Array:

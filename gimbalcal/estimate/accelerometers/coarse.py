@@ -22,10 +22,10 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.effects import with_values
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.estimate.accelerometers.account import faults_in_words, joined, provenance, rms, stage
 from gimbalcal.estimate.accelerometers.positions import Positions, trusted_positions
 from gimbalcal.estimate.accelerometers.setting import (
-    BASELINE,
     Fit,
     Linear,
     Noise,
@@ -53,7 +53,7 @@ def coarse(positions: Positions) -> Calibration:
     Where an axis lacks a face, all coefficients come from one least squares over all positions; what these do not
     determine is named in `unobservable`.
     """
-    wanted = baseline(positions.recording.platform, [name for name in BASELINE if name != NEGLECTED])
+    wanted = baseline(positions.recording.platform, [name for name in BASELINE["multi-position"] if name != NEGLECTED])
     p, noise = replace(positions.problem, parameters=wanted), positions.noise
     settled = _settle(p, noise)
     fit = _as_fit(p, noise, settled)

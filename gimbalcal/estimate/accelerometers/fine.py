@@ -23,13 +23,14 @@ import numpy as np
 from gimbalcal.calibration import Calibration, Residual, Stage
 from gimbalcal.effects import Parameter, values, with_values
 from gimbalcal.effects.accelerometer import MISALIGNMENT_AXES
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.estimate.accelerometers.account import faults_in_words, joined, misfit_in_words, provenance
 from gimbalcal.estimate.accelerometers.positions import Positions
-from gimbalcal.estimate.accelerometers.setting import BASELINE, Problem, baseline, visit_means
+from gimbalcal.estimate.accelerometers.setting import Problem, baseline, visit_means
 from gimbalcal.inference.information import SEEN, Information, Solution, information, solve
 from gimbalcal.number import Array
 
-FORCE_TERMS = [name for name in BASELINE if name != "gimbal_zero"]
+FORCE_TERMS = [name for name in BASELINE["multi-position"] if name != "gimbal_zero"]
 PAIRS = (("yz", "xz"), ("xy", "zy"), ("zx", "yx"))  # first less second: the differences that Eq. (17) holds
 COMBINATIONS = tuple(
     [f"{name}:{axis}" for name in FORCE_TERMS[:3] for axis in "xyz"] + [f"misalignment:{a}-{b}" for a, b in PAIRS]

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, values, with_values
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import Information, Solution, information, solve
 from gimbalcal.kinematics import stimulus_from_readings
@@ -26,7 +27,6 @@ from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.rotation import tilt_rotation
 
-BASELINE = ("scale_factor", "bias", "scale_nonlinearity", "misalignment", "gimbal_zero")
 FORCE = "specific_force"
 TURN = 1e-9  # relative singular value of dh/de below which a turn does not reach a direction; rounding leaves 1e-16
 ROUNDS = 30  # Gauss-Newton steps; 1 arcsec takes 3, 3 degrees 5
@@ -74,7 +74,7 @@ class Problem:
         rows = keep[self.visit]
         return replace(
             self,
-            stimulus=select(self.stimulus, rows),
+            stimulus=self.stimulus.select(rows),
             force=self.force[rows],
             weight=self.weight[rows],
             visit=(np.cumsum(keep) - 1)[self.visit[rows]],
@@ -82,14 +82,7 @@ class Problem:
         )
 
 
-def select(s: Stimulus, rows: Array) -> Stimulus:
-    """The stimulus at some rows only."""
-    n = len(s.time)
-    cut = {k: v[rows] for k, v in vars(s).items() if isinstance(v, np.ndarray) and v.ndim and len(v) == n}
-    return s.at(**cut, covariates={k: v[rows] for k, v in s.covariates.items()})
-
-
-def baseline(platform: Platform, effects: Sequence[str] = BASELINE) -> tuple[Parameter, ...]:
+def baseline(platform: Platform, effects: Sequence[str] = BASELINE["multi-position"]) -> tuple[Parameter, ...]:
     """Parameters of the named effects. A gimbal next to a level base that turns about the vertical is left out."""
     wanted = [p for name in effects for p in parameters(CATALOGUE[name], platform.axis_names)]
     vertical = [a.name for a in platform.axes[-1:] if a.direction == "z"]

@@ -34,11 +34,11 @@ import numpy as np
 
 from gimbalcal.effects import Effect, Parameter
 from gimbalcal.estimate.static_run import force_filter
-from gimbalcal.estimate.static_run.run import StaticRun
 from gimbalcal.inference.coloured import least_squares
 from gimbalcal.inference.harmonics import design, fourier, labels
 from gimbalcal.inference.information import Solution, information, solve
 from gimbalcal.number import Array
+from gimbalcal.readings import Readings
 
 ORDERS = (0, 1, 2)
 FITTED = (0, 1, 2, 3)  # the bends of x and y make a third harmonic, K g C^2 / 4, that must not pass for coloured noise
@@ -78,9 +78,9 @@ class Operator:
     covariance: Array
 
 
-def operators(run: StaticRun, effects: Sequence[Effect], drift: int = 1, noise: str = "auto") -> tuple[Operator, ...]:
+def operators(run: Readings, effects: Sequence[Effect], drift: int = 1, noise: str = "auto") -> tuple[Operator, ...]:
     """What the paper does with force, roll and pitch, as far as they were logged."""
-    d = run.departures(effects)
+    d = run.residual(effects)
     out = [_force_operator(run)] if len(run.columns("specific_force")) == 3 else []
     for axis, name in (("roll", "phi"), ("pitch", "theta")):
         if ("attitude_error", axis) in run.channels:
@@ -89,7 +89,7 @@ def operators(run: StaticRun, effects: Sequence[Effect], drift: int = 1, noise: 
     return tuple(out)
 
 
-def _force_operator(run: StaticRun) -> Operator:
+def _force_operator(run: Readings) -> Operator:
     """Information form of the filter on the projection, Eqs. (20)-(27)."""
     columns, g, u = run.columns("specific_force"), run.stimulus.gravity, run.direction
     H = force_filter.observation_matrix(u)
@@ -103,7 +103,7 @@ def _force_operator(run: StaticRun) -> Operator:
     return Operator(force_filter.NAMES, columns, apply, P)
 
 
-def _attitude_operator(run: StaticRun, i: int, name: str, y: Array, drift: int, noise: str) -> Operator:
+def _attitude_operator(run: Readings, i: int, name: str, y: Array, drift: int, noise: str) -> Operator:
     """Fourier fit of one channel with the noise colour that its own departures show."""
     time, weight = run.stimulus.time, run.recording.weight
     h = fourier(time, run.phase, y, FITTED, weight, drift, noise)
@@ -116,7 +116,7 @@ def _attitude_operator(run: StaticRun, i: int, name: str, y: Array, drift: int, 
 
 
 def combined(
-    run: StaticRun,
+    run: Readings,
     effects: Sequence[Effect],
     fitted: Sequence[Effect],
     solution: Solution,
@@ -130,8 +130,8 @@ def combined(
     predictions through the same operators, so the two roads differ by noise and by nothing else, with variance
     covariance - fit_covariance.
     """
-    d = run.departures(effects)
-    explained = d - run.departures(fitted)
+    d = run.residual(effects)
+    explained = d - run.residual(fitted)
     parts = operators(run, effects, drift, noise)
     if not parts:
         empty = np.zeros(0)

@@ -25,8 +25,9 @@ from gimbalcal.estimate.static_run.force_filter import (
     observation_matrix,
     projection,
 )
-from gimbalcal.estimate.static_run.run import StaticRun, baseline, information_of_rows, noise_from, prepare
+from gimbalcal.estimate.static_run.run import baseline, information_of_rows, noise_from, prepare
 from gimbalcal.inference.information import Information, Solution, information, solve
+from gimbalcal.readings import Readings
 from gimbalcal.recording import Recording
 
 TOLERATED = 1.1  # chi^2 per degree of freedom: the header's sigma is not known better than to 5 %
@@ -40,7 +41,7 @@ def force_state(recording: Recording, effects: Sequence[Effect] = (), *, sample_
     """
     run = prepare(recording)
     columns, g, u = run.columns("specific_force"), run.stimulus.gravity, run.direction
-    z = projection(run.departures(effects)[:, columns], u, g)
+    z = projection(run.residual(effects)[:, columns], u, g)
     H = observation_matrix(u)
     variance = ((u * run.sigma[:, columns] / g) ** 2).sum(axis=1)
     return kalman(z, H, variance) if sample_by_sample else estimate(accumulate(z, H, variance))
@@ -59,11 +60,11 @@ def static_information(
     return information_of_rows(run, linearisation_point(run, effects, wanted), wanted)
 
 
-def linearisation_point(run: StaticRun, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Effect, ...]:
+def linearisation_point(run: Readings, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Effect, ...]:
     """Effects with the wanted parameters moved to where a part of the rows is explained; unseen directions stay."""
     few = run.thinned(ENOUGH)
     J = few.jacobian(effects, wanted)
-    step = solve(information(J / few.sigma[..., None], few.departures(effects) / few.sigma, wanted))
+    step = solve(information(J / few.sigma[..., None], few.residual(effects) / few.sigma, wanted))
     return with_values(effects, wanted, values(effects, wanted) + step.x, run.recording.platform.axis_names)
 
 
@@ -104,15 +105,15 @@ def outcome(solution: Solution) -> str:
     return joined([f"in the static run {words}" for words in misfit_in_words(solution.chi2, solution.dof)])
 
 
-def rms_by_channel(run: StaticRun, effects: Sequence[Effect]) -> dict[str, float]:
+def rms_by_channel(run: Readings, effects: Sequence[Effect]) -> dict[str, float]:
     """Root mean square of what the effects leave, SI, by "quantity:axis"."""
-    rms = np.sqrt(np.mean(run.departures(effects) ** 2, axis=0))
+    rms = np.sqrt(np.mean(run.residual(effects) ** 2, axis=0))
     return {f"{q}:{axis}": float(x) for (q, axis), x in zip(run.channels, rms, strict=True)}
 
 
-def stage(run: StaticRun, fitted: Sequence[Effect], table: Combined) -> Stage:
+def stage(run: Readings, fitted: Sequence[Effect], table: Combined) -> Stage:
     """The combined coefficients of section 5 for the record, each from its own channel."""
-    rms = np.sqrt(np.mean(run.departures(fitted) ** 2, axis=0))[run.columns("specific_force")]
+    rms = np.sqrt(np.mean(run.residual(fitted) ** 2, axis=0))[run.columns("specific_force")]
     words = "no combined coefficients: the run has neither the whole specific force nor roll nor pitch errors"
     if table.names:
         worst = float(np.max(np.abs(table.value - table.fit) / table.sigma))

@@ -10,10 +10,10 @@ from threadpoolctl import threadpool_limits
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.known_noise import searched
-from gimbalcal.diagnose.rows.observations import BASELINE
 from gimbalcal.diagnose.search.combine import combine
 from gimbalcal.diagnose.several import baseline_of
 from gimbalcal.diagnose.verdict.pool import pooled
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Source

@@ -6,9 +6,10 @@ import pytest
 from gimbalcal.diagnose.evidence.noise import nodes, settle
 from gimbalcal.diagnose.evidence.odds import CLAIM, UNSURE
 from gimbalcal.diagnose.library.candidates import library
-from gimbalcal.diagnose.rows.observations import BASELINE, observe
+from gimbalcal.diagnose.rows.observations import observe
 from gimbalcal.diagnose.search.ranking import search
 from gimbalcal.diagnose.verdict.decide import decide, strained
+from gimbalcal.effects.baseline import BASELINE
 from tests.diagnose.laws import Law, at_size, laws, unforeseen
 
 

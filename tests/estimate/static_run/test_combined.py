@@ -19,16 +19,17 @@ from gimbalcal.estimate.static_run.combined import (
     separate,
 )
 from gimbalcal.estimate.static_run.force_filter import PRIOR_SIGMA
-from gimbalcal.estimate.static_run.run import StaticRun, baseline, information_of_rows, prepare
+from gimbalcal.estimate.static_run.run import baseline, information_of_rows, prepare
 from gimbalcal.inference.information import solve
 from gimbalcal.number import Array
+from gimbalcal.readings import Readings
 from tests.estimate.static_runs import TABLE_2_3, draw, run
 from tests.stimuli import LATITUDE, G
 
 TWELVE = tuple(p for i in ("scale_factor", "bias", "misalignment") for p in parameters(CATALOGUE[i]))
 
 
-def by_operators(r: StaticRun, wanted: tuple[Parameter, ...]) -> Array:
+def by_operators(r: Readings, wanted: tuple[Parameter, ...]) -> Array:
     """Sensitivities (15, p) of the coefficients by the forward model's Jacobian and the estimators."""
     J = r.jacobian((), wanted)
     return np.concatenate([p.apply(J[:, p.channels]) for p in operators(r, (), drift=0, noise="white")])
@@ -86,7 +87,7 @@ def both_roads(seed: int, drift: int = 1) -> tuple[Combined, Array]:
     x = solve(information_of_rows(r, truth, wanted, J))
     fitted = with_values((), wanted, x.x, r.recording.platform.axis_names)
     table = combined(r, (), fitted, x, J, drift, "white")
-    exact = r.departures() - r.departures(truth)
+    exact = r.residual() - r.residual(truth)
     parts = operators(r, (), drift, "white")
     return table, np.concatenate([p.apply(exact[:, p.channels, None])[:, 0] for p in parts])
 

@@ -1,0 +1,115 @@
+r"""What was read in a recording, in the channels that the forward model predicts, and how it is held against a model.
+
+Rows may be means over blocks of time. Gimbal angles and attitude errors are as good as linear over a minute; the
+specific force of an inertially fixed platform turns with the Earth, and what the mean of a turning vector loses is put
+back. Without a readout of its platform gimbal the force itself tells the phase of a static run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
+from gimbalcal.errors import InputError
+from gimbalcal.forward import AXES, Key, Rows, difference, linearise, predict
+from gimbalcal.kinematics import lost_to_averaging, refuse_other_platform, stimulus_from_readings
+from gimbalcal.number import Array
+from gimbalcal.recording import SENSORS, Recording
+
+QUANTITIES: Mapping[str, tuple[str, ...]] = {  # that are read at rest, by kind of recording
+    "multi-position": ("specific_force",),
+    "static-run": ("specific_force", "gimbal_angle", "attitude_error"),
+}
+SENSOR_OF = {quantity: sensor for sensor, quantity in SENSORS.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """C channels of n rows as they were read, with one sigma of each and what the hardware experienced.
+
+    value (n, C) in SI; sigma (n, C), ones where nobody has said yet.
+    """
+
+    recording: Recording
+    stimulus: Stimulus
+    channels: tuple[Key, ...]
+    value: Array
+    sigma: Array
+
+    @property
+    def kind(self) -> str:
+        """Kind of the recording."""
+        return self.recording.kind
+
+    @property
+    def phase(self) -> Array:
+        """Sidereal angle S_t (n,) [rad] of a static run."""
+        return np.arctan2(self.stimulus.force[:, 1], self.stimulus.force[:, 0])
+
+    @property
+    def direction(self) -> Array:
+        """Ideal specific force in units of gravity (n, 3)."""
+        return np.asarray(self.stimulus.force / self.stimulus.gravity)
+
+    def rows(self, effects: Sequence[Effect] = (), stages: Iterable[Stage] = Stage) -> Rows:
+        """The rows about a model: residuals and sensitivities in SI."""
+        platform = self.recording.platform
+        return linearise(platform, self.stimulus, effects, self.kind, self.channels, self.value, stages)
+
+    def residual(self, effects: Sequence[Effect] = ()) -> Array:
+        """Read minus predicted (n, C); angles within half a turn."""
+        platform = self.recording.platform
+        outputs = predict(platform, self.stimulus, effects, self.kind)
+        predicted = [outputs[q][:, AXES.get(q, platform.axis_names).index(a)] for q, a in self.channels]
+        return difference(self.value, np.stack(predicted, axis=1), self.channels)
+
+    def jacobian(self, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Array:
+        """Derivative of the predictions (n, C, p)."""
+        return self.rows(effects, dict.fromkeys(CATALOGUE[p.effect].stage for p in wanted)).jacobian(wanted)
+
+    def thinned(self, rows: int) -> Readings:
+        """About so many rows, evenly spread."""
+        every = np.arange(0, len(self.value), max(1, len(self.value) // rows))
+        few = self.stimulus.select(every)
+        return Readings(self.recording.select(every), few, self.channels, self.value[every], self.sigma[every])
+
+    def columns(self, quantity: str) -> list[int]:
+        """Indices of the channels of one quantity."""
+        return [i for i, (q, _) in enumerate(self.channels) if q == quantity]
+
+
+def readings(recording: Recording) -> Readings:
+    """The readings of a recording, of one sigma each. Raises InputError where the model predicts nothing in it."""
+    if recording.kind == "static-run":
+        refuse_other_platform(recording)
+    channels = measured_channels(recording)
+    if recording.kind == "static-run" and ("gimbal_angle", "platform") not in channels:
+        recording = with_phase_of_force(recording)
+    s = stimulus_from_readings(recording)
+    value = np.stack([recording.channels[key] for key in channels], axis=1)
+    made = Readings(recording, s, channels, value, np.ones(value.shape))
+    force = made.columns("specific_force")
+    if recording.kind == "static-run" and force:
+        lost = lost_to_averaging(recording, s.force)
+        value[:, force] += lost[:, ["xyz".index(channels[i][1]) for i in force]]
+    return made
+
+
+def measured_channels(recording: Recording) -> tuple[Key, ...]:
+    """Channels of this kind of recording that the forward model predicts and the recording has."""
+    axes = {**AXES, "gimbal_angle": recording.platform.axis_names}
+    keys = [(q, a) for q in QUANTITIES[recording.kind] for a in axes[q]]
+    found = tuple(key for key in keys if key in recording.channels)
+    if not found:
+        raise InputError(f"{recording.title!r} has no {' and no '.join(QUANTITIES[recording.kind])} channel")
+    return found
+
+
+def with_phase_of_force(recording: Recording) -> Recording:
+    """The recording with a platform gimbal made from the direction of the force in the equatorial plane."""
+    f = recording.triad("specific_force")
+    angle = np.arctan2(f[:, 1], f[:, 0])
+    return replace(recording, channels={**recording.channels, ("gimbal_angle", "platform"): angle})
