@@ -35,8 +35,8 @@ class Observations:
     """The rows of one recording about its calibrated baseline, in sigmas, with the calibration's own columns.
 
     Z (n, C, q): derivatives by the calibration constants, each times its prior sigma; block (n,): ordinal of the block
-    of each row, empty for a static run; heavy: excess kurtosis of the samples; weight (n, C): of mean one where the tails
-    are heavy, None where all rows weigh alike.
+    of each row, empty for a static run; heavy: excess kurtosis of the samples; weight (n, C): of mean one where the
+    tails are heavy, None where all rows weigh alike.
     """
 
     recording: Recording
