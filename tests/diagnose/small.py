@@ -12,12 +12,14 @@ import numpy as np
 from scipy.fft import idct
 
 from gimbalcal.diagnose.evidence.noise import Node, nodes, settle
-from gimbalcal.diagnose.library.candidates import Library, library
+from gimbalcal.diagnose.library.candidates import Library, columns_at, library
 from gimbalcal.diagnose.rows.observations import BASELINE, Observations, observe
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.number import Array
 from tests.diagnose import static_plant
 from tests.diagnose.plant import UG, Error, record
+
+__all__ = ["columns_at"]  # the rest is written here
 
 
 def observed(seed: int = 1, error: Error | None = None, size: float = 0.0, **options: Any) -> Observations:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import kstest
+from scipy.stats import chi2, kstest
 
 from gimbalcal.diagnose.evidence.known_scale import Rows
 from gimbalcal.diagnose.evidence.noise import Node
@@ -69,6 +69,8 @@ def test_a_misfit_at_one_position_is_the_first_cell(position: int, axis: int) ->
     first = told(s)[0]
     assert (first["channel"], first["axis"]) == ("specific_force", "xyz"[axis])
     assert first["where"] == {"positions": [position]}
+    tail = chi2.sf(s.statistic.max(), 1)  # of this cell alone, and Bonferroni's bound over all
+    assert tail < first["p_value"] < len(s.cells) * tail
     assert first["in_words"].startswith(f"Specific force {'xyz'[axis]} is off at position {position} (p < 1e-6")
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.evidence.noise import nominal
-from gimbalcal.diagnose.library.candidates import Candidate, columns_at
+from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.diagnose.verdict import recommend
 from gimbalcal.diagnose.verdict.recommend import (
@@ -22,7 +22,7 @@ from gimbalcal.diagnose.verdict.recommend import (
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
-from tests.diagnose.small import at_rest, covariance, few, observed, rows_of
+from tests.diagnose.small import at_rest, columns_at, covariance, few, observed, rows_of
 
 TABLE = observed(1, dwell=3)
 REST = at_rest(1)
