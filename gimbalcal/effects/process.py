@@ -1,8 +1,9 @@
 """Noise: the random siblings of the effects, as state-space models that simulator, filter and covariance share.
 
 A process is a zero-mean Gauss-Markov chain x_{k+1} = Phi(h) x_k + w, w ~ N(0, Q(h)), y = H x, x_0 ~ N(0, P_0), where h
-is the time between two samples and a move may end the memory. `sample` and `covariance` read those four and nothing
-else, so a simulated record and the covariance that a fit assumes cannot differ.
+is the time between two samples and a move may end the memory. `sample`, `covariance` and everything that whitens or
+filters (`inference.noise`) read those four and nothing else, so a simulated record and the covariance that a fit
+assumes cannot differ.
 """
 
 from __future__ import annotations
@@ -196,7 +197,7 @@ class Flicker(Process):
 
 @dataclass(frozen=True)
 class SettingError(Process):
-    r"""Each time a gimbal is set, it stops a little off: constant in a dwell, new in the next.
+    r"""Setting repeatability: each time a gimbal is set, it stops a little off, constant in a dwell, new in the next.
 
     .. math:: E[y_i y_j] = \sigma^2 [\text{same dwell}]
 
@@ -240,7 +241,7 @@ def sample(
 
     With `state` the first sample is one step after that state, with the step of the first two samples.
     """
-    h, moved = _steps(time, visit)
+    h, moved = steps(time, visit)
     Phi, Q = process.transition(h, moved), process.diffusion(h, moved)
     if state is None:
         Phi[0], Q[0], state = 0.0, process.initial(), np.zeros(Phi.shape[1])
@@ -257,7 +258,7 @@ def sample(
 
 def covariance(process: Process, time: Array, visit: Array | None = None) -> Array:
     """E[y y'] (n, n) at time (n,) [s]."""
-    h, moved = _steps(time, visit)
+    h, moved = steps(time, visit)
     Phi, Q = process.transition(h, moved), process.diffusion(h, moved)
     n = len(time)
     P = np.zeros((n, n))
@@ -272,7 +273,7 @@ def covariance(process: Process, time: Array, visit: Array | None = None) -> Arr
     return P + np.tril(P, -1).T
 
 
-def _steps(time: Array, visit: Array | None) -> tuple[Array, Array]:
+def steps(time: Array, visit: Array | None) -> tuple[Array, Array]:
     """Time since the sample before (the first: as the second), and whether there was a move in between."""
     h = np.diff(time, prepend=2 * time[0] - time[1]) if len(time) > 1 else np.zeros(1)
     moved = np.zeros(len(time), dtype=bool) if visit is None else np.diff(visit, prepend=visit[0]) != 0

@@ -17,8 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gimbalcal.effects.process import WhiteNoise
 from gimbalcal.errors import InputError
-from gimbalcal.inference.coloured import Colour, estimate_colour, least_squares
+from gimbalcal.inference.coloured import estimate_noise, least_squares
+from gimbalcal.inference.noise import Noise
 from gimbalcal.number import Array
 
 
@@ -34,7 +36,7 @@ class Harmonics:
     value: Array
     covariance: Array
     drift: Array
-    noise: Colour
+    noise: Noise
     chi2: float
     dof: int
     rms: float
@@ -82,13 +84,13 @@ def fourier(
     orders: Sequence[int] = (0, 1, 2),
     weight: Array | None = None,
     drift: int = 1,
-    noise: str | Colour = "auto",
+    noise: str | Noise = "auto",
     sigma: float | None = None,
 ) -> Harmonics:
     """Harmonic coefficients of y (n,) in the angle (n,) [rad]; rows that are not finite are gaps.
 
     weight (n,): raw samples behind each row. drift: degree of the polynomial. noise: "white", "gauss-markov",
-    "random-walk", "auto" (best BIC of the three) or a Colour that is known. sigma: white noise of a row of unit
+    "random-walk", "auto" (best BIC of the three) or processes that are known. sigma: white noise of a row of unit
     weight if it is known; else, and always under coloured noise, it is estimated. Raises InputError where the run is
     too short to tell the harmonics from each other and from the drift.
     """
@@ -100,10 +102,10 @@ def fourier(
         raise InputError(f"{len(y)} rows cannot determine {q} harmonics and {drift} drift terms: record a longer run")
     A = design(time, angle, orders, drift)
     try:
-        colour = noise if isinstance(noise, Colour) else estimate_colour(time, A, y, weight, noise)
-        if sigma is not None and colour.ratio == 0:
-            colour = Colour(sigma)
-        fit = least_squares(time, A, y[:, None], weight, colour)
+        found = estimate_noise(time, A, y, weight, noise) if isinstance(noise, str) else noise
+        if sigma is not None and len(found) == 1:
+            found = (WhiteNoise(sigma),)
+        fit = least_squares(time, A, y[:, None], weight, found)
     except np.linalg.LinAlgError:
         turned = np.rad2deg(np.ptp(angle))
         raise InputError(
@@ -111,8 +113,7 @@ def fourier(
             f"each other and from {drift} drift terms: record a longer run or ask for fewer terms"
         ) from None
     r = y - A @ fit.beta[:, 0]
-    covariance = colour.sigma**2 * fit.cofactor[:q, :q]
     return Harmonics(
-        names, fit.beta[:q, 0], covariance, fit.beta[q:, 0], colour,
-        float(fit.misfit[0] / colour.sigma**2), len(y) - A.shape[1], float(np.sqrt(np.mean(r**2))),
+        names, fit.beta[:q, 0], fit.covariance[:q, :q], fit.beta[q:, 0], found,
+        float(fit.chi2[0]), len(y) - A.shape[1], float(np.sqrt(np.mean(r**2))),
     )  # fmt: skip

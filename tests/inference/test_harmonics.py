@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import chi2
 
 from gimbalcal.earth import EARTH_RATE
+from gimbalcal.effects.process import WhiteNoise
 from gimbalcal.errors import InputError
-from gimbalcal.inference.coloured import Colour
 from gimbalcal.inference.harmonics import columns, fourier, labels
 from gimbalcal.number import Array
 from tests.inference.test_coloured import simulate
@@ -74,7 +74,7 @@ def test_known_sigma_and_weights_give_the_textbook_covariance() -> None:
     A = columns(angle, (0, 1, 2))
     np.testing.assert_allclose(h.covariance, 0.5**2 / 25 * np.linalg.inv(A.T @ A), rtol=1e-9)
     assert chi2.ppf(0.0005, h.dof) < h.chi2 < chi2.ppf(0.9995, h.dof)
-    assert h.noise == Colour(0.5)
+    assert h.noise == (WhiteNoise(0.5),)
 
 
 def test_mean_of_whole_days_and_an_fft_bin_are_biased_where_the_fit_is_not() -> None:

@@ -18,7 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gimbalcal.effects.process import GaussMarkov, Process, WhiteNoise
 from gimbalcal.inference.algebra import eigh, logsumexp
+from gimbalcal.inference.noise import chain
 from gimbalcal.number import Array
 
 SIZES = np.array([0.1, 0.3, 1.0, 3.0, 10.0, 30.0])  # times the catalogue's prior sigma: rigs differ, physics less
@@ -42,7 +44,8 @@ class Cleared:
 def clear(r: Array, J: Array, X: Array, rho: float, prior: float) -> Cleared:
     """Whiten r (n, C), modelled columns J (n, C, q) and candidates X (n, C, P) for memory rho, and project J out."""
     n, C = r.shape
-    y, Z, W = (_whitened(a.reshape(n, C, -1), rho).reshape(n * C, -1) for a in (r, J, X))
+    noise = chain(first_order(rho), np.arange(float(n)))
+    y, Z, W = (noise.whiten(a.reshape(n, C, -1)).reshape(n * C, -1) for a in (r, J, X))
     size = np.sqrt((Z**2).sum(axis=0))
     U, S, _ = np.linalg.svd(Z / np.where(size > 0, size, 1.0), full_matrices=False)
     keep = S > RANK * max(S.max(initial=0.0), 1e-300)
@@ -51,13 +54,13 @@ def clear(r: Array, J: Array, X: Array, rho: float, prior: float) -> Cleared:
     W = W - Q @ (Q.T @ W)
     W = np.where(np.sqrt((W**2).sum(axis=0)) > 1e-4 * before, W, 0.0)
     y = (y - Q @ (Q.T @ y))[:, 0]
-    ln = np.log(prior) - 0.5 * C * (n - 1) * np.log1p(-(rho**2)) - float(np.log(S).sum())
+    ln = np.log(prior) - 0.5 * C * noise.log_determinant - float(np.log(S).sum())
     return Cleared(y, W, n * C - len(S), float(ln))
 
 
-def _whitened(x: Array, rho: float) -> Array:
-    """Rows (n, ...) made independent if they are a first-order process of unit variance with memory rho."""
-    return np.concatenate([x[:1], (x[1:] - rho * x[:-1]) / np.sqrt(1 - rho**2)])
+def first_order(rho: float) -> Process:
+    """Unit noise of memory rho from row to row, time counted in rows."""
+    return GaussMarkov(1.0, -1 / np.log(rho)) if rho > 0 else WhiteNoise(1.0)
 
 
 @dataclass(frozen=True)

@@ -2,24 +2,29 @@ r"""The noise of a recording, as a grid of possibilities to integrate over, neve
 
 .. math:: V = \sigma_w^2 I + \sigma_\theta^2 K_{setting} + \sigma_{rw}^2 K_{walk}
 
-The white part is known to a per cent from the scatter inside dwells (or at high frequency) and is fixed by it. The
-setting error, one small turn of each gimbal per visit, decides the real size of the sample: it and the random walk
-are integrated over. In a static run the cosine transform makes V diagonal.
+Each possibility is a tuple of processes by quantity, in units of one sigma of a row (angles of a setting in rad), and
+V is what these processes make of the reduced rows. The white part is known to a per cent from the scatter inside
+dwells (or at high frequency) and is fixed by it. The setting repeatability, one small turn of each gimbal per visit,
+decides the real size of the sample: it and the random walk are integrated over. In a static run the cosine transform
+makes V diagonal.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.effects import Stage
+from gimbalcal.effects.process import RandomWalk, SettingError, WhiteNoise
+from gimbalcal.inference.noise import Noise, covariance, factor, spectrum
 from gimbalcal.inference.robust import huber
 from gimbalcal.number import Array
 from gimbalcal.units import to_si
 
-SETTING = (0.5, 0.71, 1.0, 1.41, 2.0, 2.83)  # times the stated setting error
+SETTING = (0.5, 0.71, 1.0, 1.41, 2.0, 2.83)  # times the stated setting repeatability
 SETTING_PRIOR = (0.05, 0.15, 0.40, 0.22, 0.12, 0.06)
 WALK = (0.0, 1.0, 2.5, 6.0)  # random walk over the whole recording, in sigmas of a dwell mean (or of an hour's mean)
 WALK_PRIOR = (0.85, 0.07, 0.05, 0.03)
@@ -32,9 +37,10 @@ NEIGHBOURS = 15  # rows of a static run in which a level is followed: a quarter 
 
 @dataclass(frozen=True)
 class Node:
-    """One possible noise: how to whiten reduced rows, its log determinant and prior probability."""
+    """One possible noise: its processes, how they whiten reduced rows, their log determinant and prior probability."""
 
     name: tuple[tuple[str, float], ...]
+    noise: Mapping[str, Noise]  # by quantity, per sigma of a row; that of a gimbal setting in rad
     prior: float
     logdet: float
     inverse_root: Array  # (R, R) lower triangle inverse, or (R,) diagonal
@@ -93,16 +99,28 @@ def _dwell_nodes(o: Observations) -> tuple[Node, ...]:
     setting, walk = _setting(o), _walk(o)
     K = setting @ setting.T
     return tuple(
-        _dwell_node(K, walk, s, w, ps * pw)
+        _dwell_node(o, K, walk, s, w, ps * pw)
         for s, ps in zip(SETTING, SETTING_PRIOR, strict=True)
         for w, pw in zip(WALK, WALK_PRIOR, strict=True)
     )
 
 
-def _dwell_node(setting: Array, walk: Array, s: float, w: float, prior: float) -> Node:
+def _dwell_node(o: Observations, setting: Array, walk: Array, s: float, w: float, prior: float) -> Node:
+    """Kernels of the processes of size one grow with the square of their size."""
     L = np.linalg.cholesky(np.eye(len(setting)) + s**2 * setting + w**2 * walk)
     logdet = 2 * float(np.log(np.diag(L)).sum())
-    return Node((("setting error", s), ("random walk", w)), prior, logdet, np.linalg.inv(L))
+    name = (("setting error", s), ("random walk", w))
+    return Node(name, dwell_noise(o, s, w), prior, logdet, np.linalg.inv(L))
+
+
+def dwell_noise(o: Observations, setting: float, walk: float) -> Mapping[str, Noise]:
+    """`setting` times the stated repeatability, and a walk that reaches `walk` sigmas of a dwell mean at the end."""
+    repeatability = setting * o.recording.noise.get("gimbal_angle", DEFAULT_SETTING)
+    rows, end = len(o.y) / len(np.unique(o.stimulus.visit)), float(_block_time(o)[-1])
+    return {
+        "specific_force": (WhiteNoise(1.0), RandomWalk(walk / float(np.sqrt(rows * end)))),
+        "gimbal_angle": (SettingError(repeatability),),
+    }
 
 
 def nominal(o: Observations) -> Node:
@@ -110,27 +128,29 @@ def nominal(o: Observations) -> Node:
     if o.kind == "static-run":
         return _spectral_nodes(o)[0]
     setting = _setting(o)
-    return _dwell_node(setting @ setting.T, np.zeros((len(setting), len(setting))), 1.0, 0.0, 1.0)
+    return _dwell_node(o, setting @ setting.T, np.zeros((len(setting), len(setting))), 1.0, 0.0, 1.0)
 
 
 def _setting(o: Observations) -> Array:
-    """Reduced columns (R, visits x gimbals) of one stated setting error of each gimbal at each visit."""
+    """Reduced columns (R, visits x gimbals) of one stated setting repeatability of each gimbal at each visit."""
     S = o.sensitivity[Stage.ENCODER]
-    size = o.recording.noise.get("gimbal_angle", DEFAULT_SETTING)
+    (process,) = dwell_noise(o, 1.0, 0.0)["gimbal_angle"]
     k = [i for i, a in enumerate(o.stimulus.axis_names) if ("gimbal_angle", a) in o.recording.channels]
-    visits = (o.stimulus.visit[:, None] == np.unique(o.stimulus.visit)).astype(float)
-    X = np.einsum("ncm,nv->ncvm", S[:, :, k], visits) * size
+    X = np.einsum("ncm,nv->ncvm", S[:, :, k], factor(process, o.stimulus.time, o.stimulus.visit))
     return o.reduce(X.reshape(*X.shape[:2], -1))
 
 
 def _walk(o: Observations) -> Array:
-    """Covariance (R, R) of independent random walks of the channels, reaching one sigma of a dwell mean at the end."""
-    n, C = o.y.shape
-    count = np.diff(np.append(o.starts, n))
-    t = np.add.reduceat(o.stimulus.time, o.starts) / count
-    dwell = n / len(np.unique(o.stimulus.visit))
-    K = np.minimum.outer(t, t) / t[-1] * np.sqrt(np.outer(count, count)) / dwell
-    return np.asarray(np.kron(K, np.eye(C)))
+    """Covariance (R, R) of independent random walks of the channels, each block mean as the walk at its mean time."""
+    walk = dwell_noise(o, 1.0, 1.0)["specific_force"][1:]
+    count = np.diff(np.append(o.starts, len(o.y)))
+    K = covariance(walk, np.append(0.0, _block_time(o)))[1:, 1:] * np.sqrt(np.outer(count, count))
+    return np.asarray(np.kron(K, np.eye(o.y.shape[1])))
+
+
+def _block_time(o: Observations) -> Array:
+    count = np.diff(np.append(o.starts, len(o.y)))
+    return np.asarray(np.add.reduceat(o.stimulus.time, o.starts) / count)
 
 
 def coloured(o: Observations) -> int:
@@ -144,17 +164,21 @@ def coloured(o: Observations) -> int:
 def _spectral_nodes(o: Observations) -> tuple[Node, ...]:
     """White noise and, in forces or in angles, a random walk: diagonal in the cosine transform."""
     n, C = o.y.shape
-    k = np.maximum(np.arange(coloured(o) // C), 0.5)
-    unit = 1 / (2 - 2 * np.cos(np.pi * k / n)) / n  # walk that reaches one sigma of a row at the end
-    hour = float(np.median(np.diff(o.stimulus.time))) / 3600.0  # variance of an hour's mean, in rows
-    force = np.array([q == "specific_force" for q, _ in o.channels])
+    # an offset, which the calibration takes, stands for half a wave
+    angle = np.pi * np.maximum(np.arange(coloured(o) // C), 0.5) / n
+    step = float(np.median(np.diff(o.stimulus.time)))
     out = []
     for wf, pf in zip(WALK, WALK_PRIOR, strict=True):
         for wa, pa in zip(WALK, WALK_PRIOR, strict=True):
-            level = np.where(force, wf, wa) ** 2 * hour
-            V = 1 + unit[:, None] * level
+            noise = {q: static_noise(o, wf if q == "specific_force" else wa) for q in dict(o.channels)}
+            V = np.stack([spectrum(noise[q], step, angle) for q, _ in o.channels], axis=-1)
             out.append(
-                Node((("random walk of forces", wf), ("random walk of angles", wa)), pf * pa,
+                Node((("random walk of forces", wf), ("random walk of angles", wa)), noise, pf * pa,
                      float(np.log(V).sum()), (1 / np.sqrt(V)).ravel())
             )  # fmt: skip
     return tuple(out)
+
+
+def static_noise(o: Observations, walk: float) -> Noise:
+    """White rows and a walk that reaches `walk` sigmas of an hour's mean at the end of a static run."""
+    return (WhiteNoise(1.0), RandomWalk(walk / float(np.sqrt(3600.0 * len(o.y)))))

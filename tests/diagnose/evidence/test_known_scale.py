@@ -27,7 +27,7 @@ def example(seed=3, R=40, low=40):
     Z, X = rng.standard_normal((R, 3)), rng.standard_normal((R, 5))
     y = X[:, :1] * 0.8 + rng.standard_normal((R, 1))
     root = np.linalg.inv(np.linalg.cholesky(np.eye(low) + 0.5 * np.ones((low, low))))
-    return Node((), 1.0, 0.0, root), Z, X, y
+    return Node((), {}, 1.0, 0.0, root), Z, X, y
 
 
 def dense_log_bayes(node, Z, X, y, size):
@@ -75,8 +75,8 @@ def test_rows_that_stay_white_may_be_kept_as_their_gram_matrix():
     root = np.linalg.inv(np.linalg.cholesky(np.eye(half) + 0.5 * np.ones((half, half))))
     whole = np.eye(40)
     whole[:half, :half] = root
-    a = project(Node((), 1.0, 0.0, root), stack(Z, X, y, half))
-    b = project(Node((), 1.0, 0.0, whole), stack(Z, X, y, 40))
+    a = project(Node((), {}, 1.0, 0.0, root), stack(Z, X, y, half))
+    b = project(Node((), {}, 1.0, 0.0, whole), stack(Z, X, y, 40))
     np.testing.assert_allclose(a.G, b.G, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(a.b, b.b, rtol=1e-10, atol=1e-10)
     assert a.misfit == pytest.approx(b.misfit)

@@ -1,13 +1,17 @@
-"""The noise of a recording: weights leave what was measured as it is."""
+"""The noise of a recording: weights leave what was measured as it is, and a node is what its processes make of rows."""
 
 import numpy as np
 import pytest
+from scipy.fft import dct
 
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.evidence.noise import settle
+from gimbalcal.diagnose.evidence.noise import coloured, nodes, settle
 from gimbalcal.diagnose.rows.observations import observe
+from gimbalcal.effects import Stage
+from gimbalcal.inference.noise import chain, covariance
 from tests.diagnose.laws import held_before
 from tests.diagnose.plant import UG, on, record
+from tests.diagnose.static_plant import record as at_rest
 
 TAILS = 4.0  # degrees of freedom of Student's t
 
@@ -69,3 +73,58 @@ def test_a_cause_inside_dwells_is_found_in_heavy_tails():
     d = diagnose([with_creep(40.0)])
     assert [f["effect"] for f in d.findings] == ["post_move_creep"]
     assert d.findings[0]["parameters"][0]["value"] == pytest.approx(40.0, rel=0.25)
+
+
+def of_rows(o, node):
+    """Covariance (R, R) of reduced rows from the covariance of every process at every row, one dense product."""
+    s, n, C = o.stimulus, *o.y.shape
+    B = o.reduce(np.eye(n * C).reshape(n, C, n * C))  # (R, n C)
+    V = B @ B.T
+    (setting,) = node.noise["gimbal_angle"]
+    K = covariance([setting], s.time, s.visit)
+    for gimbal in range(3):
+        S = B * o.sensitivity[Stage.ENCODER][:, :, gimbal].ravel()
+        V += S @ np.kron(K, np.ones((C, C))) @ S.T  # one angle turns all channels
+    return V
+
+
+@pytest.mark.parametrize("loose", [0.5, 2.83])
+def test_a_node_is_the_covariance_of_its_processes(loose):
+    o = observe(record(np.random.default_rng(5), dwell=12))
+    node = next(n for n in nodes(o) if dict(n.name) == {"setting error": loose, "random walk": 0.0})
+    V = of_rows(o, node)
+    np.testing.assert_allclose(node.inverse_root @ V @ node.inverse_root.T, np.eye(len(V)), atol=1e-10)
+    assert node.logdet == pytest.approx(np.linalg.slogdet(V)[1], abs=1e-9)
+
+
+def test_the_walk_of_a_node_is_its_process_at_the_middle_of_each_block():
+    o = observe(record(np.random.default_rng(5), dwell=12))
+    still, walking = (next(n for n in nodes(o) if dict(n.name) == {"setting error": 1.0, "random walk": w})
+                      for w in (0.0, 2.5))  # fmt: skip
+    V, W = (np.linalg.inv(n.inverse_root) @ np.linalg.inv(n.inverse_root).T for n in (still, walking))
+    n, starts = len(o.y), o.starts
+    t = np.add.reduceat(o.stimulus.time, starts) / 2  # blocks of two rows
+    walk = walking.noise["specific_force"][1]
+    expected = 2 * np.kron(covariance([walk], np.append(0.0, t))[1:, 1:], np.eye(3))
+    np.testing.assert_allclose(W - V, expected, atol=1e-10 * expected.max())
+    # in units of a dwell mean the walk ends at 2.5 sigma; rows inside a block shift it by 1 % of that
+    whole = covariance([walk], o.stimulus.time)
+    B = np.add.reduceat(np.eye(n), starts, axis=0) / np.sqrt(2)
+    np.testing.assert_allclose(B @ whole @ B.T, expected[::3, ::3], atol=0.01 * expected.max())
+    assert whole[-1, -1] * 12 == pytest.approx(2.5**2, rel=0.01)
+
+
+def test_a_static_node_is_the_covariance_of_its_processes():
+    o = observe(at_rest(np.random.default_rng(1)))
+    node = next(n for n in nodes(o) if dict(n.name) == {"random walk of forces": 6.0, "random walk of angles": 1.0})
+    n, C = o.y.shape
+    low = dct(np.eye(n), axis=0, norm="ortho")[1 : coloured(o) // C]
+    variance = (1 / node.inverse_root**2).reshape(-1, C)[1:]
+    for i, (quantity, _) in enumerate(o.channels):
+        white, walk = node.noise[quantity]
+        # a walk of unknown start, exactly: the inverse of its precision without the first row's own
+        diagonal, below = chain(walk, o.stimulus.time).precision
+        Lambda = np.diag(diagonal) + np.diag(below, 1) + np.diag(below, -1)
+        Lambda[0, 0] -= 1 / (walk.N**2 * 600.0)
+        V = low @ (covariance([white], o.stimulus.time) + np.linalg.pinv(Lambda, hermitian=True)) @ low.T
+        np.testing.assert_allclose(V, np.diag(variance[:, i]), atol=1e-10 * V.max())

@@ -1,0 +1,124 @@
+r"""What a noise makes of rows: covariance, factors, whitening, spectrum and states, all from the Phi, Q, H, P_0 of its
+processes.
+
+A noise is a tuple of independent processes that add up, :math:`V = \sum_p E[y_p y_p^T]`. A process of one state is a
+chain, whose precision is bidiagonal twice over,
+
+.. math:: V^{-1} = L^T L, \qquad (L y)_k = (y_k - \Phi_k y_{k-1}) / \sqrt{Q_k}
+
+so that whitening costs one product per row. Source: Sarkka (2013), Eqs. (4.1) and (6.5).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gimbalcal.effects.process import Process, steps
+from gimbalcal.effects.process import covariance as of_process
+from gimbalcal.number import Array
+
+Noise = tuple[Process, ...]
+
+
+def covariance(noise: Sequence[Process], time: Array, visit: Array | None = None) -> Array:
+    """E[y y'] (n, n) of the sum of the processes at time (n,) [s]."""
+    return np.asarray(sum((of_process(p, time, visit) for p in noise), np.zeros((len(time), len(time)))))
+
+
+def factor(process: Process, time: Array, visit: Array | None = None) -> Array:
+    """F (n, r) with F F^T the covariance of a process of one state: what each of its r independent draws does later.
+
+    A setting repeatability has a draw at every visit, white noise and a walk one at every row.
+    """
+    h, moved = steps(time, visit)
+    (Phi,), (Q,) = process.transition(h, moved).T, process.diffusion(h, moved).T
+    (H,), (Q[0],) = process.output(), process.initial()
+    drawn = np.flatnonzero(Q > 0)
+    F = np.zeros((len(time), len(drawn)))
+    at = 0
+    for k in range(len(time)):
+        if k:
+            F[k] = Phi[k] * F[k - 1]
+        if at < len(drawn) and drawn[at] == k:
+            F[k, at] = H * np.sqrt(Q[k])
+            at += 1
+    return F
+
+
+class Chain(NamedTuple):
+    """A process of one state over n rows: how much of the row before stays, and the variance that is new."""
+
+    Phi: Array  # (n,), the first unused
+    Q: Array  # (n,), the first that of the first row
+
+    def whiten(self, rows: Array) -> Array:
+        """Rows (n, ...) of this covariance to independent ones of unit variance."""
+        Phi, Q = (a[1:].reshape(-1, *[1] * (rows.ndim - 1)) for a in self)
+        return np.concatenate([rows[:1] / np.sqrt(self.Q[0]), (rows[1:] - Phi * rows[:-1]) / np.sqrt(Q)])
+
+    @property
+    def log_determinant(self) -> float:
+        """ln |V|."""
+        return float(np.log(self.Q).sum())
+
+    @property
+    def precision(self) -> tuple[Array, Array]:
+        """Diagonal (n,) and first off-diagonal (n - 1,) of V^-1."""
+        diagonal = 1 / self.Q
+        diagonal[:-1] += self.Phi[1:] ** 2 / self.Q[1:]
+        return diagonal, -self.Phi[1:] / self.Q[1:]
+
+
+def chain(process: Process, time: Array) -> Chain:
+    """The chain of a process of one state that began, with its P_0, one median step before the first row.
+
+    A stationary process does not mind; a walk is then known to be zero there. Raises ValueError for more states.
+    """
+    h = np.append(np.median(np.diff(time)) if len(time) > 1 else 0.0, np.diff(time))
+    still = np.zeros(len(time), dtype=bool)
+    Phi, Q, H = process.transition(h, still), process.diffusion(h, still), process.output()
+    if len(H) > 1:
+        raise ValueError(f"`process` must have one state, {process.id} has {len(H)}")
+    Q = Q[:, 0] * H[0] ** 2
+    Q[0] += Phi[0, 0] ** 2 * process.initial()[0] * H[0] ** 2
+    return Chain(Phi[:, 0], Q)
+
+
+def spectrum(noise: Sequence[Process], step: float, angle: Array) -> Array:
+    r"""Variance (k,) of the modes cos(angle (j + 1/2)), j = 0, 1, ..., of rows `step` [s] apart, angle (k,) [rad].
+
+    .. math:: S(\theta) = \sum \frac{H^2 Q}{1 + \Phi^2 - 2 \Phi \cos\theta}
+
+    over all states. In a long run the orthonormal cosine transform makes stationary noise independent from mode to
+    mode, and a random walk with free ends exactly so in a run of any length.
+    """
+    h, still = np.array([step]), np.zeros(1, dtype=bool)
+    total = np.zeros(len(angle))
+    for process in noise:
+        terms = zip(process.transition(h, still)[0], process.diffusion(h, still)[0], process.output(), strict=True)
+        for Phi, Q, H in terms:
+            total += H**2 * Q / (1 + Phi**2 - 2 * Phi * np.cos(angle))
+    return total
+
+
+class States(NamedTuple):
+    """A noise as states of a Kalman filter: Phi, Q (n, m, m) into each row, H (1, m), P_0 (m, m) at the first."""
+
+    Phi: Array
+    Q: Array
+    H: Array
+    P: Array
+
+
+def states(noise: Sequence[Process], time: Array, visit: Array | None = None) -> States:
+    """All processes beside each other, one state for each of their chains."""
+    h, moved = steps(time, visit)
+    Phi = np.concatenate([p.transition(h, moved) for p in noise], axis=1)
+    Q = np.concatenate([p.diffusion(h, moved) for p in noise], axis=1)
+    H = np.concatenate([p.output() for p in noise])
+    one = np.eye(len(H))
+    P = np.concatenate([p.initial() for p in noise])
+    return States(Phi[:, :, None] * one, Q[:, :, None] * one, H[None], P[:, None] * one)
