@@ -15,6 +15,9 @@ EARTH_RATE = 7.292115e-5
 G0 = 9.80665
 """Standard gravity, m/s^2, exact (3rd CGPM, 1901); what "1 g" means in a unit."""
 
+HOUR = 3600.0  # s
+SOLAR_DAY = 24 * HOUR  # s, mean
+
 SEMI_MAJOR_AXIS = 6378137.0  # m, Table 3.1
 FLATTENING = 1 / 298.257223563  # Table 3.1
 GRAVITY_EQUATOR = 9.7803253359  # m/s^2, Table 3.4

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.effects.effect import TRIAD, Effect, Stage, Stimulus, effect, parameter
+from gimbalcal.effects.effect import MISALIGNMENT_AXES, TRIAD, Effect, Stage, Stimulus, effect, parameter
 from gimbalcal.number import Array, sqrt
-
-MISALIGNMENT_AXES = ("xy", "xz", "yz", "yx", "zx", "zy")
 
 
 def lean(beta: Array, force: Array) -> Array:

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from gimbalcal.earth import HOUR
 from gimbalcal.effects.effect import TRIAD, Effect, Stage, Stimulus, constant, effect, parameter
 from gimbalcal.effects.history import lagged
 from gimbalcal.number import Array
-
-HOUR = 3600.0
 
 
 def channel(s: Stimulus, name: str) -> Array:

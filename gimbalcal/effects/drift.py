@@ -6,16 +6,22 @@ from math import pi
 
 import numpy as np
 
-from gimbalcal.earth import EARTH_RATE
-from gimbalcal.effects.effect import SCALAR, Effect, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.earth import EARTH_RATE, HOUR, SOLAR_DAY
+from gimbalcal.effects.effect import (
+    MATRIX_AXES,
+    PLATFORM_AXES,
+    SCALAR,
+    Effect,
+    Stage,
+    Stimulus,
+    constant,
+    effect,
+    parameter,
+)
 from gimbalcal.effects.history import columns, integral
 from gimbalcal.number import Array, apply_matrix, cos, exp, sin
 
-HOUR = 3600.0
-SOLAR_DAY = 24 * HOUR
 SCHULER_PERIOD = 84.4 * 60  # 2 pi sqrt(R / g)
-PLATFORM_AXES = ("equatorial_x", "equatorial_y", "polar")
-MATRIX_AXES = tuple(i + j for i in "xyz" for j in "xyz")  # output axis, then input axis
 
 
 @effect
@@ -33,7 +39,7 @@ class PolarAxisMisalignment(Effect):
     stage = Stage.PLATFORM
     sources = ("britting1971",)
     kinds = ("static-run",)
-    phi_0: Array = parameter(("equatorial_x", "equatorial_y", "polar"), unit="arcsec", sigma=120, name="phi_0")
+    phi_0: Array = parameter(PLATFORM_AXES, unit="arcsec", sigma=120, name="phi_0")
 
     def contribution(self, s: Stimulus) -> Array:
         """Rotation in platform axes [rad], (n, 3)."""

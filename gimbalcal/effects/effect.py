@@ -19,6 +19,10 @@ from gimbalcal.number import Array
 from gimbalcal.units import to_si
 
 TRIAD = ("x", "y", "z")
+MATRIX_AXES = tuple(i + j for i in "xyz" for j in "xyz")  # sensor, then component of what acts on it
+MISALIGNMENT_AXES = ("xy", "xz", "yz", "yx", "zx", "zy")  # sensor, then the other axis; order of the published betas
+PARTNER_AXES = ("xy", "xz", "yx", "yz", "zx", "zy")  # sensor, then the axis that acts with it, row by row
+PLATFORM_AXES = ("equatorial_x", "equatorial_y", "polar")  # x, y, z of an inertially fixed platform
 GIMBALS = ("gimbals",)  # one entry per axis of the platform at hand
 SCALAR = ("",)
 EVERY_KIND = ("multi-position", "static-run", "rotation", "pointing")

@@ -8,14 +8,22 @@ from math import pi
 
 import numpy as np
 
-from gimbalcal.effects.effect import EVERY_KIND, SCALAR, Effect, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.earth import HOUR, SOLAR_DAY
+from gimbalcal.effects.effect import (
+    EVERY_KIND,
+    MATRIX_AXES,
+    SCALAR,
+    Effect,
+    Stage,
+    Stimulus,
+    constant,
+    effect,
+    parameter,
+)
 from gimbalcal.number import Array, apply_matrix, cos, sin
 
-HOUR = 3600.0
-SOLAR_DAY = 24 * HOUR
 M2_PERIOD = 12.4206012 * HOUR  # principal lunar semidiurnal tide, IERS Conventions (2010), chapter 6
 TILT = ("north", "east")
-FIELD_AXES = tuple(i + j for i in "xyz" for j in "xyz")  # accelerometer, then component of the field
 
 
 def level(north: Array, east: Array, down: Array) -> Array:
@@ -193,7 +201,7 @@ class MagneticField(Effect):
     id = "magnetic_field"
     stage = Stage.ACCELEROMETER
     sources = ("ieee1293",)
-    M: Array = parameter(FIELD_AXES, unit="ug", sigma=10, name="magnetic")
+    M: Array = parameter(MATRIX_AXES, unit="ug", sigma=10, name="magnetic")
     declination: float = constant(0.0, unit="deg", low=-np.pi, high=np.pi)
 
     def contribution(self, s: Stimulus) -> Array:

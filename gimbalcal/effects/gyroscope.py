@@ -9,11 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.effects.effect import TRIAD, Effect, Stage, Stimulus, effect, parameter
+from gimbalcal.effects.effect import MATRIX_AXES, MISALIGNMENT_AXES, TRIAD, Effect, Stage, Stimulus, effect, parameter
 from gimbalcal.number import Array, absolute
 
-PAIRS = ("xy", "xz", "yz", "yx", "zx", "zy")
-G_PAIRS = ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz")
 KINDS = ("rotation", "multi-position")
 
 
@@ -99,7 +97,7 @@ class GyroMisalignment(Effect):
     channel = "angular_rate"
     kinds = KINDS
     sources = ("wang2019",)
-    E: Array = parameter(PAIRS, unit="arcsec", sigma=300, name="gyro_misalignment")
+    E: Array = parameter(MISALIGNMENT_AXES, unit="arcsec", sigma=300, name="gyro_misalignment")
 
     def contribution(self, s: Stimulus) -> Array:
         """Rate added [rad/s], (n, 3)."""
@@ -192,7 +190,7 @@ class GyroGSensitivityRate(Effect):
     channel = "angular_rate"
     kinds = KINDS
     sources = ("ieee1431",)
-    G: Array = parameter(G_PAIRS, unit="deg/h/g", sigma=1, name="gyro_g_sensitivity_rate")
+    G: Array = parameter(MATRIX_AXES, unit="deg/h/g", sigma=1, name="gyro_g_sensitivity_rate")
 
     def contribution(self, s: Stimulus) -> Array:
         """Rate added [rad/s], (n, 3)."""

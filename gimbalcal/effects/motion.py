@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.effects.effect import SCALAR, TRIAD, Effect, Stage, Stimulus, effect, parameter
+from gimbalcal.effects.effect import MATRIX_AXES, SCALAR, TRIAD, Effect, Stage, Stimulus, effect, parameter
 from gimbalcal.effects.history import integral, slope
 from gimbalcal.number import Array
-
-MATRIX_AXES = tuple(i + j for i in "xyz" for j in "xyz")  # accelerometer, then component of its place
 
 
 @effect

@@ -10,11 +10,9 @@ import numpy as np
 
 from gimbalcal.earth import G0
 from gimbalcal.effects.accelerometer import bend
-from gimbalcal.effects.effect import TRIAD, Effect, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.effects.effect import PARTNER_AXES, TRIAD, Effect, Stage, Stimulus, constant, effect, parameter
 from gimbalcal.effects.history import columns
 from gimbalcal.number import Array, absolute, maximum, minimum, sign
-
-PARTNER_AXES = ("xy", "xz", "yx", "yz", "zx", "zy")  # own axis, then the other one
 
 
 @effect

@@ -6,13 +6,11 @@ from math import pi
 
 import numpy as np
 
-from gimbalcal.earth import G0
-from gimbalcal.effects.accelerometer import MISALIGNMENT_AXES, lean
-from gimbalcal.effects.effect import TRIAD, Effect, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.earth import G0, HOUR
+from gimbalcal.effects.accelerometer import lean
+from gimbalcal.effects.effect import MISALIGNMENT_AXES, TRIAD, Effect, Stage, Stimulus, constant, effect, parameter
 from gimbalcal.effects.history import lagged, smoothed_rate
 from gimbalcal.number import Array, cos, exp
-
-HOUR = 3600.0
 
 
 @effect

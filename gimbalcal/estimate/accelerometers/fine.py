@@ -22,8 +22,8 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Residual, Stage
 from gimbalcal.effects import Parameter, values, with_values
-from gimbalcal.effects.accelerometer import MISALIGNMENT_AXES
 from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.effect import MISALIGNMENT_AXES
 from gimbalcal.estimate.accelerometers.account import faults_in_words, joined, misfit_in_words, provenance
 from gimbalcal.estimate.accelerometers.positions import Positions
 from gimbalcal.estimate.accelerometers.setting import Problem, baseline, visit_means
