@@ -10,7 +10,7 @@ import numpy as np
 
 from gimbalcal.earth import HOUR
 from gimbalcal.effects.effect import TRIAD, Effect, Stage, Stimulus, constant, effect, parameter
-from gimbalcal.effects.history import lagged
+from gimbalcal.effects.history import Dynamics, integrated, late
 from gimbalcal.number import Array
 
 
@@ -63,7 +63,11 @@ class BiasCovariateLagged(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
-        return self.k * lagged(channel(s, self.covariate), s.time, self.tau)[..., None]
+        return integrated(self.dynamics(s), s.time)
+
+    def dynamics(self, s: Stimulus) -> Dynamics:
+        """The channel as the sensor has followed it by now."""
+        return late(channel(s, self.covariate)[:, None], self.tau, np.asarray(self.k)[:, None])
 
 
 @effect

@@ -1,4 +1,7 @@
-"""The platform itself turns: gyroscope drifts and loop residues of an inertially fixed platform."""
+"""The platform itself turns: gyroscope drifts and loop residues of an inertially fixed platform.
+
+The drifts are integrals of the laws in `false_rate`, which say why the platform's coefficients have the other sign.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,8 @@ from math import pi
 
 import numpy as np
 
-from gimbalcal.earth import EARTH_RATE, HOUR, SOLAR_DAY
+from gimbalcal.earth import EARTH_RATE, HOUR
+from gimbalcal.effects import false_rate
 from gimbalcal.effects.effect import (
     MATRIX_AXES,
     PLATFORM_AXES,
@@ -18,8 +22,9 @@ from gimbalcal.effects.effect import (
     effect,
     parameter,
 )
-from gimbalcal.effects.history import columns, integral
-from gimbalcal.number import Array, apply_matrix, cos, exp, sin
+from gimbalcal.effects.false_rate import SOLAR_RATE
+from gimbalcal.effects.history import Dynamics, added_up, integrated
+from gimbalcal.number import Array, cos, exp, sin
 
 SCHULER_PERIOD = 84.4 * 60  # 2 pi sqrt(R / g)
 
@@ -57,6 +62,7 @@ class GyroDrift(Effect):
     """
 
     id = "gyro_drift"
+    same_law_as = "gyro_bias"
     stage = Stage.PLATFORM
     kinds = ("static-run",)
     sources = ("nash1971", "britting1971")
@@ -64,7 +70,11 @@ class GyroDrift(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Rotation in platform axes [rad], (n, 3)."""
-        return self.epsilon * s.time[..., None]
+        return false_rate.constant(self.epsilon, s) * s.time[..., None]
+
+    def dynamics(self, s: Stimulus) -> Dynamics:
+        """The turn so far."""
+        return added_up(false_rate.constant(self.epsilon, s))
 
 
 @effect
@@ -78,6 +88,7 @@ class GyroGSensitivity(Effect):
     """
 
     id = "gyro_g_sensitivity"
+    same_law_as = "gyro_g_sensitivity_rate"
     stage = Stage.PLATFORM
     kinds = ("static-run",)
     sources = ("ieee528", "lawrence1998")
@@ -85,7 +96,11 @@ class GyroGSensitivity(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Rotation in platform axes [rad], (n, 3)."""
-        return apply_matrix(np.reshape(self.D, (3, 3)), integral(s.force, s.time))
+        return integrated(self.dynamics(s), s.time)
+
+    def dynamics(self, s: Stimulus) -> Dynamics:
+        """The turn so far."""
+        return added_up(false_rate.by_force(self.D, s))
 
 
 @effect
@@ -106,8 +121,11 @@ class GyroG2Sensitivity(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Rotation in platform axes [rad], (n, 3)."""
-        fj, fk = columns(s.force)
-        return self.E * integral(fj * fk, s.time)
+        return integrated(self.dynamics(s), s.time)
+
+    def dynamics(self, s: Stimulus) -> Dynamics:
+        """The turn so far."""
+        return added_up(false_rate.by_force_products(self.E, s))
 
 
 @effect
@@ -129,7 +147,11 @@ class GyroTemperatureDrift(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Rotation in platform axes [rad], (n, 3)."""
-        return self.epsilon_T * integral(s.temperature_excess(), s.time)[..., None]
+        return integrated(self.dynamics(s), s.time)
+
+    def dynamics(self, s: Stimulus) -> Dynamics:
+        """The turn so far."""
+        return added_up(false_rate.by_temperature(self.epsilon_T, s))
 
 
 @effect
@@ -152,9 +174,12 @@ class GyroDiurnalDrift(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Rotation in platform axes [rad], (n, 3)."""
-        omega = 2 * pi / SOLAR_DAY
-        S, C = (sin(omega * s.time) / omega)[..., None], ((1 - cos(omega * s.time)) / omega)[..., None]
-        return self.A * C + self.B * S
+        phase = (SOLAR_RATE * s.time)[..., None]  # integrated in closed form: exact however far apart the samples are
+        return (self.A * (1 - cos(phase)) + self.B * sin(phase)) / SOLAR_RATE
+
+    def dynamics(self, s: Stimulus) -> Dynamics:
+        """The turn so far."""
+        return added_up(false_rate.by_solar_day(self.A, self.B, s))
 
 
 @effect

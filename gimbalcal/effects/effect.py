@@ -15,6 +15,7 @@ from typing import Any, ClassVar, TypeVar, dataclass_transform
 
 import numpy as np
 
+from gimbalcal.effects.history import Dynamics
 from gimbalcal.number import Array
 from gimbalcal.units import to_si
 
@@ -126,6 +127,7 @@ class Effect:
     channel: ClassVar[str] = "specific_force"  # where it first shows
     requires: ClassVar[tuple[str, ...]] = ()  # quantities a recording must carry for the effect to be a candidate
     kinds: ClassVar[tuple[str, ...]] = ("multi-position", "static-run", "rotation")
+    same_law_as: ClassVar[str] = ""  # id of the effect that states the same physics for another kind or model
     sources: ClassVar[tuple[str, ...]] = ()  # keys of references.REFERENCES
     linear: ClassVar[bool] = True  # whether the contribution is linear in the parameters
     spans_rows: ClassVar[bool] = False  # whether what is added at one row follows the force or angle of other rows
@@ -134,6 +136,10 @@ class Effect:
     def contribution(self, s: Stimulus) -> Array:
         """What the effect adds at its stage; shape and unit as `Stage` says."""
         raise NotImplementedError
+
+    def dynamics(self, s: Stimulus) -> Dynamics | None:  # noqa: ARG002 (those that remember read it)
+        """The states behind an effect that remembers: integrated, they are its contribution. None for all others."""
+        return None
 
 
 CATALOGUE: dict[str, type[Effect]] = {}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gimbalcal.effects import false_rate
 from gimbalcal.effects.effect import MATRIX_AXES, MISALIGNMENT_AXES, TRIAD, Effect, Stage, Stimulus, effect, parameter
 from gimbalcal.number import Array, absolute
 
@@ -34,7 +35,7 @@ class GyroBias(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Rate added [rad/s], (n, 3)."""
-        return self.epsilon + 0 * s.rate
+        return false_rate.constant(self.epsilon, s)
 
 
 @effect
@@ -180,8 +181,7 @@ class GyroGSensitivityRate(Effect):
 
     .. math:: \delta\omega_i = \sum_j G_{ij} f_j
 
-    The output of a strapdown gyroscope; on a platform that the gyroscopes hold, the same physics is a drift
-    (`gyro_g_sensitivity`). Source: IEEE Std 1431. Magnitude: 0.005 to 0.05 deg/h/g (spinning wheel), 1 to 100 deg/h/g
+    Source: IEEE Std 1431. Magnitude: 0.005 to 0.05 deg/h/g (spinning wheel), 1 to 100 deg/h/g
     (MEMS). Seen by: rest in six attitudes; an axis at rest in one attitude cannot tell it from bias.
     """
 
@@ -194,5 +194,4 @@ class GyroGSensitivityRate(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Rate added [rad/s], (n, 3)."""
-        G = np.reshape(self.G, (3, 3))
-        return np.stack([sum(G[i, j] * s.force[..., j] for j in range(3)) for i in range(3)], axis=-1)
+        return false_rate.by_force(self.G, s)

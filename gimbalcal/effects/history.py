@@ -1,9 +1,12 @@
-"""What the past leaves behind: lagged response, running integral, slope and direction of a move, on irregular time.
+"""What the past leaves behind: states of first order, running integral, slope and direction of a move.
 
-All are linear recursions written as passes over whole arrays, so they run on floats, complex numbers and symbols.
+Time is irregular. All are linear recursions written as passes over whole arrays, so they run on floats, complex
+numbers and symbols.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,18 +28,65 @@ def recursion(a: Array, b: Array) -> Array:
     return b
 
 
-def lagged(x: Array, time: Array, tau: float) -> Array:
-    r"""First-order lag of x (n, ...), exact for x linear between samples, in equilibrium with x[0] before the first.
+@dataclass(frozen=True, eq=False)
+class Dynamics:
+    r"""States x (m,) of first order that an effect carries from sample to sample, for a filter or a navigator.
 
-    .. math:: \tau \dot y = x - y, \quad y_{k+1} = a y_k + x_{k+1} - a x_k - \frac{\Delta x}{h} \tau (1 - a), \quad
-              a = e^{-h / \tau}
+    .. math:: \tau \dot x = u - x \quad \text{or, where nothing is forgotten,} \quad \dot x = u; \qquad \delta = C x
+
+    drive u (n, m), linear between samples; start (m,) or (n, m): x at the first sample, and again at the rows where
+    `anew` (n,) is true; output C (3, m) or (n, 3, m), None where the states themselves are added; tau [s], None where
+    nothing is forgotten.
     """
-    h = np.diff(time)
-    a = exp(-h / tau)
-    column = (-1,) + (1,) * (x.ndim - 1)
-    decay, slope = np.reshape(a, column), np.diff(x, axis=0) / np.reshape(h, column)
-    b = x[1:] - decay * x[:-1] - slope * tau * (1 - decay)
-    return recursion(np.concatenate([np.zeros(1), a]), np.concatenate([x[:1], b]))
+
+    drive: Array
+    start: Array
+    output: Array | None = None
+    tau: float | None = None
+    anew: Array | None = None
+
+
+def relaxation(h: Array, tau: float | Array | None) -> Array:
+    """Share of a first-order state that is left after h [s]: exp(-h / tau), all of it where tau is None."""
+    return np.ones_like(h) if tau is None else exp(-h / tau)
+
+
+def states(d: Dynamics, time: Array) -> Array:
+    r"""States (n, m) at the samples, exact for a drive that is linear between them.
+
+    .. math:: x_{k+1} = a x_k + u_{k+1} - a u_k - \frac{\Delta u}{h} \tau (1 - a), \quad a = e^{-h / \tau}; \qquad
+              x_{k+1} = x_k + h \frac{u_k + u_{k+1}}{2}
+    """
+    start = np.broadcast_to(d.start, d.drive.shape)
+    if d.tau is None and d.anew is None:
+        return np.asarray(start[0] + integral(d.drive, time))
+    h, u = np.diff(time), d.drive
+    a = relaxation(h, d.tau)
+    keep, step = a[:, None], h[:, None]
+    if d.tau is None:
+        push = (u[1:] + u[:-1]) / 2 * step
+    else:
+        push = u[1:] - keep * u[:-1] - np.diff(u, axis=0) / step * d.tau * (1 - keep)
+    a, push = np.concatenate([np.zeros(1), a]), np.concatenate([start[:1], push])
+    if d.anew is not None:
+        a, push = np.where(d.anew, 0.0, a), np.where(d.anew[:, None], start, push)
+    return recursion(a, push)
+
+
+def integrated(d: Dynamics, time: Array) -> Array:
+    """What an effect with these states adds (n, 3)."""
+    x = states(d, time)
+    return x if d.output is None else np.asarray((d.output * x[:, None, :]).sum(axis=-1))
+
+
+def late(u: Array, tau: float, output: Array) -> Dynamics:
+    """States that follow u (n, m) late, in equilibrium with it before the first sample."""
+    return Dynamics(u, u[0], output, tau)
+
+
+def added_up(rate: Array) -> Dynamics:
+    """Angles (n, 3) that add up a rate (n, 3) from the first sample on."""
+    return Dynamics(rate, np.zeros(3))
 
 
 def smoothed_rate(x: Array, time: Array, tau: float) -> Array:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from gimbalcal.earth import G0
 from gimbalcal.effects.effect import TRIAD, Effect, Stage, Stimulus, constant, effect, parameter
-from gimbalcal.effects.history import direction
+from gimbalcal.effects.history import Dynamics, direction
 from gimbalcal.number import Array, exp
 
 SMALLEST_MOVE = 1e-3 * G0  # m/s^2; a change of force below this has no sense of direction
@@ -55,6 +57,13 @@ class PostMoveCreep(Effect):
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
         return (self.c * s.move_force + self.l * s.force) * exp(-s.since_move / self.tau)[..., None]
+
+    def dynamics(self, s: Stimulus) -> Dynamics:
+        """The share of the relaxation that is still to come: one at every move, whatever was left of the one before."""
+        load = (self.c * s.move_force + self.l * s.force)[..., None]
+        moved = np.diff(s.visit, prepend=s.visit[0]) != 0
+        left = exp(-s.since_move / self.tau)[:, None]
+        return Dynamics(np.zeros((len(s.time), 1)), left, load, self.tau, moved)
 
 
 @effect

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.effects.effect import MATRIX_AXES, SCALAR, TRIAD, Effect, Stage, Stimulus, effect, parameter
-from gimbalcal.effects.history import integral, slope
+from gimbalcal.effects.history import Dynamics, added_up, integrated, slope
 from gimbalcal.number import Array
 
 
@@ -77,7 +77,11 @@ class GravityLeakage(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Rotation in platform axes [rad], (n, 3)."""
-        return self.kappa * integral(s.rate, s.time)
+        return integrated(self.dynamics(s), s.time)
+
+    def dynamics(self, s: Stimulus) -> Dynamics:
+        """The tilt so far."""
+        return added_up(self.kappa * s.rate)
 
 
 @effect
@@ -99,7 +103,11 @@ class TorquerScaleFactor(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Rotation in platform axes [rad], (n, 3)."""
-        return self.kappa * integral(s.rate, s.time)
+        return integrated(self.dynamics(s), s.time)
+
+    def dynamics(self, s: Stimulus) -> Dynamics:
+        """The turn so far beyond the one commanded."""
+        return added_up(self.kappa * s.rate)
 
 
 @effect

@@ -28,6 +28,7 @@ class QuadraticNonlinearity(Effect):
     """
 
     id = "quadratic_nonlinearity"
+    same_law_as = "scale_nonlinearity"
     stage = Stage.ACCELEROMETER
     sources = ("ieee1293", "wu2018")
     linear = False

@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from gimbalcal.effects.history import recursion
+from gimbalcal.effects.history import recursion, relaxation
 from gimbalcal.number import Array
 
 OCTAVE = np.log(2.0)
@@ -118,7 +118,7 @@ class RandomWalk(Process):
     sources = ("ieee952",)
 
     def transition(self, h: Array, moved: Array) -> Array:
-        return np.ones((len(h), 1)) + 0.0 * moved[:, None]
+        return relaxation(h, None)[:, None] + 0.0 * moved[:, None]
 
     def diffusion(self, h: Array, moved: Array) -> Array:
         return (self.N**2 * h + 0.0 * moved)[:, None]
@@ -146,7 +146,7 @@ class GaussMarkov(Process):
     sources = ("ieee952", "sarkka2013")
 
     def transition(self, h: Array, moved: Array) -> Array:
-        return np.exp(-h / self.tau)[:, None] + 0.0 * moved[:, None]
+        return relaxation(h, self.tau)[:, None] + 0.0 * moved[:, None]
 
     def diffusion(self, h: Array, moved: Array) -> Array:
         return (-(self.sigma**2) * np.expm1(-2 * h / self.tau) + 0.0 * moved)[:, None]
@@ -183,7 +183,7 @@ class Flicker(Process):
         return np.asarray(2.0 ** np.arange(first, last + 1e-9))
 
     def transition(self, h: Array, moved: Array) -> Array:
-        return np.exp(-h[:, None] / self.taus) + 0.0 * moved[:, None]
+        return relaxation(h[:, None], self.taus) + 0.0 * moved[:, None]
 
     def diffusion(self, h: Array, moved: Array) -> Array:
         return -self.initial() * np.expm1(-2 * h[:, None] / self.taus) + 0.0 * moved[:, None]

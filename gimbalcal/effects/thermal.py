@@ -9,7 +9,7 @@ import numpy as np
 from gimbalcal.earth import G0, HOUR
 from gimbalcal.effects.accelerometer import lean
 from gimbalcal.effects.effect import MISALIGNMENT_AXES, TRIAD, Effect, Stage, Stimulus, constant, effect, parameter
-from gimbalcal.effects.history import lagged, smoothed_rate
+from gimbalcal.effects.history import Dynamics, integrated, late, smoothed_rate
 from gimbalcal.number import Array, cos, exp
 
 
@@ -99,7 +99,11 @@ class BiasTemperatureLagged(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
-        return self.b_L * lagged(s.temperature_excess(), s.time, self.tau)[..., None]
+        return integrated(self.dynamics(s), s.time)
+
+    def dynamics(self, s: Stimulus) -> Dynamics:
+        """The temperature that the sensor has by now."""
+        return late(s.temperature_excess()[:, None], self.tau, np.asarray(self.b_L)[:, None])
 
 
 @effect
@@ -164,6 +168,10 @@ class WarmUp(Effect):
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
         return self.w * exp(-s.time / self.tau)[..., None]
+
+    def dynamics(self, s: Stimulus) -> Dynamics:
+        """The share of the warming that is still to come."""
+        return Dynamics(np.zeros((len(s.time), 1)), np.ones(1), np.asarray(self.w)[:, None], self.tau)
 
 
 @effect
@@ -251,4 +259,8 @@ class SelfHeating(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
-        return self.H * lagged((s.force / G0) ** 2, s.time, self.tau)
+        return integrated(self.dynamics(s), s.time)
+
+    def dynamics(self, s: Stimulus) -> Dynamics:
+        """The temperature of each sensor, in units of what 1 g makes of it."""
+        return late((s.force / G0) ** 2, self.tau, self.H * np.eye(3))

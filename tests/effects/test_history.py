@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from gimbalcal.effects.history import direction, integral, lagged, recursion, slope, smoothed_rate
+from gimbalcal.effects.history import Dynamics, direction, integral, late, recursion, slope, smoothed_rate, states
 
+ONE = np.ones((3, 1))
 TIME = np.cumsum(np.random.default_rng(1).uniform(0.1, 40.0, 200))
 
 
@@ -18,16 +19,20 @@ def test_recursion_is_the_loop_it_replaces() -> None:
     np.testing.assert_allclose(recursion(a, b), expected, rtol=1e-13)
 
 
+def lag(x: np.ndarray, tau: float) -> np.ndarray:
+    return states(late(x[:, None], tau, ONE), TIME)[:, 0]
+
+
 @pytest.mark.parametrize("tau", [0.5, 30.0, 1e5])
 def test_the_lag_of_a_ramp_is_the_textbook_response(tau: float) -> None:
     t = TIME - TIME[0]
     expected = t - tau * (1 - np.exp(-t / tau))
     # rounding of differences of numbers as large as tau
-    np.testing.assert_allclose(lagged(t, TIME, tau), expected, atol=1e-12 * max(tau, t[-1]))
+    np.testing.assert_allclose(lag(t, tau), expected, atol=1e-12 * max(tau, t[-1]))
 
 
 def test_the_lag_of_a_constant_is_that_constant() -> None:
-    np.testing.assert_allclose(lagged(np.full(200, 3.0), TIME, 20.0), 3.0, rtol=1e-13)
+    np.testing.assert_allclose(lag(np.full(200, 3.0), 20.0), 3.0, rtol=1e-13)
 
 
 def test_the_smoothed_rate_of_a_ramp_is_its_slope_from_end_to_end() -> None:
@@ -36,6 +41,14 @@ def test_the_smoothed_rate_of_a_ramp_is_its_slope_from_end_to_end() -> None:
     noisy = 0.7 * t + np.random.default_rng(3).standard_normal(200)
     # white noise of 1 every 20 s through 300 s: about sqrt(20 / 300) / 300 a second, four times that allowed
     np.testing.assert_allclose(smoothed_rate(noisy, TIME, 300.0)[20:-20], 0.7, atol=4 * 0.26 / 300)
+
+
+def test_states_that_forget_nothing_add_up_and_start_anew() -> None:
+    rate = np.array([[1.0], [3.0], [3.0], [5.0]])
+    time = np.array([0.0, 1.0, 3.0, 4.0])
+    np.testing.assert_allclose(states(Dynamics(rate, np.array([10.0])), time)[:, 0], [10, 12, 18, 22])
+    anew = np.array([False, False, True, False])
+    np.testing.assert_allclose(states(Dynamics(rate, np.array([10.0]), anew=anew), time)[:, 0], [10, 12, 10, 14])
 
 
 def test_integral_and_slope_of_a_parabola() -> None:

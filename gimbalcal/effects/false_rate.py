@@ -1,0 +1,51 @@
+r"""What a gyroscope reads of a rate that is not there, one law per physics, for both ways of mounting it.
+
+A gyroscope of a strapdown unit *reads* the false rate: omega + delta omega (`gyroscope`, stage GYROSCOPE). A platform
+that gyroscopes hold is turned by its loop until they read nothing, so that it *turns* at the opposite of the false
+rate (`drift`, stage PLATFORM):
+
+.. math:: 0 = \omega + \delta\omega \;\Rightarrow\; \varphi = -\int \delta\omega \, dt
+
+The coefficients of a platform are those of its drift, as the literature states them: the negatives of what its
+gyroscopes would read in a strapdown unit. All laws return (n, 3) [rad/s].
+"""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+
+from gimbalcal.earth import SOLAR_DAY
+from gimbalcal.effects.effect import Stimulus
+from gimbalcal.effects.history import columns
+from gimbalcal.number import Array, apply_matrix, cos, sin
+
+SOLAR_RATE = 2 * pi / SOLAR_DAY  # rad/s
+
+
+def constant(epsilon: Array, s: Stimulus) -> Array:
+    """Bias: epsilon (3,) [rad/s]."""
+    return np.asarray(epsilon + 0 * s.rate)
+
+
+def by_force(G: Array, s: Stimulus) -> Array:
+    """Mass unbalance, or stress in a vibrating structure: sum_j G_ij f_j with G (9,) row by row [rad/s per m/s^2]."""
+    return apply_matrix(np.reshape(G, (3, 3)), s.force)
+
+
+def by_force_products(E: Array, s: Stimulus) -> Array:
+    """A suspension that yields unequally along two axes: E_i f_j f_k with E (3,) [rad/s per (m/s^2)^2]."""
+    fj, fk = columns(s.force)
+    return np.asarray(E * fj * fk)
+
+
+def by_temperature(epsilon_T: Array, s: Stimulus) -> Array:
+    """Bias that follows the temperature: epsilon_T (T - T_0) with epsilon_T (3,) [rad/s per degC]."""
+    return np.asarray(epsilon_T * s.temperature_excess()[..., None])
+
+
+def by_solar_day(A: Array, B: Array, s: Stimulus) -> Array:
+    """Bias that follows the solar day: A sin(omega_d t) + B cos(omega_d t) with A, B (3,) [rad/s]."""
+    phase = (SOLAR_RATE * s.time)[..., None]
+    return np.asarray(A * sin(phase) + B * cos(phase))
