@@ -181,7 +181,8 @@ class GyroGSensitivityRate(Effect):
 
     .. math:: \delta\omega_i = \sum_j G_{ij} f_j
 
-    Source: IEEE Std 1431. Magnitude: 0.005 to 0.05 deg/h/g (spinning wheel), 1 to 100 deg/h/g
+    The output of a strapdown gyroscope; on a platform that the gyroscopes hold, the same physics is a drift
+    (`gyro_g_sensitivity`). Source: IEEE Std 1431. Magnitude: 0.005 to 0.05 deg/h/g (spinning wheel), 1 to 100 deg/h/g
     (MEMS). Seen by: rest in six attitudes; an axis at rest in one attitude cannot tell it from bias.
     """
 
