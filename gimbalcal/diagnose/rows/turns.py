@@ -12,13 +12,15 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.diagnose.rows.views import PLAIN, RATE, View
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, parameters, with_values
+from gimbalcal.diagnose.rows.views import RATE, View
+from gimbalcal.effects import CATALOGUE, Effect, Stage, Stimulus, parameters, with_values
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import WIDE, multiposition
-from gimbalcal.estimate.gyroscopes.between_rests import LINEAR, linear
+from gimbalcal.estimate.gyroscopes.between_rests import rows_of_turns
 from gimbalcal.estimate.gyroscopes.rests import BIAS, level_of, rests
 from gimbalcal.estimate.gyroscopes.turns import Turned, turns
+from gimbalcal.forward import Rows
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means, dwells
@@ -32,7 +34,7 @@ def turned_rates(recording: Recording, accelerometers: Calibration | None = None
     """The turns of a recording, across gravity; None where there are too few or nothing was logged on the way."""
     if recording.position is None or not np.any(recording.position == 0):
         return None
-    made = accelerometers or multiposition(recording, PLAIN)
+    made = accelerometers or multiposition(recording, BASELINE["norm"])
     try:
         turned, _, scale = turns(recording, made)
         still = rests(recording, made, scale)
@@ -46,15 +48,14 @@ def turned_rates(recording: Recording, accelerometers: Calibration | None = None
     turned = _with_headings(turned, made.apply(recording))
     sideways = _across(turned.after)
 
-    def rows(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
-        r, J = linear(turned, effects, wanted)
-        return np.einsum("mci,mi->mc", sideways, r), np.einsum("mci,mip->mcp", sideways, J)
+    def rows(effects: Sequence[Effect]) -> Rows:
+        return rows_of_turns(turned, effects).reduced(lambda X: np.einsum("mci,mip->mcp", sideways, X))
 
     ends = dwell_means(recording).select(slice(1, None))
     s = stimulus_from_readings(ends)
     return View(
         "turns", ends, s, ((RATE, "level"), (RATE, "tilted")), "arcsec", None, frozenset({Stage.GYROSCOPE}),
-        LINEAR, rows, _at_rest(turned.stimulus), WIDE,
+        BASELINE["turns"], rows, _at_rest(turned.stimulus), WIDE,
     )  # fmt: skip
 
 

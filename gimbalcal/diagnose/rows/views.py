@@ -1,10 +1,10 @@
 r"""Recordings without a stated noise or without gimbals, as rows of misfit to be explained.
 
-A view is one function: effects in, misfit r (n, C) and its exact derivative J (n, C, p) out.
+A view is one function: effects in, the `Rows` about them out.
 
 * *pointing*: what is seen of a star against where it is, across and along, `forward.predict`;
 * *norm* (rest positions of unknown attitude): the corrected force is as long as gravity,
-  :math:`r = g - |h^{-1}(y)|`, with derivative :math:`u^T H^{-1} \partial h` for h what the accelerometers read;
+  :math:`r = |h^{-1}(y)| - g`, with sensitivity :math:`u^T H^{-1} S_k` for h what the accelerometers read;
 * *rest rates* (gyroscopes in the same positions): the mean output at rest, less what the effects say;
 * *table* (force and rate while a table tilts): force against that of a level unit at rest.
 """
@@ -17,27 +17,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.effects import Effect, Parameter, Stage, Stimulus, values, with_values
+from gimbalcal.effects import Effect, Parameter, Stage, Stimulus
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import WIDE, in_si, multiposition
-from gimbalcal.estimate.gyroscopes.between_rests import LINEAR, fit_turns
+from gimbalcal.estimate.gyroscopes.between_rests import fit_turns
 from gimbalcal.estimate.gyroscopes.rests import rests
 from gimbalcal.estimate.gyroscopes.turns import turns
-from gimbalcal.forward import accelerometers, gyroscopes, jacobian, predict
+from gimbalcal.forward import Rows, accelerometers, linearise
 from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings, stimulus_from_truth
 from gimbalcal.number import STEP, Array
+from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.units import is_raw
 
 FORCE, RATE = "specific_force", "angular_rate"
-Linear = Callable[[Sequence[Effect], Sequence[Parameter]], tuple[Array, Array]]
 DOWN = frozenset({("base_tilt", "down")})  # a turn of the base about the vertical is no tilt: the azimuth zero has it
 TRIANGLE = frozenset({("misalignment", "xy"), ("misalignment", "xz"), ("misalignment", "yx")})  # a convention
 BLOCK = 1.0  # s; a table is tilted over seconds, what is faster shakes building and floor
 FEWEST = 3  # means of a table that can differ from one another in more than a trend
 COARSE, FINE = 0.04, 0.01  # s; steps at which the physics of a tilting table is evaluated, for search and last fit
 BY_HAND = 3.0  # times the catalogue's scales: sensors of different makers, bolted together
-PLAIN = ("bias", "scale_factor", "misalignment")  # of accelerometers that nobody has calibrated
 SENSORS = frozenset({Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER})
 
 
@@ -53,12 +53,17 @@ class View:
     sigma: Array | None  # (n, C) of each row where the samples tell it
     stages: frozenset[Stage]
     baseline: tuple[str, ...]
-    linear: Linear
+    rows: Callable[[Sequence[Effect]], Rows]
     unseen: frozenset[tuple[str, str]] = frozenset()  # (effect, axis) that these rows cannot show by convention
     wide: float = 1.0  # prior scales of these sensors against those of the catalogue
     noise: Array | None = None  # (n, C) what the samples' scatter alone makes of a row, where it is known
     finer: Callable[[], View] | None = None  # the same rows from physics in finer steps, for the last fit
     turns: Callable[[Sequence[Effect]], float] | None = None  # rad by which turns miss gravity with these at rest
+
+    def linear(self, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
+        """Misfit (n, C) about the effects and its derivative (n, C, p) by the wanted parameters."""
+        rows = self.rows(effects)
+        return rows.residual, rows.jacobian(wanted)
 
 
 def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
@@ -68,16 +73,16 @@ def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
     moved = np.diff(s.readout, axis=0, prepend=s.readout[:1])
     s = s.at(visit=np.arange(n), position=np.arange(1, n + 1), since_move=0 * s.time, move_angle=moved)
 
-    def linear(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
-        r = -predict(recording.platform, s, effects, "pointing")["pointing"]
-        J = np.zeros((*r.shape, 0))
-        return r, jacobian(recording.platform, s, effects, wanted, "pointing")["pointing"] if wanted else J
+    stages = frozenset({Stage.ENCODER, Stage.AXIS_TILT, Stage.BASE, Stage.LINE_OF_SIGHT})
+    channels = (("pointing", "across"), ("pointing", "along"))
+
+    def rows(effects: Sequence[Effect]) -> Rows:
+        seen_on_target = np.zeros((n, 2))
+        return linearise(recording.platform, s, effects, "pointing", channels, seen_on_target, stages)
 
     return View(
-        "pointing", recording, s, (("pointing", "across"), ("pointing", "along")), "arcsec", None,
-        frozenset({Stage.ENCODER, Stage.AXIS_TILT, Stage.BASE, Stage.LINE_OF_SIGHT}),
-        tuple(baseline) or ("gimbal_zero", "axis_collimation", "gimbal_nonorthogonality"), linear, DOWN,
-    )  # fmt: skip
+        "pointing", recording, s, channels, "arcsec", None, stages, tuple(baseline) or BASELINE["pointing"], rows, DOWN
+    )
 
 
 def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
@@ -86,17 +91,20 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
     y, g = means.triad(FORCE), means.site.gravity
     s = stimulus_from_readings(means).at(rate=np.zeros_like(y))  # at rest
 
-    def linear(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
+    channels = tuple((FORCE, a) for a in "xyz")
+
+    def rows(effects: Sequence[Effect]) -> Rows:
         f, H = solved(lambda f: accelerometers(f, s, effects), y)
         length = np.linalg.norm(f, axis=-1)
         towards = np.linalg.solve(np.swapaxes(H, -1, -2), (f / length[:, None])[..., None])[..., 0]
-        J = by_parameters(lambda e: accelerometers(f, s, e), effects, wanted, s.axis_names, y.shape)
-        return (length - g)[:, None], np.einsum("ni,nip->np", towards, J)[:, None]
+        felt = linearise(BENCH, s.at(force=f), effects, channels=channels, stages=SENSORS)
+        along = {k: np.einsum("nc,ncm->nm", towards, S)[:, None] for k, S in felt.sensitivity.items()}
+        return replace(felt, channels=((FORCE, "norm"),), residual=(length - g)[:, None], sensitivity=along)
 
     sample = means.sigma("accelerometer")
     noise = None if sample is None else (sample / np.sqrt(means.weight))[:, None]
-    ids = tuple(baseline) or PLAIN
-    return View("norm", means, s, ((FORCE, "norm"),), "mg", None, SENSORS, ids, linear, TRIANGLE, WIDE, noise)
+    ids = tuple(baseline) or BASELINE["norm"]
+    return View("norm", means, s, ((FORCE, "norm"),), "mg", None, SENSORS, ids, rows, TRIANGLE, WIDE, noise)
 
 
 def rest_rates(
@@ -107,7 +115,7 @@ def rest_rates(
     `accelerometers` calibrates the force (left out, the positions do). None where the outputs are counts and no turns
     between the rests say how much a count is.
     """
-    made = accelerometers or multiposition(recording, PLAIN)
+    made = accelerometers or multiposition(recording, BASELINE["norm"])
     moving = recording.position is not None and bool(np.any(recording.position == 0))
     raw = any(is_raw(recording.units.get((RATE, a), "rad/s")) for a in "xyz")
     if raw and not moving:
@@ -117,16 +125,17 @@ def rest_rates(
     told = found.sigma if np.all(found.sigma > 0) else None  # one row per rest says nothing of its scatter
 
     def missed(at_rest: Sequence[Effect]) -> float:
-        misfit = fit_turns(turns(recording, made, at_rest)[0], LINEAR).misfit
+        misfit = fit_turns(turns(recording, made, at_rest)[0], BASELINE["turns"]).misfit
         return float(np.sqrt((misfit**2).sum() / len(misfit)))
 
-    def linear(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
-        J = by_parameters(lambda e: gyroscopes(0 * y, s, e), effects, wanted, s.axis_names, y.shape)
-        return y - gyroscopes(0 * y, s, effects), J
+    channels = tuple((RATE, a) for a in "xyz")
+
+    def rows(effects: Sequence[Effect]) -> Rows:
+        return linearise(BENCH, s, effects, channels=channels, read=y, stages=(Stage.GYROSCOPE,))
 
     return View(
-        "rest rates", dwell_means(recording), s, tuple((RATE, a) for a in "xyz"), "deg/h", told,
-        frozenset({Stage.GYROSCOPE}), tuple(baseline) or ("gyro_bias",), linear, frozenset(), WIDE, told,
+        "rest rates", dwell_means(recording), s, channels, "deg/h", told,
+        frozenset({Stage.GYROSCOPE}), tuple(baseline) or BASELINE["rest rates"], rows, frozenset(), WIDE, told,
         turns=missed if moving else None,
     )  # fmt: skip
 
@@ -149,15 +158,16 @@ def table(recording: Recording, baseline: Sequence[str] = (), step: float = COAR
 
     y = recording.triad(FORCE)
 
-    def linear(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
-        r = y - predict(recording.platform, s, effects)[FORCE]
-        J = jacobian(recording.platform, s, effects, wanted)[FORCE] if wanted else np.zeros((*r.shape, 0))
-        return centred(_means(r, size)), centred(_means(J, size))
+    channels = tuple((FORCE, a) for a in "xyz")
+
+    def rows(effects: Sequence[Effect]) -> Rows:
+        fine = linearise(recording.platform, s, effects, channels=channels, read=y, stages=stages)
+        return fine.reduced(lambda X: centred(_means(X, size)))
 
     stages = frozenset({Stage.PLATFORM, *SENSORS})
-    ids = tuple(baseline) or ("bias",)
+    ids = tuple(baseline) or BASELINE["table"]
     return View(
-        "table", averaged(recording, BLOCK), s, tuple((FORCE, a) for a in "xyz"), "ug", None, stages, ids, linear,
+        "table", averaged(recording, BLOCK), s, channels, "ug", None, stages, ids, rows,
         frozenset(), BY_HAND, finer=(lambda: table(whole, baseline, FINE)) if step > FINE else None,
     )  # fmt: skip
 
@@ -215,16 +225,3 @@ def solved(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array]:
         if np.abs(step).max() < 1e-13 * np.abs(y).max():
             break
     return f, H
-
-
-def by_parameters(
-    h: Callable[[Sequence[Effect]], Array], effects: Sequence[Effect], wanted: Sequence[Parameter],
-    gimbals: Sequence[str], shape: tuple[int, ...],
-) -> Array:  # fmt: skip
-    """Derivative (n, 3, p) of what is read by the wanted parameters."""
-    if not wanted:
-        return np.zeros((*shape, 0))
-    x = values(effects, wanted)
-    return np.stack(
-        [h(with_values(effects, wanted, x + 1j * STEP * u, gimbals)).imag / STEP for u in np.eye(len(x))], axis=-1
-    )

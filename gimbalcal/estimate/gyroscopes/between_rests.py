@@ -19,19 +19,22 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Residual, Stage
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
+from gimbalcal.effects import Stage as ModelStage
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.gyroscopes.inter_triad import euler
 from gimbalcal.estimate.gyroscopes.rests import BIAS, G_SENSITIVITY, RestFit, level_of, rests
-from gimbalcal.estimate.gyroscopes.turns import Turned, end_of, turns
+from gimbalcal.estimate.gyroscopes.turns import FORCE, Turned, end_of, turns
 from gimbalcal.estimate.support import coefficients, needed, refusal
-from gimbalcal.forward import gyroscopes
+from gimbalcal.forward import Rows, gyroscopes
 from gimbalcal.number import Array, complex_step
+from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from gimbalcal.rotation import cross_matrix, left_jacobian
 from gimbalcal.units import from_si
 
-LINEAR = ("gyro_scale_factor", "gyro_misalignment")
+LINEAR = BASELINE["turns"]
 FURTHER = ("gyro_scale_nonlinearity", "gyro_scale_asymmetry", "gyro_scale_temperature", G_SENSITIVITY)
 ENDURING = 1e-9  # smallest relative singular value of the columns: below, the turns say nothing of a combination
 
@@ -186,23 +189,12 @@ def _judged(wanted: tuple[Parameter, ...], x: Array, r: Array, J: Array, m: int)
     )  # fmt: skip
 
 
-def linear(turned: Turned, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
-    """Misfit (m, 3) of gravity after each turn with these effects, and its derivative (m, 3, p) by the wanted ones."""
-    rate, slope = _rates(turned, effects, wanted)
-    misfit, predicted, tail = end_of(rate, turned)
-    moved = tail @ left_jacobian(rate * turned.step[..., None])
-    turn = np.einsum("mkij,mkjp,mk->mip", moved, slope, turned.step, optimize=True)
-    return misfit, cross_matrix(predicted) @ turn
+def rows_of_turns(turned: Turned, effects: Sequence[Effect]) -> Rows:
+    """The rows of m turns: misfit (m, 3) of gravity after each, and how it answers what is added at each of n samples.
 
-
-def _linear(turned: Turned, wanted: Sequence[Parameter], x: Array) -> tuple[Array, Array]:
-    """The same as rows, (3 m,) and (3 m, p)."""
-    r, J = linear(turned, with_values((), wanted, x), wanted)
-    return r.ravel(), J.reshape(r.size, -1)
-
-
-def _rates(turned: Turned, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
-    """Rates (m, n, 3) that give the readings, and their derivatives (m, n, 3, p): Newton and implicit function."""
+    A rate that reads as it does is off by -D^-1 times what an effect adds, D = dh/d(rate); what that does to gravity at
+    the end is the turn of all samples after it.
+    """
     y, s = turned.reading.reshape(-1, 3), turned.stimulus
     w = y.copy()
     for _ in range(20):
@@ -211,9 +203,22 @@ def _rates(turned: Turned, effects: Sequence[Effect], wanted: Sequence[Parameter
         w = w + step
         if np.max(np.abs(step), initial=0.0) < 1e-13:  # rad/s; a turn of 10 s then closes to 1e-12 rad
             break
-    x = values(effects, wanted)
-    slope = -np.linalg.solve(D, complex_step(lambda v: gyroscopes(w, s, with_values(effects, wanted, v)), x))
-    return w.reshape(turned.reading.shape), slope.reshape(*turned.reading.shape, len(x))
+    m, n = turned.step.shape
+    rate = w.reshape(m, n, 3)
+    misfit, predicted, tail = end_of(rate, turned)
+    moved = tail @ left_jacobian(rate * turned.step[..., None]) @ np.linalg.inv(D).reshape(m, n, 3, 3)
+    S = -(cross_matrix(predicted)[:, None] @ moved) * turned.step[..., None, None]
+    seen = s.at(rate=w)
+    return Rows(
+        BENCH, "multi-position", seen, tuple(effects), tuple((FORCE, a) for a in "xyz"), misfit,
+        {ModelStage.GYROSCOPE: seen}, {ModelStage.GYROSCOPE: np.moveaxis(S, 1, 2).reshape(m, 3, 3 * n)},
+    )  # fmt: skip
+
+
+def _linear(turned: Turned, wanted: Sequence[Parameter], x: Array) -> tuple[Array, Array]:
+    """Misfit (3 m,) of the turns at parameters x, and its derivative (3 m, p)."""
+    rows = rows_of_turns(turned, with_values((), wanted, x))
+    return rows.residual.ravel(), rows.jacobian(wanted).reshape(rows.residual.size, -1)
 
 
 def _calibration(
