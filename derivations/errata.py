@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import tempfile
 import textwrap
 from collections import Counter
 from collections.abc import Sequence
@@ -13,6 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from derivations.verdict import AGREES, VERDICTS, Verdict
+from gimbalcal import atomic
 
 ITEM, VERDICT, SIZE = 26, 15, 22  # column widths
 PAPERS = {"000": "Wang 2019", "001": "Wu 2018"}  # `source` of errata.json, as a reader knows it
@@ -46,16 +45,6 @@ def summary(verdicts: Sequence[Verdict]) -> str:
 
 def write(verdicts: Sequence[Verdict], folder: Path) -> Path:
     """Write `errata.json` into the folder, complete or not at all."""
-    folder.mkdir(parents=True, exist_ok=True)
     path = folder / "errata.json"
-    text = json.dumps([asdict(v) for v in verdicts], indent=1, ensure_ascii=False) + "\n"
-    handle, temporary = tempfile.mkstemp(dir=folder, prefix=".errata-", suffix=".json")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    atomic.write(path, json.dumps([asdict(v) for v in verdicts], indent=1, ensure_ascii=False) + "\n")
     return path

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from gimbalcal.atomic import write_json
 from gimbalcal.calibration.correction import correct, corrupt
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.errors import InputError
@@ -111,10 +112,8 @@ class Calibration:
         }
 
     def write(self, path: Path) -> None:
-        """Write calibration.json whole or not at all: to a temporary name, then renamed."""
-        temporary = path.with_name(path.name + ".part")
-        temporary.write_text(json.dumps(self.to_dict(), indent=1))
-        temporary.replace(path)
+        """Write calibration.json whole or not at all."""
+        write_json(path, self.to_dict())
 
 
 def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = GIMBAL_NAMES) -> Calibration:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from gimbalcal import atomic
 from gimbalcal.campaign.task import COLUMNS, Task
 from gimbalcal.errors import InputError
 
@@ -39,7 +40,7 @@ class Store:
         self._check(self.folder / SUMMARY)
         self._check(self.parts / "identity.json")
         self.parts.mkdir(exist_ok=True)
-        _whole(self.parts / "identity.json", json.dumps({"identity": self.task.identity}))
+        atomic.write_json(self.parts / "identity.json", {"identity": self.task.identity})
         self._take_over()
         return [s for s in self.shares() if not self._part(s).is_file()]
 
@@ -76,10 +77,8 @@ class Store:
         """Write one share, whole or not at all."""
         import polars as pl
 
-        path = self._part(share)
-        temporary = path.with_suffix(".part")
-        pl.DataFrame({name: columns[name] for name in COLUMNS}, schema=_schema()).write_parquet(temporary)
-        temporary.replace(path)
+        with atomic.file(self._part(share)) as path:
+            pl.DataFrame({name: columns[name] for name in COLUMNS}, schema=_schema()).write_parquet(path)
 
     def finish(self, summarise: Any) -> dict[str, Any]:
         """Join all shares into campaign.parquet, write campaign.json, and remove the shares."""
@@ -87,10 +86,9 @@ class Store:
 
         rows = pl.concat([pl.read_parquet(self._part(share)) for share in self.shares()])
         summary: dict[str, Any] = {"format": 1, "identity": self.task.identity, **summarise(rows)}
-        temporary = self.folder / f"{TABLE}.part"
-        rows.write_parquet(temporary)
-        temporary.replace(self.folder / TABLE)
-        _whole(self.folder / SUMMARY, json.dumps(summary, indent=1))
+        with atomic.file(self.folder / TABLE) as path:
+            rows.write_parquet(path)
+        atomic.write_json(self.folder / SUMMARY, summary)
         shutil.rmtree(self.parts)
         return summary
 
@@ -101,9 +99,3 @@ def _schema() -> dict[str, Any]:
     text = ("parameter", "unit", "outcome")
     whole = ("run", "dof")
     return {c: pl.String if c in text else pl.Int64 if c in whole else pl.Float64 for c in COLUMNS}
-
-
-def _whole(path: Path, text: str) -> None:
-    temporary = path.with_name(path.name + ".part")
-    temporary.write_text(text)
-    temporary.replace(path)

@@ -152,8 +152,8 @@ def observe(
     out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Say what SCHEDULE (a name, a schedule.toml, or static-48h) can and cannot see, before anything is recorded."""
+    from gimbalcal.atomic import write_json
     from gimbalcal.design.observability import observe_any
-    from gimbalcal.report.files import write_json
 
     seen = observe_any(schedule, angle_sigma, force_sigma, latitude, listed(candidates))
     if out is not None:
@@ -177,16 +177,16 @@ def design(
     separate: str, criterion: str, overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Choose the positions that see most, or that separate named effects, under a rig's limits."""
+    from gimbalcal.atomic import write
     from gimbalcal.design.optimal import design as run
     from gimbalcal.design.optimal import rig_of
-    from gimbalcal.report.files import write_text
     from gimbalcal.schedule.file import schedule_toml
 
     rig = rig_of(platform, step, angle_sigma, force_sigma)
     schedule, seen = run(rig, positions, listed(terms), criterion, listed(separate))
     if out is not None:
         with placed(out, overwrite) as new:
-            write_text(new / "schedule.toml", schedule_toml(schedule))
+            write(new / "schedule.toml", schedule_toml(schedule))
         progress(quiet)(f"wrote {out / 'schedule.toml'}")
     show(seen, seen["in_words"], as_json, quiet)
 

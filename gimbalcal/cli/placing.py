@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from filecmp import cmp
@@ -11,6 +9,7 @@ from pathlib import Path
 
 import click
 
+from gimbalcal import atomic
 from gimbalcal.errors import InputError
 
 OVERWRITE = click.option("--overwrite", is_flag=True, help="Replace files in --out that differ from what is written.")
@@ -27,20 +26,10 @@ def placed(folder: Path, overwrite: bool = False) -> Iterator[Path]:
 
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file and cannot be a folder; give another --out")
-    # on the same disk, so that moving is renaming; no folder is left behind by a command that fails
-    near = next(p for p in (folder, *folder.absolute().parents) if p.is_dir())
-    made = Path(tempfile.mkdtemp(prefix=".gimbalcal-", dir=near))
-    try:
-        (made / "new").mkdir()
-        yield made / "new"
-        files = sorted((made / "new").iterdir(), key=lambda file: (file.name == NAME, file.name))
+    with atomic.folder(folder, last=NAME) as new:  # the header last: it is what makes a folder a recording
+        yield new
         if not overwrite:
-            _refuse_other(files, folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        for file in files:  # the header last: it is what makes a folder a recording
-            file.replace(folder / file.name)
-    finally:
-        shutil.rmtree(made, ignore_errors=True)
+            _refuse_other(sorted(new.iterdir(), key=lambda file: (file.name == NAME, file.name)), folder)
 
 
 def _refuse_other(files: list[Path], folder: Path) -> None:

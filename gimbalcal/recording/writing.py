@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
-import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
+from gimbalcal import atomic
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform, known
@@ -33,21 +32,11 @@ def write(recording: Recording, folder: str | Path, samples: str = "samples.csv"
         raise InputError(f"samples = {samples!r} must be a plain file name that ends in .csv or .parquet")
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file: a recording is a folder, give another name")
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    made = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-    try:
+    with atomic.folder(folder, last=NAME) as made:  # the header last: it is what makes the folder a recording
         names = _names(recording)
         text = "\n".join([*(f"# {line}".rstrip() for line in comment), *_header(recording, samples, names), ""])
         (made / NAME).write_text(text, encoding="utf-8")
         _write_rows(recording, names, made / samples)
-        made.chmod(0o755)  # mkdtemp makes it private
-        if folder.exists():
-            for file in (samples, NAME):  # the header last: it is what makes the folder a recording
-                (made / file).replace(folder / file)
-        else:
-            made.rename(folder)
-    finally:
-        shutil.rmtree(made, ignore_errors=True)
     return folder
 
 

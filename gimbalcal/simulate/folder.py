@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
-import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from gimbalcal import atomic
 from gimbalcal.errors import InputError
 from gimbalcal.recording import write
+from gimbalcal.recording.header import NAME
 from gimbalcal.simulate.run import Run, blocks, joined, prepare
 from gimbalcal.simulate.scenario import find, load
 from gimbalcal.simulate.truth import described
@@ -28,19 +29,12 @@ def simulate_to(
     samples = "samples.parquet" if len(run.time) > MANY else "samples.csv"
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file: a recording is a folder, give another name")
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    made = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-    try:
+    with atomic.folder(folder, last=NAME) as made:  # the header last: it is what makes the folder a recording
         if samples.endswith(".csv"):
-            write(joined(blocks(run)), made / "whole", samples)
+            write(joined(blocks(run)), made, samples)
         else:
             _write_blocks(run, made, samples, tell)
-        (made / "whole" / "truth.json").write_text(json.dumps(truth, indent=1), encoding="utf-8")
-        folder.mkdir(exist_ok=True)
-        for name in (samples, "truth.json", "recording.toml"):  # the header last: it makes the folder a recording
-            (made / "whole" / name).replace(folder / name)
-    finally:
-        shutil.rmtree(made, ignore_errors=True)
+        (made / "truth.json").write_text(json.dumps(truth, indent=1), encoding="utf-8")
     return truth
 
 
@@ -60,13 +54,13 @@ def _write_blocks(run: Run, made: Path, samples: str, tell: Callable[[str], None
     """Each block as a Parquet file of its own, then joined without loading them."""
     import polars as pl
 
-    names, rows = [], 0
-    for i, block in enumerate(blocks(run)):
-        write(block, made / f"part{i}", samples)
-        names.append(made / f"part{i}" / samples)
-        if tell is not None:
-            rows += len(block.time)
-            tell(f"simulated {rows} of {len(run.time)} rows")
-    (made / "whole").mkdir()
-    (made / "part0" / "recording.toml").replace(made / "whole" / "recording.toml")
-    pl.scan_parquet(names).sink_parquet(made / "whole" / samples)
+    with tempfile.TemporaryDirectory(dir=made) as parts:
+        names, rows = [], 0
+        for i, block in enumerate(blocks(run)):
+            part = write(block, Path(parts) / f"part{i}", samples)
+            names.append(part / samples)
+            if tell is not None:
+                rows += len(block.time)
+                tell(f"simulated {rows} of {len(run.time)} rows")
+        (names[0].parent / NAME).replace(made / NAME)
+        pl.scan_parquet(names).sink_parquet(made / samples)

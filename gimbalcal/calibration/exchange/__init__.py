@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal import calibration as own
+from gimbalcal.atomic import write
 from gimbalcal.calibration import GIMBAL_NAMES, Calibration, Residual
 from gimbalcal.calibration.exchange import kalibr, psins, table
 from gimbalcal.calibration.exchange.matrices import LINEAR, QUADRATIC
@@ -36,14 +37,7 @@ def export(calibration: Calibration, kind: str, path: Path) -> tuple[str, ...]:
     """Write a calibration as `kind`, whole or not at all; returns what the format could not hold, in sentences."""
     lost = _lost(calibration, _known(kind))
     made = json.dumps(calibration.to_dict(), indent=1).encode() if kind == "json" else None
-    content = FORMATS[kind].content(calibration, lost) if made is None else made
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.part")
-    try:
-        temporary.write_bytes(content)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write(path, FORMATS[kind].content(calibration, lost) if made is None else made)
     return lost
 
 

@@ -1,0 +1,70 @@
+"""Files and folders appear whole or not at all, and nothing is left behind."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gimbalcal import atomic
+
+
+class PowerCut(Exception):
+    pass
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(p.name for p in folder.iterdir())
+
+
+def test_a_file_whose_writing_fails_stays_as_it_was(tmp_path: Path) -> None:
+    atomic.write(tmp_path / "new" / "a.txt", "old\n")  # folders on the way are made
+
+    def half() -> None:
+        with atomic.file(tmp_path / "new" / "a.txt") as path:
+            path.write_text("half")
+            assert (tmp_path / "new" / "a.txt").read_text() == "old\n"
+            raise PowerCut
+
+    with pytest.raises(PowerCut):
+        half()
+    assert (tmp_path / "new" / "a.txt").read_text() == "old\n"
+    assert names(tmp_path / "new") == ["a.txt"]
+
+
+def test_text_is_utf_8_and_bytes_are_themselves(tmp_path: Path) -> None:
+    atomic.write(tmp_path / "a", "µg\r\n")
+    assert (tmp_path / "a").read_bytes() == b"\xc2\xb5g\r\n"
+    atomic.write(tmp_path / "a", b"\xff")
+    assert (tmp_path / "a").read_bytes() == b"\xff"
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_a_folder_whose_making_fails_is_not_seen(tmp_path: Path, there: bool) -> None:
+    out = tmp_path / "deep" / "out"
+    if there:
+        out.mkdir(parents=True)
+        (out / "b").write_text("old")
+
+    def half() -> None:
+        with atomic.folder(out) as made:
+            (made / "b").write_text("new")
+            raise PowerCut
+
+    with pytest.raises(PowerCut):
+        half()
+    assert names(tmp_path) == (["deep"] if there else [])
+    assert not there or (names(out) == ["b"] and (out / "b").read_text() == "old")
+
+
+def test_a_folder_takes_its_files_in_order_and_keeps_strangers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "mine").write_text("kept")
+    moved: list[str] = []
+    replace = Path.replace
+    monkeypatch.setattr(Path, "replace", lambda self, to: (moved.append(self.name), replace(self, to))[1])
+    with atomic.folder(tmp_path / "out", last="header") as made:
+        for name in ("header", "z", "a"):
+            (made / name).write_text(name)
+    assert moved == ["a", "z", "header"]
+    assert names(tmp_path / "out") == ["a", "header", "mine", "z"]
