@@ -13,11 +13,17 @@ from scipy.fft import idct
 
 from gimbalcal.diagnose.evidence.noise import Node, nodes, settle
 from gimbalcal.diagnose.library.candidates import Library, columns_at, library
+from gimbalcal.diagnose.library.causes import Cause, causes
 from gimbalcal.diagnose.rows.observations import BASELINE, Observations, observe
+from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.ranking import Search, search
+from gimbalcal.diagnose.search.stepwise import Model
 from gimbalcal.number import Array
+from gimbalcal.platform import KNOWN
+from gimbalcal.recording import Recording, Site
 from tests.diagnose import static_plant
-from tests.diagnose.plant import UG, Error, record
+from tests.diagnose.plant import ARCSEC, UG, Error, record
+from tests.diagnose.test_unknown_noise import tilted as turned_base
 
 __all__ = ["columns_at"]  # the rest is written here
 
@@ -105,3 +111,23 @@ def clean(o: Observations, node: Node, rng: np.random.Generator) -> Observations
     """The same recording with nothing but this noise in it."""
     R = len(o.reduce(o.Z))
     return with_data(o, np.linalg.cholesky(covariance(node, R)) @ rng.standard_normal(R))
+
+
+def telescope(seed: int, north: float = 0.0, east: float = 0.0, bend: float = 0.0, n: int = 80) -> Recording:
+    """Stars seen through a base tilted about north and east and a tube that bends with cos(elevation), in arcsec."""
+    rng = np.random.default_rng(seed)
+    E, A = np.arcsin(rng.uniform(0.26, 0.99, n)), rng.uniform(-np.pi, np.pi, n)
+    seen = turned_base(E, A, north * ARCSEC, east * ARCSEC)
+    read = {
+        "elevation": seen[0] + bend * ARCSEC * np.cos(E) + 0.1 + ARCSEC * rng.standard_normal(n),
+        "azimuth": seen[1] - 0.2 + ARCSEC * rng.standard_normal(n) / np.cos(E),
+    }
+    channels = {("gimbal_angle", a): x for a, x in read.items()} | {("true_angle", "elevation"): E}
+    channels |= {("true_angle", "azimuth"): A}
+    time = 130.0 * np.arange(n)
+    return Recording("pointing", "telescope", KNOWN["alt-az"], Site(0.55, 0.0, 9.8), {}, time, None, channels)
+
+
+def causes_of(v: View, m: Model) -> tuple[Cause, ...]:
+    """Everything that could be missing from a model of a view."""
+    return causes(v, m.effects, m.fitted)[0]

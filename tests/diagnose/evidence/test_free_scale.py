@@ -58,6 +58,20 @@ def test_evidence_is_the_mean_of_dense_densities_over_scales_and_sizes(index: li
     assert log_evidence(g, index) == pytest.approx(truth, abs=1e-4)
 
 
+def test_a_memory_weighs_what_its_dense_density_says() -> None:
+    """With nothing modelled the misfit is a normal vector: weights of all memories and scales are its densities."""
+    r, _, X = example()
+    g = ground(r, np.zeros((*r.shape, 0)), X)
+    kept = g.scale > 0.6
+    made = [
+        np.log(p) + multivariate_normal(cov=scale**2 * stationary(*r.shape, rho)).logpdf(r.ravel())
+        for rho, p in zip(MEMORY, MEMORY_PRIOR, strict=True)
+        for scale in g.scale[kept]
+    ]
+    here = g.ln[:, kept].ravel()
+    np.testing.assert_allclose(here - here[0], np.array(made) - made[0], atol=1e-8)
+
+
 def test_memories_are_averaged_by_what_the_data_make_of_each() -> None:
     r, J, X = example()
     g = ground(r, J, X)

@@ -1,0 +1,149 @@
+"""Views: misfits that vanish at the truth, and derivatives against central differences of the misfit itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pytest
+
+from gimbalcal.diagnose.rows.views import BLOCK, View, averaged, norm, pointing, rest_rates, solved, table
+from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
+from gimbalcal.number import Array
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording, Site
+from tests.diagnose.small import telescope
+
+G = 9.8
+RNG = np.random.default_rng(1)
+UP = np.array([u / np.linalg.norm(u) for u in RNG.standard_normal((20, 3))])
+
+
+def unit(force: Array, rate: Array | None = None) -> Recording:
+    """Twenty rests of two readings each."""
+    channels = {("specific_force", a): np.repeat(force[:, i], 2) for i, a in enumerate("xyz")}
+    if rate is not None:
+        channels |= {("angular_rate", a): np.repeat(rate[:, i], 2) for i, a in enumerate("xyz")}
+    n = 2 * len(force)
+    return Recording("multi-position", "unit", BENCH, Site(None, 0.0, G), {}, 1.0 * np.arange(n),
+                     np.repeat(np.arange(1, 21), 2), channels)  # fmt: skip
+
+
+def tilting(lever: Array | None = None) -> Recording:
+    """Twelve seconds at 100 Hz of a table that tilts by a tenth of a radian about x; a level unit feels (0, 0, -g)."""
+    t = np.arange(1200) * 0.01
+    rate = np.stack([0.1 * np.cos(t), 0 * t, 0 * t], axis=-1)
+    angle = 0.1 * np.sin(t)
+    force = -G * np.stack([0 * t, np.sin(angle), np.cos(angle)], axis=-1)
+    turn = np.stack([-0.1 * np.sin(t), 0 * t, 0 * t], axis=-1)
+    if lever is not None:
+        force = force + np.cross(turn, lever) + np.cross(rate, np.cross(rate, lever))
+    channels = {("specific_force", a): force[:, i] for i, a in enumerate("xyz")}
+    channels |= {("angular_rate", a): rate[:, i] for i, a in enumerate("xyz")}
+    return Recording("rotation", "table", BENCH, Site(0.7, 0.0, G), {}, t, None, channels)
+
+
+@cache
+def view(name: str) -> View:
+    noise = np.random.default_rng(2).standard_normal
+    if name == "pointing":
+        return pointing(telescope(1))
+    if name == "table":
+        return table(tilting())
+    made = unit(G * UP * 1.001 + 0.02, 1e-4 * noise((20, 3)))
+    if name == "norm":
+        return norm(made)
+    at_rest = rest_rates(made)
+    assert at_rest is not None
+    return at_rest
+
+
+EFFECTS = {
+    "pointing": ("gimbal_zero", "axis_collimation", "base_tilt", "tube_flexure"),
+    "norm": ("bias", "scale_factor", "misalignment", "cubic_nonlinearity"),
+    "rest rates": ("gyro_bias", "gyro_g_sensitivity_rate"),
+    "table": ("bias", "misalignment", "lever_arm"),
+}
+
+
+def wanted(v: View) -> tuple[Parameter, ...]:
+    return tuple(p for i in EFFECTS[v.name] for p in parameters(CATALOGUE[i], v.stimulus.axis_names))
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_the_derivative_is_that_of_the_misfit(name: str) -> None:
+    """What a parameter adds to the reading leaves the misfit: r(x + dx) = r(x) - J dx, away from zero too."""
+    v = view(name)
+    ps = wanted(v)
+    sigma, x = np.array([p.sigma for p in ps]), 0.3 * np.array([p.sigma for p in ps])
+
+    def misfit(x: Array) -> Array:
+        return v.linear(with_values((), ps, x, v.stimulus.axis_names), ())[0]
+
+    r, J = v.linear(with_values((), ps, x, v.stimulus.axis_names), ps)
+    assert r.shape == (len(v.recording.time), len(v.channels))
+    for k, step in enumerate(1e-3 * sigma):
+        e = step * np.eye(len(x))[k]
+        difference = (misfit(x - e) - misfit(x + e)) / (2 * step)
+        # second order of the step, and rounding of forces of 10 in differences of 1e-8
+        np.testing.assert_allclose(J[..., k], difference, atol=1e-5 * np.abs(difference).max() + 1e-14 / step)
+
+
+def test_a_corrected_norm_is_gravity() -> None:
+    """Readings through an error law written here: biases, which the model has, and a scale of z, which it has not."""
+    b = np.array([0.1, -0.2, 0.05])
+    y = G * UP * [1.0, 1.0, 1.001] + b
+    v = norm(unit(y))
+    named = {("bias", "x"): 0.1, ("bias", "y"): -0.2, ("bias", "z"): 0.05}
+    ps = tuple(p for p in parameters(CATALOGUE["bias"]))
+    effects = with_values((), ps, np.array([named[p.effect, p.axis] for p in ps]))
+    r, _ = v.linear(effects, ())
+    np.testing.assert_allclose(r[:, 0], np.linalg.norm(y - b, axis=1) - G, atol=1e-9)
+    assert np.abs(r).max() > 5e-3  # of the scale that the model does not hold: 1e-3 g
+    none, _ = v.linear((), ())
+    np.testing.assert_allclose(none[:, 0], np.linalg.norm(y, axis=1) - G, atol=1e-9)
+
+
+def test_rates_at_rest_lose_what_the_effects_say() -> None:
+    w = 1e-4 * np.random.default_rng(3).standard_normal((20, 3))
+    v = rest_rates(unit(G * UP, w))
+    assert v is not None
+    ps = parameters(CATALOGUE["gyro_bias"])
+    effects = with_values((), ps, np.array([1e-5, 2e-5, -3e-5]))
+    np.testing.assert_allclose(v.linear(effects, ())[0], w - [1e-5, 2e-5, -3e-5], atol=1e-12)
+
+
+def test_a_lever_on_a_table_is_known_by_its_centrifugal_and_euler_forces() -> None:
+    """The force of a unit off the axis, written as cross products, vanishes with the lever of the catalogue."""
+    lever = np.array([0.03, -0.05, 0.02])
+    v, level = table(tilting(lever), step=0.01), table(tilting(), step=0.01)
+    ps = parameters(CATALOGUE["lever_arm"])
+    effects = with_values((), ps, np.array([lever["xyz".index(p.axis)] for p in ps]))
+    with_it, without = v.linear(effects, ())[0], v.linear((), ())[0]
+    rest = level.linear((), ())[0]  # what tilting itself does to the force: no effect of the sensors
+    assert np.abs(without - rest).max() > 1e-3
+    assert np.abs(with_it - rest).max() < 1e-2 * np.abs(without - rest).max()
+    assert np.abs(with_it.mean(axis=0)).max() < 1e-12  # the mean force is not known
+
+
+def test_blocks_are_means_and_a_last_short_one_is_left_out() -> None:
+    r = tilting()
+    r = r.select(slice(0, 1150))
+    made = averaged(r, BLOCK)
+    assert len(made.time) == 11
+    np.testing.assert_allclose(made.time, np.arange(11) + 0.495)
+    np.testing.assert_allclose(made.weight, 100.0)
+    y = r.channels["specific_force", "y"]
+    np.testing.assert_allclose(made.channels["specific_force", "y"][3], y[300:400].mean())
+
+
+@pytest.mark.parametrize("law", [lambda f: 1.02 * f + 1e-3 * f**2, lambda f: f + 1e-4 * f**3 + 0.1])
+def test_a_law_is_inverted_with_its_derivative(law: Callable[[Array], Array]) -> None:
+    truth = G * UP
+    f, H = solved(law, law(truth))
+    np.testing.assert_allclose(f, truth, rtol=1e-12, atol=1e-12)
+    e = 1e-6
+    slope = (law(truth + e) - law(truth - e)) / (2 * e)
+    np.testing.assert_allclose(np.einsum("nii->ni", H), slope, rtol=1e-8)
+    assert np.abs(H - np.einsum("ni,ij->nij", slope, np.eye(3))).max() < 1e-8

@@ -1,0 +1,66 @@
+"""What else could stand in a cause's place: significance against regression, twins where two laws coincide."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gimbalcal.diagnose.rows.views import pointing
+from gimbalcal.diagnose.search.alternatives import judged
+from gimbalcal.diagnose.search.stepwise import course, take
+from gimbalcal.pipeline import silent
+from gimbalcal.recording import Recording
+from tests.diagnose.plant import ARCSEC
+from tests.diagnose.small import telescope
+
+
+def test_a_clear_cause_is_likely_and_alone() -> None:
+    v = pointing(telescope(1, north=12.0, east=-7.0))
+    c = course(v, silent)
+    (s,) = c.steps
+    j = judged(v, c.end, s.taken[0])
+    assert j.cause is s.taken[0]
+    assert j.twins == ()
+    assert j.probability > 0.99
+    # F test of its two columns: what they take away, over what is left
+    before, after = (float((m.r**2).sum()) for m in (c.start, c.end))
+    F = (before - after) / (after / (c.end.r.size - len(c.end.fitted)))
+    assert j.sigma == pytest.approx(np.sqrt(F), rel=0.1)  # the scale is the likeliest of a grid 15 % wide
+
+
+def test_a_weak_cause_is_less_likely() -> None:
+    v = pointing(telescope(1, north=12.0, east=-7.0))
+    strong = course(v, silent).steps[0].taken
+    weak = pointing(telescope(1, north=0.3))
+    j = judged(weak, take(weak, course(weak, silent).start, [strong]), strong[0])
+    assert j.probability < 0.9
+    assert j.sigma < 4
+
+
+def low(r: Recording, n: int) -> Recording:
+    """Stars in one small part of the sky, where a tilt and others are one constant and one slope."""
+    E = 0.7 + 0.05 * (r.channels["true_angle", "elevation"] - 0.7)
+    A = 0.05 * r.channels["true_angle", "azimuth"]
+    rng = np.random.default_rng(4)
+    noise = ARCSEC * rng.standard_normal((2, n))
+    slope = 300 * ARCSEC * (E - 0.7)
+    channels = {
+        ("true_angle", "elevation"): E, ("true_angle", "azimuth"): A,
+        ("gimbal_angle", "elevation"): E + 0.1 + slope + noise[0],
+        ("gimbal_angle", "azimuth"): A - 0.2 + noise[1] / np.cos(E),
+    }  # fmt: skip
+    return replace(r, channels=channels)
+
+
+def test_laws_that_coincide_on_these_rows_are_told_together() -> None:
+    """A slope in elevation over ten degrees is a bent tube, an eccentric encoder, refraction: whoever is taken up."""
+    v = pointing(low(telescope(2), 80))
+    c = course(v, silent)
+    (s,) = c.steps[:1]
+    j = judged(v, c.end, s.taken[0])
+    assert len(j.twins) >= 2
+    assert s.taken[0].effect not in j.twins
+    assert {"tube_flexure", "encoder_eccentricity", "refraction"} & {s.taken[0].effect, *j.twins}
+    assert 0.5 < j.probability <= 1.0  # of all of them together

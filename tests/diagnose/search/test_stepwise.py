@@ -1,0 +1,137 @@
+"""Causes taken up one after the other: refits against scipy, steps in order, and nothing kept that memory explains."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from gimbalcal.diagnose.rows.views import View, pointing
+from gimbalcal.diagnose.search.stepwise import (
+    Course,
+    alone,
+    course,
+    priors,
+    refined,
+    refit,
+    start,
+    take,
+    weigh,
+    weighted,
+)
+from gimbalcal.effects import CATALOGUE, parameters, values, with_values
+from gimbalcal.number import Array
+from gimbalcal.pipeline import silent
+from gimbalcal.units import from_si
+from tests.diagnose.plant import ARCSEC
+from tests.diagnose.small import causes_of, telescope
+
+
+@cache
+def view(north: float = 0.0, east: float = 0.0, bend: float = 0.0) -> View:
+    return pointing(telescope(1, north, east, bend))
+
+
+@cache
+def found() -> Course:
+    return course(view(12.0, -7.0, 15.0), silent)
+
+
+def test_a_refit_is_least_squares() -> None:
+    """Parameters, covariance and what is left, against Levenberg and Marquardt on numerical derivatives."""
+    v = view(12.0, -7.0)
+    ps = tuple(p for i in ("gimbal_zero", "base_tilt") for p in parameters(CATALOGUE[i], v.stimulus.axis_names))
+    ps = tuple(p for p in ps if p.axis != "down")  # the azimuth zero says the same
+    m = refit(v, with_values((), ps, np.zeros(len(ps)), v.stimulus.axis_names), ps)
+
+    def misfit(x: Array) -> Array:
+        return v.linear(with_values((), ps, x * ARCSEC, v.stimulus.axis_names), ())[0].ravel() / ARCSEC
+
+    best = least_squares(misfit, np.zeros(len(ps)), method="lm")
+    scale = ARCSEC
+    C = np.linalg.inv(best.jac.T @ best.jac) * 2 * best.cost / (len(best.fun) - len(ps)) * scale**2
+    np.testing.assert_allclose(values(m.effects, ps), best.x * scale, atol=1e-3 * np.sqrt(np.diag(C)).min())
+    np.testing.assert_allclose(m.covariance, C, rtol=1e-3, atol=1e-4 * np.diag(C).max())
+    assert m.rms == pytest.approx(np.sqrt(2 * best.cost / 80) * scale, rel=1e-6)
+    assert {(p.effect, p.axis): x for p, x in zip(ps, best.x, strict=True)}["base_tilt", "north"] == pytest.approx(
+        12.0, abs=4 * np.sqrt(np.diag(C)).max() / scale
+    )
+
+
+def test_a_direction_that_nothing_shows_keeps_its_prior() -> None:
+    v = view()
+    ps = parameters(CATALOGUE["base_tilt"]) + parameters(CATALOGUE["gimbal_zero"], v.stimulus.axis_names)
+    m = refit(v, with_values((), ps, np.zeros(len(ps)), v.stimulus.axis_names), ps)
+    down = [p.axis for p in ps].index("down")  # only its sum with the azimuth zero is seen
+    assert np.sqrt(m.covariance[down, down]) > 0.1 * ps[down].sigma
+
+
+def test_a_tilted_base_and_a_bent_tube_are_taken_up() -> None:
+    c = found()
+    taken = [s.taken[0].effect for s in c.steps]
+    assert set(taken) == {"base_tilt", "tube_flexure"}
+    rms = [c.start.rms, *(s.model.rms for s in c.steps)]
+    assert rms == sorted(rms, reverse=True)
+    assert c.end is c.steps[-1].model
+    assert c.end.rms == pytest.approx(np.sqrt(2) * ARCSEC, rel=0.15)
+    assert c.left == ()
+    size = dict(zip([(p.effect, p.axis) for p in c.end.fitted], values(c.end.effects, c.end.fitted), strict=True))
+    sigma = dict(zip(size, np.sqrt(np.diag(c.end.covariance)), strict=True))
+    for key, truth in ((("base_tilt", "north"), 12.0), (("base_tilt", "east"), -7.0)):
+        assert abs(from_si(size[key], "arcsec") - truth) < 4 * from_si(sigma[key], "arcsec")
+
+
+def test_the_first_step_takes_away_most() -> None:
+    v, c = view(12.0, -7.0, 15.0), found()
+    each = [take(v, c.start, [s.taken]).rms for s in c.steps]
+    assert each[0] == min(each) == c.steps[0].model.rms
+    again = refined(v, c)
+    assert [s.taken[0].label for s in again.steps] == [s.taken[0].label for s in c.steps]
+    assert again.end.rms == pytest.approx(c.end.rms, rel=1e-9)
+
+
+def test_nothing_is_taken_up_where_nothing_is_missing() -> None:
+    c = course(view(), silent)
+    assert (c.steps, c.left) == ((), ())
+    assert c.end is c.start
+    none = weigh(view(), c.start)
+    assert none.ln_total < np.log(20)
+
+
+def test_what_noise_with_a_memory_explains_is_not_kept() -> None:
+    """A slow wander of the misfit follows a cause by chance: 20 to one in white noise is no claim in coloured noise."""
+    v, c = view(12.0, -7.0, 15.0), found()
+    without = take(v, c.start, [c.steps[0].taken])
+    assert alone(v, without, c.steps[1].taken) > np.log(20)  # a bent tube is not explained by memory
+    last = take(v, c.start, [s.taken for s in c.steps])
+    assert alone(v, last, c.steps[1].taken) < 1  # once it is in the model nothing is left of it
+
+
+def test_prior_shares_make_a_whole_of_causes_and_of_shapes() -> None:
+    v = view()
+    m = start(v)
+    known = causes_of(v, m)
+    share = np.exp(priors(v, known))
+    shape = np.array([bool(getattr(c, "rival", "") or getattr(c, "shape", "")) for c in known])
+    assert share[shape].sum() == pytest.approx(1.0)
+    assert share[~shape].sum() == pytest.approx(1.0)
+    by_effect = {
+        e: sum(x for c, x in zip(known, share, strict=True) if c.effect == e) for e in {c.effect for c in known}
+    }
+    assert by_effect["base_tilt"] == pytest.approx(10 * by_effect["encoder_eccentricity"])  # what textbooks name first
+    tilt = {c.axis: x for c, x in zip(known, share, strict=True) if c.effect == "base_tilt"}
+    assert tilt["north, east"] == pytest.approx(tilt["north"] + tilt["east"])  # all axes together weigh half
+
+
+def test_rows_weigh_by_their_sigma() -> None:
+    v = view()
+    sigma = np.ones((80, 2))
+    sigma[:, 1] = 4.0
+    r = np.ones((80, 2, 3))
+    made = weighted(replace(v, sigma=sigma), r)
+    np.testing.assert_allclose(made[:, 0], 1.0)
+    np.testing.assert_allclose(made[:, 1], 0.25)
+    assert weighted(v, r) is r

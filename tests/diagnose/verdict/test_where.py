@@ -1,0 +1,72 @@
+"""Where a baseline fails on a recording without a stated noise: patterns by their F test, or the worst rows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+from scipy.stats import f as fisher
+
+from gimbalcal.diagnose.rows.views import View, pointing
+from gimbalcal.diagnose.search.stepwise import start
+from gimbalcal.diagnose.verdict.where import patterns, whereabouts
+from tests.diagnose.plant import ARCSEC
+from tests.diagnose.small import telescope
+
+
+def wavy(size: float, seed: int = 3) -> View:
+    """A telescope whose elevation is off by five waves in azimuth, in arcsec."""
+    r = telescope(seed)
+    A = r.channels["true_angle", "azimuth"]
+    read = r.channels["gimbal_angle", "elevation"] + size * ARCSEC * np.sin(5 * A)
+    return pointing(replace(r, channels={**r.channels, ("gimbal_angle", "elevation"): read}))
+
+
+def test_a_pattern_is_told_with_its_f_statistic() -> None:
+    v = wavy(3.0)
+    m = start(v)
+    first = patterns(v, m)[0]
+    assert (first["channel"], first["axis"]) == ("pointing", "along")
+    assert "azimuth" in first["in_words"]
+    angle = v.stimulus.readout[:, list(v.stimulus.axis_names).index("azimuth")]
+    X = np.zeros((80, 2, 10))
+    X[:, 1] = np.stack([g(k * angle) for k in range(2, 7) for g in (np.cos, np.sin)], axis=-1)
+    Z, y = m.J.reshape(160, -1), m.r.ravel()
+    Z = Z / (np.linalg.norm(Z, axis=0) + 1e-300)
+
+    def left(A: np.ndarray) -> float:
+        return float(np.sum((y - A @ np.linalg.lstsq(A, y, rcond=1e-7)[0]) ** 2))
+
+    both = np.concatenate([Z, X.reshape(160, -1)], axis=1)
+    free = 160 - np.linalg.matrix_rank(both, 1e-7)
+    F = (left(Z) - left(both)) / 10 / (left(both) / free)
+    assert first["statistic"] == pytest.approx(F, rel=1e-3)
+    # of time and the two angles in two channels each: Bonferroni's bound
+    assert first["p_value"] == pytest.approx(6 * fisher.sf(F, 10, free), rel=1e-3)
+    worst = np.argsort(-np.abs(m.r[:, 1]))[:3]
+    assert first["where"] == {"positions": [int(k) + 1 for k in worst]}
+    size = np.sqrt(np.mean(m.r[:, 1] ** 2)) / ARCSEC
+    assert f"({size:.3g} arcsec rms)" in first["in_words"]
+
+
+def test_chance_is_no_pattern() -> None:
+    """Clean recordings: all shapes together are odd in one of a thousand."""
+    for seed in range(6):
+        v = pointing(telescope(seed))
+        assert patterns(v, start(v)) == ()
+
+
+def test_without_a_pattern_the_worst_channel_is_told_against_the_scatter_in_the_end() -> None:
+    v = pointing(telescope(1))
+    m = start(v)
+    sigma = np.tile([2.0, 0.9], (80, 1)) * ARCSEC
+    (found,) = whereabouts(v, m, sigma)
+    square = np.mean((m.r / sigma) ** 2, axis=0)
+    assert found["axis"] == ("across", "along")[int(np.argmax(square))] == "along"
+    assert found["statistic"] == pytest.approx(square[1], abs=0.01)
+    assert found["p_value"] == pytest.approx(min(1.0, 2 * chi2.sf(80 * square[1], 80)), rel=1e-6)
+    worst = 1 + np.argsort(-np.abs(m.r[:, 1]))[:3]
+    assert found["where"] == {"positions": worst.tolist()}
+    assert found["in_words"].endswith(f"largest at stars {worst[0]}, {worst[1]} and {worst[2]}")
