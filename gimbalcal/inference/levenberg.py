@@ -33,13 +33,14 @@ class Minimum:
         return Minimum(*(pick(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)))
 
 
-def minimise(model: Model, x0: Array, tolerance: float = 1e-11, limit: int = 60) -> Minimum:
+def minimise(model: Model, x0: Array, tolerance: float = 1e-11, limit: int = 60, gain: float = 0.0) -> Minimum:
     r"""Least squares of many runs from x0 (r, p), by damped Gauss-Newton steps.
 
     .. math:: \Delta x = -(J^T J + \lambda\, \mathrm{diag}(J^T J))^{-1} J^T r
 
     Wang et al. (2019), Eq. (40), solved by QR so that the condition number is not squared. A run settles when its
-    step is below `tolerance` of its length plus one; parameters should be scaled to order one by the caller.
+    step is below `tolerance` of its length plus one, or lowers the cost by less than the share `gain` of it;
+    parameters should be scaled to order one by the caller.
     """
     x, runs = np.array(x0, dtype=float), np.arange(len(x0))
     r, J = model(x, runs)
@@ -54,6 +55,7 @@ def minimise(model: Model, x0: Array, tolerance: float = 1e-11, limit: int = 60)
         cost1 = (r1**2).sum(-1) / 2
         small = np.linalg.norm(step, axis=-1) < tolerance * (1 + np.linalg.norm(x[a], axis=-1))
         good = cost1 <= cost[a]
+        small |= good & (cost[a] - cost1 < gain * cost[a])
         hit = a[good]
         x[hit], r[hit], J[hit], cost[hit] = (x[a] + step)[good], r1[good], J1[good], cost1[good]
         damping[a] = np.where(good, damping[a] / 10, damping[a] * 10)
@@ -81,7 +83,7 @@ def covariance(J: Array, seen: float = 1e-9) -> Array:
     _, S, Vt = np.linalg.svd(J / size[:, None, :], full_matrices=False)
     with np.errstate(divide="ignore"):
         inverse = np.where(seen * S[:, :1] < S, 1 / S, np.inf)  # relative rank: columns have length one
-    half = np.swapaxes(Vt, -1, -2) * inverse[:, None, :]
-    half = np.where(np.isnan(half), 0.0, half) / size[..., None]  # 0 x inf: the direction does not touch it
     with np.errstate(invalid="ignore"):
+        half = np.swapaxes(Vt, -1, -2) * inverse[:, None, :]
+        half = np.where(np.isnan(half), 0.0, half) / size[..., None]  # 0 x inf: the direction does not touch it
         return np.asarray(half @ np.swapaxes(half, -1, -2))

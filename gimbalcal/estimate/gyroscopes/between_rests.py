@@ -28,6 +28,7 @@ from gimbalcal.estimate.gyroscopes.rests import BIAS, G_SENSITIVITY, RestFit, le
 from gimbalcal.estimate.gyroscopes.turns import FORCE, Turned, end_of, turns
 from gimbalcal.estimate.support import coefficients, needed, refusal
 from gimbalcal.forward import Rows, gyroscopes
+from gimbalcal.inference.levenberg import minimise
 from gimbalcal.number import Array, complex_step
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
@@ -36,6 +37,7 @@ from gimbalcal.units import from_si
 
 LINEAR = BASELINE["turns"]
 FURTHER = ("gyro_scale_nonlinearity", "gyro_scale_asymmetry", "gyro_scale_temperature", G_SENSITIVITY)
+ENOUGH = 1e-14  # share of the squares that a last step takes away: 1e-7 of a sigma where nothing is left to gain
 ENDURING = 1e-9  # smallest relative singular value of the columns: below, the turns say nothing of a combination
 
 
@@ -136,6 +138,10 @@ class PoseFit:
 
 
 def fit_turns(turned: Turned, terms: Sequence[str]) -> PoseFit:
+    """Least squares of the terms' parameters to gravity after each turn.
+
+    Raises InputError where there are fewer turns than parameters ask for, or none that tells some of them apart.
+    """
     wanted = tuple(p for t in terms for p in parameters(CATALOGUE[t]))
     m = len(turned.before)
     if 2 * m < len(wanted):
@@ -143,27 +149,17 @@ def fit_turns(turned: Turned, terms: Sequence[str]) -> PoseFit:
             f"{amount(m, 'turn')} for {amount(len(wanted), 'parameter')} that are asked for: turn more often"
         )
     scale = np.array([p.sigma for p in wanted])
-    x = np.zeros(len(wanted))
-    r, J = _linear(turned, wanted, x)
-    if _dark(J):
+
+    def model(scaled: Array, _: Array) -> tuple[Array, Array]:
+        r, J = _linear(turned, wanted, scaled[0] * scale)
+        return -r[None], (J * scale)[None]
+
+    start = np.zeros((1, len(wanted)))
+    if _dark(model(start, np.arange(1))[1][0]):
         raise InputError(f"nothing in {amount(m, 'turn')} tells all of {', '.join(terms)} apart")
-    damping = 1e-3
-    for _ in range(60):
-        A = J * scale
-        size = np.sqrt((A**2).sum(0))
-        rows = np.concatenate([A / size, np.sqrt(damping) * np.eye(len(x))])
-        step = np.linalg.lstsq(rows, np.concatenate([r, 0 * x]), rcond=None)[0] / size * scale
-        r1, J1 = _linear(turned, wanted, x + step)
-        if (r1**2).sum() <= (r**2).sum():
-            gain = (r**2).sum() - (r1**2).sum()
-            x, r, J, damping = x + step, r1, J1, damping / 10
-            if gain <= 1e-14 * (r**2).sum():
-                break
-        else:
-            damping *= 10
-            if damping > 1e10:
-                break
-    return _judged(wanted, x, r, J, m)
+    found = minimise(model, start, gain=ENOUGH)
+    x = found.x[0] * scale
+    return _judged(wanted, x, *_linear(turned, wanted, x), m)
 
 
 def _dark(J: Array) -> bool:

@@ -90,7 +90,7 @@ def _stimulus_of(recording: Recording, spans: Sequence[slice], rate: Array, forc
 
     The rate that was read, less its level at rest, stands for the true one, and the calibrated force for the force.
     """
-    s = stimulus_from_readings(recording.select(slice(0, 1)))
+    s = stimulus_from_readings(recording.select(slice(spans[0].start, spans[0].start + 1)))
     n = len(rate)
     arrays = {k: v for k, v in vars(s).items() if isinstance(v, np.ndarray) and v.ndim}
     wide = {k: np.broadcast_to(v, (n, *v.shape[1:])) for k, v in arrays.items()}

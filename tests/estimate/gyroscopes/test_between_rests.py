@@ -83,6 +83,14 @@ def test_truth_comes_back_within_its_uncertainty() -> None:
     assert 0.5 < spread < 1.5  # 48 normal numbers, sigma scaled to 39 degrees of freedom: 0.12, with room for both
 
 
+def test_a_recording_may_begin_while_the_unit_moves() -> None:
+    whole = hand(TRUTH, 2e-3)
+    late = whole.select(slice(REST + TURN // 2, None))
+    trimmed = whole.select(slice(REST + TURN, None))
+    made, expected = (gyroscopes_between_rests(r, multiposition(r, ("bias",)), LINEAR) for r in (late, trimmed))
+    np.testing.assert_allclose(made.values, expected.values, atol=1e-9)
+
+
 def test_derivative_is_that_of_a_difference() -> None:
     recording = hand(TRUTH, 0.0, count=8)
     turned, _, _ = turns(recording, multiposition(recording, ("bias",)))
