@@ -21,6 +21,7 @@ from gimbalcal.recording import SENSORS, Recording
 
 QUANTITIES: Mapping[str, tuple[str, ...]] = {  # that are read at rest, by kind of recording
     "multi-position": ("specific_force",),
+    "rotation": ("specific_force",),
     "static-run": ("specific_force", "gimbal_angle", "attitude_error"),
 }
 SENSOR_OF = {quantity: sensor for sensor, quantity in SENSORS.items()}
@@ -59,22 +60,29 @@ class Readings:
         platform = self.recording.platform
         return linearise(platform, self.stimulus, effects, self.kind, self.channels, self.value, stages)
 
-    def residual(self, effects: Sequence[Effect] = ()) -> Array:
-        """Read minus predicted (n, C); angles within half a turn."""
+    def predicted(self, effects: Sequence[Effect] = ()) -> Array:
+        """What the model expects to be read (n, C)."""
         platform = self.recording.platform
         outputs = predict(platform, self.stimulus, effects, self.kind)
-        predicted = [outputs[q][:, AXES.get(q, platform.axis_names).index(a)] for q, a in self.channels]
-        return difference(self.value, np.stack(predicted, axis=1), self.channels)
+        found = [outputs[q][:, AXES.get(q, platform.axis_names).index(a)] for q, a in self.channels]
+        return np.stack(found, axis=1)
+
+    def residual(self, effects: Sequence[Effect] = ()) -> Array:
+        """Read minus predicted (n, C); angles within half a turn."""
+        return difference(self.value, self.predicted(effects), self.channels)
 
     def jacobian(self, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Array:
         """Derivative of the predictions (n, C, p)."""
         return self.rows(effects, dict.fromkeys(CATALOGUE[p.effect].stage for p in wanted)).jacobian(wanted)
 
+    def select(self, rows: Array) -> Readings:
+        """Some of the rows only."""
+        few = self.stimulus.select(rows)
+        return Readings(self.recording.select(rows), few, self.channels, self.value[rows], self.sigma[rows])
+
     def thinned(self, rows: int) -> Readings:
         """About so many rows, evenly spread."""
-        every = np.arange(0, len(self.value), max(1, len(self.value) // rows))
-        few = self.stimulus.select(every)
-        return Readings(self.recording.select(every), few, self.channels, self.value[every], self.sigma[every])
+        return self.select(np.arange(0, len(self.value), max(1, len(self.value) // rows)))
 
     def columns(self, quantity: str) -> list[int]:
         """Indices of the channels of one quantity."""

@@ -27,7 +27,7 @@ from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.effects.baseline import BASELINE, STATIC_CALIBRATION
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.expected import planned
-from gimbalcal.estimate.accelerometers.setting import Noise, baseline, linearise, problem, whiten
+from gimbalcal.estimate.accelerometers.setting import Noise, baseline, by_visit, problem, whiten
 from gimbalcal.forward import jacobian
 from gimbalcal.inference.information import SEEN, Information, Solution, information, solve
 from gimbalcal.kinematics import stimulus_from_angles
@@ -126,7 +126,7 @@ def observe(
     calibrated = baseline(held.platform, _known(effects))
     others = _parameters_of(candidates, effects, recording, "multi-position")
     p = problem(recording, (*calibrated, *others))
-    linear = linearise(p, np.zeros(len(p.parameters)), np.zeros((p.visits, p.turns)))
+    linear = by_visit(p, np.zeros(len(p.parameters)), np.zeros((p.visits, p.turns)))
     info = whiten(replace(linear, r=np.zeros_like(linear.r)), noise).information(p.parameters)
     said = {"gimbal_angle_arcsec": angle_sigma, "accelerometer_ug": force_sigma}
     return _observability(held.name, info, calibrated, said)

@@ -24,7 +24,7 @@ from gimbalcal.effects import CATALOGUE, Parameter, Stimulus, parameters
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.multiposition import TERMS, TRIANGLE
-from gimbalcal.estimate.accelerometers.setting import Linear, Noise, baseline, whiten
+from gimbalcal.estimate.accelerometers.setting import Noise, VisitRows, baseline, whiten
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
 from gimbalcal.kinematics import stimulus_from_angles
@@ -175,7 +175,7 @@ def whitened_rows(settings: Array, rig: Rig, wanted: Sequence[Parameter]) -> Arr
         earlier_move_force=np.zeros((len(settings), 3)),
     )
     J = jacobian(rig.platform, s, (), wanted)["specific_force"]
-    linear = Linear(J, 0 * s.force, _turns(rig, s), np.ones(len(settings)), J[:0], s.force[:0])
+    linear = VisitRows(J, 0 * s.force, _turns(rig, s), np.ones(len(settings)), J[:0], s.force[:0])
     noise = Noise(rig.accelerometer, rig.setting)
     w = whiten(linear, noise)
     return np.where(np.isfinite(w.sigma)[..., None], w.J, 0.0) * np.array([p.sigma for p in wanted])

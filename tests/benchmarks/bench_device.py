@@ -24,7 +24,7 @@ from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import COMBINATIONS, PAIRS, fine
 from gimbalcal.estimate.accelerometers.joint import joint
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
-from gimbalcal.estimate.accelerometers.setting import Noise, linearise, problem, starting_values, whiten
+from gimbalcal.estimate.accelerometers.setting import Noise, by_visit, problem, starting_values, whiten
 from gimbalcal.inference.information import SEEN
 from tests.estimate.device import ARCSEC, PARAMETERS, SAMPLE, draw, effects, measured
 
@@ -47,7 +47,7 @@ class Bound:
 def bound(truth: np.ndarray, setting: float) -> Bound:
     """From the whitened Jacobian at the truth."""
     p = problem(measured(truth, np.random.default_rng(0), setting), PARAMETERS, effects(truth))
-    w = whiten(linearise(p, starting_values(p, p.effects), np.zeros((p.visits, p.turns))), Noise(SAMPLE, setting))
+    w = whiten(by_visit(p, starting_values(p, p.effects), np.zeros((p.visits, p.turns))), Noise(SAMPLE, setting))
     _, S, Vt = np.linalg.svd(w.information(PARAMETERS).rows[:, :-1])
     V, S = Vt[S >= SEEN].T, S[S >= SEEN]
     covariance = (V / S**2) @ V.T * np.outer(SCALE, SCALE)

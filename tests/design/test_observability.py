@@ -136,7 +136,8 @@ def test_strength_is_what_a_fit_leaves_as_chi_squared() -> None:
     for i in range(n):
         size = np.zeros(n)
         size[i] = sigma
-        bent = replace(p, force=model(replace(p, effects=(kind(K_c=size),)), np.zeros(18), np.zeros((18, 4))))
+        read = model(replace(p, effects=(kind(K_c=size),)), np.zeros(18), np.zeros((18, 4)))
+        bent = replace(p, readings=replace(p.readings, value=read))
         total += gauss_newton(replace(bent, weight=np.ones(18)), Noise(to_si(2.0, "ug"), ARCSEC)).solution.chi2
     (candidate,) = seen.candidates
     # gravity 9.80146 against 9.80665, and the square of the effect

@@ -23,9 +23,10 @@ from gimbalcal.forward import Key, Rows, experienced
 from gimbalcal.inference.information import information, solve
 from gimbalcal.kinematics import refuse_other_platform
 from gimbalcal.number import Array
-from gimbalcal.readings import QUANTITIES, SENSOR_OF, Readings, readings
+from gimbalcal.readings import SENSOR_OF, Readings, readings
 from gimbalcal.recording import Recording, block_means, dwells
 
+KINDS = ("multi-position", "static-run")  # whose attitude and noise are known
 BLOCKS_IN_ALL = 108  # block means of a multi-position recording: 6 in each of 18 dwells, at least 2 in each of many
 MOST_ROWS = 4000  # of a static run: 48 h come as minute means, and half a gigabyte of columns is enough
 
@@ -160,10 +161,8 @@ def _step(read: Readings, effects: Sequence[Effect], constants: Sequence[Paramet
 
 def _at_rest(recording: Recording) -> Recording:
     """The rows that stand still, a long static run as means of blocks. Raises InputError where there are none."""
-    if recording.kind not in QUANTITIES:
-        raise InputError(
-            f"{recording.title!r} is a {recording.kind} recording; `diagnose` takes {', '.join(QUANTITIES)}"
-        )
+    if recording.kind not in KINDS:
+        raise InputError(f"{recording.title!r} is a {recording.kind} recording; `diagnose` takes {', '.join(KINDS)}")
     if recording.kind == "static-run":
         refuse_other_platform(recording)
     if recording.position is not None and np.any(recording.position == 0):

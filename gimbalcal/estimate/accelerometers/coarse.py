@@ -27,12 +27,12 @@ from gimbalcal.estimate.accelerometers.account import faults_in_words, joined, p
 from gimbalcal.estimate.accelerometers.positions import Positions, trusted_positions
 from gimbalcal.estimate.accelerometers.setting import (
     Fit,
-    Linear,
     Noise,
     Problem,
+    VisitRows,
     Whitened,
     baseline,
-    linearise,
+    by_visit,
     visit_means,
     whiten,
 )
@@ -80,7 +80,7 @@ class Settled:
 
     x: Array
     covariance: Array
-    linear: Linear
+    linear: VisitRows
     solution: Solution
     faceless: str  # axes without both faces
 
@@ -93,7 +93,7 @@ def _settle(p: Problem, noise: Noise) -> Settled:
     x = np.zeros(len(p.parameters))
     scale = np.array([q.sigma for q in p.parameters])
     for _ in range(ROUNDS):
-        linear = linearise(p, x, np.zeros((p.visits, p.turns)))
+        linear = by_visit(p, x, np.zeros((p.visits, p.turns)))
         before, x = x, x.copy()
         axes, faces, faceless = _faces(p, linear, before)
         for i, axis in enumerate(axes):
@@ -115,7 +115,7 @@ class AxisFit:
     derivative: Array
 
 
-def _faces(p: Problem, linear: Linear, x: Array) -> tuple[list[AxisFit], Array, str]:
+def _faces(p: Problem, linear: VisitRows, x: Array) -> tuple[list[AxisFit], Array, str]:
     """Step 1: a line through the two clusters of faces, which is the closed form; which visits are faces (m,).
 
     No axis is fitted, and those that lack a face are named, unless each has both.
@@ -143,7 +143,7 @@ def _least_squares(p: Problem, w: Whitened, x: Array, columns: Array, rows: Arra
 
 
 def _covariance(
-    p: Problem, linear: Linear, noise: Noise, axes: Sequence[AxisFit], columns: Array, rows: Array
+    p: Problem, linear: VisitRows, noise: Noise, axes: Sequence[AxisFit], columns: Array, rows: Array
 ) -> Array:
     """Both steps are linear in the readings, x = A y: noise and setting errors through A, and the neglected K."""
     m, P = p.visits, len(p.parameters)
@@ -160,7 +160,7 @@ def _covariance(
     A[columns] = B - np.einsum("qmi,mip,pnj->qnj", B, linear.J, A)
     spread = np.einsum("pmi,mij->pmj", A, np.linalg.inv(w.W)).reshape(P, -1)
     K = replace(p, parameters=baseline(p.platform, [NEGLECTED]))
-    J_K = linearise(K, np.zeros(3), np.zeros((m, p.turns))).J * np.array([q.sigma for q in K.parameters])
+    J_K = by_visit(K, np.zeros(3), np.zeros((m, p.turns))).J * np.array([q.sigma for q in K.parameters])
     bent = np.einsum("qmi,mik->qk", A, J_K)
     unseen = np.zeros((P, P))
     unseen[np.ix_(columns, columns)] = (scale[:, None] * Vt[~keep].T) @ (Vt[~keep] * scale)

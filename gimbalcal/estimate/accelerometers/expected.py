@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.estimate.accelerometers.setting import Noise, Problem, linearise, problem, starting_values, whiten
+from gimbalcal.estimate.accelerometers.setting import Noise, Problem, by_visit, problem, starting_values, whiten
 from gimbalcal.inference.information import Solution, solve
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording, Site
@@ -33,7 +33,7 @@ def planned(schedule: Schedule, samples: float = 1.0, site: Site | None = None) 
 
 def expected_solution(p: Problem, noise: Noise) -> Solution:
     """The Cramer-Rao bound and the unseen directions of a problem at its starting parameters."""
-    linear = linearise(p, starting_values(p, p.effects), np.zeros((p.visits, p.turns)))
+    linear = by_visit(p, starting_values(p, p.effects), np.zeros((p.visits, p.turns)))
     return solve(whiten(replace(linear, r=np.zeros_like(linear.r)), noise).information(p.parameters))
 
 
@@ -60,7 +60,7 @@ def lost(p: Problem, noise: Noise, solution: Solution) -> str:
 def _expected_together(p: Problem, other: Problem, noise: Noise) -> Solution:
     zero = [starting_values(q, q.effects) for q in (p, other)]
     parts = [
-        whiten(linearise(q, x, np.zeros((q.visits, q.turns))), noise).information(q.parameters)
+        whiten(by_visit(q, x, np.zeros((q.visits, q.turns))), noise).information(q.parameters)
         for q, x in zip((p, other), zero, strict=True)
     ]
     return solve(parts[0] + parts[1])

@@ -20,7 +20,7 @@ from gimbalcal.effects import Effect, values, with_values
 from gimbalcal.errors import amount
 from gimbalcal.estimate.accelerometers.account import outcome, provenance, rms, stage
 from gimbalcal.estimate.accelerometers.positions import Positions
-from gimbalcal.estimate.accelerometers.setting import Fit, Problem, gauss_newton, linearise, starting_values, whiten
+from gimbalcal.estimate.accelerometers.setting import Fit, Problem, by_visit, gauss_newton, starting_values, whiten
 from gimbalcal.inference.information import Information, information
 from gimbalcal.units import from_si
 
@@ -54,7 +54,7 @@ def joint(positions: Positions, start: Calibration | None = None, *, prior: Cali
 def information_of(positions: Positions, effects: Sequence[Effect]) -> Information:
     """What the positions say, linearised at `effects` with the setting errors that go with them."""
     p = positions.problem
-    linear = linearise(p, starting_values(p, effects), positions.fit.setting)
+    linear = by_visit(p, starting_values(p, effects), positions.fit.setting)
     return whiten(linear, positions.noise).information(p.parameters)
 
 

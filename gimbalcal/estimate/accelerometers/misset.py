@@ -24,7 +24,7 @@ from gimbalcal.estimate.accelerometers.setting import (
     Fit,
     Noise,
     Problem,
-    linearise,
+    by_visit,
     model,
     starting_values,
     visit_means,
@@ -84,7 +84,7 @@ def _believed(whole: Fit, fit: Fit) -> bool:
 
 def _suspects(p: Problem, noise: Noise, scaled: bool) -> list[tuple[int, ...]]:
     """Greedy search on the problem linearised at nominal parameters, which no fault has pulled away."""
-    w = whiten(linearise(p, starting_values(p, p.effects), np.zeros((p.visits, p.turns))), noise)
+    w = whiten(by_visit(p, starting_values(p, p.effects), np.zeros((p.visits, p.turns))), noise)
     J = w.J * np.array([q.sigma for q in p.parameters])
     measured = visit_means(p, p.force)
     active, groups = np.arange(p.visits), []

@@ -118,7 +118,7 @@ def norm_fit(means: Recording, terms: Sequence[str]) -> NormFit:
     bench = replace(means, platform=BENCH, channels={k: v for k, v in means.channels.items() if k[0] != "gimbal_angle"})
     p = problem(bench, wanted)
     towards = y / np.linalg.norm(y, axis=1, keepdims=True)
-    p = replace(p, stimulus=p.stimulus.at(force=g * towards))
+    p = replace(p, readings=replace(p.readings, stimulus=p.stimulus.at(force=g * towards)))
     sample = means.sigma("accelerometer") or 1e-6 * g  # no scatter known: far below any rig, the excess takes over
     source = HEADER if "accelerometer" in means.noise else SAMPLES
     return _with_excess(p, Noise(sample, np.inf, source, ATTITUDE), _start(y, wanted, g))

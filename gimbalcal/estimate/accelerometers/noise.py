@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.estimate.accelerometers.setting import Fit, Linear, Noise, Problem, gauss_newton, whiten
+from gimbalcal.estimate.accelerometers.setting import Fit, Noise, Problem, VisitRows, gauss_newton, whiten
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwells
 
@@ -88,7 +88,7 @@ def _with(noise: Noise, names: list[str], logs: Array) -> Noise:
     return replace(noise, **dict(zip(names, np.exp(np.clip(logs, -28, 0)).tolist(), strict=True)))
 
 
-def deviance(linear: Linear, noise: Noise, scale: Array) -> float:
+def deviance(linear: VisitRows, noise: Noise, scale: Array) -> float:
     """-2 ln of the restricted likelihood, parameters under a prior of `scale` (p,), up to a constant."""
     w = whiten(linear, noise)
     rows = np.concatenate([w.J.reshape(-1, scale.size), w.J_inside.reshape(-1, scale.size)]) * scale

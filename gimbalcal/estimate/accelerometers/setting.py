@@ -19,11 +19,10 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, values, with_values
 from gimbalcal.effects.baseline import BASELINE
-from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import Information, Solution, information, solve
-from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array, apply_matrix, complex_step
 from gimbalcal.platform import Platform
+from gimbalcal.readings import Readings, readings
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.rotation import tilt_rotation
 
@@ -47,16 +46,29 @@ class Noise:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is fitted: readings `force` (n, 3), `weight` (n,) raw samples each, `visit` (n,) = 0 ... m-1 of each row."""
+    """What is fitted: readings (n, 3), `weight` (n,) raw samples each, `visit` (n,) = 0 ... m-1 of each row."""
 
-    platform: Platform
-    stimulus: Stimulus
-    force: Array
+    readings: Readings
     weight: Array
     visit: Array
     positions: Array  # (m,) name of the position of each visit
     effects: tuple[Effect, ...]
     parameters: tuple[Parameter, ...]
+
+    @property
+    def platform(self) -> Platform:
+        """The gimbal chain."""
+        return self.readings.recording.platform
+
+    @property
+    def stimulus(self) -> Stimulus:
+        """What the hardware experienced as far as the readouts tell."""
+        return self.readings.stimulus
+
+    @property
+    def force(self) -> Array:
+        """Specific force read (n, 3) [m/s^2]."""
+        return self.readings.value
 
     @property
     def visits(self) -> int:
@@ -74,8 +86,7 @@ class Problem:
         rows = keep[self.visit]
         return replace(
             self,
-            stimulus=self.stimulus.select(rows),
-            force=self.force[rows],
+            readings=self.readings.select(rows),
             weight=self.weight[rows],
             visit=(np.cumsum(keep) - 1)[self.visit[rows]],
             positions=self.positions[keep],
@@ -97,15 +108,14 @@ def problem(
 ) -> Problem:
     """The fit of a recording: of one mean per dwell, or of every row where what happens inside a dwell matters."""
     rows = dwell_means(recording) if averaged else _at_rest(recording)
-    s = stimulus_from_readings(rows)
-    first = np.flatnonzero(np.diff(s.visit, prepend=-1))
+    rows.triad(FORCE)  # all three axes, or InputError
+    read = readings(rows)
+    visit = read.stimulus.visit
     return Problem(
-        platform=rows.platform,
-        stimulus=s,
-        force=rows.triad(FORCE),
+        readings=read,
         weight=np.asarray(rows.weight, dtype=float),
-        visit=s.visit,
-        positions=np.asarray(s.position)[first],
+        visit=visit,
+        positions=np.asarray(read.stimulus.position)[np.flatnonzero(np.diff(visit, prepend=-1))],
         effects=tuple(effects),
         parameters=tuple(wanted if wanted is not None else baseline(rows.platform)),
     )
@@ -115,22 +125,22 @@ def _at_rest(recording: Recording) -> Recording:
     return recording if recording.position is None else recording.select(recording.position > 0)
 
 
-def set_off(p: Problem, e: Array) -> Stimulus:
-    """The stimulus when the gimbals stand off their readouts by e (m, k) [rad]."""
+def set_off(p: Problem, e: Array) -> Readings:
+    """The readings when the gimbals stand off their readouts by e (m, k) [rad]."""
     s, turn = p.stimulus, e[p.visit]
     if p.platform.axes:
-        return s.at(readout=s.readout + turn, angle=s.readout + turn)
-    return s.at(force=apply_matrix(tilt_rotation(turn), s.force))
+        return replace(p.readings, stimulus=s.at(readout=s.readout + turn, angle=s.readout + turn))
+    return replace(p.readings, stimulus=s.at(force=apply_matrix(tilt_rotation(turn), s.force)))
 
 
 def model(p: Problem, x: Array, e: Array) -> Array:
     """Readings (n, 3) [m/s^2] that parameters x (p,) and setting errors e (m, k) predict."""
     effects = with_values(p.effects, p.parameters, x, p.platform.axis_names)
-    return predict(p.platform, set_off(p, e), effects)[FORCE]
+    return set_off(p, e).predicted(effects)
 
 
 @dataclass(frozen=True, eq=False)
-class Linear:
+class VisitRows:
     """The problem linearised at (x, e), by visit: y - h + G e + J x = r; inside each dwell the deviations from it."""
 
     J: Array  # (m, 3, p)
@@ -141,19 +151,19 @@ class Linear:
     r_inside: Array  # (n, 3)
 
 
-def linearise(p: Problem, x: Array, e: Array) -> Linear:
-    """Exact derivatives by complex step at parameters x and setting errors e."""
+def by_visit(p: Problem, x: Array, e: Array) -> VisitRows:
+    """Exact derivatives at parameters x and setting errors e, by visit."""
     effects = with_values(p.effects, p.parameters, x, p.platform.axis_names)
-    J = jacobian(p.platform, set_off(p, e), effects, p.parameters)[FORCE]
-    G = by_turns(p, x, e)
-    r = p.force - model(p, x, e) + (J @ x) + apply_matrix(G, e[p.visit])
+    rows = set_off(p, e).rows(effects, dict.fromkeys(CATALOGUE[q.effect].stage for q in p.parameters))
+    J, G = rows.jacobian(p.parameters), by_turns(p, x, e)
+    r = rows.residual + (J @ x) + apply_matrix(G, e[p.visit])
     if len(p.force) == p.visits:
-        return Linear(J, r, G, p.weight, J[:0], r[:0])
+        return VisitRows(J, r, G, p.weight, J[:0], r[:0])
     weight = np.bincount(p.visit, p.weight)
     J_mean, r_mean, G_mean = (visit_means(p, a) for a in (J, r, G))
     root = np.sqrt(p.weight)
     inside = (root[:, None, None] * (J - J_mean[p.visit]), root[:, None] * (r - r_mean[p.visit]))
-    return Linear(J_mean, r_mean, G_mean, weight, *inside)
+    return VisitRows(J_mean, r_mean, G_mean, weight, *inside)
 
 
 def by_turns(p: Problem, x: Array, e: Array) -> Array:
@@ -168,7 +178,7 @@ def aim(p: Problem, x: Array, noise: Noise) -> Array:
         G = by_turns(p, x, e)
         r = visit_means(p, p.force - model(p, x, e) + apply_matrix(G, e[p.visit]))
         G, weight = visit_means(p, G), np.bincount(p.visit, p.weight)
-        e = apply_matrix(whiten(Linear(G[..., :0], r, G, weight, G[:0, :, :0], r[:0]), noise).gain, r)
+        e = apply_matrix(whiten(VisitRows(G[..., :0], r, G, weight, G[:0, :, :0], r[:0]), noise).gain, r)
     return e
 
 
@@ -201,7 +211,7 @@ class Whitened:
         return replace(information(J, r, wanted), count=int(np.isfinite(self.sigma).sum()) + free)
 
 
-def whiten(linear: Linear, noise: Noise) -> Whitened:
+def whiten(linear: VisitRows, noise: Noise) -> Whitened:
     """Scale to unit noise with the setting errors eliminated (module docstring)."""
     U, s, Vt = np.linalg.svd(linear.G, full_matrices=True)
     k = s.shape[-1]
@@ -227,7 +237,7 @@ class Fit:
 
     solution: Solution
     setting: Array
-    linear: Linear
+    linear: VisitRows
     whitened: Whitened
     noise: Noise
     steps: int  # 0 where it did not converge
@@ -239,7 +249,7 @@ def gauss_newton(p: Problem, noise: Noise, start: Array | None = None, prior: In
     x = np.zeros(len(p.parameters)) if start is None or np.any(np.abs(start) > far) else start
     e = aim(p, x, noise)
     for step in range(1, ROUNDS + 1):
-        linear = linearise(p, x, e)
+        linear = by_visit(p, x, e)
         w = whiten(linear, noise)
         info = w.information(p.parameters)
         solution = solve(info if prior is None else info + prior)

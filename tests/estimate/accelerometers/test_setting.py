@@ -9,8 +9,8 @@ from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.estimate.accelerometers.setting import (
     Noise,
     baseline,
+    by_visit,
     gauss_newton,
-    linearise,
     problem,
     whiten,
 )
@@ -80,7 +80,7 @@ def test_rows_in_motion_take_no_part(recording: Recording) -> None:
 
 def test_unknown_attitude_leaves_one_row_a_visit_along_the_force(recording: Recording) -> None:
     p = problem(recording)
-    linear = linearise(p, np.zeros(len(p.parameters)), np.zeros((p.visits, p.turns)))
+    linear = by_visit(p, np.zeros(len(p.parameters)), np.zeros((p.visits, p.turns)))
     free = whiten(linear, Noise(SAMPLE, np.inf))
     assert np.isfinite(free.sigma).sum(axis=1).tolist() == [1] * 18
     along = free.W[np.isfinite(free.sigma)] * SAMPLE / np.sqrt(120)
@@ -96,7 +96,8 @@ def test_a_unit_without_gimbals_is_the_same_as_gimbals_that_say_nothing(recordin
     wanted = baseline(SPACE_STABLE, [name for name in BASELINE["multi-position"] if name != "gimbal_zero"])
     blind = gauss_newton(problem(recording, wanted), Noise(SAMPLE, np.inf))
     p = problem(replace(recording, platform=BENCH), wanted)
-    p = replace(p, stimulus=p.stimulus.at(force=p.force * 9.80146 / np.linalg.norm(p.force, axis=1, keepdims=True)))
+    felt = p.stimulus.at(force=p.force * 9.80146 / np.linalg.norm(p.force, axis=1, keepdims=True))
+    p = replace(p, readings=replace(p.readings, stimulus=felt))
     bench = gauss_newton(p, Noise(SAMPLE, np.inf))
     assert blind.solution.chi2 == pytest.approx(bench.solution.chi2, rel=1e-5)  # each stops within 1e-3 sigma
     np.testing.assert_allclose(bench.solution.x, blind.solution.x, atol=2e-3 * blind.solution.sigma.min())
