@@ -1,4 +1,4 @@
-r"""From a recording to what its hardware experienced: the `Stimulus` that every effect reads, and what was measured.
+r"""From a recording to what its hardware experienced: the `Stimulus` that every effect reads.
 
 A stimulus is the truth as far as it is known, and three functions say how far that is:
 
@@ -127,22 +127,6 @@ def _true_angle(recording: Recording) -> Array | None:
         return None
     angles = {axis: recording.channels["true_angle", axis] for axis in recording.axes("true_angle")}
     return recording.platform.angles(angles, recording.time.shape)
-
-
-def observations(recording: Recording) -> dict[str, Array]:
-    """What was measured, in the channels and shapes that `predict` returns for this kind of recording.
-
-    A gimbal that was not read in a static run stays at its drawing's zero; channels that were not logged are left out.
-    """
-    if recording.kind == "pointing":
-        return {"pointing": np.zeros((len(recording.time), 2))}
-    out = {"specific_force": recording.triad("specific_force")} if recording.has("specific_force") else {}
-    if recording.kind == "static-run":
-        if recording.has("gimbal_angle"):
-            out["gimbal_angle"] = recording.angles()
-        if recording.has("attitude_error"):
-            out["attitude_error"] = recording.triad("attitude_error", ("roll", "pitch", "yaw"))
-    return out
 
 
 def lost_to_averaging(recording: Recording, force: Array) -> Array:

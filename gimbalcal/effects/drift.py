@@ -9,7 +9,7 @@ from math import pi
 
 import numpy as np
 
-from gimbalcal.earth import EARTH_RATE, HOUR
+from gimbalcal.earth import EARTH_RATE, HOUR, SOLAR_RATE
 from gimbalcal.effects import false_rate
 from gimbalcal.effects.effect import (
     MATRIX_AXES,
@@ -22,7 +22,6 @@ from gimbalcal.effects.effect import (
     effect,
     parameter,
 )
-from gimbalcal.effects.false_rate import SOLAR_RATE
 from gimbalcal.effects.history import Dynamics, added_up, integrated
 from gimbalcal.number import Array, cos, exp, sin
 

@@ -1,8 +1,8 @@
-r"""What a gyroscope reads of a rate that is not there, one law per physics, for both ways of mounting it.
+r"""False rates: what a gyroscope reads beside the true rate; one law per physics, strapdown or on a platform.
 
-A gyroscope of a strapdown unit *reads* the false rate: omega + delta omega (`gyroscope`, stage GYROSCOPE). A platform
-that gyroscopes hold is turned by its loop until they read nothing, so that it *turns* at the opposite of the false
-rate (`drift`, stage PLATFORM):
+In a strapdown unit the false rate adds to the reading, omega + delta omega (`gyroscope`, stage GYROSCOPE). A platform
+that gyroscopes hold is turned by its loop until they read zero, so it turns at the negative of the false rate
+(`drift`, stage PLATFORM):
 
 .. math:: 0 = \omega + \delta\omega \;\Rightarrow\; \varphi = -\int \delta\omega \, dt
 
@@ -12,16 +12,12 @@ gyroscopes would read in a strapdown unit. All laws return (n, 3) [rad/s].
 
 from __future__ import annotations
 
-from math import pi
-
 import numpy as np
 
-from gimbalcal.earth import SOLAR_DAY
+from gimbalcal.earth import SOLAR_RATE
 from gimbalcal.effects.effect import Stimulus
 from gimbalcal.effects.history import columns
 from gimbalcal.number import Array, apply_matrix, cos, sin
-
-SOLAR_RATE = 2 * pi / SOLAR_DAY  # rad/s
 
 
 def constant(epsilon: Array, s: Stimulus) -> Array:

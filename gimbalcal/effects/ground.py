@@ -8,7 +8,7 @@ from math import pi
 
 import numpy as np
 
-from gimbalcal.earth import HOUR, SOLAR_DAY
+from gimbalcal.earth import HOUR, SOLAR_RATE
 from gimbalcal.effects.effect import (
     EVERY_KIND,
     MATRIX_AXES,
@@ -93,7 +93,7 @@ class BaseTiltDiurnal(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Rotation about north, east, down [rad], (n, 3)."""
-        S, C = sin(2 * pi / SOLAR_DAY * s.time), cos(2 * pi / SOLAR_DAY * s.time)
+        S, C = sin(SOLAR_RATE * s.time), cos(SOLAR_RATE * s.time)
         return level(self.A[0] * S + self.B[0] * C, self.A[1] * S + self.B[1] * C, 0 * s.time)
 
 
