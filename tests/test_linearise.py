@@ -41,7 +41,7 @@ def stimulus_of(kind: str) -> Stimulus:
     directions = tuple(a.direction for a in KNOWN["alt-az"].axes)
     angle = np.random.default_rng(3).uniform(0.3, 1.2, cut["readout"].shape)
     cut |= {"readout": angle, "angle": angle, "true_angle": angle + 1e-3}
-    return s.at(**cut, axis_names=names, axis_directions=directions)
+    return s.at(**cut, axis_names=names, axis_directions=directions, sense=())
 
 
 def filled(name: str, kind: str, share: float = 0.3) -> Effect:

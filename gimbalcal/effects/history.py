@@ -34,9 +34,9 @@ class Dynamics:
 
     .. math:: \tau \dot x = u - x \quad \text{or, where nothing is forgotten,} \quad \dot x = u; \qquad \delta = C x
 
-    drive u (n, m), linear between samples; start (m,) or (n, m): x at the first sample, and again at the rows where
-    `anew` (n,) is true; output C (3, m) or (n, 3, m), None where the states themselves are added; tau [s], None where
-    nothing is forgotten.
+    drive u (n, m), linear between samples; start (m,) or (n, m): x at the first sample, and, of states that forget,
+    again at the rows where `anew` (n,) is true; output C (3, m) or (n, 3, m), None where the states themselves are
+    added; tau [s], None where nothing is forgotten.
     """
 
     drive: Array
@@ -58,15 +58,12 @@ def states(d: Dynamics, time: Array) -> Array:
               x_{k+1} = x_k + h \frac{u_k + u_{k+1}}{2}
     """
     start = np.broadcast_to(d.start, d.drive.shape)
-    if d.tau is None and d.anew is None:
+    if d.tau is None:
         return np.asarray(start[0] + integral(d.drive, time))
     h, u = np.diff(time), d.drive
     a = relaxation(h, d.tau)
-    keep, step = a[:, None], h[:, None]
-    if d.tau is None:
-        push = (u[1:] + u[:-1]) / 2 * step
-    else:
-        push = u[1:] - keep * u[:-1] - np.diff(u, axis=0) / step * d.tau * (1 - keep)
+    keep = a[:, None]
+    push = u[1:] - keep * u[:-1] - np.diff(u, axis=0) / h[:, None] * d.tau * (1 - keep)
     a, push = np.concatenate([np.zeros(1), a]), np.concatenate([start[:1], push])
     if d.anew is not None:
         a, push = np.where(d.anew, 0.0, a), np.where(d.anew[:, None], start, push)

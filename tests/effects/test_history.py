@@ -43,12 +43,10 @@ def test_the_smoothed_rate_of_a_ramp_is_its_slope_from_end_to_end() -> None:
     np.testing.assert_allclose(smoothed_rate(noisy, TIME, 300.0)[20:-20], 0.7, atol=4 * 0.26 / 300)
 
 
-def test_states_that_forget_nothing_add_up_and_start_anew() -> None:
+def test_states_that_forget_nothing_add_up() -> None:
     rate = np.array([[1.0], [3.0], [3.0], [5.0]])
     time = np.array([0.0, 1.0, 3.0, 4.0])
     np.testing.assert_allclose(states(Dynamics(rate, np.array([10.0])), time)[:, 0], [10, 12, 18, 22])
-    anew = np.array([False, False, True, False])
-    np.testing.assert_allclose(states(Dynamics(rate, np.array([10.0]), anew=anew), time)[:, 0], [10, 12, 10, 14])
 
 
 def test_integral_and_slope_of_a_parabola() -> None:

@@ -11,6 +11,7 @@ from gimbalcal.effects import CATALOGUE, Effect, Stimulus, parameters, values, w
 from gimbalcal.effects.effect import Stage
 from gimbalcal.number import Array
 from tests.effects.stimulus import GIMBALS, example, given
+from tests.effects.test_dynamics import EXACT, REMEMBER, off_its_states
 from tests.effects.test_laws import off_its_law
 from tests.mutation.rewrite import Mutant, mutants
 
@@ -19,7 +20,7 @@ QUANTITIES = (
     "force", "rate", "angle", "move_force", "earlier_move_force", "move_angle", "temperature", "load", "attitude",
 )  # fmt: skip
 MODULES = (
-    "accelerometer", "covariate", "drift", "gimbal", "ground", "gyroscope", "history", "memory", "motion",
+    "accelerometer", "covariate", "drift", "false_rate", "gimbal", "ground", "gyroscope", "history", "memory", "motion",
     "nonlinearity", "pointing", "thermal",
 )  # fmt: skip
 NOTICED = 1e-12
@@ -93,7 +94,7 @@ def rewritten(terms: int = 1) -> Iterator[Mutant]:
 
 def users(mutant: Mutant) -> list[str]:
     """The effects that can show a change of a module: its own, and all where others use it."""
-    shared = mutant.module.rsplit(".", 1)[1] in {"history", "accelerometer"}
+    shared = mutant.module.rsplit(".", 1)[1] in {"history", "accelerometer", "false_rate"}
     return [n for n, cls in sorted(CATALOGUE.items()) if shared or cls.__module__ == mutant.module]
 
 
@@ -108,6 +109,6 @@ def is_noticed(mutant: Mutant) -> bool:
 
 def _holds(name: str) -> bool:
     try:
-        return off_its_law(name) <= NOTICED
+        return off_its_law(name) <= NOTICED and (name not in REMEMBER or off_its_states(name) <= EXACT)
     except Exception:  # noqa: BLE001 - a mutant that cannot even be evaluated is noticed
         return False
