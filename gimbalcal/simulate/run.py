@@ -13,7 +13,7 @@ from gimbalcal.earth import G0, normal_gravity
 from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.effects.process import Flicker, GaussMarkov, Process, Quantisation, RandomWalk, WhiteNoise, sample
 from gimbalcal.errors import InputError
-from gimbalcal.forward import gyroscopes, predict, turning
+from gimbalcal.forward import predict, turning
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
@@ -115,9 +115,7 @@ def _block(
         channels["specific_force", axis] = Quantisation(q).rounded(y) if q else y
     channels |= _angles(run, out, time, rng)
     if run.scenario.turning:
-        felt = s.at(force=predict(run.platform, s, ())["specific_force"])
-        rate = gyroscopes(s.rate, felt, run.effects)[past.size :]
-        noisy = rate + noise.gyroscope * rng.standard_normal((len(time), 3))
+        noisy = out["angular_rate"] + noise.gyroscope * rng.standard_normal((len(time), 3))
         channels |= {("angular_rate", axis): noisy[:, i] for i, axis in enumerate("xyz")}
     for key, history in run.environment.items():
         sigma = run.scenario.environment.thermometer_sigma if key[0] == "temperature" else 0.0

@@ -1,0 +1,48 @@
+"""One set of rows and four ways to them agree: fit of positions, static run, diagnosis, forward model."""
+
+from pathlib import Path
+
+import numpy as np
+
+from gimbalcal.diagnose.rows.observations import observe
+from gimbalcal.estimate.accelerometers.setting import by_visit, problem
+from gimbalcal.estimate.static_run.run import prepare
+from gimbalcal.forward import jacobian, predict
+from gimbalcal.kinematics import stimulus_from_readings
+from gimbalcal.pipeline import load
+from gimbalcal.recording import dwell_means
+
+DATA = Path(__file__).parents[1] / "data"
+ROUNDING = 1e-12  # of the largest: products of the same numbers in another order
+
+
+def same(one: np.ndarray, other: np.ndarray) -> None:
+    np.testing.assert_allclose(one, other, rtol=0, atol=ROUNDING * np.abs(other).max())
+
+
+def test_positions() -> None:
+    (recording,) = load([DATA / "space_stable_18"])
+    means = dwell_means(recording)
+    o = observe(means, steps=0)
+    p = problem(means, o.constants)
+    mine = by_visit(p, np.zeros(len(o.constants)), np.zeros((p.visits, p.turns)))
+    scale = np.array([q.sigma for q in o.constants])
+    s = stimulus_from_readings(means)
+    J = jacobian(means.platform, s, (), o.constants)["specific_force"]
+    same(mine.J, J)
+    same(o.Z * o.sigma[:, None] / scale, J)
+    same(o.y * o.sigma, p.force - predict(means.platform, s, ())["specific_force"])
+    same(mine.r, o.y * o.sigma)
+
+
+def test_static_run() -> None:
+    (recording,) = load([DATA / "space_stable_static"])
+    run = prepare(recording)
+    o = observe(recording, steps=0)
+    scale = np.array([q.sigma for q in o.constants])
+    assert run.channels == o.channels
+    same(run.residual(), o.y * o.sigma)
+    same(run.jacobian((), o.constants), o.Z * o.sigma[:, None] / scale)
+    by_quantity = jacobian(recording.platform, run.stimulus, (), o.constants, "static-run")
+    forces = run.columns("specific_force")
+    same(run.jacobian((), o.constants)[:, forces], by_quantity["specific_force"])
