@@ -20,6 +20,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from gimbalcal.effects import Effect, Stage, Stimulus
+from gimbalcal.effects.effect import lacking
 from gimbalcal.errors import InputError
 from gimbalcal.forward import accelerometers, gyroscopes
 from gimbalcal.kinematics import stimulus_from_readings
@@ -171,10 +172,10 @@ def _off(encoder: Sequence[Effect], recording: Recording, readout: Array) -> Arr
 def _with_needs(effects: Sequence[Effect], recording: Recording) -> tuple[Effect, ...]:
     """The effects, if the recording has what they need. Raises InputError, naming effect and channel, if not."""
     for e in effects:
-        missing = [q for q in e.requires if not recording.has(q)]
+        missing = lacking(type(e), recording.has)
         if missing:
             raise InputError(
-                f"the calibration corrects {e.id}, which needs a {missing[0]} channel, and {recording.title!r} has "
+                f"the calibration corrects {e.id}, which needs a {missing} channel, and {recording.title!r} has "
                 "none: log it, or calibrate without this effect"
             )
     return tuple(effects)

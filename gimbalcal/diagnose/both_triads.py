@@ -23,6 +23,7 @@ from gimbalcal.diagnose import unknown_wording as unstated_words
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import VERDICTS, Diagnosis, files
 from gimbalcal.diagnose.known_noise import diagnose_forces
+from gimbalcal.diagnose.rows.baseline import by_triad
 from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.diagnose.rows.turns import FEWEST, turned_rates
 from gimbalcal.diagnose.rows.views import FORCE, RATE, SENSORS, View, rest_rates
@@ -60,8 +61,7 @@ def diagnose_gimballed(
     without rests.
     """
     recording = _with_rests(recording)
-    mine = [i for i in baseline if not i.startswith("gyro_")]
-    gyro = [i for i in baseline if i.startswith("gyro_")]
+    mine, gyro = by_triad(baseline)
     asked = recording.has(FORCE) and (mine or not baseline)
     found = diagnose_forces(recording, calibration, mine, seed, tell) if asked else None
     if found is not None and ((mine and not gyro) or not recording.has(RATE)):

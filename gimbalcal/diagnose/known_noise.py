@@ -17,7 +17,8 @@ from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import Curves, Diagnosis, files
 from gimbalcal.diagnose.evidence.noise import nodes, settle
 from gimbalcal.diagnose.evidence.odds import CLAIM
-from gimbalcal.diagnose.library.candidates import Candidate, library
+from gimbalcal.diagnose.library.candidates import Candidate
+from gimbalcal.diagnose.library.known_noise import library
 from gimbalcal.diagnose.rows.observations import observe
 from gimbalcal.diagnose.rows.views import SENSORS
 from gimbalcal.diagnose.search.ranking import Search, search

@@ -19,7 +19,7 @@ from gimbalcal.diagnose.answer import Curves, Diagnosis, files
 from gimbalcal.diagnose.both_triads import has_gyroscopes
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.known_noise import constants, finding, measured, printed, searched, shape
-from gimbalcal.diagnose.rows.baseline import lacking
+from gimbalcal.diagnose.rows.baseline import unfit
 from gimbalcal.diagnose.rows.views import SENSORS
 from gimbalcal.diagnose.search.combine import Combined, combine
 from gimbalcal.diagnose.search.ranking import Search
@@ -103,7 +103,7 @@ def baseline_of(r: Recording, recordings: Sequence[Recording], wanted: Sequence[
     A constant of the sensors that any of the recordings calibrates is part of the model in all of them.
     """
     if wanted:
-        return tuple(i for i in wanted if not lacking(i, r)) or BASELINE[r.kind]
+        return tuple(i for i in wanted if not unfit(i, r)) or BASELINE[r.kind]
     every = [i for other in recordings for i in BASELINE[other.kind] if CATALOGUE[i].stage in SENSORS]
     return tuple(dict.fromkeys([*BASELINE[r.kind], *(i for i in every if r.kind in CATALOGUE[i].kinds)]))
 

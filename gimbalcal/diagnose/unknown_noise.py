@@ -19,6 +19,7 @@ from gimbalcal.diagnose import unknown_wording as unstated_words
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import VERDICTS, Curves, Diagnosis, files
 from gimbalcal.diagnose.evidence.free_scale import RANK
+from gimbalcal.diagnose.rows.baseline import by_triad
 from gimbalcal.diagnose.rows.turns import turned_rates
 from gimbalcal.diagnose.rows.views import FORCE, RATE, View, norm, pointing, rest_rates, table
 from gimbalcal.diagnose.search.alternatives import Verdict, judged
@@ -62,8 +63,7 @@ def views(
         return (pointing(recording, baseline),)
     if recording.kind == "rotation":
         return (table(recording, baseline),)
-    mine = [i for i in baseline if not i.startswith("gyro_")]
-    gyro = [i for i in baseline if i.startswith("gyro_")]
+    mine, gyro = by_triad(baseline)
     out = [norm(recording, mine)] if recording.has(FORCE) and (mine or not baseline) else []
     if recording.has(RATE) and recording.has(FORCE) and (gyro or not baseline):
         at_rest = rest_rates(recording, gyro, calibration)
@@ -99,7 +99,7 @@ def told_of(v: View, c: Course, tell: Tell) -> Told:
         v = v.finer()
         c = refined(v, c)
     found = tuple(_finding(c, j) for j in verdicts)
-    shapes = tuple({"channel": f"{v.channels[0][0]} {s.axis}".strip(), "shape": s.shape} for s in c.left)
+    shapes = tuple({"channel": f"{v.channels[0][0]} {s.axis}".strip(), "shape": s.rival} for s in c.left)
     verdict = "adequate"
     if found:
         verdict = "missing-physics" if any(not f["twins"] for f in found) else "not-identifiable"

@@ -1,18 +1,8 @@
 """The catalogue: one definition per physical effect, read by simulator, estimators, diagnosis and derivations."""
 
-from gimbalcal.effects import (
-    accelerometer,
-    covariate,
-    drift,
-    gimbal,
-    ground,
-    gyroscope,
-    memory,
-    motion,
-    nonlinearity,
-    pointing,
-    thermal,
-)
+import importlib
+import pkgutil
+
 from gimbalcal.effects.effect import (
     CATALOGUE,
     Effect,
@@ -32,18 +22,10 @@ __all__ = [
     "Stage",
     "Stimulus",
     "absent",
-    "accelerometer",
-    "covariate",
-    "drift",
-    "gimbal",
-    "ground",
-    "gyroscope",
-    "memory",
-    "motion",
-    "nonlinearity",
     "parameters",
-    "pointing",
-    "thermal",
     "values",
     "with_values",
 ]
+
+for _module in pkgutil.iter_modules(__path__):  # every file here is a family: a new effect needs no other edit
+    importlib.import_module(f"{__name__}.{_module.name}")

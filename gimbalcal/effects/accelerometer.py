@@ -38,6 +38,8 @@ class Misalignment(Effect):
 
     id = "misalignment"
     stage = Stage.INPUT_AXIS
+    usual = ("multi-position", "rotation")
+    gauge = ("xy", "xz", "yx")  # with the others they turn the block, which shows where its attitude is known
     sources = ("wu2018",)
     beta: Array = parameter(MISALIGNMENT_AXES, unit="arcsec", sigma=120, name="misalignment")
 

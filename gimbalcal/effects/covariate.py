@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.earth import HOUR
-from gimbalcal.effects.effect import TRIAD, Effect, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.effects.effect import TRIAD, Effect, Grid, Stage, Stimulus, constant, effect, parameter
 from gimbalcal.effects.history import Dynamics, integrated, late
 from gimbalcal.number import Array
 
@@ -35,6 +35,7 @@ class BiasCovariate(Effect):
 
     id = "bias_covariate"
     stage = Stage.ACCELEROMETER
+    generic = True
     requires = ("covariate",)
     k: Array = parameter(TRIAD, unit="ug", sigma=10, name="bias_per_covariate")
     covariate: str = ""
@@ -58,7 +59,7 @@ class BiasCovariateLagged(Effect):
     stage = Stage.ACCELEROMETER
     requires = ("covariate",)
     k: Array = parameter(TRIAD, unit="ug", sigma=10, name="bias_per_lagged_covariate")
-    tau: float = constant(0.3 * HOUR, unit="h", low=0.02 * HOUR, high=6 * HOUR)
+    tau: float = constant(0.3 * HOUR, unit="h", low=0.02 * HOUR, high=6 * HOUR, grid=Grid.LAG)
     covariate: str = ""
 
     def contribution(self, s: Stimulus) -> Array:

@@ -16,6 +16,7 @@ from gimbalcal.effects.effect import (
     PLATFORM_AXES,
     SCALAR,
     Effect,
+    Grid,
     Stage,
     Stimulus,
     constant,
@@ -197,7 +198,7 @@ class CaseRotationResidue(Effect):
     sources = ("britting1971",)
     A: Array = parameter(PLATFORM_AXES, unit="urad", sigma=3, name="case_rotation_sin")
     B: Array = parameter(PLATFORM_AXES, unit="urad", sigma=3, name="case_rotation_cos")
-    period: float = constant(480.0, unit="min", low=240.0, high=960.0)
+    period: float = constant(480.0, unit="min", low=240.0, high=960.0, grid=Grid.PERIOD)
 
     def contribution(self, s: Stimulus) -> Array:
         """Rotation in platform axes [rad], (n, 3)."""
@@ -220,7 +221,7 @@ class ServoLimitCycle(Effect):
     sources = ("lawrence1998",)
     A: Array = parameter(PLATFORM_AXES, unit="urad", sigma=5, name="limit_cycle_sin")
     B: Array = parameter(PLATFORM_AXES, unit="urad", sigma=5, name="limit_cycle_cos")
-    period: float = constant(10.0, unit="s", low=0.02, high=120.0)
+    period: float = constant(10.0, unit="s", low=0.02, high=120.0, grid=Grid.PERIOD)
 
     def contribution(self, s: Stimulus) -> Array:
         """Rotation in platform axes [rad], (n, 3)."""
@@ -246,8 +247,8 @@ class SchulerOscillation(Effect):
     sources = ("britting1971", "wu2018")
     A: Array = parameter(("roll", "pitch"), unit="arcsec", sigma=1, name="schuler_sin")
     B: Array = parameter(("roll", "pitch"), unit="arcsec", sigma=1, name="schuler_cos")
-    period: float = constant(SCHULER_PERIOD, unit="min", low=80 * 60.0, high=89 * 60.0)
-    damping: float = constant(0.0, unit="1/h", low=0.0, high=1 / HOUR)
+    period: float = constant(SCHULER_PERIOD, unit="min", low=80 * 60.0, high=89 * 60.0, grid=Grid.PERIOD)
+    damping: float = constant(0.0, unit="1/h", low=0.0, high=1 / HOUR, grid=Grid.DECAY)
 
     def contribution(self, s: Stimulus) -> Array:
         """Roll, pitch, yaw [rad], (n, 3)."""

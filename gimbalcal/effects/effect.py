@@ -8,7 +8,7 @@ cannot matter. A truth, a prior and an estimate are the same type: a tuple of ef
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, ClassVar, TypeVar, dataclass_transform
@@ -43,6 +43,34 @@ class Stage(Enum):
     GYROSCOPE = "added to the gyroscope output [rad/s], (n, 3)"
     LINE_OF_SIGHT = "rotation of the line of sight against the innermost gimbal, in platform axes [rad], (n, 3)"
     ATTITUDE = "added to the navigator's attitude error, roll, pitch, yaw [rad], (n, 3)"
+
+
+class Grid(Enum):
+    """What a non-linear constant is, and hence where a search for it starts."""
+
+    VALUE = "any value: even steps, of the logarithm where it is positive"
+    LAG = "a time constant: even steps of its logarithm, as short as the rows and as long as three recordings tell"
+    PERIOD = "a period that is nearly known: within 5 % of it, a third of a line width apart"
+    DECAY = "a rate at which something dies away: none, and what shows within the recording"
+    WHOLE = "a whole number: each one that the angles tell apart, even steps of the logarithm where these are many"
+    EPOCH = "an instant: the beginning of each visit, or even steps where nothing moves; it comes once"
+    POSITION = "the name of a position: each of them; it comes once"
+    SPAN = "the duration of the recording itself"
+
+    @property
+    def counts(self) -> bool:
+        """Whether nothing lies between two values."""
+        return self in (Grid.WHOLE, Grid.POSITION)
+
+    @property
+    def once(self) -> bool:
+        """Whether an effect with such a constant happens in one recording, and says nothing of another."""
+        return self in (Grid.EPOCH, Grid.POSITION)
+
+    @property
+    def jumps(self) -> bool:
+        """Whether the output jumps with the constant, so that it is scanned and not differentiated."""
+        return self.counts or self.once
 
 
 @dataclass(frozen=True)
@@ -90,6 +118,15 @@ class Stimulus:
         cut = {k: v[rows] for k, v in vars(self).items() if isinstance(v, np.ndarray) and v.ndim and len(v) == n}
         return self.at(**cut, covariates={k: v[rows] for k, v in self.covariates.items()})
 
+    def carries(self, quantity: str) -> bool:
+        """Whether an effect that needs a quantity ("temperature", "covariate:pressure") finds it here."""
+        quantity, _, name = quantity.partition(":")
+        if quantity == "covariate":
+            return name in self.covariates if name else bool(self.covariates)
+        if quantity == "angular_rate":
+            return bool(np.any(self.rate))
+        return getattr(self, quantity) is not None
+
     def temperature_excess(self) -> Array:
         """T - T0 (n,) [degC]. Raises ValueError where temperature was not recorded."""
         if self.temperature is None:
@@ -97,24 +134,32 @@ class Stimulus:
         return np.asarray(self.temperature - self.reference_temperature)
 
 
-def parameter(axes: Sequence[str], *, unit: str, sigma: float, name: str = "") -> Any:
+def parameter(axes: Sequence[str], *, unit: str, sigma: float, name: str = "", mechanism: str = "") -> Any:
     """A linear parameter of an effect: one value per axis, nominal zero, prior scale `sigma` in `unit`.
 
-    Values are SI inside; `unit` is what people read. `name` is the public name if it is not the field's.
+    Values are SI inside; `unit` is what people read. `name` is the public name if it is not the field's. Parameters of
+    another `mechanism` of the same effect are looked for by themselves.
     """
     axes = tuple(axes)
     value = 0.0 if axes == SCALAR else np.zeros(4 if axes == GIMBALS else len(axes))
     return dataclasses.field(
         default_factory=lambda: value,
-        metadata={"kind": "parameter", "axes": axes, "unit": unit, "sigma": sigma, "name": name},
+        metadata={
+            "kind": "parameter",
+            "axes": axes,
+            "unit": unit,
+            "sigma": sigma,
+            "name": name,
+            "mechanism": mechanism,
+        },
     )
 
 
-def constant(default: float, *, unit: str, low: float, high: float) -> Any:
-    """A non-linear constant of an effect (time constant, epoch, phase), in SI, refined between `low` and `high`."""
+def constant(default: float, *, unit: str, low: float, high: float, grid: Grid = Grid.VALUE) -> Any:
+    """A non-linear constant of an effect (time constant, epoch, phase), in SI, sought between `low` and `high`."""
     return dataclasses.field(
         default=default,
-        metadata={"kind": "constant", "axes": SCALAR, "unit": unit, "low": low, "high": high, "name": ""},
+        metadata={"kind": "constant", "axes": SCALAR, "unit": unit, "low": low, "high": high, "name": "", "grid": grid},
     )
 
 
@@ -131,7 +176,13 @@ class Effect:
     sources: ClassVar[tuple[str, ...]] = ()  # keys of references.REFERENCES
     linear: ClassVar[bool] = True  # whether the contribution is linear in the parameters
     spans_rows: ClassVar[bool] = False  # whether what is added at one row follows the force or angle of other rows
-    steps: ClassVar[tuple[str, ...]] = ()  # constants to be scanned, not differentiated: the output jumps with them
+    no_cause: ClassVar[str] = ""  # why a diagnosis never names it
+    wander: ClassVar[bool] = False  # a realisation of what a stated noise holds: no cause where the noise is known
+    generic: ClassVar[bool] = False  # says of a logged channel what one that names the channel says: leaves it to that
+    joint: ClassVar[bool] = False  # whether its parameters are one vector, never one axis alone
+    shortest: ClassVar[float] = 0.0  # s; shorter recordings of unknown noise do not show the shape of its course
+    usual: ClassVar[tuple[str, ...]] = ()  # kinds of recording of unknown noise in which textbooks name it first
+    gauge: ClassVar[tuple[str, ...]] = ()  # axes that only turn a frame which nothing ties down; zero by convention
 
     def contribution(self, s: Stimulus) -> Array:
         """What the effect adds at its stage; shape and unit as `Stage` says."""
@@ -174,6 +225,21 @@ class Parameter:
     def label(self) -> str:
         """Readable key, "bias:x"; for an effect of several fields "warm_up.tau:x"."""
         return f"{self.name}:{self.axis}" if self.axis else self.name
+
+
+def constants(cls: type[Effect]) -> tuple[dataclasses.Field[float], ...]:
+    """Non-linear constants of an effect; `metadata` of each has unit, low, high and grid."""
+    return tuple(f for f in dataclasses.fields(cls) if f.metadata.get("kind") == "constant")
+
+
+def lacking(cls: type[Effect], carries: Callable[[str], bool]) -> str:
+    """The first quantity that an effect needs and a stimulus, a recording or a plan does not have; empty if none."""
+    return next((need for need in cls.requires if not carries(need)), "")
+
+
+def follows(cls: type[Effect]) -> str | None:
+    """The covariate that an effect follows: its name, the empty name for whichever was logged, None for no effect."""
+    return next((str(f.default) for f in dataclasses.fields(cls) if f.name == "covariate"), None)
 
 
 def absent(cls: type[Effect], gimbals: Sequence[str] = ()) -> Effect:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.effects.effect import EVERY_KIND, GIMBALS, Effect, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.effects.effect import EVERY_KIND, GIMBALS, Effect, Grid, Stage, Stimulus, constant, effect, parameter
 from gimbalcal.effects.history import direction
 from gimbalcal.number import Array, cos, sin
 
@@ -55,6 +55,7 @@ class GimbalNonorthogonality(Effect):
     id = "gimbal_nonorthogonality"
     stage = Stage.AXIS_TILT
     kinds = EVERY_KIND
+    usual = ("pointing",)
     sources = ("wu2018",)
     epsilon: Array = parameter(GIMBALS, unit="arcsec", sigma=10, name="nonorthogonality")
 
@@ -124,10 +125,10 @@ class EncoderHarmonic(Effect):
     stage = Stage.ENCODER
     kinds = EVERY_KIND
     channel = "gimbal_angle"
-    steps = ("order",)
+    no_cause = "it says a shape, not a cause"
     A: Array = parameter(GIMBALS, unit="arcsec", sigma=1, name="harmonic_sin")
     B: Array = parameter(GIMBALS, unit="arcsec", sigma=1, name="harmonic_cos")
-    order: float = constant(3.0, unit="1", low=3.0, high=24.0)
+    order: float = constant(3.0, unit="1", low=3.0, high=24.0, grid=Grid.WHOLE)
 
     def contribution(self, s: Stimulus) -> Array:
         """Angle minus readout [rad], (n, k)."""
@@ -148,10 +149,10 @@ class EncoderCyclicError(Effect):
     stage = Stage.ENCODER
     kinds = EVERY_KIND
     channel = "gimbal_angle"
-    steps = ("lines",)
+    no_cause = "it says a shape, not a cause"
     A: Array = parameter(GIMBALS, unit="arcsec", sigma=0.5, name="cyclic_sin")
     B: Array = parameter(GIMBALS, unit="arcsec", sigma=0.5, name="cyclic_cos")
-    lines: float = constant(360.0, unit="1", low=32.0, high=65536.0)
+    lines: float = constant(360.0, unit="1", low=32.0, high=65536.0, grid=Grid.WHOLE)
 
     def contribution(self, s: Stimulus) -> Array:
         """Angle minus readout [rad], (n, k)."""
@@ -173,10 +174,9 @@ class PeriodicWormError(Effect):
     channel = "gimbal_angle"
     kinds = ("pointing",)
     sources = ("wallace_tpoint",)
-    steps = ("teeth",)
     A: Array = parameter(GIMBALS, unit="arcsec", sigma=10, name="worm_sin")
     B: Array = parameter(GIMBALS, unit="arcsec", sigma=10, name="worm_cos")
-    teeth: float = constant(360.0, unit="1", low=30.0, high=2000.0)
+    teeth: float = constant(360.0, unit="1", low=30.0, high=2000.0, grid=Grid.WHOLE)
 
     def contribution(self, s: Stimulus) -> Array:
         """Angle minus readout [rad], (n, k)."""
@@ -197,10 +197,9 @@ class BearingWobble(Effect):
     id = "bearing_wobble"
     stage = Stage.AXIS_TILT
     kinds = EVERY_KIND
-    steps = ("m",)
     w_c: Array = parameter(GIMBALS, unit="arcsec", sigma=2, name="wobble_cos")
     w_s: Array = parameter(GIMBALS, unit="arcsec", sigma=2, name="wobble_sin")
-    m: float = constant(2.0, unit="1", low=1.0, high=12.0)
+    m: float = constant(2.0, unit="1", low=1.0, high=12.0, grid=Grid.WHOLE)
 
     def contribution(self, s: Stimulus) -> Array:
         """Rotation between each axis and the next one out [rad], (n, k, 3)."""
@@ -230,8 +229,8 @@ class GimbalFlexure(Effect):
     channel = "gimbal_angle"
     kappa_1: Array = parameter(GIMBALS, unit="arcsec/g", sigma=5, name="flexure_1")
     kappa_2: Array = parameter(GIMBALS, unit="arcsec/g", sigma=5, name="flexure_2")
-    kappa_3: Array = parameter(GIMBALS, unit="arcsec/g", sigma=5, name="flexure_carried_cos")
-    kappa_4: Array = parameter(GIMBALS, unit="arcsec/g", sigma=5, name="flexure_carried_sin")
+    kappa_3: Array = parameter(GIMBALS, unit="arcsec/g", sigma=5, name="flexure_carried_cos", mechanism="carried")
+    kappa_4: Array = parameter(GIMBALS, unit="arcsec/g", sigma=5, name="flexure_carried_sin", mechanism="carried")
 
     def contribution(self, s: Stimulus) -> Array:
         """Angle minus readout [rad], (n, k)."""
@@ -282,9 +281,9 @@ class PositionBlunder(Effect):
     stage = Stage.PLATFORM
     requires = ("position",)
     kinds = ("multi-position",)
-    steps = ("position",)
+    joint = True
     delta: Array = parameter(("x", "y", "z"), unit="arcsec", sigma=30, name="blunder")
-    position: float = constant(1.0, unit="1", low=1.0, high=1000.0)
+    position: float = constant(1.0, unit="1", low=1.0, high=1000.0, grid=Grid.POSITION)
 
     def contribution(self, s: Stimulus) -> Array:
         """Rotation in platform axes [rad], (n, 3)."""

@@ -14,6 +14,7 @@ from gimbalcal.effects.effect import (
     MATRIX_AXES,
     SCALAR,
     Effect,
+    Grid,
     Stage,
     Stimulus,
     constant,
@@ -44,6 +45,8 @@ class BaseTilt(Effect):
     id = "base_tilt"
     stage = Stage.BASE
     kinds = EVERY_KIND
+    usual = ("pointing",)
+    gauge = ("down",)  # a turn about the vertical is no tilt: the zero of the azimuth has it
     sources = ("wu2018",)
     kappa: Array = parameter(("north", "east", "down"), unit="arcsec", sigma=120, name="base_tilt")
 
@@ -86,6 +89,7 @@ class BaseTiltDiurnal(Effect):
 
     id = "base_tilt_diurnal"
     stage = Stage.BASE
+    shortest = 8 * HOUR  # a shorter part of the day is base_tilt_drift
     kinds = EVERY_KIND
     channel = "gimbal_angle"
     A: Array = parameter(TILT, unit="urad", sigma=10, name="tilt_sin")
@@ -114,7 +118,7 @@ class PlumbLineTide(Effect):
     sources = ("iers2010",)
     A: Array = parameter(TILT, unit="nrad", sigma=50, name="plumb_sin")
     B: Array = parameter(TILT, unit="nrad", sigma=50, name="plumb_cos")
-    period: float = constant(M2_PERIOD, unit="h", low=11.9 * HOUR, high=26.9 * HOUR)
+    period: float = constant(M2_PERIOD, unit="h", low=11.9 * HOUR, high=26.9 * HOUR, grid=Grid.PERIOD)
 
     def contribution(self, s: Stimulus) -> Array:
         """Added to gravity in north, east, down [m/s^2], (n, 3)."""
@@ -139,7 +143,7 @@ class GravityTide(Effect):
     sources = ("iers2010",)
     A: float = parameter(SCALAR, unit="uGal", sigma=100, name="gravity_tide_sin")
     B: float = parameter(SCALAR, unit="uGal", sigma=100, name="gravity_tide_cos")
-    period: float = constant(M2_PERIOD, unit="h", low=11.9 * HOUR, high=26.9 * HOUR)
+    period: float = constant(M2_PERIOD, unit="h", low=11.9 * HOUR, high=26.9 * HOUR, grid=Grid.PERIOD)
 
     def contribution(self, s: Stimulus) -> Array:
         """Added to gravity in north, east, down [m/s^2], (n, 3)."""
@@ -200,6 +204,7 @@ class MagneticField(Effect):
 
     id = "magnetic_field"
     stage = Stage.ACCELEROMETER
+    requires = ("attitude",)
     sources = ("ieee1293",)
     M: Array = parameter(MATRIX_AXES, unit="ug", sigma=10, name="magnetic")
     declination: float = constant(0.0, unit="deg", low=-np.pi, high=np.pi)

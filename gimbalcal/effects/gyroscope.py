@@ -187,6 +187,7 @@ class GyroGSensitivityRate(Effect):
     """
 
     id = "gyro_g_sensitivity_rate"
+    usual = ("multi-position",)
     stage = Stage.GYROSCOPE
     channel = "angular_rate"
     kinds = KINDS

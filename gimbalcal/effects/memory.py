@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.effects.effect import TRIAD, Effect, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.effects.effect import TRIAD, Effect, Grid, Stage, Stimulus, constant, effect, parameter
 from gimbalcal.effects.history import Dynamics, direction
 from gimbalcal.number import Array, exp
 
@@ -51,8 +51,8 @@ class PostMoveCreep(Effect):
     kinds = ("multi-position",)
     sources = ("ieee1293",)
     c: Array = parameter(TRIAD, unit="ug/g", sigma=30, name="creep")
-    l: Array = parameter(TRIAD, unit="ug/g", sigma=30, name="creep_of_load")
-    tau: float = constant(300.0, unit="min", low=20.0, high=3600.0)
+    l: Array = parameter(TRIAD, unit="ug/g", sigma=30, name="creep_of_load", mechanism="load")
+    tau: float = constant(300.0, unit="min", low=20.0, high=3600.0, grid=Grid.LAG)
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""

@@ -20,6 +20,7 @@ class LeverArm(Effect):
     """
 
     id = "lever_arm"
+    usual = ("rotation",)
     stage = Stage.INPUT_AXIS
     requires = ("angular_rate",)
     kinds = ("multi-position", "rotation")
@@ -43,6 +44,7 @@ class AccelerometerLeverArm(Effect):
     """
 
     id = "accelerometer_lever_arm"
+    no_cause = "the part that turns show best is that of lever_arm"
     stage = Stage.INPUT_AXIS
     requires = ("angular_rate",)
     kinds = ("rotation",)
@@ -69,6 +71,7 @@ class GravityLeakage(Effect):
     """
 
     id = "gravity_leakage"
+    usual = ("rotation",)
     stage = Stage.PLATFORM
     requires = ("angular_rate",)
     kinds = ("rotation",)
@@ -96,7 +99,7 @@ class TorquerScaleFactor(Effect):
 
     id = "torquer_scale_factor"
     stage = Stage.PLATFORM
-    requires = ("angular_rate",)
+    requires = ("angular_rate", "attitude")
     kinds = ("multi-position", "rotation")
     sources = ("britting1971",)
     kappa: Array = parameter(TRIAD, unit="ppm", sigma=50, name="torquer_scale_factor")
@@ -121,6 +124,7 @@ class TimeTagLatency(Effect):
     """
 
     id = "time_tag_latency"
+    usual = ("rotation",)
     stage = Stage.INPUT_AXIS
     spans_rows = True
     sources = ("groves2013",)

@@ -136,7 +136,7 @@ class CrossAxisProduct(Effect):
     stage = Stage.ACCELEROMETER
     sources = ("ieee1293",)
     K_po: Array = parameter(TRIAD, unit="ug/g^2", sigma=10)
-    K_pp: Array = parameter(TRIAD, unit="ug/g^2", sigma=10)
+    K_pp: Array = parameter(TRIAD, unit="ug/g^2", sigma=10, mechanism="compliance")
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
@@ -178,6 +178,7 @@ class ReadoutCurve(Effect):
 
     id = "readout_curve"
     stage = Stage.ACCELEROMETER
+    no_cause = "it says a shape, not a cause"
     sources = ("ieee1293",)
     c_4: Array = parameter(TRIAD, unit="ug", sigma=3)
     c_5: Array = parameter(TRIAD, unit="ug", sigma=3)

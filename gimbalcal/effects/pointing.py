@@ -19,6 +19,7 @@ class AxisCollimation(Effect):
     """
 
     id = "axis_collimation"
+    usual = ("pointing",)
     stage = Stage.LINE_OF_SIGHT
     channel = "pointing"
     kinds = ("pointing",)
@@ -42,6 +43,7 @@ class TubeFlexure(Effect):
     """
 
     id = "tube_flexure"
+    usual = ("pointing",)
     stage = Stage.LINE_OF_SIGHT
     channel = "pointing"
     kinds = ("pointing",)
@@ -65,6 +67,7 @@ class Refraction(Effect):
     """
 
     id = "refraction"
+    usual = ("pointing",)
     stage = Stage.LINE_OF_SIGHT
     channel = "pointing"
     kinds = ("pointing",)

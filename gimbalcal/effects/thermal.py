@@ -8,7 +8,17 @@ import numpy as np
 
 from gimbalcal.earth import G0, HOUR
 from gimbalcal.effects.accelerometer import lean
-from gimbalcal.effects.effect import MISALIGNMENT_AXES, TRIAD, Effect, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.effects.effect import (
+    MISALIGNMENT_AXES,
+    TRIAD,
+    Effect,
+    Grid,
+    Stage,
+    Stimulus,
+    constant,
+    effect,
+    parameter,
+)
 from gimbalcal.effects.history import Dynamics, integrated, late, smoothed_rate
 from gimbalcal.number import Array, cos, exp
 
@@ -95,7 +105,7 @@ class BiasTemperatureLagged(Effect):
     requires = ("temperature",)
     sources = ("ieee1293",)
     b_L: Array = parameter(TRIAD, unit="ug/degC", sigma=10)
-    tau: float = constant(0.3 * HOUR, unit="h", low=0.02 * HOUR, high=6 * HOUR)
+    tau: float = constant(0.3 * HOUR, unit="h", low=0.02 * HOUR, high=6 * HOUR, grid=Grid.LAG)
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
@@ -121,7 +131,7 @@ class BiasTemperatureRate(Effect):
     requires = ("temperature",)
     sources = ("ieee1293",)
     r: Array = parameter(TRIAD, unit="ug/(degC/h)", sigma=10, name="bias_per_rate")
-    tau: float = constant(120.0, unit="min", low=15.0, high=1800.0)
+    tau: float = constant(120.0, unit="min", low=15.0, high=1800.0, grid=Grid.LAG)
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
@@ -163,7 +173,7 @@ class WarmUp(Effect):
     stage = Stage.ACCELEROMETER
     sources = ("ieee1293",)
     w: Array = parameter(TRIAD, unit="ug", sigma=50, name="warm_up")
-    tau: float = constant(1.0 * HOUR, unit="h", low=0.05 * HOUR, high=12 * HOUR)
+    tau: float = constant(1.0 * HOUR, unit="h", low=0.05 * HOUR, high=12 * HOUR, grid=Grid.LAG)
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
@@ -207,10 +217,12 @@ class SlowBiasDrift(Effect):
 
     id = "slow_bias_drift"
     stage = Stage.ACCELEROMETER
+    wander = True
+    usual = ("multi-position",)
     sources = ("ieee952",)
     w_1: Array = parameter(TRIAD, unit="ug", sigma=3, name="slow_drift_1")
     w_2: Array = parameter(TRIAD, unit="ug", sigma=3, name="slow_drift_2")
-    span: float = constant(3600.0, unit="s", low=60.0, high=1e6)
+    span: float = constant(3600.0, unit="s", low=60.0, high=1e6, grid=Grid.SPAN)
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
@@ -231,9 +243,8 @@ class BiasStep(Effect):
     id = "bias_step"
     stage = Stage.ACCELEROMETER
     sources = ("ieee528",)
-    steps = ("epoch",)
     J: Array = parameter(TRIAD, unit="ug", sigma=10, name="bias_step")
-    epoch: float = constant(1.0, unit="s", low=0.0, high=100 * 24 * HOUR)
+    epoch: float = constant(1.0, unit="s", low=0.0, high=100 * 24 * HOUR, grid=Grid.EPOCH)
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
@@ -255,7 +266,7 @@ class SelfHeating(Effect):
     spans_rows = True
     sources = ("lawrence1998",)
     H: Array = parameter(TRIAD, unit="ug", sigma=5, name="self_heating")
-    tau: float = constant(0.2 * HOUR, unit="h", low=0.02 * HOUR, high=3 * HOUR)
+    tau: float = constant(0.2 * HOUR, unit="h", low=0.02 * HOUR, high=3 * HOUR, grid=Grid.LAG)
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""

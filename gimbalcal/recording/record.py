@@ -88,7 +88,14 @@ class Recording:
                 raise ValueError(f"`{name}` must have one value per row of `time` ({n}), got {size}")
 
     def has(self, quantity: str) -> bool:
-        """Whether any axis of `quantity` was logged, or the one that is named ("covariate:pressure")."""
+        """Whether any axis of `quantity` was logged, or the one that is named ("covariate:pressure").
+
+        Gimbals have an "attitude", whichever of them were read; rows have a "position" where one was written down.
+        """
+        if quantity == "attitude":
+            return bool(self.platform.axes)
+        if quantity == "position":
+            return self.position is not None
         quantity, _, axis = quantity.partition(":")
         return any(q == quantity and axis in ("", a) for q, a in self.channels)
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from gimbalcal.earth import G0, normal_gravity
 from gimbalcal.effects import Effect, Stimulus
+from gimbalcal.effects.effect import lacking
 from gimbalcal.effects.process import Flicker, GaussMarkov, Process, Quantisation, RandomWalk, WhiteNoise, sample
 from gimbalcal.errors import InputError
 from gimbalcal.forward import predict, turning
@@ -221,7 +222,7 @@ def _row_times(scenario: Scenario, table: Timetable | None) -> Array:
 
 def _check_needs(effects: Sequence[Effect], scenario: Scenario, environment: Mapping[Key, object]) -> None:
     """Refuse a truth that this scenario cannot show."""
-    kind, logged = scenario.kind, {"position"}
+    kind, logged = scenario.kind, {"position", "attitude"}
     logged |= {"temperature"} if ("temperature", "") in environment else set()
     logged |= {"angular_rate"} if scenario.turning else set()
     names = {name for quantity, name in environment if quantity == "covariate"}
@@ -229,16 +230,13 @@ def _check_needs(effects: Sequence[Effect], scenario: Scenario, environment: Map
     for each in effects:
         if kind not in each.kinds:
             raise InputError(f"truth.{each.id}: it shows in {' and '.join(each.kinds)} recordings, not in a {kind}")
-        needs = (*each.requires, *(["angular_rate"] if each.channel == "angular_rate" else []))
-        for need in needs:
-            if need == "angular_rate" and need not in logged:
-                raise InputError(f"truth.{each.id}: it shows in angular_rate; write gyroscopes = true")
-            if need not in logged:
-                quantity, _, name = need.partition(":")
-                where = (
-                    f"[environment.covariates.{name or '...'}]" if quantity == "covariate" else f"[environment] {need}"
-                )
-                raise InputError(f"truth.{each.id}: it needs {need} to act on; give {where}")
+        need = lacking(type(each), logged.__contains__)
+        if "angular_rate" in (need, each.channel) and "angular_rate" not in logged:
+            raise InputError(f"truth.{each.id}: it shows in angular_rate; write gyroscopes = true")
+        if need:
+            quantity, _, name = need.partition(":")
+            where = f"[environment.covariates.{name or '...'}]" if quantity == "covariate" else f"[environment] {need}"
+            raise InputError(f"truth.{each.id}: it needs {need} to act on; give {where}")
 
 
 def _history(weather: History, last: float, rng: np.random.Generator) -> Callable[[Array], Array]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from gimbalcal.diagnose import Diagnosis, diagnose
 from gimbalcal.diagnose.evidence.noise import nominal
-from gimbalcal.diagnose.library.candidates import library
+from gimbalcal.diagnose.library.known_noise import library
 from gimbalcal.diagnose.rows.observations import observe
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.inference.algebra import orthonormal

@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 
 from gimbalcal.diagnose.evidence import known_scale as evidence
 from gimbalcal.diagnose.evidence.noise import nodes, nominal, settle
-from gimbalcal.diagnose.library.candidates import library
+from gimbalcal.diagnose.library.known_noise import library
 from gimbalcal.diagnose.rows.observations import observe
 from gimbalcal.diagnose.search import ranking as search
 from gimbalcal.effects.baseline import BASELINE

@@ -12,12 +12,14 @@ import numpy as np
 from scipy.fft import idct
 
 from gimbalcal.diagnose.evidence.noise import Node, nodes, settle
-from gimbalcal.diagnose.library.candidates import Library, columns_at, library
-from gimbalcal.diagnose.library.causes import Cause, causes
-from gimbalcal.diagnose.rows.observations import BASELINE, Observations, observe
+from gimbalcal.diagnose.library.candidates import Candidate, Library
+from gimbalcal.diagnose.library.known_noise import columns_at, library
+from gimbalcal.diagnose.library.unknown_noise import causes
+from gimbalcal.diagnose.rows.observations import Observations, observe
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.search.stepwise import Model
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Recording, Site
@@ -128,6 +130,6 @@ def telescope(seed: int, north: float = 0.0, east: float = 0.0, bend: float = 0.
     return Recording("pointing", "telescope", KNOWN["alt-az"], Site(0.55, 0.0, 9.8), {}, time, None, channels)
 
 
-def causes_of(v: View, m: Model) -> tuple[Cause, ...]:
+def causes_of(v: View, m: Model) -> tuple[Candidate, ...]:
     """Everything that could be missing from a model of a view."""
     return causes(v, m.effects, m.fitted)[0]

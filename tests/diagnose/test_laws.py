@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.evidence.noise import nominal
-from gimbalcal.diagnose.library.candidates import library
+from gimbalcal.diagnose.library.known_noise import library
 from gimbalcal.diagnose.rows.observations import observe
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline import BASELINE

@@ -11,11 +11,13 @@ import pytest
 
 from gimbalcal import cli
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.library.candidates import available, sources
+from gimbalcal.diagnose.library.candidates import sources
+from gimbalcal.diagnose.library.known_noise import available
 from gimbalcal.diagnose.rows.observations import observe
 from gimbalcal.diagnose.rows.views import pointing, rest_rates, solved
 from gimbalcal.diagnose.search.stepwise import start
 from gimbalcal.diagnose.unknown_wording import largest
+from gimbalcal.effects import CATALOGUE
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
@@ -163,9 +165,9 @@ def test_effects_of_named_channels_are_candidates_where_these_were_logged() -> N
     o = observe(changed(CLEAN, named))
     assert {"pressure", "servo_following_error"} <= set(available(o, ()))
     assert not {"supply_voltage", "vibration_rectification"} & set(available(o, ()))
-    assert sources("pressure", o) == ("",)
-    assert sources("bias_covariate", o) == ("fan",)
-    assert "fan" in sources("bias_covariate_squared", o)
+    assert sources(CATALOGUE["pressure"], o.stimulus) == ("",)
+    assert sources(CATALOGUE["bias_covariate"], o.stimulus) == ("fan",)
+    assert "fan" in sources(CATALOGUE["bias_covariate_squared"], o.stimulus)
 
 
 # --- refused ----------------------------------------------------------------------------------------------------------

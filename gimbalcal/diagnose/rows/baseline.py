@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
 
-from gimbalcal.effects import CATALOGUE, Effect
+from gimbalcal.effects import CATALOGUE, Effect, Stage
+from gimbalcal.effects.effect import follows, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.recording import Recording
 
-NORTH = ("magnetic_field",)  # effects that ask the gimbals where north is
+SAID = {"attitude": "gimbals, which say where north is"}  # a quantity that no channel is named after
 
 
 def known_effect(effect_id: str) -> type[Effect]:
@@ -23,37 +23,31 @@ def known_effect(effect_id: str) -> type[Effect]:
     return CATALOGUE[effect_id]
 
 
-def logged(recording: Recording, cls: type[Effect]) -> bool:
-    """Whether a recording has the channels that an effect acts on."""
-    return all(need == "position" or recording.has(need) for need in cls.requires)
-
-
-def follows(cls: type[Effect]) -> str | None:
-    """The covariate that an effect follows: its name, the empty name for whichever was logged, None for no effect."""
-    return next((str(f.default) for f in dataclasses.fields(cls) if f.name == "covariate"), None)
-
-
-def lacking(effect_id: str, recording: Recording) -> str:
+def unfit(effect_id: str, recording: Recording) -> str:
     """Why the model of a recording cannot hold an effect, to be said after "which"; empty where it can."""
     cls, logs = known_effect(effect_id), recording.axes("covariate")
     if recording.kind not in cls.kinds:
         return f"shows in {' and '.join(cls.kinds)} recordings, and {recording.title!r} is a {recording.kind} recording"
-    missing = [need for need in cls.requires if need != "position" and not recording.has(need)]
+    missing = lacking(cls, recording.has)
     if missing:
-        return f"needs {missing[0]}, and {recording.title!r} has none"
+        return f"needs {SAID.get(missing, missing)}, and {recording.title!r} has none"
     if follows(cls) == "" and len(logs) > 1:
         return f"follows one covariate, and {recording.title!r} has {len(logs)} of them"
-    if effect_id in NORTH and not recording.platform.axes:
-        return f"needs gimbals, which say where north is, and {recording.title!r} has none"
     return ""
 
 
 def check_baseline(ids: Sequence[str], recordings: Sequence[Recording]) -> None:
     """Raise InputError for an effect that none of the recordings can hold in its model."""
     for effect_id in ids:
-        reasons = [lacking(effect_id, r) for r in recordings]
+        reasons = [unfit(effect_id, r) for r in recordings]
         if all(reasons):
             raise InputError(f"the baseline names {effect_id!r}, which {reasons[0]}; leave it out of --baseline")
+
+
+def by_triad(ids: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Effects of the forces, and those of the gyroscopes."""
+    gyro = [i for i in ids if known_effect(i).stage is Stage.GYROSCOPE]
+    return [i for i in ids if i not in gyro], gyro
 
 
 def check_finite(recording: Recording) -> None:

@@ -12,9 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.calibration import Calibration
+from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.diagnose.rows.views import RATE, View
 from gimbalcal.effects import CATALOGUE, Effect, Stage, Stimulus, parameters, with_values
 from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.effect import follows, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import WIDE, multiposition
 from gimbalcal.estimate.gyroscopes.between_rests import rows_of_turns
@@ -88,9 +90,11 @@ def _at_rest(s: Stimulus) -> frozenset[tuple[str, str]]:
     still = s.at(rate=0 * s.rate)
     out = set()
     for cls in CATALOGUE.values():
-        if cls.stage is Stage.GYROSCOPE and (s.temperature is not None or "temperature" not in cls.requires):
-            for p in parameters(cls):
-                effect = with_values((), (p,), np.array([p.sigma]))[0]
+        if cls.stage is Stage.GYROSCOPE and not lacking(cls, s.carries):
+            followed = next(iter(s.covariates)) if follows(cls) == "" else ""
+            none = absent_effect(cls.id, s, followed)
+            for p in parameters(cls, s.axis_names):
+                effect = with_values([none], (p,), np.array([p.sigma]), s.axis_names)[0]
                 if np.any(effect.contribution(still) != 0):
                     out.add((p.effect, p.axis))
     return frozenset(out)

@@ -11,13 +11,13 @@ A view is one function: effects in, the `Rows` about them out.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.effects import Effect, Parameter, Stage, Stimulus
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import WIDE, in_si, multiposition
@@ -32,8 +32,6 @@ from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.units import is_raw
 
 FORCE, RATE = "specific_force", "angular_rate"
-DOWN = frozenset({("base_tilt", "down")})  # a turn of the base about the vertical is no tilt: the azimuth zero has it
-TRIANGLE = frozenset({("misalignment", "xy"), ("misalignment", "xz"), ("misalignment", "yx")})  # a convention
 BLOCK = 1.0  # s; a table is tilted over seconds, what is faster shakes building and floor
 FEWEST = 3  # means of a table that can differ from one another in more than a trend
 COARSE, FINE = 0.04, 0.01  # s; steps at which the physics of a tilting table is evaluated, for search and last fit
@@ -66,6 +64,11 @@ class View:
         return rows.residual, rows.jacobian(wanted)
 
 
+def gauges(stages: Container[Stage]) -> frozenset[tuple[str, str]]:
+    """Effect and axis of what only turns a frame that nothing ties down."""
+    return frozenset((i, axis) for i, cls in CATALOGUE.items() if cls.stage in stages for axis in cls.gauge)
+
+
 def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
     """A pointing run; every star is a visit of its own."""
     s = stimulus_from_angles(recording)
@@ -81,7 +84,16 @@ def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
         return linearise(recording.platform, s, effects, "pointing", channels, seen_on_target, stages)
 
     return View(
-        "pointing", recording, s, channels, "arcsec", None, stages, tuple(baseline) or BASELINE["pointing"], rows, DOWN
+        "pointing",
+        recording,
+        s,
+        channels,
+        "arcsec",
+        None,
+        stages,
+        tuple(baseline) or BASELINE["pointing"],
+        rows,
+        gauges({Stage.BASE}),
     )
 
 
@@ -104,7 +116,7 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
     sample = means.sigma("accelerometer")
     noise = None if sample is None else (sample / np.sqrt(means.weight))[:, None]
     ids = tuple(baseline) or BASELINE["norm"]
-    return View("norm", means, s, ((FORCE, "norm"),), "mg", None, SENSORS, ids, rows, TRIANGLE, WIDE, noise)
+    return View("norm", means, s, ((FORCE, "norm"),), "mg", None, SENSORS, ids, rows, gauges(SENSORS), WIDE, noise)
 
 
 def rest_rates(

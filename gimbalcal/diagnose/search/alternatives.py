@@ -8,7 +8,8 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.free_scale import best_evidence, gain, ground
 from gimbalcal.diagnose.evidence.odds import SINGLE, TOGETHER, UNKNOWN
-from gimbalcal.diagnose.library.causes import Cause, causes
+from gimbalcal.diagnose.library.candidates import Candidate
+from gimbalcal.diagnose.library.unknown_noise import causes
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.stepwise import Model, priors, refit, single, weighted
 from gimbalcal.effects import with_values
@@ -18,13 +19,13 @@ from gimbalcal.effects import with_values
 class Verdict:
     """One cause in the final model: its probability among all that could stand in its place, sigmas, twins."""
 
-    cause: Cause
+    cause: Candidate
     probability: float
     sigma: float
     twins: tuple[str, ...]
 
 
-def judged(v: View, end: Model, taken: Cause) -> Verdict:
+def judged(v: View, end: Model, taken: Candidate) -> Verdict:
     """Take one cause out, the others kept, and ask again which cause belongs there."""
     own = {(p.effect, p.field, p.axis) for p in taken.parameters}
     keep = [i for i, p in enumerate(end.fitted) if (p.effect, p.field, p.axis) not in own]
@@ -35,14 +36,15 @@ def judged(v: View, end: Model, taken: Cause) -> Verdict:
     g = ground(weighted(v, without.r), weighted(v, without.J), weighted(v, X))
     choice, ln = single(g, known)
     prior = priors(v, known)
-    shape = np.array([bool(c.shape) for c in known])
+    shape = np.array([bool(c.rival) for c in known])
     w = ln + prior + np.where(shape, np.log(UNKNOWN), np.log(SINGLE))
-    at = next(i for i, c in enumerate(known) if c.effect == taken.effect and c.axis == taken.axis)
-    fits = {i: best_evidence(g, c.variants[choice[i]][1]) for i, c in enumerate(known) if w[i] > w[at] - 3 * TOGETHER}
+    at = next(i for i, c in enumerate(known) if c.key == taken.key)
+    near = np.flatnonzero(w > w[at] - 3 * TOGETHER).tolist()
+    fits = {i: best_evidence(g, known[i].variants[choice[i]].index) for i in near}
     alike = [i for i, f in fits.items() if f > fits[at] - TOGETHER and not shape[i] and known[i].effect != taken.effect]
     twins = tuple(dict.fromkeys(known[i].effect for i in sorted(alike, key=lambda i: -fits[i])))
     same = [i for i, c in enumerate(known) if c.effect in (taken.effect, *twins)]
     probability = float(np.exp(np.logaddexp.reduce(w[same]) - np.logaddexp.reduce(np.append(w, 0.0))))
     memory, scale = ground(weighted(v, end.r), weighted(v, end.J), weighted(v, X[..., :0])).best()
-    sigmas = float(np.sqrt(gain(g, known[at].variants[choice[at]][1], memory))) / scale
+    sigmas = float(np.sqrt(gain(g, known[at].variants[choice[at]].index, memory))) / scale
     return Verdict(taken, probability, sigmas, twins)

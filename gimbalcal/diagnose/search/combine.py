@@ -4,7 +4,8 @@ r"""Several recordings of one unit, judged together: the cheapest power there is
 
 Calibration constants, noise and sizes are each recording's own, so that given a hypothesis the recordings are
 independent: the Bayes factors of the same hypothesis multiply, and a product of e-values is an e-value. Hypotheses are
-the same if effects, axes and covariates are. A recording that cannot see a cause says nothing of it: a factor of one.
+the same if effects, mechanisms, axes and covariates are. A recording that cannot see a cause says nothing of it: a
+factor of one.
 
 What happens once (a wrong position, a step) belongs to one recording and says nothing is missing in the others. A shape
 without a cause may belong to one, or to all that show it: what no catalogue holds comes back with the unit too, and
@@ -19,11 +20,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.diagnose.evidence.odds import DETECTED, SINGLE, UNKNOWN
-from gimbalcal.diagnose.library.candidates import Candidate, Library, constant_fields
+from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, beside, log_priors, pairs
 from gimbalcal.number import Array
 
-ONCE = frozenset({"position", "epoch"})  # constants of what happens once
 ABSENT = -1
 Pairs = dict[tuple[int, ...], dict[int, float]]
 
@@ -59,21 +59,15 @@ class Combined(Ranking):
         return total
 
 
-def happens_once(c: Candidate) -> bool:
-    """Whether a cause belongs to one recording, as a mistake at one position or a step at one moment does."""
-    return any(f.name in ONCE for f in constant_fields(c.effect)) if not c.rival else False
-
-
 def matched(searches: Sequence[Search]) -> tuple[tuple[Candidate, ...], Array]:
     """All candidates of all recordings, the same ones as one, and where each stands in each library."""
-    found: dict[tuple[str, str, str, int], tuple[Candidate, dict[int, int]]] = {}
+    found: dict[tuple[tuple[str, ...], int], tuple[Candidate, dict[int, int]]] = {}
     for k, s in enumerate(searches):
         for i, c in enumerate(s.library.candidates):
-            once = happens_once(c)
-            owners = [k] if once else [k, ABSENT] if c.rival else [ABSENT]
+            owners = [k] if c.once else [k, ABSENT] if c.rival else [ABSENT]
             for owner in owners:
-                found.setdefault((c.effect, c.axis, c.source, owner), (c, {}))[1][k] = i
-    kept = [(c, at) for (*_, owner), (c, at) in found.items() if not (c.rival and owner == ABSENT and len(at) == 1)]
+                found.setdefault((c.key, owner), (c, {}))[1][k] = i
+    kept = [(c, at) for (_, owner), (c, at) in found.items() if not (c.rival and owner == ABSENT and len(at) == 1)]
     place = np.full((len(kept), len(searches)), ABSENT)
     for j, (_, at) in enumerate(kept):
         place[j, list(at)] = list(at.values())

@@ -11,15 +11,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.known_scale import SIZE_PRIOR, Projection, Rows, extended, log_bayes, mixed
-from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant, columns_at, constant_fields, limits
+from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
+from gimbalcal.diagnose.library.grids import Constant, between, kind, limits
+from gimbalcal.diagnose.library.known_noise import columns_at
 from gimbalcal.diagnose.rows.observations import Observations, absent_effect, restimulated
 from gimbalcal.effects import CATALOGUE, Effect, Stimulus, with_values
+from gimbalcal.effects.effect import constants
 from gimbalcal.number import Array
 
 ROUNDS = 3  # refinements of a constant, each narrowing its range fourfold
 FINE = 7  # values of a constant in one refinement
 CLOSE = 25.0  # nats behind the best within which a cause is worth refining
-WHOLE = ("position", "order", "lines", "m")  # constants that count
 SECANTS = 8  # steps of size and calibration together; they settle in three or four
 BRANCHES = 3  # positions at which the sign of a force may turn out to be the other one
 
@@ -49,9 +51,9 @@ def refine(
     return Library(tuple(candidates), np.concatenate(blocks, axis=1))
 
 
-def _continuous(c: Candidate) -> bool:
-    """Whether a constant of the effect can take any value."""
-    return any(f.name not in WHOLE for f in constant_fields(c.effect))
+def _continuous(c: Candidate) -> list[Constant]:
+    """Constants of the effect that can take any value."""
+    return [f for f in constants(CATALOGUE[c.effect]) if not kind(f).counts]
 
 
 def _narrowed(o: Observations, c: Candidate, p: Projection, rows: Rows) -> list[tuple[Variant, Array]]:
@@ -59,15 +61,14 @@ def _narrowed(o: Observations, c: Candidate, p: Projection, rows: Rows) -> list[
     score = [_score(p.G[np.ix_(v.index, v.index)], p.b[list(v.index), 0]) for v in c.variants]
     start = c.variants[int(np.argmax(score))]
     here = dict(start.constants)
-    fields = [f for f in constant_fields(c.effect) if f.name not in WHOLE]
+    fields = _continuous(c)
     ranges = {f.name: _cell(c, f.name, here[f.name]) for f in fields}
     made: list[tuple[Variant, Array]] = []
     best, share = max(score), start.weight
     for _ in range(ROUNDS):
         before = best
         for f in fields:
-            low, high = limits(f, o) if f.name != "epoch" else (0.0, float(o.stimulus.time[-1]))
-            for value in np.clip(_between(*ranges[f.name], f.name), low, high):
+            for value in np.clip(between(f, *ranges[f.name], FINE + 2)[1:-1], *limits(f, o.stimulus)):
                 there = {**here, f.name: float(value)}
                 X = columns_at(o, c, tuple(there.items()))
                 ln = _score(*extended(p.node, rows, X))
@@ -86,12 +87,6 @@ def _cell(c: Candidate, name: str, value: float) -> tuple[float, float]:
     x = np.unique([dict(v.constants)[name] for v in c.variants])
     j = int(np.argmin(np.abs(x - value)))
     return float(x[max(j - 1, 0)]), float(x[min(j + 1, len(x) - 1)])
-
-
-def _between(low: float, high: float, name: str) -> Array:
-    if name in ("tau", "f_0") and low > 0:
-        return np.geomspace(low, high, FINE + 2)[1:-1]
-    return np.linspace(low, high, FINE + 2)[1:-1]
 
 
 def _shrunk(cell: tuple[float, float], value: float) -> tuple[float, float]:

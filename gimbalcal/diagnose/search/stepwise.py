@@ -9,24 +9,19 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.free_scale import Ground, ground, log_evidence
 from gimbalcal.diagnose.evidence.odds import CLAIM, PAIR, SINGLE, UNKNOWN
-from gimbalcal.diagnose.library.causes import Cause, causes, unknowns
-from gimbalcal.diagnose.rows.observations import refuse_too_little
+from gimbalcal.diagnose.library.candidates import Candidate, Variant
+from gimbalcal.diagnose.library.unknown_noise import causes, unknowns
+from gimbalcal.diagnose.rows.observations import absent_effect, refuse_too_little
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.ranking import Hypothesis
-from gimbalcal.effects import Effect, Parameter, values, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, values, with_values
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 
 MOST = 8  # rounds
 EXCHANGE = 1.0  # ln of odds by which another cause must be likelier to take a place
-USUAL = {  # what every textbook of such a rig names first
-    "pointing": ("base_tilt", "tube_flexure", "refraction", "gimbal_nonorthogonality", "axis_collimation"),
-    "norm": ("misalignment", "slow_bias_drift"),
-    "rest rates": ("gyro_g_sensitivity_rate",),
-    "table": ("gravity_leakage", "lever_arm", "time_tag_latency", "misalignment"),
-}
-OFTEN = np.log(10.0)  # how much likelier those are before any data
-Taken = tuple[Cause, Effect | None]
+OFTEN = np.log(10.0)  # how much likelier before any data is what every textbook of such a rig names first
+Taken = tuple[Candidate, Variant]
 FIRST = 12  # likeliest single causes that are tried with every other; all of them where none is found alone
 
 
@@ -60,7 +55,7 @@ class Course:
 
     start: Model
     steps: tuple[Step, ...]
-    left: tuple[Cause, ...]
+    left: tuple[Candidate, ...]
 
     @property
     def end(self) -> Model:
@@ -147,8 +142,8 @@ def pruned(v: View, first: Model, taken: Sequence[Taken], tell: Tell) -> list[Ta
 
 def alone(v: View, without: Model, this: Taken) -> float:
     """ln Bayes factor of one cause with the others in the model, noise with memory."""
-    cause, variant = this
-    effects = without.effects if variant is None else [e for e in without.effects if e.id != variant.id] + [variant]
+    cause, made = this[0], _made(v, this)
+    effects = without.effects if cause.effect in {e.id for e in without.effects} else [*without.effects, made]
     X = v.linear(effects, cause.parameters)[1] * np.array([p.sigma for p in cause.parameters])
     g = ground(weighted(v, without.r), weighted(v, without.J), weighted(v, X))
     return log_evidence(g, range(X.shape[-1]))
@@ -158,7 +153,7 @@ def steps_of(v: View, first: Model, taken: Sequence[Taken]) -> Course:
     """The causes in the order of what each takes away, and the shape of what is left."""
     steps = ordered(v, first, taken)
     rest = weigh(v, steps[-1].model if steps else first, memory=True)
-    shapes = tuple(c for c, _ in rest.found if c.shape) if rest.ln_total > CLAIM and rest.strange > 0.5 else ()
+    shapes = tuple(c for c, _ in rest.found if c.rival) if rest.ln_total > CLAIM and rest.strange > 0.5 else ()
     return Course(first, steps, shapes)
 
 
@@ -183,11 +178,17 @@ def take(v: View, model: Model, found: Sequence[Taken]) -> Model:
     """The model with these causes in it, everything refitted."""
     effects = list(model.effects)
     wanted = list(model.fitted)
-    for c, variant in found:
-        if variant is not None and variant.id not in {e.id for e in effects}:
-            effects.append(variant)
-        wanted += c.parameters
+    for this in found:
+        if not this[0].rival and this[0].effect not in {e.id for e in effects}:
+            effects.append(_made(v, this))
+        wanted += this[0].parameters
     return refit(v, effects, wanted)
+
+
+def _made(v: View, this: Taken) -> Effect:
+    """The effect that a cause is, with its constants and of no size yet."""
+    cause, variant = this
+    return absent_effect(cause.effect, v.stimulus, cause.source, **dict(variant.constants))
 
 
 def weighted(v: View, r: Array) -> Array:
@@ -209,13 +210,13 @@ class Round:
     lead: float  # ln odds of these to the cause they were held against
 
 
-def weigh(v: View, model: Model, memory: bool = False, against: Cause | None = None) -> Round:
+def weigh(v: View, model: Model, memory: bool = False, against: Candidate | None = None) -> Round:
     """Compare everything that could be missing, alone and in pairs, in white noise or in noise with memory."""
     known, X = causes(v, model.effects, model.fitted)
     g = ground(weighted(v, model.r), weighted(v, model.J), weighted(v, X), memory)
     choice, ln = single(g, known)
     prior = priors(v, known)
-    shape = np.array([bool(c.shape) for c in known])
+    shape = np.array([bool(c.rival) for c in known])
     weight = ln + prior + np.where(shape, np.log(UNKNOWN), np.log(SINGLE))
     hypotheses = [Hypothesis((i,), float(ln[i]), float(weight[i])) for i in range(len(known))]
     hypotheses += _pairs(g, known, choice, ln, prior)
@@ -224,23 +225,23 @@ def weigh(v: View, model: Model, memory: bool = False, against: Cause | None = N
     odd = np.array([any(shape[i] for i in h.members) for h in hypotheses])
     strange = float(np.exp(np.logaddexp.reduce(w[odd]) - total))
     best = hypotheses[int(np.argmax(w if strange > 0.5 else np.where(odd, -np.inf, w)))]
-    rival = [float(w) for w, c in zip(weight, known, strict=True) if against and c.label == against.label]
+    rival = [float(w) for w, c in zip(weight, known, strict=True) if against and c.key == against.key]
     lead = best.ln_weight - rival[0] if rival and not any(shape[i] for i in best.members) else 0.0
-    found = tuple((known[i], known[i].variants[choice[i]][0]) for i in best.members)
+    found = tuple((known[i], known[i].variants[choice[i]]) for i in best.members)
     return Round(found, best.ln_bayes, total, strange, lead)
 
 
-def single(g: Ground, known: Sequence[Cause]) -> tuple[list[int], Array]:
+def single(g: Ground, known: Sequence[Candidate]) -> tuple[list[int], Array]:
     """For each cause its best variant and its ln Bayes factor, the search over variants paid for."""
     choice, out = [], []
     for c in known:
-        each = np.array([log_evidence(g, at) for _, at in c.variants])
+        each = np.array([log_evidence(g, at.index) for at in c.variants])
         choice.append(int(np.argmax(each)))
         out.append(float(np.logaddexp.reduce(each)) - np.log(len(each)))
     return choice, np.array(out)
 
 
-def priors(v: View, known: Sequence[Cause]) -> Array:
+def priors(v: View, known: Sequence[Candidate]) -> Array:
     """ln prior share of each cause, adding up to one among the effects and among the shapes.
 
     Effects are alike but for the usual ones; of each, half is for all axes together, which are of one make, and half
@@ -248,19 +249,20 @@ def priors(v: View, known: Sequence[Cause]) -> Array:
     """
     single = {e: sum(c.effect == e and "," not in c.axis for c in known) for e in {c.effect for c in known}}
     several = {c.effect for c in known if "," in c.axis}
-    usual = USUAL.get(v.name, ())
+    kind = v.recording.kind
+    usual = {c.effect for c in known if not c.rival and kind in CATALOGUE[c.effect].usual}
     share = np.array([
         OFTEN * (c.effect in usual) - np.log((2 if c.effect in several else 1) * (1 if "," in c.axis else
                                                                                    single[c.effect]))
         for c in known
     ])  # fmt: skip
-    shape = np.array([bool(c.shape) for c in known])
+    shape = np.array([bool(c.rival) for c in known])
     total = np.where(shape, np.logaddexp.reduce(share[shape]), np.logaddexp.reduce(share[~shape]))
     return np.asarray(share - total)
 
 
-def _pairs(g: Ground, known: Sequence[Cause], choice: Sequence[int], ln: Array, prior: Array) -> list[Hypothesis]:
-    real = [i for i, c in enumerate(known) if not c.shape]
+def _pairs(g: Ground, known: Sequence[Candidate], choice: Sequence[int], ln: Array, prior: Array) -> list[Hypothesis]:
+    real = [i for i, c in enumerate(known) if not c.rival]
     order = sorted(real, key=lambda i: -(ln[i] + prior[i]))
     firsts = order[:FIRST] if ln.max() > CLAIM else order
     out: dict[tuple[int, int], Hypothesis] = {}
@@ -269,7 +271,7 @@ def _pairs(g: Ground, known: Sequence[Cause], choice: Sequence[int], ln: Array, 
             key = (min(i, j), max(i, j))
             if key in out or known[i].effect == known[j].effect:
                 continue
-            at = known[i].variants[choice[i]][1] + known[j].variants[choice[j]][1]
+            at = known[i].variants[choice[i]].index + known[j].variants[choice[j]].index
             paid = np.log(len(known[i].variants) * len(known[j].variants))
             both = float(log_evidence(g, at) - paid)
             out[key] = Hypothesis(key, both, float(both + np.log(2 * PAIR) + prior[i] + prior[j]))

@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.known_scale import project, rows_like
-from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant, columns_at
+from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
+from gimbalcal.diagnose.library.known_noise import columns_at
 from gimbalcal.diagnose.search.combine import Combined
 from gimbalcal.diagnose.search.ranking import Search, prepare
 from gimbalcal.diagnose.verdict.model import Fit, constant_value, fit, gain

@@ -15,7 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.noise import nominal
-from gimbalcal.diagnose.library.candidates import Candidate, columns_at
+from gimbalcal.diagnose.library.candidates import Candidate
+from gimbalcal.diagnose.library.known_noise import columns_at
 from gimbalcal.diagnose.rows.observations import Observations, observe
 from gimbalcal.diagnose.wording import plain
 from gimbalcal.inference.algebra import orthonormal

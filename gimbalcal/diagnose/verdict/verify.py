@@ -79,9 +79,7 @@ def _whitened(s: Search, f: Fit, physical: Array) -> tuple[Array, Array, Array, 
 
 def _inside_dwell(s: Search, f: Fit) -> bool:
     """Whether what was found lives at one place or instant, which no other position can predict."""
-    names = {name for m, v in zip(f.members, f.variants, strict=True)
-             for name, _ in s.library.candidates[m].variants[v].constants}  # fmt: skip
-    return bool(names & {"position", "epoch"})
+    return any(s.library.candidates[m].once for m in f.members)
 
 
 def _residual(A: Array, y: Array) -> tuple[Array, int]:

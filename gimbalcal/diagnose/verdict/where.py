@@ -8,7 +8,8 @@ import numpy as np
 
 from gimbalcal.diagnose import unknown_wording as unstated_words
 from gimbalcal.diagnose.evidence.free_scale import best_evidence, gain, ground
-from gimbalcal.diagnose.library.causes import Cause, shapes_of
+from gimbalcal.diagnose.library.candidates import Candidate
+from gimbalcal.diagnose.library.unknown_noise import shapes_of
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.stepwise import Model, weighted
 from gimbalcal.number import Array
@@ -21,11 +22,13 @@ def patterns(v: View, m: Model) -> tuple[dict[str, Any], ...]:
     """Where the baseline fails: the shapes that its misfit follows, most telling first, by an F test each."""
     from scipy.stats import f
 
-    shapes, X = shapes_of(v, m.effects)
+    blocks: list[Array] = []
+    shapes = shapes_of(v, m.effects, blocks)
+    X = np.concatenate(blocks, axis=-1)
     g = ground(weighted(v, m.r), weighted(v, m.J), weighted(v, X), memory=False)
     out = []
     for c in shapes:
-        at = c.variants[0][1]
+        at = c.variants[0].index
         y2, taken = float(g.cleared[0].y @ g.cleared[0].y), gain(g, at)
         free = max(g.cleared[0].dof - len(at), 1)
         F = (taken / len(at)) / max((y2 - taken) / free, 1e-300)
@@ -35,12 +38,12 @@ def patterns(v: View, m: Model) -> tuple[dict[str, Any], ...]:
     return tuple(_pattern(v, m, c, F, p) for _, F, p, c in told)
 
 
-def _pattern(v: View, m: Model, c: Cause, F: float, p: float) -> dict[str, Any]:
+def _pattern(v: View, m: Model, c: Candidate, F: float, p: float) -> dict[str, Any]:
     i, size = _channel(v, m, c.axis)
     rows = np.argsort(-np.abs(m.r[:, i]))[:3]
     return {
         "channel": v.channels[0][0], "axis": c.axis, "where": _where(v, rows), "statistic": round(F, 2), "p_value": p,
-        "in_words": unstated_words.follows(v, c.axis, size, c.shape),
+        "in_words": unstated_words.follows(v, c.axis, size, c.rival),
     }  # fmt: skip
 
 

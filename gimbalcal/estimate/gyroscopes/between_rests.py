@@ -22,6 +22,7 @@ from gimbalcal.calibration import Calibration, Residual, Stage
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
 from gimbalcal.effects import Stage as ModelStage
 from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.effect import lacking
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.gyroscopes.inter_triad import euler
 from gimbalcal.estimate.gyroscopes.rests import BIAS, G_SENSITIVITY, RestFit, level_of, rests
@@ -68,16 +69,16 @@ def gyroscopes_between_rests(
 
 
 def _default(recording: Recording) -> tuple[str, ...]:
-    return (*LINEAR, *(t for t in FURTHER if all(recording.has(q) for q in CATALOGUE[t].requires)))
+    return (*LINEAR, *(t for t in FURTHER if not lacking(CATALOGUE[t], recording.has)))
 
 
 def _check(terms: Sequence[str], recording: Recording) -> None:
     for t in terms:
         if t not in CATALOGUE or CATALOGUE[t].stage.name != "GYROSCOPE" or t == BIAS:
             raise InputError(f"--terms names {t!r}, which is not a gyroscope effect that turns between rests can show")
-        missing = [q for q in CATALOGUE[t].requires if not recording.has(q)]
+        missing = lacking(CATALOGUE[t], recording.has)
         if missing:
-            raise InputError(f"--terms names {t}, which needs a {missing[0]} channel; {recording.title!r} has none")
+            raise InputError(f"--terms names {t}, which needs a {missing} channel; {recording.title!r} has none")
 
 
 Fits = list[tuple[tuple[str, ...], "PoseFit"]]

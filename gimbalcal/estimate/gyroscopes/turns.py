@@ -86,7 +86,7 @@ def _relevelled(turned: Turned, level: Array, scale: float, at_rest: Sequence[Ef
 
 
 def _stimulus_of(recording: Recording, spans: Sequence[slice], rate: Array, force: Array) -> Stimulus:
-    """A stimulus of the turns' rows, without history: gyroscope effects use rate, force, time and temperature.
+    """A stimulus of the turns' rows, without history: rate, force, time, temperature and covariates.
 
     The rate that was read, less its level at rest, stands for the true one, and the calibrated force for the force.
     """
@@ -96,7 +96,8 @@ def _stimulus_of(recording: Recording, spans: Sequence[slice], rate: Array, forc
     wide = {k: np.broadcast_to(v, (n, *v.shape[1:])) for k, v in arrays.items()}
     logged = {"time": recording.time - recording.time[0], "temperature": recording.channels.get(("temperature", ""))}
     rows = {k: _rows_of(v, spans, n) for k, v in logged.items() if v is not None}
-    return s.at(**wide, covariates={}).at(rate=rate, force=force, **rows)
+    followed = {k: _rows_of(v, spans, n) for k, v in stimulus_from_readings(recording).covariates.items()}
+    return s.at(**wide, covariates=followed).at(rate=rate, force=force, **rows)
 
 
 def _rows_of(x: Array, spans: Sequence[slice], n: int) -> Array:

@@ -1,0 +1,101 @@
+"""Values of a non-linear constant from which a search starts, as the effect declares it and as a recording tells it."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from gimbalcal.effects.effect import Grid, Stimulus
+from gimbalcal.number import Array
+
+VALUES = 7  # of a constant before refinement
+ORDERS = 12  # whole numbers that are all tried; of more, `VALUES`
+INSTANTS = 50  # of a recording in which nothing moves
+SAME_ANGLE = 0.02  # rad; settings of a gimbal nearer than this are one
+NEARLY = 0.1  # of an order, by which readouts of equal steps may differ
+
+Constant = dataclasses.Field[float]
+
+
+def kind(f: Constant) -> Grid:
+    """What a constant is."""
+    found: Grid = f.metadata["grid"]
+    return found
+
+
+def limits(f: Constant, s: Stimulus) -> tuple[float, float]:
+    """Range of a constant that this recording could tell apart; one value twice where there is no range."""
+    low, high = float(f.metadata["low"]), float(f.metadata["high"])
+    of, last = kind(f), float(s.time[-1])
+    if of is Grid.EPOCH:
+        return 0.0, last
+    if of in (Grid.LAG, Grid.PERIOD):
+        step = float(np.median(np.diff(s.time))) if len(s.time) > 1 else 0.0
+        low, high = max(low, (2 if of is Grid.PERIOD else 1) * step), min(high, 3 * last)
+    if of is Grid.WHOLE:
+        high = min(high, highest_order(s))
+    return (low, high) if low < high else (low, low)
+
+
+def grid(f: Constant, s: Stimulus) -> Array:
+    """Starting values of a constant."""
+    of, last = kind(f), float(s.time[-1])
+    low, high = limits(f, s)
+    if of is Grid.POSITION:
+        return np.unique(s.position).astype(float)
+    if of is Grid.SPAN:
+        return np.array([last])
+    if of is Grid.EPOCH:
+        starts = s.time[np.flatnonzero(np.diff(s.visit)) + 1]
+        return starts - 1e-3 if len(starts) else np.linspace(0, last, INSTANTS)[1:-1]
+    if of is Grid.DECAY:
+        return np.concatenate([[low], np.geomspace(1 / last, high, 5)])
+    if of is Grid.PERIOD:
+        return periods(f.default if isinstance(f.default, float) else 0.0, low, high, last)
+    if of is Grid.WHOLE:
+        every = np.arange(low, high + 0.5)
+        return every if len(every) <= ORDERS else np.unique(np.round(np.geomspace(low, high, VALUES)))
+    return between(f, low, high, VALUES)
+
+
+def between(f: Constant, low: float, high: float, count: int) -> Array:
+    """So many values from `low` to `high`: even steps, of the logarithm for a time constant or a positive value."""
+    if low == high:
+        return np.array([low])
+    logarithm = kind(f) in (Grid.VALUE, Grid.LAG) and float(f.metadata["low"]) > 0 and low > 0
+    return np.geomspace(low, high, count) if logarithm else np.linspace(low, high, count)
+
+
+def periods(usual: float, low: float, high: float, duration: float) -> Array:
+    """The usual period, and others within 5 % of it one third of a line width apart (at most 9)."""
+    low, high = max(low, 0.95 * usual), min(high, 1.05 * usual)
+    step = usual**2 / duration / 3
+    m = min(4, int((high - low) / 2 / step)) if step > 0 else 0
+    return usual + step * np.arange(-m, m + 1) if low < high else np.array([usual])
+
+
+def highest_order(s: Stimulus) -> float:
+    r"""The highest harmonic of an angle that settings tell from lower ones: below that of Nyquist.
+
+    .. math:: m < \pi / \Delta\theta
+
+    with the smallest step between two settings of one gimbal: three where all stand on multiples of 45 degrees.
+    """
+    return max((float(np.ceil(np.pi / _step(angle) - NEARLY)) - 1 for angle in s.readout.T), default=0.0)
+
+
+def _step(angle: Array) -> float:
+    """Smallest step [rad] between settings of a gimbal that reads `angle` (n,); where it sweeps, the smallest told."""
+    read = np.unique(np.mod(angle, 2 * np.pi))
+    gaps = np.diff(np.append(read, read[0] + 2 * np.pi))
+    apart = np.flatnonzero(gaps > SAME_ANGLE)
+    if not len(apart):
+        return SAME_ANGLE
+    gaps = np.roll(gaps, -apart[0] - 1)  # from the first setting beyond a gap, round to that gap
+    along = np.concatenate([[0.0], np.cumsum(gaps[:-1])])
+    groups = np.split(along, np.flatnonzero(gaps[:-1] > SAME_ANGLE) + 1)
+    if max(np.ptp(g) for g in groups) > 2 * SAME_ANGLE:
+        return SAME_ANGLE
+    middle = np.array([g.mean() for g in groups])
+    return float(np.diff(np.append(middle, middle[0] + 2 * np.pi)).min())

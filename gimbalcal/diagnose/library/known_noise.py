@@ -1,0 +1,61 @@
+"""Every cause that a recording of known noise could show, and every rival, as reduced columns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from gimbalcal.diagnose.library.candidates import (
+    Candidate,
+    Constants,
+    Library,
+    choices,
+    eligible,
+    of_effect,
+    sources,
+)
+from gimbalcal.diagnose.library.rivals import rivals
+from gimbalcal.diagnose.rows.observations import Observations, absent_effect
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
+from gimbalcal.number import Array
+
+
+def library(o: Observations, baseline: Sequence[str]) -> Library:
+    """Every cause that this recording could show and every rival."""
+    blocks: list[Array] = []
+    known: list[Candidate] = []
+    for effect_id in available(o, baseline):
+        cls = CATALOGUE[effect_id]
+        wanted = parameters(cls, o.stimulus.axis_names)
+        for source in sources(cls, o.stimulus):
+            tried, columns = choices(cls, o.stimulus), _per_sigma(o, wanted)
+            known += of_effect(cls, source, wanted, tried, o.stimulus, columns, blocks)
+    unknown = rivals(o, blocks)
+    return Library(tuple(known + unknown), np.concatenate(blocks, axis=1))
+
+
+def available(o: Observations, baseline: Sequence[str]) -> tuple[str, ...]:
+    """Ids of the catalogue that this recording could show and that its model does not hold."""
+    return tuple(
+        effect_id
+        for effect_id, cls in CATALOGUE.items()
+        if effect_id not in baseline
+        and eligible(cls, o.kind, o.stimulus, o.sensitivity, known_noise=True)
+        and parameters(cls, o.stimulus.axis_names)
+    )
+
+
+def _per_sigma(o: Observations, wanted: Sequence[Parameter]) -> Callable[[Effect], Array]:
+    return lambda made: scaled_columns(o, made, wanted)
+
+
+def scaled_columns(o: Observations, effect: Effect, wanted: Sequence[Parameter]) -> Array:
+    """Reduced columns (R, p) of an effect per prior sigma of each parameter."""
+    X = o.columns(effect, wanted) * np.array([p.sigma for p in wanted])
+    return o.reduce(np.nan_to_num(X))
+
+
+def columns_at(o: Observations, c: Candidate, constants: Constants) -> Array:
+    """Reduced columns (R, p) of a cause at these non-linear constants, per prior sigma."""
+    return scaled_columns(o, absent_effect(c.effect, o.stimulus, c.source, **dict(constants)), c.parameters)

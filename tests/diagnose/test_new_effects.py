@@ -1,0 +1,172 @@
+"""A new effect is one class: it is simulated, listed, and tried wherever the recording has what it needs."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gimbalcal.diagnose import diagnose
+from gimbalcal.diagnose.library import known_noise, unknown_noise
+from gimbalcal.diagnose.rows.observations import observe
+from gimbalcal.diagnose.rows.turns import turned_rates
+from gimbalcal.diagnose.rows.views import View, norm, pointing, rest_rates, table
+from gimbalcal.diagnose.search.stepwise import start
+from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording
+from gimbalcal.simulate import simulate
+from tests.diagnose import static_plant
+from tests.diagnose.new_effects import enter
+from tests.diagnose.plant import record
+from tests.diagnose.rows.test_turns import SCENARIO, by_hand
+from tests.diagnose.test_odd import tilted
+from tests.diagnose.test_unknown_noise import run, stars
+
+LOGGED = ("vibration", "pressure")
+
+
+@pytest.fixture(scope="module")
+def new() -> Iterator[tuple[str, ...]]:
+    ids = enter()
+    yield ids
+    for i in ids:
+        del CATALOGUE[i]
+
+
+def short(**more: Any) -> Recording:
+    """A unit turned by hand, in few rows."""
+    content = tomllib.loads(SCENARIO.read_text())
+    content["schedule"] |= {"dwell": {"value": 6.0, "unit": "s"}, "rate": {"value": 20.0, "unit": "Hz"}}
+    content["schedule"]["holds"] = content["schedule"]["holds"][:24]
+    made, _ = simulate(content | more, seed=5)
+    kept = {k: v for k, v in made.channels.items() if k[0] != "gimbal_angle"}
+    return replace(made, platform=BENCH, channels=kept, noise={})
+
+
+def telescope() -> Recording:
+    rng, E, A = stars(1)
+    return run(E, A, (E, A), rng)
+
+
+RECORDINGS = {
+    "known noise": lambda: record(np.random.default_rng(2), dwell=20),
+    "at rest": lambda: static_plant.record(np.random.default_rng(3)),
+    "by hand": short,
+    "telescope": telescope,
+    "table": lambda: tilted(900),
+}
+
+
+def with_logs(r: Recording, logs: Sequence[str] = LOGGED) -> Recording:
+    """Channels that wander from rest to rest, with a thermometer; a static run with what a navigator reports."""
+    rng = np.random.default_rng(8)
+    grid = np.linspace(r.time[0], r.time[-1], 40)
+    channels = {("covariate", k): 1 + 0.1 * np.interp(r.time, grid, rng.standard_normal(40).cumsum()) for k in logs}
+    warm = {("temperature", ""): 20 + np.interp(r.time, grid, rng.standard_normal(40).cumsum())}
+    if r.kind == "static-run":
+        channels |= {("attitude_error", a): 1e-7 * rng.standard_normal(len(r.time)) for a in ("roll", "pitch", "yaw")}
+    return replace(r, channels=warm | dict(r.channels) | channels)
+
+
+@pytest.mark.parametrize("logs", [(), LOGGED])
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_a_diagnosis_of_any_kind_runs_with_and_without_what_they_need(
+    new: tuple[str, ...], name: str, logs: tuple[str, ...]
+) -> None:
+    made = RECORDINGS[name]()
+    d = diagnose([with_logs(made, logs) if logs else made])
+    assert d.verdict in ("adequate", "unexplained", "missing-physics", "not-identifiable")
+    assert not {f["effect"] for f in d.findings} & set(new)  # nothing of theirs is there
+
+
+def views(r: Recording) -> list[View]:
+    if r.kind == "pointing":
+        return [pointing(r)]
+    if r.kind == "rotation":
+        return [table(r)]
+    found = (norm(r), rest_rates(r), turned_rates(r))
+    return [v for v in found if v is not None]
+
+
+def tried(r: Recording) -> set[str]:
+    """Ids of the causes that either road compares."""
+    if r.platform.axes and r.kind != "pointing":
+        o = observe(r)
+        return {c.effect for c in known_noise.library(o, BASELINE[r.kind]).candidates}
+    out = set()
+    for v in views(r):
+        m = start(v)
+        out |= {c.effect for c in unknown_noise.causes(v, m.effects, m.fitted)[0]}
+    return out
+
+
+ALWAYS = {
+    "known noise": {"toy_bent", "toy_gimbal_spring", "toy_polygon", "toy_base_jump"},
+    "at rest": {"toy_bent", "toy_gimbal_spring", "toy_polygon", "toy_base_jump", "toy_hunt"},
+    "by hand": {"toy_gyro_cubic"},
+    "telescope": {"toy_gimbal_spring", "toy_polygon", "toy_base_jump"},
+    "table": set(),
+}
+WHERE_LOGGED = {
+    "known noise": {"toy_scale_vibration", "toy_air_mass"},
+    "at rest": {"toy_scale_vibration", "toy_air_mass", "toy_coast"},
+    "by hand": {"toy_gyro_vibration", "toy_gyro_follows", "toy_scale_vibration"},
+    "telescope": {"toy_dome"},
+    "table": {"toy_scale_vibration"},
+}
+
+
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_they_are_causes_where_their_channel_is_logged_and_nowhere_else(new: tuple[str, ...], name: str) -> None:
+    made = RECORDINGS[name]()
+    assert tried(made) & set(new) == ALWAYS[name]
+    assert tried(with_logs(made)) & set(new) == ALWAYS[name] | WHERE_LOGGED[name]
+
+
+def test_every_one_of_them_is_tried_somewhere(new: tuple[str, ...]) -> None:
+    assert set().union(*ALWAYS.values(), *WHERE_LOGGED.values()) == set(new)
+
+
+def test_they_are_listed(new: tuple[str, ...], command: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+    assert command("catalogue") == 0
+    listed = capsys.readouterr().out
+    assert [i for i in new if i not in listed] == []
+
+
+def test_they_are_simulated(new: tuple[str, ...]) -> None:
+    """Each changes what a scenario of its kind gives, by what its size says."""
+    for i in new:
+        if "pointing" in CATALOGUE[i].kinds and len(CATALOGUE[i].kinds) == 1:
+            continue  # pointing runs are not simulated
+        kind = "static-run" if CATALOGUE[i].kinds == ("static-run",) else "multi-position"
+        content: dict[str, Any] = {"format": 1, "kind": kind, "site": {"latitude": {"value": 40.0, "unit": "deg"}}}
+        content["environment"] = {"covariates": {k: {"shape": "ramp", "mean": 1.0, "rate": 0.5} for k in LOGGED}}
+        if CATALOGUE[i].channel == "angular_rate":
+            content = {**tomllib.loads(SCENARIO.read_text()), "environment": content["environment"]}
+            content["schedule"]["holds"] = content["schedule"]["holds"][:3]
+        elif kind == "static-run":
+            content["schedule"] = {"duration": {"value": 2.0, "unit": "h"}, "rate": {"value": 0.01, "unit": "Hz"}}
+        else:
+            content["schedule"] = {"name": "wu2018-18", "dwell": {"value": 60, "unit": "s"},
+                                   "rate": {"value": 0.1, "unit": "Hz"}}  # fmt: skip
+        p = parameters(CATALOGUE[i], ("platform", "inner", "middle"))[0]
+        size = {p.field: 3.0} if not p.axis else {p.axis: 3.0}
+        without, with_it = (simulate({**content, "truth": t}, seed=2)[0] for t in ({}, {i: size}))
+        changed = [k for k in without.channels if not np.array_equal(without.channels[k], with_it.channels[k])]
+        assert changed, i
+
+
+def test_what_a_gyroscope_makes_of_vibration_is_named_with_its_size(new: tuple[str, ...]) -> None:
+    """In another channel too many it is still found; without the channel nothing asks for it."""
+    r = with_logs(by_hand())
+    size = 400 * np.pi / 648000  # deg/h
+    v2 = r.channels["covariate", "vibration"] ** 2
+    shaken = {("angular_rate", "y"): r.channels["angular_rate", "y"] + size * v2}
+    d = diagnose([replace(r, channels={**r.channels, **shaken})])
+    assert "toy_gyro_vibration" in {f["effect"] for f in d.findings} | {t for f in d.findings for t in f["twins"]}
