@@ -115,7 +115,7 @@ def test_prior_shares_make_a_whole_of_causes_and_of_shapes() -> None:
     m = start(v)
     known = causes_of(v, m)
     share = np.exp(priors(v, known))
-    shape = np.array([bool(getattr(c, "rival", "") or getattr(c, "shape", "")) for c in known])
+    shape = np.array([bool(c.rival) for c in known])
     assert share[shape].sum() == pytest.approx(1.0)
     assert share[~shape].sum() == pytest.approx(1.0)
     by_effect = {
