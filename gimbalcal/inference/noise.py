@@ -28,6 +28,11 @@ def covariance(noise: Sequence[Process], time: Array, visit: Array | None = None
     return np.asarray(sum((of_process(p, time, visit) for p in noise), np.zeros((len(time), len(time)))))
 
 
+def one_sigma(noise: Sequence[Process]) -> float:
+    """One standard deviation of the first row."""
+    return float(np.sqrt(sum(p.output() ** 2 @ p.initial() for p in noise)))
+
+
 def factor(process: Process, time: Array, visit: Array | None = None) -> Array:
     """F (n, r) with F F^T the covariance of a process of one state: what each of its r independent draws does later.
 

@@ -11,6 +11,7 @@ argument.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import comb
 
 import numpy as np
 
@@ -19,6 +20,35 @@ from gimbalcal.recording.record import ANGLES, Key
 
 ENOUGH = 8192
 """Rows of each batch that are looked at: sigma to better than 1 % from the first batch."""
+
+
+def differences(x: Array, begins: Array, weight: Array, order: int = 3, turn: float = 0.0) -> Array:
+    """Differences (m, C) of rows x (n, C) that follow each other, scaled to the noise of one raw sample.
+
+    begins (n,): the row does not continue the one before; weight (n,): raw samples behind each row; turn: size of a
+    full turn of angles that may jump by one.
+    """
+    d = np.diff(x, order, axis=0)
+    if turn:
+        d = d - turn * np.round(d / turn)
+    m = len(d)
+    whole, variance = np.ones(m, dtype=bool), np.zeros(m)
+    for j in range(order + 1):
+        variance += comb(order, j) ** 2 / weight[j : j + m]
+        whole &= ~begins[j : j + m] if j else True
+    return np.asarray(d[whole] / np.sqrt(variance[whole])[:, None])
+
+
+def white_sigma(x: Array, begins: Array, weight: Array) -> Array:
+    """One sigma (C,) of one raw sample of rows x (n, C), from the highest order of differences up to the third that
+
+    the rows in a position are enough for; 0 where no row follows another.
+    """
+    for order in (3, 2, 1):
+        d = differences(x, begins, weight, order)
+        if len(d):
+            return np.asarray(np.sqrt(np.mean(d**2, axis=0)))
+    return np.zeros(x.shape[1])
 
 
 class Scatter:
@@ -34,22 +64,19 @@ class Scatter:
         begins, still, weight = begins[:ENOUGH], still[:ENOUGH], weight[:ENOUGH]
         if len(begins) < 4:
             return
-        broken = begins[1:-2] | begins[2:-1] | begins[3:] | ~still[:-3]
-        good = ~broken
-        self.count += int(np.count_nonzero(good))
-        root = np.sqrt(weight[:-3])
+        counted = 0
         for name in self.squares:
-            x = batch[name][:ENOUGH]
-            third = (x[3:] - x[:-3]) - 3 * (x[2:-1] - x[1:-2])
-            if name in self.turns:
-                third -= self.turns[name] * np.round(third / self.turns[name])
-            self.squares[name] += float(np.sum((third * root)[good] ** 2))
+            x = batch[name][:ENOUGH, None]
+            third = differences(x, begins | ~still, weight, turn=self.turns.get(name, 0.0))
+            self.squares[name] += float(np.sum(third**2))
+            counted = len(third)
+        self.count += counted
 
     def sigma(self) -> dict[str, float]:
         """One sigma by channel; empty where no four rows followed each other."""
         if not self.count:
             return {}
-        return {name: float(np.sqrt(total / (20 * self.count))) for name, total in self.squares.items()}
+        return {name: float(np.sqrt(total / self.count)) for name, total in self.squares.items()}
 
 
 def pooled(time: Array, position: Array | None, channels: Mapping[Key, Array]) -> dict[Key, float]:

@@ -12,16 +12,26 @@ import numpy as np
 from gimbalcal.earth import G0, normal_gravity
 from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.effects.effect import lacking
-from gimbalcal.effects.process import Flicker, GaussMarkov, Process, Quantisation, RandomWalk, WhiteNoise, sample
+from gimbalcal.effects.process import (
+    Flicker,
+    GaussMarkov,
+    Process,
+    Quantisation,
+    RandomWalk,
+    SettingError,
+    WhiteNoise,
+    sample,
+)
 from gimbalcal.errors import InputError
 from gimbalcal.forward import predict, turning
+from gimbalcal.inference.noise import Noise, one_sigma
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
-from gimbalcal.recording import Recording, Site
+from gimbalcal.recording import SENSORS, Recording, Site
 from gimbalcal.recording.record import Key
 from gimbalcal.simulate.motion import Timetable, planned, platform_of, sidereal, timetable
-from gimbalcal.simulate.scenario import History, Noise, Scenario, check_content, load
+from gimbalcal.simulate.scenario import History, Scenario, check_content, load
 from gimbalcal.simulate.truth import true_effects
 
 BLOCK = 1 << 17  # rows made at once: some 100 MB of work space; fixed, so that a seed means the same rows everywhere
@@ -59,7 +69,7 @@ def prepare(scenario: Scenario, seed: int | None = None) -> Run:
         read = tuple(name for name in platform.axis_names if name != "inner")  # redundant, held at zero
     effects = true_effects(scenario.truth, scenario.kind, platform.axis_names, read, truth_rng)
     visits = (0 if table is None else len(table.start), len(platform.axes))
-    setting = scenario.noise.gimbal_angle * setting_rng.standard_normal(visits)
+    setting = one_sigma(noises(scenario)["gimbal_angle"]) * setting_rng.standard_normal(visits)
     time = _row_times(scenario, table)
     around = {("covariate", name): history for name, history in scenario.environment.covariates.items()}
     if scenario.environment.temperature is not None:
@@ -108,15 +118,15 @@ def _block(
     s = _as_it_was(run, nominal)
     out = {k: v[past.size :] for k, v in predict(run.platform, s, run.effects, run.scenario.kind).items()}
     time = run.time[start:stop]
-    noise = run.scenario.noise
+    noise = noises(run.scenario)
     channels: dict[Key, Array] = {}
     for i, axis in enumerate("xyz"):
-        y = out["specific_force"][:, i] + _coloured(noise, axis, time, rng, states)
+        y = out["specific_force"][:, i] + _coloured(noise["specific_force"], axis, time, rng, states)
         q = run.scenario.faults.quantisation
         channels["specific_force", axis] = Quantisation(q).rounded(y) if q else y
     channels |= _angles(run, out, time, rng)
     if run.scenario.turning:
-        noisy = out["angular_rate"] + noise.gyroscope * rng.standard_normal((len(time), 3))
+        noisy = out["angular_rate"] + one_sigma(noise["angular_rate"]) * rng.standard_normal((len(time), 3))
         channels |= {("angular_rate", axis): noisy[:, i] for i, axis in enumerate("xyz")}
     for key, history in run.environment.items():
         sigma = run.scenario.environment.thermometer_sigma if key[0] == "temperature" else 0.0
@@ -172,36 +182,44 @@ def _coloured(
 ) -> Array:
     """Sum of the accelerometer's noise processes (n,) [m/s^2]; their last states carry over to the next block."""
     total = np.zeros(len(time))
-    for process in _processes(noise):
+    for process in noise:
         key = (process.id, axis)
         y, states[key] = sample(process, rng, time, state=states.get(key))
         total += y
     return total
 
 
-def _processes(noise: Noise) -> list[Process]:
-    tau = noise.accelerometer_gauss_markov_tau
-    every: list[tuple[float, Process]] = [
-        (noise.accelerometer, WhiteNoise(noise.accelerometer)),
-        (noise.accelerometer_random_walk, RandomWalk(noise.accelerometer_random_walk)),
-        (noise.accelerometer_flicker, Flicker(noise.accelerometer_flicker)),
-        (noise.accelerometer_gauss_markov, GaussMarkov(noise.accelerometer_gauss_markov, tau)),
-    ]
-    return [process for size, process in every if size > 0]
+def noises(scenario: Scenario) -> Mapping[str, Noise]:
+    """Processes by quantity, SI; a header states the white one and the setting (see `recording.noise.stated`)."""
+    n = scenario.noise
+    read = WhiteNoise if scenario.kind == "static-run" else SettingError
+    every: dict[str, list[tuple[float, Process]]] = {
+        "specific_force": [
+            (n.accelerometer, WhiteNoise(n.accelerometer)),
+            (n.accelerometer_random_walk, RandomWalk(n.accelerometer_random_walk)),
+            (n.accelerometer_flicker, Flicker(n.accelerometer_flicker)),
+            (n.accelerometer_gauss_markov, GaussMarkov(n.accelerometer_gauss_markov, n.accelerometer_gauss_markov_tau)),
+        ],
+        "angular_rate": [(n.gyroscope, WhiteNoise(n.gyroscope))],
+        "gimbal_angle": [(n.gimbal_angle, read(n.gimbal_angle))],
+        "attitude_error": [(n.attitude, WhiteNoise(n.attitude))],
+    }
+    return {quantity: tuple(p for size, p in those if size > 0) for quantity, those in every.items()}
 
 
 def _angles(run: Run, out: Mapping[str, Array], time: Array, rng: np.random.Generator) -> dict[Key, Array]:
     """Gimbal readouts, and in a static run the navigator's attitude error, as they are logged."""
     channels: dict[Key, Array] = {}
-    names, noise = run.platform.axis_names, run.scenario.noise
+    names, noise = run.platform.axis_names, noises(run.scenario)
     if run.table is not None:
         told = run.table.angles(time, run.table.told)
         return {("gimbal_angle", name): told[:, names.index(name)] for name in run.read}
+    angle, attitude = one_sigma(noise["gimbal_angle"]), one_sigma(noise["attitude_error"])
     for name in run.read:
-        reading = out["gimbal_angle"][:, names.index(name)] + noise.gimbal_angle * rng.standard_normal(len(time))
+        reading = out["gimbal_angle"][:, names.index(name)] + angle * rng.standard_normal(len(time))
         channels["gimbal_angle", name] = reading % (2 * np.pi) if name == "platform" else reading
     for i, name in enumerate(ATTITUDE):
-        channels["attitude_error", name] = out["attitude_error"][:, i] + noise.attitude * rng.standard_normal(len(time))
+        channels["attitude_error", name] = out["attitude_error"][:, i] + attitude * rng.standard_normal(len(time))
     return channels
 
 
@@ -263,11 +281,10 @@ def _site(scenario: Scenario) -> Site:
 
 
 def _stated(scenario: Scenario) -> dict[str, float]:
-    """Noise that the header states: white noise of one sample and the setting error."""
-    noise = scenario.noise
-    every = {"accelerometer": noise.accelerometer, "gyroscope": noise.gyroscope,
-             "gimbal_angle": noise.gimbal_angle, "attitude": noise.attitude}  # fmt: skip
-    return {name: size for name, size in every.items() if size > 0}
+    """Noise that the header states: white noise of one sample and the setting repeatability."""
+    every = noises(scenario)
+    told = {sensor: [p for p in every[q] if isinstance(p, WhiteNoise | SettingError)] for sensor, q in SENSORS.items()}
+    return {sensor: one_sigma(noise) for sensor, noise in told.items() if noise}
 
 
 def _units(channels: Mapping[Key, Array]) -> dict[Key, str]:

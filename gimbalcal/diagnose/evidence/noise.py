@@ -19,9 +19,11 @@ import numpy as np
 from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.effects import Stage
 from gimbalcal.effects.process import RandomWalk, SettingError, WhiteNoise
-from gimbalcal.inference.noise import Noise, covariance, factor, spectrum
+from gimbalcal.inference.noise import Noise, covariance, factor, one_sigma, spectrum
 from gimbalcal.inference.robust import huber
 from gimbalcal.number import Array
+from gimbalcal.recording.noise import stated
+from gimbalcal.recording.scatter import differences
 from gimbalcal.units import to_si
 
 SETTING = (0.5, 0.71, 1.0, 1.41, 2.0, 2.83)  # times the stated setting repeatability
@@ -76,12 +78,11 @@ def settle(o: Observations) -> Observations:
 
 
 def _fast(o: Observations) -> Array:
-    """What varies from row to row inside a dwell (n', C), unit gain for white noise."""
-    d = (o.y[2:] - 2 * o.y[1:-1] + o.y[:-2]) / np.sqrt(6)
-    if o.kind == "static-run":
-        return np.asarray(d)
-    inside = o.block[2:] == o.block[:-2]
-    return np.asarray(d[inside])
+    """What varies from row to row inside a block (n', C), unit gain for white noise."""
+    begins = np.zeros(len(o.y), dtype=bool)
+    if o.kind != "static-run":
+        begins[o.starts] = True
+    return differences(o.y, begins, np.ones(len(o.y)), order=2)
 
 
 def _excess(x: Array) -> Array:
@@ -115,7 +116,7 @@ def _dwell_node(o: Observations, setting: Array, walk: Array, s: float, w: float
 
 def dwell_noise(o: Observations, setting: float, walk: float) -> Mapping[str, Noise]:
     """`setting` times the stated repeatability, and a walk that reaches `walk` sigmas of a dwell mean at the end."""
-    repeatability = setting * o.recording.noise.get("gimbal_angle", DEFAULT_SETTING)
+    repeatability = setting * one_sigma(stated(o.recording).get("gimbal_angle", (SettingError(DEFAULT_SETTING),)))
     rows, end = len(o.y) / len(np.unique(o.stimulus.visit)), float(_block_time(o)[-1])
     return {
         "specific_force": (WhiteNoise(1.0), RandomWalk(walk / float(np.sqrt(rows * end)))),

@@ -25,9 +25,11 @@ from gimbalcal.kinematics import refuse_other_platform
 from gimbalcal.number import Array
 from gimbalcal.readings import SENSOR_OF, Readings, readings
 from gimbalcal.recording import Recording, block_means, dwells
+from gimbalcal.recording.noise import sample_sigma, stated
 
 KINDS = ("multi-position", "static-run")  # whose attitude and noise are known
 BLOCKS_IN_ALL = 108  # block means of a multi-position recording: 6 in each of 18 dwells, at least 2 in each of many
+STUCK = 1e-15  # one sigma of a channel that always reads the same, SI
 MOST_ROWS = 4000  # of a static run: 48 h come as minute means, and half a gigabyte of columns is enough
 
 
@@ -138,7 +140,7 @@ def observe(
     read = readings(recording)
     if not read.columns("specific_force"):
         raise InputError(f"{recording.title!r} has no specific_force channel: there is nothing to explain")
-    sigma = row_sigma(recording, read.channels, read.value, read.stimulus.visit)
+    sigma = row_sigma(read, known)
     names = recording.platform.axis_names
     ids = tuple(baseline) or BASELINE[recording.kind]
     constants = tuple(p for i in ids for p in parameters(known_effect(i), names) if _has_axis(p, recording))
@@ -197,26 +199,17 @@ def refuse_unknown_attitude(recording: Recording) -> None:
         )
 
 
-def row_sigma(recording: Recording, channels: Sequence[Key], measured: Array, visit: Array) -> Array:
-    """One sigma (C,) of a row: the header's over the root of the samples in a row, else successive differences.
-
-    Differences are taken of measured (n, C) within a visit (n,). Raises InputError where there are none.
-    """
-    inside = visit[2:] == visit[:-2]
-    out = []
-    for (quantity, _), x in zip(channels, measured.T, strict=True):
-        stated = recording.noise.get(SENSOR_OF[quantity])
-        if stated is not None:
-            out.append(stated / np.sqrt(np.median(recording.weight)))
-        else:
-            second = np.diff(x, 2)[inside]
-            if not len(second):
-                raise InputError(
-                    f"{recording.title!r} states no noise of the {SENSOR_OF[quantity]} and holds too few rows in a "
-                    "position to show it: write it into [noise] of recording.toml"
-                )
-            out.append(np.median(np.abs(second)) / 0.6745 / np.sqrt(6) + 1e-15)
-    return np.array(out)
+def row_sigma(read: Readings, known: Sequence[Effect] = ()) -> Array:
+    """One sigma (C,) of a row. Raises InputError where neither the header nor three rows in a position tell it."""
+    told, visit = stated(read.recording), read.stimulus.visit
+    silent = [q for q, _ in read.channels if q not in told]
+    if silent and not np.any(visit[2:] == visit[:-2]):
+        raise InputError(
+            f"{read.recording.title!r} states no noise of the {SENSOR_OF[silent[0]]} and holds too few rows in a "
+            "position to show it: write it into [noise] of recording.toml"
+        )
+    one = sample_sigma(read.recording, read.channels, read.residual(known))
+    return np.maximum(one, STUCK) / np.sqrt(np.median(read.recording.weight))
 
 
 def _blocks(recording: Recording) -> Array:

@@ -1,8 +1,8 @@
 r"""Noise of a multi-position recording: from its header, else from its samples, else from what a fit leaves.
 
-The noise of a sample shows inside the dwells. The setting error of the gimbals shows only between them; where the
-header does not state it, it is the value that maximises the likelihood of the residual with the calibration parameters
-integrated out (REML),
+The noise of a sample shows inside the dwells. The setting repeatability of the gimbals shows only between them; where
+the header does not state it, it is the value that maximises the likelihood of the residual with the calibration
+parameters integrated out (REML),
 
 .. math:: -2 \ln L = \sum \ln \sigma_i^2 + \ln |J^T W J| + \chi^2 .
 """
@@ -14,9 +14,11 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.estimate.accelerometers.setting import Fit, Noise, Problem, VisitRows, gauss_newton, whiten
+from gimbalcal.estimate.accelerometers.setting import FORCE, Fit, Noise, Problem, VisitRows, gauss_newton, whiten
+from gimbalcal.inference.noise import one_sigma
 from gimbalcal.number import Array
-from gimbalcal.recording import Recording, dwells
+from gimbalcal.recording import Recording
+from gimbalcal.recording.noise import sample_sigma, stated
 
 SETTING = np.deg2rad(1 / 3600)  # rad, start of the search: what a good gimbal repeats to
 SAMPLE = 1e-5 * G0  # m/s^2, start of the search
@@ -25,31 +27,25 @@ HEADER, SAMPLES, RESIDUAL, ATTITUDE = "header", "samples", "residual", "attitude
 
 def stated_noise(recording: Recording) -> Noise:
     """Noise as header and samples tell it; what neither tells is marked "residual" and a first guess."""
-    force = recording.noise.get("accelerometer")
-    source = HEADER
-    if force is None:
+    told = stated(recording)
+    if FORCE in told:
+        force, source = one_sigma(told[FORCE]), HEADER
+    else:
         force, source = recording.sigma("accelerometer") or inside_dwells(recording), SAMPLES
     if not recording.platform.axes:
-        return Noise(force or SAMPLE, np.inf, source if force else RESIDUAL, ATTITUDE)
-    setting = recording.noise.get("gimbal_angle")
-    return Noise(
-        force or SAMPLE,
-        SETTING if setting is None else setting,
-        source if force else RESIDUAL,
-        RESIDUAL if setting is None else HEADER,
-    )
+        setting, setting_from = np.inf, ATTITUDE
+    elif "gimbal_angle" in told:
+        setting, setting_from = one_sigma(told["gimbal_angle"]), HEADER
+    else:
+        setting, setting_from = SETTING, RESIDUAL
+    return Noise(force or SAMPLE, setting, source if force else RESIDUAL, setting_from)
 
 
-def inside_dwells(recording: Recording) -> float | None:
-    """One sigma of a raw sample from the scatter about the dwell means, three axes pooled; None for one row a dwell."""
-    squares, free = 0.0, 0
-    force = recording.triad("specific_force")
-    for d in dwells(recording):
-        w = recording.weight[d.rows][:, None]
-        f = force[d.rows]
-        squares += float((w * (f - np.average(f, axis=0, weights=w[:, 0])) ** 2).sum())
-        free += 3 * (len(f) - 1)
-    return float(np.sqrt(squares / free)) if free and squares > 0 else None
+def inside_dwells(recording: Recording) -> float:
+    """One sigma of a raw sample from what neighbouring rows show, three axes pooled; 0 for one row a dwell."""
+    axes = [(FORCE, axis) for axis in recording.axes(FORCE)]
+    shown = sample_sigma(replace(recording, noise={}), axes, recording.triad(FORCE))
+    return float(np.sqrt(np.mean(shown**2)))
 
 
 def fit_with_noise(p: Problem, noise: Noise, start: Array | None = None) -> Fit:

@@ -1,4 +1,4 @@
-r"""Least squares on dwells: white noise of the samples, and a setting error of the gimbals at every visit.
+r"""Least squares on dwells: white noise of the samples, and a setting repeatability of the gimbals at every visit.
 
 .. math:: y_d = h(x, \theta_d + e_d) + n_d, \qquad e_d \sim N(0, \sigma_\theta^2 I), \qquad
           n_d \sim N(0, \sigma_a^2 / n \, I)
@@ -19,6 +19,7 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, values, with_values
 from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.process import Process, SettingError, WhiteNoise
 from gimbalcal.inference.information import Information, Solution, information, solve
 from gimbalcal.number import Array, apply_matrix, complex_step
 from gimbalcal.platform import Platform
@@ -42,6 +43,16 @@ class Noise:
     setting: float
     accelerometer_from: str = "header"
     setting_from: str = "header"
+
+    @property
+    def of_samples(self) -> Process:
+        """Process of every accelerometer, sample by sample."""
+        return WhiteNoise(self.accelerometer)
+
+    @property
+    def of_settings(self) -> Process:
+        """Process of every gimbal, or of every turn of a unit without gimbals, visit by visit."""
+        return SettingError(self.setting)
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,18 +227,19 @@ def whiten(linear: VisitRows, noise: Noise) -> Whitened:
     U, s, Vt = np.linalg.svd(linear.G, full_matrices=True)
     k = s.shape[-1]
     s = np.where(s > TURN * max(s.max(initial=0.0), 1e-300), s, 0.0)
-    white = (noise.accelerometer**2 / linear.weight)[:, None]
+    (sample,), (setting,) = noise.of_samples.initial(), noise.of_settings.initial()
+    white = (sample / linear.weight)[:, None]
     # 0 * inf: a direction that no turn reaches keeps the white noise alone
-    spread = np.where(s > 0, noise.setting**2 * np.where(s > 0, s, 1.0) ** 2, 0.0)
+    spread = np.where(s > 0, setting * np.where(s > 0, s, 1.0) ** 2, 0.0)
     variance = np.concatenate([white + spread, np.broadcast_to(white, (len(s), 3 - k))], axis=1)
     W = np.swapaxes(U, -1, -2) / np.sqrt(variance)[..., None]
     divisor = np.where(s > 0, s, 1.0)
-    share = np.where(s > 0, 1 / (divisor + white / (noise.setting**2 or 1e-300) / divisor), 0.0)
+    share = np.where(s > 0, 1 / (divisor + white / (setting or 1e-300) / divisor), 0.0)
     reached = np.concatenate([s > 0, np.zeros((len(s), 3 - k), dtype=bool)], axis=1)
     gain = np.swapaxes(Vt[:, :k], -1, -2) @ (share[..., None] * np.swapaxes(U, -1, -2)[:, :k])
     return Whitened(
         W, W @ linear.J, apply_matrix(W, linear.r), reached, gain, np.sqrt(variance),
-        linear.J_inside / noise.accelerometer, linear.r_inside / noise.accelerometer,
+        linear.J_inside / np.sqrt(sample), linear.r_inside / np.sqrt(sample),
     )  # fmt: skip
 
 

@@ -13,8 +13,9 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.noise import HEADER, SAMPLES
 from gimbalcal.inference.information import Information, information
 from gimbalcal.number import Array
-from gimbalcal.readings import SENSOR_OF, Readings, readings
+from gimbalcal.readings import Readings, readings
 from gimbalcal.recording import Recording
+from gimbalcal.recording.noise import sample_sigma, stated
 
 
 def prepare(recording: Recording) -> Readings:
@@ -31,26 +32,18 @@ def prepare(recording: Recording) -> Readings:
 
 def noise_from(run: Readings) -> str:
     """Whether the header tells the noise of every channel, or the samples had to."""
-    return HEADER if all(SENSOR_OF[q] in run.recording.noise for q, _ in run.channels) else SAMPLES
+    return HEADER if set(dict(run.channels)) <= set(stated(run.recording)) else SAMPLES
 
 
 def _sigmas(run: Readings) -> Array:
     """One sigma (n, c) of every row and channel."""
-    stated = [run.recording.noise.get(SENSOR_OF[q]) for q, _ in run.channels]
-    seen = scatter(run.residual() * np.sqrt(run.recording.weight)[:, None])
-    one = np.array([s if s is not None else seen[i] for i, s in enumerate(stated)])
+    one = sample_sigma(run.recording, run.channels, run.residual())
     if not np.all(one > 0):
         quantity, axis = run.channels[int(np.argmin(one))]
         raise InputError(
             f"the channel {quantity} {axis} of {run.recording.title!r} does not scatter at all: state its noise"
         )
-    return one / np.sqrt(run.recording.weight)[:, None]
-
-
-def scatter(d: Array) -> Array:
-    """White sigma (c,) of rows d (n, c) from third differences, as `recording.scatter` does for raw samples."""
-    third = np.diff(d, 3, axis=0)
-    return np.asarray(np.sqrt(np.mean(third**2, axis=0) / 20) if len(third) else np.zeros(d.shape[1]))
+    return np.asarray(one / np.sqrt(run.recording.weight)[:, None])
 
 
 def baseline(run: Readings, ids: Sequence[str] = STATIC_CALIBRATION) -> tuple[Parameter, ...]:

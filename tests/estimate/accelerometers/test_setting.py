@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.process import covariance
 from gimbalcal.estimate.accelerometers.setting import (
     Noise,
     baseline,
@@ -76,6 +77,21 @@ def test_rows_in_motion_take_no_part(recording: Recording) -> None:
     moving = replace(recording, position=np.where(np.arange(18) == 4, 0, recording.position))
     for averaged in (True, False):
         assert problem(moving, averaged=averaged).visits == 17
+
+
+def test_visits_are_whitened_by_the_covariance_of_the_processes(recording: Recording) -> None:
+    p = problem(recording)
+    linear = by_visit(p, np.zeros(len(p.parameters)), np.zeros((p.visits, p.turns)))
+    noise = Noise(SAMPLE, 3 * ARCSEC)
+    w = whiten(linear, noise)
+    ordinal = np.arange(p.visits)
+    setting = covariance(noise.of_settings, ordinal.astype(float), ordinal)
+    white = covariance(noise.of_samples, np.arange(120.0))
+    mean = np.full(120, 1 / 120)
+    for i, W in enumerate(w.W):
+        V = mean @ white @ mean * np.eye(3) + setting[i, i] * linear.G[i] @ linear.G[i].T
+        np.testing.assert_allclose(W @ V @ W.T, np.eye(3), atol=1e-10)
+    assert np.count_nonzero(setting - np.diag(np.diag(setting))) == 0
 
 
 def test_unknown_attitude_leaves_one_row_a_visit_along_the_force(recording: Recording) -> None:

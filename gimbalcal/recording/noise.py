@@ -1,0 +1,43 @@
+"""The noise of a recording: what its header states, as processes, and else what its rows show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from gimbalcal.effects.process import Process, SettingError, WhiteNoise
+from gimbalcal.inference.noise import Noise, one_sigma
+from gimbalcal.number import Array
+from gimbalcal.recording.dwell import dwells
+from gimbalcal.recording.record import SENSORS, Key, Recording
+from gimbalcal.recording.scatter import white_sigma
+
+
+def stated(recording: Recording) -> Mapping[str, Noise]:
+    """Processes by quantity, SI, that the header states.
+
+    White noise of one raw sample; of gimbals that are set and left, the setting repeatability of a visit.
+    """
+    is_set = recording.kind != "static-run"
+
+    def process(sensor: str, sigma: float) -> Process:
+        return SettingError(sigma) if sensor == "gimbal_angle" and is_set else WhiteNoise(sigma)
+
+    return {SENSORS[sensor]: (process(sensor, sigma),) for sensor, sigma in recording.noise.items()}
+
+
+def sample_sigma(recording: Recording, channels: Sequence[Key], value: Array) -> Array:
+    """One sigma (C,) of one raw sample: the header's, else what neighbouring rows show; 0 where neither tells.
+
+    value (n, C): the rows of the channels, or what a model leaves of them; angles must not jump by a turn.
+    """
+    told = stated(recording)
+    known = [one_sigma(told[q]) if q in told else None for q, _ in channels]
+    shown = np.zeros(len(channels))
+    if None in known:
+        begins, still = np.ones(len(value), dtype=bool), np.zeros(len(value), dtype=bool)
+        for d in dwells(recording):
+            begins[d.start + 1 : d.stop], still[d.rows] = False, True
+        shown = white_sigma(value[still], begins[still], recording.weight[still])
+    return np.array([shown[i] if sigma is None else sigma for i, sigma in enumerate(known)])
