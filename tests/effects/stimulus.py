@@ -97,3 +97,8 @@ def example(name: str, cls: type[Effect] | None = None) -> Effect:
     """A random effect of the catalogue, or the same values in another class (a mutant of it)."""
     made = replace(drawn(CATALOGUE[name]), **CHOSEN.get(name, {}))
     return made if cls is None else cls(**{f.name: getattr(made, f.name) for f in fields(made)})
+
+
+def made(name: str, gimbals: tuple[str, ...] = GIMBALS, **given: Any) -> Effect:
+    """An effect with these values (SI), the others zero."""
+    return replace(absent(CATALOGUE[name], gimbals), **{k: np.array(v) for k, v in given.items()})

@@ -1,0 +1,55 @@
+"""Outputs of rate sensors: what an angle that is summed from them is off by."""
+
+import numpy as np
+
+from gimbalcal.effects import Effect
+from gimbalcal.number import Array
+from gimbalcal.units import to_si
+from tests.effects.stimulus import given, made
+
+DEG = np.pi / 180
+TIME = np.arange(0.0, 3601.0)
+
+
+def summed(effect: Effect, rate: Array | None = None) -> Array:
+    """Angle (3,) [rad] that one hour of the effect's output adds up to."""
+    n = len(TIME)
+    rate = np.zeros((n, 3)) if rate is None else np.broadcast_to(rate, (n, 3))
+    s = given().at(time=TIME, rate=rate, temperature=np.full(n, 28.0), force=np.tile([0, 0, -to_si(1.0, "g")], (n, 1)))
+    return np.trapezoid(effect.contribution(s), TIME, axis=0)
+
+
+def test_a_bias_that_drifts_adds_up_to_half_the_square_of_the_time() -> None:
+    drifting = made("gyro_bias_drift", rate=to_si(np.array([10.0, 0, -2.0]), "deg/h/h"))
+    np.testing.assert_allclose(summed(drifting), np.array([5.0, 0, -1.0]) * DEG, rtol=1e-12)  # d t^2 / 2 after an hour
+    np.testing.assert_allclose(
+        summed(made("gyro_bias", epsilon=to_si(np.array([10.0, 0, -2.0]), "deg/h"))), np.array([10, 0, -2]) * DEG
+    )
+
+
+def test_a_turn_there_and_back_leaves_the_asymmetry_and_the_bend_and_no_scale_factor() -> None:
+    there = np.outer(np.sign(1800 - TIME), [0.2, 0, 0])
+    turned = 0.2 * 3599  # rad, back and forth: the row in the middle stands still
+    assert abs(summed(made("gyro_scale_factor", s=[1e-4, 0, 0]), there)[0]) < 1e-15
+    np.testing.assert_allclose(
+        summed(made("gyro_scale_asymmetry", A=[1e-4, 0, 0]), there)[0], 1e-4 * turned, rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        summed(made("gyro_scale_nonlinearity", K=[1e-4, 0, 0]), there)[0], 1e-4 * 0.2 * turned, rtol=1e-12
+    )
+
+
+def test_a_leaning_gyroscope_reads_the_turn_about_another_axis() -> None:
+    E = [100 * DEG / 3600, 0, 0, 0, 0, 0]  # x leans towards y by 100 arcsec
+    np.testing.assert_allclose(summed(made("gyro_misalignment", E=E), np.array([0, 0.1, 0]))[0], E[0] * 360, rtol=1e-12)
+
+
+def test_ten_degrees_above_the_reference_a_scale_factor_is_ten_coefficients_off() -> None:
+    warm = made("gyro_scale_temperature", s_T=[0, 0, 10e-6])  # the stimulus is referred to 18 degC, and stands at 28
+    np.testing.assert_allclose(summed(warm, np.array([0, 0, 0.1]))[2], 1e-4 * 360, rtol=1e-12)
+
+
+def test_a_gyroscope_that_feels_the_force_drifts_with_the_sign_of_the_force() -> None:
+    G = np.zeros((3, 3))
+    G[0, 2] = to_si(1.0, "deg/h/g")
+    np.testing.assert_allclose(summed(made("gyro_g_sensitivity_rate", G=G.ravel())), [-DEG, 0, 0], rtol=1e-12)
