@@ -65,8 +65,7 @@ class Case:
     largest counts. `unit`: "g", "ug" (of g), "arcsec" (of rad) or "". `symbols`, `factors`: what a slip could
     exchange or lose. `repairs`: slips that are not of that kind, in words, with the repaired formula. `rank`: rank of
     the derived equations and the number of unknowns they are solved for. `why` may quote {size}, {slip} and what
-    `facts` holds, or is a function of the printed formula. `code`: largest difference between derivation and package;
-    None where the package has no such formula.
+    `facts` holds, or is a function of the printed formula.
     """
 
     derived: Expr
@@ -80,10 +79,25 @@ class Case:
     repairs: Sequence[tuple[str, Expr]] = ()
     rank: tuple[int, int] | None = None
     facts: Mapping[str, object] | None = None
-    code: Callable[[], float] | None = None
 
 
+Check = Callable[[], float]
+CHECKS: dict[tuple[str, str], Check] = {}  # source and item to the largest difference between derivation and package
 CODE_TOLERANCE = 1e-12  # derivation and package are the same algebra in floats: a few hundred roundings of 1e-16
+
+
+def checks(source: str, *items: str) -> Callable[[Check], Check]:
+    """Decorator: the function tells how far the package is from the derivations of these items.
+
+    What the package computes knows the derivations, never the other way; an item without a check is one for which the
+    package has no formula.
+    """
+
+    def register(check: Check) -> Check:
+        CHECKS.update({(source, item): check for item in items})
+        return check
+
+    return register
 
 
 def is_zero(expr: Expr) -> bool:
@@ -229,8 +243,9 @@ def decide(source: str, printed: Printed, case: Case) -> Verdict:
     why = words.format(size=size, slip=slip, **dict(case.facts or {}))
     if printed.garbled:
         why += f" The scan is garbled here: {printed.garbled}."
-    if case.code is not None:
-        why += code_words(case.code())
+    check = CHECKS.get((source, printed.item))
+    if check is not None:
+        why += code_words(check())
     return Verdict(source, printed.item, verdict, printed.scan, sp.sstr(case.derived), size, why)
 
 

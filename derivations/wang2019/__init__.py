@@ -8,15 +8,11 @@ from collections.abc import Mapping
 from types import ModuleType
 
 from derivations.verdict import Printed, Verdict, decide
+from derivations.wang2019 import accelerometer, frames, gyroscope, models, navigation, optimisation, package, tables
+from derivations.wang2019.symbols import SOURCE
 
-SOURCE = "000"
-
-
-def groups() -> tuple[ModuleType, ...]:
-    """The files with printed formulas and their derivations, in the order of the paper."""
-    from derivations.wang2019 import accelerometer, frames, gyroscope, models, navigation, optimisation
-
-    return (models, navigation, accelerometer, gyroscope, optimisation, frames)
+GROUPS = (models, navigation, accelerometer, gyroscope, optimisation, frames)  # in the order of the paper
+COMPARED = (package,)  # registers how far the package is from the derivations
 
 
 def judge_group(group: ModuleType, printed: Mapping[str, Printed] | None = None) -> tuple[Verdict, ...]:
@@ -28,6 +24,4 @@ def judge_group(group: ModuleType, printed: Mapping[str, Printed] | None = None)
 
 def verdicts() -> tuple[Verdict, ...]:
     """Everything, in the order of the paper."""
-    from derivations.wang2019 import tables
-
-    return (*(v for group in groups() for v in judge_group(group)), *tables.verdicts())
+    return (*(v for group in GROUPS for v in judge_group(group)), *tables.verdicts())

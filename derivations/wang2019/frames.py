@@ -13,7 +13,6 @@ from typing import Any
 import sympy as sp
 
 from derivations.verdict import Case, Printed, truncate
-from derivations.wang2019 import package
 from derivations.wang2019.symbols import E, triangle
 
 a, b, c = sp.symbols("alpha beta gamma", real=True)
@@ -70,7 +69,6 @@ def cases() -> dict[str, Case]:
     out = {
         "Eq. (43)": Case(
             product(), "Ry(gamma) Rx(beta) Rz(alpha): gamma about y, beta about x, alpha about z.",
-            code=lambda: package.euler_matrix(product(), ANGLES),
         )
     }  # fmt: skip
     for item, eq in (("Eq. (44)", 5), ("Eq. (45)", 8)):

@@ -18,7 +18,6 @@ from typing import Any
 import sympy as sp
 
 from derivations.verdict import Case, Printed, truncate
-from derivations.wang2019 import package
 from derivations.wang2019.symbols import E, E_yx, E_zx, E_zy, N, polynomial, triangle
 
 f = sp.Symbol("f(x)")
@@ -87,14 +86,11 @@ def cases() -> dict[str, Case]:
             triangle() * polynomial(3) + v,
             "The model by definition, pulses to force. The noise stands in p here and along the axes in (6): for equal "
             "white noise on the axes the difference is of the order of E times the noise.",
-            code=package.accelerometer_model,
         ),
         "Eq. (3)": Case(powers(2), "Definition of the elementwise square."),
         "Eq. (4)": Case(powers(3), "Definition of the elementwise cube."),
         "Eq. (5)": triangular,
-        "Eq. (6)": Case(
-            triangle() * (polynomial(2) + v), "The model by definition, pulses to rate.", code=package.gyroscope_model
-        ),
+        "Eq. (6)": Case(triangle() * (polynomial(2) + v), "The model by definition, pulses to rate."),
         "Eq. (7)": Case(powers(2), "Definition of the elementwise square."),
         "Eq. (8)": triangular,
     }

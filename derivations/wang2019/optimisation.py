@@ -9,7 +9,6 @@ import numpy as np
 import sympy as sp
 
 from derivations.verdict import Case, Printed
-from derivations.wang2019 import package
 from derivations.wang2019.symbols import BIAS, K1, K2, K3, E, E_yx, E_zx, N, g, square
 
 r = sp.symbols("f_1:4", real=True)
@@ -88,7 +87,6 @@ def cases() -> dict[str, Case]:
             "(18) with the linear scale factors alone. It is quadratic in their squares, so it needs no iteration: "
             "one linear "
             "solution is its global minimum.",
-            code=lambda: package.rough_scale(gradient_of_rough),
         ),
         "Eq. (42)": Case(rough(S, 2 * angle), "(30) with the linear scale factors alone; as (41)."),
     }

@@ -10,6 +10,8 @@ from typing import Any
 
 import sympy as sp
 
+SOURCE = "000"  # of errata.json
+
 AXES = ("x", "y", "z")
 N = sp.symbols("N_x N_y N_z", real=True)
 K1 = sp.symbols("K1_x K1_y K1_z", positive=True)

@@ -17,9 +17,9 @@ from dataclasses import dataclass
 from math import pi, sqrt
 
 from derivations.verdict import AGREES, MISPRINT, NOT_DETERMINED, WRONG, Verdict
+from derivations.wang2019.symbols import SOURCE
 
 RUNS = 500
-SOURCE = "000"
 
 
 @dataclass(frozen=True)

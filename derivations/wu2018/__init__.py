@@ -8,15 +8,22 @@ from collections.abc import Mapping
 from types import ModuleType
 
 from derivations.verdict import Printed, Verdict, decide
+from derivations.wu2018 import (
+    attitude_error,
+    fine_norm,
+    frames,
+    package,
+    package_static,
+    sensor,
+    separation,
+    static_force,
+    table1,
+    table4,
+)
+from derivations.wu2018.symbols import SOURCE
 
-SOURCE = "001"
-
-
-def groups() -> tuple[ModuleType, ...]:
-    """The files with printed formulas and their derivations, in the order of the paper."""
-    from derivations.wu2018 import attitude_error, fine_norm, frames, sensor, separation, static_force, table1
-
-    return (frames, sensor, table1, fine_norm, static_force, attitude_error, separation)
+GROUPS = (frames, sensor, table1, fine_norm, static_force, attitude_error, separation)  # in the order of the paper
+COMPARED = (package, package_static)  # register how far the package is from the derivations
 
 
 def judge_group(group: ModuleType, printed: Mapping[str, Printed] | None = None) -> tuple[Verdict, ...]:
@@ -28,6 +35,4 @@ def judge_group(group: ModuleType, printed: Mapping[str, Printed] | None = None)
 
 def verdicts() -> tuple[Verdict, ...]:
     """Everything, in the order of the paper."""
-    from derivations.wu2018 import table4
-
-    return (*(v for group in groups() for v in judge_group(group)), *table4.verdicts())
+    return (*(v for group in GROUPS for v in judge_group(group)), *table4.verdicts())

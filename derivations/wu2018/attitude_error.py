@@ -21,7 +21,6 @@ from typing import Any
 import sympy as sp
 
 from derivations.verdict import Case, Printed
-from derivations.wu2018 import package_static
 from derivations.wu2018.static_force import force, force_error
 from derivations.wu2018.symbols import (
     BETA,
@@ -203,7 +202,6 @@ def _coefficient_case(item: str) -> Case:
         symbols=(SCALE, BIAS, BETA),
         factors=(S, C, sp.Integer(2)),
         facts={"second": f"{second_order():.0e}"},
-        code=lambda: package_static.static_coefficient(channel, harmonic),
     )
 
 
@@ -217,7 +215,6 @@ def cases() -> dict[str, Case]:
             "paper does not define, is the platform's drift angle about the equatorial axis in the meridian. The three "
             "are rotations about north, east, down: roll and pitch only for a base that heads north.",
             small=DISTURBANCES,
-            code=package_static.attitude_disturbances,
         ),
         **{item: _coefficient_case(item) for item in HARMONIC_OF},
     }

@@ -22,7 +22,7 @@ import numpy as np
 import sympy as sp
 
 from derivations.verdict import ARCSEC, Case, Printed, magnitude, truncate
-from derivations.wu2018 import package, table1
+from derivations.wu2018 import table1
 from derivations.wu2018.frames import platform_to_accelerometers
 from derivations.wu2018.symbols import BETA, G_NORMAL, TABLE_2, TABLE_3
 
@@ -222,7 +222,6 @@ def cases() -> dict[str, Case]:
             "second order is left, gone after one more iteration. Over the 18 positions the rank is {full} of 12, "
             "condition number {condition:.0f} in units of g.",
             facts={"full": full, "condition": condition},
-            code=package.norm_observation,
             small=SMALL,
             at=numbers,
             sweep=positions,

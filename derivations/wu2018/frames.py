@@ -21,7 +21,6 @@ from typing import Any
 import sympy as sp
 
 from derivations.verdict import Case, Printed, truncate
-from derivations.wu2018 import package
 from derivations.wu2018.symbols import BETA, NUMBERS, Rx, Ry, Rz, S_t, g, h, phi, psi, q, theta
 
 beta_xy, beta_xz, beta_yz, beta_yx, beta_zx, beta_zy = BETA
@@ -127,13 +126,11 @@ def cases() -> dict[str, Case]:
         "Eq. (4)": Case(
             base_to_platform().applyfunc(sp.trigsimp),
             "Rz(-S_t) Rx(0) Ry(h + 90 deg) Rz(-q): the chain of Table 1 with theta_1 = -S_t, theta_3 = h + 90 deg.",
-            code=package.inertial_attitude,
         ),
         "Eq. (5)": Case(
             platform_to_accelerometers(),
             "First order in the angles; the second order is {second} with Table 3.",
             small=BETA,
             facts={"second": f"{second_order():.1e}"},
-            code=package.misalignment,
         ),
     }

@@ -8,12 +8,16 @@ package are its own complex steps.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
-from derivations.wu2018.symbols import G_NORMAL, LATITUDE
+from derivations.verdict import checks
+from derivations.wu2018 import fine_norm, sensor, table1
+from derivations.wu2018.frames import base_to_platform, platform_to_accelerometers
+from derivations.wu2018.static_force import navigation_to_platform as derived_attitude
+from derivations.wu2018.symbols import BETA, G_NORMAL, LATITUDE, SOURCE, L, S_t, h, q
 
 GENERIC = np.array([0.3, 1.1, 0.7, -0.4])  # rad
 RNG_SEED = 1
@@ -48,10 +52,9 @@ def numbers(matrix: Any, values: dict[Any, float]) -> Any:
     return np.array(matrix.subs(values).evalf(20).tolist(), dtype=float)
 
 
+@checks(SOURCE, "Eq. (4)")
 def inertial_attitude() -> float:
     """Eq. (4) against the platform literal with inertial readouts."""
-    from derivations.wu2018.frames import base_to_platform
-    from derivations.wu2018.symbols import S_t, h, q
     from gimbalcal.platform import SPACE_STABLE_INERTIAL
 
     phase, _, middle, outer = GENERIC
@@ -59,14 +62,13 @@ def inertial_attitude() -> float:
     return float(np.abs(ours - numbers(base_to_platform(), {S_t: phase, h: middle, q: outer})).max())
 
 
+@checks(SOURCE, "Eq. (18)")
 def navigation_to_platform() -> float:
     """Eq. (18) against the platform literal at the readouts of an ideal static run."""
-    from derivations.wu2018.static_force import navigation_to_platform as derived
-    from derivations.wu2018.symbols import L, S_t
     from gimbalcal.platform import SPACE_STABLE_INERTIAL
 
     ours = SPACE_STABLE_INERTIAL.attitude(np.array([GENERIC[0], 0.0, LATITUDE, 0.0]))
-    return float(np.abs(ours - numbers(derived(), {S_t: GENERIC[0], L: LATITUDE})).max())
+    return float(np.abs(ours - numbers(derived_attitude(), {S_t: GENERIC[0], L: LATITUDE})).max())
 
 
 def _sensor_effects() -> tuple[Any, dict[str, Any]]:
@@ -87,8 +89,6 @@ def _sensor_effects() -> tuple[Any, dict[str, Any]]:
 @cache
 def _sensor_sample() -> tuple[Any, Any, dict[Any, float]]:
     """Force (3,), the package's output for it (3,), both m/s^2, and the coefficients under the paper's symbols."""
-    from derivations.wu2018 import sensor
-    from derivations.wu2018.symbols import BETA
     from gimbalcal.forward import accelerometers
 
     effects, v = _sensor_effects()
@@ -99,29 +99,25 @@ def _sensor_sample() -> tuple[Any, Any, dict[Any, float]]:
     return force[0], output[0], dict(zip(names, flat, strict=True))
 
 
+@checks(SOURCE, "Eq. (6)")
 def sensor_balance() -> float:
     """Eq. (6): the package's output must balance the implicit equation."""
-    from derivations.wu2018 import sensor
-
     force, output, values = _sensor_sample()
     at = values | dict(zip((*sensor.f_a, *sensor.f_p), (*output, *force), strict=True))
     return float(np.abs(numbers(sensor.balance(sensor.f_a, sensor.f_p), at)).max() / G_NORMAL)
 
 
+@checks(SOURCE, "Eq. (8)")
 def sensor_inverse() -> float:
     """Eq. (8): the derived inverse of the package's output must be the force that went in."""
-    from derivations.wu2018 import sensor
-
     force, output, values = _sensor_sample()
     at = values | dict(zip(sensor.f_a, output, strict=True))
     return float(np.abs(numbers(sensor.solved_for_force(), at)[:, 0] - force).max() / G_NORMAL)
 
 
+@checks(SOURCE, "Eq. (5)")
 def misalignment() -> float:
     """Eq. (5): force plus the effect's contribution against C_p^a f^p."""
-    from derivations.wu2018.frames import platform_to_accelerometers
-    from derivations.wu2018.symbols import BETA
-
     effects, v = _sensor_effects()
     force = np.array([[3.1, -5.2, 7.3]])
     s = stimulus(force, np.zeros((1, 4)), ("platform", "inner", "middle", "outer"))
@@ -147,8 +143,6 @@ def _table_1() -> tuple[Any, Any]:
 
 def table_1_gravity(row: int, component: str) -> float:
     """An entry of Table 1 and its derivatives by the gimbal zeros."""
-    from derivations.wu2018 import table1
-
     value, slope = _table_1()
     i = table1.COMPONENTS.index(component)
     entry = table1.gravity(*table1.resolved_angles()[row - 1])[i]
@@ -156,11 +150,19 @@ def table_1_gravity(row: int, component: str) -> float:
     return float(np.abs(np.array([value[row - 1, i], *slope[row - 1, i]]) - derived).max())
 
 
-def table_1_angle(row: int, axis: int, eighths: int) -> float:
+def table_1_angle(row: int, axis: int) -> float:
     """An angle of the published schedule against a multiple of pi/4."""
     from gimbalcal.schedule import EIGHTEEN_POSITIONS
 
+    eighths = table1.resolved_angles()[row - 1][axis]
     return float(abs(EIGHTEEN_POSITIONS.angles[row - 1, axis] - eighths * np.pi / 4))
+
+
+for _row in range(1, 19):
+    for _component in table1.COMPONENTS:
+        checks(SOURCE, table1.gravity_item(_row, _component))(partial(table_1_gravity, _row, _component))
+    for _axis in range(3):
+        checks(SOURCE, table1.angle_item(_row, _axis))(partial(table_1_angle, _row, _axis))
 
 
 def wanted(ids: Sequence[str]) -> tuple[Any, ...]:
@@ -169,11 +171,11 @@ def wanted(ids: Sequence[str]) -> tuple[Any, ...]:
     return tuple(p for i in ids for p in parameters(CATALOGUE[i]))
 
 
+@checks(SOURCE, "Eq. (16)")
 def norm_observation() -> float:
     """Eqs. (16), (17): -f . df/dp of the package at the 18 positions against the printed row times d(dx)/dp."""
     import sympy as sp
 
-    from derivations.wu2018 import fine_norm
     from gimbalcal.effects import CATALOGUE, absent
     from gimbalcal.forward import jacobian
     from gimbalcal.schedule import EIGHTEEN_POSITIONS

@@ -6,13 +6,25 @@ As in `package`, nothing is derived here: differences only, in units of g or rad
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Any, ClassVar
 
 import numpy as np
 
+from derivations.verdict import checks
+from derivations.wu2018 import separation, static_force, table4
+from derivations.wu2018.attitude_error import (
+    DISTURBANCES,
+    HARMONIC_OF,
+    attitude_error,
+    constant_part,
+    dh,
+    dS_t,
+    force_part,
+    kappa,
+)
 from derivations.wu2018.package import numbers, stimulus, wanted
-from derivations.wu2018.symbols import G_NORMAL, LATITUDE, RESIDUALS, g
+from derivations.wu2018.symbols import G_NORMAL, LATITUDE, RESIDUALS, SOURCE, TABLE_2, TABLE_3, L, S_t, g, psi
 
 PHASES = 2 * np.pi * np.arange(24) / 24  # rad; exact for harmonics up to 11
 
@@ -26,15 +38,14 @@ def static_stimulus() -> Any:
     return stimulus(G_NORMAL * unit, readout, SPACE_STABLE_INERTIAL.axis_names)
 
 
-def static_force() -> float:
+@checks(SOURCE, "Eq. (19)")
+def static_run_force() -> float:
     """Eq. (19) over a day."""
-    from derivations.wu2018.static_force import force
-    from derivations.wu2018.symbols import L, S_t
     from gimbalcal.forward import predict
     from gimbalcal.platform import SPACE_STABLE_INERTIAL
 
     ours = predict(SPACE_STABLE_INERTIAL, static_stimulus(), (), "static-run")["specific_force"] / G_NORMAL
-    derived = np.stack([numbers(force(), {L: LATITUDE, S_t: t})[:, 0] for t in PHASES])
+    derived = np.stack([numbers(static_force.force(), {L: LATITUDE, S_t: t})[:, 0] for t in PHASES])
     return float(np.abs(ours - derived).max())
 
 
@@ -75,17 +86,12 @@ def _fourier(y: Any) -> dict[str, Any]:
 def _derived_row(expr: Any) -> Any:
     """Derivatives of a coefficient by the *true* residual parameters: the paper counts estimate minus truth."""
     at = {**dict.fromkeys(RESIDUALS, 0.0)}
-    from derivations.wu2018.symbols import L
-
     return np.array([-float(expr.diff(r).subs({**at, g: G_NORMAL, L: LATITUDE}).evalf()) for r in RESIDUALS])
 
 
 def static_coefficient(channel: str, harmonic: str) -> float:
     """One Fourier coefficient of norm, roll or pitch by the twelve parameters; biases scaled to g."""
-    from derivations.wu2018.attitude_error import force_part
-    from derivations.wu2018.static_force import norm_harmonics
-
-    derived = norm_harmonics()[harmonic] if channel == "force" else force_part()[channel][harmonic]
+    derived = static_force.norm_harmonics()[harmonic] if channel == "force" else force_part()[channel][harmonic]
     difference = _static_jacobian()[channel][harmonic] - _derived_row(derived)
     return float(np.abs(difference * _scale()).max())
 
@@ -106,41 +112,42 @@ def _package_coefficient(name: str) -> Any:
 
 def static_value(name: str) -> float:
     """A coefficient of Table 4 at Tables 2 and 3 from the package's first-order static run."""
-    from derivations.wu2018.symbols import TABLE_2, TABLE_3
-    from derivations.wu2018.table4 import evaluate
-
     values = {**TABLE_2, **TABLE_3}
     ours = -_package_coefficient(name) @ np.array([values[r] for r in RESIDUALS])
-    return float(abs(ours - evaluate(name)))
+    return float(abs(ours - table4.evaluate(name)))
 
 
+for _i, _harmonic in enumerate(("mean", "1c", "1s", "2c", "2s")):
+    checks(SOURCE, f"Eq. ({21 + _i})")(partial(static_coefficient, "force", _harmonic))
+for _item, (_channel, _harmonic) in HARMONIC_OF.items():
+    checks(SOURCE, _item)(partial(static_coefficient, _channel, _harmonic))
+for _row in table4.ROWS:
+    checks(SOURCE, table4.item(_row))(partial(static_value, _row.coefficient))
+
+
+@checks(SOURCE, "Eq. (41)")
 def first_harmonic_matrix() -> float:
     """Eq. (41): the derived six rows by the twelve parameters, and their rank, from the package."""
-    from derivations.wu2018.separation import ROWS, coefficients
-
-    ours = np.array([_package_coefficient(name) for name in ROWS])
-    derived = np.array([_derived_row(coefficients()[name]) for name in ROWS])
+    ours = np.array([_package_coefficient(name) for name in separation.ROWS])
+    derived = np.array([_derived_row(separation.coefficients()[name]) for name in separation.ROWS])
     return float(np.abs((ours - derived) * _scale()).max())
 
 
+@checks(SOURCE, "Eq. (27)")
 def observation_row() -> float:
     """Eq. (27): the filter's observation matrix over a day."""
-    from derivations.wu2018.static_force import observation_row as derived
-    from derivations.wu2018.symbols import L, S_t
     from gimbalcal.estimate.static_run.force_filter import observation_matrix
 
     ours = observation_matrix(static_stimulus().force / G_NORMAL)
-    rows = np.vstack([numbers(derived(), {L: LATITUDE, S_t: t}) for t in PHASES])
+    rows = np.vstack([numbers(static_force.observation_row(), {L: LATITUDE, S_t: t}) for t in PHASES])
     return float(np.abs(ours - rows).max())
 
 
+@checks(SOURCE, "Eq. (39)", "Eq. (40)")
 def coefficient_matrix() -> float:
     """Eqs. (39) to (41): the separation's matrix of all fifteen coefficients, with K_nl, zeros and tilts."""
     import sympy as sp
 
-    from derivations.wu2018 import separation
-    from derivations.wu2018.attitude_error import constant_part, dh, dS_t, kappa
-    from derivations.wu2018.symbols import L, psi
     from gimbalcal.effects import CATALOGUE, parameters
     from gimbalcal.estimate.static_run.combined import NAMES, matrix
 
@@ -181,10 +188,9 @@ class _Step:
         return self.vector
 
 
+@checks(SOURCE, "Eq. (28)")
 def attitude_disturbances() -> float:
     """Eq. (28) at heading north: the package's attitude error by force, readout, base tilt and platform drift."""
-    from derivations.wu2018.attitude_error import DISTURBANCES, attitude_error
-    from derivations.wu2018.symbols import L, psi
     from gimbalcal.effects import Stage
     from gimbalcal.forward import predict
     from gimbalcal.number import STEP

@@ -22,7 +22,7 @@ import numpy as np
 import sympy as sp
 
 from derivations.verdict import Case, Printed
-from derivations.wu2018 import package, table1
+from derivations.wu2018 import table1
 from derivations.wu2018.frames import platform_to_accelerometers
 from derivations.wu2018.symbols import BETA
 
@@ -135,7 +135,6 @@ def cases() -> dict[str, Case]:
             sweep=DOWN_UP,
             unit="g",
             repairs=(("f^n for f^a on the left and in the square", balance(f_a, f_p)),),
-            code=package.sensor_balance,
         ),
         "Eq. (7)": Case(
             linear_output(held_up),
@@ -151,7 +150,6 @@ def cases() -> dict[str, Case]:
         "Eq. (8)": Case(
             force,
             "The exact inverse of (6), C_a^p being the inverse (not the transpose) of C_p^a.",
-            code=package.sensor_inverse,
         ),
         "Eq. (9)": Case(
             force.subs(estimated),

@@ -24,7 +24,6 @@ from typing import Any
 import sympy as sp
 
 from derivations.verdict import ARCSEC, Case, Printed, entries, is_zero, same
-from derivations.wu2018 import package_static
 from derivations.wu2018.attitude_error import DISTURBANCES, attitude_error, df, force_part
 from derivations.wu2018.static_force import as_states, force, states
 from derivations.wu2018.symbols import BETA, BIAS, NUMBERS, RESIDUALS, SCALE, L, Rz, S_t, g, harmonics
@@ -205,7 +204,6 @@ def cases() -> dict[str, Case]:
             facts=noise,
             symbols=((phi_N2s, phi_N2c, phi_E2s, phi_E2c),),
             factors=(S, C),
-            code=package_static.coefficient_matrix,
         ),
         "Eq. (40)": Case(
             average((beta_yz - beta_xz) / 2, ((x_5, c["x_5"]), (phi_N2c, c["dphi_2c"]), (phi_E2s, c["dtheta_2s"]))),
@@ -213,7 +211,6 @@ def cases() -> dict[str, Case]:
             facts=noise,
             symbols=((phi_N2s, phi_N2c, phi_E2s, phi_E2c),),
             factors=(S, C),
-            code=package_static.coefficient_matrix,
         ),
         "Eq. (41)": Case(
             matrix,
@@ -221,6 +218,5 @@ def cases() -> dict[str, Case]:
             at={L: NUMBERS[L]},
             rank=(rank_at_a_latitude(matrix), len(UNKNOWNS)),
             facts={"rank": rank_at_a_latitude(matrix)},
-            code=package_static.first_harmonic_matrix,
         ),
     }

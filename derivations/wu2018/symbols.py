@@ -17,6 +17,8 @@ import sympy as sp
 
 from derivations.verdict import ARCSEC
 
+SOURCE = "001"  # of errata.json
+
 g, L, S_t = sp.symbols("g L S_t", positive=True)
 h, q, psi, theta, phi = sp.symbols("h q psi theta phi", real=True)
 

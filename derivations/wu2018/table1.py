@@ -22,7 +22,6 @@ from typing import Any
 import sympy as sp
 
 from derivations.verdict import AGREES, APPROXIMATION, ARCSEC, Case, Printed, judge, order
-from derivations.wu2018 import package
 from derivations.wu2018.symbols import Rx, Ry, Rz, g
 
 ZEROS = sp.symbols("theta_10 theta_20 theta_30", real=True)
@@ -127,7 +126,11 @@ def gravity(k1: int, k2: int, k3: int) -> Any:
     return chain(0, 0, 0) + t1 * chain(1, 0, 0) + t2 * chain(0, 1, 0) + t3 * chain(0, 0, 1)
 
 
-def _gravity_item(row: int, component: str) -> str:
+def angle_item(row: int, axis: int) -> str:
+    return f"Table 1, row {row}, theta_{axis + 1}"
+
+
+def gravity_item(row: int, component: str) -> str:
     return f"Table 1, row {row}, g_{component}"
 
 
@@ -135,7 +138,7 @@ def _printed_gravity() -> dict[str, Printed]:
     out = {}
     for row, (reading, cells) in enumerate(zip(GRAVITY, SCAN, strict=True), 1):
         for component, value, scan in zip(COMPONENTS, reading, cells, strict=True):
-            item = _gravity_item(row, component)
+            item = gravity_item(row, component)
             out[item] = Printed(item, scan, g * sp.sympify(value), GARBLED.get((row, component), ""))
     return out
 
@@ -144,7 +147,7 @@ def _printed_angles() -> dict[str, Printed]:
     out = {}
     for row, (raw, angles) in enumerate(zip(ANGLES, resolved_angles(), strict=True), 1):
         for i, (cell, k) in enumerate(zip(raw, angles, strict=True)):
-            item = f"Table 1, row {row}, theta_{i + 1}"
+            item = angle_item(row, i)
             angle = ZEROS[i] + k * sp.pi / 4
             scan = f"(arrow: unchanged) {angle}" if cell is None else str(angle)
             out[item] = Printed(item, scan, angle)
@@ -165,7 +168,6 @@ def _gravity_case(row: int, component: str) -> Case:
         unit="ug",
         symbols=(ZEROS,),
         factors=(sp.sqrt(2), sp.sqrt(2) / 2, sp.Integer(2)),
-        code=lambda: package.table_1_gravity(row, component),
     )
 
 
@@ -187,7 +189,7 @@ def sound_components(row: int, printed: Mapping[str, Printed]) -> dict[str, Any]
     """Printed gravity of a row where it is consistent with the row's angles."""
     out = {}
     for component in COMPONENTS:
-        p = printed.get(_gravity_item(row, component), PRINTED[_gravity_item(row, component)])
+        p = printed.get(gravity_item(row, component), PRINTED[gravity_item(row, component)])
         if judge(p, _gravity_case(row, component))[0] in (AGREES, APPROXIMATION):
             out[component] = p.formula
     return out
@@ -216,7 +218,6 @@ def _angle_case(row: int, axis: int) -> Case:
         ZEROS[axis] + k * sp.pi / 4,
         f"{told} of pi/4 that reproduces the row's sound gravity entries.",
         at={},
-        code=lambda: package.table_1_angle(row, axis, resolved_angles()[row - 1][axis]),
     )
 
 
@@ -226,7 +227,7 @@ def cases() -> dict[str, Case]:
     out = {}
     for row in range(1, 19):
         for component in COMPONENTS:
-            out[_gravity_item(row, component)] = _gravity_case(row, component)
+            out[gravity_item(row, component)] = _gravity_case(row, component)
         for axis in range(3):
-            out[f"Table 1, row {row}, theta_{axis + 1}"] = _angle_case(row, axis)
+            out[angle_item(row, axis)] = _angle_case(row, axis)
     return out

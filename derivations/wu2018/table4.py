@@ -23,10 +23,9 @@ from typing import Any
 
 import sympy as sp
 
-from derivations.verdict import AGREES, MISPRINT, WRONG, Verdict, code_words, in_unit
-from derivations.wu2018 import SOURCE, package_static
+from derivations.verdict import AGREES, CHECKS, MISPRINT, WRONG, Verdict, code_words, in_unit
 from derivations.wu2018.separation import coefficients
-from derivations.wu2018.symbols import BETA, BIAS, G_NORMAL, NUMBERS, SCALE, L, g
+from derivations.wu2018.symbols import BETA, BIAS, G_NORMAL, NUMBERS, SCALE, SOURCE, L, g
 
 LAST_DIGITS = 1.5
 
@@ -192,6 +191,11 @@ def _error_column(row: Row) -> str:
     return f"Its error column {said} {row.error}{', estimate minus reference' if right else ''}."
 
 
+def item(row: Row) -> str:
+    """A row as `errata.json` names it."""
+    return f"Table 4, {row.name}"
+
+
 def judge_row(row: Row) -> Verdict:
     """The verdict on one row of Table 4."""
     verdict, words = _verdict(row)
@@ -209,10 +213,10 @@ def judge_row(row: Row) -> Verdict:
         if broken:
             why.append(f"No parameters at all give this column: {', '.join(broken)} must vanish.")
     why.append(_error_column(row))
-    text = " ".join(why) + code_words(package_static.static_value(row.coefficient))
+    text = " ".join(why) + code_words(CHECKS[SOURCE, item(row)]())
     printed = f"reference {row.reference}, estimated {row.estimated}, error {row.error}"
     size = "0" if verdict == AGREES else in_unit(abs(difference), "ug")
-    return Verdict(SOURCE, f"Table 4, {row.name}", verdict, printed, f"{value:.4e}", size, text)
+    return Verdict(SOURCE, item(row), verdict, printed, f"{value:.4e}", size, text)
 
 
 def _mentions(relation: str, name: str) -> bool:
