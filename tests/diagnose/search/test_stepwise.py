@@ -94,8 +94,9 @@ def test_the_first_step_takes_away_most() -> None:
 
 
 def test_nothing_is_taken_up_where_nothing_is_missing() -> None:
-    c = course(view(), silent)
-    assert (c.steps, c.left) == ((), ())
+    said: list[str] = []
+    c = course(view(), said.append)
+    assert (c.steps, c.left, said) == ((), (), [])
     assert c.end is c.start
     none = weigh(view(), c.start)
     assert none.ln_total < np.log(20)
@@ -118,10 +119,12 @@ def test_prior_shares_make_a_whole_of_causes_and_of_shapes() -> None:
     shape = np.array([bool(c.rival) for c in known])
     assert share[shape].sum() == pytest.approx(1.0)
     assert share[~shape].sum() == pytest.approx(1.0)
-    by_effect = {
-        e: sum(x for c, x in zip(known, share, strict=True) if c.effect == e) for e in {c.effect for c in known}
-    }
-    assert by_effect["base_tilt"] == pytest.approx(10 * by_effect["encoder_eccentricity"])  # what textbooks name first
+
+    def whole(effect: str) -> float:
+        return sum(float(x) for c, x in zip(known, share, strict=True) if c.effect == effect)
+
+    assert whole("base_tilt") == pytest.approx(10 * whole("encoder_eccentricity"))  # what textbooks name first
+    assert whole("base_tilt") == pytest.approx(whole("refraction"))  # that has no axes
     tilt = {c.axis: x for c, x in zip(known, share, strict=True) if c.effect == "base_tilt"}
     assert tilt["north, east"] == pytest.approx(tilt["north"] + tilt["east"])  # all axes together weigh half
 
