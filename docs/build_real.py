@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.diagnose import Diagnosis, diagnose
-from gimbalcal.diagnose.unknown_wording import digits
+from gimbalcal.diagnose.wording import digits
 from gimbalcal.importers import import_files
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, read

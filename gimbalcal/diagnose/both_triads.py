@@ -19,7 +19,6 @@ import numpy as np
 
 import gimbalcal
 from gimbalcal.calibration import Calibration, Residual
-from gimbalcal.diagnose import unknown_wording as unstated_words
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import VERDICTS, Diagnosis, files
 from gimbalcal.diagnose.known_noise import diagnose_forces
@@ -71,7 +70,7 @@ def diagnose_gimballed(
     views, notes = _views(recording, made, gyro, explained)
     told = []
     for v in views:
-        tell(f"the gyroscopes: {unstated_words.whole(v)}")
+        tell(f"the gyroscopes: {wording.channels_of(v)}")
         told.append(told_of(v, course(v, tell), tell))
     for note in notes:
         tell(note)
@@ -187,7 +186,7 @@ def _together(
     baseline: Sequence[str], seed: int,
 ) -> Diagnosis:  # fmt: skip
     parts = [] if forces is None else [_part_of_forces(forces)]
-    parts += [_Part(t.view.name, t, unstated_words.of_view(t.view, t.fit, t.findings, t.verdict)) for t in told]
+    parts += [_Part(t.view.name, t, wording.view_in_words(t.view, t.fit, t.findings, t.verdict)) for t in told]
     if not parts:
         raise InputError(f"{recording.title!r} leaves nothing to compare. {' '.join(notes)}")
     lead = max(parts, key=lambda p: p.rank)

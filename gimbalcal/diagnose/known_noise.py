@@ -23,7 +23,7 @@ from gimbalcal.diagnose.rows.observations import observe
 from gimbalcal.diagnose.rows.views import SENSORS
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.verdict.decide import Decision, bar, decide, stated
-from gimbalcal.diagnose.verdict.locate import Scan, scan, told
+from gimbalcal.diagnose.verdict.locate import Scan, mismatches, scan
 from gimbalcal.diagnose.verdict.model import Fit, calibration_fit, constant_value, fit
 from gimbalcal.diagnose.verdict.recommend import advise, sentence
 from gimbalcal.diagnose.verdict.threshold import clean_evidence
@@ -53,7 +53,7 @@ def diagnose_forces(
 
 def searched(recording: Recording, calibration: Calibration | None, baseline: tuple[str, ...], tell: Tell) -> Search:
     """Every cause of the catalogue tried on one recording."""
-    tell(f"fitting the model: {', '.join(wording.plain(i) for i in baseline)} (another: --baseline)")
+    tell(f"fitting the model: {', '.join(wording.spoken(i) for i in baseline)} (another: --baseline)")
     o = settle(observe(recording, baseline, carried(calibration, baseline)))
     tell("comparing every cause of the catalogue, alone and in pairs")
     return search(o, library(o, baseline), nodes(o))
@@ -73,7 +73,7 @@ def _report(
     seen = fit(s, members or tuple(d.shapes[:1]))  # the noise as it is once the shape is allowed for
     tell("locating the mismatch and checking held-out data")
     before, fitted, curves = measured(s, f, seen, rng)
-    mismatch = () if d.verdict == "adequate" else told(before, at_least=1)
+    mismatch = () if d.verdict == "adequate" else mismatches(before, at_least=1)
     named = findings(s, d, f)
     shapes = tuple(shape(s.library.candidates[i]) for i in d.shapes[:3])
     provenance = {

@@ -26,7 +26,7 @@ from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.diagnose.unknown_noise import applies
 from gimbalcal.diagnose.verdict.decide import Decision, bar, decide
 from gimbalcal.diagnose.verdict.decide_together import clean_together, decide_together
-from gimbalcal.diagnose.verdict.locate import LISTED, Scan, told
+from gimbalcal.diagnose.verdict.locate import LISTED, Scan, mismatches
 from gimbalcal.diagnose.verdict.model import fit
 from gimbalcal.diagnose.verdict.pool import Part, agreement, constants_of, parts, pooled
 from gimbalcal.diagnose.verdict.recommend import advise, sentence
@@ -150,7 +150,7 @@ def _mismatch(shares: Sequence[Share], lead: int) -> tuple[dict[str, Any], ...]:
     """Where each recording is off, the one that is off most first."""
     out = []
     for k in sorted(range(len(shares)), key=lambda k: k != lead):
-        for m in told(shares[k].before, at_least=int(k == lead)):
+        for m in mismatches(shares[k].before, at_least=int(k == lead)):
             words = m["in_words"]
             out.append({**m, "recording": k + 1, "in_words": f"In recording {k + 1}, {words[0].lower()}{words[1:]}"})
     return tuple(out[:LISTED])

@@ -15,7 +15,6 @@ import numpy as np
 
 import gimbalcal
 from gimbalcal.calibration import Calibration
-from gimbalcal.diagnose import unknown_wording as unstated_words
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import VERDICTS, Curves, Diagnosis, files
 from gimbalcal.diagnose.evidence.free_scale import RANK
@@ -25,7 +24,7 @@ from gimbalcal.diagnose.rows.views import FORCE, RATE, View, norm, pointing, res
 from gimbalcal.diagnose.search.alternatives import Verdict, judged
 from gimbalcal.diagnose.search.stepwise import Course, Model, course, refined, weighted
 from gimbalcal.diagnose.verdict.decide import stated
-from gimbalcal.diagnose.verdict.where import patterns, whereabouts
+from gimbalcal.diagnose.verdict.locate_unknown_noise import mismatches
 from gimbalcal.effects import CATALOGUE, values
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
@@ -106,7 +105,7 @@ def told_of(v: View, c: Course, tell: Tell) -> Told:
     elif shapes:
         verdict = "unexplained"
     sigma = _sigma(v, c.end)
-    mismatch = () if verdict == "adequate" else patterns(v, c.start) or whereabouts(v, c.start, sigma)
+    mismatch = () if verdict == "adequate" else mismatches(v, c.start, sigma)
     return Told(v, verdict, mismatch, found, shapes, _fit(v, c, sigma), c.start.r / sigma, c.end.r / sigma)
 
 
@@ -138,8 +137,8 @@ def _advice(j: Verdict) -> str:
         after = card.partition("Seen by: ")[2]
         return after.partition(". ")[0].strip(". ")
 
-    others = "; ".join(f"{wording.plain(t)} by {seen(t)}" for t in j.twins[:3])
-    return f"{wording.plain(j.cause.effect)} is seen by {seen(j.cause.effect)}; {others}."
+    others = "; ".join(f"{wording.spoken(t)} by {seen(t)}" for t in j.twins[:3])
+    return f"{wording.spoken(j.cause.effect)} is seen by {seen(j.cause.effect)}; {others}."
 
 
 def _sizes(m: Model) -> list[dict[str, Any]]:
@@ -251,7 +250,7 @@ def _together(recording: Recording, told: Sequence[Told], baseline: Sequence[str
         "options": {"baseline": list(baseline) or [i for t in told for i in t.view.baseline], "seed": seed},
         "views": [t.view.name for t in told],
     }
-    words = unstated_words.answer(verdict, [(t.view, t.fit, t.findings) for t in told], shapes, mismatch)
+    words = wording.answer_of_views(verdict, [(t.view, t.fit, t.findings) for t in told], shapes, mismatch)
     return Diagnosis(verdict, mismatch, found, shapes, fit, provenance, words, curves_of(lead))
 
 

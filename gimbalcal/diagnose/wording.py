@@ -1,4 +1,7 @@
-"""What a diagnosis says in plain sentences, written from its numbers."""
+"""What a diagnosis says in plain sentences, written from its numbers.
+
+Where the noise is known misfits are told in sigma, as reduced chi^2; where it is not, in their own unit.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +9,34 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
+from gimbalcal.diagnose.rows.views import View
 from gimbalcal.effects import CATALOGUE
+from gimbalcal.number import Array
 
 NO_CAUSE = "The model does not explain these data, and no cause of the catalogue does."
+ROWS = {
+    "pointing": "stars",
+    "norm": "positions",
+    "rest rates": "positions",
+    "turns": "turns",
+    "table": "stretches of ten seconds",
+}
+QUIET = 1.5  # times the samples' own scatter; beyond it a sentence says what the rest may be
+
+Entry = Mapping[str, Any]  # one entry of a list of diagnosis.json: a finding, a mismatch, a shape
 
 
-def plain(effect: str) -> str:
-    """An id in words."""
+# --- an effect --------------------------------------------------------------------------------------------------------
+
+
+def spoken(effect: str) -> str:
+    """An id in words.
+
+    >>> spoken("base_tilt")
+    'base tilt'
+    """
     return effect.replace("_", " ")
 
 
@@ -27,34 +51,46 @@ def equation(effect: str) -> str:
     return " ".join(found[1].split()) if found else ""
 
 
-def named(f: Mapping[str, Any]) -> str:
-    """Finding with its axis and twins."""
-    axis = f" ({plain(f['axis'])})" if f["axis"] else ""
-    twins = "".join(f" or {plain(t)}" for t in f["twins"])
-    return f"{plain(f['effect'])}{axis}{twins}"
+def named(finding: Entry) -> str:
+    """A finding with its axis, and the effects that these data do not tell from it."""
+    axis = f" ({spoken(finding['axis'])})" if finding["axis"] else ""
+    confounded = "".join(f" or {spoken(t)}" for t in finding["twins"])
+    return f"{spoken(finding['effect'])}{axis}{confounded}"
+
+
+# --- a verdict --------------------------------------------------------------------------------------------------------
 
 
 def answer(
-    verdict: str, findings: Sequence[Mapping[str, Any]], unexplained: Sequence[Mapping[str, Any]],
-    mismatch: Sequence[Mapping[str, Any]], fit: Mapping[str, Any],
-) -> str:  # fmt: skip
-    """The verdict in two sentences."""
+    verdict: str, findings: Sequence[Entry], unexplained: Sequence[Entry], mismatch: Sequence[Entry], fit: Entry
+) -> str:
+    """The verdict in two sentences, where the noise is known."""
     if verdict == "adequate":
         return f"The calibrated model explains these data: reduced chi^2 {fit['chi2_reduced_before']:.3g}."
-    where = f" {mismatch[0]['in_words']}." if mismatch else ""
     if verdict == "unexplained":
-        left = f" What is left is {left_over(unexplained[0])}." if unexplained else ""
-        return f"{NO_CAUSE}{left}{where}"
+        return f"{no_cause(unexplained)}{off(mismatch)}"
     rest = ""
     if unexplained and verdict != "not-identifiable":
         rest = f" Part of it may have no known cause: {left_over(unexplained[0])}."
-    return f"{causes(verdict, findings, unexplained)}. {improved(fit)}{rest}{where}"
+    return f"{causes(verdict, findings, unexplained)}. {improved(fit)}{rest}{off(mismatch)}"
 
 
-def causes(
-    verdict: str, findings: Sequence[Mapping[str, Any]], unexplained: Sequence[Mapping[str, Any]] = (),
-    by: str = " and ",
+def answer_of_views(
+    verdict: str, views: Sequence[tuple[View, Entry, Sequence[Entry]]], unexplained: Sequence[Entry],
+    mismatch: Sequence[Entry],
 ) -> str:  # fmt: skip
+    """The verdict in a few sentences, where the noise is not known; per view its fit, and the findings in it."""
+    if verdict == "adequate":
+        return "The calibrated model explains these data. " + " ".join(scatter(v, fit) for v, fit, _ in views)
+    if verdict == "unexplained":
+        return f"{no_cause(unexplained)}{off(mismatch)}"
+    found = [f for _, _, findings in views for f in findings]
+    better = " ".join(misfit_improved(v, fit) for v, fit, findings in views if findings)
+    rest = f" What is left has no known cause: {left_over(unexplained[0])}." if unexplained else ""
+    return f"{causes(verdict, found, by='; ')}. {better}{rest}{off(mismatch)}"
+
+
+def causes(verdict: str, findings: Sequence[Entry], unexplained: Sequence[Entry] = (), by: str = " and ") -> str:
     """What was left out; where that is open, with the shape that may stand in its place."""
     said = by.join(named(f) for f in findings)
     if verdict != "not-identifiable":
@@ -63,7 +99,31 @@ def causes(
     return f"These data cannot tell which was left out: {said}{other}"
 
 
-def improved(fit: Mapping[str, Any], of: str = "Reduced chi^2") -> str:
+def no_cause(unexplained: Sequence[Entry]) -> str:
+    """That nothing known explains the data, and the shape of what is left."""
+    return f"{NO_CAUSE} What is left is {left_over(unexplained[0])}." if unexplained else NO_CAUSE
+
+
+def off(mismatch: Sequence[Entry]) -> str:
+    """A further sentence: where the model is off by most."""
+    return f" {mismatch[0]['in_words']}." if mismatch else ""
+
+
+def left_over(unexplained: Entry) -> str:
+    """A shape without a cause, and the channel that it is in."""
+    channel, shape = spoken(unexplained["channel"]), str(unexplained["shape"])
+    return shape if channel.startswith("gimbal") and "gimbal" in shape else f"{shape} in {channel}"
+
+
+def shape(rival: str, channel: str, axis: str) -> dict[str, str]:
+    """An entry of `unexplained`: a shape without a cause."""
+    return {"channel": f"{channel} {axis}".strip(), "shape": rival}
+
+
+# --- a fit in a known noise -------------------------------------------------------------------------------------------
+
+
+def improved(fit: Entry, of: str = "Reduced chi^2") -> str:
     """What naming the causes does to the misfit, in one sentence."""
     return (
         f"{of} goes from {fit['chi2_reduced_before']:.3g} to {fit['chi2_reduced_after']:.3g}, "
@@ -71,12 +131,86 @@ def improved(fit: Mapping[str, Any], of: str = "Reduced chi^2") -> str:
     )
 
 
-def left_over(u: Mapping[str, Any]) -> str:
-    """A shape without a cause, and where it is."""
-    channel = u["channel"].replace("_", " ")
-    return str(u["shape"]) if channel.startswith("gimbal") and "gimbal" in u["shape"] else f"{u['shape']} in {channel}"
+# --- a view without a known noise -------------------------------------------------------------------------------------
 
 
-def shape(rival: str, channel: str, axis: str) -> dict[str, str]:
-    """One unexplained shape as the contract wants it."""
-    return {"channel": f"{channel} {axis}".strip(), "shape": rival}
+def digits(x: float) -> str:
+    """A positive number with three digits, without a power of ten as long as it is readable.
+
+    >>> digits(1921.3), digits(0.9317)
+    ('1921', '0.932')
+    """
+    return f"{x:.0f}" if 1e3 <= x < 1e5 else f"{x:.3g}"
+
+
+def channel_of(v: View, axis: str) -> str:
+    """One channel of a view as a person says it."""
+    if v.name == "pointing":
+        return f"pointing {axis} {v.stimulus.axis_names[0].replace('_', ' ')}"
+    if v.name == "turns":
+        return f"gravity's direction after a turn, {axis}"
+    said = {"norm": "the norm of the force", "rest rates": f"the rate about {axis} at rest"}
+    return said.get(v.name, f"the force along {axis}")
+
+
+def channels_of(v: View) -> str:
+    """All channels of a view together."""
+    said = {"norm": "the norm of the force", "rest rates": "the rates at rest", "table": "the force",
+            "turns": "gravity's direction after the turns"}  # fmt: skip
+    return said.get(v.name, "pointing")
+
+
+def follows(v: View, axis: str, size: float, pattern: str) -> str:
+    """A pattern found in a channel."""
+    return f"The misfit of {channel_of(v, axis)} ({digits(size)} {v.unit} rms) follows {pattern}"
+
+
+def largest(v: View, axis: str, size: float, ratio: float, rows: Array) -> str:
+    """A misfit without a pattern of its own: how large it is and where it is largest."""
+    if v.name == "table":
+        time = v.recording.time[np.sort(rows)] - v.recording.time[0]
+        where = f"{', '.join(f'{t:.0f}' for t in time[:-1])} and {time[-1]:.0f} s after the start"
+    else:
+        *most, last = (str(int(k)) for k in v.stimulus.position[rows])
+        where = f"at {ROWS[v.name]} {' and '.join([*filter(None, [', '.join(most)]), last])}"
+    return (
+        f"The misfit of {channel_of(v, axis)} is {digits(size)} {v.unit} rms, {ratio:.3g} times what remains in the "
+        f"end, and largest {where}"
+    )
+
+
+def view_in_words(v: View, fit: Entry, findings: Sequence[Entry], verdict: str) -> str:
+    """What naming the causes does to the misfit of a view, or how little is left of it."""
+    if findings:
+        return misfit_improved(v, fit)
+    return scatter(v, fit) if verdict == "adequate" else ""
+
+
+def misfit_improved(v: View, fit: Entry) -> str:
+    """What naming the causes does to the misfit of a view, in its unit."""
+    out = (
+        f"The misfit of {channels_of(v)} goes from {digits(fit['rms_before'])} to {digits(fit['rms_after'])} {v.unit} "
+        f"rms, and for {ROWS[v.name]} that the fit has not seen from {digits(fit['heldout_rms_before'])} to "
+        f"{digits(fit['heldout_rms_after'])} {v.unit}."
+    )
+    if "turns" in fit:
+        t = fit["turns"]
+        out += (
+            f" Carried through the turns between the positions, gravity is missed by {t['rms_after']:.0f} {t['unit']} "
+            f"rms instead of {t['rms_before']:.0f}."
+        )
+    return out
+
+
+def scatter(v: View, fit: Entry) -> str:
+    """What is left of a view that its model explains, against the scatter of its samples where that is known."""
+    start = f"What is left of {channels_of(v)} is {digits(fit['rms_after'])} {v.unit} rms without a pattern"
+    if v.noise is None:
+        return f"{start}."
+    times = float(np.sqrt(np.mean(list(fit["chi2_of_samples_after"].values()))))
+    if times < QUIET:
+        return f"{start}, {times:.2g} times what the scatter of the samples makes of a mean."
+    return (
+        f"{start}, but {times:.2g} times what the scatter of the samples makes of a mean: the outputs wander from one "
+        "position to the next."
+    )

@@ -16,7 +16,7 @@ from gimbalcal.diagnose.library.known_noise import available
 from gimbalcal.diagnose.rows.observations import observe
 from gimbalcal.diagnose.rows.views import pointing, rest_rates, solved
 from gimbalcal.diagnose.search.stepwise import start
-from gimbalcal.diagnose.unknown_wording import largest
+from gimbalcal.diagnose.wording import largest
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array

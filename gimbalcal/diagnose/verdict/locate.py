@@ -1,8 +1,8 @@
-r"""Where the mismatch is: whitened residuals, calibration profiled out, scanned over places, times and covariates.
+r"""Where the mismatch is, in a known noise: residuals scanned over places, times and covariates.
 
-The statistic of a cell is the misfit that its columns could take away, chi^2 with as many degrees of freedom. Cells
-overlap and are many, so the p-value that counts is that of the most extreme cell of a clean recording of this very
-design (Westfall and Young's minimum p), from simulated scores.
+Residuals are whitened and the calibration is profiled out. The statistic of a cell is the misfit that its columns could
+take away, chi^2 with as many degrees of freedom. Cells overlap and are many, so the p-value that counts is that of the
+most extreme cell of a clean recording of this very design (Westfall and Young's minimum p), from simulated scores.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from gimbalcal.inference.algebra import eigh, orthonormal
 from gimbalcal.number import Array
 
 DRAWS = 400
-LISTED = 6  # cells that are told, strongest first
+LISTED = 6  # cells that are listed, strongest first
 WEAK = 0.25  # of the strongest statistic: weaker cells see the same mismatch from further away
 WINDOWS = 12  # stretches of time of a static run
 
@@ -161,8 +161,8 @@ def _ordinal(n: int) -> str:
     return {1: "first", 2: "second", 3: "third"}[n]
 
 
-def told(s: Scan, at_least: int = 0) -> tuple[dict[str, Any], ...]:
-    """The significant cells (and `at_least` so many), positions of one channel joined, strongest first."""
+def mismatches(s: Scan, at_least: int = 0) -> tuple[dict[str, Any], ...]:
+    """Entries of `mismatch`: the significant cells (and `at_least` so many), positions of one channel joined."""
     order = [int(i) for i in np.argsort(-s.statistic)]
     order.sort(key=lambda i: float(s.p_values[i]))
     strong = WEAK * float(s.statistic.max(initial=0.0))

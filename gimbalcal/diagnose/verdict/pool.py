@@ -1,7 +1,7 @@
 r"""What was found in several recordings, as one size with its uncertainty, and whether the recordings agree on it.
 
 Each recording estimates its own size :math:`x_k` with covariance :math:`C_k`, calibration and noise of its own; a
-direction that it does not see carries no information.
+direction that it cannot observe carries no information.
 
 .. math:: \hat x = (\sum_k C_k^+)^{-1} \sum_k C_k^+ x_k , \qquad
     \chi^2 = \sum_k (x_k - \hat x)^T C_k^+ (x_k - \hat x)
@@ -25,7 +25,7 @@ from gimbalcal.diagnose.verdict.model import Fit, constant_value, fit, gain
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
 
-UNSEEN = 1e-13  # of the largest eigenvalue of a covariance: exact zeros left by a direction without information
+UNOBSERVABLE = 1e-13  # of the largest eigenvalue of a covariance: exact zeros left by a direction without information
 Constants = tuple[tuple[str, float], ...]
 
 
@@ -141,7 +141,7 @@ def pooled(shares: Sequence[Part], counts: Sequence[int]) -> tuple[Array, Array]
         weight = information_of(part.fit.covariance)
         N[np.ix_(at, at)] += weight
         v[at] += weight @ part.fit.x
-    C = np.linalg.pinv(N, rcond=UNSEEN, hermitian=True)
+    C = np.linalg.pinv(N, rcond=UNOBSERVABLE, hermitian=True)
     return C @ v, C
 
 
@@ -149,7 +149,7 @@ def information_of(covariance: Array) -> Array:
     """Inverse of a covariance (p, p) whose exact zeros mean that nothing is known."""
     if not covariance.size:
         return covariance
-    return np.asarray(np.linalg.pinv(covariance, rcond=UNSEEN, hermitian=True))
+    return np.asarray(np.linalg.pinv(covariance, rcond=UNOBSERVABLE, hermitian=True))
 
 
 def agreement(shares: Sequence[Part], slot: int) -> Agreement:
@@ -159,7 +159,7 @@ def agreement(shares: Sequence[Part], slot: int) -> Agreement:
     seen = [(p.fit.x[p.span(slot)], information_of(p.fit.covariance[p.span(slot), p.span(slot)]))
             for p in shares if slot in p.slots]  # fmt: skip
     N = np.sum([weight for _, weight in seen], axis=0)
-    mean = np.linalg.pinv(N, rcond=UNSEEN, hermitian=True) @ np.sum([weight @ x for x, weight in seen], axis=0)
+    mean = np.linalg.pinv(N, rcond=UNOBSERVABLE, hermitian=True) @ np.sum([weight @ x for x, weight in seen], axis=0)
     chi2 = float(sum((x - mean) @ weight @ (x - mean) for x, weight in seen))
     rank = [int(np.linalg.matrix_rank(weight, hermitian=True)) for weight in (*(w for _, w in seen), N)]
     dof = sum(rank[:-1]) - rank[-1]

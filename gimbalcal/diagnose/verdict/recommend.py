@@ -1,4 +1,4 @@
-r"""What experiment would tell apart what this recording cannot: expected log Bayes factor per hour of bench time.
+r"""Which experiment separates causes that this recording confounds: expected log Bayes factor per hour of bench time.
 
 For two causes i and j and the size at which i was found, the recording extended by a manoeuvre separates them by
 
@@ -18,7 +18,8 @@ from gimbalcal.diagnose.evidence.noise import nominal
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.known_noise import columns_at
 from gimbalcal.diagnose.rows.observations import Observations, observe
-from gimbalcal.diagnose.wording import plain
+from gimbalcal.diagnose.wording import spoken
+from gimbalcal.earth import EARTH_RATE
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -60,7 +61,7 @@ def advise(o: Observations, found: Candidate, variant: int, size: Array, other: 
 
 def sentence(a: Advice, found: Candidate, other: Candidate) -> str:
     """The advice as one sentence."""
-    names = f"{plain(found.effect)} from {plain(other.effect)}"
+    names = f"{spoken(found.effect)} from {spoken(other.effect)}"
     if a.words:
         return f"To tell {names}: {a.words}, {a.hours:.2g} h, with an expected log Bayes factor of {a.ln_bayes:.0f}."
     return f"No manoeuvre of the menu would tell {names} at this size: it takes another kind of input."
@@ -128,14 +129,12 @@ def joined(
 
 def _extended(r: Recording) -> Recording:
     """A static run of twice the length; readouts go on as the Earth turns."""
-    from gimbalcal.earth import EARTH_RATE
-
     step = float(np.median(np.diff(r.time)))
     shift = float(r.time[-1] - r.time[0]) + step
     channels = {}
     for (quantity, axis), v in r.channels.items():
-        turned = EARTH_RATE * shift if (quantity, axis) == ("gimbal_angle", "platform") else 0.0
-        channels[quantity, axis] = np.concatenate([v, v + turned])
+        turn = EARTH_RATE * shift if (quantity, axis) == ("gimbal_angle", "platform") else 0.0
+        channels[quantity, axis] = np.concatenate([v, v + turn])
     position = None if r.position is None else np.concatenate([r.position, r.position])
     return replace(r, time=np.concatenate([r.time, r.time + shift]), position=position, channels=channels,
                    weight=np.concatenate([r.weight, r.weight]))  # fmt: skip

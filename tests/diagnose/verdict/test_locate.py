@@ -13,7 +13,7 @@ from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.diagnose.search.ranking import prepare
 from gimbalcal.diagnose.verdict import locate
-from gimbalcal.diagnose.verdict.locate import LISTED, Cell, Scan, scan, told
+from gimbalcal.diagnose.verdict.locate import LISTED, Cell, Scan, mismatches, scan
 from gimbalcal.number import Array
 from tests.diagnose.plant import known, on
 from tests.diagnose.small import at_rest, clean, covariance, few, noises, observed, rows_of
@@ -66,7 +66,7 @@ def test_a_misfit_at_one_position_is_the_first_cell(position: int, axis: int) ->
     o = observed(4, lambda b: on(axis, (b.visit == position - 1).astype(float)), 80.0, dwell=6)
     s = scanned(o)
     assert s.p_value < 1e-4
-    first = told(s)[0]
+    first = mismatches(s)[0]
     assert (first["channel"], first["axis"]) == ("specific_force", "xyz"[axis])
     assert first["where"] == {"positions": [position]}
     tail = chi2.sf(s.statistic.max(), 1)  # of this cell alone, and Bonferroni's bound over all
@@ -76,7 +76,7 @@ def test_a_misfit_at_one_position_is_the_first_cell(position: int, axis: int) ->
 
 def test_a_wave_in_a_static_run_is_seen_at_its_period() -> None:
     o = at_rest(5, lambda r: np.outer(np.sin(2 * np.pi * r.t / 9600.0), [0.0, 0.0, 1.0]), 3.0)
-    first = told(scanned(o))[0]
+    first = mismatches(scanned(o))[0]
     assert (first["axis"], first["where"]) == ("z", {"period_min": 160.0})
 
 
@@ -110,14 +110,14 @@ def cell(axis: str, position: int) -> Cell:
 def test_positions_of_one_channel_are_told_together() -> None:
     cells = (cell("x", 9), cell("x", 2), cell("y", 3), cell("z", 4), cell("z", 5))
     s = Scan(cells, np.array([50.0, 40.0, 30.0, 10.0, 35.0]), np.array([1e-9, 1e-7, 1e-4, 1e-3, 0.2]))
-    x, y = told(s)
+    x, y = mismatches(s)
     assert x["where"] == {"positions": [2, 9]}
     assert x["in_words"] == "Specific force x is off at positions 2, 9 (p < 1e-6 over the whole scan)"
     assert (x["statistic"], x["p_value"]) == (50.0, 1e-9)
     assert y["in_words"] == "Specific force y is off at position 3 (p = 0.0001 over the whole scan)"
     # z 4 is less than a quarter of the strongest, and z 5 is not significant
     nothing = replace(s, p_values=np.full(5, 0.5))
-    assert told(nothing) == ()
-    assert [m["axis"] for m in told(nothing, at_least=1)] == ["x"]
+    assert mismatches(nothing) == ()
+    assert [m["axis"] for m in mismatches(nothing, at_least=1)] == ["x"]
     many = tuple(Cell("specific_force", "x", {"n": k}, f"there {k}", ()) for k in range(LISTED + 3))
-    assert len(told(Scan(many, np.ones(len(many)), np.full(len(many), 1e-3)))) == LISTED
+    assert len(mismatches(Scan(many, np.ones(len(many)), np.full(len(many), 1e-3)))) == LISTED

@@ -11,7 +11,7 @@ from scipy.stats import f as fisher
 
 from gimbalcal.diagnose.rows.views import View, pointing
 from gimbalcal.diagnose.search.stepwise import start
-from gimbalcal.diagnose.verdict.where import patterns, whereabouts
+from gimbalcal.diagnose.verdict.locate_unknown_noise import largest, mismatches, patterns
 from tests.diagnose.plant import ARCSEC
 from tests.diagnose.small import telescope
 
@@ -28,6 +28,7 @@ def test_a_pattern_is_told_with_its_f_statistic() -> None:
     v = wavy(3.0)
     m = start(v)
     first = patterns(v, m)[0]
+    assert mismatches(v, m, np.full((80, 2), ARCSEC))[0] == first
     assert (first["channel"], first["axis"]) == ("pointing", "along")
     assert "azimuth" in first["in_words"]
     angle = v.stimulus.readout[:, list(v.stimulus.axis_names).index("azimuth")]
@@ -55,14 +56,16 @@ def test_chance_is_no_pattern() -> None:
     """Clean recordings: all shapes together are odd in one of a thousand."""
     for seed in range(6):
         v = pointing(telescope(seed))
-        assert patterns(v, start(v)) == ()
+        m = start(v)
+        assert patterns(v, m) == ()
+        assert mismatches(v, m, np.full((80, 2), ARCSEC)) == largest(v, m, np.full((80, 2), ARCSEC))
 
 
 def test_without_a_pattern_the_worst_channel_is_told_against_the_scatter_in_the_end() -> None:
     v = pointing(telescope(1))
     m = start(v)
     sigma = np.tile([2.0, 0.9], (80, 1)) * ARCSEC
-    (found,) = whereabouts(v, m, sigma)
+    (found,) = largest(v, m, sigma)
     square = np.mean((m.r / sigma) ** 2, axis=0)
     assert found["axis"] == ("across", "along")[int(np.argmax(square))] == "along"
     assert found["statistic"] == pytest.approx(square[1], abs=0.01)

@@ -1,4 +1,4 @@
-"""Where the baseline fails on a recording without a stated noise: shapes that the misfit follows, or the worst rows."""
+"""Where the mismatch is, in an unknown noise: the shapes that the misfit follows, or the rows that are off most."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.diagnose import unknown_wording as unstated_words
+from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.evidence.free_scale import best_evidence, gain, ground
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.unknown_noise import shapes_of
@@ -15,11 +15,17 @@ from gimbalcal.diagnose.search.stepwise import Model, weighted
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
-ODD = 1e-3  # p-value below which a pattern of the misfit is told
+ODD = 1e-3  # p-value below which a pattern of the misfit is listed
+LISTED = 3  # patterns that are listed, strongest first
+
+
+def mismatches(v: View, m: Model, sigma: Array) -> tuple[dict[str, Any], ...]:
+    """Entries of `mismatch`: patterns of the baseline's misfit, or the channel that is off most where it has none."""
+    return patterns(v, m) or largest(v, m, sigma)
 
 
 def patterns(v: View, m: Model) -> tuple[dict[str, Any], ...]:
-    """Where the baseline fails: the shapes that its misfit follows, most telling first, by an F test each."""
+    """The shapes that the misfit of the baseline follows, strongest first, by an F test each."""
     from scipy.stats import f
 
     blocks: list[Array] = []
@@ -34,8 +40,8 @@ def patterns(v: View, m: Model) -> tuple[dict[str, Any], ...]:
         F = (taken / len(at)) / max((y2 - taken) / free, 1e-300)
         p = min(1.0, float(f.sf(F, len(at), free)) * len(shapes))
         out.append((best_evidence(g, at), F, p, c))
-    told = sorted((t for t in out if t[2] < ODD), key=lambda t: -t[0])[:3]
-    return tuple(_pattern(v, m, c, F, p) for _, F, p, c in told)
+    listed = sorted((t for t in out if t[2] < ODD), key=lambda t: -t[0])[:LISTED]
+    return tuple(_pattern(v, m, c, F, p) for _, F, p, c in listed)
 
 
 def _pattern(v: View, m: Model, c: Candidate, F: float, p: float) -> dict[str, Any]:
@@ -43,11 +49,11 @@ def _pattern(v: View, m: Model, c: Candidate, F: float, p: float) -> dict[str, A
     rows = np.argsort(-np.abs(m.r[:, i]))[:3]
     return {
         "channel": v.channels[0][0], "axis": c.axis, "where": _where(v, rows), "statistic": round(F, 2), "p_value": p,
-        "in_words": unstated_words.follows(v, c.axis, size, c.rival),
+        "in_words": wording.follows(v, c.axis, size, c.rival),
     }  # fmt: skip
 
 
-def whereabouts(v: View, m: Model, sigma: Array) -> tuple[dict[str, Any], ...]:
+def largest(v: View, m: Model, sigma: Array) -> tuple[dict[str, Any], ...]:
     """The channel that the baseline misses by most, against the scatter that is left in the end."""
     from scipy.stats import chi2
 
@@ -57,9 +63,13 @@ def whereabouts(v: View, m: Model, sigma: Array) -> tuple[dict[str, Any], ...]:
     rows = np.argsort(-np.abs(m.r[:, i]))[:3]
     ratio = float(square[i])
     p = min(1.0, float(chi2.sf(ratio * len(m.r), len(m.r))) * len(v.channels))
-    words = unstated_words.largest(v, axis, size, float(np.sqrt(ratio)), rows)
-    told = {"channel": v.channels[0][0], "axis": axis, "where": _where(v, rows), "statistic": round(ratio, 2)}
-    return ({**told, "p_value": p, "in_words": words},)
+    words = wording.largest(v, axis, size, float(np.sqrt(ratio)), rows)
+    return (
+        {
+            "channel": v.channels[0][0], "axis": axis, "where": _where(v, rows), "statistic": round(ratio, 2),
+            "p_value": p, "in_words": words,
+        },
+    )  # fmt: skip
 
 
 def _channel(v: View, m: Model, axis: str) -> tuple[int, float]:

@@ -1,0 +1,75 @@
+"""The way in: every kind of recording goes down its own road, with what was asked for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gimbalcal.diagnose import diagnose, entry
+from gimbalcal.diagnose.answer import Diagnosis
+from gimbalcal.errors import InputError
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording
+from tests.diagnose import static_plant
+from tests.diagnose.plant import record
+from tests.diagnose.small import telescope
+
+TABLE = record(np.random.default_rng(1), dwell=2)
+REST = static_plant.record(np.random.default_rng(1))
+RATES = {("angular_rate", a): 0 * TABLE.time for a in "xyz"}
+ROADS = ("diagnose_forces", "diagnose_together", "diagnose_gimballed")
+UNKNOWN = next(name for name in vars(entry) if name in ("diagnose_unstated", "diagnose_unknown_noise"))
+
+
+@pytest.fixture
+def taken(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
+    """Names of the roads that were taken, and what they were given, in place of the roads."""
+    out: list[tuple[str, Any]] = []
+    nothing = Diagnosis("adequate", (), (), (), {})
+
+    def road(name: str) -> Any:
+        def walk(*given: Any) -> Any:
+            out.append((name, given))
+            return (nothing, None, None) if name == "diagnose_forces" else nothing
+
+        return walk
+
+    for name in (*ROADS, UNKNOWN):
+        monkeypatch.setattr(entry, name, road(name))
+    return out
+
+
+@pytest.mark.parametrize(
+    ("recordings", "road"),
+    [
+        ([TABLE], "diagnose_forces"),
+        ([REST], "diagnose_forces"),
+        ([TABLE, REST], "diagnose_together"),
+        ([replace(TABLE, channels={**TABLE.channels, **RATES})], "diagnose_gimballed"),
+        ([telescope(1)], UNKNOWN),
+        ([replace(TABLE, platform=BENCH)], UNKNOWN),
+    ],
+    ids=["table", "static run", "both", "with gyroscopes", "telescope", "by hand"],
+)
+def test_each_kind_takes_its_road(taken: list[tuple[str, Any]], recordings: list[Recording], road: str) -> None:
+    assert diagnose(recordings, baseline=(), seed=7).verdict == "adequate"
+    ((name, given),) = taken
+    assert name == road
+    assert given[0] is recordings[0] if len(recordings) == 1 else list(given[0]) == recordings
+    assert given[1:4] == (None, (), 7)
+
+
+def test_nothing_and_nonsense_are_refused_before_any_road(taken: list[tuple[str, Any]]) -> None:
+    with pytest.raises(InputError, match="at least one recording"):
+        diagnose([])
+    with pytest.raises(InputError, match="which is no effect of the catalogue"):
+        diagnose([TABLE], baseline=("bais",))
+    broken = TABLE.channels["temperature", ""].copy()
+    broken[2] = np.inf
+    spoiled = replace(TABLE, channels={**TABLE.channels, ("temperature", ""): broken})
+    with pytest.raises(InputError, match="row 3, temperature: the value is not a finite number"):
+        diagnose([TABLE, spoiled])
+    assert taken == []
