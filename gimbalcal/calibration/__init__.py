@@ -1,5 +1,16 @@
 """The result of an estimator, applied to recordings, and exchanged with other programs (`exchange`)."""
 
-from gimbalcal.calibration.calibration import FORMAT, GIMBAL_NAMES, Calibration, Residual, Stage, from_dict, read
+from gimbalcal.calibration.calibration import FORMAT, GIMBAL_NAMES, Calibration, Residual, StageResult, from_dict, read
+from gimbalcal.calibration.readout import Counts, Readout
 
-__all__ = ["FORMAT", "GIMBAL_NAMES", "Calibration", "Residual", "Stage", "from_dict", "read"]
+__all__ = [
+    "FORMAT",
+    "GIMBAL_NAMES",
+    "Calibration",
+    "Counts",
+    "Readout",
+    "Residual",
+    "StageResult",
+    "from_dict",
+    "read",
+]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,11 @@ import numpy as np
 
 from gimbalcal.atomic import write_json
 from gimbalcal.calibration.correction import correct, corrupt
+from gimbalcal.calibration.readout import DRAWING, Readout, from_content
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
+from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si, to_si
 
@@ -32,7 +34,7 @@ class Residual:
 
 
 @dataclass(frozen=True)
-class Stage:
+class StageResult:
     """One stage of a calibration for the record: estimate and sigma (SI, order of `labels`), rms residual [m/s^2]."""
 
     name: str
@@ -55,7 +57,8 @@ class Calibration:
     residual: Residual
     outcome: str = ""
     provenance: Mapping[str, Any] = field(default_factory=dict)
-    stages: tuple[Stage, ...] = ()
+    stages: tuple[StageResult, ...] = ()
+    readout: Readout = field(default_factory=Readout)
 
     @property
     def values(self) -> Array:
@@ -108,6 +111,7 @@ class Calibration:
                 }
                 for s in self.stages
             ],
+            "readout": self.readout.to_dict(),
             "provenance": dict(self.provenance),
         }
 
@@ -116,33 +120,59 @@ class Calibration:
         write_json(path, self.to_dict())
 
 
-def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = GIMBAL_NAMES) -> Calibration:
-    """A calibration from the content of calibration.json; InputError for another format or unknown parameter."""
+def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibration:
+    """A calibration from the content of calibration.json; InputError for another format or unknown parameter.
+
+    gimbals: names of the platform's axes for a file that is too old to say them.
+    """
     if content.get("format") != FORMAT:
         raise InputError(f"calibration has format {content.get('format')!r}, this version reads format {FORMAT}")
-    known = {(p.name, p.axis): p for cls in CATALOGUE.values() for p in parameters(cls, gimbals, constants=True)}
+    readout = from_content(content)
     rows = content["parameters"]
+    gimbals = readout.gimbals or tuple(gimbals) or gimbals_of([(r["name"], r["axis"]) for r in rows])
+    known = {(p.name, p.axis): p for cls in CATALOGUE.values() for p in parameters(cls, gimbals, constants=True)}
     missing = [f"{r['name']}:{r['axis']}" for r in rows if (r["name"], r["axis"]) not in known]
     if missing:
         raise InputError(f"calibration holds parameters that this version does not know: {', '.join(missing)}")
     chosen = tuple(known[r["name"], r["axis"]] for r in rows)
     x = np.array([to_si(r["value"], r["unit"]) for r in rows], dtype=float)
+    sense = {p.label: 1.0 if readout.angles == DRAWING else _sense(p) for p in chosen}
+    sign = np.array([sense[p.label] for p in chosen])
+    unseen = (
+        {**u, "direction": {label: w * sense.get(label, 1.0) for label, w in u["direction"].items()}}
+        for u in content["unobservable"]
+    )
     stages = tuple(
-        Stage(s["name"], tuple(s["values"]), np.array(list(s["values"].values())),
-              np.array(list(s["sigmas"].values())), s["rms"], s["in_words"])
+        StageResult(s["name"], tuple(s["values"]), np.array(list(s["values"].values())),
+                    np.array(list(s["sigmas"].values())), s["rms"], s["in_words"])
         for s in content.get("stages", [])
     )  # fmt: skip
     return Calibration(
         method=content["method"],
-        effects=with_values((), chosen, x, gimbals),
+        effects=with_values((), chosen, sign * x, gimbals),
         parameters=chosen,
-        covariance=np.array(content["covariance"], dtype=float),
-        unobservable=tuple(content["unobservable"]),
+        covariance=np.array(content["covariance"], dtype=float) * np.outer(sign, sign),
+        unobservable=tuple(unseen),
         residual=Residual(content["residual"]["chi2"], content["residual"]["dof"], content["residual"]["rms"]),
         outcome=content["outcome"],
         provenance=content["provenance"],
         stages=stages,
+        readout=replace(readout, angles=DRAWING),
     )
+
+
+def gimbals_of(named: Sequence[tuple[str, str]]) -> tuple[str, ...]:
+    """Gimbals of a platform by (name, axis) of its parameters, in their order; the space-stable four if they fit."""
+    any_gimbal = "?"
+    by_gimbal = {p.name for cls in CATALOGUE.values() for p in parameters(cls, (any_gimbal,)) if p.axis == any_gimbal}
+    axes = tuple(dict.fromkeys(axis for name, axis in named if name in by_gimbal))
+    return GIMBAL_NAMES if set(axes) <= set(GIMBAL_NAMES) else axes
+
+
+def _sense(p: Parameter) -> float:
+    """Sign of a gimbal zero of the readouts of Eq. (4) as the drawing of the space-stable platform counts it."""
+    sense = dict(zip(SPACE_STABLE_INERTIAL.axis_names, SPACE_STABLE_INERTIAL.sense, strict=True))
+    return float(sense.get(p.axis, 1)) if p.effect == "gimbal_zero" else 1.0
 
 
 def read(path: Path) -> Calibration:

@@ -12,39 +12,39 @@ product of two errors.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
+from gimbalcal.calibration.readout import FORCE, RATE, SI, Readout, counted, in_counts, in_si
 from gimbalcal.effects import Effect, Stage, Stimulus
 from gimbalcal.effects.effect import lacking
 from gimbalcal.errors import InputError
 from gimbalcal.forward import accelerometers, gyroscopes
+from gimbalcal.inversion import invert
 from gimbalcal.kinematics import stimulus_from_readings
-from gimbalcal.number import STEP, Array
+from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import Key
-from gimbalcal.units import is_raw
 
-FORCE, RATE, ANGLE = "specific_force", "angular_rate", "gimbal_angle"
+ANGLE = "gimbal_angle"
 AXES = ("x", "y", "z")
-FLAT = 1e-6  # of a determinant that is one for a perfect sensor
 ROUNDS = 6  # each multiplies what is left by a product of two errors, below 1e-5
 
 
 class Calibrated(Protocol):
-    """What is asked of a calibration here: its effects, and in its provenance the nominal scale of a unit in counts."""
+    """What is asked of a calibration here: its effects, and how the unit is read."""
 
     @property
     def effects(self) -> tuple[Effect, ...]:
         """Physics to reading."""
 
     @property
-    def provenance(self) -> Mapping[str, Any]:
-        """`options` holds `nominal` and `gyro_nominal` where the readings were counts."""
+    def readout(self) -> Readout:
+        """Nominal scales of a unit that reads in counts."""
 
 
 def correct(calibration: Calibrated, recording: Recording) -> Recording:
@@ -55,16 +55,16 @@ def correct(calibration: Calibrated, recording: Recording) -> Recording:
     """
     _refuse_other_rig(calibration, recording)
     effects = _with_needs(calibration.effects, recording)
-    made = _from_counts(calibration, recording)
-    made = _turned(made, effects, 1.0)
+    _refuse_other_unit(calibration.readout, recording)
+    made = _turned(in_si(recording, calibration.readout), effects, 1.0)
     s = _felt(made)
     force, rate = (made.triad(q) if made.has(q) else None for q in (FORCE, RATE))
     for _ in range(ROUNDS):  # force and rate enter each other's errors (g-sensitivity, lever arms)
         before = s
         if rate is not None:
-            s = s.at(rate=_solve(partial(_rates, s, effects), rate))
+            s = s.at(rate=invert(partial(_rates, s, effects), rate)[0])
         if force is not None:
-            s = s.at(force=_solve(partial(_forces, s, effects), force))
+            s = s.at(force=invert(partial(_forces, s, effects), force)[0])
         if np.array_equal(s.force, before.force) and np.array_equal(s.rate, before.rate):
             break
     channels = dict(made.channels)
@@ -118,28 +118,11 @@ def corrupt(calibration: Calibrated, recording: Recording) -> Recording:
         s = s.at(force=f)
     if recording.has(RATE):
         channels |= _columns(RATE, gyroscopes(recording.triad(RATE), s, effects))
-    return _to_counts(calibration, replace(read, channels=channels))
+    return in_counts(replace(read, channels=channels), calibration.readout)
 
 
 def _columns(quantity: str, v: Array) -> dict[Key, Array]:
     return {(quantity, a): v[:, i] for i, a in enumerate(AXES)}
-
-
-def _solve(h: Callable[[Array], Array], y: Array, steps: int = 20) -> Array:
-    """Solve h(f) = y for f (n, 3) by Newton from f = y; h couples only the axes of one row.
-
-    Where the law is flat (a dead zone) nothing can be told back: there f stays as it is.
-    """
-    f = np.array(y, dtype=float)
-    for _ in range(steps):
-        J = np.stack([h(f + 1j * STEP * unit).imag / STEP for unit in np.eye(3)], axis=-1)
-        flat = np.abs(np.linalg.det(J)) < FLAT
-        J[flat] = np.eye(3)
-        step = np.where(flat[:, None], 0.0, np.linalg.solve(J, (y - h(f))[..., None])[..., 0])
-        f = f + step
-        if np.all(np.abs(step) <= 4e-16 * np.max(np.abs(y), initial=1e-300)):  # two units in the last place
-            break
-    return f
 
 
 def _turned(recording: Recording, effects: Sequence[Effect], sign: float) -> Recording:
@@ -181,51 +164,11 @@ def _with_needs(effects: Sequence[Effect], recording: Recording) -> tuple[Effect
     return tuple(effects)
 
 
-def nominal(calibration: Calibrated) -> Mapping[str, Any]:
-    """Scale [m/s^2 per count] and offset [count] of a calibration made from counts; empty for one in m/s^2."""
-    found: Mapping[str, Any] = calibration.provenance.get("options", {}).get("nominal", {})
-    return found
-
-
-def gyro_scale(calibration: Calibrated) -> float | None:
-    """Nominal rad/s per count of a gyroscope calibration made from counts; None for one in rad/s."""
-    found = calibration.provenance.get("options", {}).get("gyro_nominal", {}).get("scale")
-    return None if found is None else float(found)
-
-
-def _from_counts(calibration: Calibrated, recording: Recording) -> Recording:
-    known = nominal(calibration)
-    if _counted(recording, FORCE) != bool(known) and recording.has(FORCE):
-        have, want = ("counts", "m/s^2") if not known else ("m/s^2", "counts")
+def _refuse_other_unit(readout: Readout, recording: Recording) -> None:
+    known = readout.accelerometers is not None
+    if recording.has(FORCE) and counted(recording, FORCE) != known:
+        have, want = (SI[FORCE], "counts") if known else ("counts", SI[FORCE])
         raise InputError(
             f"{recording.title!r} reads specific force in {have} and the calibration was made from readings in {want}: "
             "use a calibration of the same unit"
         )
-    channels, units = dict(recording.channels), dict(recording.units)
-    if known and recording.has(FORCE):
-        y = np.asarray(known["scale"]) * (recording.triad(FORCE) - np.asarray(known["offset"]))
-        channels |= _columns(FORCE, y)
-        units |= {(FORCE, a): "m/s^2" for a in AXES}
-    scale = gyro_scale(calibration)
-    if scale is not None and _counted(recording, RATE):
-        channels |= _columns(RATE, scale * recording.triad(RATE))
-        units |= {(RATE, a): "rad/s" for a in AXES}
-    return replace(recording, channels=channels, units=units)
-
-
-def _to_counts(calibration: Calibrated, recording: Recording) -> Recording:
-    known, scale = nominal(calibration), gyro_scale(calibration)
-    channels, units = dict(recording.channels), dict(recording.units)
-    if known and recording.has(FORCE):
-        N = recording.triad(FORCE) / np.asarray(known["scale"]) + np.asarray(known["offset"])
-        channels |= _columns(FORCE, N)
-        units |= {(FORCE, a): "count" for a in AXES}
-    if scale is not None and recording.has(RATE):
-        channels |= _columns(RATE, recording.triad(RATE) / scale)
-        units |= {(RATE, a): "count" for a in AXES}
-    return replace(recording, channels=channels, units=units)
-
-
-def _counted(recording: Recording, quantity: str) -> bool:
-    """Whether a quantity was logged in counts or pulses."""
-    return any(is_raw(u) for (q, _), u in recording.units.items() if q == quantity)

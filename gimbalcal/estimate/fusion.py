@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gimbalcal.calibration import Calibration, Residual, Stage
+from gimbalcal.calibration import Calibration, Residual, StageResult
 from gimbalcal.effects import with_values
 from gimbalcal.errors import amount
 from gimbalcal.estimate.static_run.system import outcome
@@ -66,12 +66,12 @@ def contradiction(together: Solution, device: Solution, static: Solution) -> str
     )
 
 
-def _gain(together: Solution, device: Solution, rms: float) -> Stage:
+def _gain(together: Solution, device: Solution, rms: float) -> StageResult:
     """What the static run added, for the record; rms [m/s^2] is that of the positions, which it hardly moves."""
     before = dict(zip(device.parameters, device.sigma, strict=True))
     ratio = [s / before[p] for p, s in zip(together.parameters, together.sigma, strict=True) if p in before]
     best = min(ratio, default=1.0)
-    return Stage(
+    return StageResult(
         "system level: fused with the static run",
         tuple(p.label for p in together.parameters),
         together.x,

@@ -75,6 +75,7 @@ def with_gyroscopes(recording: Recording, accelerometers: Calibration, terms: Se
         residual=replace(accelerometers.residual, rms={**accelerometers.residual.rms, **g.residual.rms}),
         provenance={**accelerometers.provenance, "options": {**mine, **named}},
         stages=(*accelerometers.stages, *g.stages),
+        readout=replace(accelerometers.readout, gyroscopes=g.readout.gyroscopes),
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import gimbalcal
-from gimbalcal.calibration import from_dict
+from gimbalcal.calibration import Calibration, from_dict
 from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.errors import amount
 from gimbalcal.recording import SENSORS, Recording
@@ -97,25 +97,23 @@ def _evidence(content: Mapping[str, Any], recordings: Iterable[Recording]) -> tu
     """Pictures of the residuals (for the first screen) and of the data behind them."""
     leading, others = [], []
     for r in recordings:
-        effects = from_dict(content, r.platform.axis_names).effects
+        made = from_dict(content, r.platform.axis_names)
         if r.kind != "static-run" and r.position is not None and r.has("specific_force"):
-            first, more = _position_pictures(r, effects, content["provenance"])
+            first, more = _position_pictures(r, made)
             leading.append(first)
             others += more
         elif r.kind == "static-run":
-            others.append(_run_picture(r, effects))
+            others.append(_run_picture(r, made.effects))
     if not leading:
         leading, others = others[:1], others[1:]
     return leading, others
 
 
-def _position_pictures(
-    r: Recording, effects: Sequence[Effect], provenance: Mapping[str, Any]
-) -> tuple[Picture, list[Picture]]:
+def _position_pictures(r: Recording, made: Calibration) -> tuple[Picture, list[Picture]]:
     from gimbalcal.report import figures
     from gimbalcal.report.evidence import by_position
 
-    e = by_position(r, effects, provenance)
+    e = by_position(r, made.effects, made.provenance, made.readout)
     unit = wording.unit_in_print(e.unit)
     before, after = (significant(float(np.sqrt(np.mean(v**2))), 3) for v in (e.before, e.after))
     far = 0 if e.sigma is None else int(np.sum(np.abs(e.after) > figures.OUTLIER * e.sigma))

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from gimbalcal.calibration import Readout
+from gimbalcal.calibration.readout import in_si
 from gimbalcal.earth import G0
 from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.estimate.static_run.run import prepare
 from gimbalcal.forward import accelerometers, predict
+from gimbalcal.inversion import invert
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array, complex_step
 from gimbalcal.platform import Platform
@@ -59,21 +62,11 @@ def spread_of(recording: Recording, provenance: Mapping[str, Any]) -> Spread:
     )
 
 
-def in_si(means: Recording, nominal: Mapping[str, Sequence[float]]) -> Recording:
-    """Readings in counts as m/s^2, by the nominal scale and offset that a calibration states."""
-    if not nominal:
-        return means
-    scale, offset = np.array(nominal["scale"]), np.array(nominal["offset"])
-    force = scale * (means.triad("specific_force") - offset)
-    channels = {**means.channels, **{("specific_force", a): force[:, i] for i, a in enumerate("xyz")}}
-    scatter = {k: v * scale["xyz".index(k[1])] if k[0] == "specific_force" else v for k, v in means.scatter.items()}
-    noise = {k: v * float(scale.mean()) if k == "accelerometer" else v for k, v in means.noise.items()}
-    return replace(means, channels=channels, scatter=scatter, noise=noise)
-
-
-def by_position(recording: Recording, effects: Sequence[Effect], provenance: Mapping[str, Any]) -> ByPosition:
+def by_position(
+    recording: Recording, effects: Sequence[Effect], provenance: Mapping[str, Any], readout: Readout
+) -> ByPosition:
     """Position means of the accelerometers against the model; against |f| = g for a unit without gimbals."""
-    means = in_si(dwell_means(recording), provenance.get("options", {}).get("nominal", {}))
+    means = in_si(dwell_means(recording), readout)
     s, spread = stimulus_from_readings(means), spread_of(means, provenance)
     measured = means.triad("specific_force")
     shape = measured.shape
@@ -86,7 +79,9 @@ def by_position(recording: Recording, effects: Sequence[Effect], provenance: Map
         axes: tuple[str, ...] = ("x", "y", "z")
         bars = None if bars is None else np.hypot(bars, setting_spread(means.platform, s, spread.setting))
     else:
-        before, after = (_norm(f) - s.gravity for f in (measured, corrected(measured, s, effects)))
+        before, after = (
+            _norm(f) - s.gravity for f in (measured, invert(lambda f: accelerometers(f, s, effects), measured)[0])
+        )
         axes, bars = ("|f| − g",), None if bars is None else bars[:, :1]
     unit = "mg" if np.sqrt(np.mean(after**2)) > 1e-3 * G0 else "ug"
     numbers = means.position if means.position is not None else np.arange(1, len(means.time) + 1)
@@ -107,17 +102,6 @@ def setting_spread(platform: Platform, s: Stimulus, sigma: float) -> Array:
     """Sigma (n, 3) [m/s^2] of the force when every gimbal is set with an error of `sigma` [rad]."""
     slope = complex_step(lambda angle: predict(platform, s.at(readout=angle), ())["specific_force"], s.readout)
     return np.sqrt(((slope * sigma) ** 2).sum(axis=-1))
-
-
-def corrected(measured: Array, s: Stimulus, effects: Sequence[Effect]) -> Array:
-    """Specific force f^p (n, 3) that the accelerometers turn into what was measured, by fixed-point iteration.
-
-    Errors of 10 % shrink by 10 a step, so that 15 steps reach the last bit of a double.
-    """
-    force = measured
-    for _ in range(15):
-        force = force + measured - accelerometers(force, s, effects)
-    return np.asarray(force)
 
 
 def _norm(f: Array) -> Array:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from gimbalcal.calibration import Counts
+from gimbalcal.calibration.readout import from_content
 from gimbalcal.report import wording
 from gimbalcal.report.rounding import minus, pdg, significant
 from gimbalcal.report.wording import label_of
@@ -18,7 +20,7 @@ def rows(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> list[
     in_unseen = {label for u in wording.unseen_of(content) for label in wording.leading(u["direction"])}
     told = [p for p in content["parameters"] if label_of(p) not in in_unseen]
     rest = [p for p in content["parameters"] if label_of(p) in in_unseen]
-    nominal = nominal_of(content)
+    nominal = from_content(content).accelerometers
     out: list[dict[str, Any]] = []
     for part in (told, rest):
         for i, p in enumerate(part):
@@ -29,7 +31,7 @@ def rows(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> list[
     return out
 
 
-def _row(p: Row, nominal: Mapping[str, Any], truth: Mapping[str, float] | None) -> dict[str, Any]:
+def _row(p: Row, nominal: Counts | None, truth: Mapping[str, float] | None) -> dict[str, Any]:
     value, sigma, unit = stated(p, p["value"], p["sigma"], nominal)
     moved = p["value"] / p["prior_sigma"] if p["prior_sigma"] else 0.0
     error = ""
@@ -53,15 +55,15 @@ def _sigmas(x: float, places: int) -> str:
     return minus(text if text.strip("+-0.") else text[1:]) + " σ"
 
 
-def stated(p: Row, value: float, sigma: float, nominal: Mapping[str, Any]) -> tuple[str, str, str]:
+def stated(p: Row, value: float, sigma: float, nominal: Counts | None) -> tuple[str, str, str]:
     """Value, sigma and unit of a parameter as printed, from its value and sigma in its own unit.
 
     Where readings are counts N of nominal scale k and offset N_0, the model reads k (N - N_0) = f / (1 + s) + b, so
     that f = k (1 + s) (N - N_0 - b / k): then it is the scale k (1 + s) and the offset N_0 + b / k that are told.
     """
     unit = wording.unit_in_print(p["unit"])
-    if nominal and p.get("effect") in ("scale_factor", "bias") and p["axis"] in ("x", "y", "z"):
-        k, zero = (float(nominal[key]["xyz".index(p["axis"])]) for key in ("scale", "offset"))
+    if nominal is not None and p.get("effect") in ("scale_factor", "bias") and p["axis"] in ("x", "y", "z"):
+        k, zero = (x["xyz".index(p["axis"])] for x in (nominal.scale, nominal.offset))
         x, dx = float(to_si(value, p["unit"])), float(to_si(sigma, p["unit"]))
         if p["effect"] == "scale_factor":
             value, sigma, unit = 1e6 * k * (1 + x), 1e6 * abs(k) * dx, "µm/s²/count"
@@ -71,24 +73,19 @@ def stated(p: Row, value: float, sigma: float, nominal: Mapping[str, Any]) -> tu
     return minus(told), spread, unit
 
 
-def nominal_of(content: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Nominal scale [m/s^2 per count] and offset [count] of accelerometers that read in counts; else empty."""
-    found: Mapping[str, Any] = content["provenance"].get("options", {}).get("nominal") or {}
-    return found
-
-
 def nominal_in_words(content: Mapping[str, Any]) -> str:
     """What the numbers of a unit that reads in counts mean, in sentences; else empty."""
     sentences = []
-    nominal, gyro = nominal_of(content), content["provenance"].get("options", {}).get("gyro_nominal")
-    if nominal:
-        scale, offset = (", ".join(f"{v:.7g}" for v in nominal[key]) for key in ("scale", "offset"))
+    readout = from_content(content)
+    if readout.accelerometers is not None:
+        counts = readout.accelerometers
+        scale, offset = (", ".join(f"{v:.7g}" for v in x) for x in (counts.scale, counts.offset))
         sentences.append(
             "The accelerometers read in counts: scale factor is the acceleration of one count, bias the count at zero "
             f"acceleration. In calibration.json both are errors of a nominal {scale} m/s² per count from {offset} "
             "counts (x, y, z), which this same recording gave, and so next to zero there."
         )
-    if gyro:
-        scale = f"{float(from_si(gyro['scale'], 'deg/s')):.7g}"
+    if readout.gyroscopes is not None:
+        scale = f"{float(from_si(readout.gyroscopes.scale[0], 'deg/s')):.7g}"
         sentences.append(f"The gyroscopes read in counts: their numbers hold after a nominal {scale} °/s per count.")
     return " ".join(sentences)

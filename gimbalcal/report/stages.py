@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from gimbalcal.calibration import Counts
+from gimbalcal.calibration.readout import from_content
 from gimbalcal.effects import CATALOGUE, Stage
 from gimbalcal.report import wording
 from gimbalcal.report.html import Picture, picture
-from gimbalcal.report.parameter_rows import nominal_of, stated
+from gimbalcal.report.parameter_rows import stated
 from gimbalcal.report.rounding import last_place, minus, pdg, significant
 from gimbalcal.report.wording import label_of
 from gimbalcal.units import from_si
@@ -23,7 +25,7 @@ def stages(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> dic
     labels = {label_of(p) for p in parameters}
     ours = [s for s in every if labels & s["values"].keys()]
     staged = [p for p in parameters if any(label_of(p) in s["values"] for s in ours)]
-    several, nominal = len(ours) > 1, nominal_of(content)
+    several, nominal = len(ours) > 1, from_content(content).accelerometers
     return {
         "stages": [_stage(s, parameters) for s in every],
         "stage_names": [_short(s["name"]) for s in ours] if several else [],
@@ -82,7 +84,7 @@ def _stage_row(
     p: Mapping[str, Any],
     before: Any,
     stages: Sequence[Mapping[str, Any]],
-    nominal: Mapping[str, Any],
+    nominal: Counts | None,
     truth: Mapping[str, float] | None,
 ) -> dict[str, Any]:
     label, unit, printed = label_of(p), p["unit"], ""

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from gimbalcal.earth import G0
-from gimbalcal.estimate.accelerometers.multiposition import LINEAR, NormFit, in_si, norm_fit
+from gimbalcal.estimate.accelerometers.multiposition import LINEAR, NormFit, norm_fit, scaled_by_gravity
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means, read
 
@@ -64,7 +64,7 @@ def imucal_style(y: Array, g: float) -> Array | None:
 
 def compared(recording: Recording) -> list[str]:
     """One line per method."""
-    means, _ = in_si(dwell_means(recording))
+    means, _ = scaled_by_gravity(dwell_means(recording))
     y, g = means.triad("specific_force"), means.site.gravity
     lines = [f"{recording.title}: {len(y)} rest positions; misfit of gravity [ug rms], direction physics to reading"]
     for terms in TERMS:
@@ -89,7 +89,7 @@ def compared(recording: Recording) -> list[str]:
 
 
 def test_all_linear_models_with_misalignment_reach_the_same_misfit() -> None:
-    means, _ = in_si(dwell_means(read(SHIPPED)))
+    means, _ = scaled_by_gravity(dwell_means(read(SHIPPED)))
     ours = np.sqrt(np.mean(norm_fit(means, LINEAR).misfit ** 2))
     theirs = np.sqrt(np.mean(imu_tk_style(means.triad("specific_force"), means.site.gravity) ** 2))
     assert abs(ours / theirs - 1) < 0.01  # ours weighs positions by their length, theirs does not

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.calibration import Calibration, Counts, Readout, Residual
 from gimbalcal.calibration.exchange import FILES, FORMATS, export, read_calibration, read_exchange
 from gimbalcal.calibration.exchange.matrices import LINEAR, matrices
 from gimbalcal.effects import CATALOGUE, Effect, parameters, values, with_values
@@ -169,7 +169,7 @@ def test_a_file_is_told_by_its_ending(kind: str, tmp_path: Path) -> None:
 
 
 def test_the_scale_of_counts_is_said_to_be_lost(tmp_path: Path) -> None:
-    counted = replace(made_of(LINEAR), provenance={"options": {"nominal": {"scale": [1.0] * 3, "offset": [0.0] * 3}}})
+    counted = replace(made_of(LINEAR), readout=Readout(Counts((1.0, 1.0, 1.0))))
     assert export(counted, "json", tmp_path / "a") == ()
     for kind in FORMATS:
         assert "nominal scale of counts" in export(counted, kind, tmp_path / "b")[0]

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Residual, Stage
+from gimbalcal.calibration import Calibration, Readout, Residual, StageResult
 from gimbalcal.earth import EARTH_RATE, G0
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.forward import jacobian, predict
@@ -81,9 +81,11 @@ def example() -> tuple[dict[str, Any], tuple[Recording, Recording], dict[str, fl
         x[index] = solution.x
         rms = float(np.sqrt(np.mean(rest**2)))
         labels = tuple(p.label for p in some)
-        stages.append(Stage(name, labels, solution.x, solution.sigma, rms, f"{len(some)} unknowns, one linear step"))
+        stages.append(
+            StageResult(name, labels, solution.x, solution.sigma, rms, f"{len(some)} unknowns, one linear step")
+        )
     coefficients, spread = np.array([1.5e-4, -3e-6]), np.array([2e-7, 4e-7])
-    stages.append(Stage("combined coefficients", ("x1", "phi_1s"), coefficients, spread, rms))
+    stages.append(StageResult("combined coefficients", ("x1", "phi_1s"), coefficients, spread, rms))
     calibration = Calibration(
         method="three-stage",
         effects=with_values((), wanted, x, names),
@@ -96,5 +98,6 @@ def example() -> tuple[dict[str, Any], tuple[Recording, Recording], dict[str, fl
             "version": "0.1.0", "seed": 1, "options": {"method": "three-stage"}, "created": "2026-11-21T10:00:00Z",
         },
         stages=tuple(stages),
+        readout=Readout(gimbals=names),
     )  # fmt: skip
     return calibration.to_dict(), both, dict(zip((p.label for p in wanted), truth.tolist(), strict=True))

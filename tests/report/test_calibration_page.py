@@ -6,11 +6,11 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from gimbalcal.calibration import from_dict
+from gimbalcal.calibration import Counts, Readout, from_dict
 from gimbalcal.effects import Effect
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.report import calibration_report
-from gimbalcal.report.evidence import by_position, corrected, over_time, setting_spread
+from gimbalcal.report.evidence import by_position, over_time, setting_spread
 from gimbalcal.report.parameter_rows import rows
 from gimbalcal.report.rounding import pdg
 from gimbalcal.report.stages import stages
@@ -108,7 +108,8 @@ def test_a_page_without_recordings_or_stages_still_holds_the_table() -> None:
 
 def test_residuals_of_the_fit_are_as_large_as_their_sigma() -> None:
     content, (still, _), _ = example()
-    e = by_position(still, from_dict(content, still.platform.axis_names).effects, content["provenance"])
+    made = from_dict(content)
+    e = by_position(still, made.effects, content["provenance"], made.readout)
     assert e.sigma is not None
     # 54 residuals less 17 directions: the mean square of the scaled ones is about 37/54, sigma sqrt(2 x 37)/54 = 0.16,
     # and larger because the example's fit weighs all axes alike
@@ -125,20 +126,9 @@ def test_a_setting_error_moves_a_horizontal_axis_by_g_times_the_angle() -> None:
     assert spread[0] == pytest.approx([9.80146 * ARCSEC, 9.80146 * ARCSEC, 0.0], rel=1e-12, abs=1e-15)
 
 
-def test_correcting_undoes_the_accelerometers() -> None:
-    content, (still, _), _ = example()
-    from gimbalcal.forward import accelerometers
-    from gimbalcal.kinematics import stimulus_from_readings
-
-    effects = from_dict(content, still.platform.axis_names).effects
-    s = stimulus_from_readings(still)
-    measured = accelerometers(s.force, s, effects)
-    assert corrected(measured, s, effects) == pytest.approx(s.force, abs=1e-13)  # a few roundings of 9.8
-
-
 def test_a_day_is_drawn_with_few_points_and_their_own_sigma() -> None:
     content, (_, run), _ = example()
-    hours, curves = over_time(run, from_dict(content, run.platform.axis_names).effects)
+    hours, curves = over_time(run, from_dict(content).effects)
     assert hours.size <= 288
     assert [c.name for c in curves] == ["roll", "pitch", "force along g"]
     five_minutes = NOISE["accelerometer"] / np.sqrt(5 * 60) / 9.80665e-6
@@ -156,7 +146,7 @@ def test_a_unit_without_gimbals_is_judged_by_the_size_of_gravity() -> None:
     _, (still, _), _ = example()
     s = stimulus_from_readings(still)
     turned = {("specific_force", a): f for a, f in zip("xyz", accelerometers(s.force, s, effects).T, strict=True)}
-    e = by_position(dataclasses.replace(still, platform=BENCH, channels=turned), effects, {})
+    e = by_position(dataclasses.replace(still, platform=BENCH, channels=turned), effects, {}, Readout())
     assert e.axes == ("|f| − g",)
     assert np.abs(e.before).max() > 1000  # ug: the errors are ten times the prior, 5000 ppm
     assert np.abs(e.after).max() < 1e-6  # ug: what rounding of 9.8 leaves
@@ -174,7 +164,7 @@ def test_the_truth_leaves_of_a_day_what_the_noise_is() -> None:
     right = content | {
         "parameters": [p | {"value": float(from_si(truth[k], p["unit"]))} for k, p in fitted.items()],
     }
-    effects = from_dict(right, run.platform.axis_names).effects
+    effects = from_dict(right).effects
     _, curves = over_time(run, effects)
     _, wrong = over_time(run, against_the_run(effects))
     for curve in (curves[1], curves[2]):  # roll also holds what the phase of the run cannot be told from
@@ -193,17 +183,18 @@ def test_coefficients_that_are_no_parameters_have_a_table_of_their_own(page: str
 
 def test_readings_in_counts_are_judged_in_si() -> None:
     content, (still, _), _ = example()
-    effects = from_dict(content, still.platform.axis_names).effects
+    effects = from_dict(content).effects
     scale, offset = np.array([0.002, 0.003, 0.004]), np.array([100.0, -50.0, 7.0])
     counts = still.triad("specific_force") / scale + offset
     channels = dict(still.channels) | {("specific_force", a): counts[:, i] for i, a in enumerate("xyz")}
     noise = dict(still.noise) | {"accelerometer": NOISE["accelerometer"] / 0.003}
-    raw = dataclasses.replace(still, channels=channels, noise=noise)
-    nominal = {"options": {"nominal": {"scale": scale.tolist(), "offset": offset.tolist()}}}
-    e, expected = by_position(raw, effects, nominal), by_position(still, effects, {})
+    units = {("specific_force", a): "count" for a in "xyz"}
+    raw = dataclasses.replace(still, channels=channels, noise=noise, units=units)
+    readout = Readout(Counts(tuple(scale), tuple(offset)))
+    e, expected = by_position(raw, effects, {}, readout), by_position(still, effects, {}, Readout())
     assert e.after == pytest.approx(expected.after, abs=1e-6)  # ug: rounding of 9.8 m/s^2 in counts
     assert e.sigma == pytest.approx(expected.sigma, rel=1e-12)
-    text = calibration_report(content | {"provenance": nominal})
+    text = calibration_report(content | {"readout": readout.to_dict()})
     assert "a nominal 0.002, 0.003, 0.004 m/s² per count from 100, -50, 7 counts" in text
 
 
@@ -215,9 +206,9 @@ def test_what_counts_mean_is_what_the_calibration_makes_of_them() -> None:
 
     wanted = [p for i in ("scale_factor", "bias") for p in parameters(CATALOGUE[i])]
     x = np.array([0.02, -0.03, 0.01, 0.5, -0.4, 0.3])
-    options = {"nominal": {"scale": [0.002, 0.003, 0.004], "offset": [100.0, -50.0, 7.0]}}
+    readout = Readout(Counts((0.002, 0.003, 0.004), (100.0, -50.0, 7.0)))
     made = Calibration("multiposition", with_values((), wanted, x), tuple(wanted), np.diag(np.full(6, 1e-8)), (),
-                       Residual(0.0, 0, {}), provenance={"options": options})  # fmt: skip
+                       Residual(0.0, 0, {}), readout=readout)  # fmt: skip
     channels = {("specific_force", a): np.array([0.0, 1000.0]) for a in "xyz"}
     _, (still, _), _ = example()
     raw = dataclasses.replace(

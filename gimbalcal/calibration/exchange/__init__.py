@@ -15,19 +15,21 @@ json     physics to reading     calibration.json itself
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from gimbalcal import calibration as own
 from gimbalcal.atomic import write
-from gimbalcal.calibration import GIMBAL_NAMES, Calibration, Residual
+from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.calibration.exchange import kalibr, psins, table
 from gimbalcal.calibration.exchange.matrices import LINEAR, QUADRATIC
 from gimbalcal.effects import with_values
 from gimbalcal.errors import InputError
 
-FORMATS = {"kalibr": kalibr, "psins": psins, "csv": table}
+FORMATS: Mapping[str, Any] = {"kalibr": kalibr, "psins": psins, "csv": table}
 FILES = {"kalibr": "imu.yaml", "psins": "clbt.mat", "csv": "calibration.csv", "json": "calibration.json"}
 DIRECTION = {kind: "readings to physics" if kind == "psins" else "physics to readings" for kind in FILES}
 ENDINGS = {".yaml": "kalibr", ".yml": "kalibr", ".mat": "psins", ".csv": "csv"}
@@ -53,18 +55,19 @@ def read_exchange(kind: str, path: Path) -> Calibration:
         return own.read(path)
     if not path.is_file():
         raise InputError(f"{path} does not exist or is not a file")
-    found = FORMATS[kind].read(path)
+    found, gimbals = table.read(path) if kind == "csv" else (FORMATS[kind].read(path), ())
     wanted = tuple(found)
     x = np.array([v for v, _ in found.values()])
     sigma = np.array([s for _, s in found.values()])
     return Calibration(
         method=f"imported from {kind}",
-        effects=with_values((), wanted, x, GIMBAL_NAMES),
+        effects=with_values((), wanted, x, gimbals),
         parameters=wanted,
         covariance=np.diag(sigma**2),
         unobservable=(),
         residual=Residual(0.0, 0, {}),
         provenance={"recordings": [], "options": {"file": path.name, "format": kind}},
+        readout=Readout(gimbals=gimbals),
     )
 
 
@@ -82,7 +85,6 @@ def _lost(calibration: Calibration, kind: str) -> tuple[str, ...]:
     lost = [f"{kind} has no term for {e}: it is left out" for e in sorted(present - held)]
     if np.count_nonzero(calibration.covariance - np.diag(np.diag(calibration.covariance))):
         lost.append(f"{kind} has no place for correlations: calibration.json has them")
-    options = calibration.provenance.get("options", {})
-    if "nominal" in options or "gyro_nominal" in options:
+    if calibration.readout.counts:
         lost.append(f"{kind} has no place for the nominal scale of counts: its numbers hold after that scale")
     return tuple(lost)

@@ -9,18 +9,22 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.calibration import GIMBAL_NAMES, Calibration
+from gimbalcal.calibration import Calibration
+from gimbalcal.calibration.calibration import gimbals_of
 from gimbalcal.calibration.exchange.matrices import Found
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.units import from_si, to_si
 
+GIMBALS = "# Gimbals, platform first: "
 HEADER = ("name", "axis", "value", "sigma", "unit", "effect")
 
 
 def content(calibration: Calibration, _: Sequence[str]) -> bytes:
     file = io.StringIO()
     file.write("# Direction: physics to reading, as in calibration.json; correlations are not in this file.\n")
+    if calibration.readout.gimbals:
+        file.write(f"{GIMBALS}{', '.join(calibration.readout.gimbals)}\n")
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(HEADER)
     for p, v, s in zip(calibration.parameters, calibration.values, calibration.sigmas, strict=True):
@@ -29,16 +33,20 @@ def content(calibration: Calibration, _: Sequence[str]) -> bytes:
     return file.getvalue().encode()
 
 
-def read(path: Path) -> Found:
-    known = {(p.name, p.axis): p for cls in CATALOGUE.values() for p in parameters(cls, GIMBAL_NAMES, constants=True)}
+def read(path: Path) -> tuple[Found, tuple[str, ...]]:
+    """Value and sigma of each parameter, and the names of the gimbals that they are counted by."""
     out: Found = {}
     lines = path.read_text(encoding="utf-8").splitlines()
+    told = next((line.removeprefix(GIMBALS) for line in lines if line.startswith(GIMBALS)), "")
     start = next((i for i, line in enumerate(lines) if not line.startswith("#")), len(lines))
     rows = csv.DictReader(lines[start:])
     missing = [c for c in ("name", "axis", "value", "unit") if c not in (rows.fieldnames or ())]
     if missing:
         raise InputError(f"{path}, line {start + 1}: the column {missing[0]!r} is missing; write {','.join(HEADER)}")
-    for n, row in enumerate(rows, start=start + 2):
+    body = list(rows)
+    gimbals = tuple(told.split(", ")) if told else gimbals_of([(row["name"], row["axis"]) for row in body])
+    known = {(p.name, p.axis): p for cls in CATALOGUE.values() for p in parameters(cls, gimbals, constants=True)}
+    for n, row in enumerate(body, start=start + 2):
         p = known.get((row["name"], row["axis"]))
         if p is None:
             raise InputError(f"{path}, line {n}: no parameter is called {row['name']}:{row['axis']}")
@@ -49,4 +57,4 @@ def read(path: Path) -> Found:
         if not (np.isfinite(value) and np.isfinite(sigma)):
             raise InputError(f"{path}, line {n}: {p.label} must be finite, got {row['value']} and {row.get('sigma')}")
         out[p] = (value, sigma)
-    return out
+    return out, gimbals

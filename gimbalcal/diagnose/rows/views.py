@@ -20,13 +20,14 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.multiposition import WIDE, in_si, multiposition
+from gimbalcal.estimate.accelerometers.multiposition import WIDE, multiposition, scaled_by_gravity
 from gimbalcal.estimate.gyroscopes.between_rests import fit_turns
 from gimbalcal.estimate.gyroscopes.rests import rests
 from gimbalcal.estimate.gyroscopes.turns import turns
 from gimbalcal.forward import Rows, accelerometers, linearise
+from gimbalcal.inversion import invert
 from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings, stimulus_from_truth
-from gimbalcal.number import STEP, Array
+from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.units import is_raw
@@ -99,7 +100,7 @@ def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
 
 def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
     """Rest positions of unknown attitude: one row each."""
-    means, _ = in_si(dwell_means(recording))
+    means, _ = scaled_by_gravity(dwell_means(recording))
     y, g = means.triad(FORCE), means.site.gravity
     s = stimulus_from_readings(means).at(rate=np.zeros_like(y))  # at rest
 
@@ -219,21 +220,11 @@ def _means(x: Array, size: int) -> Array:
 
 
 def solved(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array]:
-    """f (n, 3) with h(f) = y, and dh/df (n, 3, 3) there: Newton's method with the exact derivative.
-
-    Raises InputError where h reads the same for different forces, as within a dead zone.
-    """
-    f = y.copy()
-    for _ in range(8):
-        H = np.stack([h(f + 1j * STEP * u).imag / STEP for u in np.eye(3)], axis=-1)
-        try:
-            step = np.linalg.solve(H, (y - h(f).real)[..., None])[..., 0]
-        except np.linalg.LinAlgError:
-            raise InputError(
-                "in the model of the accelerometers different forces read the same; name bias, scale_factor and "
-                "misalignment in --baseline, and no dead_zone"
-            ) from None
-        f = f + step
-        if np.abs(step).max() < 1e-13 * np.abs(y).max():
-            break
+    """f (n, 3) with h(f) = y, and dh/df (n, 3, 3) there. Raises InputError where different forces read the same."""
+    f, H, flat = invert(h, y)
+    if np.any(flat):
+        raise InputError(
+            "in the model of the accelerometers different forces read the same; name bias, scale_factor and "
+            "misalignment in --baseline, and no dead_zone"
+        )
     return f, H

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.calibration import Stage
+from gimbalcal.calibration import StageResult
 from gimbalcal.estimate.accelerometers.expected import lost
 from gimbalcal.estimate.accelerometers.misset import Fault, acceptable, probability
 from gimbalcal.estimate.accelerometers.setting import FORCE, Fit, Noise, Problem, model
@@ -22,11 +22,11 @@ def rms(p: Problem, fit: Fit) -> Mapping[str, float]:
     return {f"{FORCE}:{axis}": float(np.sqrt(v)) for axis, v in zip("xyz", mean_square, strict=True)}
 
 
-def stage(name: str, p: Problem, fit: Fit, in_words: str) -> Stage:
+def stage(name: str, p: Problem, fit: Fit, in_words: str) -> StageResult:
     """The fit for the record."""
     left = p.force - model(p, fit.solution.x, np.zeros_like(fit.setting))
     labels = tuple(q.label for q in p.parameters)
-    return Stage(name, labels, fit.solution.x, fit.solution.sigma, float(np.sqrt(np.mean(left**2))), in_words)
+    return StageResult(name, labels, fit.solution.x, fit.solution.sigma, float(np.sqrt(np.mean(left**2))), in_words)
 
 
 def outcome(fit: Fit, faults: Sequence[Fault]) -> str:

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.effects import with_values
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.estimate.accelerometers.account import faults_in_words, joined, provenance, rms, stage
@@ -70,6 +70,7 @@ def coarse(positions: Positions) -> Calibration:
         residual=Residual(fit.solution.chi2, fit.solution.dof, rms(p, fit)),
         outcome=joined(faults_in_words(positions.faults)),
         provenance={**provenance(positions.recording, p, fit, positions.faults), "notes": notes},
+        readout=Readout(gimbals=p.platform.axis_names),
         stages=(stage("coarse", p, fit, joined(["faces and tilted positions, nonlinearity ignored", *notes])),),
     )
 

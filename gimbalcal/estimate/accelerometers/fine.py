@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Residual, Stage
+from gimbalcal.calibration import Calibration, Readout, Residual, StageResult
 from gimbalcal.effects import Parameter, values, with_values
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import MISALIGNMENT_AXES
@@ -66,6 +66,7 @@ def fine(positions: Positions, coarse: Calibration | None = None) -> Calibration
         residual=Residual(solution.chi2, solution.dof, {NORM: float(left)}),
         outcome=joined([*faults_in_words(positions.faults), *misfit]),
         provenance=provenance(positions.recording, p, positions.fit, positions.faults),
+        readout=Readout(gimbals=p.platform.axis_names),
         stages=(_stage(solution, x, float(left)),),
     )
 
@@ -152,7 +153,7 @@ def _unobservable(solution: Solution, coarse: Calibration | None) -> tuple[Mappi
     return (*mine, *(coarse.unobservable if coarse else ()))
 
 
-def _stage(solution: Solution, x: Array, left: float) -> Stage:
+def _stage(solution: Solution, x: Array, left: float) -> StageResult:
     """The twelve combinations that the norm determines, in full: what Eq. (17) adds up to."""
     D = np.zeros((12, 15))
     D[np.arange(9), np.arange(9)] = 1
@@ -161,4 +162,4 @@ def _stage(solution: Solution, x: Array, left: float) -> Stage:
         D[row, 9 + MISALIGNMENT_AXES.index(minus)] = -1
     sigma = np.sqrt(np.diag(D @ solution.covariance @ D.T))
     words = "norm of the force: twelve combinations, nonlinearity among them, whatever the gimbals did"
-    return Stage("fine", COMBINATIONS, D @ x, sigma, left, words)
+    return StageResult("fine", COMBINATIONS, D @ x, sigma, left, words)

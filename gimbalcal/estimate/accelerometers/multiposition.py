@@ -10,13 +10,14 @@ a coefficient must stand clear of its sigma (`support`), and positions left out 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Residual, Stage
+from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
+from gimbalcal.calibration.readout import in_si
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.account import noise_record
@@ -68,7 +69,7 @@ def multiposition(recording: Recording, terms: Sequence[str] = ()) -> Calibratio
     wanted = tuple(dict.fromkeys(terms)) or TERMS
     _check(wanted)
     means = dwell_means(recording)
-    means, nominal = in_si(means)
+    means, counts = scaled_by_gravity(means)
     base = tuple(t for t in wanted if t in LINEAR) or ("bias",)
     best = norm_fit(means, base)
     tried, declined = [(base, best)], []
@@ -81,7 +82,7 @@ def multiposition(recording: Recording, terms: Sequence[str] = ()) -> Calibratio
             assert candidate is not None
             best = candidate
             tried.append(((*tried[-1][0], term), candidate))
-    return _calibration(recording, best, tried, declined, nominal)
+    return _calibration(recording, best, tried, declined, counts)
 
 
 def _check(terms: Sequence[str]) -> None:
@@ -196,11 +197,11 @@ def _refusal(term: str, without: NormFit, candidate: NormFit | None, tried: int)
     )  # fmt: skip
 
 
-def in_si(means: Recording) -> tuple[Recording, dict[str, list[float]]]:
+def scaled_by_gravity(means: Recording) -> tuple[Recording, Counts | None]:
     """Readings in counts or pulses become m/s^2 by the ellipsoid's scale and offset, which are kept as nominal."""
     units = [means.units.get((FORCE, a), "m/s^2") for a in "xyz"]
     if not any(is_raw(u) for u in units):
-        return means, {}
+        return means, None
     N = means.triad(FORCE)
     spread = (N.max(0) - N.min(0)).mean() / 2
     middle = (N.max(0) + N.min(0)) / 2
@@ -212,17 +213,8 @@ def in_si(means: Recording) -> tuple[Recording, dict[str, list[float]]]:
         )
     scale = found[:3] * means.site.gravity / spread
     offset = middle - found[3:6] / found[:3] * spread
-    channels = dict(means.channels)
-    for i, a in enumerate("xyz"):
-        channels[FORCE, a] = scale[i] * (N[:, i] - offset[i])
-    noise, scatter = dict(means.noise), dict(means.scatter)
-    for i, a in enumerate("xyz"):
-        if (FORCE, a) in scatter:
-            scatter[FORCE, a] = scatter[FORCE, a] * float(scale[i])
-    if "accelerometer" in noise:
-        noise["accelerometer"] = noise["accelerometer"] * float(scale.mean())
-    made = replace(means, channels=channels, noise=noise, scatter=scatter)
-    return made, {"scale": scale.tolist(), "offset": offset.tolist()}
+    counts = Counts(tuple(map(float, scale)), tuple(map(float, offset)))
+    return in_si(means, Readout(accelerometers=counts)), counts
 
 
 def _calibration(
@@ -230,7 +222,7 @@ def _calibration(
     best: NormFit,
     tried: Sequence[tuple[tuple[str, ...], NormFit]],
     declined: Sequence[tuple[str, str]],
-    nominal: Mapping[str, Any],
+    counts: Counts | None,
 ) -> Calibration:
     from gimbalcal import __version__
 
@@ -247,8 +239,8 @@ def _calibration(
         "leave_one_out_rms": best.left_out if np.isfinite(best.left_out) else None,
         "declined": dict(declined),
     }
-    if nominal:
-        options["nominal"] = dict(nominal)
+    if counts is not None:
+        options["nominal"] = {"scale": list(counts.scale), "offset": list(counts.offset)}
     return Calibration(
         method="multiposition",
         effects=with_values((), solution.parameters, solution.x),
@@ -260,6 +252,7 @@ def _calibration(
         provenance={"recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source],
                     "version": __version__, "noise": noise_record(best.fit.noise), "options": options},
         stages=tuple(_stage(terms, made) for terms, made in tried),
+        readout=Readout(accelerometers=counts, gimbals=recording.platform.axis_names),
     )  # fmt: skip
 
 
@@ -287,10 +280,10 @@ def _outcome(recording: Recording, best: NormFit) -> str:
     )
 
 
-def _stage(terms: Sequence[str], made: NormFit) -> Stage:
+def _stage(terms: Sequence[str], made: NormFit) -> StageResult:
     solution = made.fit.solution
     left = f", {made.left_out:.2g} m/s^2 for a position left out" if np.isfinite(made.left_out) else ""
-    return Stage(
+    return StageResult(
         name=" + ".join(terms),
         labels=tuple(q.label for q in solution.parameters),
         values=solution.x,

@@ -18,9 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Residual, Stage
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
-from gimbalcal.effects import Stage as ModelStage
+from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters, with_values
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import lacking
 from gimbalcal.errors import InputError, amount
@@ -30,7 +29,8 @@ from gimbalcal.estimate.gyroscopes.turns import FORCE, Turned, end_of, turns
 from gimbalcal.estimate.support import coefficients, needed, refusal
 from gimbalcal.forward import Rows, gyroscopes
 from gimbalcal.inference.levenberg import minimise
-from gimbalcal.number import Array, complex_step
+from gimbalcal.inversion import invert
+from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from gimbalcal.rotation import cross_matrix, left_jacobian
@@ -193,13 +193,7 @@ def rows_of_turns(turned: Turned, effects: Sequence[Effect]) -> Rows:
     the end is the turn of all samples after it.
     """
     y, s = turned.reading.reshape(-1, 3), turned.stimulus
-    w = y.copy()
-    for _ in range(20):
-        D = complex_step(lambda rate: gyroscopes(rate, s, effects), w)
-        step = np.linalg.solve(D, (y - gyroscopes(w, s, effects))[..., None])[..., 0]
-        w = w + step
-        if np.max(np.abs(step), initial=0.0) < 1e-13:  # rad/s; a turn of 10 s then closes to 1e-12 rad
-            break
+    w, D, _ = invert(lambda rate: gyroscopes(rate, s, effects), y)
     m, n = turned.step.shape
     rate = w.reshape(m, n, 3)
     misfit, predicted, tail = end_of(rate, turned)
@@ -208,7 +202,7 @@ def rows_of_turns(turned: Turned, effects: Sequence[Effect]) -> Rows:
     seen = s.at(rate=w)
     return Rows(
         BENCH, "multi-position", seen, tuple(effects), tuple((FORCE, a) for a in "xyz"), misfit,
-        {ModelStage.GYROSCOPE: seen}, {ModelStage.GYROSCOPE: np.moveaxis(S, 1, 2).reshape(m, 3, 3 * n)},
+        {Stage.GYROSCOPE: seen}, {Stage.GYROSCOPE: np.moveaxis(S, 1, 2).reshape(m, 3, 3 * n)},
     )  # fmt: skip
 
 
@@ -240,8 +234,9 @@ def _calibration(
         rms["gravity_direction"] = turning.rms
     if scale != 1.0:
         options["gyro_nominal"] = {"scale": scale}
+    readout = Readout(gyroscopes=Counts((scale,) * 3) if scale != 1.0 else None, gimbals=recording.platform.axis_names)
     stages = tuple(
-        Stage(" + ".join(terms), tuple(p.label for p in f.parameters), f.x, np.sqrt(np.diag(f.covariance)), f.rms,
+        StageResult(" + ".join(terms), tuple(p.label for p in f.parameters), f.x, np.sqrt(np.diag(f.covariance)), f.rms,
               f"gravity after {len(f.misfit)} turns; condition number {f.condition:.0f}, {f.left_out:.2g} rad for a "
               "turn left out")
         for terms, f in fits
@@ -255,6 +250,7 @@ def _calibration(
         provenance={"recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source],
                     "version": __version__, "options": options},
         stages=stages,
+        readout=readout,
     )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
 from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array, complex_step
@@ -175,4 +175,5 @@ def _calibration(recording: Recording, turns: Turns, fit: PulseFit, pairs: int) 
         outcome="" if bool(fit.converged[0]) else "the fit did not settle: the revolutions do not determine the triad",
         provenance={"recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source],
                     "version": __version__, "options": options},
+        readout=Readout(gimbals=recording.platform.axis_names),
     )  # fmt: skip

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Residual, Stage
+from gimbalcal.calibration import Calibration, Readout, Residual, StageResult
 from gimbalcal.effects import Effect, Parameter, values, with_values
 from gimbalcal.estimate.accelerometers.account import joined, misfit_in_words
 from gimbalcal.estimate.static_run.combined import Combined, combined
@@ -94,6 +94,7 @@ def static(
             "recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source],
             "noise": {"from": noise_from(run)},
         },
+        readout=Readout(gimbals=recording.platform.axis_names),
         stages=(stage(run, effects, combined(run, prior, effects, solution, J)),),
     )
 
@@ -111,7 +112,7 @@ def rms_by_channel(run: Readings, effects: Sequence[Effect]) -> dict[str, float]
     return {f"{q}:{axis}": float(x) for (q, axis), x in zip(run.channels, rms, strict=True)}
 
 
-def stage(run: Readings, fitted: Sequence[Effect], table: Combined) -> Stage:
+def stage(run: Readings, fitted: Sequence[Effect], table: Combined) -> StageResult:
     """The combined coefficients of section 5 for the record, each from its own channel."""
     rms = np.sqrt(np.mean(run.residual(fitted) ** 2, axis=0))[run.columns("specific_force")]
     words = "no combined coefficients: the run has neither the whole specific force nor roll nor pitch errors"
@@ -121,7 +122,7 @@ def stage(run: Readings, fitted: Sequence[Effect], table: Combined) -> Stage:
             f"{len(table.names)} combined coefficients of Eqs. (21)-(38), each from its own channel; the joint fit of "
             f"all channels moves none by more than {worst:.1f} of its sigma"
         )
-    return Stage(
+    return StageResult(
         "system level: combined coefficients of the static run",
         table.names,
         table.value,

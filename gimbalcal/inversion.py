@@ -1,0 +1,33 @@
+r"""What was there, from what was read: a sensor law inverted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from gimbalcal.number import Array, complex_step
+
+FLAT = 1e-6  # of a determinant that is one for a perfect sensor
+SETTLED = 1e-10  # of the largest reading: the step after it is its square, below rounding
+STEPS = 20  # four or five are enough where the law is not flat
+
+
+def invert(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array, Array]:
+    r"""Solve h(f) = y for f (n, 3) by Newton's method from f = y; h couples only the axes of one row.
+
+    .. math:: f \leftarrow f + H^{-1} \left(y - h(f)\right), \qquad H = \partial h / \partial f
+
+    with the exact H. Where the law is flat (a dead zone) nothing can be told back: there f stays as it is. Returns f,
+    H (n, 3, 3) and which rows are flat (n,). h must be made of arithmetic and the functions of `number`.
+    """
+    f = np.array(y, dtype=float)
+    for _ in range(STEPS):
+        H = complex_step(h, f)
+        flat = np.abs(np.linalg.det(H)) < FLAT
+        step = np.linalg.solve(np.where(flat[:, None, None], np.eye(3), H), (y - h(f))[..., None])[..., 0]
+        step[flat] = 0.0
+        f = f + step
+        if np.all(np.abs(step) <= SETTLED * max(np.max(np.abs(y), initial=0.0), np.max(np.abs(f), initial=0.0))):
+            break
+    return f, H, flat

@@ -1,0 +1,123 @@
+"""How a unit is read is part of its calibration: counts, gimbals of any platform, and the sense of their zeros."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gimbalcal.calibration import Calibration, Counts, Readout, Residual, from_dict, read
+from gimbalcal.calibration.exchange import export, read_calibration
+from gimbalcal.calibration.readout import DRAWING, INERTIAL, in_counts, in_si
+from gimbalcal.effects import CATALOGUE, parameters, with_values
+from gimbalcal.platform import BENCH, KNOWN, SPACE_STABLE, Axis, Platform
+from gimbalcal.recording import Recording, Site
+
+ARCSEC = np.deg2rad(1 / 3600)
+MOUNT = Platform("mount", (Axis("declination", "y"), Axis("hour_angle", "z")))
+ZERO = CATALOGUE["gimbal_zero"]
+
+
+def calibration(platform: Platform, *zeros: float, **more: Any) -> Calibration:
+    """Zeros [arcsec] of the first gimbals of a platform, correlated."""
+    wanted = parameters(ZERO, platform.axis_names)[: len(zeros)]
+    n = len(zeros)
+    unseen = {"direction": {"gimbal_zero:platform": 0.6, "base_tilt:down": 0.8}, "why": ""}
+    return Calibration(
+        more.pop("method", "test"), with_values((), wanted, np.array(zeros) * ARCSEC, platform.axis_names), wanted,
+        (np.eye(n) + 0.5) * ARCSEC**2, (unseen,),
+        Residual(1.0, 2, {}), readout=more.pop("readout", Readout(gimbals=platform.axis_names)), **more,
+    )  # fmt: skip
+
+
+def counted(rng: np.random.Generator) -> tuple[Recording, Readout]:
+    readout = Readout(Counts((2e-3, -3e-3, 4e-3), (100.0, -50.0, 7.0)), Counts((1e-4,) * 3), unit="A17")
+    channels = {(q, a): 1000 * rng.standard_normal(8) for q in ("specific_force", "angular_rate") for a in "xyz"}
+    return Recording(
+        "multi-position", "counts", BENCH, Site(), {"accelerometer": 4.0, "gyroscope": 2.0, "gimbal_angle": 1.0},
+        60.0 * np.arange(8), np.arange(1, 9), channels,
+        scatter={("specific_force", "y"): 5.0, ("angular_rate", "x"): 3.0}, units=dict.fromkeys(channels, "count"),
+    ), readout  # fmt: skip
+
+
+@pytest.mark.parametrize("platform", [MOUNT, KNOWN["two-axis-table"], KNOWN["alt-az"], SPACE_STABLE])
+def test_a_calibration_of_any_gimbals_is_read_again(platform: Platform, tmp_path: Path) -> None:
+    """A two-axis mount was refused: its gimbals were looked for among those of the space-stable platform."""
+    made = calibration(platform, 24.0, -41.0)
+    made.write(tmp_path / "calibration.json")
+    back = read(tmp_path / "calibration.json")
+    assert back.readout == made.readout
+    assert [p.label for p in back.parameters] == [f"gimbal_zero:{a}" for a in platform.axis_names[:2]]
+    np.testing.assert_allclose(back.effects[0].theta_0, made.effects[0].theta_0, rtol=1e-15)  # type: ignore[attr-defined]
+    angles = {("gimbal_angle", a): np.zeros(2) for a in platform.axis_names}
+    rates = {("angular_rate", a): np.zeros(2) for a in "xyz"}
+    held = Recording("multi-position", "", platform, Site(), {}, np.arange(2.0), np.array([1, 2]), angles | rates)
+    np.testing.assert_allclose(back.apply(held).angles()[0, :2] / ARCSEC, [24.0, -41.0])
+
+
+def test_other_gimbals_are_read_from_a_table_too(tmp_path: Path) -> None:
+    made = replace(calibration(KNOWN["two-axis-table"], 24.0, -41.0), unobservable=())
+    export(made, "csv", tmp_path / "calibration.csv")
+    back = read_calibration(tmp_path / "calibration.csv")
+    assert back.readout.gimbals == ("inner", "outer")
+    np.testing.assert_allclose(back.effects[0].theta_0, made.effects[0].theta_0, rtol=1e-15)  # type: ignore[attr-defined]
+
+
+def old(content: dict[str, Any], **options: Any) -> dict[str, Any]:
+    """The content as it was written before it had a readout."""
+    bare = {k: v for k, v in content.items() if k != "readout"}
+    return json.loads(json.dumps(bare | {"provenance": {"options": options}}))  # type: ignore[no-any-return]
+
+
+def test_a_file_without_a_readout_tells_its_counts_in_the_options() -> None:
+    nominal = {"scale": [2e-3, 3e-3, 4e-3], "offset": [100.0, -50.0, 7.0]}
+    back = from_dict(old(calibration(SPACE_STABLE, 1.0).to_dict(), nominal=nominal, gyro_nominal={"scale": 1e-4}))
+    assert back.readout.accelerometers == Counts((2e-3, 3e-3, 4e-3), (100.0, -50.0, 7.0))
+    assert back.readout.gyroscopes == Counts((1e-4, 1e-4, 1e-4))
+    assert old(calibration(MOUNT, 1.0, 2.0).to_dict())["parameters"][1]["axis"] == "hour_angle"
+    assert from_dict(old(calibration(MOUNT, 1.0, 2.0).to_dict())).effects[0].theta_0.shape == (2,)  # type: ignore[attr-defined]
+
+
+def test_zeros_of_an_old_static_run_are_turned_into_the_sense_of_the_drawing() -> None:
+    """It counted them as S_t and q are counted; fused calibrations never did."""
+    content = calibration(SPACE_STABLE, -24.0, -41.0, 33.0, 15.0, method="static-run").to_dict()
+    now, then = from_dict(content), from_dict(old(content))
+    assert now.values / ARCSEC == pytest.approx([-24.0, -41.0, 33.0, 15.0])
+    assert then.values / ARCSEC == pytest.approx([24.0, -41.0, 33.0, -15.0])
+    assert then.readout.angles == DRAWING
+    sign = np.array([-1, 1, 1, -1])
+    np.testing.assert_array_equal(then.covariance, now.covariance * np.outer(sign, sign))
+    assert then.unobservable[0]["direction"] == {"gimbal_zero:platform": -0.6, "base_tilt:down": 0.8}
+    assert from_dict(old(content) | {"method": "three-stage"}).values == pytest.approx(now.values)
+    told = from_dict(content | {"readout": content["readout"] | {"angles": INERTIAL}})
+    assert told.values == pytest.approx(then.values)
+
+
+def test_counts_become_si_with_their_scatter_and_noise_and_counts_again() -> None:
+    raw, readout = counted(np.random.default_rng(1))
+    there = in_si(raw, readout)
+    assert there.channels["specific_force", "y"] == pytest.approx(-3e-3 * (raw.channels["specific_force", "y"] + 50))
+    assert there.channels["angular_rate", "z"] == pytest.approx(1e-4 * raw.channels["angular_rate", "z"])
+    assert there.units["specific_force", "x"] == "m/s^2"
+    assert there.units["angular_rate", "x"] == "rad/s"
+    assert there.noise == pytest.approx({"accelerometer": 4 * 3e-3, "gyroscope": 2e-4, "gimbal_angle": 1.0})
+    assert there.scatter == pytest.approx({("specific_force", "y"): 5 * 3e-3, ("angular_rate", "x"): 3e-4})
+    assert in_si(there, readout).channels == there.channels  # what is in SI stays
+    back = in_counts(there, readout)
+    for key, N in raw.channels.items():
+        np.testing.assert_allclose(back.channels[key], N, rtol=1e-12)
+    assert back.units == raw.units
+
+
+def test_the_readout_of_a_file_is_what_was_written() -> None:
+    _, readout = counted(np.random.default_rng(1))
+    made = calibration(SPACE_STABLE, 1.0, readout=replace(readout, gimbals=SPACE_STABLE.axis_names))
+    content = json.loads(json.dumps(made.to_dict()))
+    assert content["format"] == 1
+    assert set(content["readout"]) == {"accelerometers", "gyroscopes", "gimbals", "angles", "unit"}
+    assert content["readout"]["accelerometers"] == {"scale": [2e-3, -3e-3, 4e-3], "offset": [100.0, -50.0, 7.0]}
+    assert from_dict(content).readout == made.readout

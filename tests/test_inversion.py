@@ -1,0 +1,58 @@
+"""A sensor law inverted: exact, quick, and honest where nothing can be told back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gimbalcal.effects import CATALOGUE, parameters, with_values
+from gimbalcal.forward import accelerometers
+from gimbalcal.inversion import STEPS, invert
+from gimbalcal.number import Array, absolute
+from tests.stimuli import eighteen
+
+
+def test_a_bent_and_crossed_triad_is_solved_to_rounding_in_few_steps() -> None:
+    ids = ("scale_factor", "bias", "misalignment", "scale_nonlinearity", "cubic_nonlinearity")
+    wanted = [p for i in ids for p in parameters(CATALOGUE[i])]
+    effects = with_values((), wanted, np.random.default_rng(3).normal(0, [10 * p.sigma for p in wanted]))
+    s, calls = eighteen(), 0
+
+    def law(f: Array) -> Array:
+        nonlocal calls
+        calls += 1
+        return accelerometers(f, s, effects)
+
+    f, H, flat = invert(law, accelerometers(s.force, s, effects))
+    np.testing.assert_allclose(f, s.force, rtol=0, atol=1e-14)  # roundings of 9.8
+    # errors of 5e-3: each step squares what is left, and takes four evaluations
+    assert calls <= 5 * 4
+    assert not flat.any()
+    step = 1e-3 * np.array([1.0, -2.0, 3.0])
+    np.testing.assert_allclose((law(f + step) - law(f - step)) / 2, H @ step, atol=1e-12)
+
+
+def test_a_large_bend_still_closes() -> None:
+    f = np.linspace(-1.0, 1.0, 30).reshape(10, 3)
+    found = invert(
+        lambda x: x + 0.3 * x**3 + 0.1 * np.roll(x, 1, axis=-1), f + 0.3 * f**3 + 0.1 * np.roll(f, 1, axis=-1)
+    )
+    np.testing.assert_allclose(found[0], f, atol=4e-16)
+
+
+def test_rows_where_the_law_is_flat_stay_and_are_told() -> None:
+    """A dead zone of 0.1: what it swallows is left as it was read, the other rows are right."""
+
+    def law(x: Array) -> Array:
+        return np.where(absolute(x).real < 0.1, 0.0 * x, x)
+
+    y = np.array([[0.0, 1.0, 1.0], [1.0, 2.0, 3.0]])
+    f, _, flat = invert(law, y)
+    assert flat.tolist() == [True, False]
+    np.testing.assert_array_equal(f, y)
+
+
+def test_readings_of_nothing_come_back_as_what_makes_them_vanish() -> None:
+    f, _, _ = invert(lambda x: 1.1 * x + 2e-3, np.zeros((2, 3)))
+    assert f == pytest.approx(-2e-3 / 1.1, rel=1e-15)
+    assert STEPS >= 6
