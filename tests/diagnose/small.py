@@ -104,9 +104,11 @@ def with_data(o: Observations, rows: Array) -> Observations:
     """The same recording with other data, given as reduced rows (R,)."""
     n, C = o.y.shape
     if o.kind == "static-run":
-        return replace(o, y=np.asarray(idct(rows.reshape(n, C), axis=0, norm="ortho")))
-    count = np.diff(np.append(o.starts, n))
-    return replace(o, y=np.repeat(rows.reshape(-1, C) / np.sqrt(count)[:, None], count, axis=0))
+        y = np.asarray(idct(rows.reshape(n, C), axis=0, norm="ortho"))
+    else:
+        count = np.diff(np.append(o.starts, n))
+        y = np.repeat(rows.reshape(-1, C) / np.sqrt(count)[:, None], count, axis=0)
+    return replace(o, rows=replace(o.rows, residual=y))
 
 
 def clean(o: Observations, node: Node, rng: np.random.Generator) -> Observations:
