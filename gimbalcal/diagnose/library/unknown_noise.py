@@ -21,6 +21,7 @@ from gimbalcal.diagnose.library.shapes import polynomials, unit_rms
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
 from gimbalcal.effects.effect import constants
+from gimbalcal.forward import Rows
 from gimbalcal.number import Array
 
 
@@ -28,9 +29,10 @@ def causes(v: View, present: Sequence[Effect], modelled: Sequence[Parameter]) ->
     """Everything that could still be missing, and its columns (n, C, P) per prior sigma."""
     blocks: list[Array] = []
     found: list[Candidate] = []
+    rows = v.rows(present)
     for effect_id in available(v):
-        found += _of_effect(v, effect_id, present, modelled, blocks)
-    strange = shapes_of(v, present, blocks)
+        found += _of_effect(v, effect_id, rows, modelled, blocks)
+    strange = shapes_of(v, rows.residual, blocks)
     return (*found, *strange), np.concatenate(blocks, axis=-1)
 
 
@@ -52,17 +54,17 @@ def unknowns(v: View, effect_id: str) -> tuple[Parameter, ...]:
 
 
 def _of_effect(
-    v: View, effect_id: str, present: Sequence[Effect], modelled: Sequence[Parameter], blocks: list[Array]
+    v: View, effect_id: str, rows: Rows, modelled: Sequence[Parameter], blocks: list[Array]
 ) -> list[Candidate]:
     """Candidates of what the model does not hold of an effect; with the constants it has there, if it has some."""
-    cls, others = CATALOGUE[effect_id], [e for e in present if e.id != effect_id]
-    there = next((e for e in present if e.id == effect_id), None)
+    cls = CATALOGUE[effect_id]
+    there = next((e for e in rows.effects if e.id == effect_id), None)
     had = {(p.effect, p.field, p.axis) for p in modelled}
     wanted = [p for p in unknowns(v, effect_id) if (p.effect, p.field, p.axis) not in had]
     scale = np.array([p.sigma for p in wanted])
 
     def columns(made: Effect) -> Array:
-        return np.nan_to_num(v.linear([*others, made if there is None else there], wanted)[1] * scale)
+        return np.nan_to_num(rows.columns(made if there is None else there, wanted) * scale)
 
     tried = choices(cls, v.stimulus) if there is None else [constants_of(there)]
     out: list[Candidate] = []
@@ -77,12 +79,12 @@ def constants_of(e: Effect) -> Constants:
     return tuple((f.name, float(getattr(e, f.name))) for f in constants(type(e)))
 
 
-def shapes_of(v: View, present: Sequence[Effect], blocks: list[Array]) -> tuple[Candidate, ...]:
-    """What is no cause, its columns (n, C, p), per rms of the misfit, appended to `blocks`.
+def shapes_of(v: View, misfit: Array, blocks: list[Array]) -> tuple[Candidate, ...]:
+    """What is no cause, its columns (n, C, p), per rms of the misfit (n, C), appended to `blocks`.
 
     Smooth in time in each channel; smooth in the direction of gravity, or harmonics of the gimbal angles.
     """
-    rms = float(np.sqrt(np.mean(v.linear(present, ())[0] ** 2)))
+    rms = float(np.sqrt(np.mean(misfit**2)))
     n, C = len(v.recording.time), len(v.channels)
     t = v.recording.time - v.recording.time[0]
     bases = {"time": ("a smooth function of time", np.cos(np.pi * np.outer(t / t[-1], np.arange(1, 9))))}

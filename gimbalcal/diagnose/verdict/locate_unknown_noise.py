@@ -29,7 +29,7 @@ def patterns(v: View, m: Model) -> tuple[dict[str, Any], ...]:
     from scipy.stats import f
 
     blocks: list[Array] = []
-    shapes = shapes_of(v, m.effects, blocks)
+    shapes = shapes_of(v, m.r, blocks)
     X = np.concatenate(blocks, axis=-1)
     g = ground(weighted(v, m.r), weighted(v, m.J), weighted(v, X), memory=False)
     out = []
