@@ -2,7 +2,7 @@
 
     python -m tests.mutate                        everything: effects, then equations; a few minutes
     python -m tests.mutate effects                zero, sign, size, axes, powers, and one changed term in every equation
-    python -m tests.mutate accelerometers.fine    one module of `gimbalcal.estimate`, or several
+    python -m tests.mutate readings ...           one module, or several (--help lists them)
     python -m tests.mutate --terms 9 ...          not one changed term in every statement but up to nine
 
 Exit status 1 where a mutant survives.
@@ -18,7 +18,8 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE
 from tests.mutation.effects import falsified, is_noticed, rewritten, survivors
-from tests.mutation.equations import EQUIVALENT, TESTS, verdicts
+from tests.mutation.equations import TESTS, verdicts
+from tests.mutation.equivalent import EQUIVALENT
 
 EFFECTS = "effects"
 
@@ -33,15 +34,17 @@ def main() -> int:
     given = reader.parse_args()
     parts = given.parts or [EFFECTS, *TESTS]
     began, alive, count = time.perf_counter(), 0, 0
-    for number, left in [_effects(given.terms)] * (EFFECTS in parts) + [_equations(parts, given.terms)]:
+    for number, left in (_effects(parts, given.terms), _equations(parts, given.terms)):
         count, alive = count + number, alive + left
     print(f"{count} mutants, {alive} survivors, {time.perf_counter() - began:.0f} s")
     return int(alive > 0)
 
 
-def _effects(terms: int) -> tuple[int, int]:
+def _effects(parts: list[str], terms: int) -> tuple[int, int]:
     """How many mutants of effects there are, and how many survive."""
     count, alive = 0, 0
+    if EFFECTS not in parts:
+        return count, alive
     with np.errstate(all="ignore"):  # a mutant may divide by zero
         for words in survivors():
             print(f"survived: {words}")
@@ -49,7 +52,7 @@ def _effects(terms: int) -> tuple[int, int]:
         count += sum(len(falsified(name)) for name in CATALOGUE)
         for mutant in rewritten(terms):
             count += 1
-            if not is_noticed(mutant):
+            if not is_noticed(mutant) and mutant.key not in EQUIVALENT:
                 print(f"survived: {mutant}")
                 alive += 1
     return count, alive

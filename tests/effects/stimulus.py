@@ -57,6 +57,7 @@ def given(seed: int = 1) -> Stimulus:
         reference_temperature=18.0,
         covariates={name: size * rng.standard_normal(n) for name, size in COVARIATES.items()},
         axis_directions=DIRECTIONS,
+        sense=(1, -1, 1, -1),
         attitude=np.linalg.qr(rng.standard_normal((n, 3, 3)))[0],
         load=load / np.linalg.norm(load, axis=-1, keepdims=True),
     )

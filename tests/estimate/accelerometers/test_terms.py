@@ -1,0 +1,203 @@
+"""Single terms of the stages, each against a number made another way: what the tests of whole fits do not notice."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gimbalcal.estimate.accelerometers.coarse import coarse
+from gimbalcal.estimate.accelerometers.fine import FORCE_TERMS, NORM, PAIRS, fine, norm_rows
+from gimbalcal.estimate.accelerometers.positions import trusted_positions
+from gimbalcal.estimate.accelerometers.setting import (
+    Noise,
+    VisitRows,
+    baseline,
+    by_visit,
+    gauss_newton,
+    model,
+    problem,
+    set_off,
+    whiten,
+)
+from gimbalcal.number import Array
+from gimbalcal.platform import BENCH, SPACE_STABLE
+from gimbalcal.recording import Recording
+from gimbalcal.schedule import FACE_POSITIONS
+from gimbalcal.units import to_si
+from tests.estimate.accelerometers.test_fine import half_squared_norm
+from tests.estimate.device import ARCSEC, PARAMETERS, SAMPLE, SITE, draw, effects, measured
+
+NO_K = np.array([float(q.effect != "scale_nonlinearity") for q in PARAMETERS])
+LABELS = [q.label for q in PARAMETERS]
+NOISE = Noise(SAMPLE, ARCSEC)
+WANTED = baseline(SPACE_STABLE, FORCE_TERMS)
+
+
+def made(seed: int, truth_times: Array | float = 1.0) -> Recording:
+    rng = np.random.default_rng(seed)
+    return measured(draw(rng) * truth_times, rng)
+
+
+# --- coarse -----------------------------------------------------------------------------------------------------------
+
+
+def across_a_face(recording: Recording, size: float) -> Recording:
+    """The recording with the two axes across the vertical of every face reading `size` [m/s^2] more."""
+    channels = dict(recording.channels)
+    faces = np.isin(recording.position, FACE_POSITIONS)
+    for axis in "xyz":
+        f = channels["specific_force", axis]
+        channels["specific_force", axis] = f + size * (faces & (np.abs(f) < 1.0))
+    return replace(recording, channels=channels)
+
+
+def test_what_a_face_reads_across_the_vertical_takes_no_part() -> None:
+    recording = made(11)
+    plain, moved = (coarse(trusted_positions(r)) for r in (recording, across_a_face(recording, to_si(20.0, "ug"))))
+    np.testing.assert_allclose(moved.values / plain.sigmas, plain.values / plain.sigmas, atol=1e-6)
+
+
+def test_six_faces_alone_are_enough_for_scale_factors_and_biases() -> None:
+    recording = made(12)
+    six = coarse(trusted_positions(recording.select(np.isin(recording.position, FACE_POSITIONS))))
+    every = coarse(trusted_positions(recording))
+    # the other positions enter through the leans of the axes alone, in their squares
+    np.testing.assert_allclose(six.values[:6] / every.sigmas[:6], every.values[:6] / every.sigmas[:6], atol=0.05)
+
+
+def test_the_coarse_covariance_leaves_at_the_prior_what_is_named_and_nothing_else() -> None:
+    c = coarse(trusted_positions(made(13)))
+    scale = np.array([q.sigma for q in c.parameters])
+    variance = np.linalg.eigvalsh(c.covariance / np.outer(scale, scale))
+    assert len(c.unobservable) == 1
+    assert variance[-1] == pytest.approx(1, rel=1e-3)
+    assert variance[-2] < 0.1
+
+
+def test_the_coarse_residual_is_that_of_the_noise_where_no_nonlinearity_is_neglected() -> None:
+    chi2 = dof = 0.0
+    left = []
+    for seed in range(10):
+        recording = made(seed, NO_K)
+        c = coarse(trusted_positions(recording))
+        chi2, dof = chi2 + c.residual.chi2, dof + c.residual.dof
+        left += [c.residual.rms[f"specific_force:{axis}"] for axis in "xyz"]
+    assert dof == 10 * (54 - 15 + 1)
+    # two steps are a little worse than one least squares; 400 degrees of freedom scatter by 7 %
+    assert chi2 / dof == pytest.approx(1.1, abs=0.3)
+    # once the setting errors are taken out the noise of a dwell is left, and less: they take up a part of it
+    assert 0.2 < np.sqrt(np.mean(np.square(left))) / (SAMPLE / np.sqrt(120)) < 1.0
+
+
+# --- fine -------------------------------------------------------------------------------------------------------------
+
+
+def test_equation_16_holds_where_scale_factors_are_far_from_one() -> None:
+    y = made(14).triad("specific_force")
+    x = np.concatenate([[0.1, -0.2, 0.05], [0.01, 0.02, -0.03], np.zeros(9)])
+    scale = np.array([q.sigma for q in WANTED])
+    info = norm_rows(y, np.ones(18), x, WANTED, SITE.gravity, SAMPLE)
+    columns = [half_squared_norm(y, x + 1e-30j * unit).imag / 1e-30 for unit in np.eye(15)]
+    exact = np.stack(columns, axis=1) / (SITE.gravity * SAMPLE) * scale
+    np.testing.assert_allclose(info.rows[:, :15].T @ info.rows[:, :15], exact.T @ exact, rtol=1e-9, atol=1e-6)
+
+
+def test_the_stage_tells_the_coefficients_with_their_sigmas_and_the_norm_that_is_left() -> None:
+    recording = made(15)
+    c = fine(trusted_positions(recording))
+    stage, known = c.stages[0], [LABELS.index(label) for label in [q.label for q in WANTED[:9]]]
+    np.testing.assert_array_equal(stage.values[:9], c.values[known])
+    np.testing.assert_allclose(stage.sigmas[:9], c.sigmas[known], rtol=1e-9)
+    x = c.values[[LABELS.index(q.label) for q in WANTED]]
+    norm = np.sqrt(2 * half_squared_norm(recording.triad("specific_force"), x))
+    rms = np.sqrt(np.mean((norm - SITE.gravity) ** 2))
+    assert c.residual.rms[NORM] == pytest.approx(rms, rel=0.01)  # weights are equal; scale factors differ by 1e-4
+    assert stage.rms == c.residual.rms[NORM]
+
+
+def test_sums_keep_the_coarse_covariance_and_differences_take_that_of_the_norm() -> None:
+    positions = trusted_positions(made(16))
+    first = coarse(positions)
+    c = fine(positions, first)
+    theirs = [q.label for q in first.parameters]
+
+    def variance(P: Array, labels: list[str], weights: dict[str, float]) -> float:
+        d = np.array([weights.get(label, 0.0) for label in labels])
+        return float(d @ P @ d)
+
+    for row, (plus, minus) in enumerate(PAIRS, start=9):
+        total = {f"misalignment:{plus}": 1.0, f"misalignment:{minus}": 1.0}
+        difference = total | {f"misalignment:{minus}": -1.0}
+        assert variance(c.covariance, LABELS, total) == pytest.approx(
+            variance(first.covariance, theirs, total), rel=1e-3
+        )
+        assert variance(c.covariance, LABELS, difference) == pytest.approx(c.stages[0].sigmas[row] ** 2, rel=1e-3)
+    for axis in ("platform", "inner", "middle"):
+        zero = {f"gimbal_zero:{axis}": 1.0}
+        assert variance(c.covariance, LABELS, zero) == pytest.approx(variance(first.covariance, theirs, zero), rel=1e-9)
+
+
+def test_without_a_coarse_stage_the_sums_keep_their_prior() -> None:
+    c = fine(trusted_positions(made(17)))
+    for plus, minus in PAIRS:
+        pair = [LABELS.index(f"misalignment:{axis}") for axis in (plus, minus)]
+        prior = sum(PARAMETERS[i].sigma ** 2 for i in pair)
+        assert c.covariance[np.ix_(pair, pair)].sum() == pytest.approx(prior, rel=1e-3)
+    zeros = [i for i, q in enumerate(PARAMETERS) if q.effect == "gimbal_zero"]
+    np.testing.assert_allclose(c.sigmas[zeros], [PARAMETERS[i].sigma for i in zeros], rtol=1e-12)
+
+
+# --- setting ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_setting_error_adds_to_the_readout_as_a_zero_of_that_gimbal_does() -> None:
+    p = problem(made(18))
+    linear = by_visit(p, np.zeros(len(PARAMETERS)), np.zeros((p.visits, p.turns)))
+    for i, axis in enumerate(SPACE_STABLE.axis_names[:3]):
+        np.testing.assert_allclose(linear.G[..., i], linear.J[..., LABELS.index(f"gimbal_zero:{axis}")], atol=1e-9)
+    off = np.full((p.visits, p.turns), 3 * ARCSEC)
+    moved = set_off(p, off).stimulus
+    np.testing.assert_array_equal(moved.readout, p.stimulus.readout + off)
+    np.testing.assert_array_equal(moved.angle, moved.readout)
+
+
+def test_a_unit_without_gimbals_turns_in_three_ways() -> None:
+    p = problem(replace(made(19), platform=BENCH), WANTED)
+    assert p.turns == 3
+    turn = np.zeros((p.visits, 3))
+    turn[:, 2] = 1e-6
+    felt = set_off(p, turn).stimulus.force
+    np.testing.assert_allclose(felt[:, 0] - p.stimulus.force[:, 0], 1e-6 * p.stimulus.force[:, 1], atol=1e-11)
+
+
+def test_deviations_inside_a_dwell_are_in_sigmas_of_a_sample() -> None:
+    rng = np.random.default_rng(20)
+    linear = VisitRows(
+        rng.standard_normal((2, 3, 4)), rng.standard_normal((2, 3)), rng.standard_normal((2, 3, 3)), np.full(2, 120.0),
+        rng.standard_normal((6, 3, 4)), rng.standard_normal((6, 3)),
+    )  # fmt: skip
+    w = whiten(linear, Noise(0.02, 0.1))
+    np.testing.assert_allclose(w.J_inside, linear.J_inside / 0.02)
+    np.testing.assert_allclose(w.r_inside, linear.r_inside / 0.02)
+    np.testing.assert_allclose(w.J, w.W @ linear.J)
+
+
+def test_the_setting_errors_of_a_fit_take_up_what_the_gimbals_did() -> None:
+    rng = np.random.default_rng(21)
+    truth = draw(rng)
+    p = problem(measured(truth, rng), PARAMETERS[:1], effects(truth))
+    e = 20 * ARCSEC * rng.standard_normal((p.visits, p.turns))
+    told = replace(p, readings=replace(p.readings, value=model(p, truth[:1], e)))
+    fit = gauss_newton(told, Noise(SAMPLE, 20 * ARCSEC), truth[:1])
+    # turns about the force itself are not seen: two of every three directions come back, with their sign
+    share = (fit.setting * e).sum() / (e * e).sum()
+    assert 0.4 < share < 0.8
+
+
+def test_a_start_that_is_far_off_in_one_coefficient_is_not_taken() -> None:
+    p = problem(made(22))
+    wild = np.zeros(len(PARAMETERS))
+    wild[0] = 2e3 * PARAMETERS[0].sigma  # a scale factor of 2
+    from_nothing, from_there = gauss_newton(p, NOISE), gauss_newton(p, NOISE, wild)
+    assert from_there.steps == from_nothing.steps > 0
+    np.testing.assert_array_equal(from_there.solution.x, from_nothing.solution.x)

@@ -1,0 +1,73 @@
+"""Single terms of the static run, each against a number made another way."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from gimbalcal.effects import with_values
+from gimbalcal.estimate.accelerometers.noise import HEADER, SAMPLES
+from gimbalcal.estimate.static_run.combined import NAMES, matrix
+from gimbalcal.estimate.static_run.force_filter import observation_matrix, projection
+from gimbalcal.estimate.static_run.run import baseline, noise_from, prepare
+from gimbalcal.estimate.static_run.system import rms_by_channel, static
+from gimbalcal.forward import accelerometers
+from gimbalcal.readings import readings, with_phase_of_force
+from tests.estimate.static_runs import NOISE, TABLE_2_3, run
+from tests.stimuli import LATITUDE, G
+from tests.stimuli import static as held
+
+
+def test_the_columns_of_equation_27_are_what_errors_of_the_sensors_do_to_the_norm() -> None:
+    s, rng = held(24.0), np.random.default_rng(1)
+    wanted = [p for p in baseline(prepare(run())) if p.effect in ("scale_factor", "bias", "misalignment")]
+    x = np.array([1e-3 * p.sigma for p in wanted]) * rng.standard_normal(len(wanted))
+    departure = accelerometers(s.force, s, with_values((), wanted, x)) - s.force
+    combined = matrix(LATITUDE, G, wanted)[[NAMES.index(f"x{i}") for i in range(1, 6)]] @ x
+    found = observation_matrix(s.force / G) @ combined
+    # products of two errors: 1e-6
+    np.testing.assert_allclose(found, projection(departure, s.force / G, G), atol=1e-5 * np.abs(found).max())
+
+
+def test_without_a_platform_readout_the_force_tells_the_phase() -> None:
+    recording = run(TABLE_2_3)
+    phase = with_phase_of_force(recording).channels["gimbal_angle", "platform"]
+    read = recording.channels["gimbal_angle", "platform"]
+    # biases of 1e-3 m/s^2 against 7.5 m/s^2 in the equatorial plane, and 10 arcsec
+    np.testing.assert_allclose(np.angle(np.exp(1j * (phase - read))), 0, atol=3e-4)
+
+
+def test_direction_and_phase_are_those_of_an_ideal_platform() -> None:
+    ready = readings(run())
+    np.testing.assert_allclose(np.linalg.norm(ready.direction, axis=1), 1, rtol=1e-12)
+    np.testing.assert_allclose(ready.direction[:, 2], np.sin(LATITUDE), rtol=1e-12)
+    np.testing.assert_allclose(np.tan(ready.phase), ready.direction[:, 1] / ready.direction[:, 0], rtol=1e-9)
+
+
+def test_means_over_many_samples_are_as_quiet_as_their_root_says() -> None:
+    recording = run(TABLE_2_3, np.random.default_rng(3), step=300.0)
+    few = dataclasses.replace(recording, weight=np.full(len(recording.time), 100.0))
+    np.testing.assert_allclose(prepare(few).sigma[0, 0], NOISE["accelerometer"] / 10, rtol=1e-12)
+    silent = dataclasses.replace(few, noise={})
+    # rows that scatter by sigma are means of 100 samples of ten sigma
+    np.testing.assert_allclose(prepare(silent).sigma[0, 0], NOISE["accelerometer"], rtol=0.15)  # 576 rows: 5 %
+
+
+def test_one_silent_channel_is_enough_to_say_that_samples_told_the_noise() -> None:
+    recording = run(TABLE_2_3, np.random.default_rng(4))
+    assert noise_from(prepare(recording)) == HEADER
+    partly = {k: v for k, v in NOISE.items() if k != "attitude"}
+    assert noise_from(prepare(dataclasses.replace(recording, noise=partly))) == SAMPLES
+
+
+def test_the_residual_of_a_run_is_its_noise_channel_by_channel() -> None:
+    recording = run(TABLE_2_3, np.random.default_rng(5))
+    found = static(recording)
+    for axis in "xyz":
+        # 288 rows: 4 % a sigma
+        assert found.residual.rms[f"specific_force:{axis}"] == pytest.approx(NOISE["accelerometer"], rel=0.2)
+    assert found.residual.rms["attitude_error:roll"] == pytest.approx(NOISE["attitude"], rel=0.2)
+    assert found.stages[0].rms == pytest.approx(NOISE["accelerometer"], rel=0.15)
+    left = prepare(recording).residual(found.effects)
+    again = rms_by_channel(prepare(recording), found.effects)
+    assert again["specific_force:x"] == pytest.approx(np.sqrt(np.mean(left[:, 0] ** 2)), rel=1e-12)

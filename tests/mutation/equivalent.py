@@ -1,0 +1,20 @@
+"""Mutants that compute the same as the code: no test can tell them, and here stands why."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+EQUIVALENT: Mapping[tuple[str, str], str] = {
+    (
+        "effects.gimbal.GimbalZero.contribution",
+        "return np.asarray(self.theta_0) / np.array(s.sense or 1) + 0 * s.readout",
+    ): "a sense is 1 or -1",
+    (
+        "estimate.accelerometers.coarse._as_fit",
+        "return Fit(solution, setting, settled.linear, w, noise, 2)",
+    ): "steps are counted, and asked only whether there are none",
+    (
+        "estimate.accelerometers.setting.gauss_newton",
+        "quiet = noise.accelerometer * np.sqrt(linear.weight)[:, None]",
+    ): "a looser stop for the setting errors, which the parameters' own stop outlasts",
+}
