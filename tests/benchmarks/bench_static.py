@@ -35,7 +35,6 @@ from gimbalcal.estimate.static_run.force_filter import (
     estimate,
     observation_matrix,
     projection,
-    squared_norm,
 )
 from gimbalcal.estimate.static_run.run import prepare
 from gimbalcal.forward import predict
@@ -45,6 +44,7 @@ from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.readings import Readings
 from gimbalcal.recording import Recording, Site
+from tests.estimate.static_run.sample_by_sample import squared_norm
 from tests.estimate.static_runs import TABLE_2_3
 from tests.stimuli import LATITUDE, G
 

@@ -135,10 +135,14 @@ def lasso_path(A: Array, y: Array, penalties: Array) -> Array:
 
 
 def _descend() -> Callable[..., Array]:
+    """Coordinate descent, compiled where numba is installed; without it the same numbers take some times as long."""
     if not _COMPILED:
-        from numba import njit
-
-        _COMPILED.append(njit(_coordinate_descent))
+        try:
+            from numba import njit
+        except ImportError:
+            _COMPILED.append(_coordinate_descent)
+        else:
+            _COMPILED.append(njit(_coordinate_descent))
         _COMPILED[0](np.eye(2), np.ones(2), np.array([0.5]), 2.0)
     return _COMPILED[0]
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from gimbalcal.earth import G0
@@ -31,12 +29,6 @@ def planned(schedule: Schedule, samples: float = 1.0, site: Site | None = None) 
     )  # fmt: skip
 
 
-def expected_solution(p: Problem, noise: Noise) -> Solution:
-    """The Cramer-Rao bound and the unseen directions of a problem at its starting parameters."""
-    linear = by_visit(p, starting_values(p, p.effects), np.zeros((p.visits, p.turns)))
-    return solve(whiten(replace(linear, r=np.zeros_like(linear.r)), noise).information(p.parameters))
-
-
 def lost(p: Problem, noise: Noise, solution: Solution) -> str:
     """In a sentence, what positions of a published schedule that the recording skips would have added."""
     schedule = next((s for s in SCHEDULES.values() if _follows(p, s)), None)
@@ -45,9 +37,7 @@ def lost(p: Problem, noise: Noise, solution: Solution) -> str:
         return ""
     extra = planned(schedule, float(np.median(p.weight))).select(np.array(missing) - 1)
     full = _expected_together(p, problem(extra, p.parameters, p.effects), noise)
-    grown = np.round(
-        solution.sigma / full.sigma, 6
-    )  # axes that are alike grow alike: the first is told, not a rounding
+    grown = np.round(solution.sigma / full.sigma, 3)  # of axes that grow alike the first is told
     worst = [i for i in np.argsort(-grown) if grown[i] > GREW] or [int(np.argmax(grown))]
     cost = ", ".join(f"{p.parameters[i].label} by {grown[i]:.2g}" for i in worst)
     names = ", ".join(map(str, missing))

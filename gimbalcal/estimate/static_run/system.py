@@ -17,14 +17,6 @@ from gimbalcal.calibration import Calibration, Readout, Residual, StageResult
 from gimbalcal.effects import Effect, Parameter, values, with_values
 from gimbalcal.estimate.accelerometers.account import joined, misfit_in_words
 from gimbalcal.estimate.static_run.combined import Combined, combined
-from gimbalcal.estimate.static_run.force_filter import (
-    ForceState,
-    accumulate,
-    estimate,
-    kalman,
-    observation_matrix,
-    projection,
-)
 from gimbalcal.estimate.static_run.run import baseline, information_of_rows, noise_from, prepare
 from gimbalcal.inference.information import Information, Solution, information, solve
 from gimbalcal.readings import Readings
@@ -32,19 +24,6 @@ from gimbalcal.recording import Recording
 
 TOLERATED = 1.1  # chi^2 per degree of freedom: the header's sigma is not known better than to 5 %
 ENOUGH = 300  # rows for a first solution to linearise at: good to 1e-6, its square is nothing
-
-
-def force_state(recording: Recording, effects: Sequence[Effect] = (), *, sample_by_sample: bool = False) -> ForceState:
-    """State x1 ... x5 of Eqs. (21)-(25) from the specific force of a run, less what the effects explain.
-
-    By the information form, or with filterpy's Kalman filter sample by sample: equal to 1e-9 sigma.
-    """
-    run = prepare(recording)
-    columns, g, u = run.columns("specific_force"), run.stimulus.gravity, run.direction
-    z = projection(run.residual(effects)[:, columns], u, g)
-    H = observation_matrix(u)
-    variance = ((u * run.sigma[:, columns] / g) ** 2).sum(axis=1)
-    return kalman(z, H, variance) if sample_by_sample else estimate(accumulate(z, H, variance))
 
 
 def static_information(

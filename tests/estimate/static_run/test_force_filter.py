@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from gimbalcal.estimate.static_run import force_filter
 from gimbalcal.estimate.static_run.force_filter import (
     PRIOR_SIGMA,
+    ForceInformation,
     ForceState,
     accumulate,
     estimate,
     observation_matrix,
     projection,
-    squared_norm,
 )
 from gimbalcal.inference import kalman
 from gimbalcal.number import Array
+from tests.estimate.static_run import sample_by_sample
 from tests.stimuli import G, static
 
 X = np.array([1.1e-4, -8.6e-5, 8.2e-5, -5e-5, 1.2e-5])
@@ -40,7 +40,7 @@ def worst(a: ForceState, x: Array, P: Array) -> float:
 def test_filter_equals_information_form_equals_smoother_start(hours: float, step: float) -> None:
     z, H, variance = rows(hours, step)
     batch = estimate(accumulate(z, H, variance))
-    sequential = force_filter.kalman(z, H, variance)
+    sequential = sample_by_sample.kalman(z, H, variance)
     assert worst(batch, sequential.x, sequential.P) < 1e-9  # in units of sigma; rounding accumulates to 1e-11
     assert batch.chi2 == pytest.approx(sequential.chi2, rel=1e-9)
     f = kalman.filter(
@@ -55,7 +55,7 @@ def test_filter_equals_information_form_equals_smoother_start(hours: float, step
 def test_filter_and_information_form_stay_equal_however_small_the_noise(sigma: float) -> None:
     H = observation_matrix(static(48.0, 900.0).force / G)
     z = H @ X + np.random.default_rng(9).normal(size=len(H)) * sigma
-    a, b = estimate(accumulate(z, H, sigma**2)), force_filter.kalman(z, H, sigma**2)
+    a, b = estimate(accumulate(z, H, sigma**2)), sample_by_sample.kalman(z, H, sigma**2)
     assert worst(a, b.x, b.P) < 1e-9
 
 
@@ -63,13 +63,10 @@ def test_pieces_in_any_order_and_missing_rows_are_the_same_estimate() -> None:
     z, H, variance = rows(30.0, 60.0)
     whole = estimate(accumulate(z, H, variance))
     parts = [accumulate(z[i::7], H[i::7], variance[i::7]) for i in (3, 0, 6, 1, 5, 2, 4)]
-    total = parts[0]
-    for part in parts[1:]:
-        total = total.plus(part)
-    pieced = estimate(total)
+    pieced = estimate(ForceInformation(*(sum(terms) for terms in zip(*parts, strict=True))))
     assert worst(whole, pieced.x, pieced.P) < 1e-9
     keep = np.arange(len(z)) % 3 > 0
-    gappy = force_filter.kalman(np.where(keep, z, np.nan), H, variance)
+    gappy = sample_by_sample.kalman(np.where(keep, z, np.nan), H, variance)
     dropped = estimate(accumulate(z[keep], H[keep], variance[keep]))
     assert worst(dropped, gappy.x, gappy.P) < 1e-9
     assert gappy.rows == dropped.rows == keep.sum()
@@ -92,7 +89,7 @@ def test_squared_norm_makes_a_bias_of_noise_which_projection_does_not() -> None:
     force = G * direction + noise
     mean = 1.5 * SIGMA**2  # 3.9e-7
     error = SIGMA / np.sqrt(len(force))  # of a mean: 6.7e-7 / sqrt(...): compare differences, where it cancels
-    printed, debiased = squared_norm(force, G), squared_norm(force, G, 5e-3)
+    printed, debiased = sample_by_sample.squared_norm(force, G), sample_by_sample.squared_norm(force, G, 5e-3)
     linear = projection(noise, direction, G)
     # printed - linear = |n|^2 / 2 g^2, whose own scatter is sqrt(3/2) sigma^2 a row
     scatter = np.sqrt(1.5) * SIGMA**2 / np.sqrt(len(force))
@@ -106,5 +103,5 @@ def test_squared_norm_makes_a_bias_of_noise_which_projection_does_not() -> None:
 def test_squared_norm_and_projection_agree_to_first_order() -> None:
     direction = static(48.0, 600.0).force / G
     departure = 1e-4 * G * np.random.default_rng(4).normal(size=direction.shape)
-    difference = squared_norm(G * direction + departure, G) - projection(departure, direction, G)
+    difference = sample_by_sample.squared_norm(G * direction + departure, G) - projection(departure, direction, G)
     np.testing.assert_allclose(difference, (departure**2).sum(axis=1) / (2 * G**2), rtol=1e-6)
