@@ -22,7 +22,7 @@ from gimbalcal.diagnose.library.known_noise import library
 from gimbalcal.diagnose.rows.observations import observe
 from gimbalcal.diagnose.rows.views import SENSORS
 from gimbalcal.diagnose.search.ranking import Search, search
-from gimbalcal.diagnose.verdict.decide import Decision, bar, decide, stated
+from gimbalcal.diagnose.verdict.decide import Decision, bar, capped, decide
 from gimbalcal.diagnose.verdict.locate import Scan, mismatches, scan
 from gimbalcal.diagnose.verdict.model import Fit, calibration_fit, constant_value, fit
 from gimbalcal.diagnose.verdict.recommend import advise, sentence
@@ -123,33 +123,33 @@ def measured(s: Search, f: Fit, seen: Fit, rng: np.random.Generator) -> tuple[Sc
 
 
 def findings(s: Search, d: Decision, f: Fit) -> tuple[dict[str, Any], ...]:
-    """What is named: effect, axis, probability, significance, sizes, twins, physics, and what would separate them."""
+    """What is named: effect, axis, probability, significance, sizes, what it is confounded with and how to tell."""
     candidates, out, at = s.library.candidates, [], 0
     for j, m in enumerate(f.members):
         c = candidates[m]
         size = f.x[at : at + len(c.parameters)]
         sigma = np.sqrt(np.diag(f.covariance))[at : at + len(c.parameters)]
         at += len(c.parameters)
-        twins = [candidates[i] for i in d.twins[j]]
+        confounded = [candidates[i] for i in d.confounded[j]]
         advice = ""
-        if twins:
-            a = advise(s.o, c, f.variants[j], size, twins[0])
-            advice = sentence(a, c, twins[0])
+        if confounded:
+            a = advise(s.o, c, f.variants[j], size, confounded[0])
+            advice = sentence(a, c, confounded[0])
         rows = printed(c.parameters, size, sigma) + constants(c, constant_value(s, f, j))
-        out.append(finding(c, twins, d.probability[j], f.significance[j], rows, advice))
+        out.append(finding(c, confounded, d.probability[j], f.significance[j], rows, advice))
     return tuple(out)
 
 
 def finding(
-    c: Candidate, twins: Sequence[Candidate], probability: float, significance: float, rows: list[dict[str, Any]],
+    c: Candidate, confounded: Sequence[Candidate], probability: float, significance: float, rows: list[dict[str, Any]],
     advice: str,
 ) -> dict[str, Any]:  # fmt: skip
     """One finding as the contract wants it."""
-    axes = list(dict.fromkeys(a for a in [c.axis, *(t.axis for t in twins)] if a))
+    axes = list(dict.fromkeys(a for a in [c.axis, *(t.axis for t in confounded)] if a))
     axes = [a for n, a in enumerate(axes) if not any(a in b for b in axes[:n])]
     return {
-        "effect": c.effect, "axis": " / ".join(axes), "probability": stated(probability),
-        "sigma": round(significance, 2), "parameters": rows, "twins": [t.effect for t in twins],
+        "effect": c.effect, "axis": " / ".join(axes), "probability": capped(probability),
+        "sigma": round(significance, 2), "parameters": rows, "twins": [t.effect for t in confounded],
         "physics": wording.physics(c.effect), "equation": wording.equation(c.effect), "separate_by": advice,
     }  # fmt: skip
 

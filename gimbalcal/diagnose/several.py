@@ -166,10 +166,10 @@ def _findings(c: Combined, d: Decision, shares: Sequence[Part]) -> tuple[dict[st
         cause, at = c.library.candidates[m], slice(starts[j], starts[j + 1])
         rows = printed(cause.parameters, x[at], np.sqrt(np.diag(C))[at])
         rows += constants(cause, constants_of(c, members, shares, j))
-        twins = [c.library.candidates[i] for i in d.twins[j]]
+        confounded = [c.library.candidates[i] for i in d.confounded[j]]
         significance = float(np.sqrt(sum(p.fit.significance[p.slots.index(j)] ** 2 for p in shares if j in p.slots)))
         advice = _advice(c, d, shares, j, x[at])
-        made = finding(cause, twins, d.probability[j], significance, rows, advice)
+        made = finding(cause, confounded, d.probability[j], significance, rows, advice)
         out.append({**made, "recordings": _sizes(shares, j), "agreement": _agreement(shares, j, made)})
     return tuple(out)
 
@@ -199,12 +199,12 @@ def _agreement(shares: Sequence[Part], slot: int, found: dict[str, Any]) -> dict
 
 
 def _advice(c: Combined, d: Decision, shares: Sequence[Part], slot: int, size: Array) -> str:
-    """What would tell a member from its nearest twin, in the recording that shows it best and could show both."""
-    for twin in d.twins[slot][:1]:
-        both = [k for k in c.sees(twin) if slot in shares[k].slots]
+    """What would tell a member from the cause most like it, in the recording that shows it best and could show both."""
+    for alike in d.confounded[slot][:1]:
+        both = [k for k in c.sees(alike) if slot in shares[k].slots]
         for k in sorted(both, key=lambda k: -shares[k].fit.significance[shares[k].slots.index(slot)])[:1]:
             found = shares[k].search.library.candidates[shares[k].slots.index(slot)]
-            other = c.searches[k].library.candidates[int(c.place[twin, k])]
+            other = c.searches[k].library.candidates[int(c.place[alike, k])]
             return sentence(advise(c.searches[k].o, found, 0, size, other), found, other)
     return ""
 
@@ -252,8 +252,10 @@ def _called(s: Search, d: Decision) -> str:
         return "something is missing that no cause of the catalogue explains"
     found = s.library.candidates
     return " and ".join(
-        wording.named({"effect": found[m].effect, "axis": found[m].axis, "twins": [found[i].effect for i in twins]})
-        for m, twins in zip(d.hypothesis.members, d.twins, strict=True)
+        wording.named(
+            {"effect": found[m].effect, "axis": found[m].axis, "twins": [found[i].effect for i in confounded]}
+        )
+        for m, confounded in zip(d.hypothesis.members, d.confounded, strict=True)
     )
 
 

@@ -23,7 +23,7 @@ from gimbalcal.diagnose.rows.turns import turned_rates
 from gimbalcal.diagnose.rows.views import FORCE, RATE, View, norm, pointing, rest_rates, table
 from gimbalcal.diagnose.search.alternatives import Verdict, judged
 from gimbalcal.diagnose.search.stepwise import Course, Model, course, refined, weighted
-from gimbalcal.diagnose.verdict.decide import stated
+from gimbalcal.diagnose.verdict.decide import capped
 from gimbalcal.diagnose.verdict.locate_unknown_noise import mismatches
 from gimbalcal.effects import CATALOGUE, values
 from gimbalcal.errors import InputError
@@ -115,9 +115,9 @@ def _finding(c: Course, j: Verdict) -> dict[str, Any]:
     rows = [r for r in _sizes(c.end) if r["effect"] == e and (r["name"], r["axis"]) in prior]
     rows = [r for r in rows if _seen(r, prior[r["name"], r["axis"]])]
     return {
-        "effect": e, "axis": j.cause.axis, "probability": stated(j.probability),
+        "effect": e, "axis": j.cause.axis, "probability": capped(j.probability),
         "sigma": round(j.sigma, 2), "parameters": [{k: x for k, x in r.items() if k != "effect"} for r in rows],
-        "twins": list(j.twins), "physics": wording.physics(e), "equation": wording.equation(e),
+        "twins": list(j.confounded), "physics": wording.physics(e), "equation": wording.equation(e),
         "separate_by": _advice(j),
     }  # fmt: skip
 
@@ -129,7 +129,7 @@ def _seen(row: dict[str, Any], prior: float) -> bool:
 
 def _advice(j: Verdict) -> str:
     """What the cards say would show the one and not the other."""
-    if not j.twins:
+    if not j.confounded:
         return ""
 
     def seen(effect: str) -> str:
@@ -137,7 +137,7 @@ def _advice(j: Verdict) -> str:
         after = card.partition("Seen by: ")[2]
         return after.partition(". ")[0].strip(". ")
 
-    others = "; ".join(f"{wording.spoken(t)} by {seen(t)}" for t in j.twins[:3])
+    others = "; ".join(f"{wording.spoken(t)} by {seen(t)}" for t in j.confounded[:3])
     return f"{wording.spoken(j.cause.effect)} is seen by {seen(j.cause.effect)}; {others}."
 
 

@@ -120,3 +120,19 @@ def test_interchanged_positions_are_told_from_physics():
     d = diagnose([replace(r, channels=channels)])
     assert d.verdict == "unexplained"
     assert "Positions 4 and 10 are interchanged" in d.in_words
+
+
+def test_a_bearing_of_the_third_order_is_named_with_its_order():
+    """Three lobes: at steps of 45 degrees the third order is the last below that of Nyquist."""
+
+    def error(b):
+        phase = 3 * b.read[:, 1] + 0.4
+        lean = np.zeros((len(b.t), 3, 3))
+        lean[:, 1] = np.stack([0 * phase, np.cos(phase), np.sin(phase)], axis=-1)  # across the inner axis, x
+        return {"lean": lean}
+
+    (found,) = diagnose([at_strength(11, error, SIGMAS)]).findings
+    assert (found["effect"], found["axis"]) == ("bearing_wobble", "inner")
+    sizes = {p["name"]: p["value"] for p in found["parameters"]}
+    assert sizes["m"] == 3.0
+    assert np.arctan2(sizes["wobble_sin"], sizes["wobble_cos"]) == pytest.approx(0.4, abs=0.15)  # 3 of 25 sigma

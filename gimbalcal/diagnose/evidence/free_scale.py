@@ -110,7 +110,7 @@ def best_evidence(g: Ground, index: Sequence[int]) -> float:
     return max(log_evidence(g, index, SIZES[i : i + 1], np.ones(1)) for i in range(len(SIZES)))
 
 
-def gain(g: Ground, index: Sequence[int], memory: int | None = None) -> float:
+def explained(g: Ground, index: Sequence[int], memory: int | None = None) -> float:
     """Misfit y^T y that these columns can take away, at the likeliest memory or at that of ordinal `memory`."""
     k = g.best()[0] if memory is None else memory
     at = np.asarray(index)

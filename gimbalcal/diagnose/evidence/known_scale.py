@@ -23,7 +23,7 @@ from gimbalcal.number import Array
 
 SIZES = np.array([0.001, 0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0])  # times the catalogue's prior sigma
 SIZE_PRIOR = np.array([0.04, 0.08, 0.15, 0.18, 0.22, 0.15, 0.10, 0.05, 0.03])
-ANY_SIZE = np.geomspace(1e-4, 1e3, 29)  # fine enough that twins of different plausible sizes fit alike
+ANY_SIZE = np.geomspace(1e-4, 1e3, 29)  # fine enough that confounded causes of different plausible sizes fit alike
 ABSORBED = 1e-3  # a column of which less is left rests on second-order terms and on noise in its own inputs
 CHUNK = 64  # columns
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gimbalcal.diagnose.library.candidates import Candidate, Variant, appended_to
-from gimbalcal.diagnose.library.shapes import products, settings, shapes, turns, unit_rms
+from gimbalcal.diagnose.library.shapes import high_harmonics, products, settings, shapes, unit_rms
 from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.effects import Stage
 from gimbalcal.inference.algebra import orthonormal
@@ -75,7 +75,7 @@ def gimbal_harmonics(o: Observations, blocks: list[Array]) -> list[Candidate]:
     """Errors of each moving gimbal that no bearing or encoder has: high harmonics, or a value at each setting."""
     out = []
     for i, axis in enumerate(o.stimulus.axis_names):
-        harmonics = turns(o.seen[Stage.ENCODER].angle[:, i])
+        harmonics = high_harmonics(o.seen[Stage.ENCODER].angle[:, i])
         words = f"a third or higher harmonic of the {axis} gimbal angle"
         out += _of_gimbal(o, i, "unknown gimbal angle", words, harmonics, blocks)
         words = f"a value of its own at each setting of the {axis} gimbal"

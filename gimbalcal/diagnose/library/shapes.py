@@ -99,7 +99,7 @@ def products(o: Observations) -> dict[str, tuple[str, list[Array]]]:
     return out
 
 
-def turns(angle: Array) -> list[Array]:
+def high_harmonics(angle: Array) -> list[Array]:
     """Bases (n, m) of an error that repeats three to eight times a turn: all beyond the second, and each as it is.
 
     What positions show of a harmonic is in part what first and second show: the first basis is cleared of that, so

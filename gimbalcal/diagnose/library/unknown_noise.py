@@ -49,7 +49,7 @@ def unknowns(v: View, effect_id: str) -> tuple[Parameter, ...]:
     """Parameters of an effect, without those of gimbals that were not read and those that these rows cannot show."""
     names, read = v.stimulus.axis_names, v.recording.axes("gimbal_angle")
     found = parameters(CATALOGUE[effect_id], names)
-    seen = (p for p in found if (p.axis not in names or p.axis in read) and (p.effect, p.axis) not in v.unseen)
+    seen = (p for p in found if (p.axis not in names or p.axis in read) and (p.effect, p.axis) not in v.unobservable)
     return tuple(replace(p, sigma=v.wide * p.sigma) for p in seen)
 
 

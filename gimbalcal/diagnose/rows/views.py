@@ -53,7 +53,7 @@ class View:
     stages: frozenset[Stage]
     baseline: tuple[str, ...]
     rows: Callable[[Sequence[Effect]], Rows]
-    unseen: frozenset[tuple[str, str]] = frozenset()  # (effect, axis) that these rows cannot show by convention
+    unobservable: frozenset[tuple[str, str]] = frozenset()  # (effect, axis) that these rows cannot show by convention
     wide: float = 1.0  # prior scales of these sensors against those of the catalogue
     noise: Array | None = None  # (n, C) what the samples' scatter alone makes of a row, where it is known
     finer: Callable[[], View] | None = None  # the same rows from physics in finer steps, for the last fit

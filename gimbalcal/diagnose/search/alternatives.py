@@ -1,4 +1,4 @@
-"""What could stand in the place of a cause that was found: its probability among all others, and its twins."""
+"""What could stand in the place of a cause that was found: its probability, and what it is confounded with."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.free_scale import best_evidence, gain, ground
+from gimbalcal.diagnose.evidence.free_scale import best_evidence, explained, ground
 from gimbalcal.diagnose.evidence.odds import SINGLE, TOGETHER, UNKNOWN
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.unknown_noise import causes
@@ -17,12 +17,12 @@ from gimbalcal.effects import with_values
 
 @dataclass(frozen=True)
 class Verdict:
-    """One cause in the final model: its probability among all that could stand in its place, sigmas, twins."""
+    """One cause in the final model: its probability among all in its place, sigmas, what it is confounded with."""
 
     cause: Candidate
     probability: float
     sigma: float
-    twins: tuple[str, ...]
+    confounded: tuple[str, ...]
 
 
 def judged(v: View, end: Model, taken: Candidate) -> Verdict:
@@ -42,9 +42,9 @@ def judged(v: View, end: Model, taken: Candidate) -> Verdict:
     near = np.flatnonzero(w > w[at] - 3 * TOGETHER).tolist()
     fits = {i: best_evidence(g, known[i].variants[choice[i]].index) for i in near}
     alike = [i for i, f in fits.items() if f > fits[at] - TOGETHER and not shape[i] and known[i].effect != taken.effect]
-    twins = tuple(dict.fromkeys(known[i].effect for i in sorted(alike, key=lambda i: -fits[i])))
-    same = [i for i, c in enumerate(known) if c.effect in (taken.effect, *twins)]
+    confounded = tuple(dict.fromkeys(known[i].effect for i in sorted(alike, key=lambda i: -fits[i])))
+    same = [i for i, c in enumerate(known) if c.effect in (taken.effect, *confounded)]
     probability = float(np.exp(np.logaddexp.reduce(w[same]) - np.logaddexp.reduce(np.append(w, 0.0))))
     memory, scale = ground(weighted(v, end.r), weighted(v, end.J), weighted(v, X[..., :0])).best()
-    sigmas = float(np.sqrt(gain(g, known[at].variants[choice[at]].index, memory))) / scale
-    return Verdict(taken, probability, sigmas, twins)
+    sigmas = float(np.sqrt(explained(g, known[at].variants[choice[at]].index, memory))) / scale
+    return Verdict(taken, probability, sigmas, confounded)

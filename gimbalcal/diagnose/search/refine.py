@@ -115,7 +115,7 @@ def _relinearised(o: Observations, c: Candidate, p: Projection) -> list[tuple[Va
     best = _bent(o, c, p, Z, y, tangent, frozenset())
     tried = [best]
     for _ in range(BRANCHES):
-        more = [_bent(o, c, p, Z, y, best.size, best.turned | {i}) for i in best.doubtful - best.turned]
+        more = [_bent(o, c, p, Z, y, best.size, best.flipped | {i}) for i in best.doubtful - best.flipped]
         tried += more
         better = min(more, key=lambda b: b.misfit, default=best)
         if better.misfit > best.misfit - 1.0:
@@ -126,30 +126,30 @@ def _relinearised(o: Observations, c: Candidate, p: Projection) -> list[tuple[Va
 
 @dataclass(frozen=True)
 class _Bent:
-    """A branch: misfit, size (SI), positions with the sign turned and with it in doubt, secant (n, C)."""
+    """A branch: misfit, size (SI), positions with the sign flipped and with it in doubt, secant (n, C)."""
 
     misfit: float
     size: float
-    turned: frozenset[int]
+    flipped: frozenset[int]
     doubtful: frozenset[int]
     column: Array
 
 
 def _bent(
-    o: Observations, c: Candidate, p: Projection, Z: Array, y: Array, size: float, turned: frozenset[int]
+    o: Observations, c: Candidate, p: Projection, Z: Array, y: Array, size: float, flipped: frozenset[int]
 ) -> _Bent:
     """Size and calibration fitted together by secants, the force at some positions held on the other side of null."""
     sigma, stage = c.parameters[0].sigma, CATALOGUE[c.effect].stage
     s = o.seen[stage]
     for _ in range(SECANTS):
-        column = _secant(o, c, size, _other_side(s, c.axis, turned, size))
+        column = _secant(o, c, size, _other_side(s, c.axis, flipped, size))
         A = np.concatenate([Z, p.node.whiten(o.reduce(column[:, :, None]))], axis=1)
         x = np.linalg.lstsq(A, y[:, 0], rcond=1e-9)[0]
         found = float(x[-1]) * sigma
         if found == 0.0 or abs(found - size) < 0.01 * abs(size):
             break
         size, s = found, restimulated(o, x[:-1], stage)
-    return _Bent(float(((y[:, 0] - A @ x) ** 2).sum()), size, turned, _doubtful(s, c.axis, size), column)
+    return _Bent(float(((y[:, 0] - A @ x) ** 2).sum()), size, flipped, _doubtful(s, c.axis, size), column)
 
 
 def _doubtful(s: Stimulus, axis: str, size: float) -> frozenset[int]:
@@ -158,12 +158,12 @@ def _doubtful(s: Stimulus, axis: str, size: float) -> frozenset[int]:
     return frozenset(int(i) for i in np.unique(s.position[near]))
 
 
-def _other_side(s: Stimulus, axis: str, turned: frozenset[int], size: float) -> Stimulus:
+def _other_side(s: Stimulus, axis: str, flipped: frozenset[int], size: float) -> Stimulus:
     """The stimulus with the force along one axis beyond null at some positions."""
-    if not turned:
+    if not flipped:
         return s
     force, i = s.force.copy(), "xyz".index(axis)
-    there = np.isin(s.position, list(turned))
+    there = np.isin(s.position, list(flipped))
     force[there, i] = -np.sign(force[there, i]) * np.maximum(np.abs(force[there, i]), abs(size))
     return s.at(force=force)
 

@@ -30,7 +30,7 @@ class Decision:
 
     verdict: str
     hypothesis: Hypothesis | None
-    twins: tuple[tuple[int, ...], ...]  # per member, indices of other candidates of other ids
+    confounded: tuple[tuple[int, ...], ...]  # per member, indices of other candidates of other ids
     probability: tuple[float, ...]  # per member, of its set
     shapes: tuple[int, ...] = ()  # rivals that describe what is not explained, best first
     unknown: float = 0.0  # probability that no cause of the catalogue explains it
@@ -49,7 +49,7 @@ def bar(clean: Array) -> float:
     return max(float(CLAIM), float(np.quantile(clean, 0.99)))
 
 
-def stated(probability: float) -> float:
+def capped(probability: float) -> float:
     """A probability among all causes and shapes that were compared, as it is told: never more than 90 %."""
     return round(min(probability, 1 - OUTSIDE), 4)
 
@@ -84,15 +84,15 @@ def judge(s: Ranking, threshold: float, scores: Scores) -> Decision:
     if known is None or (rest and known.ln_bayes < NEARLY * max(h.ln_bayes for h in s.hypotheses)):
         return Decision("unexplained", None, (), (), rest, unknown)
     best = _simplest(s, _needed(s, known))
-    twins, probability = [], []
+    confounded, probability = [], []
     for member in best.members:
         others = tuple(i for i in best.members if i != member)
         alike = fits_alike(s, member, others, scores(others))
         alike = alike if rest or _share(s, p, (member, *alike)) >= SURE else _widened(s, p, member, alike, others)
-        twins.append(alike)
+        confounded.append(alike)
         probability.append(_share(s, p, (member, *alike), bool(rest)))
-    verdict = "not-identifiable" if any(twins) or min(probability) < SURE / 2 else "missing-physics"
-    return Decision(verdict, best, tuple(twins), tuple(probability), rest, unknown)
+    verdict = "not-identifiable" if any(confounded) or min(probability) < SURE / 2 else "missing-physics"
+    return Decision(verdict, best, tuple(confounded), tuple(probability), rest, unknown)
 
 
 def _needed(s: Ranking, best: Hypothesis) -> Hypothesis:

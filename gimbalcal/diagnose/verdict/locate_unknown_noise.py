@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.diagnose import wording
-from gimbalcal.diagnose.evidence.free_scale import best_evidence, gain, ground
+from gimbalcal.diagnose.evidence.free_scale import best_evidence, explained, ground
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.unknown_noise import shapes_of
 from gimbalcal.diagnose.rows.views import View
@@ -35,7 +35,7 @@ def patterns(v: View, m: Model) -> tuple[dict[str, Any], ...]:
     out = []
     for c in shapes:
         at = c.variants[0].index
-        y2, taken = float(g.cleared[0].y @ g.cleared[0].y), gain(g, at)
+        y2, taken = float(g.cleared[0].y @ g.cleared[0].y), explained(g, at)
         free = max(g.cleared[0].dof - len(at), 1)
         F = (taken / len(at)) / max((y2 - taken) / free, 1e-300)
         p = min(1.0, float(f.sf(F, len(at), free)) * len(shapes))

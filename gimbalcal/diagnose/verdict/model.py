@@ -59,14 +59,16 @@ def _choose(s: Search, members: Sequence[int]) -> tuple[int, ...]:
             for j, m in enumerate(members):
                 others = [i for n, o in enumerate(members) if n != j
                           for i in s.library.candidates[o].variants[chosen[n]].index]  # fmt: skip
-                chosen[j] = int(np.argmax([gain(p, others, v.index) for v in s.library.candidates[m].variants]))
+                chosen[j] = int(
+                    np.argmax([explained_beside(p, others, v.index) for v in s.library.candidates[m].variants])
+                )
         index = [i for m, v in zip(members, chosen, strict=True) for i in s.library.candidates[m].variants[v].index]
-        ln = gain(p, [], index) / 2 + float(s.null[k])
+        ln = explained_beside(p, [], index) / 2 + float(s.null[k])
         best = max(best, (ln, tuple(chosen)), key=lambda b: b[0])
     return best[1]
 
 
-def gain(p: Projection, others: Sequence[int], index: Sequence[int]) -> float:
+def explained_beside(p: Projection, others: Sequence[int], index: Sequence[int]) -> float:
     """Misfit that these columns take away beyond the others."""
     both = np.array([*others, *index], dtype=int)
     total = p.b[both, 0] @ np.linalg.pinv(p.G[np.ix_(both, both)], rcond=1e-10, hermitian=True) @ p.b[both, 0]
@@ -94,7 +96,7 @@ def _significance(
     out = []
     for j, own in enumerate(spans):
         others = [i for n, span in enumerate(spans) if n != j for i in span]
-        out.append(float(np.sqrt(max(gain(p, others, own), 0.0))))
+        out.append(float(np.sqrt(max(explained_beside(p, others, own), 0.0))))
     return tuple(out)
 
 
@@ -103,7 +105,7 @@ def constant_value(s: Search, f: Fit, j: int) -> tuple[tuple[str, float, float],
     c = s.library.candidates[f.members[j]]
     spans = [s.library.candidates[m].variants[v].index for m, v in zip(f.members, f.variants, strict=True)]
     others = [i for n, span in enumerate(spans) if n != j for i in span]
-    ln = np.array([gain(f.projection, others, v.index) / 2 + np.log(v.weight) for v in c.variants])
+    ln = np.array([explained_beside(f.projection, others, v.index) / 2 + np.log(v.weight) for v in c.variants])
     w = np.exp(ln - ln.max())
     w /= w.sum()
     out = []

@@ -21,7 +21,7 @@ from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
 from gimbalcal.diagnose.library.known_noise import columns_at
 from gimbalcal.diagnose.search.combine import Combined
 from gimbalcal.diagnose.search.ranking import Search, prepare
-from gimbalcal.diagnose.verdict.model import Fit, constant_value, fit, gain
+from gimbalcal.diagnose.verdict.model import Fit, constant_value, explained_beside, fit
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
 
@@ -95,7 +95,7 @@ def _common(c: Combined, members: Sequence[int], j: int, own: Sequence[Fit]) -> 
         p = project(own[k].projection.node, rows_like(s.rows, X))
         beside, width = range(len(others)), made[0].shape[1]
         starts = [len(others) + width * i for i in range(len(tried))]
-        total += [gain(p, beside, range(at, at + width)) / 2 for at in starts]
+        total += [explained_beside(p, beside, range(at, at + width)) / 2 for at in starts]
     return tried[int(np.argmax(total))]
 
 

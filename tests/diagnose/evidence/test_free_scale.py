@@ -16,7 +16,7 @@ from gimbalcal.diagnose.evidence.free_scale import (
     Ground,
     best_evidence,
     clear,
-    gain,
+    explained,
     ground,
     log_evidence,
 )
@@ -126,10 +126,10 @@ def test_what_columns_take_away_is_what_regression_says() -> None:
     def left(A: Array) -> float:
         return float(np.sum((y - A @ np.linalg.lstsq(A, y, rcond=None)[0]) ** 2))
 
-    assert gain(g, [0, 2]) == pytest.approx(left(Z) - left(np.concatenate([Z, W], axis=1)))
+    assert explained(g, [0, 2]) == pytest.approx(left(Z) - left(np.concatenate([Z, W], axis=1)))
     both = ground(r, J, X)
-    assert gain(both, [0, 2]) == pytest.approx(gain(both, [0, 2], both.best()[0]))
-    assert gain(both, [0, 2], 0) == pytest.approx(gain(g, [0, 2]))
+    assert explained(both, [0, 2]) == pytest.approx(explained(both, [0, 2], both.best()[0]))
+    assert explained(both, [0, 2], 0) == pytest.approx(explained(g, [0, 2]))
 
 
 def test_the_best_size_is_the_largest_of_those_tried() -> None:
@@ -172,7 +172,7 @@ def test_evidence_orders_causes_as_an_f_test_does() -> None:
     g = ground(r, J, X, memory=False)
     X_left = g.cleared[0].X
     g = ground(r, J, X / np.sqrt((X_left**2).sum(axis=0)), memory=False)
-    taken = np.array([gain(g, [k]) for k in range(4)])
+    taken = np.array([explained(g, [k]) for k in range(4)])
     rest = g.cleared[0].y @ g.cleared[0].y - taken
     p = fisher.sf(taken / (rest / (g.cleared[0].dof - 1)), 1, g.cleared[0].dof - 1)
     assert list(np.argsort(p)) == list(np.argsort([-log_evidence(g, [k]) for k in range(4)]))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.library.shapes import polynomials, turns, unit_rms
+from gimbalcal.diagnose.library.shapes import high_harmonics, polynomials, unit_rms
 from tests.diagnose.laws import oddities
 from tests.diagnose.plant import STEPS, at_strength, specific_force
 
@@ -27,7 +27,7 @@ def left(y, basis):
 
 
 def test_one_basis_holds_a_whole_third_harmonic_and_another_nothing_of_the_first_two():
-    beyond, *single = turns(INNER)
+    beyond, *single = high_harmonics(INNER)
     low = np.stack([f(n * INNER) for n in range(3) for f in (np.cos, np.sin)], axis=-1)
     assert np.abs(low.T @ beyond).max() < 1e-10
     assert min(left(np.sin(3 * INNER + 0.7), b) for b in single) < 1e-10
@@ -36,7 +36,7 @@ def test_one_basis_holds_a_whole_third_harmonic_and_another_nothing_of_the_first
 
 @pytest.mark.parametrize("angle", [PLATFORM, MIDDLE])
 def test_where_first_and_second_say_everything_there_is_no_third(angle):
-    assert turns(angle) == []
+    assert high_harmonics(angle) == []
 
 
 def test_a_strong_third_harmonic_is_not_made_of_three_known_causes():

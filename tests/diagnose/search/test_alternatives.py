@@ -22,7 +22,7 @@ def test_a_clear_cause_is_likely_and_alone() -> None:
     (s,) = c.steps
     j = judged(v, c.end, s.taken[0])
     assert j.cause is s.taken[0]
-    assert j.twins == ()
+    assert j.confounded == ()
     assert j.probability > 0.99
     # F test of its two columns: what they take away, over what is left
     before, after = (float((m.r**2).sum()) for m in (c.start, c.end))
@@ -60,7 +60,7 @@ def test_laws_that_coincide_on_these_rows_are_told_together() -> None:
     c = course(v, silent)
     (s,) = c.steps[:1]
     j = judged(v, c.end, s.taken[0])
-    assert len(j.twins) >= 2
-    assert s.taken[0].effect not in j.twins
-    assert {"tube_flexure", "encoder_eccentricity", "refraction"} & {s.taken[0].effect, *j.twins}
+    assert len(j.confounded) >= 2
+    assert s.taken[0].effect not in j.confounded
+    assert {"tube_flexure", "encoder_eccentricity", "refraction"} & {s.taken[0].effect, *j.confounded}
     assert 0.85 < j.probability < 0.95  # of all of them together; the rest is that of shapes

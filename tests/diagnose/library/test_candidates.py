@@ -1,0 +1,115 @@
+"""Candidates: one for each mechanism and axis of an effect, where the recording has what the effect needs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gimbalcal.diagnose.library.candidates import Candidate, by_mechanism, choices, eligible
+from gimbalcal.diagnose.library.known_noise import available, columns_at, library
+from gimbalcal.diagnose.rows.observations import observe
+from gimbalcal.effects import CATALOGUE, Stage, parameters
+from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.kinematics import stimulus_from_angles
+from tests.diagnose.plant import at_strength, on, record
+
+GIMBALS = ("platform", "inner", "middle")
+RECORDING = record(np.random.default_rng(2), dwell=20)
+S = stimulus_from_angles(RECORDING)
+
+
+def groups(effect: str) -> list[tuple[str, str, list[str]]]:
+    cls = CATALOGUE[effect]
+    found = by_mechanism(parameters(cls, GIMBALS), cls)
+    return [(mechanism, axis, [f"{p.field}:{p.axis}" for p in ps]) for mechanism, axis, ps in found]
+
+
+def test_axes_alone_and_together() -> None:
+    assert groups("bias_drift") == [
+        ("", "x", ["d:x"]), ("", "y", ["d:y"]), ("", "z", ["d:z"]), ("", "x, y, z", ["d:x", "d:y", "d:z"]),
+    ]  # fmt: skip
+
+
+def test_a_pair_of_axes_belongs_to_the_first_and_an_equatorial_one_to_the_equator() -> None:
+    assert groups("cross_coupling")[0] == ("", "x", ["K_c:xy", "K_c:xz"])
+    assert [axis for _, axis, _ in groups("gyro_drift")] == ["equatorial", "polar", "equatorial, polar"]
+
+
+def test_a_second_mechanism_is_a_candidate_of_its_own() -> None:
+    found = groups("gimbal_flexure")
+    assert ("", "inner", ["kappa_1:inner", "kappa_2:inner"]) in found
+    assert ("carried", "inner", ["kappa_3:inner", "kappa_4:inner"]) in found
+    assert [axis for mechanism, axis, _ in found if mechanism == "carried"] == list(GIMBALS)
+
+
+def test_one_vector_is_one_candidate() -> None:
+    assert groups("position_blunder") == [("", "", ["delta:x", "delta:y", "delta:z"])]
+
+
+def test_two_mechanisms_of_one_axis_are_two_causes() -> None:
+    found = [c for c in library(observe(RECORDING), BASELINE["multi-position"]).candidates if c.axis == "inner"]
+    flexure = [c for c in found if c.effect == "gimbal_flexure"]
+    assert len({c.key for c in flexure}) == len(flexure) == 2
+
+
+def test_what_happens_once_is_told_by_its_constants() -> None:
+    assert Candidate("bias_step", "x", (), ()).once
+    assert Candidate("position_blunder", "", (), ()).once
+    assert not Candidate("warm_up", "x", (), ()).once
+    assert not Candidate("unknown time", "x", (), (), rival="a smooth function of time").once
+
+
+def test_columns_stand_where_the_variants_say() -> None:
+    o = observe(RECORDING)
+    made = library(o, BASELINE["multi-position"])
+    c = next(c for c in made.candidates if c.label == "warm_up:y")
+    for v in c.variants:
+        assert np.allclose(made.X[:, list(v.index)], columns_at(o, c, v.constants))
+    assert [v.constants for v in c.variants] == choices(CATALOGUE["warm_up"], o.stimulus)
+
+
+EVERYWHERE = frozenset(Stage)
+
+
+@pytest.mark.parametrize(
+    ("effect", "known", "unknown"),
+    [
+        ("bias_drift", True, True),
+        ("readout_curve", False, False),  # says a shape
+        ("slow_bias_drift", False, True),  # what a stated noise holds
+        ("dead_zone", True, False),  # bends with its size
+        ("base_tilt_diurnal", True, False),  # 40 min of a day
+        ("bias_temperature", True, True),
+        ("pressure", False, False),  # not logged
+        ("lever_arm", False, False),  # nothing turns
+        ("refraction", False, False),  # another kind of recording
+    ],
+)
+def test_an_effect_says_where_it_is_a_candidate(effect: str, known: bool, unknown: bool) -> None:
+    cls = CATALOGUE[effect]
+    assert eligible(cls, "multi-position", S, EVERYWHERE, known_noise=True) == known
+    assert eligible(cls, "multi-position", S, EVERYWHERE, known_noise=False) == unknown
+    assert not eligible(cls, "multi-position", S, frozenset(), known_noise=True)
+
+
+def test_what_the_model_holds_is_not_missing_from_it() -> None:
+    o = observe(RECORDING)
+    assert "bias_drift" in available(o, ())
+    assert "bias_drift" not in available(o, ("bias_drift",))
+
+
+def test_a_unit_without_gimbals_does_not_say_where_north_is() -> None:
+    bare = S.at(attitude=None)
+    assert eligible(CATALOGUE["magnetic_field"], "multi-position", S, EVERYWHERE, known_noise=True)
+    assert not eligible(CATALOGUE["magnetic_field"], "multi-position", bare, EVERYWHERE, known_noise=True)
+
+
+def test_finer_constants_are_found_between_those_of_the_grid() -> None:
+    """A warm-up of 700 s, which is none of the starting values, comes back with its time constant."""
+    from gimbalcal.diagnose import diagnose
+
+    r = at_strength(5, lambda b: on(0, np.exp(-b.t / 700.0)), 60.0)
+    (found,) = diagnose([r]).findings
+    tau = next(p for p in found["parameters"] if p["name"] == "tau")
+    assert found["effect"] == "warm_up"
+    assert abs(tau["value"] * 3600 - 700.0) < 4 * max(tau["sigma"] * 3600, 10.0)
