@@ -71,7 +71,9 @@ def settle(o: Observations) -> Observations:
     if kurtosis > HEAVY:
         static = o.kind == "static-run"
         found = huber(o.y, np.arange(len(o.y)) // NEIGHBOURS if static else o.block, scale)
-        weight, scale = found.weight, found.of_rows if static else found.of_means
+        # what no level follows is physics: it makes no row noisier than the rows next to it show
+        weight = found.weight
+        scale = np.minimum(found.of_rows if static else found.of_means, fast.std(axis=0))
     else:
         scale = fast.std(axis=0)
     return replace(o.over(scale), heavy=kurtosis, weight=weight)

@@ -75,6 +75,27 @@ def test_a_cause_inside_dwells_is_found_in_heavy_tails():
     assert d.findings[0]["parameters"][0]["value"] == pytest.approx(40.0, rel=0.25)
 
 
+@pytest.mark.parametrize("hours", [1.5, 3.0, 8.0])
+def test_an_oscillation_keeps_its_size_in_heavy_tails(hours):
+    """Nine rows to a period, eighteen and forty-eight: the first is faster than any level follows."""
+    rng = np.random.default_rng(4)
+
+    def error(r):
+        tails = 2 * UG * rng.standard_t(3.0, (len(r.t), 3))
+        return tails + np.outer(20 * UG * np.sin(2 * np.pi * r.t / (3600 * hours)), [0.0, 0.0, 1.0])
+
+    o = settle(observe(at_rest(rng, error, 1.0)))
+    assert o.weight is not None
+    angle = 2 * np.pi * o.stimulus.time / (3600 * hours)
+    X = np.zeros((*o.y.shape, 2))
+    X[:, 2] = np.stack([np.sin(angle), np.cos(angle)], axis=-1) / o.sigma[2]
+    A = np.concatenate([o.reduce(X), o.reduce(o.Z)], axis=1)
+    size = np.linalg.lstsq(A, o.reduce(o.y[:, :, None])[:, 0], rcond=1e-9)[0][:2] / UG
+    # one row is 4 ug, 288 of them tell the amplitude to 0.35 ug: 4 sigma
+    np.testing.assert_allclose(size, [20.0, 0.0], atol=1.4)
+    assert o.sigma[2] < 1.5 * o.sigma[1]
+
+
 def of_rows(o, node):
     """Covariance (R, R) of reduced rows from the covariance of every process at every row, one dense product."""
     s, n, C = o.stimulus, *o.y.shape
