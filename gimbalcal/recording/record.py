@@ -121,7 +121,7 @@ class Recording:
     def sigma(self, sensor: str) -> float | None:
         """Noise of one raw sample of `sensor`: as the header states it, else as the rows scatter, else None.
 
-        The setting repeatability of a gimbal angle cannot be seen in its readout, so it is never taken from the scatter.
+        A setting repeatability cannot be seen in the readout of its gimbal, so it is never taken from the scatter.
         """
         if sensor in self.noise:
             return self.noise[sensor]
