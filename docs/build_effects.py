@@ -21,8 +21,8 @@ HEAD = """# The physical effects
 {count} effects, each one class in [`gimbalcal/effects`](../gimbalcal/effects) that the simulator, the estimators, the
 diagnosis and the derivations read alike. Written from their cards by `make docs`; `gimbalcal catalogue EFFECT` shows
 the same card. "Usual" is the prior sigma: the size of the effect on a sensor of the class it is known from; the
-diagnosis allows from a thousandth to a hundred times that. A twin is a cause whose pattern is the same on the usual
-schedules.
+diagnosis allows from a thousandth to a hundred times that. Two causes are confounded whose patterns are the same
+on the usual schedules.
 """
 
 

@@ -32,8 +32,8 @@ class Misalignment(Effect):
               \beta_{zy} & -\beta_{zx} & 1 \end{bmatrix}
 
     Source: Wu et al. (2018), Eq. (5). Magnitude: 1 to 60 arcsec on a navigation platform. Seen by: a cross axis at
-    1 g. A rotation common to all three axes about z is the same thing as the zero of the platform gimbal. Twin:
-    gimbal_zero.
+    1 g. A rotation common to all three axes about z is the same thing as the zero of the platform gimbal.
+    Confounded with: gimbal_zero.
     """
 
     id = "misalignment"
@@ -55,7 +55,7 @@ class ScaleFactor(Effect):
     .. math:: \delta f_i = \frac{f_i}{1 + s_i} - f_i, \qquad f^a = SF^{-1} C_p^a f^p, \qquad s = SF - 1
 
     Source: Wu et al. (2018), Eq. (6). Magnitude: 10 to 500 ppm. Seen by: own axis at +1 g against -1 g. An error of
-    the gravity value is the same thing as a common change of all three. Twin: gravity_error.
+    the gravity value is the same thing as a common change of all three. Confounded with: gravity_error.
     """
 
     id = "scale_factor"
@@ -76,7 +76,7 @@ class ScaleNonlinearity(Effect):
     .. math:: w = u + K_{nl} w^2 \;\Rightarrow\; w - u = u \, \frac{1 - r}{1 + r}, \quad r = \sqrt{1 - 4 K_{nl} u}
 
     with u the scaled force and w = f^a - b, the exact solution. Source: Wu et al. (2018), Eq. (6), implicit.
-    Magnitude: 1 to 30 ug/g^2 (quartz flexure). Seen by: own axis at 1 g against 0.71 g. Twin:
+    Magnitude: 1 to 30 ug/g^2 (quartz flexure). Seen by: own axis at 1 g against 0.71 g. Confounded with:
     quadratic_nonlinearity, the same law under the catalogue's name.
     """
 
@@ -97,8 +97,8 @@ class Bias(Effect):
 
     .. math:: \delta a_i = b_i
 
-    Source: Wu et al. (2018), Eq. (6), delta b. Magnitude: 10 to 500 ug. Seen by: own axis at +1 g against -1 g. Twin:
-    the common part of K2, Kpp and Koo at 1 g.
+    Source: Wu et al. (2018), Eq. (6), delta b. Magnitude: 10 to 500 ug. Seen by: own axis at +1 g against -1 g.
+    Confounded with: the common part of K2, Kpp and Koo at 1 g.
     """
 
     id = "bias"
@@ -117,8 +117,9 @@ class FrameMisalignment(Effect):
 
     .. math:: \delta f = f \times \vartheta
 
-    Source: Wu et al. (2018), Eq. (5), the part common to all axes. Magnitude: 1 to 100 arcsec. Seen by: nothing that
-    misalignment does not see. Twin: misalignment (its antisymmetric part), exactly; gimbal_zero about z.
+    Source: Wu et al. (2018), Eq. (5), the part common to all axes. Magnitude: 1 to 100 arcsec. Seen by: nothing
+    that misalignment does not see. Confounded with: misalignment (its antisymmetric part), exactly; gimbal_zero
+    about z.
     """
 
     id = "frame_misalignment"

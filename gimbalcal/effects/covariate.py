@@ -29,8 +29,8 @@ class BiasCovariate(Effect):
 
     .. math:: \delta a_i = k_i (c - \bar c)
 
-    Source: regression on what was logged. Magnitude: any. Seen by: every position while the channel moves. Twin:
-    bias_temperature and bias_drift if the channel follows them.
+    Source: regression on what was logged. Magnitude: any. Seen by: every position while the channel moves.
+    Confounded with: bias_temperature and bias_drift if the channel follows them.
     """
 
     id = "bias_covariate"
@@ -52,7 +52,7 @@ class BiasCovariateLagged(Effect):
     .. math:: \delta a_i = k_i \int_0^\infty (c(t - u) - \bar c) \frac{e^{-u / \tau}}{\tau} du
 
     Source: regression on what was logged. Magnitude: any. Seen by: what is left after bias_covariate follows its
-    rate. Twin: bias_drift under a monotone channel.
+    rate. Confounded with: bias_drift under a monotone channel.
     """
 
     id = "bias_covariate_lagged"
@@ -77,8 +77,8 @@ class BiasCovariateSquared(Effect):
 
     .. math:: \delta a_i = k_i (c - \bar c)^2
 
-    Source: regression on what was logged. Magnitude: any. Seen by: the extremes of the channel. Twin: bias_covariate
-    on one side of the mean.
+    Source: regression on what was logged. Magnitude: any. Seen by: the extremes of the channel. Confounded with:
+    bias_covariate on one side of the mean.
     """
 
     id = "bias_covariate_squared"
@@ -98,8 +98,9 @@ class SupplyVoltage(Effect):
 
     .. math:: \delta a_i = (k_i + \kappa_i f_i) \Delta V
 
-    Source: IEEE Std 1293, supply sensitivity. Magnitude: 1 to 10 ppm/V (quartz flexure), 100 to 2000 (MEMS). Seen by:
-    a covariate named supply_voltage [V]. Twin: bias_temperature if the supply follows the temperature.
+    Source: IEEE Std 1293, supply sensitivity. Magnitude: 1 to 10 ppm/V (quartz flexure), 100 to 2000 (MEMS). Seen
+    by: a covariate named supply_voltage [V]. Confounded with: bias_temperature if the supply follows the
+    temperature.
     """
 
     id = "supply_voltage"
@@ -122,7 +123,7 @@ class Pressure(Effect):
     .. math:: \delta a_i = k_i \Delta P
 
     Source: IEEE Std 1293, pressure sensitivity. Magnitude: 0.01 to 0.1 ug/hPa. Seen by: a covariate named pressure
-    [Pa]. Twin: bias_drift on the time scale of the weather.
+    [Pa]. Confounded with: bias_drift on the time scale of the weather.
     """
 
     id = "pressure"
@@ -144,8 +145,8 @@ class VibrationRectification(Effect):
     .. math:: \delta a_i = K_{vr,i} \, a_{rms}^2
 
     Source: IEEE Std 1293, vibration rectification error. Magnitude: 20 to 60 ug/g^2 (quartz flexure), 100 to 5000
-    (MEMS). Seen by: a covariate named vibration [m/s^2], the rms of the raw samples. Twin: a bias of each position if
-    the motors' load depends on attitude.
+    (MEMS). Seen by: a covariate named vibration [m/s^2], the rms of the raw samples. Confounded with: a bias of
+    each position if the motors' load depends on attitude.
     """
 
     id = "vibration_rectification"
@@ -167,7 +168,8 @@ class ServoFollowingError(Effect):
     .. math:: \varphi_i = k_i e_i(t)
 
     Source: Lawrence (1998), platform servo loops. Magnitude: the coefficient is 0 or 1. Seen by: covariates named
-    servo_x, servo_y, servo_z [rad]. Twin: none where the record moves; its constant part is a misalignment.
+    servo_x, servo_y, servo_z [rad]. Confounded with: nothing where the record moves; its constant part is a
+    misalignment.
     """
 
     id = "servo_following_error"

@@ -36,8 +36,8 @@ class PolarAxisMisalignment(Effect):
     .. math:: \varphi = \varphi_0, \qquad f^p = R(\varphi) f^p_{ideal}
 
     Source: Britting (1971), initial alignment of a space-stabilised platform. Magnitude: 5 to 300 arcsec. Seen by:
-    gimbals and force together in a static run; a turn of the encoders alone is a gimbal zero. Twin: none there;
-    in a multi-position recording it is invisible.
+    gimbals and force together in a static run; a turn of the encoders alone is a gimbal zero. Confounded with:
+    nothing there; in a multi-position recording it is invisible.
     """
 
     id = "polar_axis_misalignment"
@@ -58,7 +58,8 @@ class GyroDrift(Effect):
     .. math:: \varphi = \epsilon t
 
     constant in platform axes, which stand still in inertial space. Source: Nash et al. (1971); Britting (1971).
-    Magnitude: 0.001 to 0.01 deg/h. Seen by: accelerometers and gimbals together. Twin: clock_rate for the polar axis.
+    Magnitude: 0.001 to 0.01 deg/h. Seen by: accelerometers and gimbals together. Confounded with: clock_rate for
+    the polar axis.
     """
 
     id = "gyro_drift"
@@ -83,8 +84,8 @@ class GyroGSensitivity(Effect):
 
     .. math:: \varphi = D \int f \, dt
 
-    Source: IEEE Std 528, acceleration-sensitive drift rate. Magnitude: 0.005 to 0.05 deg/h/g. Seen by: six attitudes
-    of the platform. Twin: cross_coupling and a solar-day drift at one attitude.
+    Source: IEEE Std 528, acceleration-sensitive drift rate. Magnitude: 0.005 to 0.05 deg/h/g. Seen by: six
+    attitudes of the platform. Confounded with: cross_coupling and a solar-day drift at one attitude.
     """
 
     id = "gyro_g_sensitivity"
@@ -109,8 +110,8 @@ class GyroG2Sensitivity(Effect):
 
     .. math:: \varphi_i = E_i \int f_j f_k \, dt
 
-    Source: IEEE Std 528, acceleration-squared-sensitive drift rate. Magnitude: 0.002 to 0.02 deg/h/g^2. Seen by: twice
-    the sidereal rate in the drift. Twin: gyro_g_sensitivity at one attitude.
+    Source: IEEE Std 528, acceleration-squared-sensitive drift rate. Magnitude: 0.002 to 0.02 deg/h/g^2. Seen by:
+    twice the sidereal rate in the drift. Confounded with: gyro_g_sensitivity at one attitude.
     """
 
     id = "gyro_g2_sensitivity"
@@ -134,8 +135,9 @@ class GyroTemperatureDrift(Effect):
 
     .. math:: \varphi = \epsilon_T \int (T - T_0) \, dt
 
-    Source: IEEE Std 952, environmentally sensitive drift. Magnitude: 1e-4 to 1e-3 deg/h/degC. Seen by: accelerometers
-    and gimbals together while the temperature moves. Twin: gyro_drift at a constant temperature.
+    Source: IEEE Std 952, environmentally sensitive drift. Magnitude: 1e-4 to 1e-3 deg/h/degC. Seen by:
+    accelerometers and gimbals together while the temperature moves. Confounded with: gyro_drift at a constant
+    temperature.
     """
 
     id = "gyro_temperature_drift"
@@ -161,8 +163,8 @@ class GyroDiurnalDrift(Effect):
     .. math:: \varphi = \int (A \sin\omega_d t + B \cos\omega_d t) \, dt
               = \frac{1}{\omega_d} (A (1 - \cos\omega_d t) + B \sin\omega_d t)
 
-    Source: IEEE Std 952, environmentally sensitive drift. Magnitude: 1e-4 to 1e-3 deg/h. Seen by: accelerometers and
-    gimbals together. Twin: gyro_g_sensitivity and cross_coupling in runs shorter than weeks.
+    Source: IEEE Std 952, environmentally sensitive drift. Magnitude: 1e-4 to 1e-3 deg/h. Seen by: accelerometers
+    and gimbals together. Confounded with: gyro_g_sensitivity and cross_coupling in runs shorter than weeks.
     """
 
     id = "gyro_diurnal_drift"
@@ -188,8 +190,8 @@ class CaseRotationResidue(Effect):
 
     .. math:: \varphi = A \sin(2\pi t / P) + B \cos(2\pi t / P)
 
-    Source: Britting (1971), case rotation of free-rotor gyroscopes. Magnitude: 0.5 to 10 urad, period 8 min. Seen by:
-    a sharp line in all channels if samples are closer than half the period. Twin: none.
+    Source: Britting (1971), case rotation of free-rotor gyroscopes. Magnitude: 0.5 to 10 urad, period 8 min. Seen
+    by: a sharp line in all channels if samples are closer than half the period. Confounded with: nothing.
     """
 
     id = "case_rotation_residue"
@@ -212,7 +214,7 @@ class ServoLimitCycle(Effect):
     .. math:: \varphi = A \sin(2\pi t / P) + B \cos(2\pi t / P)
 
     Source: Lawrence (1998), platform servo loops. Magnitude: 0.5 to 20 urad. Seen by: raw samples; block averages
-    alias it. Twin: case_rotation_residue where the rate of samples aliases one into the other.
+    alias it. Confounded with: case_rotation_residue where the rate of samples aliases one into the other.
     """
 
     id = "servo_limit_cycle"
@@ -237,7 +239,7 @@ class SchulerOscillation(Effect):
     with lambda zero where nothing damps it.
 
     Source: Britting (1971), Schuler tuning. Magnitude: 0.5 to 20 arcsec. Seen by: roll and pitch, nothing else.
-    Twin: none.
+    Confounded with: nothing.
     """
 
     id = "schuler_oscillation"
@@ -262,8 +264,8 @@ class ClockRate(Effect):
 
     .. math:: \varphi = (0, 0, -\omega_{ie} \kappa t), \qquad \delta f = \kappa t \, \dot f
 
-    Source: Groves (2013), data timing. Magnitude: 0.01 to 50 ppm. Seen by: a growing phase of the sidereal line. Twin:
-    gyro_drift about the polar axis, exactly, as far as the accelerometers are asked.
+    Source: Groves (2013), data timing. Magnitude: 0.01 to 50 ppm. Seen by: a growing phase of the sidereal line.
+    Confounded with: gyro_drift about the polar axis, exactly, as far as the accelerometers are asked.
     """
 
     id = "clock_rate"

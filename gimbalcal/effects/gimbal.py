@@ -21,7 +21,8 @@ class GimbalZero(Effect):
     those of S_t and q in Eq. (4) run the other way, and there the zero adds with the other sign.
 
     Source: Wu et al. (2018), section 3: theta_10 (platform), theta_20 (inner), theta_30 (middle). Magnitude: 1 to
-    100 arcsec. Seen by: the same gimbal with gravity on two sides of it. Twin: base_tilt in a static run.
+    100 arcsec. Seen by: the same gimbal with gravity on two sides of it. Confounded with: base_tilt in a static
+    run.
     """
 
     id = "gimbal_zero"
@@ -47,9 +48,10 @@ class GimbalNonorthogonality(Effect):
     .. math:: T_i = \epsilon_i \, a_i \times a_{i+1}, \qquad
               C_b^p = R_1(\theta_1) \, T_1 \, R_2(\theta_2) \, T_2 \, R_3(\theta_3) \cdots
 
-    with T_i the small rotation between axis i and the next one out, about the direction across both. Source:
-    Wu et al. (2018), Eq. (3), whose axes are orthogonal. Magnitude: 1 to 20 arcsec. Seen by: all tilted positions,
-    three channels together. Twin: gimbal_zero and base_tilt for the outermost pair when the outer gimbal stands still.
+    with T_i the small rotation between axis i and the next one out, about the direction across both. Source: Wu et
+    al. (2018), Eq. (3), whose axes are orthogonal. Magnitude: 1 to 20 arcsec. Seen by: all tilted positions, three
+    channels together. Confounded with: gimbal_zero and base_tilt for the outermost pair when the outer gimbal
+    stands still.
     """
 
     id = "gimbal_nonorthogonality"
@@ -73,8 +75,8 @@ class EncoderEccentricity(Effect):
     .. math:: \delta\theta = A \sin\theta + B \cos\theta
 
     Source: geometry: offset over radius, 1 um on 50 mm is 4.1 arcsec. Magnitude: 1 to 40 arcsec. Seen by: a pattern
-    in the gimbal angle, three channels together. Twin: gimbal_flexure on a horizontal axis; absorbed in a static run
-    on gimbals that stand still.
+    in the gimbal angle, three channels together. Confounded with: gimbal_flexure on a horizontal axis; absorbed in
+    a static run on gimbals that stand still.
     """
 
     id = "encoder_eccentricity"
@@ -95,8 +97,8 @@ class EncoderTwoCycle(Effect):
 
     .. math:: \delta\theta = A \sin 2\theta + B \cos 2\theta
 
-    Source: geometry of a read head on an ellipse. Magnitude: 0.3 to 5 arcsec. Seen by: a pattern in twice the gimbal
-    angle. Twin: base_tilt_diurnal in a static run shorter than weeks.
+    Source: geometry of a read head on an ellipse. Magnitude: 0.3 to 5 arcsec. Seen by: a pattern in twice the
+    gimbal angle. Confounded with: base_tilt_diurnal in a static run shorter than weeks.
     """
 
     id = "encoder_two_cycle"
@@ -118,7 +120,7 @@ class EncoderHarmonic(Effect):
     .. math:: \delta\theta = A \sin n\theta + B \cos n\theta
 
     Source: geometry of a circle held at n points. Magnitude: 0.1 to 2 arcsec. Seen by: as many angles as 2 n + 1.
-    Twin: higher and lower n alias on a schedule of 45 degree steps.
+    Confounded with: higher and lower n, which alias on a schedule of 45 degree steps.
     """
 
     id = "encoder_harmonic"
@@ -142,7 +144,7 @@ class EncoderCyclicError(Effect):
     .. math:: \delta\theta = A \sin N\theta + B \cos N\theta
 
     Source: sine and cosine channels of unequal gain and offset. Magnitude: 0.05 to 1 arcsec. Seen by: a slow sweep
-    over one line. Twin: setting_error on positions that are far apart.
+    over one line. Confounded with: setting_error on positions that are far apart.
     """
 
     id = "encoder_cyclic_error"
@@ -166,7 +168,7 @@ class PeriodicWormError(Effect):
     .. math:: \delta\theta = A \sin N\theta + B \cos N\theta
 
     with N the teeth of the wheel. Source: Wallace, TPOINT manual. Magnitude: 1 to 30 arcsec. Seen by: tracking over
-    one tooth. Twin: encoder_cyclic_error with as many lines as teeth.
+    one tooth. Confounded with: encoder_cyclic_error with as many lines as teeth.
     """
 
     id = "periodic_worm_error"
@@ -191,7 +193,8 @@ class BearingWobble(Effect):
               + w_{s,i} (e_{2,i} \cos m\theta_i - e_{1,i} \sin m\theta_i)
 
     with e_1, e_2 across the axis. Source: bearing run-out. Magnitude: 0.2 to 5 arcsec. Seen by: three channels
-    together, m of 2 and more. Twin: with m = 1 a fixed lean of the next axis; near encoder_two_cycle with m = 2.
+    together, m of 2 and more. Confounded with: a fixed lean of the next axis for m = 1; nearly with
+    encoder_two_cycle for m = 2.
     """
 
     id = "bearing_wobble"
@@ -217,10 +220,11 @@ class GimbalFlexure(Effect):
     .. math:: \delta\theta_i = \kappa_{1,i} \, g_1^{(i)} + \kappa_{2,i} \, g_2^{(i)}
               + (\kappa_{3,i} \cos\theta_{i-1} + \kappa_{4,i} \sin\theta_{i-1}) \, g_{a(i-1)}^{(i)}
 
-    with g_1, g_2 the components of gravity across axis i in the frame that turns with it, and g_a(i-1) the one along
-    the next axis inwards: a mass that turns with gimbal i loads the first two, a mass carried by the gimbal inside it
-    the last two. Source: torque of a mass off its axis. Magnitude: 0.5 to 10 arcsec/g. Seen by: positions whose load
-    on that gimbal differs. Twin: encoder_eccentricity, exactly, where the axis is horizontal and carries its own load.
+    with g_1, g_2 the components of gravity across axis i in the frame that turns with it, and g_a(i-1) the one
+    along the next axis inwards: a mass that turns with gimbal i loads the first two, a mass carried by the gimbal
+    inside it the last two. Source: torque of a mass off its axis. Magnitude: 0.5 to 10 arcsec/g. Seen by: positions
+    whose load on that gimbal differs. Confounded with: encoder_eccentricity, exactly, where the axis is horizontal
+    and carries its own load.
     """
 
     id = "gimbal_flexure"
@@ -251,9 +255,9 @@ class GimbalFriction(Effect):
 
     .. math:: \delta\theta_i = h_i \operatorname{sign}(\Delta\theta_i)
 
-    with the turn at the last move of that gimbal's schedule. Source: friction torque over loop stiffness. Magnitude:
-    0.1 to 2 arcsec. Seen by: order of visits, across the force. Twin: near accelerometer_hysteresis, which acts
-    along it.
+    with the turn at the last move of that gimbal's schedule. Source: friction torque over loop stiffness.
+    Magnitude: 0.1 to 2 arcsec. Seen by: order of visits, across the force. Nearly confounded with:
+    accelerometer_hysteresis, which acts along it.
     """
 
     id = "gimbal_friction"
@@ -273,8 +277,8 @@ class PositionBlunder(Effect):
 
     .. math:: \varphi = \delta \, [p = p_0], \qquad f^p = R(\varphi) f^p_{ideal}
 
-    Source: operation. Magnitude: any. Seen by: one position only, across the force. Twin: none; the turn about the
-    force itself is invisible. Repeat the position.
+    Source: operation. Magnitude: any. Seen by: one position only, across the force. Confounded with: nothing; the
+    turn about the force itself is invisible. Repeat the position.
     """
 
     id = "position_blunder"

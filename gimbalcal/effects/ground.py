@@ -39,7 +39,7 @@ class BaseTilt(Effect):
     .. math:: C_n^b = R(\kappa_N, \kappa_E, \kappa_D)
 
     Source: Wu et al. (2018), Eq. (28). Magnitude: 1 to 100 arcsec. Seen by: gimbals; the accelerometers of an
-    inertially fixed platform are blind to it. Twin: gimbal_zero (outer).
+    inertially fixed platform are blind to it. Confounded with: gimbal_zero (outer).
     """
 
     id = "base_tilt"
@@ -62,7 +62,8 @@ class BaseTiltDrift(Effect):
     .. math:: C_n^b = R(\dot\psi_N t, \dot\psi_E t, 0)
 
     Source: Wu et al. (2018), Eq. (28), whose tilt is constant. Magnitude: 0.1 to 5 urad/h. Seen by: accelerometers
-    where encoders give the attitude; gimbals alone on an inertially fixed platform. Twin: base_tilt_diurnal within 8 h.
+    where encoders give the attitude; gimbals alone on an inertially fixed platform. Confounded with:
+    base_tilt_diurnal within 8 h.
     """
 
     id = "base_tilt_drift"
@@ -83,8 +84,9 @@ class BaseTiltDiurnal(Effect):
 
     .. math:: \psi(t) = A \sin\omega_d t + B \cos\omega_d t, \qquad \omega_d = 2\pi / 24\,\mathrm{h}
 
-    Source: tilt of buildings by the sun, engineering experience. Magnitude: 1 to 20 urad. Seen by: gimbals at the sum
-    and difference of the solar and sidereal rates. Twin: encoder_two_cycle in a static run; base_tilt_drift within 8 h.
+    Source: tilt of buildings by the sun, engineering experience. Magnitude: 1 to 20 urad. Seen by: gimbals at the
+    sum and difference of the solar and sidereal rates. Confounded with: encoder_two_cycle in a static run;
+    base_tilt_drift within 8 h.
     """
 
     id = "base_tilt_diurnal"
@@ -108,8 +110,8 @@ class PlumbLineTide(Effect):
     .. math:: \delta g^n = g \, (A \sin\omega t + B \cos\omega t), \qquad \omega = 2\pi / P
 
     in north and east, with P the period of M2 unless told otherwise. Source: IERS Conventions (2010), chapters 6
-    and 7. Magnitude: 20 to 100 nrad. Seen by: accelerometers alone. Twin: the K1 constituent is sidereal and cannot
-    be told from a platform term.
+    and 7. Magnitude: 20 to 100 nrad. Seen by: accelerometers alone. Confounded with: platform terms, in its
+    sidereal constituent K1.
     """
 
     id = "plumb_line_tide"
@@ -134,7 +136,7 @@ class GravityTide(Effect):
     .. math:: \delta g^n = (0, 0, A \sin\omega t + B \cos\omega t), \qquad \omega = 2\pi / P
 
     Source: IERS Conventions (2010), chapter 7. Magnitude: 110 uGal (0.1 ug). Seen by: all channels in proportion to
-    the force. Twin: near plumb_line_tide of the same period; gravity_error if constant.
+    the force. Nearly confounded with: plumb_line_tide of the same period; gravity_error if constant.
     """
 
     id = "gravity_tide"
@@ -157,8 +159,8 @@ class GravityError(Effect):
 
     .. math:: \delta g^n = (0, 0, \gamma g)
 
-    Source: WGS-84 normal gravity against a gravimeter. Magnitude: 1 to 50 ppm. Seen by: nothing. Twin: three equal
-    errors of scale_factor, exactly.
+    Source: WGS-84 normal gravity against a gravimeter. Magnitude: 1 to 50 ppm. Seen by: nothing. Confounded with:
+    three equal errors of scale_factor, exactly.
     """
 
     id = "gravity_error"
@@ -177,8 +179,8 @@ class VerticalDeflection(Effect):
 
     .. math:: \delta g^n = g \, (\xi_N, \xi_E, 0)
 
-    Source: WGS-84 latitude against an astronomic one. Magnitude: 1 to 20 arcsec. Seen by: nothing alone. Twin:
-    base_tilt with encoders; base_tilt and polar_axis_misalignment in a static run.
+    Source: WGS-84 latitude against an astronomic one. Magnitude: 1 to 20 arcsec. Seen by: nothing alone. Confounded
+    with: base_tilt with encoders; base_tilt and polar_axis_misalignment in a static run.
     """
 
     id = "vertical_deflection"
@@ -198,8 +200,8 @@ class MagneticField(Effect):
     .. math:: \delta a_i = \sum_j M_{ij} \, h_j, \qquad h = C_n^p (\cos D, \sin D, 0)
 
     with h the horizontal direction of the field, D its declination: the vertical part does what gravity does and is
-    a change of scale factors and misalignments. Source: IEEE Std 1293, magnetic sensitivity. Magnitude: 1 to 20 ug in
-    50 uT. Seen by: a turn about the vertical. Twin: near cross_coupling on the 18 positions.
+    a change of scale factors and misalignments. Source: IEEE Std 1293, magnetic sensitivity. Magnitude: 1 to 20 ug
+    in 50 uT. Seen by: a turn about the vertical. Nearly confounded with: cross_coupling on the 18 positions.
     """
 
     id = "magnetic_field"

@@ -44,8 +44,9 @@ class GyroBiasDrift(Effect):
 
     .. math:: \delta\omega = \dot\varepsilon \, t
 
-    Source: IEEE Std 952, rate ramp. Magnitude: 0.001 deg/h/h (ring laser), 1 to 100 deg/h/h (MEMS, warming up). Seen
-    by: rest in the same attitude early and late. Twin: gyro_g_sensitivity_rate where the attitudes follow the clock.
+    Source: IEEE Std 952, rate ramp. Magnitude: 0.001 deg/h/h (ring laser), 1 to 100 deg/h/h (MEMS, warming up).
+    Seen by: rest in the same attitude early and late. Confounded with: gyro_g_sensitivity_rate where the attitudes
+    follow the clock.
     """
 
     id = "gyro_bias_drift"
@@ -114,8 +115,8 @@ class GyroScaleNonlinearity(Effect):
     .. math:: \delta\omega_i = K_i \omega_i^2
 
     Source: Wang et al. (2019), Eq. (6), K_g2, there in the other direction. Magnitude: 1 to 100 ppm per rad/s
-    (optical), to 1000 (MEMS). Seen by: turning both ways about the axis; the difference of the two senses is blind to
-    it. Near twin when only one speed is used: scale-factor asymmetry.
+    (optical), to 1000 (MEMS). Seen by: turning both ways about the axis; the difference of the two senses is blind
+    to it. Nearly confounded with: scale-factor asymmetry when only one speed is used.
     """
 
     id = "gyro_scale_nonlinearity"

@@ -19,8 +19,8 @@ class AccelerometerHysteresis(Effect):
     .. math:: \delta a_i = h_i \operatorname{sign}(\Delta f_i)
 
     with the change of force at the last move. Source: IEEE Std 528, hysteresis error. Magnitude: 1 to 20 ug (quartz
-    flexure), 50 to 1000 (MEMS). Seen by: order of visits, not position. Twin: near cross_coupling in one order;
-    the reversed order tells them apart.
+    flexure), 50 to 1000 (MEMS). Seen by: order of visits, not position. Nearly confounded with: cross_coupling in
+    one order; the reversed order tells them apart.
     """
 
     id = "accelerometer_hysteresis"
@@ -40,10 +40,10 @@ class PostMoveCreep(Effect):
 
     .. math:: \delta a_i = (c_i \Delta f_i + l_i f_i) e^{-(t - t_{move}) / \tau}
 
-    The first term is that of a suspension loaded through the move, the second of one that was caged, or whose torquer
-    was off, while it moved. Source: IEEE Std 1293, turn-on and rotation transients. Magnitude: 5 to 50 ug/g (quartz
-    flexure), tau 1 to 30 min. Seen by: the first minutes of each dwell, when the dwell is not averaged. Twin: none
-    while time in the dwell is kept.
+    The first term is that of a suspension loaded through the move, the second of one that was caged, or whose
+    torquer was off, while it moved. Source: IEEE Std 1293, turn-on and rotation transients. Magnitude: 5 to 50 ug/g
+    (quartz flexure), tau 1 to 30 min. Seen by: the first minutes of each dwell, when the dwell is not averaged.
+    Confounded with: nothing while time in the dwell is kept.
     """
 
     id = "post_move_creep"
@@ -72,8 +72,8 @@ class TwoMoveMemory(Effect):
 
     .. math:: \delta a_i = m_i f_i^{(n-2)}
 
-    Source: IEEE Std 528, hysteresis error. Magnitude: 1 to 10 ug/g (quartz flexure), 20 to 500 (MEMS). Seen by: order
-    of visits two back. Twin: none; two different orders tell it from a position's own error.
+    Source: IEEE Std 528, hysteresis error. Magnitude: 1 to 10 ug/g (quartz flexure), 20 to 500 (MEMS). Seen by:
+    order of visits two back. Confounded with: nothing; two different orders tell it from a position's own error.
     """
 
     id = "two_move_memory"

@@ -16,7 +16,7 @@ class LeverArm(Effect):
     .. math:: \delta f = \dot\omega \times r + \omega \times (\omega \times r)
 
     Source: Groves (2013), lever arms. Magnitude: r of 10 to 50 mm; 93 ug at 10 deg/s, 270 ug at 5 deg/s^2. Seen by:
-    slews at two rates, with gyroscopes. Twin: none; at rest nothing is left of it.
+    slews at two rates, with gyroscopes. Confounded with: nothing; at rest it vanishes.
     """
 
     id = "lever_arm"
@@ -39,8 +39,8 @@ class AccelerometerLeverArm(Effect):
 
     .. math:: \delta a_i = [\dot\omega \times r_i + \omega \times (\omega \times r_i)]_i
 
-    Source: Groves (2013), size effect. Magnitude: 5 to 50 mm. Seen by: fast turns about three axes. Twin: lever_arm
-    in the part common to all three.
+    Source: Groves (2013), size effect. Magnitude: 5 to 50 mm. Seen by: fast turns about three axes. Confounded
+    with: lever_arm in the part common to all three.
     """
 
     id = "accelerometer_lever_arm"
@@ -65,9 +65,9 @@ class GravityLeakage(Effect):
 
     .. math:: \varphi = \kappa \int \omega \, dt, \qquad \delta f = -\varphi \times f
 
-    with kappa = 1 where the gyroscopes tell the whole of the tilt. Source: Groves (2013), a level frame
-    that is not.  Magnitude: 0.5 to 1. Seen by: slow tilts, in the horizontal axes. Twin: none; lever_arm grows with
-    the second power of the frequency.
+    with kappa = 1 where the gyroscopes tell the whole of the tilt. Source: Groves (2013), a level frame that is
+    not. Magnitude: 0.5 to 1. Seen by: slow tilts, in the horizontal axes. Confounded with: nothing; lever_arm grows
+    with the second power of the frequency.
     """
 
     id = "gravity_leakage"
@@ -93,8 +93,8 @@ class TorquerScaleFactor(Effect):
 
     .. math:: \varphi_i = \kappa_i \int \Omega_i \, dt
 
-    Source: Britting (1971), torquer scale factor. Magnitude: 10 to 100 ppm. Seen by: torquing on against off. Twin:
-    gyro_drift at one attitude, exactly.
+    Source: Britting (1971), torquer scale factor. Magnitude: 10 to 100 ppm. Seen by: torquing on against off.
+    Confounded with: gyro_drift at one attitude, exactly.
     """
 
     id = "torquer_scale_factor"
@@ -119,8 +119,8 @@ class TimeTagLatency(Effect):
 
     .. math:: \delta f = \delta t \, \dot f
 
-    Source: Groves (2013), data timing. Magnitude: 0.1 to 20 ms; 0.07 ug per ms at Earth rate, 17 ug per ms at 1 deg/s.
-    Seen by: slews. Twin: polar_axis_misalignment, exactly, in a static run.
+    Source: Groves (2013), data timing. Magnitude: 0.1 to 20 ms; 0.07 ug per ms at Earth rate, 17 ug per ms at 1
+    deg/s. Seen by: slews. Confounded with: polar_axis_misalignment, exactly, in a static run.
     """
 
     id = "time_tag_latency"

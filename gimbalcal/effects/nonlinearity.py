@@ -22,9 +22,9 @@ class QuadraticNonlinearity(Effect):
     .. math:: \delta a_i = f_i \, \frac{1 - r}{1 + r}, \qquad r = \sqrt{1 - 4 K_{2,i} f_i}
 
     which is K_2 times the square of the output, to first order of the force. Source: IEEE Std 1293, K2; the law of
-    Eq. (6) of Wu et al. (2018). Magnitude: 5 to 50 ug/g^2 (quartz flexure), 100 to 3000 (MEMS). Seen by: own axis at
-    1 g against 0.71 g; the 2nd harmonic of a sidereal turn. Twin: cross_coupling in a static run; scale_nonlinearity
-    is the same coefficient in the 18-parameter model.
+    Eq. (6) of Wu et al. (2018). Magnitude: 5 to 50 ug/g^2 (quartz flexure), 100 to 3000 (MEMS). Seen by: own axis
+    at 1 g against 0.71 g; the 2nd harmonic of a sidereal turn. Confounded with: cross_coupling in a static run;
+    scale_nonlinearity is the same coefficient in the 18-parameter model.
     """
 
     id = "quadratic_nonlinearity"
@@ -45,8 +45,8 @@ class OddQuadratic(Effect):
 
     .. math:: \delta a_i = K_{oq,i} f_i |f_i|
 
-    Source: IEEE Std 1293, odd quadratic coefficient. Magnitude: 1 to 20 ug/g^2 (quartz flexure). Seen by: own axis at
-    1 g against 0.71 g, odd part. Twin: cubic_nonlinearity at or below 1 g.
+    Source: IEEE Std 1293, odd quadratic coefficient. Magnitude: 1 to 20 ug/g^2 (quartz flexure). Seen by: own axis
+    at 1 g against 0.71 g, odd part. Confounded with: cubic_nonlinearity at or below 1 g.
     """
 
     id = "odd_quadratic"
@@ -65,8 +65,8 @@ class CubicNonlinearity(Effect):
 
     .. math:: \delta a_i = K_{3,i} f_i^3
 
-    Source: IEEE Std 1293, K3. Magnitude: 1 to 20 ug/g^3 (quartz flexure), 50 to 2000 (MEMS). Seen by: own axis at
-    1 g against 0.71 g, odd part; the 3rd harmonic of a sidereal turn. Twin: odd_quadratic at or below 1 g.
+    Source: IEEE Std 1293, K3. Magnitude: 1 to 20 ug/g^3 (quartz flexure), 50 to 2000 (MEMS). Seen by: own axis at 1
+    g against 0.71 g, odd part; the 3rd harmonic of a sidereal turn. Confounded with: odd_quadratic at or below 1 g.
     """
 
     id = "cubic_nonlinearity"
@@ -86,7 +86,7 @@ class ScaleFactorAsymmetry(Effect):
     .. math:: \delta a_i = S_i |f_i|
 
     Source: IEEE Std 1293, scale-factor asymmetry. Magnitude: 5 to 50 ppm (quartz flexure), 100 to 2000 (MEMS). Seen
-    by: the positive against the negative half of the own axis. Twin: near quadratic_nonlinearity.
+    by: the positive against the negative half of the own axis. Nearly confounded with: quadratic_nonlinearity.
     """
 
     id = "scale_factor_asymmetry"
@@ -105,8 +105,8 @@ class CrossCoupling(Effect):
 
     .. math:: \delta a_i = K_{ij} f_i f_j + K_{ik} f_i f_k
 
-    Source: IEEE Std 1293, Kip and Kio. Magnitude: 2 to 20 ug/g^2 (quartz flexure). Seen by: positions with the
-    own and another axis both loaded. Twin: quadratic_nonlinearity and most 2nd harmonics in a static run.
+    Source: IEEE Std 1293, Kip and Kio. Magnitude: 2 to 20 ug/g^2 (quartz flexure). Seen by: positions with the own
+    and another axis both loaded. Confounded with: quadratic_nonlinearity and most 2nd harmonics in a static run.
     """
 
     id = "cross_coupling"
@@ -129,7 +129,7 @@ class CrossAxisProduct(Effect):
 
     with j the next axis and k the one after. Koo = 0 by convention: at 1 g the sum of all three squares is a bias.
     Source: IEEE Std 1293, Kpo, Kpp, Koo. Magnitude: 1 to 20 ug/g^2 (quartz flexure). Seen by: positions with the
-    own axis at null and both others loaded. Twin: block_sag; near cross_coupling in a static run.
+    own axis at null and both others loaded. Confounded with: block_sag; nearly with cross_coupling in a static run.
     """
 
     id = "cross_axis_product"
@@ -151,7 +151,7 @@ class BlockSag(Effect):
     .. math:: \delta a_i = c_i f_j f_k
 
     Source: IEEE Std 1293, mounting compliance. Magnitude: 0.5 to 5 urad/g. Seen by: positions with two axes loaded.
-    Twin: cross_axis_product, exactly, with one orientation of each accelerometer on the block.
+    Confounded with: cross_axis_product, exactly, with one orientation of each accelerometer on the block.
     """
 
     id = "block_sag"
@@ -171,9 +171,9 @@ class ReadoutCurve(Effect):
 
     .. math:: \delta a_i = \sum_{n=4}^{7} c_{n,i} P_n(f_i / g_0)
 
-    with Legendre polynomials. Source: IEEE Std 1293, readout electronics. Magnitude: 0.5 to 5 ug (24 bit), 50 to 5000
-    (MEMS). Seen by: a continuous tumble. Twin: at the five input levels of the 18 positions only one even and one
-    odd shape beyond the straight line exist, so it is quadratic_nonlinearity and cubic_nonlinearity there.
+    with Legendre polynomials. Source: IEEE Std 1293, readout electronics. Magnitude: 0.5 to 5 ug (24 bit), 50 to
+    5000 (MEMS). Seen by: a continuous tumble. Confounded with: quadratic_nonlinearity and cubic_nonlinearity at the
+    five input levels of the 18 positions, where only one even and one odd shape beyond the straight line exist.
     """
 
     id = "readout_curve"
@@ -200,8 +200,9 @@ class DeadZone(Effect):
 
     .. math:: \delta a_i = -\operatorname{sign}(f_i) \min(|f_i|, d_i)
 
-    Source: IEEE Std 528, dead zone and threshold. Magnitude: below 1 ug (quartz flexure), to 500 ug (MEMS). Seen by:
-    positions with the own axis near null against the others. Twin: none; near accelerometer_hysteresis.
+    Source: IEEE Std 528, dead zone and threshold. Magnitude: below 1 ug (quartz flexure), to 500 ug (MEMS). Seen
+    by: positions with the own axis near null against the others. Confounded with: nothing; nearly with
+    accelerometer_hysteresis.
     """
 
     id = "dead_zone"
@@ -221,8 +222,9 @@ class SoftSaturation(Effect):
 
     .. math:: \delta a_i = -c_i \operatorname{sign}(f_i) \max(0, |f_i| - f_0)^2
 
-    Source: IEEE Std 1293, input range. Magnitude: nothing on a quartz flexure at 1 g; 0.1 to 5 % near the full scale
-    of a 1 to 2 g MEMS part. Seen by: own axis at 1 g. Twin: cubic_nonlinearity and odd_quadratic on the 18 positions.
+    Source: IEEE Std 1293, input range. Magnitude: nothing on a quartz flexure at 1 g; 0.1 to 5 % near the full
+    scale of a 1 to 2 g MEMS part. Seen by: own axis at 1 g. Confounded with: cubic_nonlinearity and odd_quadratic
+    on the 18 positions.
     """
 
     id = "soft_saturation"

@@ -15,7 +15,7 @@ class AxisCollimation(Effect):
     .. math:: \vartheta = (0, 0, c), \qquad \delta(\text{across}) = c
 
     Source: Wallace, TPOINT manual. Magnitude: 1 to 600 arcsec. Seen by: the two pier sides, or low against high
-    elevation. Twin: gimbal_nonorthogonality over a narrow range of the innermost axis.
+    elevation. Confounded with: gimbal_nonorthogonality over a narrow range of the innermost axis.
     """
 
     id = "axis_collimation"
@@ -38,8 +38,8 @@ class TubeFlexure(Effect):
     .. math:: \vartheta = k \, x_p \times d, \qquad d = -\frac{f}{g}, \qquad
               \delta(\text{along}) = -k \, d_z = -k \cos E, \qquad \delta(\text{across}) = k \, d_y
 
-    Source: Wallace, TPOINT manual. Magnitude: 1 to 60 arcsec. Seen by: low against high elevation. Twin: a
-    once-per-turn encoder error of a horizontal axis.
+    Source: Wallace, TPOINT manual. Magnitude: 1 to 60 arcsec. Seen by: low against high elevation. Confounded with:
+    a once-per-turn encoder error of a horizontal axis.
     """
 
     id = "tube_flexure"
@@ -62,8 +62,9 @@ class Refraction(Effect):
     .. math:: \vartheta = \frac{R \, g}{f_x} \, x_p \times d, \qquad d = -\frac{f}{g}, \qquad
               E_{seen} - E_{true} = R \cot E
 
-    Source: Wallace, TPOINT manual (TX); Explanatory Supplement (plane-parallel atmosphere, R about 60 arcsec in full).
-    Magnitude: 0.5 to 10 arcsec left over. Seen by: elevations below 30 deg. Twin: tube_flexure at high elevation.
+    Source: Wallace, TPOINT manual (TX); Explanatory Supplement (plane-parallel atmosphere, R about 60 arcsec in
+    full). Magnitude: 0.5 to 10 arcsec left over. Seen by: elevations below 30 deg. Confounded with: tube_flexure at
+    high elevation.
     """
 
     id = "refraction"
@@ -85,8 +86,9 @@ class GimbalZeroDrift(Effect):
 
     .. math:: \delta\theta = \dot\theta_0 t, \qquad \theta = \theta_{readout} + \delta\theta
 
-    Source: Wallace, TPOINT manual, zero points that change in the course of a night. Magnitude: 1 to 300 arcsec/h. Seen
-    by: stars in the same part of the sky early and late. Twin: base_tilt_drift where only one part of it is seen.
+    Source: Wallace, TPOINT manual, zero points that change in the course of a night. Magnitude: 1 to 300 arcsec/h.
+    Seen by: stars in the same part of the sky early and late. Confounded with: base_tilt_drift where only one part
+    of it is seen.
     """
 
     id = "gimbal_zero_drift"

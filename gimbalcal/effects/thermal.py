@@ -30,8 +30,8 @@ class BiasTemperature(Effect):
     .. math:: \delta a_i = b_{T,i} (T - T_0)
 
     Source: IEEE Std 1293, temperature sensitivity of bias. Magnitude: 1 to 30 ug/degC (quartz flexure), 100 to 500
-    (MEMS). Seen by: every position while the temperature moves. Twin: bias_drift under a monotone temperature; a
-    pure 24 h cycle in a static run is absorbed.
+    (MEMS). Seen by: every position while the temperature moves. Confounded with: bias_drift under a monotone
+    temperature; a pure 24 h cycle in a static run is absorbed.
     """
 
     id = "bias_temperature"
@@ -52,8 +52,8 @@ class ScaleTemperature(Effect):
     .. math:: \delta a_i = s_{T,i} f_i (T - T_0)
 
     Source: IEEE Std 1293, temperature sensitivity of scale factor. Magnitude: 10 to 180 ppm/degC. Seen by: loaded
-    axes while the temperature moves, with the sign of the force. Twin: none where opposite faces see other
-    temperatures.
+    axes while the temperature moves, with the sign of the force. Confounded with: nothing where opposite faces see
+    other temperatures.
     """
 
     id = "scale_temperature"
@@ -75,7 +75,7 @@ class MisalignmentTemperature(Effect):
 
     with j the next axis and k the one after: the pattern of Eq. (5) of Wu et al. (2018). Source: IEEE Std 1293,
     input-axis misalignment. Magnitude: 0.2 to 2 urad/degC. Seen by: cross axes at 1 g while the temperature moves.
-    Twin: near a thermal tilt of the gimbals.
+    Nearly confounded with: a thermal tilt of the gimbals.
     """
 
     id = "misalignment_temperature"
@@ -96,8 +96,8 @@ class BiasTemperatureLagged(Effect):
     .. math:: \delta a_i = b_{L,i} \int_0^\infty (T(t - u) - T_0) \frac{e^{-u / \tau}}{\tau} du
 
     in equilibrium before the first sample. Source: IEEE Std 1293, thermal transients. Magnitude: that of
-    bias_temperature, tau 0.2 to 2 h. Seen by: what is left after bias_temperature follows dT/dt. Twin: bias_drift
-    and warm_up under a monotone temperature.
+    bias_temperature, tau 0.2 to 2 h. Seen by: what is left after bias_temperature follows dT/dt. Confounded with:
+    bias_drift and warm_up under a monotone temperature.
     """
 
     id = "bias_temperature_lagged"
@@ -123,7 +123,8 @@ class BiasTemperatureRate(Effect):
     .. math:: \delta a_i = r_i \dot T
 
     with the rate smoothed over tau to both sides, because thermometers are noisy. Source: IEEE Std 1293, thermal
-    transients. Magnitude: 1 to 20 ug/(degC/h). Seen by: ramps. Twin: bias_temperature with bias_temperature_lagged.
+    transients. Magnitude: 1 to 20 ug/(degC/h). Seen by: ramps. Confounded with: bias_temperature with
+    bias_temperature_lagged.
     """
 
     id = "bias_temperature_rate"
@@ -144,8 +145,8 @@ class BiasTemperatureSquared(Effect):
 
     .. math:: \delta a_i = q_i (T - T_0)^2
 
-    Source: IEEE Std 1293, temperature model. Magnitude: 0.05 to 0.5 ug/degC^2 (quartz flexure), 1 to 10 (MEMS). Seen
-    by: the extremes of temperature. Twin: bias_temperature on a narrow range.
+    Source: IEEE Std 1293, temperature model. Magnitude: 0.05 to 0.5 ug/degC^2 (quartz flexure), 1 to 10 (MEMS).
+    Seen by: the extremes of temperature. Confounded with: bias_temperature on a narrow range.
     """
 
     id = "bias_temperature_squared"
@@ -166,7 +167,7 @@ class WarmUp(Effect):
     .. math:: \delta a_i = w_i e^{-t / \tau}
 
     Source: IEEE Std 1293, turn-on transient. Magnitude: 10 to 200 ug (quartz flexure), tau 0.3 to 3 h. Seen by: the
-    first hours only. Twin: bias_drift in a test shorter than tau.
+    first hours only. Confounded with: bias_drift in a test shorter than tau.
     """
 
     id = "warm_up"
@@ -190,8 +191,8 @@ class BiasDrift(Effect):
 
     .. math:: \delta a_i = d_i t
 
-    Source: IEEE Std 528, drift. Magnitude: 0.05 to 5 ug/h (quartz flexure), 5 to 500 (MEMS). Seen by: a return to the
-    first position at the end. Twin: warm_up and bias_temperature under a monotone temperature.
+    Source: IEEE Std 528, drift. Magnitude: 0.05 to 5 ug/h (quartz flexure), 5 to 500 (MEMS). Seen by: a return to
+    the first position at the end. Confounded with: warm_up and bias_temperature under a monotone temperature.
     """
 
     id = "bias_drift"
@@ -212,7 +213,8 @@ class SlowBiasDrift(Effect):
 
     a drift and its turning within the span T: the slowest terms of any wander about its mean. Source: IEEE Std 952,
     bias instability. Magnitude: 0.5 to 5 ug (quartz flexure), 20 to 500 (MEMS). Seen by: a return to the same few
-    positions throughout. Twin: bias_drift and warm_up in part, bias_temperature where no thermometer was logged.
+    positions throughout. Confounded with: bias_drift and warm_up in part, bias_temperature where no thermometer was
+    logged.
     """
 
     id = "slow_bias_drift"
@@ -237,7 +239,7 @@ class BiasStep(Effect):
     .. math:: \delta a_i = J_i \, [t \geq t_0]
 
     Source: IEEE Std 528, bias stability. Magnitude: 1 to 20 ug (quartz flexure), 20 to 1000 (MEMS). Seen by: a step
-    between dwells. Twin: none where the same position stands on both sides of the step.
+    between dwells. Confounded with: nothing where the same position stands on both sides of the step.
     """
 
     id = "bias_step"
@@ -258,7 +260,7 @@ class SelfHeating(Effect):
     .. math:: \delta a_i = H_i \int_0^\infty (f_i(t - u) / g_0)^2 \frac{e^{-u / \tau}}{\tau} du
 
     Source: Lawrence (1998), pendulous accelerometers. Magnitude: 1 to 10 ug (quartz flexure). Seen by: dwells short
-    against tau. Twin: quadratic_nonlinearity when each dwell outlasts tau.
+    against tau. Confounded with: quadratic_nonlinearity when each dwell outlasts tau.
     """
 
     id = "self_heating"
