@@ -12,6 +12,7 @@ import sympy
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, parameters, values, with_values
 from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.effect import constants as constants_of
 from gimbalcal.forward import jacobian, predict, turning
 from gimbalcal.inference.information import information, solve
 from gimbalcal.kinematics import stimulus_from_angles
@@ -129,7 +130,8 @@ def ready(name: str, kind: str = "multi-position") -> Effect:
 
 def unknowns(name: str, constants: bool = True, kind: str = "multi-position") -> tuple[Parameter, ...]:
     found = parameters(CATALOGUE[name], RECORDINGS[kind].platform.axis_names, constants=constants)
-    return tuple(p for p in found if p.field not in CATALOGUE[name].steps)
+    jumping = {f.name for f in constants_of(CATALOGUE[name]) if f.metadata["grid"].jumps}  # scanned, not differentiated
+    return tuple(p for p in found if p.field not in jumping)
 
 
 def filled(name: str, rng: np.random.Generator) -> Effect:
