@@ -23,7 +23,7 @@ def sky() -> Stimulus:
     n = len(angles)
     return replace(
         given(), time=3600.0 * np.arange(n), readout=angles, angle=angles, true_angle=angles, force=np.zeros((n, 3)),
-        axis_names=AXES, axis_directions=("y", "z"), load=gimbal_load(MOUNT, angles), visit=np.arange(n),
+        axis_names=AXES, sense=(), axis_directions=("y", "z"), load=gimbal_load(MOUNT, angles), visit=np.arange(n),
     )  # fmt: skip
 
 
