@@ -1,11 +1,10 @@
 """The result of an estimator, applied to recordings, and exchanged with other programs (`exchange`)."""
 
-from gimbalcal.calibration.calibration import FORMAT, GIMBAL_NAMES, Calibration, Residual, StageResult, from_dict, read
+from gimbalcal.calibration.calibration import FORMAT, Calibration, Residual, StageResult, from_dict, read
 from gimbalcal.calibration.readout import Counts, Readout
 
 __all__ = [
     "FORMAT",
-    "GIMBAL_NAMES",
     "Calibration",
     "Counts",
     "Readout",

@@ -16,12 +16,11 @@ from gimbalcal.calibration.readout import DRAWING, Readout, from_content
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
-from gimbalcal.platform import SPACE_STABLE_INERTIAL
+from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si, to_si
 
 FORMAT = 1
-GIMBAL_NAMES = ("platform", "inner", "middle", "outer")
 
 
 @dataclass(frozen=True)
@@ -166,7 +165,7 @@ def gimbals_of(named: Sequence[tuple[str, str]]) -> tuple[str, ...]:
     any_gimbal = "?"
     by_gimbal = {p.name for cls in CATALOGUE.values() for p in parameters(cls, (any_gimbal,)) if p.axis == any_gimbal}
     axes = tuple(dict.fromkeys(axis for name, axis in named if name in by_gimbal))
-    return GIMBAL_NAMES if set(axes) <= set(GIMBAL_NAMES) else axes
+    return SPACE_STABLE.axis_names if set(axes) <= set(SPACE_STABLE.axis_names) else axes
 
 
 def _sense(p: Parameter) -> float:

@@ -56,7 +56,7 @@ def correct(calibration: Calibrated, recording: Recording) -> Recording:
     _refuse_other_rig(calibration, recording)
     effects = _with_needs(calibration.effects, recording)
     _refuse_other_unit(calibration.readout, recording)
-    made = _turned(in_si(recording, calibration.readout), effects, 1.0)
+    made = _through_encoders(in_si(recording, calibration.readout), effects, 1.0)
     s = _felt(made)
     force, rate = (made.triad(q) if made.has(q) else None for q in (FORCE, RATE))
     for _ in range(ROUNDS):  # force and rate enter each other's errors (g-sensitivity, lever arms)
@@ -109,7 +109,7 @@ def corrupt(calibration: Calibrated, recording: Recording) -> Recording:
     """The recording as the calibrated unit would have read it, inverse of `correct`. Direction: physics to readings."""
     _refuse_other_rig(calibration, recording)
     effects = _with_needs(calibration.effects, recording)
-    read = _turned(recording, effects, -1.0)
+    read = _through_encoders(recording, effects, -1.0)
     s = _felt(recording if recording.platform.axes else read)
     channels = dict(read.channels)
     if recording.has(FORCE):
@@ -125,7 +125,7 @@ def _columns(quantity: str, v: Array) -> dict[Key, Array]:
     return {(quantity, a): v[:, i] for i, a in enumerate(AXES)}
 
 
-def _turned(recording: Recording, effects: Sequence[Effect], sign: float) -> Recording:
+def _through_encoders(recording: Recording, effects: Sequence[Effect], sign: float) -> Recording:
     """Readouts to true gimbal angles (sign 1) or back (sign -1)."""
     encoder = [e for e in effects if e.stage is Stage.ENCODER]
     if not encoder or not recording.has(ANGLE):

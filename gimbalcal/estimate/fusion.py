@@ -2,7 +2,7 @@ r"""Device level and system level in one estimate: what one stage cannot see ano
 
 Both stages state the same parameters of Eq. (6) as square-root information, so fusion is addition and needs no
 transfer of "residuals" from stage to stage. Wu et al. (2018) stop short of it: their third stage overwrites twelve
-coefficients. What is left unseen by both keeps its prior sigma and is named.
+coefficients. What is unobservable in both keeps its prior sigma and is named.
 
 The encoders are the same in both stages, and so are their zeros: `gimbal_zero` is counted in the sense of Table 1 in
 either, although the static run reads S_t and q, which run the other way (`Platform.sense`). With the wrong sign and a

@@ -40,7 +40,7 @@ def static_information(
 
 
 def linearisation_point(run: Readings, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Effect, ...]:
-    """Effects with the wanted parameters moved to where a part of the rows is explained; unseen directions stay."""
+    """Effects with the wanted parameters moved to where part of the rows is explained; unobservable directions stay."""
     few = run.thinned(ENOUGH)
     J = few.jacobian(effects, wanted)
     step = solve(information(J / few.sigma[..., None], few.residual(effects) / few.sigma, wanted))
