@@ -258,3 +258,24 @@ def test_the_scenario_in_the_documentation_runs() -> None:
     assert {e.id for e in truth} >= {"cubic_nonlinearity", "warm_up", "cross_coupling", "bias"}
     assert recording.position is not None
     assert set(recording.position) == set(range(1, 19)) - {3}
+
+
+def test_the_truths_of_one_unit_agree_in_both_kinds_of_recording() -> None:
+    """The platform gimbal's zero of the unit that ships was +24 arcsec at 18 positions and -24 arcsec at rest."""
+    data = Path(__file__).parents[2] / "data"
+    folders = [data / "space_stable_18", data / "space_stable_static"]
+    told = [json.loads((f / "truth.json").read_text())["parameters"] for f in folders]
+    by_label = [{(p["name"], p["axis"]): p["value"] for p in parameters} for parameters in told]
+    common = set(by_label[0]) & set(by_label[1])
+    assert ("gimbal_zero", "platform") in common
+    assert [by_label[0][k] for k in sorted(common)] == [by_label[1][k] for k in sorted(common)]
+
+
+def test_a_static_run_that_ships_is_what_its_scenario_says_now() -> None:
+    """A sense of the zeros that is not the one of its samples would move the readout by 48 arcsec."""
+    folder = Path(__file__).parents[2] / "data" / "space_stable_static"
+    made, there = simulate(folder / "scenario.toml")[0], read(folder)
+    for key, values_there in there.channels.items():
+        close = (made.channels[key] - values_there + np.pi) % (2 * np.pi) - np.pi if key[0] == "gimbal_angle" else None
+        left = made.channels[key] - values_there if close is None else close
+        np.testing.assert_allclose(left, 0, atol=1e-12, err_msg=str(key))  # rounding of days of radians
