@@ -40,9 +40,9 @@ def differences(x: Array, begins: Array, weight: Array, order: int = 3, turn: fl
 
 
 def white_sigma(x: Array, begins: Array, weight: Array) -> Array:
-    """One sigma (C,) of one raw sample of rows x (n, C), from the highest order of differences up to the third that
+    """One sigma (C,) of one raw sample of rows x (n, C); 0 where no row follows another.
 
-    the rows in a position are enough for; 0 where no row follows another.
+    From third differences; where no position has four rows from second ones, where none has three from first ones.
     """
     for order in (3, 2, 1):
         d = differences(x, begins, weight, order)

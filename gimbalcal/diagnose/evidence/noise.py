@@ -65,17 +65,17 @@ def settle(o: Observations) -> Observations:
     fast = _fast(o)
     if len(fast) < FEW:
         return o
-    scale = np.median(np.abs(fast), axis=0) / 0.6745
-    scale = np.where(scale > 0, scale, 1.0)
+    scale, plain = np.median(np.abs(fast), axis=0) / 0.6745, fast.std(axis=0)
+    scale, plain = (np.where(a > 0, a, 1.0) for a in (scale, plain))  # a channel that always reads the same
     kurtosis, weight = float(np.mean(_excess(fast / scale))), None
     if kurtosis > HEAVY:
         static = o.kind == "static-run"
         found = huber(o.y, np.arange(len(o.y)) // NEIGHBOURS if static else o.block, scale)
         # what no level follows is physics: it makes no row noisier than the rows next to it show
         weight = found.weight
-        scale = np.minimum(found.of_rows if static else found.of_means, fast.std(axis=0))
+        scale = np.minimum(found.of_rows if static else found.of_means, plain)
     else:
-        scale = fast.std(axis=0)
+        scale = plain
     return replace(o.over(scale), heavy=kurtosis, weight=weight)
 
 
@@ -88,9 +88,10 @@ def _fast(o: Observations) -> Array:
 
 
 def _excess(x: Array) -> Array:
-    """Excess kurtosis per column, samples beyond 12 sigma counted as 12."""
+    """Excess kurtosis per column, samples beyond 12 sigma counted as 12; none where nothing varies."""
     x = np.clip(x, -12, 12)
-    return np.asarray((x**4).mean(axis=0) / (x**2).mean(axis=0) ** 2 - 3)
+    square = (x**2).mean(axis=0)
+    return np.asarray(np.where(square > 0, (x**4).mean(axis=0) / np.where(square > 0, square, 1.0) ** 2 - 3, 0.0))
 
 
 def nodes(o: Observations) -> tuple[Node, ...]:

@@ -17,10 +17,13 @@ from gimbalcal.diagnose.evidence.free_scale import (
     best_evidence,
     clear,
     explained,
+    first_order,
     ground,
     log_evidence,
 )
+from gimbalcal.effects.process import covariance
 from gimbalcal.inference.algebra import logsumexp
+from gimbalcal.inference.noise import chain
 from gimbalcal.number import Array
 
 
@@ -176,3 +179,14 @@ def test_evidence_orders_causes_as_an_f_test_does() -> None:
     rest = g.cleared[0].y @ g.cleared[0].y - taken
     p = fisher.sf(taken / (rest / (g.cleared[0].dof - 1)), 1, g.cleared[0].dof - 1)
     assert list(np.argsort(p)) == list(np.argsort([-log_evidence(g, [k]) for k in range(4)]))
+
+
+@pytest.mark.parametrize("rho", [rho for rho in MEMORY if rho])
+def test_memory_from_row_to_row_is_a_gauss_markov_process(rho: float) -> None:
+    noise, n = first_order(rho), 12
+    time = np.arange(float(n))
+    V = covariance(noise, time)
+    np.testing.assert_allclose(V, rho ** np.abs(time[:, None] - time), rtol=1e-10)
+    L = chain(noise, time).whiten(np.eye(n))
+    np.testing.assert_allclose(L @ V @ L.T, np.eye(n), atol=1e-10)
+    assert chain(noise, time).log_determinant == pytest.approx((n - 1) * np.log(1 - rho**2), abs=1e-10)

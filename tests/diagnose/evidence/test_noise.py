@@ -1,5 +1,7 @@
 """The noise of a recording: weights leave what was measured as it is, and a node is what its processes make of rows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.fft import dct
@@ -51,7 +53,7 @@ def test_outliers_lose_their_weight_and_their_pull():
     hit[100::180] += 2000 * UG
     channels["specific_force", "x"] = hit
     o = settle(observe(clean))
-    spoiled = settle(observe(type(clean)(**{**vars(clean), "channels": channels})))
+    spoiled = settle(observe(replace(clean, channels=channels)))
     assert spoiled.weight[100::180, 0].max() < 0.05
     # twelve of 2160 rows, each worth 100 sigma of a row, in plain means 22 sigma of a block of 20
     moved = (spoiled.reduce(spoiled.y[:, :, None]) - o.reduce(o.y[:, :, None]))[::3, 0]
@@ -94,6 +96,17 @@ def test_an_oscillation_keeps_its_size_in_heavy_tails(hours):
     # one row is 4 ug, 288 of them tell the amplitude to 0.35 ug: 4 sigma
     np.testing.assert_allclose(size, [20.0, 0.0], atol=1.4)
     assert o.sigma[2] < 1.5 * o.sigma[1]
+
+
+@pytest.mark.parametrize("tails", [0.0, 3.0])
+def test_a_channel_that_always_reads_the_same_breaks_nothing(tails):
+    rng = np.random.default_rng(6)
+    r = at_rest(rng, (lambda r: 2 * UG * rng.standard_t(tails, (len(r.t), 3))) if tails else None, 1.0)
+    stuck = {**r.channels, ("gimbal_angle", "outer"): np.zeros(len(r.time))}
+    o = settle(observe(replace(r, channels=stuck)))
+    assert (o.weight is not None) == bool(tails)
+    assert np.all(np.isfinite(o.y))
+    assert np.all(o.sigma > 0)
 
 
 def of_rows(o, node):
