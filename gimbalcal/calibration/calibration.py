@@ -16,7 +16,7 @@ from gimbalcal.calibration.readout import DRAWING, Readout, from_content
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
-from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL
+from gimbalcal.platform import KNOWN, SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si, to_si
 
@@ -161,11 +161,12 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
 
 
 def gimbals_of(named: Sequence[tuple[str, str]]) -> tuple[str, ...]:
-    """Gimbals of a platform by (name, axis) of its parameters, in their order; the space-stable four if they fit."""
+    """Gimbals of the first known platform that has those of parameters given by (name, axis), else just these."""
     any_gimbal = "?"
     by_gimbal = {p.name for cls in CATALOGUE.values() for p in parameters(cls, (any_gimbal,)) if p.axis == any_gimbal}
     axes = tuple(dict.fromkeys(axis for name, axis in named if name in by_gimbal))
-    return SPACE_STABLE.axis_names if set(axes) <= set(SPACE_STABLE.axis_names) else axes
+    having = (platform.axis_names for platform in KNOWN.values() if set(axes) <= set(platform.axis_names))
+    return next(having, axes)
 
 
 def _sense(p: Parameter) -> float:

@@ -14,8 +14,11 @@ from gimbalcal.calibration import Calibration, Counts, Readout, Residual, from_d
 from gimbalcal.calibration.exchange import export, read_calibration
 from gimbalcal.calibration.readout import DRAWING, INERTIAL, in_counts, in_si
 from gimbalcal.effects import CATALOGUE, parameters, with_values
+from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.pipeline import load, three_stage
 from gimbalcal.platform import BENCH, KNOWN, SPACE_STABLE, Axis, Platform
 from gimbalcal.recording import Recording, Site
+from gimbalcal.simulate import simulate
 
 ARCSEC = np.deg2rad(1 / 3600)
 MOUNT = Platform("mount", (Axis("declination", "y"), Axis("hour_angle", "z")))
@@ -121,3 +124,29 @@ def test_the_readout_of_a_file_is_what_was_written() -> None:
     assert set(content["readout"]) == {"accelerometers", "gyroscopes", "gimbals", "angles", "unit"}
     assert content["readout"]["accelerometers"] == {"scale": [2e-3, -3e-3, 4e-3], "offset": [100.0, -50.0, 7.0]}
     assert from_dict(content).readout == made.readout
+
+
+def test_a_two_axis_mount_is_calibrated_written_read_and_applied(tmp_path: Path) -> None:
+    """Its vertical gimbal has no zero among the parameters, and is a gimbal all the same."""
+    holds = [{"elevation": float(a), "azimuth": float(b)} for a in range(0, 360, 45) for b in (0, 90)]
+    recording, _ = simulate({
+        "format": 1, "kind": "multi-position", "title": "mount", "seed": 3, "platform": {"name": "alt-az"},
+        "schedule": {"holds": holds, "dwell": {"value": 20.0, "unit": "s"}},
+        "noise": {"accelerometer": {"value": 10.0, "unit": "ug"}, "gimbal_angle": {"value": 1.0, "unit": "arcsec"}},
+        "truth": {"gimbal_zero": {"elevation": 50.0}},
+    })  # fmt: skip
+    made = three_stage([recording])
+    made.write(tmp_path / "calibration.json")
+    back = read(tmp_path / "calibration.json")
+    assert back.readout.gimbals == ("elevation", "azimuth")
+    for each in (back, from_dict(old(made.to_dict()))):
+        off = each.apply(recording).angles() - recording.angles()
+        zero = {p.label: v for p, v in zip(made.parameters, made.values, strict=True)}["gimbal_zero:elevation"]
+        np.testing.assert_allclose(off, np.broadcast_to([zero, 0.0], off.shape), atol=1e-15)
+
+
+def test_every_estimator_says_which_gimbals_it_had() -> None:
+    data = Path(__file__).parents[2] / "data"
+    positions, run = load([data / "space_stable_18", data / "space_stable_static"])
+    for made in (three_stage([positions]), three_stage([run]), three_stage([positions, run]), multiposition(positions)):
+        assert made.readout.gimbals == SPACE_STABLE.axis_names

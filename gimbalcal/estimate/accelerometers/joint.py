@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.effects import Effect, values, with_values
 from gimbalcal.errors import amount
 from gimbalcal.estimate.accelerometers.account import outcome, provenance, rms, stage
@@ -48,6 +48,7 @@ def joint(positions: Positions, start: Calibration | None = None, *, prior: Cali
         outcome=outcome(fit, positions.faults),
         provenance=origin,
         stages=(stage("joint", p, fit, words),),
+        readout=Readout(gimbals=p.platform.axis_names),
     )
 
 
