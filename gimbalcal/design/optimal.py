@@ -22,8 +22,9 @@ from gimbalcal.design.exchange import CRITERIA, optimise, value
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Parameter, Stimulus, parameters
 from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.effect import tied
 from gimbalcal.errors import InputError, amount
-from gimbalcal.estimate.accelerometers.multiposition import TERMS, TRIANGLE
+from gimbalcal.estimate.accelerometers.multiposition import TERMS
 from gimbalcal.estimate.accelerometers.setting import Noise, VisitRows, baseline, whiten
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
@@ -142,7 +143,7 @@ def design_parameters(rig: Rig, terms: Sequence[str]) -> tuple[Parameter, ...]:
         if gimbals:
             raise InputError(f"{gimbals[0]} is an angle error, which cannot be seen where no angle is known")
         found = [p for t in terms for p in parameters(CATALOGUE[t])]
-        return tuple(p for p in found if p.effect != "misalignment" or p.axis in TRIANGLE)
+        return tied(found)
     return baseline(rig.platform, terms)
 
 

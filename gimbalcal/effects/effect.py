@@ -232,6 +232,11 @@ def constants(cls: type[Effect]) -> tuple[dataclasses.Field[float], ...]:
     return tuple(f for f in dataclasses.fields(cls) if f.metadata.get("kind") == "constant")
 
 
+def tied(wanted: Sequence[Parameter]) -> tuple[Parameter, ...]:
+    """Parameters that are left where nothing ties the frame down: without those that only turn it."""
+    return tuple(p for p in wanted if p.axis not in CATALOGUE[p.effect].gauge)
+
+
 def lacking(cls: type[Effect], carries: Callable[[str], bool]) -> str:
     """The first quantity that an effect needs and a stimulus, a recording or a plan does not have; empty if none."""
     return next((need for need in cls.requires if not carries(need)), "")

@@ -11,7 +11,7 @@ import numpy as np
 from gimbalcal.calibration import Readout
 from gimbalcal.calibration.readout import in_si
 from gimbalcal.earth import G0
-from gimbalcal.effects import Effect, Stimulus
+from gimbalcal.effects import Effect, Stage, Stimulus
 from gimbalcal.estimate.static_run.run import prepare
 from gimbalcal.forward import accelerometers, predict
 from gimbalcal.inversion import invert
@@ -24,7 +24,7 @@ from gimbalcal.report.wording import unit_in_print
 from gimbalcal.units import from_si, to_si
 
 BLOCKS = 288  # points a curve over time is drawn with; more cannot be told apart on a page
-OF_ONE_RUN = ("base_tilt", "polar_axis_misalignment")  # how the base and the platform stood in a static run
+OF_ONE_RUN = (Stage.BASE, Stage.PLATFORM)  # how the base and the platform stood in a static run
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def by_position(
     sigma = spread.accelerometer and np.hypot(spread.accelerometer / np.sqrt(means.weight), spread.excess)
     bars = None if sigma is None else np.broadcast_to(np.asarray(sigma)[:, None], shape)
     if means.platform.axes:
-        own = tuple(e for e in effects if e.id not in OF_ONE_RUN)
+        own = tuple(e for e in effects if e.stage not in OF_ONE_RUN)
         before = measured - predict(means.platform, s, ())["specific_force"]
         after = measured - predict(means.platform, s, own)["specific_force"]
         axes: tuple[str, ...] = ("x", "y", "z")

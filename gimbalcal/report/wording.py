@@ -13,11 +13,6 @@ SURPRISE = 1e-3  # probability below which chance is not believed
 NEGLIGIBLE = 0.1  # relative excess over the stated noise that no user would act on, however significant
 
 NAMES = {
-    "scale_factor": "scale factor",
-    "bias": "bias",
-    "scale_nonlinearity": "scale nonlinearity",
-    "misalignment": "misalignment",
-    "gimbal_zero": "gimbal zero",
     "phi_0": "platform turn",
 }
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")

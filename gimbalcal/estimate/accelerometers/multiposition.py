@@ -19,6 +19,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
 from gimbalcal.calibration.readout import in_si
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
+from gimbalcal.effects.effect import tied
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.account import noise_record
 from gimbalcal.estimate.accelerometers.noise import ATTITUDE, HEADER, SAMPLES
@@ -35,7 +36,6 @@ UNSTEADY = 10.0  # times the white noise of a mean: what the wandering of a low-
 WIDE = 100.0  # times the prior scale of a navigation platform: low-cost units reach 50 mg, 5 % and 3 deg
 TERMS = (*LINEAR, "scale_nonlinearity", "cubic_nonlinearity")
 # x of the orthogonal frame lies along the first input axis, y in the plane of the first two: Eq. (5)
-TRIANGLE = ("yz", "zy", "zx")
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +103,7 @@ def _without_angles(cls: Any) -> bool:
 def unknowns(terms: Sequence[str]) -> tuple[Parameter, ...]:
     """Parameters of the terms; of the six misalignments the three that the norm can see."""
     found = [p for t in terms for p in parameters(CATALOGUE[t])]
-    kept = (p for p in found if p.effect != "misalignment" or p.axis in TRIANGLE)
-    return tuple(replace(p, sigma=WIDE * p.sigma) for p in kept)
+    return tuple(replace(p, sigma=WIDE * p.sigma) for p in tied(found))
 
 
 def norm_fit(means: Recording, terms: Sequence[str]) -> NormFit:
