@@ -65,5 +65,5 @@ print(len(wanted), "coefficients:", ", ".join(p.label for p in wanted))
 # sign of its own), and no longer recording would help. The package fixes it by a stated convention and says so.
 
 # %%
-for direction in seen.solution.unseen:
+for direction in seen.solution.unobservable:
     print(direction.why)

@@ -316,10 +316,10 @@ def test_is_recovered_where_it_is_seen_and_named_where_it_is_not(name: str, kind
         solution = solve(information(J, y - h + J @ x, wanted))
         x = solution.x
     seen_part = J @ (x - truth)
-    rank = len(wanted) - len(solution.unseen)
+    rank = len(wanted) - len(solution.unobservable)
     # chi^2 of `rank` degrees of freedom at 4 sigma (normal approximation, generous), plus what hides below one sigma
-    assert seen_part @ seen_part < rank + 4 * np.sqrt(2 * rank) + 16 + 2 * len(solution.unseen)
-    named = {label for u in solution.unseen for label in u.direction}
+    assert seen_part @ seen_part < rank + 4 * np.sqrt(2 * rank) + 16 + 2 * len(solution.unobservable)
+    named = {label for u in solution.unobservable for label in u.direction}
     for p, value, sigma, true in zip(wanted, x, solution.sigma, truth, strict=True):
         if p in own and p.label not in named:
             assert abs(value - true) < 4 * sigma, f"{p.label}: {from_si(value, p.unit)} against {from_si(true, p.unit)}"

@@ -78,7 +78,7 @@ class Observability:
     @property
     def in_words(self) -> str:
         """The answer in one paragraph."""
-        n, unseen = len(self.solution.parameters), self.solution.unseen
+        n, unseen = len(self.solution.parameters), self.solution.unobservable
         lines = [f"{self.schedule} sees {n - len(unseen)} of {amount(n, 'combination')} of parameters"]
         lines += [f"not seen: {u.why}" for u in unseen]
         lines += [f"twins: {t.one} and {t.other} (cosine {t.cosine:+.4f})" for t in self.twins]
@@ -100,7 +100,7 @@ class Observability:
             "schedule": self.schedule,
             "noise": self.noise,
             "parameters": rows,
-            "unobservable": [{"direction": u.direction, "why": u.why} for u in self.solution.unseen],
+            "unobservable": [u.to_dict() for u in self.solution.unobservable],
             "twins": [vars(t) for t in self.twins],
             "candidates": [vars(c) for c in self.candidates],
             "in_words": self.in_words,
@@ -249,7 +249,7 @@ def _parameter_twins(rows: Array, solution: Solution) -> list[Twins]:
     d = np.sqrt(np.diag(P))
     cosine = -P / np.outer(d, d)
     labels = [q.label for q in solution.parameters]
-    larger = [set(u.direction) for u in solution.unseen if len(u.direction) > 2]
+    larger = [set(u.direction) for u in solution.unobservable if len(u.direction) > 2]
     return [
         Twins(labels[i], labels[j], float(cosine[i, j]))
         for i, j in combinations(range(len(labels)), 2)

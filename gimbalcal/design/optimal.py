@@ -210,7 +210,7 @@ def assess(schedule: Schedule, rig: Rig, wanted: Sequence[Parameter]) -> tuple[A
     rows = whitened_rows(schedule.angles, same, wanted)
     scale = np.array([p.sigma for p in wanted])
     solution = solve(information((rows / scale).reshape(-1, len(wanted)), np.zeros(rows[..., 0].size), wanted))
-    return solution.sigma, solution.unseen, rows
+    return solution.sigma, solution.unobservable, rows
 
 
 def report(
@@ -239,7 +239,7 @@ def report(
         "candidates": candidates,
         "angles": "unknown" if np.isinf(rig.setting) else f"{float(from_si(rig.setting, 'arcsec')):.3g} arcsec",
         "parameters": table,
-        "unobservable": [{"direction": u.direction, "why": u.why} for u in unseen],
+        "unobservable": [u.to_dict() for u in unseen],
         "unsupported": unsupported(wanted, sigma),
         "against": against,
         "in_words": "\n".join(lines),

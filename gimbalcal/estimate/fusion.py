@@ -38,7 +38,7 @@ def fuse(device: Information, static: Information, before: Calibration) -> Calib
         effects=with_values(before.effects, together.parameters, together.x, names),
         parameters=together.parameters,
         covariance=together.covariance,
-        unobservable=tuple({"direction": u.direction, "why": u.why} for u in together.unseen),
+        unobservable=tuple(u.to_dict() for u in together.unobservable),
         residual=Residual(together.chi2, together.dof, before.residual.rms),
         outcome=". ".join(filter(None, (before.outcome, outcome(alone[1]), contradiction(together, *alone)))),
         stages=(_gain(together, alone[0], before.stages[-1].rms if before.stages else 0.0),),
@@ -79,5 +79,5 @@ def _gain(together: Solution, device: Solution, rms: float) -> StageResult:
         rms,
         f"the static run makes sigma of {sum(r < 0.9 for r in ratio)} of {len(ratio)} parameters smaller by more than "
         f"a tenth, the best by a factor of {1 / best:.1f}; "
-        f"seen by neither stage: {amount(len(together.unseen), 'direction')}",
+        f"seen by neither stage: {amount(len(together.unobservable), 'direction')}",
     )

@@ -88,12 +88,12 @@ def _from_revolutions(recording: Recording, accelerometers: Calibration, terms: 
     except InputError:
         return None
     try:
-        return in_frame_of(g, turned_by(g, recording, accelerometers))
+        return in_frame_of(g, between_triads(g, recording, accelerometers))
     except InputError as problem:
         return replace(g, unobservable=({**g.unobservable[0], "why": f"{g.unobservable[0]['why']}; {problem}"},))
 
 
-def turned_by(gyroscopes: Calibration, recording: Recording, accelerometers: Calibration) -> InterTriad:
+def between_triads(gyroscopes: Calibration, recording: Recording, accelerometers: Calibration) -> InterTriad:
     """C_p^q from the turns between rests that move gravity, against the Earth; sigma from what the turns leave."""
     rate = gyroscopes.apply(recording).triad(RATE)
     force = accelerometers.apply(recording).triad(FORCE)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -23,11 +24,15 @@ SEEN = 1.0  # singular value below which the prior knows more than the data
 
 
 @dataclass(frozen=True)
-class Unseen:
+class Unobservable:
     """A combination of parameters that the data do not determine: label to weight in printed units, largest 1."""
 
     direction: dict[str, float]
     why: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """As it stands in a calibration."""
+        return {"direction": self.direction, "why": self.why}
 
 
 @dataclass(frozen=True)
@@ -47,12 +52,12 @@ class Information:
 
 @dataclass(frozen=True)
 class Solution:
-    """Least-squares estimate from information: x (p,) and covariance (p, p) in SI, what was not seen, chi^2, dof."""
+    """Least-squares estimate from information: x (p,) and covariance (p, p) in SI, what is unobservable, chi^2, dof."""
 
     parameters: tuple[Parameter, ...]
     x: Array
     covariance: Array
-    unseen: tuple[Unseen, ...]
+    unobservable: tuple[Unobservable, ...]
     singular_values: Array
     chi2: float
     dof: int
@@ -74,7 +79,7 @@ def information(J: Array, r: Array, parameters: Sequence[Parameter]) -> Informat
 
 
 def solve(info: Information, seen: float = SEEN) -> Solution:
-    """Estimate, covariance and unseen directions. Directions below `seen` stay at the prior (see module docstring)."""
+    """Estimate, covariance and unobservable directions: those below `seen` stay at the prior (module docstring)."""
     p = len(info.parameters)
     scale = np.array([q.sigma for q in info.parameters])
     R, z = info.rows[:, :p], info.rows[:, p]
@@ -86,15 +91,15 @@ def solve(info: Information, seen: float = SEEN) -> Solution:
     x = Vt.T @ (inverse * coefficients)
     covariance = (Vt.T * np.where(keep, inverse**2, 1.0)) @ Vt
     residual = float(np.sum((z - R @ x) ** 2))
-    unseen = name_directions(Vt[~keep].T, info.parameters, R)
+    unobservable = name_directions(Vt[~keep].T, info.parameters, R)
     return Solution(
-        info.parameters, x * scale, covariance * np.outer(scale, scale), unseen, S, residual,
+        info.parameters, x * scale, covariance * np.outer(scale, scale), unobservable, S, residual,
         info.count - int(keep.sum()),
     )  # fmt: skip
 
 
-def name_directions(null: Array, parameters: Sequence[Parameter], R: Array) -> tuple[Unseen, ...]:
-    """Sparse, readable basis of an unseen space (p, k), and how little the whitened rows R (q, p) change along it.
+def name_directions(null: Array, parameters: Sequence[Parameter], R: Array) -> tuple[Unobservable, ...]:
+    """Sparse, readable basis of an unobservable space (p, k), and how little whitened rows R (q, p) change along it.
 
     Both are given in prior-scaled coordinates. Gauss-Jordan with full pivoting makes each direction contain as few
     parameters as it can.
@@ -114,20 +119,21 @@ def name_directions(null: Array, parameters: Sequence[Parameter], R: Array) -> t
     # below 1 % of the largest, in prior sigmas, a parameter takes no visible part in the combination
     rows[np.abs(rows) < 0.01 * np.abs(rows).max(axis=1, keepdims=True)] = 0.0
     signals = np.linalg.norm(rows @ R.T, axis=1) / np.linalg.norm(rows, axis=1)
-    return tuple(_unseen(row * scale, signal, parameters) for row, signal in zip(rows, signals, strict=True))
+    return tuple(_unobservable(row * scale, signal, parameters) for row, signal in zip(rows, signals, strict=True))
 
 
-def _unseen(row: Array, signal: float, parameters: Sequence[Parameter]) -> Unseen:
+def _unobservable(row: Array, signal: float, parameters: Sequence[Parameter]) -> Unobservable:
     row = row / row[np.argmax(np.abs(row))]
     direction = {p.label: float(f"{w:.6g}") for p, w in zip(parameters, row, strict=True) if w}
     terms = " ".join(f"{w:+.3g} {label}" for label, w in direction.items())
     alone = len(direction) == 1
     if signal > FAINT:
         what = f"{next(iter(direction))} at its prior size" if alone else f"{terms} together, at their prior size,"
-        return Unseen(direction, f"{what} moves these data by {signal:.2g} of their noise: less than the prior knows")
+        why = f"{what} moves these data by {signal:.2g} of their noise: less than the prior knows"
+        return Unobservable(direction, why)
     if alone:
-        return Unseen(direction, f"{next(iter(direction))} does not change any reading of these data")
-    return Unseen(direction, f"changing {terms} together leaves every reading of these data as it is")
+        return Unobservable(direction, f"{next(iter(direction))} does not change any reading of these data")
+    return Unobservable(direction, f"changing {terms} together leaves every reading of these data as it is")
 
 
 def _triangle(rows: Array) -> Array:

@@ -29,7 +29,7 @@ FREE = np.r_[0:6, 9:15]  # K1, K2, bias, E of the fifteen: Eq. (6) has no cubic 
 
 
 @dataclass(frozen=True)
-class Turns:
+class Revolutions:
     """What r units counted in k rotation clusters turned both ways, and in m rest positions.
 
     clockwise, counterclockwise (r, k, 2, 3): integrals of N [pulse] and of N^2 [pulse^2/s] over `duration` [s], the
@@ -46,19 +46,23 @@ class Turns:
     sigma_rest: float
 
 
-def gyroscope_pulses(turns: Turns, *, both_senses: bool = True, guess: Array | None = None) -> PulseFit:
+def gyroscope_pulses(counted: Revolutions, *, both_senses: bool = True, guess: Array | None = None) -> PulseFit:
     """Fit Eq. (6) to rotations and rest: K1, K2, bias and misalignment (K3 stays zero) with their covariance.
 
     both_senses=False uses only the differences, Eq. (30), as the paper does. The starts are Eq. (42) and the ellipsoid
     through the differences; `guess` (3,) or (r, 3) [rad/pulse] replaces both by given scale factors.
     """
-    difference = turns.clockwise - turns.counterclockwise
-    K0 = initial_scale(difference[:, :, 0], 2 * turns.angle) if guess is None else np.broadcast_to(guess, _shape(turns))
-    speed = turns.angle / turns.duration
-    data = _dimensionless(turns, K0, speed)
+    difference = counted.clockwise - counted.counterclockwise
+    K0 = (
+        initial_scale(difference[:, :, 0], 2 * counted.angle)
+        if guess is None
+        else np.broadcast_to(guess, _shape(counted))
+    )
+    speed = counted.angle / counted.duration
+    data = _dimensionless(counted, K0, speed)
 
     def model(x: Array, runs: Array) -> tuple[Array, Array]:
-        return _residuals(x, tuple(d[runs] for d in data), turns, both_senses)
+        return _residuals(x, tuple(d[runs] for d in data), counted, both_senses)
 
     plain = np.tile(np.r_[np.ones(3), np.zeros(9)], (len(K0), 1))
     found = minimise(model, plain)
@@ -72,19 +76,19 @@ def gyroscope_pulses(turns: Turns, *, both_senses: bool = True, guess: Array | N
     return _in_si(found, K0, speed)
 
 
-def _shape(turns: Turns) -> tuple[int, int]:
-    return len(turns.rest), 3
+def _shape(counted: Revolutions) -> tuple[int, int]:
+    return len(counted.rest), 3
 
 
-def _dimensionless(turns: Turns, K0: Array, speed: float) -> tuple[Array, Array, Array]:
+def _dimensionless(counted: Revolutions, K0: Array, speed: float) -> tuple[Array, Array, Array]:
     """Difference and sum (r, k, 3 bases, 3) of the two senses in units of the angle, rest (r, m, 3, 3) of the speed.
 
     The three bases multiply K1, K2 and the bias; at a rough scale of K0 the first is of order one.
     """
-    unit = np.stack([K0, K0**2 / speed], axis=1)[:, None] / turns.angle
-    minus = (turns.clockwise - turns.counterclockwise) * unit
-    plus = (turns.clockwise + turns.counterclockwise) * unit
-    n = turns.rest * K0[:, None] / speed
+    unit = np.stack([K0, K0**2 / speed], axis=1)[:, None] / counted.angle
+    minus = (counted.clockwise - counted.counterclockwise) * unit
+    plus = (counted.clockwise + counted.counterclockwise) * unit
+    n = counted.rest * K0[:, None] / speed
     one = np.ones_like(minus[:, :, :1])
     return (
         np.concatenate([minus, 0 * one], axis=2),
@@ -103,9 +107,9 @@ def _triad(x: Array, bases: Array) -> tuple[Array, Array]:
     return w @ np.swapaxes(C, -1, -2), J
 
 
-def _residuals(x: Array, data: tuple[Array, ...], turns: Turns, both_senses: bool) -> tuple[Array, Array]:
+def _residuals(x: Array, data: tuple[Array, ...], counted: Revolutions, both_senses: bool) -> tuple[Array, Array]:
     """Whitened misfits (r, n) and exact derivatives (r, n, 12): Eq. (30), the cross components, Eq. (35)."""
-    sigma = np.sqrt(2) * turns.sigma_angle / turns.angle
+    sigma = np.sqrt(2) * counted.sigma_angle / counted.angle
     D, JD = _triad(x, data[0])
     length = (D**2).sum(-1)
     rows = [((length - 4) / (4 * sigma), np.einsum("rki,rkip->rkp", D, JD) / (2 * sigma))]  # Eq. (30) / (4 theta sigma)
@@ -113,8 +117,8 @@ def _residuals(x: Array, data: tuple[Array, ...], turns: Turns, both_senses: boo
         S, JS = _triad(x, data[1])
         rows += _across(S, JS, D, JD, length, sigma)
     W, JW = _triad(x, data[2])
-    speed = turns.angle / turns.duration
-    earth, noise = EARTH_RATE / speed, turns.sigma_rest / speed
+    speed = counted.angle / counted.duration
+    earth, noise = EARTH_RATE / speed, counted.sigma_rest / speed
     rest = ((W**2).sum(-1) - earth**2) / (2 * earth * noise)  # Eq. (35)
     rows.append((rest, np.einsum("rki,rkip->rkp", W, JW) / (earth * noise)))
     return np.concatenate([r for r, _ in rows], axis=1), np.concatenate([J for _, J in rows], axis=1)

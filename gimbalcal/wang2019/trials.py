@@ -19,7 +19,7 @@ from gimbalcal.number import Array, apply_matrix
 from gimbalcal.rotation import exponential, normal_to
 from gimbalcal.wang2019.fit import PulseFit, accelerometer_pulses
 from gimbalcal.wang2019.pulses import Pulses, along, lower
-from gimbalcal.wang2019.revolutions import Turns, gyroscope_pulses
+from gimbalcal.wang2019.revolutions import Revolutions, gyroscope_pulses
 from gimbalcal.wang2019.schedules import POSITIONS, ROTATIONS
 
 RATE = 100.0  # Hz
@@ -90,7 +90,7 @@ def gyroscope_truth(rngs: list[np.random.Generator]) -> Pulses:
     return Pulses(K1, K2, 0 * K1, _uniform(rngs, -5e-6 * degree, 5e-6 * degree), _uniform(rngs, -5e-4, 5e-4))
 
 
-def gyroscope_turns(truth: Pulses, rngs: list[np.random.Generator], tilt: float) -> Turns:
+def gyroscope_revolutions(truth: Pulses, rngs: list[np.random.Generator], tilt: float) -> Revolutions:
     """Counts of nine revolutions both ways and of fifteen rests, turntable tipped by `tilt` [rad], Earth turning."""
     axes = tipped(ROTATIONS, tilt * _stack(rngs, ROTATIONS.shape))
     duration = REVOLUTIONS * 2 * np.pi / SPEED
@@ -99,14 +99,14 @@ def gyroscope_turns(truth: Pulses, rngs: list[np.random.Generator], tilt: float)
     sigma = GYROSCOPE_NOISE / np.sqrt(GYRO_REST * RATE)
     noise = along(lower(truth.E), sigma * _stack(rngs, POSITIONS.shape))
     rest = truth.counts(_earth_at_rest(up) - noise)
-    return Turns(one, other, rest, duration, SPEED * duration, GYROSCOPE_NOISE * np.sqrt(duration / RATE), sigma)
+    return Revolutions(one, other, rest, duration, SPEED * duration, GYROSCOPE_NOISE * np.sqrt(duration / RATE), sigma)
 
 
 def gyroscopes(seed: int, runs: range, tilt: float, *, both_senses: bool = True) -> Trials:
     """Table 3: nine revolutions each way and fifteen rests, counted and fitted."""
     rngs = generators(seed, runs)
     truth = gyroscope_truth(rngs)
-    return Trials(truth, gyroscope_pulses(gyroscope_turns(truth, rngs, tilt), both_senses=both_senses))
+    return Trials(truth, gyroscope_pulses(gyroscope_revolutions(truth, rngs, tilt), both_senses=both_senses))
 
 
 def _revolution(truth: Pulses, axes: Array, sign: float, duration: float, rngs: list[np.random.Generator]) -> Array:

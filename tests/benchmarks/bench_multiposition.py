@@ -19,7 +19,14 @@ import pytest
 
 from gimbalcal.earth import G0
 from gimbalcal.wang2019.revolutions import gyroscope_pulses
-from gimbalcal.wang2019.trials import Trials, accelerometers, generators, gyroscope_truth, gyroscope_turns, gyroscopes
+from gimbalcal.wang2019.trials import (
+    Trials,
+    accelerometers,
+    generators,
+    gyroscope_revolutions,
+    gyroscope_truth,
+    gyroscopes,
+)
 
 TILTS = {"arcsec": 3 / 3600, "arcmin": 3 / 60, "deg": 3.0}
 RUNS = 500
@@ -68,7 +75,7 @@ def lost_without_initial_values(seed: int = SEED) -> int:
     """Eq. (30) alone, from one fixed guess of the scale factors for all runs, as in Figure 4."""
     rngs = generators(seed, range(RUNS))
     truth = gyroscope_truth(rngs)
-    turns = gyroscope_turns(truth, rngs, np.deg2rad(3 / 3600))
+    turns = gyroscope_revolutions(truth, rngs, np.deg2rad(3 / 3600))
     guess = np.full((RUNS, 3), 1e-7 * DEGREE)
     return lost(Trials(truth, gyroscope_pulses(turns, both_senses=False, guess=guess)))
 

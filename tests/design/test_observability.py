@@ -25,7 +25,7 @@ SENSORS = {"accelerometer": 6.5e-5, "gimbal_angle": 0.5 * ARCSEC, "attitude": 0.
 
 
 def directions(seen: Observability) -> list[dict[str, float]]:
-    return [u.direction for u in seen.solution.unseen]
+    return [u.direction for u in seen.solution.unobservable]
 
 
 def pairs(seen: Observability) -> set[frozenset[str]]:

@@ -109,10 +109,10 @@ def test_what_neither_sees_is_named_and_only_with_the_right_sense_of_the_zeros()
     tilt = tuple(p for p in level.parameters if p.effect == "base_tilt")
     level = level + information(np.eye(3) / (0.01 * ARCSEC), np.zeros(3), tilt)
     triad = {"gimbal_zero:platform", "misalignment:xz", "misalignment:yz"}
-    right = solve(d + level).unseen
+    right = solve(d + level).unobservable
     assert any(triad <= set(u.direction) for u in right)
     other_way = [-1 if p.label == "gimbal_zero:platform" else 1 for p in level.parameters]
-    wrong = solve(d + replace(level, rows=level.rows * np.array([*other_way, 1]))).unseen
+    wrong = solve(d + replace(level, rows=level.rows * np.array([*other_way, 1]))).unobservable
     assert not any(triad <= set(u.direction) for u in wrong)  # it would claim to see what no data show
 
 

@@ -21,7 +21,7 @@ def test_equals_weighted_least_squares_where_everything_is_seen() -> None:
     np.testing.assert_allclose(s.covariance, np.linalg.inv(J.T @ J), rtol=1e-9)
     assert s.dof == 34
     assert s.chi2 == pytest.approx(np.sum((r - J @ s.x) ** 2))
-    assert s.unseen == ()
+    assert s.unobservable == ()
 
 
 def test_stages_add_in_any_order_and_over_different_parameters() -> None:
@@ -45,14 +45,14 @@ def test_what_18_positions_cannot_see_is_the_platform_zero_against_the_triad_tur
     J = jacobian(SPACE_STABLE, s, (), wanted)["specific_force"] / 1e-5
     found = solve(information(J, np.zeros(54), wanted))
     assert len(wanted) == 18
-    assert len(found.unseen) == 1
-    direction = found.unseen[0].direction
+    assert len(found.unobservable) == 1
+    direction = found.unobservable[0].direction
     assert set(direction) == {"gimbal_zero:platform", "misalignment:xz", "misalignment:yz"}
     # turning the platform readout by +d about z is undone by turning both input axes by -d
     ratio = direction["misalignment:xz"] / direction["gimbal_zero:platform"]
     assert ratio == pytest.approx(-1, abs=1e-5)
     assert direction["misalignment:yz"] == pytest.approx(direction["misalignment:xz"], abs=1e-5)
-    assert "leaves every reading of these data as it is" in found.unseen[0].why
+    assert "leaves every reading of these data as it is" in found.unobservable[0].why
 
 
 def test_an_unseen_direction_keeps_the_prior_and_says_so() -> None:
@@ -60,7 +60,7 @@ def test_an_unseen_direction_keeps_the_prior_and_says_so() -> None:
     J[:, 0] = 1 / SIGMAS[0] * 100
     J[:, 1] = J[:, 2] = 1 / SIGMAS[1] * 100
     s = solve(information(J, np.ones(10), TRIADS))
-    names = {tuple(u.direction) for u in s.unseen}
+    names = {tuple(u.direction) for u in s.unobservable}
     assert ("scale_factor:y", "scale_factor:z") in names
     assert ("bias:x",) in names
     assert s.sigma[3] == pytest.approx(SIGMAS[3])

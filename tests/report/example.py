@@ -91,7 +91,7 @@ def example() -> tuple[dict[str, Any], tuple[Recording, Recording], dict[str, fl
         effects=with_values((), wanted, x, names),
         parameters=wanted,
         covariance=solution.covariance,
-        unobservable=tuple({"direction": u.direction, "why": u.why} for u in solution.unseen),
+        unobservable=tuple(u.to_dict() for u in solution.unobservable),
         residual=Residual(solution.chi2, solution.dof, {"specific_force:x": rms}),
         provenance={
             "recordings": [{"path": r.source[0].path, "sha256": r.source[0].sha256} for r in both],

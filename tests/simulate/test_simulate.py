@@ -96,7 +96,7 @@ def test_a_fit_of_the_truth_is_consistent_with_its_covariance() -> None:
     h = predict(recording.platform, s, truth)["specific_force"]
     found = solve(information(J, (recording.triad("specific_force") - h) / sigma, wanted))
     pull = J.reshape(-1, len(wanted)) @ found.x
-    rank = len(wanted) - len(found.unseen)
+    rank = len(wanted) - len(found.unobservable)
     assert abs(pull @ pull - rank) < 4 * np.sqrt(2 * rank)  # chi^2 of `rank` degrees of freedom
     assert abs(found.chi2 - found.dof) < 4 * np.sqrt(2 * found.dof)
     assert x.any()

@@ -8,12 +8,12 @@ import pytest
 from gimbalcal.wang2019 import revolutions as rotations
 from gimbalcal.wang2019.fit import initial_scale
 from gimbalcal.wang2019.revolutions import FREE
-from gimbalcal.wang2019.trials import generators, gyroscope_truth, gyroscope_turns, gyroscopes
+from gimbalcal.wang2019.trials import generators, gyroscope_revolutions, gyroscope_truth, gyroscopes
 
 
 def test_derivatives_are_those_of_the_complex_step() -> None:
     rngs = generators(1, range(2))
-    turns = gyroscope_turns(gyroscope_truth(rngs), rngs, 0.01)
+    turns = gyroscope_revolutions(gyroscope_truth(rngs), rngs, 0.01)
     K0 = initial_scale((turns.clockwise - turns.counterclockwise)[:, :, 0], 2 * turns.angle)
     data = rotations._dimensionless(turns, K0, turns.angle / turns.duration)
     x = np.tile(np.r_[np.ones(3), np.full(9, 1e-3)], (2, 1))

@@ -21,7 +21,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import WIDE, multiposition
 from gimbalcal.estimate.gyroscopes.between_rests import rows_of_turns
 from gimbalcal.estimate.gyroscopes.rests import BIAS, level_of, rests
-from gimbalcal.estimate.gyroscopes.turns import Turned, turns
+from gimbalcal.estimate.gyroscopes.turns import Turns, turns_between_rests
 from gimbalcal.forward import Rows
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
@@ -38,11 +38,11 @@ def turned_rates(recording: Recording, accelerometers: Calibration | None = None
         return None
     made = accelerometers or multiposition(recording, BASELINE["norm"])
     try:
-        turned, _, scale = turns(recording, made)
+        turned, _, scale = turns_between_rests(recording, made)
         still = rests(recording, made, scale)
         level = level_of(still, recording.site.latitude, recording.site.gravity, True)[0]
         if len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
-            turned = turns(recording, made, level.effects)[0]
+            turned = turns_between_rests(recording, made, level.effects)[0]
     except InputError:
         return None
     if len(turned.before) < FEWEST:
@@ -61,7 +61,7 @@ def turned_rates(recording: Recording, accelerometers: Calibration | None = None
     )  # fmt: skip
 
 
-def _with_headings(turned: Turned, recording: Recording) -> Turned:
+def _with_headings(turned: Turns, recording: Recording) -> Turns:
     """Whole revolutions as gimbals tell them: gravity says nothing of a turn about it, so north stands for it there.
 
     The gimbals came back, so a constant error of theirs cancels.

@@ -23,7 +23,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import WIDE, multiposition, scaled_by_gravity
 from gimbalcal.estimate.gyroscopes.between_rests import fit_turns
 from gimbalcal.estimate.gyroscopes.rests import rests
-from gimbalcal.estimate.gyroscopes.turns import turns
+from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
 from gimbalcal.forward import Rows, accelerometers, linearise
 from gimbalcal.inversion import invert
 from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings, stimulus_from_truth
@@ -133,12 +133,12 @@ def rest_rates(
     raw = any(is_raw(recording.units.get((RATE, a), "rad/s")) for a in "xyz")
     if raw and not moving:
         return None
-    found = rests(recording, made, turns(recording, made)[2] if raw else 1.0)
+    found = rests(recording, made, turns_between_rests(recording, made)[2] if raw else 1.0)
     s, y = found.stimulus, found.rate
     told = found.sigma if np.all(found.sigma > 0) else None  # one row per rest says nothing of its scatter
 
     def missed(at_rest: Sequence[Effect]) -> float:
-        misfit = fit_turns(turns(recording, made, at_rest)[0], BASELINE["turns"]).misfit
+        misfit = fit_turns(turns_between_rests(recording, made, at_rest)[0], BASELINE["turns"]).misfit
         return float(np.sqrt((misfit**2).sum() / len(misfit)))
 
     channels = tuple((RATE, a) for a in "xyz")

@@ -66,7 +66,7 @@ def coarse(positions: Positions) -> Calibration:
         effects=estimate,
         parameters=wanted,
         covariance=covariance,
-        unobservable=tuple({"direction": u.direction, "why": u.why} for u in solution.unseen),
+        unobservable=tuple(u.to_dict() for u in solution.unobservable),
         residual=Residual(fit.solution.chi2, fit.solution.dof, rms(p, fit)),
         outcome=joined(faults_in_words(positions.faults)),
         provenance={**provenance(positions.recording, p, fit, positions.faults), "notes": notes},
@@ -183,7 +183,7 @@ def _as_fit(p: Problem, noise: Noise, settled: Settled) -> Fit:
     count = int(np.isfinite(w.sigma).sum())
     solution = replace(
         settled.solution, parameters=p.parameters, x=settled.x, covariance=settled.covariance,
-        chi2=float((left**2).sum()), dof=count - len(p.parameters) + len(settled.solution.unseen),
+        chi2=float((left**2).sum()), dof=count - len(p.parameters) + len(settled.solution.unobservable),
     )  # fmt: skip
     setting = apply_matrix(w.gain, settled.linear.r - settled.linear.J @ settled.x)
     return Fit(solution, setting, settled.linear, w, noise, 1)

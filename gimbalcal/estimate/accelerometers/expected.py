@@ -43,7 +43,7 @@ def lost(p: Problem, noise: Noise, solution: Solution) -> str:
     names = ", ".join(map(str, missing))
     plural = "s" if len(missing) > 1 else ""
     words = f"position{plural} {names} of schedule {schedule.name} missing: sigma grows most for "
-    more = len(solution.unseen) - len(full.unseen)
+    more = len(solution.unobservable) - len(full.unobservable)
     return words + cost + (f"; {more} further direction{'s' if more > 1 else ''} not seen at all" if more > 0 else "")
 
 

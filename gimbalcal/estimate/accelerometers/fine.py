@@ -148,7 +148,7 @@ def _unobservable(solution: Solution, coarse: Calibration | None) -> tuple[Mappi
             "direction": u.direction,
             "why": f"the norm of the force stays the same when {' and '.join(u.direction)} change together; {keeps}",
         }
-        for u in solution.unseen
+        for u in solution.unobservable
     ]
     return (*mine, *(coarse.unobservable if coarse else ()))
 

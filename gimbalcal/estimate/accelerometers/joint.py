@@ -43,7 +43,7 @@ def joint(positions: Positions, start: Calibration | None = None, *, prior: Cali
         effects=estimate,
         parameters=p.parameters,
         covariance=fit.solution.covariance,
-        unobservable=tuple({"direction": u.direction, "why": u.why} for u in fit.solution.unseen),
+        unobservable=tuple(u.to_dict() for u in fit.solution.unobservable),
         residual=Residual(fit.solution.chi2, fit.solution.dof, rms(p, fit)),
         outcome=outcome(fit, positions.faults),
         provenance=origin,
@@ -76,5 +76,5 @@ def in_words(p: Problem, fit: Fit) -> str:
     return (
         f"{len(p.parameters)} coefficients from the force at {p.visits} visits, with their setting errors of "
         f"{setting:.3g} arcsec (from the {fit.noise.setting_from}); "
-        f"{amount(len(fit.solution.unseen), 'direction')} not seen"
+        f"{amount(len(fit.solution.unobservable), 'direction')} not seen"
     )

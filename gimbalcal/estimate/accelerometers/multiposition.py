@@ -226,7 +226,7 @@ def _calibration(
     from gimbalcal import __version__
 
     solution = best.fit.solution
-    unseen: list[dict[str, Any]] = [{"direction": u.direction, "why": u.why} for u in solution.unseen]
+    unseen: list[dict[str, Any]] = [u.to_dict() for u in solution.unobservable]
     if any(q.effect == "misalignment" for q in solution.parameters):
         unseen += _rotations()
     unseen += [{"direction": {q.label: 1.0 for q in unknowns([t])}, "why": why} for t, why in declined]

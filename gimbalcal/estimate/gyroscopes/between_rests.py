@@ -1,4 +1,4 @@
-r"""Gyroscopes from turns between rest poses, with the direction of gravity as the only reference.
+r"""Gyroscopes from turns between rests, with the direction of gravity as the only reference.
 
 A unit in the hand, no table: the calibrated accelerometers say where down is before and after each turn, the
 gyroscopes what happened between,
@@ -25,7 +25,7 @@ from gimbalcal.effects.effect import lacking
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.gyroscopes.inter_triad import euler
 from gimbalcal.estimate.gyroscopes.rests import BIAS, G_SENSITIVITY, RestFit, level_of, rests
-from gimbalcal.estimate.gyroscopes.turns import FORCE, Turned, end_of, turns
+from gimbalcal.estimate.gyroscopes.turns import FORCE, Turns, end_of, turns_between_rests
 from gimbalcal.estimate.support import coefficients, needed, refusal
 from gimbalcal.forward import Rows, gyroscopes
 from gimbalcal.inference.levenberg import minimise
@@ -54,15 +54,15 @@ def gyroscopes_between_rests(
     """
     wanted = tuple(dict.fromkeys(terms)) or _default(recording)
     _check(wanted, recording)
-    turned, _, scale = turns(recording, accelerometers)
+    turns, _, scale = turns_between_rests(recording, accelerometers)
     moving = tuple(t for t in wanted if t != G_SENSITIVITY)
     base = tuple(t for t in moving if t in LINEAR) or moving[:1]
     tried = coefficients([t for t in wanted if t not in base])
     level, why = level_of(rests(recording, accelerometers, scale), recording.site.latitude, recording.site.gravity,
                           G_SENSITIVITY in wanted, tried)  # fmt: skip
     if len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
-        turned = turns(recording, accelerometers, level.effects)[0]
-    fits, declined = _taken_up(turned, base, [t for t in moving if t not in base], tried) if base else ([], {})
+        turns = turns_between_rests(recording, accelerometers, level.effects)[0]
+    fits, declined = _taken_up(turns, base, [t for t in moving if t not in base], tried) if base else ([], {})
     if why:
         declined[G_SENSITIVITY] = why
     return _calibration(recording, level, fits, declined, scale)
@@ -81,18 +81,18 @@ def _check(terms: Sequence[str], recording: Recording) -> None:
             raise InputError(f"--terms names {t}, which needs a {missing} channel; {recording.title!r} has none")
 
 
-Fits = list[tuple[tuple[str, ...], "PoseFit"]]
+Fits = list[tuple[tuple[str, ...], "TurnFit"]]
 
 
 def _taken_up(
-    turned: Turned, base: tuple[str, ...], further: Sequence[str], coefficients_tried: int
+    turns: Turns, base: tuple[str, ...], further: Sequence[str], coefficients_tried: int
 ) -> tuple[Fits, dict[str, str]]:
     """Fits of base and of ever one term more, the one that tells left-out turns best; and why others were declined."""
-    fits, left = [(base, fit_turns(turned, base))], list(further)
+    fits, left = [(base, fit_turns(turns, base))], list(further)
     declined: dict[str, str] = {}
     while left:
         terms, best = fits[-1]
-        tried = {t: _attempt(turned, (*terms, t), best, coefficients_tried) for t in left}
+        tried = {t: _attempt(turns, (*terms, t), best, coefficients_tried) for t in left}
         declined = {t: found for t, found in tried.items() if isinstance(found, str)}
         good = {t: found for t, found in tried.items() if not isinstance(found, str)}
         if not good:
@@ -103,10 +103,10 @@ def _taken_up(
     return fits, declined
 
 
-def _attempt(turned: Turned, terms: tuple[str, ...], without: PoseFit, tried: int) -> PoseFit | str:
+def _attempt(turns: Turns, terms: tuple[str, ...], without: TurnFit, tried: int) -> TurnFit | str:
     """The fit with the last of the terms, or why the turns do not support it."""
     try:
-        fit = fit_turns(turned, terms)
+        fit = fit_turns(turns, terms)
     except InputError as problem:
         return f"{terms[-1]} is left out: {problem}"
     sigma = np.maximum(np.sqrt(np.diag(fit.covariance)), fit.jackknife)
@@ -117,7 +117,7 @@ def _attempt(turned: Turned, terms: tuple[str, ...], without: PoseFit, tried: in
 
 
 @dataclass(frozen=True, eq=False)
-class PoseFit:
+class TurnFit:
     """A fit of turns: parameters, estimate, covariance scaled to the scatter, misfits (m, 3), and what to judge by.
 
     `jackknife` (p,) is one sigma as the estimate moves when turns are left out: right where long turns scatter more.
@@ -138,13 +138,13 @@ class PoseFit:
         return float(np.sqrt((self.misfit**2).sum() / (2 * len(self.misfit))))
 
 
-def fit_turns(turned: Turned, terms: Sequence[str]) -> PoseFit:
+def fit_turns(turns: Turns, terms: Sequence[str]) -> TurnFit:
     """Least squares of the terms' parameters to gravity after each turn.
 
     Raises InputError where there are fewer turns than parameters ask for, or none that tells some of them apart.
     """
     wanted = tuple(p for t in terms for p in parameters(CATALOGUE[t]))
-    m = len(turned.before)
+    m = len(turns.before)
     if 2 * m < len(wanted):
         raise InputError(
             f"{amount(m, 'turn')} for {amount(len(wanted), 'parameter')} that are asked for: turn more often"
@@ -152,7 +152,7 @@ def fit_turns(turned: Turned, terms: Sequence[str]) -> PoseFit:
     scale = np.array([p.sigma for p in wanted])
 
     def model(scaled: Array, _: Array) -> tuple[Array, Array]:
-        r, J = _linear(turned, wanted, scaled[0] * scale)
+        r, J = _linear(turns, wanted, scaled[0] * scale)
         return -r[None], (J * scale)[None]
 
     start = np.zeros((1, len(wanted)))
@@ -160,7 +160,7 @@ def fit_turns(turned: Turned, terms: Sequence[str]) -> PoseFit:
         raise InputError(f"nothing in {amount(m, 'turn')} tells all of {', '.join(terms)} apart")
     found = minimise(model, start, gain=ENOUGH)
     x = found.x[0] * scale
-    return _judged(wanted, x, *_linear(turned, wanted, x), m)
+    return _judged(wanted, x, *_linear(turns, wanted, x), m)
 
 
 def _dark(J: Array) -> bool:
@@ -169,7 +169,7 @@ def _dark(J: Array) -> bool:
     return bool(np.any(size == 0)) or bool(np.linalg.svd(J / size, compute_uv=False)[-1] < ENDURING)
 
 
-def _judged(wanted: tuple[Parameter, ...], x: Array, r: Array, J: Array, m: int) -> PoseFit:
+def _judged(wanted: tuple[Parameter, ...], x: Array, r: Array, J: Array, m: int) -> TurnFit:
     size = np.sqrt((J**2).sum(0))
     Q, R = np.linalg.qr(J / size)
     dof = 2 * m - len(x)
@@ -180,25 +180,25 @@ def _judged(wanted: tuple[Parameter, ...], x: Array, r: Array, J: Array, m: int)
         for q, e in zip(Q.reshape(m, 3, -1), r.reshape(m, 3), strict=True)
     ])  # fmt: skip
     moves = np.einsum("mip,mi->mp", Q.reshape(m, 3, -1), left.reshape(m, 3)) @ inverse.T
-    return PoseFit(
+    return TurnFit(
         wanted, x, variance * inverse @ inverse.T, r.reshape(m, 3), dof, float(np.linalg.cond(R)),
         float(np.sqrt((left**2).sum() / (2 * m))), np.sqrt((moves**2).sum(0)),
     )  # fmt: skip
 
 
-def rows_of_turns(turned: Turned, effects: Sequence[Effect]) -> Rows:
+def rows_of_turns(turns: Turns, effects: Sequence[Effect]) -> Rows:
     """The rows of m turns: misfit (m, 3) of gravity after each, and how it answers what is added at each of n samples.
 
     A rate that reads as it does is off by -D^-1 times what an effect adds, D = dh/d(rate); what that does to gravity at
     the end is the turn of all samples after it.
     """
-    y, s = turned.reading.reshape(-1, 3), turned.stimulus
+    y, s = turns.reading.reshape(-1, 3), turns.stimulus
     w, D, _ = invert(lambda rate: gyroscopes(rate, s, effects), y)
-    m, n = turned.step.shape
+    m, n = turns.step.shape
     rate = w.reshape(m, n, 3)
-    misfit, predicted, tail = end_of(rate, turned)
-    moved = tail @ left_jacobian(rate * turned.step[..., None]) @ np.linalg.inv(D).reshape(m, n, 3, 3)
-    S = -(cross_matrix(predicted)[:, None] @ moved) * turned.step[..., None, None]
+    misfit, predicted, tail = end_of(rate, turns)
+    moved = tail @ left_jacobian(rate * turns.step[..., None]) @ np.linalg.inv(D).reshape(m, n, 3, 3)
+    S = -(cross_matrix(predicted)[:, None] @ moved) * turns.step[..., None, None]
     seen = s.at(rate=w)
     return Rows(
         BENCH, "multi-position", seen, tuple(effects), tuple((FORCE, a) for a in "xyz"), misfit,
@@ -206,9 +206,9 @@ def rows_of_turns(turned: Turned, effects: Sequence[Effect]) -> Rows:
     )  # fmt: skip
 
 
-def _linear(turned: Turned, wanted: Sequence[Parameter], x: Array) -> tuple[Array, Array]:
+def _linear(turns: Turns, wanted: Sequence[Parameter], x: Array) -> tuple[Array, Array]:
     """Misfit (3 m,) of the turns at parameters x, and its derivative (3 m, p)."""
-    rows = rows_of_turns(turned, with_values((), wanted, x))
+    rows = rows_of_turns(turns, with_values((), wanted, x))
     return rows.residual.ravel(), rows.jacobian(wanted).reshape(rows.residual.size, -1)
 
 
@@ -217,21 +217,21 @@ def _calibration(
 ) -> Calibration:
     from gimbalcal import __version__
 
-    turning = fits[-1][1] if fits else None
-    wanted = (*level.parameters, *(turning.parameters if turning else ()))
-    x = np.concatenate([level.x, turning.x if turning else np.zeros(0)])
+    fit = fits[-1][1] if fits else None
+    wanted = (*level.parameters, *(fit.parameters if fit else ()))
+    x = np.concatenate([level.x, fit.x if fit else np.zeros(0)])
     n = len(level.x)
     covariance = np.zeros((len(x), len(x)))
     covariance[:n, :n] = level.covariance
     options: dict[str, Any] = {"direction": "physics to reading", "declined": declined, "frame": "accelerometers"}
     rms = {"rate_at_rest": float(np.sqrt(np.mean(level.misfit**2)))}
-    if turning:
-        covariance[n:, n:] = turning.covariance
+    if fit:
+        covariance[n:, n:] = fit.covariance
         options |= {
-            "condition": turning.condition, "leave_one_out_rms": turning.left_out,
-            "inter_triad_arcsec": [float(from_si(a, "arcsec")) for a in _inter_triad(turning)],
+            "condition": fit.condition, "leave_one_out_rms": fit.left_out,
+            "inter_triad_arcsec": [float(from_si(a, "arcsec")) for a in _inter_triad(fit)],
         }  # fmt: skip
-        rms["gravity_direction"] = turning.rms
+        rms["gravity_direction"] = fit.rms
     if scale != 1.0:
         options["gyro_nominal"] = {"scale": scale}
     readout = Readout(gyroscopes=Counts((scale,) * 3) if scale != 1.0 else None, gimbals=recording.platform.axis_names)
@@ -241,9 +241,9 @@ def _calibration(
               "turn left out")
         for terms, f in fits
     )  # fmt: skip
-    dof = turning.dof if turning else level.misfit.size - n
+    dof = fit.dof if fit else level.misfit.size - n
     return Calibration(
-        "poses", with_values((), wanted, x), wanted, covariance,
+        "turns", with_values((), wanted, x), wanted, covariance,
         tuple({"direction": {p.label: 1.0 for p in parameters(CATALOGUE[t])}, "why": why}
               for t, why in declined.items()),
         Residual(float(dof), dof, rms),
@@ -254,7 +254,7 @@ def _calibration(
     )  # fmt: skip
 
 
-def _inter_triad(fit: PoseFit) -> Array:
+def _inter_triad(fit: TurnFit) -> Array:
     """alpha, beta, gamma [rad] of C_p^q, Eq. (43): the rotation that is left when Eq. (8) has taken the triangle."""
     by = {(p.effect, p.axis): v for p, v in zip(fit.parameters, fit.x, strict=True)}
     M = np.eye(3)

@@ -1,4 +1,4 @@
-r"""Gyroscopes at rest: what their mean outputs say of bias and of what follows the pose.
+r"""Gyroscopes at rest: what their mean outputs say of bias and of what follows the attitude.
 
 A unit at rest in many attitudes reads its bias, what gravity does to it, and the Earth,
 

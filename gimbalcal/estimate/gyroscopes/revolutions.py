@@ -1,8 +1,8 @@
 r"""A recording of revolutions both ways and of rests, to the gyroscopes' calibration: Wang et al. (2019), section 4.2.
 
-What turned between two rests is a revolution when its angle is a whole number of turns within `NEAR`; two neighbours
+A turn between two rests is a revolution when its angle is a whole number of circles within `NEAR`; two neighbours
 about one axis in opposite senses are a pair. Everything else that moved is left out. The fit is that of
-`rotations.gyroscope_pulses`, pulses to rate; the calibration is returned as effects, physics to reading,
+`wang2019.revolutions.gyroscope_pulses`, pulses to rate; the calibration is returned as effects, physics to reading,
 
 .. math:: M = (C K_1)^{-1}, \quad b = -\varepsilon / K_1, \quad K = -K_2 / K_1^3
 
@@ -24,7 +24,7 @@ from gimbalcal.recording import Recording, dwells
 from gimbalcal.units import is_raw
 from gimbalcal.wang2019.fit import PulseFit
 from gimbalcal.wang2019.pulses import Pulses, lower
-from gimbalcal.wang2019.revolutions import FREE, Turns, gyroscope_pulses
+from gimbalcal.wang2019.revolutions import FREE, Revolutions, gyroscope_pulses
 
 NEAR = 0.05  # of a revolution: scale errors of low-cost units reach 3 %
 ROUNDS = 3  # the bias enters the Earth's share of the ramps, a few percent of it: each round takes that factor off
@@ -40,13 +40,13 @@ def gyroscopes_from_revolutions(recording: Recording) -> Calibration:
     """
     bias = np.zeros(3)
     for _ in range(ROUNDS):
-        turns, used = turns_of(recording, bias)
-        fit = gyroscope_pulses(turns)
+        found, used = revolutions_of(recording, bias)
+        fit = gyroscope_pulses(found)
         bias = fit.pulses.bias[0]
-    return _calibration(recording, turns, fit, used)
+    return _calibration(recording, found, fit, used)
 
 
-def turns_of(recording: Recording, bias: Array | None = None) -> tuple[Turns, int]:
+def revolutions_of(recording: Recording, bias: Array | None = None) -> tuple[Revolutions, int]:
     """The pairs of revolutions and the rests of a recording, readings in rad/s as pulses/s, and how many pairs.
 
     bias (3,) [rad/s]: what turns the readings at rest into the Earth's rate, to take out what the ramps leave of it.
@@ -75,7 +75,7 @@ def turns_of(recording: Recording, bias: Array | None = None) -> tuple[Turns, in
     angle = float(np.mean([a for _, _, a in first]))
     shortest = min(d.stop - d.start for d in stays)
     scaled = [np.stack([_scaled(moved[k], angle, duration) for k in side]) for side in zip(*pairs, strict=True)]
-    return Turns(scaled[0][None], scaled[1][None], rest[None], duration, angle,
+    return Revolutions(scaled[0][None], scaled[1][None], rest[None], duration, angle,
                  sigma * np.sqrt(duration * step), sigma / np.sqrt(shortest)), len(pairs)  # fmt: skip
 
 
@@ -92,13 +92,13 @@ def _integrals(time: Array, y: Array, span: slice, earth: Array) -> Moved:
     dt, rows = np.diff(time[span]), y[span]
     both = np.stack([rows, rows**2], axis=1)
     S = ((both[1:] + both[:-1]) / 2 * dt[:, None, None]).sum(0)
-    turned = float(np.linalg.norm(S[0]))
-    whole = round(turned / (2 * np.pi))
-    if whole < 1 or abs(turned / (2 * np.pi) - whole) >= NEAR * whole:
+    angle = float(np.linalg.norm(S[0]))
+    whole = round(angle / (2 * np.pi))
+    if whole < 1 or abs(angle / (2 * np.pi) - whole) >= NEAR * whole:
         return S, float(dt.sum()), float("nan")
-    u = S[0] / turned
+    u = S[0] / angle
     along = rows @ u
-    phase = np.concatenate([[0.0], np.cumsum((along[1:] + along[:-1]) / 2 * dt)]) * (2 * np.pi * whole / turned)
+    phase = np.concatenate([[0.0], np.cumsum((along[1:] + along[:-1]) / 2 * dt)]) * (2 * np.pi * whole / angle)
     across = earth - u * (u @ earth)
     seen = np.cos(phase)[:, None] * across - np.sin(phase)[:, None] * np.cross(u, across)
     S[0] -= ((seen[1:] + seen[:-1]) / 2 * dt[:, None]).sum(0)
@@ -145,12 +145,12 @@ def triangle() -> tuple[Parameter, ...]:
     return tuple(p for p in found if p.effect != "gyro_misalignment" or p.axis in ("yx", "zx", "zy"))
 
 
-def _calibration(recording: Recording, turns: Turns, fit: PulseFit, pairs: int) -> Calibration:
+def _calibration(recording: Recording, found: Revolutions, fit: PulseFit, pairs: int) -> Calibration:
     from gimbalcal import __version__
 
     x = fit.pulses.vector()[0][FREE]
     J = complex_step(forward, x)
-    dof = 3 * pairs + turns.rest.shape[1] - 12
+    dof = 3 * pairs + found.rest.shape[1] - 12
     chi2 = float(fit.chi2[0])
     scale = max(1.0, chi2 / max(dof, 1))
     covariance = scale * J @ fit.covariance[0][np.ix_(FREE, FREE)] @ J.T
@@ -158,8 +158,8 @@ def _calibration(recording: Recording, turns: Turns, fit: PulseFit, pairs: int) 
     options = {
         "direction": "physics to reading",
         "pairs": pairs,
-        "rests": int(turns.rest.shape[1]),
-        "turned_each_way": turns.angle / (2 * np.pi),
+        "rests": int(found.rest.shape[1]),
+        "turned_each_way": found.angle / (2 * np.pi),
         "scatter_over_noise": float(np.sqrt(chi2 / max(dof, 1))),
         "frame": "x along the first input axis, y in the plane of the first two",
     }
@@ -171,7 +171,7 @@ def _calibration(recording: Recording, turns: Turns, fit: PulseFit, pairs: int) 
         ({"direction": {"gyro_misalignment:xy": 1.0, "gyro_misalignment:yx": -1.0},
           "why": "a rotation of the whole triad changes no norm and no angle: it needs a reference, such as the "
           "accelerometers (gimbalcal.estimate.gyroscopes.inter_triad)"},),
-        Residual(chi2, dof, {RATE: float(turns.sigma_angle / turns.duration * np.sqrt(scale))}),
+        Residual(chi2, dof, {RATE: float(found.sigma_angle / found.duration * np.sqrt(scale))}),
         outcome="" if bool(fit.converged[0]) else "the fit did not settle: the revolutions do not determine the triad",
         provenance={"recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source],
                     "version": __version__, "options": options},

@@ -26,7 +26,7 @@ RATE, FORCE = "angular_rate", "specific_force"
 
 
 @dataclass(frozen=True, eq=False)
-class Turned:
+class Turns:
     """Turns between rests: readings (m, n, 3) [rad/s] at rest level zero, steps (m, n) [s] (0 beyond the end),
 
     unit force before and after (m, 3), and what the hardware felt at those rows.
@@ -39,9 +39,9 @@ class Turned:
     stimulus: Stimulus
 
 
-def turns(
+def turns_between_rests(
     recording: Recording, accelerometers: Calibration, at_rest: Sequence[Effect] = ()
-) -> tuple[Turned, Array, float]:
+) -> tuple[Turns, Array, float]:
     """Turns with readings less the rests' level, the level of all rests (k, 3) [rad/s], and rad/s per unit.
 
     The level of a turn is the mean of the rests before and after it; or, with `at_rest`, what these effects make a
@@ -70,7 +70,7 @@ def turns(
         force[i, : len(dt)] = f[span][1:]
     flat = reading.reshape(-1, 3)
     s = _stimulus_of(recording, spans, flat, force.reshape(-1, 3))
-    made = Turned(reading, step, down[:-1], down[1:], s)
+    made = Turns(reading, step, down[:-1], down[1:], s)
     raw = any(is_raw(recording.units.get((RATE, a), "rad/s")) for a in "xyz")
     scale = _rough_scale(made) if raw else 1.0
     if at_rest:
@@ -78,11 +78,11 @@ def turns(
     return replace(made, reading=scale * (made.reading + bend) + scale**2 * swing), scale * level, scale
 
 
-def _relevelled(turned: Turned, level: Array, scale: float, at_rest: Sequence[Effect]) -> Array:
+def _relevelled(turns: Turns, level: Array, scale: float, at_rest: Sequence[Effect]) -> Array:
     """What to add to the readings (m, n, 3) so that effects tell their level, not the neighbouring rests."""
-    felt = gyroscopes(0 * turned.stimulus.rate, turned.stimulus, at_rest).reshape(turned.reading.shape)
+    felt = gyroscopes(0 * turns.stimulus.rate, turns.stimulus, at_rest).reshape(turns.reading.shape)
     neighbours = (level[:-1] + level[1:]) / 2
-    return np.where(turned.step[..., None] > 0, neighbours[:, None] - felt / scale, 0.0)
+    return np.where(turns.step[..., None] > 0, neighbours[:, None] - felt / scale, 0.0)
 
 
 def _stimulus_of(recording: Recording, spans: Sequence[slice], rate: Array, force: Array) -> Stimulus:
@@ -106,22 +106,22 @@ def _rows_of(x: Array, spans: Sequence[slice], n: int) -> Array:
     return np.concatenate([np.pad(x[span][1:], (0, steps - len(x[span]) + 1), mode="edge") for span in spans])
 
 
-def _rough_scale(turned: Turned) -> float:
+def _rough_scale(turns: Turns) -> float:
     """Common rad/s per count at which the turns fit gravity best: a scan, as nothing else says how long a turn was."""
-    largest = np.median((np.linalg.norm(turned.reading, axis=-1) * turned.step).sum(1))
+    largest = np.median((np.linalg.norm(turns.reading, axis=-1) * turns.step).sum(1))
     guesses = np.geomspace(0.2, 20, 60) / largest  # a median turn between 0.2 and 20 rad, 8 % apart
-    misfit = [np.mean(end_of(g * turned.reading, turned)[0] ** 2) for g in guesses]
+    misfit = [np.mean(end_of(g * turns.reading, turns)[0] ** 2) for g in guesses]
     return float(guesses[int(np.argmin(misfit))])
 
 
-def end_of(rate: Array, turned: Turned) -> tuple[Array, Array, Array]:
+def end_of(rate: Array, turns: Turns) -> tuple[Array, Array, Array]:
     """Misfit (m, 3) of gravity after each turn, gravity predicted (m, 3), and products (m, n, 3, 3) to the end."""
-    phi = rate * turned.step[..., None]
+    phi = rate * turns.step[..., None]
     C = exponential(phi)
     tail = np.empty_like(C)
     P = np.broadcast_to(np.eye(3), (len(C), 3, 3))
     for k in range(C.shape[1] - 1, -1, -1):
         tail[:, k] = P
         P = P @ C[:, k]
-    predicted = (P @ turned.before[..., None])[..., 0]
-    return turned.after - predicted, predicted, tail
+    predicted = (P @ turns.before[..., None])[..., 0]
+    return turns.after - predicted, predicted, tail

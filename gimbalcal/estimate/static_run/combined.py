@@ -201,7 +201,7 @@ def separate(
 ) -> Solution:
     """Parameters from combined coefficients (q,) with covariance (q, q): Eqs. (39)-(41) with the right weights.
 
-    Directions that the coefficients do not determine stay at zero and come back named in `unseen`.
+    Directions that the coefficients do not determine stay at zero and come back named in `unobservable`.
     """
     G = matrix(latitude, gravity, wanted)[[NAMES.index(n) for n in names]]
     whiten = np.linalg.inv(np.linalg.cholesky(covariance))

@@ -66,7 +66,7 @@ def static(
         effects=effects,
         parameters=wanted,
         covariance=solution.covariance,
-        unobservable=tuple({"direction": u.direction, "why": u.why} for u in solution.unseen),
+        unobservable=tuple(u.to_dict() for u in solution.unobservable),
         residual=Residual(solution.chi2, solution.dof, rms_by_channel(run, effects)),
         outcome=outcome(solution),
         provenance={

@@ -21,7 +21,7 @@ from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.gyroscopes import between_rests as poses
 from gimbalcal.estimate.gyroscopes.between_rests import LINEAR, gyroscopes_between_rests
 from gimbalcal.estimate.gyroscopes.inter_triad import euler, rotation
-from gimbalcal.estimate.gyroscopes.turns import turns
+from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
 from gimbalcal.estimate.unit import inertial_unit, with_gyroscopes
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus_from_readings
@@ -93,7 +93,7 @@ def test_a_recording_may_begin_while_the_unit_moves() -> None:
 
 def test_derivative_is_that_of_a_difference() -> None:
     recording = hand(TRUTH, 0.0, count=8)
-    turned, _, _ = turns(recording, multiposition(recording, ("bias",)))
+    turned, _, _ = turns_between_rests(recording, multiposition(recording, ("bias",)))
     wanted = poses.fit_turns(turned, LINEAR).parameters
     x = np.full(len(wanted), 0.01)
     J = poses._linear(turned, wanted, x)[1]
@@ -146,7 +146,7 @@ def test_rotation_between_the_triads_comes_out_of_the_misalignments() -> None:
     M = np.linalg.inv(rotation(angles).T @ triangle @ np.diag([1.01, 0.98, 1.0]))
     x = np.array([*(np.diag(M) - 1), M[0, 1], M[0, 2], M[1, 2], M[1, 0], M[2, 0], M[2, 1]])
     recording = hand(TRUTH, 0.0, count=8)
-    turned, _, _ = turns(recording, multiposition(recording, ("bias",)))
+    turned, _, _ = turns_between_rests(recording, multiposition(recording, ("bias",)))
     fit = replace(poses.fit_turns(turned, LINEAR), x=x)
     np.testing.assert_allclose(poses._inter_triad(fit), angles, atol=1e-14)  # an exact factorisation
     np.testing.assert_allclose(euler(rotation(angles)), angles, atol=1e-15)

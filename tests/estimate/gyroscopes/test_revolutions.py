@@ -9,7 +9,7 @@ import pytest
 
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.gyroscopes.revolutions import forward, gyroscopes_from_revolutions, turns_of
+from gimbalcal.estimate.gyroscopes.revolutions import forward, gyroscopes_from_revolutions, revolutions_of
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
@@ -62,7 +62,7 @@ def table_run(noise: float, seed: int = 0) -> Recording:
 
 
 def test_revolutions_are_found_and_quarter_turns_left_out() -> None:
-    turns, pairs = turns_of(table_run(0.0))
+    turns, pairs = revolutions_of(table_run(0.0))
     assert pairs == 9
     assert turns.angle == pytest.approx(4 * np.pi)
     assert turns.rest.shape == (1, 27, 3)
@@ -89,7 +89,7 @@ def test_correcting_with_it_gives_the_rate() -> None:
 def test_what_is_not_revolutions_is_refused() -> None:
     made = table_run(0.0)
     with pytest.raises(InputError, match="holds 2 pairs of whole revolutions"):
-        turns_of(made.select(slice(0, int(np.flatnonzero(made.position == 7)[0]))))
+        revolutions_of(made.select(slice(0, int(np.flatnonzero(made.position == 7)[0]))))
     counted = replace(made, units={("angular_rate", a): "count" for a in "xyz"})
     with pytest.raises(InputError, match="reads rates in counts"):
         gyroscopes_from_revolutions(counted)

@@ -151,8 +151,8 @@ def test_separation_finds_what_is_determined_and_names_the_rest() -> None:
     rows = [NAMES.index(n) for n in names]
     A = matrix(LATITUDE, G, TWELVE)[rows]
     s = separate(names, A @ x, variance, LATITUDE, G, TWELVE)
-    assert len(s.unseen) == 5
-    assert any(set(u.direction) == {"bias:x", "misalignment:xy"} for u in s.unseen)
+    assert len(s.unobservable) == 5
+    assert any(set(u.direction) == {"bias:x", "misalignment:xy"} for u in s.unobservable)
     labels = [p.label for p in TWELVE]
     S = np.sin(LATITUDE)
     determined = (

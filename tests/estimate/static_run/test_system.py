@@ -47,8 +47,8 @@ def test_rank_is_fourteen_of_twentytwo_and_the_rest_is_named() -> None:
     wanted = tuple(p for p in baseline(prepare(recording)) if p.effect != "scale_nonlinearity")
     found = solve(static_information(recording, (), wanted))
     assert len(wanted) == 22
-    assert len(found.unseen) == 8
-    named = [set(u.direction) for u in found.unseen]
+    assert len(found.unobservable) == 8
+    named = [set(u.direction) for u in found.unobservable]
     assert {"bias:x", "misalignment:xy"} in named
     assert {"bias:y", "misalignment:yx"} in named
     assert {"bias:z", "scale_factor:z"} in named
@@ -71,7 +71,7 @@ def test_errors_are_as_large_as_claimed_in_seen_directions() -> None:
         scale = np.array([p.sigma for p in wanted])
         e = info.rows[:, :-1] @ ((s.x - x) / scale)
         nees, misfit, dof = nees + e @ e, misfit + found.residual.chi2, dof + found.residual.dof
-        size += len(wanted) - len(s.unseen)
+        size += len(wanted) - len(s.unobservable)
     assert chi2.ppf(0.0005, size) < nees < chi2.ppf(0.9995, size)
     assert chi2.ppf(0.0005, dof) < misfit < chi2.ppf(0.9995, dof)
 
