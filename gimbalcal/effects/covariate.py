@@ -68,7 +68,7 @@ class BiasCovariateLagged(Effect):
 
     def dynamics(self, s: Stimulus) -> Dynamics:
         """The channel as the sensor has followed it by now."""
-        return late(channel(s, self.covariate)[:, None], self.tau, np.asarray(self.k)[:, None])
+        return late(channel(s, self.covariate)[:, None], self.tau, self.k)
 
 
 @effect

@@ -30,18 +30,19 @@ def recursion(a: Array, b: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Dynamics:
-    r"""States x (m,) of first order that an effect carries from sample to sample, for a filter or a navigator.
+    r"""States x of first order that an effect carries from sample to sample, for a filter or a navigator.
 
-    .. math:: \tau \dot x = u - x \quad \text{or, where nothing is forgotten,} \quad \dot x = u; \qquad \delta = C x
+    .. math:: \tau \dot x = u - x \quad \text{or, where nothing is forgotten,} \quad \dot x = u; \qquad
+              \delta_i = c_i x_i
 
-    drive u (n, m), linear between samples; start (m,) or (n, m): x at the first sample, and, of states that forget,
-    again at the rows where `anew` (n,) is true; output C (3, m) or (n, 3, m), None where the states themselves are
-    added; tau [s], None where nothing is forgotten.
+    with one state for each axis (m = 3) or one for all (m = 1). drive u (n, m), linear between samples; start (m,) or
+    (n, m): x at the first sample, and, of states that forget, again at the rows where `anew` (n,) is true; output c
+    (3,) or (n, 3), 1 where the states themselves are added; tau [s], None where nothing is forgotten.
     """
 
     drive: Array
     start: Array
-    output: Array | None = None
+    output: Array | float = 1.0
     tau: float | None = None
     anew: Array | None = None
 
@@ -72,8 +73,7 @@ def states(d: Dynamics, time: Array) -> Array:
 
 def integrated(d: Dynamics, time: Array) -> Array:
     """What an effect with these states adds (n, 3)."""
-    x = states(d, time)
-    return x if d.output is None else np.asarray((d.output * x[:, None, :]).sum(axis=-1))
+    return np.asarray(d.output * states(d, time))
 
 
 def late(u: Array, tau: float, output: Array) -> Dynamics:

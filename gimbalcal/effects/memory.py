@@ -60,7 +60,7 @@ class PostMoveCreep(Effect):
 
     def dynamics(self, s: Stimulus) -> Dynamics:
         """The share of the relaxation that is still to come: one at every move, whatever was left of the one before."""
-        load = (self.c * s.move_force + self.l * s.force)[..., None]
+        load = self.c * s.move_force + self.l * s.force
         moved = np.diff(s.visit, prepend=s.visit[0]) != 0
         left = exp(-s.since_move / self.tau)[:, None]
         return Dynamics(np.zeros((len(s.time), 1)), left, load, self.tau, moved)

@@ -113,7 +113,7 @@ class BiasTemperatureLagged(Effect):
 
     def dynamics(self, s: Stimulus) -> Dynamics:
         """The temperature that the sensor has by now."""
-        return late(s.temperature_excess()[:, None], self.tau, np.asarray(self.b_L)[:, None])
+        return late(s.temperature_excess()[:, None], self.tau, self.b_L)
 
 
 @effect
@@ -182,7 +182,7 @@ class WarmUp(Effect):
 
     def dynamics(self, s: Stimulus) -> Dynamics:
         """The share of the warming that is still to come."""
-        return Dynamics(np.zeros((len(s.time), 1)), np.ones(1), np.asarray(self.w)[:, None], self.tau)
+        return Dynamics(np.zeros((len(s.time), 1)), np.ones(1), self.w, self.tau)
 
 
 @effect
@@ -276,4 +276,4 @@ class SelfHeating(Effect):
 
     def dynamics(self, s: Stimulus) -> Dynamics:
         """The temperature of each sensor, in units of what 1 g makes of it."""
-        return late((s.force / G0) ** 2, self.tau, self.H * np.eye(3))
+        return late((s.force / G0) ** 2, self.tau, self.H)

@@ -34,7 +34,7 @@ def step_by_step(d: Dynamics, time: Array) -> Array:
     """x' = A x + B u by the matrix exponential (Van Loan 1978) for u straight between two samples."""
     m = d.drive.shape[1]
     A, B = (np.zeros((m, m)), np.eye(m)) if d.tau is None else (-np.eye(m) / d.tau, np.eye(m) / d.tau)
-    zero, unit, C = np.zeros((m, m)), np.eye(m), np.eye(3) if d.output is None else d.output
+    zero, unit = np.zeros((m, m)), np.eye(m)
     start = np.broadcast_to(d.start, d.drive.shape)
     x = [start[0]]
     for k, (t, later) in enumerate(pairwise(time)):
@@ -44,7 +44,7 @@ def step_by_step(d: Dynamics, time: Array) -> Array:
         x.append(Phi @ np.concatenate([x[-1], d.drive[k], slope]))
         if d.anew is not None and d.anew[k + 1]:
             x[-1] = start[k + 1]
-    return np.einsum("...im,...m->...i", C, np.array(x))
+    return np.asarray(d.output * np.array(x))
 
 
 def off_its_states(name: str) -> float:

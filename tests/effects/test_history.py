@@ -5,7 +5,7 @@ import pytest
 
 from gimbalcal.effects.history import Dynamics, direction, integral, late, recursion, slope, smoothed_rate, states
 
-ONE = np.ones((3, 1))
+ONE = np.ones(3)
 TIME = np.cumsum(np.random.default_rng(1).uniform(0.1, 40.0, 200))
 
 
