@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.library.candidates import Candidate, by_mechanism, choices, eligible
+from gimbalcal.diagnose.library.candidates import Candidate, by_mechanism, choices, eligible, of_effect, sources
 from gimbalcal.diagnose.library.known_noise import available, columns_at, library
 from gimbalcal.diagnose.rows.observations import observe
-from gimbalcal.effects import CATALOGUE, Stage, parameters
+from gimbalcal.effects import CATALOGUE, Effect, Stage, parameters
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.kinematics import stimulus_from_angles
+from gimbalcal.number import Array
 from tests.diagnose.plant import at_strength, on, record
 
 GIMBALS = ("platform", "inner", "middle")
@@ -113,3 +114,33 @@ def test_finer_constants_are_found_between_those_of_the_grid() -> None:
     tau = next(p for p in found["parameters"] if p["name"] == "tau")
     assert found["effect"] == "warm_up"
     assert abs(tau["value"] * 3600 - 700.0) < 4 * max(tau["sigma"] * 3600, 10.0)
+
+
+def test_an_effect_of_any_covariate_is_tried_with_each() -> None:
+    x = S.time
+    logged = S.at(covariates={"fan": x, "pressure": x})
+    assert sources(CATALOGUE["bias_drift"], logged) == ("",)
+    assert sources(CATALOGUE["bias_covariate"], logged) == ("fan",)  # pressure has an effect of its own
+    assert sources(CATALOGUE["bias_covariate"], S) == ()
+
+
+def test_every_combination_of_constants_is_a_variant_with_columns_of_its_own() -> None:
+    cls = CATALOGUE["bias_temperature_lagged"]
+    wanted, tried = parameters(cls), choices(cls, S)
+    blocks: list[Array] = [np.zeros((4, 5))]
+    seen: list[Effect] = []
+
+    def columns(made: Effect) -> Array:
+        seen.append(made)
+        X = np.zeros((4, len(wanted)))
+        X[:, :2] = 1.0  # the z axis shows nothing
+        return X
+
+    found = of_effect(cls, "", wanted, tried, S, columns, blocks)
+    assert [c.axis for c in found] == ["x", "y", "x, y, z"]
+    assert [dict(v.constants)["tau"] for v in found[0].variants] == [vars(e)["tau"] for e in seen]
+    assert sorted({i for c in found for v in c.variants for i in v.index}) == list(range(5, 5 + 3 * len(tried)))
+    assert sum(b.shape[1] for b in blocks) == 5 + 3 * len(tried)
+    for c in found:
+        for k, v in enumerate(c.variants):
+            assert v.index == tuple(5 + 3 * k + wanted.index(p) for p in c.parameters)

@@ -1,0 +1,52 @@
+"""The library of a recording of known noise: every column is what the forward model answers to its parameter."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gimbalcal.diagnose.library.known_noise import available, columns_at, library
+from gimbalcal.diagnose.rows.observations import absent_effect
+from gimbalcal.effects import CATALOGUE, parameters, values, with_values
+from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.forward import predict
+from tests.diagnose.small import observed
+
+O = observed(1, dwell=6)
+BASE = BASELINE["multi-position"]
+LIBRARY = library(O, BASE)
+
+
+@pytest.mark.parametrize(
+    "label", ["cubic_nonlinearity:x", "gimbal_flexure:inner", "base_tilt_drift:north", "bias_temperature_lagged:y",
+              "scale_factor_asymmetry:z"],
+)  # fmt: skip
+def test_a_column_is_a_difference_of_two_predictions(label: str) -> None:
+    """Half a prior sigma either way, reduced as the data are: sensors are linear to 1e-4 at such sizes."""
+    c = next(c for c in LIBRARY.candidates if c.label == label)
+    v = c.variants[len(c.variants) // 2]
+    made = absent_effect(c.effect, O.stimulus, c.source, **dict(v.constants))
+    for k, p in enumerate(c.parameters):
+        answers = []
+        for sign in (0.5, -0.5):
+            (e,) = with_values([made], [p], values([made], [p]) + sign * p.sigma, O.stimulus.axis_names)
+            answers.append(predict(O.recording.platform, O.stimulus, (*O.baseline, e), O.kind)["specific_force"])
+        X = O.reduce(((answers[0] - answers[1]) / O.sigma)[:, :, None])[:, 0]
+        np.testing.assert_allclose(LIBRARY.X[:, v.index[k]], X, atol=2e-4 * np.abs(X).max())
+    np.testing.assert_allclose(columns_at(O, c, v.constants), LIBRARY.X[:, list(v.index)])
+
+
+def test_what_is_in_the_model_is_no_candidate() -> None:
+    ids = available(O, BASE)
+    assert not set(ids) & set(BASE)
+    assert {c.effect for c in LIBRARY.candidates if not c.rival} <= set(ids)
+    assert "cubic_nonlinearity" not in available(O, (*BASE, "cubic_nonlinearity"))
+    assert all(parameters(CATALOGUE[i], O.stimulus.axis_names) for i in ids)
+
+
+def test_every_column_has_an_owner() -> None:
+    owned = {i for c in LIBRARY.candidates for v in c.variants for i in v.index}
+    shown = np.flatnonzero(np.abs(LIBRARY.X).max(axis=0) > 0)
+    assert set(shown.tolist()) <= owned
+    assert max(owned) < LIBRARY.X.shape[1]
+    assert len(LIBRARY.X) == len(O.reduce(O.Z))

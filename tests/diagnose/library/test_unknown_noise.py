@@ -1,0 +1,72 @@
+"""Causes of a view: what is not in the model yet, as derivatives of its misfit; shapes in the misfit's own size."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gimbalcal.diagnose.library.unknown_noise import available, causes, constants_of, shapes_of, unknowns
+from gimbalcal.diagnose.rows.views import norm, pointing
+from gimbalcal.diagnose.search.stepwise import start
+from gimbalcal.effects import CATALOGUE, absent, parameters
+from gimbalcal.number import Array
+from tests.diagnose.small import telescope
+from tests.diagnose.test_unknown_noise import turned
+
+STARS = pointing(telescope(1, north=12.0))
+MODEL = start(STARS)
+KNOWN, X = causes(STARS, MODEL.effects, MODEL.fitted)
+HANDS = norm(turned(1))
+
+
+def test_a_cause_is_what_the_model_does_not_hold() -> None:
+    fitted = {(p.effect, p.field, p.axis) for p in MODEL.fitted}
+    for c in KNOWN:
+        assert not {(p.effect, p.field, p.axis) for p in c.parameters} & fitted
+    effects = {c.effect for c in KNOWN if not c.rival}
+    assert effects <= set(available(STARS))
+    assert {"base_tilt", "tube_flexure"} <= effects
+    assert "bias_drift" not in effects  # of accelerometers
+
+
+def test_columns_are_what_one_prior_sigma_adds() -> None:
+    c = next(c for c in KNOWN if c.effect == "base_tilt" and c.axis == "north, east")
+    (v,) = c.variants
+    made = absent(CATALOGUE["base_tilt"], STARS.stimulus.axis_names)
+    J = STARS.linear([*MODEL.effects, made], c.parameters)[1]
+    np.testing.assert_allclose(X[..., list(v.index)], J * [p.sigma for p in c.parameters])
+    E = STARS.recording.channels["true_angle", "elevation"]
+    # about north a tilt shows whole on the horizon and not at the zenith, whichever way it is told
+    size = np.linalg.norm(X[..., list(v.index)], axis=(1, 2)) / c.parameters[0].sigma
+    assert size[np.argmin(E)] > 0.9
+    assert np.all(np.isfinite(X))
+
+
+def test_axes_that_the_rows_cannot_show_are_left_out() -> None:
+    assert {p.axis for p in unknowns(STARS, "base_tilt")} == {"north", "east"}
+    made = unknowns(HANDS, "misalignment")
+    assert len(made) == 3  # a triangle: three of six turn the unit as a whole
+    (catalogue,) = {p.sigma for p in made}
+    assert catalogue == pytest.approx(HANDS.wide * parameters(CATALOGUE["misalignment"])[0].sigma)
+
+
+def test_shapes_are_as_large_as_the_misfit() -> None:
+    blocks: list[Array] = [np.zeros((80, 2, 4))]
+    made = shapes_of(STARS, MODEL.r, blocks)
+    rms = np.sqrt(np.mean(MODEL.r**2))
+    columns = np.concatenate(blocks, axis=-1)
+    assert {c.effect for c in made} >= {"unknown time"}
+    assert {c.axis for c in made} == {"across", "along"}
+    for c in made:
+        at = list(c.variants[0].index)
+        assert min(at) >= 4
+        k = ("across", "along").index(c.axis)
+        np.testing.assert_allclose(np.sqrt((columns[:, k, at] ** 2).mean(axis=0)), rms)
+        assert np.abs(columns[:, 1 - k, at]).max() == 0.0
+
+
+def test_an_effect_of_the_model_keeps_its_constants() -> None:
+    effect = next(i for i in available(STARS) if constants_of(absent(CATALOGUE[i], STARS.stimulus.axis_names)))
+    made = absent(CATALOGUE[effect], STARS.stimulus.axis_names)
+    known, _ = causes(STARS, [*MODEL.effects, made], MODEL.fitted)
+    assert {v.constants for c in known if c.effect == effect for v in c.variants} == {constants_of(made)}

@@ -1,0 +1,69 @@
+"""Which effects a model can hold, and the sentence that says why not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gimbalcal.diagnose.rows.baseline import by_triad, check_baseline, check_finite, known_effect, unfit
+from gimbalcal.effects import CATALOGUE
+from gimbalcal.errors import InputError
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording
+from tests.diagnose import static_plant
+from tests.diagnose.plant import record
+from tests.diagnose.small import telescope
+
+TABLE = record(np.random.default_rng(1), dwell=2)
+REST = static_plant.record(np.random.default_rng(1))
+BARE = replace(TABLE, channels={k: v for k, v in TABLE.channels.items() if k[0] != "temperature"})
+LOGS = replace(TABLE, channels={**TABLE.channels, ("covariate", "fan"): TABLE.time, ("covariate", "hum"): TABLE.time})
+ONE = replace(TABLE, channels={**TABLE.channels, ("covariate", "fan"): TABLE.time})
+
+
+@pytest.mark.parametrize(
+    ("effect", "recording", "why"),
+    [
+        ("bias_temperature", TABLE, ""),
+        ("bias_temperature", BARE, "needs temperature, and 'plant' has none"),
+        ("bias_covariate", TABLE, "needs covariate, and 'plant' has none"),
+        ("bias_covariate", LOGS, "follows one covariate, and 'plant' has 2 of them"),
+        ("bias_covariate", ONE, ""),
+        ("refraction", TABLE, "shows in pointing recordings, and 'plant' is a multi-position recording"),
+        ("refraction", telescope(1), ""),
+        ("magnetic_field", TABLE, ""),
+        ("magnetic_field", replace(TABLE, platform=BENCH), "needs gimbals, which say where north is, and 'plant' has"),
+    ],
+)
+def test_a_sentence_says_why_not(effect: str, recording: Recording, why: str) -> None:
+    said = unfit(effect, recording)
+    assert said.startswith(why)
+    assert bool(said) is bool(why)
+
+
+def test_a_baseline_is_refused_only_where_no_recording_can_hold_it() -> None:
+    check_baseline(["bias_temperature"], [BARE, TABLE])
+    check_baseline([], [BARE])
+    with pytest.raises(InputError, match=r"names 'bias_temperature', which needs temperature, .* leave it out of"):
+        check_baseline(["bias", "bias_temperature"], [BARE])
+    with pytest.raises(InputError, match="'bais', which is no effect of the catalogue; `gimbalcal catalogue` lists"):
+        known_effect("bais")
+    assert known_effect("bias") is CATALOGUE["bias"]
+
+
+def test_effects_belong_to_the_triad_that_they_act_on() -> None:
+    """A drift of the platform has a gyroscope's name and is none of a sensor's outputs."""
+    forces, rates = by_triad(["bias", "gyro_bias", "misalignment", "gyro_g_sensitivity_rate", "gyro_drift"])
+    assert rates == ["gyro_bias", "gyro_g_sensitivity_rate"]
+    assert forces == ["bias", "misalignment", "gyro_drift"]
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_value_that_is_no_number_is_named_by_row_and_channel(value: float) -> None:
+    check_finite(TABLE)
+    y = TABLE.channels["specific_force", "y"].copy()
+    y[[4, 7]] = value
+    with pytest.raises(InputError, match=r"'plant', row 5, specific_force y: the value is not a finite number"):
+        check_finite(replace(TABLE, channels={**TABLE.channels, ("specific_force", "y"): y}))

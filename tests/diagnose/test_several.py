@@ -1,0 +1,80 @@
+"""The diagnosis of several recordings: what belongs together, whose numbers are told, and each alone in words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from gimbalcal.diagnose import Diagnosis, diagnose
+from gimbalcal.diagnose.several import baseline_of
+from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.errors import InputError
+from gimbalcal.platform import KNOWN
+from tests.diagnose import static_plant
+from tests.diagnose.plant import UG, known, record
+from tests.diagnose.small import telescope
+
+BASE = ("scale_factor", "bias", "scale_nonlinearity", "misalignment", "gimbal_zero")
+
+
+@cache
+def told() -> Diagnosis:
+    """A table with an asymmetry far above its noise, and another day of 18 positions without it."""
+    made = [record(np.random.default_rng(seed), known(1)["asymmetry"][0], x * UG, dwell=2, hide=("temperature",))
+            for seed, x in ((1, 0.0), (2, 800.0))]  # fmt: skip
+    return diagnose(made, baseline=BASE)
+
+
+def test_the_recording_that_is_off_most_leads() -> None:
+    d = told()
+    assert d.mismatch[0]["recording"] == 2
+    assert d.mismatch[0]["in_words"].startswith("In recording 2, specific force y")
+    assert d.curves is not None
+    assert np.max(np.abs(d.curves.before)) > 3  # its picture
+    assert [r["recording"] for r in d.fit["recordings"]] == [1, 2]
+    scan = [r["scan_p_before"] for r in d.fit["recordings"]]
+    assert scan[1] < 1e-3 < scan[0]
+    assert d.fit["scan_p_before"] == pytest.approx(1 - (1 - scan[1]) ** 2, rel=1e-6)  # the smaller of two
+
+
+def test_numbers_of_all_are_means_by_their_degrees_of_freedom() -> None:
+    d = told()
+    each = [r["chi2_reduced_before"] for r in d.fit["recordings"]]
+    assert d.fit["chi2_reduced_before"] == pytest.approx(np.mean(each), rel=1e-6)  # the same rows and constants
+    assert d.fit["heldout_before"] == pytest.approx(np.mean([r["heldout_before"] for r in d.fit["recordings"]]))
+
+
+def test_each_alone_is_told_in_words() -> None:
+    d = told()
+    alone = [r["alone"] for r in d.fit["recordings"]]
+    assert alone[0]["in_words"] == "nothing is missing"
+    assert alone[0]["verdict"] == "adequate"
+    assert "scale factor asymmetry (y)" in alone[1]["in_words"]
+    assert d.in_words.endswith(
+        f"each alone would have said: recording 1: nothing is missing; recording 2: {alone[1]['in_words']}."
+    )
+    assert alone[0]["ln_bayes_factor"] < alone[0]["ln_bayes_factor_needed"] <= alone[1]["ln_bayes_factor"]
+
+
+def test_the_model_of_each_holds_what_it_can_of_what_was_asked() -> None:
+    table, rest = record(np.random.default_rng(1), dwell=2), static_plant.record(np.random.default_rng(1))
+    asked = ("bias", "scale_factor", "polar_axis_misalignment")
+    assert baseline_of(rest, [table, rest], asked) == asked
+    assert baseline_of(table, [table, rest], asked) == ("bias", "scale_factor")
+    assert baseline_of(table, [table, rest], ("polar_axis_misalignment",)) == BASELINE["multi-position"]
+    assert set(baseline_of(rest, [table, rest], ())) == {*BASELINE["static-run"], "scale_nonlinearity"}
+
+
+def test_what_is_of_another_unit_or_kind_is_refused() -> None:
+    r = record(np.random.default_rng(1), dwell=2)
+    for other, why in (
+        (telescope(1), "'telescope' is a pointing recording of 'alt-az'"),
+        (replace(r, platform=KNOWN["bench"]), "is a multi-position recording of 'bench'"),
+        (replace(r, platform=KNOWN["three-axis-table"]), "'plant' is of platform 'space-stable' and 'plant' of"),
+        (r, "'plant' is given twice"),
+    ):
+        with pytest.raises(InputError, match=why):
+            diagnose([r, other])

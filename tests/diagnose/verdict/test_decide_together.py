@@ -1,0 +1,91 @@
+"""The verdict of several recordings: one size for all, and a bar that clean ones set together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gimbalcal.diagnose.evidence.known_scale import ANY_SIZE, log_bayes
+from gimbalcal.diagnose.search.combine import Combined, combine
+from gimbalcal.diagnose.verdict.decide import decide, likeliest
+from gimbalcal.diagnose.verdict.decide_together import clean_together, decide_together, likeliest_together
+from gimbalcal.diagnose.verdict.threshold import anything, clean_singles
+from gimbalcal.inference.algebra import logsumexp
+from tests.diagnose.plant import known
+from tests.diagnose.small import candidate, observed, searched
+
+LABELS = ("scale_factor_asymmetry:y", "cross_coupling:x", "bias_drift:z", "position_blunder", "unknown time:x")
+
+
+def together(*sizes: float) -> Combined:
+    made = [observed(seed + 1, known(1)["asymmetry"][0], x, dwell=6) for seed, x in enumerate(sizes)]
+    return combine([searched(o, *LABELS) for o in made])
+
+
+ALIKE, UNLIKE, ONE = together(150.0, 150.0), together(150.0, 0.0), together(150.0)
+
+
+def place(c: Combined, label: str) -> int:
+    return [x.label for x in c.library.candidates].index(label)
+
+
+@pytest.mark.parametrize("c", [ALIKE, UNLIKE], ids=["alike", "unlike"])
+def test_a_cause_has_one_size_in_all_recordings(c: Combined) -> None:
+    """The largest over sizes of the sum over recordings, each in its own noise: never more than the sum of the best."""
+    label = "scale_factor_asymmetry:y"
+    by_size = np.zeros(len(ANY_SIZE))
+    best = 0.0
+    for s in c.searches:
+        i = candidate(s, label)
+        index = list(s.library.candidates[i].variants[0].index)
+        each = np.stack([log_bayes(p.G[np.ix_(index, index)], p.b[index, 0], ANY_SIZE) for p in s.projections])
+        ln = logsumexp(each + s.null[:, None], axis=0) - logsumexp(s.null)
+        by_size += ln
+        best += float(ln.max())
+        assert likeliest(s)[i] == pytest.approx(logsumexp(s.null + each.max(axis=1)) - logsumexp(s.null))
+    found = likeliest_together(c, ())[place(c, label)]
+    assert found == pytest.approx(by_size.max())
+    assert found <= best + 1e-9
+
+
+def test_a_cause_that_one_recording_lacks_is_not_excused() -> None:
+    """As strong in both is likelier than strong in one: what the second does not show counts against it."""
+    at = place(UNLIKE, "scale_factor_asymmetry:y")
+    alone = likeliest(UNLIKE.searches[0])[candidate(UNLIKE.searches[0], "scale_factor_asymmetry:y")]
+    assert likeliest_together(UNLIKE, ())[at] < alone
+    assert likeliest_together(ALIKE, ())[at] > alone
+
+
+def test_shapes_have_no_size_to_compare() -> None:
+    ln = likeliest_together(ALIKE, ())
+    rival = [bool(c.rival) for c in ALIKE.library.candidates]
+    assert np.all(np.isneginf(ln[rival]))
+    assert np.all(np.isfinite(ln[~np.array(rival)]))
+
+
+def test_one_recording_together_is_that_recording() -> None:
+    (s,) = ONE.searches
+    mine, theirs = decide_together(ONE, 3.0), decide(s, 3.0)
+    assert mine.verdict == theirs.verdict == "missing-physics"
+    assert mine.hypothesis is not None
+    assert theirs.hypothesis is not None
+    found = [ONE.library.candidates[m].label for m in mine.hypothesis.members]
+    assert found == [s.library.candidates[m].label for m in theirs.hypothesis.members] == [LABELS[0]]
+    assert mine.probability[0] == pytest.approx(theirs.probability[0], abs=1e-6)
+
+
+def test_the_bar_is_set_by_clean_recordings_of_all_designs() -> None:
+    """Draws of each recording by itself, with the same random numbers, added up candidate by candidate."""
+    bar, alone = clean_together(ALIKE, np.random.default_rng(1))
+    rng = np.random.default_rng(1)
+    drawn = [clean_singles(s, rng) for s in ALIKE.searches]
+    for mine, d, s in zip(alone, drawn, ALIKE.searches, strict=True):
+        np.testing.assert_allclose(mine, anything(d, s.share))
+    summed = np.zeros((len(ALIKE.library.candidates), drawn[0].shape[1]))
+    for i in range(len(ALIKE.library.candidates)):
+        for k, d in enumerate(drawn):
+            if ALIKE.place[i, k] >= 0:
+                summed[i] += d[ALIKE.place[i, k]]
+    np.testing.assert_allclose(bar, logsumexp(summed + ALIKE.share[:, None], axis=0))
+    assert decide_together(ALIKE, float(np.quantile(bar, 0.99))).verdict == "missing-physics"
+    assert decide_together(ALIKE, 1e9).verdict == "adequate"
