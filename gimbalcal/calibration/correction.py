@@ -19,7 +19,7 @@ from typing import Protocol
 
 import numpy as np
 
-from gimbalcal.calibration.readout import FORCE, RATE, SI, Readout, counted, in_counts, in_si
+from gimbalcal.calibration.readout import FORCE, RATE, SI, Readout, in_counts, in_si
 from gimbalcal.effects import Effect, Stage, Stimulus
 from gimbalcal.effects.effect import lacking
 from gimbalcal.errors import InputError
@@ -166,7 +166,7 @@ def _with_needs(effects: Sequence[Effect], recording: Recording) -> tuple[Effect
 
 def _refuse_other_unit(readout: Readout, recording: Recording) -> None:
     known = readout.accelerometers is not None
-    if recording.has(FORCE) and counted(recording, FORCE) != known:
+    if recording.has(FORCE) and recording.counted(FORCE) != known:
         have, want = (SI[FORCE], "counts") if known else ("counts", SI[FORCE])
         raise InputError(
             f"{recording.title!r} reads specific force in {have} and the calibration was made from readings in {want}: "

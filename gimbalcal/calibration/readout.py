@@ -20,7 +20,6 @@ import numpy as np
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import SENSORS
-from gimbalcal.units import is_raw
 
 FORCE, RATE = "specific_force", "angular_rate"
 SI = {FORCE: "m/s^2", RATE: "rad/s"}
@@ -89,15 +88,10 @@ def _counts(told: Mapping[str, Any] | None) -> Counts | None:
     return Counts(tuple(map(float, scale)), tuple(map(float, offset)))
 
 
-def counted(recording: Recording, quantity: str) -> bool:
-    """Whether a quantity was logged in counts or pulses."""
-    return any(is_raw(u) for (q, _), u in recording.units.items() if q == quantity)
-
-
 def in_si(recording: Recording, readout: Readout) -> Recording:
     """The recording with what it reads in counts in SI, as the readout scales it: values, scatter and noise."""
     for quantity, counts in readout.counts.items():
-        if recording.has(quantity) and counted(recording, quantity):
+        if recording.has(quantity) and recording.counted(quantity):
             y = counts.to_si(recording.triad(quantity))
             recording = _scaled(recording, quantity, y, np.abs(counts.scale), SI[quantity])
     return recording

@@ -40,7 +40,6 @@ from gimbalcal.kinematics import ideal_force, stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording, dwell_means
-from gimbalcal.units import is_raw
 
 RESTS = 6  # fewer do not tell a pattern of the pose from chance
 
@@ -135,7 +134,7 @@ def _views(
 def without_earth(recording: Recording, gyro: Sequence[Effect] = ()) -> Recording:
     """Rates less what the gyroscopes, with these effects, read of the Earth's rate; counts stay as they are."""
     L = recording.site.latitude
-    if L is None or any(is_raw(recording.units.get((RATE, a), "rad/s")) for a in "xyz"):
+    if L is None or recording.counted(RATE):
         return recording
     rest = dwell_means(recording)
     A = EARTH_RATE * attitude_of(rest)

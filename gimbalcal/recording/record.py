@@ -14,6 +14,7 @@ from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
+from gimbalcal.units import is_raw
 
 Key = tuple[str, str]
 """(quantity, axis) of a channel, as in ``("specific_force", "x")`` or ``("temperature", "")``."""
@@ -112,6 +113,10 @@ class Recording:
                 "to [columns] of its recording.toml"
             )
         return np.stack([self.channels[quantity, axis] for axis in axes], axis=-1)
+
+    def counted(self, quantity: str) -> bool:
+        """Whether a quantity was logged in counts or pulses, so that its numbers are not in SI."""
+        return any(is_raw(u) for (q, _), u in self.units.items() if q == quantity)
 
     def angles(self) -> Array:
         """Gimbal readouts [rad], (n, k) in the order of the platform's axes; an axis without a readout is at 0."""

@@ -130,7 +130,7 @@ def rest_rates(
     """
     made = accelerometers or multiposition(recording, BASELINE["norm"])
     moving = recording.position is not None and bool(np.any(recording.position == 0))
-    raw = any(is_raw(recording.units.get((RATE, a), "rad/s")) for a in "xyz")
+    raw = recording.counted(RATE)
     if raw and not moving:
         return None
     found = rests(recording, made, turns_between_rests(recording, made)[2] if raw else 1.0)

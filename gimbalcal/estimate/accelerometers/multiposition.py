@@ -28,7 +28,6 @@ from gimbalcal.estimate.support import coefficients, needed, refusal, scatter
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means
-from gimbalcal.units import is_raw
 from gimbalcal.wang2019.fit import ellipsoid
 
 LINEAR = ("scale_factor", "bias", "misalignment")
@@ -198,8 +197,7 @@ def _refusal(term: str, without: NormFit, candidate: NormFit | None, tried: int)
 
 def scaled_by_gravity(means: Recording) -> tuple[Recording, Counts | None]:
     """Readings in counts or pulses become m/s^2 by the ellipsoid's scale and offset, which are kept as nominal."""
-    units = [means.units.get((FORCE, a), "m/s^2") for a in "xyz"]
-    if not any(is_raw(u) for u in units):
+    if not means.counted(FORCE):
         return means, None
     N = means.triad(FORCE)
     spread = (N.max(0) - N.min(0)).mean() / 2
@@ -207,8 +205,8 @@ def scaled_by_gravity(means: Recording) -> tuple[Recording, Counts | None]:
     found = ellipsoid(((N - middle) / spread)[None])[0] if len(N) >= 9 else np.full(9, np.nan)
     if not np.isfinite(found).all():
         raise InputError(
-            f"{means.title!r} reads in {units[0]} and {amount(len(N), 'rest position')} cannot fix its scale: hold at "
-            "least nine that turn every axis up and down, or give the columns in m/s^2"
+            f"{means.title!r} reads in {means.units.get((FORCE, 'x'), 'm/s^2')} and "
+            f"{amount(len(N), 'rest position')} cannot fix its scale: hold at least nine that turn every axis up and down, or give the columns in m/s^2"
         )
     scale = found[:3] * means.site.gravity / spread
     offset = middle - found[3:6] / found[:3] * spread

@@ -21,7 +21,6 @@ from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
 from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array, complex_step
 from gimbalcal.recording import Recording, dwells
-from gimbalcal.units import is_raw
 from gimbalcal.wang2019.fit import PulseFit
 from gimbalcal.wang2019.pulses import Pulses, lower
 from gimbalcal.wang2019.revolutions import FREE, Revolutions, gyroscope_pulses
@@ -51,7 +50,7 @@ def revolutions_of(recording: Recording, bias: Array | None = None) -> tuple[Rev
 
     bias (3,) [rad/s]: what turns the readings at rest into the Earth's rate, to take out what the ramps leave of it.
     """
-    if any(is_raw(recording.units.get((RATE, a), "rad/s")) for a in "xyz"):
+    if recording.counted(RATE):
         raise InputError(f"{recording.title!r} reads rates in counts; give a nominal scale, in rad/s or deg/s")
     stays = dwells(recording)
     y = recording.triad(RATE)

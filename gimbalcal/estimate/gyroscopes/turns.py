@@ -20,7 +20,6 @@ from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwells
 from gimbalcal.rotation import exponential, mean_rates
-from gimbalcal.units import is_raw
 
 RATE, FORCE = "angular_rate", "specific_force"
 
@@ -71,7 +70,7 @@ def turns_between_rests(
     flat = reading.reshape(-1, 3)
     s = _stimulus_of(recording, spans, flat, force.reshape(-1, 3))
     made = Turns(reading, step, down[:-1], down[1:], s)
-    raw = any(is_raw(recording.units.get((RATE, a), "rad/s")) for a in "xyz")
+    raw = recording.counted(RATE)
     scale = _rough_scale(made) if raw else 1.0
     if at_rest:
         made = replace(made, reading=made.reading + _relevelled(made, level, scale, at_rest))
