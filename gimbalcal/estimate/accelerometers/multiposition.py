@@ -204,9 +204,11 @@ def scaled_by_gravity(means: Recording) -> tuple[Recording, Counts | None]:
     middle = (N.max(0) + N.min(0)) / 2
     found = ellipsoid(((N - middle) / spread)[None])[0] if len(N) >= 9 else np.full(9, np.nan)
     if not np.isfinite(found).all():
+        unit = means.units.get((FORCE, "x"), "m/s^2")
         raise InputError(
-            f"{means.title!r} reads in {means.units.get((FORCE, 'x'), 'm/s^2')} and "
-            f"{amount(len(N), 'rest position')} cannot fix its scale: hold at least nine that turn every axis up and down, or give the columns in m/s^2"
+            f"{means.title!r} reads in {unit} and "
+            f"{amount(len(N), 'rest position')} cannot fix its scale: hold at least nine that turn "
+            "every axis up and down, or give the columns in m/s^2"
         )
     scale = found[:3] * means.site.gravity / spread
     offset = middle - found[3:6] / found[:3] * spread
