@@ -46,12 +46,15 @@ def verdicts(modules: list[str], per_statement: int = 1, workers: int = os.cpu_c
     """Every mutant of the modules, as many at a time as there are cores."""
     for module in modules:
         import_module(ROOM + module)
+    for module, pid in [(module, _started(module)) for module in modules]:
+        if os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) != 0:
+            raise RuntimeError(f"the tests of {module} fail without any mutant: {' '.join(TESTS[module])}")
     running: dict[int, Mutant] = {}
     for mutant in (m for module in modules for m in mutants(ROOM + module, per_statement)):
         if len(running) == workers:
             yield _ended(running)
         sys.stdout.flush()
-        running[_started(mutant)] = mutant
+        running[_started(mutant.module.removeprefix(ROOM), mutant)] = mutant
     while running:
         yield _ended(running)
 
@@ -61,8 +64,8 @@ def _ended(running: dict[int, Mutant]) -> Verdict:
     return Verdict(running.pop(pid), os.waitstatus_to_exitcode(status) != 0)
 
 
-def _started(mutant: Mutant) -> int:
-    """The process id of a copy of this process that runs the mutant's tests and exits with 0 where they pass."""
+def _started(module: str, mutant: Mutant | None = None) -> int:
+    """The process id of a copy of this process that runs the module's tests and exits with 0 where they pass."""
     pid = os.fork()
     if pid:
         return pid
@@ -71,8 +74,9 @@ def _started(mutant: Mutant) -> int:
         silence = os.open(os.devnull, os.O_WRONLY)
         os.dup2(silence, 1)
         os.dup2(silence, 2)
-        mutant.install()
-        code = int(passes(mutant.module.removeprefix(ROOM)))
+        if mutant is not None:
+            mutant.install()
+        code = passes(module)
     except BaseException:  # noqa: BLE001 - whatever a mutant does, it is noticed
         code = 1
     os._exit(code)

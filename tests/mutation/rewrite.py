@@ -104,7 +104,7 @@ def _changes(statement: ast.AST) -> Iterator[Change]:
     """Ways to change one term; a table gives one for each number in it."""
     if isinstance(statement, ast.Dict):
         for i, value in enumerate(statement.values):
-            if not any(isinstance(n, ast.Dict | ast.JoinedStr | ast.Constant) and _is_text(n) for n in ast.walk(value)):
+            if not isinstance(value, ast.Attribute) and not any(map(_is_text, ast.walk(value))):
                 yield _set(statement.values, i, ast.UnaryOp(ast.USub(), value))
         return
     for node in _terms(statement):

@@ -37,6 +37,12 @@ def test_without_a_platform_readout_the_force_tells_the_phase() -> None:
     np.testing.assert_allclose(np.angle(np.exp(1j * (phase - read))), 0, atol=3e-4)
 
 
+def test_the_stage_says_by_how_many_sigmas_the_two_roads_differ() -> None:
+    words = static(run(TABLE_2_3, np.random.default_rng(6))).stages[0].in_words
+    worst = float(words.split("more than ")[1].split(" of its sigma")[0])
+    assert 0.2 < worst < 5  # the largest of fifteen differences of about a sigma or less
+
+
 def test_direction_and_phase_are_those_of_an_ideal_platform() -> None:
     ready = readings(run())
     np.testing.assert_allclose(np.linalg.norm(ready.direction, axis=1), 1, rtol=1e-12)
