@@ -85,7 +85,7 @@ def provenance(recordings: Sequence[Recording], made: Calibration, terms: Sequen
     """Where a calibration came from: files with their hashes, version, options, time, and remarks made on the way."""
     return {
         **made.provenance,
-        "recordings": [{"path": s.path, "sha256": s.sha256} for r in recordings for s in r.source],
+        "recordings": [file for r in recordings for file in r.files],
         "version": gimbalcal.__version__,
         "seed": None,  # nothing in a calibration is drawn
         "options": {

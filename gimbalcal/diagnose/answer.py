@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gimbalcal.number import Array
-from gimbalcal.recording import Recording
 
 VERDICTS = ("adequate", "not-identifiable", "unexplained", "missing-physics")  # of two views the later one is told
 
@@ -48,8 +47,3 @@ class Diagnosis:
             "fit": dict(self.fit),
             "provenance": dict(self.provenance),
         }
-
-
-def files(recording: Recording) -> list[dict[str, str]]:
-    """The files behind a recording and their SHA-256, as the provenance tells them."""
-    return [{"path": s.path, "sha256": s.sha256} for s in recording.source]

@@ -20,7 +20,7 @@ import numpy as np
 import gimbalcal
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.diagnose import wording
-from gimbalcal.diagnose.answer import VERDICTS, Diagnosis, files
+from gimbalcal.diagnose.answer import VERDICTS, Diagnosis
 from gimbalcal.diagnose.known_noise import diagnose_forces
 from gimbalcal.diagnose.rows.baseline import by_triad
 from gimbalcal.diagnose.rows.observations import absent_effect
@@ -197,7 +197,7 @@ def _together(
     options = {"seed": seed} if forces is None else dict(forces.provenance["options"])
     provenance: dict[str, Any] = {
         "version": gimbalcal.__version__,
-        "recordings": files(recording),
+        "recordings": recording.files,
         **({} if forces is None else forces.provenance),
         "options": {**options, "baseline": list(baseline) or [*_ids(options), *ids]},
         "views": [p.name for p in parts],

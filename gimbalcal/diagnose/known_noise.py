@@ -14,7 +14,7 @@ import numpy as np
 import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import wording
-from gimbalcal.diagnose.answer import Curves, Diagnosis, files
+from gimbalcal.diagnose.answer import Curves, Diagnosis
 from gimbalcal.diagnose.evidence.noise import nodes, settle
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.library.candidates import Candidate
@@ -78,7 +78,7 @@ def _report(
     shapes = tuple(shape(s.library.candidates[i]) for i in d.shapes[:3])
     provenance = {
         "version": gimbalcal.__version__,
-        "recordings": files(s.o.recording),
+        "recordings": s.o.recording.files,
         "options": dict(options),
         "ln_bayes_factor": round(s.ln_total, 3),
         "ln_bayes_factor_needed": round(bar(clean), 3),

@@ -15,7 +15,7 @@ import numpy as np
 import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import wording
-from gimbalcal.diagnose.answer import Curves, Diagnosis, files
+from gimbalcal.diagnose.answer import Curves, Diagnosis
 from gimbalcal.diagnose.both_triads import has_gyroscopes
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.known_noise import constants, finding, measured, printed, searched, shape
@@ -129,7 +129,7 @@ def _report(c: Combined, d: Decision, clean: Array, shares: tuple[Share, ...], o
     fitted = {**_sums(shares, lead), "recordings": [_row(c, k, x) for k, x in enumerate(shares)]}
     provenance = {
         "version": gimbalcal.__version__,
-        "recordings": [row for s in c.searches for row in files(s.o.recording)],
+        "recordings": [row for s in c.searches for row in s.o.recording.files],
         "options": options,
         "ln_bayes_factor": round(c.ln_total, 3),
         "ln_bayes_factor_needed": round(bar(clean), 3),

@@ -16,7 +16,7 @@ import numpy as np
 import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import wording
-from gimbalcal.diagnose.answer import VERDICTS, Curves, Diagnosis, files
+from gimbalcal.diagnose.answer import VERDICTS, Curves, Diagnosis
 from gimbalcal.diagnose.evidence.free_scale import RANK
 from gimbalcal.diagnose.rows.baseline import by_triad
 from gimbalcal.diagnose.rows.turns import turned_rates
@@ -246,7 +246,7 @@ def _together(recording: Recording, told: Sequence[Told], baseline: Sequence[str
     mismatch = tuple(m for t in (lead, *(t for t in told if t is not lead)) for m in t.mismatch)
     provenance = {
         "version": gimbalcal.__version__,
-        "recordings": files(recording),
+        "recordings": recording.files,
         "options": {"baseline": list(baseline) or [i for t in told for i in t.view.baseline], "seed": seed},
         "views": [t.view.name for t in told],
     }

@@ -88,6 +88,11 @@ class Recording:
             if size != n:
                 raise ValueError(f"`{name}` must have one value per row of `time` ({n}), got {size}")
 
+    @property
+    def files(self) -> list[dict[str, str]]:
+        """The files behind it and their SHA-256, as a provenance tells them."""
+        return [{"path": s.path, "sha256": s.sha256} for s in self.source]
+
     def has(self, quantity: str) -> bool:
         """Whether any axis of `quantity` was logged, or the one that is named ("covariate:pressure").
 

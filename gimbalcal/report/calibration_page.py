@@ -226,9 +226,7 @@ def _noise(r: Recording) -> str:
 def _provenance(content: Mapping[str, Any], recordings: Sequence[Recording]) -> dict[str, Any]:
     """Pairs of term and text; long ones fold."""
     given = {k: v for k, v in content["provenance"].items() if k not in ("recordings", "lost")}
-    sources = content["provenance"].get("recordings") or [
-        {"path": s.path, "sha256": s.sha256} for r in recordings for s in r.source
-    ]
+    sources = content["provenance"].get("recordings") or [file for r in recordings for file in r.files]
     pairs = [("method", content["method"])]
     pairs += [(str(key).replace("_", " "), text) for key, value in given.items() if (text := wording.plain(value))]
     return {"provenance": pairs, "sources": sources}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
-from gimbalcal.diagnose.answer import VERDICTS, Diagnosis, files
+from gimbalcal.diagnose.answer import VERDICTS, Diagnosis
 from gimbalcal.recording import Source
 from tests.diagnose.small import telescope
 
@@ -35,6 +35,6 @@ def test_of_two_views_the_one_that_names_a_cause_is_told() -> None:
 
 def test_the_files_behind_a_recording() -> None:
     r = replace(telescope(1), source=(Source("a/recording.toml", "0" * 64), Source("a/samples.csv", "1" * 64)))
-    assert files(r) == [
+    assert r.files == [
         {"path": "a/recording.toml", "sha256": "0" * 64}, {"path": "a/samples.csv", "sha256": "1" * 64}
     ]  # fmt: skip

@@ -67,7 +67,7 @@ def provenance(recording: Recording, p: Problem, fit: Fit, faults: Sequence[Faul
     """Where the numbers come from: files, noise and its source, visits left out, setting errors, what was lost."""
     names = recording.platform.axis_names
     said = {
-        "recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source],
+        "recordings": recording.files,
         "noise": noise_record(fit.noise),
         "setting_errors_arcsec": [
             {"position": int(position), **dict(zip(names, np.round(e, 4).tolist(), strict=True))}

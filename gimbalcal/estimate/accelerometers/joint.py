@@ -13,28 +13,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from gimbalcal.calibration import Calibration, Readout, Residual
-from gimbalcal.effects import Effect, values, with_values
+from gimbalcal.effects import Effect, with_values
 from gimbalcal.errors import amount
 from gimbalcal.estimate.accelerometers.account import outcome, provenance, rms, stage
 from gimbalcal.estimate.accelerometers.positions import Positions
 from gimbalcal.estimate.accelerometers.setting import Fit, Problem, by_visit, gauss_newton, starting_values, whiten
-from gimbalcal.inference.information import Information, information
+from gimbalcal.inference.information import Information
 from gimbalcal.units import from_si
 
 
-def joint(positions: Positions, start: Calibration | None = None, *, prior: Calibration | None = None) -> Calibration:
+def joint(positions: Positions, start: Calibration | None = None) -> Calibration:
     """Calibrate from the vector at every dwell, with the setting error of every visit as an unknown.
 
     `start` is where the iteration begins; it adds no information, so the fine result of the same data may be given.
-    `prior` is a calibration from *other* data and does add its own. Positions that do not belong where the readouts say
-    are named in `outcome`.
+    Positions that do not belong where the readouts say are named in `outcome`.
     """
     p = positions.problem
     first = starting_values(p, start.effects) if start else positions.fit.solution.x
-    fit = gauss_newton(p, positions.noise, first, prior_information(prior))
+    fit = gauss_newton(p, positions.noise, first)
     estimate = with_values(p.effects, p.parameters, fit.solution.x, p.platform.axis_names)
     origin = provenance(positions.recording, p, fit, positions.faults)
     words = "; ".join(filter(None, [in_words(p, fit), origin.get("lost", "")]))
@@ -57,17 +54,6 @@ def information_of(positions: Positions, effects: Sequence[Effect]) -> Informati
     p = positions.problem
     linear = by_visit(p, starting_values(p, effects), positions.fit.setting)
     return whiten(linear, positions.noise).information(p.parameters)
-
-
-def prior_information(prior: Calibration | None) -> Information | None:
-    """A calibration from other data as information: only the directions that those data saw."""
-    if prior is None:
-        return None
-    scale = np.array([q.sigma for q in prior.parameters])
-    variance, V = np.linalg.eigh(prior.covariance / np.outer(scale, scale))
-    seen = (variance > 0) & (variance < 1 - 1e-6)  # an unseen direction carries the prior's variance, 1
-    rows = (V[:, seen] / np.sqrt(variance[seen])).T / scale
-    return information(rows, rows @ values(prior.effects, prior.parameters), prior.parameters)
 
 
 def in_words(p: Problem, fit: Fit) -> str:

@@ -248,7 +248,7 @@ def _calibration(
         unobservable=tuple(unseen),
         residual=Residual(solution.chi2, solution.dof, {FORCE: float(np.sqrt(np.mean(best.misfit**2)))}),
         outcome=_outcome(recording, best),
-        provenance={"recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source],
+        provenance={"recordings": recording.files,
                     "version": __version__, "noise": noise_record(best.fit.noise), "options": options},
         stages=tuple(_stage(terms, made) for terms, made in tried),
         readout=Readout(accelerometers=counts, gimbals=recording.platform.axis_names),

@@ -255,7 +255,7 @@ class Fit:
     steps: int  # 0 where it did not converge
 
 
-def gauss_newton(p: Problem, noise: Noise, start: Array | None = None, prior: Information | None = None) -> Fit:
+def gauss_newton(p: Problem, noise: Noise, start: Array | None = None) -> Fit:
     """Iterate the whitened linear solution until a step is below 1e-3 of the noise; give up where it runs away."""
     far = FAR * np.array([q.sigma for q in p.parameters])
     x = np.zeros(len(p.parameters)) if start is None or np.any(np.abs(start) > far) else start
@@ -263,8 +263,7 @@ def gauss_newton(p: Problem, noise: Noise, start: Array | None = None, prior: In
     for step in range(1, ROUNDS + 1):
         linear = by_visit(p, x, e)
         w = whiten(linear, noise)
-        info = w.information(p.parameters)
-        solution = solve(info if prior is None else info + prior)
+        solution = solve(w.information(p.parameters))
         e_new = apply_matrix(w.gain, linear.r - linear.J @ solution.x)
         moved_x, moved_e = np.abs(solution.x - x), np.abs(apply_matrix(linear.G, e_new - e))
         x, e = solution.x, e_new

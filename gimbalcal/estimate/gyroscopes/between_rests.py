@@ -247,7 +247,7 @@ def _calibration(
         tuple({"direction": {p.label: 1.0 for p in parameters(CATALOGUE[t])}, "why": why}
               for t, why in declined.items()),
         Residual(float(dof), dof, rms),
-        provenance={"recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source],
+        provenance={"recordings": recording.files,
                     "version": __version__, "options": options},
         stages=stages,
         readout=readout,

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.errors import InputError
+from gimbalcal.inference.levenberg import minimise
 from gimbalcal.number import Array, apply_matrix, arcsin, arctan2, complex_step
 from gimbalcal.rotation import frame_rotation
 
@@ -40,7 +41,7 @@ def euler(C: Array) -> Array:
 
 
 def from_turns(before: Array, after: Array, turns: Array, sigma: float) -> InterTriad:
-    """From unit force before and after (m, 3) in p and the turns R^q (m, 3, 3) between: Gauss-Newton from identity.
+    """From unit force before and after (m, 3) in p and the turns R^q (m, 3, 3) between, from identity.
 
     sigma [rad]: error of one pair per component. Raises InputError where the turns do not determine the rotation.
     """
@@ -49,17 +50,12 @@ def from_turns(before: Array, after: Array, turns: Array, sigma: float) -> Inter
         C = rotation(x)
         return (apply_matrix(C, after) - apply_matrix(turns @ C, before)).ravel()
 
-    x = np.zeros(3)
-    for _ in range(30):
-        r = misfit(x)
-        J = complex_step(misfit, x)
-        if np.linalg.svd(J, compute_uv=False)[-1] < 1e-6 * np.sqrt(len(before)):  # turns of order one give order one
-            raise InputError(
-                "these turns do not determine the rotation between the triads: turn about two axes that are not "
-                "vertical, by angles that are not whole revolutions"
-            )
-        step = np.linalg.lstsq(J, -r, rcond=None)[0]
-        x = x + step
-        if np.max(np.abs(step)) < 1e-15:
-            break
-    return InterTriad(x, sigma**2 * np.linalg.inv(J.T @ J), float(np.sqrt(np.mean(r**2))))
+    found = minimise(lambda x, _: (misfit(x[0])[None], complex_step(misfit, x[0])[None]), np.zeros((1, 3)))
+    J = found.jacobian[0]
+    if np.linalg.svd(J, compute_uv=False)[-1] < 1e-6 * np.sqrt(len(before)):  # turns of order one give order one
+        raise InputError(
+            "these turns do not determine the rotation between the triads: turn about two axes that are not "
+            "vertical, by angles that are not whole revolutions"
+        )
+    rms = float(np.sqrt(2 * found.cost[0] / J.shape[0]))
+    return InterTriad(found.x[0], sigma**2 * np.linalg.inv(J.T @ J), rms)

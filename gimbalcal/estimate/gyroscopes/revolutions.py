@@ -172,7 +172,7 @@ def _calibration(recording: Recording, found: Revolutions, fit: PulseFit, pairs:
           "accelerometers (gimbalcal.estimate.gyroscopes.inter_triad)"},),
         Residual(chi2, dof, {RATE: float(found.sigma_angle / found.duration * np.sqrt(scale))}),
         outcome="" if bool(fit.converged[0]) else "the fit did not settle: the revolutions do not determine the triad",
-        provenance={"recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source],
+        provenance={"recordings": recording.files,
                     "version": __version__, "options": options},
         readout=Readout(gimbals=recording.platform.axis_names),
     )  # fmt: skip

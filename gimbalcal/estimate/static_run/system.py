@@ -70,7 +70,7 @@ def static(
         residual=Residual(solution.chi2, solution.dof, rms_by_channel(run, effects)),
         outcome=outcome(solution),
         provenance={
-            "recordings": [{"path": s.path, "sha256": s.sha256} for s in recording.source],
+            "recordings": recording.files,
             "noise": {"from": noise_from(run)},
         },
         readout=Readout(gimbals=recording.platform.axis_names),

@@ -10,7 +10,7 @@ from gimbalcal.calibration import from_dict
 from gimbalcal.effects import CATALOGUE, parameters, values
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.coarse import coarse
-from gimbalcal.estimate.accelerometers.joint import information_of, joint, prior_information
+from gimbalcal.estimate.accelerometers.joint import information_of, joint
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.inference.information import solve
 from gimbalcal.platform import BENCH
@@ -87,27 +87,6 @@ def test_where_it_starts_does_not_matter_and_adds_nothing() -> None:
     plain, started = joint(positions), joint(positions, coarse(positions))
     np.testing.assert_allclose(started.values, plain.values, atol=1e-3 * plain.sigmas.min())
     np.testing.assert_allclose(started.sigmas, plain.sigmas, rtol=1e-5)
-
-
-def test_a_prior_from_other_data_adds_its_information() -> None:
-    truth, first = recorded(6)
-    second = measured(truth, np.random.default_rng(60))
-    alone, prior = joint(trusted_positions(second)), joint(trusted_positions(first))
-    both = joint(trusted_positions(second), prior=prior)
-    seen = [i for i, q in enumerate(PARAMETERS) if q.label not in dict(both.unobservable[0]["direction"])]
-    # the same schedule twice: sigma falls by sqrt(2)
-    np.testing.assert_allclose(both.sigmas[seen], alone.sigmas[seen] / np.sqrt(2), rtol=1e-3)
-    mean = (alone.values + prior.values) / 2
-    np.testing.assert_allclose(both.values[seen], mean[seen], atol=0.02 * both.sigmas.min())
-    assert len(both.unobservable) == 1
-
-
-def test_prior_information_gives_the_calibration_back() -> None:
-    _, recording = recorded(7)
-    c = joint(trusted_positions(recording))
-    again = solve(prior_information(c))
-    np.testing.assert_allclose(again.x, c.values, atol=1e-6 * c.sigmas.min())
-    np.testing.assert_allclose(again.covariance, c.covariance, atol=1e-9 * c.covariance.max())
 
 
 def test_information_of_a_recording_solves_to_its_joint_fit() -> None:
