@@ -16,6 +16,7 @@ from gimbalcal.diagnose.rows.observations import observe
 from gimbalcal.diagnose.rows.turns import turned_rates
 from gimbalcal.diagnose.rows.views import View, norm, pointing, rest_rates, table
 from gimbalcal.diagnose.search.stepwise import start
+from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.platform import BENCH
@@ -26,7 +27,7 @@ from tests.diagnose.new_effects import enter
 from tests.diagnose.plant import record
 from tests.diagnose.rows.test_turns import SCENARIO, by_hand
 from tests.diagnose.test_odd import tilted
-from tests.diagnose.test_unknown_noise import run, stars
+from tests.diagnose.test_unknown_noise import run, stars, turned
 
 LOGGED = ("vibration", "pressure")
 
@@ -163,10 +164,24 @@ def test_they_are_simulated(new: tuple[str, ...]) -> None:
 
 
 def test_what_a_gyroscope_makes_of_vibration_is_named_with_its_size(new: tuple[str, ...]) -> None:
-    """In another channel too many it is still found; without the channel nothing asks for it."""
+    """86 deg/h rms from rest to rest, in a logged vibration of a tenth of g."""
     r = with_logs(by_hand())
-    size = 400 * np.pi / 648000  # deg/h
-    v2 = r.channels["covariate", "vibration"] ** 2
-    shaken = {("angular_rate", "y"): r.channels["angular_rate", "y"] + size * v2}
-    d = diagnose([replace(r, channels={**r.channels, **shaken})])
-    assert "toy_gyro_vibration" in {f["effect"] for f in d.findings} | {t for f in d.findings for t in f["twins"]}
+    truth = 38000.0  # deg/h/g^2
+    shaken = truth * np.pi / 648000 * (r.channels["covariate", "vibration"] / G0) ** 2
+    channels = {**r.channels, ("angular_rate", "y"): r.channels["angular_rate", "y"] + shaken}
+    (found,) = diagnose([replace(r, channels=channels)]).findings
+    assert (found["effect"], found["axis"], found["twins"]) == ("toy_gyro_vibration", "y", [])
+    (size,) = found["parameters"]
+    assert abs(size["value"] - truth) < 4 * size["sigma"]
+
+
+@pytest.mark.parametrize("seed", [5, 8])
+def test_a_bias_that_follows_a_logged_channel_is_named_where_no_noise_is_known(seed: int) -> None:
+    r = turned(seed)
+    fan = 100 * np.repeat(np.random.default_rng(seed + 50).standard_normal(40), 10)  # one value in each rest
+    follows = 3e-5 * (fan - fan.mean())  # m/s^2, 3.06 ug per unit
+    z = {("specific_force", "z"): r.channels["specific_force", "z"] + follows, ("covariate", "fan"): fan}
+    (found,) = diagnose([replace(r, channels={**r.channels, **z})]).findings
+    assert (found["effect"], found["axis"]) == ("bias_covariate", "z")
+    (size,) = found["parameters"]
+    assert abs(size["value"] - 3.06) < 4 * size["sigma"] < 2.0
