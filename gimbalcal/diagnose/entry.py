@@ -10,7 +10,7 @@ from gimbalcal.diagnose.both_triads import diagnose_gimballed, has_gyroscopes
 from gimbalcal.diagnose.known_noise import diagnose_forces
 from gimbalcal.diagnose.rows.baseline import check_baseline, check_finite
 from gimbalcal.diagnose.several import diagnose_together
-from gimbalcal.diagnose.unknown_noise import applies, diagnose_unstated
+from gimbalcal.diagnose.unknown_noise import applies, diagnose_unknown_noise
 from gimbalcal.errors import InputError
 from gimbalcal.pipeline import Tell, silent
 from gimbalcal.recording import Recording
@@ -46,7 +46,7 @@ def _diagnose(
     recording: Recording, calibration: Calibration | None, baseline: tuple[str, ...], seed: int, tell: Tell
 ) -> Diagnosis:
     if applies(recording):
-        return diagnose_unstated(recording, calibration, baseline, seed, tell)
+        return diagnose_unknown_noise(recording, calibration, baseline, seed, tell)
     if has_gyroscopes(recording):
         return diagnose_gimballed(recording, calibration, baseline, seed, tell)
     return diagnose_forces(recording, calibration, baseline, seed, tell)[0]

@@ -1,4 +1,4 @@
-r"""Diagnosis of forces at known attitude in a stated noise: a multi-position recording or a static run.
+r"""Diagnosis of forces at known attitude in a known noise: a multi-position recording or a static run.
 
 observe ──> noise ──> library ──> search ──> decide ──> model ──> verify ──> recommend
                                     └──> locate (before and after)

@@ -33,7 +33,7 @@ from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 
 LEFT_OUT = 10  # s: rows of a table closer than this are left out together, the table moves as slowly
-UNSEEN = 0.01  # of the prior sigma: a parameter that is nearer to its prior than this was not seen
+UNOBSERVABLE = 0.01  # of the prior sigma: a parameter that is nearer to its prior than this is unobservable
 
 
 def applies(recording: Recording) -> bool:
@@ -41,7 +41,7 @@ def applies(recording: Recording) -> bool:
     return recording.kind == "pointing" or (recording.kind != "static-run" and not recording.platform.axes)
 
 
-def diagnose_unstated(
+def diagnose_unknown_noise(
     recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
 ) -> Diagnosis:
     """What was left out of the models of such a recording."""
@@ -124,7 +124,7 @@ def _finding(c: Course, j: Verdict) -> dict[str, Any]:
 
 def _seen(row: dict[str, Any], prior: float) -> bool:
     """Whether the rows say anything of a parameter: otherwise it keeps the prior's zero and sigma."""
-    return abs(row["sigma"] / prior - 1) > UNSEEN or abs(row["value"]) > UNSEEN * prior
+    return abs(row["sigma"] / prior - 1) > UNOBSERVABLE or abs(row["value"]) > UNOBSERVABLE * prior
 
 
 def _advice(j: Verdict) -> str:

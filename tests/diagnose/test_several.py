@@ -37,7 +37,8 @@ def test_the_recording_that_is_off_most_leads() -> None:
     assert [r["recording"] for r in d.fit["recordings"]] == [1, 2]
     scan = [r["scan_p_before"] for r in d.fit["recordings"]]
     assert scan[1] < 1e-3 < scan[0]
-    assert d.fit["scan_p_before"] == pytest.approx(1 - (1 - scan[1]) ** 2, rel=1e-6)  # the smaller of two
+    both = -np.expm1(2 * np.log1p(-scan[1]))  # the smaller of two: 1 - (1 - p)^2
+    assert d.fit["scan_p_before"] == pytest.approx(both, rel=1e-6, abs=0.0)
 
 
 def test_numbers_of_all_are_means_by_their_degrees_of_freedom() -> None:

@@ -1,4 +1,4 @@
-r"""Recordings without a stated noise or without gimbals, as rows of misfit to be explained.
+r"""Recordings of unknown noise or without gimbals, as rows of misfit to be explained.
 
 A view is one function: effects in, the `Rows` about them out.
 

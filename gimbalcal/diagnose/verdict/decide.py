@@ -50,7 +50,7 @@ def bar(clean: Array) -> float:
 
 
 def capped(probability: float) -> float:
-    """A probability among all causes and shapes that were compared, as it is told: never more than 90 %."""
+    """A probability among all causes and shapes that were compared, as it is reported: never more than 90 %."""
     return round(min(probability, 1 - OUTSIDE), 4)
 
 

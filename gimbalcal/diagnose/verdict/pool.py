@@ -170,16 +170,16 @@ def constants_of(
     c: Combined, members: Sequence[int], shares: Sequence[Part], slot: int
 ) -> tuple[tuple[str, float, float], ...]:
     """Non-linear constants of a member: name, value, and sigma from all recordings that see it."""
-    told = []
+    each = []
     if not c.library.candidates[members[slot]].variants[0].constants:
         return ()
     for k, (s, part) in enumerate(zip(c.searches, shares, strict=True)):
         if slot in part.slots:
             n = part.slots.index(slot)
-            told.append((part.search.library.candidates[n].variants[0].constants,
+            each.append((part.search.library.candidates[n].variants[0].constants,
                          constant_value(s, fit(s, c.within(members, k)), n)))  # fmt: skip
     out = []
-    for n, (name, value) in enumerate(told[0][0]):
-        weight = sum(1 / sigma**2 for _, rows in told for _, _, sigma in [rows[n]] if sigma > 0)
+    for n, (name, value) in enumerate(each[0][0]):
+        weight = sum(1 / sigma**2 for _, rows in each for _, _, sigma in [rows[n]] if sigma > 0)
         out.append((name, float(value), float(1 / np.sqrt(weight)) if weight > 0 else 0.0))
     return tuple(out)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
@@ -18,6 +20,7 @@ from tests.diagnose.small import candidate, covariance, gls, observed, rows_of, 
 LABELS = ("scale_factor_asymmetry:y", "cross_coupling:y")
 
 
+@cache
 def two(sizes: tuple[float, float]) -> Combined:
     made = [observed(seed, known(1)["asymmetry"][0], x, dwell=6) for seed, x in zip((1, 2), sizes, strict=True)]
     return combine([searched(o, *LABELS, count=1) for o in made])
