@@ -124,6 +124,7 @@ class FrameMisalignment(Effect):
 
     id = "frame_misalignment"
     stage = Stage.INPUT_AXIS
+    no_cause = "misalignment says the same, and more"
     sources = ("wu2018",)
     theta: Array = parameter(TRIAD, unit="arcsec", sigma=60, name="frame_misalignment")
 

@@ -77,6 +77,7 @@ EVERYWHERE = frozenset(Stage)
     [
         ("bias_drift", True, True),
         ("readout_curve", False, False),  # says a shape
+        ("frame_misalignment", False, False),  # a part of misalignment
         ("slow_bias_drift", False, True),  # what a stated noise holds
         ("dead_zone", True, False),  # bends with its size
         ("base_tilt_diurnal", True, False),  # 40 min of a day
