@@ -32,19 +32,18 @@ class Positions:
         return self.fit.noise
 
 
-def trusted_positions(recording: Recording, effects: Sequence[Effect] = (), averaged: bool = True) -> Positions:
+def trusted_positions(recording: Recording, effects: Sequence[Effect] = ()) -> Positions:
     """Readings per visit, their noise, and which visits to trust.
 
-    `effects` join the baseline of coefficients, their parameters free too. `averaged=False` keeps every row instead of
-    dwell means, for effects that change inside a dwell. Raises InputError for a recording without gimbal angles or
-    without specific force.
+    `effects` join the baseline of coefficients, their parameters free too. Raises InputError for a recording without
+    gimbal angles or without specific force.
     """
     if not recording.platform.axes:
         raise InputError(
             f"{recording.title!r} has no gimbal angles, so its attitude is not known; calibrate it from the norm of "
             "the force with --method multiposition"
         )
-    every = problem(recording, wanted_parameters(recording, effects), tuple(effects), averaged)
+    every = problem(recording, wanted_parameters(recording, effects), tuple(effects))
     start = starting_values(every, effects)
     return Positions(recording, *fit_without_faults(every, stated_noise(recording), start))
 
