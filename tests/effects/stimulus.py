@@ -25,7 +25,10 @@ COVARIATES: Mapping[str, float] = {
 
 
 def given(seed: int = 1) -> Stimulus:
-    """36 rows of eight dwells over about 20 hours; forces to 1.2 g, rates to 2 rad/s, every angle."""
+    """36 rows of eight dwells over about 20 hours; forces to 1.2 g and one of zero, rates to 2 rad/s, every angle.
+
+    The readouts of an even seed count as the platform's drawing does.
+    """
     rng = np.random.default_rng(seed)
     n, k = len(VISIT), len(GIMBALS)
     time = np.cumsum(rng.uniform(1000.0, 3000.0, n))
@@ -37,12 +40,13 @@ def given(seed: int = 1) -> Stimulus:
     def per_dwell(x: Array) -> Array:
         return x[VISIT]
 
-    load = rng.standard_normal((n, k, 3))
+    load, felt = rng.standard_normal((n, k, 3)), force()
+    felt[5, 1] = 0.0
     return Stimulus(
         time=time,
         readout=rng.uniform(-3, 3, (n, k)),
         angle=rng.uniform(-3, 3, (n, k)),
-        force=force(),
+        force=felt,
         gravity=9.79,
         visit=VISIT,
         position=VISIT + 1,
@@ -57,7 +61,7 @@ def given(seed: int = 1) -> Stimulus:
         reference_temperature=18.0,
         covariates={name: size * rng.standard_normal(n) for name, size in COVARIATES.items()},
         axis_directions=DIRECTIONS,
-        sense=(1, -1, 1, -1),
+        sense=(1, -1, 1, -1) if seed % 2 else (),
         attitude=np.linalg.qr(rng.standard_normal((n, 3, 3)))[0],
         load=load / np.linalg.norm(load, axis=-1, keepdims=True),
     )

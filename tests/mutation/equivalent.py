@@ -10,6 +10,17 @@ EQUIVALENT: Mapping[tuple[str, str], str] = {
         "return np.asarray(self.theta_0) / np.array(s.sense or 1) + 0 * s.readout",
     ): "a sense is 1 or -1",
     (
+        "effects.history._behind",
+        (
+            "return recursion(np.concatenate([np.zeros(1), a]), "
+            "np.concatenate([0 * x[:1], np.diff(x) / h / tau * (1 - a)]))"
+        ),
+    ): "its one user takes a ratio of two of them",
+    (
+        "effects.history.slope",
+        "h = np.where(high > low, time[high] - time[low], 2.0)",
+    ): "where a dwell has one row the difference over it is zero",
+    (
         "estimate.accelerometers.coarse._as_fit",
         "return Fit(solution, setting, settled.linear, w, noise, 2)",
     ): "steps are counted, and asked only whether there are none",
