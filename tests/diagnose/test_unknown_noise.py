@@ -6,6 +6,10 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose import Diagnosis, diagnose
+from gimbalcal.diagnose.rows.views import pointing
+from gimbalcal.diagnose.search.stepwise import course, start
+from gimbalcal.diagnose.unknown_noise import heldout, moved
+from gimbalcal.effects import values
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.recording import Recording, Site
@@ -121,3 +125,37 @@ def test_biases_that_drift_are_seen_in_the_order_of_visits() -> None:
     d = diagnose([turned(8, drift=1.0)], baseline=("bias", "scale_factor", "misalignment"))
     assert [f["effect"] for f in d.findings] == ["slow_bias_drift"]
     assert d.fit["rms_after"] < 0.7 * d.fit["rms_before"]
+
+
+def test_rows_left_out_are_predicted_as_a_fit_without_them_predicts_them() -> None:
+    """The misfit of a star about a fit to the other 79, each fit made anew; in sigma."""
+    rng, E, A = stars(4)
+    v = pointing(run(E, A, tilted(E, A, 12 * ARCSEC, -7 * ARCSEC), rng))
+    m = start(v)
+    sigma = np.full((N, 2), 3 * ARCSEC)
+    left = heldout(v, m, sigma)
+    J, r = m.J / sigma[..., None], m.r / sigma
+    J = J / (np.linalg.norm(J, axis=(0, 1)) + 1e-300)
+    for k in (0, 17, 50, 79):
+        others = np.arange(N) != k
+        x = np.linalg.lstsq(J[others].reshape(2 * N - 2, -1), r[others].ravel(), rcond=1e-7)[0]
+        np.testing.assert_allclose(left[k], r[k] - J[k] @ x, rtol=1e-6, atol=1e-9)
+    assert (left**2).sum() > (r**2).sum()
+
+
+def test_constants_move_as_what_was_found_moves_them() -> None:
+    """A bent tube that the model lacks is taken up in part by the zero of the elevation encoder."""
+    rng, E, A = stars(5)
+    v = pointing(run(E, A, (E + 30 * ARCSEC * np.cos(E), A), rng))
+    c = course(v, lambda _: None)
+    assert {s.taken[0].effect for s in c.steps} == {"tube_flexure"}
+    rows = moved(c.start, c.end)
+    zero = next(r for r in rows if (r["name"], r["axis"]) == ("gimbal_zero", "elevation"))
+    before, after = (values(m.effects, m.fitted) for m in (c.start, c.end))
+    at = next(k for k, p in enumerate(c.start.fitted) if (p.name, p.axis) == ("gimbal_zero", "elevation"))
+    there = next(k for k, p in enumerate(c.end.fitted) if (p.name, p.axis) == ("gimbal_zero", "elevation"))
+    assert zero["unit"] == "arcsec"
+    assert zero["moved"] == pytest.approx((after[there] - before[at]) / ARCSEC)
+    assert zero["in_sigmas"] == pytest.approx(zero["moved"] / zero["sigma"], abs=0.006)
+    assert abs(zero["in_sigmas"]) == max(abs(r["in_sigmas"]) for r in rows)
+    assert rows[0] == zero

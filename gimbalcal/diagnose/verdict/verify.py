@@ -1,4 +1,4 @@
-r"""Does the fit improve, on data it saw and on data it did not see; and is what is left noise.
+r"""Whether the fit improves, on data it has seen and on data held out, and whether what is left is noise.
 
 Held out in turn: each visit of a multi-position recording, each stretch of a static run. The prediction error is
 compared with its own covariance, so that one is what noise alone gives.
