@@ -37,8 +37,11 @@ def lost(p: Problem, noise: Noise, solution: Solution) -> str:
         return ""
     extra = planned(schedule, float(np.median(p.weight))).select(np.array(missing) - 1)
     full = _expected_together(p, problem(extra, p.parameters, p.effects), noise)
-    grown = np.round(solution.sigma / full.sigma, 3)  # of axes that grow alike the first is told
-    worst = [i for i in np.argsort(-grown) if grown[i] > GREW] or [int(np.argmax(grown))]
+    grown = solution.sigma / full.sigma
+    most = np.flatnonzero(grown > 0.999 * grown.max())[
+        :1
+    ]  # of those that grow alike the first, not what rounding picks
+    worst = [i for i in np.argsort(-grown) if grown[i] > GREW] or list(most)
     cost = ", ".join(f"{p.parameters[i].label} by {grown[i]:.2g}" for i in worst)
     names = ", ".join(map(str, missing))
     plural = "s" if len(missing) > 1 else ""
