@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.estimate.accelerometers.setting import Noise, Problem, by_visit, problem, starting_values, whiten
+from gimbalcal.estimate.accelerometers.setting import Noise, Problem, by_visit, problem, whiten
 from gimbalcal.inference.information import Solution, solve
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording, Site
@@ -36,12 +36,9 @@ def lost(p: Problem, noise: Noise, solution: Solution) -> str:
     if schedule is None or not missing:
         return ""
     extra = planned(schedule, float(np.median(p.weight))).select(np.array(missing) - 1)
-    full = _expected_together(p, problem(extra, p.parameters, p.effects), noise)
+    full = _expected_together(p, problem(extra, p.parameters, p.effects), noise, solution.x)
     grown = solution.sigma / full.sigma
-    most = np.flatnonzero(grown > 0.999 * grown.max())[
-        :1
-    ]  # of those that grow alike the first, not what rounding picks
-    worst = [i for i in np.argsort(-grown) if grown[i] > GREW] or list(most)
+    worst = [i for i in np.argsort(-grown) if grown[i] > GREW] or [int(np.argmax(grown))]
     cost = ", ".join(f"{p.parameters[i].label} by {grown[i]:.2g}" for i in worst)
     names = ", ".join(map(str, missing))
     plural = "s" if len(missing) > 1 else ""
@@ -50,12 +47,9 @@ def lost(p: Problem, noise: Noise, solution: Solution) -> str:
     return words + cost + (f"; {more} further direction{'s' if more > 1 else ''} not seen at all" if more > 0 else "")
 
 
-def _expected_together(p: Problem, other: Problem, noise: Noise) -> Solution:
-    zero = [starting_values(q, q.effects) for q in (p, other)]
-    parts = [
-        whiten(by_visit(q, x, np.zeros((q.visits, q.turns))), noise).information(q.parameters)
-        for q, x in zip((p, other), zero, strict=True)
-    ]
+def _expected_together(p: Problem, other: Problem, noise: Noise, x: Array) -> Solution:
+    """What both recordings determine, linearised at the estimate x (p,) of one."""
+    parts = [whiten(by_visit(q, x, np.zeros((q.visits, q.turns))), noise).information(q.parameters) for q in (p, other)]
     return solve(parts[0] + parts[1])
 
 
