@@ -27,12 +27,13 @@ EFFECTS = "effects"
 def main() -> int:
     """Prints the survivors; returns the exit status."""
     reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    reader.add_argument(
-        "parts", nargs="*", choices=[EFFECTS, *TESTS], metavar="part", help="; ".join([EFFECTS, *TESTS])
-    )
+    every = [EFFECTS, *TESTS]
+    reader.add_argument("parts", nargs="*", metavar="part", help="; ".join(every))
     reader.add_argument("--terms", type=int, default=1, help="changed terms in every statement, one at a time")
     given = reader.parse_args()
-    parts = given.parts or [EFFECTS, *TESTS]
+    if unknown := set(given.parts) - set(every):
+        reader.error(f"{', '.join(sorted(unknown))}: the parts are {', '.join(every)}")
+    parts = given.parts or every
     began, alive, count = time.perf_counter(), 0, 0
     for number, left in (_effects(parts, given.terms), _equations(parts, given.terms)):
         count, alive = count + number, alive + left
