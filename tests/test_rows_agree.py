@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.diagnose.rows.observations import observe
+from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.estimate.accelerometers.setting import by_visit, problem
-from gimbalcal.estimate.static_run.run import prepare
+from gimbalcal.estimate.static_run.run import static_readings
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.pipeline import load
@@ -23,7 +23,7 @@ def same(one: np.ndarray, other: np.ndarray) -> None:
 def test_positions() -> None:
     (recording,) = load([DATA / "space_stable_18"])
     means = dwell_means(recording)
-    o = observe(means, steps=0)
+    o = fit_baseline(means, steps=0)
     p = problem(means, o.constants)
     mine = by_visit(p, np.zeros(len(o.constants)), np.zeros((p.visits, p.turns)))
     scale = np.array([q.sigma for q in o.constants])
@@ -37,8 +37,8 @@ def test_positions() -> None:
 
 def test_static_run() -> None:
     (recording,) = load([DATA / "space_stable_static"])
-    run = prepare(recording)
-    o = observe(recording, steps=0)
+    run = static_readings(recording)
+    o = fit_baseline(recording, steps=0)
     scale = np.array([q.sigma for q in o.constants])
     assert run.channels == o.channels
     same(run.residual(), o.y * o.sigma)

@@ -106,8 +106,10 @@ def rough_scale() -> float:
 
 @checks(SOURCE, "Eq. (43)")
 def euler_matrix() -> float:
-    """Eq. (43) against `inter_triad.rotation`."""
-    from gimbalcal.estimate.gyroscopes.inter_triad import rotation
+    """Eq. (43) against `inter_triad.triad_rotation`."""
+    from gimbalcal.estimate.gyroscopes.inter_triad import triad_rotation
 
     at = np.array([0.3, -0.2, 0.5])
-    return float(np.abs(rotation(at) - numbers(frames.product(), dict(zip(frames.ANGLES, at, strict=True)))).max())
+    return float(
+        np.abs(triad_rotation(at) - numbers(frames.product(), dict(zip(frames.ANGLES, at, strict=True)))).max()
+    )

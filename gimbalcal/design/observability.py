@@ -27,7 +27,7 @@ from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.effects.baseline import BASELINE, STATIC_CALIBRATION
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.expected import planned
-from gimbalcal.estimate.accelerometers.setting import Noise, baseline, by_visit, problem, whiten
+from gimbalcal.estimate.accelerometers.setting import Noise, by_visit, position_parameters, problem, whiten
 from gimbalcal.forward import jacobian
 from gimbalcal.inference.information import SEEN, Information, Solution, information, solve
 from gimbalcal.kinematics import stimulus_from_angles
@@ -43,7 +43,7 @@ STATIC_ROWS = 289  # 10 min apart over 48 h: thinning, with the weight kept, lea
 
 
 @dataclass(frozen=True)
-class Twins:
+class Confounded:
     """Two that this schedule cannot tell apart, and the cosine between what is left of their signals."""
 
     one: str
@@ -66,7 +66,7 @@ class Observability:
 
     schedule: str
     solution: Solution
-    twins: tuple[Twins, ...]
+    twins: tuple[Confounded, ...]
     candidates: tuple[Candidate, ...]
     noise: dict[str, float]
 
@@ -123,7 +123,7 @@ def observe(
     held = schedule if isinstance(schedule, Schedule) else read_schedule(schedule)
     noise = Noise(to_si(force_sigma, "ug"), to_si(angle_sigma, "arcsec"))
     recording = planned(held)
-    calibrated = baseline(held.platform, _known(effects))
+    calibrated = position_parameters(held.platform, _known(effects))
     others = _parameters_of(candidates, effects, recording, "multi-position")
     p = problem(recording, (*calibrated, *others))
     linear = by_visit(p, np.zeros(len(p.parameters)), np.zeros((p.visits, p.turns)))
@@ -224,7 +224,7 @@ def _observability(
     for one, other in combinations(visible, 2):
         cosine = float(np.linalg.svd(_basis(visible[one]).T @ _basis(visible[other]), compute_uv=False)[-1])
         if cosine > PARALLEL:
-            found.append(Twins(one, other, cosine))
+            found.append(Confounded(one, other, cosine))
     return Observability(name, solution, tuple(found), told, noise)
 
 
@@ -239,7 +239,7 @@ def _candidate(effect: str, left: Array, signal: Array) -> Candidate:
     return Candidate(effect, rest, 1 - rest / whole if whole > 0 else 0.0)
 
 
-def _parameter_twins(rows: Array, solution: Solution) -> list[Twins]:
+def _parameter_twins(rows: Array, solution: Solution) -> list[Confounded]:
     """Pairs of parameters whose columns are parallel once all others are projected out, from the inverse of J^T J.
 
     With P = (J^T J)^-1 the cosine of the two is -P_ij / sqrt(P_ii P_jj). The prior's unit weight makes it exist where
@@ -251,7 +251,7 @@ def _parameter_twins(rows: Array, solution: Solution) -> list[Twins]:
     labels = [q.label for q in solution.parameters]
     larger = [set(u.direction) for u in solution.unobservable if len(u.direction) > 2]
     return [
-        Twins(labels[i], labels[j], float(cosine[i, j]))
+        Confounded(labels[i], labels[j], float(cosine[i, j]))
         for i, j in combinations(range(len(labels)), 2)
         if abs(cosine[i, j]) > PARALLEL and not any({labels[i], labels[j]} <= direction for direction in larger)
     ]

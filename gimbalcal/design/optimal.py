@@ -25,7 +25,7 @@ from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import tied
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.multiposition import TERMS
-from gimbalcal.estimate.accelerometers.setting import Noise, VisitRows, baseline, whiten
+from gimbalcal.estimate.accelerometers.setting import Noise, VisitRows, position_parameters, whiten
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
 from gimbalcal.kinematics import stimulus_from_angles
@@ -144,7 +144,7 @@ def design_parameters(rig: Rig, terms: Sequence[str]) -> tuple[Parameter, ...]:
             raise InputError(f"{gimbals[0]} is an angle error, which cannot be seen where no angle is known")
         found = [p for t in terms for p in parameters(CATALOGUE[t])]
         return tied(found)
-    return baseline(rig.platform, terms)
+    return position_parameters(rig.platform, terms)
 
 
 def held(settings: Array, rig: Rig) -> Recording:

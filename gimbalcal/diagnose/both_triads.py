@@ -21,7 +21,7 @@ import gimbalcal
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import VERDICTS, Diagnosis
-from gimbalcal.diagnose.known_noise import diagnose_forces
+from gimbalcal.diagnose.known_noise import diagnose_known_noise
 from gimbalcal.diagnose.rows.baseline import by_triad
 from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.diagnose.rows.turns import FEWEST, turned_rates
@@ -30,7 +30,7 @@ from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.diagnose.search.stepwise import course, start
 from gimbalcal.diagnose.unknown_noise import Told, curves_of, told_of
 from gimbalcal.diagnose.verdict.decide import Decision
-from gimbalcal.diagnose.verdict.model import calibration_fit, fit
+from gimbalcal.diagnose.verdict.model import calibration_fit, fit_causes
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect, values, with_values
 from gimbalcal.errors import InputError
@@ -50,7 +50,7 @@ def has_gyroscopes(recording: Recording) -> bool:
     return bool(recording.platform.axes) and (logged or recording.kind == "rotation")
 
 
-def diagnose_gimballed(
+def diagnose_both_triads(
     recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
 ) -> Diagnosis:
     """What was left out of the models of both triads.
@@ -61,7 +61,7 @@ def diagnose_gimballed(
     recording = _with_rests(recording)
     mine, gyro = by_triad(baseline)
     asked = recording.has(FORCE) and (mine or not baseline)
-    found = diagnose_forces(recording, calibration, mine, seed, tell) if asked else None
+    found = diagnose_known_noise(recording, calibration, mine, seed, tell) if asked else None
     if found is not None and ((mine and not gyro) or not recording.has(RATE)):
         return found[0]
     made = calibration if found is None else _accelerometers(found[1], found[2])
@@ -88,7 +88,7 @@ def _with_rests(recording: Recording) -> Recording:
 
 def _accelerometers(s: Search, d: Decision) -> Calibration:
     """The accelerometers as the forces tell them: the calibrated model with what was found in it."""
-    f = fit(s, d.hypothesis.members if d.hypothesis else ())
+    f = fit_causes(s, d.hypothesis.members if d.hypothesis else ())
     scale = np.array([p.sigma for p in s.o.constants])
     x = values(s.o.baseline, s.o.constants) + calibration_fit(s, f)[1] * scale
     names = s.o.stimulus.axis_names

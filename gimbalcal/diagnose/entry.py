@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Diagnosis
-from gimbalcal.diagnose.both_triads import diagnose_gimballed, has_gyroscopes
-from gimbalcal.diagnose.known_noise import diagnose_forces
+from gimbalcal.diagnose.both_triads import diagnose_both_triads, has_gyroscopes
+from gimbalcal.diagnose.known_noise import diagnose_known_noise
 from gimbalcal.diagnose.rows.baseline import check_baseline, check_finite
-from gimbalcal.diagnose.several import diagnose_together
+from gimbalcal.diagnose.several import diagnose_several
 from gimbalcal.diagnose.unknown_noise import applies, diagnose_unknown_noise
 from gimbalcal.errors import InputError
 from gimbalcal.pipeline import Tell, silent
@@ -38,7 +38,7 @@ def diagnose(
 
     with threadpool_limits(limits=1):  # many small matrices: threads only get into each other's way
         if len(recordings) > 1:
-            return diagnose_together(recordings, calibration, tuple(baseline), seed, tell)
+            return diagnose_several(recordings, calibration, tuple(baseline), seed, tell)
         return _diagnose(recordings[0], calibration, tuple(baseline), seed, tell)
 
 
@@ -48,5 +48,5 @@ def _diagnose(
     if applies(recording):
         return diagnose_unknown_noise(recording, calibration, baseline, seed, tell)
     if has_gyroscopes(recording):
-        return diagnose_gimballed(recording, calibration, baseline, seed, tell)
-    return diagnose_forces(recording, calibration, baseline, seed, tell)[0]
+        return diagnose_both_triads(recording, calibration, baseline, seed, tell)
+    return diagnose_known_noise(recording, calibration, baseline, seed, tell)[0]

@@ -19,12 +19,12 @@ from gimbalcal.diagnose.evidence.noise import nodes, settle
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.known_noise import library
-from gimbalcal.diagnose.rows.observations import observe
+from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.diagnose.rows.views import SENSORS
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.verdict.decide import Decision, bar, capped, decide
 from gimbalcal.diagnose.verdict.locate import Scan, mismatches, scan
-from gimbalcal.diagnose.verdict.model import Fit, calibration_fit, constant_value, fit
+from gimbalcal.diagnose.verdict.model import FittedCauses, calibration_fit, constant_value, fit_causes
 from gimbalcal.diagnose.verdict.recommend import advise, sentence
 from gimbalcal.diagnose.verdict.threshold import clean_evidence
 from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
@@ -38,7 +38,7 @@ from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 
 
-def diagnose_forces(
+def diagnose_known_noise(
     recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
 ) -> tuple[Diagnosis, Search, Decision]:
     """What was left out of the model of a recording whose attitude and noise are known, and how that was found."""
@@ -54,7 +54,7 @@ def diagnose_forces(
 def searched(recording: Recording, calibration: Calibration | None, baseline: tuple[str, ...], tell: Tell) -> Search:
     """Every cause of the catalogue tried on one recording."""
     tell(f"fitting the model: {', '.join(wording.spoken(i) for i in baseline)} (another: --baseline)")
-    o = settle(observe(recording, baseline, carried(calibration, baseline)))
+    o = settle(fit_baseline(recording, baseline, carried(calibration, baseline)))
     tell("comparing every cause of the catalogue, alone and in pairs")
     return search(o, library(o, baseline), nodes(o))
 
@@ -69,8 +69,8 @@ def _report(
     s: Search, d: Decision, clean: Array, rng: np.random.Generator, options: Mapping[str, Any], tell: Tell
 ) -> Diagnosis:
     members = d.hypothesis.members if d.hypothesis else ()
-    f = fit(s, members)
-    seen = fit(s, members or tuple(d.shapes[:1]))  # the noise as it is once the shape is allowed for
+    f = fit_causes(s, members)
+    seen = fit_causes(s, members or tuple(d.shapes[:1]))  # the noise as it is once the shape is allowed for
     tell("locating the mismatch and checking held-out data")
     before, fitted, curves = measured(s, f, seen, rng)
     mismatch = () if d.verdict == "adequate" else mismatches(before, at_least=1)
@@ -103,7 +103,9 @@ def _misheld(s: Search, d: Decision) -> str:
     return "".join(f" {f.in_words[:1].upper()}{f.in_words[1:].rstrip('.')}." for f in faults) + leave
 
 
-def measured(s: Search, f: Fit, seen: Fit, rng: np.random.Generator) -> tuple[Scan, dict[str, Any], Curves]:
+def measured(
+    s: Search, f: FittedCauses, seen: FittedCauses, rng: np.random.Generator
+) -> tuple[Scan, dict[str, Any], Curves]:
     """Where one recording is off before anything is added, the numbers of its fit, and its residuals.
 
     `f` is the fit of what was found, `seen` the same or that of a shape, whose noise counts.
@@ -122,7 +124,7 @@ def measured(s: Search, f: Fit, seen: Fit, rng: np.random.Generator) -> tuple[Sc
     return before, fitted, Curves(s.o.stimulus.time, s.o.stimulus.position, s.o.channels, left, rest)
 
 
-def findings(s: Search, d: Decision, f: Fit) -> tuple[dict[str, Any], ...]:
+def findings(s: Search, d: Decision, f: FittedCauses) -> tuple[dict[str, Any], ...]:
     """What is named: effect, axis, probability, significance, sizes, what it is confounded with and how to tell."""
     candidates, out, at = s.library.candidates, [], 0
     for j, m in enumerate(f.members):
@@ -176,7 +178,7 @@ def constants(c: Candidate, values: Sequence[tuple[str, float, float]]) -> list[
     ]  # fmt: skip
 
 
-def moved(s: Search, f: Fit) -> list[dict[str, Any]]:
+def moved(s: Search, f: FittedCauses) -> list[dict[str, Any]]:
     """How far each calibration constant moves once what was found is in the model."""
     before, after, sigma = calibration_fit(s, f)
     out = []

@@ -21,14 +21,14 @@ from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.known_noise import constants, finding, measured, printed, searched, shape
 from gimbalcal.diagnose.rows.baseline import unfit
 from gimbalcal.diagnose.rows.views import SENSORS
-from gimbalcal.diagnose.search.combine import Combined, combine
+from gimbalcal.diagnose.search.combine import CombinedRanking, combine
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.diagnose.unknown_noise import applies
 from gimbalcal.diagnose.verdict.decide import Decision, bar, decide
 from gimbalcal.diagnose.verdict.decide_together import clean_together, decide_together
 from gimbalcal.diagnose.verdict.locate import LISTED, Scan, mismatches
-from gimbalcal.diagnose.verdict.model import fit
-from gimbalcal.diagnose.verdict.pool import Part, agreement, constants_of, parts, pooled
+from gimbalcal.diagnose.verdict.model import fit_causes
+from gimbalcal.diagnose.verdict.pool import Part, agreement, common_constants, parts, pooled
 from gimbalcal.diagnose.verdict.recommend import advise, sentence
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline import BASELINE
@@ -53,7 +53,7 @@ class Share:
     curves: Curves
 
 
-def diagnose_together(
+def diagnose_several(
     recordings: Sequence[Recording], calibration: Calibration | None, baseline: tuple[str, ...], seed: int, tell: Tell
 ) -> Diagnosis:
     """One diagnosis from several recordings of one unit; InputError if they are not that."""
@@ -108,20 +108,22 @@ def baseline_of(r: Recording, recordings: Sequence[Recording], wanted: Sequence[
     return tuple(dict.fromkeys([*BASELINE[r.kind], *(i for i in every if r.kind in CATALOGUE[i].kinds)]))
 
 
-def _shares(c: Combined, d: Decision, clean: Sequence[Array], rng: np.random.Generator) -> tuple[Share, ...]:
+def _shares(c: CombinedRanking, d: Decision, clean: Sequence[Array], rng: np.random.Generator) -> tuple[Share, ...]:
     members = d.hypothesis.members if d.hypothesis else ()
     out = []
     for k, part in enumerate(parts(c, members)):
         s = c.searches[k]
         seen = part.fit
         if not members and (shapes := c.within(d.shapes, k)):
-            seen = fit(s, shapes[:1])  # the noise as it is once the shape is allowed for
+            seen = fit_causes(s, shapes[:1])  # the noise as it is once the shape is allowed for
         needed = bar(clean[k])
         out.append(Share(part, decide(s, needed), needed, *measured(part.search, part.fit, seen, rng)))
     return tuple(out)
 
 
-def _report(c: Combined, d: Decision, clean: Array, shares: tuple[Share, ...], options: dict[str, Any]) -> Diagnosis:
+def _report(
+    c: CombinedRanking, d: Decision, clean: Array, shares: tuple[Share, ...], options: dict[str, Any]
+) -> Diagnosis:
     lead = min(range(len(shares)), key=lambda k: (shares[k].before.p_value, -shares[k].before.statistic.max()))
     mismatch = () if d.verdict == "adequate" else _mismatch(shares, lead)
     named = _findings(c, d, [x.part for x in shares])
@@ -156,7 +158,7 @@ def _mismatch(shares: Sequence[Share], lead: int) -> tuple[dict[str, Any], ...]:
     return tuple(out[:LISTED])
 
 
-def _findings(c: Combined, d: Decision, shares: Sequence[Part]) -> tuple[dict[str, Any], ...]:
+def _findings(c: CombinedRanking, d: Decision, shares: Sequence[Part]) -> tuple[dict[str, Any], ...]:
     """What is named, with the size that all recordings give it and the size that each gives it."""
     members = d.hypothesis.members if d.hypothesis else ()
     counts = [len(c.library.candidates[m].parameters) for m in members]
@@ -165,7 +167,7 @@ def _findings(c: Combined, d: Decision, shares: Sequence[Part]) -> tuple[dict[st
     for j, m in enumerate(members):
         cause, at = c.library.candidates[m], slice(starts[j], starts[j + 1])
         rows = printed(cause.parameters, x[at], np.sqrt(np.diag(C))[at])
-        rows += constants(cause, constants_of(c, members, shares, j))
+        rows += constants(cause, common_constants(c, members, shares, j))
         confounded = [c.library.candidates[i] for i in d.confounded[j]]
         significance = float(np.sqrt(sum(p.fit.significance[p.slots.index(j)] ** 2 for p in shares if j in p.slots)))
         advice = _advice(c, d, shares, j, x[at])
@@ -198,7 +200,7 @@ def _agreement(shares: Sequence[Part], slot: int, found: dict[str, Any]) -> dict
     return {"chi2": round(a.chi2, 3), "dof": a.dof, "p_value": a.p_value, "in_words": words}
 
 
-def _advice(c: Combined, d: Decision, shares: Sequence[Part], slot: int, size: Array) -> str:
+def _advice(c: CombinedRanking, d: Decision, shares: Sequence[Part], slot: int, size: Array) -> str:
     """What would tell a member from the cause most like it, in the recording that shows it best and could show both."""
     for alike in d.confounded[slot][:1]:
         both = [k for k in c.sees(alike) if slot in shares[k].slots]
@@ -209,7 +211,7 @@ def _advice(c: Combined, d: Decision, shares: Sequence[Part], slot: int, size: A
     return ""
 
 
-def _shape(c: Combined, i: int) -> dict[str, Any]:
+def _shape(c: CombinedRanking, i: int) -> dict[str, Any]:
     """A shape without a cause, and which recordings show it."""
     seen = [k + 1 for k in c.sees(i)]
     where = f"recording {seen[0]}" if len(seen) == 1 else "every recording that could show it"
@@ -234,7 +236,7 @@ def _sums(shares: Sequence[Share], lead: int) -> dict[str, Any]:
     return out
 
 
-def _row(c: Combined, k: int, x: Share) -> dict[str, Any]:
+def _row(c: CombinedRanking, k: int, x: Share) -> dict[str, Any]:
     """One recording in `fit`: what it is, its numbers, and what it alone would have said."""
     s = c.searches[k]
     return {
@@ -259,7 +261,7 @@ def _called(s: Search, d: Decision) -> str:
     )
 
 
-def _each_alone(c: Combined, shares: Sequence[Share]) -> str:
+def _each_alone(c: CombinedRanking, shares: Sequence[Share]) -> str:
     """One sentence: what each recording would have said by itself."""
     told_ = "; ".join(f"recording {k + 1}: {_called(s, x.alone)}"
                       for k, (s, x) in enumerate(zip(c.searches, shares, strict=True)))  # fmt: skip

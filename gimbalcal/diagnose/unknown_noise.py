@@ -21,7 +21,7 @@ from gimbalcal.diagnose.evidence.free_scale import RANK
 from gimbalcal.diagnose.rows.baseline import by_triad
 from gimbalcal.diagnose.rows.turns import turned_rates
 from gimbalcal.diagnose.rows.views import FORCE, RATE, View, norm, pointing, rest_rates, table
-from gimbalcal.diagnose.search.alternatives import Verdict, judged
+from gimbalcal.diagnose.search.alternatives import Judgement, judged
 from gimbalcal.diagnose.search.stepwise import Course, Model, course, refined, weighted
 from gimbalcal.diagnose.verdict.decide import capped
 from gimbalcal.diagnose.verdict.locate_unknown_noise import mismatches
@@ -109,7 +109,7 @@ def told_of(v: View, c: Course, tell: Tell) -> Told:
     return Told(v, verdict, mismatch, found, shapes, _fit(v, c, sigma), c.start.r / sigma, c.end.r / sigma)
 
 
-def _finding(c: Course, j: Verdict) -> dict[str, Any]:
+def _finding(c: Course, j: Judgement) -> dict[str, Any]:
     e = j.cause.effect
     prior = {(p.name, p.axis): float(from_si(p.sigma, p.unit)) for p in j.cause.parameters}
     rows = [r for r in _sizes(c.end) if r["effect"] == e and (r["name"], r["axis"]) in prior]
@@ -127,7 +127,7 @@ def _seen(row: dict[str, Any], prior: float) -> bool:
     return abs(row["sigma"] / prior - 1) > UNOBSERVABLE or abs(row["value"]) > UNOBSERVABLE * prior
 
 
-def _advice(j: Verdict) -> str:
+def _advice(j: Judgement) -> str:
     """What the cards say would show the one and not the other."""
     if not j.confounded:
         return ""

@@ -18,7 +18,7 @@ from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.gyroscopes.between_rests import gyroscopes_between_rests
-from gimbalcal.estimate.gyroscopes.inter_triad import InterTriad, from_turns, rotation
+from gimbalcal.estimate.gyroscopes.inter_triad import InterTriad, from_turns, triad_rotation
 from gimbalcal.estimate.gyroscopes.revolutions import EFFECTS, gyroscopes_from_revolutions
 from gimbalcal.estimate.gyroscopes.turns import FORCE, RATE
 from gimbalcal.number import Array, complex_step
@@ -133,7 +133,7 @@ def in_frame_of(gyroscopes: Calibration, lie: InterTriad) -> Calibration:
 
     def referred(x: Array) -> Array:
         own = dict(zip(labels, x[:n], strict=True))
-        M = np.array([[own.get(_label(a, b), 0.0) + (a == b) for b in "xyz"] for a in "xyz"]) @ rotation(x[n:])
+        M = np.array([[own.get(_label(a, b), 0.0) + (a == b) for b in "xyz"] for a in "xyz"]) @ triad_rotation(x[n:])
         new = {_label(a, b): M[i, j] - (a == b) for i, a in enumerate("xyz") for j, b in enumerate("xyz")}
         return np.array([(own | new)[p.label] for p in order])
 

@@ -30,7 +30,7 @@ NO_NOISE = 1e-200  # a misfit of rows without any noise, whose logarithm is stil
 KINDS: tuple[str, ...] = get_args(Kind)
 
 
-class Fit(NamedTuple):
+class ColouredFit(NamedTuple):
     """Generalised least squares for c right-hand sides."""
 
     beta: Array  # (q, c)
@@ -39,7 +39,7 @@ class Fit(NamedTuple):
     log_determinant: float  # log|V| + log|A^T V^-1 A|
 
 
-def least_squares(time: Array, A: Array, y: Array, weight: Array, noise: Noise) -> Fit:
+def least_squares(time: Array, A: Array, y: Array, weight: Array, noise: Noise) -> ColouredFit:
     """Fit of A (n, q) to y (n, c): white noise over the root of the weight (n,), and the process that follows it.
 
     Raises numpy.linalg.LinAlgError where A does not determine beta (condition above 1e6 at unit columns: a millionth
@@ -59,7 +59,7 @@ def least_squares(time: Array, A: Array, y: Array, weight: Array, noise: Noise) 
     r = y - A @ beta
     chi2 = np.einsum("ij,ij->j", r, B[:, q:] - B[:, :q] @ beta)
     log_N = float(np.log(eigenvalues).sum() + 2 * np.log(size).sum())
-    return Fit(beta / size[:, None], covariance / np.outer(size, size), chi2, log_V + log_N)
+    return ColouredFit(beta / size[:, None], covariance / np.outer(size, size), chi2, log_V + log_N)
 
 
 def _inverse_noise(time: Array, X: Array, weight: Array, noise: Noise) -> tuple[Array, float]:

@@ -70,7 +70,7 @@ def labels(orders: Sequence[int]) -> tuple[str, ...]:
     return tuple(name for k in orders for name in ((f"{k}",) if k == 0 else (f"{k}s", f"{k}c")))
 
 
-def design(time: Array, angle: Array, orders: Sequence[int], drift: int) -> Array:
+def design_matrix(time: Array, angle: Array, orders: Sequence[int], drift: int) -> Array:
     """Harmonics and drift polynomials (n, q + drift)."""
     middle, half = (time[0] + time[-1]) / 2, (time[-1] - time[0]) / 2
     slow = np.polynomial.legendre.legvander((time - middle) / half, drift)[:, 1:]
@@ -100,7 +100,7 @@ def fourier(
     q, names = len(labels(orders)), labels(orders)
     if len(y) <= q + drift:
         raise InputError(f"{len(y)} rows cannot determine {q} harmonics and {drift} drift terms: record a longer run")
-    A = design(time, angle, orders, drift)
+    A = design_matrix(time, angle, orders, drift)
     try:
         found = estimate_noise(time, A, y, weight, noise) if isinstance(noise, str) else noise
         if sigma is not None and len(found) == 1:

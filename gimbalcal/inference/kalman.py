@@ -67,12 +67,12 @@ def filter(  # noqa: A001 - always written kalman.filter
         history.x_prior[k], history.P_prior[k] = state, covariance
         history.innovation[k] = z[k] - H[k] @ state
         history.S[k] = H[k] @ covariance @ H[k].T + R[k]
-        state, covariance, logs[k] = correct(state, covariance, z[k], H[k], R[k])
+        state, covariance, logs[k] = update(state, covariance, z[k], H[k], R[k])
         history.x[k], history.P[k] = state, covariance
     return history._replace(log_likelihood=float(logs.sum()))
 
 
-def correct(x: Array, P: Array, z: Array, H: Array, R: Array) -> tuple[Array, Array, float]:
+def update(x: Array, P: Array, z: Array, H: Array, R: Array) -> tuple[Array, Array, float]:
     """One measurement z (m,) = H x + v: posterior x, P (Joseph form) and the log-likelihood of z."""
     seen = ~np.isnan(z)
     if not seen.any():

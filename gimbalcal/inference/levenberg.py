@@ -76,7 +76,7 @@ def _step(r: Array, J: Array, damping: Array) -> Array:
     return np.asarray(np.linalg.solve(R, right)[..., 0] / size)
 
 
-def covariance(J: Array, seen: float = 1e-9) -> Array:
+def covariance_at_minimum(J: Array, seen: float = 1e-9) -> Array:
     """Covariance (r, p, p) at the minimum from whitened Jacobians (r, m, p); infinite where one is singular."""
     size = np.sqrt((J**2).sum(-2))
     size = np.where(size > 0, size, 1.0)

@@ -12,7 +12,7 @@ from gimbalcal.calibration import Readout
 from gimbalcal.calibration.readout import in_si
 from gimbalcal.earth import G0
 from gimbalcal.effects import Effect, Stage, Stimulus
-from gimbalcal.estimate.static_run.run import prepare
+from gimbalcal.estimate.static_run.run import static_readings
 from gimbalcal.forward import accelerometers, predict
 from gimbalcal.inversion import invert
 from gimbalcal.kinematics import stimulus_from_readings
@@ -113,7 +113,7 @@ def over_time(recording: Recording, effects: Sequence[Effect]) -> tuple[Array, t
 
     Rows are averaged into at most `BLOCKS` blocks.
     """
-    run = prepare(recording)
+    run = static_readings(recording)
     measured, left = run.residual(), run.residual(effects)
     edges = np.unique(np.linspace(0, len(measured), BLOCKS + 1).astype(int))
     thin = np.sqrt(np.median(np.diff(edges)))

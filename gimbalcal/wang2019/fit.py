@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.inference.levenberg import Minimum, covariance, minimise
+from gimbalcal.inference.levenberg import Minimum, covariance_at_minimum, minimise
 from gimbalcal.number import Array
 from gimbalcal.wang2019.pulses import Pulses, along, lower
 
@@ -140,7 +140,7 @@ def _in_si(found: Minimum, free: Array, K0: Array, gravity: float) -> PulseFit:
     one = np.ones_like(K0)
     unit = np.concatenate([K0, K0**2 / gravity, K0**3 / gravity**2, gravity * one, one], axis=-1)
     full = np.zeros((len(K0), 15, 15))
-    full[:, free[:, None], free] = covariance(found.jacobian)
+    full[:, free[:, None], free] = covariance_at_minimum(found.jacobian)
     return PulseFit(
         Pulses.from_vector(_full(found.x, free) * unit),
         full * unit[:, :, None] * unit[:, None, :],

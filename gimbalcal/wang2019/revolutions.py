@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE
-from gimbalcal.inference.levenberg import Minimum, covariance, minimise
+from gimbalcal.inference.levenberg import Minimum, covariance_at_minimum, minimise
 from gimbalcal.number import Array
 from gimbalcal.wang2019.fit import PulseFit, ellipsoid, initial_scale
 from gimbalcal.wang2019.pulses import Pulses, lower
@@ -139,5 +139,5 @@ def _in_si(found: Minimum, K0: Array, speed: float) -> PulseFit:
     unit = np.concatenate([K0, K0**2 / speed, speed * one, one], axis=-1)
     x, full = np.zeros((len(K0), 15)), np.zeros((len(K0), 15, 15))
     x[:, FREE] = found.x * unit
-    full[:, FREE[:, None], FREE] = covariance(found.jacobian) * unit[:, :, None] * unit[:, None, :]
+    full[:, FREE[:, None], FREE] = covariance_at_minimum(found.jacobian) * unit[:, :, None] * unit[:, None, :]
     return PulseFit(Pulses.from_vector(x), full, 2 * found.cost, found.converged, found.steps)

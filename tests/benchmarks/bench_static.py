@@ -36,9 +36,9 @@ from gimbalcal.estimate.static_run.force_filter import (
     observation_matrix,
     projection,
 )
-from gimbalcal.estimate.static_run.run import prepare
+from gimbalcal.estimate.static_run.run import static_readings
 from gimbalcal.forward import predict
-from gimbalcal.inference.harmonics import columns, design
+from gimbalcal.inference.harmonics import columns, design_matrix
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
@@ -93,7 +93,7 @@ def recording(time: Array, weight: float, effects: Sequence[Effect] = TABLE_2_3,
 def blocks(hours: float, rate: float) -> Readings:
     """Minute means of a run."""
     time = BLOCK / 2 + np.arange(0.0, hours * 3600, BLOCK)
-    return prepare(recording(time, BLOCK * rate, block=BLOCK))
+    return static_readings(recording(time, BLOCK * rate, block=BLOCK))
 
 
 def noise(run: Readings, rng: np.random.Generator, runs: int) -> Array:
@@ -136,7 +136,7 @@ def reconciled(run: Readings, e: Array, drift: int = 0) -> Array:
 
 def _normal(run: Readings, drift: int) -> Array:
     """Normal matrix (5, 5) of the harmonics under white noise, the drift being profiled."""
-    A = design(run.stimulus.time, run.phase, FITTED, drift)
+    A = design_matrix(run.stimulus.time, run.phase, FITTED, drift)
     N = A.T @ (run.recording.weight[:, None] * A)
     return np.linalg.inv(np.linalg.inv(N)[:5, :5])
 
@@ -155,7 +155,7 @@ def share_within(
 def every_sample(hours: float, rate: float, seed: int) -> tuple[Array, Array, Array]:
     """Errors of one run from every sample, from minute means of the same samples, and x1 with the printed norm."""
     time = 0.5 / rate + np.arange(0.0, hours * 3600, 1 / rate)
-    run = prepare(recording(time, 1.0))
+    run = static_readings(recording(time, 1.0))
     made = noise(run, np.random.default_rng(seed), 1)
     n = round(BLOCK * rate)
     means = made.reshape(-1, n, *made.shape[1:]).mean(axis=1)

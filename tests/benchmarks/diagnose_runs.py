@@ -12,7 +12,7 @@ import numpy as np
 from gimbalcal.diagnose import Diagnosis, diagnose
 from gimbalcal.diagnose.evidence.noise import nominal
 from gimbalcal.diagnose.library.known_noise import library
-from gimbalcal.diagnose.rows.observations import observe
+from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.recording import Recording
@@ -147,7 +147,7 @@ def nearest(run: Run, size: float) -> tuple[float, str]:
     """Sigmas that the nearest cause of the catalogue, at its best size and constants, leaves of an oddity; its name."""
     error, options = concealed(run)[0].error, dict(run.options)
     with_it, without = (record(np.random.default_rng(run.seed), error, s, **options) for s in (size, 0.0))
-    o = observe(without)
+    o = fit_baseline(without)
     node, known = nominal(o), library(o, BASELINE[without.kind])
     Q = orthonormal(node.whiten(o.reduce(o.Z)))
     d = (with_it.triad("specific_force") - without.triad("specific_force")) / o.sigma

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gimbalcal.diagnose.rows.observations import observe
+from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
@@ -71,7 +71,7 @@ def _made(seed: int, effect: str, size: float) -> Recording:
 
 def _strength(with_it: Recording, without: Recording) -> float:
     """Sigmas above noise after the calibration took what it can."""
-    o = observe(without)
+    o = fit_baseline(without)
     d = np.stack([with_it.channels[k] - without.channels[k] for k in o.channels], axis=-1)
     angle = np.array([k[0] == "gimbal_angle" for k in o.channels])
     d = np.where(angle, (d + np.pi) % (2 * np.pi) - np.pi, d)  # the platform gimbal is read within one turn

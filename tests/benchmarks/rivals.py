@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 from gimbalcal.diagnose.evidence import known_scale as evidence
 from gimbalcal.diagnose.evidence.noise import nodes, nominal, settle
 from gimbalcal.diagnose.library.known_noise import library
-from gimbalcal.diagnose.rows.observations import observe
+from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.diagnose.search import ranking as search
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.estimate.accelerometers.joint import joint
@@ -48,7 +48,7 @@ class Problem:
 
 def problems(recording: Recording) -> tuple[Problem, Problem]:
     """The same library twice: whitened and profiled, and as residuals of a finished calibration."""
-    o = settle(observe(recording))
+    o = settle(fit_baseline(recording))
     found = library(o, BASELINE[recording.kind])
     names: dict[int, str] = {}
     for c in found.candidates:
@@ -267,7 +267,7 @@ def speed(rows: Sequence[dict[str, Any]], say: Callable[[str], None]) -> None:
 
     _plain = evidence.log_bayes
     with threadpool_limits(limits=1):
-        o = settle(observe(recording))
+        o = settle(fit_baseline(recording))
         found, grid = library(o, BASELINE[recording.kind]), nodes(o)
         evidence.log_bayes = search.log_bayes = counting  # type: ignore[attr-defined]
         begin = perf_counter()

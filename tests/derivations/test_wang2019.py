@@ -73,8 +73,8 @@ def test_the_package_computes_the_derived_forms(found):
 def test_a_wrong_sign_in_the_package_is_seen(monkeypatch):
     from gimbalcal.estimate.gyroscopes import inter_triad
 
-    right = inter_triad.rotation
-    monkeypatch.setattr(inter_triad, "rotation", lambda a: np.swapaxes(right(a), -1, -2))
+    right = inter_triad.triad_rotation
+    monkeypatch.setattr(inter_triad, "triad_rotation", lambda a: np.swapaxes(right(a), -1, -2))
     assert package.euler_matrix() > 0.1
 
 

@@ -171,10 +171,10 @@ def strength(recording_of: Callable[[float], Recording], probe: float) -> float:
     """Sigmas above noise of an effect of size `probe`, after calibration and setting errors took what they can."""
     from gimbalcal.diagnose.evidence.known_scale import orthonormal
     from gimbalcal.diagnose.evidence.noise import nominal
-    from gimbalcal.diagnose.rows.observations import observe
+    from gimbalcal.diagnose.rows.observations import fit_baseline
 
     with_it, without = recording_of(probe), recording_of(0.0)
-    o = observe(without)
+    o = fit_baseline(without)
     d = (with_it.triad("specific_force") - without.triad("specific_force")) / o.sigma
     node = nominal(o)
     Q = orthonormal(node.whiten(o.reduce(o.Z)))

@@ -15,7 +15,7 @@ from gimbalcal.diagnose.evidence.noise import Node, nodes, settle
 from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.library.known_noise import columns_at, library
 from gimbalcal.diagnose.library.unknown_noise import causes
-from gimbalcal.diagnose.rows.observations import Observations, observe
+from gimbalcal.diagnose.rows.observations import Observations, fit_baseline
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.search.stepwise import Model
@@ -33,12 +33,12 @@ __all__ = ["columns_at"]  # the rest is written here
 def observed(seed: int = 1, error: Error | None = None, size: float = 0.0, **options: Any) -> Observations:
     """Residual rows of 18 positions with 12 readings each; `size` in ug, where the error is one of an output."""
     options.setdefault("dwell", 12)
-    return settle(observe(record(np.random.default_rng(seed), error, size * UG, **options)))
+    return settle(fit_baseline(record(np.random.default_rng(seed), error, size * UG, **options)))
 
 
 def at_rest(seed: int = 1, error: static_plant.Error | None = None, size: float = 0.0) -> Observations:
     """Residual rows of a static run of 48 h."""
-    return settle(observe(static_plant.record(np.random.default_rng(seed), error, size * UG)))
+    return settle(fit_baseline(static_plant.record(np.random.default_rng(seed), error, size * UG)))
 
 
 def few(o: Observations, *labels: str) -> Library:

@@ -20,7 +20,7 @@ from tests.diagnose.small import telescope
 TABLE = record(np.random.default_rng(1), dwell=2)
 REST = static_plant.record(np.random.default_rng(1))
 RATES = {("angular_rate", a): 0 * TABLE.time for a in "xyz"}
-ROADS = ("diagnose_forces", "diagnose_together", "diagnose_gimballed")
+ROADS = ("diagnose_known_noise", "diagnose_several", "diagnose_both_triads")
 UNKNOWN = "diagnose_unknown_noise"
 
 
@@ -33,7 +33,7 @@ def taken(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
     def road(name: str) -> Any:
         def walk(*given: Any) -> Any:
             out.append((name, given))
-            return (nothing, None, None) if name == "diagnose_forces" else nothing
+            return (nothing, None, None) if name == "diagnose_known_noise" else nothing
 
         return walk
 
@@ -45,10 +45,10 @@ def taken(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
 @pytest.mark.parametrize(
     ("recordings", "road"),
     [
-        ([TABLE], "diagnose_forces"),
-        ([REST], "diagnose_forces"),
-        ([TABLE, REST], "diagnose_together"),
-        ([replace(TABLE, channels={**TABLE.channels, **RATES})], "diagnose_gimballed"),
+        ([TABLE], "diagnose_known_noise"),
+        ([REST], "diagnose_known_noise"),
+        ([TABLE, REST], "diagnose_several"),
+        ([replace(TABLE, channels={**TABLE.channels, **RATES})], "diagnose_both_triads"),
         ([telescope(1)], UNKNOWN),
         ([replace(TABLE, platform=BENCH)], UNKNOWN),
     ],

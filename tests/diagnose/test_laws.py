@@ -7,7 +7,7 @@ import pytest
 
 from gimbalcal.diagnose.evidence.noise import nominal
 from gimbalcal.diagnose.library.known_noise import library
-from gimbalcal.diagnose.rows.observations import observe
+from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.inference.algebra import orthonormal
@@ -21,7 +21,7 @@ AXIS = {name: n % 3 for n, name in enumerate(NAMES)}
 @cache
 def setting(logged):
     """Observations of a clean recording, its library, and the basis of its calibration."""
-    o = observe(record(np.random.default_rng(1), laws(0)["fan"].error if logged else None, 0.0))
+    o = fit_baseline(record(np.random.default_rng(1), laws(0)["fan"].error if logged else None, 0.0))
     found = library(o, BASELINE["multi-position"])
     node = nominal(o)
     Q = orthonormal(node.whiten(o.reduce(o.Z)))

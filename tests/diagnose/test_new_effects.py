@@ -12,7 +12,7 @@ import pytest
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.library import known_noise, unknown_noise
-from gimbalcal.diagnose.rows.observations import observe
+from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.diagnose.rows.turns import turned_rates
 from gimbalcal.diagnose.rows.views import View, norm, pointing, rest_rates, table
 from gimbalcal.diagnose.search.stepwise import start
@@ -98,7 +98,7 @@ def views(r: Recording) -> list[View]:
 def tried(r: Recording) -> set[str]:
     """Ids of the causes that either road compares."""
     if r.platform.axes and r.kind != "pointing":
-        o = observe(r)
+        o = fit_baseline(r)
         return {c.effect for c in known_noise.library(o, BASELINE[r.kind]).candidates}
     out = set()
     for v in views(r):

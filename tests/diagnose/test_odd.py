@@ -13,7 +13,7 @@ from gimbalcal import cli
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.library.candidates import sources
 from gimbalcal.diagnose.library.known_noise import available
-from gimbalcal.diagnose.rows.observations import observe
+from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.diagnose.rows.views import pointing, rest_rates, solved
 from gimbalcal.diagnose.search.stepwise import start
 from gimbalcal.diagnose.wording import largest
@@ -108,7 +108,7 @@ def test_a_gap_in_a_long_static_run_is_not_taken_for_physics(monkeypatch: pytest
     monkeypatch.setattr(static_plant, "rest", lambda rng: short(rng, hours=LONG / 60, step=60.0))
     r = static_plant.record(np.random.default_rng(3))
     row = np.arange(len(r.time))
-    whole, broken = (observe(r.select(rows), steps=0) for rows in (row >= 0, (row <= 2000) | (row > 2400)))
+    whole, broken = (fit_baseline(r.select(rows), steps=0) for rows in (row >= 0, (row <= 2000) | (row > 2400)))
     assert len(broken.y) < LONG / 2
     assert np.abs(broken.y).max() < 1.1 * np.abs(whole.y).max()  # same noise, same constants: nothing stands out
 
@@ -123,7 +123,9 @@ def test_positions_of_a_static_run_do_no_harm() -> None:
 
 def test_without_a_readout_of_the_platform_gimbal_the_force_tells_the_phase() -> None:
     r = changed(static_plant.record(np.random.default_rng(1)), without=[("gimbal_angle", "platform")])
-    assert np.sqrt(np.mean(observe(r).y ** 2)) == pytest.approx(1.0, abs=0.1)  # 1440 numbers: 4 sigma, and a K of 1e-6
+    assert np.sqrt(np.mean(fit_baseline(r).y ** 2)) == pytest.approx(
+        1.0, abs=0.1
+    )  # 1440 numbers: 4 sigma, and a K of 1e-6
 
 
 def test_rests_of_one_row_each_count_alike() -> None:
@@ -162,7 +164,7 @@ def test_effects_of_named_channels_are_candidates_where_these_were_logged() -> N
     n = len(CLEAN.time)
     x = np.linspace(0, 1, n)
     named = {("covariate", k): x for k in ("pressure", "servo_x", "servo_y", "servo_z", "fan")}
-    o = observe(changed(CLEAN, named))
+    o = fit_baseline(changed(CLEAN, named))
     assert {"pressure", "servo_following_error"} <= set(available(o, ()))
     assert not {"supply_voltage", "vibration_rectification"} & set(available(o, ()))
     assert sources(CATALOGUE["pressure"], o.stimulus) == ("",)

@@ -6,7 +6,7 @@ import numpy as np
 
 from gimbalcal.effects import Parameter, with_values
 from gimbalcal.estimate.accelerometers.expected import planned
-from gimbalcal.estimate.accelerometers.setting import baseline, model, problem
+from gimbalcal.estimate.accelerometers.setting import model, position_parameters, problem
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, Site
 from gimbalcal.schedule import EIGHTEEN_POSITIONS, Schedule
@@ -16,7 +16,7 @@ ARCSEC = np.pi / 648000
 SAMPLE = 1.96e-4  # m/s^2 of one sample: 20 ug
 SAMPLES = 120  # one a second for two minutes
 SITE = Site(gravity=9.80146)
-PARAMETERS = baseline(SPACE_STABLE)
+PARAMETERS = position_parameters(SPACE_STABLE)
 # typical sizes of a navigation platform, half the prior of the catalogue or less
 SIZES = {
     "scale_factor": to_si(200.0, "ppm"),

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gimbalcal.inference.levenberg import covariance, minimise
+from gimbalcal.inference.levenberg import covariance_at_minimum, minimise
 from gimbalcal.number import Array
 
 T = np.linspace(0.0, 2.0, 9)
@@ -35,7 +35,7 @@ def test_at_the_minimum_the_gradient_vanishes_and_a_gain_ends_earlier() -> None:
     assert early.converged.all()
     assert np.all(early.steps <= found.steps)
     assert early.steps.sum() < found.steps.sum()
-    sigma = np.sqrt(np.diagonal(covariance(found.jacobian), axis1=1, axis2=2))
+    sigma = np.sqrt(np.diagonal(covariance_at_minimum(found.jacobian), axis1=1, axis2=2))
     assert np.all(np.abs(early.x - found.x) < 1e-2 * sigma)
 
 
@@ -53,6 +53,6 @@ def test_the_better_of_two_starts_is_kept_run_by_run() -> None:
 
 
 def test_a_direction_that_nothing_tells_has_an_infinite_variance() -> None:
-    C = covariance(np.array([[[1.0, 0.0], [1.0, 0.0], [2.0, 0.0]]]))
+    C = covariance_at_minimum(np.array([[[1.0, 0.0], [1.0, 0.0], [2.0, 0.0]]]))
     assert np.isinf(C[0, 1, 1])
     assert abs(C[0, 0, 0] - 1 / 6) < 1e-15

@@ -29,7 +29,7 @@ CHUNK = 64  # columns
 
 
 @dataclass(frozen=True)
-class Rows:
+class ReducedRows:
     """Reduced rows [Z | X | y], split where the noise is white whatever the node.
 
     low (R', q + P + m) are the rows that a node whitens; high is the Gram matrix of the others. Z is orthonormal
@@ -59,7 +59,7 @@ class Projection:
         return np.asarray(-0.5 * (self.misfit + self.penalty))
 
 
-def stack(Z: Array, X: Array, y: Array, low: int) -> Rows:
+def stack(Z: Array, X: Array, y: Array, low: int) -> ReducedRows:
     """Reduced Z (R, z), X (R, P), y (R, m) to `Rows` whose first `low` rows are coloured."""
     Q = orthonormal(Z)
     q, P = Q.shape[1], X.shape[1]
@@ -70,10 +70,10 @@ def stack(Z: Array, X: Array, y: Array, low: int) -> Rows:
         part = X[:, k : k + CHUNK]
         A[:, q + k : q + k + part.shape[1]] = _cleared(Q, part)
     tail = A[low:]
-    return Rows(A[:low].copy(), tail.T @ tail, q, P, Q, y)
+    return ReducedRows(A[:low].copy(), tail.T @ tail, q, P, Q, y)
 
 
-def appended(rows: Rows, X: Array, new: Array) -> Rows:
+def appended(rows: ReducedRows, X: Array, new: Array) -> ReducedRows:
     """`rows` of columns X (R, P), as `stack` makes them of X and `new` (R, p): for few of many columns in less time."""
     q, P, low = rows.q, rows.P, len(rows.low)
     left = _cleared(rows.Q, new)
@@ -88,7 +88,7 @@ def appended(rows: Rows, X: Array, new: Array) -> Rows:
     high[:, at] = np.concatenate([QN, XN, N.T @ N, rows.y[low:].T @ N])
     high[at] = high[:, at].T
     columns = np.concatenate([rows.low[:, : at.start], left[:low], rows.low[:, at.start :]], axis=1)
-    return Rows(columns, high, q, P + N.shape[1], rows.Q, rows.y)
+    return ReducedRows(columns, high, q, P + N.shape[1], rows.Q, rows.y)
 
 
 def _cleared(Q: Array, X: Array) -> Array:
@@ -98,7 +98,7 @@ def _cleared(Q: Array, X: Array) -> Array:
     return np.asarray(np.where(seen, left, 0.0))
 
 
-def project(node: Node, rows: Rows) -> Projection:
+def project(node: Node, rows: ReducedRows) -> Projection:
     """Whiten by a node, profile the calibration out, and form the Gram matrix and scores."""
     W = node.whiten(rows.low)
     A = W.T @ W  # some MB each: in place
@@ -112,20 +112,20 @@ def project(node: Node, rows: Rows) -> Projection:
     return Projection(node, B[:P, :P], B[:P, P:], np.diag(B)[P:].copy(), node.logdet + logdet)
 
 
-def extended(node: Node, rows: Rows, X: Array) -> tuple[Array, Array]:
+def extended(node: Node, rows: ReducedRows, X: Array) -> tuple[Array, Array]:
     """Gram matrix (p, p) and scores (p,) at one noise of reduced columns X (R, p) that are not among the rows."""
     added = rows_like(rows, X)
     p = project(node, added)
     return p.G, p.b[:, 0]
 
 
-def rows_like(rows: Rows, X: Array) -> Rows:
+def rows_like(rows: ReducedRows, X: Array) -> ReducedRows:
     """The same calibration and data with other columns."""
     Q = rows.Q
     X = X - Q @ (Q.T @ X)
     A = np.concatenate([Q, X, rows.y], axis=1)
     low = rows.low.shape[0]
-    return Rows(A[:low], A[low:].T @ A[low:], rows.q, X.shape[1], Q, rows.y)
+    return ReducedRows(A[:low], A[low:].T @ A[low:], rows.q, X.shape[1], Q, rows.y)
 
 
 def log_bayes(G: Array, b: Array, sizes: Array = SIZES) -> Array:

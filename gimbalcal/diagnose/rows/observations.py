@@ -127,7 +127,7 @@ class Observations:
         return self.rows.columns(effect, wanted)
 
 
-def observe(
+def fit_baseline(
     recording: Recording, baseline: Sequence[str] = (), known: Sequence[Effect] = (), steps: int = 2
 ) -> Observations:
     """Fit the baseline of this kind of recording and return residuals and sensitivities about it.

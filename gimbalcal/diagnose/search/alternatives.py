@@ -16,7 +16,7 @@ from gimbalcal.effects import with_values
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Judgement:
     """One cause in the final model: its probability among all in its place, sigmas, what it is confounded with."""
 
     cause: Candidate
@@ -25,7 +25,7 @@ class Verdict:
     confounded: tuple[str, ...]
 
 
-def judged(v: View, end: Model, taken: Candidate) -> Verdict:
+def judged(v: View, end: Model, taken: Candidate) -> Judgement:
     """Take one cause out, the others kept, and ask again which cause belongs there."""
     own = {(p.effect, p.field, p.axis) for p in taken.parameters}
     keep = [i for i, p in enumerate(end.fitted) if (p.effect, p.field, p.axis) not in own]
@@ -47,4 +47,4 @@ def judged(v: View, end: Model, taken: Candidate) -> Verdict:
     probability = float(np.exp(np.logaddexp.reduce(w[same]) - np.logaddexp.reduce(np.append(w, 0.0))))
     memory, scale = ground(weighted(v, end.r), weighted(v, end.J), weighted(v, X[..., :0])).best()
     sigmas = float(np.sqrt(explained(g, known[at].variants[choice[at]].index, memory))) / scale
-    return Verdict(taken, probability, sigmas, confounded)
+    return Judgement(taken, probability, sigmas, confounded)

@@ -29,7 +29,7 @@ Pairs = dict[tuple[int, ...], dict[int, float]]
 
 
 @dataclass(frozen=True)
-class Combined(Ranking):
+class CombinedRanking(Ranking):
     """A ranking over several searches; `place` (candidates, recordings) is each candidate's index in each, or -1."""
 
     searches: tuple[Search, ...]
@@ -74,13 +74,13 @@ def matched(searches: Sequence[Search]) -> tuple[tuple[Candidate, ...], Array]:
     return tuple(c for c, _ in kept), place
 
 
-def combine(searches: Sequence[Search]) -> Combined:
+def combine(searches: Sequence[Search]) -> CombinedRanking:
     """Singles, pairs and thirds over all recordings, every pair judged in every recording that sees one of it."""
     candidates, place = matched(searches)
     prior = log_priors(candidates)
     rival = np.array([bool(c.rival) for c in candidates])
     share = np.where(rival, np.log(UNKNOWN), np.log(SINGLE)) + prior
-    c = Combined(Library(candidates, np.zeros((0, 0))), (), tuple(searches), place, share)
+    c = CombinedRanking(Library(candidates, np.zeros((0, 0))), (), tuple(searches), place, share)
     ln = c.summed([s.singles for s in searches])
     own = [{} if ln.max() > DETECTED else _own_pairs(s) for s in searches]
 
@@ -90,10 +90,12 @@ def combine(searches: Sequence[Search]) -> Combined:
     found = [Hypothesis((i,), float(ln[i]), float(ln[i] + share[i])) for i in range(len(ln))]
     found += pairs(candidates, ln, prior, float((ln + prior).max()), gained)
     found.sort(key=lambda h: -h.ln_weight)
-    return Combined(c.library, tuple(found), c.searches, place, share)
+    return CombinedRanking(c.library, tuple(found), c.searches, place, share)
 
 
-def _with_second(c: Combined, members: Sequence[int], seconds: Sequence[int], keep: int, own: Sequence[Pairs]) -> Array:
+def _with_second(
+    c: CombinedRanking, members: Sequence[int], seconds: Sequence[int], keep: int, own: Sequence[Pairs]
+) -> Array:
     """ln BF (candidates,) against nothing of `members` with each of `seconds`, added up over the recordings.
 
     What a recording has judged already is taken from `own`.

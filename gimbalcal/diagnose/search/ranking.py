@@ -14,7 +14,7 @@ import numpy as np
 from gimbalcal.diagnose.evidence.known_scale import (
     SIZE_PRIOR,
     Projection,
-    Rows,
+    ReducedRows,
     appended,
     best_size,
     condition,
@@ -77,7 +77,7 @@ class Search(Ranking):
     """The ranking of one recording, with what is needed to look at its hypotheses again."""
 
     o: Observations
-    rows: Rows
+    rows: ReducedRows
     projections: tuple[Projection, ...]
     null: Array  # (nodes,) ln prior x likelihood of nothing missing
     joint: Array  # (nodes, candidates) ln prior x likelihood of each alone
@@ -95,7 +95,7 @@ def log_priors(candidates: Sequence[Candidate]) -> Array:
     return np.array([-np.log(families[c.effect] * (unknown if c.rival else known)) for c in candidates])
 
 
-def prepare(o: Observations, library: Library, nodes: Sequence[Node]) -> tuple[Rows, tuple[Projection, ...]]:
+def projected(o: Observations, library: Library, nodes: Sequence[Node]) -> tuple[ReducedRows, tuple[Projection, ...]]:
     """Rows and one projection per noise node."""
     rows = stack(o.reduce(o.Z), library.X, o.reduce(o.y[:, :, None]), coloured(o))
     return rows, tuple(project(n, rows) for n in nodes)
@@ -103,7 +103,7 @@ def prepare(o: Observations, library: Library, nodes: Sequence[Node]) -> tuple[R
 
 def search(o: Observations, library: Library, nodes: Sequence[Node]) -> Search:
     """Singles, refinement, then pairs where a single cause is found wanting or none is found."""
-    rows, projections = prepare(o, library, nodes)
+    rows, projections = projected(o, library, nodes)
     library = _visible(library, projections[0])  # the least noise of the grid: what it hides, they all hide
     null, ln, joint = _singles(projections, library.candidates)
     finer = refine(o, library, projections, ln, joint, rows)

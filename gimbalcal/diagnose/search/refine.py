@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.known_scale import SIZE_PRIOR, Projection, Rows, extended, log_bayes, mixed
+from gimbalcal.diagnose.evidence.known_scale import SIZE_PRIOR, Projection, ReducedRows, extended, log_bayes, mixed
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
 from gimbalcal.diagnose.library.grids import Constant, between, kind, limits
 from gimbalcal.diagnose.library.known_noise import columns_at
@@ -27,7 +27,7 @@ BRANCHES = 3  # positions at which the sign of a force may turn out to be the ot
 
 
 def refine(
-    o: Observations, library: Library, projections: Sequence[Projection], total: Array, joint: Array, rows: Rows
+    o: Observations, library: Library, projections: Sequence[Projection], total: Array, joint: Array, rows: ReducedRows
 ) -> Library:
     """Add finer values of the non-linear constants around the best of each promising candidate."""
     best = float(total.max())
@@ -56,7 +56,7 @@ def _continuous(c: Candidate) -> list[Constant]:
     return [f for f in constants(CATALOGUE[c.effect]) if not kind(f).counts]
 
 
-def _narrowed(o: Observations, c: Candidate, p: Projection, rows: Rows) -> list[tuple[Variant, Array]]:
+def _narrowed(o: Observations, c: Candidate, p: Projection, rows: ReducedRows) -> list[tuple[Variant, Array]]:
     """Finer values of each constant in turn about the best variant; as heavy together as it, then a third of that."""
     score = [_score(p.G[np.ix_(v.index, v.index)], p.b[list(v.index), 0]) for v in c.variants]
     start = c.variants[int(np.argmax(score))]

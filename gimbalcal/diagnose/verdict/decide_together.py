@@ -8,7 +8,7 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.known_scale import ANY_SIZE, Projection, log_bayes
 from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.search.combine import Combined
+from gimbalcal.diagnose.search.combine import CombinedRanking
 from gimbalcal.diagnose.search.ranking import given
 from gimbalcal.diagnose.verdict.decide import Decision, judge
 from gimbalcal.diagnose.verdict.threshold import anything, clean_singles
@@ -16,19 +16,19 @@ from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
 
 
-def clean_together(c: Combined, rng: np.random.Generator) -> tuple[Array, tuple[Array, ...]]:
+def clean_together(c: CombinedRanking, rng: np.random.Generator) -> tuple[Array, tuple[Array, ...]]:
     """ln Bayes factors of "something is missing" on simulated clean recordings: together, and of each alone."""
     drawn = [clean_singles(s, rng) for s in c.searches]
     alone = tuple(anything(d, s.share) for d, s in zip(drawn, c.searches, strict=True))
     return anything(c.summed(drawn), c.share), alone
 
 
-def decide_together(c: Combined, threshold: float) -> Decision:
+def decide_together(c: CombinedRanking, threshold: float) -> Decision:
     """The verdict of all recordings; `threshold` is the ln Bayes factor that clean ones reach together."""
     return judge(c, threshold, lambda others: likeliest_together(c, others))
 
 
-def likeliest_together(c: Combined, others: Sequence[int]) -> Array:
+def likeliest_together(c: CombinedRanking, others: Sequence[int]) -> Array:
     """ln evidence (candidates,) at each one's best plausible size, the same in all recordings, beside the others.
 
     A size of its own in each would excuse a cause for being strong in one recording and absent from the next.

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.known_scale import Rows, project, rows_like
+from gimbalcal.diagnose.evidence.known_scale import ReducedRows, project, rows_like
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.inference.algebra import eigh, orthonormal
@@ -50,7 +50,9 @@ class Scan:
         return float(self.p_values.min(initial=1.0))
 
 
-def scan(o: Observations, rows: Rows, node: Node, rng: np.random.Generator, explained: Array | None = None) -> Scan:
+def scan(
+    o: Observations, rows: ReducedRows, node: Node, rng: np.random.Generator, explained: Array | None = None
+) -> Scan:
     """Scan the data (or what is left beside `explained` columns (R, p)) in one noise."""
     cells, X = _cells(o)
     if explained is not None and explained.shape[1]:
@@ -70,11 +72,11 @@ def scan(o: Observations, rows: Rows, node: Node, rng: np.random.Generator, expl
     return Scan(tuple(cells), statistic, np.where(family <= 2 / (1 + DRAWS), np.minimum(bound, family), family))
 
 
-def _beside(rows: Rows, X: Array) -> Rows:
+def _beside(rows: ReducedRows, X: Array) -> ReducedRows:
     """Rows whose calibration also holds these columns."""
     Q = np.concatenate([rows.Q, orthonormal((X - rows.Q @ (rows.Q.T @ X)) / np.abs(X).max())], axis=1)
     y = rows.y - Q @ (Q.T @ rows.y)
-    return Rows(rows.low, rows.high, Q.shape[1], rows.P, Q, y)
+    return ReducedRows(rows.low, rows.high, Q.shape[1], rows.P, Q, y)
 
 
 def _tail(statistic: Array, dof: Array) -> Array:

@@ -18,7 +18,7 @@ from gimbalcal.number import Array
 
 
 @dataclass(frozen=True)
-class Fit:
+class FittedCauses:
     """Sizes (p,) in prior sigmas with covariance (p, p), the columns they belong to, and the likeliest noise."""
 
     members: tuple[int, ...]
@@ -30,7 +30,7 @@ class Fit:
     projection: Projection
 
 
-def fit(s: Search, members: Sequence[int]) -> Fit:
+def fit_causes(s: Search, members: Sequence[int]) -> FittedCauses:
     """Joint fit of the members in the noise that their presence makes likely."""
     candidates = s.library.candidates
     variants = _choose(s, members)
@@ -47,7 +47,7 @@ def fit(s: Search, members: Sequence[int]) -> Fit:
     covariance = np.einsum("k,kpq->pq", weights, np.array(Cs)) + np.einsum("k,kp,kq->pq", weights, spread, spread)
     p = s.projections[int(np.argmax(weights))]
     significance = _significance(p, candidates, members, variants)
-    return Fit(tuple(members), variants, index, x, covariance, significance, p)
+    return FittedCauses(tuple(members), variants, index, x, covariance, significance, p)
 
 
 def _choose(s: Search, members: Sequence[int]) -> tuple[int, ...]:
@@ -100,7 +100,7 @@ def _significance(
     return tuple(out)
 
 
-def constant_value(s: Search, f: Fit, j: int) -> tuple[tuple[str, float, float], ...]:
+def constant_value(s: Search, f: FittedCauses, j: int) -> tuple[tuple[str, float, float], ...]:
     """Non-linear constants of member j: name, value and sigma in SI, from the fits of all its variants."""
     c = s.library.candidates[f.members[j]]
     spans = [s.library.candidates[m].variants[v].index for m, v in zip(f.members, f.variants, strict=True)]
@@ -116,7 +116,7 @@ def constant_value(s: Search, f: Fit, j: int) -> tuple[tuple[str, float, float],
     return tuple(out)
 
 
-def calibration_fit(s: Search, f: Fit) -> tuple[Array, Array, Array]:
+def calibration_fit(s: Search, f: FittedCauses) -> tuple[Array, Array, Array]:
     """Calibration constants, in prior sigmas, without and with what was found, and their sigma with it (q,) each."""
     o, node = s.o, f.projection.node
     Z, X, y = (node.whiten(A) for A in (o.reduce(o.Z), s.library.X[:, list(f.index)], o.reduce(o.y[:, :, None])))

@@ -19,9 +19,9 @@ import numpy as np
 from gimbalcal.diagnose.evidence.known_scale import project, rows_like
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
 from gimbalcal.diagnose.library.known_noise import columns_at
-from gimbalcal.diagnose.search.combine import Combined
-from gimbalcal.diagnose.search.ranking import Search, prepare
-from gimbalcal.diagnose.verdict.model import Fit, constant_value, explained_beside, fit
+from gimbalcal.diagnose.search.combine import CombinedRanking
+from gimbalcal.diagnose.search.ranking import Search, projected
+from gimbalcal.diagnose.verdict.model import FittedCauses, constant_value, explained_beside, fit_causes
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
 
@@ -37,7 +37,7 @@ class Part:
     """
 
     search: Search
-    fit: Fit
+    fit: FittedCauses
     slots: tuple[int, ...]
 
     def span(self, slot: int) -> slice:
@@ -56,9 +56,9 @@ class Agreement:
     p_value: float
 
 
-def parts(c: Combined, members: Sequence[int]) -> tuple[Part, ...]:
+def parts(c: CombinedRanking, members: Sequence[int]) -> tuple[Part, ...]:
     """Each recording fitted with the members it sees, their constants common to all."""
-    own = [fit(s, c.within(members, k)) for k, s in enumerate(c.searches)]
+    own = [fit_causes(s, c.within(members, k)) for k, s in enumerate(c.searches)]
     common = [_common(c, members, j, own) if _shared(c, m) else None for j, m in enumerate(members)]
     out = []
     for k, s in enumerate(c.searches):
@@ -68,21 +68,21 @@ def parts(c: Combined, members: Sequence[int]) -> tuple[Part, ...]:
             continue
         chosen = [_columns(s, own[k], n, common[j]) for n, j in enumerate(slots)]
         small = _only(s, chosen)
-        out.append(Part(small, fit(small, range(len(slots))), slots))
+        out.append(Part(small, fit_causes(small, range(len(slots))), slots))
     return tuple(out)
 
 
-def _slots(c: Combined, members: Sequence[int], recording: int) -> tuple[int, ...]:
+def _slots(c: CombinedRanking, members: Sequence[int], recording: int) -> tuple[int, ...]:
     return tuple(j for j, m in enumerate(members) if recording in c.sees(m))
 
 
-def _shared(c: Combined, member: int) -> bool:
+def _shared(c: CombinedRanking, member: int) -> bool:
     """Whether a cause has constants that several recordings tell."""
     found = c.library.candidates[member]
     return len(c.sees(member)) > 1 and bool(found.variants[0].constants) and CATALOGUE[found.effect].linear
 
 
-def _common(c: Combined, members: Sequence[int], j: int, own: Sequence[Fit]) -> Constants:
+def _common(c: CombinedRanking, members: Sequence[int], j: int, own: Sequence[FittedCauses]) -> Constants:
     """The constants of member j, of all that any recording tried, at which all together fit best."""
     seen = c.sees(members[j])
     tried = list(dict.fromkeys(v.constants for k in seen for v in _candidate(c, members[j], k).variants))
@@ -99,15 +99,15 @@ def _common(c: Combined, members: Sequence[int], j: int, own: Sequence[Fit]) -> 
     return tried[int(np.argmax(total))]
 
 
-def _candidate(c: Combined, member: int, recording: int) -> Candidate:
+def _candidate(c: CombinedRanking, member: int, recording: int) -> Candidate:
     return c.searches[recording].library.candidates[int(c.place[member, recording])]
 
 
-def _index(s: Search, f: Fit, n: int) -> tuple[int, ...]:
+def _index(s: Search, f: FittedCauses, n: int) -> tuple[int, ...]:
     return s.library.candidates[f.members[n]].variants[f.variants[n]].index
 
 
-def _columns(s: Search, f: Fit, n: int, constants: Constants | None) -> tuple[Candidate, Variant, Array]:
+def _columns(s: Search, f: FittedCauses, n: int, constants: Constants | None) -> tuple[Candidate, Variant, Array]:
     """The n-th fitted cause at the common constants, or as this recording alone has it."""
     found = s.library.candidates[f.members[n]]
     v = found.variants[f.variants[n]]
@@ -124,7 +124,7 @@ def _only(s: Search, chosen: Sequence[tuple[Candidate, Variant, Array]]) -> Sear
         candidates.append(replace(found, variants=(here,)))
         at += X.shape[1]
     few = Library(tuple(candidates), np.concatenate([X for *_, X in chosen], axis=1))
-    rows, projections = prepare(s.o, few, [p.node for p in s.projections])
+    rows, projections = projected(s.o, few, [p.node for p in s.projections])
     none = np.zeros(len(candidates))
     return replace(
         s, library=few, rows=rows, projections=projections, hypotheses=(),
@@ -138,14 +138,14 @@ def pooled(shares: Sequence[Part], counts: Sequence[int]) -> tuple[Array, Array]
     N, v = np.zeros((starts[-1], starts[-1])), np.zeros(starts[-1])
     for part in shares:
         at = np.array([i for j in part.slots for i in range(starts[j], starts[j + 1])], dtype=int)
-        weight = information_of(part.fit.covariance)
+        weight = inverse_of(part.fit.covariance)
         N[np.ix_(at, at)] += weight
         v[at] += weight @ part.fit.x
     C = np.linalg.pinv(N, rcond=UNOBSERVABLE, hermitian=True)
     return C @ v, C
 
 
-def information_of(covariance: Array) -> Array:
+def inverse_of(covariance: Array) -> Array:
     """Inverse of a covariance (p, p) whose exact zeros mean that nothing is known."""
     if not covariance.size:
         return covariance
@@ -156,7 +156,7 @@ def agreement(shares: Sequence[Part], slot: int) -> Agreement:
     """Whether the recordings that see a member agree on its size."""
     from scipy.special import gammaincc
 
-    seen = [(p.fit.x[p.span(slot)], information_of(p.fit.covariance[p.span(slot), p.span(slot)]))
+    seen = [(p.fit.x[p.span(slot)], inverse_of(p.fit.covariance[p.span(slot), p.span(slot)]))
             for p in shares if slot in p.slots]  # fmt: skip
     N = np.sum([weight for _, weight in seen], axis=0)
     mean = np.linalg.pinv(N, rcond=UNOBSERVABLE, hermitian=True) @ np.sum([weight @ x for x, weight in seen], axis=0)
@@ -166,8 +166,8 @@ def agreement(shares: Sequence[Part], slot: int) -> Agreement:
     return Agreement(chi2, dof, float(gammaincc(dof / 2, chi2 / 2)) if dof > 0 else 1.0)
 
 
-def constants_of(
-    c: Combined, members: Sequence[int], shares: Sequence[Part], slot: int
+def common_constants(
+    c: CombinedRanking, members: Sequence[int], shares: Sequence[Part], slot: int
 ) -> tuple[tuple[str, float, float], ...]:
     """Non-linear constants of a member: name, value, and sigma from all recordings that see it."""
     each = []
@@ -177,7 +177,7 @@ def constants_of(
         if slot in part.slots:
             n = part.slots.index(slot)
             each.append((part.search.library.candidates[n].variants[0].constants,
-                         constant_value(s, fit(s, c.within(members, k)), n)))  # fmt: skip
+                         constant_value(s, fit_causes(s, c.within(members, k)), n)))  # fmt: skip
     out = []
     for n, (name, value) in enumerate(each[0][0]):
         weight = sum(1 / sigma**2 for _, rows in each for _, _, sigma in [rows[n]] if sigma > 0)

@@ -17,7 +17,7 @@ import numpy as np
 from gimbalcal.diagnose.evidence.noise import nominal
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.known_noise import columns_at
-from gimbalcal.diagnose.rows.observations import Observations, observe
+from gimbalcal.diagnose.rows.observations import Observations, fit_baseline
 from gimbalcal.diagnose.wording import spoken
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.inference.algebra import orthonormal
@@ -53,7 +53,7 @@ def advise(o: Observations, found: Candidate, variant: int, size: Array, other: 
     thin = o.recording.select(slice(None, None, step))
     best = Advice("", 0.0, 0.0)
     for m in menu(thin):
-        gained = step * separation(observe_design(m.apply(thin), o), found, variant, size, other)
+        gained = step * separation(planned_rows(m.apply(thin), o), found, variant, size, other)
         if gained > SETTLED and (not best.words or gained / m.hours > best.ln_bayes / best.hours):
             best = Advice(m.words, gained, m.hours)
     return best
@@ -82,10 +82,10 @@ def separation(o: Observations, found: Candidate, variant: int, size: Array, oth
     return least / 2
 
 
-def observe_design(recording: Recording, o: Observations) -> Observations:
+def planned_rows(recording: Recording, o: Observations) -> Observations:
     """Sensitivities of a planned recording; its readings do not matter, only where and when they would be taken."""
     ids = tuple(dict.fromkeys(p.effect for p in o.constants))
-    return observe(recording, ids, o.baseline, steps=0)
+    return fit_baseline(recording, ids, o.baseline, steps=0)
 
 
 def menu(recording: Recording) -> tuple[Manoeuvre, ...]:
@@ -94,19 +94,21 @@ def menu(recording: Recording) -> tuple[Manoeuvre, ...]:
     if recording.kind == "static-run":
         return (Manoeuvre("let the run go on as long again", hours, _extended),)
     out = [
-        Manoeuvre("repeat the positions in reversed order", hours, lambda r: joined(r, reverse=True)),
-        Manoeuvre("wait 6 h and repeat the positions", hours + 6, lambda r: joined(r, pause=6 * 3600.0)),
-        Manoeuvre("take the positions with gimbals at 30 and 60 degrees", hours, lambda r: joined(r, share=2 / 3)),
+        Manoeuvre("repeat the positions in reversed order", hours, lambda r: repeated(r, reverse=True)),
+        Manoeuvre("wait 6 h and repeat the positions", hours + 6, lambda r: repeated(r, pause=6 * 3600.0)),
+        Manoeuvre("take the positions with gimbals at 30 and 60 degrees", hours, lambda r: repeated(r, share=2 / 3)),
     ]
     if {"inner", "middle"} <= set(recording.axes("gimbal_angle")):
         words = "repeat the positions with the other gimbal solution"
-        out.append(Manoeuvre(words, hours, lambda r: joined(r, other=True)))
+        out.append(Manoeuvre(words, hours, lambda r: repeated(r, other=True)))
     if recording.has("temperature"):
-        out.append(Manoeuvre("repeat the positions 6 degC warmer", hours + 2, lambda r: joined(r, 7200.0, warmer=6.0)))
+        out.append(
+            Manoeuvre("repeat the positions 6 degC warmer", hours + 2, lambda r: repeated(r, 7200.0, warmer=6.0))
+        )
     return tuple(out)
 
 
-def joined(
+def repeated(
     r: Recording, pause: float = 60.0, *, reverse: bool = False, share: float = 1.0, other: bool = False,
     warmer: float = 0.0,
 ) -> Recording:  # fmt: skip

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.known_scale import SIZE_PRIOR, SIZES, Projection, Rows, by_width, variant_shares
+from gimbalcal.diagnose.evidence.known_scale import SIZE_PRIOR, SIZES, Projection, ReducedRows, by_width, variant_shares
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.inference.algebra import eigh, logsumexp
@@ -46,7 +46,7 @@ def clean_singles(s: Search, rng: np.random.Generator) -> Array:
 
 
 def _draw(
-    rows: Rows, projections: Sequence[Projection], weights: Array, rng: np.random.Generator
+    rows: ReducedRows, projections: Sequence[Projection], weights: Array, rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Clean coloured rows (R', DRAWS) and the products (q + P, DRAWS) of white rows with the columns."""
     n, m = rows.low.shape[0], rows.q + rows.P
@@ -63,7 +63,7 @@ def _draw(
     return low, tail
 
 
-def _scores(rows: Rows, p: Projection, low: Array, tail: Array) -> tuple[Array, Array]:
+def _scores(rows: ReducedRows, p: Projection, low: Array, tail: Array) -> tuple[Array, Array]:
     """Scores (P, draws) and misfits (draws,) up to a constant, the calibration profiled out."""
     q, P = rows.q, rows.P
     W = p.node.whiten(rows.low[:, : q + P])

@@ -15,7 +15,7 @@ import numpy as np
 
 from gimbalcal.diagnose.rows.observations import Observations, absent_effect
 from gimbalcal.diagnose.search.ranking import Search
-from gimbalcal.diagnose.verdict.model import Fit
+from gimbalcal.diagnose.verdict.model import FittedCauses
 from gimbalcal.inference.algebra import eigh
 from gimbalcal.number import Array
 
@@ -44,7 +44,7 @@ class Verification:
         }  # fmt: skip
 
 
-def verify(s: Search, f: Fit, physical: Array) -> Verification:
+def verify(s: Search, f: FittedCauses, physical: Array) -> Verification:
     """Fit and prediction in the noise of the final model; `physical` (n, C, p) are its columns, row by row."""
     Z, X, y, fold, by = _whitened(s, f, physical)
     C = s.o.y.shape[1]
@@ -61,7 +61,7 @@ def verify(s: Search, f: Fit, physical: Array) -> Verification:
     )  # fmt: skip
 
 
-def _whitened(s: Search, f: Fit, physical: Array) -> tuple[Array, Array, Array, Array, str]:
+def _whitened(s: Search, f: FittedCauses, physical: Array) -> tuple[Array, Array, Array, Array, str]:
     """Whitened Z, X, y and the fold of each row: in visits of the reduced rows, or in stretches of the raw ones."""
     o = s.o
     n, C = o.y.shape
@@ -77,7 +77,7 @@ def _whitened(s: Search, f: Fit, physical: Array) -> tuple[Array, Array, Array, 
     return rows[0], rows[1], rows[2][:, 0], np.repeat(ordinal, C), "parts of each dwell" if inside else "position"
 
 
-def _inside_dwell(s: Search, f: Fit) -> bool:
+def _inside_dwell(s: Search, f: FittedCauses) -> bool:
     """Whether what was found lives at one place or instant, which no other position can predict."""
     return any(s.library.candidates[m].once for m in f.members)
 
@@ -108,7 +108,7 @@ def _held_out(A: Array, y: Array, fold: Array) -> float:
     return total / max(1, count)
 
 
-def physical_columns(s: Search, f: Fit) -> Array:
+def physical_columns(s: Search, f: FittedCauses) -> Array:
     """Columns (n, C, p) of what was found, before reduction, per prior sigma."""
     o = s.o
     out = [np.zeros((*o.y.shape, 0))]

@@ -10,26 +10,26 @@ import numpy as np
 from gimbalcal.calibration import StageResult
 from gimbalcal.estimate.accelerometers.expected import lost
 from gimbalcal.estimate.accelerometers.misset import Fault, acceptable, probability
-from gimbalcal.estimate.accelerometers.setting import FORCE, Fit, Noise, Problem, model
+from gimbalcal.estimate.accelerometers.setting import FORCE, Noise, PositionFit, Problem, model
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 
 
-def rms(p: Problem, fit: Fit) -> Mapping[str, float]:
+def rms(p: Problem, fit: PositionFit) -> Mapping[str, float]:
     """Root mean square [m/s^2] by channel of what is left when setting errors are taken out."""
     left = p.force - model(p, fit.solution.x, fit.setting)
     mean_square = np.average(left**2, axis=0, weights=p.weight)
     return {f"{FORCE}:{axis}": float(np.sqrt(v)) for axis, v in zip("xyz", mean_square, strict=True)}
 
 
-def stage(name: str, p: Problem, fit: Fit, in_words: str) -> StageResult:
+def stage(name: str, p: Problem, fit: PositionFit, in_words: str) -> StageResult:
     """The fit for the record."""
     left = p.force - model(p, fit.solution.x, np.zeros_like(fit.setting))
     labels = tuple(q.label for q in p.parameters)
     return StageResult(name, labels, fit.solution.x, fit.solution.sigma, float(np.sqrt(np.mean(left**2))), in_words)
 
 
-def outcome(fit: Fit, faults: Sequence[Fault]) -> str:
+def outcome(fit: PositionFit, faults: Sequence[Fault]) -> str:
     """Why this calibration should not be used as it is; empty where nothing speaks against it."""
     sentences = faults_in_words(faults)
     if not fit.steps:
@@ -63,7 +63,7 @@ def joined(sentences: Sequence[str]) -> str:
     return ". ".join(s[0].upper() + s[1:] for s in sentences)
 
 
-def provenance(recording: Recording, p: Problem, fit: Fit, faults: Sequence[Fault]) -> dict[str, Any]:
+def provenance(recording: Recording, p: Problem, fit: PositionFit, faults: Sequence[Fault]) -> dict[str, Any]:
     """Where the numbers come from: files, noise and its source, visits left out, setting errors, what was lost."""
     names = recording.platform.axis_names
     said = {

@@ -26,13 +26,13 @@ from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.estimate.accelerometers.account import faults_in_words, joined, provenance, rms, stage
 from gimbalcal.estimate.accelerometers.positions import Positions, trusted_positions
 from gimbalcal.estimate.accelerometers.setting import (
-    Fit,
     Noise,
+    PositionFit,
     Problem,
     VisitRows,
     Whitened,
-    baseline,
     by_visit,
+    position_parameters,
     visit_means,
     whiten,
 )
@@ -53,7 +53,9 @@ def coarse(positions: Positions) -> Calibration:
     Where an axis lacks a face, all coefficients come from one least squares over all positions; what these do not
     determine is named in `unobservable`.
     """
-    wanted = baseline(positions.recording.platform, [name for name in BASELINE["multi-position"] if name != NEGLECTED])
+    wanted = position_parameters(
+        positions.recording.platform, [name for name in BASELINE["multi-position"] if name != NEGLECTED]
+    )
     p, noise = replace(positions.problem, parameters=wanted), positions.noise
     settled = _settle(p, noise)
     fit = _as_fit(p, noise, settled)
@@ -160,7 +162,7 @@ def _covariance(
     B[:, rows] = np.einsum("qvi,vij->qvj", gain, w.W[rows])
     A[columns] = B - np.einsum("qmi,mip,pnj->qnj", B, linear.J, A)
     spread = np.einsum("pmi,mij->pmj", A, np.linalg.inv(w.W)).reshape(P, -1)
-    K = replace(p, parameters=baseline(p.platform, [NEGLECTED]))
+    K = replace(p, parameters=position_parameters(p.platform, [NEGLECTED]))
     J_K = by_visit(K, np.zeros(3), np.zeros((m, p.turns))).J * np.array([q.sigma for q in K.parameters])
     bent = np.einsum("qmi,mik->qk", A, J_K)
     unseen = np.zeros((P, P))
@@ -176,7 +178,7 @@ def _tilt_columns(p: Problem) -> Array:
     return np.array([i for i, q in enumerate(p.parameters) if q.effect in ("misalignment", "gimbal_zero")])
 
 
-def _as_fit(p: Problem, noise: Noise, settled: Settled) -> Fit:
+def _as_fit(p: Problem, noise: Noise, settled: Settled) -> PositionFit:
     """The result in the form that is told: its chi^2 is that of all visits, nonlinearity included in the misfit."""
     w = whiten(settled.linear, noise)
     left = w.r - w.J @ settled.x
@@ -186,7 +188,7 @@ def _as_fit(p: Problem, noise: Noise, settled: Settled) -> Fit:
         chi2=float((left**2).sum()), dof=count - len(p.parameters) + len(settled.solution.unobservable),
     )  # fmt: skip
     setting = apply_matrix(w.gain, settled.linear.r - settled.linear.J @ settled.x)
-    return Fit(solution, setting, settled.linear, w, noise, 1)
+    return PositionFit(solution, setting, settled.linear, w, noise, 1)
 
 
 @dataclass(frozen=True)

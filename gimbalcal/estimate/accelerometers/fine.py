@@ -26,7 +26,7 @@ from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import MISALIGNMENT_AXES
 from gimbalcal.estimate.accelerometers.account import faults_in_words, joined, misfit_in_words, provenance
 from gimbalcal.estimate.accelerometers.positions import Positions
-from gimbalcal.estimate.accelerometers.setting import Problem, baseline, visit_means
+from gimbalcal.estimate.accelerometers.setting import Problem, position_parameters, visit_means
 from gimbalcal.inference.information import SEEN, Information, Solution, information, solve
 from gimbalcal.number import Array
 
@@ -46,11 +46,11 @@ def fine(positions: Positions, coarse: Calibration | None = None) -> Calibration
     zeros, with their covariance. Without it these stay at zero with their prior sigma.
     """
     p, noise = positions.problem, positions.noise
-    wanted = baseline(p.platform, FORCE_TERMS)
+    wanted = position_parameters(p.platform, FORCE_TERMS)
     start = coarse.effects if coarse else ()
     x, info = _iterate(p, wanted, values(start, wanted), noise.accelerometer)
     solution = solve(info)
-    every = baseline(p.platform)
+    every = position_parameters(p.platform)
     labels = [q.label for q in every]
     first = values(start, every)
     first[[labels.index(q.label) for q in wanted]] = x

@@ -18,7 +18,14 @@ from gimbalcal.effects import Effect, with_values
 from gimbalcal.errors import amount
 from gimbalcal.estimate.accelerometers.account import outcome, provenance, rms, stage
 from gimbalcal.estimate.accelerometers.positions import Positions
-from gimbalcal.estimate.accelerometers.setting import Fit, Problem, by_visit, gauss_newton, starting_values, whiten
+from gimbalcal.estimate.accelerometers.setting import (
+    PositionFit,
+    Problem,
+    by_visit,
+    gauss_newton,
+    starting_values,
+    whiten,
+)
 from gimbalcal.inference.information import Information
 from gimbalcal.units import from_si
 
@@ -56,7 +63,7 @@ def information_of(positions: Positions, effects: Sequence[Effect]) -> Informati
     return whiten(linear, positions.noise).information(p.parameters)
 
 
-def in_words(p: Problem, fit: Fit) -> str:
+def in_words(p: Problem, fit: PositionFit) -> str:
     """What was fitted to what, and how well."""
     setting = from_si(fit.noise.setting, "arcsec")
     return (

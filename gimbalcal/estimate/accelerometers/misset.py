@@ -21,8 +21,8 @@ import numpy as np
 
 from gimbalcal.estimate.accelerometers.noise import RESIDUAL, fit_with_noise
 from gimbalcal.estimate.accelerometers.setting import (
-    Fit,
     Noise,
+    PositionFit,
     Problem,
     by_visit,
     model,
@@ -61,7 +61,9 @@ def acceptable(chi2: float, dof: int) -> bool:
     return probability(chi2, dof) >= SURPRISE
 
 
-def fit_without_faults(p: Problem, noise: Noise, start: Array | None = None) -> tuple[Problem, Fit, tuple[Fault, ...]]:
+def fit_without_faults(
+    p: Problem, noise: Noise, start: Array | None = None
+) -> tuple[Problem, PositionFit, tuple[Fault, ...]]:
     """The visits that can be trusted, their fit, and the faults found in the others."""
     whole = fit_with_noise(p, noise, start)
     scaled = noise.setting_from == RESIDUAL  # an estimated setting error hides a fault from the test of the whole
@@ -77,7 +79,7 @@ def fit_without_faults(p: Problem, noise: Noise, start: Array | None = None) -> 
     return rest, fit, tuple(_fault(p, fit, group) for group in groups)
 
 
-def _believed(whole: Fit, fit: Fit) -> bool:
+def _believed(whole: PositionFit, fit: PositionFit) -> bool:
     before, after = (f.solution.chi2 - f.solution.dof for f in (whole, fit))
     return acceptable(fit.solution.chi2, fit.solution.dof) or after < REMAINS * before
 
@@ -145,7 +147,7 @@ def _best_swap(basis: Array, r: Array, W: Array, measured: Array, among: Array) 
     return float(chi2[best]), (int(pairs[best, 0]), int(pairs[best, 1])), len(pairs)
 
 
-def _fault(p: Problem, fit: Fit, visits: tuple[int, ...]) -> Fault:
+def _fault(p: Problem, fit: PositionFit, visits: tuple[int, ...]) -> Fault:
     names = tuple(int(p.positions[v]) for v in visits)
     if len(visits) == 2:
         words = f"positions {names[0]} and {names[1]} are interchanged: each reads what the angles of the other predict"

@@ -23,7 +23,7 @@ from gimbalcal.effects.effect import tied
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.account import noise_record
 from gimbalcal.estimate.accelerometers.noise import ATTITUDE, HEADER, SAMPLES
-from gimbalcal.estimate.accelerometers.setting import FORCE, Fit, Noise, Problem, gauss_newton, problem
+from gimbalcal.estimate.accelerometers.setting import FORCE, Noise, PositionFit, Problem, gauss_newton, problem
 from gimbalcal.estimate.support import coefficients, needed, refusal, scatter
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
@@ -41,7 +41,7 @@ TERMS = (*LINEAR, "scale_nonlinearity", "cubic_nonlinearity")
 class NormFit:
     """A fit with what says whether to trust it: condition number (columns of length one), leave-one-out rms [m/s^2]."""
 
-    fit: Fit
+    fit: PositionFit
     problem: Problem
     excess: float  # m/s^2 scatter of the positions beyond the noise of their means
     condition: float
@@ -160,7 +160,7 @@ def _with_excess(p: Problem, noise: Noise, start: Array) -> NormFit:
     return replace(made, condition=float(np.linalg.cond(J)), left_out=float(np.sqrt(np.mean(left**2))))
 
 
-def _misfit_si(fit: Fit, weight: Array) -> Array:
+def _misfit_si(fit: PositionFit, weight: Array) -> Array:
     rows = fit.whitened.r - (fit.whitened.J @ fit.solution.x)
     kept = np.isfinite(fit.whitened.sigma)
     return np.asarray((np.where(kept, rows, 0.0)).sum(1) * fit.noise.accelerometer / np.sqrt(weight))

@@ -14,7 +14,15 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.estimate.accelerometers.setting import FORCE, Fit, Noise, Problem, VisitRows, gauss_newton, whiten
+from gimbalcal.estimate.accelerometers.setting import (
+    FORCE,
+    Noise,
+    PositionFit,
+    Problem,
+    VisitRows,
+    gauss_newton,
+    whiten,
+)
 from gimbalcal.inference.noise import one_sigma
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -48,7 +56,7 @@ def inside_dwells(recording: Recording) -> float:
     return float(np.sqrt(np.mean(shown**2)))
 
 
-def fit_with_noise(p: Problem, noise: Noise, start: Array | None = None) -> Fit:
+def fit_with_noise(p: Problem, noise: Noise, start: Array | None = None) -> PositionFit:
     """Fit, with what the noise does not state estimated from the residual (two rounds: the linearisation moves)."""
     fit = gauss_newton(p, noise, start)
     if RESIDUAL in (noise.accelerometer_from, noise.setting_from):
@@ -59,7 +67,7 @@ def fit_with_noise(p: Problem, noise: Noise, start: Array | None = None) -> Fit:
     return fit
 
 
-def residual_noise(p: Problem, fit: Fit) -> Noise:
+def residual_noise(p: Problem, fit: PositionFit) -> Noise:
     """The noise that makes the residual of a fit most likely, over what header and samples left open."""
     from scipy.optimize import minimize
 

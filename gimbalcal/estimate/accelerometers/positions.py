@@ -13,7 +13,14 @@ from gimbalcal.effects import Effect, Parameter, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.misset import Fault, fit_without_faults
 from gimbalcal.estimate.accelerometers.noise import stated_noise
-from gimbalcal.estimate.accelerometers.setting import Fit, Noise, Problem, baseline, problem, starting_values
+from gimbalcal.estimate.accelerometers.setting import (
+    Noise,
+    PositionFit,
+    Problem,
+    position_parameters,
+    problem,
+    starting_values,
+)
 from gimbalcal.recording import Recording
 
 
@@ -23,7 +30,7 @@ class Positions:
 
     recording: Recording
     problem: Problem  # the trusted visits
-    fit: Fit  # of all its parameters, with the setting error of each visit
+    fit: PositionFit  # of all its parameters, with the setting error of each visit
     faults: tuple[Fault, ...]
 
     @property
@@ -52,4 +59,4 @@ def wanted_parameters(recording: Recording, effects: Sequence[Effect] = ()) -> t
     """The 18 coefficients (17 and more on other chains) and those of further effects."""
     names = recording.platform.axis_names
     more = (q for e in effects for q in parameters(type(e), names))
-    return tuple(dict.fromkeys([*baseline(recording.platform), *more]))
+    return tuple(dict.fromkeys([*position_parameters(recording.platform), *more]))

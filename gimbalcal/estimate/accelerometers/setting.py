@@ -104,7 +104,9 @@ class Problem:
         )
 
 
-def baseline(platform: Platform, effects: Sequence[str] = BASELINE["multi-position"]) -> tuple[Parameter, ...]:
+def position_parameters(
+    platform: Platform, effects: Sequence[str] = BASELINE["multi-position"]
+) -> tuple[Parameter, ...]:
     """Parameters of the named effects. A gimbal next to a level base that turns about the vertical is left out."""
     wanted = [p for name in effects for p in parameters(CATALOGUE[name], platform.axis_names)]
     vertical = [a.name for a in platform.axes[-1:] if a.direction == "z"]
@@ -128,7 +130,7 @@ def problem(
         visit=visit,
         positions=np.asarray(read.stimulus.position)[np.flatnonzero(np.diff(visit, prepend=-1))],
         effects=tuple(effects),
-        parameters=tuple(wanted if wanted is not None else baseline(rows.platform)),
+        parameters=tuple(wanted if wanted is not None else position_parameters(rows.platform)),
     )
 
 
@@ -244,7 +246,7 @@ def whiten(linear: VisitRows, noise: Noise) -> Whitened:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class PositionFit:
     """A converged fit: its solution, the setting errors (m, k) [rad] and the last linearisation."""
 
     solution: Solution
@@ -255,7 +257,7 @@ class Fit:
     steps: int  # 0 where it did not converge
 
 
-def gauss_newton(p: Problem, noise: Noise, start: Array | None = None) -> Fit:
+def gauss_newton(p: Problem, noise: Noise, start: Array | None = None) -> PositionFit:
     """Iterate the whitened linear solution until a step is below 1e-3 of the noise; give up where it runs away."""
     far = FAR * np.array([q.sigma for q in p.parameters])
     x = np.zeros(len(p.parameters)) if start is None or np.any(np.abs(start) > far) else start
@@ -269,10 +271,10 @@ def gauss_newton(p: Problem, noise: Noise, start: Array | None = None) -> Fit:
         x, e = solution.x, e_new
         quiet = noise.accelerometer / np.sqrt(linear.weight)[:, None]
         if np.all(moved_x <= 1e-3 * solution.sigma) and np.all(moved_e <= 1e-2 * quiet):
-            return Fit(solution, e, linear, w, noise, step)
+            return PositionFit(solution, e, linear, w, noise, step)
         if np.any(np.abs(x) > far):
             break
-    return Fit(solution, e, linear, w, noise, 0)
+    return PositionFit(solution, e, linear, w, noise, 0)
 
 
 def starting_values(p: Problem, effects: Sequence[Effect]) -> Array:

@@ -29,7 +29,7 @@ class InterTriad:
     rms: float
 
 
-def rotation(angles: Array) -> Array:
+def triad_rotation(angles: Array) -> Array:
     """C_p^q = Ry(gamma) Rx(beta) Rz(alpha) of Eq. (43) from (..., 3) [rad]."""
     a = np.asarray(angles)
     return np.asarray(frame_rotation("y", a[..., 2]) @ frame_rotation("x", a[..., 1]) @ frame_rotation("z", a[..., 0]))
@@ -47,7 +47,7 @@ def from_turns(before: Array, after: Array, turns: Array, sigma: float) -> Inter
     """
 
     def misfit(x: Array) -> Array:
-        C = rotation(x)
+        C = triad_rotation(x)
         return (apply_matrix(C, after) - apply_matrix(turns @ C, before)).ravel()
 
     found = minimise(lambda x, _: (misfit(x[0])[None], complex_step(misfit, x[0])[None]), np.zeros((1, 3)))

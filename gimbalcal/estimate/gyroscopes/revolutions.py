@@ -129,7 +129,7 @@ def _scaled(one: Moved, angle: float, duration: float) -> Array:
     return S
 
 
-def forward(x: Array) -> Array:
+def as_effects(x: Array) -> Array:
     """Values of the effects (12,) [SI] from K1, K2, bias, E (12,) of the pulse model; float or complex."""
     triad = Pulses(x[0:3], x[3:6], 0 * x[0:3], x[6:9], x[9:12])
     M = np.linalg.inv(lower(triad.E) * triad.K1[None, :])
@@ -148,7 +148,7 @@ def _calibration(recording: Recording, found: Revolutions, fit: PulseFit, pairs:
     from gimbalcal import __version__
 
     x = fit.pulses.vector()[0][FREE]
-    J = complex_step(forward, x)
+    J = complex_step(as_effects, x)
     dof = 3 * pairs + found.rest.shape[1] - 12
     chi2 = float(fit.chi2[0])
     scale = max(1.0, chi2 / max(dof, 1))
@@ -164,7 +164,7 @@ def _calibration(recording: Recording, found: Revolutions, fit: PulseFit, pairs:
     }
     return Calibration(
         "revolutions",
-        with_values((), wanted, forward(x)),
+        with_values((), wanted, as_effects(x)),
         wanted,
         covariance,
         ({"direction": {"gyro_misalignment:xy": 1.0, "gyro_misalignment:yx": -1.0},

@@ -35,7 +35,7 @@ import numpy as np
 from gimbalcal.effects import Effect, Parameter
 from gimbalcal.estimate.static_run import force_filter
 from gimbalcal.inference.coloured import least_squares
-from gimbalcal.inference.harmonics import design, fourier, labels
+from gimbalcal.inference.harmonics import design_matrix, fourier, labels
 from gimbalcal.inference.information import Solution, information, solve
 from gimbalcal.number import Array
 from gimbalcal.readings import Readings
@@ -107,7 +107,7 @@ def _attitude_operator(run: Readings, i: int, name: str, y: Array, drift: int, n
     """Fourier fit of one channel with the noise colour that its own departures show."""
     time, weight = run.stimulus.time, run.recording.weight
     h = fourier(time, run.phase, y, FITTED, weight, drift, noise)
-    A, q = design(time, run.phase, FITTED, drift), len(labels(ORDERS))
+    A, q = design_matrix(time, run.phase, FITTED, drift), len(labels(ORDERS))
 
     def apply(d: Array) -> Array:
         return least_squares(time, A, d[:, 0], weight, h.noise).beta[:q]

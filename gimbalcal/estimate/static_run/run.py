@@ -18,7 +18,7 @@ from gimbalcal.recording import Recording
 from gimbalcal.recording.noise import sample_sigma, stated
 
 
-def prepare(recording: Recording) -> Readings:
+def static_readings(recording: Recording) -> Readings:
     """The readings of a static run with their noise. Raises InputError where there is nothing to fit.
 
     Sigma is that of the header over the root of a row's weight; where the header is silent, what the rows scatter
@@ -46,7 +46,7 @@ def _sigmas(run: Readings) -> Array:
     return np.asarray(one / np.sqrt(run.recording.weight)[:, None])
 
 
-def baseline(run: Readings, ids: Sequence[str] = STATIC_CALIBRATION) -> tuple[Parameter, ...]:
+def static_parameters(run: Readings, ids: Sequence[str] = STATIC_CALIBRATION) -> tuple[Parameter, ...]:
     """Parameters of the named effects; a gimbal that was not read has no zero, but the inner one is servoed to its."""
     wanted = [p for i in ids for p in parameters(CATALOGUE[i], run.recording.platform.axis_names)]
     zeros = {axis for quantity, axis in run.channels if quantity == "gimbal_angle"} | {"inner"}

@@ -17,7 +17,7 @@ from gimbalcal.calibration import Calibration, Readout, Residual, StageResult
 from gimbalcal.effects import Effect, Parameter, values, with_values
 from gimbalcal.estimate.accelerometers.account import joined, misfit_in_words
 from gimbalcal.estimate.static_run.combined import Combined, combined
-from gimbalcal.estimate.static_run.run import baseline, information_of_rows, noise_from, prepare
+from gimbalcal.estimate.static_run.run import information_of_rows, noise_from, static_parameters, static_readings
 from gimbalcal.inference.information import Information, Solution, information, solve
 from gimbalcal.readings import Readings
 from gimbalcal.recording import Recording
@@ -34,8 +34,8 @@ def static_information(
     Linearised at `effects` and what the run adds to them, so that products of a bias and a turn that only another
     recording sees come out right; effects that are not wanted are held.
     """
-    run = prepare(recording)
-    wanted = tuple(wanted) if wanted is not None else baseline(run)
+    run = static_readings(recording)
+    wanted = tuple(wanted) if wanted is not None else static_parameters(run)
     return information_of_rows(run, linearisation_point(run, effects, wanted), wanted)
 
 
@@ -55,8 +55,8 @@ def static(
     prior: effects to linearise at; those whose parameters are not wanted stay as they are. The combined coefficients
     of the paper, of what the prior leaves, stand in `stages`.
     """
-    run = prepare(recording)
-    wanted = tuple(wanted) if wanted is not None else baseline(run)
+    run = static_readings(recording)
+    wanted = tuple(wanted) if wanted is not None else static_parameters(run)
     effects = linearisation_point(run, prior, wanted)
     J = run.jacobian(effects, wanted)
     solution = solve(information_of_rows(run, effects, wanted, J))

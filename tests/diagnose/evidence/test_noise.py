@@ -8,7 +8,7 @@ from scipy.fft import dct
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.noise import coloured, nodes, settle
-from gimbalcal.diagnose.rows.observations import observe
+from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.effects import Stage
 from gimbalcal.inference.noise import chain, covariance
 from tests.diagnose.laws import held_before
@@ -30,7 +30,7 @@ def with_creep(size, seed=3):
 
 
 def test_rows_stay_as_measured_where_tails_are_heavy():
-    o = observe(with_creep(150.0))
+    o = fit_baseline(with_creep(150.0))
     settled = settle(o)
     assert settled.heavy > 0.6
     np.testing.assert_allclose(settled.y * settled.sigma, o.y * o.sigma, rtol=1e-12)
@@ -39,7 +39,7 @@ def test_rows_stay_as_measured_where_tails_are_heavy():
 
 
 def test_an_effect_inside_dwells_costs_no_row_its_weight():
-    without, with_it = (settle(observe(with_creep(size))).weight for size in (0.0, 150.0))
+    without, with_it = (settle(fit_baseline(with_creep(size))).weight for size in (0.0, 150.0))
     # the effect falls by 7 sigma of a row over the first minute, which a median of each block does not follow
     moved = np.abs(with_it - without)
     assert np.mean(moved > 0.25) < 0.02
@@ -52,8 +52,8 @@ def test_outliers_lose_their_weight_and_their_pull():
     hit = channels["specific_force", "x"].copy()
     hit[100::180] += 2000 * UG
     channels["specific_force", "x"] = hit
-    o = settle(observe(clean))
-    spoiled = settle(observe(replace(clean, channels=channels)))
+    o = settle(fit_baseline(clean))
+    spoiled = settle(fit_baseline(replace(clean, channels=channels)))
     assert spoiled.weight[100::180, 0].max() < 0.05
     # twelve of 2160 rows, each worth 100 sigma of a row, in plain means 22 sigma of a block of 20
     moved = (spoiled.reduce(spoiled.y[:, :, None]) - o.reduce(o.y[:, :, None]))[::3, 0]
@@ -64,7 +64,7 @@ def test_outliers_lose_their_weight_and_their_pull():
 def test_weighted_rows_have_unit_variance(tails):
     chi2, dof = 0.0, 0
     for seed in range(4):
-        o = settle(observe(record(np.random.default_rng(seed), tails=tails, loose=0.0)))
+        o = settle(fit_baseline(record(np.random.default_rng(seed), tails=tails, loose=0.0)))
         y, Z = o.reduce(o.y[:, :, None])[:, 0], o.reduce(o.Z)
         left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-10)[0]
         chi2, dof = chi2 + left @ left, dof + len(y) - 17
@@ -86,7 +86,7 @@ def test_an_oscillation_keeps_its_size_in_heavy_tails(hours):
         tails = 2 * UG * rng.standard_t(3.0, (len(r.t), 3))
         return tails + np.outer(20 * UG * np.sin(2 * np.pi * r.t / (3600 * hours)), [0.0, 0.0, 1.0])
 
-    o = settle(observe(at_rest(rng, error, 1.0)))
+    o = settle(fit_baseline(at_rest(rng, error, 1.0)))
     assert o.weight is not None
     angle = 2 * np.pi * o.stimulus.time / (3600 * hours)
     X = np.zeros((*o.y.shape, 2))
@@ -103,7 +103,7 @@ def test_a_channel_that_always_reads_the_same_breaks_nothing(tails):
     rng = np.random.default_rng(6)
     r = at_rest(rng, (lambda r: 2 * UG * rng.standard_t(tails, (len(r.t), 3))) if tails else None, 1.0)
     stuck = {**r.channels, ("gimbal_angle", "outer"): np.zeros(len(r.time))}
-    o = settle(observe(replace(r, channels=stuck)))
+    o = settle(fit_baseline(replace(r, channels=stuck)))
     assert (o.weight is not None) == bool(tails)
     assert np.all(np.isfinite(o.y))
     assert np.all(o.sigma > 0)
@@ -124,7 +124,7 @@ def of_rows(o, node):
 
 @pytest.mark.parametrize("loose", [0.5, 2.83])
 def test_a_node_is_the_covariance_of_its_processes(loose):
-    o = observe(record(np.random.default_rng(5), dwell=12))
+    o = fit_baseline(record(np.random.default_rng(5), dwell=12))
     node = next(n for n in nodes(o) if dict(n.name) == {"setting error": loose, "random walk": 0.0})
     V = of_rows(o, node)
     np.testing.assert_allclose(node.inverse_root @ V @ node.inverse_root.T, np.eye(len(V)), atol=1e-10)
@@ -132,7 +132,7 @@ def test_a_node_is_the_covariance_of_its_processes(loose):
 
 
 def test_the_walk_of_a_node_is_its_process_at_the_middle_of_each_block():
-    o = observe(record(np.random.default_rng(5), dwell=12))
+    o = fit_baseline(record(np.random.default_rng(5), dwell=12))
     still, walking = (next(n for n in nodes(o) if dict(n.name) == {"setting error": 1.0, "random walk": w})
                       for w in (0.0, 2.5))  # fmt: skip
     V, W = (np.linalg.inv(n.inverse_root) @ np.linalg.inv(n.inverse_root).T for n in (still, walking))
@@ -149,7 +149,7 @@ def test_the_walk_of_a_node_is_its_process_at_the_middle_of_each_block():
 
 
 def test_a_static_node_is_the_covariance_of_its_processes():
-    o = observe(at_rest(np.random.default_rng(1)))
+    o = fit_baseline(at_rest(np.random.default_rng(1)))
     node = next(n for n in nodes(o) if dict(n.name) == {"random walk of forces": 6.0, "random walk of angles": 1.0})
     n, C = o.y.shape
     low = dct(np.eye(n), axis=0, norm="ortho")[1 : coloured(o) // C]

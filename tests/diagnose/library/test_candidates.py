@@ -7,7 +7,7 @@ import pytest
 
 from gimbalcal.diagnose.library.candidates import Candidate, by_mechanism, choices, eligible, of_effect, sources
 from gimbalcal.diagnose.library.known_noise import available, columns_at, library
-from gimbalcal.diagnose.rows.observations import observe
+from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.effects import CATALOGUE, Effect, Stage, parameters
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.kinematics import stimulus_from_angles
@@ -48,7 +48,7 @@ def test_one_vector_is_one_candidate() -> None:
 
 
 def test_two_mechanisms_of_one_axis_are_two_causes() -> None:
-    found = [c for c in library(observe(RECORDING), BASELINE["multi-position"]).candidates if c.axis == "inner"]
+    found = [c for c in library(fit_baseline(RECORDING), BASELINE["multi-position"]).candidates if c.axis == "inner"]
     flexure = [c for c in found if c.effect == "gimbal_flexure"]
     assert len({c.key for c in flexure}) == len(flexure) == 2
 
@@ -61,7 +61,7 @@ def test_what_happens_once_is_told_by_its_constants() -> None:
 
 
 def test_columns_stand_where_the_variants_say() -> None:
-    o = observe(RECORDING)
+    o = fit_baseline(RECORDING)
     made = library(o, BASELINE["multi-position"])
     c = next(c for c in made.candidates if c.label == "warm_up:y")
     for v in c.variants:
@@ -95,7 +95,7 @@ def test_an_effect_says_where_it_is_a_candidate(effect: str, known: bool, unknow
 
 
 def test_what_the_model_holds_is_not_missing_from_it() -> None:
-    o = observe(RECORDING)
+    o = fit_baseline(RECORDING)
     assert "bias_drift" in available(o, ())
     assert "bias_drift" not in available(o, ("bias_drift",))
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.evidence.noise import nodes, nominal, settle
-from gimbalcal.diagnose.rows.observations import MOST_ROWS, absent_effect, observe
+from gimbalcal.diagnose.rows.observations import MOST_ROWS, absent_effect, fit_baseline
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.forward import predict
@@ -17,7 +17,7 @@ from tests.diagnose.plant import ARCSEC, UG, record
 
 @pytest.fixture(scope="module")
 def o():
-    return observe(record(np.random.default_rng(5)))
+    return fit_baseline(record(np.random.default_rng(5)))
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_noise_of_a_clean_recording_is_what_the_header_says(o):
 
 
 def test_heavy_tails_are_clipped_and_stay_white():
-    settled = settle(observe(record(np.random.default_rng(1), tails=3.0)))
+    settled = settle(fit_baseline(record(np.random.default_rng(1), tails=3.0)))
     assert settled.heavy > 1
     # Student's t with 3 degrees of freedom: the clipped mean is worth 1.5 to 2 times as many samples as the plain one
     assert np.all(settled.sigma < 0.9 * 20 * UG)
@@ -54,7 +54,7 @@ def test_setting_errors_have_the_covariance_of_the_node():
     """Differences between a record with and without setting errors, whitened by the nominal node, have chi^2 of 1."""
     node_chi2 = []
     for seed in range(6):
-        loose = observe(record(np.random.default_rng(seed), loose=1.0))
+        loose = fit_baseline(record(np.random.default_rng(seed), loose=1.0))
         y = nominal(loose).whiten(loose.reduce(loose.y[:, :, None]))[:, 0]
         Z = nominal(loose).whiten(loose.reduce(loose.Z))
         left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-10)[0]
@@ -69,14 +69,14 @@ def test_priors_of_the_noise_sum_to_one(o):
 
 def test_an_unknown_baseline_is_refused(o):
     with pytest.raises(InputError, match="the baseline names 'bais', which is no effect"):
-        observe(o.recording, ["bais"])
+        fit_baseline(o.recording, ["bais"])
 
 
 def test_a_long_static_run_is_averaged_first_and_says_the_same():
     run = read("data/space_stable_static")
     means = block_means(run, 5)
     assert means.weight.sum() == run.weight.sum()
-    fine, coarse = observe(run), observe(means)
+    fine, coarse = fit_baseline(run), fit_baseline(means)
     C = np.linalg.pinv(np.einsum("ncp,ncq->pq", fine.Z, fine.Z), hermitian=True)
     moved = values(fine.baseline, fine.constants) - values(coarse.baseline, coarse.constants)
     moved /= np.array([p.sigma for p in fine.constants]) * np.sqrt(np.diag(C))
@@ -85,4 +85,4 @@ def test_a_long_static_run_is_averaged_first_and_says_the_same():
     assert np.max(np.abs(moved)) < 3
     long = replace(run, time=np.arange(9000) * 20.0, weight=np.ones(9000),
                    channels={k: np.resize(v, 9000) for k, v in run.channels.items()})  # fmt: skip
-    assert len(observe(long, steps=0).y) <= MOST_ROWS
+    assert len(fit_baseline(long, steps=0).y) <= MOST_ROWS

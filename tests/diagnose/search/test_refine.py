@@ -8,7 +8,7 @@ from scipy.optimize import minimize_scalar
 
 from gimbalcal.diagnose.evidence.known_scale import SIZE_PRIOR, extended, log_bayes, mixed, variant_shares
 from gimbalcal.diagnose.search.ranking import Search
-from gimbalcal.diagnose.verdict.model import constant_value, fit
+from gimbalcal.diagnose.verdict.model import constant_value, fit_causes
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
@@ -31,7 +31,7 @@ FOUND = lagged(1)
 def test_a_lag_between_the_values_of_the_grid_is_found() -> None:
     o = FOUND.o
     tried = np.array([v.constants[0][1] for v in few(o, LAGGED).candidates[0].variants])
-    f = fit(FOUND, (0,))
+    f = fit_causes(FOUND, (0,))
     ((name, tau, sigma),) = constant_value(FOUND, f, 0)
     assert name == "tau"
     assert abs(tau - TAU) < 3 * sigma
@@ -97,7 +97,7 @@ def test_a_dead_zone_is_taken_at_its_size() -> None:
     without, with_it = (record(np.random.default_rng(7), dead, x, dwell=12) for x in (0.0, size))
     s = searched(observed(7, dead, 400.0), "dead_zone:x")
     (c,) = s.library.candidates
-    f = fit(s, (0,))
+    f = fit_causes(s, (0,))
     (p,) = c.parameters
     assert f.x[0] * p.sigma == pytest.approx(size, abs=4 * np.sqrt(f.covariance[0, 0]) * p.sigma)
     made = c.variants[f.variants[0]].column

@@ -6,7 +6,7 @@ import pytest
 from gimbalcal.diagnose.evidence.noise import nodes, settle
 from gimbalcal.diagnose.evidence.odds import CLAIM, UNSURE
 from gimbalcal.diagnose.library.known_noise import library
-from gimbalcal.diagnose.rows.observations import observe
+from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.diagnose.search.ranking import search
 from gimbalcal.diagnose.verdict.decide import decide, strained
 from gimbalcal.effects.baseline import BASELINE
@@ -15,7 +15,7 @@ from tests.diagnose.laws import Law, at_size, laws, unforeseen
 
 def searched(law, seed, sigmas):
     recording, _ = at_size(seed, law, sigmas)
-    o = settle(observe(recording))
+    o = settle(fit_baseline(recording))
     return search(o, library(o, BASELINE[recording.kind]), nodes(o))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.evidence.known_scale import ANY_SIZE, log_bayes
-from gimbalcal.diagnose.search.combine import Combined, combine
+from gimbalcal.diagnose.search.combine import CombinedRanking, combine
 from gimbalcal.diagnose.verdict.decide import decide, likeliest
 from gimbalcal.diagnose.verdict.decide_together import clean_together, decide_together, likeliest_together
 from gimbalcal.diagnose.verdict.threshold import anything, clean_singles
@@ -17,7 +17,7 @@ from tests.diagnose.small import candidate, observed, searched
 LABELS = ("scale_factor_asymmetry:y", "cross_coupling:x", "bias_drift:z", "position_blunder", "unknown time:x")
 
 
-def together(*sizes: float) -> Combined:
+def together(*sizes: float) -> CombinedRanking:
     made = [observed(seed + 1, known(1)["asymmetry"][0], x, dwell=6) for seed, x in enumerate(sizes)]
     return combine([searched(o, *LABELS) for o in made])
 
@@ -25,12 +25,12 @@ def together(*sizes: float) -> Combined:
 ALIKE, UNLIKE, ONE = together(150.0, 150.0), together(150.0, 0.0), together(150.0)
 
 
-def place(c: Combined, label: str) -> int:
+def place(c: CombinedRanking, label: str) -> int:
     return [x.label for x in c.library.candidates].index(label)
 
 
 @pytest.mark.parametrize("c", [ALIKE, UNLIKE], ids=["alike", "unlike"])
-def test_a_cause_has_one_size_in_all_recordings(c: Combined) -> None:
+def test_a_cause_has_one_size_in_all_recordings(c: CombinedRanking) -> None:
     """The largest over sizes of the sum over recordings, each in its own noise: never more than the sum of the best."""
     label = "scale_factor_asymmetry:y"
     by_size = np.zeros(len(ANY_SIZE))

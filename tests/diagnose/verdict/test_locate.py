@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
 
-from gimbalcal.diagnose.evidence.known_scale import Rows
+from gimbalcal.diagnose.evidence.known_scale import ReducedRows
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.rows.observations import Observations
-from gimbalcal.diagnose.search.ranking import prepare
+from gimbalcal.diagnose.search.ranking import projected
 from gimbalcal.diagnose.verdict import locate
 from gimbalcal.diagnose.verdict.locate import LISTED, Cell, Scan, mismatches, scan
 from gimbalcal.number import Array
@@ -23,10 +23,10 @@ REST = at_rest(2)
 LIBRARY = few(TABLE, "scale_factor_asymmetry:y")
 
 
-def prepared(o: Observations) -> tuple[Rows, Node]:
+def prepared(o: Observations) -> tuple[ReducedRows, Node]:
     (node,) = noises(o, 1)
     label = "scale_factor_asymmetry:y" if o.kind == "multi-position" else "bias_drift:x"
-    return prepare(o, few(o, label), [node])[0], node
+    return projected(o, few(o, label), [node])[0], node
 
 
 def scanned(o: Observations, seed: int = 1, explained: Array | None = None) -> Scan:
@@ -91,7 +91,7 @@ def test_a_clean_recording_is_as_bad_somewhere_as_its_p_value_says(monkeypatch: 
         o = clean(design, node, rng)
         y = o.reduce(o.y[:, :, None])
         y = y - rows.Q @ (rows.Q.T @ y)
-        here = Rows(np.concatenate([rows.low[:, :-1], y], axis=1), rows.high, rows.q, rows.P, rows.Q, y)
+        here = ReducedRows(np.concatenate([rows.low[:, :-1], y], axis=1), rows.high, rows.q, rows.P, rows.Q, y)
         p.append(scan(o, here, node, rng).p_value)
     assert kstest(p, "uniform").pvalue > 0.01
     assert np.mean(np.array(p) < 0.1) < 0.1 + 3 * np.sqrt(0.09 / 80)

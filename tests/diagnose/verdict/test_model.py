@@ -8,7 +8,7 @@ from scipy.stats import multivariate_normal
 
 from gimbalcal.diagnose.evidence.known_scale import ANY_SIZE
 from gimbalcal.diagnose.search.ranking import Search
-from gimbalcal.diagnose.verdict.model import calibration_fit, constant_value, fit
+from gimbalcal.diagnose.verdict.model import calibration_fit, constant_value, fit_causes
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 from tests.diagnose.plant import known
@@ -44,7 +44,7 @@ def ln_posterior_of_noises(s: Search, index: list[int]) -> Array:
 def test_sizes_are_generalised_least_squares_averaged_over_the_noise() -> None:
     members = (0, 1)
     index = [i for m in members for i in S.library.candidates[m].variants[0].index]
-    f = fit(S, members)
+    f = fit_causes(S, members)
     ln = ln_posterior_of_noises(S, index)
     w = np.exp(ln - ln.max())
     w /= w.sum()
@@ -61,7 +61,7 @@ def test_sizes_are_generalised_least_squares_averaged_over_the_noise() -> None:
 
 
 def test_significance_is_what_a_member_takes_away_beside_the_others() -> None:
-    f = fit(S, (0, 1))
+    f = fit_causes(S, (0, 1))
     k = [p.node for p in S.projections].index(f.projection.node)
     for j, m in enumerate(f.members):
         own = list(S.library.candidates[m].variants[0].index)
@@ -80,7 +80,7 @@ def test_drawn_sizes_scatter_as_stated() -> None:
     nees, pulls = [], []
     for _ in range(60):
         noise = clean(s.o, s.projections[0].node, rng)
-        f = fit(again(s, with_data(s.o, rows_of(noise)[1] + s.library.X[:, index] @ truth)), (0, 1))
+        f = fit_causes(again(s, with_data(s.o, rows_of(noise)[1] + s.library.X[:, index] @ truth)), (0, 1))
         nees.append((f.x - truth) @ np.linalg.solve(f.covariance, f.x - truth))
         pulls.append((f.x - truth) / np.sqrt(np.diag(f.covariance)))
     p = len(index)
@@ -89,14 +89,14 @@ def test_drawn_sizes_scatter_as_stated() -> None:
 
 
 def test_nothing_found_is_the_calibration_alone() -> None:
-    f = fit(S, ())
+    f = fit_causes(S, ())
     assert (f.members, f.index, f.significance) == ((), (), ())
     assert f.x.shape == (0,)
     assert f.projection.node == S.projections[int(np.argmax(S.null))].node
 
 
 def test_constants_of_the_calibration_move_as_a_joint_fit_moves_them() -> None:
-    f = fit(S, (0,))
+    f = fit_causes(S, (0,))
     before, after, sigma = calibration_fit(S, f)
     Z, y = rows_of(S.o)
     V = covariance(f.projection.node, len(y))
@@ -114,7 +114,7 @@ def test_constants_of_the_calibration_move_as_a_joint_fit_moves_them() -> None:
 
 
 def test_a_lag_has_the_mean_and_spread_of_its_variants() -> None:
-    f = fit(LAGGED, (0,))
+    f = fit_causes(LAGGED, (0,))
     c = LAGGED.library.candidates[candidate(LAGGED, "bias_temperature_lagged:x")]
     Z, y = rows_of(LAGGED.o)
     root = np.linalg.inv(np.linalg.cholesky(covariance(f.projection.node, len(y))))

@@ -9,9 +9,9 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.stats import chi2
 
-from gimbalcal.diagnose.search.combine import Combined, combine
-from gimbalcal.diagnose.verdict.model import constant_value, fit
-from gimbalcal.diagnose.verdict.pool import agreement, constants_of, information_of, parts, pooled
+from gimbalcal.diagnose.search.combine import CombinedRanking, combine
+from gimbalcal.diagnose.verdict.model import constant_value, fit_causes
+from gimbalcal.diagnose.verdict.pool import agreement, common_constants, inverse_of, parts, pooled
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 from tests.diagnose.plant import cooled, known, on
@@ -21,7 +21,7 @@ LABELS = ("scale_factor_asymmetry:y", "cross_coupling:y")
 
 
 @cache
-def two(sizes: tuple[float, float]) -> Combined:
+def two(sizes: tuple[float, float]) -> CombinedRanking:
     made = [observed(seed, known(1)["asymmetry"][0], x, dwell=6) for seed, x in zip((1, 2), sizes, strict=True)]
     return combine([searched(o, *LABELS, count=1) for o in made])
 
@@ -29,7 +29,7 @@ def two(sizes: tuple[float, float]) -> Combined:
 ALIKE = two((150.0, 150.0))
 
 
-def joint(c: Combined, labels: tuple[str, ...]) -> tuple[Array, Array]:
+def joint(c: CombinedRanking, labels: tuple[str, ...]) -> tuple[Array, Array]:
     """Rows of both recordings stacked: a calibration of its own for each, and sizes common to both."""
     Z, X, y, V = [], [], [], []
     for s in c.searches:
@@ -45,7 +45,7 @@ def joint(c: Combined, labels: tuple[str, ...]) -> tuple[Array, Array]:
     return x[-p:], C[-p:, -p:]
 
 
-def members(c: Combined, labels: tuple[str, ...]) -> tuple[int, ...]:
+def members(c: CombinedRanking, labels: tuple[str, ...]) -> tuple[int, ...]:
     found = [x.label for x in c.library.candidates]
     return tuple(found.index(label) for label in labels)
 
@@ -91,8 +91,8 @@ def test_without_members_each_part_is_the_fit_of_nothing() -> None:
 
 def test_a_direction_without_information_stays_without() -> None:
     C = np.array([[4.0, 0.0], [0.0, 0.0]])
-    np.testing.assert_allclose(information_of(C), [[0.25, 0.0], [0.0, 0.0]])
-    assert information_of(np.zeros((0, 0))).shape == (0, 0)
+    np.testing.assert_allclose(inverse_of(C), [[0.25, 0.0], [0.0, 0.0]])
+    assert inverse_of(np.zeros((0, 0))).shape == (0, 0)
 
 
 def test_a_lag_is_common_and_surer_together() -> None:
@@ -102,9 +102,9 @@ def test_a_lag_is_common_and_surer_together() -> None:
     c = combine([searched(o, label, count=1) for o in made])
     both = parts(c, (0,))
     (common,) = {p.search.library.candidates[0].variants[0].constants for p in both}
-    ((name, value, sigma),) = constants_of(c, (0,), both, 0)
+    ((name, value, sigma),) = common_constants(c, (0,), both, 0)
     assert (name, value) == common[0]
     assert abs(value - 750.0) < 3.5 * sigma
-    alone = [constant_value(s, fit(s, (0,)), 0)[0] for s in c.searches]
+    alone = [constant_value(s, fit_causes(s, (0,)), 0)[0] for s in c.searches]
     assert sigma == pytest.approx(1 / np.sqrt(sum(1 / s**2 for _, _, s in alone)))
     assert min(x for _, x, _ in alone) <= value <= max(x for _, x, _ in alone)

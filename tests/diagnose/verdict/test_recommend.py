@@ -13,9 +13,9 @@ from gimbalcal.diagnose.verdict.recommend import (
     SETTLED,
     Advice,
     advise,
-    joined,
     menu,
-    observe_design,
+    planned_rows,
+    repeated,
     sentence,
     separation,
 )
@@ -57,7 +57,7 @@ def test_separation_is_what_the_other_cause_cannot_follow(found: str, other: str
     here = separation(TABLE, i, 0, size, j)
     assert here == pytest.approx(misfit_of_the_other(TABLE, i, size, j), rel=1e-5)
     assert separation(TABLE, i, 0, 3 * size, j) == pytest.approx(9 * here, rel=1e-9)
-    planned = observe_design(joined(TABLE.recording, reverse=True), TABLE)
+    planned = planned_rows(repeated(TABLE.recording, reverse=True), TABLE)
     assert separation(planned, i, 0, size, j) == pytest.approx(misfit_of_the_other(planned, i, size, j), rel=1e-5)
 
 
@@ -83,7 +83,7 @@ def test_the_manoeuvre_is_the_one_that_brings_most_per_hour(found: str, other: s
     a = advise(TABLE, i, 0, size, j)
     rate = {}
     for m in menu(TABLE.recording):
-        rate[m.words] = misfit_of_the_other(observe_design(m.apply(TABLE.recording), TABLE), i, size, j) / m.hours
+        rate[m.words] = misfit_of_the_other(planned_rows(m.apply(TABLE.recording), TABLE), i, size, j) / m.hours
     assert a.words == words == max(rate, key=lambda k: rate[k])
     assert a.ln_bayes / a.hours == pytest.approx(rate[words], rel=1e-5)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.verdict.model import fit
+from gimbalcal.diagnose.verdict.model import fit_causes
 from gimbalcal.diagnose.verdict.verify import FOLDS, physical_columns, residual_rows, verify
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.forward import jacobian
@@ -31,7 +31,7 @@ def refitted_without_each(A: Array, y: Array, fold: Array) -> float:
 
 def test_held_out_positions_are_refits_without_each() -> None:
     s = searched(PLANTED, LABEL)
-    f = fit(s, (0,))
+    f = fit_causes(s, (0,))
     X = physical_columns(s, f)
     v = verify(s, f, X)
     node, o = f.projection.node, s.o
@@ -55,7 +55,7 @@ def test_prediction_of_clean_noise_is_as_good_as_stated() -> None:
     design, out = searched(PLANTED, LABEL, count=1), []
     for _ in range(24):
         s = again(design, clean(PLANTED, node, rng))
-        f = fit(s, ())
+        f = fit_causes(s, ())
         out.append(verify(s, f, physical_columns(s, f)))
     four_sigmas = 4 * np.sqrt(2 / (24 * 324))
     assert np.mean([v.before for v in out]) == pytest.approx(1.0, abs=four_sigmas)
@@ -64,7 +64,7 @@ def test_prediction_of_clean_noise_is_as_good_as_stated() -> None:
 
 def test_prediction_is_as_good_as_noise_once_the_missing_cause_is_in() -> None:
     s = searched(PLANTED, LABEL)
-    f = fit(s, (0,))
+    f = fit_causes(s, (0,))
     v = verify(s, f, physical_columns(s, f))
     assert v.before > 1.5
     assert v.heldout_before > 1.5
@@ -80,7 +80,7 @@ def test_what_happens_at_one_place_or_moment_is_held_out_within_dwells(name: str
     Left out with its whole position it would seem to explain nothing.
     """
     s = searched(observed(5, known(0)[name][0], 100.0), label)
-    f = fit(s, (0,))
+    f = fit_causes(s, (0,))
     X = physical_columns(s, f)
     v = verify(s, f, X)
     node, o = f.projection.node, s.o
@@ -95,7 +95,7 @@ def test_what_happens_at_one_place_or_moment_is_held_out_within_dwells(name: str
 def test_a_static_run_is_held_out_in_stretches_of_time() -> None:
     o = at_rest(6)
     s = searched(o, "bias_drift:x", count=1)
-    f = fit(s, (0,))
+    f = fit_causes(s, (0,))
     X = physical_columns(s, f)
     v = verify(s, f, X)
     n, C = o.y.shape
@@ -107,7 +107,7 @@ def test_a_static_run_is_held_out_in_stretches_of_time() -> None:
 @pytest.mark.parametrize("label", ["scale_factor_asymmetry:y", "encoder_two_cycle:inner"])
 def test_columns_of_a_finding_are_derivatives_of_the_forward_model(label: str) -> None:
     s = searched(PLANTED, label)
-    f = fit(s, (candidate(s, label),))
+    f = fit_causes(s, (candidate(s, label),))
     c, o = s.library.candidates[0], s.o
     wanted = [p for p in parameters(CATALOGUE[c.effect], o.stimulus.axis_names) if p.axis == c.axis]
     J = jacobian(o.recording.platform, o.stimulus, o.baseline, wanted, o.kind)["specific_force"]
@@ -117,7 +117,7 @@ def test_columns_of_a_finding_are_derivatives_of_the_forward_model(label: str) -
 
 def test_residual_rows_are_what_calibration_cannot_follow() -> None:
     s = searched(PLANTED, LABEL)
-    f = fit(s, (0,))
+    f = fit_causes(s, (0,))
     X = physical_columns(s, f)
     before, after = residual_rows(s.o, X, f.x)
     Z = s.o.Z.reshape(before.size, -1)

@@ -17,11 +17,11 @@ from gimbalcal.estimate.accelerometers.fine import (
     norm_rows,
 )
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
-from gimbalcal.estimate.accelerometers.setting import Noise, baseline, gauss_newton, problem
+from gimbalcal.estimate.accelerometers.setting import Noise, gauss_newton, position_parameters, problem
 from gimbalcal.platform import SPACE_STABLE
 from tests.estimate.device import ARCSEC, PARAMETERS, SAMPLE, SITE, draw, measured
 
-WANTED = baseline(SPACE_STABLE, FORCE_TERMS)
+WANTED = position_parameters(SPACE_STABLE, FORCE_TERMS)
 LABELS = [q.label for q in PARAMETERS]
 
 

@@ -9,9 +9,9 @@ from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.process import covariance
 from gimbalcal.estimate.accelerometers.setting import (
     Noise,
-    baseline,
     by_visit,
     gauss_newton,
+    position_parameters,
     problem,
     whiten,
 )
@@ -109,7 +109,7 @@ def test_unknown_attitude_leaves_one_row_a_visit_along_the_force(recording: Reco
 
 
 def test_a_unit_without_gimbals_is_the_same_as_gimbals_that_say_nothing(recording: Recording) -> None:
-    wanted = baseline(SPACE_STABLE, [name for name in BASELINE["multi-position"] if name != "gimbal_zero"])
+    wanted = position_parameters(SPACE_STABLE, [name for name in BASELINE["multi-position"] if name != "gimbal_zero"])
     blind = gauss_newton(problem(recording, wanted), Noise(SAMPLE, np.inf))
     p = problem(replace(recording, platform=BENCH), wanted)
     felt = p.stimulus.at(force=p.force * 9.80146 / np.linalg.norm(p.force, axis=1, keepdims=True))
@@ -120,8 +120,15 @@ def test_a_unit_without_gimbals_is_the_same_as_gimbals_that_say_nothing(recordin
 
 
 def test_gimbal_about_the_vertical_is_left_out_and_others_stay() -> None:
-    assert [q.axis for q in baseline(SPACE_STABLE) if q.effect == "gimbal_zero"] == ["platform", "inner", "middle"]
-    assert [q.axis for q in baseline(KNOWN["two-axis-table"]) if q.effect == "gimbal_zero"] == ["inner", "outer"]
+    assert [q.axis for q in position_parameters(SPACE_STABLE) if q.effect == "gimbal_zero"] == [
+        "platform",
+        "inner",
+        "middle",
+    ]
+    assert [q.axis for q in position_parameters(KNOWN["two-axis-table"]) if q.effect == "gimbal_zero"] == [
+        "inner",
+        "outer",
+    ]
 
 
 def test_a_fit_that_runs_away_stops_and_says_so(recording: Recording) -> None:

@@ -11,10 +11,10 @@ from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.estimate.accelerometers.setting import (
     Noise,
     VisitRows,
-    baseline,
     by_visit,
     gauss_newton,
     model,
+    position_parameters,
     problem,
     set_off,
     whiten,
@@ -30,7 +30,7 @@ from tests.estimate.device import ARCSEC, PARAMETERS, SAMPLE, SITE, draw, effect
 NO_K = np.array([float(q.effect != "scale_nonlinearity") for q in PARAMETERS])
 LABELS = [q.label for q in PARAMETERS]
 NOISE = Noise(SAMPLE, ARCSEC)
-WANTED = baseline(SPACE_STABLE, FORCE_TERMS)
+WANTED = position_parameters(SPACE_STABLE, FORCE_TERMS)
 
 
 def made(seed: int, truth_times: Array | float = 1.0) -> Recording:

@@ -20,7 +20,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.gyroscopes import between_rests as poses
 from gimbalcal.estimate.gyroscopes.between_rests import LINEAR, gyroscopes_between_rests
-from gimbalcal.estimate.gyroscopes.inter_triad import euler, rotation
+from gimbalcal.estimate.gyroscopes.inter_triad import euler, triad_rotation
 from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
 from gimbalcal.estimate.unit import inertial_unit, with_gyroscopes
 from gimbalcal.forward import gyroscopes
@@ -143,13 +143,13 @@ def test_rotation_between_the_triads_comes_out_of_the_misalignments() -> None:
     """M = (C_q^p C_g^q)^-1 for a known C_p^q and triangle, Eqs. (8) and (43)."""
     angles = np.array([0.01, -0.02, 0.015])
     triangle = np.array([[1, 0, 0], [0.004, 1, 0], [-0.003, 0.002, 1]])
-    M = np.linalg.inv(rotation(angles).T @ triangle @ np.diag([1.01, 0.98, 1.0]))
+    M = np.linalg.inv(triad_rotation(angles).T @ triangle @ np.diag([1.01, 0.98, 1.0]))
     x = np.array([*(np.diag(M) - 1), M[0, 1], M[0, 2], M[1, 2], M[1, 0], M[2, 0], M[2, 1]])
     recording = hand(TRUTH, 0.0, count=8)
     turned, _, _ = turns_between_rests(recording, multiposition(recording, ("bias",)))
     fit = replace(poses.fit_turns(turned, LINEAR), x=x)
     np.testing.assert_allclose(poses._inter_triad(fit), angles, atol=1e-14)  # an exact factorisation
-    np.testing.assert_allclose(euler(rotation(angles)), angles, atol=1e-15)
+    np.testing.assert_allclose(euler(triad_rotation(angles)), angles, atol=1e-15)
 
 
 def test_both_triads_in_one_calibration_correct_a_recording_in_counts() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.gyroscopes.inter_triad import from_turns, rotation
+from gimbalcal.estimate.gyroscopes.inter_triad import from_turns, triad_rotation
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.rotation import frame_rotation
 
@@ -22,7 +22,7 @@ def turns(m: int, noise: float, seed: int) -> tuple[Array, Array, Array]:
     rng = np.random.default_rng(seed)
     before = directions(m, seed)
     R = np.stack([frame_rotation("xyz"[i % 3], rng.uniform(0.5, 2.5)) for i in range(m)])
-    C = rotation(ANGLES)
+    C = triad_rotation(ANGLES)
     after = apply_matrix(C.T @ R @ C, before)
     return before + noise * rng.standard_normal((m, 3)), after + noise * rng.standard_normal((m, 3)), R
 

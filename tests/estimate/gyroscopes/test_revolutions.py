@@ -9,7 +9,7 @@ import pytest
 
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.gyroscopes.revolutions import forward, gyroscopes_from_revolutions, revolutions_of
+from gimbalcal.estimate.gyroscopes.revolutions import as_effects, gyroscopes_from_revolutions, revolutions_of
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
@@ -69,7 +69,7 @@ def test_revolutions_are_found_and_quarter_turns_left_out() -> None:
 
 
 def test_truth_comes_back_within_its_uncertainty() -> None:
-    expected = forward(np.concatenate([TRUE.K1, TRUE.K2, TRUE.bias, TRUE.E]))
+    expected = as_effects(np.concatenate([TRUE.K1, TRUE.K2, TRUE.bias, TRUE.E]))
     errors = []
     for seed in range(5):
         made = gyroscopes_from_revolutions(table_run(1e-5, seed))

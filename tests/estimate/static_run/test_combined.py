@@ -19,7 +19,7 @@ from gimbalcal.estimate.static_run.combined import (
     separate,
 )
 from gimbalcal.estimate.static_run.force_filter import PRIOR_SIGMA
-from gimbalcal.estimate.static_run.run import baseline, information_of_rows, prepare
+from gimbalcal.estimate.static_run.run import information_of_rows, static_parameters, static_readings
 from gimbalcal.inference.information import solve
 from gimbalcal.number import Array
 from gimbalcal.readings import Readings
@@ -38,8 +38,8 @@ def by_operators(r: Readings, wanted: tuple[Parameter, ...]) -> Array:
 def test_formulas_equal_the_forward_models_jacobian() -> None:
     # one whole sidereal day, evenly: harmonics are orthogonal, so K's third one does not leak
     day = 2 * np.pi / EARTH_RATE
-    r = prepare(run(hours=day / 3600 * (1 - 1e-9), step=day / 144))
-    wanted = tuple(p for p in baseline(r) if p.effect != "polar_axis_misalignment")
+    r = static_readings(run(hours=day / 3600 * (1 - 1e-9), step=day / 144))
+    wanted = tuple(p for p in static_parameters(r) if p.effect != "polar_axis_misalignment")
     G_model, G_formula = by_operators(r, wanted), matrix(LATITUDE, G, wanted)
     scale = np.array([p.sigma for p in wanted])
     # the prior of 1e-2 on x shrinks it by (sigma / prior)^2 / rows = 1e-9 at most
@@ -48,8 +48,8 @@ def test_formulas_equal_the_forward_models_jacobian() -> None:
 
 
 def test_polar_axis_and_azimuth_of_the_platform_leave_the_coefficients_alone() -> None:
-    r = prepare(run(hours=24, step=600))
-    polar = tuple(p for p in baseline(r) if p.effect == "polar_axis_misalignment")
+    r = static_readings(run(hours=24, step=600))
+    polar = tuple(p for p in static_parameters(r) if p.effect == "polar_axis_misalignment")
     assert np.abs(by_operators(r, polar)).max() < 1e-9  # against 1 for what they do to a gimbal
 
 
@@ -81,8 +81,8 @@ def both_roads(seed: int, drift: int = 1) -> tuple[Combined, Array]:
     """Coefficients of a noisy run, and the truth through the same operators."""
     ids = ("scale_factor", "bias", "misalignment", "gimbal_zero", "base_tilt", "polar_axis_misalignment")
     truth = draw(np.random.default_rng(seed), ids)
-    r = prepare(run(truth, np.random.default_rng(seed + 1000), hours=37.0, step=1200.0))
-    wanted = baseline(r, ids)
+    r = static_readings(run(truth, np.random.default_rng(seed + 1000), hours=37.0, step=1200.0))
+    wanted = static_parameters(r, ids)
     J = r.jacobian(truth, wanted)
     x = solve(information_of_rows(r, truth, wanted, J))
     fitted = with_values((), wanted, x.x, r.recording.platform.axis_names)

@@ -15,7 +15,7 @@ from gimbalcal.effects import CATALOGUE, Effect, values
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.static_run.combined import MEANS, NAMES, matrix
 from gimbalcal.estimate.static_run.force_filter import ForceState, observation_matrix, projection
-from gimbalcal.estimate.static_run.run import baseline, prepare
+from gimbalcal.estimate.static_run.run import static_parameters, static_readings
 from gimbalcal.estimate.static_run.system import static, static_information
 from gimbalcal.inference.information import solve
 from gimbalcal.kinematics import shortening
@@ -44,7 +44,7 @@ def test_parameters_without_noise_come_back_in_every_seen_direction() -> None:
 
 def test_rank_is_fourteen_of_twentytwo_and_the_rest_is_named() -> None:
     recording = run(draw(np.random.default_rng(2), ALL), np.random.default_rng(3))
-    wanted = tuple(p for p in baseline(prepare(recording)) if p.effect != "scale_nonlinearity")
+    wanted = tuple(p for p in static_parameters(static_readings(recording)) if p.effect != "scale_nonlinearity")
     found = solve(static_information(recording, (), wanted))
     assert len(wanted) == 22
     assert len(found.unobservable) == 8
@@ -60,11 +60,13 @@ def test_errors_are_as_large_as_claimed_in_seen_directions() -> None:
     for seed in range(runs):
         truth = draw(np.random.default_rng(seed), ALL, share=0.03)
         recording = run(truth, np.random.default_rng(seed + 500), hours=30.0, step=1200.0)
-        run_ = prepare(recording)
-        wanted = tuple(p for p in baseline(run_) if p.effect != "scale_nonlinearity")
+        run_ = static_readings(recording)
+        wanted = tuple(p for p in static_parameters(run_) if p.effect != "scale_nonlinearity")
         # the phase is what the platform gimbal reads on average; a turn about the pole takes up the difference
         x = values(truth, wanted)
-        x[[p.axis for p in wanted].index("polar")] += (run_.phase - prepare(run(hours=30.0, step=1200.0)).phase)[0]
+        x[[p.axis for p in wanted].index("polar")] += (
+            run_.phase - static_readings(run(hours=30.0, step=1200.0)).phase
+        )[0]
         found = static(recording, wanted=wanted)
         info = static_information(recording, found.effects, wanted)
         s = solve(info)
@@ -133,7 +135,7 @@ def test_the_stage_is_the_paper_s_filter_run_sample_by_sample() -> None:
 
 def filtered(recording: Recording, effects: Sequence[Effect] = ()) -> ForceState:
     """State x1 ... x5 of Eqs. (21)-(25) from the specific force of a run, less what the effects explain."""
-    made = prepare(recording)
+    made = static_readings(recording)
     columns, g, u = made.columns("specific_force"), made.stimulus.gravity, made.direction
     variance = ((u * made.sigma[:, columns] / g) ** 2).sum(axis=1)
     return kalman(projection(made.residual(effects)[:, columns], u, g), observation_matrix(u), variance)
@@ -142,17 +144,17 @@ def filtered(recording: Recording, effects: Sequence[Effect] = ()) -> ForceState
 def test_noise_that_the_header_does_not_state_is_estimated() -> None:
     recording = run(TABLE_2_3, np.random.default_rng(5), step=120.0)
     silent = dataclasses.replace(recording, noise={})
-    stated, found = prepare(recording).sigma, prepare(silent).sigma
+    stated, found = static_readings(recording).sigma, static_readings(silent).sigma
     np.testing.assert_allclose(found[0], stated[0], rtol=0.12)  # 1440 rows, third differences: 3 % one sigma
     assert 0.9 < static(silent).residual.chi2 / static(silent).residual.dof < 1.1
     exact = dataclasses.replace(run(), noise={})
     with pytest.raises(InputError, match="does not scatter at all: state its noise"):
-        prepare(dataclasses.replace(exact, channels={k: 0 * v for k, v in exact.channels.items()}))
+        static_readings(dataclasses.replace(exact, channels={k: 0 * v for k, v in exact.channels.items()}))
 
 
 def test_effects_that_are_not_wanted_are_held() -> None:
     recording = run(TABLE_2_3, np.random.default_rng(6))
-    wanted = tuple(p for p in baseline(prepare(recording)) if p.effect in ("bias", "scale_factor"))
+    wanted = tuple(p for p in static_parameters(static_readings(recording)) if p.effect in ("bias", "scale_factor"))
     held = (CATALOGUE["misalignment"](beta=TABLE_2_3[2].beta),)  # type: ignore[call-arg, attr-defined]
     found = static(recording, held, wanted)
     assert found.parameters == wanted
@@ -177,7 +179,7 @@ def test_a_run_that_the_model_does_not_explain_is_told() -> None:
 def test_another_kind_of_recording_is_refused() -> None:
     multi = dataclasses.replace(run(), kind="multi-position", platform=SPACE_STABLE)
     with pytest.raises(InputError, match="'made up' is a multi-position recording where a static run is needed"):
-        prepare(multi)
+        static_readings(multi)
 
 
 @pytest.mark.skipif(not CLEAN.is_dir(), reason="the clean static run of the open challenge is not on this machine")

@@ -9,7 +9,7 @@ from gimbalcal.effects import with_values
 from gimbalcal.estimate.accelerometers.noise import HEADER, SAMPLES
 from gimbalcal.estimate.static_run.combined import NAMES, matrix
 from gimbalcal.estimate.static_run.force_filter import observation_matrix, projection
-from gimbalcal.estimate.static_run.run import baseline, noise_from, prepare
+from gimbalcal.estimate.static_run.run import noise_from, static_parameters, static_readings
 from gimbalcal.estimate.static_run.system import rms_by_channel, static
 from gimbalcal.forward import accelerometers
 from gimbalcal.readings import readings, with_phase_of_force
@@ -20,7 +20,9 @@ from tests.stimuli import static as held
 
 def test_the_columns_of_equation_27_are_what_errors_of_the_sensors_do_to_the_norm() -> None:
     s, rng = held(24.0), np.random.default_rng(1)
-    wanted = [p for p in baseline(prepare(run())) if p.effect in ("scale_factor", "bias", "misalignment")]
+    wanted = [
+        p for p in static_parameters(static_readings(run())) if p.effect in ("scale_factor", "bias", "misalignment")
+    ]
     x = np.array([1e-3 * p.sigma for p in wanted]) * rng.standard_normal(len(wanted))
     departure = accelerometers(s.force, s, with_values((), wanted, x)) - s.force
     combined = matrix(LATITUDE, G, wanted)[[NAMES.index(f"x{i}") for i in range(1, 6)]] @ x
@@ -53,17 +55,17 @@ def test_direction_and_phase_are_those_of_an_ideal_platform() -> None:
 def test_means_over_many_samples_are_as_quiet_as_their_root_says() -> None:
     recording = run(TABLE_2_3, np.random.default_rng(3), step=300.0)
     few = dataclasses.replace(recording, weight=np.full(len(recording.time), 100.0))
-    np.testing.assert_allclose(prepare(few).sigma[0, 0], NOISE["accelerometer"] / 10, rtol=1e-12)
+    np.testing.assert_allclose(static_readings(few).sigma[0, 0], NOISE["accelerometer"] / 10, rtol=1e-12)
     silent = dataclasses.replace(few, noise={})
     # rows that scatter by sigma are means of 100 samples of ten sigma
-    np.testing.assert_allclose(prepare(silent).sigma[0, 0], NOISE["accelerometer"], rtol=0.15)  # 576 rows: 5 %
+    np.testing.assert_allclose(static_readings(silent).sigma[0, 0], NOISE["accelerometer"], rtol=0.15)  # 576 rows: 5 %
 
 
 def test_one_silent_channel_is_enough_to_say_that_samples_told_the_noise() -> None:
     recording = run(TABLE_2_3, np.random.default_rng(4))
-    assert noise_from(prepare(recording)) == HEADER
+    assert noise_from(static_readings(recording)) == HEADER
     partly = {k: v for k, v in NOISE.items() if k != "attitude"}
-    assert noise_from(prepare(dataclasses.replace(recording, noise=partly))) == SAMPLES
+    assert noise_from(static_readings(dataclasses.replace(recording, noise=partly))) == SAMPLES
 
 
 def test_the_residual_of_a_run_is_its_noise_channel_by_channel() -> None:
@@ -74,6 +76,6 @@ def test_the_residual_of_a_run_is_its_noise_channel_by_channel() -> None:
         assert found.residual.rms[f"specific_force:{axis}"] == pytest.approx(NOISE["accelerometer"], rel=0.2)
     assert found.residual.rms["attitude_error:roll"] == pytest.approx(NOISE["attitude"], rel=0.2)
     assert found.stages[0].rms == pytest.approx(NOISE["accelerometer"], rel=0.15)
-    left = prepare(recording).residual(found.effects)
-    again = rms_by_channel(prepare(recording), found.effects)
+    left = static_readings(recording).residual(found.effects)
+    again = rms_by_channel(static_readings(recording), found.effects)
     assert again["specific_force:x"] == pytest.approx(np.sqrt(np.mean(left[:, 0] ** 2)), rel=1e-12)
