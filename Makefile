@@ -15,7 +15,7 @@ export OMP_NUM_THREADS := 1
 export MPLBACKEND := Agg
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint docs bench lock clean
+.PHONY: help demo test lint docs mutate bench lock clean
 
 help:  ## what there is
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */make \1|/' | column -t -s '|' 2>/dev/null \
@@ -32,6 +32,9 @@ lint: $(VENV)/.dev-ready  ## style, types, and the direction of imports
 	$(BIN)/ruff format --check --quiet .
 	$(BIN)/mypy $(CHECKED)
 	$(BIN)/lint-imports
+
+mutate: $(VENV)/.dev-ready  ## whether the tests can fail: every effect and every equation of the estimators falsified
+	$(BIN)/python -m tests.mutate
 
 bench: $(VENV)/.dev-ready  ## the figures of the README, measured (about 75 min; the diagnosis takes 60 of them)
 	for name in bench_device bench_static bench_multiposition bench_reading bench_diagnose; do \
