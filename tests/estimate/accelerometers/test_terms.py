@@ -11,6 +11,7 @@ from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.estimate.accelerometers.setting import (
     Noise,
     VisitRows,
+    aim,
     by_visit,
     gauss_newton,
     model,
@@ -201,3 +202,22 @@ def test_a_start_that_is_far_off_in_one_coefficient_is_not_taken() -> None:
     from_nothing, from_there = gauss_newton(p, NOISE), gauss_newton(p, NOISE, wild)
     assert from_there.steps == from_nothing.steps > 0
     np.testing.assert_array_equal(from_there.solution.x, from_nothing.solution.x)
+
+
+def test_a_start_that_is_near_is_taken_and_saves_steps() -> None:
+    p = problem(made(23))
+    from_nothing = gauss_newton(p, NOISE)
+    again = gauss_newton(p, NOISE, from_nothing.solution.x)
+    assert 0 < again.steps < from_nothing.steps
+    np.testing.assert_allclose(again.solution.x, from_nothing.solution.x, atol=1e-3 * again.solution.sigma.min())
+
+
+def test_poor_angles_are_aimed_at_what_the_force_shows() -> None:
+    rng = np.random.default_rng(24)
+    truth, poor = draw(rng), Noise(SAMPLE, np.deg2rad(3.0))
+    p = problem(measured(truth, rng, setting=poor.setting), PARAMETERS)
+    nowhere = np.zeros((p.visits, p.turns))
+    before, after = (np.abs(p.force - model(p, truth, e)).max() for e in (nowhere, aim(p, truth, poor)))
+    assert before > to_si(50.0, "mg")
+    assert after < to_si(1.0, "mg")  # ten arcsec of 6 degrees, and the third order of those
+    np.testing.assert_array_equal(aim(p, truth, NOISE), nowhere)  # good angles are believed
