@@ -1,10 +1,10 @@
-r"""What a schedule can and cannot see, before anything is recorded: sigmas, null directions and twins, by name.
+r"""What a schedule can and cannot see, before anything is recorded: sigmas, null directions and what is confounded, by name.
 
 From the whitened Jacobian of the forward model, with the setting errors eliminated (`estimate.setting`):
 
 * the Cramer-Rao bound, the sigma that an unbiased estimate of each parameter cannot beat;
 * null directions: combinations of parameters that change no reading;
-* twins: two parameters, or two effects, that cannot be told apart, because their columns, with those of all other
+* confounded: two parameters, or two effects, that cannot be told apart, because their columns, with those of all other
   parameters projected out, are parallel (:math:`|\cos| > 0.99`); of effects with several parameters, all those of the
   smaller one;
 * for effects that are no part of the calibration: how much of one at its prior size shows at all, and how much of it
@@ -38,7 +38,7 @@ from gimbalcal.schedule import Schedule
 from gimbalcal.schedule.file import read_schedule
 from gimbalcal.units import from_si, to_si
 
-PARALLEL = 0.99  # |cos| above which two are called twins: telling them apart takes 7 times the signal of seeing one
+PARALLEL = 0.99  # |cos| above which two are confounded: telling them apart takes 7 times the signal of seeing one
 STATIC_ROWS = 289  # 10 min apart over 48 h: thinning, with the weight kept, leaves the information of slow signals
 
 
@@ -62,7 +62,7 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Observability:
-    """What a schedule sees of `parameters`: Cramer-Rao `sigma` (p,) in SI, null directions, twins, candidates."""
+    """What a schedule sees of `parameters`: Cramer-Rao `sigma` (p,) in SI, null directions, confounded pairs, candidates."""
 
     schedule: str
     solution: Solution
@@ -78,9 +78,9 @@ class Observability:
     @property
     def in_words(self) -> str:
         """The answer in one paragraph."""
-        n, unseen = len(self.solution.parameters), self.solution.unobservable
-        lines = [f"{self.schedule} sees {n - len(unseen)} of {amount(n, 'combination')} of parameters"]
-        lines += [f"not seen: {u.why}" for u in unseen]
+        n, unobservable = len(self.solution.parameters), self.solution.unobservable
+        lines = [f"{self.schedule} sees {n - len(unobservable)} of {amount(n, 'combination')} of parameters"]
+        lines += [f"not seen: {u.why}" for u in unobservable]
         lines += [f"twins: {t.one} and {t.other} (cosine {t.cosine:+.4f})" for t in self.twins]
         hidden = [c.effect for c in self.candidates if c.strength < SEEN]
         lines += [f"would not show at their usual size: {', '.join(hidden)}"] if hidden else []
@@ -213,7 +213,7 @@ def _observability(
     rows = info.rows[:, :-1]
     own = Information(tuple(calibrated), np.column_stack([rows[:, :p], info.rows[:, -1]]), info.count)
     solution = solve(own)
-    found = _parameter_twins(rows[:, :p], solution)
+    found = _confounded_parameters(rows[:, :p], solution)
     basis = _basis(rows[:, :p])
     groups: dict[str, list[int]] = {}
     for i, q in enumerate(info.parameters[p:], start=p):
@@ -239,7 +239,7 @@ def _candidate(effect: str, left: Array, signal: Array) -> Candidate:
     return Candidate(effect, rest, 1 - rest / whole if whole > 0 else 0.0)
 
 
-def _parameter_twins(rows: Array, solution: Solution) -> list[Confounded]:
+def _confounded_parameters(rows: Array, solution: Solution) -> list[Confounded]:
     """Pairs of parameters whose columns are parallel once all others are projected out, from the inverse of J^T J.
 
     With P = (J^T J)^-1 the cosine of the two is -P_ij / sqrt(P_ii P_jj). The prior's unit weight makes it exist where

@@ -205,7 +205,7 @@ def _published(rig: Rig) -> tuple[Schedule, ...]:
 
 
 def assess(schedule: Schedule, rig: Rig, wanted: Sequence[Parameter]) -> tuple[Array, tuple[Any, ...], Array]:
-    """Predicted sigma (p,) in SI, unseen directions and whitened rows of a schedule read as this rig is."""
+    """Predicted sigma (p,) in SI, unobservable directions and whitened rows of a schedule read as this rig is."""
     same = replace(rig, platform=schedule.platform)
     rows = whitened_rows(schedule.angles, same, wanted)
     scale = np.array([p.sigma for p in wanted])
@@ -217,7 +217,7 @@ def report(
     made: Schedule, rig: Rig, wanted: Sequence[Parameter], criterion: str, compare: Sequence[Schedule], candidates: int
 ) -> dict[str, Any]:
     """What a schedule sees: sigma per parameter, the same for others, and the terms that it cannot support."""
-    sigma, unseen, rows = assess(made, rig, wanted)
+    sigma, unobservable, rows = assess(made, rig, wanted)
     everything = np.ones(len(wanted), dtype=bool)
     others = {s.name: assess(s, rig, wanted) for s in compare}
     table = []
@@ -232,14 +232,14 @@ def report(
     }
     lines = [f"{amount(len(made.holds), 'position')} chosen out of {candidates}"]
     lines += [f"against {name}: {a['in_words']}" for name, a in against.items()]
-    lines += [f"not seen: {u.why}" for u in unseen] + unsupported(wanted, sigma)
+    lines += [f"not seen: {u.why}" for u in unobservable] + unsupported(wanted, sigma)
     return {
         "criterion": criterion,
         "positions": len(made.holds),
         "candidates": candidates,
         "angles": "unknown" if np.isinf(rig.setting) else f"{float(from_si(rig.setting, 'arcsec')):.3g} arcsec",
         "parameters": table,
-        "unobservable": [u.to_dict() for u in unseen],
+        "unobservable": [u.to_dict() for u in unobservable],
         "unsupported": unsupported(wanted, sigma),
         "against": against,
         "in_words": "\n".join(lines),

@@ -165,9 +165,9 @@ def _covariance(
     K = replace(p, parameters=position_parameters(p.platform, [NEGLECTED]))
     J_K = by_visit(K, np.zeros(3), np.zeros((m, p.turns))).J * np.array([q.sigma for q in K.parameters])
     bent = np.einsum("qmi,mik->qk", A, J_K)
-    unseen = np.zeros((P, P))
-    unseen[np.ix_(columns, columns)] = (scale[:, None] * Vt[~keep].T) @ (Vt[~keep] * scale)
-    return np.asarray(spread @ spread.T + bent @ bent.T + unseen)
+    unobservable = np.zeros((P, P))
+    unobservable[np.ix_(columns, columns)] = (scale[:, None] * Vt[~keep].T) @ (Vt[~keep] * scale)
+    return np.asarray(spread @ spread.T + bent @ bent.T + unobservable)
 
 
 def _at(p: Problem, effect: str, index: int) -> int:

@@ -133,11 +133,11 @@ def _combine(info: Information, solution: Solution, coarse: Calibration | None, 
     scale = np.array([q.sigma for q in solution.parameters])
     _, S, Vt = np.linalg.svd(info.rows[:, :-1], full_matrices=True)
     null = Vt[np.concatenate([S, np.zeros(len(Vt) - len(S))]) < SEEN].T
-    unseen = null @ null.T
+    unobservable = null @ null.T
     T = np.eye(len(every))
-    T[np.ix_(mine, mine)] = scale[:, None] * unseen / scale
+    T[np.ix_(mine, mine)] = scale[:, None] * unobservable / scale
     total = T @ before @ T.T
-    total[np.ix_(mine, mine)] += solution.covariance - np.outer(scale, scale) * unseen
+    total[np.ix_(mine, mine)] += solution.covariance - np.outer(scale, scale) * unobservable
     return np.asarray(total)
 
 

@@ -226,10 +226,10 @@ def _calibration(
     from gimbalcal import __version__
 
     solution = best.fit.solution
-    unseen: list[dict[str, Any]] = [u.to_dict() for u in solution.unobservable]
+    unobservable: list[dict[str, Any]] = [u.to_dict() for u in solution.unobservable]
     if any(q.effect == "misalignment" for q in solution.parameters):
-        unseen += _rotations()
-    unseen += [{"direction": {q.label: 1.0 for q in unknowns([t])}, "why": why} for t, why in declined]
+        unobservable += _rotations()
+    unobservable += [{"direction": {q.label: 1.0 for q in unknowns([t])}, "why": why} for t, why in declined]
     options = {
         "gravity": recording.site.gravity,
         "direction": "physics to reading",
@@ -245,7 +245,7 @@ def _calibration(
         effects=with_values((), solution.parameters, solution.x),
         parameters=solution.parameters,
         covariance=solution.covariance,
-        unobservable=tuple(unseen),
+        unobservable=tuple(unobservable),
         residual=Residual(solution.chi2, solution.dof, {FORCE: float(np.sqrt(np.mean(best.misfit**2)))}),
         outcome=_outcome(recording, best),
         provenance={"recordings": recording.files,
