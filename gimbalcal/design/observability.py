@@ -1,4 +1,4 @@
-r"""What a schedule can and cannot see, before anything is recorded: sigmas, what is unobservable or confounded, by name.
+r"""What a schedule can and cannot see, before anything is recorded: sigmas, the unobservable, the confounded, by name.
 
 From the whitened Jacobian of the forward model, with the setting errors eliminated (`estimate.setting`):
 
@@ -62,7 +62,7 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Observability:
-    """What a schedule sees of `parameters`: Cramer-Rao `sigma` (p,) in SI, what is unobservable, confounded, candidates."""
+    """What a schedule sees of `parameters`: Cramer-Rao `sigma` (p,) in SI, unobservable, confounded, candidates."""
 
     schedule: str
     solution: Solution

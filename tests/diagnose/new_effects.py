@@ -95,7 +95,7 @@ def enter() -> tuple[str, ...]:
         tau: float = constant(600.0, unit="s", low=60.0, high=3600.0, grid=Grid.LAG)
 
         def contribution(self, s: Stimulus) -> Array:
-            followed = late(np.asarray(s.covariates["vibration"])[:, None], self.tau, np.ones((3, 1)))
+            followed = late(np.asarray(s.covariates["vibration"])[:, None], self.tau, np.ones(3))
             return self.k * s.force * integrated(followed, s.time)
 
     @entered
