@@ -137,7 +137,7 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
     x = np.array([to_si(r["value"], r["unit"]) for r in rows], dtype=float)
     sense = {p.label: 1.0 if readout.angles == DRAWING else _sense(p) for p in chosen}
     sign = np.array([sense[p.label] for p in chosen])
-    unseen = (
+    unobservable = (
         {**u, "direction": {label: w * sense.get(label, 1.0) for label, w in u["direction"].items()}}
         for u in content["unobservable"]
     )
@@ -151,7 +151,7 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
         effects=with_values((), chosen, sign * x, gimbals),
         parameters=chosen,
         covariance=np.array(content["covariance"], dtype=float) * np.outer(sign, sign),
-        unobservable=tuple(unseen),
+        unobservable=tuple(unobservable),
         residual=Residual(content["residual"]["chi2"], content["residual"]["dof"], content["residual"]["rms"]),
         outcome=content["outcome"],
         provenance=content["provenance"],

@@ -66,7 +66,7 @@ class Observability:
 
     schedule: str
     solution: Solution
-    twins: tuple[Confounded, ...]
+    confounded: tuple[Confounded, ...]
     candidates: tuple[Candidate, ...]
     noise: dict[str, float]
 
@@ -81,7 +81,7 @@ class Observability:
         n, unobservable = len(self.solution.parameters), self.solution.unobservable
         lines = [f"{self.schedule} sees {n - len(unobservable)} of {amount(n, 'combination')} of parameters"]
         lines += [f"not seen: {u.why}" for u in unobservable]
-        lines += [f"twins: {t.one} and {t.other} (cosine {t.cosine:+.4f})" for t in self.twins]
+        lines += [f"confounded: {t.one} and {t.other} (cosine {t.cosine:+.4f})" for t in self.confounded]
         hidden = [c.effect for c in self.candidates if c.strength < SEEN]
         lines += [f"would not show at their usual size: {', '.join(hidden)}"] if hidden else []
         return "\n".join(lines)
@@ -101,7 +101,7 @@ class Observability:
             "noise": self.noise,
             "parameters": rows,
             "unobservable": [u.to_dict() for u in self.solution.unobservable],
-            "twins": [vars(t) for t in self.twins],
+            "twins": [vars(t) for t in self.confounded],
             "candidates": [vars(c) for c in self.candidates],
             "in_words": self.in_words,
         }

@@ -41,7 +41,7 @@ def calibration_report(
         "rows": rows(content, truth),
         "with_truth": truth is not None,
         "nominal": nominal_in_words(content),
-        **_unseen(content),
+        **_unobservable(content),
         "leading": leading,
         "pictures": others,
         "recordings": [_measured(r) for r in recordings],
@@ -55,10 +55,10 @@ def calibration_report(
 
 def _facts(content: Mapping[str, Any], recordings: Sequence[Recording]) -> list[tuple[str, str]]:
     """The four numbers of the first screen."""
-    total, unseen = len(content["parameters"]), len(wording.unseen_of(content))
+    total, unobservable = len(content["parameters"]), len(wording.unobservable_of(content))
     residual = content["residual"]
     ratio, p, _ = wording.fit(residual["chi2"], residual["dof"])
-    facts = [(f"{total - unseen} of {total}", "parameter directions seen")]
+    facts = [(f"{total - unobservable} of {total}", "parameter directions seen")]
     force = [rms for channel, rms in residual["rms"].items() if channel.startswith("specific_force")]
     if force and wording.scaled_to_residual(content):
         rms = float(from_si(np.sqrt(np.mean(np.square(force))), "ug"))
@@ -78,16 +78,16 @@ def _minute(provenance: Mapping[str, Any]) -> str:
     return str(provenance.get("created", ""))[:16].replace("T", " ")
 
 
-def _unseen(content: Mapping[str, Any]) -> dict[str, Any]:
+def _unobservable(content: Mapping[str, Any]) -> dict[str, Any]:
     """What the data do not see among the unknowns, what was held instead of estimated, what missing data cost."""
-    unseen = wording.unseen_of(content)
+    unobservable = wording.unobservable_of(content)
     told = [
         {"direction": wording.direction_in_words(u["direction"]), "why": wording.why_in_words(u)}
         for u in content["unobservable"]
     ]
-    seen_as = [u in unseen for u in content["unobservable"]]
+    seen_as = [u in unobservable for u in content["unobservable"]]
     return {
-        "unseen": [u for u, missing in zip(told, seen_as, strict=True) if missing],
+        "unobservable": [u for u, missing in zip(told, seen_as, strict=True) if missing],
         "held": [u for u, missing in zip(told, seen_as, strict=True) if not missing],
         "lost": content["provenance"].get("lost", ""),
     }

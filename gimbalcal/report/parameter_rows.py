@@ -17,16 +17,16 @@ Row = Mapping[str, Any]
 
 def rows(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> list[dict[str, Any]]:
     """The rows of the calibration table; `group` opens a line, `below` opens those that the data do not tell alone."""
-    in_unseen = {label for u in wording.unseen_of(content) for label in wording.leading(u["direction"])}
-    told = [p for p in content["parameters"] if label_of(p) not in in_unseen]
-    rest = [p for p in content["parameters"] if label_of(p) in in_unseen]
+    in_unobservable = {label for u in wording.unobservable_of(content) for label in wording.leading(u["direction"])}
+    told = [p for p in content["parameters"] if label_of(p) not in in_unobservable]
+    rest = [p for p in content["parameters"] if label_of(p) in in_unobservable]
     nominal = from_content(content).accelerometers
     out: list[dict[str, Any]] = []
     for part in (told, rest):
         for i, p in enumerate(part):
             new = not i or p["name"] != part[i - 1]["name"]
             out.append(
-                {**_row(p, nominal, truth), "first": new, "unseen": part is rest, "below": part is rest and not i}
+                {**_row(p, nominal, truth), "first": new, "unobservable": part is rest, "below": part is rest and not i}
             )
     return out
 

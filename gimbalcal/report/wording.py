@@ -99,7 +99,7 @@ def fit(chi2: float, dof: int) -> tuple[float, float, Verdict]:
     return ratio, p, "fits"
 
 
-def unseen_of(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+def unobservable_of(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Directions among the estimated parameters that the data do not see.
 
     The other entries of `unobservable` speak of parameters that were held, by convention or for want of data.
@@ -133,12 +133,12 @@ def answer(content: Mapping[str, Any]) -> str:
     """One or two sentences that answer "did it work?", from the content of calibration.json."""
     if content["outcome"]:
         return typeset(content["outcome"][:1].upper() + content["outcome"][1:].rstrip(".") + ".")
-    total, unseen = len(content["parameters"]), unseen_of(content)
-    if not unseen:
+    total, unobservable = len(content["parameters"]), unobservable_of(content)
+    if not unobservable:
         seen = f"All {counted(total, 'parameter')} are calibrated"
     else:
-        seen = f"All {counted(total - len(unseen), 'direction')} that the data can see are calibrated"
-    return f"{seen}; {_left(content)}.{_unseen(unseen)}"
+        seen = f"All {counted(total - len(unobservable), 'direction')} that the data can see are calibrated"
+    return f"{seen}; {_left(content)}.{_unobservable(unobservable)}"
 
 
 def _left(content: Mapping[str, Any]) -> str:
@@ -157,13 +157,13 @@ def _left(content: Mapping[str, Any]) -> str:
     return text
 
 
-def _unseen(unseen: Sequence[Mapping[str, Any]]) -> str:
-    if not unseen:
+def _unobservable(unobservable: Sequence[Mapping[str, Any]]) -> str:
+    if not unobservable:
         return ""
-    if len(unseen) > 3:
-        return f" {counted(len(unseen), 'direction').capitalize()} cannot be seen; they are listed below."
-    which = [listed([label_in_words(k) for k in leading(u["direction"])]) + " moving together" for u in unseen]
-    return f" {counted(len(unseen), 'direction').capitalize()} cannot be seen: {'; '.join(which)}."
+    if len(unobservable) > 3:
+        return f" {counted(len(unobservable), 'direction').capitalize()} cannot be seen; they are listed below."
+    which = [listed([label_in_words(k) for k in leading(u["direction"])]) + " moving together" for u in unobservable]
+    return f" {counted(len(unobservable), 'direction').capitalize()} cannot be seen: {'; '.join(which)}."
 
 
 def leading(direction: Mapping[str, float], least: float = 0.1) -> list[str]:
@@ -190,12 +190,12 @@ def direction_in_words(direction: Mapping[str, float]) -> str:
     return text.strip().removeprefix("+ ")
 
 
-def why_in_words(unseen: Mapping[str, Any]) -> str:
+def why_in_words(unobservable: Mapping[str, Any]) -> str:
     """The reason of an entry of `unobservable` with labels and effects as a person says them."""
     from gimbalcal.effects import CATALOGUE
 
-    text = str(unseen["why"])
-    for label in sorted(unseen["direction"], key=len, reverse=True):
+    text = str(unobservable["why"])
+    for label in sorted(unobservable["direction"], key=len, reverse=True):
         text = text.replace(label, label_in_words(label))
     known = "|".join(sorted(CATALOGUE, key=len, reverse=True))
     return typeset(re.sub(rf"(?<![.\w])({known})(?!\w)", lambda found: named(found[0]), text))

@@ -29,10 +29,10 @@ def calibration(platform: Platform, *zeros: float, **more: Any) -> Calibration:
     """Zeros [arcsec] of the first gimbals of a platform, correlated."""
     wanted = parameters(ZERO, platform.axis_names)[: len(zeros)]
     n = len(zeros)
-    unseen = {"direction": {"gimbal_zero:platform": 0.6, "base_tilt:down": 0.8}, "why": ""}
+    unobservable = {"direction": {"gimbal_zero:platform": 0.6, "base_tilt:down": 0.8}, "why": ""}
     return Calibration(
         more.pop("method", "test"), with_values((), wanted, np.array(zeros) * ARCSEC, platform.axis_names), wanted,
-        (np.eye(n) + 0.5) * ARCSEC**2, (unseen,),
+        (np.eye(n) + 0.5) * ARCSEC**2, (unobservable,),
         Residual(1.0, 2, {}), readout=more.pop("readout", Readout(gimbals=platform.axis_names)), **more,
     )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""What schedules see: bounds against simulation, null directions against theory, twins against constructed ones."""
+"""What schedules see: bounds against simulation, null directions against theory, confounded effects against constructed ones."""
 
 import json
 from dataclasses import replace
@@ -29,7 +29,7 @@ def directions(seen: Observability) -> list[dict[str, float]]:
 
 
 def pairs(seen: Observability) -> set[frozenset[str]]:
-    return {frozenset((t.one, t.other)) for t in seen.twins}
+    return {frozenset((t.one, t.other)) for t in seen.confounded}
 
 
 def test_predicted_sigmas_are_those_of_a_fit() -> None:
@@ -49,7 +49,7 @@ def test_eighteen_positions_see_all_but_the_turn_about_z() -> None:
     assert {k: sign * v for k, v in null.items()} == pytest.approx(
         {"misalignment:xz": 1, "misalignment:yz": 1, "gimbal_zero:platform": -1}, abs=1e-4
     )
-    assert seen.twins == ()
+    assert seen.confounded == ()
     assert "sees 17 of 18" in seen.in_words
 
 
@@ -108,7 +108,7 @@ def test_longer_runs_see_better_as_the_root_of_time() -> None:
     assert day.sigma[at] / four.sigma[at] == pytest.approx(2, rel=0.02)
 
 
-def test_twins_outside_the_calibration_are_named_and_others_are_not() -> None:
+def test_confounded_effects_outside_the_calibration_are_named_and_others_are_not() -> None:
     seen = observe("wu2018-18", candidates=["cubic_nonlinearity", "odd_quadratic", "cross_coupling"])
     # at 0, 0.71 and 1 g an odd square and a cube differ only by a scale factor
     assert pairs(seen) == {frozenset({"cubic_nonlinearity", "odd_quadratic"})}

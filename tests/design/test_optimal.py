@@ -88,7 +88,7 @@ def test_with_angles_the_platform_zero_stays_one_with_a_rotation_of_the_triad() 
     assert seen["against"][EIGHTEEN_POSITIONS.name]["sigma_ratio_equal_time"] < 1
 
 
-def test_separating_twins_makes_both_known_better() -> None:
+def test_separating_confounded_effects_makes_both_known_better() -> None:
     rig = free_rig(TABLE, np.pi / 12)
     pair = ("scale_nonlinearity", "scale_factor_asymmetry")
     terms = ("bias", "scale_factor", "misalignment", *pair)

@@ -55,7 +55,7 @@ def test_what_18_positions_cannot_see_is_the_platform_zero_against_the_triad_tur
     assert "leaves every reading of these data as it is" in found.unobservable[0].why
 
 
-def test_an_unseen_direction_keeps_the_prior_and_says_so() -> None:
+def test_an_unobservable_direction_keeps_the_prior_and_says_so() -> None:
     J = np.zeros((10, 6))
     J[:, 0] = 1 / SIGMAS[0] * 100
     J[:, 1] = J[:, 2] = 1 / SIGMAS[1] * 100

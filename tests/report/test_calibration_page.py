@@ -227,9 +227,9 @@ def test_what_counts_mean_is_what_the_calibration_makes_of_them() -> None:
 def test_what_the_data_do_not_tell_alone_stands_below(page: str) -> None:
     content, _, _ = example()
     table = rows(content, None)
-    below = [row["unseen"] for row in table]
+    below = [row["unobservable"] for row in table]
     assert below == sorted(below)
-    assert [row["words"] for row in table if row["unseen"]] == [
+    assert [row["words"] for row in table if row["unobservable"]] == [
         "misalignment xz",
         "misalignment yz",
         "gimbal zero platform",

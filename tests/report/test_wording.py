@@ -10,18 +10,18 @@ from gimbalcal.report.wording import (
     leading,
     listed,
     unit_in_print,
-    unseen_of,
+    unobservable_of,
     verdict,
     why_in_words,
 )
 
 
-def content(chi2: float = 38.0, dof: int = 37, outcome: str = "", unseen: int = 0) -> dict[str, Any]:
+def content(chi2: float = 38.0, dof: int = 37, outcome: str = "", unobservable: int = 0) -> dict[str, Any]:
     direction = {"misalignment:xz": 1.0, "gimbal_zero:platform": -1.0}
     return {
         "outcome": outcome,
         "parameters": [{"name": "misalignment", "axis": "xz"}, {"name": "gimbal_zero", "axis": "platform"}] * 9,
-        "unobservable": [{"direction": direction, "why": "a common turn"}] * unseen,
+        "unobservable": [{"direction": direction, "why": "a common turn"}] * unobservable,
         "residual": {"chi2": chi2, "dof": dof},
         "provenance": {},
     }
@@ -33,11 +33,11 @@ def test_a_good_calibration_in_one_sentence() -> None:
 
 
 def test_what_cannot_be_seen_is_named() -> None:
-    assert answer(content(unseen=1)) == (
+    assert answer(content(unobservable=1)) == (
         "All 17 directions that the data can see are calibrated; what is left is 1.01 times the stated noise. One "
         "direction cannot be seen: misalignment xz and gimbal zero platform moving together."
     )
-    assert "Four directions cannot be seen; they are listed below." in answer(content(unseen=4))
+    assert "Four directions cannot be seen; they are listed below." in answer(content(unobservable=4))
 
 
 def test_a_misfit_says_so() -> None:
@@ -94,10 +94,10 @@ def test_words_and_units() -> None:
     assert unit_in_print("deg/sqrt(h)") == "°/√h"
 
 
-def test_what_was_held_is_not_counted_as_unseen() -> None:
+def test_what_was_held_is_not_counted_as_unobservable() -> None:
     held = content()
     held["unobservable"] = [{"direction": {"misalignment:xz": 1.0, "K3:x": 1.0}, "why": "declined"}]
-    assert unseen_of(held) == []
+    assert unobservable_of(held) == []
     assert answer(held).startswith("All 18 parameters are calibrated")
 
 
@@ -110,8 +110,8 @@ def test_noise_from_the_residual_proves_nothing(provenance: dict[str, Any]) -> N
 
 
 def test_reasons_say_labels_in_words() -> None:
-    unseen = {"direction": {"bias:x": 1.0, "misalignment:xy": 0.3}, "why": "+1 bias:x +0.3 misalignment:xy leave it"}
-    assert why_in_words(unseen) == "+1 bias x +0.3 misalignment xy leave it"
+    unobservable = {"direction": {"bias:x": 1.0, "misalignment:xy": 0.3}, "why": "+1 bias:x +0.3 misalignment:xy leave it"}
+    assert why_in_words(unobservable) == "+1 bias x +0.3 misalignment xy leave it"
 
 
 def test_reasons_say_effects_and_micro_g_in_words() -> None:

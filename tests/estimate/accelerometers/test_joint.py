@@ -47,12 +47,12 @@ def test_covariance_holds_over_many_truths(setting: float) -> None:
 def test_the_turn_about_z_is_named_and_held_at_the_least_prior_norm() -> None:
     truth, recording = recorded(3)
     c = joint(trusted_positions(recording))
-    (unseen,) = c.unobservable
-    assert unseen["direction"] == pytest.approx(
+    (unobservable,) = c.unobservable
+    assert unobservable["direction"] == pytest.approx(
         {"misalignment:xz": 1.0, "misalignment:yz": 1.0, "gimbal_zero:platform": -1.0}, abs=1e-4
     )
     null = np.zeros(18)
-    for label, weight in unseen["direction"].items():
+    for label, weight in unobservable["direction"].items():
         null[LABELS.index(label)] = weight
     # all three have the same prior, so the least norm is the plain one; rounding the name costs 1e-4 of 120 arcsec
     assert abs(null @ c.values) < 1e-4 * 120 * ARCSEC

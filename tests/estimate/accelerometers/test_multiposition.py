@@ -82,7 +82,7 @@ def test_six_faces_cannot_see_misalignment_and_say_so() -> None:
     assert {"misalignment:yz", "misalignment:zy", "misalignment:zx"} <= named
 
 
-def test_rotations_of_the_triad_are_named_as_unseen() -> None:
+def test_rotations_of_the_triad_are_named_as_unobservable() -> None:
     made = multiposition(rested(TRUTH, scattered(20)), LINEAR)
     whys = [u["why"] for u in made.unobservable]
     assert sum("changes no norm" in w for w in whys) == 3

@@ -36,10 +36,10 @@ def test_parameters_without_noise_come_back_in_every_seen_direction() -> None:
     assert found.outcome == ""
     # what is left is of second order in the error of the first solution: far below the noise it was weighted with
     assert found.residual.chi2 < 1e-2
-    assert found.residual.rms["specific_force:x"] < 1e-7  # unseen parts of 3e-4 rad times turns of 1e-4
+    assert found.residual.rms["specific_force:x"] < 1e-7  # unobservable parts of 3e-4 rad times turns of 1e-4
     x = values(truth, found.parameters)
     difference = matrix(LATITUDE, G, found.parameters) @ (found.values - x)
-    assert np.abs(difference).max() < 1e-7  # second-order terms of unseen parts again
+    assert np.abs(difference).max() < 1e-7  # second-order terms of unobservable parts again
 
 
 def test_rank_is_fourteen_of_twentytwo_and_the_rest_is_named() -> None:
