@@ -110,8 +110,8 @@ def test_noise_from_the_residual_proves_nothing(provenance: dict[str, Any]) -> N
 
 
 def test_reasons_say_labels_in_words() -> None:
-    unobservable = {"direction": {"bias:x": 1.0, "misalignment:xy": 0.3}, "why": "+1 bias:x +0.3 misalignment:xy leave it"}
-    assert why_in_words(unobservable) == "+1 bias x +0.3 misalignment xy leave it"
+    told = {"direction": {"bias:x": 1.0, "misalignment:xy": 0.3}, "why": "+1 bias:x +0.3 misalignment:xy leave it"}
+    assert why_in_words(told) == "+1 bias x +0.3 misalignment xy leave it"
 
 
 def test_reasons_say_effects_and_micro_g_in_words() -> None:
