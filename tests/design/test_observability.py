@@ -1,4 +1,4 @@
-"""What schedules see: bounds against simulation, null directions against theory, what is confounded against made cases."""
+"""What schedules see: bounds against simulation, null directions against theory, the confounded against made cases."""
 
 import json
 from dataclasses import replace
