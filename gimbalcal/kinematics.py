@@ -174,6 +174,7 @@ def _last_move(x: Array, starts: Sequence[int], visit: Array, lag: int) -> Array
 
 
 def required_latitude(latitude: float | None) -> float:
+    """The latitude [rad] of the site. Raises InputError where the recording does not give it."""
     if latitude is None:
         raise InputError("a static run needs `latitude` in [site] of recording.toml: the Earth turns below it")
     return latitude

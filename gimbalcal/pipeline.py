@@ -32,7 +32,7 @@ STATIC_BLOCK = 60.0  # s; a static run is read as minute means: no effect of the
 
 
 def silent(_: str) -> None:
-    """Tell nobody."""
+    """Progress that nobody is told."""
 
 
 def load(folders: Sequence[str | Path], tell: Tell = silent) -> tuple[Recording, ...]:

@@ -120,7 +120,7 @@ NULL_TILTED: dict[str, dict[Any, Any]] = {
 MEANS = ("dtheta_mean", "dphi_mean")
 
 
-def unseen(directions: dict[str, dict[Any, Any]], names: list[str]) -> bool:
+def unobservable(directions: dict[str, dict[Any, Any]], names: list[str]) -> bool:
     """Whether every direction leaves all the named coefficients unchanged, symbolically."""
     jacobian = sp.Matrix([coefficients()[n] for n in names]).jacobian(RESIDUALS)
     vectors = [sp.Matrix([d.get(r, 0) for r in RESIDUALS]) for d in directions.values()]
@@ -174,7 +174,7 @@ def _why_41(printed: Printed, _: Case) -> str:
     rank = rank_at_a_latitude(formula)
     bias, angle = damage()
     r, null, tilted = ranks(), "; ".join(NULL_LEVEL), "; ".join(NULL_TILTED)
-    confirmed = unseen(NULL_LEVEL, list(coefficients())) and unseen(
+    confirmed = unobservable(NULL_LEVEL, list(coefficients())) and unobservable(
         NULL_LEVEL | NULL_TILTED, [n for n in coefficients() if n not in MEANS]
     )
     rows = f"The rows of {', '.join(wrong)} are wrong: they lack the betas of (22), (23). " if wrong else ""
@@ -182,7 +182,7 @@ def _why_41(printed: Printed, _: Case) -> str:
         f"{rows}Printed rank {rank}; derived rank {{rank}} of 6: only nabla_x/g - beta_xy sin L, "
         "nabla_y/g + beta_yx sin L, beta_zy, beta_zx are determined. Inverting the printed matrix on error-free data "
         f"of Tables 2 and 3 is wrong by {bias:.0f} ug and {angle:.0f} arcsec. All 15 coefficients have rank {r['all']} "
-        f"of 12 on a level base, {r['tilted']} without the attitude means; unseen "
+        f"of 12 on a level base, {r['tilted']} without the attitude means; unobservable "
         f"({'proved' if confirmed else 'NOT proved'}): {null}; and without the means also {tilted}."
     )
 

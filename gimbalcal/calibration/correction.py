@@ -36,7 +36,7 @@ ROUNDS = 6  # each multiplies what is left by a product of two errors, below 1e-
 
 
 class Calibrated(Protocol):
-    """What is asked of a calibration here: its effects, and how the unit is read."""
+    """What `correct` and `corrupt` need of a calibration: its effects, and how the unit is read."""
 
     @property
     def effects(self) -> tuple[Effect, ...]:

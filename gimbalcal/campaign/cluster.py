@@ -22,7 +22,10 @@ def connect(address: str, timeout: float = 10.0) -> Any:
 
 
 def cluster(task: Task, shares: Sequence[range], client: Any) -> Iterator[tuple[range, dict[str, list[Any]]]]:
-    """As they come, from the client's workers; the scheduler does the shares of a lost worker again."""
+    """Results of the shares, in the order in which the client's workers finish them.
+
+    The scheduler does the shares of a lost worker again.
+    """
     from distributed import as_completed
 
     with client:

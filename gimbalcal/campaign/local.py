@@ -17,7 +17,7 @@ DEATHS = 3  # workers that a share may take with it before it is the share's fau
 
 
 def here(task: Task, shares: Sequence[range]) -> Iterator[tuple[range, dict[str, list[Any]]]]:
-    """One after the other in this process."""
+    """Results of the shares, computed one after the other in this process."""
     for share in shares:
         yield share, compute(task, share)
 
@@ -25,7 +25,10 @@ def here(task: Task, shares: Sequence[range]) -> Iterator[tuple[range, dict[str,
 def processes(
     task: Task, shares: Sequence[range], workers: int, work: Work = compute
 ) -> Iterator[tuple[range, dict[str, list[Any]]]]:
-    """As they come, from `workers` processes; raises InputError when one share keeps ending its worker."""
+    """Results of the shares, in the order in which `workers` processes finish them.
+
+    Raises InputError when one share keeps ending its worker.
+    """
     left = list(shares)
     while left:
         try:

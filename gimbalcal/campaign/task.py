@@ -33,7 +33,7 @@ class Task:
 
     @property
     def direction(self) -> str:
-        """Which way the coefficients go that this campaign estimates."""
+        """Whether the estimated coefficients turn readings (here pulses) into physics, or physics into readings."""
         return "pulses to physics" if self.kind in PULSES else "physics to readings"
 
     @property

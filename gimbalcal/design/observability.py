@@ -44,7 +44,7 @@ STATIC_ROWS = 289  # 10 min apart over 48 h: thinning, with the weight kept, lea
 
 @dataclass(frozen=True)
 class Confounded:
-    """Two that this schedule cannot tell apart, and the cosine between what is left of their signals."""
+    """Two parameters or effects that this schedule cannot tell apart; cosine of their signals, all else fitted."""
 
     one: str
     other: str
@@ -52,7 +52,7 @@ class Confounded:
 
 
 @dataclass(frozen=True)
-class Candidate:
+class NotCalibrated:
     """An effect outside the calibration: its signal-to-noise ratio at prior size, and the share that is absorbed."""
 
     effect: str
@@ -67,7 +67,7 @@ class Observability:
     schedule: str
     solution: Solution
     confounded: tuple[Confounded, ...]
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[NotCalibrated, ...]
     noise: dict[str, float]
 
     @property
@@ -234,9 +234,9 @@ def _basis(rows: Array) -> Array:
     return np.asarray(U[:, S >= SEEN])
 
 
-def _candidate(effect: str, left: Array, signal: Array) -> Candidate:
+def _candidate(effect: str, left: Array, signal: Array) -> NotCalibrated:
     whole, rest = float(np.linalg.norm(signal)), float(np.linalg.norm(left))
-    return Candidate(effect, rest, 1 - rest / whole if whole > 0 else 0.0)
+    return NotCalibrated(effect, rest, 1 - rest / whole if whole > 0 else 0.0)
 
 
 def _confounded_parameters(rows: Array, solution: Solution) -> list[Confounded]:

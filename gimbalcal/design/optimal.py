@@ -157,7 +157,7 @@ def held(settings: Array, rig: Rig) -> Recording:
 
 
 def distinct(settings: Array, rig: Rig, wanted: Sequence[Parameter]) -> tuple[Array, Array]:
-    """Settings (c, k) that differ in what they say, and their whitened, prior-scaled rows (c, 3, p)."""
+    """Settings (c, k), one of those that give the same information, and their whitened, prior-scaled rows (c, 3, p)."""
     rows = whitened_rows(settings, rig, wanted)
     F = np.einsum("cip,ciq->cpq", rows, rows).reshape(len(rows), -1)
     size = np.abs(F).max() or 1.0

@@ -24,7 +24,7 @@ from gimbalcal.diagnose.answer import VERDICTS, Diagnosis
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
 from gimbalcal.diagnose.rows.baseline import by_triad
 from gimbalcal.diagnose.rows.observations import absent_effect
-from gimbalcal.diagnose.rows.turns import FEWEST, turned_rates
+from gimbalcal.diagnose.rows.turns import FEWEST, view_of_turns
 from gimbalcal.diagnose.rows.views import FORCE, RATE, SENSORS, View, rest_rates
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.diagnose.search.stepwise import course, start
@@ -41,7 +41,7 @@ from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording, dwell_means
 
-RESTS = 6  # fewer do not tell a pattern of the pose from chance
+RESTS = 6  # fewer do not tell a pattern of the attitude from chance
 
 
 def has_gyroscopes(recording: Recording) -> bool:
@@ -119,7 +119,7 @@ def _views(
         )
         made = Calibration("gimbals", (), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
     made = made or multiposition(recording, LINEAR)
-    turning = turned_rates(without_earth(recording), made) if explained and not gyro else None
+    turning = view_of_turns(without_earth(recording), made) if explained and not gyro else None
     linear = start(turning).effects if turning else ()
     still = rest_rates(without_earth(recording, linear), gyro, made)
     if still is None:

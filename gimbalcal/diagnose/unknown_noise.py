@@ -19,7 +19,7 @@ from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import VERDICTS, Curves, Diagnosis
 from gimbalcal.diagnose.evidence.free_scale import RANK
 from gimbalcal.diagnose.rows.baseline import by_triad
-from gimbalcal.diagnose.rows.turns import turned_rates
+from gimbalcal.diagnose.rows.turns import view_of_turns
 from gimbalcal.diagnose.rows.views import FORCE, RATE, View, norm, pointing, rest_rates, table
 from gimbalcal.diagnose.search.alternatives import Judgement, judged
 from gimbalcal.diagnose.search.stepwise import Course, Model, course, refined, weighted
@@ -70,14 +70,14 @@ def views(
             tell("the gyroscopes count and no turn says how much a count is: they are left out")
         else:
             out.append(at_rest)
-            moving = turned_rates(recording, calibration)
+            moving = view_of_turns(recording, calibration)
             out += [moving] if moving is not None and not gyro else []
     return tuple(out)
 
 
 @dataclass(frozen=True)
 class Told:
-    """One view told: verdict, mismatch, findings, shapes, fit, and misfits in sigma before and after (n, C)."""
+    """The report of one view: verdict, mismatch, findings, shapes, fit, misfits in sigma before and after (n, C)."""
 
     view: View
     verdict: str
@@ -90,7 +90,7 @@ class Told:
 
 
 def told_of(v: View, c: Course, tell: Tell) -> Told:
-    """What a course through a view says."""
+    """What a finished search through a view has found, as it is reported."""
     tell("asking of each cause what else could stand in its place")
     verdicts = [judged(v, c.end, s.taken[0]) for s in c.steps]
     if v.finer is not None:
@@ -208,7 +208,7 @@ def _outside(when: str, v: View, m: Model, sigma: Array) -> dict[str, float]:
 
 
 def heldout(v: View, m: Model, sigma: Array) -> Array:
-    """What a fit without them says of rows left out (n, C) in sigma: one each, or ten seconds of a table."""
+    """Misfit (n, C) in sigma of each row, or of each ten seconds of a table, to a fit made without it."""
     n, C = m.r.shape
     Q = _basis(m.J / sigma[..., None]).reshape(n, C, -1)
     r = m.r / sigma

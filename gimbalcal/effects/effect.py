@@ -67,11 +67,6 @@ class Grid(Enum):
         """Whether an effect with such a constant happens in one recording, and says nothing of another."""
         return self in (Grid.EPOCH, Grid.POSITION)
 
-    @property
-    def jumps(self) -> bool:
-        """Whether the output jumps with the constant, so that it is scanned and not differentiated."""
-        return self.counts or self.once
-
 
 @dataclass(frozen=True)
 class Stimulus:

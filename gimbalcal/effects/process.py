@@ -223,17 +223,6 @@ class SettingError(Process):
         return np.array([self.sigma**2])
 
 
-PROCESSES: dict[str, type[Process]] = {
-    "white_noise": WhiteNoise,
-    "quantisation": Quantisation,
-    "bias_random_walk": RandomWalk,
-    "gyro_random_walk": RandomWalk,
-    "gauss_markov": GaussMarkov,
-    "flicker": Flicker,
-    "setting_error": SettingError,
-}
-
-
 def sample(
     process: Process, rng: np.random.Generator, time: Array, visit: Array | None = None, state: Array | None = None
 ) -> tuple[Array, Array]:

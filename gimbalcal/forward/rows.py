@@ -19,7 +19,7 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, values, with_values
 from gimbalcal.forward.model import predict
-from gimbalcal.number import STEP, Array
+from gimbalcal.number import STEP, Array, complex_step
 from gimbalcal.platform import Platform
 
 Key = tuple[str, str]
@@ -86,20 +86,20 @@ class Rows:
         for unit in np.eye(len(wanted)):
             (probe,) = with_values([effect], wanted, x0 + 1j * STEP * unit, names)
             out.append(self.through(effect.stage, np.asarray(probe.contribution(s)).imag / STEP))
-        return self._mapped(out)
+        return self._mapped(np.stack(out, axis=-1))
 
     def _through_all(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
         """The same through the whole model, whatever the rows have to do with each other."""
         effects = (*(e for e in self.effects if e.id != effect.id), effect)
-        x0, names, out = values([effect], wanted), self.stimulus.axis_names, []
-        for unit in np.eye(len(wanted)):
-            nudged = with_values(effects, wanted, x0 + 1j * STEP * unit, names)
-            outputs = predict(self.platform, self.stimulus, nudged, self.kind)
-            out.append(_picked(self.platform, outputs, self.channels).imag / STEP / self.sigma)
-        return self._mapped(out)
 
-    def _mapped(self, columns: Sequence[Array]) -> Array:
-        X = np.stack(columns, axis=-1)
+        def read(x: Array) -> Array:
+            nudged = with_values(effects, wanted, x, self.stimulus.axis_names)
+            return picked(self.platform, predict(self.platform, self.stimulus, nudged, self.kind), self.channels)
+
+        X = complex_step(read, values([effect], wanted))
+        return self._mapped(X / np.asarray(self.sigma)[..., None])
+
+    def _mapped(self, X: Array) -> Array:
         return X if self.reduction is None else self.reduction(X)
 
     def jacobian(self, wanted: Sequence[Parameter]) -> Array:
@@ -130,7 +130,7 @@ def linearise(
     """
     outputs = predict(platform, s, effects, kind)
     keys = tuple(channels) if channels is not None else _every(platform, outputs)
-    predicted = _picked(platform, outputs, keys)
+    predicted = picked(platform, outputs, keys)
     seen: dict[Stage, Stimulus] = {}
     sensitivity: dict[Stage, Array] = {}
     for stage in stages:
@@ -140,7 +140,7 @@ def linearise(
         shape = _added(stage, platform)
         for unit in np.eye(int(np.prod(shape))):
             probe = _PROBES[stage](value=(1j * STEP * unit).reshape(shape), met=seen)
-            added = _picked(platform, predict(platform, s, (*effects, probe), kind), keys)
+            added = picked(platform, predict(platform, s, (*effects, probe), kind), keys)
             columns.append(added.imag / STEP)
             if stage not in seen:
                 break
@@ -185,7 +185,7 @@ def difference(read: Array, predicted: Array, channels: Sequence[Key]) -> Array:
     return np.asarray(np.where(angle, (d + np.pi) % (2 * np.pi) - np.pi, d))
 
 
-def _picked(platform: Platform, outputs: Mapping[str, Array], channels: Sequence[Key]) -> Array:
+def picked(platform: Platform, outputs: Mapping[str, Array], channels: Sequence[Key]) -> Array:
     """The wanted channels (n, C) of what `predict` returns."""
     return np.stack([outputs[q][:, AXES.get(q, platform.axis_names).index(a)] for q, a in channels], axis=1)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.table import COMMON, component, header_for, one_file, only, plain, recording_of
+from gimbalcal.importers.table import COMMON, component, header_for, one_file, only, recording_of, without_index
 from gimbalcal.number import Array
 from gimbalcal.recording.record import Recording
 
@@ -27,11 +27,11 @@ def import_hdf5(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     with file:
 
         def fetch(name: str) -> Array:
-            found = file.get(plain(name).replace(".", "/"))
+            found = file.get(without_index(name).replace(".", "/"))
             if not isinstance(found, h5py.Dataset):
                 names: list[str] = []
                 file.visititems(lambda each, item: names.append(each) if isinstance(item, h5py.Dataset) else None)
-                raise InputError(f"{path} has no data set {plain(name)!r}; it has {', '.join(names)}")
+                raise InputError(f"{path} has no data set {without_index(name)!r}; it has {', '.join(names)}")
             return component(name, np.asarray(found[()]), path)
 
         return recording_of(header, options, fetch)

@@ -10,7 +10,7 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.importers.hdf5 import import_hdf5
-from gimbalcal.importers.table import COMMON, component, header_for, one_file, only, plain, recording_of
+from gimbalcal.importers.table import COMMON, component, header_for, one_file, only, recording_of, without_index
 from gimbalcal.number import Array
 from gimbalcal.recording.record import Recording
 
@@ -38,11 +38,11 @@ def import_matlab(files: Sequence[Path], options: Mapping[str, str]) -> Recordin
 
     def fetch(name: str) -> Array:
         found: Any = variables
-        for part in plain(name).split("."):
+        for part in without_index(name).split("."):
             found = found.get(part) if isinstance(found, dict) else getattr(found, part, None)
         if found is None:
             names = ", ".join(key for key in variables if not key.startswith("__"))
-            raise InputError(f"{path} has no variable {plain(name)!r}; it has {names}")
+            raise InputError(f"{path} has no variable {without_index(name)!r}; it has {names}")
         return component(name, np.asarray(found), path)
 
     return recording_of(header, options, fetch)

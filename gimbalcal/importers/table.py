@@ -87,11 +87,11 @@ def component(name: str, value: Array, path: Path) -> Array:
         if int(index[1]) < rows.shape[1]:
             return np.asarray(rows[:, int(index[1])])
     raise InputError(
-        f"{path}: {name} does not name one column of an array of shape {value.shape}; write {plain(name)}[0], "
-        f"{plain(name)}[1], ... for the columns of a matrix, and no index for a vector"
+        f"{path}: {name} does not name one column of an array of shape {value.shape}; write {without_index(name)}[0], "
+        f"{without_index(name)}[1], ... for the columns of a matrix, and no index for a vector"
     )
 
 
-def plain(name: str) -> str:
+def without_index(name: str) -> str:
     """`name` without its index."""
     return re.sub(r"\[\d+\]$", "", name)

@@ -58,7 +58,6 @@ class Solution:
     x: Array
     covariance: Array
     unobservable: tuple[Unobservable, ...]
-    singular_values: Array
     chi2: float
     dof: int
 
@@ -93,7 +92,7 @@ def solve(info: Information, seen: float = SEEN) -> Solution:
     residual = float(np.sum((z - R @ x) ** 2))
     unobservable = name_directions(Vt[~keep].T, info.parameters, R)
     return Solution(
-        info.parameters, x * scale, covariance * np.outer(scale, scale), unobservable, S, residual,
+        info.parameters, x * scale, covariance * np.outer(scale, scale), unobservable, residual,
         info.count - int(keep.sum()),
     )  # fmt: skip
 

@@ -55,7 +55,7 @@ class NavigationError:
 
 
 def misread(true: Pulses, used: Pulses, v: Array) -> Array:
-    """Computed minus true (n, 3) when a triad is `true` and is corrected as `used`, for force or rate v (n, 3)."""
+    """Error (n, 3) of a force or rate v (n, 3) that the triad `true` reads in pulses and the model `used` converts."""
     return np.asarray(used.physical(true.counts(v)) - v)
 
 

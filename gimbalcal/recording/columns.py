@@ -50,10 +50,10 @@ def columns_of(document: Document, platform: Platform) -> tuple[Column, ...]:
     columns: list[Column] = []
     for name, entry in table.items():
         column = _column(document, name, entry, platform, len([c for c in columns if c.quantity == "temperature"]))
-        twin = next((c for c in columns if c.key == column.key), None)
-        if twin:
+        other = next((c for c in columns if c.key == column.key), None)
+        if other:
             raise InputError(
-                f"{document.where('columns', name)}: columns {twin.name!r} and {name!r} are both "
+                f"{document.where('columns', name)}: columns {other.name!r} and {name!r} are both "
                 f"{' '.join(column.key).strip()}; keep one, or log the other as a covariate"
             )
         columns.append(column)

@@ -17,7 +17,7 @@ from gimbalcal.recording.columns import UNITLESS, Column
 from gimbalcal.recording.detection import detect
 from gimbalcal.recording.header import Header, read_header
 from gimbalcal.recording.record import ANGLES, Recording, Source
-from gimbalcal.recording.rows import Blocks, Rows
+from gimbalcal.recording.rows import AllRows, Blocks
 from gimbalcal.recording.samples import Batch, batches, column
 from gimbalcal.recording.scatter import Scatter
 from gimbalcal.recording.screening import Screen
@@ -97,7 +97,7 @@ def _gather(
     """Every row past the screen and into what is kept of it."""
     weight = next((c.name for c in columns if c.quantity == "weight"), None)
     position = next((c.name for c in columns if c.quantity == "position"), None)
-    kept: Rows | Blocks = Rows()
+    kept: AllRows | Blocks = AllRows()
     turns = {c.name: from_si(2 * pi, c.unit) for c in columns if c.quantity in ANGLES}
     if average_s is not None:
         kept = Blocks(from_si(average_s, screen.clock.unit), screen.clock.name, weight, turns)

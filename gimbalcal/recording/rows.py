@@ -1,4 +1,4 @@
-"""What is kept of the stream: every row, or the mean of each block of time."""
+"""What reading keeps of the streamed rows: all of them, or the mean of each block of time."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from gimbalcal.number import Array
 
 
-class Rows:
-    """Every row."""
+class AllRows:
+    """Keeps every row of the stream."""
 
     def __init__(self) -> None:
         self.parts: list[Mapping[str, Array]] = []
 
     def add(self, batch: Mapping[str, Array], begins: Array) -> None:
-        """Take in a batch; `begins` is of no use here."""
+        """Take in a batch; `begins` is not needed here."""
         del begins
         self.parts.append(batch)
 

@@ -228,5 +228,5 @@ def _provenance(content: Mapping[str, Any], recordings: Sequence[Recording]) -> 
     given = {k: v for k, v in content["provenance"].items() if k not in ("recordings", "lost")}
     sources = content["provenance"].get("recordings") or [file for r in recordings for file in r.files]
     pairs = [("method", content["method"])]
-    pairs += [(str(key).replace("_", " "), text) for key, value in given.items() if (text := wording.plain(value))]
+    pairs += [(str(key).replace("_", " "), text) for key, value in given.items() if (text := wording.as_text(value))]
     return {"provenance": pairs, "sources": sources}

@@ -43,7 +43,7 @@ def diagnosis_report(content: Mapping[str, Any], panels: Sequence[Panel] = (), t
         "provenance": [
             (str(k).replace("_", " "), text)
             for k, v in content["provenance"].items()
-            if k != "recordings" and (text := wording.plain(v))
+            if k != "recordings" and (text := wording.as_text(v))
         ],
         "sources": content["provenance"].get("recordings", []),
         "citations": cite(*keys),
@@ -169,7 +169,7 @@ def _mismatch(m: Mapping[str, Any]) -> dict[str, str]:
     axis = str(m.get("axis", "") or "")
     return {
         "channel": f"{m['channel'].replace('_', ' ')} {axis}".strip(),
-        "where": wording.plain(m.get("where")),
+        "where": wording.as_text(m.get("where")),
         "statistic": significant(float(m["statistic"]), 3) if "statistic" in m else "",
         "p": "" if p is None else _chance(float(p)),
         "in_words": wording.typeset(str(m.get("in_words", ""))),

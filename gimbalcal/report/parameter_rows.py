@@ -32,7 +32,7 @@ def rows(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> list[
 
 
 def _row(p: Row, nominal: Counts | None, truth: Mapping[str, float] | None) -> dict[str, Any]:
-    value, sigma, unit = stated(p, p["value"], p["sigma"], nominal)
+    value, sigma, unit = as_printed(p, p["value"], p["sigma"], nominal)
     moved = p["value"] / p["prior_sigma"] if p["prior_sigma"] else 0.0
     error = ""
     if truth is not None and label_of(p) in truth and p["sigma"] > 0:
@@ -55,7 +55,7 @@ def _sigmas(x: float, places: int) -> str:
     return minus(text if text.strip("+-0.") else text[1:]) + " σ"
 
 
-def stated(p: Row, value: float, sigma: float, nominal: Counts | None) -> tuple[str, str, str]:
+def as_printed(p: Row, value: float, sigma: float, nominal: Counts | None) -> tuple[str, str, str]:
     """Value, sigma and unit of a parameter as printed, from its value and sigma in its own unit.
 
     Where readings are counts N of nominal scale k and offset N_0, the model reads k (N - N_0) = f / (1 + s) + b, so

@@ -12,7 +12,7 @@ from gimbalcal.calibration.readout import from_content
 from gimbalcal.effects import CATALOGUE, Stage
 from gimbalcal.report import wording
 from gimbalcal.report.html import Picture, picture
-from gimbalcal.report.parameter_rows import stated
+from gimbalcal.report.parameter_rows import as_printed
 from gimbalcal.report.rounding import last_place, minus, pdg, significant
 from gimbalcal.report.wording import label_of
 from gimbalcal.units import from_si
@@ -92,7 +92,7 @@ def _stage_row(
     for s in stages:
         if label in s["values"]:
             own, spread = (float(from_si(s[key][label], unit)) for key in ("values", "sigmas"))
-            value, sigma, printed = stated(p, own, spread, nominal)
+            value, sigma, printed = as_printed(p, own, spread, nominal)
             cells.append(f"{value} ± {sigma}")
         else:
             cells.append("–")

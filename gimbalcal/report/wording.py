@@ -211,10 +211,10 @@ def typeset(text: str) -> str:
     return re.sub(r"\bug\b", "µg", text)
 
 
-def plain(value: Any) -> str:
+def as_text(value: Any) -> str:
     """A value of provenance as text; empty for nothing.
 
-    >>> plain({"seed": 1, "names": ["a", "b"], "none": None, "x": 0.123456789})
+    >>> as_text({"seed": 1, "names": ["a", "b"], "none": None, "x": 0.123456789})
     'seed 1; names a, b; x 0.123457'
     """
     if value is None:
@@ -222,8 +222,8 @@ def plain(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, Mapping):
-        return "; ".join(f"{str(k).replace('_', ' ')} {text}" for k, v in value.items() if (text := plain(v)))
+        return "; ".join(f"{str(k).replace('_', ' ')} {text}" for k, v in value.items() if (text := as_text(v)))
     if isinstance(value, (list, tuple)):
         between = " | " if any(isinstance(v, Mapping) for v in value) else ", "
-        return between.join(filter(None, map(plain, value)))
+        return between.join(filter(None, map(as_text, value)))
     return str(value)

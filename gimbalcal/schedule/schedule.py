@@ -38,7 +38,3 @@ class Schedule:
     def gravity_directions(self) -> Array:
         """Unit gravity in platform axes (m, 3) at each hold, on a level base: C_bp (0, 0, 1)."""
         return apply_matrix(self.platform.attitude(self.angles), np.array([0.0, 0.0, 1.0]))
-
-    def lasting(self, duration: float) -> Schedule:
-        """The same holds, each for `duration` seconds."""
-        return Schedule(self.name, self.platform, tuple(Hold(h.angles, duration) for h in self.holds), self.slew_rate)

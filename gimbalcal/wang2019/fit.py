@@ -19,8 +19,6 @@ from gimbalcal.inference.levenberg import Minimum, covariance_at_minimum, minimi
 from gimbalcal.number import Array
 from gimbalcal.wang2019.pulses import Pulses, along, lower
 
-TERMS = ("K1", "K2", "K3", "bias", "E")
-
 
 @dataclass(frozen=True)
 class PulseFit:

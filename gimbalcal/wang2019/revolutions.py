@@ -1,4 +1,4 @@
-r"""Gyroscopes in pulses from whole revolutions turned both ways, and from rest: Wang et al. (2019), section 4.2.
+r"""Gyroscopes in pulses from whole revolutions both ways, and from rest: Wang et al. (2019), section 4.2.
 
 Direction: pulses to rate. Over a whole revolution at constant speed the Earth's rate across the axis averages out, so
 with S1, S2 the integrals of N and N^2 over one revolution of duration t and angle theta about the unknown axis u,
@@ -30,7 +30,7 @@ FREE = np.r_[0:6, 9:15]  # K1, K2, bias, E of the fifteen: Eq. (6) has no cubic 
 
 @dataclass(frozen=True)
 class Revolutions:
-    """What r units counted in k rotation clusters turned both ways, and in m rest positions.
+    """What r units counted in k sets of revolutions both ways, and in m rest positions.
 
     clockwise, counterclockwise (r, k, 2, 3): integrals of N [pulse] and of N^2 [pulse^2/s] over `duration` [s], the
     time of `angle` [rad], a whole number of revolutions; rest (r, m, 3): mean counts [pulse/s].
@@ -47,7 +47,7 @@ class Revolutions:
 
 
 def gyroscope_pulses(counted: Revolutions, *, both_senses: bool = True, guess: Array | None = None) -> PulseFit:
-    """Fit Eq. (6) to rotations and rest: K1, K2, bias and misalignment (K3 stays zero) with their covariance.
+    """Fit Eq. (6) to revolutions and rest: K1, K2, bias and misalignment (K3 stays zero) with their covariance.
 
     both_senses=False uses only the differences, Eq. (30), as the paper does. The starts are Eq. (42) and the ellipsoid
     through the differences; `guess` (3,) or (r, 3) [rad/pulse] replaces both by given scale factors.

@@ -1,4 +1,4 @@
-r"""The rest positions and rotations of Wang et al. (2019), Figures 2 and 3, as data.
+r"""The rest positions and revolutions of Wang et al. (2019), Figures 2 and 3, as data.
 
 The figures are pictures without numbers. The text says what they hold: positions with an input axis along gravity
 (sensitivity to bias and every scale term, Eqs. (20)-(24)) and positions with gravity at 45 or 135 degrees between two
@@ -21,7 +21,7 @@ POSITIONS: Array = -FIFTEEN_POSITIONS.gravity_directions()
 
 # Figure 3: axes of the nine rotation clusters, three along an input axis and six at 45 and 135 degrees between two;
 # each is turned clockwise and counter-clockwise through whole revolutions.
-ROTATIONS: Array = np.array(
+REVOLUTION_AXES: Array = np.array(
     [(1, 0, 0), (0, 1, 0), (0, 0, 1), (_H, _H, 0), (_H, -_H, 0), (_H, 0, _H), (_H, 0, -_H), (0, _H, _H), (0, _H, -_H)],
     dtype=float,
 )

@@ -1,4 +1,4 @@
-r"""Simulated rest positions and rotations of many inertial units at once: Wang et al. (2019), section 5.1.
+r"""Simulated rest positions and revolutions of many inertial units at once: Wang et al. (2019), section 5.1.
 
 Truths are drawn from the ranges of Tables 2 and 3. What the paper does not print is stated here: the white noise of
 100 ug and 0.01 deg/h is that of one sample at 100 Hz; an accelerometer position lasts `REST` seconds, a gyroscope
@@ -20,7 +20,7 @@ from gimbalcal.rotation import exponential, normal_to
 from gimbalcal.wang2019.fit import PulseFit, accelerometer_pulses
 from gimbalcal.wang2019.pulses import Pulses, along, lower
 from gimbalcal.wang2019.revolutions import Revolutions, gyroscope_pulses
-from gimbalcal.wang2019.schedules import POSITIONS, ROTATIONS
+from gimbalcal.wang2019.schedules import POSITIONS, REVOLUTION_AXES
 
 RATE = 100.0  # Hz
 REST = 200.0  # s in an accelerometer position: 100 ug become 0.7 ug
@@ -92,7 +92,7 @@ def gyroscope_truth(rngs: list[np.random.Generator]) -> Pulses:
 
 def gyroscope_revolutions(truth: Pulses, rngs: list[np.random.Generator], tilt: float) -> Revolutions:
     """Counts of nine revolutions both ways and of fifteen rests, turntable tipped by `tilt` [rad], Earth turning."""
-    axes = tipped(ROTATIONS, tilt * _stack(rngs, ROTATIONS.shape))
+    axes = tipped(REVOLUTION_AXES, tilt * _stack(rngs, REVOLUTION_AXES.shape))
     duration = REVOLUTIONS * 2 * np.pi / SPEED
     one, other = (_revolution(truth, axes, sign, duration, rngs) for sign in (1.0, -1.0))
     up = tipped(POSITIONS, tilt * _stack(rngs, POSITIONS.shape))

@@ -244,9 +244,9 @@ def test_rank_and_null_directions():
     assert separation.ranks() == {"all": 9, "tilted": 7, "norm": 5, "attitude": 8}
     names = list(separation.coefficients())
     tilted = [n for n in names if n not in separation.MEANS]
-    assert separation.unseen(separation.NULL_LEVEL, names)
-    assert separation.unseen(separation.NULL_LEVEL | separation.NULL_TILTED, tilted)
-    assert not separation.unseen(separation.NULL_TILTED, names)
+    assert separation.unobservable(separation.NULL_LEVEL, names)
+    assert separation.unobservable(separation.NULL_LEVEL | separation.NULL_TILTED, tilted)
+    assert not separation.unobservable(separation.NULL_TILTED, names)
     assert len(separation.NULL_LEVEL) + 9 == len(RESIDUALS)
     assert len(separation.NULL_LEVEL | separation.NULL_TILTED) + 7 == len(RESIDUALS)
 

@@ -13,7 +13,7 @@ import pytest
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.library import known_noise, unknown_noise
 from gimbalcal.diagnose.rows.observations import fit_baseline
-from gimbalcal.diagnose.rows.turns import turned_rates
+from gimbalcal.diagnose.rows.turns import view_of_turns
 from gimbalcal.diagnose.rows.views import View, norm, pointing, rest_rates, table
 from gimbalcal.diagnose.search.stepwise import start
 from gimbalcal.earth import G0
@@ -91,7 +91,7 @@ def views(r: Recording) -> list[View]:
         return [pointing(r)]
     if r.kind == "rotation":
         return [table(r)]
-    found = (norm(r), rest_rates(r), turned_rates(r))
+    found = (norm(r), rest_rates(r), view_of_turns(r))
     return [v for v in found if v is not None]
 
 

@@ -107,5 +107,6 @@ def ready(name: str, kind: str = "multi-position") -> Effect:
 
 def unknowns(name: str, constants: bool = True, kind: str = "multi-position") -> tuple[Parameter, ...]:
     found = parameters(CATALOGUE[name], RECORDINGS[kind].platform.axis_names, constants=constants)
-    jumping = {f.name for f in constants_of(CATALOGUE[name]) if f.metadata["grid"].jumps}  # scanned, not differentiated
+    grids = {f.name: f.metadata["grid"] for f in constants_of(CATALOGUE[name])}
+    jumping = {field for field, g in grids.items() if g.counts or g.once}  # scanned, not differentiated
     return tuple(p for p in found if p.field not in jumping)

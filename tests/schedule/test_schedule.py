@@ -22,9 +22,3 @@ def test_face_positions_put_one_axis_along_the_vertical() -> None:
     faces = EIGHTEEN_POSITIONS.gravity_directions()[np.array(FACE_POSITIONS) - 1]
     np.testing.assert_allclose(np.abs(faces).max(axis=1), 1, atol=1e-15)
     assert len({tuple(np.round(f).astype(int)) for f in faces}) == 6
-
-
-def test_lasting_changes_only_the_duration() -> None:
-    quick = EIGHTEEN_POSITIONS.lasting(20.0)
-    assert {h.duration for h in quick.holds} == {20.0}
-    np.testing.assert_array_equal(quick.angles, EIGHTEEN_POSITIONS.angles)

@@ -17,6 +17,7 @@ NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 
 def content(calibration: Calibration, lost: Sequence[str]) -> bytes:
+    """The YAML file of a calibration; `lost` says in its head what the format cannot hold."""
     m = matrices(calibration.effects)
     Q, R = np.linalg.qr(m["Mg"].T)  # Mg = L C_gyro_i, L lower triangular with positive diagonal
     sign = np.sign(np.diag(R))
@@ -48,6 +49,7 @@ def _yaml_matrix(name: str, M: Array) -> list[str]:
 
 
 def read(path: Path) -> Found:
+    """Value and sigma of each parameter in a YAML file."""
     sections = _numbers_by_key(path.read_text(encoding="utf-8"))
 
     def matrix(name: str, default: Array) -> Array:

@@ -17,6 +17,7 @@ HEADING = b"MATLAB 5.0 MAT-file, written by gimbalcal".ljust(116)  # SciPy's has
 
 
 def content(calibration: Calibration, lost: Sequence[str]) -> bytes:
+    """The .mat file of a calibration; `lost` says what the format cannot hold."""
     from scipy.io import savemat
 
     m = matrices(calibration.effects)
@@ -45,6 +46,7 @@ def _column(v: Array) -> Array:
 
 
 def read(path: Path) -> Found:
+    """Value and sigma of each parameter in a .mat file."""
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 

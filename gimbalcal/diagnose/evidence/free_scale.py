@@ -65,7 +65,7 @@ def first_order(rho: float) -> Process:
 
 @dataclass(frozen=True)
 class Ground:
-    """What "nothing more" says: per memory the cleared arrays, the scales, and ln weights (memories, scales)."""
+    """The hypothesis that nothing is missing: cleared arrays by memory, noise scales, ln weights (memories, scales)."""
 
     cleared: tuple[Cleared, ...]
     scale: Array  # (scales,) SI

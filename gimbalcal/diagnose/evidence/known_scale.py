@@ -60,7 +60,7 @@ class Projection:
 
 
 def stack(Z: Array, X: Array, y: Array, low: int) -> ReducedRows:
-    """Reduced Z (R, z), X (R, P), y (R, m) to `Rows` whose first `low` rows are coloured."""
+    """Reduced Z (R, z), X (R, P), y (R, m) to `ReducedRows` whose first `low` rows are coloured."""
     Q = orthonormal(Z)
     q, P = Q.shape[1], X.shape[1]
     y = y - Q @ (Q.T @ y)
@@ -74,7 +74,7 @@ def stack(Z: Array, X: Array, y: Array, low: int) -> ReducedRows:
 
 
 def appended(rows: ReducedRows, X: Array, new: Array) -> ReducedRows:
-    """`rows` of columns X (R, P), as `stack` makes them of X and `new` (R, p): for few of many columns in less time."""
+    """`rows` of columns X (R, P) with `new` (R, p) behind them: what `stack` makes of both, in less time for a few."""
     q, P, low = rows.q, rows.P, len(rows.low)
     left = _cleared(rows.Q, new)
     seen = rows.low[:, q : q + P].any(axis=0) | (np.diag(rows.high)[q : q + P] > 0)

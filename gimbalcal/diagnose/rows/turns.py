@@ -32,50 +32,50 @@ BACK = 0.01  # of the attitude's elements: gimbals that stand where they stood
 FEWEST = 12  # turns: twice as many numbers, for nine parameters of the linear model and what is asked beyond
 
 
-def turned_rates(recording: Recording, accelerometers: Calibration | None = None) -> View | None:
+def view_of_turns(recording: Recording, accelerometers: Calibration | None = None) -> View | None:
     """The turns of a recording, across gravity; None where there are too few or nothing was logged on the way."""
     if recording.position is None or not np.any(recording.position == 0):
         return None
     made = accelerometers or multiposition(recording, BASELINE["norm"])
     try:
-        turned, _, scale = turns_between_rests(recording, made)
+        turns, _, scale = turns_between_rests(recording, made)
         still = rests(recording, made, scale)
         level = level_of(still, recording.site.latitude, recording.site.gravity, True)[0]
         if len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
-            turned = turns_between_rests(recording, made, level.effects)[0]
+            turns = turns_between_rests(recording, made, level.effects)[0]
     except InputError:
         return None
-    if len(turned.before) < FEWEST:
+    if len(turns.before) < FEWEST:
         return None
-    turned = _with_headings(turned, made.apply(recording))
-    sideways = _across(turned.after)
+    turns = _with_headings(turns, made.apply(recording))
+    sideways = _across(turns.after)
 
     def rows(effects: Sequence[Effect]) -> Rows:
-        return rows_of_turns(turned, effects).reduced(lambda X: np.einsum("mci,mip->mcp", sideways, X))
+        return rows_of_turns(turns, effects).reduced(lambda X: np.einsum("mci,mip->mcp", sideways, X))
 
     ends = dwell_means(recording).select(slice(1, None))
     s = stimulus_from_readings(ends)
     return View(
         "turns", ends, s, ((RATE, "level"), (RATE, "tilted")), "arcsec", None, frozenset({Stage.GYROSCOPE}),
-        BASELINE["turns"], rows, _at_rest(turned.stimulus), WIDE,
+        BASELINE["turns"], rows, _at_rest(turns.stimulus), WIDE,
     )  # fmt: skip
 
 
-def _with_headings(turned: Turns, recording: Recording) -> Turns:
+def _with_headings(turns: Turns, recording: Recording) -> Turns:
     """Whole revolutions as gimbals tell them: gravity says nothing of a turn about it, so north stands for it there.
 
     The gimbals came back, so a constant error of theirs cancels.
     """
     if not recording.platform.axes:
-        return turned
+        return turns
     stays = dwells(recording)
     C_np = recording.platform.attitude(np.array([recording.angles()[d.rows].mean(0) for d in stays]))
     back = np.linalg.norm(C_np[1:] - C_np[:-1], axis=(1, 2)) < BACK
-    turn = np.linalg.norm((turned.reading * turned.step[..., None]).sum(1), axis=1)
+    turn = np.linalg.norm((turns.reading * turns.step[..., None]).sum(1), axis=1)
     whole = (back & (turn > np.pi))[:, None]
     return replace(
-        turned, before=np.where(whole, C_np[:-1, :, 0], turned.before),
-        after=np.where(whole, C_np[1:, :, 0], turned.after),
+        turns, before=np.where(whole, C_np[:-1, :, 0], turns.before),
+        after=np.where(whole, C_np[1:, :, 0], turns.after),
     )  # fmt: skip
 
 

@@ -66,7 +66,7 @@ class View:
 
 
 def gauges(stages: Container[Stage]) -> frozenset[tuple[str, str]]:
-    """Effect and axis of what only turns a frame that nothing ties down."""
+    """Parameters (effect, axis) that only turn a frame for which these rows hold no reference."""
     return frozenset((i, axis) for i, cls in CATALOGUE.items() if cls.stage in stages for axis in cls.gauge)
 
 

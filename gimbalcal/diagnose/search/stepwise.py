@@ -51,7 +51,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Course:
-    """The baseline, the steps from it, and the shapes that are left in what no cause explains."""
+    """A finished search: the baseline, the steps from it, and the shapes found in what no cause explains."""
 
     start: Model
     steps: tuple[Step, ...]
@@ -128,7 +128,7 @@ def exchanged(v: View, first: Model, taken: Sequence[Taken], tell: Tell, memory:
 
 
 def pruned(v: View, first: Model, taken: Sequence[Taken], tell: Tell) -> list[Taken]:
-    """Without the causes that noise with a memory explains as well."""
+    """The causes taken up, less those that noise with a memory explains as well."""
     out = list(taken)
     while out:
         support = [alone(v, take(v, first, [t for t in out if t != this]), this) for this in out]

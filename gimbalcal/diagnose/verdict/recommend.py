@@ -112,7 +112,7 @@ def repeated(
     r: Recording, pause: float = 60.0, *, reverse: bool = False, share: float = 1.0, other: bool = False,
     warmer: float = 0.0,
 ) -> Recording:  # fmt: skip
-    """The recording followed by itself, changed."""
+    """The recording followed by a second pass: in reverse order, over part of the angles, flipped, or warmer."""
     n = len(r.time)
     step = float(np.median(np.diff(r.time)))
     order = np.arange(n)[::-1] if reverse else np.arange(n)

@@ -1,4 +1,4 @@
-"""How a fit of a multi-position recording is told: residual, stage, outcome and provenance of a Calibration."""
+"""How a fit of a multi-position recording is reported: residual, stage, outcome and provenance of a Calibration."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def rms(p: Problem, fit: PositionFit) -> Mapping[str, float]:
 
 
 def stage(name: str, p: Problem, fit: PositionFit, in_words: str) -> StageResult:
-    """The fit for the record."""
+    """The fit as a stage of the calibration: estimate, sigma, and rms of the misfit with setting errors left in."""
     left = p.force - model(p, fit.solution.x, np.zeros_like(fit.setting))
     labels = tuple(q.label for q in p.parameters)
     return StageResult(name, labels, fit.solution.x, fit.solution.sigma, float(np.sqrt(np.mean(left**2))), in_words)
@@ -48,7 +48,7 @@ def faults_in_words(faults: Sequence[Fault]) -> list[str]:
 
 
 def misfit_in_words(chi2: float, dof: int) -> list[str]:
-    """One sentence, in a list, if chance does not leave such a residual; empty if it may."""
+    """One sentence, in a list, where a residual this large is not due to chance; empty where it may be."""
     if acceptable(chi2, dof):
         return []
     tail = probability(chi2, dof)

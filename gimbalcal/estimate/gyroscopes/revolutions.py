@@ -64,7 +64,7 @@ def revolutions_of(recording: Recording, bias: Array | None = None) -> tuple[Rev
         raise InputError(
             f"{recording.title!r} holds {amount(len(pairs), 'pair')} of whole revolutions, one each way about one axis "
             "between rests; at least six pairs about different axes are needed "
-            "(nine: gimbalcal.wang2019.schedules.ROTATIONS)"
+            "(nine: gimbalcal.wang2019.schedules.REVOLUTION_AXES)"
         )
     rest = np.array([y[d.rows].mean(0) for d in stays])
     sigma = recording.sigma("gyroscope") or 1e-6

@@ -43,7 +43,6 @@ from gimbalcal.readings import Readings
 ORDERS = (0, 1, 2)
 FITTED = (0, 1, 2, 3)  # the bends of x and y make a third harmonic, K g C^2 / 4, that must not pass for coloured noise
 NAMES = force_filter.NAMES + tuple(f"{axis}_{k}" for axis in ("phi", "theta") for k in labels(ORDERS))
-EQUATIONS = (21, 22, 23, 24, 25, 34, 35, 36, 37, 38, 29, 31, 30, 33, 32)  # of Wu et al. (2018), order of NAMES
 MEANS = ("phi_0", "theta_0")  # base tilt and readout zeros go into these and into nothing else
 
 

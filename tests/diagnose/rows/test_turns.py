@@ -11,7 +11,7 @@ import pytest
 
 import gimbalcal.simulate
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.rows.turns import turned_rates
+from gimbalcal.diagnose.rows.turns import view_of_turns
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
@@ -55,10 +55,10 @@ def test_a_linear_unit_is_adequate() -> None:
 
 def test_no_rows_on_the_way_make_no_view() -> None:
     recording = by_hand()
-    assert turned_rates(recording) is not None
+    assert view_of_turns(recording) is not None
     assert recording.position is not None
     at_rest = recording.position > 0
     still = {k: v[at_rest] for k, v in recording.channels.items()}
     bare = replace(recording, time=recording.time[at_rest], position=recording.position[at_rest], channels=still,
                    weight=recording.weight[at_rest])  # fmt: skip
-    assert turned_rates(bare) is None
+    assert view_of_turns(bare) is None

@@ -15,7 +15,7 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 from gimbalcal.rotation import normal_to
 from gimbalcal.wang2019.pulses import Pulses
-from gimbalcal.wang2019.schedules import ROTATIONS
+from gimbalcal.wang2019.schedules import REVOLUTION_AXES
 from gimbalcal.wang2019.trials import LATITUDE
 
 STEP, SPEED, TURN, REST = 0.1, np.deg2rad(30.0), 24.0, 60.0  # s, rad/s, s (two revolutions), s
@@ -42,7 +42,7 @@ def table_run(noise: float, seed: int = 0) -> Recording:
         [np.linspace(0, 1, ramp + 2)[1:-1], np.ones(round(TURN / STEP) - ramp), np.linspace(1, 0, ramp + 2)[1:-1]]
     )
     speed = 4 * np.pi / (shape.sum() * STEP)
-    for up in ROTATIONS:
+    for up in REVOLUTION_AXES:
         for sign in (1.0, -1.0):
             k += 1
             rates.append(earth(up, np.zeros(round(REST / STEP))))
