@@ -140,7 +140,7 @@ PARTS = (
         "A real inertial unit turned by hand from rest to rest, 38 rests in nine minutes, outputs in counts. Source: "
         "Tedaldi, Pretto and Menegatti (2014), github.com/Kyle-ak/imu_tk (BSD). No attitude is known; the only "
         "reference is that the force at rest is as long as gravity.",
-        "Misalignment is found first. What then remains follows the order of visits, not the pose: the biases drift to "
+        "Misalignment is found first. What then remains follows the order of visits, not the attitude: the biases drift to "
         "and fro by some 0.1 mg, as low-cost sensors do. A single step of the biases would do nearly as well, which is "
         "said. Quadratic and cubic terms are **not** supported: `gimbalcal calibrate --method multiposition` declines "
         "both with the reason. In twenty random orders of the same positions the drift is never claimed. "
@@ -151,7 +151,7 @@ PARTS = (
         "Xsens MTi, gyroscopes", "real_xsens_gyroscopes.png", "imu-tk", XSENS, ("gyro_bias",),
         "The same recording. Its authors calibrate the gyroscopes by the turns between the rests and take their "
         "output at rest for a constant bias.",
-        "It is not constant: it follows the pose. A matrix of nine coefficients, force to rate, takes chi^2 per axis "
+        "It is not constant: it follows the attitude. A matrix of nine coefficients, force to rate, takes chi^2 per axis "
         "down to what the scatter of the samples leaves (below). The matrix was learned at rest; the proof is that the "
         "turns, which took no part, are told better by it: gravity carried through a turn is missed by a third of what "
         "it was. (Reference: chi^2 22, 42, 32 to about 1.5; 1685 to about 500 arcsec.)",
@@ -204,7 +204,7 @@ PARTS = (
         "Amateur mount warp-astron", "real_warp_astron.png", "tpoint", ("gem_mount_pointing/warp-astron.dat",), (),
         "98 stars, another mount of the same collection.",
         "An eccentric circle, and a zero that slips by more than 300 arcsec/h in declination: a clutch, or a tube that "
-        "settles. A second harmonic of the circles and a small tilt follow; the tilt has twins, which stand beside it. "
+        "settles. A second harmonic of the circles and a small tilt follow; the tilt is confounded with others, which stand beside it. "
         "(Reference: 55 to 28 arcsec by the drift.)",
         mount(
             ("along", "time", "pointing in declination over time"),
@@ -242,7 +242,7 @@ def step_rows(d: Diagnosis) -> list[str]:
 
 
 def size_rows(d: Diagnosis) -> list[str]:
-    """What was found, with one sigma, its probability and its twins."""
+    """What was found, with one sigma, its probability and what it is confounded with."""
     rows = ["", "| found | probability (at most 90 %) | size ± 1σ | cannot be told from |", "|---|---|---|---|"]
     for f in d.findings:
         sizes = "<br>".join(_size(p) for p in f["parameters"])
@@ -318,7 +318,7 @@ None of these recordings says how large its noise is. The scale of the noise is 
 its say before anything is claimed, and misfits are given in their own units. "What the fit has not seen" is the misfit
 of rows that were left out one by one, or ten seconds at a time for the table. The panels show the misfit before (grey)
 and after (blue). Where there is nothing to find nothing is claimed: on 60 made pointing runs and 60 made units turned
-by hand without any of these effects the verdict was *adequate* every time (`tests/diagnose/test_unstated.py` holds
+by hand without any of these effects the verdict was *adequate* every time (`tests/diagnose/test_unknown_noise.py` holds
 twelve of them).
 """
 

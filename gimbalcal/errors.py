@@ -1,4 +1,8 @@
-"""The one exception that a user is meant to read, and how a sentence counts things."""
+"""The one exception that a user is meant to read, and how a sentence counts and lists things."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
 
 
 class InputError(ValueError):
@@ -16,3 +20,12 @@ def amount(n: int, noun: str, plural: str = "") -> str:
     ('1 rest position', '7 rest positions', '2 axes')
     """
     return f"{n} {noun if n == 1 else plural or noun + 's'}"
+
+
+def alternatives(items: Sequence[str]) -> str:
+    """Items of which one holds.
+
+    >>> alternatives(["a", "b", "c"])
+    'a, b or c'
+    """
+    return " or ".join(filter(None, [", ".join(items[:-1]), *items[-1:]]))

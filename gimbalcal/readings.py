@@ -14,7 +14,7 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
 from gimbalcal.errors import InputError
-from gimbalcal.forward import AXES, Key, Rows, difference, linearise, predict
+from gimbalcal.forward import AXES, Key, Rows, difference, linearise, picked, predict
 from gimbalcal.kinematics import lost_to_averaging, refuse_other_platform, stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.recording import SENSORS, Recording
@@ -63,9 +63,7 @@ class Readings:
     def predicted(self, effects: Sequence[Effect] = ()) -> Array:
         """What the model expects to be read (n, C)."""
         platform = self.recording.platform
-        outputs = predict(platform, self.stimulus, effects, self.kind)
-        found = [outputs[q][:, AXES.get(q, platform.axis_names).index(a)] for q, a in self.channels]
-        return np.stack(found, axis=1)
+        return picked(platform, predict(platform, self.stimulus, effects, self.kind), self.channels)
 
     def residual(self, effects: Sequence[Effect] = ()) -> Array:
         """Read minus predicted (n, C); angles within half a turn."""

@@ -28,7 +28,7 @@ product.
 
 from gimbalcal.forward.angles import navigator_attitude_error
 from gimbalcal.forward.model import accelerometers, gyroscopes, predict, turning
-from gimbalcal.forward.rows import ANGLES, AXES, Key, Rows, difference, experienced, jacobian, linearise
+from gimbalcal.forward.rows import ANGLES, AXES, Key, Rows, difference, experienced, jacobian, linearise, picked
 
 __all__ = [
     "ANGLES",
@@ -42,6 +42,7 @@ __all__ = [
     "jacobian",
     "linearise",
     "navigator_attitude_error",
+    "picked",
     "predict",
     "turning",
 ]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, alternatives
 from gimbalcal.platform import Platform
-from gimbalcal.recording.document import Document, listed
+from gimbalcal.recording.document import Document
 from gimbalcal.recording.record import Key
 from gimbalcal.units import is_raw
 
@@ -81,7 +81,8 @@ def _column(document: Document, name: str, entry: object, platform: Platform, th
     quantity, axis = entry["quantity"], entry.get("axis", "")
     if quantity not in AXES:
         raise InputError(
-            f"{where}: the quantity {quantity!r} of column {name!r} is not known; write one of {listed(list(AXES))}"
+            f"{where}: the quantity {quantity!r} of column {name!r} is not known; write one of "
+            f"{alternatives(list(AXES))}"
         )
     if quantity == "covariate":
         axis = axis or name
@@ -109,7 +110,7 @@ def _check_axis(
         )
     if not allowed:
         raise InputError(f"{where}: column {name!r} is a {quantity}, which has no axis, got axis = {axis!r}")
-    raise InputError(f"{where}: column {name!r} has axis {axis!r}; a {quantity} has axis {listed(allowed)}")
+    raise InputError(f"{where}: column {name!r} has axis {axis!r}; a {quantity} has axis {alternatives(allowed)}")
 
 
 def _example(quantity: str) -> str:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, alternatives
 from gimbalcal.units import check, to_si
 
 # A NumPy scalar printed with repr() under NumPy >= 2 reads `np.float64(6.4e-05)`, which is not TOML. Programs that
@@ -76,7 +76,7 @@ class Document:
             if key not in known_keys:
                 place = f" in [{table}]" if table else ""
                 raise InputError(
-                    f"{self.where(table, key)}: {key!r}{place} is not known; write one of {listed(known_keys)}"
+                    f"{self.where(table, key)}: {key!r}{place} is not known; write one of {alternatives(known_keys)}"
                 )
 
     def number(self, table: str, key: str, entry: object, quantity: str) -> float:
@@ -105,8 +105,3 @@ class Document:
 def shortened(text: str, most: int = 60) -> str:
     """`text`, less its middle where it is long: a message shows what was written, not all of it."""
     return text if len(text) <= most else f"{text[: most // 2]}...{text[-most // 4 :]}"
-
-
-def listed(words: Sequence[str]) -> str:
-    """``a, b or c``."""
-    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " or " + words[-1]

@@ -8,10 +8,10 @@ from math import pi
 from pathlib import Path, PureWindowsPath
 
 from gimbalcal.earth import G0, normal_gravity
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, alternatives
 from gimbalcal.platform import BENCH, KNOWN, Axis, Platform, known
 from gimbalcal.recording.columns import Column, columns_of
-from gimbalcal.recording.document import Document, listed, shortened
+from gimbalcal.recording.document import Document, shortened
 from gimbalcal.recording.record import KINDS, SENSORS, Site
 from gimbalcal.units import is_raw
 
@@ -67,7 +67,7 @@ def _header(document: Document, samples: Path) -> Header:
         raise InputError(f"{document.where('', 'format')}: format must be 1, got {content.get('format')!r}")
     kind = content.get("kind")
     if kind not in KINDS:
-        raise InputError(f"{document.where('', 'kind')}: kind must be one of {listed(KINDS)}, got {kind!r}")
+        raise InputError(f"{document.where('', 'kind')}: kind must be one of {alternatives(KINDS)}, got {kind!r}")
     platform = _platform(document, kind)
     columns = columns_of(document, platform)
     site, remarks = _site(document, kind)
@@ -177,7 +177,7 @@ def _platform(document: Document, kind: str) -> Platform:
     if platform is None:
         raise InputError(
             f"{document.where('platform', 'name')}: the platform {name!r} is not known; write one of "
-            f"{listed(list(KNOWN))}, or spell its axes out in [[platform.axes]]"
+            f"{alternatives(list(KNOWN))}, or spell its axes out in [[platform.axes]]"
         )
     return platform
 

@@ -17,30 +17,27 @@ from itertools import permutations, product
 
 import numpy as np
 
-from gimbalcal.earth import EARTH_RATE, G0
+from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array, apply_matrix
-from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.recording import SENSORS, Recording, dwell_means, dwells
+from gimbalcal.recording.plausible_run import check_attitude, check_latitude, check_turn, named
 from gimbalcal.units import is_raw
 
 CLOSE = np.radians(15.0)  # far above gimbal zeros, misalignments and hand-set angles, far below a wrong axis
 NEARLY_ALL = 0.9
 QUIETEST = 1e-15  # SI; less than this is zero to any instrument
 UNSTILL = 0.2  # of gravity, half of the rows: a table that shakes so much is no rest
-WRONG_PLACE = np.radians(5.0)  # above any tilt of a level base and of the polar axis, below a wrong sign or unit
-WRONG_ATTITUDE = np.radians(10.0)
 STILL = 1e-3  # rad
 AXES = ("x", "y", "z")
-CLOCK_JUMP = np.radians(0.2)  # of the sidereal angle: 48 s; drift and encoder errors stay below arc minutes
 
 
 def refuse_implausible(recording: Recording) -> None:
     """`InputError` with one sentence where units, axes, signs or the clock of `recording` cannot be right."""
     _check_noise(recording)
     if recording.kind == "static-run":
-        _check_turn(recording)
-        _check_attitude(recording)
+        check_turn(recording)
+        check_attitude(recording)
     if recording.kind not in ("multi-position", "static-run") or set(recording.axes("specific_force")) != set(AXES):
         return
     rests = dwell_means(recording) if recording.kind == "multi-position" else _thinned(recording)
@@ -52,11 +49,7 @@ def refuse_implausible(recording: Recording) -> None:
             _check_degrees(rests, force)
             _check_each_axis(rests, force)
             _check_axes(rests, force)
-        _check_latitude(rests, force)
-
-
-def _where(recording: Recording) -> str:
-    return recording.source[0].path if recording.source else f"recording {recording.title!r}"
+        check_latitude(rests, force)
 
 
 def _thinned(recording: Recording) -> Recording:
@@ -74,7 +67,7 @@ def _check_noise(recording: Recording) -> None:
         channels = [key for key in recording.channels if key[0] == SENSORS[sensor]]
         if 0 < sigma < QUIETEST and not any(is_raw(recording.units.get(key, "")) for key in channels):
             raise InputError(
-                f"{_where(recording)}: a noise of {sigma:g} in SI units, as [noise] states for the {sensor}, is less "
+                f"{named(recording)}: a noise of {sigma:g} in SI units, as [noise] states for the {sensor}, is less "
                 "than any instrument has; correct it, or leave it out to have it taken from the rows"
             )
 
@@ -90,7 +83,7 @@ def _check_stillness(recording: Recording) -> None:
         if moved > UNSTILL * recording.site.gravity:
             t = recording.time[[dwell.start, dwell.stop - 1]]
             raise InputError(
-                f"{_where(recording)}: within position {dwell.position}, from {t[0]:.10g} to {t[1]:.10g} s, the force "
+                f"{named(recording)}: within position {dwell.position}, from {t[0]:.10g} to {t[1]:.10g} s, the force "
                 f"moves by {moved:.3g} m/s^2 from row to row, so this is no rest; give each rest its own position "
                 "number, and 0 to the rows between, or leave the position column out to have the rests found"
             )
@@ -107,7 +100,7 @@ def _check_magnitude(rests: Recording, force: Array) -> None:
     likely = [name for name, size in hints.items() if 0.8 < ratio * size / factor < 1.25]
     remedy = f'the numbers look like {likely[0]}: write unit = "{likely[0]}"' if likely else "correct the unit"
     raise InputError(
-        f"{_where(rests)}: at rest the specific force is {ratio * rests.site.gravity:.4g} m/s^2 where gravity is "
+        f"{named(rests)}: at rest the specific force is {ratio * rests.site.gravity:.4g} m/s^2 where gravity is "
         f"{rests.site.gravity:.4g} m/s^2, read in the unit {unit!r}; {remedy} of its columns"
     )
 
@@ -129,7 +122,7 @@ def _check_degrees(rests: Recording, force: Array) -> None:
             else 'so the angles look like radians; write unit = "rad" for the gimbal angles'
         )
         raise InputError(
-            f"{_where(rests)}: all gimbal angles together turn by {np.degrees(turned):.3g} deg while the measured "
+            f"{named(rests)}: all gimbal angles together turn by {np.degrees(turned):.3g} deg while the measured "
             f"force turns by {np.degrees(seen):.3g} deg, {advice}"
         )
 
@@ -144,33 +137,8 @@ def _check_each_axis(rests: Recording, force: Array) -> None:
         if off < 0.1 and not 0.5 < abs(slope) < 2:
             unit = rests.units.get(("specific_force", axis), "m/s^2")
             raise InputError(
-                f"{_where(rests)}: the accelerometer {axis} alone reads {abs(slope):.4g} times what the gimbal angles "
+                f"{named(rests)}: the accelerometer {axis} alone reads {abs(slope):.4g} times what the gimbal angles "
                 f"predict, so its unit is not {unit!r}; correct it in [columns]"
-            )
-
-
-def _check_latitude(rests: Recording, force: Array) -> None:
-    """The force of an inertially stable platform circles the Earth's axis at the height of the pole, the latitude."""
-    if rests.kind != "static-run" or rests.platform != SPACE_STABLE_INERTIAL or rests.site.latitude is None:
-        return
-    seen = float(np.median(np.arcsin(np.clip(force[:, 2] / np.linalg.norm(force, axis=1), -1, 1))))
-    if abs(seen - rests.site.latitude) > WRONG_PLACE:
-        raise InputError(
-            f"{_where(rests)}: the force lies at {np.degrees(seen):.3g} deg to the Earth's axis, which is the latitude "
-            f"of the place, and [site] says {np.degrees(rests.site.latitude):.3g} deg; correct the latitude, its sign "
-            "or its unit"
-        )
-
-
-def _check_attitude(recording: Recording) -> None:
-    """A navigator that is off by many degrees is not navigating: its errors are in another unit."""
-    for axis in recording.axes("attitude_error"):
-        largest = float(np.max(np.abs(recording.channels["attitude_error", axis])))
-        if largest > WRONG_ATTITUDE:
-            unit = recording.units.get(("attitude_error", axis), "rad")
-            raise InputError(
-                f"{_where(recording)}: the attitude error in {axis} reaches {np.degrees(largest):.3g} deg, read in the "
-                f"unit {unit!r}; correct the unit of its column, for example to arcsec"
             )
 
 
@@ -199,12 +167,12 @@ def _check_axes(rests: Recording, force: Array) -> None:
     best, words = max(_readings(rests, force), key=lambda reading: reading[0])  # the first of equals is the simplest
     if best >= NEARLY_ALL * n and best >= stated + 2:
         raise InputError(
-            f"{_where(rests)}: only {stated} of {n} {kind} have the force that the gimbal angles predict, and {best} "
+            f"{named(rests)}: only {stated} of {n} {kind} have the force that the gimbal angles predict, and {best} "
             f"if {words}; correct [columns]"
         )
     if stated < 0.5 * n:
         raise InputError(
-            f"{_where(rests)}: only {stated} of {n} {kind} have the force within {np.degrees(CLOSE):.0f} deg "
+            f"{named(rests)}: only {stated} of {n} {kind} have the force within {np.degrees(CLOSE):.0f} deg "
             f"of what the gimbal angles predict, whichever axes or signs are changed{_silent_gimbals(rests)}; check "
             "the platform, its zero angles and the gimbal columns, or leave these out and name the platform 'bench'"
         )
@@ -266,44 +234,3 @@ def _axes_in_words(order: tuple[int, ...], signs: tuple[int, ...]) -> str:
         wrong = " and ".join(AXES[i] for i in range(3) if signs[i] < 0)
         parts.append(f"the accelerometer{'s' if ' ' in wrong else ''} {wrong} had the opposite sign")
     return " and ".join(parts) or "the columns are as stated"
-
-
-def _check_turn(recording: Recording) -> None:
-    """The platform gimbal of a static run follows the Earth; where it does not, the clock or a unit is wrong."""
-    if len(recording.time) < 3:
-        raise InputError(
-            f"{_where(recording)}: the static run lasts {np.ptp(recording.time):.6g} s, in which the Earth hardly "
-            "turns; record hours, or correct the unit of the time"
-        )
-    if ("gimbal_angle", "platform") not in recording.channels:
-        return
-    time, angle = recording.time, recording.channels["gimbal_angle", "platform"]
-    dt = np.diff(time)
-    lag = _wrapped(np.diff(angle) - EARTH_RATE * dt)
-    short = EARTH_RATE * dt < 1.0
-    rate = float(np.median((_wrapped(np.diff(angle)) / dt)[short])) if short.any() else EARTH_RATE
-    if abs(rate / EARTH_RATE - 1) > 0.05 and abs(rate - EARTH_RATE) * np.ptp(time) > CLOCK_JUMP:
-        hour = np.degrees(rate) * 3600
-        raise InputError(
-            f"{_where(recording)}: the platform gimbal turns by {hour:.5g} deg/h where the Earth turns by 15.041 "
-            "deg/h; correct the unit of the time or of the platform angle, or its sign"
-        )
-    k = int(np.argmax(np.abs(lag)))
-    back = np.flatnonzero(np.abs(_wrapped(lag[1:] + lag[:-1])) < np.abs(lag[1:]) / 10) + 1  # there and back again
-    glitch = next((int(i) for i in back if i in (k, k + 1) and abs(lag[k]) > CLOCK_JUMP), 0)
-    if glitch:
-        raise InputError(
-            f"{_where(recording)}: at {time[glitch]:.10g} s alone the platform gimbal reads "
-            f"{np.degrees(abs(lag[k])):.4g} deg off its neighbours; leave this row out"
-        )
-    if abs(lag[k]) > CLOCK_JUMP:
-        turned, due = np.degrees([_wrapped(angle[k + 1] - angle[k]), EARTH_RATE * dt[k]])
-        raise InputError(
-            f"{_where(recording)}: between {time[k]:.10g} s and {time[k + 1]:.10g} s the clock goes on by "
-            f"{dt[k]:.6g} s while the platform gimbal turns by {turned:.4g} deg instead of {due:.4g} deg, so "
-            "the clock jumps there; correct it, or cut the recording in two"
-        )
-
-
-def _wrapped(angle: Array) -> Array:
-    return np.asarray(angle - 2 * np.pi * np.round(angle / (2 * np.pi)))

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, alternatives, amount
 from gimbalcal.number import Array
-from gimbalcal.recording.document import listed, shortened
+from gimbalcal.recording.document import shortened
 
 if TYPE_CHECKING:
     import polars as pl
@@ -87,7 +87,7 @@ def _check_names(path: Path, names: Sequence[str], present: Mapping[str, pl.Data
     has = [repr(shortened(name)) for name in present]
     more = f" and {len(has) - MOST_NAMES} more" if len(has) > MOST_NAMES else ""
     raise InputError(
-        f"{path} has no column {listed([repr(name) for name in missing])}, which [columns] of recording.toml "
+        f"{path} has no column {alternatives([repr(name) for name in missing])}, which [columns] of recording.toml "
         f"names; it has {', '.join(has[:MOST_NAMES])}{more}; {hint}"
     )
 

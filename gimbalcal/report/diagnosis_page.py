@@ -9,6 +9,7 @@ import numpy as np
 
 import gimbalcal
 from gimbalcal.effects import CATALOGUE
+from gimbalcal.errors import alternatives
 from gimbalcal.number import Array
 from gimbalcal.references import cite
 from gimbalcal.report import wording
@@ -146,7 +147,7 @@ def _finding(f: Mapping[str, Any]) -> dict[str, Any]:
         "equation": equation(str(f.get("equation", ""))),
         "latex": str(f.get("equation", "")),
         "rows": rows,
-        "twins": wording.alternatives([wording.named(t) for t in f["twins"]]),
+        "twins": alternatives([wording.named(t) for t in f["twins"]]),
         "separate_by": wording.typeset(str(f.get("separate_by", ""))),
     }
 

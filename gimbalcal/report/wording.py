@@ -75,15 +75,6 @@ def listed(items: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(items[:-1]), *items[-1:]]))
 
 
-def alternatives(items: Sequence[str]) -> str:
-    """Items of which one holds.
-
-    >>> alternatives(["a", "b", "c"])
-    'a, b or c'
-    """
-    return " or ".join(filter(None, [", ".join(items[:-1]), *items[-1:]]))
-
-
 def fit(chi2: float, dof: int) -> tuple[float, float, Verdict]:
     """Residual in units of the noise, probability of a chi^2 at least as large, and what that means."""
     from scipy.stats import chi2 as distribution

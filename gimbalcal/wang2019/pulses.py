@@ -1,8 +1,8 @@
 r"""Inertial sensors read in pulses: the polynomial models of Wang et al. (2019), from pulses to physics.
 
-Direction: **pulses to force and rate** (a correction). `force` and `rate` turn what was counted into what was there;
+Direction: **pulses to force and rate** (a correction). `physical` turns what was counted into what was there;
 `counts` is the exact inverse (a corruption). The effects of `gimbalcal.effects` go the other way, from what is there to
-what is read; `accelerometer_from_effects` and `accelerometer_to_effects` convert.
+what is read; `estimate.gyroscopes.revolutions.as_effects` converts those of gyroscopes.
 
 .. math::
     f^p &= C_a^p (K_{a1} N + K_{a2} N^2 + K_{a3} N^3 + \nabla)                      & (2)-(5) \\

@@ -23,7 +23,7 @@ def faults_of(recording: Recording) -> list[tuple[int, ...]]:
     return [f.positions for f in fit_without_faults(problem(recording), stated_noise(recording))[2]]
 
 
-def unstated(recording: Recording) -> Recording:
+def without_noise(recording: Recording) -> Recording:
     return replace(recording, noise={"accelerometer": SAMPLE})
 
 
@@ -40,7 +40,7 @@ def test_interchanged_positions_are_named_with_and_without_a_stated_setting_erro
 ) -> None:
     swapped = interchanged(clean, i, j)
     assert faults_of(swapped) == [(i + 1, j + 1)]
-    assert faults_of(unstated(swapped)) == [(i + 1, j + 1)]
+    assert faults_of(without_noise(swapped)) == [(i + 1, j + 1)]
 
 
 def test_two_pairs_are_found(clean: Recording) -> None:

@@ -24,8 +24,10 @@ G = GyroGSensitivityRate(G=UNIT * np.array([5.0, -3.0, 2.0, 1.0, 0.0, -4.0, 2.0,
 BIAS = GyroBias(epsilon=UNIT * np.array([100.0, -50.0, 20.0]))
 
 
-def poses(g: GyroGSensitivityRate, wander: float = 0.0, seed: int = 0, latitude: float | None = LATITUDE) -> Recording:
-    """Forty poses at random on the turning Earth, 200 samples of 10 deg/h each."""
+def attitudes(
+    g: GyroGSensitivityRate, wander: float = 0.0, seed: int = 0, latitude: float | None = LATITUDE
+) -> Recording:
+    """Forty attitudes at random on the turning Earth, 200 samples of 10 deg/h each."""
     rng = np.random.default_rng(seed)
     Q, R = np.linalg.qr(rng.standard_normal((40, 3, 3)))
     Q = Q * np.sign(np.diagonal(R, axis1=1, axis2=2))[:, None, :]  # uniform: the signs of QR are not
@@ -34,7 +36,7 @@ def poses(g: GyroGSensitivityRate, wander: float = 0.0, seed: int = 0, latitude:
     force, rate = (np.repeat(v, 200, axis=0) for v in (G0 * up, earth + wander * rng.standard_normal((40, 3))))
     n = len(rate)
     channels = {("specific_force", a): force[:, i] for i, a in enumerate("xyz")}
-    made = Recording("multi-position", "poses", BENCH, Site(latitude, 0.0, G0), {}, 0.1 * np.arange(n),
+    made = Recording("multi-position", "attitudes", BENCH, Site(latitude, 0.0, G0), {}, 0.1 * np.arange(n),
                      np.repeat(np.arange(1, 41), 200), channels)  # fmt: skip
     y = gyroscopes(rate, stimulus_from_readings(made), (BIAS, g)) + 10 * UNIT * rng.standard_normal((n, 3))
     return replace(made, channels=channels | {("angular_rate", a): y[:, i] for i, a in enumerate("xyz")})
@@ -45,7 +47,7 @@ def seen(recording: Recording) -> Rests:
 
 
 def errors(g: GyroGSensitivityRate, wander: float, seed: int) -> Array:
-    fit = fit_rests(seen(poses(g, wander, seed)))
+    fit = fit_rests(seen(attitudes(g, wander, seed)))
     return np.asarray((fit.x - np.concatenate([BIAS.epsilon, g.G])) / np.sqrt(np.diag(fit.covariance)))
 
 
@@ -57,7 +59,7 @@ def test_truth_comes_back_within_its_uncertainty(wander: float) -> None:
 
 def test_the_vertical_rate_of_the_earth_is_no_g_sensitivity() -> None:
     none = GyroGSensitivityRate(G=np.zeros(9))
-    known, unknown = (fit_rests(seen(poses(none, latitude=lat))) for lat in (LATITUDE, None))
+    known, unknown = (fit_rests(seen(attitudes(none, latitude=lat))) for lat in (LATITUDE, None))
     diagonal = [3, 7, 11]
     # left in, it is EARTH_RATE sin L / g on the diagonal
     apparent = EARTH_RATE * np.sin(LATITUDE) / G0
@@ -67,17 +69,17 @@ def test_the_vertical_rate_of_the_earth_is_no_g_sensitivity() -> None:
 
 
 def test_what_is_there_is_taken_up_and_what_is_not_is_declined() -> None:
-    taken, why = level_of(seen(poses(G)), LATITUDE, G0, True)
+    taken, why = level_of(seen(attitudes(G)), LATITUDE, G0, True)
     assert why == ""
     assert {p.effect for p in taken.parameters} == {"gyro_bias", G_SENSITIVITY}
-    plain, why = level_of(seen(poses(GyroGSensitivityRate(G=np.zeros(9)))), LATITUDE, G0, True)
+    plain, why = level_of(seen(attitudes(GyroGSensitivityRate(G=np.zeros(9)))), LATITUDE, G0, True)
     assert plain.parameters == parameters(GyroBias)
     assert why.startswith("gyro_g_sensitivity_rate is left out: from these 40 rests its largest coefficient is")
-    assert level_of(seen(poses(G)), LATITUDE, G0, False)[0].parameters == parameters(GyroBias)
+    assert level_of(seen(attitudes(G)), LATITUDE, G0, False)[0].parameters == parameters(GyroBias)
 
 
 def test_without_a_latitude_the_common_part_is_uncertain_by_the_earth() -> None:
-    taken, _ = level_of(seen(poses(G, latitude=None)), None, G0, True)
+    taken, _ = level_of(seen(attitudes(G, latitude=None)), None, G0, True)
     sigma = np.sqrt(np.diag(taken.covariance))
     assert np.all(sigma[[3, 7, 11]] > EARTH_RATE / np.sqrt(3) / G0)
     assert np.all(sigma[[4, 5, 6]] < EARTH_RATE / np.sqrt(3) / G0)
