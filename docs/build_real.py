@@ -140,10 +140,10 @@ PARTS = (
         "A real inertial unit turned by hand from rest to rest, 38 rests in nine minutes, outputs in counts. Source: "
         "Tedaldi, Pretto and Menegatti (2014), github.com/Kyle-ak/imu_tk (BSD). No attitude is known; the only "
         "reference is that the force at rest is as long as gravity.",
-        "Misalignment is found first. What then remains follows the order of visits, not the attitude: the biases drift to "
-        "and fro by some 0.1 mg, as low-cost sensors do. A single step of the biases would do nearly as well, which is "
-        "said. Quadratic and cubic terms are **not** supported: `gimbalcal calibrate --method multiposition` declines "
-        "both with the reason. In twenty random orders of the same positions the drift is never claimed. "
+        "Misalignment is found first. What then remains follows the order of visits, not the attitude: the biases "
+        "drift to and fro by some 0.1 mg, as low-cost sensors do. A single step of the biases would do nearly as well, "
+        "which is said. Quadratic and cubic terms are **not** supported: `gimbalcal calibrate --method multiposition` "
+        "declines both with the reason. In twenty random orders of the same positions the drift is never claimed. "
         "(Reference, from rests cut otherwise: 3.44, then 0.101, then 0.063 mg.)",
         over_order,
     ),
@@ -151,10 +151,10 @@ PARTS = (
         "Xsens MTi, gyroscopes", "real_xsens_gyroscopes.png", "imu-tk", XSENS, ("gyro_bias",),
         "The same recording. Its authors calibrate the gyroscopes by the turns between the rests and take their "
         "output at rest for a constant bias.",
-        "It is not constant: it follows the attitude. A matrix of nine coefficients, force to rate, takes chi^2 per axis "
-        "down to what the scatter of the samples leaves (below). The matrix was learned at rest; the proof is that the "
-        "turns, which took no part, are told better by it: gravity carried through a turn is missed by a third of what "
-        "it was. (Reference: chi^2 22, 42, 32 to about 1.5; 1685 to about 500 arcsec.)",
+        "It is not constant: it follows the attitude. A matrix of nine coefficients, force to rate, takes chi^2 per "
+        "axis down to what the scatter of the samples leaves (below). The matrix was learned at rest; the proof is "
+        "that the turns, which took no part, are told better by it: gravity carried through a turn is missed by a "
+        "third of what it was. (Reference: chi^2 22, 42, 32 to about 1.5; 1685 to about 500 arcsec.)",
         rates,
     ),
     Part(
@@ -204,7 +204,8 @@ PARTS = (
         "Amateur mount warp-astron", "real_warp_astron.png", "tpoint", ("gem_mount_pointing/warp-astron.dat",), (),
         "98 stars, another mount of the same collection.",
         "An eccentric circle, and a zero that slips by more than 300 arcsec/h in declination: a clutch, or a tube that "
-        "settles. A second harmonic of the circles and a small tilt follow; the tilt is confounded with others, which stand beside it. "
+        "settles. A second harmonic of the circles and a small tilt follow; the tilt is confounded with "
+        "others, which stand beside it. "
         "(Reference: 55 to 28 arcsec by the drift.)",
         mount(
             ("along", "time", "pointing in declination over time"),

@@ -16,6 +16,7 @@ def command(monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
 
     def run(*arguments: object) -> int:
         monkeypatch.setattr(sys, "argv", ["gimbalcal", *map(str, arguments)])
+        monkeypatch.setattr(sys.modules["__main__"], "__package__", None)  # else click names `python -m pytest`
         try:
             cli.main()
         except SystemExit as stop:
