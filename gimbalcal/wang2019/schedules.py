@@ -19,8 +19,8 @@ _H = float(np.sqrt(0.5))
 # Figure 2: unit specific force in the sensor frame at each position
 POSITIONS: Array = -FIFTEEN_POSITIONS.gravity_directions()
 
-# Figure 3: axes of the nine rotation clusters, three along an input axis and six at 45 and 135 degrees between two;
-# each is turned clockwise and counter-clockwise through whole revolutions.
+# Figure 3: axes of the nine revolutions, three along an input axis and six at 45 and 135 degrees between two;
+# each is made clockwise and counter-clockwise through whole turns.
 REVOLUTION_AXES: Array = np.array(
     [(1, 0, 0), (0, 1, 0), (0, 0, 1), (_H, _H, 0), (_H, -_H, 0), (_H, 0, _H), (_H, 0, -_H), (0, _H, _H), (0, _H, -_H)],
     dtype=float,

@@ -74,7 +74,7 @@ def _default(recording: Recording) -> tuple[str, ...]:
 
 def _check(terms: Sequence[str], recording: Recording) -> None:
     for t in terms:
-        if t not in CATALOGUE or CATALOGUE[t].stage.name != "GYROSCOPE" or t == BIAS:
+        if t not in CATALOGUE or CATALOGUE[t].stage is not Stage.GYROSCOPE or t == BIAS:
             raise InputError(f"--terms names {t!r}, which is not a gyroscope effect that turns between rests can show")
         missing = lacking(CATALOGUE[t], recording.has)
         if missing:
