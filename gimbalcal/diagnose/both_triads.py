@@ -25,7 +25,7 @@ from gimbalcal.diagnose.known_noise import diagnose_known_noise
 from gimbalcal.diagnose.rows.baseline import by_triad
 from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.diagnose.rows.turns import FEWEST, view_of_turns
-from gimbalcal.diagnose.rows.views import FORCE, RATE, SENSORS, View, rest_rates
+from gimbalcal.diagnose.rows.views import FORCE, RATE, View, rest_rates
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.diagnose.search.stepwise import course, start
 from gimbalcal.diagnose.unknown_noise import Told, curves_of, told_of
@@ -33,6 +33,7 @@ from gimbalcal.diagnose.verdict.decide import Decision
 from gimbalcal.diagnose.verdict.model import calibration_fit, fit_causes
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect, values, with_values
+from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition
 from gimbalcal.forward import gyroscopes
@@ -101,7 +102,7 @@ def _accelerometers(s: Search, d: Decision) -> Calibration:
         if c.parameters and c.effect not in {e.id for e in effects}:
             effects = (*effects, absent_effect(c.effect, s.o.stimulus, c.source, **dict(c.variants[v].constants)))
         effects = with_values(effects, c.parameters, values(effects, c.parameters) + size, names)
-    kept = tuple(e for e in effects if e.stage in SENSORS and e.channel == FORCE)
+    kept = tuple(e for e in effects if e.stage in SENSOR_STAGES and e.channel == FORCE)
     return Calibration("diagnosis", kept, (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
 
 

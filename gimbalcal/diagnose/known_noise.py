@@ -20,7 +20,6 @@ from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.known_noise import library
 from gimbalcal.diagnose.rows.observations import fit_baseline
-from gimbalcal.diagnose.rows.views import SENSORS
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.verdict.decide import Decision, bar, capped, decide
 from gimbalcal.diagnose.verdict.locate import Scan, mismatches, scan
@@ -30,6 +29,7 @@ from gimbalcal.diagnose.verdict.threshold import clean_evidence
 from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage
 from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.number import Array
@@ -61,7 +61,7 @@ def searched(recording: Recording, calibration: Calibration | None, baseline: tu
 
 def carried(calibration: Calibration | None, baseline: Sequence[str]) -> tuple[Effect, ...]:
     """Effects of a calibration that hold on another day: the baseline's and the sensors', not how the rig stood."""
-    held = {*SENSORS, Stage.GYROSCOPE}
+    held = {*SENSOR_STAGES, Stage.GYROSCOPE}
     return tuple(e for e in (calibration.effects if calibration else ()) if e.id in baseline or e.stage in held)
 
 

@@ -20,7 +20,6 @@ from gimbalcal.diagnose.both_triads import has_gyroscopes
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.known_noise import constants, finding, measured, printed, searched, shape
 from gimbalcal.diagnose.rows.baseline import unfit
-from gimbalcal.diagnose.rows.views import SENSORS
 from gimbalcal.diagnose.search.combine import CombinedRanking, combine
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.diagnose.unknown_noise import applies
@@ -32,6 +31,7 @@ from gimbalcal.diagnose.verdict.pool import Part, agreement, common_constants, p
 from gimbalcal.diagnose.verdict.recommend import advise, sentence
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
@@ -104,7 +104,7 @@ def baseline_of(r: Recording, recordings: Sequence[Recording], wanted: Sequence[
     """
     if wanted:
         return tuple(i for i in wanted if not unfit(i, r)) or BASELINE[r.kind]
-    every = [i for other in recordings for i in BASELINE[other.kind] if CATALOGUE[i].stage in SENSORS]
+    every = [i for other in recordings for i in BASELINE[other.kind] if CATALOGUE[i].stage in SENSOR_STAGES]
     return tuple(dict.fromkeys([*BASELINE[r.kind], *(i for i in every if r.kind in CATALOGUE[i].kinds)]))
 
 

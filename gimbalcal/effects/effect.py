@@ -45,6 +45,9 @@ class Stage(Enum):
     ATTITUDE = "added to the navigator's attitude error, roll, pitch, yaw [rad], (n, 3)"
 
 
+SENSOR_STAGES = frozenset({Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER})  # of an accelerometer itself
+
+
 class Grid(Enum):
     """What a non-linear constant is, and hence where a search for it starts."""
 

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.effects import CATALOGUE, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Stage, parameters, with_values
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.gyroscopes.between_rests import gyroscopes_between_rests
@@ -38,7 +38,7 @@ def inertial_unit(recording: Recording, terms: Sequence[str] = ()) -> Calibratio
     """
     if not recording.has(FORCE):
         return gyroscopes_from_revolutions(recording)
-    of_rate = tuple(t for t in terms if t in CATALOGUE and CATALOGUE[t].stage.name == "GYROSCOPE")
+    of_rate = tuple(t for t in terms if t in CATALOGUE and CATALOGUE[t].stage is Stage.GYROSCOPE)
     made = multiposition(recording, tuple(t for t in terms if t not in of_rate))
     if terms and not of_rate:
         return made

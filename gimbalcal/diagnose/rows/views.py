@@ -19,6 +19,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
 from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import WIDE, multiposition, scaled_by_gravity
 from gimbalcal.estimate.gyroscopes.between_rests import fit_turns
@@ -37,7 +38,6 @@ BLOCK = 1.0  # s; a table is tilted over seconds, what is faster shakes building
 FEWEST = 3  # means of a table that can differ from one another in more than a trend
 COARSE, FINE = 0.04, 0.01  # s; steps at which the physics of a tilting table is evaluated, for search and last fit
 BY_HAND = 3.0  # times the catalogue's scales: sensors of different makers, bolted together
-SENSORS = frozenset({Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER})
 
 
 @dataclass(frozen=True)
@@ -110,14 +110,16 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
         f, H = solved(lambda f: accelerometers(f, s, effects), y)
         length = np.linalg.norm(f, axis=-1)
         towards = np.linalg.solve(np.swapaxes(H, -1, -2), (f / length[:, None])[..., None])[..., 0]
-        felt = linearise(BENCH, s.at(force=f), effects, channels=channels, stages=SENSORS)
+        felt = linearise(BENCH, s.at(force=f), effects, channels=channels, stages=SENSOR_STAGES)
         along = {k: np.einsum("nc,ncm->nm", towards, S)[:, None] for k, S in felt.sensitivity.items()}
         return replace(felt, channels=((FORCE, "norm"),), residual=(length - g)[:, None], sensitivity=along)
 
     sample = means.sigma("accelerometer")
     noise = None if sample is None else (sample / np.sqrt(means.weight))[:, None]
     ids = tuple(baseline) or BASELINE["norm"]
-    return View("norm", means, s, ((FORCE, "norm"),), "mg", None, SENSORS, ids, rows, gauges(SENSORS), WIDE, noise)
+    return View(
+        "norm", means, s, ((FORCE, "norm"),), "mg", None, SENSOR_STAGES, ids, rows, gauges(SENSOR_STAGES), WIDE, noise
+    )
 
 
 def rest_rates(
@@ -177,7 +179,7 @@ def table(recording: Recording, baseline: Sequence[str] = (), step: float = COAR
         fine = linearise(recording.platform, s, effects, channels=channels, read=y, stages=stages)
         return fine.reduced(lambda X: centred(_means(X, size)))
 
-    stages = frozenset({Stage.PLATFORM, *SENSORS})
+    stages = frozenset({Stage.PLATFORM, *SENSOR_STAGES})
     ids = tuple(baseline) or BASELINE["table"]
     return View(
         "table", averaged(recording, BLOCK), s, channels, "ug", None, stages, ids, rows,

@@ -18,8 +18,8 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
 from gimbalcal.calibration.readout import in_si
-from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
-from gimbalcal.effects.effect import tied
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
+from gimbalcal.effects.effect import SENSOR_STAGES, tied
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.account import noise_record
 from gimbalcal.estimate.accelerometers.noise import ATTITUDE, HEADER, SAMPLES
@@ -95,8 +95,8 @@ def _check(terms: Sequence[str]) -> None:
             )
 
 
-def _without_angles(cls: Any) -> bool:
-    return cls.stage.name in ("INPUT_AXIS", "SCALE", "ACCELEROMETER") and cls.channel == FORCE
+def _without_angles(cls: type[Effect]) -> bool:
+    return cls.stage in SENSOR_STAGES and cls.channel == FORCE
 
 
 def unknowns(terms: Sequence[str]) -> tuple[Parameter, ...]:
