@@ -97,7 +97,7 @@ def at_setting(setting: float, runs: int, kinds: tuple[str, ...] = tuple(KINDS),
     out = {}
     for name in kinds:
         begin = perf_counter()
-        found = [KINDS[name](r) for r in recordings]
+        found = [KINDS[name](trusted_positions(r)) for r in recordings]
         seconds = (perf_counter() - begin) / runs
         out[name] = Result(*_score(name, found, truths, limit, D), seconds)
     return out
