@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from gimbalcal.errors import InputError, alternatives
 from gimbalcal.platform import Platform
+from gimbalcal.recording.dates import names_iso
 from gimbalcal.recording.document import Document
 from gimbalcal.recording.record import Key
 from gimbalcal.units import is_raw
@@ -37,6 +38,7 @@ class Column:
     quantity: str
     axis: str
     unit: str
+    dated: bool = False  # a clock of dates (ISO 8601), which become seconds
 
     @property
     def key(self) -> Key:
@@ -95,6 +97,8 @@ def _column(document: Document, name: str, entry: object, platform: Platform, th
         return Column(name, quantity, "", "1")
     if "unit" not in entry:
         raise InputError(f'{where}: column {name!r} has no unit; write, for example, unit = "{_example(quantity)}"')
+    if quantity == "time" and names_iso(entry["unit"]):
+        return Column(name, quantity, "", "s", dated=True)
     return Column(name, quantity, axis, document.unit(where, f"column {name!r}", entry["unit"], quantity))
 
 

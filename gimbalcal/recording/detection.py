@@ -24,6 +24,7 @@ from gimbalcal.number import Array
 WINDOW = 1.0  # s; longer than the ringing of a hand, shorter than a rest
 THRESHOLD = 10.0  # in units of the floor; anything from 10 to 20 finds the same 38 rests in the Xsens set of ICRA 2014
 SHORTEST = 1.0  # s, after trimming
+PAUSE = 60.0  # s; rows on both sides of a longer gap are not one rest (a unit turned in a shorter one shows it)
 FLOOR = 0.10  # quantile
 
 
@@ -40,7 +41,9 @@ def detect(time: Array, channels: Mapping[str, Array]) -> NDArray[np.int64]:
     if n < 4 * m or not channels:
         return np.ones(n, dtype=np.int64)
     restless = np.max([_restlessness(x, m) for x in channels.values()], axis=0)
-    starts, stops = _stretches(_eroded(restless < THRESHOLD, m))
+    quiet = _eroded(restless < THRESHOLD, m)
+    paused = np.diff(time, prepend=time[0]) > max(10 * step, PAUSE)
+    starts, stops = _stretches(quiet, paused)
     long_enough = stops - starts >= max(2, round(SHORTEST / step))
     position = np.zeros(n, dtype=np.int64)
     for k, (start, stop) in enumerate(zip(starts[long_enough], stops[long_enough], strict=True), start=1):
@@ -71,6 +74,8 @@ def _eroded(quiet: NDArray[np.bool_], m: int) -> NDArray[np.bool_]:
     return eroded
 
 
-def _stretches(flags: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    edges = np.diff(np.concatenate([[0], flags.astype(np.int8), [0]]))
-    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+def _stretches(flags: NDArray[np.bool_], cut: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Begins and ends of runs of flags; none goes on over a row that is `cut` from the one before."""
+    before, after = np.concatenate([[False], flags[:-1]]), np.concatenate([flags[1:], [False]])
+    cut_after = np.concatenate([cut[1:], [True]])
+    return np.flatnonzero(flags & (~before | cut)), np.flatnonzero(flags & (~after | cut_after)) + 1

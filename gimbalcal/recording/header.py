@@ -13,6 +13,7 @@ from gimbalcal.platform import BENCH, KNOWN, Axis, Platform, known
 from gimbalcal.recording.columns import Column, columns_of
 from gimbalcal.recording.document import Document, shortened
 from gimbalcal.recording.record import KINDS, SENSORS, Site
+from gimbalcal.recording.samples import has_names
 from gimbalcal.units import is_raw
 
 NAME = "recording.toml"
@@ -34,6 +35,7 @@ class Header:
     columns: tuple[Column, ...]
     remarks: tuple[str, ...]
     skip: int = 0  # lines of the samples file before its line of column names
+    named: bool = True  # whether there is a line of column names
 
     def column(self, quantity: str) -> Column | None:
         """The first column of `quantity`."""
@@ -48,7 +50,8 @@ def read_header(folder: Path) -> Header:
     if not path.is_file():
         raise InputError(f"{folder} has no {NAME}: a recording is a folder with a {NAME} that says what is in it")
     document = Document(path)
-    return _header(document, _samples(document, folder))
+    header = _header(document, _samples(document, folder))
+    return replace(header, named=has_names(header.samples, [c.name for c in header.columns]))
 
 
 def foreign_header(path: Path, samples: Path, skip: int = 0) -> Header:

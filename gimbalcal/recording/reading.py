@@ -14,8 +14,10 @@ import numpy as np
 from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import UNITLESS, Column
+from gimbalcal.recording.dates import Dates
 from gimbalcal.recording.detection import detect
 from gimbalcal.recording.header import Header, read_header
+from gimbalcal.recording.holes import Holes
 from gimbalcal.recording.record import ANGLES, Recording, Source
 from gimbalcal.recording.rows import AllRows, Blocks
 from gimbalcal.recording.samples import Batch, batches, column
@@ -35,9 +37,19 @@ def read(folder: str | Path, average_s: float | None = None) -> Recording:
     """
     if average_s is not None and not average_s > 0:
         raise InputError(f"the time to average over must be positive, got {average_s} s")
-    header = read_header(Path(folder))
-    stream = batches(header.samples, [c.name for c in header.columns])
-    return assemble(header, stream, lambda name: column(header.samples, name), average_s)
+    header, dates = read_header(Path(folder)), Dates()
+    clock = header.column("time")
+    stream = batches(header.samples, [c.name for c in header.columns], clock, dates)
+    made = assemble(header, stream, lambda name: column(header.samples, name, clock), average_s)
+    return replace(made, remarks=(*made.remarks, *dates_told(header, dates)))
+
+
+def dates_told(header: Header, dates: Dates) -> tuple[str, ...]:
+    """A remark where the clock held dates: what its seconds are counted from."""
+    clock = header.column("time")
+    if clock is None or dates.zoned is None:
+        return ()
+    return (f"{header.samples}, column {clock.name}: dates, taken as seconds since {dates.start}",)
 
 
 def assemble(
@@ -72,9 +84,11 @@ def _rows(
     header: Header, stream: Iterable[Batch], whole: Callable[[str], Array], average_s: float | None
 ) -> tuple[tuple[Column, ...], dict[str, Array], dict[str, float], tuple[str, ...]]:
     """Columns, rows and scatter in the units of the file, and what to tell the user."""
-    screen = Screen(header, whole)
+    holes = Holes(header)
+    stream, screen = holes.filled(stream), Screen(header, whole, holes)
     if header.kind != "multi-position" or header.column("position"):
-        return (header.columns, *_gather(stream, header.columns, screen, average_s), ())
+        made = _gather(stream, header.columns, screen, average_s)
+        return (header.columns, *made, (*holes.remarks(), *screen.remarks()))
     columns = (*header.columns, _DETECTED)
     table, _ = _gather(stream, header.columns, screen, None)
     forces = [c for c in screen.sensors if c.quantity == "specific_force"]
@@ -85,10 +99,10 @@ def _rows(
         f"{header.samples}: there is no position column; {amount(int(position.max()), 'dwell')} found where the "
         "sensors are quiet, numbered in order of time"
     )
-    found = Screen(replace(header, columns=columns), whole)
+    found = Screen(replace(header, columns=columns), whole, holes)
     found.sensors, found.angles = [], []  # they have passed
     table, scatter = _gather([table], columns, found, average_s)
-    return columns, table, scatter, (remark,)
+    return columns, table, scatter, (*holes.remarks(), *screen.remarks(), remark)
 
 
 def _gather(

@@ -12,7 +12,10 @@ import numpy as np
 
 from gimbalcal.errors import InputError, alternatives, amount
 from gimbalcal.number import Array
+from gimbalcal.recording.columns import Column
+from gimbalcal.recording.dates import Dates, NoDateError, is_date
 from gimbalcal.recording.document import shortened
+from gimbalcal.units import from_si
 
 if TYPE_CHECKING:
     import polars as pl
@@ -24,37 +27,75 @@ Batch = Mapping[str, Array]
 ROWS = 50_000
 """Rows of one batch: ten columns are 4 MB, so that a pass over them stays in the cache."""
 
+EMPTY = ("NA", "N/A", "n/a", "null", "NULL", "None", "nan", "NaN", "NAN")
+"""What programs write where they have no value."""
 
-def batches(path: Path, names: Sequence[str]) -> Iterator[Batch]:
+
+def batches(
+    path: Path, names: Sequence[str], clock: Column | None = None, dates: Dates | None = None
+) -> Iterator[Batch]:
     """The columns `names` of the samples file, as float64 arrays of some `ROWS` rows, in the order of the file.
 
-    An empty cell is a NaN. Whatever the file cannot be read for is an `InputError` that names the line.
+    An empty cell is a NaN. A `clock` of dates becomes seconds, in its unit, counted by `dates`. Names that are all
+    whole numbers count columns from 1 where the file has no line of names (or other names). Whatever the file cannot
+    be read for is an `InputError` that names the line.
     """
     import polars as pl
 
+    dates, rows = dates or Dates(), 0
     try:
         _check_bytes(path)
-        lazy = _scan(path, names)
+        named, lazy = has_names(path, names), _scan(path, names)
         present = lazy.collect_schema()
         _check_names(path, names, present)
-        _check_types(path, names, present)
-        columns = [pl.col(name).cast(pl.Float64) for name in names]
+        dated = clock is not None and clock.name in names and _dated(path, clock, present[clock.name], named)
+        plain = [name for name in names if not (dated and clock and name == clock.name)]
+        _check_types(path, plain, present)
+        columns = [_numbers(name, present[name], path) if name in plain else pl.col(name) for name in names]
         for frame in lazy.select(columns).collect_batches(chunk_size=ROWS, maintain_order=True):
             batch = _without_blank_end(frame)
+            if dated and clock:
+                seconds = dates.seconds(frame[clock.name][: len(batch[names[0]])])
+                batch = {**batch, clock.name: from_si(seconds, clock.unit)}
+            rows += frame.height
             if len(batch[names[0]]):
                 yield batch
+    except NoDateError as problem:
+        where = place(path, rows + problem.row, named=named)
+        raise InputError(f"{where}, column {clock.name if clock else ''}: {problem}; correct it") from None
     except pl.exceptions.NoDataError:
         raise InputError(f"{path} is empty; it must hold a line of column names and the rows") from None
     except (pl.exceptions.PolarsError, OSError) as error:
         raise _explained(path, names, error) from None
 
 
-def column(path: Path, name: str) -> Array:
+def column(path: Path, name: str, clock: Column | None = None) -> Array:
     """One whole column."""
-    return np.concatenate([batch[name] for batch in batches(path, [name])])
+    if clock is None or name != clock.name:
+        return np.concatenate([batch[name] for batch in batches(path, [name])])
+    return np.concatenate([batch[name] for batch in batches(path, [name], clock)])
+
+
+def has_names(path: Path, names: Sequence[str]) -> bool:
+    """Whether a text file begins with a line of names: always, but where columns are numbered and it holds numbers.
+
+    A first line 0, 1, 2, ... or 1, 2, 3, ... is names that a program made up.
+    """
+    if path.suffix == ".parquet" or not numbered(names):
+        return True
+    first = next((cells for _, cells in _lines(path)), [])
+    return not all(_is_number(cell) or is_date(cell) for cell in first) or (
+        len(first) > 1 and [cell.strip() for cell in first] in ([str(i + k) for i in range(len(first))] for k in (0, 1))
+    )
+
+
+def numbered(names: Sequence[str]) -> bool:
+    """Whether columns are called by number, counted from 1, not by name."""
+    return bool(names) and all(re.fullmatch(r"[1-9]\d{0,3}", name) for name in names)
 
 
 def _scan(path: Path, names: Sequence[str]) -> pl.LazyFrame:
+    """The file, with the blanks around its names gone; columns that are called by number get their number for a name."""
     import polars as pl
 
     if path.suffix == ".parquet":
@@ -62,9 +103,52 @@ def _scan(path: Path, names: Sequence[str]) -> pl.LazyFrame:
     if path.stat().st_size == 0:
         raise pl.exceptions.NoDataError
     # Every dtype is given: a guess from the first rows fails at the first 0.5 below a column of integers.
-    present = pl.scan_csv(path, comment_prefix="#", infer_schema=False).collect_schema().names()
-    types = {name: pl.Float64 if name in names else pl.String for name in present}
-    return pl.scan_csv(path, comment_prefix="#", schema=types)
+    head, named = [cells for _, (_, cells) in zip(range(3), _lines(path), strict=False)], has_names(path, names)
+    text = any(cell != cell.strip() or is_date(cell) for cells in head[named:] for cell in cells)
+    there = pl.scan_csv(path, comment_prefix="#", infer_schema=False, has_header=named).collect_schema().names()
+    present = [name.strip() for name in there]
+    if numbered(names) and not set(names) <= set(present):
+        present = [str(i) for i in range(1, len(there) + 1)]
+    if len(set(present)) < len(there):
+        present = there
+    types = {
+        old: pl.Float64 if name in names and not text else pl.String for old, name in zip(there, present, strict=True)
+    }
+    lazy = pl.scan_csv(path, comment_prefix="#", schema=types, null_values=list(EMPTY), has_header=named)
+    changed = {old: name for old, name in zip(there, present, strict=True) if old != name}
+    return lazy.rename(changed) if changed else lazy
+
+
+def _numbers(name: str, kind: pl.DataType, path: Path) -> pl.Expr:
+    import polars as pl
+
+    each = pl.col(name)
+    if kind == pl.String and path.suffix != ".parquet":
+        each = each.str.strip_chars()
+        each = pl.when(each.is_in(["", *EMPTY])).then(None).otherwise(each)
+    return each.cast(pl.Float64).alias(name)
+
+
+def _dated(path: Path, clock: Column, kind: pl.DataType, named: bool) -> bool:
+    """Whether the clock holds dates; `InputError` where it holds numbers and the header says dates."""
+    import polars as pl
+
+    first = ""
+    if path.suffix == ".parquet" and kind == pl.String:
+        head = pl.scan_parquet(path).select(clock.name).head(1).collect()
+        first = str(head.item()) if head.height else ""
+    elif path.suffix != ".parquet":
+        names = next((cells for _, cells in _lines(path)), [])
+        stripped = [name.strip() for name in names]
+        at = stripped.index(clock.name) if named and clock.name in stripped else int(clock.name) - 1
+        first = next((c[at] for i, (_, c) in enumerate(_lines(path)) if i >= named and len(c) > at), "")
+    dated = kind.is_temporal() if kind.is_temporal() else is_date(first)
+    if clock.dated and first and not dated:
+        raise InputError(
+            f"{place(path, 0, named=named)}, column {clock.name}: {shortened(first)!r} is not a date and time of "
+            'ISO 8601, as [columns] says; correct it, or write the unit of the numbers, as in unit = "s"'
+        )
+    return dated
 
 
 def _check_names(path: Path, names: Sequence[str], present: Mapping[str, pl.DataType]) -> None:
@@ -78,12 +162,13 @@ def _check_names(path: Path, names: Sequence[str], present: Mapping[str, pl.Data
             f"{path}, line {_heading(path)}: separate its columns by commas, not {other!r}, and write decimal points"
         )
     if all(_is_number(name.partition("_duplicated_")[0]) for name in present):
-        raise InputError(f"{path}, line {_heading(path)}: numbers stand where the column names belong; put them above")
+        raise InputError(
+            f"{path}, line {_heading(path)}: numbers stand where the column names belong; put them above, or call the "
+            'columns by number in [columns], as in 1 = { quantity = "time", unit = "s" }'
+        )
     hint = "correct the name on one side"
     if any("\ufffd" in name for name in present):
         hint = "the names are not text in UTF-8, save the file as UTF-8"
-    if all(name in [there.strip() for there in present] for name in missing):
-        hint = "take the blanks away around the names"
     has = [repr(shortened(name)) for name in present]
     more = f" and {len(has) - MOST_NAMES} more" if len(has) > MOST_NAMES else ""
     raise InputError(
@@ -153,13 +238,16 @@ def _explained(path: Path, names: Sequence[str], error: Exception) -> InputError
 
 def _first_bad_line(path: Path, names: Sequence[str]) -> InputError | None:
     header: list[str] = []
+    named = has_names(path, names)
     for line, cells in _lines(path):
         odd = next((cell for cell in cells if "\ufffd" in cell), None)
         if odd is not None:
             return InputError(f"{path}, line {line}: {shortened(odd)!r} is not text in UTF-8; save the file as UTF-8")
         if not header:
-            header = cells
-            continue
+            counted = numbered(names) and not set(names) <= {cell.strip() for cell in cells}
+            header = [str(i) if counted else cell.strip() for i, cell in enumerate(cells, start=1)]
+            if named:
+                continue
         if len(cells) > len(header):
             return InputError(
                 f"{path}, line {line}: {amount(len(cells), 'value')} where the first line names "
@@ -175,7 +263,7 @@ def _first_bad_line(path: Path, names: Sequence[str]) -> InputError | None:
 
 def _is_number(cell: str) -> bool:
     try:
-        float(cell or "nan")
+        float("nan" if cell.strip() in ("", *EMPTY) else cell)
     except ValueError:
         return False
     return True
@@ -188,16 +276,17 @@ def _lines(path: Path, skip: int = 0) -> Iterator[tuple[int, list[str]]]:
                 yield line, next(csv.reader([text]), [])
 
 
-def place(path: Path, start: int, stop: int | None = None, skip: int = 0) -> str:
+def place(path: Path, start: int, stop: int | None = None, skip: int = 0, named: bool = True) -> str:
     """Rows `start` up to `stop` (from 0) in words: the lines of a CSV, the rows of others counted from 1.
 
-    `skip` lines stand before the line of column names.
+    `skip` lines stand before the line of column names, which is not there unless `named`.
     """
     word, first, last = "row", start + 1, (stop or start + 1)
     if path.suffix == ".csv":
-        word, wanted = "line", {start + 1, last}  # the first line without '#' is the header
+        # the first line without '#' is the header
+        word, wanted = "line", {start + named, last - 1 + named}
         found = {
             row: line for row, (line, _) in zip(range(last + 1), _lines(path, skip), strict=False) if row in wanted
         }
-        first, last = found[first], found[last]
+        first, last = found[start + named], found[last - 1 + named]
     return f"{path}, {word} {first}" if last <= first else f"{path}, {word}s {first} to {last}"

@@ -22,13 +22,16 @@ from gimbalcal.number import Array
 from gimbalcal.recording.columns import Column
 from gimbalcal.recording.document import LARGEST
 from gimbalcal.recording.header import Header
+from gimbalcal.recording.holes import Holes
 from gimbalcal.recording.record import SENSORS
-from gimbalcal.recording.samples import Batch, place
+from gimbalcal.recording.samples import Batch
+from gimbalcal.recording.stuck import longest_run, piled_up
 from gimbalcal.units import from_si, is_raw, to_si
 
 IMPOSSIBLE = 100.0  # m/s^2, some ten g, at rest
 GAP = 10.0  # times the usual step: longer ones end a run of rows
-LONGEST_STEP = 86400.0  # s; no rig pauses for longer in one recording
+LONGEST_STEP = 86400.0  # s; no run that goes on and on pauses for longer, and others say so
+STEADY = ("static-run", "rotation")  # kinds in which the time that passes between rows is part of the physics
 FEWEST = 20  # equal rows that can be called frozen or clipped at all
 MOST_POSITIONS = 1_000_000
 FURTHEST = 2e4 * np.pi  # rad; ten thousand turns
@@ -41,8 +44,9 @@ SMOOTH = 1e-7  # of the largest value: what third differences leave of a siderea
 class Screen:
     """Watches the rows go by and refuses the recording where they cannot be right."""
 
-    def __init__(self, header: Header, whole: Callable[[str], Array]) -> None:
-        self.header, self.whole = header, whole  # `whole` fetches one column for a second look
+    def __init__(self, header: Header, whole: Callable[[str], Array], holes: Holes) -> None:
+        self.header, self.holes = header, holes
+        self.whole = lambda name: holes.whole(whole(name))  # `whole` fetches one column for a second look
         clock, position = header.column("time"), header.column("position")
         if clock is None:
             raise ValueError("a header without a time column does not pass `read_header`")
@@ -79,7 +83,7 @@ class Screen:
         return begins
 
     def _place(self, start: int, stop: int | None = None) -> str:
-        return place(self.header.samples, start, stop, self.header.skip)
+        return self.holes.place(start, stop)
 
     def _finite(self, name: str, x: Array) -> None:
         bad = np.flatnonzero(~np.isfinite(x))
@@ -102,7 +106,8 @@ class Screen:
         seconds = to_si(1.0, self.clock.unit)
         if not self.step and len(t) > 1:
             self.step = float(np.median(dt[1:] if self.n == 0 else dt))
-        wrong = np.flatnonzero((dt <= 0) | (dt * seconds > LONGEST_STEP))
+        long = dt * seconds > LONGEST_STEP
+        wrong = np.flatnonzero((dt <= 0) | (long & (self.header.kind in STEADY)))
         if len(wrong):
             self._refuse_time(int(wrong[0]), t, float(dt[wrong[0]]))
         self.last_time = float(t[-1]) if len(t) else self.last_time
@@ -226,6 +231,17 @@ class Screen:
                     "second visit its own position number"
                 )
 
+    def remarks(self) -> tuple[str, ...]:
+        """Pauses of more than a day between the rows, which are parts of one recording all the same."""
+        unit = self.clock.unit
+        long = [(row, dt) for row, dt in self.gaps if to_si(dt, unit) > LONGEST_STEP]
+        if not long:
+            return ()
+        row, dt = max(long, key=lambda gap: gap[1])
+        what = "the clock pauses" if len(long) == 1 else f"the clock pauses {len(long)} times for more than a day, here"
+        days = to_si(dt, unit) / LONGEST_STEP
+        return (f"{self._place(row)}, column {self.clock.name}: {what} for {days:.3g} d; both sides are one recording",)
+
     def _angle_units(self) -> None:
         """An angle beyond two turns in radians was most likely logged in degrees; a run may turn on and on."""
         if self.header.kind == "rotation":
@@ -262,27 +278,3 @@ class Screen:
                     f"{self._place(int(rows[0]))}, column {each.name}: {x[rows[0]]:.6g} {each.unit} is beyond anything "
                     f"that a unit at rest can read{others}; leave such rows out"
                 )
-
-
-def piled_up(y: Array) -> Array:
-    """The rows where `y` equals its maximum, if they are five times as many as those at any of the next values."""
-    top = y.max()
-    rows = np.flatnonzero(y == top)
-    rest = y[y < top]
-    for _ in range(5):
-        if not len(rest):
-            break
-        near = rest.max()
-        if 5 * np.count_nonzero(rest == near) >= len(rows):
-            return rows[:0]
-        rest = rest[rest < near]
-    return rows if len(rest) else rows[:0]
-
-
-def longest_run(x: Array) -> tuple[int, int, float]:
-    """First row and end of the longest run of equal values, and the mean length of the other runs."""
-    edges = np.concatenate([[0], np.flatnonzero(x[1:] != x[:-1]) + 1, [len(x)]])
-    lengths = np.diff(edges)
-    k = int(np.argmax(lengths))
-    others = (len(x) - lengths[k]) / (len(lengths) - 1) if len(lengths) > 1 else 1.0
-    return int(edges[k]), int(edges[k + 1]), float(others)
