@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.importers.table import COMMON, header_for, number, one_file, only, recording_of
 from gimbalcal.number import Array
+from gimbalcal.recording.dates import is_date
 from gimbalcal.recording.record import Recording
+from gimbalcal.recording.samples import EMPTY, numbered
+
+if TYPE_CHECKING:
+    import polars as pl
 
 _SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 
@@ -16,36 +26,85 @@ _SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 def import_csv(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     """One text table; header = FILE.toml with [columns], separator, skip = lines before the names, rate = Hz.
 
-    The separator is comma, semicolon, tab or space, or the character itself; with semicolons a decimal comma is
-    understood.
+    The separator is comma, semicolon, tab or space, or the character itself, and the one that the first line shows
+    where it is not given; any number of blanks is one. With semicolons a decimal comma is understood. A table without
+    a line of names has its columns called by number, from 1.
     """
-    import polars as pl
-
     only(options, (*COMMON, "separator", "skip"))
     path = one_file(files)
     skip = int(number(options, "skip", 0))
     header = header_for(path, options, skip)
-    separator = _SEPARATORS.get(options.get("separator", "comma"), options.get("separator", ","))
+    separator = _SEPARATORS.get(options.get("separator", ""), options.get("separator", "")) or _guessed(path, skip)
     if len(separator) != 1:
         raise InputError(f"the separator {separator!r} is not one character; write comma, semicolon, tab or space")
-    try:
-        frame = pl.read_csv(
-            path, separator=separator, skip_lines=skip, comment_prefix="#", infer_schema=False,
-        )  # fmt: skip
-    except pl.exceptions.PolarsError as error:
-        raise InputError(f"{path} cannot be read as a table: {str(error).splitlines()[0]}") from None
+    wanted = [c.name for c in header.columns]
+    named = not numbered(wanted) or not _holds_numbers(path, skip, separator)
+    frame = _frame(path, separator, skip, named)
+    if numbered(wanted) and not set(wanted) <= set(frame.columns):
+        frame.columns = [str(i) for i in range(1, frame.width + 1)]
+    clock = header.column("time")
 
     def fetch(name: str) -> Array:
         if name not in frame.columns:
             raise InputError(f"{path} has no column {name!r}; it has {', '.join(map(repr, frame.columns))}")
         text = frame[name].str.strip_chars()
+        seen = text.drop_nulls()
+        if clock and name == clock.name and len(seen) and is_date(seen[0]):
+            return np.array(text.fill_null("").to_list())
         text = text.str.replace(",", ".", literal=True) if separator == ";" else text
-        values = text.cast(pl.Float64, strict=False)
-        bad = (values.is_null() & text.is_not_null() & (text != "")).arg_true()
-        if len(bad):
-            raise InputError(
-                f"{path}, row {bad[0] + 1} below the names, column {name}: {text[bad[0]]!r} is not a number"
-            )
-        return values.to_numpy()
+        return _numbers(path, name, text, named)
 
-    return recording_of(header, options, fetch)
+    return recording_of(replace(header, named=named), options, fetch)
+
+
+def _frame(path: Path, separator: str, skip: int, named: bool) -> pl.DataFrame:
+    """Every cell as text, the blanks around names gone."""
+    import polars as pl
+
+    source: Path | bytes = path
+    if separator == " ":  # columns are often lined up by more than one blank
+        lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()[skip:]
+        source, skip = "\n".join(" ".join(line.split()) for line in lines if line.split()).encode(), 0
+    try:
+        frame = pl.read_csv(
+            source, separator=separator, skip_lines=skip, comment_prefix="#", infer_schema=False, has_header=named,
+        )  # fmt: skip
+    except pl.exceptions.PolarsError as error:
+        raise InputError(f"{path} cannot be read as a table: {str(error).splitlines()[0]}") from None
+    stripped = [name.strip() for name in frame.columns]
+    if len(set(stripped)) == len(stripped):
+        frame.columns = stripped
+    return frame
+
+
+def _numbers(path: Path, name: str, text: pl.Series, named: bool) -> Array:
+    import polars as pl
+
+    empty = text.is_null() | text.is_in(["", *EMPTY])
+    values = text.cast(pl.Float64, strict=False)
+    bad = (values.is_null() & ~empty).arg_true()
+    if len(bad):
+        where = f"{path}, row {bad[0] + 1}{' below the names' if named else ''}, column {name}"
+        raise InputError(f"{where}: {text[bad[0]]!r} is not a number")
+    return values.set(empty, None).to_numpy()
+
+
+def _first_line(path: Path, skip: int) -> str:
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        lines = (line for i, line in enumerate(file) if i >= skip and line.strip() and not line.startswith("#"))
+        return next(lines, "").strip("\r\n")
+
+
+def _guessed(path: Path, skip: int) -> str:
+    """The separator that the first line shows."""
+    first = _first_line(path, skip)
+    shown = [mark for mark in (";", "\t", ",") if mark in first.strip()]
+    return shown[0] if shown else (" " if " " in first.strip() else ",")
+
+
+def _holds_numbers(path: Path, skip: int, separator: str) -> bool:
+    """Whether the first line is numbers or dates, not names."""
+    first = _first_line(path, skip)
+    cells = first.split() if separator == " " else [cell.strip() for cell in first.split(separator)]
+    number_like = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?")
+    return all(not c or c in EMPTY or number_like.fullmatch(c) or is_date(c) for c in cells)

@@ -1,34 +1,115 @@
-"""Text files of the imu_tk toolkit: time and three raw outputs to a line, one file per triad.
+"""Text files of the imu_tk toolkit: time and three outputs to a line, one file per triad.
 
 Format: github.com/Kyle-ak/imu_tk, bin/test_data; data of Tedaldi, Pretto and Menegatti, "A robust and easy to implement
-method for IMU calibration without external equipments", ICRA 2014. The files are called .mat and are text.
+method for IMU calibration without external equipments", ICRA 2014. The files are called .mat and are text. The authors
+logged counts; others log m/s^2 or g, and rad/s or deg/s, in the same format, so the unit is told by gravity: by its
+size at rest, and by how far the gyroscopes say that it turned from one rest to the next.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
+from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.importers.still import TRIAD, still_positions, text_matrix
 from gimbalcal.importers.table import only
+from gimbalcal.number import Array
+from gimbalcal.recording.dwell import Dwell, dwells
 from gimbalcal.recording.record import Recording
+from gimbalcal.rotation import exponential
+from gimbalcal.units import check, is_raw, to_si
+
+LIKE_GRAVITY = 0.1  # of gravity: any unit's bias and scale errors together are less, any other unit is further off
+FIT = np.radians(20.0)  # gravity after a turn by gyroscopes that nobody calibrated, in the right unit
+BETTER = 2.0  # times that the right unit must do better than the other
 
 
 def import_imu_tk(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
-    """Two text files, accelerometers then gyroscopes (or the first only): time [s] and x y z [count] in each line."""
-    only(options, ())
+    """Text files, accelerometers then gyroscopes (or the first only): time [s] and x y z in each line; accel, gyro.
+
+    accel and gyro name the units, such as m/s^2 and deg/s; where they are not given they are told by gravity.
+    """
+    only(options, ("accel", "gyro"))
     if len(files) not in (1, 2):
         raise InputError(f"imu-tk reads one or two files (accelerometers, gyroscopes), got {len(files)}")
     tables = [text_matrix(path, 4) for path in files]
     time = tables[0][:, 0]
     for path, table in zip(files[1:], tables[1:], strict=True):
-        if len(table) != len(time) or not np.array_equal(table[:, 0], time):
+        if len(table) != len(time) or not np.array_equal(table[:, 0], time, equal_nan=True):
             raise InputError(f"{path} does not have the times of {files[0]}; give two files of one session")
     quantities = ("specific_force", "angular_rate")[: len(files)]
     channels = {
         (q, axis): table[:, 1 + i] for q, table in zip(quantities, tables, strict=True) for i, axis in enumerate(TRIAD)
     }
-    return still_positions(files[0].stem, time, channels, dict.fromkeys(channels, "count"), files)
+    for name, quantity in (("accel", "specific_force"), ("gyro", "angular_rate")):
+        if name in options:
+            check(options[name], quantity)
+    made = still_positions(files[0].stem, time, channels, dict.fromkeys(channels, "count"), files)
+    accel, why = _unit_of_force(made)
+    made = _in_unit(made, "specific_force", options.get("accel", accel), "as told" if "accel" in options else why)
+    if len(files) == 1:
+        return made
+    gyro, why = _unit_of_rate(made)
+    return _in_unit(made, "angular_rate", options.get("gyro", gyro), "as told" if "gyro" in options else why)
+
+
+def _in_unit(recording: Recording, quantity: str, unit: str, why: str) -> Recording:
+    """The recording with one triad in SI, and a remark that says which unit it was taken to be in."""
+    if is_raw(unit):
+        return recording
+    own = {key for key in recording.channels if key[0] == quantity}
+    return replace(
+        recording,
+        channels={k: to_si(v, unit) if k in own else v for k, v in recording.channels.items()},
+        units={k: unit if k in own else u for k, u in recording.units.items()},
+        scatter={k: to_si(s, unit) if k in own else s for k, s in recording.scatter.items()},
+        remarks=(*recording.remarks, f"{quantity} is taken to be in {unit}: {why}"),
+    )
+
+
+def _unit_of_force(recording: Recording) -> tuple[str, str]:
+    force = recording.triad("specific_force")
+    rest = np.concatenate([force[d.rows] for d in dwells(recording)]) if len(dwells(recording)) else force
+    norm = float(np.median(np.linalg.norm(rest, axis=1)))
+    for unit in ("m/s^2", "g"):
+        if abs(to_si(norm, unit) / G0 - 1) < LIKE_GRAVITY:
+            return unit, f"at rest its norm is {norm:.4g}"
+    return "count", ""
+
+
+def _unit_of_rate(recording: Recording) -> tuple[str, str]:
+    """rad/s or deg/s, whichever turns gravity from rest to rest as the accelerometers saw it turn; else counts."""
+    raw = recording.units["specific_force", "x"] == "count"
+    stays = dwells(recording)
+    if raw or len(stays) < 2:
+        return "count", ""
+    misfit = {unit: _misfit(recording, stays, to_si(1.0, unit)) for unit in ("rad/s", "deg/s")}
+    right, wrong = sorted(misfit, key=lambda unit: misfit[unit])
+    if misfit[right] > FIT or misfit[wrong] < BETTER * misfit[right]:
+        return "count", ""
+    told = f"so it turns gravity from rest to rest to {np.degrees(misfit[right]):.2g} deg"
+    return right, f"{told}, and in {wrong} to {np.degrees(misfit[wrong]):.2g} deg"
+
+
+def _misfit(recording: Recording, stays: Sequence[Dwell], scale: float) -> float:
+    """Median angle [rad] between gravity after a turn and where rates times `scale` say that it is."""
+    force, rate, off = recording.triad("specific_force"), scale * recording.triad("angular_rate"), []
+    for one, other in pairwise(stays):
+        level = (rate[one.rows].mean(0) + rate[other.rows].mean(0)) / 2
+        before, after = force[one.rows].mean(0), force[other.rows].mean(0)
+        span = slice(one.stop - 1, other.start + 1)
+        steps = (rate[span][1:] + rate[span][:-1]) / 2 - level
+        for C in exponential(steps * np.diff(recording.time[span])[:, None]):
+            before = C @ before
+        off.append(_angle(before, after))
+    return float(np.median(off))
+
+
+def _angle(a: Array, b: Array) -> float:
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))

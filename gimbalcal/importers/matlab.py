@@ -1,33 +1,77 @@
-"""MATLAB .mat files: up to v7 by scipy, v7.3 as the HDF5 that it is."""
+"""MATLAB .mat files: up to v7 by scipy, v7.3 as the HDF5 that it is; a recording may be spread over several."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.hdf5 import import_hdf5
-from gimbalcal.importers.table import COMMON, component, header_for, one_file, only, recording_of, without_index
+from gimbalcal.importers.hdf5 import dataset, dataset_names
+from gimbalcal.importers.table import COMMON, component, header_for, only, recording_of, sources, without_index
 from gimbalcal.number import Array
 from gimbalcal.recording.record import Recording
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
+@dataclass(frozen=True, eq=False)
+class _Variables:
+    """What one file holds: `find` gives the variable of a dotted name or None; `names` are those at the top."""
+
+    path: Path
+    names: tuple[str, ...]
+    find: Callable[[str], Any]
+
+
 def import_matlab(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
-    """One .mat file; header = FILE.toml, its columns named as in "imu.acc[0]" (variable, field, index); rate = Hz."""
+    """.mat files of one recording; header = FILE.toml, its columns named as in "imu.acc[0]" or by file; rate = Hz.
+
+    A column is called by variable, field and index; where each channel has a file of its own, by the name of the file
+    (its only variable is meant) or by file and variable, "ax.data".
+    """
+    only(options, COMMON)
+    header = header_for(files[0], options)
+    held = [_opened(path) for path in files]
+
+    def fetch(name: str) -> Array:
+        where, found = _found(held, without_index(name))
+        return component(name, np.asarray(found), where)
+
+    made = recording_of(header, options, fetch)
+    return replace(made, source=(*made.source, *sources(files[1:])))
+
+
+def _found(held: Sequence[_Variables], name: str) -> tuple[Path, Any]:
+    """The file and the variable that a column is called by: a variable first, then a file, then both."""
+    matches = [(v.path, v.find(name)) for v in held if v.find(name) is not None]
+    stem, _, rest = name.partition(".")
+    for v in held:
+        if not matches and v.path.stem == stem:
+            inner = rest or (v.names[0] if len(v.names) == 1 else "")
+            matches += [(v.path, v.find(inner))] if inner and v.find(inner) is not None else []
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        which = " and ".join(path.name for path, _ in matches)
+        better = f"{matches[0][0].stem}.{name}"
+        raise InputError(f"{name} is in {which}; write the name of the file before it, as in {better}")
+    has = "; ".join(f"{v.path} has {', '.join(v.names) or 'none'}" for v in held)
+    if len(held) == 1:
+        raise InputError(f"{held[0].path} has no variable {name!r}; it has {', '.join(held[0].names)}")
+    raise InputError(f"no file has a variable {name!r}, and none that holds one variable is called so; {has}")
+
+
+def _opened(path: Path) -> _Variables:
     import scipy.io
 
-    only(options, COMMON)
-    path = one_file(files)
     with path.open("rb") as file:
         start = file.read(520)
     if _HDF5 in (start[:8], start[512:520]):  # MATLAB puts 512 bytes of its own before the signature
-        return import_hdf5(files, options)
-    header = header_for(path, options)
+        return _Variables(path, dataset_names(path), lambda name: dataset(path, name))
     try:
         variables: dict[str, Any] = scipy.io.loadmat(path, struct_as_record=False, squeeze_me=True)
     except (ValueError, TypeError, EOFError, OSError, NotImplementedError):
@@ -36,13 +80,10 @@ def import_matlab(files: Sequence[Path], options: Mapping[str, str]) -> Recordin
             "`gimbalcal import imu-tk` or `csv`"
         ) from None
 
-    def fetch(name: str) -> Array:
+    def find(name: str) -> Any:
         found: Any = variables
-        for part in without_index(name).split("."):
+        for part in name.split("."):
             found = found.get(part) if isinstance(found, dict) else getattr(found, part, None)
-        if found is None:
-            names = ", ".join(key for key in variables if not key.startswith("__"))
-            raise InputError(f"{path} has no variable {without_index(name)!r}; it has {names}")
-        return component(name, np.asarray(found), path)
+        return found
 
-    return recording_of(header, options, fetch)
+    return _Variables(path, tuple(key for key in variables if not key.startswith("__")), find)

@@ -15,24 +15,25 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording.detection import detect
 from gimbalcal.recording.dwell import dwells
 from gimbalcal.recording.record import Key, Recording, Site, Source
+from gimbalcal.recording.samples import EMPTY
 from gimbalcal.recording.scatter import pooled
 
 TRIAD = ("x", "y", "z")
 
 
 def text_matrix(path: Path, columns: int) -> Array:
-    """Numbers separated by blanks, `columns` to a line."""
+    """Numbers separated by blanks or commas, `columns` to a line; a missing one is a NaN."""
     rows = []
     with path.open(encoding="utf-8", errors="replace") as file:
         for line, text in enumerate(file, start=1):
-            cells = text.split()
+            cells = text.replace(",", " ").replace(";", " ").split()
             if not cells:
                 continue
             try:
-                rows.append([float(cell) for cell in cells])
+                rows.append([float("nan" if cell in EMPTY else cell) for cell in cells])
             except ValueError:
                 raise InputError(f"{path}, line {line}: {text.strip()[:40]!r} is not a row of numbers") from None
-            if len(cells) != columns or not np.all(np.isfinite(rows[-1])):
+            if len(cells) != columns or np.any(np.isinf(rows[-1])):
                 raise InputError(f"{path}, line {line}: {columns} finite numbers are wanted, got {text.strip()[:60]!r}")
     if not rows:
         raise InputError(f"{path} is empty; it must hold rows of {columns} numbers")
@@ -43,6 +44,11 @@ def still_positions(
     title: str, time: Array, channels: Mapping[Key, Array], units: Mapping[Key, str], files: Sequence[Path]
 ) -> Recording:
     """The multi-position recording of a unit without a platform; its dwells are detected. Channels are in SI or raw."""
+    whole = np.all(np.isfinite([time, *channels.values()]), axis=0)
+    left_out = np.flatnonzero(~whole)
+    if not whole.any():
+        raise InputError(f"{files[0]}: no row has all its values")
+    time, channels = time[whole], {key: values[whole] for key, values in channels.items()}
     wrong = np.flatnonzero(np.diff(time) <= 0)
     if len(wrong):
         raise InputError(f"{files[0]}, row {wrong[0] + 2}: the clock does not go forward; sort the rows")
@@ -64,4 +70,6 @@ def still_positions(
     )
     stays = amount(len(dwells(recording)), "dwell")
     found = f"{stays} found where the sensors are quiet, numbered in order of time"
-    return replace(recording, remarks=(found,))
+    gone = f"{files[0]}, row {left_out[0] + 1 if len(left_out) else 0}: {amount(len(left_out), 'row')} of {len(whole)}"
+    lost = (f"{gone} without all values left out, this is the first",) if len(left_out) else ()
+    return replace(recording, remarks=(*lost, found))

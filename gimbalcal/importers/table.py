@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
+from gimbalcal.recording.columns import Column
+from gimbalcal.recording.dates import Dates, NoDateError
 from gimbalcal.recording.header import Header, foreign_header
-from gimbalcal.recording.reading import assemble
-from gimbalcal.recording.record import Recording
+from gimbalcal.recording.reading import assemble, dates_told
+from gimbalcal.recording.record import Recording, Source
+from gimbalcal.units import from_si
 
 COMMON = ("header", "rate")
 
@@ -49,7 +54,12 @@ def header_for(path: Path, options: Mapping[str, str], skip: int = 0) -> Header:
             f"what do the columns of {path} hold? Write it down as in recording.toml, with [columns], and name that "
             "file in the option header"
         )
-    return foreign_header(Path(options["header"]), path, skip)
+    return foreign_header(Path(options["header"]), path, skip, clock_needed="rate" not in options)
+
+
+def sources(files: Sequence[Path]) -> tuple[Source, ...]:
+    """The files that numbers came from, with their digests."""
+    return tuple(Source(path.name, hashlib.sha256(path.read_bytes()).hexdigest()) for path in files)
 
 
 def recording_of(header: Header, options: Mapping[str, str], fetch: Callable[[str], Array]) -> Recording:
@@ -60,14 +70,39 @@ def recording_of(header: Header, options: Mapping[str, str], fetch: Callable[[st
     clock = header.column("time")
     names = [c.name for c in header.columns]
     rate = number(options, "rate", 0.0)
-    own = {name: _numbers(header, name, fetch(name)) for name in names if not (rate and clock and name == clock.name)}
+    dates = Dates()
+    own = {}
+    for name in names:
+        if not clock or name != clock.name:
+            own[name] = _numbers(header, name, fetch(name))
+        elif not rate:
+            own[name] = _clock(header, clock, fetch(name), dates)
     sizes = {name: len(values) for name, values in own.items()}
     if len(set(sizes.values())) > 1:
         listed = ", ".join(f"{name} {n}" for name, n in sizes.items())
         raise InputError(f"{header.samples}: the columns differ in length ({listed}); they must have one value per row")
     if rate and clock:
-        own[clock.name] = np.arange(next(iter(sizes.values()), 0)) / rate
-    return assemble(header, [own] if own and len(own[names[0]]) else [], lambda name: own[name])
+        own[clock.name] = from_si(np.arange(next(iter(sizes.values()), 0)) / rate, clock.unit)
+    made = assemble(header, [own] if own and len(own[names[0]]) else [], lambda name: own[name])
+    return replace(made, remarks=(*made.remarks, *dates_told(header, dates)))
+
+
+def _clock(header: Header, clock: Column, values: Array, dates: Dates) -> Array:
+    """The time column in its unit: numbers, or text that is dates of ISO 8601."""
+    if np.issubdtype(values.dtype, np.number):
+        if clock.dated:
+            raise InputError(
+                f"{header.samples}, column {clock.name}: the column holds numbers, not dates of ISO 8601 as the header "
+                'says; write their unit, as in unit = "s"'
+            )
+        return _numbers(header, clock.name, values)
+    import polars as pl
+
+    try:
+        return from_si(dates.seconds(pl.Series([str(v) for v in values])), clock.unit)
+    except NoDateError as problem:
+        row = f"{header.samples}, row {problem.row + 1}, column {clock.name}"
+        raise InputError(f"{row}: {problem}; correct it") from None
 
 
 def _numbers(header: Header, name: str, values: Array) -> Array:

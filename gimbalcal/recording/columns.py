@@ -46,8 +46,11 @@ class Column:
         return self.quantity, self.axis
 
 
-def columns_of(document: Document, platform: Platform) -> tuple[Column, ...]:
-    """Every column that the header names, checked; `InputError` names the line."""
+COUNTED = Column(" time", "time", "", "s")  # made from the number of the row; a name that no header can hold
+
+
+def columns_of(document: Document, platform: Platform, clock_needed: bool = True) -> tuple[Column, ...]:
+    """Every column that the header names, checked; `InputError` names the line. Rows may be counted for a clock."""
     table = document.table("columns")
     columns: list[Column] = []
     for name, entry in table.items():
@@ -60,6 +63,8 @@ def columns_of(document: Document, platform: Platform) -> tuple[Column, ...]:
             )
         columns.append(column)
     if not any(c.quantity == "time" for c in columns):
+        if not clock_needed and columns:
+            return (*columns, COUNTED)
         raise InputError(
             f'{document.where("columns")}: no column is the time; write time_s = {{ quantity = "time", unit = "s" }}'
         )

@@ -54,16 +54,19 @@ def read_header(folder: Path) -> Header:
     return replace(header, named=has_names(header.samples, [c.name for c in header.columns]))
 
 
-def foreign_header(path: Path, samples: Path, skip: int = 0) -> Header:
-    """The header that the TOML file `path` gives to rows that are in another program's file, `samples`."""
+def foreign_header(path: Path, samples: Path, skip: int = 0, clock_needed: bool = True) -> Header:
+    """The header that the TOML file `path` gives to rows that are in another program's file, `samples`.
+
+    Where no clock is needed, because rows are counted instead, the columns may be without one.
+    """
     if not path.is_file():
         raise InputError(
             f"{path} does not exist; it must say what the columns of {samples} hold, as recording.toml does"
         )
-    return replace(_header(Document(path), samples), skip=skip)
+    return replace(_header(Document(path), samples, clock_needed), skip=skip)
 
 
-def _header(document: Document, samples: Path) -> Header:
+def _header(document: Document, samples: Path, clock_needed: bool = True) -> Header:
     content, path = document.content, document.path
     document.only("", ("format", "kind", "title", "samples", "site", "platform", "noise", "columns"), content)
     if content.get("format") != 1:
@@ -72,7 +75,7 @@ def _header(document: Document, samples: Path) -> Header:
     if kind not in KINDS:
         raise InputError(f"{document.where('', 'kind')}: kind must be one of {alternatives(KINDS)}, got {kind!r}")
     platform = _platform(document, kind)
-    columns = columns_of(document, platform)
+    columns = columns_of(document, platform, clock_needed)
     site, remarks = _site(document, kind)
     return Header(
         path=path,

@@ -63,7 +63,9 @@ class Holes:
         runs = [(int(gone[a]), int(gone[b - 1]) + 1) for a, b in pairwise(edges)]
         told = [place(self.header.samples, *run, self.header.skip, self.header.named) for run in runs[:SHOWN]]
         first, *others = [told[0], *(text.removeprefix(f"{self.header.samples}, ") for text in told[1:])]
-        where = ", ".join([first, *others]) + (f" and {len(runs) - SHOWN} more places" if len(runs) > SHOWN else "")
+        where = ", ".join([first, *others]) + (
+            f" and {amount(len(runs) - SHOWN, 'more place')}" if len(runs) > SHOWN else ""
+        )
         is_are = "is" if len(gone) == 1 else "are"
         return (f"{where}: {amount(len(gone), 'row')} of {self.rows} {is_are} left out, empty in {self._culprits()}",)
 
@@ -79,8 +81,8 @@ class Holes:
             return InputError(f"{where}: no row has a value; leave the column out of [columns]")
         return InputError(
             f"{where}: {most} of {self.rows} rows have no value, and {gone} rows lack one of some column; where "
-            "sensors are logged at times of their own, bring them to common rows (a slow thermometer: repeat its last value), "
-            "or leave the column out"
+            "sensors are logged at times of their own, bring them to common rows (a slow thermometer: repeat its last "
+            "value), or leave the column out"
         )
 
     def _without(self, batch: Batch) -> Batch:

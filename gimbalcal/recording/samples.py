@@ -42,7 +42,7 @@ def batches(
     """
     import polars as pl
 
-    dates, rows = dates or Dates(), 0
+    dates, rows, plain = dates or Dates(), 0, list(names)
     try:
         _check_bytes(path)
         named, lazy = has_names(path, names), _scan(path, names)
@@ -66,7 +66,7 @@ def batches(
     except pl.exceptions.NoDataError:
         raise InputError(f"{path} is empty; it must hold a line of column names and the rows") from None
     except (pl.exceptions.PolarsError, OSError) as error:
-        raise _explained(path, names, error) from None
+        raise _explained(path, plain, error) from None
 
 
 def column(path: Path, name: str, clock: Column | None = None) -> Array:
@@ -95,7 +95,7 @@ def numbered(names: Sequence[str]) -> bool:
 
 
 def _scan(path: Path, names: Sequence[str]) -> pl.LazyFrame:
-    """The file, with the blanks around its names gone; columns that are called by number get their number for a name."""
+    """The file, less the blanks around its names; columns that are called by number get their number for a name."""
     import polars as pl
 
     if path.suffix == ".parquet":
@@ -142,7 +142,7 @@ def _dated(path: Path, clock: Column, kind: pl.DataType, named: bool) -> bool:
         stripped = [name.strip() for name in names]
         at = stripped.index(clock.name) if named and clock.name in stripped else int(clock.name) - 1
         first = next((c[at] for i, (_, c) in enumerate(_lines(path)) if i >= named and len(c) > at), "")
-    dated = kind.is_temporal() if kind.is_temporal() else is_date(first)
+    dated = kind.is_temporal() or is_date(first)
     if clock.dated and first and not dated:
         raise InputError(
             f"{place(path, 0, named=named)}, column {clock.name}: {shortened(first)!r} is not a date and time of "

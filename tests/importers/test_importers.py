@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ from gimbalcal.importers import KINDS, import_files
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import dwell_means, dwells, read
+from gimbalcal.rotation import exponential
+from gimbalcal.units import to_si
 from tests.xsens import accelerometers, as_text
 
 SHIPPED = Path(__file__).parents[2] / "data" / "xsens_positions"
@@ -190,7 +193,9 @@ def test_matlab_up_to_v7(tmp_path: Path) -> None:
     options = header(tmp_path, time="time", position="imu.pos", x="imu.acc[0]", y="imu.acc[1]", z="imu.acc[2]")
     assert "rig.mat has no variable 'time'; it has t, imu, name" in refusal("mat", [tmp_path / "rig.mat"], options)
     options = header(tmp_path, time="name", position="imu.pos", x="imu.acc[0]", y="imu.acc[1]", z="imu.acc[2]")
-    assert "name holds <U3 where real numbers are wanted" in refusal("mat", [tmp_path / "rig.mat"], options)
+    assert "row 1, column name: 'rig' is not a date and time of ISO 8601; correct it" in refusal(
+        "mat", [tmp_path / "rig.mat"], options
+    )
 
 
 def test_matlab_v73_is_hdf5(tmp_path: Path) -> None:
@@ -246,8 +251,124 @@ def test_imported_tables_pass_the_same_checks(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "rig.h5", "w") as file:
         file["t"], file["p"], file["a"] = time, position, force
     options = header(tmp_path, time="t", position="p", x="a[0]", y="a[1]", z="a[2]")
+    made = import_files("hdf5", [tmp_path / "rig.h5"], options)
+    assert len(made.time) == 56
+    assert made.remarks[0].endswith("rig.h5, rows 11 to 14: 4 rows of 60 are left out, empty in a[1]")
+    with h5py.File(tmp_path / "rig.h5", "a") as file:
+        file["a"][20, 0] = np.inf
     said = refusal("hdf5", [tmp_path / "rig.h5"], options)
-    assert "rig.h5, row 11, column a[1]: the value is empty or not a finite number, nor are the 3 below it" in said
+    assert "rig.h5, row 21, column a[0]: the value is empty or not a finite number" in said
+
+
+def test_the_clock_of_a_rate_is_in_the_unit_of_its_column(tmp_path: Path) -> None:
+    _, position, force = table()
+    rows = ["p,a,b,c", *(f"{p},{x:.9f},{y:.9f},{z:.9f}" for p, (x, y, z) in zip(position, force, strict=True))]
+    (tmp_path / "log.csv").write_text("\n".join(rows))
+    options = header(tmp_path, time="row", position="p", x="a", y="b", z="c")
+    columns = Path(options["header"]).read_text()
+    for unit in ("ms", "min"):
+        Path(options["header"]).write_text(columns.replace('"time", unit = "s"', f'"time", unit = "{unit}"'))
+        recording = import_files("csv", [tmp_path / "log.csv"], {**options, "rate": "50"})
+        np.testing.assert_allclose(recording.time, np.arange(60) / 50, rtol=1e-14)
+    Path(options["header"]).write_text("\n".join(line for line in columns.splitlines() if '"time"' not in line))
+    recording = import_files("csv", [tmp_path / "log.csv"], {**options, "rate": "50"})
+    np.testing.assert_allclose(recording.time, np.arange(60) / 50, rtol=1e-14)
+    assert "no column is the time" in refusal("csv", [tmp_path / "log.csv"], options)
+
+
+@pytest.mark.parametrize(("name", "given"), [("comma", ","), ("blanks", "   "), ("tab", "\t"), ("semicolon", ";")])
+def test_a_table_without_names_has_numbered_columns(tmp_path: Path, name: str, given: str) -> None:
+    time, position, force = table()
+    lines = [f"{t:g},{p:g},{x:.8f},{y:.8f},{z:.8f}" for t, p, (x, y, z) in zip(time, position, force, strict=True)]
+    lines[7] = lines[7].rsplit(",", 1)[0] + ",NaN"
+    (tmp_path / "log.txt").write_text("# bench 4\n" + "\n".join(lines).replace(",", given))
+    options = header(tmp_path, time="1", position="2", x="3", y="4", z="5")
+    recording = import_files("csv", [tmp_path / "log.txt"], options)
+    np.testing.assert_allclose(recording.triad("specific_force"), np.delete(force, 7, 0) * 9.80665, atol=1e-7)
+    assert recording.remarks[0].endswith("log.txt, row 8: 1 row of 60 is left out, empty in 5")
+    missing = header(tmp_path, time="1", position="2", x="3", y="4", z="6")
+    assert "log.txt has no column '6'; it has '1', '2', '3', '4', '5'" in refusal(
+        "csv", [tmp_path / "log.txt"], missing
+    ), name
+
+
+def test_dates_in_a_text_table(tmp_path: Path) -> None:
+    time, position, force = table()
+    start = datetime(2026, 3, 29, 1, 59, 50)  # noqa: DTZ001  a logger that names no zone
+    rows = ["when;p;a;b;c"]
+    for t, p, f in zip(time, position, force, strict=True):
+        stamp = (start + timedelta(seconds=float(t))).isoformat(sep=" ").replace(".", ",")
+        rows.append(";".join([stamp, f"{p:g}", *(f"{v:.8f}".replace(".", ",") for v in f)]))
+    (tmp_path / "log.csv").write_text("\n".join(rows))
+    options = header(tmp_path, time="when", position="p", x="a", y="b", z="c")
+    recording = import_files("csv", [tmp_path / "log.csv"], options)
+    np.testing.assert_allclose(recording.time - recording.time[0], time, atol=1e-9)
+    assert recording.remarks[0].endswith("column when: dates, taken as seconds since 2026-03-29 00:00, no zone named")
+    (tmp_path / "log.csv").write_text("\n".join(rows).replace("2026-03-29 01:59:55;", "yesterday;"))
+    said = refusal("csv", [tmp_path / "log.csv"], options)
+    assert said.endswith("row 11, column when: 'yesterday' is not a date and time of ISO 8601; correct it")
+
+
+def test_matlab_with_a_file_for_each_channel(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    time, position, force = table()
+    files = [tmp_path / f"{name}.mat" for name in ("clock", "pos", "ax", "ay", "az")]
+    for path, values in zip(files, (time, position, *force.T), strict=True):
+        savemat(path, {"data": values})
+    options = header(tmp_path, time="clock", position="pos", x="ax", y="ay.data", z="az")
+    recording = import_files("mat", files, options)
+    np.testing.assert_allclose(recording.triad("specific_force"), force * 9.80665, rtol=1e-15)
+    assert [Path(s.path).name for s in recording.source[1:]] == [path.name for path in files]
+    options = header(tmp_path, time="clock", position="pos", x="data", y="ay", z="az")
+    assert "write the name of the file before it, as in clock.data" in refusal("mat", files, options)
+    options = header(tmp_path, time="clock", position="pos", x="ax", y="ay", z="temperature")
+    assert "no file has a variable 'temperature'" in refusal("mat", files, options)
+
+
+def in_the_hand(rate_unit: float = 1.0) -> tuple[Array, Array, Array]:
+    """Eight rests of 4 s and quarter turns of 1 s between them, 50 Hz: time, force [m/s^2], rate."""
+    rng = np.random.default_rng(4)
+    n, C, force, rate = 50, np.eye(3), [], []
+    for k in range(8):
+        force += [C @ [0, 0, 9.81]] * (4 * n)
+        rate += [np.zeros(3)] * (4 * n)
+        w = np.pi / 2 * np.eye(3)[k % 3]
+        for _ in range(n):
+            C = exponential(w / n) @ C
+            force.append(C @ [0, 0, 9.81])
+            rate.append(w)
+    f, w_all = np.array(force), np.array(rate) / rate_unit
+    return np.arange(len(f)) / n, f + 0.01 * rng.standard_normal(f.shape), w_all + 1e-3 * rng.standard_normal(f.shape)
+
+
+@pytest.mark.parametrize(("accel", "gyro"), [("m/s^2", "rad/s"), ("g", "deg/s")])
+def test_imu_tk_in_physical_units(tmp_path: Path, accel: str, gyro: str) -> None:
+    time, force, rate = in_the_hand(to_si(1.0, gyro))
+    np.savetxt(tmp_path / "acc.mat", np.column_stack([time, force / to_si(1.0, accel)]))
+    np.savetxt(tmp_path / "gyro.mat", np.column_stack([time, rate]))
+    recording = import_files("imu-tk", [tmp_path / "acc.mat", tmp_path / "gyro.mat"])
+    assert {u for (q, _), u in recording.units.items() if q == "specific_force"} == {accel}
+    assert {u for (q, _), u in recording.units.items() if q == "angular_rate"} == {gyro}
+    np.testing.assert_allclose(recording.triad("specific_force"), force, rtol=1e-12)
+    np.testing.assert_allclose(recording.triad("angular_rate"), rate * to_si(1.0, gyro), rtol=1e-12)
+    assert recording.remarks[1].startswith(f"specific_force is taken to be in {accel}: at rest its norm is ")
+    assert recording.remarks[2].startswith(f"angular_rate is taken to be in {gyro}: so it turns gravity")
+    told = import_files("imu-tk", [tmp_path / "acc.mat"], {"accel": "count"})
+    assert set(told.units.values()) == {"count"}
+    assert "'deg' is not a unit of angular_rate" in refusal("imu-tk", [tmp_path / "acc.mat"], {"gyro": "deg"})
+
+
+def test_text_of_a_logger_that_missed_some_values(tmp_path: Path) -> None:
+    time, force, rate = in_the_hand()
+    force[30:33, 1] = np.nan
+    np.savetxt(tmp_path / "acc.mat", np.column_stack([time, force]))
+    np.savetxt(tmp_path / "gyro.mat", np.column_stack([time, rate]), delimiter=",")
+    recording = import_files("imu-tk", [tmp_path / "acc.mat", tmp_path / "gyro.mat"])
+    assert len(recording.time) == len(time) - 3
+    assert recording.remarks[0].endswith(
+        "acc.mat, row 31: 3 rows of 2000 without all values left out, this is the first"
+    )
 
 
 def test_mikoff_log(tmp_path: Path) -> None:

@@ -446,6 +446,54 @@ def test_cells_that_are_not_numbers(tmp_path: Path) -> None:
     assert "line 2, column time_s: 's' is not a number" in refusal(tmp_path, samples=units)
 
 
+@pytest.mark.parametrize("batch", [11, 50_000])
+def test_rows_without_a_value_are_left_out_and_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, batch: int
+) -> None:
+    monkeypatch.setattr("gimbalcal.recording.samples.ROWS", batch)
+    table = rows()
+    table[5:9, 2] = np.nan
+    table[30, [2, 3]] = np.nan
+    whole = text(table).splitlines()
+    broken = [*whole[:61], whole[61].replace("1.0", "", 1), *whole[62:], "140,2,1.0"]  # an empty cell, a line cut short
+    broken[61] = ",".join([*whole[61].split(",")[:4], "NA", *whole[61].split(",")[5:]])
+    read_back = read(folder(tmp_path, samples="\n".join(broken)))
+    gone = [5, 6, 7, 8, 30, 60]
+    np.testing.assert_array_equal(read_back.time, np.delete(table[:, 0], gone))
+    assert read_back.remarks == (
+        f"{tmp_path}/rec/samples.csv, lines 7 to 10, line 32, line 62 and 1 more place: 7 rows of 81 are left out, empty in "
+        "accel_x (5), accel_y (2), accel_z (2), middle (1), temp (1)",
+    )
+    broken[70] = broken[70].replace("1.0", "inf")
+    assert "samples.csv, line 71, column" in refusal(tmp_path, samples="\n".join(broken))
+
+
+def test_a_pause_of_days_is_told(tmp_path: Path) -> None:
+    table = rows()
+    table[40:, 0] += 2 * 86400
+    read_back = read(folder(tmp_path, samples=text(table)))
+    assert [(d.position, d.start, d.stop) for d in dwells(read_back)] == [(1, 0, 40), (2, 40, 80)]
+    assert read_back.remarks[0].endswith(
+        "samples.csv, line 42, column time_s: the clock pauses for 2 d; both sides are one recording"
+    )
+
+
+def test_dates_across_a_zone_and_midnight(tmp_path: Path) -> None:
+    table = rows()
+    lines = text(table).splitlines()
+    stamps = [f"2026-12-31T23:59:{s:02d}.{k}+02:00" for s in range(40, 60) for k in (0, 5)]
+    stamps += [f"20270101T0001{s:02d}.{k}+0200" for s in range(20) for k in ("25", "75")]
+    dated = [lines[0], *(",".join([t, *line.split(",")[1:]]) for t, line in zip(stamps, lines[1:], strict=True))]
+    header = HEADER.replace('"time", unit = "s"', '"time", unit = "ISO 8601"')
+    read_back = read(folder(tmp_path, header, "\n".join(dated)))
+    np.testing.assert_array_equal(np.diff(read_back.time)[[0, 39, 40]], [0.5, 60.75, 0.5])
+    assert read_back.remarks[0].endswith("column time_s: dates, taken as seconds since 2026-12-31 00:00 UTC")
+    said = refusal(tmp_path, header, "\n".join([*dated[:9], dated[9].replace("+02:00", ""), *dated[10:]]))
+    assert "line 10, column time_s: '2026-12-31T23:59:44.0' names no zone, others do; correct it" in said
+    said = refusal(tmp_path, header)
+    assert "line 2, column time_s: '0.0' is not a date and time of ISO 8601, as [columns] says" in said
+
+
 def test_line_numbers_count_comments(tmp_path: Path) -> None:
     said = refusal(tmp_path, samples="# a\n# b\n" + changed(7, "accel_z", "inf"))
     assert said.startswith("samples.csv, line 11, column accel_z: the value is empty or not a finite number;")
@@ -511,7 +559,7 @@ def test_noise_stated_too_high_freezes_nothing(tmp_path: Path) -> None:
 
 def test_the_example_of_the_documentation_is_a_recording(tmp_path: Path) -> None:
     page = (Path(__file__).parents[2] / "docs" / "recording-format.md").read_text(encoding="utf-8")
-    example, own = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    example, own, numbered = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
     table = rows()[:, [0, 1, 2, 3, 4, 5, 5, 5]]
     recording = read(folder(tmp_path, example, text(table, ["t", "pos", "ax", "ay", "az", "psi", "theta", "phi"])))
     assert recording.axes("gimbal_angle") == ("platform", "inner", "middle")
@@ -519,6 +567,11 @@ def test_the_example_of_the_documentation_is_a_recording(tmp_path: Path) -> None
         '"middle", u', '"pitch", u'
     )
     assert read(folder(tmp_path, header)).platform.axes == (Axis("roll", "x"), Axis("pitch", "y", -1, np.pi / 2))
+    header = 'format = 1\nkind = "rotation"\n' + numbered
+    dated = "".join(f"2026-11-18T05:33:{i:02d},{f}\n" for i, f in enumerate(rows()[:30, 2]))
+    np.testing.assert_allclose(
+        read(folder(tmp_path, header, dated)).channels["specific_force", "x"], G0 * rows()[:30, 2]
+    )
 
 
 def test_coarse_steps_are_neither_frozen_nor_clipped(tmp_path: Path) -> None:
