@@ -460,10 +460,9 @@ def test_rows_without_a_value_are_left_out_and_told(
     read_back = read(folder(tmp_path, samples="\n".join(broken)))
     gone = [5, 6, 7, 8, 30, 60]
     np.testing.assert_array_equal(read_back.time, np.delete(table[:, 0], gone))
-    assert read_back.remarks == (
-        f"{tmp_path}/rec/samples.csv, lines 7 to 10, line 32, line 62 and 1 more place: 7 rows of 81 are left out, empty in "
-        "accel_x (5), accel_y (2), accel_z (2), middle (1), temp (1)",
-    )
+    (told,) = read_back.remarks
+    where = "lines 7 to 10, line 32, line 62 and 1 more place: 7 rows of 81 are left out, empty in "
+    assert told.endswith(f"samples.csv, {where}accel_x (5), accel_y (2), accel_z (2), middle (1), temp (1)")
     broken[70] = broken[70].replace("1.0", "inf")
     assert "samples.csv, line 71, column" in refusal(tmp_path, samples="\n".join(broken))
 
