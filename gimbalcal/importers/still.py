@@ -17,6 +17,7 @@ from gimbalcal.recording.dwell import dwells
 from gimbalcal.recording.record import Key, Recording, Site, Source
 from gimbalcal.recording.samples import EMPTY
 from gimbalcal.recording.scatter import pooled
+from gimbalcal.units import is_raw
 
 TRIAD = ("x", "y", "z")
 
@@ -52,9 +53,12 @@ def still_positions(
     wrong = np.flatnonzero(np.diff(time) <= 0)
     if len(wrong):
         raise InputError(f"{files[0]}, row {wrong[0] + 2}: the clock does not go forward; sort the rows")
-    position = detect(
-        time, {axis: values for (quantity, axis), values in channels.items() if quantity == "specific_force"}
+    force, rate = (
+        {axis: values for (quantity, axis), values in channels.items() if quantity == wanted}
+        for wanted in ("specific_force", "angular_rate")
     )
+    raw = any(is_raw(unit) for key, unit in units.items() if key[0] == "angular_rate")
+    position = detect(time, force, rate, raw)
     recording = Recording(
         kind="multi-position",
         title=title,

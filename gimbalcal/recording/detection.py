@@ -8,8 +8,10 @@ sample rests where
 .. math:: \max_c \; v_c / F_c < T .
 
 For white noise v_c / F_c scatters by :math:`\sqrt{2/m}` about little more than 1; T leaves room for a table that
-shakes a little and for the slow part of the noise. Each rest loses a window at both ends, where the move has begun or
-still rings, and must then last `SHORTEST` to count.
+shakes a little and for the slow part of the noise. Gyroscopes, where they were logged, can only take away from that:
+what the accelerometers call a rest is none where a gyroscope scatters by more than `SHAKEN` times what it usually does
+at rest, or turns on and on (about the vertical, which no accelerometer sees). Each rest loses a window at both ends,
+where the move has begun or still rings, and must then last `SHORTEST` to count.
 """
 
 from __future__ import annotations
@@ -26,14 +28,18 @@ THRESHOLD = 10.0  # in units of the floor; anything from 10 to 20 finds the same
 SHORTEST = 1.0  # s, after trimming
 PAUSE = 60.0  # s; rows on both sides of a longer gap are not one rest (a unit turned in a shorter one shows it)
 FLOOR = 0.10  # quantile
+SHAKEN = 20.0  # times the usual scatter of a gyroscope at rest: in the hand half of all rests reach ten
+TURNING = np.radians(1.0)  # rad/s off the usual level, more than the Earth's rate and any drift of a bias
 
 
-def detect(time: Array, channels: Mapping[str, Array]) -> NDArray[np.int64]:
+def detect(
+    time: Array, channels: Mapping[str, Array], rates: Mapping[str, Array] | None = None, raw: bool = False
+) -> NDArray[np.int64]:
     """Position of each row, (n,): 1, 2, ... in order of time within rests, 0 elsewhere.
 
-    time (n,) s; channels (n,) each, in any unit: only ratios of variances count. Accelerometers do it alone: in the
-    hand, a gyroscope finds no rest at all. All rows are one rest where the
-    recording is shorter than a few windows.
+    time (n,) s; channels (n,) each, in any unit: only ratios of variances count. Accelerometers find the rests: in the
+    hand, a gyroscope finds none at all; `rates` (n,) each, in rad/s or `raw`, say which of them are none. All rows are
+    one rest where the recording is shorter than a few windows.
     """
     n = len(time)
     step = float(np.median(np.diff(time))) if n > 1 else WINDOW
@@ -41,7 +47,10 @@ def detect(time: Array, channels: Mapping[str, Array]) -> NDArray[np.int64]:
     if n < 4 * m or not channels:
         return np.ones(n, dtype=np.int64)
     restless = np.max([_restlessness(x, m) for x in channels.values()], axis=0)
-    quiet = _eroded(restless < THRESHOLD, m)
+    still = restless < THRESHOLD
+    if rates:
+        still &= ~_turned(rates, _eroded(still, m), m, raw)
+    quiet = _eroded(still, m)
     paused = np.diff(time, prepend=time[0]) > max(10 * step, PAUSE)
     starts, stops = _stretches(quiet, paused)
     long_enough = stops - starts >= max(2, round(SHORTEST / step))
@@ -59,6 +68,20 @@ def _restlessness(x: Array, m: int) -> Array:
     floor = float(np.quantile(variance, FLOOR))
     ratio: Array = variance / floor if floor > 0 else np.where(variance > 0, np.inf, 1.0)
     return np.pad(ratio, m // 2, mode="edge")
+
+
+def _turned(rates: Mapping[str, Array], rest: NDArray[np.bool_], m: int, raw: bool) -> NDArray[np.bool_]:
+    """Rows (n,) in which a gyroscope is shaken or turns, measured against what it does in the rows of `rest`."""
+    turned = np.zeros(len(rest), dtype=bool)
+    for x in rates.values() if rest.any() else ():
+        y = x - np.median(x[rest])
+        mean, square = (_window_mean(v, m) for v in (y, y * y))
+        scatter = np.pad(np.sqrt(np.maximum(square - mean * mean, 0.0)), m // 2, mode="edge")
+        usual = float(np.median(scatter[rest]))
+        turned |= scatter > SHAKEN * usual
+        if not raw:
+            turned |= np.abs(np.pad(mean, m // 2, mode="edge")) > max(TURNING, SHAKEN * usual)
+    return turned
 
 
 def _window_mean(x: Array, m: int) -> Array:

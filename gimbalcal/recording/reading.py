@@ -23,7 +23,7 @@ from gimbalcal.recording.rows import AllRows, Blocks
 from gimbalcal.recording.samples import Batch, batches, column
 from gimbalcal.recording.scatter import Scatter
 from gimbalcal.recording.screening import Screen
-from gimbalcal.units import celsius, from_si, to_si
+from gimbalcal.units import celsius, from_si, is_raw, to_si
 
 _DETECTED = Column(" position", "position", "", "1")  # a name that no header can hold
 
@@ -93,7 +93,10 @@ def _rows(
     table, _ = _gather(stream, header.columns, screen, None)
     forces = [c for c in screen.sensors if c.quantity == "specific_force"]
     sensors = {c.name: table[c.name] for c in forces or screen.sensors}
-    position = detect(to_si(table[screen.clock.name], screen.clock.unit), sensors)
+    gyros = [c for c in screen.sensors if c.quantity == "angular_rate" and forces]
+    rates = {c.name: to_si(table[c.name], c.unit) for c in gyros}
+    raw = any(is_raw(c.unit) for c in gyros)
+    position = detect(to_si(table[screen.clock.name], screen.clock.unit), sensors, rates, raw)
     table[_DETECTED.name] = position.astype(float)
     remark = (
         f"{header.samples}: there is no position column; {amount(int(position.max()), 'dwell')} found where the "

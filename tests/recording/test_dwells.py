@@ -104,6 +104,47 @@ def test_every_rest_is_found_and_nothing_of_a_move(seed: int, rate: float) -> No
         assert len(rows) / rate > (stop - start) / rate - 2 * 1.0 - 0.5
 
 
+@pytest.mark.parametrize("raw", [False, True])
+def test_a_gyroscope_that_shakes_ends_a_rest(raw: bool) -> None:
+    rng = np.random.default_rng(5)
+    time, channels, edges = turned_by_hand(rng, 10, 50.0)
+    rate = np.radians(0.05) * rng.standard_normal((len(time), 3)) + np.radians([0.9, -0.4, 0.1])
+    start, stop = edges[4]
+    rate[start:stop, 1] += np.radians(5.0) * rng.standard_normal(stop - start)  # too small for the accelerometers
+    gyros = dict(zip("xyz", rate.T, strict=True))
+    assert detect(time, channels).max() == 10
+    position = detect(time, channels, gyros, raw)
+    assert position.max() == 9
+    assert not position[start:stop].any()
+
+
+def test_a_turn_about_the_vertical_is_no_rest() -> None:
+    rng = np.random.default_rng(6)
+    time, channels, edges = turned_by_hand(rng, 10, 50.0)
+    rate = np.radians(0.05) * rng.standard_normal((len(time), 3)) + np.radians([0.9, -0.4, 0.1])
+    start, stop = edges[6]
+    rate[start : start + 100] += np.radians([0.0, 10.0, 0.0])
+    position = detect(time, channels, dict(zip("xyz", rate.T, strict=True)))
+    assert position.max() == 10
+    assert not position[start : start + 100].any()
+    assert position[start + 150 : stop - 60].all()
+
+
+def test_a_shaking_hand_and_a_slow_bias_are_rests() -> None:
+    rng = np.random.default_rng(7)
+    time, channels, _ = turned_by_hand(rng, 10, 50.0)
+    tremor = np.radians(0.3) * np.abs(rng.standard_normal(len(time) // 100 + 1)).repeat(100)[: len(time)]
+    rate = tremor[:, None] * rng.standard_normal((len(time), 3)) + np.radians(0.8) * (time / time[-1])[:, None]
+    assert detect(time, channels, dict(zip("xyz", rate.T, strict=True))).max() == 10
+
+
+def test_a_rest_ends_where_the_logger_paused() -> None:
+    time, channels, edges = turned_by_hand(np.random.default_rng(8), 4, 50.0)
+    middle = sum(edges[2]) // 2
+    assert detect(time + 1e5 * (np.arange(len(time)) >= middle), channels).max() == 5
+    assert detect(time + 5.0 * (np.arange(len(time)) >= middle), channels).max() == 4
+
+
 def test_units_do_not_matter() -> None:
     time, channels, _ = turned_by_hand(np.random.default_rng(7), 8, 50.0)
     counts = {axis: 32768 + 4100 * f for axis, f in channels.items()}
