@@ -20,6 +20,7 @@ from gimbalcal.estimate.accelerometers.fine import fine
 from gimbalcal.estimate.accelerometers.joint import information_of, joint
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.estimate.fusion import fuse
+from gimbalcal.estimate.sessions import unit_of_sessions
 from gimbalcal.estimate.static_run.system import static, static_information
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.recording import Recording, dwells, read
@@ -52,16 +53,16 @@ def load(folders: Sequence[str | Path], tell: Tell = silent) -> tuple[Recording,
 def calibrate(
     folders: Sequence[str | Path], method: str = "three-stage", terms: Sequence[str] = (), tell: Tell = silent
 ) -> tuple[Calibration, tuple[Recording, ...]]:
-    """Read recordings and calibrate by `method`: "three-stage", or "multiposition" (one recording, no angles needed).
+    """Read recordings and calibrate by `method`: "three-stage", or "multiposition" (no angles; of one session or more).
 
     Returns the calibration with its provenance, and the recordings. Raises InputError for what it cannot take.
     """
     recordings = load(folders, tell)
     if method == "multiposition":
-        if len(recordings) != 1:
-            raise InputError(f"--method multiposition takes one recording, got {len(recordings)}; run it once for each")
         tell("norm of the force at every position, and the gyroscopes where they were logged on the way")
-        made = inertial_unit(recordings[0], terms)
+        made = inertial_unit(recordings[0], terms) if len(recordings) == 1 else unit_of_sessions(recordings, terms)
+        for told in made.provenance["options"].get("sessions", ()):
+            tell(f"{told['title']}: {told['in_words']}")
         for words in _left_out(made):
             tell(f"note: {words}")
     elif terms:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.both_triads import diagnose_both_triads, has_gyroscopes
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
-from gimbalcal.diagnose.rows.baseline import check_baseline, check_finite
+from gimbalcal.diagnose.rows.baseline import by_triad, check_baseline, check_finite
 from gimbalcal.diagnose.several import diagnose_several
 from gimbalcal.diagnose.unknown_noise import applies, diagnose_unknown_noise
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.sessions import unit_of_sessions
 from gimbalcal.pipeline import Tell, silent
-from gimbalcal.recording import Recording
+from gimbalcal.recording import Recording, join
 
 
 def diagnose(
@@ -37,9 +40,34 @@ def diagnose(
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):  # many small matrices: threads only get into each other's way
+        if len(recordings) > 1 and all(applies(r) and r.kind == "multi-position" for r in recordings):
+            return _sessions(recordings, calibration, tuple(baseline), seed, tell)
         if len(recordings) > 1:
             return diagnose_several(recordings, calibration, tuple(baseline), seed, tell)
         return _diagnose(recordings[0], calibration, tuple(baseline), seed, tell)
+
+
+def _sessions(
+    recordings: Sequence[Recording],
+    calibration: Calibration | None,
+    baseline: tuple[str, ...],
+    seed: int,
+    tell: Tell,
+) -> Diagnosis:
+    """Sessions of one unit turned by hand: their rests together, and whether they share their constants at all."""
+    made = _diagnose(join(recordings), calibration, baseline, seed, tell)
+    tell("holding each session against the others")
+    try:
+        told = unit_of_sessions(recordings, by_triad(baseline)[0] or BASELINE["norm"])
+    except InputError as problem:
+        return replace(made, in_words=f"{made.in_words} Whether the sessions agree cannot be told: {problem}.")
+    words = told.outcome or "The sessions agree on their constants."
+    sessions = told.provenance["options"]["sessions"]
+    return replace(
+        made,
+        in_words=f"{made.in_words} {words[0].upper()}{words[1:].rstrip('.')}.",
+        provenance={**made.provenance, "sessions": sessions},
+    )
 
 
 def _diagnose(

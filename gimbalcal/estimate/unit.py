@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.gyroscopes.between_rests import gyroscopes_between_rests
 from gimbalcal.estimate.gyroscopes.inter_triad import InterTriad, from_turns, triad_rotation
 from gimbalcal.estimate.gyroscopes.revolutions import EFFECTS, gyroscopes_from_revolutions
-from gimbalcal.estimate.gyroscopes.turns import FORCE, RATE
+from gimbalcal.estimate.gyroscopes.turns import FORCE, RATE, paused
 from gimbalcal.number import Array, complex_step
 from gimbalcal.recording import Recording, dwells
 from gimbalcal.rotation import exponential, mean_rates
@@ -100,11 +101,10 @@ def between_triads(gyroscopes: Calibration, recording: Recording, accelerometers
     stays = dwells(recording)
     down = np.array([force[d.rows].mean(0) for d in stays])
     down /= np.linalg.norm(down, axis=1, keepdims=True)
-    moves = [i for i in range(len(stays) - 1) if np.linalg.norm(down[i + 1] - down[i]) > MOVED]
-    turns = [
-        _turn(recording.time, rate, slice(stays[i].stop - 1, stays[i + 1].start + 1), rate[stays[i].rows].mean(0))
-        for i in moves
-    ]
+    spans = [slice(a.stop - 1, b.start + 1) for a, b in pairwise(stays)]
+    moved = np.linalg.norm(np.diff(down, axis=0), axis=1) > MOVED
+    moves = [i for i, span in enumerate(spans) if moved[i] and not paused(recording, span)]
+    turns = [_turn(recording.time, rate, spans[i], rate[stays[i].rows].mean(0)) for i in moves]
     if len(moves) < 3:
         raise InputError(
             f"gravity is moved by {amount(len(moves), 'turn')}; three or more tell how the triads lie to each other"

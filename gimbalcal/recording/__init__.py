@@ -8,8 +8,21 @@ The format is described in docs/recording-format.md. `polars` is imported when a
 """
 
 from gimbalcal.recording.dwell import Dwell, block_means, dwell_means, dwells
+from gimbalcal.recording.joining import join
 from gimbalcal.recording.reading import read
 from gimbalcal.recording.record import SENSORS, Recording, Site, Source
 from gimbalcal.recording.writing import write
 
-__all__ = ["SENSORS", "Dwell", "Recording", "Site", "Source", "block_means", "dwell_means", "dwells", "read", "write"]
+__all__ = [
+    "SENSORS",
+    "Dwell",
+    "Recording",
+    "Site",
+    "Source",
+    "block_means",
+    "dwell_means",
+    "dwells",
+    "join",
+    "read",
+    "write",
+]

@@ -59,7 +59,10 @@ def test_calibrate_writes_the_contract_and_a_page(command, capsys, tmp_path: Pat
         (["calibrate", str(DEVICE), str(DEVICE)], "one of each kind"),
         (["apply", str(DEVICE), "--calibration", "nowhere.json"], "there is no nowhere.json"),
         (["export", "matlab", "--calibration", "nowhere.json"], "there is no nowhere.json"),
-        (["calibrate", str(DEVICE), str(STATIC), "--method", "multiposition"], "takes one recording"),
+        (
+            ["calibrate", str(DEVICE), str(STATIC), "--method", "multiposition"],
+            "sessions of one instrument are of one kind; give each alone",
+        ),
     ],
 )
 def test_a_refusal_is_one_sentence_status_2_and_writes_nothing(  # type: ignore[no-untyped-def]

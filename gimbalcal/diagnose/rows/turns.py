@@ -53,7 +53,7 @@ def view_of_turns(recording: Recording, accelerometers: Calibration | None = Non
     def rows(effects: Sequence[Effect]) -> Rows:
         return rows_of_turns(turns, effects).reduced(lambda X: np.einsum("mci,mip->mcp", sideways, X))
 
-    ends = dwell_means(recording).select(slice(1, None))
+    ends = dwell_means(recording).select(turns.ends)
     s = stimulus_from_readings(ends)
     return View(
         "turns", ends, s, ((RATE, "level"), (RATE, "tilted")), "arcsec", None, frozenset({Stage.GYROSCOPE}),
@@ -70,12 +70,13 @@ def _with_headings(turns: Turns, recording: Recording) -> Turns:
         return turns
     stays = dwells(recording)
     C_np = recording.platform.attitude(np.array([recording.angles()[d.rows].mean(0) for d in stays]))
-    back = np.linalg.norm(C_np[1:] - C_np[:-1], axis=(1, 2)) < BACK
+    start, end = C_np[turns.ends - 1], C_np[turns.ends]
+    back = np.linalg.norm(end - start, axis=(1, 2)) < BACK
     turn = np.linalg.norm((turns.reading * turns.step[..., None]).sum(1), axis=1)
     whole = (back & (turn > np.pi))[:, None]
     return replace(
-        turns, before=np.where(whole, C_np[:-1, :, 0], turns.before),
-        after=np.where(whole, C_np[1:, :, 0], turns.after),
+        turns, before=np.where(whole, start[:, :, 0], turns.before),
+        after=np.where(whole, end[:, :, 0], turns.after),
     )  # fmt: skip
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
 from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.gyroscopes.turns import paused
 from gimbalcal.number import Array, complex_step
 from gimbalcal.recording import Recording, dwells
 from gimbalcal.wang2019.fit import PulseFit
@@ -56,7 +57,7 @@ def revolutions_of(recording: Recording, bias: Array | None = None) -> tuple[Rev
     y = recording.triad(RATE)
     earth = [y[d.rows].mean(0) + (0.0 if bias is None else bias) for d in stays]
     moved = [
-        _integrals(recording.time, y, slice(a.stop - 1, b.start + 1), e)
+        _integrals(recording, y, slice(a.stop - 1, b.start + 1), e)
         for (a, b), e in zip(pairwise(stays), earth, strict=False)
     ]
     pairs = _pairs(moved)
@@ -82,18 +83,18 @@ Moved = tuple[Array, float, float]
 """Integrals of N and N^2 (2, 3), time [s], angle [rad]: whole revolutions, or nan."""
 
 
-def _integrals(time: Array, y: Array, span: slice, earth: Array) -> Moved:
+def _integrals(recording: Recording, y: Array, span: slice, earth: Array) -> Moved:
     """Trapezoids over a move, and the whole number of revolutions that it is, if it is one.
 
     The Earth's rate across the axis would average out at constant speed; what it leaves while the speed comes and goes
     is integrated along the measured phase, from `earth` (3,) [rad/s] before the move, and taken off.
     """
-    dt, rows = np.diff(time[span]), y[span]
+    dt, rows = np.diff(recording.time[span]), y[span]
     both = np.stack([rows, rows**2], axis=1)
     S = ((both[1:] + both[:-1]) / 2 * dt[:, None, None]).sum(0)
     angle = float(np.linalg.norm(S[0]))
     whole = round(angle / (2 * np.pi))
-    if whole < 1 or abs(angle / (2 * np.pi) - whole) >= NEAR * whole:
+    if whole < 1 or paused(recording, span) or abs(angle / (2 * np.pi) - whole) >= NEAR * whole:
         return S, float(dt.sum()), float("nan")
     u = S[0] / angle
     along = rows @ u

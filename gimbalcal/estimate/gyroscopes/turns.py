@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Effect, Stimulus
@@ -22,13 +23,15 @@ from gimbalcal.recording import Recording, dwells
 from gimbalcal.rotation import exponential, mean_rates
 
 RATE, FORCE = "angular_rate", "specific_force"
+PAUSED = 10.0  # usual steps: rates are not carried across a longer gap
 
 
 @dataclass(frozen=True, eq=False)
 class Turns:
     """Turns between rests: readings (m, n, 3) [rad/s] at rest level zero, steps (m, n) [s] (0 beyond the end),
 
-    unit force before and after (m, 3), and what the hardware felt at those rows.
+    unit force before and after (m, 3), and what the hardware felt at those rows; `ends` (m,) is the index of the rest
+    after each turn, as turns in which the clock paused are left out.
     """
 
     reading: Array
@@ -36,6 +39,7 @@ class Turns:
     before: Array
     after: Array
     stimulus: Stimulus
+    ends: NDArray[np.int64]
 
 
 def turns_between_rests(
@@ -57,19 +61,25 @@ def turns_between_rests(
     level = np.array([y[d.rows].mean(0) for d in stays])
     down = np.array([f[d.rows].mean(0) for d in stays])
     down /= np.linalg.norm(down, axis=1, keepdims=True)
-    spans = [slice(a.stop - 1, b.start + 1) for a, b in pairwise(stays)]
+    every = [slice(a.stop - 1, b.start + 1) for a, b in pairwise(stays)]
+    ends = np.flatnonzero([not paused(recording, span) for span in every]) + 1
+    if not len(ends):
+        raise InputError(f"{recording.title!r} has no rows between its rests: log the turns too, for the gyroscopes")
+    spans = [every[k - 1] for k in ends]
     longest = max(s.stop - s.start for s in spans) - 1
     reading, step = np.zeros((len(spans), longest, 3)), np.zeros((len(spans), longest))
     bend, swing, force = 0 * reading, 0 * reading, 0 * reading
     for i, span in enumerate(spans):
-        rows = y[span] - (level[i] + level[i + 1]) / 2  # the bias of that minute: slow drift is not the turn's
+        rows = (
+            y[span] - (level[ends[i] - 1] + level[ends[i]]) / 2
+        )  # the bias of that minute: slow drift is not the turn's
         dt = np.diff(recording.time[span])
         step[i, : len(dt)] = dt
         reading[i, : len(dt)], bend[i, : len(dt)], swing[i, : len(dt)] = mean_rates(recording.time[span], rows)
         force[i, : len(dt)] = f[span][1:]
     flat = reading.reshape(-1, 3)
     s = _stimulus_of(recording, spans, flat, force.reshape(-1, 3))
-    made = Turns(reading, step, down[:-1], down[1:], s)
+    made = Turns(reading, step, down[ends - 1], down[ends], s, ends)
     raw = recording.counted(RATE)
     scale = _rough_scale(made) if raw else 1.0
     if at_rest:
@@ -77,10 +87,16 @@ def turns_between_rests(
     return replace(made, reading=scale * (made.reading + bend) + scale**2 * swing), scale * level, scale
 
 
+def paused(recording: Recording, span: slice) -> bool:
+    """Whether the clock pauses between two rests, so that nobody knows how the unit turned meanwhile."""
+    usual = float(np.median(np.diff(recording.time)))
+    return bool(np.any(np.diff(recording.time[span]) > PAUSED * usual))
+
+
 def _relevelled(turns: Turns, level: Array, scale: float, at_rest: Sequence[Effect]) -> Array:
     """What to add to the readings (m, n, 3) so that effects tell their level, not the neighbouring rests."""
     felt = gyroscopes(0 * turns.stimulus.rate, turns.stimulus, at_rest).reshape(turns.reading.shape)
-    neighbours = (level[:-1] + level[1:]) / 2
+    neighbours = (level[turns.ends - 1] + level[turns.ends]) / 2
     return np.where(turns.step[..., None] > 0, neighbours[:, None] - felt / scale, 0.0)
 
 

@@ -1,0 +1,114 @@
+"""Sessions of one unit: one recording of all, one calibration, and whether each of them agrees with the others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gimbalcal.diagnose import diagnose
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
+from gimbalcal.estimate.sessions import unit_of_sessions
+from gimbalcal.number import Array
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording, Site, Source, dwells, join
+from gimbalcal.rotation import exponential
+from gimbalcal.units import to_si
+
+G = 9.80665
+BIAS = to_si(1.0, "mg") * np.array([12.0, -7.0, 3.0])
+SCALE = np.array([4e-3, -2e-3, 1e-3])
+LABELS = [f"{name}:{axis}" for name in ("scale_factor", "bias") for axis in "xyz"]
+
+
+def session(seed: int, bias: Array = BIAS, rests: int = 14, moving: bool = False, start: float = 0.0) -> Recording:
+    """Rests in random attitudes, 30 rows each at 20 Hz, 2 mg of noise; with `moving`, the turns between them too."""
+    rng = np.random.default_rng(seed)
+    C, force, rate, position = np.eye(3), [], [], []
+    for k in range(rests):
+        force += [C @ [0, 0, G]] * 30
+        rate += [np.zeros(3)] * 30
+        position += [k + 1] * 30
+        w = rng.standard_normal(3)
+        w *= rng.uniform(1.0, 2.5) / np.linalg.norm(w)
+        for _ in range(20):
+            C = exponential(w / 20) @ C
+            force.append(C @ [0, 0, G])
+            rate.append(w)
+            position.append(0)
+    f = (1 + SCALE) * np.array(force) + bias + to_si(2.0, "mg") * rng.standard_normal((len(force), 3))
+    w_all = 1.003 * np.array(rate) + 0.01 + 1e-3 * rng.standard_normal((len(rate), 3))
+    channels = {("specific_force", a): f[:, i] for i, a in enumerate("xyz")}
+    if moving:
+        channels |= {("angular_rate", a): w_all[:, i] for i, a in enumerate("xyz")}
+    where = np.array(position)
+    made = Recording("multi-position", f"session {seed}", BENCH, Site(), {}, start + np.arange(len(f)) / 20, where,
+                     channels, (Source("samples.csv", str(seed)),), units=dict.fromkeys(channels, "m/s^2"))  # fmt: skip
+    return made if moving else made.select(where > 0)
+
+
+def test_two_sessions_are_one_recording() -> None:
+    a, b = session(1), session(2)
+    both = join([a, b])
+    assert [d.position for d in dwells(both)] == list(range(1, 29))
+    assert np.all(np.diff(both.time) > 0)
+    assert both.title == "session 1 and session 2"
+    later = replace(b, time=b.time + 5e5)
+    np.testing.assert_array_equal(join([a, later]).time, np.concatenate([a.time, later.time]))  # clocks that go on
+    assert join([a]) is a
+
+
+def test_sessions_are_sharper_together_and_agree() -> None:
+    recordings = [session(seed) for seed in (3, 4, 5)]
+    made, alone = unit_of_sessions(recordings), multiposition(recordings[0])
+    sigma, before = (dict(zip([p.label for p in c.parameters], c.sigmas, strict=True)) for c in (made, alone))
+    assert 0.4 < np.mean([sigma[label] / before[label] for label in LABELS]) < 0.75  # 0.58 of a third
+    x = dict(zip([p.label for p in made.parameters], made.values, strict=True))
+    truth = np.concatenate([1 / (1 + SCALE) - 1, BIAS])
+    assert np.all(np.abs([(x[n] - t) / sigma[n] for n, t in zip(LABELS, truth, strict=True)]) < 4)
+    assert made.outcome == ""
+    assert all(s["p_value"] > 1e-3 for s in made.provenance["options"]["sessions"])
+
+
+def test_a_session_that_differs_is_named_with_the_constant() -> None:
+    off = BIAS + to_si(1.0, "mg") * np.array([0.0, 4.0, 0.0])
+    made = unit_of_sessions([session(6), session(7, off), session(8)])
+    assert "session 2 (session 7) does not agree with the others" in made.outcome
+    assert "most in bias:y, by +" in made.outcome
+    assert made.stages[-2].name == "session 7 alone"
+
+
+def test_nothing_turns_between_sessions() -> None:
+    a, b = session(9, moving=True, rests=12), session(10, moving=True, rests=12)
+    both = join([a.select(slice(None, -20)), b])  # the first ends at rest
+    turns, level, _ = turns_between_rests(both, multiposition(both))
+    assert len(level) == 24
+    np.testing.assert_array_equal(turns.ends, [*range(1, 12), *range(13, 24)])
+    options = unit_of_sessions([a, b]).provenance["options"]
+    assert "gyroscopes" not in options  # they were calibrated too
+    assert all(s["p_value"] > 1e-3 for s in options["sessions"])
+
+
+def test_a_diagnosis_of_two_sessions_says_whether_they_agree() -> None:
+    told = diagnose([session(11), session(12)], baseline=("bias", "scale_factor"))
+    assert told.in_words.endswith("The sessions agree on their constants.")
+    off = diagnose([session(13), session(14, 3 * BIAS)], baseline=("bias", "scale_factor"))
+    assert "2 sessions share their constants no better than this" in off.in_words
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (lambda r: replace(r, kind="rotation"), "sessions of one instrument are of one kind; give each alone"),
+        (lambda r: replace(r, site=Site(None, 0.0, 9.79)), "are told to be at different places"),
+        (lambda r: replace(r, units=dict.fromkeys(r.units, "count")), "have specific_force in counts and in a phys"),
+        (lambda r: replace(r, source=session(15).source), "'samples.csv' is given twice"),
+        (lambda r: replace(r, position=None), "has positions and the other has none"),
+    ],
+)
+def test_what_is_no_second_session(change: object, sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        join([session(15), change(session(16))])  # type: ignore[operator]
