@@ -20,6 +20,7 @@ from gimbalcal.estimate.accelerometers.fine import fine
 from gimbalcal.estimate.accelerometers.joint import information_of, joint
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.estimate.fusion import fuse
+from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.sessions import unit_of_sessions
 from gimbalcal.estimate.static_run.system import static, static_information
 from gimbalcal.estimate.unit import inertial_unit
@@ -55,10 +56,17 @@ def calibrate(
 ) -> tuple[Calibration, tuple[Recording, ...]]:
     """Read recordings and calibrate by `method`: "three-stage", or "multiposition" (no angles; of one session or more).
 
+    Pointing runs, one or several of a mount, have a method of their own.
+
     Returns the calibration with its provenance, and the recordings. Raises InputError for what it cannot take.
     """
     recordings = load(folders, tell)
-    if method == "multiposition":
+    if any(r.kind == "pointing" for r in recordings):
+        if method != "three-stage":
+            raise InputError(f"--method {method} is for inertial sensors; leave it out for a pointing run")
+        tell("least squares on the terms of the mount")
+        made = pointing_calibration(recordings, terms)
+    elif method == "multiposition":
         tell("norm of the force at every position, and the gyroscopes where they were logged on the way")
         made = inertial_unit(recordings[0], terms) if len(recordings) == 1 else unit_of_sessions(recordings, terms)
         for told in made.provenance["options"].get("sessions", ()):

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.atomic import write_json
-from gimbalcal.calibration import earlier
 from gimbalcal.calibration.correction import correct, corrupt
 from gimbalcal.calibration.readout import DRAWING, Readout, from_content
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
@@ -21,7 +20,7 @@ from gimbalcal.platform import KNOWN, SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si, to_si
 
-FORMAT = 2  # since 2 both triads: true = SF x reading; `earlier` reads 1
+FORMAT = 1
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,6 @@ class Calibration:
 
     def to_dict(self) -> dict[str, Any]:
         """The content of calibration.json (interfaces.md section 3): values in printed units, covariance in SI."""
-        followed = {e.id: getattr(e, "covariate", "") for e in self.effects}
         rows = [
             {
                 "name": p.name,
@@ -90,7 +88,6 @@ class Calibration:
                 "unit": p.unit,
                 "prior_sigma": float(from_si(p.sigma, p.unit)),
                 "effect": p.effect,
-                **({"covariate": followed[p.effect]} if followed.get(p.effect) else {}),
             }
             for p, v, s in zip(self.parameters, self.values, self.sigmas, strict=True)
         ]
@@ -127,10 +124,8 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
 
     gimbals: names of the platform's axes for a file that is too old to say them.
     """
-    if content.get("format") not in (1, FORMAT):
-        raise InputError(f"calibration has format {content.get('format')!r}, this version reads formats 1 and {FORMAT}")
-    if content["format"] == 1:
-        content = earlier.as_now(content)
+    if content.get("format") != FORMAT:
+        raise InputError(f"calibration has format {content.get('format')!r}, this version reads format {FORMAT}")
     readout = from_content(content)
     rows = content["parameters"]
     gimbals = readout.gimbals or tuple(gimbals) or gimbals_of([(r["name"], r["axis"]) for r in rows])
@@ -151,11 +146,9 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
                     np.array(list(s["sigmas"].values())), s["rms"], s["in_words"])
         for s in content.get("stages", [])
     )  # fmt: skip
-    followed = {r["effect"]: r["covariate"] for r in rows if r.get("covariate")}
-    made = with_values((), chosen, sign * x, gimbals)
     return Calibration(
         method=content["method"],
-        effects=tuple(_following(e, followed[e.id]) if e.id in followed else e for e in made),
+        effects=with_values((), chosen, sign * x, gimbals),
         parameters=chosen,
         covariance=np.array(content["covariance"], dtype=float) * np.outer(sign, sign),
         unobservable=tuple(unobservable),
@@ -165,12 +158,6 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
         stages=stages,
         readout=replace(readout, angles=DRAWING),
     )
-
-
-def _following(e: Effect, covariate: str) -> Effect:
-    """The effect with the name of the channel that it follows."""
-    named: dict[str, Any] = {"covariate": covariate}
-    return replace(e, **named)
 
 
 def gimbals_of(named: Sequence[tuple[str, str]]) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ SAMPLES = "samples.csv"
 
 CALIBRATION = click.option(
     "--calibration", "known", required=True, type=click.Path(path_type=Path),
-    help="calibration.json, or another program's: Kalibr .yaml, PSINS .mat, .csv.",
+    help="calibration.json, or another program's: Kalibr .yaml, PSINS .mat, TPOINT .mod, .csv.",
 )  # fmt: skip
 
 
@@ -52,7 +52,7 @@ def apply(
 @OVERWRITE
 @output_options("the file", "the current folder")
 def export(kind: str, known: Path, overwrite: bool, out: Path | None, quiet: bool, as_json: bool) -> None:
-    """Write a calibration for another program; KIND is kalibr, psins, csv or json."""
+    """Write a calibration for another program; KIND is kalibr, psins, tpoint, csv or json."""
     from gimbalcal.calibration.exchange import DIRECTION, FILES, read_calibration
     from gimbalcal.calibration.exchange import export as run
 

@@ -40,6 +40,8 @@ def diagnose(
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):  # many small matrices: threads only get into each other's way
+        if len(recordings) > 1 and all(r.kind == "pointing" for r in recordings):
+            return _diagnose(join(recordings), calibration, tuple(baseline), seed, tell)
         if len(recordings) > 1 and all(applies(r) and r.kind == "multi-position" for r in recordings):
             return _sessions(recordings, calibration, tuple(baseline), seed, tell)
         if len(recordings) > 1:

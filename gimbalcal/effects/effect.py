@@ -40,15 +40,12 @@ class Stage(Enum):
     INPUT_AXIS = "added to the specific force along the accelerometer input axes [m/s^2], (n, 3)"
     SCALE = "added by the scale factor to the force along the input axes [m/s^2], (n, 3)"
     ACCELEROMETER = "added to the accelerometer output [m/s^2], (n, 3)"
-    RATE_AXIS = "added to the angular rate along the gyroscope input axes [rad/s], (n, 3)"
-    RATE_SCALE = "added by the scale factor to the rate along the input axes [rad/s], (n, 3)"
     GYROSCOPE = "added to the gyroscope output [rad/s], (n, 3)"
     LINE_OF_SIGHT = "rotation of the line of sight against the innermost gimbal, in platform axes [rad], (n, 3)"
     ATTITUDE = "added to the navigator's attitude error, roll, pitch, yaw [rad], (n, 3)"
 
 
 SENSOR_STAGES = frozenset({Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER})  # of an accelerometer itself
-GYROSCOPE_STAGES = frozenset({Stage.RATE_AXIS, Stage.RATE_SCALE, Stage.GYROSCOPE})  # what angular rate passes through
 
 
 class Grid(Enum):
@@ -231,11 +228,6 @@ class Parameter:
 def constants(cls: type[Effect]) -> tuple[dataclasses.Field[float], ...]:
     """Non-linear constants of an effect; `metadata` of each has unit, low, high and grid."""
     return tuple(f for f in dataclasses.fields(cls) if f.metadata.get("kind") == "constant")
-
-
-def happens_once(cls: type[Effect]) -> bool:
-    """Whether an effect is something that happened in one recording, and says nothing of another."""
-    return any(f.metadata["grid"].once for f in constants(cls))
 
 
 def tied(wanted: Sequence[Parameter]) -> tuple[Parameter, ...]:

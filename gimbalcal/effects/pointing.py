@@ -103,6 +103,28 @@ class GimbalZeroDrift(Effect):
         return self.rate * s.time[..., None] + 0 * s.readout
 
 
+@effect
+class EncoderScaleFactor(Effect):
+    r"""A readout counts too little or too much for a turn: a servo's gear, a tape or a friction wheel.
+
+    .. math:: \delta\theta = s \, \theta
+
+    Source: geometry: the radius of a tape encoder or friction wheel is off by s. Magnitude: 10 to 1000 ppm; a toy
+    servo 1 %. Seen by: stars over most of the travel of that axis. Confounded with: gimbal_zero over a narrow
+    range; encoder_eccentricity over less than half a turn.
+    """
+
+    id = "encoder_scale_factor"
+    stage = Stage.ENCODER
+    channel = "gimbal_angle"
+    kinds = ("pointing",)
+    s: Array = parameter(GIMBALS, unit="ppm", sigma=100, name="encoder_scale_factor")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Angle minus readout [rad], (n, k)."""
+        return np.asarray(self.s * s.angle)
+
+
 def _towards_down(s: Stimulus) -> Array:
     """x_p cross down, (n, 3): a turn by this times k moves the line of sight towards down by k cos(elevation)."""
     down = -s.force / s.gravity

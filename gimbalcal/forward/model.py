@@ -65,11 +65,6 @@ def _mount(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> tuple[
     return C_bp @ _rotation(effects, Stage.BASE, s), s
 
 
-def attitude(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
-    """C_np (n, 3, 3) of a platform whose readouts say where it points, as these effects make it stand."""
-    return np.asarray(_rotation(effects, Stage.PLATFORM, s) @ _mount(platform, s, effects)[0])
-
-
 def _pointing(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
     """Seen direction minus target (n, 2) [rad], across and along the innermost axis, as a perfect mount sees them."""
     true_angle = s.true_angle
@@ -106,11 +101,8 @@ def turning(platform: Platform, s: Stimulus, effects: Sequence[Effect], readout_
 
 
 def gyroscopes(rate: Array, s: Stimulus, effects: Sequence[Effect]) -> Array:
-    """Gyroscope outputs (n, 3) [rad/s] for the angular rate (n, 3) of the sensor block, as `accelerometers`."""
-    s = s.at(rate=rate)
-    s = s.at(rate=s.rate + _total(effects, Stage.RATE_AXIS, s))
-    s = s.at(rate=s.rate + _total(effects, Stage.RATE_SCALE, s))
-    return np.asarray(s.rate + _total(effects, Stage.GYROSCOPE, s))
+    """Gyroscope outputs (n, 3) [rad/s] for the angular rate (n, 3) of the sensor block."""
+    return np.asarray(rate + _total(effects, Stage.GYROSCOPE, s.at(rate=rate)))
 
 
 def _inertially_fixed(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> dict[str, Array]:

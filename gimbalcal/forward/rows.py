@@ -18,7 +18,6 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, values, with_values
-from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.forward.model import predict
 from gimbalcal.number import STEP, Array, complex_step
 from gimbalcal.platform import Platform
@@ -32,7 +31,7 @@ AXES: Mapping[str, tuple[str, ...]] = {
 }  # of each quantity, in the order of `predict`; gimbal angles are named after the platform's axes
 ANGLES = ("gimbal_angle", "attitude_error")  # a difference of these is within half a turn
 ONLY_IN = {  # stages that one quantity alone shows
-    **dict.fromkeys(GYROSCOPE_STAGES, "angular_rate"),
+    Stage.GYROSCOPE: "angular_rate",
     Stage.ATTITUDE: "attitude_error",
     Stage.LINE_OF_SIGHT: "pointing",
 }
@@ -147,8 +146,7 @@ def linearise(
                 break
         if stage in seen:
             sensitivity[stage] = np.stack(columns, axis=-1)
-            met = seen[stage]
-            seen[stage] = met.at(force=met.force.real, angle=met.angle.real, rate=met.rate.real)
+            seen[stage] = seen[stage].at(force=seen[stage].force.real, angle=seen[stage].angle.real)
     residual = np.zeros_like(predicted) if read is None else difference(read, predicted, keys)
     return Rows(platform, kind, s, tuple(effects), keys, residual, seen, sensitivity)
 

@@ -18,6 +18,7 @@ from gimbalcal.importers.imu_tk import import_imu_tk
 from gimbalcal.importers.matlab import import_matlab
 from gimbalcal.importers.mikoff import import_mikoff
 from gimbalcal.importers.mmt import import_mmt
+from gimbalcal.importers.phd2 import import_phd2
 from gimbalcal.importers.tilt_table import import_tilt_table
 from gimbalcal.importers.tpoint import import_tpoint
 from gimbalcal.recording import Recording, dwell_means
@@ -32,6 +33,7 @@ KINDS: Mapping[str, Importer] = MappingProxyType(
         "mat": import_matlab,
         "mikoff": import_mikoff,
         "mmt": import_mmt,
+        "phd2": import_phd2,
         "tilt-table": import_tilt_table,
         "tpoint": import_tpoint,
     }

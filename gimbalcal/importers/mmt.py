@@ -6,6 +6,7 @@ Each star is a block of lines; RAA is the raw encoder reading, TAA the true dire
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +41,8 @@ def import_mmt(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
         listed = ", ".join(f"{n} {name}" for name, n in counts.items())
         raise InputError(f"{path} is not an MMT pointing run: each star needs RAA, TAA and LST, there are {listed}")
     raw, true = (np.radians(np.array(found[name])[:, :2]) for name in ("RAA", "TAA"))
-    time = elapsed(path, np.array(found["LST"])[:, 0])
+    time, remarks = elapsed(path, np.array(found["LST"])[:, 0])
     readout = {axis: raw[:, i] for i, axis in enumerate(AXES)}
     where = Site(float(LATITUDE), HEIGHT)
-    return pointing_run(path, KNOWN["alt-az"], where, time, readout, {axis: true[:, i] for i, axis in enumerate(AXES)})
+    run = pointing_run(path, KNOWN["alt-az"], where, time, readout, {axis: true[:, i] for i, axis in enumerate(AXES)})
+    return replace(run, remarks=remarks)

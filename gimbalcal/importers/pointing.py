@@ -15,6 +15,9 @@ from gimbalcal.recording.record import Recording, Site, Source
 
 SIDEREAL_SECOND = 86164.0905 / 86400  # mean solar seconds, Explanatory Supplement to the Astronomical Almanac
 
+SHUFFLED = 1.0  # h; a sidereal time that falls back by less is out of order
+SPACED = 60.0  # s between rows that have no clock
+
 
 def sexagesimal(words: Sequence[str]) -> float:
     """``["-00", "30", "36"]`` is -0.51: the sign belongs to the whole."""
@@ -22,15 +25,30 @@ def sexagesimal(words: Sequence[str]) -> float:
     return sign * sum(abs(float(word)) / 60**i for i, word in enumerate(words))
 
 
-def elapsed(path: Path, sidereal_hours: Array) -> Array:
-    """Seconds since the first row, from the local sidereal time [h] of rows that may cross 24 h."""
-    seconds = np.unwrap(sidereal_hours, period=24.0) * 3600 * SIDEREAL_SECOND
-    back = np.flatnonzero(np.diff(seconds) <= 0)
+def elapsed(path: Path, sidereal_hours: Array) -> tuple[Array, tuple[str, ...]]:
+    """Seconds since the first row, from the local sidereal time [h] of rows in order, and what to tell of them.
+
+    A clock that falls back by more than `SHUFFLED` is that of a later night; how many days lie between is not told.
+    """
+    step = np.diff(sidereal_hours)
+    step = np.where(step < -12, step + 24, step)  # past 24 h
+    back = np.flatnonzero((step < 0) & (step > -SHUFFLED))
     if len(back):
         raise InputError(
             f"{path}, observation {back[0] + 2}: the sidereal time does not grow; put the rows in order of time"
         )
-    return np.asarray(seconds - seconds[0])
+    later = np.flatnonzero(step < 0)
+    seconds = np.concatenate([[0.0], np.cumsum(np.where(step < 0, step + 24, step))]) * 3600 * SIDEREAL_SECOND
+    if not len(later):
+        return seconds, ()
+    first = ", ".join(str(i + 2) for i in later[:3])
+    return seconds, (f"{path}: the sidereal time falls back at observation {first}: taken as the night after",)
+
+
+def in_order(path: Path, rows: int) -> tuple[Array, tuple[str, ...]]:
+    """A time [s] that only counts the rows, for files without a clock, and what to tell of it."""
+    remark = f"{path} has no clock: its rows are {SPACED:g} s apart in order, so that rates mean nothing"
+    return SPACED * np.arange(rows), (remark,)
 
 
 def pointing_run(

@@ -1,16 +1,21 @@
-r"""TPOINT observation files of an equatorial mount.
+r"""TPOINT observation files of equatorial and alt-azimuth mounts.
 
-Four lines of caption and options, one of site and weather, then for each star catalogue right ascension and
-declination, those that the mount reported, and local sidereal time:
+A caption, options that begin with a colon (``:EQUAT``, ``:ALTAZ``, ``:NODA``, ...), remarks that begin with ``!``, a
+line of site, date and weather, and then a line for each star, in one of two forms:
 
 ``hh mm ss.s +dd mm ss.s  hh mm ss.s +dd mm ss.s  hh mm.m``
+    catalogue right ascension and declination, those that the mount reported, and local sidereal time;
+``ddd.d +dd.d  ddd.d +dd.d``
+    where the star was and what the mount reported in degrees: azimuth and elevation, or hour angle and declination.
+    There is no clock: the order of the stars stands in for it. TPOINT's azimuth runs from south through east.
 
-A reported declination beyond 90 deg is the other side of the pier: the same direction has angles (h + 12 h, 180 deg -
-declination) there. Refraction is not taken off the catalogue positions; it belongs to the model.
-Format: P. T. Wallace, TPOINT; as described by the Joint Astronomy Centre ("Pointing data format under TPOINT").
+What follows on a line (a name, auxiliary readings) is passed over. A reported declination beyond 90 deg is the other
+side of the pier: the same direction has angles (h + 12 h, 180 deg - declination) there. Refraction is not taken off the
+catalogue positions; it belongs to the model. Format: P. T. Wallace, TPOINT; as described by the Joint Astronomy Centre
+("Pointing data format under TPOINT").
 
-The mount is a chain of three: the declination axis, the hour-angle axis (which counts westward from the lower meridian
-when turned from north, hence 180 deg), and the fixed tilt of the polar axis, latitude - 90 deg,
+An equatorial mount is a chain of three: the declination axis, the hour-angle axis (which counts westward from the lower
+meridian when turned from north, hence 180 deg), and the fixed tilt of the polar axis, latitude - 90 deg,
 
 .. math:: C_n^p = R_y(\delta) \, R_z(h + \pi) \, R_y(L - \pi/2) .
 """
@@ -19,6 +24,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from math import pi
 from pathlib import Path
 
@@ -26,13 +32,25 @@ import numpy as np
 
 from gimbalcal.earth import normal_gravity
 from gimbalcal.errors import InputError
-from gimbalcal.importers.pointing import elapsed, pointing_run, sexagesimal
+from gimbalcal.importers.pointing import elapsed, in_order, pointing_run, sexagesimal
 from gimbalcal.importers.table import one_file, only
 from gimbalcal.number import Array
-from gimbalcal.platform import Axis, Platform
+from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.recording.record import Recording, Site
 
-_NUMBER = re.compile(r"[-+]?\d+(\.\d+)?$")
+_NUMBER = re.compile(r"[-+]?\d+(\.\d*)?$")
+_BY_STARS, _BY_ANGLES = 14, 4  # numbers of an observation: two stars and a sidereal time; two pairs of angles
+_AUXILIARY = 3  # readings that may follow a pair of angles
+_AZIMUTH = {"south": 180.0, "north": 0.0}  # zero of the azimuths in a file; from south they run through east
+
+
+@dataclass(frozen=True)
+class _File:
+    """What a file holds: its site, whether its mount is alt-azimuth, and the numbers of each star."""
+
+    site: Site
+    upright: bool
+    rows: Array
 
 
 def equatorial(latitude: float) -> Platform:
@@ -42,21 +60,67 @@ def equatorial(latitude: float) -> Platform:
 
 
 def import_tpoint(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
-    """One TPOINT .dat file of an equatorial mount: catalogue and mount right ascension, declination; sidereal time."""
-    only(options, ())
+    """One TPOINT observation file, equatorial or :ALTAZ; azimuth = south (TPOINT's) or north for lines of angles."""
+    only(options, ("azimuth",))
+    zero = options.get("azimuth", "south")
+    if zero not in _AZIMUTH:
+        raise InputError(f"the option azimuth must be south (as TPOINT counts, through east) or north, got {zero!r}")
     path = one_file(files)
-    site, rows = _rows(path)
-    stars = np.array([[sexagesimal(row[i : i + 3]) for i in (0, 3, 6, 9)] for row in rows])
-    lst = np.array([sexagesimal(row[12:14]) for row in rows])
-    hour, declination = 15 * (lst[:, None] - stars[:, ::2]), stars[:, 1::2]  # deg; columns: catalogue, mount
+    file = _read(path)
+    if file.rows.shape[1] == _BY_STARS:
+        return _by_stars(path, file)
+    return _by_angles(path, file, zero)
+
+
+def _by_stars(path: Path, file: _File) -> Recording:
+    """Catalogue and reported right ascension [h] and declination [deg], and the local sidereal time."""
+    words = file.rows
+    stars = np.stack([_joined(words[:, i : i + 3]) for i in (0, 3, 6, 9)], axis=1)
+    lst = words[:, 12] + words[:, 13] / 60
+    hour, declination = 15 * (lst[:, None] - stars[:, ::2]), stars[:, 1::2]  # columns: catalogue, mount
+    time, remarks = elapsed(path, lst)
+    if file.upright:
+        true, read = (_horizontal(hour[:, i], declination[:, i], file.site) for i in (0, 1))
+        return replace(pointing_run(path, KNOWN["alt-az"], file.site, time, read, true), remarks=remarks)
+    run = pointing_run(path, _mount(file.site), file.site, time, *_both_sides(hour, declination))
+    return replace(run, remarks=remarks)
+
+
+def _by_angles(path: Path, file: _File, zero: str) -> Recording:
+    """Where the star was and what the mount reported [deg]; the order stands in for a clock."""
+    around, up = file.rows[:, 0:4:2], file.rows[:, 1:4:2]
+    time, remarks = in_order(path, len(around))
+    if not file.upright:
+        return replace(
+            pointing_run(path, _mount(file.site), file.site, time, *_both_sides(around, up)), remarks=remarks
+        )
+    azimuth = _AZIMUTH[zero] - around if zero == "south" else around
+    true, read = ({"elevation": np.radians(up[:, i]), "azimuth": np.radians(_half_turn(azimuth[:, i]))} for i in (0, 1))
+    return replace(pointing_run(path, KNOWN["alt-az"], file.site, time, read, true), remarks=remarks)
+
+
+def _mount(site: Site) -> Platform:
+    if site.latitude is None:
+        raise ValueError("a TPOINT file has a latitude")
+    return equatorial(site.latitude)
+
+
+def _both_sides(hour: Array, declination: Array) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Readouts and true angles [rad] of an equatorial mount; columns [deg]: where the star was, what was reported."""
     flipped = np.abs(declination[:, 1]) > 90
     true_hour = np.where(flipped, hour[:, 0] + 180, hour[:, 0])
     true_declination = np.where(flipped, 180 - declination[:, 0], declination[:, 0])
-    readout = _radians({"declination": declination[:, 1] % 360, "hour_angle": _half_turn(hour[:, 1])})
-    true = _radians({"declination": true_declination, "hour_angle": true_hour})
-    if site.latitude is None:
-        raise ValueError("a TPOINT file has a latitude")
-    return pointing_run(path, equatorial(site.latitude), site, elapsed(path, lst), readout, true)
+    read = _radians({"declination": declination[:, 1] % 360, "hour_angle": _half_turn(hour[:, 1])})
+    return read, _radians({"declination": true_declination, "hour_angle": true_hour})
+
+
+def _horizontal(hour: Array, declination: Array, site: Site) -> dict[str, Array]:
+    """Elevation and azimuth from north through east [rad] of hour angle and declination [deg]."""
+    h, d, L = np.radians(hour), np.radians(declination), site.latitude or 0.0
+    up = np.sin(d) * np.sin(L) + np.cos(d) * np.cos(L) * np.cos(h)
+    north = np.sin(d) * np.cos(L) - np.cos(d) * np.sin(L) * np.cos(h)
+    east = -np.cos(d) * np.sin(h)
+    return {"elevation": np.arctan2(up, np.hypot(north, east)), "azimuth": np.arctan2(east, north)}
 
 
 def _half_turn(degrees: Array) -> Array:
@@ -69,21 +133,57 @@ def _radians(angles: Mapping[str, Array]) -> dict[str, Array]:
     return {axis: np.radians(angle) for axis, angle in limited.items()}
 
 
-def _rows(path: Path) -> tuple[Site, list[list[str]]]:
-    site, rows = None, []
+def _joined(words: Array) -> Array:
+    """Sexagesimal columns (n, 3) as one (n,): the sign, also of a minus zero, belongs to the whole."""
+    sign = np.where(np.signbit(words[:, 0]), -1.0, 1.0)
+    return np.asarray(sign * (np.abs(words) @ np.array([1, 1 / 60, 1 / 3600])))
+
+
+def _read(path: Path) -> _File:
+    site, upright, rows = None, False, []
     for line, text in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
-        words = text.split()
-        if not words or text.startswith(("!", ":")) or not _NUMBER.match(words[0]) or words[0] == "END":
+        words = text.replace(",", " ").split()
+        if words and words[0] == "END":
+            break
+        if text.strip().startswith(":"):
+            upright = upright or text.strip(" :").upper().startswith("ALTAZ")
             continue
-        if not all(_NUMBER.match(word) for word in words):
-            raise InputError(f"{path}, line {line}: {text.strip()[:60]!r} is not a row of numbers")
-        if site is None and len(words) >= 9:
-            latitude, height = np.radians(sexagesimal(words[:3])), float(words[8])
-            site = Site(float(latitude), height, float(normal_gravity(latitude, height)))
-        elif len(words) >= 14:
-            rows.append(words)
-        else:
-            raise InputError(f"{path}, line {line}: an observation has 14 numbers, got {len(words)}")
+        if not words or text.startswith("!") or not _NUMBER.match(words[0]):
+            continue
+        numbers = _leading(words)
+        if site is None:
+            site = _site(numbers) if len(numbers) >= 6 else None  # else a caption that begins with a number
+            continue
+        rows.append(_observation(path, line, text, numbers))
     if site is None or not rows:
         raise InputError(f"{path} is not a TPOINT file: a line of latitude, date and weather and then stars are wanted")
-    return site, rows
+    if len({len(row) for row in rows}) > 1:
+        raise InputError(f"{path}: some stars have angles and some a catalogue place; give one kind of line")
+    return _File(site, upright, np.array(rows))
+
+
+def _leading(words: Sequence[str]) -> list[str]:
+    """The words before the first that is no number: a name may follow."""
+    stop = next((i for i, word in enumerate(words) if not _NUMBER.match(word)), len(words))
+    return list(words[:stop])
+
+
+def _observation(path: Path, line: int, text: str, numbers: Sequence[str]) -> list[float]:
+    if len(numbers) >= _BY_STARS:
+        return [float(word) for word in numbers[:_BY_STARS]]
+    if _BY_ANGLES <= len(numbers) <= _BY_ANGLES + _AUXILIARY and "." in numbers[1]:
+        return [float(word) for word in numbers[:_BY_ANGLES]]
+    rest = text.split()[len(numbers) :]
+    if rest:
+        raise InputError(f"{path}, line {line}: {text.strip()[:60]!r} is not a row of numbers")
+    raise InputError(
+        f"{path}, line {line}: an observation has {_BY_STARS} numbers, got {len(numbers)}, or {_BY_ANGLES} angles in "
+        "degrees"
+    )
+
+
+def _site(numbers: Sequence[str]) -> Site:
+    """Latitude, date, and where they were written temperature, pressure and height."""
+    latitude = float(np.radians(sexagesimal(numbers[:3])))
+    height = float(numbers[8]) if len(numbers) > 8 else 0.0
+    return Site(latitude, height, float(normal_gravity(latitude, height)))

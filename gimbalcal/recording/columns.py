@@ -39,6 +39,7 @@ class Column:
     axis: str
     unit: str
     dated: bool = False  # a clock of dates (ISO 8601), which become seconds
+    resolution: float = 0.0  # of a clock, in its unit; 0 where it is not stated
 
     @property
     def key(self) -> Key:
@@ -83,7 +84,7 @@ def _column(document: Document, name: str, entry: object, platform: Platform, th
     if not isinstance(entry, dict) or not isinstance(entry.get("quantity"), str):
         raise InputError(f'{where}: column {name!r} must say what it holds, as in {{ quantity = "time", unit = "s" }}')
     for key in entry:
-        if key not in ("quantity", "axis", "unit"):
+        if key not in ("quantity", "axis", "unit", "resolution"):
             raise InputError(f"{where}: {key!r} of column {name!r} is not known; write quantity, axis or unit")
     quantity, axis = entry["quantity"], entry.get("axis", "")
     if quantity not in AXES:
@@ -104,7 +105,18 @@ def _column(document: Document, name: str, entry: object, platform: Platform, th
         raise InputError(f'{where}: column {name!r} has no unit; write, for example, unit = "{_example(quantity)}"')
     if quantity == "time" and names_iso(entry["unit"]):
         return Column(name, quantity, "", "s", dated=True)
-    return Column(name, quantity, axis, document.unit(where, f"column {name!r}", entry["unit"], quantity))
+    unit = document.unit(where, f"column {name!r}", entry["unit"], quantity)
+    resolution = _resolution(where, name, quantity, entry.get("resolution", 0.0))
+    return Column(name, quantity, axis, unit, resolution=resolution)
+
+
+def _resolution(where: str, name: str, quantity: str, value: object) -> float:
+    """How coarse a clock is, in its unit: rows within it may be stamped alike."""
+    if quantity != "time" and value != 0.0:
+        raise InputError(f"{where}: resolution of column {name!r} is for the time; leave it out of a {quantity}")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < float("inf"):
+        raise InputError(f"{where}: the resolution of column {name!r} must be a positive number, got {value!r}")
+    return float(value)
 
 
 def _check_axis(

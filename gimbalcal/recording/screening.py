@@ -17,7 +17,7 @@ from math import erf, log, sqrt
 
 import numpy as np
 
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import Column
 from gimbalcal.recording.document import LARGEST
@@ -64,6 +64,9 @@ class Screen:
         self.gaps: list[tuple[int, float]] = []  # inside a position
         self.peaks: dict[tuple[str, int], tuple[float, int]] = {}  # (name, sign): largest value and how often
         self.stuck: set[str] = set()
+        self.visits = header.kind == "multi-position" and self.position is not None  # no clock has to find them
+        self.by_order = header.kind == "pointing" or (self.visits and clock.resolution > 0)
+        self.equal = 0  # rows stamped as the one before them
 
     def see(self, batch: Batch) -> Array:
         """Check a batch; returns for each row whether it begins anew (after a gap or in another position)."""
@@ -107,7 +110,8 @@ class Screen:
         if not self.step and len(t) > 1:
             self.step = float(np.median(dt[1:] if self.n == 0 else dt))
         long = dt * seconds > LONGEST_STEP
-        wrong = np.flatnonzero((dt <= 0) | (long & (self.header.kind in STEADY)))
+        wrong = np.flatnonzero((dt < 0 if self.by_order else dt <= 0) | (long & (self.header.kind in STEADY)))
+        self.equal += int(np.count_nonzero(dt == 0))
         if len(wrong):
             self._refuse_time(int(wrong[0]), t, float(dt[wrong[0]]))
         self.last_time = float(t[-1]) if len(t) else self.last_time
@@ -125,9 +129,10 @@ class Screen:
                 "part its own recording"
             )
         what = "stands still" if dt == 0 else f"jumps back by {-dt:.6g} {unit}"
+        state = ", or state how coarse it is, as resolution beside its unit" if self.visits and dt == 0 else ""
         raise InputError(
             f"{where}: the clock {what} at {t[i]:.10g} {unit}; time must grow from row to row, so sort the rows and "
-            "leave out what was logged twice"
+            f"leave out what was logged twice{state}"
         )
 
     def _positions(self, p: Array) -> Array:
@@ -232,15 +237,17 @@ class Screen:
                 )
 
     def remarks(self) -> tuple[str, ...]:
-        """Pauses of more than a day between the rows, which are parts of one recording all the same."""
-        unit = self.clock.unit
+        """Rows of one stamp, and pauses of more than a day: parts of one recording all the same."""
+        unit, column = self.clock.unit, f"column {self.clock.name}"
+        alike = f"{amount(self.equal, 'row')} stamped as the one before, and taken in the order of the file"
+        told = (f"{self.header.samples}, {column}: {alike}",) if self.equal else ()
         long = [(row, dt) for row, dt in self.gaps if to_si(dt, unit) > LONGEST_STEP]
         if not long:
-            return ()
+            return told
         row, dt = max(long, key=lambda gap: gap[1])
         what = "the clock pauses" if len(long) == 1 else f"the clock pauses {len(long)} times for more than a day, here"
         days = to_si(dt, unit) / LONGEST_STEP
-        return (f"{self._place(row)}, column {self.clock.name}: {what} for {days:.3g} d; both sides are one recording",)
+        return (*told, f"{self._place(row)}, {column}: {what} for {days:.3g} d; both sides are one recording")
 
     def _angle_units(self) -> None:
         """An angle beyond two turns in radians was most likely logged in degrees; a run may turn on and on."""

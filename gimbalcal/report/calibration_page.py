@@ -16,6 +16,7 @@ from gimbalcal.references import cite
 from gimbalcal.report import wording
 from gimbalcal.report.html import Picture, picture, render
 from gimbalcal.report.parameter_rows import nominal_in_words, rows
+from gimbalcal.report.pointing import named_terms, night_by_night, pointing_picture
 from gimbalcal.report.rounding import minus, significant
 from gimbalcal.report.stages import stages
 from gimbalcal.report.wording import label_of
@@ -42,6 +43,8 @@ def calibration_report(
         "with_truth": truth is not None,
         "nominal": nominal_in_words(content),
         **_unobservable(content),
+        "tpoint": named_terms(content),
+        **night_by_night(content),
         "leading": leading,
         "pictures": others,
         "recordings": [_measured(r) for r in recordings],
@@ -63,6 +66,10 @@ def _facts(content: Mapping[str, Any], recordings: Sequence[Recording]) -> list[
     if force and wording.scaled_to_residual(content):
         rms = float(from_si(np.sqrt(np.mean(np.square(force))), "ug"))
         facts.append((f"{significant(rms, 3)} µg", "rms left in the specific force"))
+    star = [rms for channel, rms in residual["rms"].items() if channel.startswith("pointing")]
+    if star:
+        sky = float(from_si(np.sqrt(np.sum(np.square(star))), "arcsec"))
+        facts.append((f"{significant(sky, 3)} arcsec", "rms left of a star on the sky"))
     if residual["dof"] > 0 and not wording.scaled_to_residual(content):
         freedom = f"χ² {residual['chi2']:.1f}, {residual['dof']} degrees of freedom"
         facts.append((f"{ratio:.2f} × noise", f"what is left ({freedom})"))
@@ -96,6 +103,10 @@ def _unobservable(content: Mapping[str, Any]) -> dict[str, Any]:
 def _evidence(content: Mapping[str, Any], recordings: Iterable[Recording]) -> tuple[list[Picture], list[Picture]]:
     """Pictures of the residuals (for the first screen) and of the data behind them."""
     leading, others = [], []
+    recordings = tuple(recordings)
+    if recordings and all(r.kind == "pointing" for r in recordings):
+        made = from_dict(content, recordings[0].platform.axis_names)
+        return [pointing_picture(recordings, made.effects)], []
     for r in recordings:
         made = from_dict(content, r.platform.axis_names)
         if r.kind != "static-run" and r.position is not None and r.has("specific_force"):

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from math import isnan, sqrt
 from typing import Any, Literal
 
+from gimbalcal.units import from_si
+
 Verdict = Literal["fits", "misfit", "overstated", "reserved"]
 
 SURPRISE = 1e-3  # probability below which chance is not believed
@@ -137,6 +139,11 @@ def _left(content: Mapping[str, Any]) -> str:
     if isnan(ratio):
         return "there are as many unknowns as data, so nothing is left to test the fit with"
     if scaled_to_residual(content) and meaning == "fits":
+        rms = content["residual"].get("rms", {})
+        star = sqrt(sum(x**2 for channel, x in rms.items() if channel.startswith("pointing")))
+        if star:
+            left = float(f"{from_si(star, 'arcsec'):.3g}")
+            return f"{left:g} arcsec rms of a star on the sky is left, and every sigma is scaled to that"
         return "every sigma is scaled to what the readings scatter about the model"
     stated = noise_is_stated(content)
     text = f"what is left is {ratio:.2f} times the {'stated noise' if stated else 'noise that the samples show'}"

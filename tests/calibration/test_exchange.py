@@ -10,7 +10,7 @@ import pytest
 from scipy.io import loadmat
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual
-from gimbalcal.calibration.exchange import FILES, FORMATS, export, read_calibration, read_exchange
+from gimbalcal.calibration.exchange import FILES, export, read_calibration, read_exchange
 from gimbalcal.calibration.exchange.matrices import LINEAR, matrices
 from gimbalcal.effects import CATALOGUE, Effect, parameters, values, with_values
 from gimbalcal.errors import InputError
@@ -19,6 +19,7 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 
 G = 9.8
+OF_SENSORS = [kind for kind in FILES if kind != "tpoint"]  # that one is of mounts: test_tpoint.py
 
 
 def made_of(names: tuple[str, ...], seed: int = 1, size: float = 1.0) -> Calibration:
@@ -41,7 +42,7 @@ def readings(r: Recording) -> tuple[Array, Array]:
     return r.triad("specific_force"), r.triad("angular_rate")
 
 
-@pytest.mark.parametrize("kind", FORMATS)
+@pytest.mark.parametrize("kind", [kind for kind in OF_SENSORS if kind != "json"])
 def test_linear_parameters_come_back(kind: str, tmp_path: Path) -> None:
     made = made_of(LINEAR)
     assert export(made, kind, tmp_path / "file") == ()
@@ -158,7 +159,7 @@ def test_unknown_formats_and_files(tmp_path: Path) -> None:
         read_exchange("csv", tmp_path / "nothing")
 
 
-@pytest.mark.parametrize("kind", FILES)
+@pytest.mark.parametrize("kind", OF_SENSORS)
 def test_a_file_is_told_by_its_ending(kind: str, tmp_path: Path) -> None:
     made = made_of(LINEAR)
     export(made, kind, tmp_path / FILES[kind])
@@ -171,5 +172,5 @@ def test_a_file_is_told_by_its_ending(kind: str, tmp_path: Path) -> None:
 def test_the_scale_of_counts_is_said_to_be_lost(tmp_path: Path) -> None:
     counted = replace(made_of(LINEAR), readout=Readout(Counts((1.0, 1.0, 1.0))))
     assert export(counted, "json", tmp_path / "a") == ()
-    for kind in FORMATS:
+    for kind in set(OF_SENSORS) - {"json"}:
         assert "nominal scale of counts" in export(counted, kind, tmp_path / "b")[0]

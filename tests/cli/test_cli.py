@@ -109,7 +109,7 @@ def test_a_recording_is_not_written_over_itself(command, capsys, tmp_path: Path)
     assert command("export", "json", "--calibration", known, "--out", tmp_path / "made") == 2
     assert "is the calibration itself" in capsys.readouterr().err
     assert command("export", "matlab", "--calibration", known, "--out", tmp_path / "new") == 2
-    assert "take one of kalibr, psins, csv, json" in capsys.readouterr().err
+    assert "take one of kalibr, psins, csv, tpoint, json" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
 
 

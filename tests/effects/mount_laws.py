@@ -108,6 +108,7 @@ GIMBAL: dict[str, tuple[str, Law]] = {
     "gimbal_nonorthogonality": ("turn about the common perpendicular of two neighbours", _nonorthogonality),
     "encoder_eccentricity": ("once a turn", lambda s, p: wave(p.A, p.B, s.angle)),
     "encoder_two_cycle": ("twice a turn", lambda s, p: wave(p.A, p.B, 2 * s.angle)),
+    "encoder_scale_factor": ("a readout that counts too little", lambda s, p: np.einsum("k,nk->nk", p.s, s.angle)),
     "encoder_harmonic": ("n times a turn", lambda s, p: wave(p.A, p.B, p.order * s.angle)),
     "encoder_cyclic_error": ("once a line", lambda s, p: wave(p.A, p.B, p.lines * s.angle)),
     "periodic_worm_error": ("Wallace, TPOINT: once a tooth", lambda s, p: wave(p.A, p.B, p.teeth * s.angle)),

@@ -12,6 +12,7 @@ from gimbalcal.importers import import_files
 from gimbalcal.importers.pointing import SIDEREAL_SECOND, sexagesimal
 from gimbalcal.importers.tpoint import equatorial
 from gimbalcal.number import Array
+from gimbalcal.platform import KNOWN
 
 REAL = Path(__file__).parents[3] / "shared" / "data"
 
@@ -82,7 +83,7 @@ def test_tpoint_faults(tmp_path: Path) -> None:
         ("23 30.00000", "", "bad.dat, line 6: an observation has 14 numbers, got 12"),
         (
             "23 54.00000",
-            "23 30.00000",
+            "22 54.00000",
             "bad.dat, observation 2: the sidereal time does not grow; put the rows in order",
         ),
     ]:
@@ -94,6 +95,144 @@ def test_tpoint_faults(tmp_path: Path) -> None:
     bad.write_text("nothing\n")
     with pytest.raises(InputError, match="is not a TPOINT file: a line of latitude, date and weather and then stars"):
         import_files("tpoint", [bad])
+
+
+JCMT = """\
+JCMT Pointing Test - 2009/01/28
+: ALTAZ
+! a remark
++19 49 22.30  2009 01 29    -2.25  621.00   4120.00   0.827   866.963
+{stars}
+"""
+
+
+def ra_dec(elevation: float, azimuth: float, latitude: float, lst: float) -> tuple[float, float]:
+    """Right ascension [h] and declination [deg] of a direction [deg], by the axes of the horizon and of the pole."""
+    E, A, L = np.radians([elevation, azimuth, latitude])
+    sight = np.array([np.cos(E) * np.cos(A), np.cos(E) * np.sin(A), np.sin(E)])  # north, east, up
+    pole = np.array([np.cos(L), 0, np.sin(L)])
+    meridian = np.array([-np.sin(L), 0, np.cos(L)])
+    hour = np.degrees(np.arctan2(-sight[1], sight @ meridian))
+    return (lst - hour / 15) % 24, float(np.degrees(np.arcsin(sight @ pole)))
+
+
+def test_tpoint_alt_az_by_catalogue_places_with_names_behind_them(tmp_path: Path) -> None:
+    latitude, lines = 19 + 49 / 60 + 22.3 / 3600, []
+    sky = [(40.0, 100.0, 8.2), (65.0, 220.0, 8.2), (30.0, 355.0, 9.5)]  # two stars of one stamp
+    for elevation, azimuth, lst in sky:
+        places = [ra_dec(elevation + off, azimuth - 2 * off, latitude, lst) for off in (0.0, 0.02)]
+        words = [f"{hms(ra)[1:]} {hms(dec)}" for ra, dec in places]
+        lines.append(f"{words[0]}  {words[1]}  {clock(lst)}  4.760  108.775 HARPB 0.00")
+    (tmp_path / "run.pnt").write_text(JCMT.format(stars="\n".join(lines)))
+    run = import_files("tpoint", [tmp_path / "run.pnt"])
+    assert run.platform == KNOWN["alt-az"]
+    assert run.site.height == 4120.0
+    true = np.degrees(np.stack([run.channels["true_angle", a] for a in ("elevation", "azimuth")], axis=1))
+    np.testing.assert_allclose(true % 360, [s[:2] for s in sky], atol=1e-6)
+    error = np.degrees(run.angles()) - true
+    np.testing.assert_allclose(error, np.tile([0.02, -0.04], (3, 1)), atol=1e-6)
+    assert run.time[1] == run.time[0]
+
+
+FORMAT_4 = """\
+! made
+MMT Pointing Data
+: ALTAZ
++31 41 19.6 2021 8 21 13.0 741 2608.0 0.75
+192.4 77.3 -167.3 77.5
+-20.0 30.0 -19.5 30.1
+END
+"""
+
+
+def test_tpoint_lines_of_angles_count_azimuth_from_south_through_east_and_have_no_clock(tmp_path: Path) -> None:
+    path = tmp_path / "run.dat"
+    path.write_text(FORMAT_4)
+    run = import_files("tpoint", [path])
+    azimuth = np.degrees(run.channels["true_angle", "azimuth"])
+    np.testing.assert_allclose(azimuth, [-12.4, -160.0], atol=1e-9)  # beside north, and beyond south
+    np.testing.assert_allclose(
+        np.degrees(run.channels["gimbal_angle", "azimuth"] - azimuth * np.pi / 180), [-0.3, -0.5]
+    )
+    np.testing.assert_allclose(np.degrees(run.channels["gimbal_angle", "elevation"]), [77.5, 30.1])
+    assert "has no clock" in run.remarks[0]
+    north = import_files("tpoint", [path], {"azimuth": "north"})
+    np.testing.assert_allclose(np.degrees(north.channels["true_angle", "azimuth"]) % 360, [192.4, 340.0])
+    with pytest.raises(InputError, match="the option azimuth must be south"):
+        import_files("tpoint", [path], {"azimuth": "west"})
+    path.write_text(FORMAT_4.replace(": ALTAZ\n", ""))
+    with_hours = import_files("tpoint", [path])
+    assert with_hours.platform.name == "equatorial"
+    path.write_text(FORMAT_4.replace("-20.0 30.0 -19.5 30.1", "22 00 00.0 +30 00 00.0 22 00 01.0 +30 00 00.0 12 00.0"))
+    with pytest.raises(InputError, match="some stars have angles and some a catalogue place; give one kind of line"):
+        import_files("tpoint", [path])
+
+
+def test_a_sidereal_time_that_falls_back_by_hours_is_the_night_after(tmp_path: Path) -> None:
+    path = tpoint_file(tmp_path / "run.dat")
+    path.write_text(path.read_text().replace(clock(0.2), clock(20.5)))  # after 23.5, 23.9
+    run = import_files("tpoint", [path])
+    np.testing.assert_allclose(run.time, 3600 * SIDEREAL_SECOND * np.array([0.0, 0.4, 21.0]), atol=1e-6)
+    assert "falls back at observation 3: taken as the night after" in run.remarks[0]
+
+
+COLUMNS = (
+    "Frame,Time,mount,dx,dy,RARawDistance,DECRawDistance,RAGuideDistance,DECGuideDistance,RADuration,"
+    "RADirection,DECDuration,DECDirection"
+)
+
+
+def guided(path: Path, error: Array, off: Array, tail: str = "") -> Path:
+    """A PHD2 log at 1 Hz of a mount that errs by `error` in hour angle and `off` in declination [arcsec], guided."""
+    scale, rate, dec = 2.0, 3.0, 60.0  # arcsec/px, px/s of sky
+    head = ["PHD2 version 2.6", "", "Guiding Begins at 2022-12-01 20:00:00", f"Pixel scale = {scale:.2f} arc-sec/px",
+            f"Mount = m, connected, xAngle = 1.0, xRate = {rate:.3f}, yAngle = 2.0, yRate = {rate:.3f}",
+            f"RA = 5.5 hr, Dec = {dec:.1f} deg, Hour angle = -2.00 hr, Pier side = East",
+            COLUMNS]  # fmt: skip
+    rows, west, north = [], 0.0, 0.0  # what pulses have moved so far, px
+    for k, (e, o) in enumerate(zip(error, off, strict=True)):
+        d, n = -(e * np.cos(np.radians(dec)) / scale + west), o / scale + north
+        p, q = (round(1000 * min(abs(x) / rate, 0.5)) for x in (d, n))
+        to, up = ("W" if d > 0 else "E"), ("S" if n > 0 else "N")
+        rows.append(f'{k + 1},{float(k):.3f},"Mount",0,0,{d:.6f},{n:.6f},{d:.3f},{n:.3f},{p},{to},{q},{up}')
+        west += rate * p / 1000 * (1 if to == "W" else -1)
+        north += rate * q / 1000 * (1 if up == "N" else -1)
+    path.write_text("\n".join([*head, *rows, 'x,"DROP",,,,', tail, "Guiding Ends at 2022-12-01 21:00:00"]) + "\n")
+    return path
+
+
+def test_phd2_undoes_the_guiding(tmp_path: Path) -> None:
+    t = np.arange(300.0)
+    error, off = 6 * np.sin(2 * np.pi * t / 120), 0.02 * t
+    run = import_files("phd2", [guided(tmp_path / "log.txt", error, off)], {"latitude": "51"})
+    left = {a: run.channels["true_angle", a] - run.channels["gimbal_angle", a] for a in ("hour_angle", "declination")}
+    np.testing.assert_allclose(np.degrees(left["hour_angle"]) * 3600, error, atol=1e-4)  # the log has 1e-6 px
+    np.testing.assert_allclose(np.degrees(left["declination"]) * 3600, off, atol=1e-4)
+    assert np.degrees(run.channels["gimbal_angle", "hour_angle"][0]) == pytest.approx(-30.0)
+    np.testing.assert_allclose(np.diff(run.channels["gimbal_angle", "hour_angle"]), 7.292115e-5)
+    assert "300 frames without a dither" in run.remarks[0]
+
+
+def test_phd2_faults(tmp_path: Path) -> None:
+    log = guided(tmp_path / "log.txt", np.zeros(30), np.ones(30))
+    with pytest.raises(InputError, match=r"give it as --set latitude=51\.0"):
+        import_files("phd2", [log])
+    with pytest.raises(InputError, match="has 1 stretch; give one of them, got '2'"):
+        import_files("phd2", [log], {"latitude": "51", "stretch": "2"})
+    log.write_text(log.read_text().replace("Pixel scale", "Scale"))
+    with pytest.raises(InputError, match="does not tell its Pixel scale, in arc-sec/px"):
+        import_files("phd2", [log], {"latitude": "51"})
+    log.write_text("nothing\n")
+    with pytest.raises(InputError, match="is not a PHD2 guide log"):
+        import_files("phd2", [log], {"latitude": "51"})
+
+
+def test_phd2_ends_a_stretch_where_the_lock_position_is_moved(tmp_path: Path) -> None:
+    row = '{},{}.0,"Mount",0,0,0.1,0.2,0,0,0,,0,'
+    tail = "\n".join(["INFO: DITHER by 1.0, -2.0, new lock pos = 3, 4", *(row.format(k, k) for k in range(40, 60))])
+    run = import_files("phd2", [guided(tmp_path / "log.txt", np.zeros(15), np.zeros(15), tail)], {"latitude": "51"})
+    assert len(run.time) == 20
+    assert "stretch 2 of 2" in run.remarks[0]
 
 
 MMT = """\

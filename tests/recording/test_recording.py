@@ -427,6 +427,45 @@ def test_row_fault_is_refused(tmp_path: Path, fault: Callable[[Array], object], 
     assert "\n" not in said
 
 
+CLOCK = 'quantity = "time", unit = "s"'
+
+
+def test_a_clock_of_stated_coarseness_may_stamp_rows_alike(tmp_path: Path) -> None:
+    table = rows()
+    table[:, 0] = np.floor(table[:, 0] / 3) * 3
+    assert "or state how coarse it is, as resolution beside its unit" in refusal(tmp_path, samples=text(table))
+    stated = HEADER.replace(CLOCK, f"{CLOCK}, resolution = 3")
+    made = read(folder(tmp_path, stated, text(table)))
+    np.testing.assert_array_equal(made.time, table[:, 0])
+    assert any("rows stamped as the one before, and taken in the order of the file" in r for r in made.remarks)
+    table[7, 0] -= 3.0
+    assert "the clock jumps back by 3 s" in refusal(tmp_path, stated, text(table))
+    for value, sentence in [('"fine"', "must be a positive number"), ("-1", "must be a positive number")]:
+        assert sentence in refusal(tmp_path, HEADER.replace(CLOCK, f"{CLOCK}, resolution = {value}"))
+
+
+STARS = """\
+format = 1
+kind = "pointing"
+[platform]
+name = "alt-az"
+[columns]
+t = { quantity = "time", unit = "h" }
+el = { quantity = "gimbal_angle", axis = "elevation", unit = "deg" }
+az = { quantity = "gimbal_angle", axis = "azimuth", unit = "deg" }
+tel = { quantity = "true_angle", axis = "elevation", unit = "deg" }
+taz = { quantity = "true_angle", axis = "azimuth", unit = "deg" }
+"""
+
+
+def test_stars_may_be_stamped_alike_and_pause_for_days(tmp_path: Path) -> None:
+    stamps = [0.0, 0.1, 0.1, 0.1, 0.2, 43.9, 43.9]
+    lines = [f"{t},{30 + i},{20 * i},{30.1 + i},{20 * i}" for i, t in enumerate(stamps)]
+    made = read(folder(tmp_path, STARS, "\n".join(["t,el,az,tel,taz", *lines, ""])))
+    np.testing.assert_allclose(made.time, 3600 * np.array(stamps))
+    assert any("3 rows stamped as the one before" in r for r in made.remarks)
+
+
 @pytest.mark.parametrize("batch", [11, 50_000])
 def test_row_numbers_hold_across_batches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, batch: int) -> None:
     monkeypatch.setattr("gimbalcal.recording.samples.ROWS", batch)

@@ -1,4 +1,4 @@
-r"""Calibrations in other programs' files: Kalibr-style YAML, the `clbt` structure of PSINS, and plain CSV.
+r"""Calibrations in other programs' files: Kalibr YAML, the `clbt` structure of PSINS, TPOINT models, and plain CSV.
 
 Every format has a direction, and each file says its own:
 
@@ -6,6 +6,7 @@ Every format has a direction, and each file says its own:
 kalibr   physics to reading     a_m = M a + b; w_m = M C_gyro_i w + A a + b (linear; bias in a section of ours)
 psins    reading to physics     f = Ka y - db - Ka2 y^2; w = Kg y - eb - gSens y_f
 csv      physics to reading     one row per parameter, exactly as in calibration.json, without correlations
+tpoint   reading to physics     a term of a mount to a line, true minus raw position, with its sigma
 json     physics to reading     calibration.json itself
 =======  =====================  ====================================================================================
 
@@ -24,15 +25,16 @@ import numpy as np
 from gimbalcal import calibration as own
 from gimbalcal.atomic import write
 from gimbalcal.calibration import Calibration, Readout, Residual
-from gimbalcal.calibration.exchange import kalibr, psins, table
+from gimbalcal.calibration.exchange import kalibr, psins, table, tpoint
 from gimbalcal.calibration.exchange.matrices import LINEAR, QUADRATIC
 from gimbalcal.effects import with_values
 from gimbalcal.errors import InputError
 
-FORMATS: Mapping[str, Any] = {"kalibr": kalibr, "psins": psins, "csv": table}
-FILES = {"kalibr": "imu.yaml", "psins": "clbt.mat", "csv": "calibration.csv", "json": "calibration.json"}
-DIRECTION = {kind: "readings to physics" if kind == "psins" else "physics to readings" for kind in FILES}
-ENDINGS = {".yaml": "kalibr", ".yml": "kalibr", ".mat": "psins", ".csv": "csv"}
+FORMATS: Mapping[str, Any] = {"kalibr": kalibr, "psins": psins, "csv": table, "tpoint": tpoint}
+FILES = {"kalibr": "imu.yaml", "psins": "clbt.mat", "csv": "calibration.csv", "tpoint": "tpoint.mod",
+         "json": "calibration.json"}  # fmt: skip
+DIRECTION = {kind: "readings to physics" if kind in ("psins", "tpoint") else "physics to readings" for kind in FILES}
+ENDINGS = {".yaml": "kalibr", ".yml": "kalibr", ".mat": "psins", ".csv": "csv", ".mod": "tpoint"}
 
 
 def export(calibration: Calibration, kind: str, path: Path) -> tuple[str, ...]:
@@ -55,7 +57,11 @@ def read_exchange(kind: str, path: Path) -> Calibration:
         return own.read(path)
     if not path.is_file():
         raise InputError(f"{path} does not exist or is not a file")
-    found, gimbals = table.read(path) if kind == "csv" else (FORMATS[kind].read(path), ())
+    mount: dict[str, object] = {}
+    if kind == "tpoint":
+        found, gimbals, mount = tpoint.read(path)
+    else:
+        found, gimbals = table.read(path) if kind == "csv" else (FORMATS[kind].read(path), ())
     wanted = tuple(found)
     x = np.array([v for v, _ in found.values()])
     sigma = np.array([s for _, s in found.values()])
@@ -66,7 +72,7 @@ def read_exchange(kind: str, path: Path) -> Calibration:
         covariance=np.diag(sigma**2),
         unobservable=(),
         residual=Residual(0.0, 0, {}),
-        provenance={"recordings": [], "options": {"file": path.name, "format": kind}},
+        provenance={"recordings": [], "options": {"file": path.name, "format": kind}, "mount": mount},
         readout=Readout(gimbals=gimbals),
     )
 
@@ -81,8 +87,9 @@ def _lost(calibration: Calibration, kind: str) -> tuple[str, ...]:
     if kind == "json":
         return ()
     present = {p.effect for p, v in zip(calibration.parameters, calibration.values, strict=True) if v != 0}
-    held = {"kalibr": set(LINEAR), "psins": {*LINEAR, *QUADRATIC}, "csv": present}[kind]
-    lost = [f"{kind} has no term for {e}: it is left out" for e in sorted(present - held)]
+    held = {"kalibr": set(LINEAR), "psins": {*LINEAR, *QUADRATIC}}.get(kind, present)
+    unnamed = tpoint.unnamed(calibration) if kind == "tpoint" else sorted(present - held)
+    lost = [f"{kind} has no term for {e}: it is left out" for e in unnamed]
     if np.count_nonzero(calibration.covariance - np.diag(np.diag(calibration.covariance))):
         lost.append(f"{kind} has no place for correlations: calibration.json has them")
     if calibration.readout.counts:

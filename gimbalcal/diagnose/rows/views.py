@@ -2,7 +2,7 @@ r"""Recordings of unknown noise or without gimbals, as rows of misfit to be expl
 
 A view is one function: effects in, the `Rows` about them out.
 
-* *pointing*: what is seen of a star against where it is, across and along, `forward.predict`;
+* *pointing*: what is seen of a star against where it is, across and along, `estimate.pointing.run`;
 * *norm* (rest positions of unknown attitude): the corrected force is as long as gravity,
   :math:`r = |h^{-1}(y)| - g`, with sensitivity :math:`u^T H^{-1} S_k` for h what the accelerometers read;
 * *rest rates* (gyroscopes in the same positions): the mean output at rest, less what the effects say;
@@ -19,15 +19,16 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
 from gimbalcal.effects.baseline import BASELINE
-from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
+from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import WIDE, multiposition, scaled_by_gravity
 from gimbalcal.estimate.gyroscopes.between_rests import fit_turns
 from gimbalcal.estimate.gyroscopes.rests import rests
 from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
+from gimbalcal.estimate.pointing.run import CHANNELS, STAGES, against_stars, on_stars
 from gimbalcal.forward import Rows, accelerometers, linearise
 from gimbalcal.inversion import invert
-from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings, stimulus_from_truth
+from gimbalcal.kinematics import stimulus_from_readings, stimulus_from_truth
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means
@@ -72,26 +73,19 @@ def gauges(stages: Container[Stage]) -> frozenset[tuple[str, str]]:
 
 def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
     """A pointing run; every star is a visit of its own."""
-    s = stimulus_from_angles(recording)
-    n = len(recording.time)
-    moved = np.diff(s.readout, axis=0, prepend=s.readout[:1])
-    s = s.at(visit=np.arange(n), position=np.arange(1, n + 1), since_move=0 * s.time, move_angle=moved)
-
-    stages = frozenset({Stage.ENCODER, Stage.AXIS_TILT, Stage.BASE, Stage.LINE_OF_SIGHT})
-    channels = (("pointing", "across"), ("pointing", "along"))
+    s = on_stars(recording)
 
     def rows(effects: Sequence[Effect]) -> Rows:
-        seen_on_target = np.zeros((n, 2))
-        return linearise(recording.platform, s, effects, "pointing", channels, seen_on_target, stages)
+        return against_stars(recording, s, effects)
 
     return View(
         "pointing",
         recording,
         s,
-        channels,
+        CHANNELS,
         "arcsec",
         None,
-        stages,
+        STAGES,
         tuple(baseline) or BASELINE["pointing"],
         rows,
         gauges({Stage.BASE}),
@@ -146,11 +140,11 @@ def rest_rates(
     channels = tuple((RATE, a) for a in "xyz")
 
     def rows(effects: Sequence[Effect]) -> Rows:
-        return linearise(BENCH, s, effects, channels=channels, read=y, stages=GYROSCOPE_STAGES)
+        return linearise(BENCH, s, effects, channels=channels, read=y, stages=(Stage.GYROSCOPE,))
 
     return View(
         "rest rates", dwell_means(recording), s, channels, "deg/h", told,
-        GYROSCOPE_STAGES, tuple(baseline) or BASELINE["rest rates"], rows, frozenset(), WIDE, told,
+        frozenset({Stage.GYROSCOPE}), tuple(baseline) or BASELINE["rest rates"], rows, frozenset(), WIDE, told,
         turns=missed if moving else None,
     )  # fmt: skip
 

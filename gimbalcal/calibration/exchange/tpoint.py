@@ -1,0 +1,251 @@
+r"""TPOINT model files: the terms of a mount under the names and signs of Wallace's program, and back.
+
+TPOINT counts every term as *true minus raw*, what has to be added to the reported position to get where the telescope
+looks: hour angle positive westwards, a tube that sags has a positive TF. For a two-axis mount, to first order, with L
+the latitude, h, d hour angle and declination, and A, E azimuth (from north through east) and elevation:
+
+=====  ======================================================  ======================================================
+term   true minus raw                                          ours
+=====  ======================================================  ======================================================
+IH     dh = IH                                                 zero (hour) - tilt (north) cos L + tilt (down) sin L
+ID     dd = ID                                                 zero (declination)
+CH     dh = CH sec d                                           axis collimation
+NP     dh = NP tan d                                           nonorthogonality (declination)
+MA     dh = -MA cos h tan d, dd = MA sin h                     tilt (north) sin L + tilt (down) cos L
+ME     dh = ME sin h tan d, dd = ME cos h                      - tilt (east)
+IA     dA = -IA                                                - zero (azimuth) - tilt (down)
+IE     dE = IE                                                 zero (elevation)
+CA     dA = -CA sec E                                          - axis collimation
+NPAE   dA = -NPAE tan E                                        - nonorthogonality (elevation)
+AN     dA = -AN sin A tan E, dE = -AN cos A                    - tilt (east): the mount's pole leans north
+AW     dA = -AW cos A tan E, dE = AW sin A                     - tilt (north): the mount's pole leans west
+TF     d(zenith distance) = TF sin(zenith distance)            tube flexure
+TX     d(zenith distance) = TX tan(zenith distance)            refraction
+HCES   dh = HCES sin h; HCEC, DCES, DCEC, ECES, ECEC likewise  eccentricity
+ACES   dA = -ACES sin A; dA = ACEC cos A                       - eccentricity sin, eccentricity cos
+HHSH2  dh = HHSH2 sin 2h; HHCH2, HDSD2, HESE2 and so on        two cycle
+HASA2  dA = HASA2 sin 2A; dA = -HACA2 cos 2A                   two cycle sin, - two cycle cos
+PHH    dh = PHH h, in radians; PDD, PEE likewise               encoder scale factor
+=====  ======================================================  ======================================================
+
+TPOINT's own azimuth runs from south through east, which turns the signs of everything in azimuth. Source: Wallace,
+TPOINT (nomenclature of the terms; to which side a positive coefficient displaces the pointing axis). The tests hold
+each against the forward model. A file has a caption, a line of method, stars and sky rms, then a term, its value and
+its sigma [arcsec] to a line, and END.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import cos, radians, sin
+from pathlib import Path
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.calibration.exchange.matrices import Found
+from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.errors import InputError
+from gimbalcal.platform import Platform
+from gimbalcal.units import from_si, to_si
+
+ALT_AZ, EQUATORIAL = "alt-az", "equatorial"
+AXES = {ALT_AZ: ("elevation", "azimuth"), EQUATORIAL: ("declination", "hour_angle", "polar")}
+UNIT = "arcsec"
+_PLACE = re.compile(r"latitude\s*[:=]?\s*([-+]?\d+(?:\.\d+)?)", re.IGNORECASE)
+_TERM = re.compile(r"^[&=]*\s*([A-Z][A-Z0-9]*)\s+(\S+)(?:\s+(\S+))?\s*$")
+
+
+@dataclass(frozen=True)
+class Term:
+    """A term of a TPOINT model [rad]."""
+
+    name: str
+    value: float
+    sigma: float
+
+
+def mount_of(platform: Platform) -> str:
+    """Which mount a platform is, alt-azimuth or equatorial, whatever its axes are called; empty for any other."""
+    turns = "".join(axis.direction for axis in platform.axes)
+    upright = all(axis.sign == 1 for axis in platform.axes)
+    return {"yz": ALT_AZ, "yzy": EQUATORIAL}.get(turns, "") if upright else ""
+
+
+def mount_record(platform: Platform, latitude: float | None) -> dict[str, object]:
+    """What a calibration has to say of a mount, so that its terms have names in TPOINT."""
+    place = {} if latitude is None else {"latitude_deg": float(from_si(latitude, "deg"))}
+    return {"kind": mount_of(platform), "axes": list(platform.axis_names), **place}
+
+
+def tpoint_terms(calibration: Calibration) -> tuple[Term, ...]:
+    """The terms of a pointing calibration as TPOINT counts them; none for a mount or effect that it has no name for."""
+    mount = calibration.provenance.get("mount", {})
+    rows = _rows(str(mount.get("kind", "")), tuple(mount.get("axes", ())), mount.get("latitude_deg"))
+    labels = [p.label for p in calibration.parameters]
+    out = []
+    for name, weights in rows.items():
+        w = np.array([weights.get(label, 0.0) for label in labels])
+        if np.any(w):
+            variance = max(float(w @ calibration.covariance @ w), 0.0)
+            out.append(Term(name, float(w @ calibration.values), float(np.sqrt(variance))))
+    return tuple(out)
+
+
+def unnamed(calibration: Calibration) -> list[str]:
+    """Labels of the parameters that TPOINT has no term for."""
+    mount = calibration.provenance.get("mount", {})
+    rows = _rows(str(mount.get("kind", "")), tuple(mount.get("axes", ())), mount.get("latitude_deg"))
+    told = {label for weights in rows.values() for label in weights}
+    return [p.label for p in calibration.parameters if p.label not in told]
+
+
+def _rows(kind: str, axes: Sequence[str], latitude: float | None) -> dict[str, dict[str, float]]:
+    """Each term as a sum of our parameters, label to weight; an equatorial mount's need its latitude [deg]."""
+    if kind == ALT_AZ:
+        return _alt_az(axes)
+    if kind == EQUATORIAL and latitude is not None:
+        return _equatorial(axes, radians(latitude))
+    return {}
+
+
+def _alt_az(axes: Sequence[str]) -> dict[str, dict[str, float]]:
+    up, around = axes
+    return {
+        "IA": {f"gimbal_zero:{around}": -1, "base_tilt:down": -1},
+        "IE": {f"gimbal_zero:{up}": 1},
+        "CA": {"axis_collimation": -1},
+        "NPAE": {f"nonorthogonality:{up}": -1},
+        "AN": {"base_tilt:east": -1},
+        "AW": {"base_tilt:north": -1},
+        "TF": {"tube_flexure": 1},
+        "TX": {"refraction": 1},
+        "ECES": {f"eccentricity_sin:{up}": 1},
+        "ECEC": {f"eccentricity_cos:{up}": 1},
+        "ACES": {f"eccentricity_sin:{around}": -1},
+        "ACEC": {f"eccentricity_cos:{around}": 1},
+        "HESE2": {f"two_cycle_sin:{up}": 1},
+        "HECE2": {f"two_cycle_cos:{up}": 1},
+        "HASA2": {f"two_cycle_sin:{around}": 1},
+        "HACA2": {f"two_cycle_cos:{around}": -1},
+        "PEE": {f"encoder_scale_factor:{up}": 1},
+    }
+
+
+def _equatorial(axes: Sequence[str], L: float) -> dict[str, dict[str, float]]:
+    up, around, polar = axes
+    return {
+        "IH": {f"gimbal_zero:{around}": 1, "base_tilt:north": -cos(L), "base_tilt:down": sin(L)},
+        "ID": {f"gimbal_zero:{up}": 1},
+        "CH": {"axis_collimation": 1},
+        "NP": {f"nonorthogonality:{up}": 1},
+        "MA": {"base_tilt:north": sin(L), "base_tilt:down": cos(L), f"nonorthogonality:{around}": -1},
+        "ME": {"base_tilt:east": -1, f"gimbal_zero:{polar}": -1},
+        "TF": {"tube_flexure": 1},
+        "TX": {"refraction": 1},
+        "HCES": {f"eccentricity_sin:{around}": 1},
+        "HCEC": {f"eccentricity_cos:{around}": 1},
+        "DCES": {f"eccentricity_sin:{up}": 1},
+        "DCEC": {f"eccentricity_cos:{up}": 1},
+        "HHSH2": {f"two_cycle_sin:{around}": 1},
+        "HHCH2": {f"two_cycle_cos:{around}": 1},
+        "HDSD2": {f"two_cycle_sin:{up}": 1},
+        "HDCD2": {f"two_cycle_cos:{up}": 1},
+        "PHH": {f"encoder_scale_factor:{around}": 1},
+        "PDD": {f"encoder_scale_factor:{up}": 1},
+    }
+
+
+NAMES = frozenset({*_alt_az(AXES[ALT_AZ]), *_equatorial(AXES[EQUATORIAL], 0.0)})
+
+
+def content(calibration: Calibration, lost: Sequence[str]) -> bytes:
+    """The model file; InputError for a calibration that is none of an alt-azimuth or equatorial mount."""
+    terms = tpoint_terms(calibration)
+    mount = calibration.provenance.get("mount", {})
+    if not terms:
+        raise InputError(
+            "this calibration has no term of an alt-azimuth or equatorial mount, so TPOINT has no name for it; give "
+            "one that `gimbalcal calibrate` made of a pointing run"
+        )
+    place = f", latitude {mount['latitude_deg']:.8f} deg" if "latitude_deg" in mount else ""
+    rms = float(np.sqrt(sum(v**2 for v in calibration.residual.rms.values())))
+    stars = int(calibration.provenance.get("stars", 0))
+    lines = [f"gimbalcal {mount['kind']} mount{place}", f"T {stars:5d} {_arcsec(rms):10.4f}   0.000  0.0000"]
+    lines += [f"  {t.name:<8s} {_arcsec(t.value):+14.5f} {_arcsec(t.sigma):11.5f}" for t in terms]
+    return ("\n".join([*lines, "END", *(f"! {words}" for words in lost)]) + "\n").encode()
+
+
+def _arcsec(x: float) -> float:
+    return float(from_si(x, UNIT))
+
+
+def read(path: Path) -> tuple[Found, tuple[str, ...], dict[str, object]]:
+    """Value and sigma of each parameter, the axes they are counted by, and what the file says of its mount."""
+    terms, caption = _terms(path)
+    upright = set(terms) & (NAMES - set(_equatorial(AXES[EQUATORIAL], 0.0))) or ALT_AZ in caption.lower()
+    kind = ALT_AZ if upright else EQUATORIAL
+    axes, told = AXES[kind], _PLACE.search(caption)
+    latitude = float(told[1]) if told else None
+    if kind == EQUATORIAL and latitude is None and "MA" in terms:
+        raise InputError(
+            f"{path}: MA turns the mount about the vertical by an angle that depends on the latitude; write it into "
+            'the first line, as in "latitude 39.007 deg"'
+        )
+    known = _rows(kind, axes, latitude if latitude is not None else 90.0)
+    unknown = [name for name in terms if name not in known]
+    if unknown:
+        raise InputError(
+            f"{path}: {', '.join(unknown)} has no effect here that it could become on an {kind} mount; there are "
+            f"{', '.join(known)}: fit the model again without the others"
+        )
+    place = {} if latitude is None else {"latitude_deg": latitude}
+    found = _found(kind, axes, radians(latitude or 0.0), terms)
+    return found, axes, {"kind": kind, "axes": list(axes), **place}
+
+
+def _found(kind: str, axes: Sequence[str], L: float, terms: Mapping[str, Term]) -> Found:
+    """Our parameters of the terms: each of one, but for MA, which is a turn of the mount without one about its pole."""
+    rows = _rows(kind, axes, float(np.degrees(L)))
+    rows = {n: dict([next(iter(w.items()))]) for n, w in rows.items()}
+    if kind == EQUATORIAL:
+        rows["MA"] = {"base_tilt:north": sin(L), "base_tilt:down": cos(L)}
+    by_label = {p.label: p for cls in CATALOGUE.values() for p in parameters(cls, axes)}
+    out: Found = {}
+    for name, term in terms.items():
+        for label, w in rows[name].items():
+            out[by_label[label]] = (term.value * w, term.sigma * abs(w))
+    return out
+
+
+def _terms(path: Path) -> tuple[dict[str, Term], str]:
+    """Terms by name in the order of the file, and its caption."""
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    out: dict[str, Term] = {}
+    for number, line in enumerate(lines, start=1):
+        if line.strip() == "END":
+            break
+        found = _TERM.match(line.strip())
+        caption = number == 1 and (not found or found[1] not in NAMES)
+        if line.startswith("!") or caption or not found or _is_method(line):
+            continue
+        try:
+            value, sigma = (float(to_si(float(x or 0), UNIT)) for x in found.groups()[1:])
+        except ValueError:
+            raise InputError(f"{path}, line {number}: {line.strip()[:60]!r} is no term, value and sigma") from None
+        out[found[1]] = Term(found[1], value, sigma)
+    if not out:
+        raise InputError(f"{path} is not a TPOINT model: a line for each term is wanted, as in `IH  -12.3  0.4`")
+    return out, lines[0]
+
+
+def _is_method(line: str) -> bool:
+    """Whether it is the line of method (S or T), number of stars and sky rms."""
+    return bool(re.match(r"^[ST]\s*\d", line.strip()))
+
+
+def as_record(terms: Sequence[Term]) -> list[dict[str, object]]:
+    """Terms as calibration.json tells them."""
+    return [{"term": t.name, "value": _arcsec(t.value), "sigma": _arcsec(t.sigma), "unit": UNIT} for t in terms]

@@ -1,0 +1,99 @@
+r"""Least squares on the terms of a mount, from the stars of one night or of several together.
+
+.. math:: \min_x \sum_k |r_k(x)|^2 / \sigma^2, \qquad \hat\sigma^2 = \frac{\sum_k |r_k|^2}{2 n - \mathrm{rank}}
+
+with the exact derivative of the forward model; zeros of degrees need a few Gauss-Newton steps. One sigma holds for a
+star on the sky, in both directions: the stated `gimbal_angle` noise, or where none is stated what the stars scatter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gimbalcal.effects import Effect, Parameter, Stimulus, with_values
+from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.pointing.run import against_stars, on_stars, read_axes, starting_zeros
+from gimbalcal.inference.information import Solution, information, solve
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording
+
+STEPS = 50
+SETTLED = 1e-4  # of a sigma: an estimate that moves by less has arrived
+SEEN = 0.01  # a mount's errors are up to a hundred times the catalogue's scales: fainter directions are unobservable
+EXACT = 1e-9  # rad; stars better than 0.2 mas are made up: their scatter tells no sigma
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Terms of a mount (x, covariance, what is unobservable), and what they leave of each star (n, 2) [rad]."""
+
+    runs: tuple[Recording, ...]
+    effects: tuple[Effect, ...]
+    solution: Solution
+    residuals: tuple[Array, ...]
+    sigma: float  # of a star across or along [rad]
+
+    @property
+    def square(self) -> float:
+        """Sum of squares of what is left [rad^2]."""
+        return float(sum((r**2).sum() for r in self.residuals))
+
+
+def fit(runs: Sequence[Recording], wanted: Sequence[Parameter], sigma: float | None = None) -> Fit:
+    """The terms of a mount from runs with it; sigma [rad] of a star, from the scatter where it is None.
+
+    Raises InputError where there are fewer readings than unknowns, or the steps do not settle.
+    """
+    stars = sum(len(r.time) for r in runs)
+    if 2 * stars <= len(wanted):
+        raise InputError(
+            f"{amount(stars, 'star')} cannot tell {amount(len(wanted), 'term')}: observe more, or name fewer --terms"
+        )
+    seen = [(r, on_stars(r)) for r in runs]
+    x = _start(runs, wanted)
+    for _ in range(STEPS):
+        J, r = _rows(seen, _effects(runs[0], wanted, x), wanted)
+        size = sigma or max(_scatter(J, r), EXACT)
+        solution = solve(information(J / size, (r + J @ x) / size, wanted), SEEN)
+        moved = np.abs(solution.x - x) / np.maximum(solution.sigma, 1e-3 * EXACT)
+        x = solution.x
+        if moved.max(initial=0.0) < SETTLED:
+            break
+    else:
+        raise InputError(
+            f"the terms of {runs[0].title!r} do not settle: star and readout disagree by too much for small errors; "
+            "check units, signs and the sense of the axes in [platform]"
+        )
+    effects = _effects(runs[0], wanted, x)
+    left = tuple(against_stars(r, s, effects).residual for r, s in seen)
+    return Fit(tuple(runs), effects, solution, left, size)
+
+
+def _effects(recording: Recording, wanted: Sequence[Parameter], x: Array) -> tuple[Effect, ...]:
+    return with_values((), wanted, x, recording.platform.axis_names)
+
+
+def _start(runs: Sequence[Recording], wanted: Sequence[Parameter]) -> Array:
+    """Zeros from the medians, everything else absent."""
+    axes = read_axes(runs[0])
+    zeros = dict(zip(axes, starting_zeros(runs[0], axes), strict=True))
+    return np.array([zeros.get(p.axis, 0.0) if p.effect == "gimbal_zero" else 0.0 for p in wanted])
+
+
+def _rows(
+    seen: Sequence[tuple[Recording, Stimulus]], effects: Sequence[Effect], wanted: Sequence[Parameter]
+) -> tuple[Array, Array]:
+    """Derivative (m, p) and residual (m,) of all stars."""
+    parts = [against_stars(r, s, effects) for r, s in seen]
+    J = np.concatenate([p.jacobian(wanted).reshape(-1, len(wanted)) for p in parts])
+    return J, np.concatenate([p.residual.ravel() for p in parts])
+
+
+def _scatter(J: Array, r: Array) -> float:
+    """One sigma [rad] of what no combination of the columns follows."""
+    unit = J / (np.linalg.norm(J, axis=0) + 1e-300)
+    best, _, rank, _ = np.linalg.lstsq(unit, r, rcond=1e-8)
+    return float(np.sqrt(((r - unit @ best) ** 2).sum() / max(len(r) - rank, 1)))

@@ -1,0 +1,120 @@
+"""The calibration of a mount from pointing runs: its terms, what the stars do not determine, and how nights differ."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration, Readout, Residual
+from gimbalcal.calibration.exchange.tpoint import as_record, mount_record, tpoint_terms
+from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.pointing.drift import Nights, by_night, record
+from gimbalcal.estimate.pointing.fit import Fit, fit
+from gimbalcal.estimate.pointing.run import CHANNELS, nights, read_axes
+from gimbalcal.estimate.pointing.terms import USUAL, wanted_parameters
+from gimbalcal.recording import Recording
+from gimbalcal.units import from_si
+
+SURPRISE = 1e-3  # probability below which chance is not believed
+NEGLIGIBLE = 0.1  # relative excess over the stated noise that no user would act on, however significant
+NAMED = 3  # terms that an outcome names
+
+
+def pointing_calibration(
+    recordings: Sequence[Recording], terms: Sequence[str] = (), more: Sequence[str] = ()
+) -> Calibration:
+    """The terms of one mount from runs with it, in any number of files and nights.
+
+    terms: ids of effects, or "id:axis" (default `USUAL`); more: further ones. The outcome is a sentence where the
+    stated noise does not explain what is left, or where the nights do not share their terms. Raises InputError for
+    recordings of several mounts, without true angles, or with fewer readings than unknowns.
+    """
+    _refuse_several_mounts(recordings)
+    runs = tuple(night for r in recordings for night in nights(r))
+    wanted = wanted_parameters(recordings[0].platform, read_axes(recordings[0]), (*(terms or USUAL), *more))
+    stated = _stated(recordings)
+    found = fit(runs, wanted, stated)
+    several = by_night(found, stated)
+    latitude = next((r.site.latitude for r in recordings if r.site.latitude is not None), None)
+    made = Calibration(
+        method="pointing",
+        effects=found.effects,
+        parameters=wanted,
+        covariance=found.solution.covariance,
+        unobservable=tuple(u.to_dict() for u in found.solution.unobservable),
+        residual=_residual(found),
+        outcome=" ".join(filter(None, [_misfit(found, stated), _differ(several)])),
+        provenance={
+            "noise": {
+                "star_arcsec": float(from_si(found.sigma, "arcsec")),
+                "gimbal_angle_from": "residual" if stated is None else "recording.toml",
+            },
+            "stars": sum(len(r.time) for r in runs),
+            "mount": mount_record(recordings[0].platform, latitude),
+        },
+        readout=Readout(gimbals=recordings[0].platform.axis_names),
+    )
+    return _with_names(made, several)
+
+
+def _with_names(made: Calibration, several: Nights | None) -> Calibration:
+    told: dict[str, Any] = {"tpoint": as_record(tpoint_terms(made))}
+    if several is not None:
+        told |= {"nights": record(several), "same_terms_every_night": several.probability}
+    return replace(made, provenance={**made.provenance, **told})
+
+
+def _refuse_several_mounts(recordings: Sequence[Recording]) -> None:
+    first = recordings[0]
+    for r in recordings:
+        if r.kind != "pointing":
+            raise InputError(
+                f"{r.title!r} is a {r.kind} recording and {first.title!r} a pointing run; calibrate each by itself"
+            )
+        if r.platform.axes != first.platform.axes:
+            raise InputError(
+                f"{first.title!r} and {r.title!r} are runs of different mounts: axes, signs or offsets in [platform] "
+                "differ; calibrate each by itself, or correct the header"
+            )
+
+
+def _stated(recordings: Sequence[Recording]) -> float | None:
+    """The stated noise of a star [rad] where every header tells it, rms over the runs; else None."""
+    told = [r.noise.get("gimbal_angle") for r in recordings]
+    known = [s for s in told if s]
+    return float(np.sqrt(np.mean(np.square(known)))) if len(known) == len(told) else None
+
+
+def _residual(found: Fit) -> Residual:
+    left = np.concatenate(found.residuals)
+    rms = {" ".join(key): float(v) for key, v in zip(CHANNELS, np.sqrt((left**2).mean(axis=0)), strict=True)}
+    return Residual(found.solution.chi2, found.solution.dof, rms)
+
+
+def _misfit(found: Fit, stated: float | None) -> str:
+    from scipy.stats import chi2
+
+    dof = found.solution.dof
+    if stated is None or dof <= 0:
+        return ""
+    ratio = float(np.sqrt(found.solution.chi2 / dof))
+    if ratio <= 1 + NEGLIGIBLE or chi2.sf(found.solution.chi2, dof) >= SURPRISE:
+        return ""
+    return (
+        f"what the terms leave is {ratio:.2f} times the stated {from_si(stated, 'arcsec'):.3g} arcsec, more than "
+        "chance allows: the mount has a term that is not in the model, or the noise is larger; `gimbalcal diagnose` "
+        "tells which."
+    )
+
+
+def _differ(several: Nights | None) -> str:
+    if several is None or not several.moved:
+        return ""
+    words = []
+    for p, _, x, s in several.moved[:NAMED]:
+        name = p.label.replace(":", " ").replace("_", " ")
+        words.append(f"{name} by {from_si(x, p.unit):.3g} +- {from_si(s, p.unit):.2g} {p.unit}")
+    return f"the terms differ between {amount(len(several.fits), 'night')}: {', '.join(words)} since the first."

@@ -1,0 +1,144 @@
+"""The terms of a mount come back from made stars, with honest sigmas, in one night or several."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.pointing.mount import pointing_calibration
+from gimbalcal.estimate.pointing.run import nights
+from gimbalcal.platform import Axis, Platform
+from gimbalcal.recording import Recording
+from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, EQUATORIAL, effects, run, sky
+
+TELESCOPE = {"gimbal_zero__elevation": 300.0, "gimbal_zero__azimuth": -4000.0, "axis_collimation": 60.0,
+             "nonorthogonality__elevation": -20.0, "base_tilt__north": 25.0, "base_tilt__east": -10.0,
+             "tube_flexure": 15.0}  # fmt: skip
+AMATEUR = {"gimbal_zero__declination": -3000.0, "gimbal_zero__hour_angle": 28000.0, "axis_collimation": -1800.0,
+           "nonorthogonality__declination": -1100.0, "base_tilt__east": 120.0, "base_tilt__down": 300.0,
+           "tube_flexure": 1400.0}  # fmt: skip
+
+
+def off(made: Calibration, truth: dict[str, float]) -> np.ndarray:
+    """Errors of the estimates in sigmas."""
+    true = np.array([ARCSEC * truth[p.label.replace(":", "__")] for p in made.parameters])
+    return np.asarray((made.values - true) / made.sigmas)
+
+
+@pytest.mark.parametrize(("mount", "truth", "noise"), [(ALT_AZ, TELESCOPE, 1.0), (EQUATORIAL, AMATEUR, 20.0)])
+def test_terms_come_back_with_honest_sigmas(mount: Platform, truth: dict[str, float], noise: float) -> None:
+    there, squares = effects(mount, **truth), []
+    for seed in range(6):
+        made = pointing_calibration([run(mount, sky(mount, 80, seed), there, noise, seed)])
+        squares.append(float(off(made, truth) ** 2 @ np.ones(len(truth))))
+        assert np.abs(off(made, truth)).max() < 4.5
+        assert not made.unobservable
+        assert made.outcome == ""
+    mean = np.mean(squares) / len(
+        truth
+    )  # chi^2 of 42, hardly correlated within a run: 1 +- 0.22, fatter by Student's t
+    assert 0.4 < mean < 1.9
+    assert made.provenance["noise"]["star_arcsec"] == pytest.approx(noise, rel=0.25)
+
+
+def test_exact_stars_give_exact_terms() -> None:
+    made = pointing_calibration([run(EQUATORIAL, sky(EQUATORIAL), effects(EQUATORIAL, **AMATEUR))])
+    np.testing.assert_allclose(made.values / ARCSEC, list(AMATEUR.values()), atol=1e-4)
+
+
+def test_what_the_stars_do_not_tell_is_named() -> None:
+    low = sky(ALT_AZ, 40)
+    low[:, 0] = 0.7  # one elevation: zero and sag are one, and so are collimation, squareness and zero of azimuth
+    made = pointing_calibration([run(ALT_AZ, low, effects(ALT_AZ, **TELESCOPE), 1.0)])
+    named = [frozenset(u["direction"]) for u in made.unobservable]
+    assert len(named) == 3
+    assert frozenset({"gimbal_zero:elevation", "tube_flexure"}) in named
+    assert made.residual.dof == 80 - 4
+
+
+def stated(recording: Recording, sigma: float) -> Recording:
+    return replace(recording, noise={"gimbal_angle": sigma * ARCSEC})
+
+
+def test_a_stated_noise_is_held_against_what_is_left() -> None:
+    clean = run(ALT_AZ, sky(ALT_AZ), effects(ALT_AZ, **TELESCOPE), 1.0)
+    assert pointing_calibration([stated(clean, 1.0)]).outcome == ""
+    short = pointing_calibration([stated(clean, 0.5)])
+    assert "times the stated 0.5 arcsec, more than chance allows" in short.outcome
+    more = effects(ALT_AZ, **TELESCOPE, eccentricity_sin__azimuth=8.0)
+    bent = run(ALT_AZ, sky(ALT_AZ), more, 1.0)
+    assert "a term that is not in the model" in pointing_calibration([stated(bent, 1.0)]).outcome
+    whole = pointing_calibration([stated(bent, 1.0)], more=("encoder_eccentricity:azimuth",))
+    assert whole.outcome == ""
+    found = {p.label: v / ARCSEC for p, v in zip(whole.parameters, whole.values, strict=True)}
+    assert found["eccentricity_sin:azimuth"] == pytest.approx(8.0, abs=1.5)
+
+
+def two(change: float, seed: int = 3) -> Sequence[Recording]:
+    first = effects(ALT_AZ, **TELESCOPE)
+    then = effects(ALT_AZ, **{**TELESCOPE, "base_tilt__east": -10.0 + change})
+    return (run(ALT_AZ, sky(ALT_AZ, 50, 5), first, 1.0, seed), run(ALT_AZ, sky(ALT_AZ, 50, 6), then, 1.0, seed + 9))
+
+
+def test_nights_that_share_their_terms_are_one() -> None:
+    alone, both = (pointing_calibration(r) for r in ([two(0.0)[0]], two(0.0)))
+    assert both.outcome == ""
+    assert both.provenance["same_terms_every_night"] > 1e-3
+    assert both.sigmas[0] < 0.85 * alone.sigmas[0]
+
+
+def test_a_term_that_moves_between_nights_is_told_with_sigma() -> None:
+    made = pointing_calibration(two(12.0))
+    assert made.outcome.startswith("the terms differ between 2 nights: base tilt east by 1")
+    change = made.provenance["nights"][1]["terms"]["base_tilt:east"]
+    assert abs(change["change"] - 12.0) < 4 * change["change_sigma"]
+    assert 0.1 < change["change_sigma"] < 1.0  # noise of 1 arcsec, 50 stars a night
+    assert made.provenance["noise"]["star_arcsec"] > 2.0  # one set of terms for both leaves more
+
+
+def test_a_file_is_cut_where_it_pauses_and_is_judged_as_one_mount() -> None:
+    first, second = two(0.0)
+    joined = {k: np.concatenate([first.channels[k], second.channels[k]]) for k in first.channels}
+    time = np.concatenate([first.time, first.time[-1] + 1.8 * 86400 + second.time])
+    whole = replace(first, time=time, channels=joined, weight=np.ones(len(time)))
+    assert [len(n.time) for n in nights(whole)] == [50, 50]
+    made = pointing_calibration([whole])
+    np.testing.assert_allclose(made.values, pointing_calibration(two(0.0)).values, atol=1e-12)
+    assert [n["stars"] for n in made.provenance["nights"]] == [50, 50]
+
+
+def test_runs_that_do_not_belong_together_are_refused() -> None:
+    night = run(ALT_AZ, sky(ALT_AZ, 12), ())
+    with pytest.raises(InputError, match="are runs of different mounts"):
+        pointing_calibration([night, run(EQUATORIAL, sky(EQUATORIAL, 12), ())])
+    with pytest.raises(InputError, match="calibrate each by itself"):
+        pointing_calibration([night, replace(night, kind="rotation")])
+    with pytest.raises(InputError, match="3 stars cannot tell 7 terms"):
+        pointing_calibration([night.select(slice(0, 3))])
+    with pytest.raises(InputError, match="'bias' is no effect of a pointing run"):
+        pointing_calibration([night], ("bias",))
+    with pytest.raises(InputError, match="base_tilt has no axis 'down' on this mount; it has north, east"):
+        pointing_calibration([night], more=("base_tilt:down",))
+    blind = {k: v for k, v in night.channels.items() if k != ("true_angle", "azimuth")}
+    with pytest.raises(InputError, match="needs a true_angle along azimuth"):
+        pointing_calibration([replace(night, channels=blind)])
+
+
+def test_any_two_axis_gimbal_can_be_calibrated() -> None:
+    """An antenna whose outer axis lies horizontally to the north: a turn about north is its zero."""
+    antenna = Platform("x-y", (Axis("inner", "y"), Axis("outer", "x", -1)))
+    rng = np.random.default_rng(4)
+    at = np.stack([rng.uniform(0.5, 1.1, 60), rng.uniform(-0.9, 0.9, 60)], axis=1)
+    truth = {"gimbal_zero__inner": 50.0, "gimbal_zero__outer": -30.0, "base_tilt__down": 40.0, "base_tilt__east": 5.0}
+    made = pointing_calibration([run(antenna, at, effects(antenna, **truth), 1.0)])
+    found = {p.label: (v - ARCSEC * truth.get(p.label.replace(":", "__"), 0.0)) / s
+             for p, v, s in zip(made.parameters, made.values, made.sigmas, strict=True)}  # fmt: skip
+    assert set(found) >= {"base_tilt:down", "base_tilt:east"}
+    assert "base_tilt:north" not in found
+    assert max(map(abs, found.values())) < 4.5
+    assert made.provenance["tpoint"] == []
