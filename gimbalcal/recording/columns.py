@@ -40,6 +40,7 @@ class Column:
     unit: str
     dated: bool = False  # a clock of dates (ISO 8601), which become seconds
     resolution: float = 0.0  # of a clock, in its unit; 0 where it is not stated
+    regular: bool | None = None  # a clock whose stamps are times of arrival, or not; None: the readings decide
 
     @property
     def key(self) -> Key:
@@ -84,8 +85,13 @@ def _column(document: Document, name: str, entry: object, platform: Platform, th
     if not isinstance(entry, dict) or not isinstance(entry.get("quantity"), str):
         raise InputError(f'{where}: column {name!r} must say what it holds, as in {{ quantity = "time", unit = "s" }}')
     for key in entry:
-        if key not in ("quantity", "axis", "unit", "resolution"):
+        if key not in ("quantity", "axis", "unit", "resolution", "regular"):
             raise InputError(f"{where}: {key!r} of column {name!r} is not known; write quantity, axis or unit")
+    regular = entry.get("regular")
+    if regular is not None and (entry["quantity"] != "time" or not isinstance(regular, bool)):
+        raise InputError(
+            f"{where}: regular = {regular!r} of column {name!r}; it is true or false, and of the time column alone"
+        )
     quantity, axis = entry["quantity"], entry.get("axis", "")
     if quantity not in AXES:
         raise InputError(
@@ -104,10 +110,10 @@ def _column(document: Document, name: str, entry: object, platform: Platform, th
     if "unit" not in entry:
         raise InputError(f'{where}: column {name!r} has no unit; write, for example, unit = "{_example(quantity)}"')
     if quantity == "time" and names_iso(entry["unit"]):
-        return Column(name, quantity, "", "s", dated=True)
+        return Column(name, quantity, "", "s", dated=True, regular=regular)
     unit = document.unit(where, f"column {name!r}", entry["unit"], quantity)
     resolution = _resolution(where, name, quantity, entry.get("resolution", 0.0))
-    return Column(name, quantity, axis, unit, resolution=resolution)
+    return Column(name, quantity, axis, unit, resolution=resolution, regular=regular)
 
 
 def _resolution(where: str, name: str, quantity: str, value: object) -> float:

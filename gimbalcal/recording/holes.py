@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
@@ -53,6 +54,11 @@ class Holes:
     def missing(self) -> Array:
         """Rows of the file that are left out."""
         return np.concatenate(self.left_out) if self.left_out else np.zeros(0)
+
+    @property
+    def kept(self) -> NDArray[np.int64]:
+        """Numbers in the file of the rows that are kept."""
+        return np.delete(np.arange(self.rows), self.missing.astype(np.int64))
 
     def remarks(self) -> tuple[str, ...]:
         """How many rows are left out, where they are and which columns lack a value; nothing where none are."""

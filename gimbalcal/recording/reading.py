@@ -18,6 +18,7 @@ from gimbalcal.recording.dates import Dates
 from gimbalcal.recording.detection import detect
 from gimbalcal.recording.header import Header, read_header
 from gimbalcal.recording.holes import Holes
+from gimbalcal.recording.jitter import SMOOTHER, jitter_of, regular
 from gimbalcal.recording.record import ANGLES, Recording, Source
 from gimbalcal.recording.rows import AllRows, Blocks
 from gimbalcal.recording.samples import Batch, batches, column
@@ -87,8 +88,9 @@ def _rows(
     holes = Holes(header)
     stream, screen = holes.filled(stream), Screen(header, whole, holes)
     if header.kind != "multi-position" or header.column("position"):
-        made = _gather(stream, header.columns, screen, average_s)
-        return (header.columns, *made, (*holes.remarks(), *screen.remarks()))
+        table, scatter = _gather(stream, header.columns, screen, average_s)
+        told = () if average_s else _on_a_regular_clock(header, table, holes)
+        return header.columns, table, scatter, (*holes.remarks(), *screen.remarks(), *told)
     columns = (*header.columns, _DETECTED)
     table, _ = _gather(stream, header.columns, screen, None)
     forces = [c for c in screen.sensors if c.quantity == "specific_force"]
@@ -105,7 +107,35 @@ def _rows(
     found = Screen(replace(header, columns=columns), whole, holes)
     found.sensors, found.angles = [], []  # they have passed
     table, scatter = _gather([table], columns, found, average_s)
-    return columns, table, scatter, (*holes.remarks(), *screen.remarks(), remark)
+    told = () if average_s else _on_a_regular_clock(header, table, holes)
+    return columns, table, scatter, (*holes.remarks(), *screen.remarks(), remark, *told)
+
+
+def _on_a_regular_clock(header: Header, table: dict[str, Array], holes: Holes) -> tuple[str, ...]:
+    """Puts the clock of `table` right where its stamps are times of arrival, and says so; see `jitter`."""
+    clock = next(c for c in header.columns if c.quantity == "time")
+    own = [table[c.name] for c in header.columns if c.quantity == "angular_rate"]
+    own = own or [table[c.name] for c in header.columns if c.quantity == "specific_force"]
+    time, column = to_si(table[clock.name], clock.unit), f"{header.samples}, column {clock.name}"
+    if clock.regular:
+        made = regular(time, holes.kept, told=True)
+        if made is None:
+            raise InputError(
+                f"{column}: the stamps are those of no regular clock; take regular = true out of [columns]"
+            )
+        table[clock.name] = from_si(made, clock.unit)
+        return (f"{column}: a regular clock is laid through the stamps, as [columns] asks for",)
+    found = None if clock.regular is False or header.kind == "pointing" else jitter_of(time, holes.kept, own)
+    if found is None or found.roughness > SMOOTHER:
+        return ()
+    what = (
+        f"{column}: the steps scatter by {100 * found.scatter:.2g} %, and the readings are {found.roughness:.2g} times "
+        f"as rough on a regular clock of {found.rate:.6g} Hz: the stamps are times of arrival"
+    )
+    if found.clock is None:
+        return (f"{what}, but they follow no regular clock closely: log the sensor's own counter beside them",)
+    table[clock.name] = from_si(found.clock, clock.unit)
+    return (f"{what}, and that clock is used; regular = false in [columns] keeps the stamps",)
 
 
 def _gather(

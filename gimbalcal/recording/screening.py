@@ -65,7 +65,7 @@ class Screen:
         self.peaks: dict[tuple[str, int], tuple[float, int]] = {}  # (name, sign): largest value and how often
         self.stuck: set[str] = set()
         self.visits = header.kind == "multi-position" and self.position is not None  # no clock has to find them
-        self.by_order = header.kind == "pointing" or (self.visits and clock.resolution > 0)
+        self.by_order = header.kind == "pointing" or bool(clock.regular) or (self.visits and clock.resolution > 0)
         self.equal = 0  # rows stamped as the one before them
 
     def see(self, batch: Batch) -> Array:

@@ -1,0 +1,119 @@
+"""Stamps of arrival: found by the readings, put right where the sampling was regular, and left where it was not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording, read
+from gimbalcal.recording.jitter import jitter_of, regular
+
+RATE = 50.0
+HEADER = """\
+format = 1
+kind = "rotation"
+[columns]
+t = { quantity = "time", unit = "s" }
+gx = { quantity = "angular_rate", axis = "x", unit = "rad/s" }
+gy = { quantity = "angular_rate", axis = "y", unit = "rad/s" }
+gz = { quantity = "angular_rate", axis = "z", unit = "rad/s" }
+"""
+
+
+def motion(time: Array, seed: int = 1) -> Array:
+    """Rates (n, 3) [rad/s] of a hand, sampled at `time`, with 1 mrad/s of noise."""
+    rng = np.random.default_rng(seed)
+    phase, f = rng.uniform(0, 6, (4, 3)), np.array([0.5, 1.1, 2.3, 4.1])[:, None, None]
+    wave = np.sin(2 * np.pi * f * time[None, :, None] + phase[:, None, :]).sum(0)
+    return np.asarray(wave + 1e-3 * rng.standard_normal(wave.shape))
+
+
+def recording(path: Path, stamps: Array, rates: Array, header: str = HEADER) -> Recording:
+    (path / "recording.toml").write_text(header)
+    rows = np.column_stack([stamps, rates])
+    (path / "samples.csv").write_text("t,gx,gy,gz\n" + "\n".join(",".join(f"{v:.9f}" for v in row) for row in rows))
+    return read(path)
+
+
+def arrival(n: int, seed: int = 2) -> tuple[Array, Array]:
+    """When n rows were sampled, and when they arrived: up to a third of a step late, one in fifty more than half."""
+    rng = np.random.default_rng(seed)
+    true = 100.0 + np.arange(n) / RATE
+    late = rng.uniform(0, 0.3, n) / RATE + (rng.random(n) < 0.02) * 0.6 / RATE
+    return true, np.maximum.accumulate(true + late + 1e-9 * np.arange(n))
+
+
+def test_times_of_arrival_are_put_right_and_told(tmp_path: Path) -> None:
+    true, stamps = arrival(2000)
+    made = recording(tmp_path, stamps, motion(true))
+    np.testing.assert_allclose(made.time - made.time.mean(), true - true.mean(), atol=2e-4)  # the stamps: 2e-3
+    assert "times as rough on a regular clock of 49.99" in made.remarks[-1]  # 50 Hz, but for the last stamp
+    assert made.remarks[-1].endswith("that clock is used; regular = false in [columns] keeps the stamps")
+    kept = recording(tmp_path, stamps, motion(true), HEADER.replace('unit = "s" }', 'unit = "s", regular = false }'))
+    np.testing.assert_allclose(kept.time, stamps, atol=1e-8)
+    assert not any("regular clock" in remark for remark in kept.remarks)
+
+
+def test_irregular_sampling_keeps_its_true_stamps(tmp_path: Path) -> None:
+    stamps = arrival(2000)[1]
+    made = recording(tmp_path, stamps, motion(stamps))
+    np.testing.assert_allclose(made.time, stamps, atol=1e-8)
+    found = jitter_of(stamps, np.arange(2000), list(motion(stamps).T))
+    assert found is not None
+    assert found.roughness > 2
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_unit_at_rest_says_nothing(seed: int) -> None:
+    stamps = arrival(2000, seed)[1]
+    found = jitter_of(stamps, np.arange(2000), list(np.random.default_rng(seed).standard_normal((3, 2000))))
+    assert found is not None
+    assert found.roughness == pytest.approx(1.0, abs=0.05)
+
+
+def test_rows_that_were_left_out_keep_their_place(tmp_path: Path) -> None:
+    true, stamps = arrival(2000)
+    rates = motion(true)
+    rates[500:520] = np.nan
+    made = recording(tmp_path, stamps, rates)
+    assert len(made.time) == 1980
+    whole = np.delete(true, np.arange(500, 520))
+    np.testing.assert_allclose(made.time - made.time.mean(), whole - whole.mean(), atol=4e-4)
+
+
+def test_lost_rows_are_counted(tmp_path: Path) -> None:
+    true, stamps = arrival(3000)
+    kept = np.flatnonzero(np.arange(3000) % 97 < 94)  # three in a hundred lost
+    made = recording(tmp_path, stamps[kept], motion(true)[kept])
+    np.testing.assert_allclose(made.time - made.time.mean(), true[kept] - true[kept].mean(), atol=4e-4)
+
+
+def test_a_clock_that_wanders_is_told_and_left(tmp_path: Path) -> None:
+    true, stamps = arrival(3000)
+    slow = stamps + 0.2 * np.sin(2 * np.pi * (true - 100.0) / 30.0)
+    made = recording(tmp_path, slow, motion(true))
+    np.testing.assert_allclose(made.time, slow, atol=1e-8)
+    assert "but they follow no regular clock closely" in made.remarks[-1]
+
+
+def test_stamps_in_whole_seconds_where_the_clock_is_regular(tmp_path: Path) -> None:
+    true = 100.0 + np.arange(2000) / RATE
+    with pytest.raises(InputError, match="the clock stands still"):
+        recording(tmp_path, np.floor(true), motion(true))
+    made = recording(
+        tmp_path, np.floor(true), motion(true), HEADER.replace('unit = "s" }', 'unit = "s", regular = true }')
+    )
+    np.testing.assert_allclose(np.diff(made.time), 1 / RATE, rtol=1e-3)
+    assert made.remarks[-1].endswith("a regular clock is laid through the stamps, as [columns] asks for")
+
+
+def test_regular_is_for_the_time(tmp_path: Path) -> None:
+    true = np.arange(200) / RATE
+    for old, new in (('unit = "s"', 'unit = "s", regular = 3'), ('unit = "rad/s"', 'unit = "rad/s", regular = true')):
+        with pytest.raises(InputError, match="it is true or false, and of the time column alone"):
+            recording(tmp_path, true, motion(true), HEADER.replace(old, new, 1))
+    assert regular(np.zeros(10), np.arange(10)) is None
