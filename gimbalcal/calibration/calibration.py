@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.atomic import write_json
+from gimbalcal.calibration import earlier
 from gimbalcal.calibration.correction import correct, corrupt
 from gimbalcal.calibration.readout import DRAWING, Readout, from_content
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
@@ -20,7 +21,7 @@ from gimbalcal.platform import KNOWN, SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si, to_si
 
-FORMAT = 1
+FORMAT = 2  # since 2 both triads: true = SF x reading; `earlier` reads 1
 
 
 @dataclass(frozen=True)
@@ -124,8 +125,10 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
 
     gimbals: names of the platform's axes for a file that is too old to say them.
     """
-    if content.get("format") != FORMAT:
-        raise InputError(f"calibration has format {content.get('format')!r}, this version reads format {FORMAT}")
+    if content.get("format") not in (1, FORMAT):
+        raise InputError(f"calibration has format {content.get('format')!r}, this version reads formats 1 and {FORMAT}")
+    if content["format"] == 1:
+        content = earlier.as_now(content)
     readout = from_content(content)
     rows = content["parameters"]
     gimbals = readout.gimbals or tuple(gimbals) or gimbals_of([(r["name"], r["axis"]) for r in rows])

@@ -201,8 +201,8 @@ def _comparable(effects: Sequence[Any], wanted: Sequence[Any], method: str) -> A
     if beta is None:
         return truth
     xy, xz, _, yx, _, _ = beta
-    # a rotation changes xz and yz, xy and zy, yx and zx alike; gyroscopes: the skew matrix of Eq. (5)'s upper triangle
-    turned = {("misalignment", "yz"): xz, ("misalignment", "zy"): xy, ("misalignment", "zx"): yx}
-    skew = {"xy": xz, "xz": -xy, "yz": yx, "yx": -xz, "zx": xy, "zy": -yx}
-    turned |= {("gyro_misalignment", axis): by for axis, by in skew.items()}
+    # a rotation of the triad changes xz and yz, xy and zy, yx and zx alike, of either triad
+    turned = {("misalignment", axis): by for axis, by in (("yz", xz), ("zy", xy), ("zx", yx))}
+    alike = {"xy": xy, "xz": xz, "yz": xz, "yx": yx, "zx": yx, "zy": xy}
+    turned |= {("gyro_misalignment", axis): by for axis, by in alike.items()}
     return truth - np.array([turned.get((p.effect, p.axis), 0.0) for p in wanted])

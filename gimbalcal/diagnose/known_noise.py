@@ -27,7 +27,7 @@ from gimbalcal.diagnose.verdict.model import FittedCauses, calibration_fit, cons
 from gimbalcal.diagnose.verdict.recommend import advise, sentence
 from gimbalcal.diagnose.verdict.threshold import clean_evidence
 from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage
+from gimbalcal.effects import CATALOGUE, GYROSCOPES, Effect, Parameter
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
@@ -61,7 +61,7 @@ def searched(recording: Recording, calibration: Calibration | None, baseline: tu
 
 def carried(calibration: Calibration | None, baseline: Sequence[str]) -> tuple[Effect, ...]:
     """Effects of a calibration that hold on another day: the baseline's and the sensors', not how the rig stood."""
-    held = {*SENSOR_STAGES, Stage.GYROSCOPE}
+    held = SENSOR_STAGES | GYROSCOPES
     return tuple(e for e in (calibration.effects if calibration else ()) if e.id in baseline or e.stage in held)
 
 

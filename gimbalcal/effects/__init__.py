@@ -10,6 +10,7 @@ import pkgutil
 
 from gimbalcal.effects.effect import (
     CATALOGUE,
+    GYROSCOPES,
     Effect,
     Parameter,
     Stage,
@@ -22,6 +23,7 @@ from gimbalcal.effects.effect import (
 
 __all__ = [
     "CATALOGUE",
+    "GYROSCOPES",
     "Effect",
     "Parameter",
     "Stage",

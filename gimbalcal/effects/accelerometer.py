@@ -9,10 +9,23 @@ from gimbalcal.number import Array, sqrt
 
 
 def lean(beta: Array, force: Array) -> Array:
-    """(C_p^a - I) f of Wu et al. (2018), Eq. (5): beta (6,) in the order of MISALIGNMENT_AXES, force (..., 3)."""
+    """(C_p^a - I) f of Wu et al. (2018), Eq. (5): beta (6,) in the order of MISALIGNMENT_AXES, force (..., 3).
+
+    The same for the input axes of gyroscopes, with the angular rate in place of the force.
+    """
     xy, xz, yz, yx, zx, zy = beta
     fx, fy, fz = np.moveaxis(force, -1, 0)
     return np.stack([xz * fy - xy * fz, yx * fz - yz * fx, zy * fx - zx * fy], axis=-1)
+
+
+def leaning(beta: Array) -> Array:
+    """C_p^a - I (3, 3) of beta (6,)."""
+    return lean(beta, np.eye(3)).T
+
+
+def angles_of(C: Array) -> Array:
+    """beta (6,) of C_p^a (3, 3), or of anything that has these angles beside the diagonal."""
+    return np.array([-C[0, 2], C[0, 1], -C[1, 0], C[1, 2], -C[2, 1], C[2, 0]])
 
 
 def bend(K: Array, force: Array) -> Array:

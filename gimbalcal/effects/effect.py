@@ -40,12 +40,15 @@ class Stage(Enum):
     INPUT_AXIS = "added to the specific force along the accelerometer input axes [m/s^2], (n, 3)"
     SCALE = "added by the scale factor to the force along the input axes [m/s^2], (n, 3)"
     ACCELEROMETER = "added to the accelerometer output [m/s^2], (n, 3)"
+    RATE_AXIS = "added to the angular rate along the gyroscope input axes [rad/s], (n, 3)"
+    RATE_SCALE = "added by the scale factor to the rate along the input axes [rad/s], (n, 3)"
     GYROSCOPE = "added to the gyroscope output [rad/s], (n, 3)"
     LINE_OF_SIGHT = "rotation of the line of sight against the innermost gimbal, in platform axes [rad], (n, 3)"
     ATTITUDE = "added to the navigator's attitude error, roll, pitch, yaw [rad], (n, 3)"
 
 
 SENSOR_STAGES = frozenset({Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER})  # of an accelerometer itself
+GYROSCOPES = frozenset({Stage.RATE_AXIS, Stage.RATE_SCALE, Stage.GYROSCOPE})  # what angular rate passes through
 
 
 class Grid(Enum):

@@ -1,8 +1,12 @@
 r"""Input-output law of the gyroscopes: what a rate sensor adds to the angular rate it is given.
 
-Every contribution is evaluated at the true rate omega of the sensor block, so products of two errors are left out:
-for a misalignment and a scale error of 5e-4 each that is 2.5e-7 of the rate. `gimbalcal.wang2019.pulses` keeps them, in
-the other direction (pulses to rate), where Eq. (6) of Wang et al. (2019) needs them. Units: rad/s and m/s^2 inside.
+Scale factor and misalignment have the signs of the accelerometers, exactly: true = SF x reading, with the angles of
+Eq. (5) of Wu et al. (2018),
+
+.. math:: \omega^g = SF^{-1} C_p^g \, \omega^p + \dots
+
+What else is here is what is added to the reading. `gimbalcal.wang2019.pulses` states the other direction (pulses to
+rate), Eq. (6) of Wang et al. (2019). Units: rad/s and m/s^2 inside.
 """
 
 from __future__ import annotations
@@ -10,10 +14,22 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.effects import false_rate
+from gimbalcal.effects.accelerometer import angles_of, lean, leaning
 from gimbalcal.effects.effect import MATRIX_AXES, MISALIGNMENT_AXES, TRIAD, Effect, Stage, Stimulus, effect, parameter
 from gimbalcal.number import Array, absolute
 
 KINDS = ("rotation", "multi-position")
+
+
+def rate_matrix(s: Array, beta: Array) -> Array:
+    """M = SF^-1 C_p^g (3, 3) of a triad that reads M omega, from scale factors less one s (3,) and angles beta (6,)."""
+    return np.asarray((np.eye(3) + leaning(beta)) / (1 + s)[:, None])
+
+
+def of_rate_matrix(M: Array) -> tuple[Array, Array]:
+    """Scale factors less one s (3,) and misalignments beta (6,) of M (3, 3), the inverse of `rate_matrix`."""
+    SF = 1 / np.diag(M)
+    return SF - 1, angles_of(SF[:, None] * M)
 
 
 @effect
@@ -65,47 +81,49 @@ class GyroBiasDrift(Effect):
 class GyroScaleFactor(Effect):
     r"""Each gyroscope's scale factor differs from the nominal one.
 
-    .. math:: \delta\omega_i = s_i \omega_i
+    .. math:: \delta\omega_i = \frac{\omega_i}{1 + s_i} - \omega_i, \qquad s = SF - 1
 
-    Source: IEEE Std 952. Magnitude: 1 to 100 ppm (optical), 1000 to 30000 ppm (MEMS). Seen by: a known angle about
-    the axis.
+    The rate is SF times the reading, as with the accelerometers: a gyroscope that reads 0.4 % too much has
+    s = -4000 ppm. Source: IEEE Std 952. Magnitude: 1 to 100 ppm (optical), 1000 to 30000 ppm (MEMS). Seen by: a known
+    angle about the axis.
     """
 
     id = "gyro_scale_factor"
-    stage = Stage.GYROSCOPE
+    stage = Stage.RATE_SCALE
     channel = "angular_rate"
     kinds = KINDS
+    linear = False
     sources = ("wang2019", "ieee952")
     s: Array = parameter(TRIAD, unit="ppm", sigma=1000, name="gyro_scale_factor")
 
     def contribution(self, s: Stimulus) -> Array:
         """Rate added [rad/s], (n, 3)."""
-        return self.s * s.rate
+        return -self.s / (1 + self.s) * s.rate
 
 
 @effect
 class GyroMisalignment(Effect):
     r"""The input axes of the gyroscopes do not lie along the axes of the sensor block; each leans by two small angles.
 
-    .. math:: \delta\omega_i = \sum_{j \ne i} E_{ij} \omega_j
+    .. math:: C_p^g = \begin{bmatrix} 1 & \beta_{xz} & -\beta_{xy} \\ -\beta_{yz} & 1 & \beta_{yx} \\
+              \beta_{zy} & -\beta_{zx} & 1 \end{bmatrix}
 
-    Source: Wang et al. (2019), Eq. (8), there in the other direction. Magnitude: 1 to 100 arcsec. Seen by: rotation
-    about another axis. The three rotations of the whole triad are seen only against a reference, as against the
-    accelerometers (inter-triad misalignment, Eq. (43)).
+    and (C_p^g - I) omega is added to the rate along the input axes. beta_xz: the x input axis turned about z, as
+    with the accelerometers. Source: Wu et al. (2018), Eq. (5); Wang et al. (2019), Eq. (8), there in the other
+    direction. Magnitude: 1 to 100 arcsec. Seen by: rotation about another axis. The three rotations of the whole
+    triad are seen only against a reference, as against the accelerometers (inter-triad misalignment, Eq. (43)).
     """
 
     id = "gyro_misalignment"
-    stage = Stage.GYROSCOPE
+    stage = Stage.RATE_AXIS
     channel = "angular_rate"
     kinds = KINDS
-    sources = ("wang2019",)
-    E: Array = parameter(MISALIGNMENT_AXES, unit="arcsec", sigma=300, name="gyro_misalignment")
+    sources = ("wu2018", "wang2019")
+    beta: Array = parameter(MISALIGNMENT_AXES, unit="arcsec", sigma=300, name="gyro_misalignment")
 
     def contribution(self, s: Stimulus) -> Array:
         """Rate added [rad/s], (n, 3)."""
-        xy, xz, yz, yx, zx, zy = self.E
-        wx, wy, wz = np.moveaxis(s.rate, -1, 0)
-        return np.stack([xy * wy + xz * wz, yx * wx + yz * wz, zx * wx + zy * wy], axis=-1)
+        return lean(self.beta, s.rate)
 
 
 @effect

@@ -15,7 +15,8 @@ from itertools import pairwise
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.effects import CATALOGUE, Stage, parameters, with_values
+from gimbalcal.effects import CATALOGUE, GYROSCOPES, parameters, with_values
+from gimbalcal.effects.gyroscope import of_rate_matrix, rate_matrix
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.gyroscopes.between_rests import gyroscopes_between_rests
@@ -39,7 +40,7 @@ def inertial_unit(recording: Recording, terms: Sequence[str] = ()) -> Calibratio
     """
     if not recording.has(FORCE):
         return gyroscopes_from_revolutions(recording)
-    of_rate = tuple(t for t in terms if t in CATALOGUE and CATALOGUE[t].stage is Stage.GYROSCOPE)
+    of_rate = tuple(t for t in terms if t in CATALOGUE and CATALOGUE[t].stage in GYROSCOPES)
     made = multiposition(recording, tuple(t for t in terms if t not in of_rate))
     if terms and not of_rate:
         return made
@@ -129,13 +130,15 @@ def in_frame_of(gyroscopes: Calibration, lie: InterTriad) -> Calibration:
     """The same gyroscopes referred to the accelerometers' frame: six misalignments instead of three, exact."""
     order = [p for e in EFFECTS for p in parameters(CATALOGUE[e])]
     labels = [p.label for p in gyroscopes.parameters]
+    linear = [[p.label for p in parameters(CATALOGUE[i])] for i in ("gyro_scale_factor", "gyro_misalignment")]
     n = len(labels)
 
     def referred(x: Array) -> Array:
         own = dict(zip(labels, x[:n], strict=True))
-        M = np.array([[own.get(_label(a, b), 0.0) + (a == b) for b in "xyz"] for a in "xyz"]) @ triad_rotation(x[n:])
-        new = {_label(a, b): M[i, j] - (a == b) for i, a in enumerate("xyz") for j, b in enumerate("xyz")}
-        return np.array([(own | new)[p.label] for p in order])
+        s, beta = (np.array([own.get(label, 0.0) for label in of]) for of in linear)
+        new = np.concatenate(of_rate_matrix(rate_matrix(s, beta) @ triad_rotation(x[n:])))
+        own |= dict(zip([*linear[0], *linear[1]], new, strict=True))
+        return np.array([own[p.label] for p in order])
 
     x = np.concatenate([gyroscopes.values, lie.angles])
     J = complex_step(referred, x)
@@ -151,7 +154,3 @@ def in_frame_of(gyroscopes: Calibration, lie: InterTriad) -> Calibration:
         gyroscopes, effects=with_values((), order, referred(x)), parameters=tuple(order),
         covariance=J @ covariance @ J.T, unobservable=(), provenance={**gyroscopes.provenance, "options": options},
     )  # fmt: skip
-
-
-def _label(a: str, b: str) -> str:
-    return f"gyro_scale_factor:{a}" if a == b else f"gyro_misalignment:{a}{b}"

@@ -101,8 +101,11 @@ def turning(platform: Platform, s: Stimulus, effects: Sequence[Effect], readout_
 
 
 def gyroscopes(rate: Array, s: Stimulus, effects: Sequence[Effect]) -> Array:
-    """Gyroscope outputs (n, 3) [rad/s] for the angular rate (n, 3) of the sensor block."""
-    return np.asarray(rate + _total(effects, Stage.GYROSCOPE, s.at(rate=rate)))
+    """Gyroscope outputs (n, 3) [rad/s] for the angular rate (n, 3) of the sensor block, as `accelerometers`."""
+    s = s.at(rate=rate)
+    s = s.at(rate=s.rate + _total(effects, Stage.RATE_AXIS, s))
+    s = s.at(rate=s.rate + _total(effects, Stage.RATE_SCALE, s))
+    return np.asarray(s.rate + _total(effects, Stage.GYROSCOPE, s))
 
 
 def _inertially_fixed(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> dict[str, Array]:

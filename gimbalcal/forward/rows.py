@@ -17,7 +17,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, values, with_values
+from gimbalcal.effects import CATALOGUE, GYROSCOPES, Effect, Parameter, Stage, Stimulus, absent, values, with_values
 from gimbalcal.forward.model import predict
 from gimbalcal.number import STEP, Array, complex_step
 from gimbalcal.platform import Platform
@@ -31,7 +31,7 @@ AXES: Mapping[str, tuple[str, ...]] = {
 }  # of each quantity, in the order of `predict`; gimbal angles are named after the platform's axes
 ANGLES = ("gimbal_angle", "attitude_error")  # a difference of these is within half a turn
 ONLY_IN = {  # stages that one quantity alone shows
-    Stage.GYROSCOPE: "angular_rate",
+    **dict.fromkeys(GYROSCOPES, "angular_rate"),
     Stage.ATTITUDE: "attitude_error",
     Stage.LINE_OF_SIGHT: "pointing",
 }
@@ -146,7 +146,8 @@ def linearise(
                 break
         if stage in seen:
             sensitivity[stage] = np.stack(columns, axis=-1)
-            seen[stage] = seen[stage].at(force=seen[stage].force.real, angle=seen[stage].angle.real)
+            met = seen[stage]
+            seen[stage] = met.at(force=met.force.real, angle=met.angle.real, rate=met.rate.real)
     residual = np.zeros_like(predicted) if read is None else difference(read, predicted, keys)
     return Rows(platform, kind, s, tuple(effects), keys, residual, seen, sensitivity)
 

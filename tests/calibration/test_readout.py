@@ -120,7 +120,7 @@ def test_the_readout_of_a_file_is_what_was_written() -> None:
     _, readout = counted(np.random.default_rng(1))
     made = calibration(SPACE_STABLE, 1.0, readout=replace(readout, gimbals=SPACE_STABLE.axis_names))
     content = json.loads(json.dumps(made.to_dict()))
-    assert content["format"] == 1
+    assert content["format"] == 2
     assert set(content["readout"]) == {"accelerometers", "gyroscopes", "gimbals", "angles", "unit"}
     assert content["readout"]["accelerometers"] == {"scale": [2e-3, -3e-3, 4e-3], "offset": [100.0, -50.0, 7.0]}
     assert from_dict(content).readout == made.readout

@@ -23,8 +23,8 @@ from gimbalcal.campaign.cluster import connect
 from gimbalcal.campaign.local import here, processes
 from gimbalcal.campaign.task import Task, _comparable, seed_of, task
 from gimbalcal.effects import parameters
-from gimbalcal.effects.accelerometer import Misalignment
-from gimbalcal.effects.effect import tied
+from gimbalcal.effects.accelerometer import Misalignment, angles_of
+from gimbalcal.effects.effect import MISALIGNMENT_AXES, tied
 from gimbalcal.effects.gyroscope import GyroMisalignment
 from gimbalcal.errors import InputError
 from tests.campaign.deadly import always_dies, dies_once
@@ -163,8 +163,8 @@ def test_a_simulated_scenario_is_calibrated_run_by_run(tmp_path: Path) -> None:
 def test_truth_is_turned_into_the_frame_of_the_estimate() -> None:
     """The frame whose x lies along the first input axis and y in the plane of the first two, for both triads."""
     rng = np.random.default_rng(2)
-    beta, E = 1e-4 * rng.standard_normal((2, 6))
-    truth = (Misalignment(beta=beta), GyroMisalignment(E=E))
+    beta, gamma = 1e-4 * rng.standard_normal((2, 6))
+    truth = (Misalignment(beta=beta), GyroMisalignment(beta=gamma))
     wanted = tied([p for e in truth for p in parameters(type(e))])
     found = {p.label: x for p, x in zip(wanted, _comparable(truth, wanted, "multiposition"), strict=True)}
     m = matrices(truth)
@@ -176,10 +176,8 @@ def test_truth_is_turned_into_the_frame_of_the_estimate() -> None:
     assert found["misalignment:yz"] == pytest.approx(-lower[1, 0], abs=1e-7)
     assert found["misalignment:zy"] == pytest.approx(lower[2, 0], abs=1e-7)
     assert found["misalignment:zx"] == pytest.approx(-lower[2, 1], abs=1e-7)
-    for i, a in enumerate("xyz"):
-        for j, b in enumerate("xyz"):
-            if a != b:
-                assert found[f"gyro_misalignment:{a}{b}"] == pytest.approx(gyro[i, j], abs=1e-7)
+    for axis, angle in zip(MISALIGNMENT_AXES, angles_of(gyro), strict=True):
+        assert found[f"gyro_misalignment:{axis}"] == pytest.approx(angle, abs=1e-7)
 
 
 @pytest.mark.parametrize(

@@ -44,8 +44,9 @@ def evaluated(text: str, effect: Effect, s: Stimulus, names: Mapping[str, str]) 
     defined = {"".join(o.split("=")[0].split()).lstrip("\\"): _later(o.split("=")[-1]) for o in others if "=" in o}
     left, right = first.split("=")[0], _last_member(first)
     scope = Scope(s, effect, names, defined, {})
-    if left.strip() == "C_p^a":
-        return np.asarray(read(right)(scope) @ s.force - s.force)
+    if left.strip() in ("C_p^a", "C_p^g"):
+        acts = s.force if left.strip() == "C_p^a" else s.rate
+        return np.asarray(read(right)(scope) @ acts - acts)
     if not re.search(r"_\{?i", left):
         return _all_rows(read(right)(scope), s)
     channels = range(s.readout.shape[1] if re.search(r"\\theta|T_i", left) else 3)

@@ -116,8 +116,8 @@ def _self_heating(s: Any, p: Any) -> Array:
 
 
 def _gyro_misalignment(s: Any, p: Any) -> Array:
-    xy, xz, yz, yx, zx, zy = p.E
-    return np.asarray(s.rate @ np.array([[0, xy, xz], [yx, 0, yz], [zx, zy, 0]]).T)
+    xy, xz, yz, yx, zx, zy = p.beta
+    return np.asarray(s.rate @ np.array([[0, xz, -xy], [-yz, 0, yx], [zy, -zx, 0]]).T)
 
 
 ACCELEROMETER: dict[str, tuple[str, Law]] = {
@@ -206,8 +206,8 @@ SLOW: dict[str, tuple[str, Law]] = {
 GYROSCOPE: dict[str, tuple[str, Law]] = {
     "gyro_bias": ("Wang et al. (2019), Eq. (6)", lambda s, p: np.tile(p.epsilon, (len(s.time), 1))),
     "gyro_bias_drift": ("IEEE Std 952, rate ramp", lambda s, p: np.outer(s.time, p.rate)),
-    "gyro_scale_factor": ("IEEE Std 952", lambda s, p: s.rate @ np.diag(p.s)),
-    "gyro_misalignment": ("Wang et al. (2019), Eq. (8)", _gyro_misalignment),
+    "gyro_scale_factor": ("IEEE Std 952, true = SF x reading", lambda s, p: s.rate @ np.diag(1 / (1 + p.s)) - s.rate),
+    "gyro_misalignment": ("Wu et al. (2018), Eq. (5)", _gyro_misalignment),
     "gyro_scale_nonlinearity": ("Wang et al. (2019), Eq. (6), K_g2", lambda s, p: p.K * s.rate * s.rate),
     "gyro_scale_asymmetry": (
         "IEEE Std 952: A omega one way, -A omega the other",

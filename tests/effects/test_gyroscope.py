@@ -1,6 +1,7 @@
 """Outputs of rate sensors: what an angle that is summed from them is off by."""
 
 import numpy as np
+import pytest
 
 from gimbalcal.effects import Effect
 from gimbalcal.number import Array
@@ -40,8 +41,18 @@ def test_a_turn_there_and_back_leaves_the_asymmetry_and_the_bend_and_no_scale_fa
 
 
 def test_a_leaning_gyroscope_reads_the_turn_about_another_axis() -> None:
-    E = [100 * DEG / 3600, 0, 0, 0, 0, 0]  # x leans towards y by 100 arcsec
-    np.testing.assert_allclose(summed(made("gyro_misalignment", E=E), np.array([0, 0.1, 0]))[0], E[0] * 360, rtol=1e-12)
+    """As Eq. (5) of Wu et al. has it: turned about z, the x input axis leans towards y; turned about y, away from z."""
+    about_z, about_y = [0, 100 * DEG / 3600, 0, 0, 0, 0], [100 * DEG / 3600, 0, 0, 0, 0, 0]
+    turn = 0.1 * 3600 * 100 * DEG / 3600
+    for beta, rate, read in ((about_z, [0, 0.1, 0], turn), (about_y, [0, 0, 0.1], -turn)):
+        found = summed(made("gyro_misalignment", beta=beta), np.array(rate))
+        np.testing.assert_allclose(found, [read, 0, 0], rtol=1e-12)
+
+
+def test_the_true_rate_is_the_scale_factor_times_the_reading() -> None:
+    turn = np.array([0, 0, 0.1])
+    too_much = made("gyro_scale_factor", s=[0, 0, -4000e-6])
+    assert (turn * 3600 + summed(too_much, turn))[2] * (1 - 4000e-6) == pytest.approx(360, rel=1e-12)
 
 
 def test_ten_degrees_above_the_reference_a_scale_factor_is_ten_coefficients_off() -> None:

@@ -62,14 +62,14 @@ def test_the_rotation_between_the_triads_is_told_with_its_sigma() -> None:
     recording, truth, made = run("revolutions")
     options = made.provenance["options"]
     # M = C_p^q to first order where it lies above the triangle, Eq. (43); products of two are below 1 arcsec
-    E = next(e for e in truth if e.id == "gyro_misalignment").E * 648000 / np.pi  # type: ignore[attr-defined]
-    xy, xz, yz = E[:3]
+    beta = next(e for e in truth if e.id == "gyro_misalignment").beta * 648000 / np.pi  # type: ignore[attr-defined]
+    xy, xz, _, yx = beta[:4]
     found, sigma = np.array(options["gyro_inter_triad_arcsec"]), np.array(options["gyro_inter_triad_sigma_arcsec"])
-    np.testing.assert_allclose(found, [xy, yz, -xz], atol=1.0 + 4 * sigma.max())
+    np.testing.assert_allclose(found, [xz, yx, xy], atol=1.0 + 4 * sigma.max())
     assert np.all(sigma < 1)
     assert options["gyro_frame"] == "accelerometers"
     alone = gyroscopes_from_revolutions(recording)
-    assert {p.axis for p in alone.parameters if p.effect == "gyro_misalignment"} == {"yx", "zx", "zy"}
+    assert {p.axis for p in alone.parameters if p.effect == "gyro_misalignment"} == {"yz", "zx", "zy"}
 
 
 def test_applied_the_unit_reads_what_turned_it() -> None:

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
+from gimbalcal.effects.accelerometer import angles_of, leaning
+from gimbalcal.effects.gyroscope import of_rate_matrix, rate_matrix
 from gimbalcal.number import Array
 
 LINEAR = ("bias", "scale_factor", "misalignment", "gyro_bias", "gyro_scale_factor", "gyro_misalignment",
@@ -31,15 +33,11 @@ def _by_effect(effects: Sequence[Effect]) -> dict[str, Array]:
 def matrices(effects: Sequence[Effect]) -> dict[str, Array]:
     """Linear model, physics to reading: y = Ma f + ba (+ K (y - ba)^2), w_m = Mg w + A f + bg. SI."""
     v = _by_effect(effects)
-    xy, xz, yz, yx, zx, zy = v["misalignment"]
-    C = np.array([[1, xz, -xy], [-yz, 1, yx], [zy, -zx, 1]])  # Wu et al. (2018), Eq. (5)
-    gxy, gxz, gyz, gyx, gzx, gzy = v["gyro_misalignment"]
-    off = np.array([[0, gxy, gxz], [gyx, 0, gyz], [gzx, gzy, 0]])
     return {
-        "Ma": C / (1 + v["scale_factor"])[:, None],
+        "Ma": (np.eye(3) + leaning(v["misalignment"])) / (1 + v["scale_factor"])[:, None],
         "ba": v["bias"],
         "K": v["scale_nonlinearity"],
-        "Mg": np.eye(3) + np.diag(v["gyro_scale_factor"]) + off,
+        "Mg": rate_matrix(v["gyro_scale_factor"], v["gyro_misalignment"]),
         "bg": v["gyro_bias"],
         "A": v["gyro_g_sensitivity_rate"].reshape(3, 3),
     }
@@ -50,14 +48,15 @@ def parameters_of(m: Mapping[str, Array]) -> Found:
     Ma, Mg = m["Ma"], m["Mg"]
     s = 1 / np.diag(Ma) - 1
     C = Ma * (1 + s)[:, None]
+    gyro_scale, gyro_beta = of_rate_matrix(Mg)
     arrays: dict[str, ArrayLike] = {
         "scale_factor": s,
         "bias": m["ba"],
-        "misalignment": [-C[0, 2], C[0, 1], -C[1, 0], C[1, 2], -C[2, 1], C[2, 0]],
+        "misalignment": angles_of(C),
         "scale_nonlinearity": m["K"],
-        "gyro_scale_factor": np.diag(Mg) - 1,
+        "gyro_scale_factor": gyro_scale,
         "gyro_bias": m["bg"],
-        "gyro_misalignment": [Mg[0, 1], Mg[0, 2], Mg[1, 2], Mg[1, 0], Mg[2, 0], Mg[2, 1]],
+        "gyro_misalignment": gyro_beta,
         "gyro_g_sensitivity_rate": np.ravel(m["A"]),
     }
     out: Found = {}

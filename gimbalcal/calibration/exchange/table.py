@@ -11,11 +11,15 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.calibration import gimbals_of
+from gimbalcal.calibration.earlier import LABELS, MISALIGNMENT, SCALE, renamed, told_now
 from gimbalcal.calibration.exchange.matrices import Found
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError
+from gimbalcal.number import complex_step
 from gimbalcal.units import from_si, to_si
 
+DIRECTION = "# Direction: physics to reading"
+FORMAT = "# Format: 2 (both triads: true = SF x reading)"
 GIMBALS = "# Gimbals, platform first: "
 HEADER = ("name", "axis", "value", "sigma", "unit", "effect")
 
@@ -23,7 +27,8 @@ HEADER = ("name", "axis", "value", "sigma", "unit", "effect")
 def content(calibration: Calibration, _: Sequence[str]) -> bytes:
     """The CSV file of a calibration."""
     file = io.StringIO()
-    file.write("# Direction: physics to reading, as in calibration.json; correlations are not in this file.\n")
+    file.write(f"{DIRECTION}, as in calibration.json; correlations are not in this file.\n")
+    file.write(f"{FORMAT}\n")
     if calibration.readout.gimbals:
         file.write(f"{GIMBALS}{', '.join(calibration.readout.gimbals)}\n")
     writer = csv.writer(file, lineterminator="\n")
@@ -58,4 +63,18 @@ def read(path: Path) -> tuple[Found, tuple[str, ...]]:
         if not (np.isfinite(value) and np.isfinite(sigma)):
             raise InputError(f"{path}, line {n}: {p.label} must be finite, got {row['value']} and {row.get('sigma')}")
         out[p] = (value, sigma)
-    return out, gimbals
+    ours = any(line.startswith(DIRECTION) for line in lines)
+    return _as_now(out) if ours and FORMAT not in lines else out, gimbals
+
+
+def _as_now(found: Found) -> Found:
+    """Gyroscopes of a file that we wrote before it said its format, as calibration.json of format 1 tells them."""
+    old = [p for p in found if p.effect in (SCALE, MISALIGNMENT)]
+    labels, J = [p.label for p in old], np.zeros((0, 0))
+    x, sigma = (np.array([found[p][i] for p in old]) for i in (0, 1))
+    if old:
+        J = complex_step(lambda v: told_now(labels, v), x)
+    now = [LABELS[renamed(label)[0]] for label in labels]
+    spread = np.sqrt((J**2) @ sigma**2)
+    told = dict(zip(now, zip(told_now(labels, x).tolist(), spread.tolist(), strict=True), strict=True))
+    return {p: v for p, v in found.items() if p not in old} | told

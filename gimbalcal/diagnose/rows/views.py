@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
+from gimbalcal.effects import CATALOGUE, GYROSCOPES, Effect, Parameter, Stage, Stimulus
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
@@ -140,11 +140,11 @@ def rest_rates(
     channels = tuple((RATE, a) for a in "xyz")
 
     def rows(effects: Sequence[Effect]) -> Rows:
-        return linearise(BENCH, s, effects, channels=channels, read=y, stages=(Stage.GYROSCOPE,))
+        return linearise(BENCH, s, effects, channels=channels, read=y, stages=GYROSCOPES)
 
     return View(
         "rest rates", dwell_means(recording), s, channels, "deg/h", told,
-        frozenset({Stage.GYROSCOPE}), tuple(baseline) or BASELINE["rest rates"], rows, frozenset(), WIDE, told,
+        GYROSCOPES, tuple(baseline) or BASELINE["rest rates"], rows, frozenset(), WIDE, told,
         turns=missed if moving else None,
     )  # fmt: skip
 

@@ -19,15 +19,16 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters, with_values
+from gimbalcal.effects import CATALOGUE, GYROSCOPES, Effect, Parameter, parameters, with_values
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import lacking
+from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.gyroscopes.inter_triad import euler
 from gimbalcal.estimate.gyroscopes.rests import BIAS, G_SENSITIVITY, RestFit, level_of, rests
-from gimbalcal.estimate.gyroscopes.turns import FORCE, Turns, end_of, turns_between_rests
+from gimbalcal.estimate.gyroscopes.turns import FORCE, RATE, Turns, end_of, turns_between_rests
 from gimbalcal.estimate.support import coefficients, needed, refusal
-from gimbalcal.forward import Rows, gyroscopes
+from gimbalcal.forward import Rows, gyroscopes, linearise
 from gimbalcal.inference.levenberg import minimise
 from gimbalcal.inversion import invert
 from gimbalcal.number import Array
@@ -74,7 +75,7 @@ def _default(recording: Recording) -> tuple[str, ...]:
 
 def _check(terms: Sequence[str], recording: Recording) -> None:
     for t in terms:
-        if t not in CATALOGUE or CATALOGUE[t].stage is not Stage.GYROSCOPE or t == BIAS:
+        if t not in CATALOGUE or CATALOGUE[t].stage not in GYROSCOPES or t == BIAS:
             raise InputError(f"--terms names {t!r}, which is not a gyroscope effect that turns between rests can show")
         missing = lacking(CATALOGUE[t], recording.has)
         if missing:
@@ -189,8 +190,8 @@ def _judged(wanted: tuple[Parameter, ...], x: Array, r: Array, J: Array, m: int)
 def rows_of_turns(turns: Turns, effects: Sequence[Effect]) -> Rows:
     """The rows of m turns: misfit (m, 3) of gravity after each, and how it answers what is added at each of n samples.
 
-    A rate that reads as it does is off by -D^-1 times what an effect adds, D = dh/d(rate); what that does to gravity at
-    the end is the turn of all samples after it.
+    A rate that reads as it does is off by -D^-1 times what an effect adds to the reading, D = dh/d(rate); what that
+    does to gravity at the end is the turn of all samples after it.
     """
     y, s = turns.reading.reshape(-1, 3), turns.stimulus
     w, D, _ = invert(lambda rate: gyroscopes(rate, s, effects), y)
@@ -199,11 +200,10 @@ def rows_of_turns(turns: Turns, effects: Sequence[Effect]) -> Rows:
     misfit, predicted, tail = end_of(rate, turns)
     moved = tail @ left_jacobian(rate * turns.step[..., None]) @ np.linalg.inv(D).reshape(m, n, 3, 3)
     S = -(cross_matrix(predicted)[:, None] @ moved) * turns.step[..., None, None]
-    seen = s.at(rate=w)
-    return Rows(
-        BENCH, "multi-position", seen, tuple(effects), tuple((FORCE, a) for a in "xyz"), misfit,
-        {Stage.GYROSCOPE: seen}, {Stage.GYROSCOPE: np.moveaxis(S, 1, 2).reshape(m, 3, 3 * n)},
-    )  # fmt: skip
+    read = linearise(BENCH, s.at(rate=w), effects, channels=[(RATE, a) for a in "xyz"], stages=GYROSCOPES)
+    answer = {k: np.moveaxis(S @ R.reshape(m, n, 3, 3), 1, 2).reshape(m, 3, 3 * n) for k, R in read.sensitivity.items()}
+    channels = tuple((FORCE, a) for a in "xyz")
+    return Rows(BENCH, read.kind, read.stimulus, tuple(effects), channels, misfit, read.seen, answer)
 
 
 def _linear(turns: Turns, wanted: Sequence[Parameter], x: Array) -> tuple[Array, Array]:
@@ -256,11 +256,8 @@ def _calibration(
 
 def _inter_triad(fit: TurnFit) -> Array:
     """alpha, beta, gamma [rad] of C_p^q, Eq. (43): the rotation that is left when Eq. (8) has taken the triangle."""
-    by = {(p.effect, p.axis): v for p, v in zip(fit.parameters, fit.x, strict=True)}
-    M = np.eye(3)
-    for i, a in enumerate("xyz"):
-        for j, b in enumerate("xyz"):
-            M[i, j] += by.get(("gyro_scale_factor", a), 0.0) if a == b else by.get(("gyro_misalignment", a + b), 0.0)
+    own = dict(zip(fit.parameters, fit.x, strict=True))
+    M = rate_matrix(*(np.array([own.get(p, 0.0) for p in parameters(CATALOGUE[i])]) for i in LINEAR))
     # omega^p = M^-1 y = C_q^p (C_g^q K) y: orthogonal times lower triangular, by QR of the matrix read backwards
     Q, R = np.linalg.qr(np.linalg.inv(M)[:, ::-1])
     C_pq = (Q * np.sign(np.diag(R)))[:, ::-1]

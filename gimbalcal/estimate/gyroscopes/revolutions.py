@@ -4,9 +4,9 @@ A turn between two rests is a revolution when its angle is a whole number of cir
 about one axis in opposite senses are a pair. Everything else that moved is left out. The fit is that of
 `wang2019.revolutions.gyroscope_pulses`, pulses to rate; the calibration is returned as effects, physics to reading,
 
-.. math:: M = (C K_1)^{-1}, \quad b = -\varepsilon / K_1, \quad K = -K_2 / K_1^3
+.. math:: M = (C K_1)^{-1}, \quad s_i = 1 / M_{ii} - 1, \quad b = -\varepsilon / K_1, \quad K = -K_2 / K_1^3
 
-the last to first order in K2.
+the last to first order in K2, and with the angles of Eq. (5) of Wu et al. (2018) below the diagonal of M.
 """
 
 from __future__ import annotations
@@ -135,14 +135,14 @@ def as_effects(x: Array) -> Array:
     triad = Pulses(x[0:3], x[3:6], 0 * x[0:3], x[6:9], x[9:12])
     M = np.linalg.inv(lower(triad.E) * triad.K1[None, :])
     return np.concatenate(
-        [-triad.bias / triad.K1, np.diag(M) - 1, [M[1, 0], M[2, 0], M[2, 1]], -triad.K2 / triad.K1**3]
+        [-triad.bias / triad.K1, 1 / np.diag(M) - 1, [-M[1, 0], -M[2, 1], M[2, 0]], -triad.K2 / triad.K1**3]
     )
 
 
 def triangle() -> tuple[Parameter, ...]:
     """The parameters in the order of `forward`; of the misalignments those that a rotation of the triad leaves."""
     found = [p for e in EFFECTS for p in parameters(CATALOGUE[e])]
-    return tuple(p for p in found if p.effect != "gyro_misalignment" or p.axis in ("yx", "zx", "zy"))
+    return tuple(p for p in found if p.effect != "gyro_misalignment" or p.axis in ("yz", "zx", "zy"))
 
 
 def _calibration(recording: Recording, found: Revolutions, fit: PulseFit, pairs: int) -> Calibration:
@@ -168,7 +168,7 @@ def _calibration(recording: Recording, found: Revolutions, fit: PulseFit, pairs:
         with_values((), wanted, as_effects(x)),
         wanted,
         covariance,
-        ({"direction": {"gyro_misalignment:xy": 1.0, "gyro_misalignment:yx": -1.0},
+        ({"direction": {"gyro_misalignment:xz": 1.0, "gyro_misalignment:yz": 1.0},
           "why": "a rotation of the whole triad changes no norm and no angle: it needs a reference, such as the "
           "accelerometers (gimbalcal.estimate.gyroscopes.inter_triad)"},),
         Residual(chi2, dof, {RATE: float(found.sigma_angle / found.duration * np.sqrt(scale))}),

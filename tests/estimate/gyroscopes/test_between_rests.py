@@ -35,7 +35,7 @@ REST, TURN = 50, 60  # samples
 TRUTH: tuple[Effect, ...] = (
     GyroBias(epsilon=np.array([2e-3, -1e-3, 3e-3])),
     GyroScaleFactor(s=np.array([0.01, -0.02, 0.015])),
-    GyroMisalignment(E=np.array([0.01, -0.005, 0.004, 0.006, -0.008, 0.003])),
+    GyroMisalignment(beta=np.array([0.01, -0.005, 0.004, 0.006, -0.008, 0.003])),
 )
 BENT = GyroScaleNonlinearity(K=np.array([2e-3, -1e-3, 1.5e-3]))
 
@@ -127,7 +127,7 @@ def test_counts_get_their_scale_from_gravity() -> None:
     one, other = (gyroscopes_between_rests(r, accelerometers, LINEAR) for r in (recording, counted))
     scale = other.provenance["options"]["gyro_nominal"]["scale"]
     sf = [(c.values[3] + 1) for c in (one, other)]
-    assert sf[1] / scale * 2e-4 == pytest.approx(sf[0], rel=1e-5)  # one problem in two units, to the stopping rule
+    assert sf[1] * scale / 2e-4 == pytest.approx(sf[0], rel=1e-5)  # one problem in two units, to the stopping rule
 
 
 def test_too_few_rests_and_foreign_terms_are_refused() -> None:
@@ -144,7 +144,9 @@ def test_rotation_between_the_triads_comes_out_of_the_misalignments() -> None:
     angles = np.array([0.01, -0.02, 0.015])
     triangle = np.array([[1, 0, 0], [0.004, 1, 0], [-0.003, 0.002, 1]])
     M = np.linalg.inv(triad_rotation(angles).T @ triangle @ np.diag([1.01, 0.98, 1.0]))
-    x = np.array([*(np.diag(M) - 1), M[0, 1], M[0, 2], M[1, 2], M[1, 0], M[2, 0], M[2, 1]])
+    SF = 1 / np.diag(M)
+    C = SF[:, None] * M  # Eq. (5) of Wu et al. (2018)
+    x = np.array([*(SF - 1), -C[0, 2], C[0, 1], -C[1, 0], C[1, 2], -C[2, 1], C[2, 0]])
     recording = hand(TRUTH, 0.0, count=8)
     turned, _, _ = turns_between_rests(recording, multiposition(recording, ("bias",)))
     fit = replace(poses.fit_turns(turned, LINEAR), x=x)
