@@ -15,6 +15,7 @@ Ideal here means of a perfect platform, on a level base that points north in a s
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -164,6 +165,13 @@ def refuse_other_platform(recording: Recording) -> None:
             f"{recording.title!r} is a static run of {recording.platform.name!r}, and only a space-stable platform, "
             "whose gimbal `platform` turns with the Earth, stays at rest in inertial space; give another kind"
         )
+
+
+def with_phase_of_force(recording: Recording) -> Recording:
+    """The recording with a platform gimbal made from the direction of the force in the equatorial plane."""
+    f = recording.triad("specific_force")
+    angle = np.arctan2(f[:, 1], f[:, 0])
+    return replace(recording, channels={**recording.channels, ("gimbal_angle", "platform"): angle})
 
 
 def _last_move(x: Array, starts: Sequence[int], visit: Array, lag: int) -> Array:

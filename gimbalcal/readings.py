@@ -8,14 +8,19 @@ back. Without a readout of its platform gimbal the force itself tells the phase 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
 from gimbalcal.errors import InputError
 from gimbalcal.forward import AXES, Key, Rows, difference, linearise, picked, predict
-from gimbalcal.kinematics import lost_to_averaging, refuse_other_platform, stimulus_from_readings
+from gimbalcal.kinematics import (
+    lost_to_averaging,
+    refuse_other_platform,
+    stimulus_from_readings,
+    with_phase_of_force,
+)
 from gimbalcal.number import Array
 from gimbalcal.recording import SENSORS, Recording
 
@@ -112,10 +117,3 @@ def measured_channels(recording: Recording) -> tuple[Key, ...]:
     if not found:
         raise InputError(f"{recording.title!r} has no {' and no '.join(QUANTITIES[recording.kind])} channel")
     return found
-
-
-def with_phase_of_force(recording: Recording) -> Recording:
-    """The recording with a platform gimbal made from the direction of the force in the equatorial plane."""
-    f = recording.triad("specific_force")
-    angle = np.arctan2(f[:, 1], f[:, 0])
-    return replace(recording, channels={**recording.channels, ("gimbal_angle", "platform"): angle})

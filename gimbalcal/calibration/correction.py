@@ -1,9 +1,10 @@
 r"""A calibration applied: readings to physics (`correct`), and physics to readings (`corrupt`), exact inverses.
 
 Effects say what is read for what is there, y = h(f). So `corrupt` evaluates the forward model and `correct` solves it,
-by Newton's method with the exact derivative dh/df. What belongs to the sensors is corrected: input-output law of
-accelerometers and gyroscopes, and the zeros and errors of the angle encoders. What belongs to the world (tilt of the
-base, drift of the platform, gravity) is not an error of a reading and stays.
+by Newton's method with the exact derivative dh/df. The input-output laws of accelerometers and gyroscopes are inverted;
+what the mount does (errors of encoders and axes, drift of the platform, tilt of the base) becomes a change of the
+readouts, so that a corrected recording is what perfect sensors on a perfect mount would have logged (`mount`). What
+happened once, in a recording that the calibration was made from, is taken off that recording alone.
 
 Time, temperature, covariates and the last move come from the recording at hand. An effect of the last move takes the
 force before and after it from the angles; without angles it takes the reading itself, which is then right to the
@@ -12,26 +13,28 @@ product of two errors.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
-from gimbalcal.calibration.readout import FORCE, RATE, SI, Readout, in_counts, in_si
+from gimbalcal.calibration.mount import Mount, mount, with_readouts
+from gimbalcal.calibration.readout import FORCE, RATE, SI, Readout, in_counts, in_si, with_noise
 from gimbalcal.effects import Effect, Stage, Stimulus
-from gimbalcal.effects.effect import lacking
+from gimbalcal.effects.effect import happens_once, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.forward import accelerometers, gyroscopes
 from gimbalcal.inversion import invert
 from gimbalcal.kinematics import stimulus_from_readings
-from gimbalcal.number import Array
+from gimbalcal.number import Array, apply_matrix, complex_step
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import Key
 
 ANGLE = "gimbal_angle"
 AXES = ("x", "y", "z")
+ROUNDS_BACK = 50  # of readouts from true angles
 ROUNDS = 6  # each multiplies what is left by a product of two errors, below 1e-5
 
 
@@ -46,6 +49,10 @@ class Calibrated(Protocol):
     def readout(self) -> Readout:
         """Nominal scales of a unit that reads in counts."""
 
+    @property
+    def provenance(self) -> Mapping[str, Any]:
+        """What it was made from."""
+
 
 def correct(calibration: Calibrated, recording: Recording) -> Recording:
     """The recording with its readings turned into what was there: force [m/s^2], rate [rad/s], true gimbal angles.
@@ -54,23 +61,44 @@ def correct(calibration: Calibrated, recording: Recording) -> Recording:
     in another unit, or the other way round.
     """
     _refuse_other_rig(calibration, recording)
-    effects = _with_needs(calibration.effects, recording)
+    effects = _with_needs(_of(calibration, recording), recording)
     _refuse_other_unit(calibration.readout, recording)
-    made = _through_encoders(in_si(recording, calibration.readout), effects, 1.0)
+    made = in_si(recording, calibration.readout)
+    stood = mount(made, effects)
+    made = made if stood is None else with_readouts(made, made.angles() + stood.readout)
     s = _felt(made)
     force, rate = (made.triad(q) if made.has(q) else None for q in (FORCE, RATE))
     for _ in range(ROUNDS):  # force and rate enter each other's errors (g-sensitivity, lever arms)
         before = s
         if rate is not None:
-            s = s.at(rate=invert(partial(_rates, s, effects), rate)[0])
+            w, rate_gain, _ = invert(partial(_rates, s, effects), rate)
+            s = s.at(rate=w)
         if force is not None:
-            s = s.at(force=invert(partial(_forces, s, effects), force)[0])
+            f, force_gain, _ = invert(partial(_forces, s, effects), force)
+            s = s.at(force=f)
         if np.array_equal(s.force, before.force) and np.array_equal(s.rate, before.rate):
             break
     channels = dict(made.channels)
-    channels |= _columns(FORCE, s.force) if force is not None else {}
-    channels |= _columns(RATE, s.rate) if rate is not None else {}
-    return replace(made, channels=channels)
+    if force is not None:
+        channels |= _columns(FORCE, _turned(s.force, stood, 1.0))
+        made = with_noise(made, FORCE, np.linalg.inv(force_gain))
+    if rate is not None:
+        channels |= _columns(RATE, _turned(s.rate, stood, 1.0))
+        made = with_noise(made, RATE, np.linalg.inv(rate_gain))
+    return replace(made, channels=_added(channels, stood, 1.0))
+
+
+def _turned(v: Array, stood: Mount | None, sign: float) -> Array:
+    """Vectors (n, 3) of the block, where no gimbal could turn it as a perfect mount stands; or back (sign -1)."""
+    if stood is None or stood.turn is None:
+        return v
+    return apply_matrix(stood.turn if sign > 0 else np.swapaxes(stood.turn, -1, -2), v)
+
+
+def _added(channels: dict[Key, Array], stood: Mount | None, sign: float) -> dict[Key, Array]:
+    """Channels with what the mount adds to them taken off, or put back (sign -1)."""
+    added = (stood and stood.added) or {}
+    return {key: values + sign * added[key] if key in added else values for key, values in channels.items()}
 
 
 def _refuse_other_rig(calibration: Calibrated, recording: Recording) -> None:
@@ -108,48 +136,46 @@ def _rates(s: Stimulus, effects: Sequence[Effect], w: Array) -> Array:
 def corrupt(calibration: Calibrated, recording: Recording) -> Recording:
     """The recording as the calibrated unit would have read it, inverse of `correct`. Direction: physics to readings."""
     _refuse_other_rig(calibration, recording)
-    effects = _with_needs(calibration.effects, recording)
-    read = _through_encoders(recording, effects, -1.0)
-    s = _felt(recording if recording.platform.axes else read)
-    channels = dict(read.channels)
+    effects = _with_needs(_of(calibration, recording), recording)
+    read, stood = _stood_off(recording, effects)
+    s = _felt(recording)
+    channels = _added(dict(read.channels), stood, -1.0)
     if recording.has(FORCE):
-        f = recording.triad(FORCE)
+        f = _turned(np.stack([channels[FORCE, a] for a in AXES], axis=-1), stood, -1.0)
         channels |= _columns(FORCE, accelerometers(f, s, effects))
+        read = with_noise(read, FORCE, complex_step(partial(_forces, s, effects), f))
         s = s.at(force=f)
     if recording.has(RATE):
-        channels |= _columns(RATE, gyroscopes(recording.triad(RATE), s, effects))
+        w = _turned(recording.triad(RATE), stood, -1.0)
+        channels |= _columns(RATE, gyroscopes(w, s, effects))
+        read = with_noise(read, RATE, complex_step(partial(_rates, s, effects), w))
     return in_counts(replace(read, channels=channels), calibration.readout)
+
+
+def _stood_off(recording: Recording, effects: Sequence[Effect]) -> tuple[Recording, Mount | None]:
+    """The recording with the readouts that `mount` brings to those it has, and what the mount does there."""
+    stood, angle = mount(recording, effects), recording.angles()
+    for _ in range(ROUNDS_BACK):  # readout = true - error(readout): contracts tenfold or more
+        if stood is None:
+            break
+        new = recording.angles() - stood.readout
+        done, angle = np.array_equal(new, angle), new
+        stood = mount(with_readouts(recording, angle), effects)
+        if done:
+            break
+    return with_readouts(recording, angle), stood
 
 
 def _columns(quantity: str, v: Array) -> dict[Key, Array]:
     return {(quantity, a): v[:, i] for i, a in enumerate(AXES)}
 
 
-def _through_encoders(recording: Recording, effects: Sequence[Effect], sign: float) -> Recording:
-    """Readouts to true gimbal angles (sign 1) or back (sign -1)."""
-    encoder = [e for e in effects if e.stage is Stage.ENCODER]
-    if not encoder or not recording.has(ANGLE):
-        return recording
-    told = recording.angles()
-    angle = told + _off(encoder, recording, told) if sign > 0 else told
-    for _ in range(50 if sign < 0 else 0):  # readout = true - error(readout): contracts tenfold or more
-        new = told - _off(encoder, recording, angle)
-        done, angle = np.array_equal(new, angle), new
-        if done:
-            break
-    return _with_angles(recording, angle)
-
-
-def _with_angles(recording: Recording, angle: Array) -> Recording:
-    names = recording.platform.axis_names
-    logged = {(ANGLE, n): angle[:, names.index(n)] for n in recording.axes(ANGLE)}
-    return replace(recording, channels=dict(recording.channels) | logged)
-
-
-def _off(encoder: Sequence[Effect], recording: Recording, readout: Array) -> Array:
-    """True angle minus readout (n, k) [rad] at these readouts."""
-    s = stimulus_from_readings(_with_angles(recording, readout))
-    return np.asarray(sum(e.contribution(s) for e in encoder))
+def _of(calibration: Calibrated, recording: Recording) -> tuple[Effect, ...]:
+    """The effects that a recording has in it: what happened once, only where the calibration was made from it."""
+    made_from = {file["sha256"] for file in calibration.provenance.get("recordings", ()) if "sha256" in file}
+    mine = {file.sha256 for file in recording.source}
+    elsewhere = bool(made_from and mine) and not made_from & mine
+    return tuple(e for e in calibration.effects if not (elsewhere and happens_once(type(e))))
 
 
 def _with_needs(effects: Sequence[Effect], recording: Recording) -> tuple[Effect, ...]:

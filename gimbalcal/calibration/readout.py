@@ -106,6 +106,24 @@ def in_counts(recording: Recording, readout: Readout) -> Recording:
     return recording
 
 
+def with_noise(recording: Recording, quantity: str, gain: Array) -> Recording:
+    """The recording with the noise and the scatter of a triad that has been through a gain (n, 3, 3) row by row.
+
+    Noise that is alike on all axes, stated as one sigma, stays one: the root of the mean square of the three.
+    """
+    square = (gain**2).mean(axis=0)  # of output i by input j
+    by_axis = np.array([recording.scatter.get((quantity, a), np.nan) for a in AXES])
+    known = np.where(np.isfinite(by_axis), by_axis, 0.0)
+    out = np.sqrt(square @ known**2)
+    factor = float(np.sqrt(square.sum(axis=1).mean()))
+    return replace(
+        recording,
+        noise={k: v * factor if SENSORS[k] == quantity else v for k, v in recording.noise.items()},
+        scatter=dict(recording.scatter)
+        | {(quantity, a): float(out[i]) for i, a in enumerate(AXES) if np.isfinite(by_axis[i])},
+    )
+
+
 def _scaled(recording: Recording, quantity: str, values: Array, scale: Array, unit: str) -> Recording:
     """Other values (n, 3) of a quantity in another unit, with its scatter and noise times scale (3,)."""
     noise = {k: v * float(scale.mean()) if SENSORS[k] == quantity else v for k, v in recording.noise.items()}

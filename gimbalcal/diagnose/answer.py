@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from gimbalcal.calibration import Calibration
 from gimbalcal.number import Array
 
 VERDICTS = ("adequate", "not-identifiable", "unexplained", "missing-physics")  # of two views the later one is told
@@ -34,6 +35,7 @@ class Diagnosis:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     in_words: str = ""
     curves: Curves | None = None
+    calibration: Calibration | None = None  # the refit: the model with what was found in it
 
     def to_dict(self) -> dict[str, Any]:
         """The content of diagnosis.json."""

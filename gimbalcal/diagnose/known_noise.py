@@ -21,15 +21,16 @@ from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.known_noise import library
 from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.diagnose.search.ranking import Search, search
+from gimbalcal.diagnose.verdict.calibrated import calibrated, found_of
 from gimbalcal.diagnose.verdict.decide import Decision, bar, capped, decide
 from gimbalcal.diagnose.verdict.locate import Scan, mismatches, scan
 from gimbalcal.diagnose.verdict.model import FittedCauses, calibration_fit, constant_value, fit_causes
 from gimbalcal.diagnose.verdict.recommend import advise, sentence
 from gimbalcal.diagnose.verdict.threshold import clean_evidence
 from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
-from gimbalcal.effects import CATALOGUE, GYROSCOPES, Effect, Parameter
+from gimbalcal.effects import CATALOGUE, Effect, Parameter
 from gimbalcal.effects.baseline import BASELINE
-from gimbalcal.effects.effect import SENSOR_STAGES
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.number import Array
@@ -48,7 +49,7 @@ def diagnose_known_noise(
     tell("sending simulated clean recordings of this design through the same comparison")
     clean = clean_evidence(s, rng)
     d = decide(s, bar(clean))
-    return _report(s, d, clean, rng, {"baseline": list(ids), "seed": seed}, tell), s, d
+    return _report(s, d, clean, rng, {"baseline": list(ids), "seed": seed}, tell, calibration), s, d
 
 
 def searched(recording: Recording, calibration: Calibration | None, baseline: tuple[str, ...], tell: Tell) -> Search:
@@ -61,13 +62,14 @@ def searched(recording: Recording, calibration: Calibration | None, baseline: tu
 
 def carried(calibration: Calibration | None, baseline: Sequence[str]) -> tuple[Effect, ...]:
     """Effects of a calibration that hold on another day: the baseline's and the sensors', not how the rig stood."""
-    held = SENSOR_STAGES | GYROSCOPES
+    held = SENSOR_STAGES | GYROSCOPE_STAGES
     return tuple(e for e in (calibration.effects if calibration else ()) if e.id in baseline or e.stage in held)
 
 
 def _report(
-    s: Search, d: Decision, clean: Array, rng: np.random.Generator, options: Mapping[str, Any], tell: Tell
-) -> Diagnosis:
+    s: Search, d: Decision, clean: Array, rng: np.random.Generator, options: Mapping[str, Any], tell: Tell,
+    known: Calibration | None = None,
+) -> Diagnosis:  # fmt: skip
     members = d.hypothesis.members if d.hypothesis else ()
     f = fit_causes(s, members)
     seen = fit_causes(s, members or tuple(d.shapes[:1]))  # the noise as it is once the shape is allowed for
@@ -88,7 +90,17 @@ def _report(
         "excess_kurtosis": round(s.o.heavy, 3),
     }
     words = wording.answer(d.verdict, named, shapes, mismatch, fitted) + _misheld(s, d)
-    return Diagnosis(d.verdict, mismatch, named, shapes, fitted, provenance, words, curves)
+    tell("the model with what was found, as a calibration")
+    made = calibrated_alone(s, f, wording.reserve(d.verdict, named, shapes), known)
+    return Diagnosis(d.verdict, mismatch, named, shapes, fitted, provenance, words, curves, made)
+
+
+def calibrated_alone(s: Search, f: FittedCauses, outcome: str, known: Calibration | None = None) -> Calibration:
+    """The calibration of one recording with the causes of a fit."""
+    causes = [s.library.candidates[m] for m in f.members]
+    told = [constant_value(s, f, j) for j in range(len(causes))]
+    found = found_of(causes, told, f.x, f.covariance)
+    return calibrated([(s.o, f.projection.node, range(len(causes)))], found, outcome, known)
 
 
 def _misheld(s: Search, d: Decision) -> str:

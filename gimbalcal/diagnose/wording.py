@@ -90,6 +90,16 @@ def answer_of_views(
     return f"{causes(verdict, found, by='; ')}. {better}{rest}{off(mismatch)}"
 
 
+def reserve(verdict: str, findings: Sequence[Entry], unexplained: Sequence[Entry]) -> str:
+    """Why the calibration that a diagnosis ends in should not be used as it is; empty where nothing speaks against."""
+    if verdict == "unexplained":
+        return f"{no_cause(unexplained)} The calibration holds the model without it"
+    if verdict != "not-identifiable":
+        return ""
+    held = " and ".join(named({**f, "twins": []}) for f in findings)
+    return f"{causes(verdict, findings)}. The calibration holds {held}, which corrects these data as well as the others"
+
+
 def causes(verdict: str, findings: Sequence[Entry], unexplained: Sequence[Entry] = (), by: str = " and ") -> str:
     """What was left out; where that is open, with the shape that may stand in its place."""
     said = by.join(named(f) for f in findings)

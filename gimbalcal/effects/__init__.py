@@ -10,7 +10,6 @@ import pkgutil
 
 from gimbalcal.effects.effect import (
     CATALOGUE,
-    GYROSCOPES,
     Effect,
     Parameter,
     Stage,
@@ -23,7 +22,6 @@ from gimbalcal.effects.effect import (
 
 __all__ = [
     "CATALOGUE",
-    "GYROSCOPES",
     "Effect",
     "Parameter",
     "Stage",

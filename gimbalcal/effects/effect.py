@@ -48,7 +48,7 @@ class Stage(Enum):
 
 
 SENSOR_STAGES = frozenset({Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER})  # of an accelerometer itself
-GYROSCOPES = frozenset({Stage.RATE_AXIS, Stage.RATE_SCALE, Stage.GYROSCOPE})  # what angular rate passes through
+GYROSCOPE_STAGES = frozenset({Stage.RATE_AXIS, Stage.RATE_SCALE, Stage.GYROSCOPE})  # what angular rate passes through
 
 
 class Grid(Enum):
@@ -231,6 +231,11 @@ class Parameter:
 def constants(cls: type[Effect]) -> tuple[dataclasses.Field[float], ...]:
     """Non-linear constants of an effect; `metadata` of each has unit, low, high and grid."""
     return tuple(f for f in dataclasses.fields(cls) if f.metadata.get("kind") == "constant")
+
+
+def happens_once(cls: type[Effect]) -> bool:
+    """Whether an effect is something that happened in one recording, and says nothing of another."""
+    return any(f.metadata["grid"].once for f in constants(cls))
 
 
 def tied(wanted: Sequence[Parameter]) -> tuple[Parameter, ...]:

@@ -15,7 +15,8 @@ from itertools import pairwise
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.effects import CATALOGUE, GYROSCOPES, parameters, with_values
+from gimbalcal.effects import CATALOGUE, parameters, with_values
+from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.effects.gyroscope import of_rate_matrix, rate_matrix
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
@@ -40,7 +41,7 @@ def inertial_unit(recording: Recording, terms: Sequence[str] = ()) -> Calibratio
     """
     if not recording.has(FORCE):
         return gyroscopes_from_revolutions(recording)
-    of_rate = tuple(t for t in terms if t in CATALOGUE and CATALOGUE[t].stage in GYROSCOPES)
+    of_rate = tuple(t for t in terms if t in CATALOGUE and CATALOGUE[t].stage in GYROSCOPE_STAGES)
     made = multiposition(recording, tuple(t for t in terms if t not in of_rate))
     if terms and not of_rate:
         return made

@@ -26,8 +26,8 @@ residuals and their exact derivatives by what is added at each stage, from which
 product.
 """
 
-from gimbalcal.forward.angles import navigator_attitude_error
-from gimbalcal.forward.model import accelerometers, gyroscopes, predict, turning
+from gimbalcal.forward.angles import navigator_attitude_error, nearest_angles
+from gimbalcal.forward.model import accelerometers, attitude, gyroscopes, predict, turning
 from gimbalcal.forward.rows import ANGLES, AXES, Key, Rows, difference, experienced, jacobian, linearise, picked
 
 __all__ = [
@@ -36,12 +36,14 @@ __all__ = [
     "Key",
     "Rows",
     "accelerometers",
+    "attitude",
     "difference",
     "experienced",
     "gyroscopes",
     "jacobian",
     "linearise",
     "navigator_attitude_error",
+    "nearest_angles",
     "picked",
     "predict",
     "turning",

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from gimbalcal.kinematics import DOWN
 from gimbalcal.number import Array, apply_matrix, arcsin, arctan2, is_symbolic, sqrt
 from gimbalcal.platform import Platform
 from gimbalcal.rotation import small_rotation_vector
+
+LOCKED = 1e-2  # relative singular value of the gimbals' axes below which they turn about one axis less
+STEPS, SETTLED = 8, 1e-15  # each step squares what is left of milliradians; rad
 
 
 def ideal_angles(platform: Platform, phase: Array, latitude: float) -> Array:
@@ -36,6 +41,22 @@ def gimbal_angles(platform: Platform, C_bp: Array, ideal: Array, error: Array | 
         step = np.linalg.solve(J, left[..., None])[..., 0] if not is_symbolic(left) else _symbolic_solve(J, left)
         angle = angle.astype(np.result_type(angle, step))
         angle[..., free] += step
+    return angle
+
+
+def nearest_angles(platform: Platform, C_bp: Array, start: Array, free: Sequence[int]) -> Array:
+    """Angles (n, k) near `start` that turn the perfect chain closest to C_bp (n, 3, 3), by the free gimbals alone.
+
+    The smallest changes that do it. What no free gimbal can turn, as in gimbal lock, stays.
+    """
+    angle = np.array(start, dtype=float)
+    for _ in range(STEPS):
+        left = small_rotation_vector(C_bp @ np.swapaxes(platform.attitude(angle), -1, -2))
+        J = np.stack([_axis_in_platform(platform, angle, i) for i in free], axis=-1)
+        step = apply_matrix(np.linalg.pinv(J, rcond=LOCKED), left)
+        angle[..., free] += step
+        if np.max(np.abs(step), initial=0.0) < SETTLED:
+            break
     return angle
 
 

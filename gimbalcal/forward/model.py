@@ -65,6 +65,11 @@ def _mount(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> tuple[
     return C_bp @ _rotation(effects, Stage.BASE, s), s
 
 
+def attitude(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
+    """C_np (n, 3, 3) of a platform whose readouts say where it points, as these effects make it stand."""
+    return np.asarray(_rotation(effects, Stage.PLATFORM, s) @ _mount(platform, s, effects)[0])
+
+
 def _pointing(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
     """Seen direction minus target (n, 2) [rad], across and along the innermost axis, as a perfect mount sees them."""
     true_angle = s.true_angle

@@ -17,7 +17,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from gimbalcal.effects import CATALOGUE, GYROSCOPES, Effect, Parameter, Stage, Stimulus, absent, values, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, values, with_values
+from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.forward.model import predict
 from gimbalcal.number import STEP, Array, complex_step
 from gimbalcal.platform import Platform
@@ -31,7 +32,7 @@ AXES: Mapping[str, tuple[str, ...]] = {
 }  # of each quantity, in the order of `predict`; gimbal angles are named after the platform's axes
 ANGLES = ("gimbal_angle", "attitude_error")  # a difference of these is within half a turn
 ONLY_IN = {  # stages that one quantity alone shows
-    **dict.fromkeys(GYROSCOPES, "angular_rate"),
+    **dict.fromkeys(GYROSCOPE_STAGES, "angular_rate"),
     Stage.ATTITUDE: "attitude_error",
     Stage.LINE_OF_SIGHT: "pointing",
 }

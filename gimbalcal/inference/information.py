@@ -49,6 +49,19 @@ class Information:
         rows = np.concatenate([_widen(part, union) for part in (self, other)])
         return Information(union, _triangle(rows), self.count + other.count)
 
+    def without(self, nuisance: Sequence[Parameter]) -> Information:
+        """The same of the other parameters, whatever these are: they take up their share of the rows.
+
+        With their columns first, the triangle's rows below theirs know nothing of them. Their prior joins the rows, so
+        that no direction among them is free.
+        """
+        out = [i for i, p in enumerate(self.parameters) if p in nuisance]
+        rest = [i for i in range(len(self.parameters)) if i not in out]
+        prior = np.eye(len(out), self.rows.shape[1])
+        triangle = np.asarray(np.linalg.qr(np.concatenate([prior, self.rows[:, [*out, *rest, -1]]]), mode="r"))
+        kept = tuple(self.parameters[i] for i in rest)
+        return Information(kept, triangle[len(out) :, len(out) :], self.count - len(out))
+
 
 @dataclass(frozen=True)
 class Solution:

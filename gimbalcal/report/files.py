@@ -27,10 +27,12 @@ def write_calibration(
 
 
 def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "") -> None:
-    """diagnosis.json and report.html into `out`; `title` says of which recording."""
+    """diagnosis.json, the calibration.json of its refit and report.html into `out`; `title` says of which recording."""
     from gimbalcal.report.diagnosis_page import diagnosis_report, panels
 
     drawn = panels(diagnosis.curves, diagnosis.mismatch) if diagnosis.curves else ()
     page = diagnosis_report(diagnosis.to_dict(), drawn, title)
     write_json(out / "diagnosis.json", diagnosis.to_dict())
+    if diagnosis.calibration is not None:
+        diagnosis.calibration.write(out / "calibration.json")
     write(out / "report.html", page)

@@ -9,7 +9,8 @@ import numpy as np
 
 from gimbalcal.calibration import Counts
 from gimbalcal.calibration.readout import from_content
-from gimbalcal.effects import CATALOGUE, GYROSCOPES
+from gimbalcal.effects import CATALOGUE
+from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.report import wording
 from gimbalcal.report.html import Picture, picture
 from gimbalcal.report.parameter_rows import as_printed
@@ -73,7 +74,7 @@ def _coefficients(s: Mapping[str, Any]) -> dict[str, Any]:
 def _stage(s: Mapping[str, Any], parameters: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     """A row of the table of stages; one that calibrates gyroscopes alone leaves angles, others forces."""
     effects = {p["effect"] for p in parameters if label_of(p) in s["values"]}
-    turned = effects and all(CATALOGUE[e].stage in GYROSCOPES for e in effects)
+    turned = effects and all(CATALOGUE[e].stage in GYROSCOPE_STAGES for e in effects)
     rms = float(from_si(s["rms"], "arcsec" if turned else "ug"))
     text = f"{significant(rms, 3)} {'arcsec' if turned else 'µg'}" if np.isfinite(rms) else "–"
     words = wording.typeset(s["in_words"])

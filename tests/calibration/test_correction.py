@@ -12,15 +12,16 @@ from hypothesis import strategies as st
 
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.earth import G0
-from gimbalcal.effects import CATALOGUE, GYROSCOPES, Effect, Stage, absent, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Stage, absent, parameters, with_values
 from gimbalcal.effects.accelerometer import Bias
+from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition
 from gimbalcal.platform import BENCH, SPACE_STABLE
 from gimbalcal.recording import Recording, Site
 from gimbalcal.schedule import EIGHTEEN_POSITIONS
 
-SENSORS = (Stage.ENCODER, Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER, *GYROSCOPES)
+SENSORS = (Stage.ENCODER, Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER, *GYROSCOPE_STAGES)
 LOSSY = ("dead_zone",)  # a flat law: what is in it cannot be told back
 IDS = sorted(i for i, c in CATALOGUE.items() if c.stage in SENSORS and c.requires != ("covariate",) and i not in LOSSY)
 

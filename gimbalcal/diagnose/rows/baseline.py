@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gimbalcal.effects import CATALOGUE, GYROSCOPES, Effect
-from gimbalcal.effects.effect import follows, lacking
+from gimbalcal.effects import CATALOGUE, Effect
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, follows, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.recording import Recording
 
@@ -46,7 +46,7 @@ def check_baseline(ids: Sequence[str], recordings: Sequence[Recording]) -> None:
 
 def by_triad(ids: Sequence[str]) -> tuple[list[str], list[str]]:
     """Effects of the forces, and those of the gyroscopes."""
-    gyro = [i for i in ids if known_effect(i).stage in GYROSCOPES]
+    gyro = [i for i in ids if known_effect(i).stage in GYROSCOPE_STAGES]
     return [i for i in ids if i not in gyro], gyro
 
 

@@ -14,9 +14,9 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.diagnose.rows.views import RATE, View
-from gimbalcal.effects import CATALOGUE, GYROSCOPES, Effect, Stimulus, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Stimulus, parameters, with_values
 from gimbalcal.effects.baseline import BASELINE
-from gimbalcal.effects.effect import follows, lacking
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, follows, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import WIDE, multiposition
 from gimbalcal.estimate.gyroscopes.between_rests import rows_of_turns
@@ -56,7 +56,7 @@ def view_of_turns(recording: Recording, accelerometers: Calibration | None = Non
     ends = dwell_means(recording).select(turns.ends)
     s = stimulus_from_readings(ends)
     return View(
-        "turns", ends, s, ((RATE, "level"), (RATE, "tilted")), "arcsec", None, GYROSCOPES,
+        "turns", ends, s, ((RATE, "level"), (RATE, "tilted")), "arcsec", None, GYROSCOPE_STAGES,
         BASELINE["turns"], rows, _at_rest(turns.stimulus), WIDE,
     )  # fmt: skip
 
@@ -91,7 +91,7 @@ def _at_rest(s: Stimulus) -> frozenset[tuple[str, str]]:
     still = s.at(rate=0 * s.rate)
     out = set()
     for cls in CATALOGUE.values():
-        if cls.stage in GYROSCOPES and not lacking(cls, s.carries):
+        if cls.stage in GYROSCOPE_STAGES and not lacking(cls, s.carries):
             followed = next(iter(s.covariates)) if follows(cls) == "" else ""
             none = absent_effect(cls.id, s, followed)
             for p in parameters(cls, s.axis_names):

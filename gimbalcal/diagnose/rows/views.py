@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.effects import CATALOGUE, GYROSCOPES, Effect, Parameter, Stage, Stimulus
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
 from gimbalcal.effects.baseline import BASELINE
-from gimbalcal.effects.effect import SENSOR_STAGES
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import WIDE, multiposition, scaled_by_gravity
 from gimbalcal.estimate.gyroscopes.between_rests import fit_turns
@@ -140,11 +140,11 @@ def rest_rates(
     channels = tuple((RATE, a) for a in "xyz")
 
     def rows(effects: Sequence[Effect]) -> Rows:
-        return linearise(BENCH, s, effects, channels=channels, read=y, stages=GYROSCOPES)
+        return linearise(BENCH, s, effects, channels=channels, read=y, stages=GYROSCOPE_STAGES)
 
     return View(
         "rest rates", dwell_means(recording), s, channels, "deg/h", told,
-        GYROSCOPES, tuple(baseline) or BASELINE["rest rates"], rows, frozenset(), WIDE, told,
+        GYROSCOPE_STAGES, tuple(baseline) or BASELINE["rest rates"], rows, frozenset(), WIDE, told,
         turns=missed if moving else None,
     )  # fmt: skip
 

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
-from gimbalcal.effects import CATALOGUE, GYROSCOPES, Effect, Parameter, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
 from gimbalcal.effects.baseline import BASELINE
-from gimbalcal.effects.effect import lacking
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, lacking
 from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.gyroscopes.inter_triad import euler
@@ -75,7 +75,7 @@ def _default(recording: Recording) -> tuple[str, ...]:
 
 def _check(terms: Sequence[str], recording: Recording) -> None:
     for t in terms:
-        if t not in CATALOGUE or CATALOGUE[t].stage not in GYROSCOPES or t == BIAS:
+        if t not in CATALOGUE or CATALOGUE[t].stage not in GYROSCOPE_STAGES or t == BIAS:
             raise InputError(f"--terms names {t!r}, which is not a gyroscope effect that turns between rests can show")
         missing = lacking(CATALOGUE[t], recording.has)
         if missing:
@@ -200,7 +200,7 @@ def rows_of_turns(turns: Turns, effects: Sequence[Effect]) -> Rows:
     misfit, predicted, tail = end_of(rate, turns)
     moved = tail @ left_jacobian(rate * turns.step[..., None]) @ np.linalg.inv(D).reshape(m, n, 3, 3)
     S = -(cross_matrix(predicted)[:, None] @ moved) * turns.step[..., None, None]
-    read = linearise(BENCH, s.at(rate=w), effects, channels=[(RATE, a) for a in "xyz"], stages=GYROSCOPES)
+    read = linearise(BENCH, s.at(rate=w), effects, channels=[(RATE, a) for a in "xyz"], stages=GYROSCOPE_STAGES)
     answer = {k: np.moveaxis(S @ R.reshape(m, n, 3, 3), 1, 2).reshape(m, 3, 3 * n) for k, R in read.sensitivity.items()}
     channels = tuple((FORCE, a) for a in "xyz")
     return Rows(BENCH, read.kind, read.stimulus, tuple(effects), channels, misfit, read.seen, answer)

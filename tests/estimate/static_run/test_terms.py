@@ -12,7 +12,8 @@ from gimbalcal.estimate.static_run.force_filter import observation_matrix, proje
 from gimbalcal.estimate.static_run.run import noise_from, static_parameters, static_readings
 from gimbalcal.estimate.static_run.system import rms_by_channel, static
 from gimbalcal.forward import accelerometers
-from gimbalcal.readings import readings, with_phase_of_force
+from gimbalcal.kinematics import with_phase_of_force
+from gimbalcal.readings import readings
 from tests.estimate.static_runs import NOISE, TABLE_2_3, run
 from tests.stimuli import LATITUDE, G
 from tests.stimuli import static as held

@@ -1,0 +1,214 @@
+r"""The refit as a calibration: the constants of the model and the causes that were found, with their covariance.
+
+The rows are those of the diagnosis, in its likeliest noise, linearised again at what was found until nothing moves. The
+causes keep the sizes that were told, which are averaged over the noise; the constants are what the rows say beside
+them. With estimate (z, x) of constants and causes, its covariance P, and the sizes told x', P':
+
+.. math:: z' = z + K (x' - x), \quad K = P_{zx} P_{xx}^{-1}, \quad P'_{zz} = P_{zz} + K (P'_{xx} - P_{xx}) K^T
+
+Recordings of one unit add up as information. How the rig stood on the day, and what happened once in a single one of
+several, is each recording's own: it is fitted there and not carried.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+import gimbalcal
+from gimbalcal.calibration import Calibration, Readout, Residual
+from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.library.candidates import Candidate
+from gimbalcal.diagnose.rows.observations import Observations, absent_effect
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters, values, with_values
+from gimbalcal.inference.information import Information, Solution, information, solve
+from gimbalcal.number import Array
+from gimbalcal.readings import readings
+from gimbalcal.recording import Recording
+
+ROUNDS = 3  # linearisations: each leaves a product of two errors of what is left
+STANDING = frozenset({Stage.BASE, Stage.GRAVITY})  # how the rig stood, not what the unit is
+Constants = Sequence[tuple[str, float, float]]  # name, value and sigma in SI
+
+
+@dataclass(frozen=True)
+class Found:
+    """Causes with non-linear constants, linear parameters with sizes x (p,) and covariance (p, p), SI."""
+
+    causes: tuple[Candidate, ...]
+    constants: tuple[Constants, ...]  # of each cause
+    x: Array
+    covariance: Array
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Linear parameters of all causes."""
+        return tuple(p for c in self.causes for p in c.parameters)
+
+    def held(self, fitted: Sequence[Parameter]) -> dict[Parameter, tuple[float, float]]:
+        """Non-linear constants of what was fitted, as parameters: value and sigma. An effect has each of them once."""
+        out: dict[Parameter, tuple[float, float]] = {}
+        for c, told in zip(self.causes, self.constants, strict=True):
+            every = {p.field: p for p in parameters(CATALOGUE[c.effect], constants=True)}
+            for name, value, sigma in told if any(p.effect == c.effect for p in fitted) else ():
+                out.setdefault(every[name], (value, sigma))
+        return out
+
+
+def found_of(causes: Sequence[Candidate], constants: Sequence[Constants], x: Array, covariance: Array) -> Found:
+    """Causes from sizes x (p,) in prior sigmas with covariance (p, p)."""
+    scale = np.array([p.sigma for c in causes for p in c.parameters])
+    return Found(tuple(causes), tuple(constants), x * scale, covariance * np.outer(scale, scale))
+
+
+def calibrated(
+    seen: Sequence[tuple[Observations, Node, Sequence[int]]],
+    found: Found,
+    outcome: str,
+    known: Calibration | None = None,
+) -> Calibration:
+    """The calibration that a diagnosis ends in.
+
+    seen: the rows of each recording, their noise, and which of the causes it shows; known: the calibration that the
+    diagnosis started from, for what it holds and these recordings do not.
+    """
+    here = [_Share(o, node, found, tuple(which), alone=len(seen) == 1) for o, node, which in seen]
+    solution, made = _refitted(here, found)
+    mine = solution.parameters
+    held = found.held(mine)
+    kept = [p for p in (known.parameters if known else ()) if p not in mine and p not in held]
+    kept = [p for p in kept if p.effect in {e.id for s in here for e in s.o.baseline}]
+    wanted, n = (*mine, *held, *kept), len(mine)
+    P = np.zeros((len(wanted), len(wanted)))
+    P[:n, :n] = solution.covariance
+    P[range(n, n + len(held)), range(n, n + len(held))] = [sigma**2 for _, sigma in held.values()]
+    if kept and known is not None:
+        at = [known.parameters.index(p) for p in kept]
+        P[n + len(held) :, n + len(held) :] = known.covariance[np.ix_(at, at)]
+    recordings = [s.o.recording for s in here]
+    return Calibration(
+        method="diagnosis",
+        effects=tuple(e for e in made if e.id in {p.effect for p in wanted}),
+        parameters=wanted,
+        covariance=P,
+        unobservable=tuple(u.to_dict() for u in solution.unobservable),
+        residual=Residual(solution.chi2, solution.dof, _rms(here, made)),
+        outcome=outcome,
+        provenance=origin(recordings, [c.label for c in found.causes]),
+        readout=Readout(gimbals=recordings[0].platform.axis_names),
+    )
+
+
+def origin(recordings: Sequence[Recording], causes: Sequence[str]) -> dict[str, Any]:
+    """Where a calibration of a diagnosis comes from."""
+    return {
+        "recordings": [file for r in recordings for file in r.files],
+        "version": gimbalcal.__version__,
+        "options": {"direction": "physics to reading", "method": "diagnosis", "causes": list(causes)},
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+@dataclass(frozen=True)
+class _Share:
+    """One recording: its rows, their noise, and the causes that it shows."""
+
+    o: Observations
+    node: Node
+    found: Found
+    which: tuple[int, ...]
+    alone: bool
+
+    @property
+    def wanted(self) -> tuple[Parameter, ...]:
+        """What is fitted: the constants of the model, and the causes."""
+        causes = (p for i in self.which for p in self.found.causes[i].parameters)
+        return tuple(dict.fromkeys([*self.o.constants, *causes]))
+
+    @property
+    def own(self) -> tuple[Parameter, ...]:
+        """What of it is this recording's own and not carried."""
+        once = {self.found.causes[i].effect for i in self.which if self.found.causes[i].once}
+        return tuple(p for p in self.wanted if p.effect in once or CATALOGUE[p.effect].stage in STANDING)
+
+    def model(self) -> tuple[Effect, ...]:
+        """The model of the baseline with the causes at the sizes that were told."""
+        effects, names = self.o.baseline, self.o.stimulus.axis_names
+        at = np.cumsum([0, *(len(c.parameters) for c in self.found.causes)])
+        for i in self.which:
+            c = self.found.causes[i]
+            if c.effect not in {e.id for e in effects}:
+                fixed = {name: value for name, value, _ in self.found.constants[i]}
+                effects = (*effects, absent_effect(c.effect, self.o.stimulus, c.source, **fixed))
+            size = values(effects, c.parameters) + self.found.x[at[i] : at[i + 1]]
+            effects = with_values(effects, c.parameters, size, names)
+        return effects
+
+    def information(self, effects: Sequence[Effect]) -> Information:
+        """What the rows say of the wanted parameters, linearised at effects; without what is this recording's own."""
+        stages = dict.fromkeys(CATALOGUE[p.effect].stage for p in self.wanted)
+        rows = readings(self.o.recording).rows(effects, stages).over(self.o.sigma)
+        A = self.node.whiten(self.o.reduce(rows.jacobian(self.wanted)))
+        r = self.node.whiten(self.o.reduce(rows.residual[:, :, None]))[:, 0]
+        told = information(A, r + A @ values(effects, self.wanted), self.wanted)
+        return told if self.alone else told.without(self.own)
+
+
+def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Effect, ...]]:
+    """Constants and causes from all recordings, and the effects of all of them with these values."""
+    models = [s.model() for s in here]
+    told = dict(zip(found.parameters, values(_union(models), found.parameters), strict=True))
+    for _ in range(ROUNDS):
+        infos = [s.information(m) for s, m in zip(here, models, strict=True)]
+        total = infos[0]
+        for more in infos[1:]:
+            total = total + more
+        solution = _with_sizes(solve(total), found, told)
+        names = here[0].o.stimulus.axis_names
+        models = [
+            with_values(m, mine, values_of(solution, mine), names)
+            for s, m in zip(here, models, strict=True)
+            for mine in [tuple(p for p in s.wanted if p in solution.parameters)]
+        ]
+    return solution, with_values(_union(models), solution.parameters, solution.x, names)
+
+
+def values_of(solution: Solution, wanted: Sequence[Parameter]) -> Array:
+    """Values (q,) of some parameters of a solution."""
+    return np.array([solution.x[solution.parameters.index(p)] for p in wanted])
+
+
+def _with_sizes(s: Solution, found: Found, told: Mapping[Parameter, float]) -> Solution:
+    """The solution with the causes at their sizes and covariance, the others as they go with it (module docstring)."""
+    mine = [p for p in found.parameters if p in s.parameters]
+    if not mine:
+        return s
+    c = [s.parameters.index(p) for p in mine]
+    at = [found.parameters.index(p) for p in mine]
+    P = s.covariance
+    K = P[:, c] @ np.linalg.pinv(P[np.ix_(c, c)], rcond=1e-13, hermitian=True)
+    new = found.covariance[np.ix_(at, at)]
+    x = s.x + K @ (np.array([told[p] for p in mine]) - s.x[c])
+    covariance = P + K @ (new - P[np.ix_(c, c)]) @ K.T
+    covariance[c, :], covariance[:, c] = new @ K.T, K @ new
+    return replace(s, x=x, covariance=(covariance + covariance.T) / 2)
+
+
+def _union(models: Sequence[Sequence[Effect]]) -> tuple[Effect, ...]:
+    """Effects of all recordings, each once."""
+    return tuple({e.id: e for m in reversed(models) for e in m}.values())
+
+
+def _rms(here: Sequence[_Share], effects: Sequence[Effect]) -> dict[str, float]:
+    """Root mean square of what is left, SI, by "quantity:axis"; of the first recording that has the channel."""
+    out: dict[str, float] = {}
+    for s in here:
+        mine = {p.effect for p in s.wanted} | {e.id for e in s.o.baseline}
+        left = readings(s.o.recording).residual([e for e in effects if e.id in mine])
+        for (quantity, axis), column in zip(s.o.channels, left.T, strict=True):
+            out.setdefault(f"{quantity}:{axis}", float(np.sqrt(np.mean(column**2))))
+    return out
