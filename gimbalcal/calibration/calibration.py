@@ -80,6 +80,7 @@ class Calibration:
 
     def to_dict(self) -> dict[str, Any]:
         """The content of calibration.json (interfaces.md section 3): values in printed units, covariance in SI."""
+        followed = {e.id: getattr(e, "covariate", "") for e in self.effects}
         rows = [
             {
                 "name": p.name,
@@ -89,6 +90,7 @@ class Calibration:
                 "unit": p.unit,
                 "prior_sigma": float(from_si(p.sigma, p.unit)),
                 "effect": p.effect,
+                **({"covariate": followed[p.effect]} if followed.get(p.effect) else {}),
             }
             for p, v, s in zip(self.parameters, self.values, self.sigmas, strict=True)
         ]
@@ -149,9 +151,11 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
                     np.array(list(s["sigmas"].values())), s["rms"], s["in_words"])
         for s in content.get("stages", [])
     )  # fmt: skip
+    followed = {r["effect"]: r["covariate"] for r in rows if r.get("covariate")}
+    made = with_values((), chosen, sign * x, gimbals)
     return Calibration(
         method=content["method"],
-        effects=with_values((), chosen, sign * x, gimbals),
+        effects=tuple(_following(e, followed[e.id]) if e.id in followed else e for e in made),
         parameters=chosen,
         covariance=np.array(content["covariance"], dtype=float) * np.outer(sign, sign),
         unobservable=tuple(unobservable),
@@ -161,6 +165,12 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
         stages=stages,
         readout=replace(readout, angles=DRAWING),
     )
+
+
+def _following(e: Effect, covariate: str) -> Effect:
+    """The effect with the name of the channel that it follows."""
+    named: dict[str, Any] = {"covariate": covariate}
+    return replace(e, **named)
 
 
 def gimbals_of(named: Sequence[tuple[str, str]]) -> tuple[str, ...]:

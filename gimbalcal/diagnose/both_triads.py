@@ -23,16 +23,12 @@ from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import VERDICTS, Diagnosis
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
 from gimbalcal.diagnose.rows.baseline import by_triad
-from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.diagnose.rows.turns import FEWEST, view_of_turns
 from gimbalcal.diagnose.rows.views import FORCE, RATE, View, rest_rates
-from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.diagnose.search.stepwise import course, start
-from gimbalcal.diagnose.unknown_noise import Told, curves_of, told_of
-from gimbalcal.diagnose.verdict.decide import Decision
-from gimbalcal.diagnose.verdict.model import calibration_fit, fit_causes
+from gimbalcal.diagnose.unknown_noise import Told, calibration_of, curves_of, told_of
 from gimbalcal.earth import EARTH_RATE
-from gimbalcal.effects import Effect, values, with_values
+from gimbalcal.effects import Effect
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition
@@ -65,7 +61,7 @@ def diagnose_both_triads(
     found = diagnose_known_noise(recording, calibration, mine, seed, tell) if asked else None
     if found is not None and ((mine and not gyro) or not recording.has(RATE)):
         return found[0]
-    made = calibration if found is None else _accelerometers(found[1], found[2])
+    made = calibration if found is None or found[0].calibration is None else _accelerometers(found[0].calibration)
     explained = found is None or found[0].verdict != "unexplained"
     views, notes = _views(recording, made, gyro, explained)
     told = []
@@ -87,23 +83,10 @@ def _with_rests(recording: Recording) -> Recording:
     return replace(recording, kind="multi-position")
 
 
-def _accelerometers(s: Search, d: Decision) -> Calibration:
-    """The accelerometers as the forces tell them: the calibrated model with what was found in it."""
-    f = fit_causes(s, d.hypothesis.members if d.hypothesis else ())
-    scale = np.array([p.sigma for p in s.o.constants])
-    x = values(s.o.baseline, s.o.constants) + calibration_fit(s, f)[1] * scale
-    names = s.o.stimulus.axis_names
-    effects = with_values(s.o.baseline, s.o.constants, x, names)
-    at = 0
-    for m, v in zip(f.members, f.variants, strict=True):
-        c = s.library.candidates[m]
-        size = f.x[at : at + len(c.parameters)] * np.array([p.sigma for p in c.parameters])
-        at += len(c.parameters)
-        if c.parameters and c.effect not in {e.id for e in effects}:
-            effects = (*effects, absent_effect(c.effect, s.o.stimulus, c.source, **dict(c.variants[v].constants)))
-        effects = with_values(effects, c.parameters, values(effects, c.parameters) + size, names)
-    kept = tuple(e for e in effects if e.stage in SENSOR_STAGES and e.channel == FORCE)
-    return Calibration("diagnosis", kept, (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
+def _accelerometers(made: Calibration) -> Calibration:
+    """The accelerometers of a calibration of the forces, without the mount."""
+    kept = tuple(e for e in made.effects if e.stage in SENSOR_STAGES and e.channel == FORCE)
+    return replace(made, effects=kept, parameters=(), covariance=np.zeros((0, 0)))
 
 
 def _views(
@@ -208,7 +191,9 @@ def _together(
     verdict = lead.said.verdict
     words = _answer(verdict, parts, found, shapes, mismatch, notes)
     drawn = curves_of(lead.said) if isinstance(lead.said, Told) else lead.said.curves
-    return Diagnosis(verdict, mismatch, found, shapes, fitted, provenance, words, drawn)
+    held = None if forces is None else forces.calibration
+    made = calibration_of(recording, told, wording.reserve(verdict, found, shapes), held)
+    return Diagnosis(verdict, mismatch, found, shapes, fitted, provenance, words, drawn, made)
 
 
 def _ids(options: Mapping[str, Any]) -> list[str]:

@@ -23,6 +23,7 @@ from gimbalcal.diagnose.rows.turns import view_of_turns
 from gimbalcal.diagnose.rows.views import FORCE, RATE, View, norm, pointing, rest_rates, table
 from gimbalcal.diagnose.search.alternatives import Judgement, judged
 from gimbalcal.diagnose.search.stepwise import Course, Model, course, refined, weighted
+from gimbalcal.diagnose.verdict.calibrated_views import Seen, calibrated_views
 from gimbalcal.diagnose.verdict.decide import capped
 from gimbalcal.diagnose.verdict.locate_unknown_noise import mismatches
 from gimbalcal.effects import CATALOGUE, values
@@ -87,6 +88,7 @@ class Told:
     fit: dict[str, Any]
     before: Array
     after: Array
+    model: Model
 
 
 def told_of(v: View, c: Course, tell: Tell) -> Told:
@@ -106,7 +108,7 @@ def told_of(v: View, c: Course, tell: Tell) -> Told:
         verdict = "unexplained"
     sigma = _sigma(v, c.end)
     mismatch = () if verdict == "adequate" else mismatches(v, c.start, sigma)
-    return Told(v, verdict, mismatch, found, shapes, _fit(v, c, sigma), c.start.r / sigma, c.end.r / sigma)
+    return Told(v, verdict, mismatch, found, shapes, _fit(v, c, sigma), c.start.r / sigma, c.end.r / sigma, c.end)
 
 
 def _finding(c: Course, j: Judgement) -> dict[str, Any]:
@@ -251,7 +253,16 @@ def _together(recording: Recording, told: Sequence[Told], baseline: Sequence[str
         "views": [t.view.name for t in told],
     }
     words = wording.answer_of_views(verdict, [(t.view, t.fit, t.findings) for t in told], shapes, mismatch)
-    return Diagnosis(verdict, mismatch, found, shapes, fit, provenance, words, curves_of(lead))
+    made = calibration_of(recording, told, wording.reserve(verdict, found, shapes))
+    return Diagnosis(verdict, mismatch, found, shapes, fit, provenance, words, curves_of(lead), made)
+
+
+def calibration_of(
+    recording: Recording, told: Sequence[Told], outcome: str, forces: Calibration | None = None
+) -> Calibration:
+    """The calibration that the views end in, with what another road says of the forces."""
+    causes = [f"{f['effect']}:{f['axis']}".rstrip(":") for t in told for f in t.findings]
+    return calibrated_views(recording, [Seen(t.view, t.model) for t in told], causes, outcome, forces)
 
 
 def curves_of(t: Told) -> Curves:

@@ -31,6 +31,7 @@ from gimbalcal.readings import readings
 from gimbalcal.recording import Recording
 
 ROUNDS = 3  # linearisations: each leaves a product of two errors of what is left
+WIDE = 30.0
 STANDING = frozenset({Stage.BASE, Stage.GRAVITY})  # how the rig stood, not what the unit is
 Constants = Sequence[tuple[str, float, float]]  # name, value and sigma in SI
 
@@ -48,6 +49,11 @@ class Found:
     def parameters(self) -> tuple[Parameter, ...]:
         """Linear parameters of all causes."""
         return tuple(p for c in self.causes for p in c.parameters)
+
+    def wide(self) -> dict[Parameter, Parameter]:
+        """The parameters with a prior as wide as what was found: a prior that is narrower would hold them back."""
+        size = WIDE * np.maximum(np.abs(self.x), np.sqrt(np.diag(self.covariance)))
+        return {p: replace(p, sigma=max(p.sigma, float(s))) for p, s in zip(self.parameters, size, strict=True)}
 
     def held(self, fitted: Sequence[Parameter]) -> dict[Parameter, tuple[float, float]]:
         """Non-linear constants of what was fitted, as parameters: value and sigma. An effect has each of them once."""
@@ -154,8 +160,9 @@ class _Share:
         rows = readings(self.o.recording).rows(effects, stages).over(self.o.sigma)
         A = self.node.whiten(self.o.reduce(rows.jacobian(self.wanted)))
         r = self.node.whiten(self.o.reduce(rows.residual[:, :, None]))[:, 0]
-        told = information(A, r + A @ values(effects, self.wanted), self.wanted)
-        return told if self.alone else told.without(self.own)
+        wide = self.found.wide()
+        told = information(A, r + A @ values(effects, self.wanted), [wide.get(p, p) for p in self.wanted])
+        return told if self.alone else told.without([wide.get(p, p) for p in self.own])
 
 
 def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Effect, ...]]:
@@ -167,7 +174,10 @@ def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Eff
         total = infos[0]
         for more in infos[1:]:
             total = total + more
-        solution = _with_sizes(solve(total), found, told)
+        solution = solve(total)
+        narrow = {w: p for p, w in found.wide().items()}
+        solution = replace(solution, parameters=tuple(narrow.get(p, p) for p in solution.parameters))
+        solution = _with_sizes(solution, found, told)
         names = here[0].o.stimulus.axis_names
         models = [
             with_values(m, mine, values_of(solution, mine), names)

@@ -228,7 +228,7 @@ def _calibration(
     solution = best.fit.solution
     unobservable: list[dict[str, Any]] = [u.to_dict() for u in solution.unobservable]
     if any(q.effect == "misalignment" for q in solution.parameters):
-        unobservable += _rotations()
+        unobservable += rotations_of_the_triad()
     unobservable += [{"direction": {q.label: 1.0 for q in unknowns([t])}, "why": why} for t, why in declined]
     options = {
         "gravity": recording.site.gravity,
@@ -255,7 +255,8 @@ def _calibration(
     )  # fmt: skip
 
 
-def _rotations() -> list[dict[str, Any]]:
+def rotations_of_the_triad() -> list[dict[str, Any]]:
+    """The three turns of all input axes alike, which change no norm, as entries of `unobservable`."""
     pairs = (("yx", "zx", "x"), ("xy", "zy", "y"), ("xz", "yz", "z"))
     return [
         {

@@ -1,0 +1,137 @@
+"""The last models of views as one calibration: what was fitted in each, with its covariance, and how the unit is read.
+
+Views say different things of a unit (its accelerometers, its gyroscopes at rest, its gyroscopes on the way), so what
+they tell stands side by side, without correlations between them; of what two tell the first one counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration, Counts, Readout, Residual
+from gimbalcal.diagnose.rows.views import FORCE, RATE, View
+from gimbalcal.diagnose.verdict.calibrated import origin
+from gimbalcal.effects import Effect, Parameter, parameters, values, with_values
+from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.effect import SENSOR_STAGES
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.multiposition import multiposition, rotations_of_the_triad, scaled_by_gravity
+from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording, dwell_means
+
+FAINT = 0.01  # of the prior sigma: a parameter that is nearer to its prior than this is not seen
+
+
+class Fitted(Protocol):
+    """What is asked of a fit of a view: effects, what was fitted (p,), its covariance (p, p) in SI, misfit (n, C)."""
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The model, with the values and constants it ended with."""
+
+    @property
+    def fitted(self) -> tuple[Parameter, ...]:
+        """Parameters that were fitted, in the order of the covariance."""
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (p, p) in SI."""
+
+    @property
+    def r(self) -> Array:
+        """What is left (n, C), SI."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A view and the model that a search through it ended with."""
+
+    view: View
+    model: Fitted
+
+
+def calibrated_views(
+    recording: Recording, seen: Sequence[Seen], causes: Sequence[str], outcome: str, forces: Calibration | None = None
+) -> Calibration:
+    """The calibration of all views together; `forces`: what another road says of the accelerometers."""
+    blocks = [_block(s, recording.platform.axis_names) for s in seen]
+    if forces is not None:
+        blocks.insert(0, (forces.effects, forces.parameters, forces.covariance))
+    effects: tuple[Effect, ...] = ()
+    wanted: tuple[Parameter, ...] = ()
+    P = np.zeros((0, 0))
+    for theirs, fitted, covariance in blocks:
+        new = [i for i, p in enumerate(fitted) if p not in wanted]
+        effects = (*effects, *(e for e in theirs if e.id not in {o.id for o in effects}))
+        mine = tuple(fitted[i] for i in new)
+        effects = with_values(effects, mine, values(theirs, mine), recording.platform.axis_names)
+        P = np.block([[P, np.zeros((len(P), len(new)))],
+                      [np.zeros((len(new), len(P))), covariance[np.ix_(new, new)]]])  # fmt: skip
+        wanted = (*wanted, *mine)
+    return Calibration(
+        method="diagnosis",
+        effects=tuple(e for e in effects if e.id in {p.effect for p in wanted}),
+        parameters=wanted,
+        covariance=P,
+        unobservable=(*(forces.unobservable if forces else ()), *_unseen(seen)),
+        residual=_residual(seen, forces),
+        outcome=outcome,
+        provenance=origin([recording], causes),
+        readout=_readout(recording, seen),
+    )
+
+
+def _block(s: Seen, gimbals: Sequence[str]) -> tuple[tuple[Effect, ...], tuple[Parameter, ...], Array]:
+    """Effects of a view, what was fitted, and the non-linear constants beside it, which were chosen: sigma zero."""
+    linear = {p for e in s.model.effects for p in parameters(type(e), gimbals)}
+    ids = {p.effect for p in s.model.fitted}
+    every = (p for e in s.model.effects if e.id in ids for p in parameters(type(e), gimbals, constants=True))
+    held = tuple(p for p in every if p not in linear and p not in s.model.fitted)
+    n, m = len(s.model.fitted), len(held)
+    P = np.zeros((n + m, n + m))
+    P[:n, :n] = s.model.covariance
+    return s.model.effects, (*s.model.fitted, *held), P
+
+
+def _unseen(seen: Sequence[Seen]) -> list[dict[str, Any]]:
+    """Parameters of which these rows say nothing: they keep their prior; and what turns a triad as a whole."""
+    out = []
+    for s in seen:
+        sigma = np.sqrt(np.diag(s.model.covariance))
+        for p, x, e in zip(s.model.fitted, values(s.model.effects, s.model.fitted), sigma, strict=True):
+            if abs(e / p.sigma - 1) < FAINT and abs(x) < FAINT * p.sigma:
+                out.append({"direction": {p.label: 1.0}, "why": f"{p.label} does not show in {s.view.name}"})
+        if s.view.name == "norm" and any(p.effect == "misalignment" for p in s.model.fitted):
+            out += rotations_of_the_triad()
+    return out
+
+
+def _residual(seen: Sequence[Seen], forces: Calibration | None) -> Residual:
+    """Misfit by channel, SI. Where nobody stated the noise it is the misfit, and chi^2 its degrees of freedom."""
+    rms = dict(forces.residual.rms) if forces else {}
+    for s in seen:
+        left = np.sqrt(np.mean(s.model.r**2, axis=0))
+        rms |= {f"{s.view.name} {' '.join(c)}".strip(): float(v) for c, v in zip(s.view.channels, left, strict=True)}
+    if forces is not None:
+        return replace(forces.residual, rms=rms)
+    dof = max(sum(s.model.r.size - len(s.model.fitted) for s in seen), 0)
+    return Residual(float(dof), dof, rms)
+
+
+def _readout(recording: Recording, seen: Sequence[Seen]) -> Readout:
+    """Nominal scales of what counts, as the views had them, and the names of the gimbals."""
+    forces = rates = None
+    if recording.counted(FORCE) and any(s.view.stages & SENSOR_STAGES for s in seen):
+        forces = scaled_by_gravity(dwell_means(recording))[1]
+    if recording.counted(RATE) and any(q == RATE for s in seen for q, _ in s.view.channels):
+        try:
+            scale = turns_between_rests(recording, multiposition(recording, BASELINE["norm"]))[2]
+            rates = Counts((scale,) * 3)
+        except InputError:  # nothing on the way says how much a count is
+            rates = None
+    return Readout(forces, rates, recording.platform.axis_names)
