@@ -27,6 +27,7 @@ from gimbalcal.recording.record import Key
 
 ANGLE, FORCE = "gimbal_angle", "specific_force"
 SENSORS = GYROSCOPE_STAGES | SENSOR_STAGES
+ROUNDS = 4  # of a static run, whose phase is off by what is taken off: each leaves a product of two errors
 STEPS = 6  # of Newton's method from a milliradian: the second leaves 1e-12
 
 
@@ -65,19 +66,23 @@ def mount(recording: Recording, effects: Sequence[Effect]) -> Mount | None:
 
 
 def _held(recording: Recording, effects: Sequence[Effect]) -> Mount:
-    """A static run; the force answers the mount alone, as its sensors' own errors are taken off before."""
-    platform = recording.platform
-    phased = recording if (ANGLE, "platform") in recording.channels else with_phase_of_force(recording)
-    s = stimulus_from_readings(phased)
-    read = np.isin(platform.axis_names, recording.axes(ANGLE))
+    """A static run, predicted at the phase that the corrected readouts tell.
+
+    The force answers the mount alone, as its sensors' own errors are taken off before.
+    """
+    platform, names = recording.platform, recording.platform.axis_names
+    read = np.isin(names, recording.axes(ANGLE))
     unread = _Unread(tuple(e for e in effects if e.stage is Stage.ENCODER), ~read)
-    perfect, as_read, stood = (
-        predict(platform, s, chosen, recording.kind)
-        for chosen in ([unread], effects, [e for e in effects if e.stage not in SENSORS])
-    )
-    added = _difference(recording, perfect, as_read | {FORCE: stood[FORCE]})
-    names = platform.axis_names
-    off = np.stack([added.pop((ANGLE, a), np.zeros(len(recording.time))) for a in names], axis=-1)
+    standing = [e for e in effects if e.stage not in SENSORS]
+    phased = recording if (ANGLE, "platform") in recording.channels else with_phase_of_force(recording)
+    off = np.zeros((len(recording.time), len(names)))
+    for _ in range(ROUNDS):
+        s = stimulus_from_readings(with_readouts(phased, phased.angles() + off))
+        perfect, as_read, stood = (
+            predict(platform, s, chosen, recording.kind) for chosen in ([unread], effects, standing)
+        )
+        added = _difference(recording, perfect, as_read | {FORCE: stood[FORCE]})
+        off = np.stack([added.pop((ANGLE, a), np.zeros(len(recording.time))) for a in names], axis=-1)
     return Mount(off, None, added)
 
 

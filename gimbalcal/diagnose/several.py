@@ -23,6 +23,7 @@ from gimbalcal.diagnose.rows.baseline import unfit
 from gimbalcal.diagnose.search.combine import CombinedRanking, combine
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.diagnose.unknown_noise import applies
+from gimbalcal.diagnose.verdict.calibrated import calibrated, found_of
 from gimbalcal.diagnose.verdict.decide import Decision, bar, decide
 from gimbalcal.diagnose.verdict.decide_together import clean_together, decide_together
 from gimbalcal.diagnose.verdict.locate import LISTED, Scan, mismatches
@@ -74,7 +75,8 @@ def diagnose_several(
     tell("locating the mismatch and checking held-out data")
     shares = _shares(c, d, alone, rng)
     options = {"baseline": [list(i) for i in ids], "seed": seed}
-    return _report(c, d, clean, shares, options)
+    tell("the model with what was found, as a calibration")
+    return _report(c, d, clean, shares, options, calibration)
 
 
 def _check(recordings: Sequence[Recording]) -> None:
@@ -122,8 +124,9 @@ def _shares(c: CombinedRanking, d: Decision, clean: Sequence[Array], rng: np.ran
 
 
 def _report(
-    c: CombinedRanking, d: Decision, clean: Array, shares: tuple[Share, ...], options: dict[str, Any]
-) -> Diagnosis:
+    c: CombinedRanking, d: Decision, clean: Array, shares: tuple[Share, ...], options: dict[str, Any],
+    known: Calibration | None,
+) -> Diagnosis:  # fmt: skip
     lead = min(range(len(shares)), key=lambda k: (shares[k].before.p_value, -shares[k].before.statistic.max()))
     mismatch = () if d.verdict == "adequate" else _mismatch(shares, lead)
     named = _findings(c, d, [x.part for x in shares])
@@ -143,9 +146,22 @@ def _report(
     words = [wording.answer(d.verdict, named, unexplained, mismatch, fitted)]
     words += [f["agreement"]["in_words"] for f in named if f["agreement"]["in_words"]]
     words.append(_each_alone(c, shares))
+    made = _calibrated(c, d, shares, wording.reserve(d.verdict, named, unexplained), known)
     return Diagnosis(
-        d.verdict, mismatch, named, unexplained, fitted, provenance, " ".join(words), shares[lead].curves
+        d.verdict, mismatch, named, unexplained, fitted, provenance, " ".join(words), shares[lead].curves, made
     )  # fmt: skip
+
+
+def _calibrated(
+    c: CombinedRanking, d: Decision, shares: Sequence[Share], outcome: str, known: Calibration | None
+) -> Calibration:
+    """The calibration of the unit: all recordings together, with the sizes that they have in common."""
+    members, each = d.hypothesis.members if d.hypothesis else (), [x.part for x in shares]
+    causes = [c.library.candidates[m] for m in members]
+    x, C = pooled(each, [len(cause.parameters) for cause in causes])
+    told = [common_constants(c, members, each, j) for j in range(len(causes))]
+    seen = [(p.search.o, p.fit.projection.node, p.slots) for p in each]
+    return calibrated(seen, found_of(causes, told, x, C), outcome, known)
 
 
 def _mismatch(shares: Sequence[Share], lead: int) -> tuple[dict[str, Any], ...]:

@@ -25,6 +25,8 @@ from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.rows.observations import Observations, absent_effect
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters, values, with_values
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
+from gimbalcal.estimate.fusion import CONTRADICTION
 from gimbalcal.inference.information import Information, Solution, information, solve
 from gimbalcal.number import Array
 from gimbalcal.readings import readings
@@ -32,7 +34,7 @@ from gimbalcal.recording import Recording
 
 ROUNDS = 3  # linearisations: each leaves a product of two errors of what is left
 WIDE = 30.0
-STANDING = frozenset({Stage.BASE, Stage.GRAVITY})  # how the rig stood, not what the unit is
+UNIT = SENSOR_STAGES | GYROSCOPE_STAGES | {Stage.ENCODER, Stage.AXIS_TILT}  # other constants say how the rig stood
 Constants = Sequence[tuple[str, float, float]]  # name, value and sigma in SI
 
 
@@ -83,7 +85,7 @@ def calibrated(
     diagnosis started from, for what it holds and these recordings do not.
     """
     here = [_Share(o, node, found, tuple(which), alone=len(seen) == 1) for o, node, which in seen]
-    solution, made = _refitted(here, found)
+    solution, made, differ = _refitted(here, found)
     mine = solution.parameters
     held = found.held(mine)
     kept = [p for p in (known.parameters if known else ()) if p not in mine and p not in held]
@@ -103,7 +105,7 @@ def calibrated(
         covariance=P,
         unobservable=tuple(u.to_dict() for u in solution.unobservable),
         residual=Residual(solution.chi2, solution.dof, _rms(here, made)),
-        outcome=outcome,
+        outcome=" ".join(filter(None, (outcome, differ))),
         provenance=origin(recordings, [c.label for c in found.causes]),
         readout=Readout(gimbals=recordings[0].platform.axis_names),
     )
@@ -139,7 +141,8 @@ class _Share:
     def own(self) -> tuple[Parameter, ...]:
         """What of it is this recording's own and not carried."""
         once = {self.found.causes[i].effect for i in self.which if self.found.causes[i].once}
-        return tuple(p for p in self.wanted if p.effect in once or CATALOGUE[p.effect].stage in STANDING)
+        stood = {p for p in self.o.constants if CATALOGUE[p.effect].stage not in UNIT}
+        return tuple(p for p in self.wanted if p.effect in once or p in stood)
 
     def model(self) -> tuple[Effect, ...]:
         """The model of the baseline with the causes at the sizes that were told."""
@@ -165,8 +168,11 @@ class _Share:
         return told if self.alone else told.without([wide.get(p, p) for p in self.own])
 
 
-def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Effect, ...]]:
-    """Constants and causes from all recordings, and the effects of all of them with these values."""
+def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Effect, ...], str]:
+    """Constants and causes from all recordings, the effects of all of them with these values, and whether they differ.
+
+    The last is a sentence, empty where the recordings agree.
+    """
     models = [s.model() for s in here]
     told = dict(zip(found.parameters, values(_union(models), found.parameters), strict=True))
     for _ in range(ROUNDS):
@@ -184,7 +190,21 @@ def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Eff
             for s, m in zip(here, models, strict=True)
             for mine in [tuple(p for p in s.wanted if p in solution.parameters)]
         ]
-    return solution, with_values(_union(models), solution.parameters, solution.x, names)
+    return solution, with_values(_union(models), solution.parameters, solution.x, names), _differ(total, infos)
+
+
+def _differ(total: Information, each: Sequence[Information]) -> str:
+    """A sentence where recordings of one unit ask for different constants: chi^2 rises as they are joined."""
+    from scipy.stats import chi2
+
+    together, alone = solve(total), [solve(info) for info in each]
+    rise, shared = together.chi2 - sum(s.chi2 for s in alone), together.dof - sum(s.dof for s in alone)
+    if shared <= 0 or (p := float(chi2.sf(rise, shared))) >= CONTRADICTION:
+        return ""
+    return (
+        f"The recordings do not agree on the constants of the unit: chi^2 of {rise:.0f} for the {shared} combinations "
+        f"that several see (probability {p:.1g}); it changed in between, so calibrate each by itself"
+    )
 
 
 def values_of(solution: Solution, wanted: Sequence[Parameter]) -> Array:

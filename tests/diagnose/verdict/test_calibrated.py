@@ -1,0 +1,120 @@
+"""A diagnosis ends in a calibration: what it corrects is explained, and it is the fit of the rows it came from."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from gimbalcal.calibration import Calibration, from_dict
+from gimbalcal.diagnose.evidence.noise import settle
+from gimbalcal.diagnose.evidence.odds import CLAIM
+from gimbalcal.diagnose.known_noise import calibrated_alone
+from gimbalcal.diagnose.rows.observations import fit_baseline
+from gimbalcal.diagnose.search.combine import combine
+from gimbalcal.diagnose.search.ranking import Search
+from gimbalcal.diagnose.verdict.calibrated import calibrated, found_of
+from gimbalcal.diagnose.verdict.model import fit_causes
+from gimbalcal.diagnose.verdict.pool import common_constants, parts, pooled
+from gimbalcal.recording import Recording, Source
+from gimbalcal.units import to_si
+from tests.diagnose import static_plant
+from tests.diagnose.plant import ARCSEC, UG, known, record
+from tests.diagnose.small import candidate, searched
+
+CAUSES = [  # kind of the cause, its label, a size in ug or arcsec that stands far above the noise
+    ("bias T", "bias_temperature:y", 30 * UG),
+    ("cubic", "cubic_nonlinearity:y", 200 * UG),
+    ("drift", "bias_drift:y", 150 * UG),
+    ("warm-up", "warm_up:y", 3000 * UG),
+    ("eccentricity", "encoder_eccentricity:inner", 20 * ARCSEC),
+    ("friction", "gimbal_friction:inner", 15 * ARCSEC),
+    ("tilt drift", "base_tilt_drift:north, east", 20 * ARCSEC),
+    ("blunder", "position_blunder", 30 * ARCSEC),
+]
+
+
+def observed_of(r: Recording, label: str) -> Search:
+    return searched(settle(fit_baseline(r)), label, count=3)
+
+
+@cache
+def case(kind: str, label: str, size: float) -> tuple[Recording, Search, Calibration]:
+    r = record(np.random.default_rng(4), known(1)[kind][0], size, dwell=12)
+    s = observed_of(r, label)
+    return r, s, calibrated_alone(s, fit_causes(s, [candidate(s, label)]), "")
+
+
+@pytest.mark.parametrize(("kind", "label", "size"), CAUSES)
+def test_corrected_by_it_a_recording_lacks_nothing(kind: str, label: str, size: float) -> None:
+    r, s, made = case(kind, label, size)
+    assert s.ln_total > 10 * CLAIM
+    assert made.residual.chi2 / made.residual.dof == pytest.approx(1.0, abs=0.3)  # 300 numbers: 4 sigma of 0.08
+    read = from_dict(json.loads(json.dumps(made.to_dict())))  # as a file has it
+    assert observed_of(read.apply(r), label).ln_total < CLAIM
+    values = dict(zip((p.label for p in made.parameters), made.values, strict=True))
+    if kind == "bias T":
+        assert values["b_T:y"] == pytest.approx(size, abs=4 * made.sigmas[[*values].index("b_T:y")])
+
+
+def test_the_causes_have_the_sizes_that_were_told_and_the_others_go_with_them() -> None:
+    _, s, made = case(*CAUSES[0])
+    f = fit_causes(s, [candidate(s, CAUSES[0][1])])
+    p = s.library.candidates[f.members[0]].parameters[0]
+    at = made.parameters.index(p)
+    assert made.values[at] == pytest.approx(f.x[0] * p.sigma)
+    assert made.sigmas[at] == pytest.approx(np.sqrt(f.covariance[0, 0]) * p.sigma)
+    # constants and cause from the same rows by one least squares, in the noise that is likeliest
+    node, o = f.projection.node, s.o
+    A = np.concatenate([node.whiten(o.reduce(o.Z)), node.whiten(s.library.X[:, list(f.index)])], axis=1)
+    C = np.linalg.pinv(A.T @ A, rcond=1e-13, hermitian=True)
+    scale = np.array([q.sigma for q in o.constants])
+    (turn,) = (set(u["direction"]) for u in made.unobservable)  # of the triad against the platform gimbal
+    assert turn == {"misalignment:xz", "misalignment:yz", "gimbal_zero:platform"}
+    seen = np.array([q.label not in turn for q in o.constants])
+    # the size of the cause is averaged over the noise, which widens what goes with it: bias y by 3 %
+    np.testing.assert_allclose((made.sigmas[:-1] / scale)[seen], np.sqrt(np.diag(C))[:-1][seen], rtol=5e-2)
+
+
+def test_a_constant_of_an_effect_stands_in_the_file() -> None:
+    made = case(*CAUSES[3])[2]
+    tau = next(row for row in made.to_dict()["parameters"] if row["name"] == "warm_up.tau")
+    assert to_si(tau["value"], tau["unit"]) == pytest.approx(700, rel=0.3)
+    assert tau["sigma"] > 0
+    again = from_dict(made.to_dict())
+    held = {p.label: x for p, x in zip(again.parameters, again.values, strict=True)}
+    assert held["warm_up.tau"] == pytest.approx(to_si(tau["value"], tau["unit"]))
+
+
+def test_what_happened_once_is_taken_off_the_recording_that_it_happened_in() -> None:
+    r, _, made = case(*CAUSES[-1])
+    here, there = (replace(r, source=(Source("samples.csv", digest),)) for digest in ("a", "b"))
+    made = replace(made, provenance={"recordings": here.files})
+    steady = replace(made, effects=tuple(e for e in made.effects if e.id != "position_blunder"))
+    np.testing.assert_array_equal(made.apply(there).angles(), steady.apply(there).angles())
+    assert np.abs(made.apply(here).angles() - steady.apply(here).angles()).max() > 10 * ARCSEC
+
+
+def test_recordings_of_one_unit_add_up_and_those_of_two_are_told_apart() -> None:
+    label = "scale_factor_asymmetry:y"
+    one = [record(np.random.default_rng(3), known(1)["asymmetry"][0], 150 * UG, dwell=d) for d in (6, 8)]
+    other = record(np.random.default_rng(4), known(1)["asymmetry"][0], 150 * UG, dwell=6)
+    run = static_plant.record(np.random.default_rng(1))
+
+    def together(*recordings: Recording) -> Calibration:
+        c = combine([searched(settle(fit_baseline(r)), *([label] if r is not run else ["bias_drift:x"]), count=1)
+                     for r in recordings])  # fmt: skip
+        m = [next(i for i, x in enumerate(c.library.candidates) if x.label == label)]
+        each = parts(c, m)
+        causes = [c.library.candidates[i] for i in m]
+        x, C = pooled(each, [1])
+        found = found_of(causes, [common_constants(c, m, each, 0)], x, C)
+        return calibrated([(p.search.o, p.fit.projection.node, p.slots) for p in each], found, "")
+
+    assert "do not agree on the constants of the unit" in together(one[0], other).outcome
+    with_run = together(one[0], run)
+    assert not {"base_tilt", "polar_axis_misalignment"} & {p.effect for p in with_run.parameters}
+    assert "do not agree" in with_run.outcome
