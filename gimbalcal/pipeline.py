@@ -44,9 +44,10 @@ def load(folders: Sequence[str | Path], tell: Tell = silent) -> tuple[Recording,
         tell(f"reading {Path(folder).name}")
         static_run = read_header(Path(folder)).kind == "static-run"
         recording = read(Path(folder), average_s=STATIC_BLOCK if static_run else None)
+        unchecked = refuse_implausible(recording)
+        recording = replace(recording, remarks=(*recording.remarks, *unchecked))
         for remark in recording.remarks:
             tell(f"note: {remark}")
-        refuse_implausible(recording)
         recordings.append(recording)
     return tuple(recordings)
 

@@ -238,7 +238,7 @@ ROWS: dict[str, tuple[Path, Change, str]] = {
         for source in (DEVICE, STATIC)
     },
     "one sign": (DEVICE, times(-1, "accel_y"),
-        "18 if the accelerometer y had the opposite sign; correct"),
+        "18 if the accelerometer y had the opposite sign; as stated they make a left-handed triad; correct"),
     "gimbals swapped": (DEVICE, swapped("inner", "middle"),
         "18 if the inner and middle angles are interchanged"),
     "radians called degrees": (DEVICE, times(TURN, *GIMBALS),

@@ -21,6 +21,9 @@ from gimbalcal.units import from_si
 
 SPURIOUS = 0.01  # chance that a calibration takes up any term that is not there
 TRIADS = 2  # accelerometers and gyroscopes share it
+# times what noise explains: means of low-cost accelerometers wander from rest to rest by up to four times what their
+# samples scatter (an Xsens 3.7, an ADXL 1.3, phones and MPU-9150 not at all); beyond it a model lacks something
+UNSTEADY = 5.0
 
 
 def needed(tried: int, dof: float) -> float:

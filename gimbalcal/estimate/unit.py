@@ -19,6 +19,7 @@ from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.effects.gyroscope import of_rate_matrix, rate_matrix
 from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.accelerometers.account import joined
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.gyroscopes.between_rests import gyroscopes_between_rests
 from gimbalcal.estimate.gyroscopes.inter_triad import InterTriad, from_turns, triad_rotation
@@ -51,7 +52,8 @@ def inertial_unit(recording: Recording, terms: Sequence[str] = ()) -> Calibratio
         if of_rate:
             raise
         options = {**made.provenance.get("options", {}), "gyroscopes": str(problem)}
-        return replace(made, provenance={**made.provenance, "options": options})
+        told = joined(list(filter(None, [made.outcome, f"the gyroscopes are not calibrated: {problem}"])))
+        return replace(made, outcome=told, provenance={**made.provenance, "options": options})
 
 
 def with_gyroscopes(recording: Recording, accelerometers: Calibration, terms: Sequence[str] = ()) -> Calibration:
@@ -78,6 +80,7 @@ def with_gyroscopes(recording: Recording, accelerometers: Calibration, terms: Se
         residual=replace(accelerometers.residual, rms={**accelerometers.residual.rms, **g.residual.rms}),
         provenance={**accelerometers.provenance, "options": {**mine, **named}},
         stages=(*accelerometers.stages, *g.stages),
+        outcome=joined(list(filter(None, [accelerometers.outcome, g.outcome]))),
         readout=replace(accelerometers.readout, gyroscopes=g.readout.gyroscopes),
     )
 

@@ -28,6 +28,7 @@ AXES: Mapping[str, tuple[str, ...] | None] = {
 """Known quantities of a column and the axes that each may have."""
 
 UNITLESS = ("position", "weight")
+SIGNED = ("specific_force", "angular_rate", "gimbal_angle")
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,7 @@ class Column:
     dated: bool = False  # a clock of dates (ISO 8601), which become seconds
     resolution: float = 0.0  # of a clock, in its unit; 0 where it is not stated
     regular: bool | None = None  # a clock whose stamps are times of arrival, or not; None: the readings decide
+    sign: int = 1  # -1 where the sensor counts backwards
 
     @property
     def key(self) -> Key:
@@ -85,8 +87,8 @@ def _column(document: Document, name: str, entry: object, platform: Platform, th
     if not isinstance(entry, dict) or not isinstance(entry.get("quantity"), str):
         raise InputError(f'{where}: column {name!r} must say what it holds, as in {{ quantity = "time", unit = "s" }}')
     for key in entry:
-        if key not in ("quantity", "axis", "unit", "resolution", "regular"):
-            raise InputError(f"{where}: {key!r} of column {name!r} is not known; write quantity, axis or unit")
+        if key not in ("quantity", "axis", "unit", "sign", "resolution", "regular"):
+            raise InputError(f"{where}: {key!r} of column {name!r} is not known; write quantity, axis, unit or sign")
     regular = entry.get("regular")
     if regular is not None and (entry["quantity"] != "time" or not isinstance(regular, bool)):
         raise InputError(
@@ -113,7 +115,18 @@ def _column(document: Document, name: str, entry: object, platform: Platform, th
         return Column(name, quantity, "", "s", dated=True, regular=regular)
     unit = document.unit(where, f"column {name!r}", entry["unit"], quantity)
     resolution = _resolution(where, name, quantity, entry.get("resolution", 0.0))
-    return Column(name, quantity, axis, unit, resolution=resolution, regular=regular)
+    sign = _sign(where, name, quantity, entry.get("sign", 1))
+    return Column(name, quantity, axis, unit, resolution=resolution, regular=regular, sign=sign)
+
+
+def _sign(where: str, name: str, quantity: str, value: object) -> int:
+    """-1 for what counts backwards."""
+    if isinstance(value, bool) or value not in (1, -1) or (value == -1 and quantity not in SIGNED):
+        raise InputError(
+            f"{where}: the sign of column {name!r} is {value!r}; write 1, or -1 where an accelerometer, a gyroscope or "
+            "a gimbal counts backwards"
+        )
+    return -1 if value == -1 else 1
 
 
 def _resolution(where: str, name: str, quantity: str, value: object) -> float:

@@ -41,3 +41,9 @@ def sample_sigma(recording: Recording, channels: Sequence[Key], value: Array) ->
             begins[d.start + 1 : d.stop], still[d.rows] = False, True
         shown = white_sigma(value[still], begins[still], recording.weight[still])
     return np.array([shown[i] if sigma is None else sigma for i, sigma in enumerate(known)])
+
+
+def resolution(x: Array) -> float:
+    """The step of the converter behind readings (n,): the least difference, where most readings occur again; else 0."""
+    levels = np.unique(x)
+    return float(np.diff(levels).min()) if 1 < len(levels) < len(x) / 2 else 0.0

@@ -13,7 +13,6 @@ recording is refused only where another reading of the same columns fits nearly 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import permutations, product
 
 import numpy as np
 
@@ -22,34 +21,46 @@ from gimbalcal.errors import InputError
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import SENSORS, Recording, dwell_means, dwells
 from gimbalcal.recording.plausible_run import check_attitude, check_latitude, check_turn, named
+from gimbalcal.recording.rates import refuse_implausible_rates
+from gimbalcal.recording.triads import AXES, CHANGES, CLOSE, NEARLY_ALL, in_words, remedy
 from gimbalcal.units import is_raw
 
-CLOSE = np.radians(15.0)  # far above gimbal zeros, misalignments and hand-set angles, far below a wrong axis
-NEARLY_ALL = 0.9
 QUIETEST = 1e-15  # SI; less than this is zero to any instrument
 UNSTILL = 0.2  # of gravity, half of the rows: a table that shakes so much is no rest
 STILL = 1e-3  # rad
-AXES = ("x", "y", "z")
+FORCE_UNITS = {"m/s^2": 1.0, "g": G0, "mg": 1e-3 * G0, "ug": 1e-6 * G0}
+FAR_OFF, NORM_SHARE = 0.3, 0.25  # of gravity, rms: no low-cost unit is; and what another unit has to leave of it
+WRONG_SIGN = " (f = a - g: one whose axis points down reads -9.8 m/s^2 at rest)"
 
 
-def refuse_implausible(recording: Recording) -> None:
-    """`InputError` with one sentence where units, axes, signs or the clock of `recording` cannot be right."""
+def refuse_implausible(recording: Recording) -> tuple[str, ...]:
+    """`InputError` with one sentence where units, axes, signs or the clock of `recording` cannot be right.
+
+    Returns a sentence on each triad that nothing in the recording could check.
+    """
     _check_noise(recording)
     if recording.kind == "static-run":
         check_turn(recording)
         check_attitude(recording)
-    if recording.kind not in ("multi-position", "static-run") or set(recording.axes("specific_force")) != set(AXES):
-        return
+    if recording.kind in ("multi-position", "static-run") and set(recording.axes("specific_force")) == set(AXES):
+        _check_forces(recording)
+    return refuse_implausible_rates(recording)
+
+
+def _check_forces(recording: Recording) -> None:
     rests = dwell_means(recording) if recording.kind == "multi-position" else _thinned(recording)
-    force, raw = rests.triad("specific_force"), is_raw(recording.units.get(("specific_force", "x"), "m/s^2"))
-    if not raw:
-        _check_stillness(recording)
-        _check_magnitude(rests, force)
-        if rests.platform.axes and _angles_logged(rests):
-            _check_degrees(rests, force)
-            _check_each_axis(rests, force)
-            _check_axes(rests, force)
-        check_latitude(rests, force)
+    force, known = rests.triad("specific_force"), bool(rests.platform.axes) and _angles_logged(rests)
+    if recording.counted("specific_force"):  # the sign of a count is as open as its size
+        return
+    _check_stillness(recording)
+    if not known:
+        _check_each_norm(rests, force)
+    _check_magnitude(rests, force)
+    if known:
+        _check_degrees(rests, force)
+        _check_each_axis(rests, force)
+        _check_axes(rests, force)
+    check_latitude(rests, force)
 
 
 def _thinned(recording: Recording) -> Recording:
@@ -95,9 +106,8 @@ def _check_magnitude(rests: Recording, force: Array) -> None:
     if 0.5 <= ratio <= 1.5:
         return
     unit = rests.units.get(("specific_force", "x"), "m/s^2")
-    hints = {"m/s^2": 1.0, "g": G0, "mg": 1e-3 * G0, "ug": 1e-6 * G0}
-    factor = hints.get(unit, 1.0)
-    likely = [name for name, size in hints.items() if 0.8 < ratio * size / factor < 1.25]
+    factor = FORCE_UNITS.get(unit, 1.0)
+    likely = [name for name, size in FORCE_UNITS.items() if 0.8 < ratio * size / factor < 1.25]
     remedy = f'the numbers look like {likely[0]}: write unit = "{likely[0]}"' if likely else "correct the unit"
     raise InputError(
         f"{named(rests)}: at rest the specific force is {ratio * rests.site.gravity:.4g} m/s^2 where gravity is "
@@ -142,6 +152,27 @@ def _check_each_axis(rests: Recording, force: Array) -> None:
             )
 
 
+def _check_each_norm(rests: Recording, force: Array) -> None:
+    """One accelerometer alone, or two, in another unit: with it the norm is gravity at every rest."""
+    g, best = rests.site.gravity, (FAR_OFF, "", "")
+    stated = float(np.sqrt(np.mean((np.linalg.norm(force, axis=1) / g - 1) ** 2)))
+    if stated < FAR_OFF or len(force) < 3:
+        return
+    for few in (f for f in np.ndindex(2, 2, 2) if 0 < sum(f) < 3):
+        for unit, size in FORCE_UNITS.items():
+            axes = [a for a, wrong in zip(AXES, few, strict=True) if wrong]
+            told = rests.units.get(("specific_force", axes[0]), "m/s^2")
+            factor = np.where(few, size / FORCE_UNITS.get(told, 1.0), 1.0)
+            off = float(np.sqrt(np.mean((np.linalg.norm(factor * force, axis=1) / g - 1) ** 2)))
+            best = min(best, (off / NORM_SHARE, " and ".join(axes), unit))
+    if best[1] and best[0] < stated:
+        raise InputError(
+            f"{named(rests)}: at rest the norm of the force differs from gravity by {100 * stated:.3g} % rms, and by "
+            f"{100 * NORM_SHARE * best[0]:.2g} % if accelerometer {best[1]} alone were in {best[2]}; write unit = "
+            f'"{best[2]}" for it in [columns]'
+        )
+
+
 def _predicted(rests: Recording, angles: Array) -> Array:
     return -apply_matrix(rests.platform.attitude(angles), np.array([0.0, 0.0, 1.0]))
 
@@ -164,11 +195,12 @@ def _check_axes(rests: Recording, force: Array) -> None:
     if n < 3 or stated >= NEARLY_ALL * n:
         return
     kind = "positions" if rests.kind == "multi-position" else "rows"
-    best, words = max(_readings(rests, force), key=lambda reading: reading[0])  # the first of equals is the simplest
+    # the first of equals is the simplest
+    best, words, write = max(_readings(rests, force), key=lambda reading: reading[0])
     if best >= NEARLY_ALL * n and best >= stated + 2:
         raise InputError(
             f"{named(rests)}: only {stated} of {n} {kind} have the force that the gimbal angles predict, and {best} "
-            f"if {words}; correct [columns]"
+            f"if {words}; correct [columns]{write}"
         )
     if stated < 0.5 * n:
         raise InputError(
@@ -188,49 +220,27 @@ def _silent_gimbals(rests: Recording) -> str:
     return f" ({', and '.join(asides)})" if asides else ""
 
 
-def _readings(rests: Recording, force: Array) -> Iterator[tuple[int, str]]:
-    """Rests that agree, and in words, for other readings of the columns: simpler ones first."""
+def _readings(rests: Recording, force: Array) -> Iterator[tuple[int, str, str]]:
+    """Rests that agree, in words, and what to write, for other readings of the columns: simpler ones first."""
     ideal = _predicted(rests, rests.angles())
-    changes = sorted(product(permutations(range(3)), product((1, -1), repeat=3)), key=lambda c: _complexity(*c))
-    for order, signs in changes:
-        yield _agreeing(force[:, order] * np.array(signs), ideal), _axes_in_words(order, signs)
+    for change in CHANGES:
+        handed = "; as stated they make a left-handed triad" if change.handed < 0 else ""
+        words, write = in_words(change, "accelerometer", WRONG_SIGN) + handed, remedy(change, "accelerometer")
+        yield _agreeing(force @ change.matrix.T, ideal), words, f": {write}"
     angles, names = rests.angles(), rests.platform.axis_names
     logged = [i for i, name in enumerate(names) if ("gimbal_angle", name) in rests.channels]
     for i in logged:
         turned = angles.copy()
         turned[:, i] *= -1
-        yield _agreeing(force, _predicted(rests, turned)), f"the {names[i]} angle has the opposite sign"
+        yield _agreeing(force, _predicted(rests, turned)), f"the {names[i]} angle has the opposite sign", ": sign = -1"
     for i in logged:
         turned = angles.copy()
         turned[:, i] = np.degrees(angles[:, i])
-        yield _agreeing(force, _predicted(rests, turned)), f"the {names[i]} angle is in radians"
+        yield _agreeing(force, _predicted(rests, turned)), f"the {names[i]} angle is in radians", ""
     for i in logged:
         for j in logged:
             if i < j:
                 turned = angles.copy()
                 turned[:, [i, j]] = angles[:, [j, i]]
                 words = f"the {names[i]} and {names[j]} angles are interchanged"
-                yield _agreeing(force, _predicted(rests, turned)), words
-
-
-def _complexity(order: tuple[int, ...], signs: tuple[int, ...]) -> tuple[int, int]:
-    moved = sum(a != b for a, b in enumerate(order))
-    flipped = 1 if signs == (-1, -1, -1) else sum(s < 0 for s in signs)  # all three: one convention, not three slips
-    return moved + flipped, moved
-
-
-def _axes_in_words(order: tuple[int, ...], signs: tuple[int, ...]) -> str:
-    moved = [AXES[a] for a, b in enumerate(order) if a != b]
-    parts = []
-    if len(moved) == 2:
-        parts.append(f"the accelerometers {moved[0]} and {moved[1]} are interchanged")
-    elif moved:
-        parts.append(f"the accelerometers called {', '.join(AXES[b] for b in order)} are really x, y, z")
-    if signs == (-1, -1, -1):
-        parts.append(
-            "every accelerometer has the wrong sign (f = a - g: one whose axis points down reads -9.8 m/s^2 at rest)"
-        )
-    elif -1 in signs:
-        wrong = " and ".join(AXES[i] for i in range(3) if signs[i] < 0)
-        parts.append(f"the accelerometer{'s' if ' ' in wrong else ''} {wrong} had the opposite sign")
-    return " and ".join(parts) or "the columns are as stated"
+                yield _agreeing(force, _predicted(rests, turned)), words, ""

@@ -166,7 +166,7 @@ def _weight(columns: tuple[Column, ...], table: dict[str, Array]) -> Array:
 def _si(each: Column, values: Array) -> Array:
     if each.quantity == "temperature":
         return celsius(values, each.unit)
-    factor = to_si(1.0, each.unit)
+    factor = each.sign * to_si(1.0, each.unit)
     return values if factor == 1.0 else np.multiply(values, factor, out=values)
 
 

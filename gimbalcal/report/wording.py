@@ -12,6 +12,7 @@ from gimbalcal.units import from_si
 Verdict = Literal["fits", "misfit", "overstated", "reserved"]
 
 SURPRISE = 1e-3  # probability below which chance is not believed
+WANDERING = 1.5  # times the noise of a mean; less is no news
 NEGLIGIBLE = 0.1  # relative excess over the stated noise that no user would act on, however significant
 
 NAMES = {
@@ -144,7 +145,7 @@ def _left(content: Mapping[str, Any]) -> str:
         if star:
             left = float(f"{from_si(star, 'arcsec'):.3g}")
             return f"{left:g} arcsec rms of a star on the sky is left, and every sigma is scaled to that"
-        return "every sigma is scaled to what the readings scatter about the model"
+        return "every sigma is scaled to what the readings scatter about the model" + _wandering(content)
     stated = noise_is_stated(content)
     text = f"what is left is {ratio:.2f} times the {'stated noise' if stated else 'noise that the samples show'}"
     if meaning == "misfit":
@@ -153,6 +154,14 @@ def _left(content: Mapping[str, Any]) -> str:
     if meaning == "overstated":
         return f"{text}: the noise is smaller than {'stated' if stated else 'that'}, and so is every sigma"
     return text
+
+
+def _wandering(content: Mapping[str, Any]) -> str:
+    """How far the scatter of the positions is above the noise of their means, where that is known and worth saying."""
+    times = content["provenance"].get("options", {}).get("excess_over_noise") or 0.0
+    if times < WANDERING:
+        return ""
+    return f", {times:.2g} times what the noise of the samples explains: the outputs wander from position to position"
 
 
 def _unobservable(unobservable: Sequence[Mapping[str, Any]]) -> str:

@@ -197,3 +197,19 @@ def test_a_pause_in_a_static_run_is_no_jump() -> None:
 def test_a_platform_that_does_not_follow_the_earth(change: Callable[[Recording], Recording], rate: str) -> None:
     message = said(change(static_run()))
     assert f"the platform gimbal turns by {rate} deg/h where the Earth turns by 15.041 deg/h" in message
+
+
+@pytest.mark.parametrize(("axis", "factor", "unit"), [(1, 1 / 9.80665, "g"), (2, 1e3 / 9.80665, "mg")])
+def test_one_accelerometer_of_a_unit_in_the_hand_in_another_unit(axis: int, factor: float, unit: str) -> None:
+    rows = replace(multi_position(), platform=BENCH)
+    channels = {k: v for k, v in rows.channels.items() if k[0] == "specific_force"}
+    channels["specific_force", "xyz"[axis]] = factor * channels["specific_force", "xyz"[axis]]
+    rows = replace(rows, channels=channels)
+    message = said(rows)
+    assert f'if accelerometer {"xyz"[axis]} alone were in {unit}; write unit = "{unit}" for it' in message
+
+
+def test_what_to_write_for_an_exchange_and_a_sign() -> None:
+    message = said(triad(multi_position(), "yxz", (1, -1, 1)))
+    assert 'correct [columns]: for accelerometer y write axis = "x", sign = -1' in message
+    assert "left-handed" in said(triad(multi_position(), "yxz"))

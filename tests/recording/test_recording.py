@@ -113,6 +113,17 @@ def test_everything_comes_out_in_si(tmp_path: Path) -> None:
     assert recording.remarks == ()
 
 
+def test_a_sensor_that_counts_backwards(tmp_path: Path) -> None:
+    header = HEADER.replace('axis = "z", unit = "g"', 'axis = "z", unit = "g", sign = -1')
+    right = read(folder(tmp_path))
+    backwards = read(folder(tmp_path, header))
+    z = ("specific_force", "z")
+    np.testing.assert_array_equal(backwards.channels[z], -right.channels[z])
+    assert backwards.scatter[z] == right.scatter[z]
+    for sign in ("2", "true", '"-"'):
+        assert "the sign of column 'accel_z' is" in refusal(tmp_path, header.replace("sign = -1", f"sign = {sign}"))
+
+
 def test_sources_carry_their_digest(tmp_path: Path) -> None:
     target = folder(tmp_path)
     source = {Path(s.path).name: s.sha256 for s in read(target).source}

@@ -29,13 +29,16 @@ def stage(name: str, p: Problem, fit: PositionFit, in_words: str) -> StageResult
     return StageResult(name, labels, fit.solution.x, fit.solution.sigma, float(np.sqrt(np.mean(left**2))), in_words)
 
 
-def outcome(fit: PositionFit, faults: Sequence[Fault]) -> str:
-    """Why this calibration should not be used as it is; empty where nothing speaks against it."""
+def outcome(fit: PositionFit, faults: Sequence[Fault], larger: str = "") -> str:
+    """Why this calibration should not be used as it is; empty where nothing speaks against it.
+
+    larger: which larger noise would explain the misfit, as `larger_noise` says it.
+    """
     sentences = faults_in_words(faults)
     if not fit.steps:
         sentences.append("the fit did not converge, so its numbers mean nothing: check signs, axes and units")
     else:
-        sentences += misfit_in_words(fit.solution.chi2, fit.solution.dof)
+        sentences += misfit_in_words(fit.solution.chi2, fit.solution.dof, larger)
     return joined(sentences)
 
 
@@ -47,14 +50,15 @@ def faults_in_words(faults: Sequence[Fault]) -> list[str]:
     return ["; ".join(f.in_words for f in faults) + f"; {left_out} left out of the fit"]
 
 
-def misfit_in_words(chi2: float, dof: int) -> list[str]:
+def misfit_in_words(chi2: float, dof: int, larger: str = "") -> list[str]:
     """One sentence, in a list, where a residual this large is not due to chance; empty where it may be."""
     if acceptable(chi2, dof):
         return []
     tail = probability(chi2, dof)
     excess = f"chi^2 = {chi2:.4g} for {dof} degrees of freedom, p = {tail:.1g}"
     factor = np.sqrt(chi2 / dof)
-    words = f"the residual is {factor:.3g} times what the noise allows ({excess}), so the model misses something"
+    so = f"{larger}; else" if larger else "so"
+    words = f"the residual is {factor:.3g} times what the noise allows ({excess}), {so} the model misses something"
     return [f"{words}: `gimbalcal diagnose` looks for it"]
 
 

@@ -17,6 +17,7 @@ from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.effects import Effect, with_values
 from gimbalcal.errors import amount
 from gimbalcal.estimate.accelerometers.account import outcome, provenance, rms, stage
+from gimbalcal.estimate.accelerometers.larger_noise import larger_noise_in_words
 from gimbalcal.estimate.accelerometers.positions import Positions
 from gimbalcal.estimate.accelerometers.setting import (
     PositionFit,
@@ -49,7 +50,7 @@ def joint(positions: Positions, start: Calibration | None = None) -> Calibration
         covariance=fit.solution.covariance,
         unobservable=tuple(u.to_dict() for u in fit.solution.unobservable),
         residual=Residual(fit.solution.chi2, fit.solution.dof, rms(p, fit)),
-        outcome=outcome(fit, positions.faults),
+        outcome=outcome(fit, positions.faults, larger_noise_in_words(p, fit)),
         provenance=origin,
         stages=(stage("joint", p, fit, words),),
         readout=Readout(gimbals=p.platform.axis_names),

@@ -6,10 +6,12 @@ For each visit, how much would :math:`\chi^2` fall if its angles were free? With
 .. math:: D_d = \rho_d^T (I - Q_d Q_d^T)^{-1} \rho_d ,
 
 distributed as :math:`\chi^2_2` where nothing is wrong. A turn cannot change the size of the force, so a law of the
-accelerometers that bends at one position is not mistaken for a wrong angle. Two interchanged positions are recognised
-because each other's angles explain them: all pairs are tried. A suspect is believed only if the data fit without it,
-or nearly all of the misfit was its own; a misfit that many positions share is missing physics, and no position is
-blamed for it.
+accelerometers that bends at one position is not mistaken for a wrong angle; but where the force is off by more than any
+calibration takes, the turn is no small one, and the visit as a whole is set free. Two interchanged positions are
+recognised because each other's angles explain them: all pairs are tried, and a pair is an interchange only if each of
+the two fits the other's angles as well as the rest fits its own, and neither its own while the other is free. A suspect
+is believed only if the data fit without it, or nearly all of the misfit was its own; a misfit that many positions share
+is missing physics, and no position is blamed for it.
 """
 
 from __future__ import annotations
@@ -37,6 +39,7 @@ from gimbalcal.units import from_si
 SURPRISE = 1e-3  # probability, number of trials paid, below which chance is not believed
 REMAINS = 0.01  # share of the excess chi^2 that may remain where something else is wrong besides
 MOST = 2  # faults looked for: of more, one could not say which positions are the reference
+GROSS = 0.1  # of the force: beyond the errors of any sensor on gimbals, and beyond what is linear in a turn
 PAIRS = 40  # visits among which interchanged ones are looked for, worst first: keeps long recordings quick
 
 
@@ -86,12 +89,16 @@ def _believed(whole: PositionFit, fit: PositionFit) -> bool:
 
 def _suspects(p: Problem, noise: Noise, scaled: bool) -> list[tuple[int, ...]]:
     """Greedy search on the problem linearised at nominal parameters, which no fault has pulled away."""
-    w = whiten(by_visit(p, starting_values(p, p.effects), np.zeros((p.visits, p.turns))), noise)
+    x = starting_values(p, p.effects)
+    linear = by_visit(p, x, np.zeros((p.visits, p.turns)))
+    w = whiten(linear, noise)
     J = w.J * np.array([q.sigma for q in p.parameters])
     measured = visit_means(p, p.force)
+    off = np.linalg.norm(linear.r - linear.J @ x, axis=1) > GROSS * np.linalg.norm(measured, axis=1)
+    free = w.reached | off[:, None]
     active, groups = np.arange(p.visits), []
     for _ in range(MOST):
-        found = _worst(J[active], w.r[active], w.W[active], w.reached[active], measured[active], scaled)
+        found = _worst(J[active], w.r[active], w.W[active], free[active], measured[active], scaled)
         if found is None:
             break
         groups.append(tuple(int(active[v]) for v in found))
@@ -99,7 +106,7 @@ def _suspects(p: Problem, noise: Noise, scaled: bool) -> list[tuple[int, ...]]:
     return groups
 
 
-def _worst(J: Array, r: Array, W: Array, reached: Array, measured: Array, scaled: bool) -> tuple[int, ...] | None:
+def _worst(J: Array, r: Array, W: Array, free: Array, measured: Array, scaled: bool) -> tuple[int, ...] | None:
     """The visit, or the pair of interchanged visits, whose fault explains the misfit best; None if none stands out."""
     basis = _seen_basis(J)
     dof = r.size - basis.shape[-1]
@@ -107,13 +114,34 @@ def _worst(J: Array, r: Array, W: Array, reached: Array, measured: Array, scaled
     chi2 = float((rest**2).sum())
     if dof <= 3 or (acceptable(chi2, dof) and not scaled):
         return None
-    falls = _falls(basis, rest, reached)
+    falls = _falls(basis, rest, free)
     single = int(np.argmax(falls))
     swapped, pair, pairs = _best_swap(basis, r, W, measured, np.sort(np.argsort(falls)[-PAIRS:]))
-    options = [(chi2 - float(falls[single]), dof - 2, len(r), (single,)), (swapped, dof, pairs, pair)]
-    left, free, trials, found = min(options, key=lambda option: option[0])
-    scale = max(left / free, 1e-300) if scaled else 1.0
+    options: list[tuple[float, int, int, tuple[int, ...]]] = [(chi2 - float(falls[single]), dof - 2, len(r), (single,))]
+    if _interchanged(J, r, chi2, swapped, pair, scaled):
+        options.append((swapped, dof, pairs, pair))
+    left, freedom, trials, found = min(options, key=lambda option: option[0])
+    scale = max(left / freedom, 1e-300) if scaled else 1.0
     return found if trials * probability((chi2 - left) / scale, 2 * len(found)) < SURPRISE else None
+
+
+def _interchanged(J: Array, r: Array, chi2: float, swapped: float, pair: tuple[int, int], scaled: bool) -> bool:
+    """Whether two visits fit each other's angles, and neither fits its own when the other is left out."""
+
+    def without(*visits: int) -> tuple[float, int]:
+        keep = ~np.isin(np.arange(len(r)), visits)
+        basis = _seen_basis(J[keep])
+        rest = r[keep] - basis @ np.einsum("mij,mi->j", basis, r[keep])
+        return float((rest**2).sum()), rest.size - basis.shape[-1]
+
+    left, freedom = without(*pair)
+    if freedom <= 0:
+        return False
+    scale = max(left / freedom, 1e-300) if scaled else 1.0
+    excess = swapped - left
+    fits = acceptable(excess / scale, 2 * r.shape[1]) or excess < REMAINS * (chi2 - left)
+    own = [without(other)[0] - left for other in pair]
+    return fits and not any(acceptable(x / scale, r.shape[1]) or x < REMAINS * (chi2 - left) for x in own)
 
 
 def _seen_basis(J: Array) -> Array:
@@ -122,13 +150,13 @@ def _seen_basis(J: Array) -> Array:
     return np.asarray(U[:, S >= SEEN].reshape(*J.shape[:2], -1))
 
 
-def _falls(basis: Array, rest: Array, reached: Array) -> Array:
-    """Fall of chi^2 (m,) if the angles of one visit were free (module docstring)."""
+def _falls(basis: Array, rest: Array, free: Array) -> Array:
+    """Fall of chi^2 (m,) if the free rows (m, 3) of one visit said nothing (module docstring)."""
     own = np.eye(3) - basis @ np.swapaxes(basis, -1, -2)
-    # rows that no turn reaches take no part: their own block is the identity, their residual zero
-    own = np.where(reached[:, :, None] & reached[:, None, :], own, np.eye(3))
+    # rows that are not free take no part: their own block is the identity, their residual zero
+    own = np.where(free[:, :, None] & free[:, None, :], own, np.eye(3))
     values, vectors = np.linalg.eigh(own)
-    along = np.einsum("mij,mi->mj", vectors, np.where(reached, rest, 0.0))
+    along = np.einsum("mij,mi->mj", vectors, np.where(free, rest, 0.0))
     # a visit that alone determines a parameter has no say about its own fault: its block is singular
     return np.asarray((np.where(values > 1e-6, 1 / np.maximum(values, 1e-6), 0.0) * along**2).sum(axis=-1))
 

@@ -24,6 +24,7 @@ from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.account import noise_record
 from gimbalcal.estimate.accelerometers.noise import ATTITUDE, HEADER, SAMPLES
 from gimbalcal.estimate.accelerometers.setting import FORCE, Noise, PositionFit, Problem, gauss_newton, problem
+from gimbalcal.estimate.accelerometers.unsteady import noise_of_a_mean, scatter_in_words
 from gimbalcal.estimate.support import coefficients, needed, refusal, scatter
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
@@ -31,7 +32,6 @@ from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.wang2019.fit import ellipsoid
 
 LINEAR = ("scale_factor", "bias", "misalignment")
-UNSTEADY = 10.0  # times the white noise of a mean: what the wandering of a low-cost bias adds between positions
 WIDE = 100.0  # times the prior scale of a navigation platform: low-cost units reach 50 mg, 5 % and 3 deg
 TERMS = (*LINEAR, "scale_nonlinearity", "cubic_nonlinearity")
 # x of the orthogonal frame lies along the first input axis, y in the plane of the first two: Eq. (5)
@@ -230,10 +230,12 @@ def _calibration(
     if any(q.effect == "misalignment" for q in solution.parameters):
         unobservable += rotations_of_the_triad()
     unobservable += [{"direction": {q.label: 1.0 for q in unknowns([t])}, "why": why} for t, why in declined]
+    own = noise_of_a_mean(recording, best.fit.noise.accelerometer, counts)
     options = {
         "gravity": recording.site.gravity,
         "direction": "physics to reading",
         "excess_scatter": best.excess,
+        "excess_over_noise": best.excess / own if own else None,
         "condition": best.condition,
         "leave_one_out_rms": best.left_out if np.isfinite(best.left_out) else None,
         "declined": dict(declined),
@@ -247,7 +249,7 @@ def _calibration(
         covariance=solution.covariance,
         unobservable=tuple(unobservable),
         residual=Residual(solution.chi2, solution.dof, {FORCE: float(np.sqrt(np.mean(best.misfit**2)))}),
-        outcome=_outcome(recording, best),
+        outcome=_outcome(recording, best, own),
         provenance={"recordings": recording.files,
                     "version": __version__, "noise": noise_record(best.fit.noise), "options": options},
         stages=tuple(_stage(terms, made) for terms, made in tried),
@@ -268,16 +270,10 @@ def rotations_of_the_triad() -> list[dict[str, Any]]:
     ]
 
 
-def _outcome(recording: Recording, best: NormFit) -> str:
+def _outcome(recording: Recording, best: NormFit, own: float) -> str:
     if best.fit.steps == 0:
         return "the fit did not settle: the positions do not determine these terms together"
-    own = best.fit.noise.accelerometer / np.sqrt(float(np.median(dwell_means(recording).weight)))
-    if "accelerometer" not in recording.noise or best.excess <= UNSTEADY * own:
-        return ""
-    return (
-        f"the positions scatter by {best.excess:.2g} m/s^2 about the model, which the stated noise does not explain "
-        f"({own:.2g} m/s^2 for the mean of a position); all sigma are scaled to that scatter"
-    )
+    return scatter_in_words(recording, best.excess, own)
 
 
 def _stage(terms: Sequence[str], made: NormFit) -> StageResult:

@@ -13,7 +13,7 @@ rotation between the triads too. The Earth's rate is left out: 15 deg/h, below w
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,9 @@ from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, lacking
 from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.accelerometers.account import joined
 from gimbalcal.estimate.gyroscopes.inter_triad import euler
+from gimbalcal.estimate.gyroscopes.outcome import rests_in_words, singular_in_words, sizes_in_words, turns_in_words
 from gimbalcal.estimate.gyroscopes.rests import BIAS, G_SENSITIVITY, RestFit, level_of, rests
 from gimbalcal.estimate.gyroscopes.turns import FORCE, RATE, Turns, end_of, turns_between_rests
 from gimbalcal.estimate.support import coefficients, needed, refusal
@@ -59,14 +61,21 @@ def gyroscopes_between_rests(
     moving = tuple(t for t in wanted if t != G_SENSITIVITY)
     base = tuple(t for t in moving if t in LINEAR) or moving[:1]
     tried = coefficients([t for t in wanted if t not in base])
-    level, why = level_of(rests(recording, accelerometers, scale), recording.site.latitude, recording.site.gravity,
-                          G_SENSITIVITY in wanted, tried)  # fmt: skip
+    still = rests(recording, accelerometers, scale)
+    level, why = level_of(still, recording.site.latitude, recording.site.gravity, G_SENSITIVITY in wanted, tried)
     if len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
         turns = turns_between_rests(recording, accelerometers, level.effects)[0]
     fits, declined = _taken_up(turns, base, [t for t in moving if t not in base], tried) if base else ([], {})
     if why:
         declined[G_SENSITIVITY] = why
-    return _calibration(recording, level, fits, declined, scale)
+    said = rests_in_words(recording, still, level.misfit)
+    if fits:
+        fit = fits[-1][1]
+        said += singular_in_words(fit.condition) or (
+            turns_in_words(recording, turns, accelerometers, level.misfit, scale, fit.rms)
+            + sizes_in_words(turns, with_values((), fit.parameters, fit.x))
+        )
+    return replace(_calibration(recording, level, fits, declined, scale), outcome=joined(said))
 
 
 def _default(recording: Recording) -> tuple[str, ...]:

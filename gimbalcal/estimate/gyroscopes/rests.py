@@ -29,6 +29,7 @@ from gimbalcal.recording import Recording, dwell_means, dwells
 
 RATE, FORCE = "angular_rate", "specific_force"
 BIAS, G_SENSITIVITY = "gyro_bias", "gyro_g_sensitivity_rate"
+SILENT = 1e-9  # rad/s; below any gyroscope: where samples tell no noise, the scatter of the rests is all of it
 ROUNDS = 10  # of reweighting; each brings the excess within a few percent of the next
 
 
@@ -76,13 +77,14 @@ def fit_rests(found: Rests, terms: Sequence[str] = (BIAS, G_SENSITIVITY)) -> Res
     prior = np.array([p.sigma for p in wanted])
     dof = len(J) - np.array([np.any(J[:, i] != 0, axis=0).sum() for i in range(3)])
     excess = np.zeros(3)
+    own = np.where(found.sigma > 0, found.sigma, SILENT)  # rows that never change, or one a rest
     for _ in range(ROUNDS):
-        sigma = np.sqrt(found.sigma**2 + excess**2)
+        sigma = np.sqrt(own**2 + excess**2)
         A = (J / sigma[..., None]).reshape(-1, len(wanted)) * prior
         U, S, Vt = np.linalg.svd(A, full_matrices=False)
         x = (Vt.T @ ((U.T @ (found.rate / sigma).ravel()) / S)) * prior
         misfit = found.rate - J @ x
-        excess = np.array([scatter(misfit[:, i], found.sigma[:, i] ** 2, int(dof[i])) for i in range(3)])
+        excess = np.array([scatter(misfit[:, i], own[:, i] ** 2, int(dof[i])) for i in range(3)])
     covariance = (Vt.T / S**2) @ Vt * np.outer(prior, prior)
     slack = 1 - (U**2).sum(1).reshape(misfit.shape)
     size = np.sqrt((A**2).sum(0))

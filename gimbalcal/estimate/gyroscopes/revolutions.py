@@ -13,12 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
 from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.gyroscopes.outcome import UNSTEADY_RATE
 from gimbalcal.estimate.gyroscopes.turns import paused
 from gimbalcal.number import Array, complex_step
 from gimbalcal.recording import Recording, dwells
@@ -145,6 +147,14 @@ def triangle() -> tuple[Parameter, ...]:
     return tuple(p for p in found if p.effect != "gyro_misalignment" or p.axis in ("yz", "zx", "zy"))
 
 
+def _outcome(recording: Recording, converged: bool, times: float) -> str:
+    if not converged:
+        return "the fit did not settle: the revolutions do not determine the triad"
+    if recording.sigma("gyroscope") is None or times <= UNSTEADY_RATE:
+        return ""
+    return f"revolutions and rests are off by {times:.2g} times what the noise of the gyroscopes explains"
+
+
 def _calibration(recording: Recording, found: Revolutions, fit: PulseFit, pairs: int) -> Calibration:
     from gimbalcal import __version__
 
@@ -155,7 +165,7 @@ def _calibration(recording: Recording, found: Revolutions, fit: PulseFit, pairs:
     scale = max(1.0, chi2 / max(dof, 1))
     covariance = scale * J @ fit.covariance[0][np.ix_(FREE, FREE)] @ J.T
     wanted = triangle()
-    options = {
+    options: dict[str, Any] = {
         "direction": "physics to reading",
         "pairs": pairs,
         "rests": int(found.rest.shape[1]),
@@ -172,7 +182,7 @@ def _calibration(recording: Recording, found: Revolutions, fit: PulseFit, pairs:
           "why": "a rotation of the whole triad changes no norm and no angle: it needs a reference, such as the "
           "accelerometers (gimbalcal.estimate.gyroscopes.inter_triad)"},),
         Residual(chi2, dof, {RATE: float(found.sigma_angle / found.duration * np.sqrt(scale))}),
-        outcome="" if bool(fit.converged[0]) else "the fit did not settle: the revolutions do not determine the triad",
+        outcome=_outcome(recording, bool(fit.converged[0]), options["scatter_over_noise"]),
         provenance={"recordings": recording.files,
                     "version": __version__, "options": options},
         readout=Readout(gimbals=recording.platform.axis_names),

@@ -59,6 +59,25 @@ def test_a_mis_set_position_is_named_with_its_angle(clean: Recording, angle: flo
     assert acceptable(fit.solution.chi2, fit.solution.dof)
 
 
+@pytest.mark.parametrize(("i", "of"), [(1, 5), (8, 14), (3, 9), (0, 12), (16, 2)])
+def test_the_angles_of_another_position_written_down_for_one_are_no_interchange(
+    clean: Recording, i: int, of: int
+) -> None:
+    channels = dict(clean.channels)
+    for axis in clean.axes("gimbal_angle"):
+        angles = channels["gimbal_angle", axis].copy()
+        angles[clean.position == i + 1] = angles[clean.position == of + 1][0]
+        channels["gimbal_angle", axis] = angles
+    wrong = replace(clean, channels=channels)
+    assert faults_of(wrong) == [(i + 1,)]
+    assert faults_of(without_noise(wrong)) == [(i + 1,)]
+
+
+def test_two_positions_far_off_are_two_faults(clean: Recording) -> None:
+    wrong = misread(misread(clean, 6, "inner", np.pi / 4), 14, "middle", -np.pi / 3)
+    assert sorted(faults_of(wrong)) == [(7,), (15,)]
+
+
 def test_what_is_left_is_the_calibration_without_that_position(clean: Recording) -> None:
     spoiled = misread(clean, 6, "inner", 1e-3)
     rest, fit, _ = fit_without_faults(problem(spoiled), stated_noise(spoiled))

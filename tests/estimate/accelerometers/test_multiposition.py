@@ -18,6 +18,7 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 
 G = 9.8
+FORCE = "specific_force"
 UG = 9.80665e-6
 SAMPLE, COUNT = 2e-4, 400  # m/s^2 and samples per dwell: 1 ug per position
 
@@ -109,9 +110,34 @@ def test_counts_are_scaled_and_the_scale_is_kept() -> None:
 
 def test_positions_that_scatter_more_than_the_stated_noise_are_told() -> None:
     made = multiposition(rested(TRUTH, scattered(30), noise=30), LINEAR)
-    assert "which the stated noise does not explain" in made.outcome
+    assert "about the model, 36 times what the stated noise explains (1e-05 m/s^2" in made.outcome
     error = (made.values - truth_of(TRUTH, made)) / made.sigmas
     assert np.sqrt(np.mean(error**2)) < 2.5  # nine normal numbers of the inflated sigma
+
+
+@pytest.mark.parametrize(("noise", "told"), [(3, False), (10, True)])
+def test_ten_times_the_scatter_of_the_samples_is_told_and_three_is_ordinary(noise: float, told: bool) -> None:
+    seen = rested(TRUTH, scattered(30), noise=noise)
+    silent = replace(seen, noise={}, scatter={(FORCE, a): SAMPLE for a in "xyz"})
+    made = multiposition(silent, LINEAR)
+    assert bool(made.outcome) == told
+    assert ("times what the scatter of the samples explains" in made.outcome) == told
+    assert noise / 1.5 < made.provenance["options"]["excess_over_noise"] < noise * 1.5
+
+
+def test_means_without_rows_behind_them_have_no_scatter_to_be_judged_by() -> None:
+    assert multiposition(replace(rested(TRUTH, scattered(30), noise=30), noise={}), LINEAR).outcome == ""
+
+
+def test_samples_that_all_read_one_step_are_no_finer_than_the_step() -> None:
+    means = rested(TRUTH, scattered(30))
+    step = 2e-2
+    force = np.repeat(np.round(means.triad(FORCE) / step) * step, 5, axis=0)
+    coarse = replace(
+        means, noise={}, scatter={(FORCE, a): 1e-9 for a in "xyz"}, weight=np.ones(150), time=np.arange(150.0),
+        position=np.repeat(np.arange(1, 31), 5), channels={(FORCE, a): force[:, i] for i, a in enumerate("xyz")},
+    )  # fmt: skip
+    assert multiposition(coarse, LINEAR).outcome == ""
 
 
 def test_an_effect_that_needs_angles_is_refused() -> None:

@@ -1,0 +1,123 @@
+r"""Whether gyroscopes are explained: what is left at rest and after turns, against what their noise explains.
+
+At rest, one sigma of a mean is that of its samples, beside the Earth's horizontal rate, whose direction is not known.
+After a turn of duration T in n steps between rests of n_1 and n_2 samples, gravity may be missed by
+
+.. math:: \sigma^2 = \sigma_1^2 + \sigma_2^2 + n (\sigma_\omega \Delta t)^2
+          + \frac{T^2}{4} \sigma_\omega^2 \left(\frac1{n_1} + \frac1{n_2}\right) + \frac{T^2}{2} w^2 ,
+
+with sigma_1, sigma_2 of gravity's direction at the rests and w by how much the level wanders between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.earth import EARTH_RATE
+from gimbalcal.effects import Effect
+from gimbalcal.estimate.gyroscopes.rests import Rests
+from gimbalcal.estimate.gyroscopes.turns import FORCE, Turns
+from gimbalcal.forward import gyroscopes
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.units import from_si
+
+UNSTEADY_RATE = 8.0  # times what noise explains: the level of two phones wanders by 5.6 and 6.7, of two MPU-9150 by 4.6
+FAR = 0.2  # of the rate, or rad: no gyroscope on the market is off by as much, a wrong range is
+SLOW = 1e-3  # rad/s; what is linear in the rate shows alone
+SINGULAR = 1e6  # condition number, columns of length one
+
+
+def rests_in_words(recording: Recording, found: Rests, misfit: Array) -> list[str]:
+    """A sentence where what a fit leaves at rest, misfit (m, 3) [rad/s], is far above the noise of the means."""
+    if not np.all(found.sigma > 0):
+        return []  # one row a rest says nothing of its scatter
+    L = recording.site.latitude
+    horizontal = EARTH_RATE * (np.cos(L) if L is not None else 1.0) / np.sqrt(2)
+    explained = np.sqrt((found.sigma**2).mean(0) + horizontal**2)
+    left = np.sqrt((misfit**2).mean(0))
+    i = int(np.argmax(left / explained))
+    if left[i] <= UNSTEADY_RATE * explained[i]:
+        return []
+    return [
+        (
+            f"at rest the gyroscope {'xyz'[i]} is off by {from_si(float(left[i]), 'deg/h'):.3g} deg/h rms, "
+            f"{left[i] / explained[i]:.2g} times what its noise explains"
+        )
+    ]
+
+
+def turns_in_words(
+    recording: Recording, turns: Turns, accelerometers: Calibration, wander: Array, scale: float, rms: float
+) -> list[str]:
+    """A sentence where gravity after the turns is missed by far more than noise explains; rms [rad] per component.
+
+    wander (m, 3) [rad/s]: misfit of the rests; scale: rad/s per unit of the rates.
+    """
+    explained = turn_sigma(recording, turns, accelerometers, wander, scale)
+    if not explained or rms <= UNSTEADY_RATE * explained:
+        return []
+    return [
+        (
+            f"carried through the turns by the gyroscopes, gravity is missed by {np.degrees(rms):.2g} deg rms, "
+            f"{rms / explained:.2g} times what their noise explains"
+        )
+    ]
+
+
+def turn_sigma(recording: Recording, turns: Turns, accelerometers: Calibration, wander: Array, scale: float) -> float:
+    """By how much noise makes turns miss gravity [rad rms, per component], module docstring; 0 where it is not known.
+
+    In the units that the rates were logged in, `scale` rad/s each.
+    """
+    white = recording.sigma("gyroscope")
+    if white is None:
+        return 0.0
+    n = dwell_means(recording).weight
+    first, last = turns.ends - 1, turns.ends
+    steps, T = (turns.step > 0).sum(1), turns.step.sum(1)
+    down = _direction_sigma(recording, accelerometers, n)
+    level = (T * scale * white) ** 2 / 4 * (1 / n[first] + 1 / n[last])
+    on_the_way = steps * (scale * white * T / steps) ** 2
+    variance = down[first] ** 2 + down[last] ** 2 + on_the_way + level + T**2 / 2 * float(np.mean(wander**2))
+    return float(np.sqrt(variance.mean()))
+
+
+def _direction_sigma(recording: Recording, accelerometers: Calibration, n: Array) -> Array:
+    """One sigma (m,) [rad] of gravity's direction at the rests, per component."""
+    sample = recording.sigma("accelerometer") or 0.0
+    nominal = accelerometers.readout.accelerometers
+    if recording.counted(FORCE):
+        sample *= float(np.mean(np.abs(nominal.scale))) if nominal else 0.0
+    excess = float(accelerometers.provenance.get("options", {}).get("excess_scatter") or 0.0)
+    return np.asarray(np.sqrt(sample**2 / n + excess**2) / recording.site.gravity)
+
+
+def sizes_in_words(turns: Turns, effects: Sequence[Effect]) -> list[str]:
+    """A sentence where what effects make of a small rate is no error of a gyroscope but of its range, unit or axes."""
+    zero = 0 * turns.stimulus.rate
+    D = np.array([
+        (gyroscopes(zero + SLOW * e, turns.stimulus, effects) - gyroscopes(zero, turns.stimulus, effects))[0] / SLOW
+        for e in np.eye(3)
+    ]).T  # fmt: skip
+    i, j = np.unravel_index(int(np.argmax(np.abs(D - np.eye(3)))), (3, 3))
+    if abs(D[i, j] - (i == j)) <= FAR:
+        return []
+    if i == j:
+        return [f"the gyroscope {'xyz'[i]} reads {D[i, i]:.3g} times its rate: correct the range or unit of its column"]
+    return [
+        (
+            f"the gyroscope {'xyz'[i]} reads {D[i, j]:.3g} times the rate about {'xyz'[j]}: the axes or signs of the "
+            "gyroscopes are not those of [columns]"
+        )
+    ]
+
+
+def singular_in_words(condition: float) -> list[str]:
+    """A sentence where a fit of turns hardly tells its parameters apart."""
+    if condition <= SINGULAR:
+        return []
+    return [f"the turns do not tell the gyroscopes' parameters apart (condition number {condition:.1g})"]

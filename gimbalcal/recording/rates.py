@@ -1,0 +1,281 @@
+r"""Gyroscopes reversed, exchanged or in another unit, found before anything is estimated.
+
+A calibration would absorb these too, as scale errors of -170000 ppm. So what the gyroscopes say of each turn between
+rests is held against what gravity's direction (else the gimbals) did, and against what it would be for another
+reading of their columns, rates M w for rates w, M one of `triads.CHANGES` times a ratio of units:
+
+.. math:: f_2 / |f_2| = C(M w) \, f_1 / |f_1|, \qquad C(M w) = M \, C(\det(M) \, w) \, M^T .
+
+At rest, where the latitude is known and the gyroscopes see the Earth, its rate along the vertical says it again, with
+b a bias: :math:`f_k / |f_k| \cdot (M w_k - b) = \Omega \sin L`. Scale errors, biases and misalignments that can be
+calibrated are far smaller than what is asked here.
+
+Gravity alone cannot tell a change of the gyroscopes that keeps them right-handed from the inverse change of the
+accelerometers, so both are named unless gimbals have vouched for the accelerometers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from gimbalcal.earth import EARTH_RATE
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array, apply_matrix
+from gimbalcal.recording.detection import detect
+from gimbalcal.recording.dwell import dwells
+from gimbalcal.recording.plausible_run import named
+from gimbalcal.recording.record import Recording
+from gimbalcal.recording.triads import AXES, CHANGES, CLOSE, NEARLY_ALL, Change, in_words, remedy, without_scale
+from gimbalcal.rotation import exponential
+from gimbalcal.units import to_si
+
+RATE, FORCE = "angular_rate", "specific_force"
+MOVED = 0.5  # rad; a turn that moves the reference less cannot fail by `CLOSE` and does not tell signs
+PAUSED = 10.0  # usual steps: nobody knows how a unit turned while the clock paused for longer
+FEWEST = 3  # turns that tell
+MOST_TURNS = 40  # those that move the reference most: enough to tell 48 readings apart
+LONGEST = 4000  # steps of a turn; longer ones are taken in means
+FEWEST_RESTS = 8  # three of them go into the bias
+UNITS = ("rad/s", "deg/s", "deg/h", "mdeg/s", "rad/h")
+CLOCKS = {1e-3: "ms", 1e3: "s instead of ms"}  # seconds that a second of the stated unit really is
+COUNTS = np.geomspace(0.2, 20, 40)  # rad that a median turn may have, where nothing says how much a count is
+REVERSED = Change(signs=(-1, -1, -1))
+FAINT = 0.3  # of what no reading at all would leave: gyroscopes see the Earth where less remains
+UNCHECKED = (
+    "axes, signs and unit of the gyroscopes were not checked: it takes three logged turns between rests that move "
+    "gravity, or the Earth's rate at eight rests at a known latitude"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class _Turns:
+    """Readings (n, 3) of each turn less their level at rest, steps (n,) [s], and the reference before and after.
+
+    The reference is a direction (3,) or, from gimbals, an attitude (3, 3) whose columns turn alike.
+    """
+
+    reading: list[Array]
+    step: list[Array]
+    before: Array  # (m, 3, k)
+    after: Array  # (m, 3, k)
+
+
+def refuse_implausible_rates(recording: Recording) -> tuple[str, ...]:
+    """Raise `InputError` where axes, signs or unit of the gyroscopes cannot be right; else what was not checked."""
+    if recording.kind not in ("multi-position", "rotation") or set(recording.axes(RATE)) != set(AXES):
+        return ()
+    recording = _with_rests(recording)
+    turns = _turns(recording)
+    if turns is not None:
+        _check_turns(recording, turns)
+    seen = _check_earth(recording, turns is not None)
+    if turns is not None or seen:
+        return ()
+    return (UNCHECKED,)
+
+
+def _with_rests(recording: Recording) -> Recording:
+    """A rotation has rests too: where its sensors are quiet."""
+    if recording.position is not None:
+        return recording
+    channels = {f"{q} {a}": x for (q, a), x in recording.channels.items() if q in (FORCE, RATE)}
+    return replace(recording, position=detect(recording.time, channels))
+
+
+# --- turns ------------------------------------------------------------------------------------------------------------
+
+
+def _turns(recording: Recording) -> _Turns | None:
+    """The turns that move the reference most, gravity's direction or else the gimbals; None where too few do."""
+    stays = dwells(recording)
+    y = recording.triad(RATE)
+    usual = float(np.median(np.diff(recording.time))) if len(recording.time) > 1 else 0.0
+    logged = [
+        k for k, (a, b) in enumerate(pairwise(stays))
+        if b.start > a.stop and np.diff(recording.time[a.stop - 1 : b.start + 1]).max() <= PAUSED * usual
+    ]  # fmt: skip
+    for reference in _references(recording):
+        at_rest = reference()
+        if at_rest is None:
+            continue
+        moved = np.linalg.norm(at_rest[1:] - at_rest[:-1], axis=(1, 2))
+        order = sorted((k for k in logged if moved[k] > MOVED), key=lambda k: -moved[k])[:MOST_TURNS]
+        if len(order) < FEWEST:
+            continue
+        level = np.array([y[d.rows].mean(0) for d in stays])
+        spans = [slice(stays[k].stop - 1, stays[k + 1].start + 1) for k in order]
+        taken = [_means(recording.time[s], y[s] - (level[k] + level[k + 1]) / 2)
+                 for k, s in zip(order, spans, strict=True)]  # fmt: skip
+        after = [k + 1 for k in order]
+        return _Turns([r for r, _ in taken], [t for _, t in taken], at_rest[order], at_rest[after])
+    return None
+
+
+def _references(recording: Recording) -> Iterable[Callable[[], Array | None]]:
+    return (lambda: _down(recording), lambda: _attitude(recording))
+
+
+def _down(recording: Recording) -> Array | None:
+    """Direction of the force at each rest (m, 3, 1); counts are centred first, where every axis went both ways."""
+    if set(recording.axes(FORCE)) != set(AXES):
+        return None
+    y = recording.triad(FORCE)
+    f = np.array([y[d.rows].mean(0) for d in dwells(recording)])
+    if recording.counted(FORCE):
+        centred = without_scale(f)
+        if centred is None:
+            return None
+        f = centred
+    length = np.linalg.norm(f, axis=1, keepdims=True)
+    return None if not len(f) or np.any(length == 0) else (f / length)[..., None]
+
+
+def _attitude(recording: Recording) -> Array | None:
+    """C_bp (m, 3, 3) at each rest as the gimbals tell it."""
+    if not recording.platform.axes or not recording.has("gimbal_angle"):
+        return None
+    angles = recording.angles()
+    return np.asarray(recording.platform.attitude(np.array([angles[d.start] for d in dwells(recording)])))
+
+
+def _means(time: Array, y: Array) -> tuple[Array, Array]:
+    """Mean rate (n, 3) and step (n,) from row to row, or over several rows of a very long turn."""
+    dt, mean = np.diff(time), (y[1:] + y[:-1]) / 2
+    size = -(-len(dt) // LONGEST)
+    if size > 1:
+        starts = np.arange(0, len(dt), size)
+        total = np.add.reduceat(dt, starts)
+        mean, dt = np.add.reduceat(mean * dt[:, None], starts) / total[:, None], total
+    return mean, dt
+
+
+def _rotations(turns: _Turns, factor: Array) -> Array:
+    """C (m, 3, 3) of every turn for readings times `factor` (3,)."""
+    out = np.empty((len(turns.reading), 3, 3))
+    for i, (w, dt) in enumerate(zip(turns.reading, turns.step, strict=True)):
+        C = exponential(factor * w * dt[:, None])
+        while len(C) > 1:  # in pairs: later ones stand on the left
+            tail = C[-1:] if len(C) % 2 else C[:0]
+            C = np.concatenate([C[1::2] @ C[: len(C) - len(C) % 2 : 2], tail])
+        out[i] = C[0]
+    return out
+
+
+def _agree(turns: _Turns, C: Array) -> int:
+    """How many turns end where the reference does."""
+    off = np.linalg.norm(C @ turns.before - turns.after, axis=(1, 2)) / np.sqrt(turns.before.shape[-1])
+    return int(np.count_nonzero(off < 2 * np.sin(CLOSE / 2)))
+
+
+def _check_turns(recording: Recording, turns: _Turns) -> None:
+    """Another reading of the columns that fits nearly every turn, while the stated one does not, is the right one."""
+    n = len(turns.reading)
+    factors = [(1.0, "")] if not recording.counted(RATE) else _scales(turns)
+    stated = max(_agree(turns, _rotations(turns, f * np.ones(3))) for f, _ in factors)
+    if stated >= NEARLY_ALL * n:
+        return
+    if not recording.counted(RATE):
+        factors += _units(recording)
+    best, words = stated, ""
+    for factor, unit in factors:
+        both = {sign: _rotations(turns, sign * factor * np.ones(3)) for sign in (1, -1)}
+        for change in CHANGES:
+            M = change.matrix
+            agreeing = _agree(turns, M @ both[change.handed] @ M.T)
+            if agreeing > best:
+                best, words = agreeing, _both_in_words(recording, turns, change, unit)
+    for factor, unit in factors[1:] if best < NEARLY_ALL * n and not recording.counted(RATE) else []:
+        for few in (f for f in np.ndindex(2, 2, 2) if 0 < sum(f) < 3):
+            agreeing = _agree(turns, _rotations(turns, np.where(few, factor, 1.0)))
+            if agreeing > best:
+                one = " and ".join(a for a, wrong in zip(AXES, few, strict=True) if wrong)
+                best, words = agreeing, f"{unit} in {one} alone"
+    if best >= NEARLY_ALL * n and best >= stated + 2:
+        by = "gravity" if turns.before.shape[-1] == 1 else "the gimbals"
+        raise InputError(
+            f"{named(recording)}: only {stated} of {n} turns between rests are by {by} what the gyroscopes say, and "
+            f"{best} if {words}"
+        )
+
+
+def _units(recording: Recording) -> list[tuple[float, str]]:
+    """Ratios of other units of rate to the stated one, and of other clocks, with what to write."""
+    stated = recording.units.get((RATE, "x"), "rad/s")
+    ratios = [(to_si(1.0, u) / to_si(1.0, stated), f'the rates are in {u} (write unit = "{u}")') for u in UNITS]
+    clocks = [(f, f"the time is in {u}") for f, u in CLOCKS.items()]
+    return [(f, words) for f, words in (*ratios, *clocks) if abs(f - 1) > 1e-6]
+
+
+def _scales(turns: _Turns) -> list[tuple[float, str]]:
+    """Guesses of the rad/s of a count."""
+    median = np.median(
+        [(np.linalg.norm(w, axis=1) * dt).sum() for w, dt in zip(turns.reading, turns.step, strict=True)]
+    )
+    return [(float(g), "") for g in COUNTS / median]
+
+
+def _both_in_words(recording: Recording, turns: _Turns, change: Change, unit: str) -> str:
+    """A change of the gyroscopes and, where gravity alone tells, the same as one of the accelerometers; the cure."""
+    told = [(change, "gyroscope")]
+    vouched = recording.platform.axes and recording.has("gimbal_angle")
+    if change.handed > 0 and not vouched and turns.before.shape[-1] == 1:
+        told.append((min((change.inverse(sign) for sign in (1, -1)), key=lambda c: c.slips), "accelerometer"))
+    return _cured(told, unit, "; as stated the gyroscopes make a left-handed triad" if change.handed < 0 else "")
+
+
+def _cured(told: list[tuple[Change, str]], unit: str, handed: str = "") -> str:
+    """Changes of which one is true, the simplest first, after a change of unit; and what to write for the first."""
+    told = sorted((t for t in told if t[0] != CHANGES[0]), key=lambda t: t[0].slips)
+    words = [unit] if unit else []
+    if told:
+        words.append(", or ".join(in_words(*t) for t in told) + f"{handed}; correct [columns]: {remedy(*told[0])}")
+    return " and ".join(words)
+
+
+# --- the Earth at rest ------------------------------------------------------------------------------------------------
+
+
+def _check_earth(recording: Recording, turned: bool) -> bool:
+    """Whether the gyroscopes see the Earth at rest; raises InputError where another reading sees it instead.
+
+    turned: turns have vouched for the gyroscopes beside the accelerometers, so that only all signs together are open.
+    """
+    latitude, up = recording.site.latitude, _down(recording)
+    stays = dwells(recording)
+    if latitude is None or up is None or len(stays) < FEWEST_RESTS or recording.counted(RATE):
+        return False
+    y = recording.triad(RATE)
+    rate = np.array([y[d.rows].mean(0) for d in stays])
+    up = up[..., 0]
+    due = EARTH_RATE * np.sin(latitude)
+    Q = np.linalg.qr(up)[0]
+    if np.linalg.matrix_rank(up, tol=0.1 * np.sqrt(len(up))) < 3:
+        return False
+
+    def left(w: Array) -> float:
+        r = np.sum(up * w, axis=1) - due
+        return float(np.sqrt(np.mean((r - Q @ (Q.T @ r)) ** 2)))
+
+    nothing, stated = left(0 * rate), left(rate)
+    if nothing < 0.5 * abs(due) or stated < FAINT * nothing:
+        return bool(nothing >= 0.5 * abs(due))
+    units = [(1.0, "")] + ([] if turned else [u for u in _units(recording) if "time" not in u[1]])
+    changes = [c for c in CHANGES if not turned or c == REVERSED]
+    found = [(left(f * apply_matrix(c.matrix, rate)), c, unit) for f, unit in units for c in changes]
+    best, change, unit = min(found, key=lambda t: t[0])
+    if best >= FAINT * nothing:
+        return False
+    told = [] if turned else [(change, "gyroscope")]
+    if not (recording.platform.axes and recording.has("gimbal_angle")):
+        told.append((change.inverse(), "accelerometer"))
+    south = "the latitude has the opposite sign, or " if change == REVERSED else ""
+    hour = 3600 * np.degrees(1.0)
+    raise InputError(
+        f"{named(recording)}: at rest the gyroscopes miss the Earth's rate along the vertical, {due * hour:.4g} "
+        f"deg/h, by {stated * hour:.3g} deg/h rms, and by {best * hour:.3g} deg/h if "
+        f"{south}{_cured(told, unit)}"
+    )

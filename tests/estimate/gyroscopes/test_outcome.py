@@ -1,0 +1,80 @@
+"""Gyroscopes that their model does not explain are told, and with them the whole calibration."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.estimate.gyroscopes.between_rests import LINEAR
+from gimbalcal.estimate.gyroscopes.outcome import turn_sigma
+from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
+from gimbalcal.estimate.unit import inertial_unit
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording
+from tests.estimate.gyroscopes.test_between_rests import TRUTH, hand
+
+NOISE = 2e-3
+RATE = "angular_rate"
+TERMS = ("bias", *LINEAR)
+
+
+@cache
+def turned(count: int = 24) -> Recording:
+    made = hand(TRUTH, NOISE, count)
+    noise = {"gyroscope": NOISE, "accelerometer": 1e-6}
+    return replace(made, noise=noise, scatter={(RATE, a): NOISE for a in "xyz"})
+
+
+def with_rates(y: Array) -> Recording:
+    return replace(turned(), channels={**turned().channels, **{(RATE, a): y[:, i] for i, a in enumerate("xyz")}})
+
+
+def calibrated(recording: Recording) -> Calibration:
+    return inertial_unit(recording, TERMS)
+
+
+def test_gyroscopes_that_their_model_explains_are_not_complained_of() -> None:
+    made = calibrated(turned())
+    assert made.outcome == ""
+    turns, _, scale = turns_between_rests(turned(), made)
+    stated = turn_sigma(turned(), turns, made, np.zeros((1, 3)), scale)
+    assert made.residual.rms["gravity_direction"] == pytest.approx(stated, rel=0.4)  # 48 numbers, 9 of them fitted
+
+
+def test_a_level_that_differs_from_rest_to_rest_is_told() -> None:
+    p = np.asarray(turned().position)
+    y = turned().triad(RATE) + 5e-3 * np.where(p % 2 > 0, 1.0, 0.0)[:, None] * (p > 0)[:, None] * np.array([0, 1, 0])
+    assert "At rest the gyroscope y is off by" in calibrated(with_rates(y)).outcome
+
+
+def test_turns_that_the_gyroscopes_missed_are_told() -> None:
+    y = turned().triad(RATE)
+    clipped = np.clip(y, -0.6, 0.6)  # rad/s: the range of the gyroscopes
+    made = calibrated(with_rates(clipped))
+    assert "gravity is missed by" in made.outcome
+    assert "times what their noise explains" in made.outcome
+
+
+def test_half_of_a_rate_is_the_range_and_no_scale_error() -> None:
+    half = turned().triad(RATE) * np.array([1.0, 1.0, 0.5])
+    said = calibrated(with_rates(half)).outcome
+    assert float(said.split("gyroscope z reads ")[1].split()[0]) == pytest.approx(0.5, rel=0.02)
+    assert said.endswith("times its rate: correct the range or unit of its column")
+
+
+def test_an_axis_that_leans_by_thirty_degrees_is_told() -> None:
+    M = np.eye(3) + np.array([[0, 0, 0], [0.6, 0, 0], [0, 0, 0]])
+    said = calibrated(with_rates(turned().triad(RATE) @ M.T)).outcome
+    assert float(said.split("gyroscope y reads ")[1].split()[0]) == pytest.approx(0.6, abs=0.02)
+    assert "times the rate about x: the axes or signs" in said
+
+
+def test_a_fit_that_turns_about_one_axis_leave_singular_is_told() -> None:
+    made = hand(TRUTH, NOISE, 8)
+    still = replace(made, noise={"gyroscope": NOISE})
+    one = {**made.channels, **{(RATE, a): 0 * made.channels[RATE, a] for a in "xy"}}
+    assert "the gyroscopes are not calibrated" in inertial_unit(replace(still, channels=one)).outcome.lower()
