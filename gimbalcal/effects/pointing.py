@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.effects.effect import GIMBALS, SCALAR, Effect, Stage, Stimulus, effect, parameter
+from gimbalcal.effects.effect import EVERY_KIND, GIMBALS, SCALAR, Effect, Stage, Stimulus, effect, parameter
 from gimbalcal.number import Array
 
 
@@ -110,14 +110,15 @@ class EncoderScaleFactor(Effect):
     .. math:: \delta\theta = s \, \theta
 
     Source: geometry: the radius of a tape encoder or friction wheel is off by s. Magnitude: 10 to 1000 ppm; a toy
-    servo 1 %. Seen by: stars over most of the travel of that axis. Confounded with: gimbal_zero over a narrow
-    range; encoder_eccentricity over less than half a turn.
+    servo 1 %. Seen by: stars or positions over most of the travel of that axis. Confounded with: gimbal_zero over a
+    narrow range; encoder_eccentricity over less than half a turn.
     """
 
     id = "encoder_scale_factor"
     stage = Stage.ENCODER
     channel = "gimbal_angle"
-    kinds = ("pointing",)
+    kinds = EVERY_KIND
+    no_cause = "a circle on its axis closes: of a gear or tape, which the user knows, it is asked for by name"
     s: Array = parameter(GIMBALS, unit="ppm", sigma=100, name="encoder_scale_factor")
 
     def contribution(self, s: Stimulus) -> Array:
