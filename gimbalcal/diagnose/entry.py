@@ -12,8 +12,12 @@ from gimbalcal.diagnose.known_noise import diagnose_known_noise
 from gimbalcal.diagnose.rows.baseline import by_triad, check_baseline, check_finite
 from gimbalcal.diagnose.several import diagnose_several
 from gimbalcal.diagnose.unknown_noise import applies, diagnose_unknown_noise
+from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.effect import constants
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.pointing.mount import pointing_calibration
+from gimbalcal.estimate.pointing.run import nights
 from gimbalcal.estimate.sessions import unit_of_sessions
 from gimbalcal.pipeline import Tell, silent
 from gimbalcal.recording import Recording, join
@@ -40,8 +44,8 @@ def diagnose(
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):  # many small matrices: threads only get into each other's way
-        if len(recordings) > 1 and all(r.kind == "pointing" for r in recordings):
-            return _diagnose(join(recordings), calibration, tuple(baseline), seed, tell)
+        if all(r.kind == "pointing" for r in recordings):
+            return _nights(recordings, calibration, tuple(baseline), seed, tell)
         if len(recordings) > 1 and all(applies(r) and r.kind == "multi-position" for r in recordings):
             return _sessions(recordings, calibration, tuple(baseline), seed, tell)
         if len(recordings) > 1:
@@ -69,6 +73,37 @@ def _sessions(
         made,
         in_words=f"{made.in_words} {words[0].upper()}{words[1:].rstrip('.')}.",
         provenance={**made.provenance, "sessions": sessions},
+    )
+
+
+def _nights(
+    recordings: Sequence[Recording],
+    calibration: Calibration | None,
+    baseline: tuple[str, ...],
+    seed: int,
+    tell: Tell,
+) -> Diagnosis:
+    """Pointing runs of one mount: all nights together, and whether they share their terms at all."""
+    made = _diagnose(join(recordings), calibration, baseline, seed, tell)
+    if made.calibration is None or sum(len(nights(r)) for r in recordings) == 1:
+        return made
+    tell("holding each night against the others")
+    held = dict.fromkeys(p.effect for p in made.calibration.parameters)
+    terms = tuple(e for e in held if not constants(CATALOGUE[e]))  # the same constants would be sought in every night
+    try:
+        told = pointing_calibration([replace(r, noise={}) for r in recordings], terms)
+    except InputError as problem:
+        return replace(
+            made, in_words=f"{made.in_words} Whether the nights share their terms cannot be told: {problem}."
+        )
+    words = told.outcome or "the nights share their terms."
+    shape = ({"channel": "pointing", "shape": "terms that differ from night to night"},) if told.outcome else ()
+    return replace(
+        made,
+        verdict="unexplained" if shape and made.verdict == "adequate" else made.verdict,
+        unexplained=(*made.unexplained, *shape),
+        in_words=f"{made.in_words} {words[0].upper()}{words[1:]}",
+        provenance={**made.provenance, "nights": told.provenance.get("nights", [])},
     )
 
 

@@ -59,8 +59,9 @@ def views(
     recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell
 ) -> tuple[View, ...]:
     """The views of a recording; a baseline of gyroscope effects alone asks for the gyroscopes alone, and so on."""
-    if recording.kind == "pointing":
-        return (pointing(recording, baseline),)
+    if recording.kind == "pointing":  # every term is fitted anew: a calibration says which the model holds
+        held = tuple(dict.fromkeys(p.effect for p in calibration.parameters)) if calibration else ()
+        return (pointing(recording, baseline or held),)
     if recording.kind == "rotation":
         return (table(recording, baseline),)
     mine, gyro = by_triad(baseline)

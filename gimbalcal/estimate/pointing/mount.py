@@ -10,12 +10,12 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.calibration.exchange.tpoint import as_record, mount_record, tpoint_terms
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import amount
 from gimbalcal.estimate.pointing.drift import Nights, by_night, record
 from gimbalcal.estimate.pointing.fit import Fit, fit
 from gimbalcal.estimate.pointing.run import CHANNELS, nights, read_axes
 from gimbalcal.estimate.pointing.terms import USUAL, wanted_parameters
-from gimbalcal.recording import Recording
+from gimbalcal.recording import Recording, join
 from gimbalcal.units import from_si
 
 SURPRISE = 1e-3  # probability below which chance is not believed
@@ -32,7 +32,7 @@ def pointing_calibration(
     stated noise does not explain what is left, or where the nights do not share their terms. Raises InputError for
     recordings of several mounts, without true angles, or with fewer readings than unknowns.
     """
-    _refuse_several_mounts(recordings)
+    join(recordings)  # refuses runs of different mounts, and one that is given twice
     runs = tuple(night for r in recordings for night in nights(r))
     wanted = wanted_parameters(recordings[0].platform, read_axes(recordings[0]), (*(terms or USUAL), *more))
     stated = _stated(recordings)
@@ -65,20 +65,6 @@ def _with_names(made: Calibration, several: Nights | None) -> Calibration:
     if several is not None:
         told |= {"nights": record(several), "same_terms_every_night": several.probability}
     return replace(made, provenance={**made.provenance, **told})
-
-
-def _refuse_several_mounts(recordings: Sequence[Recording]) -> None:
-    first = recordings[0]
-    for r in recordings:
-        if r.kind != "pointing":
-            raise InputError(
-                f"{r.title!r} is a {r.kind} recording and {first.title!r} a pointing run; calibrate each by itself"
-            )
-        if r.platform.axes != first.platform.axes:
-            raise InputError(
-                f"{first.title!r} and {r.title!r} are runs of different mounts: axes, signs or offsets in [platform] "
-                "differ; calibrate each by itself, or correct the header"
-            )
 
 
 def _stated(recordings: Sequence[Recording]) -> float | None:
