@@ -19,6 +19,7 @@ from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import fine
 from gimbalcal.estimate.accelerometers.joint import information_of, joint
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
+from gimbalcal.estimate.cross_check import CrossCheck, cross_check
 from gimbalcal.estimate.fusion import fuse
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.sessions import unit_of_sessions
@@ -44,12 +45,25 @@ def load(folders: Sequence[str | Path], tell: Tell = silent) -> tuple[Recording,
         tell(f"reading {Path(folder).name}")
         static_run = read_header(Path(folder)).kind == "static-run"
         recording = read(Path(folder), average_s=STATIC_BLOCK if static_run else None)
-        unchecked = refuse_implausible(recording)
+        unchecked = [remark for each in recording.sensors for remark in refuse_implausible(each)]
         recording = replace(recording, remarks=(*recording.remarks, *unchecked))
         for remark in recording.remarks:
             tell(f"note: {remark}")
         recordings.append(recording)
     return tuple(recordings)
+
+
+def by_sensor(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], ...]:
+    """The recordings of each of several sensors that were logged side by side; as they are where there is one."""
+    first = recordings[0]
+    names = [r.sensor for r in first.sensors]
+    for r in recordings[1:]:
+        if [one.sensor for one in r.sensors] != names:
+            raise InputError(
+                f"{first.title!r} and {r.title!r} do not hold the same sensors; name them alike in [columns], or give "
+                "each recording alone"
+            )
+    return tuple(zip(*(r.sensors for r in recordings), strict=True))
 
 
 def calibrate(
@@ -59,9 +73,56 @@ def calibrate(
 
     Pointing runs, one or several of a mount, have a method of their own.
 
-    Returns the calibration with its provenance, and the recordings. Raises InputError for what it cannot take.
+    Returns the calibration with its provenance, and the recordings; of several sensors side by side those of the
+    first. Raises InputError for what it cannot take.
     """
-    recordings = load(folders, tell)
+    return calibrate_each(folders, method, terms, tell)[0]
+
+
+def calibrate_each(
+    folders: Sequence[str | Path], method: str = "three-stage", terms: Sequence[str] = (), tell: Tell = silent
+) -> tuple[tuple[Calibration, tuple[Recording, ...]], ...]:
+    """The same for each of several sensors that were logged side by side, held against the first at rest."""
+    groups = by_sensor(load(folders, tell))
+    made = []
+    for group in groups:
+        if len(groups) > 1:
+            tell(f"calibrating {group[0].title}")
+        made.append((_calibrated(group, method, terms, tell), group))
+    checks = [_cross_checked(made[0], other, tell) for other in made[1:]]
+    if not checks:
+        return tuple(made)
+    words = [check.in_words for check in checks if check]
+    off = [check.in_words for check in checks if check and not check.agree]
+    return tuple(
+        (
+            replace(
+                c,
+                outcome=c.outcome or "; ".join(off),
+                provenance={**c.provenance, "options": {**c.provenance["options"], "cross_check": words}},
+            ),
+            group,
+        )
+        for c, group in made
+    )
+
+
+def _cross_checked(
+    one: tuple[Calibration, tuple[Recording, ...]], other: tuple[Calibration, tuple[Recording, ...]], tell: Tell
+) -> CrossCheck | None:
+    """Two triads held against each other in the rests of the first recording; None where they cannot be."""
+    (a, (r, *_)), (b, (s, *_)) = one, other
+    try:
+        check = cross_check((r, a), (s, b), (r.sensor, s.sensor))
+    except InputError as problem:
+        tell(f"note: no cross-check: {problem}")
+        return None
+    tell(check.in_words)
+    return check
+
+
+def _calibrated(recordings: tuple[Recording, ...], method: str, terms: Sequence[str], tell: Tell) -> Calibration:
+    """One unit by `method`, with its provenance."""
     if any(r.kind == "pointing" for r in recordings):
         if method != "three-stage":
             raise InputError(f"--method {method} is for inertial sensors; leave it out for a pointing run")
@@ -80,7 +141,7 @@ def calibrate(
         )
     else:
         made = three_stage(recordings, tell)
-    return replace(made, provenance=provenance(recordings, made, terms)), recordings
+    return replace(made, provenance=provenance(recordings, made, terms))
 
 
 def _left_out(made: Calibration) -> list[str]:

@@ -81,17 +81,24 @@ def calibrate(
     recordings: tuple[Path, ...], method: str, terms: str, out: Path | None, quiet: bool, as_json: bool
 ) -> None:
     """Estimate the sensors' errors, with their uncertainty, and say what the data do not show."""
-    from gimbalcal.pipeline import calibrate as run
+    from gimbalcal.pipeline import calibrate_each
     from gimbalcal.report.files import write_calibration
     from gimbalcal.report.wording import answer
 
     tell = progress(quiet)
-    calibration, loaded = run(recordings, method, listed(terms), tell)
-    if out is not None:
-        write_calibration(calibration, loaded, out)
-        tell(f"wrote {out / 'calibration.json'} and {out / 'report.html'}")
-    show(calibration.to_dict(), answer(calibration.to_dict()), as_json, quiet)
-    sys.exit(1 if calibration.outcome else 0)
+    each = calibrate_each(recordings, method, listed(terms), tell)
+    for k, (calibration, loaded) in enumerate(each):
+        if out is not None:
+            place = out / loaded[0].sensor if k else out  # those beside the first have a folder of their own
+            write_calibration(calibration, loaded, place)
+            tell(f"wrote {place / 'calibration.json'} and {place / 'report.html'}")
+    content = each[0][0].to_dict()
+    if len(each) > 1:
+        content["beside"] = {loaded[0].sensor: c.to_dict() for c, loaded in each[1:]}
+    sentences = [f"{r[0].title}: {answer(c.to_dict())}" if len(each) > 1 else answer(c.to_dict()) for c, r in each]
+    checks = each[0][0].provenance["options"].get("cross_check", ())
+    show(content, " ".join([*sentences, *(f"{words[0].upper()}{words[1:]}." for words in checks)]), as_json, quiet)
+    sys.exit(1 if any(c.outcome for c, _ in each) else 0)
 
 
 @gimbalcal.command()
@@ -107,18 +114,27 @@ def diagnose(
     """Say where the data differ from the model, which physics was left out, and what it changes."""
     from gimbalcal.calibration.exchange import read_calibration
     from gimbalcal.diagnose import diagnose as run
-    from gimbalcal.pipeline import load
+    from gimbalcal.pipeline import by_sensor, load
     from gimbalcal.report.files import write_diagnosis
 
     tell = progress(quiet)
-    loaded = load(recordings, tell)
     start = read_calibration(known) if known else None
-    diagnosis = run(loaded, calibration=start, baseline=listed(baseline), seed=seed, tell=tell)
-    if out is not None:
-        write_diagnosis(diagnosis, out, " and ".join(dict.fromkeys(r.title for r in loaded)))
-        tell(f"wrote {out / 'diagnosis.json'} and {out / 'report.html'}")
-    show(diagnosis.to_dict(), diagnosis.in_words, as_json, quiet)
-    sys.exit(0 if diagnosis.verdict == "adequate" else 1)
+    groups, told = by_sensor(load(recordings, tell)), []
+    for k, loaded in enumerate(groups):
+        if len(groups) > 1:
+            tell(f"diagnosing {loaded[0].title}")
+        diagnosis = run(loaded, calibration=start, baseline=listed(baseline), seed=seed, tell=tell)
+        told.append((loaded[0], diagnosis))
+        if out is not None:
+            place = out / loaded[0].sensor if k else out  # those beside the first have a folder of their own
+            write_diagnosis(diagnosis, place, " and ".join(dict.fromkeys(r.title for r in loaded)))
+            tell(f"wrote {place / 'diagnosis.json'} and {place / 'report.html'}")
+    content = told[0][1].to_dict()
+    if len(told) > 1:
+        content["beside"] = {r.sensor: d.to_dict() for r, d in told[1:]}
+    words = " ".join(f"{r.title}: {d.in_words}" for r, d in told) if len(told) > 1 else told[0][1].in_words
+    show(content, words, as_json, quiet)
+    sys.exit(0 if all(d.verdict == "adequate" for _, d in told) else 1)
 
 
 @gimbalcal.command()

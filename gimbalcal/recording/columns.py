@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -29,6 +30,8 @@ AXES: Mapping[str, tuple[str, ...] | None] = {
 
 UNITLESS = ("position", "weight")
 SIGNED = ("specific_force", "angular_rate", "gimbal_angle")
+OF_A_SENSOR = ("specific_force", "angular_rate", "temperature")
+"""Quantities of which a recording may hold several triads, told apart by `sensor`."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,7 @@ class Column:
     unit: str
     dated: bool = False  # a clock of dates (ISO 8601), which become seconds
     resolution: float = 0.0  # of a clock, in its unit; 0 where it is not stated
+    sensor: str = ""  # which of several, where a recording holds more than one triad of a kind
     regular: bool | None = None  # a clock whose stamps are times of arrival, or not; None: the readings decide
     sign: int = 1  # -1 where the sensor counts backwards
 
@@ -58,12 +62,15 @@ def columns_of(document: Document, platform: Platform, clock_needed: bool = True
     table = document.table("columns")
     columns: list[Column] = []
     for name, entry in table.items():
-        column = _column(document, name, entry, platform, len([c for c in columns if c.quantity == "temperature"]))
-        other = next((c for c in columns if c.key == column.key), None)
+        mine = entry.get("sensor", "") if isinstance(entry, dict) else ""
+        thermometers = len([c for c in columns if c.quantity == "temperature" and c.sensor == mine])
+        column = _column(document, name, entry, platform, thermometers)
+        other = next((c for c in columns if (c.key, c.sensor) == (column.key, column.sensor)), None)
         if other:
             raise InputError(
                 f"{document.where('columns', name)}: columns {other.name!r} and {name!r} are both "
-                f"{' '.join(column.key).strip()}; keep one, or log the other as a covariate"
+                f"{' '.join(column.key).strip()}; keep one, name the second triad, as in "
+                'sensor = "b", or log the other as a covariate'
             )
         columns.append(column)
     if not any(c.quantity == "time" for c in columns):
@@ -73,12 +80,13 @@ def columns_of(document: Document, platform: Platform, clock_needed: bool = True
             f'{document.where("columns")}: no column is the time; write time_s = {{ quantity = "time", unit = "s" }}'
         )
     for quantity in ("specific_force", "angular_rate"):
-        units = {c.unit: c.name for c in columns if c.quantity == quantity}
-        if len({is_raw(unit) for unit in units}) > 1:
-            raise InputError(
-                f"{document.where('columns', next(iter(units.values())))}: the {quantity} columns mix counts or "
-                "pulses with physical units; give all three in the same kind of unit"
-            )
+        for sensor in {c.sensor for c in columns}:
+            units = {c.unit: c.name for c in columns if (c.quantity, c.sensor) == (quantity, sensor)}
+            if len({is_raw(unit) for unit in units}) > 1:
+                raise InputError(
+                    f"{document.where('columns', next(iter(units.values())))}: the {quantity} columns mix counts or "
+                    "pulses with physical units; give all three in the same kind of unit"
+                )
     return tuple(columns)
 
 
@@ -87,8 +95,9 @@ def _column(document: Document, name: str, entry: object, platform: Platform, th
     if not isinstance(entry, dict) or not isinstance(entry.get("quantity"), str):
         raise InputError(f'{where}: column {name!r} must say what it holds, as in {{ quantity = "time", unit = "s" }}')
     for key in entry:
-        if key not in ("quantity", "axis", "unit", "sign", "resolution", "regular"):
+        if key not in ("quantity", "axis", "unit", "sign", "resolution", "regular", "sensor"):
             raise InputError(f"{where}: {key!r} of column {name!r} is not known; write quantity, axis, unit or sign")
+    sensor = _sensor(where, name, entry)
     regular = entry.get("regular")
     if regular is not None and (entry["quantity"] != "time" or not isinstance(regular, bool)):
         raise InputError(
@@ -116,7 +125,7 @@ def _column(document: Document, name: str, entry: object, platform: Platform, th
     unit = document.unit(where, f"column {name!r}", entry["unit"], quantity)
     resolution = _resolution(where, name, quantity, entry.get("resolution", 0.0))
     sign = _sign(where, name, quantity, entry.get("sign", 1))
-    return Column(name, quantity, axis, unit, resolution=resolution, regular=regular, sign=sign)
+    return Column(name, quantity, axis, unit, resolution=resolution, regular=regular, sign=sign, sensor=sensor)
 
 
 def _sign(where: str, name: str, quantity: str, value: object) -> int:
@@ -127,6 +136,19 @@ def _sign(where: str, name: str, quantity: str, value: object) -> int:
             "a gimbal counts backwards"
         )
     return -1 if value == -1 else 1
+
+
+def _sensor(where: str, name: str, entry: Mapping[str, object]) -> str:
+    """Which of several sensors a column belongs to: a word, of the quantities that come with a sensor."""
+    sensor = entry.get("sensor", "")
+    if not isinstance(sensor, str) or (sensor and not re.fullmatch(r"[A-Za-z0-9_-]+", sensor)):
+        raise InputError(f'{where}: sensor = {sensor!r} of column {name!r} must be one word, as in sensor = "b"')
+    if sensor and entry["quantity"] not in OF_A_SENSOR:
+        raise InputError(
+            f"{where}: column {name!r} is a {entry['quantity']}, which all sensors share; sensor is for "
+            f"{alternatives(OF_A_SENSOR)}"
+        )
+    return sensor
 
 
 def _resolution(where: str, name: str, quantity: str, value: object) -> float:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import pi
 from pathlib import Path, PureWindowsPath
+from typing import Any
 
 from gimbalcal.earth import G0, normal_gravity
 from gimbalcal.errors import InputError, alternatives
@@ -32,6 +33,7 @@ class Header:
     site: Site
     platform: Platform
     noise: Mapping[str, float]
+    noise_of: Mapping[str, Mapping[str, float]]  # by sensor, what [noise.b] states for the one called b
     columns: tuple[Column, ...]
     remarks: tuple[str, ...]
     skip: int = 0  # lines of the samples file before its line of column names
@@ -85,6 +87,7 @@ def _header(document: Document, samples: Path, clock_needed: bool = True) -> Hea
         site=site,
         platform=platform,
         noise=_noise(document, columns),
+        noise_of=_noise_of(document, columns),
         columns=columns,
         remarks=document.remarks + remarks,
     )
@@ -207,13 +210,28 @@ def _axes(document: Document, entries: object) -> tuple[Axis, ...]:
     return tuple(axes)
 
 
-def _noise(document: Document, columns: tuple[Column, ...]) -> dict[str, float]:
-    table = document.table("noise")
-    document.only("noise", tuple(SENSORS), table)
+def _noise_of(document: Document, columns: tuple[Column, ...]) -> dict[str, dict[str, float]]:
+    """What is stated for each of several sensors alone."""
+    names = {c.sensor for c in columns if c.sensor}
+    own = {name: document.table("noise")[name] for name in document.table("noise") if name in names}
+    for name, table in own.items():
+        if not isinstance(table, dict):
+            raise InputError(f"{document.where('noise', name)}: {name} is a sensor, write [noise.{name}]")
+    return {name: _noise(document, columns, table, name) for name, table in own.items()}
+
+
+def _noise(
+    document: Document, columns: tuple[Column, ...], table: Mapping[str, Any] | None = None, name: str = ""
+) -> dict[str, float]:
+    heading = f"noise.{name}" if name else "noise"
+    if table is None:
+        table = {key: entry for key, entry in document.table("noise").items() if key not in {c.sensor for c in columns}}
+    columns = tuple(c for c in columns if not name or c.sensor == name)
+    document.only(heading, tuple(SENSORS), table)
     noise = {}
     for sensor, entry in table.items():
-        noise[sensor] = document.number("noise", sensor, entry, SENSORS[sensor])
-        where = document.where("noise", sensor)
+        noise[sensor] = document.number(heading, sensor, entry, SENSORS[sensor])
+        where = document.where(heading, sensor)
         if noise[sensor] < 0:
             raise InputError(f"{where}: the noise of the {sensor} is a sigma and cannot be negative")
         logged = {is_raw(c.unit) for c in columns if c.quantity == SENSORS[sensor]}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from math import pi
@@ -64,21 +64,41 @@ def assemble(
     position = next((table[c.name].astype(np.int64) for c in columns if c.quantity == "position"), None)
     measured = [c for c in columns if c.quantity not in ("time", *UNITLESS)]
     clock = next(c for c in columns if c.quantity == "time")
-    return Recording(
-        kind=header.kind,
-        title=header.title,
-        platform=header.platform,
-        site=header.site,
-        noise=header.noise,
-        time=_si(clock, table[clock.name]),
-        position=position,
-        channels={c.key: _si(c, table[c.name]) for c in measured},
-        source=source,
-        weight=_weight(columns, table),
-        units={c.key: c.unit for c in measured},
-        scatter={c.key: to_si(scatter[c.name], c.unit) for c in measured if c.name in scatter},
-        remarks=header.remarks + remarks,
-    )
+    time, values = _si(clock, table[clock.name]), {c.name: _si(c, table[c.name]) for c in measured}
+    made = [
+        Recording(
+            kind=header.kind,
+            title=f"{header.title} ({sensor})" if sensor else header.title,
+            platform=header.platform,
+            site=header.site,
+            noise={**header.noise, **header.noise_of.get(sensor, {})},
+            time=time,
+            position=position,
+            channels={c.key: values[c.name] for c in own},
+            source=source,
+            weight=_weight(columns, table),
+            units={c.key: c.unit for c in own},
+            scatter={c.key: to_si(scatter[c.name], c.unit) for c in own if c.name in scatter},
+            remarks=header.remarks + remarks,
+            sensor=sensor,
+        )
+        for sensor, own in _by_sensor(measured).items()
+    ]
+    return replace(made[0], beside=tuple(replace(other, remarks=()) for other in made[1:]))
+
+
+def _by_sensor(columns: Sequence[Column]) -> dict[str, tuple[Column, ...]]:
+    """The columns of each sensor: its own, and of the quantities that it lacks those that no sensor is named for."""
+    names = list(dict.fromkeys(c.sensor for c in columns))
+    triads = [c for c in columns if c.quantity in ("specific_force", "angular_rate")]
+    several = {c.quantity for c in triads if c.sensor}
+    if any(names) and not any(c.quantity in several and not c.sensor for c in triads):
+        names = [name for name in names if name]  # what no sensor is named for belongs to all
+    out = {}
+    for name in names or [""]:
+        own = {c.quantity for c in columns if c.sensor == name}
+        out[name] = tuple(c for c in columns if c.sensor == name or (not c.sensor and c.quantity not in own))
+    return out
 
 
 def _rows(

@@ -61,6 +61,8 @@ class Recording:
     sigma of one raw sample, by sensor (see `SENSORS`); `scatter` is what the rows show, by channel, see
     `gimbalcal.recording.scatter`. `units` keeps the unit that each channel was logged in; in counts or pulses the
     numbers are left as they are, because their scale is not known. `remarks` are sentences for the user.
+    `sensor` is the name of the sensors where a recording holds several triads; the others are `beside`, a recording
+    each, in the same rows.
     """
 
     kind: str
@@ -76,6 +78,8 @@ class Recording:
     units: Mapping[Key, str] = field(default_factory=dict)
     scatter: Mapping[Key, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    sensor: str = ""
+    beside: tuple[Recording, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.time)
@@ -148,4 +152,10 @@ class Recording:
             position=None if self.position is None else self.position[rows],
             channels={key: values[rows] for key, values in self.channels.items()},
             weight=self.weight[rows],
+            beside=tuple(other.select(rows) for other in self.beside),
         )
+
+    @property
+    def sensors(self) -> tuple[Recording, ...]:
+        """Itself and those beside it, each alone."""
+        return (replace(self, beside=()), *self.beside)

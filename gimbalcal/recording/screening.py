@@ -184,7 +184,8 @@ class Screen:
     def _sigma(self, each: Column, scatter: Mapping[str, float]) -> float:
         """What the triad scatters by, or the header's noise where that is less or nothing scatters at all."""
         sensor = next(name for name, quantity in SENSORS.items() if quantity == each.quantity)
-        alike = [c for c in self.sensors if c.quantity == each.quantity] or [each]  # a gimbal stands for itself
+        own = [c for c in self.sensors if c.sensor == each.sensor]
+        alike = [c for c in own if c.quantity == each.quantity] or [each]  # a gimbal stands for itself
         triad = [to_si(scatter.get(c.name, 0.0), c.unit) for c in alike]
         largest = max(abs(to_si(self.peaks[c.name, k][0], c.unit)) for c in alike for k in (1, -1))
         seen = max(triad) if max(triad) > SMOOTH * largest else 0.0

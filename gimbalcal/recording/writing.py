@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -33,11 +34,37 @@ def write(recording: Recording, folder: str | Path, samples: str = "samples.csv"
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file: a recording is a folder, give another name")
     with atomic.folder(folder, last=NAME) as made:  # the header last: it is what makes the folder a recording
-        names = _names(recording)
+        names = _columns(recording)
         text = "\n".join([*(f"# {line}".rstrip() for line in comment), *_header(recording, samples, names), ""])
         (made / NAME).write_text(text, encoding="utf-8")
         _write_rows(recording, names, made / samples)
     return folder
+
+
+@dataclass(frozen=True)
+class _Written:
+    """A channel of one of the sensors, which `sensor` names unless all share it."""
+
+    recording: Recording
+    key: Key
+    sensor: str
+
+
+def _columns(recording: Recording) -> dict[str, _Written]:
+    """Every column but time, position and weight, by its name: those of all sensors, what they share once."""
+    out = {}
+    for key, name in _names(recording).items():
+        shared = all(_same(recording, other, key) for other in recording.beside)
+        out[name] = _Written(recording, key, "" if shared else recording.sensor)
+    for other in recording.beside:
+        for key, name in _names(other).items():
+            if not _same(recording, other, key):
+                out[f"{name}_{other.sensor}"] = _Written(other, key, other.sensor)
+    return out
+
+
+def _same(one: Recording, other: Recording, key: Key) -> bool:
+    return all(key in r.channels for r in (one, other)) and np.array_equal(one.channels[key], other.channels[key])
 
 
 def _names(recording: Recording) -> dict[Key, str]:
@@ -56,23 +83,34 @@ def _unit(recording: Recording, key: Key) -> str:
     return si if key[0] == "temperature" else unit
 
 
-def _header(recording: Recording, samples: str, names: dict[Key, str]) -> list[str]:
-    lines = ["format = 1", f"kind = {_text(recording.kind)}", f"title = {_text(recording.title)}"]
+def _header(recording: Recording, samples: str, names: dict[str, _Written]) -> list[str]:
+    title = recording.title.removesuffix(f" ({recording.sensor})") if recording.beside else recording.title
+    lines = ["format = 1", f"kind = {_text(recording.kind)}", f"title = {_text(title)}"]
     lines += [f"samples = {_text(samples)}", "", *_site(recording.site), ""]
-    lines += [*_platform(recording.platform, recording.kind), "", "[noise]"]
+    lines += [*_platform(recording.platform, recording.kind), "", "[noise]", *_noise(recording)]
+    named = [r for r in recording.sensors if r.sensor and r.noise and recording.beside]
+    for r in named:
+        lines += ["", f"[noise.{r.sensor}]", *_noise(r)]
+    lines += ["", "[columns]", 'time_s = { quantity = "time", unit = "s" }']
+    if recording.position is not None:
+        lines.append('position = { quantity = "position" }')
+    for name, each in names.items():
+        quantity, axis = each.key
+        where = f", axis = {_text(axis)}" if axis else ""
+        where += f", sensor = {_text(each.sensor)}" if each.sensor and recording.beside else ""
+        unit = _text(_unit(each.recording, each.key))
+        lines.append(f"{_key(name)} = {{ quantity = {_text(quantity)}{where}, unit = {unit} }}")
+    if _is_averaged(recording):
+        lines.append('weight = { quantity = "weight" }')
+    return lines
+
+
+def _noise(recording: Recording) -> list[str]:
+    lines = []
     for sensor, sigma in recording.noise.items():
         unit = next((_unit(recording, k) for k in recording.channels if k[0] == SENSORS[sensor]), "")
         unit = unit or QUANTITIES[SENSORS[sensor]].si
         lines.append(f"{sensor} = {_number(from_si(sigma, unit), unit)}")
-    lines += ["", "[columns]", 'time_s = { quantity = "time", unit = "s" }']
-    if recording.position is not None:
-        lines.append('position = { quantity = "position" }')
-    for (quantity, axis), name in names.items():
-        where = f", axis = {_text(axis)}" if axis else ""
-        unit = _text(_unit(recording, (quantity, axis)))
-        lines.append(f"{_key(name)} = {{ quantity = {_text(quantity)}{where}, unit = {unit} }}")
-    if _is_averaged(recording):
-        lines.append('weight = { quantity = "weight" }')
     return lines
 
 
@@ -112,16 +150,15 @@ def _is_averaged(recording: Recording) -> bool:
     return bool(np.any(recording.weight != 1.0))
 
 
-def _write_rows(recording: Recording, names: dict[Key, str], path: Path) -> None:
+def _write_rows(recording: Recording, names: dict[str, _Written], path: Path) -> None:
     import polars as pl
 
     columns: dict[str, Array] = {"time_s": recording.time}
     if recording.position is not None:
         columns["position"] = recording.position
-    for key, name in names.items():
-        values = recording.channels[key]
-        unit = _unit(recording, key)
-        columns[name] = values if is_raw(unit) or key[0] == "temperature" else from_si(values, unit)
+    for name, each in names.items():
+        values, unit = each.recording.channels[each.key], _unit(each.recording, each.key)
+        columns[name] = values if is_raw(unit) or each.key[0] == "temperature" else from_si(values, unit)
     if _is_averaged(recording):
         columns["weight"] = recording.weight
     frame = pl.DataFrame({name: np.ascontiguousarray(values) for name, values in columns.items()})
