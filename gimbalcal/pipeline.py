@@ -89,11 +89,11 @@ def calibrate_each(
         if len(groups) > 1:
             tell(f"calibrating {group[0].title}")
         made.append((_calibrated(group, method, terms, tell), group))
-    checks = [_cross_checked(made[0], other, tell) for other in made[1:]]
-    if not checks:
+    if len(made) == 1:
         return tuple(made)
-    words = [check.in_words for check in checks if check]
-    off = [check.in_words for check in checks if check and not check.agree]
+    checks = held_together(made, tell)
+    words = [check.in_words for check in checks]
+    off = [check.in_words for check in checks if not check.agree]
     return tuple(
         (
             replace(
@@ -107,18 +107,17 @@ def calibrate_each(
     )
 
 
-def _cross_checked(
-    one: tuple[Calibration, tuple[Recording, ...]], other: tuple[Calibration, tuple[Recording, ...]], tell: Tell
-) -> CrossCheck | None:
-    """Two triads held against each other in the rests of the first recording; None where they cannot be."""
-    (a, (r, *_)), (b, (s, *_)) = one, other
-    try:
-        check = cross_check((r, a), (s, b), (r.sensor, s.sensor))
-    except InputError as problem:
-        tell(f"note: no cross-check: {problem}")
-        return None
-    tell(check.in_words)
-    return check
+def held_together(each: Sequence[tuple[Calibration, tuple[Recording, ...]]], tell: Tell = silent) -> list[CrossCheck]:
+    """Every triad held against the first in the rests of the first recording, where that can be done."""
+    made = []
+    (a, (r, *_)) = each[0]
+    for b, (s, *_) in each[1:]:
+        try:
+            made.append(cross_check((r, a), (s, b), (r.sensor, s.sensor)))
+            tell(made[-1].in_words)
+        except InputError as problem:
+            tell(f"note: no cross-check: {problem}")
+    return made
 
 
 def _calibrated(recordings: tuple[Recording, ...], method: str, terms: Sequence[str], tell: Tell) -> Calibration:
@@ -162,6 +161,7 @@ def provenance(recordings: Sequence[Recording], made: Calibration, terms: Sequen
         "options": {
             "direction": "physics to reading",
             **made.provenance.get("options", {}),
+            **({"sensor": recordings[0].sensor} if recordings[0].sensor else {}),
             "method": made.method,
             "terms": list(terms),
         },

@@ -114,27 +114,28 @@ def diagnose(
     """Say where the data differ from the model, which physics was left out, and what it changes."""
     from gimbalcal.calibration.exchange import read_calibration
     from gimbalcal.diagnose import diagnose as run
-    from gimbalcal.pipeline import by_sensor, load
+    from gimbalcal.pipeline import by_sensor, held_together, load
     from gimbalcal.report.files import write_diagnosis
 
     tell = progress(quiet)
     start = read_calibration(known) if known else None
-    groups, told = by_sensor(load(recordings, tell)), []
-    for k, loaded in enumerate(groups):
-        if len(groups) > 1:
-            tell(f"diagnosing {loaded[0].title}")
-        diagnosis = run(loaded, calibration=start, baseline=listed(baseline), seed=seed, tell=tell)
-        told.append((loaded[0], diagnosis))
+    groups = by_sensor(load(recordings, tell))
+    told = [run(each, calibration=start, baseline=listed(baseline), seed=seed, tell=tell) for each in groups]
+    for k, (loaded, diagnosis) in enumerate(zip(groups, told, strict=True)):
         if out is not None:
             place = out / loaded[0].sensor if k else out  # those beside the first have a folder of their own
             write_diagnosis(diagnosis, place, " and ".join(dict.fromkeys(r.title for r in loaded)))
             tell(f"wrote {place / 'diagnosis.json'} and {place / 'report.html'}")
-    content = told[0][1].to_dict()
+    content, sentences, checks = told[0].to_dict(), [told[0].in_words], []
     if len(told) > 1:
-        content["beside"] = {r.sensor: d.to_dict() for r, d in told[1:]}
-    words = " ".join(f"{r.title}: {d.in_words}" for r, d in told) if len(told) > 1 else told[0][1].in_words
-    show(content, words, as_json, quiet)
-    sys.exit(0 if all(d.verdict == "adequate" for _, d in told) else 1)
+        content["beside"] = {group[0].sensor: d.to_dict() for group, d in zip(groups[1:], told[1:], strict=True)}
+        sentences = [f"{group[0].title}: {d.in_words}" for group, d in zip(groups, told, strict=True)]
+        refits = [(d.calibration, group) for d, group in zip(told, groups, strict=True) if d.calibration]
+        checks = held_together(refits, tell) if len(refits) == len(told) else []
+        content["cross_check"] = [check.in_words for check in checks]
+        sentences += [f"{check.in_words[0].upper()}{check.in_words[1:]}." for check in checks]
+    show(content, " ".join(sentences), as_json, quiet)
+    sys.exit(0 if all(d.verdict == "adequate" for d in told) and all(c.agree for c in checks) else 1)
 
 
 @gimbalcal.command()

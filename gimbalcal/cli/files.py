@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -36,6 +37,8 @@ def apply(
     folder = out or Path(f"{recording.name}-{'corrupted' if inverse else 'corrected'}")
     if folder.resolve() == recording.resolve():
         raise InputError(f"--out {folder} is the recording itself; give another folder")
+    named = calibration.provenance.get("options", {}).get("sensor", "")
+    there = next((r for r in there.sensors if r.sensor == named), replace(there, beside=()))
     made = calibration.corrupt(there) if inverse else calibration.apply(there)
     samples = "samples.parquet" if (recording / "samples.parquet").is_file() else SAMPLES
     with placed(folder, overwrite) as new:

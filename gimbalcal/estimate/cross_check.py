@@ -3,7 +3,7 @@ r"""Two triads in one place: what they say of the same rests, each by its own ca
 .. math:: u_k^b = R \, u_k^a + \nu_k , \qquad \nu_k^2 \sim m_a^2 + m_b^2 \text{ per component}
 
 with u the corrected mean force of rest k, R the rotation between the triads (Wahba's problem, solved by singular
-values) and m the misfit that each calibration leaves of the norm. No constant of either triad is estimated here, so
+values) and m the misfit of the norm that each calibration leaves. No constant of either triad is estimated here, so
 what is left is what at least one of the calibrations does not describe.
 """
 
@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.calibration import Calibration
+from gimbalcal.effects import CATALOGUE
+from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means
@@ -70,7 +72,8 @@ def cross_check(
         raise InputError(f"{len(a)} rests are too few to hold one triad against the other; hold at least {FEWEST}")
     U, _, Vt = np.linalg.svd(b.T @ a)
     R = U @ np.diag([1.0, 1.0, float(np.sign(np.linalg.det(U @ Vt)))]) @ Vt
-    # each fit has taken its own parameters out of its misfit of one number a rest
-    square = [c.residual.rms.get(FORCE, 0.0) ** 2 * len(a) / max(c.residual.dof, 1) for _, c in (one, other)]
-    expected = max(float(np.sqrt(sum(square))), LEAST)
-    return CrossCheck(names, R, b - a @ R.T, expected)
+    g, expected = one[0].site.gravity, LEAST**2
+    for force, (_, c) in ((a, one), (b, other)):
+        taken = sum(CATALOGUE[p.effect].stage in SENSOR_STAGES for p in c.parameters)  # out of one number a rest
+        expected += float(np.sum((np.linalg.norm(force, axis=1) - g) ** 2)) / max(len(force) - taken, 1)
+    return CrossCheck(names, R, b - a @ R.T, float(np.sqrt(expected)))

@@ -24,8 +24,8 @@ SCALE = np.array([4e-3, -2e-3, 1e-3])
 LABELS = [f"{name}:{axis}" for name in ("scale_factor", "bias") for axis in "xyz"]
 
 
-def session(seed: int, bias: Array = BIAS, rests: int = 14, moving: bool = False, start: float = 0.0) -> Recording:
-    """Rests in random attitudes, 30 rows each at 20 Hz, 2 mg of noise; with `moving`, the turns between them too."""
+def session(seed: int, bias: Array = BIAS, rests: int = 14, moving: bool = False, noise: float = 2.0) -> Recording:
+    """Rests in random attitudes, 30 rows each at 20 Hz, `noise` in mg; with `moving`, the turns between them too."""
     rng = np.random.default_rng(seed)
     C, force, rate, position = np.eye(3), [], [], []
     for k in range(rests):
@@ -39,14 +39,14 @@ def session(seed: int, bias: Array = BIAS, rests: int = 14, moving: bool = False
             force.append(C @ [0, 0, G])
             rate.append(w)
             position.append(0)
-    f = (1 + SCALE) * np.array(force) + bias + to_si(2.0, "mg") * rng.standard_normal((len(force), 3))
+    f = (1 + SCALE) * np.array(force) + bias + to_si(noise, "mg") * rng.standard_normal((len(force), 3))
     w_all = 1.003 * np.array(rate) + 0.01 + 1e-3 * rng.standard_normal((len(rate), 3))
     channels = {("specific_force", a): f[:, i] for i, a in enumerate("xyz")}
     if moving:
         channels |= {("angular_rate", a): w_all[:, i] for i, a in enumerate("xyz")}
     where = np.array(position)
-    made = Recording("multi-position", f"session {seed}", BENCH, Site(), {}, start + np.arange(len(f)) / 20, where,
-                     channels, (Source("samples.csv", str(seed)),), units=dict.fromkeys(channels, "m/s^2"))  # fmt: skip
+    made = Recording("multi-position", f"session {seed}", BENCH, Site(), {}, np.arange(len(f)) / 20, where,
+                     channels, (Source("samples.csv", str(seed)),), units={k: "m/s^2" if k[0] == "specific_force" else "rad/s" for k in channels})  # fmt: skip
     return made if moving else made.select(where > 0)
 
 

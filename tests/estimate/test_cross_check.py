@@ -1,0 +1,126 @@
+"""Two triads in one recording: read apart, written together, calibrated each, held against each other."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.cross_check import cross_check
+from gimbalcal.number import Array
+from gimbalcal.pipeline import by_sensor, calibrate_each
+from gimbalcal.recording import Recording, dwell_means, read, write
+from gimbalcal.rotation import frame_rotation
+from gimbalcal.units import to_si
+from tests.estimate.test_sessions import session
+
+MOUNTED = frame_rotation("z", np.radians(30.0)) @ frame_rotation("x", np.radians(-4.0))
+
+
+def two(seed: int, error: Callable[[Array], Array] = lambda f: f, moving: bool = False) -> Recording:
+    """One unit with a second triad, of half the noise, turned by `MOUNTED`; `error` is added to what that one reads."""
+    a = session(seed, moving=moving, rests=20)
+    rng = np.random.default_rng(100 + seed)
+    clean = session(seed, bias=np.zeros(3), moving=moving, rests=20, noise=0.0).triad("specific_force")
+    f = error(clean @ MOUNTED.T) + to_si(1.0, "mg") * rng.standard_normal(clean.shape)
+    own = {("specific_force", axis): f[:, i] for i, axis in enumerate("xyz")}
+    b = replace(a, channels={**a.channels, **own}, sensor="b", noise={"accelerometer": 0.01}, title=f"{a.title} (b)")
+    return replace(a, sensor="a", title=f"{a.title} (a)", beside=(b,))
+
+
+def test_two_triads_go_into_a_folder_and_come_back(tmp_path: Path) -> None:
+    made = two(1, moving=True)
+    write(made, tmp_path / "rec")
+    header = (tmp_path / "rec" / "recording.toml").read_text()
+    assert 'accel_x_b = { quantity = "specific_force", axis = "x", sensor = "b"' in header
+    assert header.count('quantity = "angular_rate", axis = "x"') == 1  # of one gyroscope triad, which both share
+    back = read(tmp_path / "rec")
+    assert [r.sensor for r in back.sensors] == ["a", "b"]
+    for one, other in zip(made.sensors, back.sensors, strict=True):
+        assert other.title == one.title
+        assert other.noise == pytest.approx(one.noise)
+        for quantity in ("specific_force", "angular_rate"):
+            np.testing.assert_allclose(other.triad(quantity), one.triad(quantity), rtol=1e-12)
+
+
+def test_unnamed_columns_are_a_sensor_of_their_own(tmp_path: Path) -> None:
+    write(replace(two(1), sensor=""), tmp_path / "rec")
+    assert [r.sensor for r in read(tmp_path / "rec").sensors] == ["", "b"]
+
+
+def test_rests_and_means_are_those_of_all() -> None:
+    means = dwell_means(two(2))
+    assert [len(r.time) for r in means.sensors] == [20, 20]
+    assert not np.allclose(means.triad("specific_force"), means.beside[0].triad("specific_force"))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_triads_agree_but_for_how_they_are_mounted(seed: int) -> None:
+    a, b = two(10 + seed).sensors
+    check = cross_check((a, multiposition(a)), (b, multiposition(b)), ("a", "b"))
+    np.testing.assert_allclose(check.rotation, MOUNTED, atol=3e-3)  # the second frame is that of its own input axes
+    assert check.agree
+    assert 0.3 < check.rms / check.expected < 2.0
+    assert "the triads a and b, turned by 30" in check.in_words
+
+
+def test_a_law_that_one_triad_follows_alone_shows_in_the_other() -> None:
+    """A gravity that is wrong in one attitude leaves the norm as it is and the direction not."""
+
+    def leaning(f: Array) -> Array:
+        tilt = 0.02 * (f[:, :1] > 5.0) * np.array([0.0, 1.0, 0.0])  # the sensor leans in its mount, x up
+        return f + np.cross(tilt, f)
+
+    a, b = two(20, leaning).sensors
+    check = cross_check((a, multiposition(a)), (b, multiposition(b)), ("a", "b"))
+    assert not check.agree
+    assert "do not agree" in check.in_words
+    few = a.select((a.position > 0) & (a.position <= 3))  # type: ignore[operator]
+    with pytest.raises(InputError, match="3 rests are too few"):
+        cross_check((few, multiposition(a)), (few, multiposition(a)), ("a", "b"))
+
+
+def test_each_is_calibrated_and_the_command_writes_both(
+    tmp_path: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(two(3), tmp_path / "rec")
+    (a, _), (b, _) = calibrate_each([tmp_path / "rec"], "multiposition")
+    assert a.provenance["options"]["sensor"] == "a"
+    assert b.sigmas.sum() < a.sigmas.sum()
+    assert "agree" in a.provenance["options"]["cross_check"][0]
+    out = tmp_path / "out"
+    assert command("calibrate", tmp_path / "rec", "--method", "multiposition", "--out", out, "--quiet") == 0
+    assert "The triads a and b" in capsys.readouterr().out
+    values = [json.loads((out / sub / "calibration.json").read_text())["parameters"] for sub in (".", "b")]
+    assert values[0] != values[1]
+    args = ("--calibration", out / "b" / "calibration.json", "--out", tmp_path / "corrected", "--quiet")
+    assert command("apply", tmp_path / "rec", *args) == 0
+    corrected = dwell_means(read(tmp_path / "corrected")).triad("specific_force")
+    assert np.linalg.norm(corrected, axis=1) == pytest.approx(9.80665, abs=8e-3)
+
+
+def test_recordings_with_other_sensors_do_not_go_together() -> None:
+    with pytest.raises(InputError, match="do not hold the same sensors; name them alike"):
+        by_sensor([two(4), session(5)])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ('sensor = "b"', 'sensor = "b c"', "must be one word, as in sensor = "),
+        ('quantity = "position"', 'quantity = "position", sensor = "b"', "is a position, which all sensors share"),
+        (', sensor = "b"', "", "are both specific_force x; keep one, name the second triad, as in sensor ="),
+    ],
+)
+def test_slips_in_naming_sensors(tmp_path: Path, old: str, new: str, sentence: str) -> None:
+    write(replace(two(6), sensor=""), tmp_path / "rec")
+    path = tmp_path / "rec" / "recording.toml"
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(InputError, match=sentence):
+        read(tmp_path / "rec")
