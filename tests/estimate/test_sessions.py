@@ -45,8 +45,10 @@ def session(seed: int, bias: Array = BIAS, rests: int = 14, moving: bool = False
     if moving:
         channels |= {("angular_rate", a): w_all[:, i] for i, a in enumerate("xyz")}
     where = np.array(position)
-    made = Recording("multi-position", f"session {seed}", BENCH, Site(), {}, np.arange(len(f)) / 20, where,
-                     channels, (Source("samples.csv", str(seed)),), units={k: "m/s^2" if k[0] == "specific_force" else "rad/s" for k in channels})  # fmt: skip
+    units = {key: "m/s^2" if key[0] == "specific_force" else "rad/s" for key in channels}
+    source = (Source("samples.csv", str(seed)),)
+    time = np.arange(len(f)) / 20
+    made = Recording("multi-position", f"session {seed}", BENCH, Site(), {}, time, where, channels, source, units=units)
     return made if moving else made.select(where > 0)
 
 
