@@ -144,7 +144,8 @@ def _left(content: Mapping[str, Any]) -> str:
         star = sqrt(sum(x**2 for channel, x in rms.items() if channel.startswith("pointing")))
         if star:
             left = float(f"{from_si(star, 'arcsec'):.3g}")
-            return f"{left:g} arcsec rms of a star on the sky is left, and every sigma is scaled to that"
+            told = f"{left:g} arcsec rms of a star on the sky is left, and every sigma is scaled to that"
+            return f"{told}{_pattern(content['provenance'].get('pattern', {}))}"
         return "every sigma is scaled to what the readings scatter about the model" + _wandering(content)
     stated = noise_is_stated(content)
     text = f"what is left is {ratio:.2f} times the {'stated noise' if stated else 'noise that the samples show'}"
@@ -162,6 +163,14 @@ def _wandering(content: Mapping[str, Any]) -> str:
     if times < WANDERING:
         return ""
     return f", {times:.2g} times what the noise of the samples explains: the outputs wander from position to position"
+
+
+def _pattern(pattern: Mapping[str, Any]) -> str:
+    """What is left of stars that is no noise, in words; empty for none."""
+    if not pattern:
+        return ""
+    where = f"{pattern['channel']} it follows the {pattern['axis'].replace('_', ' ')}"
+    return f"; but it is no noise: {where}, and `gimbalcal diagnose` looks for the cause"
 
 
 def _unobservable(unobservable: Sequence[Mapping[str, Any]]) -> str:

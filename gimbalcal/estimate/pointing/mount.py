@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from gimbalcal.calibration.exchange.tpoint import as_record, mount_record, tpoin
 from gimbalcal.errors import amount
 from gimbalcal.estimate.pointing.drift import Nights, by_night, record
 from gimbalcal.estimate.pointing.fit import Fit, fit
+from gimbalcal.estimate.pointing.pattern import pattern
 from gimbalcal.estimate.pointing.run import CHANNELS, nights, read_axes
 from gimbalcal.estimate.pointing.terms import USUAL, wanted_parameters
 from gimbalcal.recording import Recording, join
@@ -38,6 +39,7 @@ def pointing_calibration(
     stated = _stated(recordings)
     found = fit(runs, wanted, stated)
     several = by_night(found, stated)
+    left = pattern(found, read_axes(recordings[0]))
     latitude = next((r.site.latitude for r in recordings if r.site.latitude is not None), None)
     made = Calibration(
         method="pointing",
@@ -52,6 +54,7 @@ def pointing_calibration(
                 "star_arcsec": float(from_si(found.sigma, "arcsec")),
                 "gimbal_angle_from": "residual" if stated is None else "recording.toml",
             },
+            "pattern": asdict(left) if left else {},
             "stars": sum(len(r.time) for r in runs),
             "mount": mount_record(recordings[0].platform, latitude),
         },

@@ -14,6 +14,7 @@ from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.pointing.run import nights
 from gimbalcal.platform import Axis, Platform
 from gimbalcal.recording import Recording
+from gimbalcal.report.wording import answer
 from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, EQUATORIAL, effects, run, sky
 
 TELESCOPE = {"gimbal_zero__elevation": 300.0, "gimbal_zero__azimuth": -4000.0, "axis_collimation": 60.0,
@@ -77,6 +78,23 @@ def test_a_stated_noise_is_held_against_what_is_left() -> None:
     assert whole.outcome == ""
     found = {p.label: v / ARCSEC for p, v in zip(whole.parameters, whole.values, strict=True)}
     assert found["eccentricity_sin:azimuth"] == pytest.approx(8.0, abs=1.5)
+
+
+def test_a_pattern_of_what_is_left_is_told_where_no_noise_is_stated() -> None:
+    clean, bent = (
+        pointing_calibration([run(ALT_AZ, sky(ALT_AZ, 60), effects(ALT_AZ, **TELESCOPE, **more), 1.0)])
+        for more in ({}, {"eccentricity_sin__azimuth": 12.0})
+    )
+    assert clean.provenance["pattern"] == {}
+    assert bent.provenance["pattern"]["axis"] == "azimuth"
+    assert bent.outcome == ""  # whose noise nobody states
+    words = answer({**bent.to_dict(), "provenance": dict(bent.provenance)})
+    assert "but it is no noise: along it follows the azimuth, and `gimbalcal diagnose` looks for the cause" in words
+
+
+def test_noise_alone_makes_no_pattern() -> None:
+    runs = (run(ALT_AZ, sky(ALT_AZ, 60, seed), effects(ALT_AZ, **TELESCOPE), 1.0, seed) for seed in range(20))
+    assert sum(bool(pointing_calibration([r]).provenance["pattern"]) for r in runs) == 0  # of 20, 0.02 by chance
 
 
 def two(change: float, seed: int = 3) -> Sequence[Recording]:
