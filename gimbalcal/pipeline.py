@@ -14,15 +14,21 @@ from pathlib import Path
 
 import gimbalcal
 from gimbalcal.calibration import Calibration
+from gimbalcal.effects import Parameter
+from gimbalcal.effects.baseline import BASELINE, STATIC_CALIBRATION
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import fine
 from gimbalcal.estimate.accelerometers.joint import information_of, joint
+from gimbalcal.estimate.accelerometers.multiposition import LINEAR
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
+from gimbalcal.estimate.added import Added, added, with_told
+from gimbalcal.estimate.asked import Asked, asked
 from gimbalcal.estimate.cross_check import CrossCheck, cross_check
 from gimbalcal.estimate.fusion import fuse
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.sessions import unit_of_sessions
+from gimbalcal.estimate.static_run.run import static_parameters, static_readings
 from gimbalcal.estimate.static_run.system import static, static_information
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.recording import Recording, dwells, read
@@ -67,20 +73,26 @@ def by_sensor(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], .
 
 
 def calibrate(
-    folders: Sequence[str | Path], method: str = "three-stage", terms: Sequence[str] = (), tell: Tell = silent
-) -> tuple[Calibration, tuple[Recording, ...]]:
+    folders: Sequence[str | Path], method: str = "three-stage", terms: Sequence[str] = (), tell: Tell = silent,
+    more: Sequence[str] = (),
+) -> tuple[Calibration, tuple[Recording, ...]]:  # fmt: skip
     """Read recordings and calibrate by `method`: "three-stage", or "multiposition" (no angles; of one session or more).
 
     Pointing runs, one or several of a mount, have a method of their own.
 
+    `more` adds effects of the catalogue to the fit of any method, "bias_temperature:y" or "warm_up,tau=0.5" (`added`).
     Returns the calibration with its provenance, and the recordings; of several sensors side by side those of the
     first. Raises InputError for what it cannot take.
     """
-    return calibrate_each(folders, method, terms, tell)[0]
+    return calibrate_each(folders, method, terms, tell, more)[0]
 
 
 def calibrate_each(
-    folders: Sequence[str | Path], method: str = "three-stage", terms: Sequence[str] = (), tell: Tell = silent
+    folders: Sequence[str | Path],
+    method: str = "three-stage",
+    terms: Sequence[str] = (),
+    tell: Tell = silent,
+    more: Sequence[str] = (),
 ) -> tuple[tuple[Calibration, tuple[Recording, ...]], ...]:
     """The same for each of several sensors that were logged side by side, held against the first at rest."""
     groups = by_sensor(load(folders, tell))
@@ -88,7 +100,7 @@ def calibrate_each(
     for group in groups:
         if len(groups) > 1:
             tell(f"calibrating {group[0].title}")
-        made.append((_calibrated(group, method, terms, tell), group))
+        made.append((_calibrated(group, method, terms, tell, more), group))
     if len(made) == 1:
         return tuple(made)
     checks = held_together(made, tell)
@@ -120,16 +132,20 @@ def held_together(each: Sequence[tuple[Calibration, tuple[Recording, ...]]], tel
     return made
 
 
-def _calibrated(recordings: tuple[Recording, ...], method: str, terms: Sequence[str], tell: Tell) -> Calibration:
+def _calibrated(
+    recordings: tuple[Recording, ...], method: str, terms: Sequence[str], tell: Tell, more: Sequence[str]
+) -> Calibration:
     """One unit by `method`, with its provenance."""
     if any(r.kind == "pointing" for r in recordings):
         if method != "three-stage":
             raise InputError(f"--method {method} is for inertial sensors; leave it out for a pointing run")
         tell("least squares on the terms of the mount")
-        made = pointing_calibration(recordings, terms)
+        made = pointing_calibration(recordings, terms, more)
     elif method == "multiposition":
         tell("norm of the force at every position, and the gyroscopes where they were logged on the way")
-        made = inertial_unit(recordings[0], terms) if len(recordings) == 1 else unit_of_sessions(recordings, terms)
+        also = added(more, recordings, (*LINEAR, *BASELINE["rest rates"], *BASELINE["turns"]))
+        alone = len(recordings) == 1
+        made = inertial_unit(recordings[0], terms, also) if alone else unit_of_sessions(recordings, terms, also)
         for told in made.provenance["options"].get("sessions", ()):
             tell(f"{told['title']}: {told['in_words']}")
         for words in _left_out(made):
@@ -139,8 +155,15 @@ def _calibrated(recordings: tuple[Recording, ...], method: str, terms: Sequence[
             f"--terms {','.join(terms)} goes with --method multiposition; three-stage has its own, leave it out"
         )
     else:
-        made = three_stage(recordings, tell)
-    return replace(made, provenance=provenance(recordings, made, terms))
+        made = three_stage(recordings, tell, added(more, recordings, _modelled(recordings)))
+    return replace(made, provenance=provenance(recordings, made, terms, more))
+
+
+def _modelled(recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """What the three stages fit anyway."""
+    kinds = {r.kind for r in recordings}
+    run = STATIC_CALIBRATION if "static-run" in kinds else ()
+    return (*run, *(BASELINE["multi-position"] if "multi-position" in kinds else ()))
 
 
 def _left_out(made: Calibration) -> list[str]:
@@ -151,7 +174,9 @@ def _left_out(made: Calibration) -> list[str]:
     return [*declined.values(), *gyroscopes]
 
 
-def provenance(recordings: Sequence[Recording], made: Calibration, terms: Sequence[str]) -> dict[str, object]:
+def provenance(
+    recordings: Sequence[Recording], made: Calibration, terms: Sequence[str], more: Sequence[str] = ()
+) -> dict[str, object]:
     """Where a calibration came from: files with their hashes, version, options, time, and remarks made on the way."""
     return {
         **made.provenance,
@@ -164,13 +189,14 @@ def provenance(recordings: Sequence[Recording], made: Calibration, terms: Sequen
             **({"sensor": recordings[0].sensor} if recordings[0].sensor else {}),
             "method": made.method,
             "terms": list(terms),
+            **({"with": list(more)} if more else {}),
         },
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "remarks": [remark for r in recordings for remark in r.remarks],
     }
 
 
-def three_stage(recordings: Sequence[Recording], tell: Tell = silent) -> Calibration:
+def three_stage(recordings: Sequence[Recording], tell: Tell = silent, more: Sequence[Added] = ()) -> Calibration:
     """Calibrate the accelerometers of a space-stable platform from a multi-position recording, a static run, or both.
 
     1. coarse: faces give scale factors and biases, tilted positions gimbal zeros and misalignments (section 3);
@@ -178,12 +204,12 @@ def three_stage(recordings: Sequence[Recording], tell: Tell = silent) -> Calibra
        error (section 4, Eqs. (8)-(17), and beyond);
     3. system level: force, gimbals and attitude error of the static run (section 5), added as information.
 
-    Raises InputError when there is neither kind of recording, or two of a kind.
+    `more` joins the fits of stage 2 and 3. Raises InputError when there is neither kind of recording, or two of a kind.
     """
     device, run = _one_of_each(recordings)
     if device is None and run is not None:
         tell("system level: static run alone")
-        return static(run)
+        return with_told(*_static_with(run, asked(more, None, run))) if more else static(run)
     if device is None:
         raise InputError("`calibrate` needs a multi-position recording, a static run, or one of each")
 
@@ -194,14 +220,25 @@ def three_stage(recordings: Sequence[Recording], tell: Tell = silent) -> Calibra
     tell("stage 2: fine, from the norm of the force at every position")
     second = fine(positions, first)
     tell("stage 2: all 18 coefficients jointly, with the setting error of each position")
+    also = asked(more, positions, run) if more else Asked((), (), {})
+    positions = trusted_positions(device, *also.of(device)) if more else positions
     both = joint(positions, second)
     stages = (*first.stages, *second.stages, *both.stages)
     if run is None:
-        return replace(both, method="three-stage", stages=stages)
+        return with_told(replace(both, method="three-stage", stages=stages), also.constants)
 
     tell("stage 3: system level, force, gimbals and attitude error of the static run")
-    third = fuse(information_of(positions, both.effects), static_information(run, both.effects), both)
-    return replace(third, method="three-stage", stages=(*stages, *static(run).stages, *third.stages))
+    wanted = (*static_parameters(static_readings(run)), *also.of(run)[1]) if more else None
+    start = (*both.effects, *(e for e in also.effects if e.id not in {o.id for o in both.effects}))
+    third = fuse(information_of(positions, both.effects), static_information(run, start, wanted), both)
+    alone = static(run).stages
+    return with_told(replace(third, method="three-stage", stages=(*stages, *alone, *third.stages)), also.constants)
+
+
+def _static_with(run: Recording, also: Asked) -> tuple[Calibration, dict[Parameter, tuple[float, float]]]:
+    """A static run with added effects."""
+    effects, wanted = also.of(run)
+    return static(run, effects, (*static_parameters(static_readings(run)), *wanted)), also.constants
 
 
 def _refuse_too_little(device: Recording) -> None:

@@ -76,17 +76,25 @@ gimbalcal.add_command(import_)
     help="three-stage: space-stable platform, angles recorded; multiposition: no angles needed, gyroscopes too.",
 )
 @click.option("--terms", default="", help="multiposition: comma-separated terms to estimate (see the report).")
+@click.option(
+    "--with",
+    "more",
+    multiple=True,
+    metavar="EFFECT[:AXIS][,CONSTANT=VALUE]",
+    help="Add an effect of the catalogue to the fit; a constant that is not stated is fitted.",
+)
 @output_options("calibration.json and report.html")
 def calibrate(
-    recordings: tuple[Path, ...], method: str, terms: str, out: Path | None, quiet: bool, as_json: bool
-) -> None:
+    recordings: tuple[Path, ...], method: str, terms: str, more: tuple[str, ...],
+    out: Path | None, quiet: bool, as_json: bool,
+) -> None:  # fmt: skip
     """Estimate the sensors' errors, with their uncertainty, and say what the data do not show."""
     from gimbalcal.pipeline import calibrate_each
     from gimbalcal.report.files import write_calibration
     from gimbalcal.report.wording import answer
 
     tell = progress(quiet)
-    each = calibrate_each(recordings, method, listed(terms), tell)
+    each = calibrate_each(recordings, method, listed(terms), tell, more)
     for k, (calibration, loaded) in enumerate(each):
         if out is not None:
             place = out / loaded[0].sensor if k else out  # those beside the first have a folder of their own

@@ -18,6 +18,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration, StageResult
 from gimbalcal.calibration.readout import in_si
 from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.added import Added
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwells, join
@@ -51,19 +52,22 @@ class Session:
         return f"{agrees} ({chance}; most in {self.labels[k]}, by {size:+g} +- {sigma:g} {unit})"
 
 
-def unit_of_sessions(sessions: Sequence[Recording], terms: Sequence[str] = ()) -> Calibration:
+def unit_of_sessions(
+    sessions: Sequence[Recording], terms: Sequence[str] = (), more: Sequence[Added] = ()
+) -> Calibration:
     """Calibrate a unit from several sessions together, and say which of them does not agree with the others.
 
     Raises InputError for sessions that are not of one unit, see `recording.join`.
     """
-    return with_agreement(inertial_unit(join(sessions), terms), sessions)
+    return with_agreement(inertial_unit(join(sessions), terms, more), sessions, more)
 
 
-def with_agreement(made: Calibration, sessions: Sequence[Recording]) -> Calibration:
+def with_agreement(made: Calibration, sessions: Sequence[Recording], more: Sequence[Added] = ()) -> Calibration:
     """The common calibration with what each session alone says of the same terms, and an outcome if one differs."""
-    taken = tuple(dict.fromkeys(p.effect for p in made.parameters if p.effect != "gyro_bias"))
+    apart = {"gyro_bias", *(a.effect for a in more)}
+    taken = tuple(dict.fromkeys(p.effect for p in made.parameters if p.effect not in apart))
     scaled = [in_si(r, made.readout) for r in sessions]  # counts of all by one nominal scale
-    judged = [_judged(scaled, k, taken) for k in range(len(sessions))]
+    judged = [_judged(scaled, k, taken, more) for k in range(len(sessions))]
     told = [
         {"title": r.title, "rests": len(dwells(r)), "p_value": None if s.why else s.chance, "in_words": s.in_words}
         for r, s in zip(sessions, judged, strict=True)
@@ -78,10 +82,10 @@ def with_agreement(made: Calibration, sessions: Sequence[Recording]) -> Calibrat
     )
 
 
-def _judged(sessions: Sequence[Recording], k: int, terms: tuple[str, ...]) -> Session:
+def _judged(sessions: Sequence[Recording], k: int, terms: tuple[str, ...], more: Sequence[Added]) -> Session:
     try:
-        alone = inertial_unit(sessions[k], terms)
-        others = inertial_unit(join([r for i, r in enumerate(sessions) if i != k]), terms)
+        alone = inertial_unit(sessions[k], terms, more)
+        others = inertial_unit(join([r for i, r in enumerate(sessions) if i != k]), terms, more)
     except InputError as problem:
         return Session(None, (), (), np.zeros(0), np.zeros(0), 1.0, str(problem))
     shared = [p for p in alone.parameters if p in others.parameters]

@@ -21,6 +21,7 @@ from gimbalcal.effects.gyroscope import of_rate_matrix, rate_matrix
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.account import joined
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.added import Added
 from gimbalcal.estimate.gyroscopes.between_rests import gyroscopes_between_rests
 from gimbalcal.estimate.gyroscopes.inter_triad import InterTriad, from_turns, triad_rotation
 from gimbalcal.estimate.gyroscopes.revolutions import EFFECTS, gyroscopes_from_revolutions
@@ -33,7 +34,7 @@ from gimbalcal.units import from_si
 MOVED = 0.1  # of gravity's direction: a turn that moves it less, a whole revolution, says nothing of the triads
 
 
-def inertial_unit(recording: Recording, terms: Sequence[str] = ()) -> Calibration:
+def inertial_unit(recording: Recording, terms: Sequence[str] = (), more: Sequence[Added] = ()) -> Calibration:
     """Calibrate what a unit turned from rest to rest holds: accelerometers by the norm, gyroscopes by the turns.
 
     A recording of rates alone is calibrated by its revolutions. terms: ids of effects of either triad (default: those
@@ -41,31 +42,40 @@ def inertial_unit(recording: Recording, terms: Sequence[str] = ()) -> Calibratio
     and the options say why.
     """
     if not recording.has(FORCE):
+        if more:
+            raise InputError(f"--with {more[0].effect}: gyroscopes alone, from revolutions, take no further effect")
         return gyroscopes_from_revolutions(recording)
+    turning = tuple(a for a in more if CATALOGUE[a.effect].stage in GYROSCOPE_STAGES)
     of_rate = tuple(t for t in terms if t in CATALOGUE and CATALOGUE[t].stage in GYROSCOPE_STAGES)
-    made = multiposition(recording, tuple(t for t in terms if t not in of_rate))
-    if terms and not of_rate:
+    made = multiposition(
+        recording, tuple(t for t in terms if t not in of_rate), tuple(a for a in more if a not in turning)
+    )
+    if terms and not of_rate and not turning:
         return made
     try:
-        return with_gyroscopes(recording, made, of_rate)
+        return with_gyroscopes(recording, made, of_rate, turning)
     except InputError as problem:
-        if of_rate:
+        if of_rate or turning:
             raise
         options = {**made.provenance.get("options", {}), "gyroscopes": str(problem)}
         told = joined(list(filter(None, [made.outcome, f"the gyroscopes are not calibrated: {problem}"])))
         return replace(made, outcome=told, provenance={**made.provenance, "options": options})
 
 
-def with_gyroscopes(recording: Recording, accelerometers: Calibration, terms: Sequence[str] = ()) -> Calibration:
+def with_gyroscopes(
+    recording: Recording, accelerometers: Calibration, terms: Sequence[str] = (), more: Sequence[Added] = ()
+) -> Calibration:
     """Both triads in one calibration: the accelerometers', and the gyroscopes between the same rests beside it.
 
     Revolutions both ways are taken where there are six pairs of them, the direction of gravity elsewhere. Without
     rates, or without rows between the rests, it is the accelerometers' calibration as it came.
     """
     if not recording.has(RATE) or recording.position is None or not np.any(recording.position == 0):
+        if more:
+            raise InputError(f"--with {more[0].effect}: {recording.title!r} logged no turns between its rests")
         return accelerometers
-    g = _from_revolutions(recording, accelerometers, terms)
-    g = gyroscopes_between_rests(recording, accelerometers, terms) if g is None else g
+    g = None if more else _from_revolutions(recording, accelerometers, terms)
+    g = gyroscopes_between_rests(recording, accelerometers, terms, more) if g is None else g
     n = len(accelerometers.parameters)
     covariance = np.zeros((n + len(g.parameters),) * 2)
     covariance[:n, :n], covariance[n:, n:] = accelerometers.covariance, g.covariance

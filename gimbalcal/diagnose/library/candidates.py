@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.diagnose.library.grids import grid, kind
 from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
 from gimbalcal.effects.effect import constants, follows, lacking
+from gimbalcal.effects.grids import grid, kind
 from gimbalcal.number import Array
 
 Constants = tuple[tuple[str, float], ...]

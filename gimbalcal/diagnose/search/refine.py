@@ -12,11 +12,11 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.known_scale import SIZE_PRIOR, Projection, ReducedRows, extended, log_bayes, mixed
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
-from gimbalcal.diagnose.library.grids import Constant, between, kind, limits
 from gimbalcal.diagnose.library.known_noise import columns_at
 from gimbalcal.diagnose.rows.observations import Observations, absent_effect, restimulated
 from gimbalcal.effects import CATALOGUE, Effect, Stimulus, with_values
 from gimbalcal.effects.effect import constants
+from gimbalcal.effects.grids import Constant, between, kind, limits
 from gimbalcal.number import Array
 
 ROUNDS = 3  # refinements of a constant, each narrowing its range fourfold

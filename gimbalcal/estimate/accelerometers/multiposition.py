@@ -25,7 +25,9 @@ from gimbalcal.estimate.accelerometers.account import noise_record
 from gimbalcal.estimate.accelerometers.noise import ATTITUDE, HEADER, SAMPLES
 from gimbalcal.estimate.accelerometers.setting import FORCE, Noise, PositionFit, Problem, gauss_newton, problem
 from gimbalcal.estimate.accelerometers.unsteady import noise_of_a_mean, scatter_in_words
+from gimbalcal.estimate.added import Added, with_constants, with_told
 from gimbalcal.estimate.support import coefficients, needed, refusal, scatter
+from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means
@@ -58,22 +60,26 @@ class NormFit:
         return np.asarray(self.fit.noise.accelerometer / np.sqrt(self.problem.weight))
 
 
-def multiposition(recording: Recording, terms: Sequence[str] = ()) -> Calibration:
+def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequence[Added] = ()) -> Calibration:
     """Calibrate an accelerometer triad from rest positions of unknown attitude.
 
     terms: ids of effects that act on the force along an axis (default bias, scale_factor, misalignment,
     scale_nonlinearity, cubic_nonlinearity). Those that the positions do not support are declined with a sentence in
-    `unobservable`. Raises InputError for an effect that needs angles, for too few positions, or for no gravity.
+    `unobservable`; what `more` adds is fitted without being asked. Raises InputError for an effect that needs
+    angles, for too few positions, or for no gravity.
     """
-    wanted = tuple(dict.fromkeys(terms)) or TERMS
+    asked = {a.effect for a in more}
+    wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or TERMS) if t not in asked)
     _check(wanted)
+    _check(tuple(asked), "--with")
     means = dwell_means(recording)
     means, counts = scaled_by_gravity(means)
     base = tuple(t for t in wanted if t in LINEAR) or ("bias",)
-    best = norm_fit(means, base)
+    beside, constants = _added(means, base, more)
+    best = norm_fit(means, base, beside)
     tried, declined = [(base, best)], []
     for term in (t for t in wanted if t not in base):
-        candidate = _attempt(means, (*tried[-1][0], term))
+        candidate = _attempt(means, (*tried[-1][0], term), beside)
         why = _refusal(term, best, candidate, coefficients(wanted) - coefficients(base))
         if why:
             declined.append((term, why))
@@ -81,16 +87,37 @@ def multiposition(recording: Recording, terms: Sequence[str] = ()) -> Calibratio
             assert candidate is not None
             best = candidate
             tried.append(((*tried[-1][0], term), candidate))
-    return _calibration(recording, best, tried, declined, counts)
+    return with_told(_calibration(recording, best, tried, declined, counts), constants)
 
 
-def _check(terms: Sequence[str]) -> None:
+Beside = tuple[tuple[Parameter, ...], tuple[Effect, ...]]
+"""Parameters of added effects, and these effects, absent, with their constants."""
+
+
+def _added(
+    means: Recording, base: tuple[str, ...], more: Sequence[Added]
+) -> tuple[Beside, dict[Parameter, tuple[float, float]]]:
+    """What is added to a fit, with the constants that leave the smallest misfit, and these with their sigma."""
+    wanted = tuple(p for a in more for p in a.parameters(()))
+
+    def misfit(effects: Sequence[Effect]) -> float:
+        made = norm_fit(means, base, (wanted, tuple(effects)))
+        return float(((made.misfit / made.sigma) ** 2).sum())
+
+    if not more:
+        return ((), ()), {}
+    at_rest = stimulus_from_readings(means) if not means.platform.axes else stimulus_from_angles(means)
+    effects, told = with_constants(more, at_rest.at(axis_names=()), misfit)
+    return (wanted, effects), told
+
+
+def _check(terms: Sequence[str], option: str = "--terms") -> None:
     for term in terms:
         cls = CATALOGUE.get(term)
         allowed = [i for i, c in CATALOGUE.items() if _without_angles(c)]
         if cls is None or not _without_angles(cls):
             raise InputError(
-                f"--terms names {term!r}, which is not an effect that rest positions without angles can show; "
+                f"{option} names {term!r}, which is not an effect that rest positions without angles can show; "
                 f"choose from {', '.join(allowed)}"
             )
 
@@ -105,9 +132,9 @@ def unknowns(terms: Sequence[str]) -> tuple[Parameter, ...]:
     return tuple(replace(p, sigma=WIDE * p.sigma) for p in tied(found))
 
 
-def norm_fit(means: Recording, terms: Sequence[str]) -> NormFit:
+def norm_fit(means: Recording, terms: Sequence[str], beside: Beside = ((), ())) -> NormFit:
     """Fit the terms to one row per dwell in SI. The scatter beyond the noise of the means is estimated with it."""
-    wanted = unknowns(terms)
+    wanted = (*unknowns(terms), *beside[0])
     y, g = means.triad(FORCE), means.site.gravity
     if len(y) < len(wanted):
         raise InputError(
@@ -115,7 +142,7 @@ def norm_fit(means: Recording, terms: Sequence[str]) -> NormFit:
             f"{amount(len(wanted), 'parameter')} ({', '.join(terms)}): hold more positions or name fewer --terms"
         )
     bench = replace(means, platform=BENCH, channels={k: v for k, v in means.channels.items() if k[0] != "gimbal_angle"})
-    p = problem(bench, wanted)
+    p = problem(bench, wanted, beside[1])
     towards = y / np.linalg.norm(y, axis=1, keepdims=True)
     p = replace(p, readings=replace(p.readings, stimulus=p.stimulus.at(force=g * towards)))
     sample = means.sigma("accelerometer") or 1e-6 * g  # no scatter known: far below any rig, the excess takes over
@@ -175,9 +202,9 @@ def _rows(made: NormFit) -> tuple[Array, Array]:
     return J, r - J @ made.fit.solution.x
 
 
-def _attempt(means: Recording, terms: Sequence[str]) -> NormFit | None:
+def _attempt(means: Recording, terms: Sequence[str], beside: Beside) -> NormFit | None:
     try:
-        return norm_fit(means, terms)
+        return norm_fit(means, terms, beside)
     except InputError:
         return None
 
@@ -244,7 +271,7 @@ def _calibration(
         options["nominal"] = {"scale": list(counts.scale), "offset": list(counts.offset)}
     return Calibration(
         method="multiposition",
-        effects=with_values((), solution.parameters, solution.x),
+        effects=with_values(best.problem.effects, solution.parameters, solution.x),
         parameters=solution.parameters,
         covariance=solution.covariance,
         unobservable=tuple(unobservable),

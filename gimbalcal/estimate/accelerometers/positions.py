@@ -39,24 +39,23 @@ class Positions:
         return self.fit.noise
 
 
-def trusted_positions(recording: Recording, effects: Sequence[Effect] = ()) -> Positions:
+def trusted_positions(
+    recording: Recording, effects: Sequence[Effect] = (), more: Sequence[Parameter] = ()
+) -> Positions:
     """Readings per visit, their noise, and which visits to trust.
 
-    `effects` join the baseline of coefficients, their parameters free too. Raises InputError for a recording without
-    gimbal angles or without specific force.
+    `effects` join the baseline of coefficients, their parameters free too; or of these the parameters `more`, for which
+    every row counts, as they may change inside a dwell. Raises InputError for a recording without gimbal angles or
+    without specific force.
     """
     if not recording.platform.axes:
         raise InputError(
             f"{recording.title!r} has no gimbal angles, so its attitude is not known; calibrate it from the norm of "
             "the force with --method multiposition"
         )
-    every = problem(recording, wanted_parameters(recording, effects), tuple(effects))
+    names = recording.platform.axis_names
+    free = more or tuple(p for e in effects for p in parameters(type(e), names))
+    wanted = (*position_parameters(recording.platform), *free)
+    every = problem(recording, wanted, tuple(effects), averaged=not more)
     start = starting_values(every, effects)
     return Positions(recording, *fit_without_faults(every, stated_noise(recording), start))
-
-
-def wanted_parameters(recording: Recording, effects: Sequence[Effect] = ()) -> tuple[Parameter, ...]:
-    """The 18 coefficients (17 and more on other chains) and those of further effects."""
-    names = recording.platform.axis_names
-    more = (q for e in effects for q in parameters(type(e), names))
-    return tuple(dict.fromkeys([*position_parameters(recording.platform), *more]))

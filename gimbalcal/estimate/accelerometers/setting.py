@@ -169,7 +169,11 @@ def by_visit(p: Problem, x: Array, e: Array) -> VisitRows:
     effects = with_values(p.effects, p.parameters, x, p.platform.axis_names)
     rows = set_off(p, e).rows(effects, dict.fromkeys(CATALOGUE[q.effect].stage for q in p.parameters))
     J, G = rows.jacobian(p.parameters), by_turns(p, x, e)
-    r = rows.residual + (J @ x) + apply_matrix(G, e[p.visit])
+    return visit_rows(p, J, rows.residual + (J @ x) + apply_matrix(G, e[p.visit]), G)
+
+
+def visit_rows(p: Problem, J: Array, r: Array, G: Array) -> VisitRows:
+    """Rows (n, 3) with their derivatives as means of each visit, and what is left inside it."""
     if len(p.force) == p.visits:
         return VisitRows(J, r, G, p.weight, J[:0], r[:0])
     weight = np.bincount(p.visit, p.weight)

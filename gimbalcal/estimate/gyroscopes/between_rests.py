@@ -25,9 +25,10 @@ from gimbalcal.effects.effect import GYROSCOPE_STAGES, lacking
 from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.account import joined
+from gimbalcal.estimate.added import Added, with_constants, with_told
 from gimbalcal.estimate.gyroscopes.inter_triad import euler
 from gimbalcal.estimate.gyroscopes.outcome import rests_in_words, singular_in_words, sizes_in_words, turns_in_words
-from gimbalcal.estimate.gyroscopes.rests import BIAS, G_SENSITIVITY, RestFit, level_of, rests
+from gimbalcal.estimate.gyroscopes.rests import BIAS, G_SENSITIVITY, RestFit, Rests, fit_rests, level_of, rests
 from gimbalcal.estimate.gyroscopes.turns import FORCE, RATE, Turns, end_of, turns_between_rests
 from gimbalcal.estimate.support import coefficients, needed, refusal
 from gimbalcal.forward import Rows, gyroscopes, linearise
@@ -46,26 +47,33 @@ ENDURING = 1e-9  # smallest relative singular value of the columns: below, the t
 
 
 def gyroscopes_between_rests(
-    recording: Recording, accelerometers: Calibration, terms: Sequence[str] = ()
+    recording: Recording, accelerometers: Calibration, terms: Sequence[str] = (), more: Sequence[Added] = ()
 ) -> Calibration:
     """Calibrate gyroscopes against accelerometers from a recording of rests with turns between them.
 
     terms: gyroscope effects beside the bias (default: scale factor, misalignment, and of scale nonlinearity,
     asymmetry, temperature and g-sensitivity what the recording supports); those that it does not are declined with a
     sentence, and one that is not there is taken up once in 200 calibrations (`support`). The g-sensitivity comes from
-    the rests. Raises InputError where there are too few turns or no rates.
+    the rests. What `more` adds is fitted in any case, at rest or on the way. Raises InputError where there are too
+    few turns or no rates.
     """
-    wanted = tuple(dict.fromkeys(terms)) or _default(recording)
+    asked = {a.effect for a in more}
+    wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or _default(recording)) if t not in asked)
     _check(wanted, recording)
     turns, _, scale = turns_between_rests(recording, accelerometers)
     moving = tuple(t for t in wanted if t != G_SENSITIVITY)
     base = tuple(t for t in moving if t in LINEAR) or moving[:1]
     tried = coefficients([t for t in wanted if t not in base])
     still = rests(recording, accelerometers, scale)
-    level, why = level_of(still, recording.site.latitude, recording.site.gravity, G_SENSITIVITY in wanted, tried)
+    extra = _apart(more, still)
+    effects, constants = _chosen(more, extra, still, turns, base)
+    level, why = level_of(still, recording.site.latitude, recording.site.gravity, G_SENSITIVITY in wanted, tried,
+                          extra[0], effects)  # fmt: skip
     if len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
         turns = turns_between_rests(recording, accelerometers, level.effects)[0]
-    fits, declined = _taken_up(turns, base, [t for t in moving if t not in base], tried) if base else ([], {})
+    beside = extra[1], effects
+    further = [t for t in moving if t not in base]
+    fits, declined = _taken_up(turns, base, further, tried, beside) if base or extra[1] else ([], {})
     if why:
         declined[G_SENSITIVITY] = why
     said = rests_in_words(recording, still, level.misfit)
@@ -73,9 +81,41 @@ def gyroscopes_between_rests(
         fit = fits[-1][1]
         said += singular_in_words(fit.condition) or (
             turns_in_words(recording, turns, accelerometers, level.misfit, scale, fit.rms)
-            + sizes_in_words(turns, with_values((), fit.parameters, fit.x))
+            + sizes_in_words(turns, with_values(fit.effects, fit.parameters, fit.x))
         )
-    return replace(_calibration(recording, level, fits, declined, scale), outcome=joined(said))
+    made = replace(_calibration(recording, level, fits, declined, scale), outcome=joined(said))
+    return with_told(made, constants)
+
+
+Extra = tuple[tuple[Parameter, ...], tuple[Parameter, ...]]
+"""Parameters of added effects: those that rests show, and those that only turning does."""
+
+
+def _apart(more: Sequence[Added], still: Rests) -> Extra:
+    at_rest: list[Parameter] = []
+    moving: list[Parameter] = []
+    for a in more:
+        for p in a.parameters(()):
+            (probe,) = with_values([a.absent((), dict(a.stated))], (p,), np.array([p.sigma]))
+            shows = np.any(probe.contribution(still.stimulus) != 0)
+            (at_rest if shows else moving).append(p)
+    return tuple(at_rest), tuple(moving)
+
+
+def _chosen(
+    more: Sequence[Added], extra: Extra, still: Rests, turns: Turns, base: tuple[str, ...]
+) -> tuple[tuple[Effect, ...], dict[Parameter, tuple[float, float]]]:
+    """The added effects with the constants that rests and turns together fit best, and these with their sigma."""
+
+    def misfit(effects: Sequence[Effect]) -> float:
+        rest = fit_rests(still, (BIAS,), extra[0], effects)
+        total = float(((rest.misfit / np.maximum(still.sigma, 1e-300)) ** 2).sum())
+        if extra[1]:
+            turned = fit_turns(turns, base, (extra[1], tuple(effects)))
+            total += float((turned.misfit**2).sum() / turned.rms**2)
+        return total
+
+    return with_constants(more, still.stimulus, misfit) if more else ((), {})
 
 
 def _default(recording: Recording) -> tuple[str, ...]:
@@ -91,18 +131,19 @@ def _check(terms: Sequence[str], recording: Recording) -> None:
             raise InputError(f"--terms names {t}, which needs a {missing} channel; {recording.title!r} has none")
 
 
+Beside = tuple[tuple[Parameter, ...], tuple[Effect, ...]]
 Fits = list[tuple[tuple[str, ...], "TurnFit"]]
 
 
 def _taken_up(
-    turns: Turns, base: tuple[str, ...], further: Sequence[str], coefficients_tried: int
+    turns: Turns, base: tuple[str, ...], further: Sequence[str], coefficients_tried: int, beside: Beside
 ) -> tuple[Fits, dict[str, str]]:
     """Fits of base and of ever one term more, the one that tells left-out turns best; and why others were declined."""
-    fits, left = [(base, fit_turns(turns, base))], list(further)
+    fits, left = [(base, fit_turns(turns, base, beside))], list(further)
     declined: dict[str, str] = {}
     while left:
         terms, best = fits[-1]
-        tried = {t: _attempt(turns, (*terms, t), best, coefficients_tried) for t in left}
+        tried = {t: _attempt(turns, (*terms, t), best, coefficients_tried, beside) for t in left}
         declined = {t: found for t, found in tried.items() if isinstance(found, str)}
         good = {t: found for t, found in tried.items() if not isinstance(found, str)}
         if not good:
@@ -113,10 +154,10 @@ def _taken_up(
     return fits, declined
 
 
-def _attempt(turns: Turns, terms: tuple[str, ...], without: TurnFit, tried: int) -> TurnFit | str:
+def _attempt(turns: Turns, terms: tuple[str, ...], without: TurnFit, tried: int, beside: Beside) -> TurnFit | str:
     """The fit with the last of the terms, or why the turns do not support it."""
     try:
-        fit = fit_turns(turns, terms)
+        fit = fit_turns(turns, terms, beside)
     except InputError as problem:
         return f"{terms[-1]} is left out: {problem}"
     sigma = np.maximum(np.sqrt(np.diag(fit.covariance)), fit.jackknife)
@@ -141,6 +182,7 @@ class TurnFit:
     condition: float
     left_out: float
     jackknife: Array
+    effects: tuple[Effect, ...]
 
     @property
     def rms(self) -> float:
@@ -148,12 +190,12 @@ class TurnFit:
         return float(np.sqrt((self.misfit**2).sum() / (2 * len(self.misfit))))
 
 
-def fit_turns(turns: Turns, terms: Sequence[str]) -> TurnFit:
-    """Least squares of the terms' parameters to gravity after each turn.
+def fit_turns(turns: Turns, terms: Sequence[str], beside: Beside = ((), ())) -> TurnFit:
+    """Least squares of the terms' parameters, and of those beside them, to gravity after each turn.
 
     Raises InputError where there are fewer turns than parameters ask for, or none that tells some of them apart.
     """
-    wanted = tuple(p for t in terms for p in parameters(CATALOGUE[t]))
+    wanted = (*(p for t in terms for p in parameters(CATALOGUE[t])), *beside[0])
     m = len(turns.before)
     if 2 * m < len(wanted):
         raise InputError(
@@ -162,7 +204,7 @@ def fit_turns(turns: Turns, terms: Sequence[str]) -> TurnFit:
     scale = np.array([p.sigma for p in wanted])
 
     def model(scaled: Array, _: Array) -> tuple[Array, Array]:
-        r, J = _linear(turns, wanted, scaled[0] * scale)
+        r, J = _linear(turns, wanted, scaled[0] * scale, beside[1])
         return -r[None], (J * scale)[None]
 
     start = np.zeros((1, len(wanted)))
@@ -170,7 +212,7 @@ def fit_turns(turns: Turns, terms: Sequence[str]) -> TurnFit:
         raise InputError(f"nothing in {amount(m, 'turn')} tells all of {', '.join(terms)} apart")
     found = minimise(model, start, gain=ENOUGH)
     x = found.x[0] * scale
-    return _judged(wanted, x, *_linear(turns, wanted, x), m)
+    return _judged(wanted, x, *_linear(turns, wanted, x, beside[1]), m, with_values(beside[1], wanted, x))
 
 
 def _dark(J: Array) -> bool:
@@ -179,7 +221,9 @@ def _dark(J: Array) -> bool:
     return bool(np.any(size == 0)) or bool(np.linalg.svd(J / size, compute_uv=False)[-1] < ENDURING)
 
 
-def _judged(wanted: tuple[Parameter, ...], x: Array, r: Array, J: Array, m: int) -> TurnFit:
+def _judged(
+    wanted: tuple[Parameter, ...], x: Array, r: Array, J: Array, m: int, effects: tuple[Effect, ...]
+) -> TurnFit:
     size = np.sqrt((J**2).sum(0))
     Q, R = np.linalg.qr(J / size)
     dof = 2 * m - len(x)
@@ -192,7 +236,7 @@ def _judged(wanted: tuple[Parameter, ...], x: Array, r: Array, J: Array, m: int)
     moves = np.einsum("mip,mi->mp", Q.reshape(m, 3, -1), left.reshape(m, 3)) @ inverse.T
     return TurnFit(
         wanted, x, variance * inverse @ inverse.T, r.reshape(m, 3), dof, float(np.linalg.cond(R)),
-        float(np.sqrt((left**2).sum() / (2 * m))), np.sqrt((moves**2).sum(0)),
+        float(np.sqrt((left**2).sum() / (2 * m))), np.sqrt((moves**2).sum(0)), effects,
     )  # fmt: skip
 
 
@@ -215,9 +259,9 @@ def rows_of_turns(turns: Turns, effects: Sequence[Effect]) -> Rows:
     return Rows(BENCH, read.kind, read.stimulus, tuple(effects), channels, misfit, read.seen, answer)
 
 
-def _linear(turns: Turns, wanted: Sequence[Parameter], x: Array) -> tuple[Array, Array]:
+def _linear(turns: Turns, wanted: Sequence[Parameter], x: Array, effects: Sequence[Effect] = ()) -> tuple[Array, Array]:
     """Misfit (3 m,) of the turns at parameters x, and its derivative (3 m, p)."""
-    rows = rows_of_turns(turns, with_values((), wanted, x))
+    rows = rows_of_turns(turns, with_values(effects, wanted, x))
     return rows.residual.ravel(), rows.jacobian(wanted).reshape(rows.residual.size, -1)
 
 
@@ -252,7 +296,7 @@ def _calibration(
     )  # fmt: skip
     dof = fit.dof if fit else level.misfit.size - n
     return Calibration(
-        "turns", with_values((), wanted, x), wanted, covariance,
+        "turns", with_values((*level.effects, *(fit.effects if fit else ())), wanted, x), wanted, covariance,
         tuple({"direction": {p.label: 1.0 for p in parameters(CATALOGUE[t])}, "why": why}
               for t, why in declined.items()),
         Residual(float(dof), dof, rms),

@@ -69,11 +69,17 @@ def rests(recording: Recording, accelerometers: Calibration, scale: float = 1.0)
     return Rests(scale * rows.triad(RATE) - earth, scale * sigma, felt)
 
 
-def fit_rests(found: Rests, terms: Sequence[str] = (BIAS, G_SENSITIVITY)) -> RestFit:
-    """Weighted least squares of gyroscope effects, which are linear at rest; the excess of each axis with it."""
-    wanted = tuple(p for t in terms for p in parameters(CATALOGUE[t]))
+def fit_rests(
+    found: Rests, terms: Sequence[str] = (BIAS, G_SENSITIVITY), more: Sequence[Parameter] = (),
+    effects: Sequence[Effect] = (),
+) -> RestFit:  # fmt: skip
+    """Weighted least squares of gyroscope effects, which are linear at rest; the excess of each axis with it.
+
+    more: further parameters, of these absent effects.
+    """
+    wanted = (*(p for t in terms for p in parameters(CATALOGUE[t])), *more)
     zero = 0 * found.rate
-    J = complex_step(lambda x: gyroscopes(zero, found.stimulus, with_values((), wanted, x)), np.zeros(len(wanted)))
+    J = complex_step(lambda x: gyroscopes(zero, found.stimulus, with_values(effects, wanted, x)), np.zeros(len(wanted)))
     prior = np.array([p.sigma for p in wanted])
     dof = len(J) - np.array([np.any(J[:, i] != 0, axis=0).sum() for i in range(3)])
     excess = np.zeros(3)
@@ -88,25 +94,27 @@ def fit_rests(found: Rests, terms: Sequence[str] = (BIAS, G_SENSITIVITY)) -> Res
     covariance = (Vt.T / S**2) @ Vt * np.outer(prior, prior)
     slack = 1 - (U**2).sum(1).reshape(misfit.shape)
     size = np.sqrt((A**2).sum(0))
-    return RestFit(with_values((), wanted, x), wanted, x, covariance, misfit,
+    return RestFit(with_values(effects, wanted, x), wanted, x, covariance, misfit,
                    float(np.sqrt(np.mean((misfit / slack) ** 2))), float(np.linalg.cond(A / size)),
                    float(dof.min()) if np.any(excess > 0) else np.inf)  # fmt: skip
 
 
 def level_of(
-    found: Rests, latitude: float | None, gravity: float, g_sensitivity: bool, tried: int = 0
-) -> tuple[RestFit, str]:
+    found: Rests, latitude: float | None, gravity: float, g_sensitivity: bool, tried: int = 0,
+    more: Sequence[Parameter] = (), effects: Sequence[Effect] = (),
+) -> tuple[RestFit, str]:  # fmt: skip
     """Bias, and g-sensitivity if the rests support it; the second value says why not, if they do not.
 
-    tried: coefficients that were asked for in all, those of the g-sensitivity with them (left out: these alone).
+    tried: coefficients that were asked for in all, those of the g-sensitivity with them (left out: these alone); more:
+    parameters of absent `effects` that are fitted in any case.
     """
-    plain = fit_rests(found, (BIAS,))
+    plain = fit_rests(found, (BIAS,), more, effects)
     if not g_sensitivity:
         return plain, ""
     data = f"{len(found.rate)} rests"
     if len(found.rate) < 6:  # four unknowns an axis, and something to test them on
         return plain, f"{G_SENSITIVITY} is left out: {data} are too few for it"
-    fit = fit_rests(found)
+    fit = fit_rests(found, (BIAS, G_SENSITIVITY), more, effects)
     if latitude is None:  # the Earth's vertical rate, between -15 and 15 deg/h, is such a G
         common = np.array([float(p.effect == G_SENSITIVITY and p.axis[0] == p.axis[-1]) for p in fit.parameters])
         share = EARTH_RATE / np.sqrt(3) / gravity

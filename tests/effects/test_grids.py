@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.library.grids import SAME_ANGLE, between, grid, highest_order, limits
 from gimbalcal.effects import CATALOGUE, Stimulus
 from gimbalcal.effects.effect import Effect, Grid, constant, constants
+from gimbalcal.effects.grids import SAME_ANGLE, between, grid, highest_order, limits
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from tests.diagnose import static_plant

@@ -1,0 +1,112 @@
+"""Effects added to a fit by name: fitted with their constants, by every method, or refused in one sentence."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gimbalcal.calibration import Calibration, from_dict
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.added import added
+from gimbalcal.estimate.unit import inertial_unit
+from gimbalcal.pipeline import load, three_stage
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording, block_means
+from gimbalcal.simulate import simulate
+from tests.diagnose.plant import UG, known, record
+
+DATA = Path(__file__).parents[2] / "data"
+
+
+def positions(kind: str = "bias T", size: float = 30 * UG, **options: int) -> Recording:
+    return record(np.random.default_rng(4), known(1)[kind][0], size, **options)
+
+
+def estimate(made: Calibration, label: str) -> tuple[float, float]:
+    again = from_dict(json.loads(json.dumps(made.to_dict())))
+    at = [p.label for p in again.parameters].index(label)
+    return float(again.values[at]), float(again.sigmas[at])
+
+
+def test_an_effect_that_is_added_takes_up_what_was_left() -> None:
+    r = positions(dwell=12)
+    without, made = three_stage([r]), three_stage([r], more=added(["bias_temperature:y"], [r]))
+    assert "the model misses something" in without.outcome
+    assert made.outcome == ""
+    value, sigma = estimate(made, "b_T:y")
+    assert value == pytest.approx(30 * UG, abs=4 * sigma)
+    assert sigma < 3 * UG
+    assert not {"b_T:x", "b_T:z"} & {p.label for p in made.parameters}
+    assert three_stage([made.apply(r)]).outcome == ""
+
+
+def test_a_constant_is_the_one_that_fits_best_or_the_one_that_is_stated() -> None:
+    r = positions("warm-up", 3000 * UG, dwell=12)
+    made = three_stage([r], more=added(["warm_up:y"], [r]))
+    value, sigma = estimate(made, "warm_up.tau")
+    assert value == pytest.approx(700, abs=4 * sigma)
+    assert 0 < sigma < 200
+    told = three_stage([r], more=added(["warm_up:y,tau=0.25"], [r]))
+    assert estimate(told, "warm_up.tau") == (pytest.approx(900.0), 0.0)
+    assert made.residual.chi2 < told.residual.chi2
+
+
+def test_a_static_run_and_both_together_take_it_too() -> None:
+    (run,) = load([DATA / "space_stable_static"])
+    table, run = positions(size=0.0, dwell=6), block_means(run, 20)
+    alone = three_stage([run], more=added(["gyro_drift:equatorial"], [run]))
+    assert {p.axis for p in alone.parameters if p.effect == "gyro_drift"} == {"equatorial_x", "equatorial_y"}
+    both = three_stage([table, run], more=added(["cross_coupling:z"], [table, run]))
+    singly = [three_stage([r], more=added(["cross_coupling:z"], [r])) for r in (table, run)]
+    sigma = [estimate(made, "K_c:zx")[1] for made in (both, *singly)]
+    assert sigma[0] < min(sigma[1:])
+    assert "contradict each other" in both.outcome  # they are of two units
+
+
+def test_units_turned_by_hand_take_it_at_rest_and_on_the_way() -> None:
+    r, truth = simulate("turned-unit")
+    r = replace(r, platform=BENCH, channels={k: v for k, v in r.channels.items() if k[0] != "gimbal_angle"})
+    asked = added(["gyro_g_sensitivity_rate:z", "gyro_scale_nonlinearity", "scale_factor_asymmetry:x"], [r])
+    linear = ("bias", "scale_factor", "misalignment", "gyro_scale_factor", "gyro_misalignment")
+    made = inertial_unit(r, linear, asked)
+    of = {e.id: e for e in truth}
+    wanted = [p for p in made.parameters if p.effect in ("gyro_g_sensitivity_rate", "gyro_scale_nonlinearity")]
+    assert {p.label for p in wanted if p.effect == "gyro_g_sensitivity_rate"} == {
+        f"gyro_g_sensitivity_rate:z{a}" for a in "xyz"
+    }
+    for p in wanted:
+        value, sigma = estimate(made, p.label)
+        assert value == pytest.approx(getattr(of[p.effect], p.field)[p.index], abs=4.5 * sigma), p.label
+    value, sigma = estimate(made, "asymmetry:x")  # which nobody put in
+    assert abs(value) < 4 * sigma
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        ("bias_temperture:y", "no effect is called 'bias_temperture'; did you mean bias_temperature?"),
+        ("bias_temperature:q", "bias_temperature has no axis 'q'; it has x, y, z"),
+        ("warm_up,tau", "'tau' is no CONSTANT=VALUE"),
+        ("warm_up,lag=1", r"warm_up has no constant 'lag'; it has tau \[h\]"),
+        ("warm_up,tau=soon", "tau must be a number in h, got 'soon'"),
+        ("warm_up,tau=1e9", "tau lies between"),
+        ("gyro_drift", "gyro_drift shows in static-run recordings, and 'plant' is a multi-position recording"),
+        ("pressure", "pressure needs covariate:pressure, and 'plant' has none"),
+        ("bias", "bias is in the model of this method anyway"),
+    ],
+)
+def test_what_cannot_be_added_is_one_sentence(words: str, sentence: str) -> None:
+    with pytest.raises(InputError, match=f"--with {words}: {sentence}"):
+        added([words], [positions(dwell=4)], ("bias",))
+
+
+def test_what_needs_an_angle_is_refused_where_none_is_known() -> None:
+    (r,) = load([DATA / "xsens_positions"])
+    with pytest.raises(InputError, match="--with gimbal_flexure: gimbal_flexure is of gimbals, and 'Xsens"):
+        added(["gimbal_flexure"], [r])
+    with pytest.raises(InputError, match="--with names 'base_tilt_drift', which is not an effect that rest positions"):
+        inertial_unit(r, (), added(["base_tilt_drift"], [r]))
