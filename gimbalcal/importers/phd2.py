@@ -54,8 +54,9 @@ def import_phd2(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     number = _chosen(path, options, stretches)
     one = stretches[number - 1]
     scale = float(to_si(_told(path, one.header, "Pixel scale", "in arc-sec/px"), "arcsec"))
-    declination = float(np.radians(_told(path, one.header, "Dec", "where the mount pointed")))
-    hour = float(np.radians(15 * _told(path, one.header, "Hour angle", "where the mount pointed")))
+    pointed = next((line for line in one.header.splitlines() if line.startswith("RA = ")), "")
+    declination = float(np.radians(_told(path, pointed, "Dec", "where the mount pointed")))
+    hour = _hour_angle(path, pointed, latitude)
     time = _column(path, one, "Time")
     west = scale * (_column(path, one, "RARawDistance") + _pulsed(path, one, "RA", "xRate", _WESTWARD))
     north = scale * (_column(path, one, "DECRawDistance") - _pulsed(path, one, "DEC", "yRate", _NORTHWARD))
@@ -77,6 +78,16 @@ def _latitude(options: Mapping[str, str]) -> float:
     if not abs(latitude) <= 90:
         raise InputError("a PHD2 log does not say where the mount stood; give it as --set latitude=51.0 (deg)")
     return float(np.radians(latitude))
+
+
+def _hour_angle(path: Path, pointed: str, latitude: float) -> float:
+    """Hour angle [rad] as the log tells it, else of the altitude and azimuth that it tells."""
+    if re.search(rf"Hour angle{_NUMBER}", pointed):
+        return float(np.radians(15 * _told(path, pointed, "Hour angle", "where the mount pointed")))
+    up, around = (np.radians(_told(path, pointed, name, "or else its Hour angle")) for name in ("Alt", "Az"))
+    west = -np.cos(up) * np.sin(around)
+    south = np.sin(up) * np.cos(latitude) - np.cos(up) * np.sin(latitude) * np.cos(around)
+    return float(np.arctan2(west, south))
 
 
 def _chosen(path: Path, options: Mapping[str, str], stretches: Sequence[_Stretch]) -> int:

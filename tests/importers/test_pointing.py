@@ -187,7 +187,9 @@ def guided(path: Path, error: Array, off: Array, tail: str = "") -> Path:
     scale, rate, dec = 2.0, 3.0, 60.0  # arcsec/px, px/s of sky
     head = ["PHD2 version 2.6", "", "Guiding Begins at 2022-12-01 20:00:00", f"Pixel scale = {scale:.2f} arc-sec/px",
             f"Mount = m, connected, xAngle = 1.0, xRate = {rate:.3f}, yAngle = 2.0, yRate = {rate:.3f}",
-            f"RA = 5.5 hr, Dec = {dec:.1f} deg, Hour angle = -2.00 hr, Pier side = East",
+            "Norm rates RA = 7.2\"/s @ dec 0, Dec = 7.4\"/s; ortho.err. = 0.4 deg",
+            "Cal Dec = 0.0, Dec Guide Speed = 7.5",
+            f"RA = 5.5 hr, Dec = {dec:.1f} deg, Hour angle = -2.00 hr, Pier side = East, Alt = N/A deg",
             COLUMNS]  # fmt: skip
     rows, west, north = [], 0.0, 0.0  # what pulses have moved so far, px
     for k, (e, o) in enumerate(zip(error, off, strict=True)):
@@ -219,6 +221,15 @@ def test_phd2_faults(tmp_path: Path) -> None:
         import_files("phd2", [log])
     with pytest.raises(InputError, match="has 1 stretch; give one of them, got '2'"):
         import_files("phd2", [log], {"latitude": "51", "stretch": "2"})
+    told = log.read_text().replace("Hour angle = -2.00 hr", "Hour angle = N/A hr")
+    log.write_text(told)
+    with pytest.raises(InputError, match="does not tell its Alt, or else its Hour angle"):
+        import_files("phd2", [log], {"latitude": "51"})
+    north, east, down = line_of_sight(np.radians(60.0), np.radians(-30.0), np.radians(51.0))
+    elevation, around = np.degrees(np.arcsin(-down)), np.degrees(np.arctan2(east, north))
+    log.write_text(told.replace("Alt = N/A deg", f"Alt = {elevation:.9f} deg, Az = {around:.9f} deg"))
+    made = import_files("phd2", [log], {"latitude": "51"})
+    assert np.degrees(made.channels["gimbal_angle", "hour_angle"][0]) == pytest.approx(-30.0, abs=1e-6)
     log.write_text(log.read_text().replace("Pixel scale", "Scale"))
     with pytest.raises(InputError, match="does not tell its Pixel scale, in arc-sec/px"):
         import_files("phd2", [log], {"latitude": "51"})
