@@ -143,7 +143,8 @@ def diagnose(
         content["cross_check"] = [check.in_words for check in checks]
         sentences += [f"{check.in_words[0].upper()}{check.in_words[1:]}." for check in checks]
     show(content, " ".join(sentences), as_json, quiet)
-    sys.exit(0 if all(d.verdict == "adequate" for d in told) and all(c.agree for c in checks) else 1)
+    explained = all(d.verdict == "adequate" and not d.outcome for d in told)
+    sys.exit(0 if explained and all(c.agree for c in checks) else 1)
 
 
 @gimbalcal.command()

@@ -36,6 +36,7 @@ class Diagnosis:
     in_words: str = ""
     curves: Curves | None = None
     calibration: Calibration | None = None  # the refit: the model with what was found in it
+    outcome: str = ""  # one sentence where the verdict is adequate and yet something speaks against the model
 
     def to_dict(self) -> dict[str, Any]:
         """The content of diagnosis.json."""
@@ -43,6 +44,7 @@ class Diagnosis:
             "format": 1,
             "verdict": self.verdict,
             "in_words": self.in_words,
+            "outcome": self.outcome,
             "mismatch": [dict(m) for m in self.mismatch],
             "findings": [dict(f) for f in self.findings],
             "unexplained": [dict(u) for u in self.unexplained],

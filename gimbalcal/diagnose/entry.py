@@ -9,6 +9,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.both_triads import diagnose_both_triads, has_gyroscopes
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
+from gimbalcal.diagnose.reservation import with_reservation
 from gimbalcal.diagnose.rows.baseline import by_triad, check_baseline, check_finite
 from gimbalcal.diagnose.several import diagnose_several
 from gimbalcal.diagnose.unknown_noise import applies, diagnose_unknown_noise
@@ -44,13 +45,24 @@ def diagnose(
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):  # many small matrices: threads only get into each other's way
-        if all(r.kind == "pointing" for r in recordings):
-            return _nights(recordings, calibration, tuple(baseline), seed, tell)
-        if len(recordings) > 1 and all(applies(r) and r.kind == "multi-position" for r in recordings):
-            return _sessions(recordings, calibration, tuple(baseline), seed, tell)
-        if len(recordings) > 1:
-            return diagnose_several(recordings, calibration, tuple(baseline), seed, tell)
-        return _diagnose(recordings[0], calibration, tuple(baseline), seed, tell)
+        found = _of_all(recordings, calibration, tuple(baseline), seed, tell)
+        return found if calibration else with_reservation(found, recordings, baseline)
+
+
+def _of_all(
+    recordings: Sequence[Recording],
+    calibration: Calibration | None,
+    baseline: tuple[str, ...],
+    seed: int,
+    tell: Tell,
+) -> Diagnosis:
+    if all(r.kind == "pointing" for r in recordings):
+        return _nights(recordings, calibration, baseline, seed, tell)
+    if len(recordings) > 1 and all(applies(r) and r.kind == "multi-position" for r in recordings):
+        return _sessions(recordings, calibration, baseline, seed, tell)
+    if len(recordings) > 1:
+        return diagnose_several(recordings, calibration, baseline, seed, tell)
+    return _diagnose(recordings[0], calibration, baseline, seed, tell)
 
 
 def _sessions(
@@ -73,6 +85,7 @@ def _sessions(
         made,
         in_words=f"{made.in_words} {words[0].upper()}{words[1:].rstrip('.')}.",
         provenance={**made.provenance, "sessions": sessions},
+        outcome=told.outcome,
     )
 
 

@@ -34,7 +34,7 @@ def diagnosis_report(content: Mapping[str, Any], panels: Sequence[Panel] = (), t
         "title": title or "a recording",
         "remark": f"gimbalcal {gimbalcal.__version__}",
         "answer": wording.typeset(content["in_words"]),
-        "verdict": LOOKS.get(content["verdict"], "misfit"),
+        "verdict": "reserved" if content.get("outcome") else LOOKS.get(content["verdict"], "misfit"),
         "facts": _facts(content),
         "findings": findings,
         "picture": _before_after(panels),
@@ -96,7 +96,8 @@ def _moved(m: Mapping[str, Any]) -> dict[str, Any]:
 
 def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
     fit = content["fit"]
-    facts = [(content["verdict"].replace("-", " "), "verdict")]
+    reserved = ", with a reservation" if content.get("outcome") else ""
+    facts = [(content["verdict"].replace("-", " ") + reserved, "verdict")]
     measures = [("chi2_reduced", "reduced χ², before → after", ""), ("heldout", "the same on held-out data", "")]
     if "rms_before" in fit:  # the noise is what the last model leaves, so its chi^2 says nothing
         unit = " " + wording.unit_in_print(fit["noise"]["unit"])

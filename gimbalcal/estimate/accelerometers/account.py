@@ -52,14 +52,18 @@ def faults_in_words(faults: Sequence[Fault]) -> list[str]:
 
 def misfit_in_words(chi2: float, dof: int, larger: str = "") -> list[str]:
     """One sentence, in a list, where a residual this large is not due to chance; empty where it may be."""
+    so = "; else" if larger else ", so"
+    return [f"{words}{so} the model misses something: `gimbalcal diagnose` looks for it"
+            for words in excess_in_words(chi2, dof, larger)]  # fmt: skip
+
+
+def excess_in_words(chi2: float, dof: int, larger: str = "") -> list[str]:
+    """In a list, how far a residual is above its noise, and which larger noise explains it; empty for chance."""
     if acceptable(chi2, dof):
         return []
-    tail = probability(chi2, dof)
-    excess = f"chi^2 = {chi2:.4g} for {dof} degrees of freedom, p = {tail:.1g}"
-    factor = np.sqrt(chi2 / dof)
-    so = f"{larger}; else" if larger else "so"
-    words = f"the residual is {factor:.3g} times what the noise allows ({excess}), {so} the model misses something"
-    return [f"{words}: `gimbalcal diagnose` looks for it"]
+    excess = f"chi^2 = {chi2:.4g} for {dof} degrees of freedom, p = {probability(chi2, dof):.1g}"
+    words = f"the residual is {np.sqrt(chi2 / dof):.3g} times what the noise allows ({excess})"
+    return [", ".join(filter(None, [words, larger]))]
 
 
 def joined(sentences: Sequence[str]) -> str:

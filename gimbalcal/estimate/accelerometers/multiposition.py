@@ -300,7 +300,9 @@ def rotations_of_the_triad() -> list[dict[str, Any]]:
 def _outcome(recording: Recording, best: NormFit, own: float) -> str:
     if best.fit.steps == 0:
         return "the fit did not settle: the positions do not determine these terms together"
-    return scatter_in_words(recording, best.excess, own)
+    words = scatter_in_words(recording, best.excess, own)
+    scaled = "; all sigma are scaled to that scatter, and `gimbalcal diagnose` looks for what the model misses"
+    return words and words + scaled
 
 
 def _stage(terms: Sequence[str], made: NormFit) -> StageResult:

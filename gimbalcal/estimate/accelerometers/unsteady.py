@@ -33,6 +33,5 @@ def scatter_in_words(recording: Recording, excess: float, own: float) -> str:
     of = "stated noise" if "accelerometer" in recording.noise else "scatter of the samples"
     return (
         f"the positions scatter by {excess:.2g} m/s^2 about the model, {excess / own:.2g} times what the {of} explains "
-        f"({own:.2g} m/s^2 for the mean of a position); all sigma are scaled to that scatter, and `gimbalcal diagnose` "
-        "looks for what the model misses"
+        f"({own:.2g} m/s^2 for the mean of a position)"
     )

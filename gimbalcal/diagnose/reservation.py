@@ -1,0 +1,88 @@
+"""What stands against "adequate": a calibration of the same recording that does not fit, or only in a larger noise.
+
+A diagnosis integrates over noise, so a noise larger than stated is no missing physics: the verdict stays adequate, and
+says so. `calibrate` takes the noise as stated. Both must say the same of one recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.diagnose.answer import Diagnosis
+from gimbalcal.diagnose.rows.baseline import by_triad
+from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.account import excess_in_words, faults_in_words, joined
+from gimbalcal.estimate.accelerometers.larger_noise import larger_noise_in_words
+from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.accelerometers.positions import trusted_positions
+from gimbalcal.estimate.accelerometers.unsteady import scatter_in_words
+from gimbalcal.estimate.static_run.system import static
+from gimbalcal.estimate.unit import with_gyroscopes
+from gimbalcal.recording import Recording
+
+FORCE, RATE = "specific_force", "angular_rate"
+
+
+def with_reservation(d: Diagnosis, recordings: Sequence[Recording], baseline: Sequence[str]) -> Diagnosis:
+    """The diagnosis; where it is adequate and a calibration is not, with an `outcome` that says why."""
+    if d.verdict != "adequate":
+        return d
+    said = list(dict.fromkeys(words for r in recordings for words in reservations(r, baseline)))
+    if not said:
+        return d
+    outcome = joined(said)
+    words = (
+        "No cause of the catalogue is called for, but the model explains these data only in a larger noise than stated"
+    )
+    return replace(d, outcome=outcome, in_words=f"{words}. {outcome}.")
+
+
+def reservations(recording: Recording, baseline: Sequence[str] = ()) -> list[str]:
+    """Sentences of what speaks against the calibrated model of one recording."""
+    usual = not baseline or set(baseline) == set(BASELINE.get(recording.kind, ()))
+    out = []
+    if recording.kind == "static-run" and usual:
+        out += _said(lambda: list(filter(None, [static(recording).outcome.partition(", so ")[0]])))
+    if recording.kind != "multi-position" or recording.position is None or not recording.has(FORCE):
+        return out
+    if recording.has("gimbal_angle"):
+        out += _said(lambda: _of_positions(recording)) if usual else []
+    mine, gyro = by_triad(baseline)
+    if recording.has("gimbal_angle") and not recording.has(RATE):
+        return out
+    if mine or not baseline:
+        terms = () if recording.has("gimbal_angle") else tuple(mine)
+        out += _said(lambda: _of_unit(recording, terms, bool(gyro) or not baseline))
+    return out
+
+
+def _said(ask: Callable[[], list[str]]) -> list[str]:
+    """What an estimator says; nothing where it does not take the recording."""
+    try:
+        return ask()
+    except InputError:
+        return []
+
+
+def _of_positions(recording: Recording) -> list[str]:
+    """What `three-stage` says of positions at known angles in the stated noise."""
+    found = trusted_positions(recording)
+    solution = found.fit.solution
+    larger = larger_noise_in_words(found.problem, found.fit)
+    return faults_in_words(found.faults) + excess_in_words(solution.chi2, solution.dof, larger)
+
+
+def _of_unit(recording: Recording, terms: tuple[str, ...], both: bool) -> list[str]:
+    """What `multiposition` says of the norm of the force, and of the gyroscopes between the same rests."""
+    made = multiposition(recording, terms)
+    options = made.provenance["options"]
+    times, excess = options["excess_over_noise"], options["excess_scatter"]
+    forces = scatter_in_words(recording, excess, excess / times) if times else ""
+    return list(filter(None, [forces, *(_said(lambda: [_of_gyroscopes(recording, made)]) if both else [])]))
+
+
+def _of_gyroscopes(recording: Recording, made: Calibration) -> str:
+    return with_gyroscopes(recording, replace(made, outcome="")).outcome
