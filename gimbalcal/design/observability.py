@@ -24,7 +24,7 @@ import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, normal_gravity
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
-from gimbalcal.effects.baseline import BASELINE, STATIC_CALIBRATION
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.expected import planned
 from gimbalcal.estimate.accelerometers.setting import Noise, by_visit, position_parameters, problem, whiten
@@ -136,7 +136,7 @@ def observe_static(
     hours: float,
     latitude: float,
     noise: dict[str, float],
-    effects: Sequence[str] = STATIC_CALIBRATION,
+    effects: Sequence[str] = BASELINE["static-run"],
     candidates: Sequence[str] = (),
     sample_s: float = 1.0,
 ) -> Observability:

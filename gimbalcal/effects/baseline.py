@@ -7,7 +7,15 @@ from collections.abc import Mapping
 BASELINE: Mapping[str, tuple[str, ...]] = {
     # kinds of recording: the coefficients of Wu et al. (2018), Eq. (6); in a static run how the platform stands too
     "multi-position": ("scale_factor", "bias", "scale_nonlinearity", "misalignment", "gimbal_zero"),
-    "static-run": ("scale_factor", "bias", "misalignment", "gimbal_zero", "base_tilt", "polar_axis_misalignment"),
+    "static-run": (
+        "scale_factor",
+        "bias",
+        "scale_nonlinearity",
+        "misalignment",
+        "gimbal_zero",
+        "base_tilt",
+        "polar_axis_misalignment",
+    ),
     "rotation": ("scale_factor", "bias", "misalignment", "gyro_bias", "gyro_scale_factor", "gyro_misalignment"),
     "pointing": ("gimbal_zero", "axis_collimation", "gimbal_nonorthogonality"),
     # what is left where no angle is known: Wang et al. (2019), Eqs. (2) and (6), linear terms
@@ -16,7 +24,3 @@ BASELINE: Mapping[str, tuple[str, ...]] = {
     "turns": ("gyro_scale_factor", "gyro_misalignment"),
     "table": ("bias",),
 }
-# the static run alone is fitted with the bend too, which its third harmonic shows: all of Eq. (6)
-STATIC_CALIBRATION = tuple(
-    i for name in BASELINE["static-run"] for i in ((name, "scale_nonlinearity") if name == "bias" else (name,))
-)

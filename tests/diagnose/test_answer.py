@@ -18,7 +18,7 @@ ANSWER = Diagnosis(
 def test_the_content_of_the_file() -> None:
     content = ANSWER.to_dict()
     assert list(content) == [
-        "format", "verdict", "in_words", "mismatch", "findings", "unexplained", "fit", "provenance"
+        "format", "verdict", "in_words", "outcome", "mismatch", "findings", "unexplained", "fit", "provenance"
     ]  # fmt: skip
     assert json.loads(json.dumps(content)) == content
     assert content["findings"] == [{"effect": "cubic_nonlinearity"}]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values
-from gimbalcal.effects.baseline import STATIC_CALIBRATION
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.noise import HEADER, SAMPLES
 from gimbalcal.inference.information import Information, information
@@ -46,7 +46,7 @@ def _sigmas(run: Readings) -> Array:
     return np.asarray(one / np.sqrt(run.recording.weight)[:, None])
 
 
-def static_parameters(run: Readings, ids: Sequence[str] = STATIC_CALIBRATION) -> tuple[Parameter, ...]:
+def static_parameters(run: Readings, ids: Sequence[str] = BASELINE["static-run"]) -> tuple[Parameter, ...]:
     """Parameters of the named effects; a gimbal that was not read has no zero, but the inner one is servoed to its."""
     wanted = [p for i in ids for p in parameters(CATALOGUE[i], run.recording.platform.axis_names)]
     zeros = {axis for quantity, axis in run.channels if quantity == "gimbal_angle"} | {"inner"}
