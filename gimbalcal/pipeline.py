@@ -15,7 +15,7 @@ from pathlib import Path
 import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Parameter
-from gimbalcal.effects.baseline import BASELINE, STATIC_CALIBRATION
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import fine
@@ -162,7 +162,7 @@ def _calibrated(
 def _modelled(recordings: Sequence[Recording]) -> tuple[str, ...]:
     """What the three stages fit anyway."""
     kinds = {r.kind for r in recordings}
-    run = STATIC_CALIBRATION if "static-run" in kinds else ()
+    run = BASELINE["static-run"] if "static-run" in kinds else ()
     return (*run, *(BASELINE["multi-position"] if "multi-position" in kinds else ()))
 
 
