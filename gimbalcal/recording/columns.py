@@ -25,6 +25,7 @@ AXES: Mapping[str, tuple[str, ...] | None] = {
     "attitude_error": ("roll", "pitch", "yaw"),
     "temperature": None,  # any word: which thermometer
     "covariate": None,
+    "sigma": (),
 }
 """Known quantities of a column and the axes that each may have."""
 
@@ -32,6 +33,8 @@ UNITLESS = ("position", "weight")
 SIGNED = ("specific_force", "angular_rate", "gimbal_angle")
 OF_A_SENSOR = ("specific_force", "angular_rate", "temperature")
 """Quantities of which a recording may hold several triads, told apart by `sensor`."""
+OF_A_ROW = ("specific_force", "angular_rate", "gimbal_angle", "true_angle")
+"""Quantities of which a column may give one sigma, row by row."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,7 @@ class Column:
     sensor: str = ""  # which of several, where a recording holds more than one triad of a kind
     regular: bool | None = None  # a clock whose stamps are times of arrival, or not; None: the readings decide
     sign: int = 1  # -1 where the sensor counts backwards
+    of: str = ""  # the quantity that a sigma is of
 
     @property
     def key(self) -> Key:
@@ -95,7 +99,7 @@ def _column(document: Document, name: str, entry: object, platform: Platform, th
     if not isinstance(entry, dict) or not isinstance(entry.get("quantity"), str):
         raise InputError(f'{where}: column {name!r} must say what it holds, as in {{ quantity = "time", unit = "s" }}')
     for key in entry:
-        if key not in ("quantity", "axis", "unit", "sign", "resolution", "regular", "sensor"):
+        if key not in ("quantity", "axis", "unit", "sign", "resolution", "regular", "sensor", "of"):
             raise InputError(f"{where}: {key!r} of column {name!r} is not known; write quantity, axis, unit or sign")
     sensor = _sensor(where, name, entry)
     regular = entry.get("regular")
@@ -118,14 +122,22 @@ def _column(document: Document, name: str, entry: object, platform: Platform, th
         _check_axis(where, name, quantity, axis, allowed, platform)
     if quantity in UNITLESS:
         return Column(name, quantity, "", "1")
+    if quantity == "sigma" and entry.get("of") not in OF_A_ROW:
+        raise InputError(
+            f"{where}: column {name!r} is a sigma of {entry.get('of')!r}; write what it is of, "
+            f"of = {alternatives([repr(q) for q in OF_A_ROW])}"
+        )
+    if quantity != "sigma" and "of" in entry:
+        raise InputError(f"{where}: column {name!r} is a {quantity}; of = {entry['of']!r} is for a sigma alone")
     if "unit" not in entry:
         raise InputError(f'{where}: column {name!r} has no unit; write, for example, unit = "{_example(quantity)}"')
     if quantity == "time" and names_iso(entry["unit"]):
         return Column(name, quantity, "", "s", dated=True, regular=regular)
-    unit = document.unit(where, f"column {name!r}", entry["unit"], quantity)
+    of = str(entry.get("of", ""))
+    unit = document.unit(where, f"column {name!r}", entry["unit"], of or quantity)
     resolution = _resolution(where, name, quantity, entry.get("resolution", 0.0))
     sign = _sign(where, name, quantity, entry.get("sign", 1))
-    return Column(name, quantity, axis, unit, resolution=resolution, regular=regular, sign=sign, sensor=sensor)
+    return Column(name, quantity, axis, unit, resolution=resolution, regular=regular, sign=sign, sensor=sensor, of=of)
 
 
 def _sign(where: str, name: str, quantity: str, value: object) -> int:

@@ -46,7 +46,7 @@ def join(sessions: Sequence[Recording]) -> Recording:
         position=_numbered_on(sessions),
         channels={key: np.concatenate([r.channels[key] for r in sessions]) for key in common},
         source=tuple(s for r in sessions for s in r.source),
-        weight=np.concatenate([r.weight for r in sessions]),
+        weight=np.concatenate([r.weight * share for r, share in zip(sessions, _shares(sessions, noise), strict=True)]),
         beside=(),
         units={key: unit for key, unit in first.units.items() if key in common},
         scatter=_shared([r.scatter for r in sessions]),
@@ -93,6 +93,13 @@ def _numbered_on(sessions: Sequence[Recording]) -> Array | None:
         parts.append(np.where(r.position > 0, r.position + last, 0))
         last = max(last, int(parts[-1].max(initial=0)))
     return np.concatenate(parts)
+
+
+def _shares(sessions: Sequence[Recording], noise: Mapping[str, float]) -> list[float]:
+    """What a row of each session weighs where they state different noise of what they measure."""
+    sensor = "gimbal_angle" if sessions[0].kind == "pointing" else "accelerometer"
+    common = noise.get(sensor, 0.0)
+    return [(common / r.noise[sensor]) ** 2 if common and r.noise[sensor] != common else 1.0 for r in sessions]
 
 
 def _shared(told: Sequence[Mapping[Name, float]]) -> dict[Name, float]:

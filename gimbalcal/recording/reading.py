@@ -20,6 +20,7 @@ from gimbalcal.recording.header import Header, read_header
 from gimbalcal.recording.holes import Holes
 from gimbalcal.recording.jitter import SMOOTHER, jitter_of, regular
 from gimbalcal.recording.record import ANGLES, Recording, Source
+from gimbalcal.recording.row_sigma import by_sigma
 from gimbalcal.recording.rows import AllRows, Blocks
 from gimbalcal.recording.samples import Batch, batches, column
 from gimbalcal.recording.scatter import Scatter
@@ -59,7 +60,9 @@ def assemble(
     """The recording whose rows are `stream`, checked; `whole` gives one complete column for a second look."""
     with ThreadPoolExecutor(1) as pool:  # hashing leaves the interpreter free
         digests = pool.map(_source, (header.path, header.samples))
-        columns, table, scatter, remarks = _rows(header, stream, whole, average_s)
+        holes = Holes(header)
+        header, stream = by_sigma(header, holes.filled(stream), holes)
+        columns, table, scatter, remarks = _rows(header, stream, whole, average_s, holes)
         source = tuple(digests)
     position = next((table[c.name].astype(np.int64) for c in columns if c.quantity == "position"), None)
     measured = [c for c in columns if c.quantity not in ("time", *UNITLESS)]
@@ -102,11 +105,14 @@ def _by_sensor(columns: Sequence[Column]) -> dict[str, tuple[Column, ...]]:
 
 
 def _rows(
-    header: Header, stream: Iterable[Batch], whole: Callable[[str], Array], average_s: float | None
+    header: Header,
+    stream: Iterable[Batch],
+    whole: Callable[[str], Array],
+    average_s: float | None,
+    holes: Holes,
 ) -> tuple[tuple[Column, ...], dict[str, Array], dict[str, float], tuple[str, ...]]:
     """Columns, rows and scatter in the units of the file, and what to tell the user."""
-    holes = Holes(header)
-    stream, screen = holes.filled(stream), Screen(header, whole, holes)
+    screen = Screen(header, whole, holes)
     if header.kind != "multi-position" or header.column("position"):
         table, scatter = _gather(stream, header.columns, screen, average_s)
         told = () if average_s else _on_a_regular_clock(header, table, holes)

@@ -84,12 +84,19 @@ def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
         s,
         CHANNELS,
         "arcsec",
-        None,
+        _by_weight(recording),
         STAGES,
         tuple(baseline) or BASELINE["pointing"],
         rows,
         gauges({Stage.BASE}),
     )
+
+
+def _by_weight(recording: Recording) -> Array | None:
+    """Sigma (n, 2) of stars in units of the typical one; None where all weigh alike."""
+    if np.all(recording.weight == recording.weight[0]):
+        return None
+    return np.repeat(1 / np.sqrt(recording.weight)[:, None], len(CHANNELS), axis=1)
 
 
 def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:

@@ -86,10 +86,11 @@ def _start(runs: Sequence[Recording], wanted: Sequence[Parameter]) -> Array:
 def _rows(
     seen: Sequence[tuple[Recording, Stimulus]], effects: Sequence[Effect], wanted: Sequence[Parameter]
 ) -> tuple[Array, Array]:
-    """Derivative (m, p) and residual (m,) of all stars."""
+    """Derivative (m, p) and residual (m,) of all stars, each times the root of its weight."""
     parts = [against_stars(r, s, effects) for r, s in seen]
+    root = np.repeat(np.sqrt(np.concatenate([r.weight for r, _ in seen])), len(parts[0].channels))
     J = np.concatenate([p.jacobian(wanted).reshape(-1, len(wanted)) for p in parts])
-    return J, np.concatenate([p.residual.ravel() for p in parts])
+    return J * root[:, None], np.concatenate([p.residual.ravel() for p in parts]) * root
 
 
 def _scatter(J: Array, r: Array) -> float:
