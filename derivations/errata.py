@@ -7,14 +7,15 @@ import shutil
 import textwrap
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import fields
 from pathlib import Path
 
-from derivations.verdict import AGREES, VERDICTS, Verdict
+from derivations.verdict import AGREES, APPROXIMATION, NOT_DETERMINED, VERDICTS, Verdict
 from gimbalcal import atomic
 
 ITEM, VERDICT, SIZE = 26, 15, 22  # column widths
 PAPERS = {"000": "Wang 2019", "001": "Wu 2018"}  # `source` of errata.json, as a reader knows it
+FIELDS = tuple(f.name for f in fields(Verdict) if f.name != "package")  # of errata.json
 
 
 def table(verdicts: Sequence[Verdict], width: int | None = None) -> str:
@@ -33,18 +34,41 @@ def table(verdicts: Sequence[Verdict], width: int | None = None) -> str:
 
 
 def summary(verdicts: Sequence[Verdict]) -> str:
-    """Counts, and the items of each paper that do not simply agree or approximate."""
+    """Counts, the items of each paper that are not right as printed, and those that nothing printed determines."""
     counts = Counter(v.verdict for v in verdicts)
     total = ", ".join(f"{counts[name]} {name}" for name in VERDICTS if counts[name])
     lines = [f"{len(verdicts)} items: {total}."]
     for source in dict.fromkeys(v.source for v in verdicts):
-        faulty = [v.item for v in verdicts if v.source == source and v.verdict not in (AGREES, "approximation")]
+        mine = [v for v in verdicts if v.source == source]
+        faulty = [v.item for v in mine if v.verdict not in (AGREES, APPROXIMATION, NOT_DETERMINED)]
         lines.append(f"Not right as printed in {PAPERS.get(source, source)}: {'; '.join(faulty) or 'none'}.")
-    return "\n".join(lines)
+        if open_ := [v.item for v in mine if v.verdict == NOT_DETERMINED]:
+            lines.append(f"Not determined in {PAPERS.get(source, source)}: {'; '.join(open_)}.")
+    return "\n".join([*lines, *_of_the_package(verdicts)])
+
+
+def differing(verdicts: Sequence[Verdict]) -> list[Verdict]:
+    """The items whose derivation the package does not follow."""
+    return [v for v in verdicts if v.package is not None and not v.package.same]
+
+
+def _of_the_package(verdicts: Sequence[Verdict]) -> list[str]:
+    compared = [v for v in verdicts if v.package is not None]
+    if not compared:
+        return []
+    apart = differing(verdicts)
+    if not apart:
+        return [f"The package follows the derivation in all {len(compared)} items that it computes."]
+    lines = [f"THE PACKAGE DIFFERS from the derivation in {len(apart)} of {len(compared)} items that it computes:"]
+    return lines + [f"  {PAPERS.get(v.source, v.source)}, {v.item}: {v.package}" for v in apart]
 
 
 def write(verdicts: Sequence[Verdict], folder: Path) -> Path:
     """Write `errata.json` into the folder, complete or not at all."""
     path = folder / "errata.json"
-    atomic.write(path, json.dumps([asdict(v) for v in verdicts], indent=1, ensure_ascii=False) + "\n")
+    atomic.write(path, json.dumps([_entry(v) for v in verdicts], indent=1, ensure_ascii=False) + "\n")
     return path
+
+
+def _entry(v: Verdict) -> dict[str, str]:
+    return {name: getattr(v, name) for name in FIELDS}

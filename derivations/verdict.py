@@ -5,8 +5,17 @@ agrees          printed minus derived is identically zero
 approximation   printed minus derived is of higher order in the small quantities than the formula itself
 misprint        one slip (a sign, a factor, a symbol) turns printed into derived, and the paper does not build on it
 wrong           anything else that differs
-not-determined  even the derived equations do not determine what the paper solves them for (rank)
+not-determined  even the derived equations do not determine what the paper solves them for (rank); or what was printed
+                cannot be read ("unreadable: ..."); or it takes recordings that the paper does not print
 ==============  ==================================================================================================
+
+A definition agrees, and its why begins with "A definition: nothing to derive"; only the package can differ from it.
+
+The scans are damaged. A glyph that cannot have been printed (8 for g, a frame that does not exist, two cells run into
+one) is read as the only thing it can be, and `garbled` says so. An item is *unreadable* where its verdict hangs on the
+damage: the scan shows nothing at all, or taken literally it is a formula of the paper's own symbols (a letter for one
+like it, an entry lost, an exponent) on which the verdict would be another. Then a fault may be the paper's or the
+scan's, and nothing is held against the paper.
 
 "Derived" is exact for finite statements and first order for error propagation and small-angle tables, as each file
 says. The judge never sees an opinion: it gets the printed expression, the derived one and the list of small symbols.
@@ -16,10 +25,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import sympy as sp
+
+from derivations.comparison import Comparison, compare
 
 AGREES, APPROXIMATION, MISPRINT, WRONG = "agrees", "approximation", "misprint", "wrong"
 NOT_DETERMINED = "not-determined"
@@ -33,8 +44,9 @@ Expr = Any  # sympy is untyped: an expression or a Matrix
 class Printed:
     """A formula of a paper as data: typed in once, with the text of the scan it was read from.
 
-    `formula` is the reading; `garbled` says what the scan made of it where character recognition failed, `carried`
-    where else in the paper the same form is stated or used (then a slip is not a misprint).
+    `formula` is the reading, None where the scan shows none; `literal` is the scan as it stands where that is a formula
+    too. `garbled` says what character recognition did, `carried` where else in the paper the same form is stated or
+    used (then a slip is not a misprint).
     """
 
     item: str
@@ -42,11 +54,12 @@ class Printed:
     formula: Expr
     garbled: str = ""
     carried: str = ""
+    literal: Expr = None
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What was found about one item; the seven fields are those of `errata.json`."""
+    """What was found about one item; the first seven fields are those of `errata.json`."""
 
     source: str
     item: str
@@ -55,17 +68,18 @@ class Verdict:
     derived: str
     size: str
     why: str
+    package: Comparison | None = None
 
 
 @dataclass(frozen=True)
 class Case:
-    """The derived form of one item and what the judge needs to compare it.
+    """The derived form of one item (None for a definition) and what the judge needs to compare it.
 
     `small`: symbols that count as small. `at`: numbers for the size of the difference; `sweep`: further points, the
     largest counts. `unit`: "g", "ug" (of g), "arcsec" (of rad) or "". `symbols`, `factors`: what a slip could
-    exchange or lose. `repairs`: slips that are not of that kind, in words, with the repaired formula. `rank`: rank of
-    the derived equations and the number of unknowns they are solved for. `why` may quote {size}, {slip} and what
-    `facts` holds, or is a function of the printed formula.
+    exchange or lose. `repairs`: slips that are not of that kind, in words, with what repairs a printed formula. `rank`:
+    rank of the derived equations and the number of unknowns they are solved for. `why` may quote {size}, {slip} and
+    what `facts` holds, or is a function of the printed formula.
     """
 
     derived: Expr
@@ -76,28 +90,9 @@ class Case:
     unit: str = ""
     symbols: Sequence[Sequence[Expr]] = ()
     factors: Sequence[Expr] = ()
-    repairs: Sequence[tuple[str, Expr]] = ()
+    repairs: Sequence[tuple[str, Callable[[Expr], Expr]]] = ()
     rank: tuple[int, int] | None = None
     facts: Mapping[str, object] | None = None
-
-
-Check = Callable[[], float]
-CHECKS: dict[tuple[str, str], Check] = {}  # source and item to the largest difference between derivation and package
-CODE_TOLERANCE = 1e-12  # derivation and package are the same algebra in floats: a few hundred roundings of 1e-16
-
-
-def checks(source: str, *items: str) -> Callable[[Check], Check]:
-    """Decorator: the function tells how far the package is from the derivations of these items.
-
-    What the package computes knows the derivations, never the other way; an item without a check is one for which the
-    package has no formula.
-    """
-
-    def register(check: Check) -> Check:
-        CHECKS.update({(source, item): check for item in items})
-        return check
-
-    return register
 
 
 def is_zero(expr: Expr) -> bool:
@@ -177,8 +172,8 @@ def slips(expr: Expr, symbols: Sequence[Sequence[Expr]], factors: Sequence[Expr]
 
 def find_slip(printed: Expr, case: Case) -> str:
     """The one slip that turns printed into derived, in words; empty if there is none."""
-    for words, repaired in case.repairs:
-        if same(repaired, case.derived):
+    for words, repair in case.repairs:
+        if same(repair(printed), case.derived):
             return words
     if _shape(printed) != _shape(case.derived):
         return ""
@@ -193,16 +188,31 @@ def find_slip(printed: Expr, case: Case) -> str:
 
 def judge(printed: Printed, case: Case) -> tuple[str, str]:
     """The verdict, and the slip in words where one explains the difference."""
-    if case.rank is not None and case.rank[0] < case.rank[1]:
-        return NOT_DETERMINED, ""
-    if same(printed.formula, case.derived):
+    if case.derived is None:
         return AGREES, ""
-    if _shape(printed.formula) == _shape(case.derived):
-        pairs = list(zip(entries(printed.formula), entries(case.derived), strict=True))
+    if (case.rank is not None and case.rank[0] < case.rank[1]) or unreadable(printed, case):
+        return NOT_DETERMINED, ""
+    return _judge(printed.formula, printed, case)
+
+
+def _judge(formula: Expr, printed: Printed, case: Case) -> tuple[str, str]:
+    if same(formula, case.derived):
+        return AGREES, ""
+    if _shape(formula) == _shape(case.derived):
+        pairs = list(zip(entries(formula), entries(case.derived), strict=True))
         if case.small and all(order(p - d, case.small) > order(p, case.small) for p, d in pairs if not is_zero(p - d)):
             return APPROXIMATION, ""
-    slip = find_slip(printed.formula, case)
+    slip = find_slip(formula, case)
     return (MISPRINT if slip and not printed.carried else WRONG), slip
+
+
+def unreadable(printed: Printed, case: Case) -> bool:
+    """Whether the scan shows no formula, or one whose verdict is another than that of the reading."""
+    if printed.formula is None:
+        return True
+    if printed.literal is None:
+        return False
+    return _judge(printed.formula, printed, case)[0] != _judge(printed.literal, printed, case)[0]
 
 
 def magnitude(difference: Expr, at: Mapping[Expr, float], sweep: Sequence[Mapping[Expr, float]] = ({},)) -> float:
@@ -228,29 +238,33 @@ def size_in_words(verdict: str, printed: Printed, case: Case) -> str:
         return "0"
     if verdict == NOT_DETERMINED and case.rank is not None:
         return f"rank {case.rank[0]} of {case.rank[1]}"
-    if _shape(printed.formula) != _shape(case.derived):
+    shown = printed.formula if printed.literal is None else printed.literal  # at worst the scan is what was printed
+    if shown is None:
+        return "not quantified"
+    if _shape(shown) != _shape(case.derived):
         return "shapes differ"
     if case.at is None:
         return "not quantified"
-    return in_unit(magnitude(printed.formula - case.derived, case.at, case.sweep), case.unit)
+    return in_unit(magnitude(shown - case.derived, case.at, case.sweep), case.unit)
 
 
 def decide(source: str, printed: Printed, case: Case) -> Verdict:
-    """Compare one printed formula with its derivation and say what was found."""
+    """Compare one printed formula with its derivation, and the package with both, and say what was found."""
     verdict, slip = judge(printed, case)
     size = size_in_words(verdict, printed, case)
     words = case.why(printed, case) if callable(case.why) else case.why
     why = words.format(size=size, slip=slip, **dict(case.facts or {}))
-    if printed.garbled:
+    if case.derived is None:
+        why = f"A definition: nothing to derive. {why}".rstrip()
+    elif unreadable(printed, case):
+        why = f"unreadable: {printed.garbled}. {why}"
+    elif printed.garbled:
         why += f" The scan is garbled here: {printed.garbled}."
-    check = CHECKS.get((source, printed.item))
-    if check is not None:
-        why += code_words(check())
-    return Verdict(source, printed.item, verdict, printed.scan, sp.sstr(case.derived), size, why)
+    derived = "a definition" if case.derived is None else sp.sstr(case.derived)
+    return with_package(Verdict(source, printed.item, verdict, printed.scan, derived, size, why))
 
 
-def code_words(difference: float) -> str:
-    """How the package compares with the derivation."""
-    if difference <= CODE_TOLERANCE:
-        return f" Package: same to {difference:.0e}."
-    return f" PACKAGE DIFFERS by {difference:.2g}."
+def with_package(found: Verdict) -> Verdict:
+    """The verdict with how the package compares, where it holds the item."""
+    package = compare(found.source, found.item)
+    return found if package is None else replace(found, why=f"{found.why} {package}", package=package)

@@ -1,5 +1,5 @@
 """Wang, Cheng and Fu (2019), Optimized multi-position calibration method with nonlinear scale factor for inertial
-measurement units, Sensors 19, 3568: every numbered equation, Tables 2 to 4 and what the text says about them.
+measurement units, Sensors 19, 3568: every numbered equation, Tables 2 to 6 and what the text says about them.
 """
 
 from __future__ import annotations
@@ -8,11 +8,25 @@ from collections.abc import Mapping
 from types import ModuleType
 
 from derivations.verdict import Printed, Verdict, decide
-from derivations.wang2019 import accelerometer, frames, gyroscope, models, navigation, optimisation, package, tables
+from derivations.wang2019 import (
+    accelerometer,
+    experiments,
+    frames,
+    gyroscope,
+    models,
+    monte_carlo,
+    navigation,
+    optimisation,
+    package,
+    package_navigation,
+    package_rows,
+    table_4,
+)
 from derivations.wang2019.symbols import SOURCE
 
 GROUPS = (models, navigation, accelerometer, gyroscope, optimisation, frames)  # in the order of the paper
-COMPARED = (package,)  # registers how far the package is from the derivations
+TABLES = (monte_carlo, table_4, experiments)
+COMPARED = (package, package_navigation, package_rows)  # register how far the package is from the derivations
 
 
 def judge_group(group: ModuleType, printed: Mapping[str, Printed] | None = None) -> tuple[Verdict, ...]:
@@ -24,4 +38,4 @@ def judge_group(group: ModuleType, printed: Mapping[str, Printed] | None = None)
 
 def verdicts() -> tuple[Verdict, ...]:
     """Everything, in the order of the paper."""
-    return (*(v for group in GROUPS for v in judge_group(group)), *tables.verdicts())
+    return (*(v for group in GROUPS for v in judge_group(group)), *(v for table in TABLES for v in table.verdicts()))

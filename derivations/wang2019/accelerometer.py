@@ -32,12 +32,14 @@ from derivations.wang2019.symbols import (
     fa,
     fp,
     g,
+    norm_after_rotation,
     polynomial,
     square,
     triangle,
 )  # fmt: skip
 
-f_norm, G = sp.symbols("|f^p| |G|", positive=True)
+G = sp.symbols("G_E G_N G_U", real=True)
+theta = sp.Symbol("theta", real=True)  # of gravity from an input axis, in the plane of two
 UNKNOWNS = (*K1, *K2, *K3, *BIAS, *E)
 
 
@@ -89,7 +91,7 @@ def _plain(n: int) -> Any:
     return sp.Matrix([2 * fp[i] * N[i] ** n for i in range(3)])
 
 
-def _edges() -> Any:
+def faces_and_edges() -> Any:
     """Unit vectors of six faces, and of the twelve edges between them."""
     faces = [sign * np.eye(3)[i] for i in range(3) for sign in (1, -1)]
     edges = [(s * np.eye(3)[i] + t * np.eye(3)[j]) / np.sqrt(2) for i, j in ((0, 1), (0, 2), (1, 2)) for s in (1, -1)
@@ -97,10 +99,33 @@ def _edges() -> Any:
     return np.array(faces), np.array(edges)
 
 
+def cost() -> Any:
+    """One term of the sum of squares: half the square of |f^p|^2 - |G|^2, |G| = g from (17)."""
+    return (square(triangle() * polynomial(3)) - norm_after_rotation(sp.Matrix([0, 0, -g]))) ** 2 / 2
+
+
+def _largest(sensitivity: Any) -> list[Any]:
+    """The angles in [0, pi) at which the size of a sensitivity is largest: zeros of the slope, compared."""
+    slope = sp.trigsimp(sp.diff(sensitivity, theta))
+    found = sorted(sp.solveset(slope, theta, sp.Interval.Ropen(0, sp.pi)), key=float)
+    size = [abs(sensitivity.subs(theta, a)) for a in found]
+    return [a for a, s in zip(found, size, strict=True) if s == max(size)]
+
+
+def steepest(n: int) -> list[Any]:
+    """Where dF/dp of the own axis, 2 f_x N^n with N along f_x, is largest in size."""
+    return _largest(2 * sp.cos(theta) ** (n + 1))
+
+
+def steepest_pair() -> list[Any]:
+    """Where dF/dE_yx = 2 f_y f_x is largest in size."""
+    return _largest(2 * sp.sin(theta) * sp.cos(theta))
+
+
 @cache
 def ranks() -> dict[int, int]:
     """How many of the 220 choices of six faces and nine edges have which rank in the fifteen parameters."""
-    faces, edges = _edges()
+    faces, edges = faces_and_edges()
     out: dict[int, int] = {}
     for chosen in combinations(range(12), 9):
         u = np.concatenate([faces, edges[list(chosen)]])
@@ -114,12 +139,12 @@ def ranks() -> dict[int, int]:
 PRINTED = {
     p.item: p
     for p in (
-        Printed("Eq. (17)", "||f'||^2 = ||G^n||^2", f_norm**2 - G**2, garbled="f^p reads f'"),
+        Printed("Eq. (17)", "||f'||^2 = ||G^n||^2", square(G), garbled="f^p reads f'"),
         Printed(
             "Eq. (18)",
             "(not in the scan: the line after 'the nonlinear cost function of accelerometer can be expressed as:')",
-            F() ** 2 / 2,
-            garbled="the formula is missing; read from the line that follows, from (19) and from its sibling (35)",
+            None,
+            garbled="the scan shows no formula, only the line after it",
         ),
         Printed("Eq. (19)", "F = (K_a1x N_x + ...)^2 + (E_ayx K_a1x N_x + ...)^2 + (...)^2 - g^2", printed_expansion()),
         Printed(
@@ -137,11 +162,15 @@ PRINTED = {
             sp.Matrix([2 * fp[1] * fa[0], 2 * fp[2] * fa[0], 2 * fp[2] * fa[1]]),
         ),
         Printed(
-            "Figure 2, the rule",
-            "the optimal position clusters to estimate the 15 parameters: an axis along gravity, or gravity at 45 or "
-            "135 "
-            "degrees between two axes",
-            sp.Symbol("fifteen_positions"),
+            "Section 4.1, own axis",
+            "the sensitivity to linear scale factor, nonlinear scale factors and bias is maximized when the axis is "
+            "parallel to the gravity vector",
+            sp.Matrix([0] * 4),
+        ),
+        Printed(
+            "Section 4.1, misalignment",
+            "the sensitivity to E_ij is maximized at an angle of 45 or 135 deg between the axis and gravity",
+            sp.Matrix([sp.pi / 4, 3 * sp.pi / 4]),
         ),
     )
 }
@@ -158,8 +187,14 @@ def cases() -> dict[str, Case]:
     found = ranks()
     singular = sum(n for rank, n in found.items() if rank < 15)
     return {
-        "Eq. (17)": Case(f_norm**2 - G**2, "At rest f = -G in any frame, and a rotation keeps the norm."),
-        "Eq. (18)": Case(F() ** 2 / 2, "One term of the sum: half the square of (19)."),
+        "Eq. (17)": Case(
+            norm_after_rotation(-sp.Matrix(G)), "At rest f = -G, and any rotation matrix keeps the norm."
+        ),
+        "Eq. (18)": Case(
+            cost(),
+            "By (17), (2), the line that follows it and its sibling (35) it is half the square of (19), summed over "
+            "the positions.",
+        ),
         "Eq. (19)": Case(F(), "The norm of (2) multiplied out, all 24 terms."),
         "Eq. (20)": Case(
             exact(K1[0]), dropped + " The first equality, before the sign of approximation, is exact.", small=E, at=at,
@@ -169,12 +204,14 @@ def cases() -> dict[str, Case]:
         "Eq. (23)": Case(exact(*K3), dropped, small=E, at=at),
         "Eq. (24)": Case(exact(*BIAS), dropped, small=E, at=at),
         "Eq. (25)": Case(exact(*E), "Exact: only row j of C_a^p holds E_jk."),
-        "Figure 2, the rule": Case(
-            sp.Symbol("fifteen_positions"),
-            "Each sensitivity is largest where the text says, but that does not make the parameters separable: of the "
-            "220 ways to hold six faces and nine of the twelve edges {singular} leave them undetermined (rank 14 or "
-            "less). The figure, not the rule, must say which nine; it carries no numbers.",
-            rank=(min(found), 15),
+        "Section 4.1, own axis": Case(
+            sp.Matrix([steepest(n)[0] for n in range(4)]),
+            "2 f_x N^n with f_x = g cos theta is extremal, and largest in size, at 0 (and 180 deg), for n = 0 to 3. It "
+            "makes each sensitivity largest, not the fifteen separable: of the 220 ways to hold six faces and nine of "
+            "the twelve edges {singular} have rank 14 or less, and Figure 2, which says which nine, carries no numbers.",
             facts={"singular": singular},
+        ),
+        "Section 4.1, misalignment": Case(
+            sp.Matrix(steepest_pair()), "2 f_y f_x = g^2 sin 2 theta in the plane of the two axes."
         ),
     }  # fmt: skip

@@ -4,25 +4,36 @@ With S, S2 the integrals of N and N^2 over a turn, W that of the Earth's rate in
 integrated over a turn and over its reverse gives (27) and (28), the noise aside. Bias and Earth cancel in the
 difference (29) when both pass the same attitudes (whole revolutions, or the same arc back).
 
-In Eq. (30) N^2 enters only as the difference of its integrals over the two senses. Turning at equal speed both ways
-
-    N+ = w / K1 + d,   N- = -w / K1 + d,   d = (w_e - bias) / K1 - K2 w^2 / K1^3,   N+^2 - N-^2 = 4 w d / K1
-
-so the column of K2 is smaller than that of K1 by about 2 (w_e - bias) / w: nothing to fit K2 with when Earth and bias
-are small beside the turn. Their sum holds 2 w^2 / K1^2: that is where the package takes K2 from.
+In Eq. (30) N^2 enters only as the difference of its integrals over the two senses: small, as `differences` shows, but
+there. Their sum holds 2 w^2 / K1^2: that is where the package takes K2 from.
 """
 
 from __future__ import annotations
 
 from functools import cache
-from math import pi, radians, sin
 from typing import Any
 
-import numpy as np
 import sympy as sp
 
 from derivations.verdict import Case, Printed
-from derivations.wang2019.symbols import BIAS, K1, K2, E, E_yx, E_zx, E_zy, omega_ie, polynomial, square, triangle
+from derivations.wang2019 import differences
+from derivations.wang2019.symbols import (
+    BIAS,
+    K1,
+    K2,
+    E,
+    E_yx,
+    E_zx,
+    E_zy,
+    L,
+    integral,
+    norm_after_rotation,
+    omega_ie,
+    polynomial,
+    rotation,
+    square,
+    triangle,
+)
 
 
 def _triple(name: str) -> Any:
@@ -78,14 +89,62 @@ def printed_expansion() -> Any:
     return x**2 + y**2 + z**2 - (2 * angle) ** 2
 
 
+def _vee(skew: Any) -> Any:
+    return sp.Matrix([skew[2, 1], skew[0, 2], skew[1, 0]])
+
+
+def _cross(v: Any) -> Any:
+    x, y, z = v
+    return sp.Matrix([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+
+
+def rates_of_a_product() -> Any:
+    """w_iq^q of C_i^q = C_e^q C_i^e, from C_dot = -[w x] C of each factor: the rates, not assumed to add.
+
+    C_i^e is taken at an instant at which i and e coincide; w_ie is given in q.
+    """
+    C_eq = rotation()
+    rate_in_e = C_eq.T * w_e
+    C_dot = -_cross(w_r) * C_eq - C_eq * _cross(rate_in_e)
+    return _vee(-C_dot * C_eq.T).applyfunc(lambda x: sp.cancel(sp.together(x)))
+
+
+def earth_over_a_turn(sense: int) -> Any:
+    """Integral of the Earth's rate in q over a whole revolution about z, per radian turned."""
+    a = sp.Symbol("a", real=True)
+    c, s = sp.cos(a), sense * sp.sin(a)
+    inward = sp.Matrix([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+    return (inward * w_e).applyfunc(lambda x: sp.integrate(x, (a, 0, 2 * sp.pi)))
+
+
 @cache
-def rank_of_differences() -> int:
-    """Rank of Eq. (30) in its nine unknowns at nine rotations, equal speed both ways, no Earth, no bias, K2 small."""
-    h = np.sqrt(0.5)
-    u = np.array([(1, 0, 0), (0, 1, 0), (0, 0, 1), (h, h, 0), (h, -h, 0), (h, 0, h), (h, 0, -h), (0, h, h), (0, h, -h)])
-    second = 0 * u  # N+^2 - N-^2
-    x, y, z = u.T
-    return int(np.linalg.matrix_rank(np.column_stack([u * u, u * second, y * x, z * x, z * y]), tol=1e-12))
+def over_a_turn() -> tuple[Any, Any]:
+    """Eq. (6) integrated over the turn and over its reverse, less what it must equal by (26)."""
+    rate = triangle() * polynomial(2)
+    return integral(rate, S_cw, S2_cw, t) - (W + theta), integral(rate, S_ccw, S2_ccw, t) - (W - theta)
+
+
+@cache
+def difference() -> Any:
+    """(27) less (28); the Earth's two integrals are one symbol because a whole turn makes them equal."""
+    if earth_over_a_turn(1) != earth_over_a_turn(-1):
+        raise ArithmeticError("the Earth's rate over a turn and over its reverse differ")
+    one, other = over_a_turn()
+    return (one - other).applyfunc(sp.expand)
+
+
+@cache
+def norm_of_difference() -> Any:
+    """P of (31): the squared norm of what (29) turns, less that of 2 theta about any axis."""
+    sums = dict(zip((*S_cw, *S2_cw), (*S, *S2), strict=True)) | dict.fromkeys((*S_ccw, *S2_ccw), sp.Integer(0))
+    left = (difference() + 2 * theta).subs(sums)
+    return square(left) - norm_after_rotation(sp.Matrix([0, 0, 2 * angle]))
+
+
+@cache
+def earth_squared() -> Any:
+    """Squared norm of the Earth's rate in any frame."""
+    return sp.simplify(norm_after_rotation(omega_ie * sp.Matrix([0, sp.cos(L), sp.sin(L)])))
 
 
 DIFFERENCE = {s: a - b for s, a, b in zip((*S, *S2), (*S_cw, *S2_cw), (*S_ccw, *S2_ccw), strict=True)}
@@ -104,7 +163,7 @@ PRINTED = {
             turned().subs(DIFFERENCE) - 2 * theta,
         ),
         Printed("Eq. (30)", "min 1/2 sum || ||C K1 N_sum + C K2 N_sum(2)||^2 - ||2 theta||^2 ||^2", P() ** 2 / 2),
-        Printed("Eq. (30), K_g2", "min over K_g1, K_g2, C_g^q", sp.Symbol("nine_unknowns")),
+        Printed("Eq. (30), K_g2", "min over K_g1, K_g2, C_g^q", sp.Integer(len(UNKNOWNS))),
         Printed("Eq. (31)", "P = (K_g1x N_sumx + ...)^2 + (...)^2 + (...)^2 - ||2 theta||^2", printed_expansion(),
                 garbled="a closing bracket stands twice in the second term"),
         Printed("Eq. (32)", "dP/dK_g1i = 2 psi^q_i N_sumi", sp.Matrix([2 * psi_q[i] * S[i] for i in range(3)])),
@@ -131,38 +190,41 @@ def cases() -> dict[str, Case]:
         "First order in E: the other axes' share is dropped, {size} of the sensitivity at E = 5e-4. The package keeps "
         "it."
     )
-    difference = integrated(S_cw, S2_cw) - integrated(S_ccw, S2_ccw)
-    speed, earth = radians(10.0), 7.292115e-5 * sin(32 * pi / 180)
+    one, other = over_a_turn()
+    rank, without = differences.ranks()
+    weak, tail = differences.conditions()
     return {
-        "Eq. (26)": Case(w_e + w_r, "Angular rates of successive frames add."),
-        "Eq. (27)": Case(integrated(S_cw, S2_cw) - W - theta, "The integral of (6) over the turn, the bias constant."),
+        "Eq. (26)": Case(rates_of_a_product(), "The rate of a product of two turning matrices is the sum."),
+        "Eq. (27)": Case(one, "The integral of (6) over the turn, the bias constant."),
         "Eq. (28)": Case(
-            integrated(S_ccw, S2_ccw) - W + theta,
+            other,
             "The same over the turn back. The Earth's integral is that of (27) only if the same attitudes are "
             "passed: a whole "
             "revolution, or the same arc back; the paper does not say so.",
         ),
         "Eq. (29)": Case(
-            (difference - 2 * theta).applyfunc(sp.expand),
-            "(27) less (28) for equal times: bias and Earth cancel.",
+            difference(),
+            "(27) less (28) for equal times: bias and Earth cancel, the Earth because its integral over a whole turn "
+            "is the same both ways.",
         ),
-        "Eq. (30)": Case(P() ** 2 / 2, "The norm of (29), which needs no direction of theta."),
+        "Eq. (30)": Case(
+            norm_of_difference() ** 2 / 2, "The norm of (29), which needs no direction of theta: whole turns, any axis."
+        ),
         "Eq. (30), K_g2": Case(
-            sp.Symbol("nine_unknowns"),
-            "With equal speed both ways the integrals of N^2 cancel but for Earth rate, bias and K_g2 itself: "
-            "without those "
-            "the nine unknowns have rank {rank}. At 10 deg/s the Earth leaves K_g2 a column {share:.0e} of that of "
-            "K_g1 "
-            "in the same units. The sum of the two senses holds K_g2 in full; the package uses it.",
-            rank=(rank_of_differences(), 9),
-            facts={"rank": rank_of_differences(), "share": 2 * earth / speed},
+            sp.Integer(rank),
+            "The nine unknowns have rank {rank} of 9 with the Earth's rate, bias and K_g2 itself in the readings "
+            "({without} without all three, where the integrals of N^2 cancel), but are ill-conditioned: at 10 deg/s "
+            "sigma(K_g2) over its range of 5e-17 is {weak:.0e} times sigma(K_g1) / K_g1 in the median run and {tail:.0f} "
+            "times that in one of a hundred, since the column of K_g2 passes through zero where K_g2 w^2 / K_g1^2 "
+            "equals Earth less bias. The sum of the two senses holds K_g2 in full; the package uses it.",
+            facts={"rank": rank, "without": without, "weak": weak, "tail": tail},
         ),
-        "Eq. (31)": Case(P(), "The norm multiplied out."),
+        "Eq. (31)": Case(norm_of_difference(), "The norm of (29) multiplied out."),
         "Eq. (32)": Case(exact(*K1), dropped + " The last component is exact.", small=E, at=at),
         "Eq. (33)": Case(exact(*K2), dropped + " The last component is exact.", small=E, at=at),
         "Eq. (34)": Case(exact(*E), "Exact: only row j of C_g^q holds E_jk."),
         "Eq. (35)": Case(
-            (square(triangle() * polynomial(2)) - omega_ie**2) ** 2 / 2,
+            (square(triangle() * polynomial(2)) - earth_squared()) ** 2 / 2,
             "At rest the only rate is the Earth's, whose norm is the same at any attitude. Headings, which Figure 2 "
             "does not "
             "show, decide how well: three that put the Earth's rate across one another are the least.",

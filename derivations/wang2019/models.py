@@ -20,7 +20,6 @@ import sympy as sp
 from derivations.verdict import Case, Printed, truncate
 from derivations.wang2019.symbols import E, E_yx, E_zx, E_zy, N, polynomial, triangle
 
-f = sp.Symbol("f(x)")
 v = sp.Matrix(sp.symbols("v_x v_y v_z", real=True))
 
 
@@ -41,28 +40,29 @@ def orthogonalised() -> Any:
     return truncate(input_axes().inv(), E, 2)
 
 
-def powers(n: int) -> Any:
-    return sp.Matrix([x**n for x in N])
+def elementwise(n: int) -> Any:
+    """What the words under (2) and (6) say: each element of N times itself, n factors."""
+    return sp.diag(*N) ** (n - 1) * sp.Matrix(N)
 
 
 PRINTED = {
     p.item: p
     for p in (
-        Printed("Eq. (1)", "min over x in R^n of f(x)", f),
+        Printed("Eq. (1)", "min over x in R^n of f(x)", sp.Symbol("f(x)")),
         Printed(
             "Eq. (2)",
             "f^p = C_a^p (K_a1 N^a + K_a2 N^a(2) + K_a3 N^a(3) + nabla^a) + v^p",
             triangle() * polynomial(3) + v,
         ),
-        Printed("Eq. (3)", "N^a(2) = [(N_x^a)^2 (N_y^a)^2 (N_z^a)^2]^T", powers(2)),
-        Printed("Eq. (4)", "N^a(3) = [(N_x^a)^3 (N_y^a)^3 (N_z^a)^3]^T", powers(3)),
+        Printed("Eq. (3)", "N^a(2) = [(N_x^a)^2 (N_y^a)^2 (N_z^a)^2]^T", sp.Matrix([x**2 for x in N])),
+        Printed("Eq. (4)", "N^a(3) = [(N_x^a)^3 (N_y^a)^3 (N_z^a)^3]^T", sp.Matrix([x**3 for x in N])),
         Printed("Eq. (5)", "C_a^p = [[1, 0, 0], [E_ayx, 1, 0], [E_azx, E_azy, 1]]", triangle()),
         Printed(
             "Eq. (6)",
             "omega_iq^q = C_g^q (K_g1 N^g + K_g2 N^g(2) + epsilon^g + v^g)",
             triangle() * (polynomial(2) + v),
         ),
-        Printed("Eq. (7)", "N^g(2) = [(N_x^g)^2 (N_y^g)^2 (N_z^g)^2]^T", powers(2)),
+        Printed("Eq. (7)", "N^g(2) = [(N_x^g)^2 (N_y^g)^2 (N_z^g)^2]^T", sp.Matrix([x**2 for x in N])),
         Printed("Eq. (8)", "C_g^q = [[1, 0, 0], [E_gyx, 1, 0], [E_gzx, E_gzy, 1]]", triangle()),
     )
 }
@@ -81,16 +81,16 @@ def cases() -> dict[str, Case]:
         at=leaning,
     )
     return {
-        "Eq. (1)": Case(f, "The definition of the problem; nothing to derive."),
+        "Eq. (1)": Case(None, "It is the problem in its general form."),
         "Eq. (2)": Case(
-            triangle() * polynomial(3) + v,
-            "The model by definition, pulses to force. The noise stands in p here and along the axes in (6): for equal "
-            "white noise on the axes the difference is of the order of E times the noise.",
+            None,
+            "It is the model, pulses to force. The noise stands in p here and along the axes in (6): for equal white "
+            "noise on the axes the difference is of the order of E times the noise.",
         ),
-        "Eq. (3)": Case(powers(2), "Definition of the elementwise square."),
-        "Eq. (4)": Case(powers(3), "Definition of the elementwise cube."),
+        "Eq. (3)": Case(elementwise(2), "The words below (2), square of each element: diag(N) N."),
+        "Eq. (4)": Case(elementwise(3), "The words below (2), cube of each element: diag(N)^2 N."),
         "Eq. (5)": triangular,
-        "Eq. (6)": Case(triangle() * (polynomial(2) + v), "The model by definition, pulses to rate."),
-        "Eq. (7)": Case(powers(2), "Definition of the elementwise square."),
+        "Eq. (6)": Case(None, "It is the model, pulses to rate."),
+        "Eq. (7)": Case(elementwise(2), "The words below (6), square of each element: diag(N) N."),
         "Eq. (8)": triangular,
     }

@@ -73,14 +73,23 @@ def attitude_error() -> Any:
     return sp.Matrix([S[2, 1], S[0, 2], S[1, 0]]).applyfunc(sp.expand)
 
 
+@cache
+def pole() -> Any:
+    """The Earth's axis in east, north, up: from the position on a sphere and its derivatives."""
+    longitude = sp.Symbol("lambda", real=True)
+    up = sp.Matrix([sp.cos(L) * sp.cos(longitude), sp.cos(L) * sp.sin(longitude), sp.sin(L)])
+    north, east = up.diff(L), up.diff(longitude) / sp.cos(L)
+    return sp.Matrix([axis[2] for axis in (east, north, up)])
+
+
 def earth_rate() -> Any:
-    return omega_ie * sp.Matrix([0, sp.cos(L), sp.sin(L)])
+    return omega_ie * pole()
 
 
 def transport_rate(height: Any) -> Any:
     """Longitude turns n about the pole, latitude about west."""
     longitude = V[0] / ((R_N + height) * sp.cos(L))
-    return longitude * sp.Matrix([0, sp.cos(L), sp.sin(L)]) - V[1] / (R_M + height) * sp.Matrix([1, 0, 0])
+    return longitude * pole() - V[1] / (R_M + height) * sp.Matrix([1, 0, 0])
 
 
 def omitted_force() -> Any:
@@ -115,7 +124,11 @@ PRINTED = {
     for p in (
         Printed("Eq. (9)", "dV_dot = f x phi + dV x (2 w_ie + w_en) + V x (2 dw_ie + dw_en) + df", _printed_9(df)),
         Printed("Eq. (10)", "phi_dot = phi x (w_ie + w_en) + dw_ie + dw_en - dw_ib", _printed_10(dw_ib)),
-        Printed("Eq. (11)", "w_ie^n = [0, w_ie cos L, w_ie sin L]^T", earth_rate()),
+        Printed(
+            "Eq. (11)",
+            "w_ie^n = [0, w_ie cos L, w_ie sin L]^T",
+            sp.Matrix([0, omega_ie * sp.cos(L), omega_ie * sp.sin(L)]),
+        ),
         Printed(
             "Eq. (12)",
             "w_en^n = [-V_N/R_M, V_E/R_N, V_E/R_N tan L]^T",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
@@ -9,14 +10,16 @@ import numpy as np
 import sympy as sp
 
 from derivations.verdict import Case, Printed
+from derivations.wang2019 import accelerometer, gyroscope
 from derivations.wang2019.symbols import BIAS, K1, K2, K3, E, E_yx, E_zx, N, g, square
 
 r = sp.symbols("f_1:4", real=True)
 x = sp.Matrix(sp.symbols("x_1:3", real=True))
 H = sp.Matrix(2, 2, sp.symbols("H_11 H_12 H_12 H_22", real=True))
 gradient = sp.Matrix(sp.symbols("J_1:3", real=True))
-beta, angle = sp.symbols("beta theta", positive=True)
-S = sp.symbols("S_x S_y S_z", real=True)
+beta = sp.Symbol("beta", positive=True)
+S, angle = gyroscope.S, gyroscope.angle
+ORDER = (*K1, *K2, *K3, *E, *BIAS)  # of (37) to (39)
 
 
 def damped_step() -> Any:
@@ -29,6 +32,16 @@ def damped_step() -> Any:
 
 def printed_step() -> Any:
     return (x - (H + beta * sp.diag(H[0, 0], H[1, 1])).inv() * gradient).applyfunc(sp.together)
+
+
+def unknowns(of: Any, given: Sequence[Any]) -> Any:
+    """The parameters that occur in a cost, but for those given, in the order of (37) to (39)."""
+    return sp.Matrix([p for p in ORDER if p in of.free_symbols and p not in given])
+
+
+def linear_part(of: Any) -> Any:
+    """Half the square of a misfit in which only the linear scale factors are left."""
+    return of.subs(dict.fromkeys((*K2, *K3, *E, *BIAS), 0)) ** 2 / 2
 
 
 def rough(counts: Any, magnitude: Any) -> Any:
@@ -49,7 +62,10 @@ PRINTED = {
         Printed(
             "Eq. (37)",
             "x_1 = [K_a1x ... K_a3z E_ayx E_azx nabla_x nabla_y nabla_z]^T",
-            sp.Matrix([*K1, *K2, *K3, E_yx, E_zx, *BIAS]),
+            sp.Matrix(ORDER),
+            garbled="E_azy may have been lost after E_azx: fourteen entries where (2) and the text have fifteen "
+            "parameters",
+            literal=sp.Matrix([*K1, *K2, *K3, E_yx, E_zx, *BIAS]),
         ),
         Printed(
             "Eq. (38)", "x_2 = [K_g1x K_g1y K_g1z K_g2x K_g2y K_g2z E_gyx E_gzx E_gzy]^T", sp.Matrix([*K1, *K2, *E])
@@ -65,28 +81,22 @@ PRINTED = {
 @cache
 def cases() -> dict[str, Case]:
     """The derived forms."""
-    full = sp.Matrix([*K1, *K2, *K3, *E, *BIAS])
+    bias_cost = gyroscope.PRINTED["Eq. (35)"].formula  # K1, K2 and E "are estimated in (30)"
     return {
-        "Eq. (36)": Case(square(r) / 2, "The sum of squares of (18), (30) and (35) as one vector."),
-        "Eq. (37)": Case(
-            full,
-            "Fourteen entries where (2) and the text have fifteen parameters: {slip}. Tables 2 and 4 give it. The "
-            "scan may "
-            "have lost it.",
-            repairs=(("E_azy is missing after E_azx", full),),
-        ),
-        "Eq. (38)": Case(sp.Matrix([*K1, *K2, *E]), "The nine unknowns of (30)."),
-        "Eq. (39)": Case(sp.Matrix(BIAS), "The three unknowns of (35)."),
+        "Eq. (36)": Case(None, "It is the sum of squares of (18), (30) and (35) as one vector."),
+        "Eq. (37)": Case(unknowns(accelerometer.F(), ()), "Tables 2 and 4 give E_azy, and (18) is solved for it."),
+        "Eq. (38)": Case(unknowns(gyroscope.norm_of_difference(), ()), "The parameters that occur in (30)."),
+        "Eq. (39)": Case(unknowns(bias_cost, (*K1, *K2, *E)), "The parameters of (35) that (30) has not determined."),
         "Eq. (40)": Case(
             damped_step(),
             "The minimum of the damped quadratic model, with J the gradient of the cost as a column: for the "
             "sums of squares of (36), J = J_f^T f and H = J_f^T J_f. The package solves it by QR, without H.",
         ),
         "Eq. (41)": Case(
-            rough(N, g),
+            linear_part(accelerometer.F()),
             "(18) with the linear scale factors alone. It is quadratic in their squares, so it needs no iteration: "
             "one linear "
             "solution is its global minimum.",
         ),
-        "Eq. (42)": Case(rough(S, 2 * angle), "(30) with the linear scale factors alone; as (41)."),
+        "Eq. (42)": Case(linear_part(gyroscope.norm_of_difference()), "(30) with the linear scale factors alone; as (41)."),
     }

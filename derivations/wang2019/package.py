@@ -1,7 +1,7 @@
-"""The package's own numbers for the paper's formulas, and how far they are from the derivations.
+"""The package's sensor models, frames and step for the paper's formulas, and how far they are from the derivations.
 
 Nothing is derived here. Every function returns the largest relative difference between what `gimbalcal` computes and
-what the derivation says, at generic numbers.
+what the derivation says, at generic numbers. `package_rows` does it for the fits, `package_navigation` for the navigator.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from derivations.verdict import checks
-from derivations.wang2019 import accelerometer, frames, gyroscope, optimisation
-from derivations.wang2019.symbols import BIAS, K1, K2, K3, SOURCE, E, N, fa, fp, polynomial, triangle
+from derivations.comparison import checks
+from derivations.wang2019 import frames, models, optimisation
+from derivations.wang2019.symbols import BIAS, K1, K2, K3, SOURCE, E, N, polynomial, triangle
 
 RNG_SEED = 3
 GENERIC: dict[Any, float] = {
@@ -24,6 +24,8 @@ GENERIC: dict[Any, float] = {
     **dict(zip(E, (0.02, -0.03, 0.01), strict=True)),
     **dict(zip(N, (0.7, -0.4, 0.6), strict=True)),
 }
+PARAMETERS = (*K1, *K2, *K3, *BIAS, *E)  # order of `Pulses.vector`
+PULSES = "wang2019.pulses.Pulses.physical"
 
 
 def numbers(expr: Any, values: dict[Any, float]) -> Any:
@@ -32,84 +34,121 @@ def numbers(expr: Any, values: dict[Any, float]) -> Any:
     return np.array(matrix.subs(values).evalf(20).tolist(), dtype=float)
 
 
-def _vector(order: int) -> Any:
-    drop = {3: (), 2: K3}[order]
-    x = [GENERIC[s] for s in (*K1, *K2, *K3, *BIAS, *E)]
-    names = (*K1, *K2, *K3, *BIAS, *E)
-    return np.array([0.0 if s in drop else v for s, v in zip(names, x, strict=True)])
+def vector(*dropped: Any) -> Any:
+    """The generic parameters (15,) with some at zero."""
+    return np.array([0.0 if s in dropped else GENERIC[s] for s in PARAMETERS])
 
 
-def _counts() -> Any:
+def counts() -> Any:
+    """One generic row of counts (1, 3)."""
     return np.array([[GENERIC[s] for s in N]])
 
 
-@checks(SOURCE, "Eq. (2)")
+def _physical(*dropped: Any) -> Any:
+    from gimbalcal.wang2019.pulses import Pulses
+
+    return Pulses.from_vector(vector(*dropped)).physical(counts())[0]
+
+
+@checks(SOURCE, "Eq. (2)", where=PULSES)
 def accelerometer_model() -> float:
-    """Eq. (2) against `Pulses.physical`."""
+    """Pulses to force."""
+    return float(np.abs(_physical() - numbers(triangle() * polynomial(3), GENERIC)[:, 0]).max())
+
+
+@checks(SOURCE, "Eq. (2)", "Eq. (6)", where="wang2019.pulses.Pulses.counts")
+def inverse_model() -> float:
+    """Force to pulses: the inverse of the derived force must be the counts."""
     from gimbalcal.wang2019.pulses import Pulses
 
-    ours = Pulses.from_vector(_vector(3)).physical(_counts())[0]
-    return float(np.abs(ours - numbers(triangle() * polynomial(3), GENERIC)[:, 0]).max())
-
-
-@checks(SOURCE, "Eq. (6)")
-def gyroscope_model() -> float:
-    """Eq. (6) against `Pulses.physical` without a cubic term."""
-    from gimbalcal.wang2019.pulses import Pulses
-
-    ours = Pulses.from_vector(_vector(2)).physical(_counts())[0]
-    return float(np.abs(ours - numbers(triangle() * polynomial(2), GENERIC)[:, 0]).max())
-
-
-@checks(SOURCE, "Eq. (20)", "Eq. (25)")
-def norm_derivatives() -> float:
-    """The 15 derivatives of F against the Jacobian of the norm fit (which is F over 2 sigma, in g)."""
-    from gimbalcal.wang2019.fit import _residuals
-
-    x = _vector(3)
-    J = 2 * _residuals(x[None], _counts()[None], 1.0, np.arange(15))[1][0, 0]
-    along = numbers(polynomial(3), GENERIC)[:, 0]
     force = numbers(triangle() * polynomial(3), GENERIC)[:, 0]
-    at = {**GENERIC, **dict(zip(fa, along, strict=True)), **dict(zip(fp, force, strict=True))}
-    return float(np.abs(J - numbers(sp.Matrix(accelerometer.derivatives()), at)[:, 0]).max())
+    return float(np.abs(Pulses.from_vector(vector()).counts(force[None]) - counts()).max())
 
 
-@checks(SOURCE, "Eq. (34)")
-def turn_derivatives() -> float:
-    """The 9 derivatives of P against the Jacobian of the rotation fit."""
-    from gimbalcal.wang2019.revolutions import _triad
-
-    S, S2 = np.array([0.7, -0.4, 0.6]), np.array([0.1, 0.2, -0.15])
-    sums, squares = gyroscope.S, gyroscope.S2
-    at = {**GENERIC, **dict(zip(sums, S, strict=True)), **dict(zip(squares, S2, strict=True))}
-    x = np.r_[_vector(2)[:6], np.zeros(3), _vector(2)[12:]]
-    D, J = _triad(x[None], np.stack([S, S2, 0 * S])[None, None])
-    ours = 2 * (D[0, 0] @ J[0, 0])[[0, 1, 2, 3, 4, 5, 9, 10, 11]]
-    along = [at[k1] * at[s] + at[k2] * at[q] for k1, k2, s, q in zip(K1, K2, sums, squares, strict=True)]
-    turned = numbers(triangle(), GENERIC) @ np.array(along)
-    at |= dict(zip(gyroscope.psi_q, turned, strict=True)) | dict(zip(gyroscope.psi_g, along, strict=True))
-    exact = [gyroscope.exact(*wanted) for wanted in (K1, K2, E)]
-    return float(np.abs(ours - np.concatenate([numbers(e, at)[:, 0] for e in exact])).max())
+@checks(SOURCE, "Eq. (6)", where=PULSES)
+def gyroscope_model() -> float:
+    """Pulses to rate: no cubic term."""
+    return float(np.abs(_physical(*K3) - numbers(triangle() * polynomial(2), GENERIC)[:, 0]).max())
 
 
-@checks(SOURCE, "Eq. (41)")
-def rough_scale() -> float:
-    """Gradient of Eq. (41) or (42) at the package's initial scale factors, over its size elsewhere."""
-    from gimbalcal.wang2019.fit import initial_scale
+@checks(SOURCE, "Eq. (3)", "Eq. (7)", where=PULSES)
+def square() -> float:
+    """The second order alone."""
+    alone = sp.diag(*K2) * models.elementwise(2)
+    return float(np.abs(_physical(*K1, *K3, *BIAS, *E) - numbers(alone, GENERIC)[:, 0]).max())
+
+
+@checks(SOURCE, "Eq. (4)", where=PULSES)
+def cube() -> float:
+    """The third order alone."""
+    alone = sp.diag(*K3) * models.elementwise(3)
+    return float(np.abs(_physical(*K1, *K2, *BIAS, *E) - numbers(alone, GENERIC)[:, 0]).max())
+
+
+@checks(SOURCE, "Eq. (5)", "Eq. (8)", where="wang2019.pulses.lower")
+def lower_triangle() -> float:
+    """C through first order, which is what a diagonal in the scale terms leaves."""
+    from gimbalcal.wang2019.pulses import lower
+
+    first = models.orthogonalised().applyfunc(lambda x: sp.Poly(x, *E).as_expr() if x == 0 else _through_first(x))
+    return float(np.abs(lower(np.array([GENERIC[s] for s in E])) - numbers(first, GENERIC)).max())
+
+
+def _through_first(expr: Any) -> Any:
+    return sum(c * sp.prod(s**k for s, k in zip(E, p, strict=True)) for p, c in sp.Poly(expr, *E).terms() if sum(p) < 2)
+
+
+@checks(SOURCE, "Eq. (40)", where="inference.levenberg")
+def damped_step() -> float:
+    """One step of the package with a Jacobian J against the minimum of the damped model with H = J^T J, J^T r."""
+    from gimbalcal.inference import levenberg
 
     rng = np.random.default_rng(RNG_SEED)
-    counts = rng.standard_normal((1, 12, 3))
-    K = initial_scale(counts, 1.0)[0]
-    here, there = (optimisation.gradient_of_rough(K * f, counts[0], 1.0) for f in (1.0, 1.1))
+    J, r, beta = rng.standard_normal((1, 5, 2)), rng.standard_normal((1, 5)), 0.3
+    H, slope = J[0].T @ J[0], J[0].T @ r[0]
+    at = dict(zip((*optimisation.gradient, *optimisation.x), (*slope, 0.0, 0.0), strict=True))
+    at |= {optimisation.H[i, j]: H[i, j] for i in range(2) for j in range(2)} | {optimisation.beta: beta}
+    ours = levenberg._step(r, J, np.array([beta]))[0]
+    return float(np.abs(ours - numbers(optimisation.damped_step(), at)[:, 0]).max())
+
+
+@checks(SOURCE, "Eq. (36)", where="inference.levenberg")
+def half_square() -> float:
+    """The cost that is minimised."""
+    from gimbalcal.inference import levenberg
+
+    r = np.array([0.3, -0.2, 0.5])
+    found = levenberg.minimise(lambda x, _: (r[None] + 0 * x, np.zeros((1, 3, 1))), np.zeros((1, 1)), limit=1)
+    cost = optimisation.PRINTED["Eq. (36)"].formula
+    return float(abs(found.cost[0] - numbers(cost, dict(zip(optimisation.r, r, strict=True)))[0, 0]))
+
+
+@checks(SOURCE, "Eq. (41)", "Eq. (42)", where="wang2019.fit.initial_scale")
+def rough_scale() -> float:
+    """Gradient of Eq. (41) or (42) at the package's initial scale factors, over its size elsewhere."""
+    from gimbalcal.wang2019 import fit
+
+    rng = np.random.default_rng(RNG_SEED)
+    drawn = rng.standard_normal((1, 12, 3))
+    K = fit.initial_scale(drawn, 1.3)[0]
+    here, there = (optimisation.gradient_of_rough(K * f, drawn[0], 1.3) for f in (1.0, 1.1))
     return float(np.abs(here).max() / np.abs(there).max())
 
 
-@checks(SOURCE, "Eq. (43)")
+@checks(SOURCE, "Eq. (43)", where="estimate.gyroscopes.inter_triad.triad_rotation")
 def euler_matrix() -> float:
-    """Eq. (43) against `inter_triad.triad_rotation`."""
-    from gimbalcal.estimate.gyroscopes.inter_triad import triad_rotation
+    """The matrix from its angles."""
+    from gimbalcal.estimate.gyroscopes import inter_triad
 
     at = np.array([0.3, -0.2, 0.5])
-    return float(
-        np.abs(triad_rotation(at) - numbers(frames.product(), dict(zip(frames.ANGLES, at, strict=True)))).max()
-    )
+    derived = numbers(frames.product(), dict(zip(frames.ANGLES, at, strict=True)))
+    return float(np.abs(inter_triad.triad_rotation(at) - derived).max())
+
+
+@checks(SOURCE, "Eq. (43)", where="estimate.gyroscopes.inter_triad.euler")
+def euler_angles() -> float:
+    """The angles from the derived matrix."""
+    from gimbalcal.estimate.gyroscopes import inter_triad
+
+    at = np.array([0.3, -0.2, 0.5])
+    return float(np.abs(inter_triad.euler(numbers(frames.product(), dict(zip(frames.ANGLES, at, strict=True)))) - at).max())

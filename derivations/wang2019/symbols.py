@@ -46,3 +46,23 @@ def polynomial(order: int) -> Any:
 def square(v: Any) -> Any:
     """Sum of squares of a column."""
     return sum(x**2 for x in v)
+
+
+def integral(of: Any, first: Any, second: Any, duration: Any) -> Any:
+    """A polynomial in N integrated over `duration`: N becomes `first`, N^2 `second`, 1 the duration; entry by entry."""
+    by = {tuple(int(i == j) for j in range(3)): first[i] for i in range(3)}
+    by |= {tuple(2 * int(i == j) for j in range(3)): second[i] for i in range(3)} | {(0, 0, 0): duration}
+    return of.applyfunc(lambda e: sum(c * by[powers] for powers, c in sp.Poly(e, *N).terms()))
+
+
+def rotation() -> Any:
+    """Any rotation matrix but half a turn, rational in three parameters (Cayley)."""
+    a, b, c = p = sp.symbols("p_1:4", real=True)
+    v = sp.Matrix(p)
+    cross = sp.Matrix([[0, -c, b], [c, 0, -a], [-b, a, 0]])
+    return ((1 - square(v)) * sp.eye(3) + 2 * v * v.T - 2 * cross) / (1 + square(v))
+
+
+def norm_after_rotation(v: Any) -> Any:
+    """|C v|^2 for any rotation C: what is left of the parameters after algebra is told, not assumed."""
+    return sp.cancel(sp.together(square(rotation() * v)))

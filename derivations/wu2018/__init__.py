@@ -1,5 +1,5 @@
 """Wu, Wu, Han and Zhang (2018), A three-stage accelerometer self-calibration technique for space-stable inertial
-navigation systems, Sensors 18, 2888: every numbered equation, Table 1 and Table 4.
+navigation systems, Sensors 18, 2888: every numbered equation, Tables 1, 4 and 5.
 """
 
 from __future__ import annotations
@@ -13,17 +13,19 @@ from derivations.wu2018 import (
     fine_norm,
     frames,
     package,
+    package_rows,
     package_static,
     sensor,
     separation,
     static_force,
     table1,
     table4,
+    table5,
 )
 from derivations.wu2018.symbols import SOURCE
 
 GROUPS = (frames, sensor, table1, fine_norm, static_force, attitude_error, separation)  # in the order of the paper
-COMPARED = (package, package_static)  # register how far the package is from the derivations
+COMPARED = (package, package_rows, package_static)  # register how far the package is from the derivations
 
 
 def judge_group(group: ModuleType, printed: Mapping[str, Printed] | None = None) -> tuple[Verdict, ...]:
@@ -35,4 +37,4 @@ def judge_group(group: ModuleType, printed: Mapping[str, Printed] | None = None)
 
 def verdicts() -> tuple[Verdict, ...]:
     """Everything, in the order of the paper."""
-    return (*(v for group in GROUPS for v in judge_group(group)), *table4.verdicts())
+    return (*(v for group in GROUPS for v in judge_group(group)), *table4.verdicts(), *table5.verdicts())

@@ -47,6 +47,7 @@ df = sp.symbols("Df^e_x Df^e_y Df^e_z", real=True)  # over g
 dS_t, dh, dq = sp.symbols("dS_t dh dq", real=True)
 kappa = sp.symbols("kappa_x kappa_y kappa_z", real=True)
 dS_1 = sp.Symbol("DS_1", real=True)
+e = sp.Symbol("e")
 DISTURBANCES = (*df, dS_t, dh, dq, *kappa, dS_1)
 kx, ky, kz = kappa
 
@@ -114,26 +115,44 @@ def navigation_axes(f_hat: Any) -> Any:
     return sp.Matrix.hstack(east.cross(down), east, down)
 
 
-def output(e: Any) -> Any:
-    """C_b^n that the navigator gives out, all disturbances scaled by e; Earth-fixed axes, so S_t itself drops out."""
+def axes_to_first_order(change: Any) -> tuple[Any, Any]:
+    """`navigation_axes` at the level site, z along the pole, and its derivative along a change of the force."""
+    d = sp.symbols("d_1:4", real=True)
+    axes = navigation_axes(sp.Matrix([C, 0, S]) + e * sp.Matrix(d))
+
+    def tidy(v: Any) -> Any:
+        return sp.simplify(v).subs(sp.Abs(C), C)  # the site is not at a pole
+
+    slope = axes.diff(e).subs(e, 0).applyfunc(tidy)
+    return axes.subs(e, 0).applyfunc(tidy), slope.subs(dict(zip(d, change, strict=True)))
+
+
+def base_and_change() -> tuple[Any, Any]:
+    """C_b^e times the drift that the navigator takes the base to have, all disturbances scaled by e: at 0, and slope.
+
+    Earth-fixed axes, so S_t itself drops out.
+    """
     drift = sp.eye(3) - e * dS_1 * cross((1, 0, 0))  # components in the drifted platform
-    measured = drift * sp.Matrix([C, 0, S]) + e * sp.Matrix(df)
     level = Ry(L + sp.pi / 2) * Rz(-psi)  # C_b^e of the level base: h = L, q = psi
     tilted = level * (sp.eye(3) + e * cross(kappa))
     gimbals = Rz(-e * dS_t) * Ry(e * dh + L + sp.pi / 2) * Rz(-psi - e * dq)
-    readout_error = gimbals * level.T
-    return navigation_axes(measured).T * drift * readout_error * tilted
+    factors = (drift, gimbals, level.T, tilted)  # gimbals times level.T: the readouts' errors
+    at_zero = [f.subs(e, 0) for f in factors]
+    slope = sp.zeros(3)
+    for i, factor in enumerate(factors):
+        slope += sp.prod([*at_zero[:i], factor.diff(e).subs(e, 0), *at_zero[i + 1 :]], start=sp.eye(3))
+    return level, slope
 
 
 @cache
 def attitude_error() -> Any:
-    """(roll, pitch, yaw) error to first order: level base minus output, about north, east, down."""
-    e = sp.Symbol("e")
-    level = Rz(-psi)
-    rotation = output(e).diff(e).subs(e, 0) * level.T
-    vector = sp.Matrix([rotation[2, 1], rotation[0, 2], rotation[1, 0]]).applyfunc(sp.simplify)
-    vector = vector.subs(sp.Abs(C), C)  # the site is not at a pole
-    return (-vector).applyfunc(lambda v: sp.expand(sp.simplify(v)))
+    """(roll, pitch, yaw) error to first order: level base minus output C_b^n, about north, east, down."""
+    measured = sp.Matrix(df) - dS_1 * cross((1, 0, 0)) * sp.Matrix([C, 0, S])
+    axes, turned = axes_to_first_order(measured)
+    base, moved = base_and_change()
+    rotation = (turned.T * base + axes.T * moved) * Rz(-psi).T
+    vector = sp.Matrix([rotation[2, 1], rotation[0, 2], rotation[1, 0]])
+    return (-vector).applyfunc(lambda v: sp.expand(sp.simplify(sp.expand(v))))
 
 
 @cache

@@ -120,6 +120,7 @@ def observation() -> Any:
     return truncate((true - estimated) / 2, SMALL, 2)
 
 
+@cache
 def unknowns() -> Any:
     """The twelve combinations: coefficients of the monomials of u in the first-order observation."""
     poly = sp.Poly(truncate(observation(), SMALL, 1), *u)
@@ -191,13 +192,13 @@ def cases() -> dict[str, Case]:
             facts={"largest": f"{largest:.1e} g"},
         ),
         "Eq. (12)": Case(
-            sp.diag(*SF_hat) + sp.diag(*dSF) - sp.diag(*SF_hat),
-            "Definition, truth minus estimate. From (20) on the paper counts the other way round.",
+            None,
+            "It is truth minus estimate. From (20) on the paper counts the other way round.",
         ),
         "Eq. (13)": Case(
             sp.Matrix(db),
             "A diagonal matrix is printed for a vector: in (10) u^T SF_hat db~ must be a number, so db~ is a column.",
-            repairs=(("a diagonal matrix for a column vector", sp.Matrix(PRINTED["Eq. (13)"].formula.diagonal()).T),),
+            repairs=(("a diagonal matrix for a column vector", lambda f: f.diagonal().T if f.is_diagonal() else f),),
         ),
         "Eq. (14)": Case(
             deviation,

@@ -8,12 +8,12 @@ package are its own complex steps.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from derivations.verdict import checks
+from derivations.comparison import checks, once
 from derivations.wu2018 import fine_norm, sensor, table1
 from derivations.wu2018.frames import base_to_platform, platform_to_accelerometers
 from derivations.wu2018.static_force import navigation_to_platform as derived_attitude
@@ -52,7 +52,7 @@ def numbers(matrix: Any, values: dict[Any, float]) -> Any:
     return np.array(matrix.subs(values).evalf(20).tolist(), dtype=float)
 
 
-@checks(SOURCE, "Eq. (4)")
+@checks(SOURCE, "Eq. (4)", where="platform.SPACE_STABLE_INERTIAL")
 def inertial_attitude() -> float:
     """Eq. (4) against the platform literal with inertial readouts."""
     from gimbalcal.platform import SPACE_STABLE_INERTIAL
@@ -62,7 +62,7 @@ def inertial_attitude() -> float:
     return float(np.abs(ours - numbers(base_to_platform(), {S_t: phase, h: middle, q: outer})).max())
 
 
-@checks(SOURCE, "Eq. (18)")
+@checks(SOURCE, "Eq. (18)", where="platform.SPACE_STABLE_INERTIAL")
 def navigation_to_platform() -> float:
     """Eq. (18) against the platform literal at the readouts of an ideal static run."""
     from gimbalcal.platform import SPACE_STABLE_INERTIAL
@@ -86,7 +86,7 @@ def _sensor_effects() -> tuple[Any, dict[str, Any]]:
     return tuple(CATALOGUE[ids[k]](**{k: v}) for k, v in values.items()), values
 
 
-@cache
+@once
 def _sensor_sample() -> tuple[Any, Any, dict[Any, float]]:
     """Force (3,), the package's output for it (3,), both m/s^2, and the coefficients under the paper's symbols."""
     from gimbalcal.forward import accelerometers
@@ -99,7 +99,7 @@ def _sensor_sample() -> tuple[Any, Any, dict[Any, float]]:
     return force[0], output[0], dict(zip(names, flat, strict=True))
 
 
-@checks(SOURCE, "Eq. (6)")
+@checks(SOURCE, "Eq. (6)", where="forward.accelerometers")
 def sensor_balance() -> float:
     """Eq. (6): the package's output must balance the implicit equation."""
     force, output, values = _sensor_sample()
@@ -107,7 +107,7 @@ def sensor_balance() -> float:
     return float(np.abs(numbers(sensor.balance(sensor.f_a, sensor.f_p), at)).max() / G_NORMAL)
 
 
-@checks(SOURCE, "Eq. (8)")
+@checks(SOURCE, "Eq. (8)", where="forward.accelerometers")
 def sensor_inverse() -> float:
     """Eq. (8): the derived inverse of the package's output must be the force that went in."""
     force, output, values = _sensor_sample()
@@ -115,7 +115,7 @@ def sensor_inverse() -> float:
     return float(np.abs(numbers(sensor.solved_for_force(), at)[:, 0] - force).max() / G_NORMAL)
 
 
-@checks(SOURCE, "Eq. (5)")
+@checks(SOURCE, "Eq. (5)", where="effects.Misalignment")
 def misalignment() -> float:
     """Eq. (5): force plus the effect's contribution against C_p^a f^p."""
     effects, v = _sensor_effects()
@@ -125,7 +125,7 @@ def misalignment() -> float:
     return float(np.abs(force + effects[0].contribution(s) - force @ C.T).max() / G_NORMAL)
 
 
-@cache
+@once
 def _table_1() -> tuple[Any, Any]:
     """The package's g^p / g (18, 3) and its derivative by the zeros of platform, inner, middle (18, 3, 3)."""
     from gimbalcal.number import complex_step
@@ -160,9 +160,11 @@ def table_1_angle(row: int, axis: int) -> float:
 
 for _row in range(1, 19):
     for _component in table1.COMPONENTS:
-        checks(SOURCE, table1.gravity_item(_row, _component))(partial(table_1_gravity, _row, _component))
+        checks(SOURCE, table1.gravity_item(_row, _component), where="platform.SPACE_STABLE")(
+            partial(table_1_gravity, _row, _component))
     for _axis in range(3):
-        checks(SOURCE, table1.angle_item(_row, _axis))(partial(table_1_angle, _row, _axis))
+        checks(SOURCE, table1.angle_item(_row, _axis), where="schedule.EIGHTEEN_POSITIONS")(
+            partial(table_1_angle, _row, _axis))
 
 
 def wanted(ids: Sequence[str]) -> tuple[Any, ...]:
@@ -171,7 +173,7 @@ def wanted(ids: Sequence[str]) -> tuple[Any, ...]:
     return tuple(p for i in ids for p in parameters(CATALOGUE[i]))
 
 
-@checks(SOURCE, "Eq. (16)")
+@checks(SOURCE, "Eq. (16)", "Eq. (17)", where="forward.jacobian")
 def norm_observation() -> float:
     """Eqs. (16), (17): -f . df/dp of the package at the 18 positions against the printed row times d(dx)/dp."""
     import sympy as sp

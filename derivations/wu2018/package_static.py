@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from derivations.verdict import checks
+from derivations.comparison import checks, once
 from derivations.wu2018 import separation, static_force, table4
 from derivations.wu2018.attitude_error import (
     DISTURBANCES,
@@ -26,6 +26,7 @@ from derivations.wu2018.attitude_error import (
 from derivations.wu2018.package import numbers, stimulus, wanted
 from derivations.wu2018.symbols import G_NORMAL, LATITUDE, RESIDUALS, SOURCE, TABLE_2, TABLE_3, L, S_t, g, psi
 
+SEPARATION = "estimate.static_run.combined.matrix"
 PHASES = 2 * np.pi * np.arange(24) / 24  # rad; exact for harmonics up to 11
 
 
@@ -38,7 +39,7 @@ def static_stimulus() -> Any:
     return stimulus(G_NORMAL * unit, readout, SPACE_STABLE_INERTIAL.axis_names)
 
 
-@checks(SOURCE, "Eq. (19)")
+@checks(SOURCE, "Eq. (19)", where="forward.predict")
 def static_run_force() -> float:
     """Eq. (19) over a day."""
     from gimbalcal.forward import predict
@@ -49,7 +50,7 @@ def static_run_force() -> float:
     return float(np.abs(ours - derived).max())
 
 
-@cache
+@once
 def _static_jacobian() -> dict[str, Any]:
     """Fourier coefficients of the package's static run by the twelve residual parameters, by channel and harmonic.
 
@@ -118,14 +119,14 @@ def static_value(name: str) -> float:
 
 
 for _i, _harmonic in enumerate(("mean", "1c", "1s", "2c", "2s")):
-    checks(SOURCE, f"Eq. ({21 + _i})")(partial(static_coefficient, "force", _harmonic))
+    checks(SOURCE, f"Eq. ({21 + _i})", where="forward.jacobian")(partial(static_coefficient, "force", _harmonic))
 for _item, (_channel, _harmonic) in HARMONIC_OF.items():
-    checks(SOURCE, _item)(partial(static_coefficient, _channel, _harmonic))
+    checks(SOURCE, _item, where="forward.jacobian")(partial(static_coefficient, _channel, _harmonic))
 for _row in table4.ROWS:
-    checks(SOURCE, table4.item(_row))(partial(static_value, _row.coefficient))
+    checks(SOURCE, table4.item(_row), where="forward.jacobian")(partial(static_value, _row.coefficient))
 
 
-@checks(SOURCE, "Eq. (41)")
+@checks(SOURCE, "Eq. (41)", where="forward.jacobian")
 def first_harmonic_matrix() -> float:
     """Eq. (41): the derived six rows by the twelve parameters, and their rank, from the package."""
     ours = np.array([_package_coefficient(name) for name in separation.ROWS])
@@ -133,7 +134,7 @@ def first_harmonic_matrix() -> float:
     return float(np.abs((ours - derived) * _scale()).max())
 
 
-@checks(SOURCE, "Eq. (27)")
+@checks(SOURCE, "Eq. (27)", where="estimate.static_run.force_filter.observation_matrix")
 def observation_row() -> float:
     """Eq. (27): the filter's observation matrix over a day."""
     from gimbalcal.estimate.static_run.force_filter import observation_matrix
@@ -143,17 +144,13 @@ def observation_row() -> float:
     return float(np.abs(ours - rows).max())
 
 
-@checks(SOURCE, "Eq. (39)", "Eq. (40)")
-def coefficient_matrix() -> float:
-    """Eqs. (39) to (41): the separation's matrix of all fifteen coefficients, with K_nl, zeros and tilts."""
+@cache
+def _derived_matrix() -> Any:
+    """The fifteen coefficients by twelve sensor parameters, K_nl, zeros of platform and middle gimbal, base tilts."""
     import sympy as sp
 
-    from gimbalcal.effects import CATALOGUE, parameters
-    from gimbalcal.estimate.static_run.combined import NAMES, matrix
+    from gimbalcal.estimate.static_run.combined import NAMES
 
-    ids = ("scale_factor", "bias", "misalignment", "scale_nonlinearity")
-    axes = ("platform", "middle", "outer")
-    more = [*parameters(CATALOGUE["gimbal_zero"], axes)[:2], *parameters(CATALOGUE["base_tilt"])[:2]]
     unknowns = (*RESIDUALS, *separation.K_NL, dS_t, dh, *kappa[:2])
     # A residual counts estimate minus truth, a zero truth minus readout, and that of the platform gimbal in the sense
     # of Table 1, which is against S_t; K_nl and the tilt of the base are themselves.
@@ -162,10 +159,36 @@ def coefficient_matrix() -> float:
     means = {"dphi_mean": constant["roll"], "dtheta_mean": constant["pitch"]}
     total = sp.Matrix([sensor[n] + extra[n] + means.get(n, 0) for n in map(_derived_name, NAMES)])
     zero = dict.fromkeys(unknowns, 0)
-    derived = numbers(total.jacobian(unknowns).subs(zero), {L: LATITUDE, g: G_NORMAL, psi: 0}) * sense
-    ours = matrix(LATITUDE, G_NORMAL, (*wanted(ids), *more))
-    scale = np.concatenate([_scale(), [1 / G_NORMAL] * 3, np.ones(4)])
-    return float(np.abs((ours - derived) * scale).max())
+    return numbers(total.jacobian(unknowns).subs(zero), {L: LATITUDE, g: G_NORMAL, psi: 0}) * sense
+
+
+def _separation_difference() -> Any:
+    """(15, 19) the package's separation less the derived one, biases and K_nl scaled by g."""
+    from gimbalcal.effects import CATALOGUE, parameters
+    from gimbalcal.estimate.static_run import combined
+
+    ids = ("scale_factor", "bias", "misalignment", "scale_nonlinearity")
+    axes = ("platform", "middle", "outer")
+    more = [*parameters(CATALOGUE["gimbal_zero"], axes)[:2], *parameters(CATALOGUE["base_tilt"])[:2]]
+    ours = combined.matrix(LATITUDE, G_NORMAL, (*wanted(ids), *more))
+    return (ours - _derived_matrix()) * np.concatenate([_scale(), [1 / G_NORMAL] * 3, np.ones(4)])
+
+
+@checks(SOURCE, "Eq. (39)", "Eq. (40)", "Eq. (41)", where=SEPARATION)
+def coefficient_matrix() -> float:
+    """Eqs. (39) to (41): the separation's matrix of all fifteen coefficients, with K_nl, zeros and tilts."""
+    return float(np.abs(_separation_difference()).max())
+
+
+def separation_row(equation: int) -> float:
+    """One of Eqs. (21) to (25), (29) to (38) in the separation's matrix."""
+    from gimbalcal.estimate.static_run.combined import EQUATIONS
+
+    return float(np.abs(_separation_difference()[EQUATIONS.index(equation)]).max())
+
+
+for _equation in (*range(21, 26), *range(29, 39)):
+    checks(SOURCE, f"Eq. ({_equation})", where=SEPARATION)(partial(separation_row, _equation))
 
 
 def _derived_name(name: str) -> str:
@@ -188,7 +211,7 @@ class _Step:
         return self.vector
 
 
-@checks(SOURCE, "Eq. (28)")
+@checks(SOURCE, "Eq. (28)", where="forward.predict")
 def attitude_disturbances() -> float:
     """Eq. (28) at heading north: the package's attitude error by force, readout, base tilt and platform drift."""
     from gimbalcal.effects import Stage

@@ -84,7 +84,9 @@ PRINTED = {
         Printed(
             "Eq. (6)",
             "f^n = SF^-1 C_p^a C_b^p C_n^b f^n + delta b + K_nl (f^n - delta b)^2",
-            balance(f_n, f_p),
+            balance(f_a, f_p),
+            garbled="the scan shows f^n for the output, left and in the square, and may have read a as n",
+            literal=balance(f_n, f_p),
         ),
         Printed(
             "Eq. (7)",
@@ -128,13 +130,11 @@ def cases() -> dict[str, Case]:
     return {
         "Eq. (6)": Case(
             balance(f_a, f_p),
-            "One symbol is misprinted: the output, left and in the square, is f^a (as in (8)), and the linear "
-            "term's C_b^p C_n^b f^n is f^p. Taken literally the z output at position 7 is off by {size}; the scan may "
-            "have read a as n.",
+            "With f^a, as in (8), it is right: the linear term's C_b^p C_n^b f^n is f^p. Taken literally the z output "
+            "at position 7 is off by {size}.",
             at=NOMINAL,
             sweep=DOWN_UP,
             unit="g",
-            repairs=(("f^n for f^a on the left and in the square", balance(f_a, f_p)),),
         ),
         "Eq. (7)": Case(
             linear_output(held_up),
@@ -145,7 +145,7 @@ def cases() -> dict[str, Case]:
             at=NOMINAL,
             sweep=DOWN_UP,
             unit="g",
-            repairs=(("g^p for -g^p", linear_output(held_up)),),
+            repairs=(("g^p for -g^p", lambda f: f.subs({x: -x for x in g_p}, simultaneous=True)),),
         ),
         "Eq. (8)": Case(
             force,

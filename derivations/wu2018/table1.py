@@ -21,7 +21,7 @@ from typing import Any
 
 import sympy as sp
 
-from derivations.verdict import AGREES, APPROXIMATION, ARCSEC, Case, Printed, judge, order
+from derivations.verdict import AGREES, APPROXIMATION, ARCSEC, NOT_DETERMINED, Case, Printed, judge, order
 from derivations.wu2018.symbols import Rx, Ry, Rz, g
 
 ZEROS = sp.symbols("theta_10 theta_20 theta_30", real=True)
@@ -87,13 +87,14 @@ GARBLED = {
     (4, "y"): "the g of row 3 or 5 runs into it; half of sqrt(2) is legible",
     (5, "x"): "the cell is empty and its g stands in the cell of row 6",
     (6, "x"): "the g of row 5 runs into it",
-    (7, "y"): "an exponent 2 that the first-order table cannot mean",
+    (7, "y"): "the scan shows theta_30 squared, and may have made an exponent of a speck",
     (9, "z"): "a bar over theta",
     (11, "x"): "an underline",
     (11, "y"): "8010 for g theta_10",
     (14, "y"): "the cells of rows 13 and 14 run together",
     (15, "z"): "the cell of row 14 stands over it as a fraction",
 }
+LITERAL = {(7, "y"): t3**2}  # where the scan is a formula too, in units of g
 COMPONENTS = ("x", "y", "z")
 
 
@@ -139,7 +140,9 @@ def _printed_gravity() -> dict[str, Printed]:
     for row, (reading, cells) in enumerate(zip(GRAVITY, SCAN, strict=True), 1):
         for component, value, scan in zip(COMPONENTS, reading, cells, strict=True):
             item = gravity_item(row, component)
-            out[item] = Printed(item, scan, g * sp.sympify(value), GARBLED.get((row, component), ""))
+            cell = (row, component)
+            literal = g * LITERAL[cell] if cell in LITERAL else None
+            out[item] = Printed(item, scan, g * sp.sympify(value), GARBLED.get(cell, ""), literal=literal)
     return out
 
 
@@ -175,6 +178,8 @@ def _explain(printed: Printed, case: Case) -> str:
     verdict, slip = judge(printed, case)
     if verdict == AGREES:
         return "First order in the gimbal zeros."
+    if verdict == NOT_DETERMINED:
+        return "To first order in the gimbal zeros, in which the table is stated, it is right without; size up to {size}."
     if verdict == APPROXIMATION:
         lost = sp.sstr(sp.expand(case.derived - printed.formula))
         return f"Leaves out {lost}: up to {{size}} for zeros of 10 arcsec."

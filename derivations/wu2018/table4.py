@@ -23,7 +23,7 @@ from typing import Any
 
 import sympy as sp
 
-from derivations.verdict import AGREES, CHECKS, MISPRINT, WRONG, Verdict, code_words, in_unit
+from derivations.verdict import AGREES, MISPRINT, WRONG, Verdict, in_unit, with_package
 from derivations.wu2018.separation import coefficients
 from derivations.wu2018.symbols import BETA, BIAS, G_NORMAL, NUMBERS, SCALE, SOURCE, L, g
 
@@ -213,10 +213,9 @@ def judge_row(row: Row) -> Verdict:
         if broken:
             why.append(f"No parameters at all give this column: {', '.join(broken)} must vanish.")
     why.append(_error_column(row))
-    text = " ".join(why) + code_words(CHECKS[SOURCE, item(row)]())
     printed = f"reference {row.reference}, estimated {row.estimated}, error {row.error}"
     size = "0" if verdict == AGREES else in_unit(abs(difference), "ug")
-    return Verdict(SOURCE, item(row), verdict, printed, f"{value:.4e}", size, text)
+    return with_package(Verdict(SOURCE, item(row), verdict, printed, f"{value:.4e}", size, " ".join(why)))
 
 
 def _mentions(relation: str, name: str) -> bool:

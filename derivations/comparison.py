@@ -1,0 +1,78 @@
+"""How far the package is from the derivations, item by item.
+
+What the package computes knows the derivations, never the other way: a check compares numbers of one place of the
+package with a derived form. One place may hold several items and one item may stand in several places; all of them are
+compared, and the worst is told. A check that breaks differs too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+Check = Callable[[], float]
+CHECKS: dict[tuple[str, str], list[tuple[str, Check]]] = {}  # (source, item) to the places that hold it, with checks
+ONCE: list[Any] = []  # what the package was asked once for several items
+TOLERANCE = 1e-12  # derivation and package are the same algebra in floats: a few hundred roundings of 1e-16
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The place of the package that differs most from the derivation of an item, and by how much."""
+
+    where: str
+    difference: float
+    problem: str = ""
+    places: int = 1
+
+    @property
+    def same(self) -> bool:
+        """Whether nothing but rounding differs; a difference that is not a number is one."""
+        return self.difference <= TOLERANCE
+
+    def __str__(self) -> str:
+        if self.same:
+            return f"Package: same to {self.difference:.0e}."
+        return f"PACKAGE DIFFERS in {self.where} {self.problem or f'by {self.difference:.2g}'}."
+
+
+def checks(source: str, *items: str, where: str) -> Callable[[Check], Check]:
+    """Decorator: the function tells how far `where` in the package is from the derivations of these items."""
+
+    def register(check: Check) -> Check:
+        for item in items:
+            CHECKS.setdefault((source, item), []).append((where, check))
+        return check
+
+    return register
+
+
+def once(ask: Callable[[], Any]) -> Callable[[], Any]:
+    """Decorator: numbers of the package that several checks need, kept until `forget`."""
+    kept = cache(ask)
+    ONCE.append(kept)
+    return kept
+
+
+def forget() -> None:
+    """Ask the package again from now on."""
+    for kept in ONCE:
+        kept.cache_clear()
+
+
+def compare(source: str, item: str) -> Comparison | None:
+    """The comparison that is worst; None where the package has no formula for the item."""
+    found = [_run(where, check) for where, check in CHECKS.get((source, item), ())]
+    if not found:
+        return None
+    worst = max(found, key=lambda c: (not c.same, c.difference))
+    return Comparison(worst.where, worst.difference, worst.problem, len(found))
+
+
+def _run(where: str, check: Check) -> Comparison:
+    try:
+        return Comparison(where, check())
+    except Exception as problem:  # whatever breaks the package's formula is a difference, not the end of the run
+        return Comparison(where, float("inf"), f"({type(problem).__name__}: {problem})")

@@ -1,0 +1,90 @@
+"""Tables 5 and 6, and the sentences on navigation. Recordings are not printed: arithmetic and orders of magnitude only.
+
+*Table 5* is a condition that the authors set. *Table 6*: the decrease is (method 1 - method 3) / method 1; the errors
+themselves are compared with what the stated precision of the sensors makes of 3.2 h: a constant gyroscope error eps
+carries position off by eps R (t - sin(w t) / w), w^2 = g / R, an accelerometer error a by at most 2 a / w^2.
+"""
+
+from __future__ import annotations
+
+from math import pi, radians, sin, sqrt
+
+from derivations.verdict import AGREES, APPROXIMATION, NOT_DETERMINED, WRONG, Verdict
+from derivations.wang2019.symbols import SOURCE
+
+SWING = (("heading", 2.0, 3.0), ("pitch", 2.0, 3.0), ("roll", 8.0, 5.0))  # Hz, deg
+TABLE_6 = ((1.452, 1.513, 1.275, 12.19), (1.537, 1.528, 1.389, 9.63), (1.426, 1.448, 1.263, 11.43))  # n mile, %
+HOURS, RADIUS, GRAVITY, MILE = 3.2, 6.371e6, 9.8, 1852.0
+LAST = 0.0005  # n mile, half of the last digit
+
+
+def judge_swing(axis: str, frequency: float, amplitude: float) -> Verdict:
+    """A condition, and what it means."""
+    w = 2 * pi * frequency
+    rate, acceleration = w * amplitude, w**2 * amplitude
+    return Verdict(
+        SOURCE, f"Table 5, {axis}", AGREES, f"{frequency:g} Hz, {amplitude:g} deg", "a definition", "0",
+        f"A definition: nothing to derive. The condition means {rate:.0f} deg/s and {acceleration:.0f} deg/s^2 at the "
+        "peaks.",
+    )  # fmt: skip
+
+
+def drift(gyroscope: float, accelerometer: float) -> tuple[float, float]:
+    """Position errors [n mile] after `HOURS` from a constant gyroscope error [deg/h] and accelerometer error [g]."""
+    t, w = 3600 * HOURS, sqrt(GRAVITY / RADIUS)
+    eps = radians(gyroscope) / 3600
+    return eps * RADIUS * (t - sin(w * t) / w) / MILE, 2 * accelerometer * GRAVITY / w**2 / MILE
+
+
+def judge_error(number: int, method: int, printed: float) -> Verdict:
+    """A largest position error: of the order that the stated precision makes, and no more can be said."""
+    gyroscope, accelerometer = drift(0.01, 1e-5)
+    return Verdict(
+        SOURCE, f"Table 6, experiment {number}, method {method}", NOT_DETERMINED, f"{printed} n mile",
+        f"up to {gyroscope:.1f} n mile of 0.01 deg/h, {accelerometer:.2f} of 0.01 mg", "not quantified",
+        f"It needs the recordings, which are not printed. Of the right order: the precision of 0.01 deg/h that Section "
+        f"5.2 states makes {gyroscope:.1f} n mile in {HOURS} h, that of 0.01 mg {accelerometer:.2f}.",
+    )  # fmt: skip
+
+
+def decrease(one: float, three: float) -> float:
+    """In per cent of method 1."""
+    return 100 * (one - three) / one
+
+
+def judge_experiment(number: int, one: float, three: float, printed: float) -> Verdict:
+    derived = decrease(one, three)
+    right = abs(derived - printed) < 0.006  # half of the last digit
+    spread = decrease(one - LAST, three + LAST), decrease(one + LAST, three - LAST)
+    return Verdict(
+        SOURCE, f"Table 6, experiment {number}", AGREES if right else WRONG, f"{printed} %", f"{derived:.2f} %",
+        "0" if right else f"{abs(derived - printed):.2g} %",
+        "The decrease against method 1, as the footnote says; the digits of the table leave it between "
+        f"{spread[0]:.2f} and {spread[1]:.2f} %. One run each, so without an uncertainty.",
+    )  # fmt: skip
+
+
+def sentences() -> tuple[Verdict, ...]:
+    """Section 5.2.3, and the abstract against Section 5.2.2."""
+    shares = [decrease(a, c) for a, _, c, _ in TABLE_6]
+    average = sum(shares) / len(shares)
+    inside = round(average) == 11
+    mean = Verdict(
+        SOURCE, "Section 5.2.3, average", AGREES if inside else WRONG, "an average of 11 %", f"{average:.2f} %",
+        "0" if inside else f"{abs(average - 11):.2g} %", "The mean of the three decreases of Table 6, rounded.",
+    )  # fmt: skip
+    lab = Verdict(
+        SOURCE, "Abstract, 17 %", APPROXIMATION, "up to 17 % in lab conditions", "17.89 % in Section 5.2.2", "0.9 %",
+        "Cut off, not rounded; Figure 10, which it is read from, carries no numbers in the text. It is a largest of six "
+        "runs, one each.",
+    )  # fmt: skip
+    return mean, lab
+
+
+def verdicts() -> tuple[Verdict, ...]:
+    """Table 5, Table 6 and the sentences."""
+    errors = (
+        judge_error(i, method, row[method - 1]) for i, row in enumerate(TABLE_6, start=1) for method in (1, 2, 3)
+    )
+    shares = (judge_experiment(i, a, c, d) for i, (a, _, c, d) in enumerate(TABLE_6, start=1))
+    return (*(judge_swing(*row) for row in SWING), *errors, *shares, *sentences())
