@@ -74,5 +74,5 @@ def compare(source: str, item: str) -> Comparison | None:
 def _run(where: str, check: Check) -> Comparison:
     try:
         return Comparison(where, check())
-    except Exception as problem:  # whatever breaks the package's formula is a difference, not the end of the run
+    except Exception as problem:  # noqa: BLE001  whatever breaks is a difference, not the end of the run
         return Comparison(where, float("inf"), f"({type(problem).__name__}: {problem})")

@@ -37,6 +37,7 @@ NOT_DETERMINED = "not-determined"
 VERDICTS = (AGREES, APPROXIMATION, MISPRINT, WRONG, NOT_DETERMINED)
 
 ARCSEC = math.pi / 648000
+PRINTABLE = 60  # terms; a slip is sought term by term where a formula can be printed term by term
 Expr = Any  # sympy is untyped: an expression or a Matrix
 
 
@@ -158,7 +159,7 @@ def slips(expr: Expr, symbols: Sequence[Sequence[Expr]], factors: Sequence[Expr]
     """Every expression one slip away, with the slip in words: a sign, a lost or added factor, a symbol."""
     yield "the overall sign", -expr
     terms = sp.Add.make_args(sp.expand(expr))
-    for term in terms:
+    for term in terms if len(terms) <= PRINTABLE else ():
         rest = sum((t for t in terms if t is not term), start=sp.Integer(0))
         yield f"the sign of {term}", rest - term
         for f in factors:

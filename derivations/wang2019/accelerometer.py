@@ -206,9 +206,9 @@ def cases() -> dict[str, Case]:
         "Eq. (25)": Case(exact(*E), "Exact: only row j of C_a^p holds E_jk."),
         "Section 4.1, own axis": Case(
             sp.Matrix([steepest(n)[0] for n in range(4)]),
-            "2 f_x N^n with f_x = g cos theta is extremal, and largest in size, at 0 (and 180 deg), for n = 0 to 3. It "
+            "2 f_x N^n with f_x = g cos theta is extremal, and largest in size, at 0 (and 180 deg), n = 0 to 3. It "
             "makes each sensitivity largest, not the fifteen separable: of the 220 ways to hold six faces and nine of "
-            "the twelve edges {singular} have rank 14 or less, and Figure 2, which says which nine, carries no numbers.",
+            "the twelve edges {singular} have rank 14, and Figure 2, which says which nine, carries no numbers.",
             facts={"singular": singular},
         ),
         "Section 4.1, misalignment": Case(

@@ -54,7 +54,9 @@ def columns(K1: Any, K2: Any, bias: Any, E: Any, earth: float = EARTH) -> Any:
     along = k1 * S + k2 * Q
     turned = np.einsum("nij,nkj->nki", C, along)
     back = np.einsum("nkj,nji->nki", turned, C)
-    leaning = np.stack([turned[..., 1] * along[..., 0], turned[..., 2] * along[..., 0], turned[..., 2] * along[..., 1]], -1)
+    leaning = np.stack(
+        [turned[..., 1] * along[..., 0], turned[..., 2] * along[..., 0], turned[..., 2] * along[..., 1]], -1
+    )
     return 2 * np.concatenate([back * S * k1, back * Q * RANGE_K2, leaning], axis=-1) / (2 * SPEED) ** 2
 
 

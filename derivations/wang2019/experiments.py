@@ -75,7 +75,7 @@ def sentences() -> tuple[Verdict, ...]:
     )  # fmt: skip
     lab = Verdict(
         SOURCE, "Abstract, 17 %", APPROXIMATION, "up to 17 % in lab conditions", "17.89 % in Section 5.2.2", "0.9 %",
-        "Cut off, not rounded; Figure 10, which it is read from, carries no numbers in the text. It is a largest of six "
+        "Cut off, not rounded; Figure 10, which it is read from, carries no numbers here. It is the largest of six "
         "runs, one each.",
     )  # fmt: skip
     return mean, lab
@@ -83,8 +83,6 @@ def sentences() -> tuple[Verdict, ...]:
 
 def verdicts() -> tuple[Verdict, ...]:
     """Table 5, Table 6 and the sentences."""
-    errors = (
-        judge_error(i, method, row[method - 1]) for i, row in enumerate(TABLE_6, start=1) for method in (1, 2, 3)
-    )
+    errors = (judge_error(i, method, row[method - 1]) for i, row in enumerate(TABLE_6, start=1) for method in (1, 2, 3))
     shares = (judge_experiment(i, a, c, d) for i, (a, _, c, d) in enumerate(TABLE_6, start=1))
     return (*(judge_swing(*row) for row in SWING), *errors, *shares, *sentences())

@@ -214,7 +214,7 @@ def cases() -> dict[str, Case]:
             sp.Integer(rank),
             "The nine unknowns have rank {rank} of 9 with the Earth's rate, bias and K_g2 itself in the readings "
             "({without} without all three, where the integrals of N^2 cancel), but are ill-conditioned: at 10 deg/s "
-            "sigma(K_g2) over its range of 5e-17 is {weak:.0e} times sigma(K_g1) / K_g1 in the median run and {tail:.0f} "
+            "sigma(K_g2) over its range of 5e-17 is {weak:.0e} times sigma(K_g1) / K_g1 in the median run, {tail:.0f} "
             "times that in one of a hundred, since the column of K_g2 passes through zero where K_g2 w^2 / K_g1^2 "
             "equals Earth less bias. The sum of the two senses holds K_g2 in full; the package uses it.",
             facts={"rank": rank, "without": without, "weak": weak, "tail": tail},

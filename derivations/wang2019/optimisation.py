@@ -98,5 +98,7 @@ def cases() -> dict[str, Case]:
             "one linear "
             "solution is its global minimum.",
         ),
-        "Eq. (42)": Case(linear_part(gyroscope.norm_of_difference()), "(30) with the linear scale factors alone; as (41)."),
+        "Eq. (42)": Case(
+            linear_part(gyroscope.norm_of_difference()), "(30) with the linear scale factors alone; as (41)."
+        ),
     }

@@ -1,7 +1,7 @@
 """The package's sensor models, frames and step for the paper's formulas, and how far they are from the derivations.
 
 Nothing is derived here. Every function returns the largest relative difference between what `gimbalcal` computes and
-what the derivation says, at generic numbers. `package_rows` does it for the fits, `package_navigation` for the navigator.
+what the derivation says, at generic numbers. `package_rows` does it for the fits, `package_navigation` for navigation.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def lower_triangle() -> float:
     """C through first order, which is what a diagonal in the scale terms leaves."""
     from gimbalcal.wang2019.pulses import lower
 
-    first = models.orthogonalised().applyfunc(lambda x: sp.Poly(x, *E).as_expr() if x == 0 else _through_first(x))
+    first = models.orthogonalised().applyfunc(_through_first)
     return float(np.abs(lower(np.array([GENERIC[s] for s in E])) - numbers(first, GENERIC)).max())
 
 
@@ -151,4 +151,6 @@ def euler_angles() -> float:
     from gimbalcal.estimate.gyroscopes import inter_triad
 
     at = np.array([0.3, -0.2, 0.5])
-    return float(np.abs(inter_triad.euler(numbers(frames.product(), dict(zip(frames.ANGLES, at, strict=True)))) - at).max())
+    return float(
+        np.abs(inter_triad.euler(numbers(frames.product(), dict(zip(frames.ANGLES, at, strict=True)))) - at).max()
+    )

@@ -15,7 +15,22 @@ import sympy as sp
 from derivations.comparison import checks, once
 from derivations.wang2019 import accelerometer, gyroscope
 from derivations.wang2019.package import GENERIC, PARAMETERS, counts, numbers, vector
-from derivations.wang2019.symbols import BIAS, K1, K2, K3, SOURCE, E, L, fa, fp, g, omega_ie, polynomial, triangle
+from derivations.wang2019.symbols import (
+    BIAS,
+    K1,
+    K2,
+    K3,
+    SOURCE,
+    E,
+    L,
+    fa,
+    fp,
+    g,
+    omega_ie,
+    polynomial,
+    square,
+    triangle,
+)
 
 NORM_FIT = "wang2019.fit._residuals"
 TURN_FIT = "wang2019.revolutions._residuals"
@@ -40,25 +55,37 @@ def _norm_fit() -> tuple[float, Any]:
     return float(2 * sigma * r[0, 0]), 2 * sigma * J[0, 0]
 
 
+@cache
+def _derived_norm() -> float:
+    return float(numbers(accelerometer.F(), GENERIC | {g: 1.0})[0, 0])
+
+
+@cache
+def _derived_norm_derivatives() -> Any:
+    """(15,) derivatives of F in the order of `PARAMETERS`."""
+    along = numbers(polynomial(3), GENERIC)[:, 0]
+    force = numbers(triangle() * polynomial(3), GENERIC)[:, 0]
+    at = {**GENERIC, **dict(zip(fa, along, strict=True)), **dict(zip(fp, force, strict=True))}
+    return numbers(accelerometer.exact(*PARAMETERS), at)[:, 0]
+
+
 @checks(SOURCE, "Eq. (17)", "Eq. (19)", where=NORM_FIT)
 def norm_misfit() -> float:
     """The misfit of the norm."""
-    return float(abs(_norm_fit()[0] - numbers(accelerometer.F(), GENERIC | {g: 1.0})[0, 0]))
+    return float(abs(_norm_fit()[0] - _derived_norm()))
 
 
 @checks(SOURCE, "Eq. (18)", where=NORM_FIT)
 def norm_cost() -> float:
     """Half the square of the misfit."""
-    return float(abs(_norm_fit()[0] ** 2 / 2 - numbers(accelerometer.cost(), GENERIC | {g: 1.0})[0, 0]))
+    cost = numbers(accelerometer.cost(), GENERIC | {g: 1.0})[0, 0]
+    return float(abs(_norm_fit()[0] ** 2 / 2 - cost))
 
 
 def norm_derivatives(wanted: tuple[Any, ...]) -> float:
     """Derivatives of F by some parameters."""
-    along = numbers(polynomial(3), GENERIC)[:, 0]
-    force = numbers(triangle() * polynomial(3), GENERIC)[:, 0]
-    at = {**GENERIC, **dict(zip(fa, along, strict=True)), **dict(zip(fp, force, strict=True))}
-    ours = _norm_fit()[1][[PARAMETERS.index(s) for s in wanted]]
-    return float(np.abs(ours - numbers(accelerometer.exact(*wanted), at)[:, 0]).max())
+    wanted_at = [PARAMETERS.index(s) for s in wanted]
+    return float(np.abs((_norm_fit()[1] - _derived_norm_derivatives())[wanted_at]).max())
 
 
 for _item, _wanted in (("(20)", K1[:1]), ("(21)", K1[1:]), ("(22)", K2), ("(23)", K3), ("(24)", BIAS), ("(25)", E)):
@@ -97,21 +124,30 @@ def _at_turn() -> dict[Any, float]:
     return values | dict(zip((*gyroscope.S, *gyroscope.S2), (*(S1 - S2), *(Q1 - Q2)), strict=True))
 
 
+@cache
+def _derived_turn() -> tuple[float, dict[Any, float]]:
+    """P, and its derivatives by the nine parameters of Eq. (30)."""
+    at = _at_turn()
+    along = [at[k1] * at[s] + at[k2] * at[q] for k1, k2, s, q in zip(K1, K2, gyroscope.S, gyroscope.S2, strict=True)]
+    turned = numbers(triangle(), GENERIC) @ np.array(along)
+    misfit = float(numbers(gyroscope.norm_of_difference(), at)[0, 0])
+    at |= dict(zip(gyroscope.psi_q, turned, strict=True)) | dict(zip(gyroscope.psi_g, along, strict=True))
+    nine = (*K1, *K2, *E)
+    return misfit, dict(zip(nine, numbers(gyroscope.exact(*nine), at)[:, 0], strict=True))
+
+
 @checks(SOURCE, "Eq. (29)", "Eq. (30)", "Eq. (31)", where=TURN_FIT)
 def turn_misfit() -> float:
     """P over (2 theta)^2 from the fit, whose first misfit is P / (4 theta sigma sqrt(2))."""
     ours = _turn_fit()[0][0] * np.sqrt(2) * SIGMA / ANGLE
-    return float(abs(ours - numbers(gyroscope.norm_of_difference(), _at_turn())[0, 0] / (2 * ANGLE) ** 2))
+    return float(abs(ours - _derived_turn()[0] / (2 * ANGLE) ** 2))
 
 
 def turn_derivatives(wanted: tuple[Any, ...]) -> float:
     """Derivatives of P by some parameters, over (2 theta)^2."""
-    at = _at_turn()
-    along = [at[k1] * at[s] + at[k2] * at[q] for k1, k2, s, q in zip(K1, K2, gyroscope.S, gyroscope.S2, strict=True)]
-    turned = numbers(triangle(), GENERIC) @ np.array(along)
-    at |= dict(zip(gyroscope.psi_q, turned, strict=True)) | dict(zip(gyroscope.psi_g, along, strict=True))
     ours = _turn_fit()[1][0, [FREE.index(s) for s in wanted]] * np.sqrt(2) * SIGMA / ANGLE
-    return float(np.abs(ours - numbers(gyroscope.exact(*wanted), at)[:, 0] / (2 * ANGLE) ** 2).max())
+    derived = np.array([_derived_turn()[1][s] for s in wanted])
+    return float(np.abs(ours - derived / (2 * ANGLE) ** 2).max())
 
 
 for _item, _wanted in (("(32)", K1), ("(33)", K2), ("(34)", E), ("(30), K_g2", K2)):
@@ -143,15 +179,23 @@ def sum_across() -> float:
     return float(max(np.abs(r[1:4] * scale - _across(x)).max(), np.abs(J[1:4] * scale - slope).max()))
 
 
+@cache
+def _derived_rest() -> tuple[float, Any]:
+    """Squared norm less the Earth's of (35), and its derivatives (12,)."""
+    from gimbalcal.earth import EARTH_RATE
+
+    norm = square(triangle() * polynomial(2)) - gyroscope.earth_squared()
+    at = GENERIC | {omega_ie: EARTH_RATE}
+    return float(numbers(norm, at)[0, 0]), numbers(sp.Matrix([norm]).jacobian(FREE), at)[0]
+
+
 @checks(SOURCE, "Eq. (35)", where=TURN_FIT)
 def rest_row() -> float:
     """The norm of the Earth's rate at rest: value and derivatives; the fit's misfit is over 2 w sigma."""
     from gimbalcal.earth import EARTH_RATE
 
     r, J = (part[4] for part in _turn_fit())
-    norm = gyroscope.square(triangle() * polynomial(2)) - gyroscope.earth_squared()
-    at = GENERIC | {omega_ie: EARTH_RATE}
-    value, slope = numbers(norm, at)[0, 0], numbers(sp.Matrix([norm]).jacobian(FREE), at)[0]
+    value, slope = _derived_rest()
     scale = 2 * EARTH_RATE * SIGMA_REST
     return float(max(abs(r * scale - value), np.abs(J * scale - slope).max()))
 
@@ -189,7 +233,12 @@ def simulated_turns() -> float:
     earth = EARTH_RATE * np.sin(trials.LATITUDE) * duration * axis
     at |= dict(zip((*gyroscope.W, *gyroscope.theta), (*earth, *(theta * axis)), strict=True))
     worst = 0.0
-    sides = zip((1.0, -1.0), gyroscope.over_a_turn(), ((gyroscope.S_cw, gyroscope.S2_cw), (gyroscope.S_ccw, gyroscope.S2_ccw)), strict=True)
+    sides = zip(
+        (1.0, -1.0),
+        gyroscope.over_a_turn(),
+        ((gyroscope.S_cw, gyroscope.S2_cw), (gyroscope.S_ccw, gyroscope.S2_ccw)),
+        strict=True,
+    )
     for sense, balance, symbols in sides:
         silent: Any = [_Silent()]
         S, Q = trials._revolution(triad, axis[None, None], sense, duration, silent)[0, 0]

@@ -161,10 +161,12 @@ def table_1_angle(row: int, axis: int) -> float:
 for _row in range(1, 19):
     for _component in table1.COMPONENTS:
         checks(SOURCE, table1.gravity_item(_row, _component), where="platform.SPACE_STABLE")(
-            partial(table_1_gravity, _row, _component))
+            partial(table_1_gravity, _row, _component)
+        )
     for _axis in range(3):
         checks(SOURCE, table1.angle_item(_row, _axis), where="schedule.EIGHTEEN_POSITIONS")(
-            partial(table_1_angle, _row, _axis))
+            partial(table_1_angle, _row, _axis)
+        )
 
 
 def wanted(ids: Sequence[str]) -> tuple[Any, ...]:

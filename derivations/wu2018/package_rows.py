@@ -1,4 +1,4 @@
-"""The rows that the package's estimators make, against the derivations: Eqs. (5), (8) to (10), (15) to (17), (20), (26).
+"""The rows of the package's estimators against the derivations: Eqs. (5), (8) to (10), (15) to (17), (20), (26).
 
 `package` compares the forward model; an estimator that writes an equation down again is compared here. As there, the
 largest difference is returned, columns scaled to order one.
@@ -17,7 +17,7 @@ from derivations.wu2018 import fine_norm, sensor, static_force
 from derivations.wu2018.frames import platform_to_accelerometers
 from derivations.wu2018.package import numbers, wanted
 from derivations.wu2018.package_static import PHASES
-from derivations.wu2018.symbols import BETA, G_NORMAL, LATITUDE, NUMBERS, RESIDUALS, L, S_t, SOURCE
+from derivations.wu2018.symbols import BETA, G_NORMAL, LATITUDE, NUMBERS, RESIDUALS, SOURCE, L, S_t
 
 NORM_ROWS = "estimate.accelerometers.fine.norm_rows"
 SIGMA, SAMPLES = 2e-3, 7.0  # m/s^2 of one sample, samples of a position: any
@@ -43,6 +43,7 @@ def _derived_force() -> Any:
     return np.array([numbers(force, values | dict(zip(sensor.f_a, y, strict=True)))[:, 0] for y in OUTPUTS])
 
 
+@cache
 @cache
 def _derived_rows() -> Any:
     """(m, 15) the first-order observation by the deviations, at u = SF_hat (f^a - b_hat): (16) times d(17)."""
@@ -82,7 +83,7 @@ def norm_misfit() -> float:
 
 
 @cache
-def _day() -> tuple[Any, Any, float, Any]:
+def _day() -> tuple[Any, Any, Any, Any]:
     """Ideal force over g (n, 3), Delta f over g (n, 3), z of (20) at each, for Tables 2 and 3; and x_1 to x_5."""
     at = {**NUMBERS}
     force = np.stack([numbers(static_force.force(), {L: LATITUDE, S_t: t})[:, 0] for t in PHASES])
@@ -110,6 +111,6 @@ def filtered() -> float:
     from gimbalcal.estimate.static_run import force_filter
 
     force, _, z, states = _day()
-    H = force_filter.observation_matrix(force)
-    found = force_filter.estimate(force_filter.accumulate(z, H, 1e-24))  # the prior of 1e-2 weighs 1e-20 of the rows
+    rows = force_filter.accumulate(z, force_filter.observation_matrix(force), 1e-24)
+    found = force_filter.estimate(rows)  # the prior of 1e-2 weighs 1e-20 of the rows
     return float(np.abs(found.x - states).max() / np.abs(states).max())

@@ -179,7 +179,9 @@ def _explain(printed: Printed, case: Case) -> str:
     if verdict == AGREES:
         return "First order in the gimbal zeros."
     if verdict == NOT_DETERMINED:
-        return "To first order in the gimbal zeros, in which the table is stated, it is right without; size up to {size}."
+        return (
+            "To first order in the gimbal zeros, in which the table is stated, it is right without; size up to {size}."
+        )
     if verdict == APPROXIMATION:
         lost = sp.sstr(sp.expand(case.derived - printed.formula))
         return f"Leaves out {lost}: up to {{size}} for zeros of 10 arcsec."

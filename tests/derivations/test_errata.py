@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 from derivations import __main__, errata
+from derivations.comparison import Comparison
 from derivations.verdict import Verdict
 
 VERDICTS = (
@@ -33,6 +34,21 @@ def test_papers_are_named_as_a_reader_knows_them():
 
 def test_summary_counts_and_names_faults():
     assert errata.summary(VERDICTS) == "2 items: 1 agrees, 1 wrong.\nNot right as printed in Wu 2018: Table 4, x1."
+
+
+def test_summary_tells_what_nothing_printed_determines_from_what_is_not_right():
+    third = replace(VERDICTS[0], item="Table 5, yaw", verdict="not-determined")
+    lines = errata.summary((*VERDICTS, third)).splitlines()
+    assert lines[1:] == ["Not right as printed in Wu 2018: Table 4, x1.", "Not determined in Wu 2018: Table 5, yaw."]
+
+
+def test_summary_lists_where_the_package_differs():
+    same = replace(VERDICTS[0], package=Comparison("forward", 1e-16))
+    apart = replace(VERDICTS[1], package=Comparison("fine.norm_rows", 2.0))
+    assert errata.summary((same,)).endswith("The package follows the derivation in all 1 items that it computes.")
+    lines = errata.summary((same, apart)).splitlines()
+    assert lines[-2] == "THE PACKAGE DIFFERS from the derivation in 1 of 2 items that it computes:"
+    assert lines[-1] == "  Wu 2018, Table 4, x1: PACKAGE DIFFERS in fine.norm_rows by 2."
 
 
 def test_file_has_the_seven_fields_and_replaces_the_old_one(tmp_path):

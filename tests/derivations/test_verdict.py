@@ -54,6 +54,37 @@ def test_two_slips_are_wrong():
     assert verdict_of(-a + b, a + b * sp.sin(L), factors=(sp.sin(L),)) == WRONG
 
 
+def test_a_repair_acts_on_what_was_printed():
+    def halve(formula):
+        return formula / 2
+
+    assert verdict_of(2 * sp.sin(a), sp.sin(a), repairs=(("twice", halve),)) == MISPRINT
+    assert verdict_of(2 * sp.sin(b), sp.sin(a), repairs=(("twice", halve),)) == WRONG
+
+
+def test_a_definition_agrees_and_says_so():
+    found = decide("000", Printed("Eq. (0)", "x = a", a), Case(None, "It is x."))
+    assert (found.verdict, found.size, found.derived) == (AGREES, "0", "a definition")
+    assert found.why == "A definition: nothing to derive. It is x."
+
+
+@pytest.mark.parametrize(
+    ("reading", "literal", "expected"),
+    [
+        (None, None, NOT_DETERMINED),  # the scan shows nothing
+        (a, b, NOT_DETERMINED),  # one letter for another: right or a misprint
+        (a, a**2, NOT_DETERMINED),
+        (b, 2 * b, WRONG),  # wrong either way
+        (a, None, AGREES),  # the scan is no formula as it stands: only the reading is
+    ],
+)
+def test_a_scan_on_which_the_verdict_hangs_is_unreadable(reading, literal, expected):
+    printed = Printed("Eq. (0)", "x", reading, garbled="a speck", literal=literal)
+    found = decide("000", printed, Case(a, "It is a."))
+    assert found.verdict == expected
+    assert found.why.startswith("unreadable: a speck. It is a.") == (expected == NOT_DETERMINED)
+
+
 def test_a_slip_that_the_paper_builds_on_is_wrong():
     printed = Printed("Eq. (0)", "x", -a, carried="used in the next equation")
     assert judge(printed, Case(a, "")) == (WRONG, "the overall sign")

@@ -1,0 +1,125 @@
+"""A wrong sign or factor in the package must make the run fail and name the item."""
+
+from __future__ import annotations
+
+import inspect
+import json
+from importlib import import_module
+from types import SimpleNamespace
+
+import pytest
+
+from derivations import __main__, comparison, wang2019, wu2018  # noqa: F401  (both register what they compare)
+from derivations.comparison import CHECKS, Comparison, compare
+from tests.mutation.rewrite import _code_of, mutants, original
+
+WANG, WU = "000", "001"
+# module of the package, function, what it says, what it says instead, source, items that must be named
+SLIPS = [
+    ("effects.accelerometer", "lean", "xz * fy - xy * fz", "xz * fy + xy * fz", WU, "5 6 16 17"),
+    ("effects.accelerometer", "lean", "zy * fx - zx * fy", "zy * fx + zx * fy", WU, "5 6 16 17"),
+    ("effects.accelerometer", "bend", "asarray(force * (1 - r)", "asarray(2 * force * (1 - r)", WU, "6 8 16"),
+    ("estimate.accelerometers.fine", "norm_rows", "-(u**3)", "u**3", WU, "10 16 17"),
+    ("estimate.accelerometers.fine", "norm_rows", "- 3 * variance", "+ 3 * variance", WU, "8 10"),
+    ("estimate.accelerometers.fine", "norm_rows", "K * off**2", "K * off", WU, "8 9"),
+    ("estimate.accelerometers.fine", "combinations", "5], [3, 4, 5]] = SF", "5], [3, 4, 5]] = 1", WU, "16 17"),
+    ("estimate.accelerometers.fine", "mounting", "[zy, -zx, 1]", "[zy, zx, 1]", WU, "5 8"),
+    ("estimate.static_run.force_filter", "observation_matrix", "-fx, -fy", "-fx, fy", WU, "27"),
+    ("estimate.static_run.force_filter", "projection", "/ gravity", "* gravity", WU, "20"),
+    ("wang2019.pulses", "Pulses.along_axes", "(K3 * N + K2)", "(K3 * N - K2)", WANG, "2 3 6 7 17 20"),
+    ("wang2019.pulses", "lower", "E[..., 2]", "-E[..., 2]", WANG, "2 5 8 17"),
+    ("wang2019.fit", "_residuals", "back * u**3", "back * u**2", WANG, "23"),
+    ("wang2019.fit", "_residuals", "f[..., 2] * fa[..., 1]", "f[..., 1] * fa[..., 1]", WANG, "25"),
+    ("wang2019.fit", "initial_scale", "2, target**2", "2, 2 * target**2", WANG, "41 42"),
+    ("wang2019.revolutions", "_residuals", "(W**2).sum(-1) - earth**2", "(W**2).sum(-1) + earth**2", WANG, "35"),
+    ("wang2019.revolutions", "_residuals", "JW) / (earth", "JW) / (2 * earth", WANG, "35"),
+    ("wang2019.revolutions", "_residuals", "(length - 4)", "(length - 2)", WANG, "29 30 31"),
+    ("wang2019.revolutions", "_across", "S - D * share", "S + D * share", WANG, "27 28"),
+    ("wang2019.revolutions", "_triad", "J[..., 2, 11] = w[..., 0], w[..., 0], w[..., 1]",
+     "J[..., 2, 11] = w[..., 0], w[..., 0], w[..., 0]", WANG, "34 35"),
+    ("navigate.error_model", "_dynamics", "+= -cross_matrix(2 * w_ie", "+= cross_matrix(2 * w_ie", WANG, "9 15"),
+    ("navigate.error_model", "_dynamics", "cross_matrix(2 * w_ie + w_en)", "cross_matrix(w_ie + w_en)", WANG, "9 15"),
+    ("navigate.error_model", "_dynamics", "= cross_matrix(f)", "= -cross_matrix(f)", WANG, "9 15"),
+    ("navigate.error_model", "_dynamics", "= -cross_matrix(w_ie +", "= cross_matrix(w_ie +", WANG, "10 11 12 16"),
+    ("navigate.error_model", "_dynamics", "= d_ie + d_en", "= d_ie - d_en", WANG, "10 16"),
+    ("navigate.error_model", "propagate", "u[:, 4:] = -np", "u[:, 4:] = np", WANG, "10"),
+    ("navigate.error_model", "propagate", "path.C_bn, force_error)", "path.C_bn, -force_error)", WANG, "9"),
+    ("navigate.error_model", "misread", "- v)", "+ v)", WANG, "13 14"),
+    ("inference.levenberg", "_step", "right = -np", "right = np", WANG, "40"),
+    ("estimate.gyroscopes.inter_triad", "triad_rotation", '"x", a[..., 1]', '"x", -a[..., 1]', WANG, "43"),
+]  # fmt: skip
+
+
+@pytest.fixture
+def slip(monkeypatch):
+    """Change one piece of a function of the package, wherever it is used."""
+
+    def change(module, function, old, new):
+        found = import_module(f"gimbalcal.{module}")
+        source, own = inspect.getsource(found), inspect.getsource(original(found.__name__, function))
+        assert own.count(old) == 1, f"{function} no longer says {old!r} once"
+        changed = compile(source.replace(own, own.replace(old, new)), found.__name__, "exec")
+        monkeypatch.setattr(original(found.__name__, function), "__code__", _code_of(changed, function.split(".")))
+        comparison.forget()
+
+    yield change
+    monkeypatch.undo()
+    comparison.forget()
+
+
+@pytest.mark.parametrize(("module", "function", "old", "new", "source", "items"), SLIPS)
+def test_a_slip_in_the_package_is_named(slip, module, function, old, new, source, items):
+    slip(module, function, old, new)
+    for number in items.split():
+        assert not compare(source, f"Eq. ({number})").same, number
+
+
+def test_the_run_fails_and_lists_the_items(slip, monkeypatch, capsys, tmp_path):
+    papers = (SimpleNamespace(verdicts=lambda: wang2019.judge_group(wang2019.navigation)),)
+    monkeypatch.setattr(__main__, "PAPERS", papers)
+    assert __main__.main(["--out", str(tmp_path)]) == 0
+    assert "The package follows the derivation in all 8 items" in capsys.readouterr().out
+    slip("navigate.error_model", "_dynamics", "= -cross_matrix(w_ie + w_en)", "= cross_matrix(w_ie + w_en)")
+    assert __main__.main(["--out", str(tmp_path)]) == 1
+    last = capsys.readouterr().out.split("THE PACKAGE DIFFERS")[1]
+    assert "in 4 of 8 items" in last
+    assert "Wang 2019, Eq. (10): PACKAGE DIFFERS in navigate.error_model._dynamics by" in last
+    assert "Eq. (9)" not in last
+    told = {v["item"]: v["why"] for v in json.loads((tmp_path / "errata.json").read_text())}
+    assert "PACKAGE DIFFERS" in told["Eq. (10)"]
+
+
+def test_a_formula_that_breaks_differs(slip):
+    slip("estimate.accelerometers.fine", "mounting", "[zy, -zx, 1]", "[zy, -zx]")
+    found = compare(WU, "Eq. (5)")
+    assert not found.same
+    assert "ValueError" in str(found)
+
+
+def test_a_difference_that_is_no_number_differs():
+    assert not Comparison("x", float("nan")).same
+
+
+@pytest.mark.parametrize(
+    ("module", "functions", "where"),
+    [
+        ("estimate.accelerometers.fine", {"norm_rows", "combinations", "mounting"}, "estimate.accelerometers.fine"),
+        ("wang2019.revolutions", {"_triad", "_across"}, "wang2019.revolutions"),
+        ("estimate.static_run.force_filter", {"observation_matrix", "projection"}, "estimate.static_run.force_filter"),
+    ],
+)
+def test_no_changed_term_of_a_row_goes_unnoticed(module, functions, where):
+    """Two changes to every statement of these functions, one at a time: signs, operators, exponents, factors."""
+    checks = {check for places in CHECKS.values() for place, check in places if place.startswith(where)}
+    survivors = []
+    for mutant in (m for m in mutants(f"gimbalcal.{module}", 2) if m.function in functions):
+        restore = mutant.install()
+        comparison.forget()
+        try:
+            noticed = any(not comparison._run(where, check).same for check in checks)
+        finally:
+            restore()
+        if not noticed:
+            survivors.append(str(mutant))
+    comparison.forget()
+    assert not survivors
