@@ -26,6 +26,7 @@ from derivations.wu2018.attitude_error import (
 from derivations.wu2018.package import numbers, stimulus, wanted
 from derivations.wu2018.symbols import G_NORMAL, LATITUDE, RESIDUALS, SOURCE, TABLE_2, TABLE_3, L, S_t, g, psi
 
+EQUATIONS = (21, 22, 23, 24, 25, 34, 35, 36, 37, 38, 29, 31, 30, 33, 32)  # in the order of `combined.NAMES`
 SEPARATION = "estimate.static_run.combined.matrix"
 PHASES = 2 * np.pi * np.arange(24) / 24  # rad; exact for harmonics up to 11
 
@@ -182,8 +183,6 @@ def coefficient_matrix() -> float:
 
 def separation_row(equation: int) -> float:
     """One of Eqs. (21) to (25), (29) to (38) in the separation's matrix."""
-    from gimbalcal.estimate.static_run.combined import EQUATIONS
-
     return float(np.abs(_separation_difference()[EQUATIONS.index(equation)]).max())
 
 
