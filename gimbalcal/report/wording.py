@@ -132,7 +132,7 @@ def answer(content: Mapping[str, Any]) -> str:
         seen = f"All {counted(total, 'parameter')} are calibrated"
     else:
         seen = f"All {counted(total - len(unobservable), 'direction')} that the data can see are calibrated"
-    return f"{seen}; {_left(content)}.{_unobservable(unobservable)}"
+    return f"{seen}; {_left(content)}.{_far_off(content)}{_unobservable(unobservable)}"
 
 
 def _left(content: Mapping[str, Any]) -> str:
@@ -171,6 +171,17 @@ def _pattern(pattern: Mapping[str, Any]) -> str:
         return ""
     where = f"{pattern['channel']} it follows the {pattern['axis'].replace('_', ' ')}"
     return f"; but it is no noise: {where}, and `gimbalcal diagnose` looks for the cause"
+
+
+def _far_off(content: Mapping[str, Any]) -> str:
+    """A sentence on stars far off the others; empty for none."""
+    stars = content["provenance"].get("far_off", [])
+    if not stars:
+        return ""
+    worst = ", ".join(f"number {s['star']} of “{s['title']}” by {s['arcsec']:.3g} arcsec" for s in stars[:3])
+    one = len(stars) == 1
+    which = "A star is" if one else f"{counted(len(stars), 'star').capitalize()} are"
+    return f" {which} far off the others, {worst}: mistaken or not centred, so leave {'it' if one else 'them'} out."
 
 
 def _unobservable(unobservable: Sequence[Mapping[str, Any]]) -> str:

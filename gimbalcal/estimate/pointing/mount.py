@@ -13,7 +13,7 @@ from gimbalcal.calibration.exchange.tpoint import as_record, mount_record, tpoin
 from gimbalcal.errors import amount
 from gimbalcal.estimate.pointing.drift import Nights, by_night, record
 from gimbalcal.estimate.pointing.fit import Fit, fit
-from gimbalcal.estimate.pointing.pattern import pattern
+from gimbalcal.estimate.pointing.pattern import far_off, pattern
 from gimbalcal.estimate.pointing.run import CHANNELS, nights, read_axes
 from gimbalcal.estimate.pointing.terms import USUAL, wanted_parameters
 from gimbalcal.recording import Recording, join
@@ -55,6 +55,7 @@ def pointing_calibration(
                 "gimbal_angle_from": "residual" if stated is None else "recording.toml",
             },
             "pattern": asdict(left) if left else {},
+            "far_off": [{"title": t, "star": n, "arcsec": float(from_si(d, "arcsec"))} for t, n, d in far_off(found)],
             "stars": sum(len(r.time) for r in runs),
             "mount": mount_record(recordings[0].platform, latitude),
         },

@@ -1,4 +1,6 @@
-r"""Whether what is left of the stars follows an angle of the mount: neighbours along it are alike.
+r"""What is left of the stars that is no noise: it follows an angle of the mount, or a star is far off the others.
+
+Neighbours along an angle are alike where something follows it,
 
 .. math:: V = \frac{\sum_i (r_{i+1} - r_i)^2}{\sum_i r_i^2}, \qquad
           z = \frac{2 - V}{\sqrt{4 / n}} \sim N(0, 1) \text{ of noise, } r \text{ in the order of the angle}
@@ -18,7 +20,10 @@ from gimbalcal.estimate.pointing.fit import Fit
 from gimbalcal.estimate.pointing.run import CHANNELS
 
 FOLLOWS = 1e-3  # probability, all trials paid, below which neighbours are no more alike by chance
+LEAST = 1e-3  # rad; an axis that travels less stood still
 FEWEST = 20  # stars in which a pattern can be told from chance
+FAR = 7.0  # robust sigmas; a star further off is another star, or was not centred
+MEDIAN_LENGTH = 1.1774  # of a plane vector of normal noise with sigma 1: the median of Rayleigh's distribution
 
 
 @dataclass(frozen=True)
@@ -30,6 +35,15 @@ class Pattern:
     probability: float
 
 
+def far_off(found: Fit) -> tuple[tuple[str, int, float], ...]:
+    """Title of the run, number of the star from 1 and its distance [rad] of stars far off the others, worst first."""
+    length = [np.linalg.norm(r, axis=1) for r in found.residuals]
+    limit = FAR * float(np.median(np.concatenate(length))) / MEDIAN_LENGTH
+    out = [(run.title, int(i) + 1, float(d[i])) for run, d in zip(found.runs, length, strict=True)
+           for i in np.flatnonzero(d > limit)]  # fmt: skip
+    return tuple(sorted(out, key=lambda star: -star[2])) if sum(map(len, length)) >= FEWEST else ()
+
+
 def pattern(found: Fit, axes: Sequence[str]) -> Pattern | None:
     """The clearest pattern of what a fit leaves over the true angles of its axes; None where noise may look so."""
     from scipy.stats import norm
@@ -39,10 +53,15 @@ def pattern(found: Fit, axes: Sequence[str]) -> Pattern | None:
         return None
     trials = []
     for axis in axes:
-        order = np.argsort(np.concatenate([r.channels["true_angle", axis] for r in found.runs]), kind="stable")
+        angle = np.concatenate([r.channels["true_angle", axis] for r in found.runs])
+        if np.ptp(angle) < LEAST:
+            continue
+        order = np.argsort(angle, kind="stable")
         for (_, channel), r in zip(CHANNELS, left[order].T, strict=True):
             alike = 2 - (np.diff(r) ** 2).sum() / max(float((r**2).sum()), 1e-300)
             trials.append(Pattern(channel, axis, float(norm.sf(alike / np.sqrt(4 / len(r))))))
+    if not trials:
+        return None
     best = min(trials, key=lambda t: t.probability)
     p = min(1.0, len(trials) * best.probability)
     return Pattern(best.channel, best.axis, p) if p < FOLLOWS else None

@@ -92,6 +92,19 @@ def test_a_pattern_of_what_is_left_is_told_where_no_noise_is_stated() -> None:
     assert "but it is no noise: along it follows the azimuth, and `gimbalcal diagnose` looks for the cause" in words
 
 
+def test_a_mistaken_star_is_named() -> None:
+    night = run(ALT_AZ, sky(ALT_AZ, 60), effects(ALT_AZ, **TELESCOPE), 1.0)
+    elevation = night.channels["true_angle", "elevation"].copy()
+    elevation[16] += 90 * ARCSEC
+    made = pointing_calibration([replace(night, channels={**night.channels, ("true_angle", "elevation"): elevation})])
+    (star,) = made.provenance["far_off"]
+    assert star["star"] == 17
+    assert star["arcsec"] == pytest.approx(90, rel=0.2)
+    words = answer({**made.to_dict(), "provenance": dict(made.provenance)})
+    assert "A star is far off the others, number 17 of “made” by" in words
+    assert pointing_calibration([night]).provenance["far_off"] == []
+
+
 def test_noise_alone_makes_no_pattern() -> None:
     runs = (run(ALT_AZ, sky(ALT_AZ, 60, seed), effects(ALT_AZ, **TELESCOPE), 1.0, seed) for seed in range(20))
     assert sum(bool(pointing_calibration([r]).provenance["pattern"]) for r in runs) == 0  # of 20, 0.02 by chance
