@@ -17,7 +17,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, absent, parameters
-from gimbalcal.effects.effect import constants, follows, lacking
+from gimbalcal.effects.effect import Grid, constants, follows, lacking
 from gimbalcal.effects.grids import Constant, between, grid, kind, limits
 from gimbalcal.errors import InputError
 from gimbalcal.recording import Recording
@@ -170,7 +170,7 @@ def with_constants(
         def missed(values: Mapping[str, float], effect: str = a.effect) -> float:
             return cost(made({**chosen, effect: {**chosen[effect], **values}}))
 
-        each = [grid(f, s).tolist() for f in a.free]
+        each = [_tried(f, s) for f in a.free]
         tried = [dict(zip((f.name for f in a.free), v, strict=True)) for v in itertools.product(*each)]
         misfits = [missed(t) for t in tried]
         chosen[a.effect] |= tried[int(np.argmin(misfits))]
@@ -183,6 +183,14 @@ def with_constants(
         for f in constants(CATALOGUE[a.effect]):
             told[every[f.name]] = (chosen[a.effect][f.name], sigma.get((a.effect, f.name), 0.0))
     return made(chosen), told
+
+
+def _tried(f: Constant, s: Stimulus) -> list[float]:
+    """Values of a constant that are held against each other: every whole number, as nothing lies between two."""
+    if kind(f) is Grid.WHOLE:
+        low, high = limits(f, s)
+        return np.arange(low, high + 0.5).tolist()
+    return grid(f, s).tolist()
 
 
 def _first(a: Added, s: Stimulus) -> dict[str, float]:

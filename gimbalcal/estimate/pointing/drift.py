@@ -41,13 +41,13 @@ def by_night(together: Fit, sigma: float | None) -> Nights | None:
     runs = [r for r in together.runs if 2 * len(r.time) >= free]
     if len(runs) < 2:
         return None
-    alone = tuple(fit([r], wanted, sigma or together.sigma) for r in runs)
+    alone = tuple(fit([r], wanted, sigma or together.sigma, together.absent) for r in runs)
     left, ranks = sum(f.square for f in alone), sum(_seen(f) for f in alone)
     nu = 2 * sum(len(r.time) for r in runs) - ranks
     if sigma is None:  # what differs between nights is no noise of theirs
         apart = max(float(np.sqrt(left / max(nu, 1))), EXACT)
-        alone = tuple(fit([r], wanted, apart) for r in runs)
-    common = together if len(runs) == len(together.runs) else fit(runs, wanted, sigma)
+        alone = tuple(fit([r], wanted, apart, together.absent) for r in runs)
+    common = together if len(runs) == len(together.runs) else fit(runs, wanted, sigma, together.absent)
     gain = max(common.square - left, 0.0)
     p = _probability(gain, left, ranks - _seen(common), nu, sigma)
     return Nights(alone, p, _moved(alone) if p < DIFFER else ())
@@ -97,7 +97,7 @@ def record(nights: Nights) -> list[dict[str, Any]]:
             row |= {} if f is nights.fits[0] else {"change": d[i], "change_sigma": s[i]}
             rows[p.label] = {k: float(from_si(v, p.unit)) for k, v in row.items()} | {"unit": p.unit}
         n = len(f.runs[0].time)
-        rms = float(from_si(np.sqrt(f.square / n), "arcsec"))
+        rms = float(from_si(np.sqrt((f.residuals[0] ** 2).sum() / n), "arcsec"))
         title, start = f.runs[0].title, float(f.runs[0].time[0])
         out.append({"title": title, "start_s": start, "stars": n, "rms_arcsec": rms, "terms": rows})
     return out

@@ -8,7 +8,7 @@ star on the sky, in both directions: the stated `gimbal_angle` noise, or where n
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,19 +32,31 @@ class Fit:
 
     runs: tuple[Recording, ...]
     effects: tuple[Effect, ...]
+    absent: tuple[Effect, ...]  # those with constants of their own, before they were fitted
     solution: Solution
     residuals: tuple[Array, ...]
     sigma: float  # of a star across or along [rad]
 
     @property
+    def weighted(self) -> tuple[Array, ...]:
+        """What is left of each star (n, 2) [rad] times the root of its weight: of one sigma for all."""
+        return tuple(r * np.sqrt(run.weight)[:, None] for run, r in zip(self.runs, self.residuals, strict=True))
+
+    @property
     def square(self) -> float:
-        """Sum of squares of what is left [rad^2]."""
-        return float(sum((r**2).sum() for r in self.residuals))
+        """Weighted sum of squares of what is left [rad^2]."""
+        return float(sum((r**2).sum() for r in self.weighted))
 
 
-def fit(runs: Sequence[Recording], wanted: Sequence[Parameter], sigma: float | None = None) -> Fit:
+def fit(
+    runs: Sequence[Recording],
+    wanted: Sequence[Parameter],
+    sigma: float | None = None,
+    absent: Sequence[Effect] = (),
+) -> Fit:
     """The terms of a mount from runs with it; sigma [rad] of a star, from the scatter where it is None.
 
+    absent: effects of size zero whose constants are not the catalogue's (the teeth of a worm).
     Raises InputError where there are fewer readings than unknowns, or the steps do not settle.
     """
     stars = sum(len(r.time) for r in runs)
@@ -55,7 +67,7 @@ def fit(runs: Sequence[Recording], wanted: Sequence[Parameter], sigma: float | N
     seen = [(r, on_stars(r)) for r in runs]
     x = _start(runs, wanted)
     for _ in range(STEPS):
-        J, r = _rows(seen, _effects(runs[0], wanted, x), wanted)
+        J, r = _rows(seen, _effects(runs[0], wanted, x, absent), wanted)
         size = sigma or max(_scatter(J, r), EXACT)
         solution = solve(information(J / size, (r + J @ x) / size, wanted), SEEN)
         moved = np.abs(solution.x - x) / np.maximum(solution.sigma, 1e-3 * EXACT)
@@ -67,13 +79,35 @@ def fit(runs: Sequence[Recording], wanted: Sequence[Parameter], sigma: float | N
             f"the terms of {runs[0].title!r} do not settle: star and readout disagree by too much for small errors; "
             "check units, signs and the sense of the axes in [platform]"
         )
-    effects = _effects(runs[0], wanted, x)
+    effects = _effects(runs[0], wanted, x, absent)
     left = tuple(against_stars(r, s, effects).residual for r, s in seen)
-    return Fit(tuple(runs), effects, solution, left, size)
+    return Fit(tuple(runs), effects, tuple(absent), solution, left, size)
 
 
-def _effects(recording: Recording, wanted: Sequence[Parameter], x: Array) -> tuple[Effect, ...]:
-    return with_values((), wanted, x, recording.platform.axis_names)
+def _effects(
+    recording: Recording, wanted: Sequence[Parameter], x: Array, absent: Sequence[Effect]
+) -> tuple[Effect, ...]:
+    return with_values(absent, wanted, x, recording.platform.axis_names)
+
+
+def misfit_of(found: Fit, more: Mapping[str, Sequence[Parameter]]) -> Callable[[Sequence[Effect]], float]:
+    """What a fit leaves, as chi^2, with the parameters of absent effects (by id) free beside its own."""
+    seen = [(r, on_stars(r)) for r in found.runs]
+    J, r = _rows(seen, found.effects, found.solution.parameters)
+    parts = [against_stars(run, s, found.effects) for run, s in seen]
+    root = np.repeat(np.sqrt(np.concatenate([run.weight for run in found.runs])), len(parts[0].channels))
+
+    def misfit(effects: Sequence[Effect]) -> float:
+        beside = [J]
+        for e in effects:
+            own = np.concatenate([p.columns(e, more[e.id]).reshape(-1, len(more[e.id])) for p in parts])
+            beside.append(own * root[:, None])
+        every = np.concatenate(beside, axis=1)
+        every = every / (np.linalg.norm(every, axis=0) + 1e-300)
+        best = np.linalg.lstsq(every, r, rcond=1e-8)[0]
+        return float(((r - every @ best) ** 2).sum() / found.sigma**2)
+
+    return misfit
 
 
 def _start(runs: Sequence[Recording], wanted: Sequence[Parameter]) -> Array:

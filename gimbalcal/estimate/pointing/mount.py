@@ -10,11 +10,13 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.calibration.exchange.tpoint import as_record, mount_record, tpoint_terms
+from gimbalcal.effects import Parameter
 from gimbalcal.errors import amount
+from gimbalcal.estimate.added import Added, added, with_constants, with_told
 from gimbalcal.estimate.pointing.drift import Nights, by_night, record
-from gimbalcal.estimate.pointing.fit import Fit, fit
+from gimbalcal.estimate.pointing.fit import Fit, fit, misfit_of
 from gimbalcal.estimate.pointing.pattern import far_off, pattern
-from gimbalcal.estimate.pointing.run import CHANNELS, nights, read_axes
+from gimbalcal.estimate.pointing.run import CHANNELS, nights, on_stars, read_axes
 from gimbalcal.estimate.pointing.terms import USUAL, wanted_parameters
 from gimbalcal.recording import Recording, join
 from gimbalcal.units import from_si
@@ -29,22 +31,29 @@ def pointing_calibration(
 ) -> Calibration:
     """The terms of one mount from runs with it, in any number of files and nights.
 
-    terms: ids of effects, or "id:axis" (default `USUAL`); more: further ones. The outcome is a sentence where the
-    stated noise does not explain what is left, or where the nights do not share their terms. Raises InputError for
-    recordings of several mounts, without true angles, or with fewer readings than unknowns.
+    terms: ids of effects, or "id:axis" (default `USUAL`); more: further ones as `added` reads them. The outcome is a
+    sentence where the stated noise does not explain what is left, or where the nights do not share their terms. Raises
+    InputError for recordings of several mounts, without true angles, or with fewer readings than unknowns.
     """
     join(recordings)  # refuses runs of different mounts, and one that is given twice
     runs = tuple(night for r in recordings for night in nights(r))
-    wanted = wanted_parameters(recordings[0].platform, read_axes(recordings[0]), (*(terms or USUAL), *more))
+    held, platform, axes = terms or USUAL, recordings[0].platform, read_axes(recordings[0])
     stated = _stated(recordings)
+    also = added(more, recordings, held)
+    further = {a.effect: wanted_parameters(platform, axes, _named(a)) for a in also}
+    wanted = wanted_parameters(platform, axes, held)
     found = fit(runs, wanted, stated)
+    constants: dict[Parameter, tuple[float, float]] = {}
+    if also:
+        effects, constants = with_constants(also, on_stars(join(recordings)), misfit_of(found, further))
+        found = fit(runs, (*wanted, *(p for own in further.values() for p in own)), stated, effects)
     several = by_night(found, stated)
-    left = pattern(found, read_axes(recordings[0]))
+    left = pattern(found, axes)
     latitude = next((r.site.latitude for r in recordings if r.site.latitude is not None), None)
     made = Calibration(
         method="pointing",
         effects=found.effects,
-        parameters=wanted,
+        parameters=found.solution.parameters,
         covariance=found.solution.covariance,
         unobservable=tuple(u.to_dict() for u in found.solution.unobservable),
         residual=_residual(found),
@@ -61,7 +70,12 @@ def pointing_calibration(
         },
         readout=Readout(gimbals=recordings[0].platform.axis_names),
     )
-    return _with_names(made, several)
+    return with_told(_with_names(made, several), constants)
+
+
+def _named(one: Added) -> tuple[str, ...]:
+    """What is asked for, as terms: an effect, or its axes one by one."""
+    return tuple(f"{one.effect}:{axis}" for axis in one.axes) or (one.effect,)
 
 
 def _with_names(made: Calibration, several: Nights | None) -> Calibration:

@@ -37,7 +37,7 @@ class Pattern:
 
 def far_off(found: Fit) -> tuple[tuple[str, int, float], ...]:
     """Title of the run, number of the star from 1 and its distance [rad] of stars far off the others, worst first."""
-    length = [np.linalg.norm(r, axis=1) for r in found.residuals]
+    length = [np.linalg.norm(r, axis=1) for r in found.weighted]
     limit = FAR * float(np.median(np.concatenate(length))) / MEDIAN_LENGTH
     out = [(run.title, int(i) + 1, float(d[i])) for run, d in zip(found.runs, length, strict=True)
            for i in np.flatnonzero(d > limit)]  # fmt: skip
@@ -48,7 +48,7 @@ def pattern(found: Fit, axes: Sequence[str]) -> Pattern | None:
     """The clearest pattern of what a fit leaves over the true angles of its axes; None where noise may look so."""
     from scipy.stats import norm
 
-    left = np.concatenate(found.residuals)
+    left = np.concatenate(found.weighted)
     if len(left) < FEWEST:
         return None
     trials = []

@@ -110,6 +110,22 @@ def test_noise_alone_makes_no_pattern() -> None:
     assert sum(bool(pointing_calibration([r]).provenance["pattern"]) for r in runs) == 0  # of 20, 0.02 by chance
 
 
+def test_an_effect_is_added_with_the_constant_that_is_stated_or_fits() -> None:
+    """Five turns of a wobbling bearing to one of the azimuth."""
+    there = effects(ALT_AZ, **TELESCOPE, harmonic_sin__azimuth=15.0, harmonic_cos__azimuth=-10.0)
+    there = tuple(replace(e, order=5.0) if e.id == "encoder_harmonic" else e for e in there)
+    night = run(ALT_AZ, sky(ALT_AZ, 70), there, 1.0)
+    for words in ("encoder_harmonic:azimuth,order=5", "encoder_harmonic:azimuth"):
+        made = pointing_calibration([night], more=(words,))
+        found = {p.label: (v, s) for p, v, s in zip(made.parameters, made.values, made.sigmas, strict=True)}
+        assert found["encoder_harmonic.order"][0] == 5.0
+        for label, size in (("harmonic_sin:azimuth", 15.0), ("harmonic_cos:azimuth", -10.0)):
+            value, sigma = found[label]
+            assert abs(value - size * ARCSEC) < 4 * sigma < 4 * ARCSEC
+        assert "harmonic_sin:elevation" not in found
+        assert made.provenance["noise"]["star_arcsec"] == pytest.approx(1.0, rel=0.25)
+
+
 def two(change: float, seed: int = 3) -> Sequence[Recording]:
     first = effects(ALT_AZ, **TELESCOPE)
     then = effects(ALT_AZ, **{**TELESCOPE, "base_tilt__east": -10.0 + change})
@@ -153,8 +169,10 @@ def test_runs_that_do_not_belong_together_are_refused() -> None:
         pointing_calibration([night.select(slice(0, 3))])
     with pytest.raises(InputError, match="'bias' is no effect of a pointing run"):
         pointing_calibration([night], ("bias",))
-    with pytest.raises(InputError, match="base_tilt has no axis 'down' on this mount; it has north, east"):
+    with pytest.raises(InputError, match="base_tilt is in the model of this method anyway"):
         pointing_calibration([night], more=("base_tilt:down",))
+    with pytest.raises(InputError, match="base_tilt has no axis 'down' on this mount; it has north, east"):
+        pointing_calibration([night], ("gimbal_zero", "base_tilt:down"))
     blind = {k: v for k, v in night.channels.items() if k != ("true_angle", "azimuth")}
     with pytest.raises(InputError, match="needs a true_angle along azimuth"):
         pointing_calibration([replace(night, channels=blind)])
