@@ -15,7 +15,7 @@ from gimbalcal.importers.table import COMMON, header_for, number, one_file, only
 from gimbalcal.number import Array
 from gimbalcal.recording.dates import is_date
 from gimbalcal.recording.record import Recording
-from gimbalcal.recording.samples import EMPTY, numbered
+from gimbalcal.recording.samples import EMPTY, names_above, numbered
 
 if TYPE_CHECKING:
     import polars as pl
@@ -38,10 +38,17 @@ def import_csv(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     if len(separator) != 1:
         raise InputError(f"the separator {separator!r} is not one character; write comma, semicolon, tab or space")
     wanted = [c.name for c in header.columns]
-    named = not numbered(wanted) or not _holds_numbers(path, skip, separator)
+    named = not _holds_numbers(path, skip, separator)
     frame = _frame(path, separator, skip, named)
     if numbered(wanted) and not set(wanted) <= set(frame.columns):
         frame.columns = [str(i) for i in range(1, frame.width + 1)]
+    elif not named:
+        frame.columns = names_above(path, frame.width, skip) or frame.columns
+        if not set(wanted) <= set(frame.columns):
+            raise InputError(
+                f"{path}: numbers stand where the column names belong; put them above, or call the columns by number "
+                f'in {header.path.name}, as in 1 = {{ quantity = "time", unit = "s" }}'
+            )
     clock = header.column("time")
 
     def fetch(name: str) -> Array:

@@ -77,16 +77,35 @@ def column(path: Path, name: str, clock: Column | None = None) -> Array:
 
 
 def has_names(path: Path, names: Sequence[str]) -> bool:
-    """Whether a text file begins with a line of names: always, but where columns are numbered and it holds numbers.
+    """Whether a text file begins with a line of names: always, but where it begins with numbers and the columns are
 
-    A first line 0, 1, 2, ... or 1, 2, 3, ... is names that a program made up.
+    numbered, or named by the last comment above. A first line 0, 1, 2, ... or 1, 2, 3, ... is names, made up.
     """
-    if path.suffix == ".parquet" or not numbered(names):
-        return True
-    first = next((cells for _, cells in _lines(path)), [])
-    return not all(_is_number(cell) or is_date(cell) for cell in first) or (
-        len(first) > 1 and [cell.strip() for cell in first] in ([str(i + k) for i in range(len(first))] for k in (0, 1))
-    )
+    return path.suffix == ".parquet" or heading(path, names)[0]
+
+
+def heading(path: Path, names: Sequence[str]) -> tuple[bool, list[str]]:
+    """Whether the first line without ``#`` names the columns of a CSV, and what they are called."""
+    first = [cell.strip() for cell in next((cells for _, cells in _lines(path)), [])]
+    counted = [str(i) for i in range(1, len(first) + 1)]
+    made_up = len(first) > 1 and first in (counted, [str(i) for i in range(len(first))])
+    numbers = bool(first) and not made_up and all(_is_number(cell) or is_date(cell) for cell in first)
+    if numbered(names):
+        return not numbers, first if not numbers and set(names) <= set(first) else counted
+    above = [] if set(names) <= set(first) else names_above(path, len(first))
+    return (False, above) if names and set(names) <= set(above) else (True, first)
+
+
+def names_above(path: Path, columns: int, skip: int = 0) -> list[str]:
+    """The words of the last comment above the rows, if there is one for each column: many logs name them there."""
+    last = ""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        for i, line in enumerate(file):
+            if i >= skip and not line.startswith("#"):
+                break
+            last = line if i >= skip else ""
+    words = [word for word in re.split(r"[\s,;]+", last.lstrip("# ").strip()) if word]
+    return words if len(words) == columns else []
 
 
 def numbered(names: Sequence[str]) -> bool:
@@ -103,13 +122,13 @@ def _scan(path: Path, names: Sequence[str]) -> pl.LazyFrame:
     if path.stat().st_size == 0:
         raise pl.exceptions.NoDataError
     # Every dtype is given: a guess from the first rows fails at the first 0.5 below a column of integers.
-    head, named = [cells for _, (_, cells) in zip(range(3), _lines(path), strict=False)], has_names(path, names)
+    head, (named, present) = (
+        [cells for _, (_, cells) in zip(range(3), _lines(path), strict=False)],
+        heading(path, names),
+    )
     text = any(cell != cell.strip() or is_date(cell) for cells in head[named:] for cell in cells)
     there = pl.scan_csv(path, comment_prefix="#", infer_schema=False, has_header=named).collect_schema().names()
-    present = [name.strip() for name in there]
-    if numbered(names) and not set(names) <= set(present):
-        present = [str(i) for i in range(1, len(there) + 1)]
-    if len(set(present)) < len(there):
+    if len(set(present)) < len(there) or len(present) != len(there):
         present = there
     types = {
         old: pl.Float64 if name in names and not text else pl.String for old, name in zip(there, present, strict=True)
@@ -138,9 +157,8 @@ def _dated(path: Path, clock: Column, kind: pl.DataType, named: bool) -> bool:
         head = pl.scan_parquet(path).select(clock.name).head(1).collect()
         first = str(head.item()) if head.height else ""
     elif path.suffix != ".parquet":
-        names = next((cells for _, cells in _lines(path)), [])
-        stripped = [name.strip() for name in names]
-        at = stripped.index(clock.name) if named and clock.name in stripped else int(clock.name) - 1
+        present = heading(path, [clock.name])[1]
+        at = present.index(clock.name) if clock.name in present else 0
         first = next((c[at] for i, (_, c) in enumerate(_lines(path)) if i >= named and len(c) > at), "")
     dated = kind.is_temporal() or is_date(first)
     if clock.dated and first and not dated:
@@ -237,17 +255,13 @@ def _explained(path: Path, names: Sequence[str], error: Exception) -> InputError
 
 
 def _first_bad_line(path: Path, names: Sequence[str]) -> InputError | None:
-    header: list[str] = []
-    named = has_names(path, names)
-    for line, cells in _lines(path):
+    named, header = heading(path, names)
+    for row, (line, cells) in enumerate(_lines(path)):
         odd = next((cell for cell in cells if "\ufffd" in cell), None)
         if odd is not None:
             return InputError(f"{path}, line {line}: {shortened(odd)!r} is not text in UTF-8; save the file as UTF-8")
-        if not header:
-            counted = numbered(names) and not set(names) <= {cell.strip() for cell in cells}
-            header = [str(i) if counted else cell.strip() for i, cell in enumerate(cells, start=1)]
-            if named:
-                continue
+        if named and row == 0:
+            continue
         if len(cells) > len(header):
             return InputError(
                 f"{path}, line {line}: {amount(len(cells), 'value')} where the first line names "

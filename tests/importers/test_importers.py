@@ -292,6 +292,46 @@ def test_a_table_without_names_has_numbered_columns(tmp_path: Path, name: str, g
     ), name
 
 
+def test_names_that_stand_in_the_comment_above_the_numbers(tmp_path: Path) -> None:
+    time, position, force = table()
+    lines = [f"{t:g} {p:g} {x:.8f} {y:.8f} {z:.8f} " for t, p, (x, y, z) in zip(time, position, force, strict=True)]
+    (tmp_path / "log.txt").write_text("# an odd rig\n# time pos ax ay az\n" + "\n".join(lines))
+    options = header(tmp_path, time="time", position="pos", x="ax", y="ay", z="az")
+    recording = import_files("csv", [tmp_path / "log.txt"], options)
+    np.testing.assert_allclose(recording.triad("specific_force"), force * 9.80665, atol=1e-7)
+    unnamed = header(tmp_path, time="t", position="pos", x="ax", y="ay", z="az")
+    assert "log.txt: numbers stand where the column names belong; put them above, or call" in refusal(
+        "csv", [tmp_path / "log.txt"], unnamed
+    )
+    folder = tmp_path / "rec"  # and in a recording folder
+    folder.mkdir()
+    header(folder, time="time", position="pos", x="ax", y="ay", z="az")
+    (folder / "columns.toml").rename(folder / "recording.toml")
+    text = "# time, pos, ax, ay, az\n" + "\n".join(line.strip().replace(" ", ",") for line in lines)
+    (folder / "samples.csv").write_text(text)
+    np.testing.assert_allclose(read(folder).triad("specific_force"), force * 9.80665, atol=1e-7)
+    (folder / "samples.csv").write_text(text.replace(",1,", ",x,", 1))
+    with pytest.raises(InputError, match=r"samples\.csv, line 2, column pos: 'x' is not a number"):
+        read(folder)
+
+
+def test_two_kinds_of_rows_in_one_table_whose_times_run_into_each_other(tmp_path: Path) -> None:
+    """A filter's rows between those of the sensors, each stamped with its own time, as MicroStrain units write them."""
+    time, position, force = table()
+    lines = ["timestamp,pos,ax,ay,az,q"]
+    for i, (t, p, (x, y, z)) in enumerate(zip(time, position, force, strict=True)):
+        lines.append(f"{1730147632975270720 + int(t * 1e9)},{p:g},{x:.8f},{y:.8f},{z:.8f},")
+        if i % 2:
+            lines.append(f"{1730147632975270720 + int((t - 0.7) * 1e9)},,,,,0.61")
+    (tmp_path / "log.csv").write_text("\n".join(lines))
+    options = header(tmp_path, time="timestamp", position="pos", x="ax", y="ay", z="az")
+    toml = Path(options["header"])
+    toml.write_text(toml.read_text().replace('"time", unit = "s"', '"time", unit = "ns"'))
+    recording = import_files("csv", [tmp_path / "log.csv"], options)
+    np.testing.assert_allclose(np.diff(recording.time), np.diff(time), atol=1e-6)
+    assert "30 rows of 90 are left out, empty in pos (30), ax (30), ay (30), az (30)" in recording.remarks[0]
+
+
 def test_dates_in_a_text_table(tmp_path: Path) -> None:
     time, position, force = table()
     start = datetime(2026, 3, 29, 1, 59, 50)  # noqa: DTZ001  a logger that names no zone
