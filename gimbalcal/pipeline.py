@@ -156,6 +156,11 @@ def _calibrated(
         )
     else:
         made = three_stage(recordings, tell, added(more, recordings, _modelled(recordings)))
+        if any(r.has("angular_rate") for r in recordings):
+            why = "the three stages calibrate accelerometers; --method multiposition takes both triads"
+            options = {**made.provenance.get("options", {}), "gyroscopes": why}
+            made = replace(made, provenance={**made.provenance, "options": options})
+            tell(f"note: the gyroscopes stay out: {why}")
     return replace(made, provenance=provenance(recordings, made, terms, more))
 
 

@@ -20,7 +20,7 @@ from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import SENSORS, Recording, dwell_means, dwells
-from gimbalcal.recording.plausible_run import check_attitude, check_latitude, check_turn, named
+from gimbalcal.recording.plausible_run import check_attitude, check_latitude, check_sidereal, check_turn, named
 from gimbalcal.recording.rates import refuse_implausible_rates
 from gimbalcal.recording.triads import AXES, CHANGES, CLOSE, NEARLY_ALL, in_words, remedy
 from gimbalcal.units import is_raw
@@ -30,6 +30,10 @@ UNSTILL = 0.2  # of gravity, half of the rows: a table that shakes so much is no
 STILL = 1e-3  # rad
 FORCE_UNITS = {"m/s^2": 1.0, "g": G0, "mg": 1e-3 * G0, "ug": 1e-6 * G0}
 FAR_OFF, NORM_SHARE = 0.3, 0.25  # of gravity, rms: no low-cost unit is; and what another unit has to leave of it
+UNCHECKED = (
+    "order and signs of the accelerometers were not checked: it takes gimbal angles and physical units, or gyroscopes "
+    "that were logged from rest to rest"
+)
 WRONG_SIGN = " (f = a - g: one whose axis points down reads -9.8 m/s^2 at rest)"
 
 
@@ -42,16 +46,19 @@ def refuse_implausible(recording: Recording) -> tuple[str, ...]:
     if recording.kind == "static-run":
         check_turn(recording)
         check_attitude(recording)
-    if recording.kind in ("multi-position", "static-run") and set(recording.axes("specific_force")) == set(AXES):
-        _check_forces(recording)
-    return refuse_implausible_rates(recording)
+    at_rest = recording.kind in ("multi-position", "static-run") and set(recording.axes("specific_force")) == set(AXES)
+    told = _check_forces(recording) if at_rest else True
+    rates = refuse_implausible_rates(recording)
+    told |= recording.kind == "multi-position" and recording.has("angular_rate") and not rates  # they fit gravity
+    return rates if told else (UNCHECKED, *rates)
 
 
-def _check_forces(recording: Recording) -> None:
+def _check_forces(recording: Recording) -> bool:
+    """Raise `InputError` for forces that cannot be right; else whether anything tells their order and signs."""
     rests = dwell_means(recording) if recording.kind == "multi-position" else _thinned(recording)
     force, known = rests.triad("specific_force"), bool(rests.platform.axes) and _angles_logged(rests)
     if recording.counted("specific_force"):  # the sign of a count is as open as its size
-        return
+        return False
     _check_stillness(recording)
     if not known:
         _check_each_norm(rests, force)
@@ -60,7 +67,10 @@ def _check_forces(recording: Recording) -> None:
         _check_degrees(rests, force)
         _check_each_axis(rests, force)
         _check_axes(rests, force)
+    else:
+        check_sidereal(rests, force)
     check_latitude(rests, force)
+    return known or rests.kind == "static-run"
 
 
 def _thinned(recording: Recording) -> Recording:

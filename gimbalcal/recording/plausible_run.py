@@ -9,9 +9,13 @@ from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording
+from gimbalcal.recording.triads import CHANGES, Change, in_words, remedy
 
 WRONG_PLACE = np.radians(5.0)  # above any tilt of a level base and of the polar axis, below a wrong sign or unit
 WRONG_ATTITUDE = np.radians(10.0)
+WRONG_RATE = 0.2  # of the Earth's; a bias of 50 mg changes it by less
+TOLD = 3  # changes that the turn of the Earth does not tell apart, the simplest ones
+LEAST_TURN = 0.2  # rad of the Earth, 46 min; and a latitude this far from the pole
 CLOCK_JUMP = np.radians(0.2)  # of the sidereal angle: 48 s; drift and encoder errors stay below arc minutes
 
 
@@ -67,6 +71,34 @@ def check_latitude(rests: Recording, force: Array) -> None:
             f"{named(rests)}: the force lies at {np.degrees(seen):.3g} deg to the Earth's axis, which is the latitude "
             f"of the place, and [site] says {np.degrees(rests.site.latitude):.3g} deg; correct the latitude, its sign "
             "or its unit"
+        )
+
+
+def check_sidereal(rests: Recording, force: Array) -> None:
+    r"""Axes and signs of a triad whose gimbals were not read, against the turn of the Earth; the phase is not known.
+
+    .. math:: f / |f| = (\cos L \cos S_t, \; \cos L \sin S_t, \; \sin L), \qquad \dot S_t = \Omega
+    """
+    latitude = rests.site.latitude
+    if rests.kind != "static-run" or rests.platform != SPACE_STABLE_INERTIAL or latitude is None:
+        return
+    if EARTH_RATE * np.ptp(rests.time) < LEAST_TURN or np.cos(latitude) < np.sin(LEAST_TURN):
+        return
+
+    def fits(change: Change) -> bool:
+        f = force @ change.matrix.T
+        height = float(np.median(np.arcsin(np.clip(f[:, 2] / np.linalg.norm(f, axis=1), -1, 1))))
+        phase = np.unwrap(np.arctan2(f[:, 1], f[:, 0]))
+        rate = float(np.polyfit(rests.time - rests.time[0], phase, 1)[0])
+        return abs(height - latitude) < WRONG_PLACE and abs(rate / EARTH_RATE - 1) < WRONG_RATE
+
+    found = [c for c in CHANGES if fits(c)]
+    if found and found[0] != CHANGES[0]:
+        words = ", or ".join(in_words(c, "accelerometer") for c in found[:TOLD])
+        handed = "; as stated they make a left-handed triad" if found[0].handed < 0 else ""
+        raise InputError(
+            f"{named(rests)}: the force does not circle the Earth's axis as it does at this latitude, and it does if "
+            f"{words}{handed}; correct [columns]: {remedy(found[0], 'accelerometer')}"
         )
 
 

@@ -66,6 +66,8 @@ class _Turns:
 
 def refuse_implausible_rates(recording: Recording) -> tuple[str, ...]:
     """Raise `InputError` where axes, signs or unit of the gyroscopes cannot be right; else what was not checked."""
+    if recording.kind == "static-run" and recording.has(RATE):
+        return ("the gyroscopes of a static run are not looked at",)
     if recording.kind not in ("multi-position", "rotation") or set(recording.axes(RATE)) != set(AXES):
         return ()
     recording = _with_rests(recording)

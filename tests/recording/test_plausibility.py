@@ -213,3 +213,35 @@ def test_what_to_write_for_an_exchange_and_a_sign() -> None:
     message = said(triad(multi_position(), "yxz", (1, -1, 1)))
     assert 'correct [columns]: for accelerometer y write axis = "x", sign = -1' in message
     assert "left-handed" in said(triad(multi_position(), "yxz"))
+
+
+def unread(recording: Recording) -> Recording:
+    return replace(recording, channels={k: v for k, v in recording.channels.items() if k[0] != "gimbal_angle"})
+
+
+@pytest.mark.parametrize(
+    ("order", "signs", "words"),
+    [
+        ("yxz", (1, 1, 1), "or the accelerometers x and y are interchanged; as stated they make a left-handed triad"),
+        ("xzy", (1, 1, 1), "the accelerometers y and z are interchanged"),
+        ("xyz", (1, 1, -1), "if the accelerometer z had the opposite sign, or every accelerometer has"),
+        ("xyz", (1, -1, 1), "if the accelerometer y had the opposite sign, or the accelerometer x had"),  # any phase
+    ],
+)
+def test_a_static_run_without_readouts_circles_the_earth(order: str, signs: tuple[int, int, int], words: str) -> None:
+    assert words in said(triad(unread(static_run()), order, signs))
+
+
+@pytest.mark.parametrize(
+    "recording", [unread(static_run()), unread(triad(static_run(), "xyz", (-1, -1, 1))), multi_position(), static_run()]
+)
+def test_what_physics_tells_or_cannot_tell_apart_passes_without_a_remark(recording: Recording) -> None:
+    assert refuse_implausible(recording) == ()
+
+
+def test_what_nothing_tells_is_said() -> None:
+    (words,) = refuse_implausible(replace(unread(multi_position()), platform=BENCH))
+    assert words.startswith("order and signs of the accelerometers were not checked")
+    (words,) = refuse_implausible(replace(static_run(), channels={**static_run().channels,
+                                  **{("angular_rate", a): np.zeros(144) for a in "xyz"}}))  # fmt: skip
+    assert words == "the gyroscopes of a static run are not looked at"
