@@ -75,7 +75,9 @@ gimbalcal.add_command(import_)
     show_default=True,
     help="three-stage: space-stable platform, angles recorded; multiposition: no angles needed, gyroscopes too.",
 )
-@click.option("--terms", default="", help="multiposition: comma-separated terms to estimate (see the report).")
+@click.option(
+    "--terms", default="", help="multiposition, and mounts: comma-separated terms to estimate (see the report)."
+)
 @click.option(
     "--with",
     "more",

@@ -10,9 +10,10 @@ line of site, date and weather, and then a line for each star, in one of two for
     There is no clock: the order of the stars stands in for it. TPOINT's azimuth runs from south through east.
 
 What follows on a line (a name, auxiliary readings) is passed over. A reported declination beyond 90 deg is the other
-side of the pier: the same direction has angles (h + 12 h, 180 deg - declination) there. Refraction is not taken off the
-catalogue positions; it belongs to the model. Format: P. T. Wallace, TPOINT; as described by the Joint Astronomy Centre
-("Pointing data format under TPOINT").
+side of the pier: the same direction has angles (h + 12 h, 180 deg - declination) there. Refraction belongs to the model
+(the effect `refraction`), unless it is asked for: then a catalogue place stands as high as the air of the site shows
+it, by the pressure and temperature of the file (Meeus, Astronomical Algorithms, Eq. (16.4)). Format: P. T. Wallace,
+TPOINT; as described by the Joint Astronomy Centre ("Pointing data format under TPOINT").
 
 An equatorial mount is a chain of three: the declination axis, the hour-angle axis (which counts westward from the lower
 meridian when turned from north, hence 180 deg), and the fixed tilt of the polar axis, latitude - 90 deg,
@@ -49,6 +50,7 @@ class _File:
     """What a file holds: its site, whether its mount is alt-azimuth, and the numbers of each star."""
 
     site: Site
+    air: float  # refraction against that at 1010 hPa and 10 degC; 0 where the file tells no pressure
     upright: bool
     rows: Array
 
@@ -60,15 +62,19 @@ def equatorial(latitude: float) -> Platform:
 
 
 def import_tpoint(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
-    """One TPOINT observation file, equatorial or :ALTAZ; azimuth = south (TPOINT's) or north for lines of angles."""
-    only(options, ("azimuth",))
-    zero = options.get("azimuth", "south")
+    """One TPOINT file, equatorial or :ALTAZ; refraction = yes (no); azimuth = south or north for lines of angles."""
+    only(options, ("azimuth", "refraction"))
+    zero, refracted = options.get("azimuth", "south"), options.get("refraction", "no")
+    if refracted not in ("yes", "no"):
+        raise InputError(f"the option refraction must be yes (catalogue places are raised) or no, got {refracted!r}")
     if zero not in _AZIMUTH:
         raise InputError(f"the option azimuth must be south (as TPOINT counts, through east) or north, got {zero!r}")
     path = one_file(files)
     file = _read(path)
+    if refracted == "yes" and not (file.air and file.rows.shape[1] == _BY_STARS):
+        raise InputError(f"{path}: refraction needs catalogue places, and a pressure in the line of the site")
     if file.rows.shape[1] == _BY_STARS:
-        return _by_stars(path, file)
+        return _by_stars(path, file if refracted == "yes" else replace(file, air=0.0))
     return _by_angles(path, file, zero)
 
 
@@ -79,6 +85,8 @@ def _by_stars(path: Path, file: _File) -> Recording:
     lst = words[:, 12] + words[:, 13] / 60
     hour, declination = 15 * (lst[:, None] - stars[:, ::2]), stars[:, 1::2]  # columns: catalogue, mount
     time, remarks = elapsed(path, lst)
+    if file.air:
+        hour, declination = _raised(hour, declination, file)
     if file.upright:
         true, read = (_horizontal(hour[:, i], declination[:, i], file.site) for i in (0, 1))
         return replace(pointing_run(path, KNOWN["alt-az"], file.site, time, read, true), remarks=remarks)
@@ -123,6 +131,22 @@ def _horizontal(hour: Array, declination: Array, site: Site) -> dict[str, Array]
     return {"elevation": np.arctan2(up, np.hypot(north, east)), "azimuth": np.arctan2(east, north)}
 
 
+def _raised(hour: Array, declination: Array, file: _File) -> tuple[Array, Array]:
+    """Hour angle and declination [deg] with the catalogue places (first column) as high as the air shows them."""
+    place = _horizontal(hour[:, 0], declination[:, 0], file.site)
+    E = np.degrees(place["elevation"])
+    up = np.radians(E + file.air * 1.02 / 60 / np.tan(np.radians(E + 10.3 / (E + 5.11))))  # Meeus, Eq. (16.4), arcmin
+    around, L = place["azimuth"], file.site.latitude or 0.0
+    d = np.arcsin(np.sin(up) * np.sin(L) + np.cos(up) * np.cos(L) * np.cos(around))
+    south = np.sin(up) * np.cos(L) - np.cos(up) * np.sin(L) * np.cos(around)
+    h = np.arctan2(-np.cos(up) * np.sin(around), south)
+    turns = np.round((hour[:, 0] - np.degrees(h)) / 360)
+    return (
+        np.column_stack([np.degrees(h) + 360 * turns, hour[:, 1]]),
+        np.column_stack([np.degrees(d), declination[:, 1]]),
+    )
+
+
 def _half_turn(degrees: Array) -> Array:
     return np.asarray((degrees + 180) % 360 - 180)
 
@@ -140,7 +164,7 @@ def _joined(words: Array) -> Array:
 
 
 def _read(path: Path) -> _File:
-    site, upright, rows = None, False, []
+    site, air, upright, rows = None, 0.0, False, []
     for line, text in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
         words = text.replace(",", " ").split()
         if words and words[0] == "END":
@@ -153,13 +177,14 @@ def _read(path: Path) -> _File:
         numbers = _leading(words)
         if site is None:
             site = _site(numbers) if len(numbers) >= 6 else None  # else a caption that begins with a number
+            air = _air(numbers)
             continue
         rows.append(_observation(path, line, text, numbers))
     if site is None or not rows:
         raise InputError(f"{path} is not a TPOINT file: a line of latitude, date and weather and then stars are wanted")
     if len({len(row) for row in rows}) > 1:
         raise InputError(f"{path}: some stars have angles and some a catalogue place; give one kind of line")
-    return _File(site, upright, np.array(rows))
+    return _File(site, air, upright, np.array(rows))
 
 
 def _leading(words: Sequence[str]) -> list[str]:
@@ -180,6 +205,11 @@ def _observation(path: Path, line: int, text: str, numbers: Sequence[str]) -> li
         f"{path}, line {line}: an observation has {_BY_STARS} numbers, got {len(numbers)}, or {_BY_ANGLES} angles in "
         "degrees"
     )
+
+
+def _air(numbers: Sequence[str]) -> float:
+    """Refraction by the temperature [degC] and pressure [hPa] of the site, against 1010 hPa and 10 degC."""
+    return float(numbers[7]) / 1010 * 283 / (273 + float(numbers[6])) if len(numbers) > 7 else 0.0
 
 
 def _site(numbers: Sequence[str]) -> Site:

@@ -134,6 +134,33 @@ def test_tpoint_alt_az_by_catalogue_places_with_names_behind_them(tmp_path: Path
     assert run.time[1] == run.time[0]
 
 
+def test_tpoint_raises_catalogue_places_by_refraction_where_it_is_asked(tmp_path: Path) -> None:
+    latitude, lst = 19 + 49 / 60 + 22.3 / 3600, 8.2
+    seen, lines = np.array([[45.0, 100.0], [20.0, 300.0]]), []
+    for elevation, azimuth in seen:
+        words = [f"{hms(ra)[1:]} {hms(dec)}" for ra, dec in [ra_dec(elevation, azimuth, latitude, lst)] * 2]
+        lines.append(f"{words[0]}  {words[1]}  {clock(lst)}")
+    path = tmp_path / "run.pnt"
+    path.write_text(JCMT.format(stars="\n".join(lines)))
+    lifted = []
+    for name in ("altaz", "equat"):
+        plain, raised = (import_files("tpoint", [path], {"refraction": r}) for r in ("no", "yes"))
+        towards = [r.platform.attitude(np.column_stack([r.channels["true_angle", a] for a in r.axes("true_angle")]
+                   + [np.zeros(2)] * (name == "equat")))[:, 0] for r in (plain, raised)]  # fmt: skip
+        up = [np.degrees(np.arcsin(-t[:, 2])) for t in towards]
+        lifted.append(3600 * (up[1] - up[0]))
+        np.testing.assert_allclose(up[0], seen[:, 0], atol=1e-5)
+        path.write_text(path.read_text().replace(": ALTAZ", ": EQUAT"))
+    air = 621 / 1010 * 283 / (273 - 2.25)
+    np.testing.assert_allclose(lifted[0], 60.0 * air * np.array([1.0127, 2.7413]), rtol=1e-3)  # arcmin
+    np.testing.assert_allclose(lifted[1], lifted[0], atol=1e-6)
+    with pytest.raises(InputError, match="the option refraction must be yes"):
+        import_files("tpoint", [path], {"refraction": "maybe"})
+    path.write_text(FORMAT_4)
+    with pytest.raises(InputError, match="refraction needs catalogue places, and a pressure"):
+        import_files("tpoint", [path], {"refraction": "yes"})
+
+
 FORMAT_4 = """\
 ! made
 MMT Pointing Data
