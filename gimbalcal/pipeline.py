@@ -31,7 +31,7 @@ from gimbalcal.estimate.sessions import unit_of_sessions
 from gimbalcal.estimate.static_run.run import static_parameters, static_readings
 from gimbalcal.estimate.static_run.system import static, static_information
 from gimbalcal.estimate.unit import inertial_unit
-from gimbalcal.recording import Recording, dwells, read
+from gimbalcal.recording import Recording, completed, dwells, read
 from gimbalcal.recording.header import read_header
 from gimbalcal.recording.plausibility import refuse_implausible
 
@@ -211,7 +211,7 @@ def three_stage(recordings: Sequence[Recording], tell: Tell = silent, more: Sequ
 
     `more` joins the fits of stage 2 and 3. Raises InputError when there is neither kind of recording, or two of a kind.
     """
-    device, run = _one_of_each(recordings)
+    device, run = _one_of_each([completed(r) for r in recordings])
     if device is None and run is not None:
         tell("system level: static run alone")
         return with_told(*_static_with(run, asked(more, None, run))) if more else static(run)

@@ -15,6 +15,7 @@ from gimbalcal.calibration import earlier
 from gimbalcal.calibration.correction import correct, corrupt
 from gimbalcal.calibration.readout import DRAWING, Readout, from_content
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
+from gimbalcal.effects.effect import stated_law
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN, SPACE_STABLE_INERTIAL
@@ -90,6 +91,7 @@ class Calibration:
                 "unit": p.unit,
                 "prior_sigma": float(from_si(p.sigma, p.unit)),
                 "effect": p.effect,
+                **({"in_words": words} if (words := reads(p, float(v))) else {}),
                 **({"covariate": followed[p.effect]} if followed.get(p.effect) else {}),
             }
             for p, v, s in zip(self.parameters, self.values, self.sigmas, strict=True)
@@ -100,6 +102,7 @@ class Calibration:
             "method": self.method,
             "outcome": self.outcome,
             "parameters": rows,
+            "model": [stated_law(CATALOGUE[i]) for i in dict.fromkeys(p.effect for p in self.parameters)],
             "covariance": np.asarray(self.covariance).tolist(),
             "unobservable": [dict(u) for u in self.unobservable],
             "residual": residual,
@@ -120,6 +123,18 @@ class Calibration:
     def write(self, path: Path) -> None:
         """Write calibration.json whole or not at all."""
         write_json(path, self.to_dict())
+
+
+def reads(p: Parameter, value: float) -> str:
+    """What a scale factor less one does to the reading, in words; empty for any other parameter.
+
+    >>> reads(next(p for p in parameters(CATALOGUE["gyro_scale_factor"])), -4000e-6)
+    'reads 0.402 % too much'
+    """
+    if p.effect not in ("scale_factor", "gyro_scale_factor") or value <= -1:
+        return ""
+    percent = 100 * (1 / (1 + value) - 1)
+    return f"reads {abs(percent):.3g} % too {'much' if percent > 0 else 'little'}"
 
 
 def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibration:

@@ -14,7 +14,7 @@ product of two errors.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from typing import Any, Protocol
 
@@ -22,8 +22,8 @@ import numpy as np
 
 from gimbalcal.calibration.mount import Mount, mount, with_readouts
 from gimbalcal.calibration.readout import FORCE, RATE, SI, Readout, in_counts, in_si, with_noise
-from gimbalcal.effects import Effect, Stage, Stimulus
-from gimbalcal.effects.effect import happens_once, lacking
+from gimbalcal.effects import Effect, Stimulus
+from gimbalcal.effects.effect import GIMBALS, happens_once, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.forward import accelerometers, gyroscopes
 from gimbalcal.inversion import invert
@@ -108,10 +108,16 @@ def _refuse_other_rig(calibration: Calibrated, recording: Recording) -> None:
             f"{recording.title!r} has neither specific_force nor angular_rate, so there is nothing to correct; give a "
             "recording of the calibrated sensors"
         )
+    if recording.has(ANGLE):
+        refuse_other_gimbals(calibration.effects, recording)
+
+
+def refuse_other_gimbals(effects: Sequence[Effect], recording: Recording) -> None:
+    """Raise InputError for effects of gimbals that are for another number of them than the platform has."""
     axes = recording.platform.axis_names
-    for e in calibration.effects:
-        sizes = {np.size(v) for v in vars(e).values() if np.ndim(v) == 1}
-        if e.stage is Stage.ENCODER and recording.has(ANGLE) and sizes - {len(axes)}:
+    for e in effects:
+        sizes = {np.size(getattr(e, f.name)) for f in fields(e) if f.metadata.get("axes") == GIMBALS}
+        if sizes - {len(axes)}:
             raise InputError(
                 f"{recording.title!r} has the gimbals {', '.join(axes) or 'none'} and the {e.id} of the calibration is "
                 f"for {max(sizes)}; give a calibration of the same platform"

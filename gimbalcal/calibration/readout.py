@@ -45,13 +45,12 @@ class Counts:
 
 @dataclass(frozen=True)
 class Readout:
-    """Nominal counts of accelerometers and gyroscopes (None: they read in SI), gimbals, and which unit it is."""
+    """Nominal counts of accelerometers and gyroscopes (None: they read in SI), and gimbals."""
 
     accelerometers: Counts | None = None
     gyroscopes: Counts | None = None
     gimbals: tuple[str, ...] = ()  # names of the platform's axes, platform first; none for a unit without gimbals
     angles: str = DRAWING  # sense in which `gimbal_zero` is counted
-    unit: str = ""  # identity of the calibrated unit, where it is known
 
     @property
     def counts(self) -> dict[str, Counts]:
@@ -66,7 +65,6 @@ class Readout:
             **{k: c and {"scale": list(c.scale), "offset": list(c.offset)} for k, c in triads.items()},
             "gimbals": list(self.gimbals),
             "angles": self.angles,
-            "unit": self.unit,
         }
 
 
@@ -75,7 +73,7 @@ def from_content(content: Mapping[str, Any]) -> Readout:
     if "readout" in content:
         told = content["readout"]
         accelerometers, gyroscopes = (_counts(told[k]) for k in ("accelerometers", "gyroscopes"))
-        return Readout(accelerometers, gyroscopes, tuple(told["gimbals"]), told["angles"], told["unit"])
+        return Readout(accelerometers, gyroscopes, tuple(told["gimbals"]), told["angles"])
     options = content["provenance"].get("options", {})
     angles = INERTIAL if content.get("method") == "static-run" else DRAWING
     return Readout(_counts(options.get("nominal")), _counts(options.get("gyro_nominal")), (), angles)

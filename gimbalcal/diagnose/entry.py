@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from gimbalcal.calibration import Calibration
+from gimbalcal.calibration.correction import refuse_other_gimbals
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.both_triads import diagnose_both_triads, has_gyroscopes
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
@@ -21,7 +22,7 @@ from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.pointing.run import nights
 from gimbalcal.estimate.sessions import unit_of_sessions
 from gimbalcal.pipeline import Tell, silent
-from gimbalcal.recording import Recording, join
+from gimbalcal.recording import Recording, completed, join
 
 
 def diagnose(
@@ -42,6 +43,9 @@ def diagnose(
     check_baseline(baseline, recordings)
     for r in recordings:
         check_finite(r)
+        if calibration is not None and r.platform.axes:
+            refuse_other_gimbals(calibration.effects, r)
+    recordings = [completed(r) for r in recordings]
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):  # many small matrices: threads only get into each other's way

@@ -164,7 +164,7 @@ def finding(
     return {
         "effect": c.effect, "axis": " / ".join(axes), "probability": capped(probability),
         "sigma": round(significance, 2), "parameters": rows, "twins": [t.effect for t in confounded],
-        "physics": wording.physics(c.effect), "equation": wording.equation(c.effect), "separate_by": advice,
+        "physics": wording.physics(c.effect), **wording.law(c.effect), "separate_by": advice,
     }  # fmt: skip
 
 

@@ -120,7 +120,7 @@ def _finding(c: Course, j: Judgement) -> dict[str, Any]:
     return {
         "effect": e, "axis": j.cause.axis, "probability": capped(j.probability),
         "sigma": round(j.sigma, 2), "parameters": [{k: x for k, x in r.items() if k != "effect"} for r in rows],
-        "twins": list(j.confounded), "physics": wording.physics(e), "equation": wording.equation(e),
+        "twins": list(j.confounded), "physics": wording.physics(e), **wording.law(e),
         "separate_by": _advice(j),
     }  # fmt: skip
 

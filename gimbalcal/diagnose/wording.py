@@ -5,7 +5,6 @@ Where the noise is known misfits are told in sigma, as reduced chi^2; where it i
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy as np
 
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.effects import CATALOGUE
+from gimbalcal.effects.effect import stated_law
 from gimbalcal.number import Array
 
 NO_CAUSE = "The model does not explain these data, and no cause of the catalogue does."
@@ -45,10 +45,9 @@ def physics(effect: str) -> str:
     return " ".join((CATALOGUE[effect].__doc__ or "").strip().split("\n\n")[0].split())
 
 
-def equation(effect: str) -> str:
-    """The formula of the effect's card, LaTeX."""
-    found = re.search(r"\.\. math::(.*?)(?:\n\s*\n|\Z)", CATALOGUE[effect].__doc__ or "", re.DOTALL)
-    return " ".join(found[1].split()) if found else ""
+def law(effect: str) -> dict[str, Any]:
+    """The formula of the effect's card, LaTeX, and T0 in degC where it follows the temperature."""
+    return {key: told for key, told in stated_law(CATALOGUE[effect]).items() if key != "effect"}
 
 
 def named(finding: Entry) -> str:

@@ -8,6 +8,7 @@ cannot matter. A truth, a prior and an estimate are the same type: a tuple of ef
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -19,6 +20,7 @@ from gimbalcal.effects.history import Dynamics
 from gimbalcal.number import Array
 from gimbalcal.units import to_si
 
+REFERENCE_TEMPERATURE = 20.0  # degC, T0 of the cards
 TRIAD = ("x", "y", "z")
 MATRIX_AXES = tuple(i + j for i in "xyz" for j in "xyz")  # sensor, then component of what acts on it
 MISALIGNMENT_AXES = ("xy", "xz", "yz", "yx", "zx", "zy")  # sensor, then the other axis; order of the published betas
@@ -102,7 +104,7 @@ class Stimulus:
     target: Array | None = None  # (n, 3) unit vector to the true direction, in north, east, down (pointing only)
     true_angle: Array | None = None  # (n, k) rad, gimbal angles at which a perfect mount would point there
     temperature: Array | None = None  # (n,) degC
-    reference_temperature: float = 20.0  # degC, where temperature coefficients are referred to
+    reference_temperature: float = REFERENCE_TEMPERATURE  # degC, where temperature coefficients are referred to
     covariates: Mapping[str, Array] = dataclasses.field(default_factory=dict)
     axis_directions: tuple[str, ...] = ()  # "x", "y" or "z" of each gimbal axis
     sense: tuple[int, ...] = ()  # of each readout against the platform's drawing, 1 or -1; all 1 where it is not said
@@ -241,6 +243,18 @@ def happens_once(cls: type[Effect]) -> bool:
 def tied(wanted: Sequence[Parameter]) -> tuple[Parameter, ...]:
     """Parameters that are left where nothing ties the frame down: without those that only turn it."""
     return tuple(p for p in wanted if p.axis not in CATALOGUE[p.effect].gauge)
+
+
+def equation(cls: type[Effect]) -> str:
+    """The formula of an effect's card, LaTeX; empty where it has none."""
+    found = re.search(r"\.\. math::(.*?)(?:\n\s*\n|\Z)", cls.__doc__ or "", re.DOTALL)
+    return " ".join(found[1].split()) if found else ""
+
+
+def stated_law(cls: type[Effect]) -> dict[str, Any]:
+    """What the numbers of an effect mean: its equation, and T0 in degC where it follows the temperature."""
+    told: dict[str, Any] = {"effect": cls.id, "equation": equation(cls)}
+    return told | ({"T0_degC": REFERENCE_TEMPERATURE} if "temperature" in cls.requires else {})
 
 
 def lacking(cls: type[Effect], carries: Callable[[str], bool]) -> str:

@@ -27,7 +27,7 @@ from gimbalcal.estimate.gyroscopes.inter_triad import InterTriad, from_turns, tr
 from gimbalcal.estimate.gyroscopes.revolutions import EFFECTS, gyroscopes_from_revolutions
 from gimbalcal.estimate.gyroscopes.turns import FORCE, RATE, paused
 from gimbalcal.number import Array, complex_step
-from gimbalcal.recording import Recording, dwells
+from gimbalcal.recording import Recording, completed, dwells
 from gimbalcal.rotation import exponential, mean_rates
 from gimbalcal.units import from_si
 
@@ -41,6 +41,7 @@ def inertial_unit(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     of `multiposition` and of `gyroscopes_between_rests`). When the turns do not suffice, the accelerometers stand alone
     and the options say why.
     """
+    recording = completed(recording)
     if not recording.has(FORCE):
         if more:
             raise InputError(f"--with {more[0].effect}: gyroscopes alone, from revolutions, take no further effect")

@@ -7,6 +7,7 @@
 The format is described in docs/recording-format.md. `polars` is imported when a file is opened, not before.
 """
 
+from gimbalcal.recording.completed import completed
 from gimbalcal.recording.dwell import Dwell, block_means, dwell_means, dwells
 from gimbalcal.recording.joining import join
 from gimbalcal.recording.reading import read
@@ -20,6 +21,7 @@ __all__ = [
     "Site",
     "Source",
     "block_means",
+    "completed",
     "dwell_means",
     "dwells",
     "join",

@@ -79,8 +79,14 @@ class Scatter:
         return {name: float(np.sqrt(total / self.count)) for name, total in self.squares.items()}
 
 
-def pooled(time: Array, position: Array | None, channels: Mapping[Key, Array]) -> dict[Key, float]:
-    """Scatter of rows that are in memory, one sigma by channel, from the rows at rest."""
+def pooled(
+    time: Array, position: Array | None, channels: Mapping[Key, Array], weight: Array | None = None
+) -> dict[Key, float]:
+    """Scatter of rows that are in memory, one sigma of a raw sample by channel, from the rows at rest.
+
+    weight (n,): raw samples behind each row, one where it is left out.
+    """
+    weight = np.ones(len(time)) if weight is None else weight
     n = len(time)
     begins = np.zeros(n, dtype=bool) if position is None else np.diff(position, prepend=position[:1]) != 0
     still = np.ones(n, dtype=bool) if position is None else position > 0
@@ -90,5 +96,5 @@ def pooled(time: Array, position: Array | None, channels: Mapping[Key, Array]) -
     for start in range(0, n, ENOUGH):
         rows = slice(start, start + ENOUGH)
         batch = {name: channels[key][rows] for name, key in keys.items()}
-        scatter.add(batch, begins[rows], np.ones(len(time[rows])), still[rows])
+        scatter.add(batch, begins[rows], weight[rows], still[rows])
     return {keys[name]: sigma for name, sigma in scatter.sigma().items()}

@@ -10,6 +10,7 @@ import numpy as np
 import gimbalcal
 from gimbalcal.calibration import Calibration, from_dict
 from gimbalcal.effects import CATALOGUE, Effect
+from gimbalcal.effects.effect import stated_law
 from gimbalcal.errors import amount
 from gimbalcal.recording import SENSORS, Recording
 from gimbalcal.references import cite
@@ -193,11 +194,18 @@ def _model(content: Mapping[str, Any]) -> dict[str, Any]:
             {
                 "words": i.replace("_", " "),
                 "sentence": (CATALOGUE[i].__doc__ or "").strip().split("\n\n")[0].replace("\n", " "),
+                "equation": _law(i),
                 "parameters": ", ".join(filter(None, axes)) or "one",
                 "sources": ", ".join(f"[{numbers[key]}]" for key in CATALOGUE[i].sources),
             }
         )
     return {"effects": effects, "citations": cite(*keys)}
+
+
+def _law(effect: str) -> str:
+    """The equation that the numbers of an effect mean, with T0 where it has one."""
+    told = stated_law(CATALOGUE[effect])
+    return f"{told['equation']}{', T_0 = {:g} °C'.format(told['T0_degC']) if 'T0_degC' in told else ''}"
 
 
 def _measured(r: Recording) -> dict[str, Any]:

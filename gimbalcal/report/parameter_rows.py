@@ -40,6 +40,7 @@ def _row(p: Row, nominal: Counts | None, truth: Mapping[str, float] | None) -> d
     own = unit == wording.unit_in_print(p["unit"])  # else counted from a nominal value that the same data gave
     return {
         "words": wording.named(p["name"], p["axis"].replace("_", " ")),
+        "means": p.get("in_words", "") if own else "",
         "value": value,
         "sigma": sigma,
         "unit": unit,

@@ -38,7 +38,7 @@ def calibration(platform: Platform, *zeros: float, **more: Any) -> Calibration:
 
 
 def counted(rng: np.random.Generator) -> tuple[Recording, Readout]:
-    readout = Readout(Counts((2e-3, -3e-3, 4e-3), (100.0, -50.0, 7.0)), Counts((1e-4,) * 3), unit="A17")
+    readout = Readout(Counts((2e-3, -3e-3, 4e-3), (100.0, -50.0, 7.0)), Counts((1e-4,) * 3))
     channels = {(q, a): 1000 * rng.standard_normal(8) for q in ("specific_force", "angular_rate") for a in "xyz"}
     return Recording(
         "multi-position", "counts", BENCH, Site(), {"accelerometer": 4.0, "gyroscope": 2.0, "gimbal_angle": 1.0},
@@ -121,7 +121,7 @@ def test_the_readout_of_a_file_is_what_was_written() -> None:
     made = calibration(SPACE_STABLE, 1.0, readout=replace(readout, gimbals=SPACE_STABLE.axis_names))
     content = json.loads(json.dumps(made.to_dict()))
     assert content["format"] == 2
-    assert set(content["readout"]) == {"accelerometers", "gyroscopes", "gimbals", "angles", "unit"}
+    assert set(content["readout"]) == {"accelerometers", "gyroscopes", "gimbals", "angles"}
     assert content["readout"]["accelerometers"] == {"scale": [2e-3, -3e-3, 4e-3], "offset": [100.0, -50.0, 7.0]}
     assert from_dict(content).readout == made.readout
 

@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.diagnose import diagnose, entry
 from gimbalcal.diagnose.answer import Diagnosis
+from gimbalcal.effects import CATALOGUE
 from gimbalcal.errors import InputError
 from gimbalcal.platform import BENCH
-from gimbalcal.recording import Recording
+from gimbalcal.recording import Recording, completed
 from tests.diagnose import static_plant
 from tests.diagnose.plant import record
 from tests.diagnose.small import telescope
@@ -55,6 +57,7 @@ def taken(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
     ids=["table", "static run", "both", "with gyroscopes", "telescope", "by hand"],
 )
 def test_each_kind_takes_its_road(taken: list[tuple[str, Any]], recordings: list[Recording], road: str) -> None:
+    recordings = [completed(r) for r in recordings]  # as they come from a file
     assert diagnose(recordings, baseline=(), seed=7).verdict == "adequate"
     ((name, given),) = taken
     assert name == road
@@ -73,3 +76,11 @@ def test_nothing_and_nonsense_are_refused_before_any_road(taken: list[tuple[str,
     with pytest.raises(InputError, match="row 3, temperature: the value is not a finite number"):
         diagnose([TABLE, spoiled])
     assert taken == []
+
+
+@pytest.mark.parametrize("count", [1, 3, 6])
+def test_a_calibration_of_another_platform_is_one_sentence(count: int) -> None:
+    zero = CATALOGUE["gimbal_zero"](theta_0=np.full(count, 1e-4))  # type: ignore[call-arg]
+    other = Calibration("test", (zero,), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
+    with pytest.raises(InputError, match=f"has the gimbals platform, inner, .* is for {count};"):
+        diagnose([TABLE], other)

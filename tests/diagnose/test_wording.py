@@ -31,10 +31,10 @@ def test_every_effect_has_a_sentence(effect: str) -> None:
 
 
 def test_an_equation_is_that_of_the_card() -> None:
-    assert wording.equation("cubic_nonlinearity") == re.sub(
+    assert wording.law("cubic_nonlinearity")["equation"] == re.sub(
         r"\s+", " ", (CATALOGUE["cubic_nonlinearity"].__doc__ or "").split(".. math::")[1].split("\n\n")[0].strip()
     )
-    assert "K_{3" in wording.equation("cubic_nonlinearity")
+    assert "K_{3" in wording.law("cubic_nonlinearity")["equation"]
 
 
 def test_findings_stand_with_what_is_confounded_with_them() -> None:
