@@ -111,8 +111,9 @@ def _difference(recording: Recording, to: Mapping[str, Array], of: Mapping[str, 
 
 
 def _sighted(recording: Recording, effects: Sequence[Effect]) -> Mount:
-    """A pointing run: two readouts, and the direction across and along the innermost axis."""
+    """A pointing run: its readouts, of the axes that are read, and the direction across and along the innermost one."""
     platform, told = recording.platform, recording.angles()
+    read = np.isin(platform.axis_names, recording.axes(ANGLE))
     s = stimulus_from_angles(recording)
     seen = predict(platform, s, effects, "pointing")["pointing"]
 
@@ -121,8 +122,8 @@ def _sighted(recording: Recording, effects: Sequence[Effect]) -> Mount:
 
     angle = np.array(told)
     for _ in range(STEPS):
-        J = complex_step(missed, angle)
-        angle -= np.einsum("nki,ni->nk", np.linalg.pinv(J, rcond=1e-6), missed(angle))
+        J = complex_step(missed, angle)[..., read]
+        angle[:, read] -= np.einsum("nki,ni->nk", np.linalg.pinv(J, rcond=1e-6), missed(angle))
     return Mount(angle - told)
 
 

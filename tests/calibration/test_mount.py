@@ -13,7 +13,7 @@ from gimbalcal.effects import CATALOGUE, Effect, Stage, absent, parameters, valu
 from gimbalcal.forward import predict
 from gimbalcal.kinematics import ideal_force, stimulus_from_angles, stimulus_from_readings
 from gimbalcal.number import Array
-from gimbalcal.platform import KNOWN, SPACE_STABLE_INERTIAL
+from gimbalcal.platform import KNOWN, SPACE_STABLE_INERTIAL, Axis, Platform
 from gimbalcal.recording import Recording, Site
 from tests.calibration.test_correction import drawn, table_recording
 
@@ -100,13 +100,20 @@ def telescope(n: int = 40) -> Recording:
     return Recording("pointing", "night", platform, Site(0.6), {}, 60.0 * np.arange(n), None, channels)
 
 
+def on_a_pier(night: Recording) -> Recording:
+    """The same stars with a mount whose axes stand on a third one, at an angle that nobody reads."""
+    pier = Platform("pier", (*night.platform.axes, Axis("pier", "y", 1, 0.9)))
+    return replace(night, platform=pier)
+
+
+@pytest.mark.parametrize("night", [telescope(), on_a_pier(telescope())], ids=["two axes", "a third that is not read"])
 @pytest.mark.parametrize("name", SIGHT)
-def test_a_perfect_mount_sees_the_star_at_the_corrected_readouts(name: str) -> None:
-    night = telescope()
+def test_a_perfect_mount_sees_the_star_at_the_corrected_readouts(name: str, night: Recording) -> None:
     effect = drawn_for(name, night)
     s = stimulus_from_angles(night)
     seen = predict(night.platform, s, [effect], "pointing")["pointing"]
     angle = calibration(effect).apply(night).angles()
+    np.testing.assert_array_equal(angle[:, 2:], 0.0)
     found = predict(night.platform, s.at(readout=angle, angle=angle), [], "pointing")["pointing"]
     np.testing.assert_allclose(found, seen, rtol=0, atol=1e-13)
 
