@@ -26,6 +26,7 @@ from gimbalcal.estimate.added import Added, added, with_told
 from gimbalcal.estimate.asked import Asked, asked
 from gimbalcal.estimate.cross_check import CrossCheck, cross_check
 from gimbalcal.estimate.fusion import fuse
+from gimbalcal.estimate.gyroscopes.against_attitude import gyroscopes_against_attitude
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.sessions import unit_of_sessions
 from gimbalcal.estimate.static_run.run import static_parameters, static_readings
@@ -150,6 +151,12 @@ def _calibrated(
             tell(f"{told['title']}: {told['in_words']}")
         for words in _left_out(made):
             tell(f"note: {words}")
+    elif method == "attitude":
+        if len(recordings) > 1 or terms or more:
+            raise InputError("--method attitude takes one recording and has its own terms; give it alone")
+        tell("the gyroscopes against the attitude, with its lag and how it is mounted")
+        made = gyroscopes_against_attitude(recordings[0])
+        tell(made.provenance["options"]["in_words"])
     elif terms:
         raise InputError(
             f"--terms {','.join(terms)} goes with --method multiposition; three-stage has its own, leave it out"

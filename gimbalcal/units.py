@@ -255,6 +255,7 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
         "gimbal_angle": Quantity("rad", _ANGLES),
         "true_angle": Quantity("rad", _ANGLES),
         "attitude_error": Quantity("rad", _ANGLES),
+        "attitude": Quantity("rad", (*_ANGLES, "1")),
         "temperature": Quantity("degC", ("degC", "K", "degF")),
         "gravity": Quantity("m/s^2", _FORCES),
         "height": Quantity("m", ("m", "km", "ft")),

@@ -70,10 +70,11 @@ gimbalcal.add_command(import_)
 @RECORDINGS
 @click.option(
     "--method",
-    type=click.Choice(["three-stage", "multiposition"]),
+    type=click.Choice(["three-stage", "multiposition", "attitude"]),
     default="three-stage",
     show_default=True,
-    help="three-stage: space-stable platform, angles recorded; multiposition: no angles needed, gyroscopes too.",
+    help="three-stage: space-stable platform, angles recorded; multiposition: no angles needed, gyroscopes too; "
+    "attitude: moving gyroscopes against an attitude that was logged beside them.",
 )
 @click.option(
     "--terms", default="", help="multiposition, and mounts: comma-separated terms to estimate (see the report)."

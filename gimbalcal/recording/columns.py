@@ -26,6 +26,7 @@ AXES: Mapping[str, tuple[str, ...] | None] = {
     "temperature": None,  # any word: which thermometer
     "covariate": None,
     "sigma": (),
+    "attitude": ("qw", "qx", "qy", "qz", "roll", "pitch", "yaw"),
 }
 """Known quantities of a column and the axes that each may have."""
 
@@ -83,6 +84,7 @@ def columns_of(document: Document, platform: Platform, clock_needed: bool = True
         raise InputError(
             f'{document.where("columns")}: no column is the time; write time_s = {{ quantity = "time", unit = "s" }}'
         )
+    _check_attitude(document, columns)
     for quantity in ("specific_force", "angular_rate"):
         for sensor in {c.sensor for c in columns}:
             units = {c.unit: c.name for c in columns if (c.quantity, c.sensor) == (quantity, sensor)}
@@ -170,6 +172,24 @@ def _resolution(where: str, name: str, quantity: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < float("inf"):
         raise InputError(f"{where}: the resolution of column {name!r} must be a positive number, got {value!r}")
     return float(value)
+
+
+def _check_attitude(document: Document, columns: list[Column]) -> None:
+    """An attitude is a quaternion or three Euler angles, all of it, beside a unit that moves."""
+    own = [c for c in columns if c.quantity == "attitude"]
+    if not own:
+        return
+    axes, where = {c.axis for c in own}, document.where("columns", own[0].name)
+    if axes not in ({"qw", "qx", "qy", "qz"}, {"roll", "pitch", "yaw"}):
+        raise InputError(
+            f"{where}: an attitude is qw, qx, qy and qz, or roll, pitch and yaw, got {', '.join(sorted(axes))}"
+        )
+    wrong = next((c for c in own if (c.unit == "1") != (c.axis[0] == "q")), None)
+    if wrong:
+        right = '"1"' if wrong.axis[0] == "q" else 'an angle, as in "deg"'
+        raise InputError(
+            f"{where}: the unit of column {wrong.name!r}, axis {wrong.axis}, is {right}, not {wrong.unit!r}"
+        )
 
 
 def _check_axis(

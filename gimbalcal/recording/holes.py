@@ -15,6 +15,7 @@ from gimbalcal.recording.header import Header
 from gimbalcal.recording.samples import Batch, place
 
 BOOKKEEPING = ("time", "position", "weight")  # a row that lacks one of these cannot be placed, so it is refused
+SPARSE = ("attitude",)  # logged less often than the rest: its rows stay without it
 MOST = 0.5  # of all rows: beyond, the rows are not what they are taken for
 SHOWN = 3  # places that the remark names
 
@@ -97,14 +98,14 @@ class Holes:
         blank = np.all(list(empty.values()), axis=0) if len(empty) == len(self.columns) else np.zeros(n, dtype=bool)
         lacking = blank.copy()
         for c in self.columns:
-            if c.name in empty and c.quantity not in BOOKKEEPING:
+            if c.name in empty and c.quantity not in (*BOOKKEEPING, *SPARSE):
                 lacking |= empty[c.name]
         start, self.rows = self.rows, self.rows + n
         if not lacking.any():
             return batch
         self.left_out.append(start + np.flatnonzero(lacking))
         for name, each in empty.items():
-            self.empty[name] += int(each.sum())
+            self.empty[name] += int(each[lacking].sum())
         return {name: x[~lacking] for name, x in batch.items()}
 
     def _in_file(self, row: int) -> int:

@@ -17,7 +17,7 @@ from gimbalcal.recording.columns import UNITLESS, Column
 from gimbalcal.recording.dates import Dates
 from gimbalcal.recording.detection import detect
 from gimbalcal.recording.header import Header, read_header
-from gimbalcal.recording.holes import Holes
+from gimbalcal.recording.holes import SPARSE, Holes
 from gimbalcal.recording.jitter import SMOOTHER, jitter_of, regular
 from gimbalcal.recording.record import ANGLES, Recording, Source
 from gimbalcal.recording.row_sigma import by_sigma
@@ -174,7 +174,7 @@ def _gather(
     turns = {c.name: from_si(2 * pi, c.unit) for c in columns if c.quantity in ANGLES}
     if average_s is not None:
         kept = Blocks(from_si(average_s, screen.clock.unit), screen.clock.name, weight, turns)
-    scatter = Scatter(tuple(c.name for c in columns if c.quantity not in ("time", *UNITLESS)), turns)
+    scatter = Scatter(tuple(c.name for c in columns if c.quantity not in ("time", *UNITLESS, *SPARSE)), turns)
     for batch in stream:
         begins = screen.see(batch)
         still = batch[position] > 0 if position else np.ones(len(begins), dtype=bool)

@@ -22,7 +22,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording.columns import Column
 from gimbalcal.recording.document import LARGEST
 from gimbalcal.recording.header import Header
-from gimbalcal.recording.holes import Holes
+from gimbalcal.recording.holes import SPARSE, Holes
 from gimbalcal.recording.record import SENSORS
 from gimbalcal.recording.samples import Batch
 from gimbalcal.recording.stuck import longest_run, piled_up
@@ -70,7 +70,9 @@ class Screen:
 
     def see(self, batch: Batch) -> Array:
         """Check a batch; returns for each row whether it begins anew (after a gap or in another position)."""
-        for name, x in batch.items():
+        sparse = [c.name for c in self.header.columns if c.quantity in SPARSE]
+        for name, every in batch.items():
+            x = every[~np.isnan(every)] if name in sparse else every
             with np.errstate(over="ignore", invalid="ignore"):
                 sound = np.dot(x, x) < LARGEST**2  # a NaN is not
             if not sound:

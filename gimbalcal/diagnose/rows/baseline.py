@@ -10,6 +10,7 @@ from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, follows, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.recording import Recording
+from gimbalcal.recording.holes import SPARSE
 
 SAID = {"attitude": "gimbals, which say where north is"}  # a quantity that no channel is named after
 
@@ -53,7 +54,7 @@ def by_triad(ids: Sequence[str]) -> tuple[list[str], list[str]]:
 def check_finite(recording: Recording) -> None:
     """Raise InputError, with row and channel, for a value that is no number."""
     for (quantity, axis), x in recording.channels.items():
-        bad = np.flatnonzero(~np.isfinite(x))
+        bad = np.flatnonzero(~np.isfinite(x)) if quantity not in SPARSE else np.zeros(0)
         if bad.size:
             name = f"{quantity} {axis}".strip()
             raise InputError(

@@ -1,0 +1,151 @@
+"""A moving gyroscope against an attitude: truth comes back with honest sigmas, and so do lag and mounting."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.gyroscopes.against_attitude import gyroscopes_against_attitude
+from gimbalcal.estimate.gyroscopes.reference import reference_of
+from gimbalcal.number import Array
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording, Site, read, write
+from gimbalcal.rotation import exponential, frame_rotation
+
+RATE, NOISE, LAG = 100.0, np.radians(0.1), 0.045
+BIAS, SF = np.radians([0.8, -0.5, 0.3]), np.array([1.004, 0.997, 1.002])
+MOUNTED = frame_rotation("z", np.radians(80.0)) @ frame_rotation("x", np.radians(-25.0))
+
+
+def motion(t: Array, seed: int) -> Array:
+    """Rates (n, 3) [rad/s] of a wrist."""
+    rng = np.random.default_rng(seed)
+    f, phase = np.array([0.23, 0.61, 1.3])[:, None, None], rng.uniform(0, 6, (3, 1, 3))
+    return np.asarray(
+        (np.array([1.2, 0.8, 0.4])[:, None, None] * np.sin(2 * np.pi * f * t[None, :, None] + phase)).sum(0)
+    )
+
+
+@cache
+def recording(
+    seed: int = 1, length: float = 40.0, every: int = 4, mirror: bool = False, axes: str = "xyz"
+) -> Recording:
+    """A unit in the hand, its attitude in every fourth row, `LAG` late and seen from a frame of its own."""
+    rng = np.random.default_rng(100 + seed)
+    fine = np.arange(0, length + 1, 0.5 / RATE)
+    w = motion(fine, seed) * np.isin(list("xyz"), list(axes))
+    C = np.empty((len(fine), 3, 3))
+    C[0] = frame_rotation("x", 0.4)
+    for k in range(1, len(fine)):
+        C[k] = exponential((w[k] + w[k - 1]) / 2 * (fine[k] - fine[k - 1])) @ C[k - 1]
+    time = fine[200:-200:2]  # one second in, so that the late attitude was there too
+    rates = w[200:-200:2] / SF + BIAS + 1e-3 * rng.standard_normal((len(time), 3))
+    late = 200 + 2 * np.arange(len(time)) - round(LAG * RATE * 2)
+    body = np.swapaxes(MOUNTED, 0, 1) @ C[late]  # the reference's frame: M^T times the sensors'
+    body = exponential(NOISE * rng.standard_normal((len(time), 3))) @ body
+    from scipy.spatial.transform import Rotation
+
+    q = Rotation.from_matrix(np.swapaxes(body, -1, -2)).as_quat()
+    q[np.arange(len(q)) % every > 0] = np.nan
+    if mirror:
+        rates[:, 1] *= -1
+    channels = {("angular_rate", a): rates[:, i] for i, a in enumerate("xyz")}
+    channels |= {("attitude", a): q[:, i] for i, a in enumerate(("qx", "qy", "qz", "qw"))}
+    units = {key: "rad/s" if key[0] == "angular_rate" else "1" for key in channels}
+    return Recording("rotation", "wrist", BENCH, Site(), {}, time, None, channels, units=units)
+
+
+@cache
+def made(seed: int = 1) -> Calibration:
+    return gyroscopes_against_attitude(recording(seed))
+
+
+@pytest.mark.parametrize("seed", range(1, 4))
+def test_truth_comes_back_within_its_uncertainty(seed: int) -> None:
+    c = made(seed)
+    truth = np.concatenate([BIAS, SF - 1, np.zeros(3)])
+    off = (c.values - truth) / c.sigmas
+    assert len(off) == 9
+    assert np.sqrt(np.mean(off**2)) < 2.0
+    assert np.abs(off).max() < 4.0
+    assert c.sigmas[:3].max() < np.radians(0.015)  # the attitude scatters by 0.1 deg, over 40 s
+    assert c.sigmas[3:].max() < 3e-3
+
+
+def test_lag_mounting_and_noise_are_told() -> None:
+    told = made().provenance["options"]["reference"]
+    assert told["lag_ms"] == pytest.approx(1e3 * round(LAG * RATE * 2) / RATE / 2, abs=4 * told["lag_sigma_ms"])
+    assert told["lag_sigma_ms"] < 1.0
+    np.testing.assert_allclose(told["mounting"], MOUNTED, atol=4e-3)
+    assert told["noise_arcmin"] == pytest.approx(np.degrees(NOISE) * 60, rel=0.2)
+    assert "the attitude is late by 4" in made().stages[0].in_words
+
+
+def test_what_is_corrected_agrees_with_the_attitude() -> None:
+    there = made().apply(recording())
+    again = gyroscopes_against_attitude(there)
+    assert np.all(np.abs(again.values) < 1e-3 * again.sigmas + 1e-6)
+
+
+def test_it_goes_through_a_folder_with_empty_cells_and_euler_angles(tmp_path: Path) -> None:
+    whole = recording()
+    write(whole, tmp_path / "rec")
+    back = read(tmp_path / "rec")
+    assert len(back.time) == len(whole.time)  # rows without an attitude stay
+    np.testing.assert_allclose(reference_of(back).C, reference_of(whole).C, atol=1e-12)
+    C = reference_of(whole).C
+    angles = np.full((len(whole.time), 3), np.nan)
+    angles[::4] = np.stack(
+        [np.arctan2(C[:, 1, 2], C[:, 2, 2]), -np.arcsin(C[:, 0, 2]), np.arctan2(C[:, 0, 1], C[:, 0, 0])], axis=1
+    )
+    channels = {k: v for k, v in whole.channels.items() if k[0] != "attitude"}
+    channels |= {("attitude", a): angles[:, i] for i, a in enumerate(("roll", "pitch", "yaw"))}
+    euler = Recording("rotation", "wrist", BENCH, Site(), {}, whole.time, None, channels)
+    np.testing.assert_allclose(reference_of(euler).C, C, atol=1e-9)
+
+
+def test_the_command_calibrates_and_tells_the_lag(
+    tmp_path: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(recording(), tmp_path / "rec")
+    out = tmp_path / "out"
+    assert command("calibrate", tmp_path / "rec", "--method", "attitude", "--out", out) == 0
+    shown = capsys.readouterr()
+    assert "the attitude is late by 4" in shown.err
+    assert json.loads((out / "calibration.json").read_text())["method"] == "attitude"
+    assert "late by 4" in (out / "report.html").read_text()
+    assert command("calibrate", tmp_path / "rec", "--method", "attitude", "--terms", "gyro_bias") == 2
+
+
+def test_what_cannot_be_told_is_refused() -> None:
+    with pytest.raises(InputError, match="are a mirror image of the attitude's"):
+        gyroscopes_against_attitude(recording(mirror=True, length=15.0))
+    with pytest.raises(InputError, match="does not tell scale, mounting and lag apart"):
+        gyroscopes_against_attitude(recording(axes="x", length=15.0))
+    whole = recording()
+    rates = Recording("rotation", "r", BENCH, Site(), {}, whole.time, None,
+                      {k: v for k, v in whole.channels.items() if k[0] != "attitude"})  # fmt: skip
+    with pytest.raises(InputError, match="has no attitude; add its columns"):
+        gyroscopes_against_attitude(rates)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ('axis = "qw"', 'axis = "yaw"', "an attitude is qw, qx, qy and qz, or roll, pitch and yaw, got"),
+        ('axis = "qw", unit = "1"', 'axis = "qw", unit = "deg"', "axis qw, is \"1\", not 'deg'"),
+    ],
+)
+def test_slips(tmp_path: Path, old: str, new: str, sentence: str) -> None:
+    write(recording(), tmp_path / "rec")
+    path = tmp_path / "rec" / "recording.toml"
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(InputError, match=sentence):
+        read(tmp_path / "rec")
