@@ -52,6 +52,14 @@ class Found:
         """Linear parameters of all causes."""
         return tuple(p for c in self.causes for p in c.parameters)
 
+    def differing(self) -> set[str]:
+        """Effects that were found twice with other constants: one effect has one, so their sizes are fitted anew."""
+        first: dict[str, tuple[float, ...]] = {}
+        values = [tuple(value for _, value, _ in told) for told in self.constants]
+        return {
+            c.effect for c, v in zip(self.causes, values, strict=True) if v != first.setdefault(c.effect, v)
+        }  # fmt: skip
+
     def wide(self) -> dict[Parameter, Parameter]:
         """The parameters with a prior as wide as what was found: a prior that is narrower would hold them back."""
         size = WIDE * np.maximum(np.abs(self.x), np.sqrt(np.diag(self.covariance)))
@@ -214,7 +222,7 @@ def values_of(solution: Solution, wanted: Sequence[Parameter]) -> Array:
 
 def _with_sizes(s: Solution, found: Found, told: Mapping[Parameter, float]) -> Solution:
     """The solution with the causes at their sizes and covariance, the others as they go with it (module docstring)."""
-    mine = [p for p in found.parameters if p in s.parameters]
+    mine = [p for p in found.parameters if p in s.parameters and p.effect not in found.differing()]
     if not mine:
         return s
     c = [s.parameters.index(p) for p in mine]

@@ -118,3 +118,19 @@ def test_recordings_of_one_unit_add_up_and_those_of_two_are_told_apart() -> None
     with_run = together(one[0], run)
     assert not {"base_tilt", "polar_axis_misalignment"} & {p.effect for p in with_run.parameters}
     assert "do not agree" in with_run.outcome
+
+
+def test_an_effect_that_was_found_twice_with_other_constants_is_fitted_with_one() -> None:
+    """Warm-up of two accelerometers, each with a time constant of its own."""
+    warm = known(1)["warm-up"][0]
+    r = record(np.random.default_rng(4), lambda b: {"output": np.outer(warm(b)["output"][:, 1], [0.0, 1.0, 0.8])},
+               3000 * UG, dwell=12)  # fmt: skip
+    s = searched(settle(fit_baseline(r)), "warm_up:y", "warm_up:z", count=3)
+    f = fit_causes(s, [0, 1])
+    causes = [s.library.candidates[m] for m in f.members]
+    one, other = (("tau", 700.0, 10.0),), (("tau", 900.0, 10.0),)
+    made = calibrated([(s.o, f.projection.node, (0, 1))], found_of(causes, [one, other], f.x, f.covariance), "")
+    values = dict(zip((p.label for p in made.parameters), made.values, strict=True))
+    assert values["warm_up.tau"] == pytest.approx(700.0)
+    assert values["warm_up:z"] == pytest.approx(0.8 * values["warm_up:y"], rel=0.05)
+    assert made.residual.chi2 / made.residual.dof == pytest.approx(1.0, abs=0.3)
