@@ -98,13 +98,12 @@ class Case:
 
 def is_zero(expr: Expr) -> bool:
     """Whether an expression vanishes identically; a number at a generic point rejects, algebra confirms."""
-    expr = sp.expand(expr)
-    if expr == 0:
-        return True
+    expr = sp.sympify(expr)
     at = {s: sp.Rational(prime, 97) for s, prime in zip(_ordered(expr), _primes(), strict=False)}
     if abs(expr.subs(at).evalf(40)) > 1e-25:
         return False
-    if sp.simplify(expr) != 0 and sp.simplify(expr.rewrite(sp.exp)) != 0:
+    expr = sp.expand(expr)
+    if expr != 0 and sp.simplify(expr) != 0 and sp.simplify(expr.rewrite(sp.exp)) != 0:
         raise ArithmeticError(f"zero at a generic point but not proved to vanish: {expr}")
     return True
 
