@@ -13,6 +13,7 @@ import numpy as np
 import sympy as sp
 
 from derivations.comparison import checks, once
+from derivations.stimulus import stimulus
 from derivations.wang2019 import accelerometer, gyroscope
 from derivations.wang2019.package import GENERIC, PARAMETERS, counts, numbers, vector
 from derivations.wang2019.symbols import (
@@ -23,6 +24,7 @@ from derivations.wang2019.symbols import (
     SOURCE,
     E,
     L,
+    N,
     fa,
     fp,
     g,
@@ -198,6 +200,37 @@ def rest_row() -> float:
     value, slope = _derived_rest()
     scale = 2 * EARTH_RATE * SIGMA_REST
     return float(max(abs(r * scale - value), np.abs(J * scale - slope).max()))
+
+
+# --- pulses as the catalogue's effects
+
+
+@cache
+def _rate() -> Any:
+    """Eq. (6) at the generic counts as a function of the twelve parameters."""
+    return sp.lambdify(FREE, list((triangle() * polynomial(2)).subs({n: GENERIC[n] for n in N})))
+
+
+def _reading(x: Any) -> Any:
+    """(3,) what the package's gyroscopes read at the derived rate, with the effects it makes of parameters x (12,)."""
+    from gimbalcal.effects import with_values
+    from gimbalcal.estimate.gyroscopes import revolutions
+    from gimbalcal.forward import gyroscopes
+
+    effects = with_values((), revolutions.triangle(), revolutions.as_effects(x))
+    return gyroscopes(np.array([_rate()(*x)]), stimulus(np.zeros((1, 3)), (9.8, 0.6)), effects)[0]
+
+
+@checks(SOURCE, "Eq. (6)", "Eq. (8)", where="estimate.gyroscopes.revolutions.as_effects")
+def as_effects() -> float:
+    """Linear terms: the reading is the counts. Second order: the reading does not move with K2, bias zero."""
+    linear = np.array([0.0 if s in K2 else GENERIC[s] for s in FREE])
+    worst = np.abs(_reading(linear) - counts()[0]).max()
+    unbiased = np.array([0.0 if s in (*K2, *BIAS) else GENERIC[s] for s in FREE], dtype=complex)
+    for k in K2:
+        step = np.array([1e-30j if s == k else 0.0 for s in FREE])
+        worst = max(worst, np.abs(_reading(unbiased + step).imag).max() / 1e-30)
+    return float(worst)
 
 
 # --- the simulated laboratory, without noise

@@ -14,37 +14,15 @@ from typing import Any
 import numpy as np
 
 from derivations.comparison import checks, once
+from derivations.stimulus import stimulus
 from derivations.wu2018 import fine_norm, sensor, table1
 from derivations.wu2018.frames import base_to_platform, platform_to_accelerometers
 from derivations.wu2018.static_force import navigation_to_platform as derived_attitude
 from derivations.wu2018.symbols import BETA, G_NORMAL, LATITUDE, SOURCE, L, S_t, h, q
 
+SITE = (G_NORMAL, LATITUDE)
 GENERIC = np.array([0.3, 1.1, 0.7, -0.4])  # rad
 RNG_SEED = 1
-
-
-def stimulus(force: Any, readout: Any, axis_names: tuple[str, ...]) -> Any:
-    """A stimulus of n instants with these ideal forces [m/s^2] and readouts [rad], nothing else happening."""
-    from gimbalcal.effects import Stimulus
-
-    n = len(force)
-    zero = np.zeros((n, 3))
-    return Stimulus(
-        time=np.arange(float(n)),
-        readout=readout,
-        angle=readout,
-        force=force,
-        gravity=G_NORMAL,
-        visit=np.arange(n),
-        position=np.arange(n) + 1,
-        since_move=np.zeros(n),
-        move_force=zero,
-        move_angle=np.zeros_like(readout),
-        earlier_move_force=zero,
-        rate=zero,
-        axis_names=axis_names,
-        latitude=LATITUDE,
-    )
 
 
 def numbers(matrix: Any, values: dict[Any, float]) -> Any:
@@ -93,7 +71,7 @@ def _sensor_sample() -> tuple[Any, Any, dict[Any, float]]:
 
     effects, v = _sensor_effects()
     force = np.array([[3.1, -5.2, 7.3]])
-    output = accelerometers(force, stimulus(force, np.zeros((1, 4)), ("platform", "inner", "middle", "outer")), effects)
+    output = accelerometers(force, stimulus(force, SITE), effects)
     names = (*BETA, *sensor.SF, *sensor.K, *sensor.b)
     flat = np.concatenate([v["beta"], 1 + v["s"], v["K_nl"], v["b"]])
     return force[0], output[0], dict(zip(names, flat, strict=True))
@@ -120,7 +98,7 @@ def misalignment() -> float:
     """Eq. (5): force plus the effect's contribution against C_p^a f^p."""
     effects, v = _sensor_effects()
     force = np.array([[3.1, -5.2, 7.3]])
-    s = stimulus(force, np.zeros((1, 4)), ("platform", "inner", "middle", "outer"))
+    s = stimulus(force, SITE)
     C = numbers(platform_to_accelerometers(), dict(zip(BETA, v["beta"], strict=True)))
     return float(np.abs(force + effects[0].contribution(s) - force @ C.T).max() / G_NORMAL)
 
@@ -186,7 +164,7 @@ def norm_observation() -> float:
 
     platform, angles = EIGHTEEN_POSITIONS.platform, EIGHTEEN_POSITIONS.angles
     force = -G_NORMAL * EIGHTEEN_POSITIONS.gravity_directions()
-    s = stimulus(force, angles, platform.axis_names)
+    s = stimulus(force, SITE, angles, platform.axis_names)
     ids = ("scale_factor", "bias", "scale_nonlinearity", "misalignment")
     effects = tuple(absent(CATALOGUE[i]) for i in ids)
     ours = -np.einsum("ni,nip->np", force, jacobian(platform, s, effects, wanted(ids))["specific_force"])
@@ -194,3 +172,36 @@ def norm_observation() -> float:
     slope = fine_norm.unknowns().subs(dict.fromkeys(fine_norm.SF_hat, 1)).jacobian(fine_norm.DEVIATIONS)
     derived = np.vstack([row(*f) for f in force]) @ numbers(slope, {})
     return float(np.abs((ours - derived) / np.abs(derived).max(axis=0)).max())
+
+
+@checks(SOURCE, "Eq. (1)", "Eq. (2)", "Eq. (7)", where="forward.predict")
+def outputs_at_rest() -> float:
+    """Eq. (7) with f^p = -g^p at the 18 positions, against the package's whole chain without nonlinearity."""
+    from gimbalcal.forward import predict
+    from gimbalcal.schedule import EIGHTEEN_POSITIONS
+
+    platform, angles = EIGHTEEN_POSITIONS.platform, EIGHTEEN_POSITIONS.angles
+    effects, v = _sensor_effects()
+    kept = tuple(e for e in effects if e.id != "scale_nonlinearity")
+    s = stimulus(np.zeros((len(angles), 3)), SITE, angles, platform.axis_names)
+    ours = predict(platform, s, kept)["specific_force"]
+    values = dict(zip((*BETA, *sensor.SF, *sensor.b), np.r_[v["beta"], 1 + v["s"], v["b"]], strict=True))
+    zeros = dict.fromkeys(table1.ZEROS, 0)
+    derived = [
+        numbers(sensor.linear_output(-G_NORMAL * table1.gravity(*row).subs(zeros)), values)[:, 0]
+        for row in table1.resolved_angles()
+    ]
+    return float(np.abs(ours - np.array(derived)).max() / G_NORMAL)
+
+
+@checks(SOURCE, "Eq. (5)", where="effects.gyroscope.rate_matrix")
+def rate_matrix() -> float:
+    """Gyroscopes have the same angles: M = SF^-1 C_p^g, and SF and the angles back from M."""
+    from gimbalcal.effects import gyroscope
+
+    _, v = _sensor_effects()
+    C = numbers(platform_to_accelerometers(), dict(zip(BETA, v["beta"], strict=True)))
+    M = C / (1 + v["s"])[:, None]
+    s, beta = gyroscope.of_rate_matrix(M)
+    back = max(np.abs(s - v["s"]).max(), np.abs(beta - v["beta"]).max())
+    return float(max(np.abs(gyroscope.rate_matrix(v["s"], v["beta"]) - M).max(), back))

@@ -12,7 +12,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from derivations.comparison import checks, once
-from derivations.wu2018 import separation, static_force, table4
+from derivations.stimulus import stimulus
+from derivations.wu2018 import frames, separation, static_force, table4
 from derivations.wu2018.attitude_error import (
     DISTURBANCES,
     HARMONIC_OF,
@@ -23,8 +24,23 @@ from derivations.wu2018.attitude_error import (
     force_part,
     kappa,
 )
-from derivations.wu2018.package import numbers, stimulus, wanted
-from derivations.wu2018.symbols import G_NORMAL, LATITUDE, RESIDUALS, SOURCE, TABLE_2, TABLE_3, L, S_t, g, psi
+from derivations.wu2018.package import SITE, numbers, wanted
+from derivations.wu2018.symbols import (
+    G_NORMAL,
+    LATITUDE,
+    RESIDUALS,
+    SOURCE,
+    TABLE_2,
+    TABLE_3,
+    L,
+    S_t,
+    g,
+    h,
+    phi,
+    psi,
+    q,
+    theta,
+)
 
 EQUATIONS = (21, 22, 23, 24, 25, 34, 35, 36, 37, 38, 29, 31, 30, 33, 32)  # in the order of `combined.NAMES`
 SEPARATION = "estimate.static_run.combined.matrix"
@@ -37,7 +53,7 @@ def static_stimulus() -> Any:
     c, s = np.cos(LATITUDE), np.sin(LATITUDE)
     unit = np.stack([np.cos(PHASES) * c, np.sin(PHASES) * c, s + 0 * PHASES], axis=-1)
     readout = np.stack([PHASES, 0 * PHASES, LATITUDE + 0 * PHASES, 0 * PHASES], axis=-1)
-    return stimulus(G_NORMAL * unit, readout, SPACE_STABLE_INERTIAL.axis_names)
+    return stimulus(G_NORMAL * unit, SITE, readout, SPACE_STABLE_INERTIAL.axis_names)
 
 
 @checks(SOURCE, "Eq. (19)", where="forward.predict")
@@ -49,6 +65,33 @@ def static_run_force() -> float:
     ours = predict(SPACE_STABLE_INERTIAL, static_stimulus(), (), "static-run")["specific_force"] / G_NORMAL
     derived = np.stack([numbers(static_force.force(), {L: LATITUDE, S_t: t})[:, 0] for t in PHASES])
     return float(np.abs(ours - derived).max())
+
+
+@checks(SOURCE, "Eq. (18)", where="kinematics.navigation_to_platform")
+def simulated_attitude() -> float:
+    """Eq. (18) over a day."""
+    from gimbalcal.kinematics import navigation_to_platform
+
+    derived = static_force.navigation_to_platform()
+    rows = np.stack([numbers(derived, {L: LATITUDE, S_t: t}) for t in PHASES])
+    return float(np.abs(navigation_to_platform(PHASES, LATITUDE) - rows).max())
+
+
+@checks(SOURCE, "Eq. (3)", where="forward.angles.navigator_attitude_error")
+def attitude_angles() -> float:
+    """Eq. (3) at the roll, pitch and yaw that the navigator gives out against (4) and (18), a base far from level."""
+    from gimbalcal.forward.angles import navigator_attitude_error
+    from gimbalcal.platform import SPACE_STABLE_INERTIAL
+
+    phase, middle, outer = 0.3, 0.5, -0.4
+    at = {S_t: phase, L: LATITUDE}
+    force = G_NORMAL * numbers(static_force.force(), at)[:, 0]
+    readout = np.array([phase, 0.0, middle, outer])
+    angles = -navigator_attitude_error(SPACE_STABLE_INERTIAL, force[None], readout[None])[0]
+    C_bp = numbers(frames.base_to_platform(), {S_t: phase, h: middle, q: outer})
+    derived = C_bp.T @ numbers(static_force.navigation_to_platform(), at)
+    printed = frames.cases()["Eq. (3)"].derived
+    return float(np.abs(numbers(printed, dict(zip((phi, theta, psi), angles, strict=True))) - derived).max())
 
 
 @once

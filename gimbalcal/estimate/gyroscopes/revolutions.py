@@ -4,7 +4,7 @@ A turn between two rests is a revolution when its angle is a whole number of cir
 about one axis in opposite senses are a pair. Everything else that moved is left out. The fit is that of
 `wang2019.revolutions.gyroscope_pulses`, pulses to rate; the calibration is returned as effects, physics to reading,
 
-.. math:: M = (C K_1)^{-1}, \quad s_i = 1 / M_{ii} - 1, \quad b = -\varepsilon / K_1, \quad K = -K_2 / K_1^3
+.. math:: M = (C K_1)^{-1}, \quad s_i = 1 / M_{ii} - 1, \quad b = -\varepsilon / K_1, \quad K = -K_2 / K_1
 
 the last to first order in K2, and with the angles of Eq. (5) of Wu et al. (2018) below the diagonal of M.
 """
@@ -19,6 +19,8 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
+from gimbalcal.effects.effect import MISALIGNMENT_AXES
+from gimbalcal.effects.gyroscope import of_rate_matrix
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.gyroscopes.outcome import UNSTEADY_RATE
 from gimbalcal.estimate.gyroscopes.turns import paused
@@ -33,6 +35,7 @@ ROUNDS = 3  # the bias enters the Earth's share of the ramps, a few percent of i
 OPPOSITE = -0.99  # cosine between the axes of a pair
 RATE = "angular_rate"
 EFFECTS = ("gyro_bias", "gyro_scale_factor", "gyro_misalignment", "gyro_scale_nonlinearity")
+BELOW = ("yz", "zx", "zy")  # angles of Eq. (5) of Wu et al. (2018) that a lower triangle holds
 
 
 def gyroscopes_from_revolutions(recording: Recording) -> Calibration:
@@ -135,16 +138,15 @@ def _scaled(one: Moved, angle: float, duration: float) -> Array:
 def as_effects(x: Array) -> Array:
     """Values of the effects (12,) [SI] from K1, K2, bias, E (12,) of the pulse model; float or complex."""
     triad = Pulses(x[0:3], x[3:6], 0 * x[0:3], x[6:9], x[9:12])
-    M = np.linalg.inv(lower(triad.E) * triad.K1[None, :])
-    return np.concatenate(
-        [-triad.bias / triad.K1, 1 / np.diag(M) - 1, [-M[1, 0], -M[2, 1], M[2, 0]], -triad.K2 / triad.K1**3]
-    )
+    s, beta = of_rate_matrix(np.linalg.inv(lower(triad.E) * triad.K1[None, :]))
+    below = [beta[MISALIGNMENT_AXES.index(axis)] for axis in BELOW]
+    return np.concatenate([-triad.bias / triad.K1, s, below, -triad.K2 / triad.K1])
 
 
 def triangle() -> tuple[Parameter, ...]:
     """The parameters in the order of `forward`; of the misalignments those that a rotation of the triad leaves."""
     found = [p for e in EFFECTS for p in parameters(CATALOGUE[e])]
-    return tuple(p for p in found if p.effect != "gyro_misalignment" or p.axis in ("yz", "zx", "zy"))
+    return tuple(p for p in found if p.effect != "gyro_misalignment" or p.axis in BELOW)
 
 
 def _outcome(recording: Recording, converged: bool, times: float) -> str:
