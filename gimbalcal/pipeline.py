@@ -27,6 +27,7 @@ from gimbalcal.estimate.asked import Asked, asked
 from gimbalcal.estimate.cross_check import CrossCheck, cross_check
 from gimbalcal.estimate.fusion import fuse
 from gimbalcal.estimate.gyroscopes.against_attitude import gyroscopes_against_attitude
+from gimbalcal.estimate.gyroscopes.two_position import two_position
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.sessions import unit_of_sessions
 from gimbalcal.estimate.static_run.run import static_parameters, static_readings
@@ -38,6 +39,7 @@ from gimbalcal.recording.plausibility import refuse_implausible
 
 Tell = Callable[[str], None]
 FEWEST_POSITIONS = 6
+ALONE = {"attitude": gyroscopes_against_attitude, "two-position": two_position}  # methods for gyroscopes alone
 STATIC_BLOCK = 60.0  # s; a static run is read as minute means: no effect of the catalogue lives below 3 min
 
 
@@ -151,11 +153,10 @@ def _calibrated(
             tell(f"{told['title']}: {told['in_words']}")
         for words in _left_out(made):
             tell(f"note: {words}")
-    elif method == "attitude":
+    elif method in ALONE:
         if len(recordings) > 1 or terms or more:
-            raise InputError("--method attitude takes one recording and has its own terms; give it alone")
-        tell("the gyroscopes against the attitude, with its lag and how it is mounted")
-        made = gyroscopes_against_attitude(recordings[0])
+            raise InputError(f"--method {method} takes one recording and has its own terms; give it alone")
+        made = ALONE[method](recordings[0])
         tell(made.provenance["options"]["in_words"])
     elif terms:
         raise InputError(

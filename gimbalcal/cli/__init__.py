@@ -70,11 +70,12 @@ gimbalcal.add_command(import_)
 @RECORDINGS
 @click.option(
     "--method",
-    type=click.Choice(["three-stage", "multiposition", "attitude"]),
+    type=click.Choice(["three-stage", "multiposition", "attitude", "two-position"]),
     default="three-stage",
     show_default=True,
     help="three-stage: space-stable platform, angles recorded; multiposition: no angles needed, gyroscopes too; "
-    "attitude: moving gyroscopes against an attitude that was logged beside them.",
+    "attitude: moving gyroscopes against an attitude that was logged beside them; "
+    "two-position: gyroscopes that stand still and are reversed, bias against the Earth's rate.",
 )
 @click.option(
     "--terms", default="", help="multiposition, and mounts: comma-separated terms to estimate (see the report)."

@@ -1,0 +1,92 @@
+"""Two-position tests: the bias comes out of a reversal, north with it, and what cannot be told is said."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gimbalcal.earth import EARTH_RATE
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.gyroscopes.two_position import two_position
+from gimbalcal.number import Array
+from gimbalcal.platform import KNOWN
+from gimbalcal.recording import Recording, Site, write
+from gimbalcal.units import to_si
+
+LATITUDE, NORTH, NOISE = np.radians(48.0), np.radians(70.0), to_si(5.0, "deg/h")
+BIAS = to_si(1.0, "deg/h") * np.array([3.0, -8.0, 5.0])
+
+
+def rests_at(
+    angles: list[tuple[float, ...]], platform: str = "rate-table", seed: int = 1, rows: int = 400, wrong: float = 0.0
+) -> Recording:
+    """Rests of `rows` samples at these gimbal angles [deg] on a level base, x axis `NORTH` east of north."""
+    rng = np.random.default_rng(seed)
+    east, down = np.cos(LATITUDE) * np.sin(NORTH), np.sin(LATITUDE)
+    earth = EARTH_RATE * np.array([np.cos(LATITUDE) * np.cos(NORTH), -east, -down])
+    table = KNOWN[platform]
+    true: list[Array] = [table.attitude(np.radians(a)) @ earth for a in angles]
+    true[-1] = true[-1] + wrong
+    y = np.repeat(BIAS + np.array(true), rows, axis=0) + NOISE * rng.standard_normal((rows * len(angles), 3))
+    position = np.repeat(np.arange(len(angles)) + 1, rows)
+    channels = {("angular_rate", a): y[:, i] for i, a in enumerate("xyz")}
+    for i, name in enumerate(table.axis_names):
+        channels["gimbal_angle", name] = np.repeat(np.radians([a[i] for a in angles]), rows)
+    return Recording(
+        "multi-position", "reversed", table, Site(LATITUDE), {}, np.arange(len(y)) * 1.0, position, channels
+    )
+
+
+VERTICAL: list[tuple[float, ...]] = [(0.0,), (180.0,)]
+EAST: list[tuple[float, ...]] = [(0.0, 0.0), (0.0, 180.0)]  # about x, wherever it points
+BOTH = [(0.0, 0.0), (180.0, 0.0), (0.0, 180.0), (180.0, 180.0)]
+
+
+@pytest.mark.parametrize(("angles", "platform"), [(VERTICAL, "rate-table"), (BOTH, "two-axis-table")])
+def test_the_bias_and_north_come_out_of_a_reversal(angles: list[tuple[float, ...]], platform: str) -> None:
+    off = []
+    for seed in range(12):
+        made = two_position(rests_at(angles, platform, seed))
+        north = made.provenance["options"]["north"]
+        off.append([*((made.values - BIAS) / made.sigmas), (north["east_of_north_deg"] - 70.0) / north["sigma_deg"]])
+        assert made.outcome == ""
+        assert made.sigmas == pytest.approx(NOISE / np.sqrt(400 * len(angles)), rel=0.6)
+    assert 0.6 < np.sqrt(np.mean(np.square(off))) < 1.4  # 48 normal numbers, four of them together
+
+
+def test_a_reversal_about_the_vertical_leaves_gravity_in_the_bias() -> None:
+    named = two_position(rests_at(VERTICAL)).unobservable
+    assert named[0]["direction"] == {"gyro_bias:x": 1.0, "gyro_g_sensitivity_rate:xz": -1.0}
+    assert two_position(rests_at(BOTH, "two-axis-table")).unobservable == ()
+
+
+def test_a_bias_that_moved_is_an_outcome() -> None:
+    made = two_position(rests_at(BOTH, "two-axis-table", wrong=to_si(3.0, "deg/h")))
+    assert "leave" in made.outcome
+    assert "the bias moved" in made.outcome
+
+
+@pytest.mark.parametrize(
+    ("recording", "sentence"),
+    [
+        (rests_at([(0.0,), (0.0,)]), "do not tell the Earth's rate from the bias: reverse the unit by 180 deg"),
+        (rests_at([(0.0,)]), "the 1 rest of 'reversed' do not tell"),
+        (replace(rests_at(VERTICAL), site=Site()), "write the latitude of 'reversed' in"),
+        (replace(rests_at(VERTICAL), units={("angular_rate", a): "count" for a in "xyz"}), "reads rates in counts"),
+        (replace(rests_at(VERTICAL), kind="rotation"), "does not say how the unit was turned"),
+    ],
+)
+def test_what_is_no_reversal_is_refused(recording: Recording, sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        two_position(recording)
+
+
+def test_the_command(tmp_path: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+    write(rests_at(VERTICAL), tmp_path / "rec")
+    assert command("calibrate", tmp_path / "rec", "--method", "two-position", "--out", tmp_path / "out") == 0
+    assert "the base's x axis points" in capsys.readouterr().err
+    assert (tmp_path / "out" / "report.html").is_file()
