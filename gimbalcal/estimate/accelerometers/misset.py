@@ -118,30 +118,41 @@ def _worst(J: Array, r: Array, W: Array, free: Array, measured: Array, scaled: b
     single = int(np.argmax(falls))
     swapped, pair, pairs = _best_swap(basis, r, W, measured, np.sort(np.argsort(falls)[-PAIRS:]))
     options: list[tuple[float, int, int, tuple[int, ...]]] = [(chi2 - float(falls[single]), dof - 2, len(r), (single,))]
-    if _interchanged(J, r, chi2, swapped, pair, scaled):
+    if _interchanged(J, r, _exchanged(r, W, measured, pair), pair, falls, scaled):
         options.append((swapped, dof, pairs, pair))
     left, freedom, trials, found = min(options, key=lambda option: option[0])
     scale = max(left / freedom, 1e-300) if scaled else 1.0
     return found if trials * probability((chi2 - left) / scale, 2 * len(found)) < SURPRISE else None
 
 
-def _interchanged(J: Array, r: Array, chi2: float, swapped: float, pair: tuple[int, int], scaled: bool) -> bool:
-    """Whether two visits fit each other's angles, and neither fits its own when the other is left out."""
+def _interchanged(J: Array, r: Array, swapped: Array, pair: tuple[int, int], falls: Array, scaled: bool) -> bool:
+    """Whether two visits fit each other's angles, and neither fits its own when the other is left out.
 
-    def without(*visits: int) -> tuple[float, int]:
-        keep = ~np.isin(np.arange(len(r)), visits)
+    r, swapped (m, 3): the rows, and those with the readings of the two exchanged. A third visit may be wrong as well:
+    they are asked with the worst other one too, and with it left out.
+    """
+    others = [v for v in np.argsort(-falls) if v not in pair]
+    return any(_fit_each_other(J, r, swapped, pair, out, scaled) for out in ((), tuple(others[:1])))
+
+
+def _fit_each_other(
+    J: Array, r: Array, swapped: Array, pair: tuple[int, int], out: tuple[int, ...], scaled: bool
+) -> bool:
+    def left(rows: Array, *visits: int) -> tuple[float, int]:
+        keep = ~np.isin(np.arange(len(rows)), (*visits, *out))
         basis = _seen_basis(J[keep])
-        rest = r[keep] - basis @ np.einsum("mij,mi->j", basis, r[keep])
+        rest = rows[keep] - basis @ np.einsum("mij,mi->j", basis, rows[keep])
         return float((rest**2).sum()), rest.size - basis.shape[-1]
 
-    left, freedom = without(*pair)
+    chi2, freedom = left(r, *pair)
     if freedom <= 0:
         return False
-    scale = max(left / freedom, 1e-300) if scaled else 1.0
-    excess = swapped - left
-    fits = acceptable(excess / scale, 2 * r.shape[1]) or excess < REMAINS * (chi2 - left)
-    own = [without(other)[0] - left for other in pair]
-    return fits and not any(acceptable(x / scale, r.shape[1]) or x < REMAINS * (chi2 - left) for x in own)
+    scale = max(chi2 / freedom, 1e-300) if scaled else 1.0
+    most = REMAINS * (left(r)[0] - chi2)
+    crossed = left(swapped)[0] - chi2
+    own = [left(r, other)[0] - chi2 for other in pair]
+    fits = acceptable(crossed / scale, 2 * r.shape[1]) or crossed < most
+    return fits and not any(acceptable(x / scale, r.shape[1]) or x < most for x in own)
 
 
 def _seen_basis(J: Array) -> Array:
@@ -164,15 +175,19 @@ def _falls(basis: Array, rest: Array, free: Array) -> Array:
 def _best_swap(basis: Array, r: Array, W: Array, measured: Array, among: Array) -> tuple[float, tuple[int, int], int]:
     """Lowest chi^2 when the readings of two visits change places, which two, and how many pairs were tried."""
     pairs = np.array(list(combinations(among, 2)))
-    rows = np.repeat(r[None], len(pairs), axis=0)
-    which = np.arange(len(pairs))
-    for here, there in ((0, 1), (1, 0)):
-        i, j = pairs[:, here], pairs[:, there]
-        rows[which, i] += apply_matrix(W[i], measured[j] - measured[i])
+    rows = np.stack([_exchanged(r, W, measured, (i, j)) for i, j in pairs])
     explained = np.einsum("mij,qmi->qj", basis, rows)
     chi2 = (rows**2).sum(axis=(1, 2)) - (explained**2).sum(axis=1)
     best = int(np.argmin(chi2))
     return float(chi2[best]), (int(pairs[best, 0]), int(pairs[best, 1])), len(pairs)
+
+
+def _exchanged(r: Array, W: Array, measured: Array, pair: tuple[int, int]) -> Array:
+    """The rows (m, 3) with the readings of two visits exchanged."""
+    rows = r.copy()
+    for i, j in (pair, pair[::-1]):
+        rows[i] += apply_matrix(W[i], measured[j] - measured[i])
+    return rows
 
 
 def _fault(p: Problem, fit: PositionFit, visits: tuple[int, ...]) -> Fault:

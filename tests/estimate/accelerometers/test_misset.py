@@ -73,6 +73,14 @@ def test_the_angles_of_another_position_written_down_for_one_are_no_interchange(
     assert faults_of(without_noise(wrong)) == [(i + 1,)]
 
 
+@pytest.mark.parametrize(("pair", "i"), [((9, 11), 5), ((10, 17), 8), ((1, 11), 14), ((2, 16), 7)])
+def test_an_interchange_is_found_beside_a_third_position_that_is_wrong(
+    clean: Recording, pair: tuple[int, int], i: int
+) -> None:
+    wrong = misread(interchanged(clean, *pair), i, "middle", np.pi / 5)
+    assert sorted(faults_of(wrong)) == sorted([(pair[0] + 1, pair[1] + 1), (i + 1,)])
+
+
 def test_two_positions_far_off_are_two_faults(clean: Recording) -> None:
     wrong = misread(misread(clean, 6, "inner", np.pi / 4), 14, "middle", -np.pi / 3)
     assert sorted(faults_of(wrong)) == [(7,), (15,)]
