@@ -247,7 +247,9 @@ def rows_of_turns(turns: Turns, effects: Sequence[Effect]) -> Rows:
     does to gravity at the end is the turn of all samples after it.
     """
     y, s = turns.reading.reshape(-1, 3), turns.stimulus
-    w, D, _ = invert(lambda rate: gyroscopes(rate, s, effects), y)
+    w, D, flat = invert(lambda rate: gyroscopes(rate, s, effects), y)
+    if np.any(flat):
+        raise InputError("no model of the gyroscopes turns with the unit: one of them does not follow its rate")
     m, n = turns.step.shape
     rate = w.reshape(m, n, 3)
     misfit, predicted, tail = end_of(rate, turns)

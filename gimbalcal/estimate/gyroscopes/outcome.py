@@ -26,6 +26,7 @@ from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.units import from_si
 
 UNSTEADY_RATE = 8.0  # times what noise explains: the level of two phones wanders by 5.6 and 6.7, of two MPU-9150 by 4.6
+MEDIAN = 1.4826  # times the median of the sizes is one sigma
 FAR = 0.2  # of the rate, or rad: no gyroscope on the market is off by as much, a wrong range is
 SLOW = 1e-3  # rad/s; what is linear in the rate shows alone
 SINGULAR = 1e6  # condition number, columns of length one
@@ -79,10 +80,11 @@ def turn_sigma(recording: Recording, turns: Turns, accelerometers: Calibration, 
     n = dwell_means(recording).weight
     first, last = turns.ends - 1, turns.ends
     steps, T = (turns.step > 0).sum(1), turns.step.sum(1)
+    usual = MEDIAN * float(np.median(np.abs(wander)))  # one odd rest makes no turn uncertain
     down = _direction_sigma(recording, accelerometers, n)
     level = (T * scale * white) ** 2 / 4 * (1 / n[first] + 1 / n[last])
     on_the_way = steps * (scale * white * T / steps) ** 2
-    variance = down[first] ** 2 + down[last] ** 2 + on_the_way + level + T**2 / 2 * float(np.mean(wander**2))
+    variance = down[first] ** 2 + down[last] ** 2 + on_the_way + level + T**2 / 2 * usual**2
     return float(np.sqrt(variance.mean()))
 
 

@@ -59,6 +59,18 @@ def test_turns_that_the_gyroscopes_missed_are_told() -> None:
     assert "times what their noise explains" in made.outcome
 
 
+def test_one_odd_rest_hides_no_turn_that_was_missed() -> None:
+    y = np.clip(turned().triad(RATE), -0.6, 0.6)
+    y[np.asarray(turned().position) == 5] += np.radians(5.0)
+    assert "gravity is missed by" in calibrated(with_rates(y)).outcome
+
+
+def test_a_gyroscope_that_does_not_follow_its_rate_is_told() -> None:
+    y = turned().triad(RATE) * np.array([1.0, 1.0, 0.0]) + 1e-4 * np.random.default_rng(0).standard_normal((1, 3))
+    y[:, 2] += 1e-4 * np.random.default_rng(1).standard_normal(len(y))
+    assert "gyroscope" in calibrated(with_rates(y)).outcome
+
+
 def test_half_of_a_rate_is_the_range_and_no_scale_error() -> None:
     half = turned().triad(RATE) * np.array([1.0, 1.0, 0.5])
     said = calibrated(with_rates(half)).outcome
