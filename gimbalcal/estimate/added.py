@@ -24,7 +24,7 @@ from gimbalcal.recording import Recording
 from gimbalcal.units import from_si, to_si
 
 WIDE = 100.0  # times the catalogue's prior: what is asked for is fitted, not held
-ROUNDS, FINE = 3, 5  # refinements of a constant, and values in each: 0.5 % of the step of the grid in the end
+ROUNDS, FINE = 3, 5  # refinements of a constant, and values in each, before a parabola goes through three
 
 
 @dataclass(frozen=True)
@@ -212,8 +212,12 @@ def _refined(
         k = int(np.argmin(costs))
         best, low, high = float(fine[k]), float(fine[max(k - 1, 0)]), float(fine[min(k + 1, len(fine) - 1)])
     step = 0.05 * (abs(best) or bounds[1] - bounds[0])
-    bend = missed({f.name: best + step}) - 2 * missed({f.name: best}) + missed({f.name: best - step})
-    return best, float(np.sqrt(2 * step**2 / bend)) if bend > 0 else 0.0
+    below, middle, above = (missed({f.name: best + k * step}) for k in (-1, 0, 1))
+    bend = below - 2 * middle + above
+    if bend <= 0:  # at the end of its range
+        return best, 0.0
+    shift = float(np.clip((below - above) / 2 / bend, -1, 1)) * step
+    return float(np.clip(best + shift, *bounds)), float(np.sqrt(2 * step**2 / bend))
 
 
 def with_told(made: Calibration, told: Mapping[Parameter, tuple[float, float]]) -> Calibration:

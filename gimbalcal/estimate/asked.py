@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, values, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, values, with_values
+from gimbalcal.effects.effect import happens_once
 from gimbalcal.estimate.accelerometers.positions import Positions
 from gimbalcal.estimate.accelerometers.setting import by_turns, problem, set_off, visit_rows, whiten
 from gimbalcal.estimate.added import Added, unfit, with_constants
@@ -38,17 +39,12 @@ class Asked:
 
 def asked(more: Sequence[Added], positions: Positions | None, run: Recording | None) -> Asked:
     """The constants of the added effects that fit all recordings best, where nobody stated them."""
-    parts: list[Misfit] = []
-    stimulus = None
+    parts: list[tuple[Misfit, Stimulus]] = []
     if positions is not None:
         parts.append(_of_positions(more, positions))
-        stimulus = positions.problem.stimulus
     if run is not None:
-        read = static_readings(run)
         parts.append(_of_run(more, run))
-        stimulus = stimulus or read.stimulus
-    assert stimulus is not None
-    effects, told = with_constants(more, stimulus, lambda effects: sum(part(effects) for part in parts))
+    effects, told = with_constants(more, parts[0][1], lambda effects: sum(part(effects) for part, _ in parts))
     return Asked(tuple(more), effects, told)
 
 
@@ -66,12 +62,15 @@ def _beside(rows: Rows, J: Array, effects: Sequence[Effect], shown: dict[str, tu
     return np.concatenate([J, *(rows.columns(e, shown[e.id]) for e in effects if e.id in shown)], axis=-1)
 
 
-def _of_positions(more: Sequence[Added], positions: Positions) -> Misfit:
-    """Every row at rest, about the fit of the baseline."""
+def _of_positions(more: Sequence[Added], positions: Positions) -> tuple[Misfit, Stimulus]:
+    """Every row at rest, about the fit of the baseline, and what the rows experienced."""
     shown, fit = _shown(more, positions.recording), positions.fit
-    left_out = [visit for fault in positions.faults for visit in fault.visits]
-    p = problem(positions.recording, positions.problem.parameters, averaged=False).without(left_out)
+    p = problem(positions.recording, positions.problem.parameters, averaged=False)
     x, e = fit.solution.x, fit.setting
+    if any(happens_once(CATALOGUE[a.effect]) for a in more):  # a fault of one position may be what is asked for
+        e = np.zeros((p.visits, p.turns))
+    else:
+        p = p.without([visit for fault in positions.faults for visit in fault.visits])
     effects = with_values(p.effects, p.parameters, x, p.platform.axis_names)
     rows = set_off(p, e).rows(effects, _stages(p.parameters, shown))
     J, G = rows.jacobian(p.parameters), by_turns(p, x, e)
@@ -82,11 +81,11 @@ def _of_positions(more: Sequence[Added], positions: Positions) -> Misfit:
         linear = visit_rows(p, _beside(rows, J, effects, shown), r, G)
         return solve(whiten(linear, positions.noise).information(wanted)).chi2
 
-    return misfit
+    return misfit, p.stimulus
 
 
-def _of_run(more: Sequence[Added], recording: Recording) -> Misfit:
-    """Every row of a static run, about the fit of its baseline."""
+def _of_run(more: Sequence[Added], recording: Recording) -> tuple[Misfit, Stimulus]:
+    """Every row of a static run, about the fit of its baseline, and what the rows experienced."""
     run, shown = static_readings(recording), _shown(more, recording)
     wanted = static_parameters(run)
     effects = linearisation_point(run, (), wanted)
@@ -99,4 +98,4 @@ def _of_run(more: Sequence[Added], recording: Recording) -> Misfit:
         columns = _beside(rows, J, effects, shown) / run.sigma[..., None]
         return solve(information(columns, r / run.sigma, both)).chi2
 
-    return misfit
+    return misfit, run.stimulus

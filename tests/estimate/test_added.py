@@ -17,7 +17,7 @@ from gimbalcal.pipeline import load, three_stage
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, block_means
 from gimbalcal.simulate import simulate
-from tests.diagnose.plant import UG, known, record
+from tests.diagnose.plant import ARCSEC, UG, known, record
 
 DATA = Path(__file__).parents[2] / "data"
 
@@ -53,6 +53,15 @@ def test_a_constant_is_the_one_that_fits_best_or_the_one_that_is_stated() -> Non
     told = three_stage([r], more=added(["warm_up:y,tau=0.25"], [r]))
     assert estimate(told, "warm_up.tau") == (pytest.approx(900.0), 0.0)
     assert made.residual.chi2 < told.residual.chi2
+
+
+def test_a_position_that_was_not_set_is_found_among_all() -> None:
+    r = positions("blunder", 40 * ARCSEC, dwell=12)
+    assert "mis-set" in three_stage([r]).outcome
+    made = three_stage([r], more=added(["position_blunder"], [r]))
+    assert made.outcome == ""
+    assert estimate(made, "position_blunder.position")[0] == 6  # counted from one
+    assert not made.provenance["left_out"]
 
 
 def test_a_static_run_and_both_together_take_it_too() -> None:
