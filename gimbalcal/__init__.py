@@ -10,7 +10,8 @@ Frames.
 Signs.
     Specific force f = a - g. A level unit at rest feels f^n = (0, 0, -g): the z accelerometer that points down reads
     about -9.8 m/s^2. Parameters are errors with nominal zero: ``scale_factor`` is SF - 1 in
-    f^a = SF^-1 C_p^a f^p + b + K_nl (f^a - b)^2; a true gimbal angle is its readout plus ``gimbal_zero``.
+    f^a = SF^-1 C_p^a f^p + b + K_nl (f^a - b)^2, and gyroscopes alike, omega^g = SF^-1 C_p^g omega^p + ...: what is
+    true is SF times the reading; a true gimbal angle is its readout plus ``gimbal_zero``.
 Units.
     SI and radians inside, always; ``gimbalcal.units`` at the edges. 1 g is 9.80665 m/s^2; 1 ug across an axis at 1 g
     is 1 urad of tilt.

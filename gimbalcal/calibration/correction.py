@@ -13,7 +13,7 @@ product of two errors.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
 from typing import Any, Protocol
@@ -71,21 +71,27 @@ def correct(calibration: Calibrated, recording: Recording) -> Recording:
     for _ in range(ROUNDS):  # force and rate enter each other's errors (g-sensitivity, lever arms)
         before = s
         if rate is not None:
-            w, rate_gain, _ = invert(partial(_rates, s, effects), rate)
+            w, rate_gain = _undone(partial(_rates, s, effects), rate)
             s = s.at(rate=w)
         if force is not None:
-            f, force_gain, _ = invert(partial(_forces, s, effects), force)
+            f, force_gain = _undone(partial(_forces, s, effects), force)
             s = s.at(force=f)
         if np.array_equal(s.force, before.force) and np.array_equal(s.rate, before.rate):
             break
     channels = dict(made.channels)
     if force is not None:
         channels |= _columns(FORCE, _turned(s.force, stood, 1.0))
-        made = with_noise(made, FORCE, np.linalg.inv(force_gain))
+        made = with_noise(made, FORCE, force_gain)
     if rate is not None:
         channels |= _columns(RATE, _turned(s.rate, stood, 1.0))
-        made = with_noise(made, RATE, np.linalg.inv(rate_gain))
+        made = with_noise(made, RATE, rate_gain)
     return replace(made, channels=_added(channels, stood, 1.0))
+
+
+def _undone(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array]:
+    """What was there (n, 3), and its derivative (n, 3, 3) by the readings; one where the law is flat and they stay."""
+    f, H, flat = invert(h, y)
+    return f, np.linalg.inv(np.where(flat[:, None, None], np.eye(3), H))
 
 
 def _turned(v: Array, stood: Mount | None, sign: float) -> Array:
