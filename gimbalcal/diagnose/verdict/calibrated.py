@@ -32,7 +32,8 @@ from gimbalcal.number import Array
 from gimbalcal.readings import readings
 from gimbalcal.recording import Recording
 
-ROUNDS = 3  # linearisations: each leaves a product of two errors of what is left
+ROUNDS = 4  # linearisations at most: each leaves a product of two errors of what is left
+SETTLED = 1e-3  # of a sigma
 WIDE = 30.0
 UNIT = SENSOR_STAGES | GYROSCOPE_STAGES | {Stage.ENCODER, Stage.AXIS_TILT}  # other constants say how the rig stood
 Constants = Sequence[tuple[str, float, float]]  # name, value and sigma in SI
@@ -183,6 +184,7 @@ def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Eff
     """
     models = [s.model() for s in here]
     told = dict(zip(found.parameters, values(_union(models), found.parameters), strict=True))
+    before: Array | float = np.inf
     for _ in range(ROUNDS):
         infos = [s.information(m) for s, m in zip(here, models, strict=True)]
         total = infos[0]
@@ -198,6 +200,9 @@ def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Eff
             for s, m in zip(here, models, strict=True)
             for mine in [tuple(p for p in s.wanted if p in solution.parameters)]
         ]
+        if np.all(np.abs(solution.x - before) <= SETTLED * solution.sigma):
+            break
+        before = solution.x
     return solution, with_values(_union(models), solution.parameters, solution.x, names), _differ(total, infos)
 
 
