@@ -184,6 +184,7 @@ class Effect:
     generic: ClassVar[bool] = False  # says of a logged channel what one that names the channel says: leaves it to that
     joint: ClassVar[bool] = False  # whether its parameters are one vector, never one axis alone
     shortest: ClassVar[float] = 0.0  # s; shorter recordings of unknown noise do not show the shape of its course
+    most_travel: ClassVar[float] = np.inf  # rad; where a readout goes further, a diagnosis does not name it
     usual: ClassVar[tuple[str, ...]] = ()  # kinds of recording of unknown noise in which textbooks name it first
     gauge: ClassVar[tuple[str, ...]] = ()  # axes that only turn a frame which nothing ties down; zero by convention
 

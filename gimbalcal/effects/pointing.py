@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.effects.effect import EVERY_KIND, GIMBALS, SCALAR, Effect, Stage, Stimulus, effect, parameter
+from gimbalcal.effects.effect import GIMBALS, SCALAR, Effect, Stage, Stimulus, effect, parameter
 from gimbalcal.number import Array
 
 
@@ -117,8 +117,8 @@ class EncoderScaleFactor(Effect):
     id = "encoder_scale_factor"
     stage = Stage.ENCODER
     channel = "gimbal_angle"
-    kinds = EVERY_KIND
-    no_cause = "a circle on its axis closes: of a gear or tape, which the user knows, it is asked for by name"
+    kinds = ("multi-position", "pointing")
+    most_travel = np.radians(190.0)  # beyond half a turn it is a circle on its axis, which closes
     s: Array = parameter(GIMBALS, unit="ppm", sigma=100, name="encoder_scale_factor")
 
     def contribution(self, s: Stimulus) -> Array:

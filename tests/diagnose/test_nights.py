@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import pytest
 
 from gimbalcal.calibration.exchange.tpoint import as_record, tpoint_terms
@@ -11,8 +12,9 @@ from gimbalcal.diagnose import diagnose
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.pointing.terms import USUAL
+from gimbalcal.platform import Axis, Platform
 from gimbalcal.recording import Recording, Source
-from tests.estimate.pointing.mounts import ALT_AZ, effects, run, sky
+from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, effects, run, sky
 
 
 def two(change: float) -> Sequence[Recording]:
@@ -50,3 +52,20 @@ def test_a_night_given_twice_is_refused() -> None:
     for judge in (diagnose, pointing_calibration):
         with pytest.raises(InputError, match="is given twice"):
             judge([night, night])
+
+
+def servo(reach: float) -> Recording:
+    """A pan-tilt head whose gears are off by 1 % and 0.4 %, moved up to so far [rad] to either side."""
+    head = Platform("pan-tilt", (Axis("tilt", "y"), Axis("pan", "z")))
+    rng = np.random.default_rng(5)
+    at = np.stack([rng.uniform(-0.5, 1.0, 60), rng.uniform(-reach, reach, 60)], axis=1)
+    gears = {"encoder_scale_factor__pan": 0.01 / ARCSEC, "encoder_scale_factor__tilt": -0.004 / ARCSEC}
+    return run(head, at, effects(head, gimbal_zero__pan=2000.0, **gears), 60.0)
+
+
+def test_a_gear_is_named_where_the_axis_is_no_whole_circle() -> None:
+    made = diagnose([servo(1.5)])
+    assert {f["effect"] for f in made.findings} == {"encoder_scale_factor"}
+    sizes = {p["axis"]: (p["value"], p["sigma"]) for p in made.findings[0]["parameters"]}
+    assert abs(sizes["pan"][0] - 10000.0) < 4 * sizes["pan"][1]
+    assert "encoder_scale_factor" not in str(diagnose([servo(3.1)]).findings)  # a circle on its axis closes

@@ -80,6 +80,7 @@ def eligible(
     it has to be linear in it, and its course has to last as long as the effect says.
     """
     there = not cls.no_cause and cls.stage in stages and recording_kind in cls.kinds and not lacking(cls, s.carries)
+    there = there and bool(np.ptp(s.readout, axis=0).max(initial=0.0) <= cls.most_travel)
     if known_noise:
         return there and not cls.wander
     return there and cls.linear and bool(np.ptp(s.time) >= cls.shortest)
