@@ -113,7 +113,7 @@ def calibrate_each(
         (
             replace(
                 c,
-                outcome=c.outcome or "; ".join(off),
+                outcome=". ".join(filter(None, [c.outcome, "; ".join(off)])),
                 provenance={**c.provenance, "options": {**c.provenance["options"], "cross_check": words}},
             ),
             group,

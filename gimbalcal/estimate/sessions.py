@@ -18,6 +18,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration, StageResult
 from gimbalcal.calibration.readout import in_si
 from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.accelerometers.account import joined
 from gimbalcal.estimate.added import Added
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.number import Array
@@ -76,7 +77,7 @@ def with_agreement(made: Calibration, sessions: Sequence[Recording], more: Seque
     options = {**made.provenance.get("options", {}), "sessions": told}
     return replace(
         made,
-        outcome=made.outcome or _outcome(sessions, judged, off),
+        outcome=joined(list(filter(None, [_outcome(sessions, judged, off), made.outcome]))),
         provenance={**made.provenance, "options": options},
         stages=(*made.stages, *(_stage(r, s.alone, s) for r, s in zip(sessions, judged, strict=True) if s.alone)),
     )

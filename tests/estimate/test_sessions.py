@@ -76,7 +76,7 @@ def test_sessions_are_sharper_together_and_agree() -> None:
 
 
 def test_a_session_that_differs_is_named_with_the_constant() -> None:
-    off = BIAS + to_si(1.0, "mg") * np.array([0.0, 4.0, 0.0])
+    off = BIAS + to_si(1.0, "mg") * np.array([0.0, 8.0, 0.0])
     made = unit_of_sessions([session(6), session(7, off), session(8)])
     assert "session 2 (session 7) does not agree with the others" in made.outcome
     assert "most in bias:y, by +" in made.outcome
