@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -69,3 +70,8 @@ def test_a_gear_is_named_where_the_axis_is_no_whole_circle() -> None:
     sizes = {p["axis"]: (p["value"], p["sigma"]) for p in made.findings[0]["parameters"]}
     assert abs(sizes["pan"][0] - 10000.0) < 4 * sizes["pan"][1]
     assert "encoder_scale_factor" not in str(diagnose([servo(3.1)]).findings)  # a circle on its axis closes
+
+
+def test_stars_without_a_clock_are_diagnosed() -> None:
+    (night, _) = two(0.0)
+    assert diagnose([replace(night, time=0 * night.time)], baseline=USUAL).verdict == "adequate"

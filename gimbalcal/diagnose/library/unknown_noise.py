@@ -87,7 +87,7 @@ def shapes_of(v: View, misfit: Array, blocks: list[Array]) -> tuple[Candidate, .
     rms = float(np.sqrt(np.mean(misfit**2)))
     n, C = len(v.recording.time), len(v.channels)
     t = v.recording.time - v.recording.time[0]
-    bases = {"time": ("a smooth function of time", np.cos(np.pi * np.outer(t / t[-1], np.arange(1, 9))))}
+    bases = {"time": ("a smooth function of time", np.cos(np.pi * np.outer(t / (t[-1] or 1.0), np.arange(1, 9))))}
     if v.name == "pointing":
         bases |= _angle_harmonics(v)
     elif v.name != "table":
