@@ -15,7 +15,7 @@ from gimbalcal.calibration import earlier
 from gimbalcal.calibration.correction import correct, corrupt
 from gimbalcal.calibration.readout import DRAWING, Readout, from_content
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
-from gimbalcal.effects.effect import stated_law
+from gimbalcal.effects.card import stated_law
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN, SPACE_STABLE_INERTIAL

@@ -12,7 +12,7 @@ import numpy as np
 
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.effects import CATALOGUE
-from gimbalcal.effects.effect import stated_law
+from gimbalcal.effects.card import stated_law
 from gimbalcal.number import Array
 
 NO_CAUSE = "The model does not explain these data, and no cause of the catalogue does."

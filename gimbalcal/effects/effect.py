@@ -8,7 +8,6 @@ cannot matter. A truth, a prior and an estimate are the same type: a tuple of ef
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -236,26 +235,9 @@ def constants(cls: type[Effect]) -> tuple[dataclasses.Field[float], ...]:
     return tuple(f for f in dataclasses.fields(cls) if f.metadata.get("kind") == "constant")
 
 
-def happens_once(cls: type[Effect]) -> bool:
-    """Whether an effect is something that happened in one recording, and says nothing of another."""
-    return any(f.metadata["grid"].once for f in constants(cls))
-
-
 def tied(wanted: Sequence[Parameter]) -> tuple[Parameter, ...]:
     """Parameters that are left where nothing ties the frame down: without those that only turn it."""
     return tuple(p for p in wanted if p.axis not in CATALOGUE[p.effect].gauge)
-
-
-def equation(cls: type[Effect]) -> str:
-    """The formula of an effect's card, LaTeX; empty where it has none."""
-    found = re.search(r"\.\. math::(.*?)(?:\n\s*\n|\Z)", cls.__doc__ or "", re.DOTALL)
-    return " ".join(found[1].split()) if found else ""
-
-
-def stated_law(cls: type[Effect]) -> dict[str, Any]:
-    """What the numbers of an effect mean: its equation, and T0 in degC where it follows the temperature."""
-    told: dict[str, Any] = {"effect": cls.id, "equation": equation(cls)}
-    return told | ({"T0_degC": REFERENCE_TEMPERATURE} if "temperature" in cls.requires else {})
 
 
 def lacking(cls: type[Effect], carries: Callable[[str], bool]) -> str:

@@ -148,6 +148,9 @@ def _belongs(p: Parameter, axes: Sequence[str]) -> bool:
     return any(a in (p.axis, p.axis[0] if pair else p.axis.rpartition("_")[0] or p.axis) for a in axes)
 
 
+Beside = tuple[tuple[Parameter, ...], tuple[Effect, ...]]
+"""Parameters of added effects, and these effects, absent, with their constants."""
+
 Cost = Callable[[Sequence[Effect]], float]
 """Chi^2 of the best fit with these absent effects' parameters free."""
 

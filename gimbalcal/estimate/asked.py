@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, values, with_values
-from gimbalcal.effects.effect import happens_once
+from gimbalcal.effects.card import happens_once
 from gimbalcal.estimate.accelerometers.positions import Positions
 from gimbalcal.estimate.accelerometers.setting import by_turns, problem, set_off, visit_rows, whiten
 from gimbalcal.estimate.added import Added, unfit, with_constants

@@ -10,7 +10,7 @@ import numpy as np
 import gimbalcal
 from gimbalcal.calibration import Calibration, from_dict
 from gimbalcal.effects import CATALOGUE, Effect
-from gimbalcal.effects.effect import stated_law
+from gimbalcal.effects.card import stated_law
 from gimbalcal.errors import amount
 from gimbalcal.recording import SENSORS, Recording
 from gimbalcal.references import cite

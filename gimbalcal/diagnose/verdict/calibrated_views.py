@@ -19,7 +19,8 @@ from gimbalcal.effects import Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.multiposition import multiposition, rotations_of_the_triad, scaled_by_gravity
+from gimbalcal.estimate.accelerometers.account import rotations_of_the_triad
+from gimbalcal.estimate.accelerometers.multiposition import multiposition, scaled_by_gravity
 from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means

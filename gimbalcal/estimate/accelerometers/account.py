@@ -96,3 +96,16 @@ def noise_record(noise: Noise) -> dict[str, Any]:
         "gimbal_angle_arcsec": from_si(noise.setting, "arcsec") if np.isfinite(noise.setting) else None,
         "gimbal_angle_from": noise.setting_from,
     }
+
+
+def rotations_of_the_triad() -> list[dict[str, Any]]:
+    """The three turns of all input axes alike, which change no norm, as entries of `unobservable`."""
+    pairs = (("yx", "zx", "x"), ("xy", "zy", "y"), ("xz", "yz", "z"))
+    return [
+        {
+            "direction": {f"misalignment:{a}": 1.0, f"misalignment:{b}": 1.0},
+            "why": f"turning all three input axes about {axis} changes no norm; convention: x of the frame lies along "
+            "the first input axis and y in the plane of the first two (xy, xz and yx are zero)",
+        }
+        for a, b, axis in pairs
+    ]

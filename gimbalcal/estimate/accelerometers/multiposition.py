@@ -21,11 +21,11 @@ from gimbalcal.calibration.readout import in_si
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
 from gimbalcal.effects.effect import SENSOR_STAGES, tied
 from gimbalcal.errors import InputError, amount
-from gimbalcal.estimate.accelerometers.account import noise_record
+from gimbalcal.estimate.accelerometers.account import noise_record, rotations_of_the_triad
 from gimbalcal.estimate.accelerometers.noise import ATTITUDE, HEADER, SAMPLES
 from gimbalcal.estimate.accelerometers.setting import FORCE, Noise, PositionFit, Problem, gauss_newton, problem
 from gimbalcal.estimate.accelerometers.unsteady import noise_of_a_mean, scatter_in_words
-from gimbalcal.estimate.added import Added, with_constants, with_told
+from gimbalcal.estimate.added import Added, Beside, with_constants, with_told
 from gimbalcal.estimate.support import coefficients, needed, refusal, scatter
 from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings
 from gimbalcal.number import Array
@@ -88,10 +88,6 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
             best = candidate
             tried.append(((*tried[-1][0], term), candidate))
     return with_told(_calibration(recording, best, tried, declined, counts), constants)
-
-
-Beside = tuple[tuple[Parameter, ...], tuple[Effect, ...]]
-"""Parameters of added effects, and these effects, absent, with their constants."""
 
 
 def _added(
@@ -282,19 +278,6 @@ def _calibration(
         stages=tuple(_stage(terms, made) for terms, made in tried),
         readout=Readout(accelerometers=counts, gimbals=recording.platform.axis_names),
     )  # fmt: skip
-
-
-def rotations_of_the_triad() -> list[dict[str, Any]]:
-    """The three turns of all input axes alike, which change no norm, as entries of `unobservable`."""
-    pairs = (("yx", "zx", "x"), ("xy", "zy", "y"), ("xz", "yz", "z"))
-    return [
-        {
-            "direction": {f"misalignment:{a}": 1.0, f"misalignment:{b}": 1.0},
-            "why": f"turning all three input axes about {axis} changes no norm; convention: x of the frame lies along "
-            "the first input axis and y in the plane of the first two (xy, xz and yx are zero)",
-        }
-        for a, b, axis in pairs
-    ]
 
 
 def _outcome(recording: Recording, best: NormFit, own: float) -> str:

@@ -25,10 +25,20 @@ from gimbalcal.effects.effect import GYROSCOPE_STAGES, lacking
 from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.account import joined
-from gimbalcal.estimate.added import Added, with_constants, with_told
+from gimbalcal.estimate.added import Added, Beside, with_constants, with_told
 from gimbalcal.estimate.gyroscopes.inter_triad import euler
 from gimbalcal.estimate.gyroscopes.outcome import rests_in_words, singular_in_words, sizes_in_words, turns_in_words
-from gimbalcal.estimate.gyroscopes.rests import BIAS, G_SENSITIVITY, RestFit, Rests, fit_rests, level_of, rests
+from gimbalcal.estimate.gyroscopes.rests import (
+    BIAS,
+    G_SENSITIVITY,
+    Extra,
+    RestFit,
+    Rests,
+    apart,
+    fit_rests,
+    level_of,
+    rests,
+)
 from gimbalcal.estimate.gyroscopes.turns import FORCE, RATE, Turns, end_of, turns_between_rests
 from gimbalcal.estimate.support import coefficients, needed, refusal
 from gimbalcal.forward import Rows, gyroscopes, linearise
@@ -65,7 +75,7 @@ def gyroscopes_between_rests(
     base = tuple(t for t in moving if t in LINEAR) or moving[:1]
     tried = coefficients([t for t in wanted if t not in base])
     still = rests(recording, accelerometers, scale)
-    extra = _apart(more, still)
+    extra = apart(more, still)
     effects, constants = _chosen(more, extra, still, turns, base)
     level, why = level_of(still, recording.site.latitude, recording.site.gravity, G_SENSITIVITY in wanted, tried,
                           extra[0], effects)  # fmt: skip
@@ -85,21 +95,6 @@ def gyroscopes_between_rests(
         )
     made = replace(_calibration(recording, level, fits, declined, scale), outcome=joined(said))
     return with_told(made, constants)
-
-
-Extra = tuple[tuple[Parameter, ...], tuple[Parameter, ...]]
-"""Parameters of added effects: those that rests show, and those that only turning does."""
-
-
-def _apart(more: Sequence[Added], still: Rests) -> Extra:
-    at_rest: list[Parameter] = []
-    moving: list[Parameter] = []
-    for a in more:
-        for p in a.parameters(()):
-            (probe,) = with_values([a.absent((), dict(a.stated))], (p,), np.array([p.sigma]))
-            shows = np.any(probe.contribution(still.stimulus) != 0)
-            (at_rest if shows else moving).append(p)
-    return tuple(at_rest), tuple(moving)
 
 
 def _chosen(
@@ -131,7 +126,6 @@ def _check(terms: Sequence[str], recording: Recording) -> None:
             raise InputError(f"--terms names {t}, which needs a {missing} channel; {recording.title!r} has none")
 
 
-Beside = tuple[tuple[Parameter, ...], tuple[Effect, ...]]
 Fits = list[tuple[tuple[str, ...], "TurnFit"]]
 
 

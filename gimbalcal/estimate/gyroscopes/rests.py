@@ -21,6 +21,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, with_values
+from gimbalcal.estimate.added import Added
 from gimbalcal.estimate.support import coefficients, needed, refusal, scatter
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus_from_readings
@@ -125,3 +126,19 @@ def level_of(
     why = refusal(G_SENSITIVITY, data, fit.parameters, fit.x, sigma, (plain.left_out, fit.left_out), "rad/s",
                   (plain.condition, fit.condition), clear_of)  # fmt: skip
     return (plain, why) if why else (fit, "")
+
+
+Extra = tuple[tuple[Parameter, ...], tuple[Parameter, ...]]
+"""Parameters of added effects: those that rests show, and those that only turning does."""
+
+
+def apart(more: Sequence[Added], still: Rests) -> Extra:
+    """The parameters of added effects, told apart by what a unit that does not turn reads."""
+    at_rest: list[Parameter] = []
+    moving: list[Parameter] = []
+    for a in more:
+        for p in a.parameters(()):
+            (probe,) = with_values([a.absent((), dict(a.stated))], (p,), np.array([p.sigma]))
+            shows = np.any(probe.contribution(still.stimulus) != 0)
+            (at_rest if shows else moving).append(p)
+    return tuple(at_rest), tuple(moving)
