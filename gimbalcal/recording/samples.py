@@ -287,7 +287,14 @@ def _lines(path: Path, skip: int = 0) -> Iterator[tuple[int, list[str]]]:
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
         for line, text in enumerate(file, start=1):
             if line > skip and not text.startswith("#"):
-                yield line, next(csv.reader([text]), [])
+                yield line, _cells(text)
+
+
+def _cells(text: str) -> list[str]:
+    try:
+        return next(csv.reader([text]), [])
+    except csv.Error:  # a line without an end, of some binary file
+        return [text]
 
 
 def place(path: Path, start: int, stop: int | None = None, skip: int = 0, named: bool = True) -> str:

@@ -733,3 +733,15 @@ def test_a_missing_axis_is_named(tmp_path: Path) -> None:
 def test_unequal_lengths_are_refused() -> None:
     with pytest.raises(ValueError, match=r"`specific_force x` must have one value per row of `time` \(3\), got 2"):
         Recording("pointing", "", BENCH, Site(), {}, np.arange(3.0), None, {("specific_force", "x"): np.zeros(2)})
+
+
+def test_a_line_without_an_end_is_no_defect(tmp_path: Path) -> None:
+    assert "numbers stand where the column names belong" in refusal(tmp_path, samples="7" * 200_000)
+
+
+def test_a_row_that_no_sensor_filled_is_left_out(tmp_path: Path) -> None:
+    lines = text(rows()).splitlines()
+    lines.insert(20, "," * (len(NAMES) - 1))  # a logger that woke up and had nothing to say
+    made = read(folder(tmp_path, samples="\n".join(lines)))
+    assert len(made.time) == 2 * DWELL
+    assert "line 21: 1 row of 81 is left out" in made.remarks[0]
