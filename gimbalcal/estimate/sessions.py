@@ -25,12 +25,15 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwells, join
 from gimbalcal.units import from_si
 
-DIFFER = 1e-3  # chance below which a session is said not to agree with the others
+DIFFER = 0.01  # chance that any of the sessions is said not to agree where all do, as in `support`
 
 
 @dataclass(frozen=True, eq=False)
 class Session:
-    """One session against all others: its own calibration, the difference (p,) [SI] with one sigma, and its chance."""
+    """One session against all others: its own calibration, the difference (p,) [SI] with one sigma, and its chance.
+
+    It does not agree where the chance is below `bar`; `why` says what keeps it from being judged alone.
+    """
 
     alone: Calibration | None
     labels: tuple[str, ...]
@@ -38,7 +41,8 @@ class Session:
     difference: Array
     sigma: Array
     chance: float
-    why: str = ""  # it cannot be judged alone
+    bar: float
+    why: str = ""
 
     @property
     def in_words(self) -> str:
@@ -48,7 +52,7 @@ class Session:
         k = int(np.argmax(np.abs(self.difference) / self.sigma))
         unit = self.units[k]
         size, sigma = (float(f"{from_si(float(v), unit):.3g}") for v in (self.difference[k], self.sigma[k]))
-        agrees = "agrees with the others" if self.chance >= DIFFER else "does not agree with the others"
+        agrees = "agrees with the others" if self.chance >= self.bar else "does not agree with the others"
         chance = f"p = {self.chance:.2g}"
         return f"{agrees} ({chance}; most in {self.labels[k]}, by {size:+g} +- {sigma:g} {unit})"
 
@@ -73,7 +77,7 @@ def with_agreement(made: Calibration, sessions: Sequence[Recording], more: Seque
         {"title": r.title, "rests": len(dwells(r)), "p_value": None if s.why else s.chance, "in_words": s.in_words}
         for r, s in zip(sessions, judged, strict=True)
     ]
-    off = [k for k, s in enumerate(judged) if not s.why and s.chance < DIFFER]
+    off = [k for k, s in enumerate(judged) if not s.why and s.chance < s.bar]
     options = {**made.provenance.get("options", {}), "sessions": told}
     return replace(
         made,
@@ -88,7 +92,7 @@ def _judged(sessions: Sequence[Recording], k: int, terms: tuple[str, ...], more:
         alone = inertial_unit(sessions[k], terms, more)
         others = inertial_unit(join([r for i, r in enumerate(sessions) if i != k]), terms, more)
     except InputError as problem:
-        return Session(None, (), (), np.zeros(0), np.zeros(0), 1.0, str(problem))
+        return Session(None, (), (), np.zeros(0), np.zeros(0), 1.0, 0.0, str(problem))
     shared = [p for p in alone.parameters if p in others.parameters]
     mine, theirs = ([c.parameters.index(p) for p in shared] for c in (alone, others))
     difference = alone.values[mine] - others.values[theirs]
@@ -101,7 +105,7 @@ def _judged(sessions: Sequence[Recording], k: int, terms: tuple[str, ...], more:
 
     chance = float(f.sf(chi2 / len(shared), len(shared), dof))
     labels = tuple(p.label for p in shared)
-    return Session(alone, labels, tuple(p.unit for p in shared), difference, sigma, chance)
+    return Session(alone, labels, tuple(p.unit for p in shared), difference, sigma, chance, DIFFER / len(sessions))
 
 
 def _outcome(sessions: Sequence[Recording], judged: Sequence[Session], off: Sequence[int]) -> str:
