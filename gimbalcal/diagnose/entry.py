@@ -45,7 +45,8 @@ def diagnose(
         check_finite(r)
         if calibration is not None and r.platform.axes:
             refuse_other_gimbals(calibration.effects, r)
-    recordings = [completed(r) for r in recordings]
+    made = {id(r): completed(r) for r in recordings}  # one that is given twice stays one
+    recordings = [made[id(r)] for r in recordings]
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):  # many small matrices: threads only get into each other's way
