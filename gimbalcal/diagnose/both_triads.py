@@ -25,7 +25,8 @@ from gimbalcal.diagnose.known_noise import diagnose_known_noise
 from gimbalcal.diagnose.rows.baseline import by_triad
 from gimbalcal.diagnose.rows.turns import FEWEST, view_of_turns
 from gimbalcal.diagnose.rows.views import FORCE, RATE, View, rest_rates
-from gimbalcal.diagnose.search.stepwise import course, start
+from gimbalcal.diagnose.search.refit import start
+from gimbalcal.diagnose.search.stepwise import course
 from gimbalcal.diagnose.unknown_noise import Told, calibration_of, curves_of, told_of
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect

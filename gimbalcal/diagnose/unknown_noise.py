@@ -21,12 +21,11 @@ from gimbalcal.diagnose.evidence.free_scale import RANK
 from gimbalcal.diagnose.rows.baseline import by_triad
 from gimbalcal.diagnose.rows.turns import view_of_turns
 from gimbalcal.diagnose.rows.views import FORCE, RATE, View, norm, pointing, rest_rates, table
-from gimbalcal.diagnose.search.alternatives import Judgement, judged
-from gimbalcal.diagnose.search.stepwise import Course, Model, course, refined, weighted
+from gimbalcal.diagnose.search.refit import Model, weighted
+from gimbalcal.diagnose.search.stepwise import Course, course, refined
 from gimbalcal.diagnose.verdict.calibrated_views import Seen, calibrated_views
-from gimbalcal.diagnose.verdict.decide import capped
+from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding, sizes
 from gimbalcal.diagnose.verdict.locate_unknown_noise import mismatches
-from gimbalcal.effects import CATALOGUE, values
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
@@ -93,64 +92,28 @@ class Told:
 
 
 def told_of(v: View, c: Course, tell: Tell) -> Told:
-    """What a finished search through a view has found, as it is reported."""
-    tell("asking of each cause what else could stand in its place")
-    verdicts = [judged(v, c.end, s.taken[0]) for s in c.steps]
+    """What a course through a view says."""
+    c, verdicts = confirmed(v, c, tell)
     if v.finer is not None:
         tell("refitting at the full resolution")
         v = v.finer()
         c = refined(v, c)
-    found = tuple(_finding(c, j) for j in verdicts)
+    found = drifts_as_one([finding(c, j) for j in verdicts])
     shapes = tuple({"channel": f"{v.channels[0][0]} {s.axis}".strip(), "shape": s.rival} for s in c.left)
     verdict = "adequate"
     if found:
         verdict = "missing-physics" if any(not f["twins"] for f in found) else "not-identifiable"
     elif shapes:
         verdict = "unexplained"
-    sigma = _sigma(v, c.end)
+    sigma = _sigma(v, c.described)
+    fit = _fit(v, c, sigma)
+    if verdict == "missing-physics" and fit["heldout_rms_after"] > max(
+        fit["heldout_rms_before"], wording.MISSED * fit["rms_after"]
+    ):
+        verdict = "not-identifiable"  # what was named makes rows that took no part worse
     mismatch = () if verdict == "adequate" else mismatches(v, c.start, sigma)
-    return Told(v, verdict, mismatch, found, shapes, _fit(v, c, sigma), c.start.r / sigma, c.end.r / sigma, c.end)
-
-
-def _finding(c: Course, j: Judgement) -> dict[str, Any]:
-    e = j.cause.effect
-    prior = {(p.name, p.axis): float(from_si(p.sigma, p.unit)) for p in j.cause.parameters}
-    rows = [r for r in _sizes(c.end) if r["effect"] == e and (r["name"], r["axis"]) in prior]
-    rows = [r for r in rows if _seen(r, prior[r["name"], r["axis"]])]
-    return {
-        "effect": e, "axis": j.cause.axis, "probability": capped(j.probability),
-        "sigma": round(j.sigma, 2), "parameters": [{k: x for k, x in r.items() if k != "effect"} for r in rows],
-        "twins": list(j.confounded), "physics": wording.physics(e), **wording.law(e),
-        "separate_by": _advice(j),
-    }  # fmt: skip
-
-
-def _seen(row: dict[str, Any], prior: float) -> bool:
-    """Whether the rows say anything of a parameter: otherwise it keeps the prior's zero and sigma."""
-    return abs(row["sigma"] / prior - 1) > UNOBSERVABLE or abs(row["value"]) > UNOBSERVABLE * prior
-
-
-def _advice(j: Judgement) -> str:
-    """What the cards say would show the one and not the other."""
-    if not j.confounded:
-        return ""
-
-    def seen(effect: str) -> str:
-        card = " ".join((CATALOGUE[effect].__doc__ or "").split())
-        after = card.partition("Seen by: ")[2]
-        return after.partition(". ")[0].strip(". ")
-
-    others = "; ".join(f"{wording.spoken(t)} by {seen(t)}" for t in j.confounded[:3])
-    return f"{wording.spoken(j.cause.effect)} is seen by {seen(j.cause.effect)}; {others}."
-
-
-def _sizes(m: Model) -> list[dict[str, Any]]:
-    sigma = np.sqrt(np.diag(m.covariance))
-    return [
-        {"effect": p.effect, "name": p.name, "axis": p.axis, "value": float(from_si(x, p.unit)),
-         "sigma": float(from_si(s, p.unit)), "unit": p.unit}
-        for p, x, s in zip(m.fitted, values(m.effects, m.fitted), sigma, strict=True)
-    ]  # fmt: skip
+    before, after = c.start.r / sigma, c.described.r / sigma
+    return Told(v, verdict, mismatch, found, shapes, fit, before, after, c.end)
 
 
 def _sigma(v: View, end: Model) -> Array:
@@ -162,7 +125,7 @@ def _sigma(v: View, end: Model) -> Array:
 
 
 def _fit(v: View, c: Course, sigma: Array) -> dict[str, Any]:
-    before, after = c.start, c.end
+    before, after = c.start, c.described
     out: dict[str, Any] = {
         "chi2_reduced_before": _reduced(before, sigma),
         "chi2_reduced_after": _reduced(after, sigma),
@@ -226,10 +189,10 @@ def heldout(v: View, m: Model, sigma: Array) -> Array:
 
 def moved(before: Model, after: Model) -> list[dict[str, Any]]:
     """How far each constant of the baseline moves once what was found is in the model."""
-    new = {(r["name"], r["axis"]): r for r in _sizes(after)}
+    new = {(r["name"], r["axis"]): r for r in sizes(after)}
     out = []
     seen = np.abs(before.J).max(axis=(0, 1)) > 1e-9  # means taken off leave rounding of a bias
-    for r in (row for row, there in zip(_sizes(before), seen, strict=True) if there):
+    for r in (row for row, there in zip(sizes(before), seen, strict=True) if there):
         n = new[r["name"], r["axis"]]
         shift = n["value"] - r["value"]
         ratio = round(shift / n["sigma"], 2) if n["sigma"] > 0 else 0.0

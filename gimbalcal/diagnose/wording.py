@@ -74,17 +74,22 @@ def answer(
     return f"{causes(verdict, findings, unexplained)}. {improved(fit)}{rest}{off(mismatch)}"
 
 
+MISSED = 5.0  # times what is left, from which rows that took no part say that the fit is not tested
+
+
 def answer_of_views(
     verdict: str, views: Sequence[tuple[View, Entry, Sequence[Entry]]], unexplained: Sequence[Entry],
     mismatch: Sequence[Entry],
 ) -> str:  # fmt: skip
     """The verdict in a few sentences, where the noise is not known; per view its fit, and the findings in it."""
     if verdict == "adequate":
-        return "The calibrated model explains these data. " + " ".join(scatter(v, fit) for v, fit, _ in views)
+        said = [t for v, fit, _ in views for t in (scatter(v, fit), untested(v, fit)) if t]
+        return "The calibrated model explains these data. " + " ".join(said)
     if verdict == "unexplained":
         return f"{no_cause(unexplained)}{off(mismatch)}"
     found = [f for _, _, findings in views for f in findings]
-    better = " ".join(misfit_improved(v, fit) for v, fit, findings in views if findings)
+    said = [t for v, fit, own in views if own for t in (misfit_improved(v, fit), untested(v, fit)) if t]
+    better = " ".join(said)
     rest = f" What is left has no known cause: {left_over(unexplained[0])}." if unexplained else ""
     return f"{causes(verdict, found, by='; ')}. {better}{rest}{off(mismatch)}"
 
@@ -209,6 +214,16 @@ def misfit_improved(v: View, fit: Entry) -> str:
             f"rms instead of {t['rms_before']:.0f}."
         )
     return out
+
+
+def untested(v: View, fit: Entry) -> str:
+    """That rows outside the fit are missed by far more than those in it: too few for what was fitted."""
+    if fit["heldout_rms_after"] < MISSED * fit["rms_after"]:
+        return ""
+    return (
+        f"But {ROWS[v.name]} left out of the fit are missed by {digits(fit['heldout_rms_after'])} {v.unit}: a constant rests "
+        f"on one of them alone, so that these data do not test the model; more {ROWS[v.name]} would."
+    )
 
 
 def scatter(v: View, fit: Entry) -> str:

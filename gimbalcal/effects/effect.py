@@ -181,6 +181,7 @@ class Effect:
     no_cause: ClassVar[str] = ""  # why a diagnosis never names it
     wander: ClassVar[bool] = False  # a realisation of what a stated noise holds: no cause where the noise is known
     generic: ClassVar[bool] = False  # says of a logged channel what one that names the channel says: leaves it to that
+    in_time: ClassVar[bool] = False  # a course that the clock alone tells: of two on one axis, both are one
     joint: ClassVar[bool] = False  # whether its parameters are one vector, never one axis alone
     shortest: ClassVar[float] = 0.0  # s; shorter recordings of unknown noise do not show the shape of its course
     most_travel: ClassVar[float] = np.inf  # rad; where a readout goes further, a diagnosis does not name it

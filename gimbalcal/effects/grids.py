@@ -11,6 +11,7 @@ from gimbalcal.number import Array
 
 VALUES = 7  # of a constant before refinement
 ORDERS = 12  # whole numbers that are all tried; of more, `VALUES`
+SCANNED = 2000  # whole numbers at the most
 INSTANTS = 50  # of a recording in which nothing moves
 SAME_ANGLE = 0.02  # rad; settings of a gimbal nearer than this are one
 NEARLY = 0.1  # of an order, by which readouts of equal steps may differ
@@ -99,3 +100,18 @@ def _step(angle: Array) -> float:
         return SAME_ANGLE
     middle = np.array([g.mean() for g in groups])
     return float(np.diff(np.append(middle, middle[0] + 2 * np.pi)).min())
+
+
+def resolved(f: Constant, s: Stimulus) -> Array:
+    r"""Every whole number that a recording tells from its neighbours, for a scan: none closer than a third of a line.
+
+    .. math:: \Delta m = \frac{2 \pi}{3 R}, \qquad m < \pi / \Delta\theta
+
+    with R the range of the gimbal that moves most and the step between one row and the next, where a gimbal sweeps.
+    """
+    low, high = float(f.metadata["low"]), float(f.metadata["high"])
+    angle = s.readout[:, int(np.argmax(np.ptp(s.readout, axis=0)))]
+    step = float(np.median(np.abs(np.diff(angle)))) if len(angle) > 1 else SAME_ANGLE
+    nyquist = np.pi / step if 0 < step < SAME_ANGLE else highest_order(s)
+    every = max(1, int(2 * np.pi / max(float(np.ptp(angle)), 1e-9) / 3))
+    return np.arange(low, min(high, nyquist, low + SCANNED * every) + 0.5, every)

@@ -67,6 +67,7 @@ class BaseTiltDrift(Effect):
     """
 
     id = "base_tilt_drift"
+    in_time = True
     stage = Stage.BASE
     kinds = EVERY_KIND
     channel = "gimbal_angle"

@@ -66,6 +66,7 @@ class GyroBiasDrift(Effect):
     """
 
     id = "gyro_bias_drift"
+    in_time = True
     stage = Stage.GYROSCOPE
     channel = "angular_rate"
     kinds = KINDS

@@ -92,6 +92,7 @@ class GimbalZeroDrift(Effect):
     """
 
     id = "gimbal_zero_drift"
+    in_time = True
     stage = Stage.ENCODER
     channel = "pointing"
     kinds = ("pointing",)

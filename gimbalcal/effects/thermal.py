@@ -171,6 +171,7 @@ class WarmUp(Effect):
     """
 
     id = "warm_up"
+    in_time = True
     stage = Stage.ACCELEROMETER
     sources = ("ieee1293",)
     w: Array = parameter(TRIAD, unit="ug", sigma=50, name="warm_up")
@@ -196,6 +197,7 @@ class BiasDrift(Effect):
     """
 
     id = "bias_drift"
+    in_time = True
     stage = Stage.ACCELEROMETER
     sources = ("ieee528",)
     d: Array = parameter(TRIAD, unit="ug/h", sigma=3, name="bias_drift")
@@ -218,6 +220,7 @@ class SlowBiasDrift(Effect):
     """
 
     id = "slow_bias_drift"
+    in_time = True
     stage = Stage.ACCELEROMETER
     wander = True
     usual = ("multi-position",)

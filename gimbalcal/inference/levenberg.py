@@ -33,24 +33,27 @@ class Minimum:
         return Minimum(*(pick(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)))
 
 
-def minimise(model: Model, x0: Array, tolerance: float = 1e-11, limit: int = 60, gain: float = 0.0) -> Minimum:
+def minimise(
+    model: Model, x0: Array, tolerance: float = 1e-11, limit: int = 60, gain: float = 0.0, damping: float = 1e-3
+) -> Minimum:
     r"""Least squares of many runs from x0 (r, p), by damped Gauss-Newton steps.
 
     .. math:: \Delta x = -(J^T J + \lambda\, \mathrm{diag}(J^T J))^{-1} J^T r
 
     Wang et al. (2019), Eq. (40), solved by QR so that the condition number is not squared. A run settles when its
     step is below `tolerance` of its length plus one, or lowers the cost by less than the share `gain` of it;
-    parameters should be scaled to order one by the caller.
+    parameters should be scaled to order one by the caller. `damping` is lambda at the start: less where the model is
+    nearly linear.
     """
     x, runs = np.array(x0, dtype=float), np.arange(len(x0))
     r, J = model(x, runs)
     cost = (r**2).sum(-1) / 2
-    damping, steps, live = np.full(len(x), 1e-3), np.zeros(len(x), dtype=int), np.ones(len(x), dtype=bool)
+    lam, steps, live = np.full(len(x), damping), np.zeros(len(x), dtype=int), np.ones(len(x), dtype=bool)
     for _ in range(limit):
         a = np.flatnonzero(live)
         if a.size == 0:
             break
-        step = _step(r[a], J[a], damping[a])
+        step = _step(r[a], J[a], lam[a])
         r1, J1 = model(x[a] + step, runs[a])
         cost1 = (r1**2).sum(-1) / 2
         small = np.linalg.norm(step, axis=-1) < tolerance * (1 + np.linalg.norm(x[a], axis=-1))
@@ -58,10 +61,10 @@ def minimise(model: Model, x0: Array, tolerance: float = 1e-11, limit: int = 60,
         small |= good & (cost[a] - cost1 < gain * cost[a])
         hit = a[good]
         x[hit], r[hit], J[hit], cost[hit] = (x[a] + step)[good], r1[good], J1[good], cost1[good]
-        damping[a] = np.where(good, damping[a] / 10, damping[a] * 10)
+        lam[a] = np.where(good, lam[a] / 10, lam[a] * 10)
         steps[a] += 1
         # a refused step that is already below the rounding of the cost is arrival, not failure
-        live[a] = ~small & (damping[a] < 1e12)
+        live[a] = ~small & (lam[a] < 1e12)
     return Minimum(x, cost, J, steps, ~live)
 
 

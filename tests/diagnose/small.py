@@ -18,7 +18,7 @@ from gimbalcal.diagnose.library.unknown_noise import causes
 from gimbalcal.diagnose.rows.observations import Observations, fit_baseline
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.ranking import Search, search
-from gimbalcal.diagnose.search.stepwise import Model
+from gimbalcal.diagnose.search.refit import Model
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN

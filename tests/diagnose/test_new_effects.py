@@ -15,7 +15,7 @@ from gimbalcal.diagnose.library import known_noise, unknown_noise
 from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.diagnose.rows.turns import view_of_turns
 from gimbalcal.diagnose.rows.views import View, norm, pointing, rest_rates, table
-from gimbalcal.diagnose.search.stepwise import start
+from gimbalcal.diagnose.search.refit import start
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.effects.baseline import BASELINE
@@ -110,7 +110,7 @@ def tried(r: Recording) -> set[str]:
 ALWAYS = {
     "known noise": {"toy_bent", "toy_gimbal_spring", "toy_polygon", "toy_base_jump"},
     "at rest": {"toy_bent", "toy_gimbal_spring", "toy_polygon", "toy_base_jump", "toy_hunt"},
-    "by hand": {"toy_gyro_cubic"},
+    "by hand": {"toy_gyro_cubic", "toy_bent"},
     "telescope": {"toy_gimbal_spring", "toy_polygon", "toy_base_jump"},
     "table": set(),
 }

@@ -15,7 +15,7 @@ from gimbalcal.diagnose.library.candidates import sources
 from gimbalcal.diagnose.library.known_noise import available
 from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.diagnose.rows.views import pointing, rest_rates, solved
-from gimbalcal.diagnose.search.stepwise import start
+from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.wording import largest
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.errors import InputError

@@ -206,6 +206,15 @@ SLOW: dict[str, tuple[str, Law]] = {
 GYROSCOPE: dict[str, tuple[str, Law]] = {
     "gyro_bias": ("Wang et al. (2019), Eq. (6)", lambda s, p: np.tile(p.epsilon, (len(s.time), 1))),
     "gyro_bias_drift": ("IEEE Std 952, rate ramp", lambda s, p: np.outer(s.time, p.rate)),
+    "gyro_bias_temperature": ("IEEE Std 952: e_T (T - T_0)", lambda s, p: np.outer(_warmth(s).ravel(), p.epsilon_T)),
+    "gyro_bias_temperature_squared": (
+        "IEEE Std 952: e_T2 (T - T_0)^2",
+        lambda s, p: np.outer(_warmth(s).ravel() ** 2, p.epsilon_T2),
+    ),
+    "gyro_bias_temperature_cubed": (
+        "IEEE Std 952: e_T3 (T - T_0)^3",
+        lambda s, p: np.outer(_warmth(s).ravel() ** 3, p.epsilon_T3),
+    ),
     "gyro_scale_factor": ("IEEE Std 952, true = SF x reading", lambda s, p: s.rate @ np.diag(1 / (1 + p.s)) - s.rate),
     "gyro_misalignment": ("Wu et al. (2018), Eq. (5)", _gyro_misalignment),
     "gyro_scale_nonlinearity": ("Wang et al. (2019), Eq. (6), K_g2", lambda s, p: p.K * s.rate * s.rate),

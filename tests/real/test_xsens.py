@@ -11,7 +11,8 @@ import pytest
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.rows.views import norm
-from gimbalcal.diagnose.search.stepwise import start, weigh
+from gimbalcal.diagnose.search.refit import start
+from gimbalcal.diagnose.search.stepwise import weigh
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.recording import Recording, read
 from tests.real.recordings import diagnosed, finding, names, recording, rms_after, size

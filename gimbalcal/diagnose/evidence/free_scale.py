@@ -28,6 +28,8 @@ SIZE_PRIOR = np.array([0.15, 0.2, 0.25, 0.2, 0.12, 0.08])
 MEMORY = (0.0, 0.3, 0.6, 0.8, 0.9, 0.96)
 MEMORY_PRIOR = (0.5, 0.1, 0.1, 0.1, 0.1, 0.1)
 SCALES = np.geomspace(0.003, 2.0, 48)  # of the rms misfit: a cause may take away all but 1 / 300 of it
+WANDERS = 1.0  # mean of ln(noise between rows / scatter of their samples) where it is more
+OVERRATED = 0.3  # the same where it is less: a hand that trembles is no noise of the mean
 RANK = 1e-7  # relative singular value of a modelled column below which it is one of the others again
 
 
@@ -79,12 +81,25 @@ class Ground:
         return int(k), float(self.scale[j])
 
 
-def ground(r: Array, J: Array, X: Array, memory: bool = True) -> Ground:
-    """Prepare evidence for columns X (n, C, P) beside modelled columns J (n, C, q), misfit r (n, C)."""
+def ground(r: Array, J: Array, X: Array, memory: bool = True, sample: float = 0.0) -> Ground:
+    r"""Prepare evidence for columns X (n, C, P) beside modelled columns J (n, C, q), misfit r (n, C).
+
+    sample: rms of a row by the scatter of its samples, 0 where nothing tells it. The noise between rows is of that
+    order, seldom less, often more, as sensors wander from rest to rest:
+
+    .. math:: p(\ln\sigma) \propto e^{-\ln(\sigma / s) / 1} \; (\sigma > s), \quad
+              e^{-\ln(s / \sigma_0) / 0.3} \; (\sigma_0 < s)
+
+    with sigma_0 = sigma sqrt(1 - rho^2) what is new in each row: that the samples scatter stays, whatever wanders.
+    """
     nodes = list(zip(MEMORY, MEMORY_PRIOR, strict=True))
     cleared = tuple(clear(r, J, X, rho, p) for rho, p in (nodes if memory else nodes[:1]))
     scale = SCALES * float(np.sqrt(np.mean(r**2)))
     ln = np.stack([c.ln_prior - c.dof * np.log(scale) - 0.5 * (c.y @ c.y) / scale**2 for c in cleared])
+    if sample > 0:
+        above = np.log(scale / sample)
+        below = -above - 0.5 * np.log(1 - np.array([rho for rho, _ in nodes][: len(cleared)]) ** 2)[:, None]
+        ln = ln - np.maximum(above, 0.0) / WANDERS - np.maximum(below, 0.0) / OVERRATED
     return Ground(
         cleared, scale, ln, np.stack([c.X.T @ c.X for c in cleared]), np.stack([c.X.T @ c.y for c in cleared])
     )  # fmt: skip

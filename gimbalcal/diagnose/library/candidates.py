@@ -46,6 +46,12 @@ class Candidate:
     source: str = ""  # the covariate behind it
     channel: str = "specific_force"
     mechanism: str = ""  # which of several of the same effect
+    tried: int = 0  # values of the constants that were looked at, where the variants are the best of more
+
+    @property
+    def paid(self) -> float:
+        """ln of the number of choices among which the best was taken."""
+        return float(np.log(max(self.tried, len(self.variants))))
 
     @property
     def label(self) -> str:
@@ -76,14 +82,14 @@ def eligible(
 ) -> bool:
     """Whether an effect could be the cause of what a recording shows at these stages.
 
-    Where the noise is not known, a drift that wanders is a cause like others, its size is sought from nothing, so that
-    it has to be linear in it, and its course has to last as long as the effect says.
+    Where the noise is not known, a drift that wanders is a cause like others, and its course has to last as long as
+    the effect says.
     """
     there = not cls.no_cause and cls.stage in stages and recording_kind in cls.kinds and not lacking(cls, s.carries)
     there = there and bool(np.ptp(s.readout, axis=0).max(initial=0.0) <= cls.most_travel)
     if known_noise:
         return there and not cls.wander
-    return there and cls.linear and bool(np.ptp(s.time) >= cls.shortest)
+    return there and bool(np.ptp(s.time) >= cls.shortest)
 
 
 def sources(cls: type[Effect], s: Stimulus) -> tuple[str, ...]:

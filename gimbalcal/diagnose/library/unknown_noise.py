@@ -18,21 +18,26 @@ from gimbalcal.diagnose.library.candidates import (
     sources,
 )
 from gimbalcal.diagnose.library.shapes import polynomials, unit_rms
+from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
-from gimbalcal.effects.effect import constants
+from gimbalcal.effects.effect import Grid, constants
+from gimbalcal.effects.grids import kind, resolved
 from gimbalcal.forward import Rows
 from gimbalcal.number import Array
+
+HOUR = 3600.0  # s, in which the catalogue counts drifts
+PEAKS = 3  # of a scan over whole numbers, each with its neighbours
 
 
 def causes(v: View, present: Sequence[Effect], modelled: Sequence[Parameter]) -> tuple[tuple[Candidate, ...], Array]:
     """Everything that could still be missing, and its columns (n, C, P) per prior sigma."""
     blocks: list[Array] = []
     found: list[Candidate] = []
-    rows = v.rows(present)
+    rows = v.about(present)
     for effect_id in available(v):
         found += _of_effect(v, effect_id, rows, modelled, blocks)
-    strange = shapes_of(v, rows.residual, blocks)
+    strange = shapes_of(v, rows.residual, blocks, free_rows(v, modelled))
     return (*found, *strange), np.concatenate(blocks, axis=-1)
 
 
@@ -46,11 +51,15 @@ def available(v: View) -> tuple[str, ...]:
 
 
 def unknowns(v: View, effect_id: str) -> tuple[Parameter, ...]:
-    """Parameters of an effect, without those of gimbals that were not read and those that these rows cannot show."""
-    names, read = v.stimulus.axis_names, v.recording.axes("gimbal_angle")
-    found = parameters(CATALOGUE[effect_id], names)
-    seen = (p for p in found if (p.axis not in names or p.axis in read) and (p.effect, p.axis) not in v.unobservable)
-    return tuple(replace(p, sigma=v.wide * p.sigma) for p in seen)
+    """Parameters of an effect, without those of gimbals that were not read and those that these rows cannot show.
+
+    A drift is as fast as the recording is short: what a unit does in the first minutes it does later in an hour.
+    """
+    names, read, cls = v.stimulus.axis_names, v.recording.axes("gimbal_angle"), CATALOGUE[effect_id]
+    seen = (p for p in parameters(cls, names) if (p.axis not in names or p.axis in read)
+            and (p.effect, p.axis) not in v.unobservable)  # fmt: skip
+    fast = max(1.0, HOUR / max(float(np.ptp(v.stimulus.time)), 1.0)) if cls.in_time else 1.0
+    return tuple(replace(p, sigma=v.wide * p.sigma * (fast if p.unit.endswith("/h") else 1.0)) for p in seen)
 
 
 def _of_effect(
@@ -67,11 +76,36 @@ def _of_effect(
         return np.nan_to_num(rows.columns(made if there is None else there, wanted) * scale)
 
     tried = choices(cls, v.stimulus) if there is None else [constants_of(there)]
+    whole = next((f for f in constants(cls) if kind(f) is Grid.WHOLE), None) if there is None and wanted else None
+    every = np.zeros(0) if whole is None else resolved(whole, v.stimulus)
+    if whole is not None and len(every) > len(tried):
+        if effect_id not in v.scanned:  # the same for all models of a course, but for their few per mille
+            made = (absent_effect(effect_id, v.stimulus, "", **{whole.name: m}) for m in every)
+            v.scanned[effect_id] = np.stack([columns(m) * v.weight[..., None] for m in made]).astype(np.float32)
+        best = peaks(powers(v.scanned[effect_id], rows.residual * v.weight), PEAKS)
+        tried = [((whole.name, float(every[i])),) for i in best]
     out: list[Candidate] = []
     for source in sources(cls, v.stimulus) if wanted else ():
         if there is None or source == (getattr(there, "covariate", "") if source else ""):
             out += of_effect(cls, source, wanted, tried, v.stimulus, columns, blocks)
-    return out
+    return [replace(c, tried=len(every)) for c in out]
+
+
+def powers(X: Array, misfit: Array) -> Array:
+    """How much of a misfit (n, C) each of the column sets X (m, n, C, p) could take away by itself, (m,)."""
+    A = X.reshape(len(X), misfit.size, -1)
+    G = np.einsum("mnp,mnq->mpq", A, A).astype(float)
+    b = np.einsum("mnp,n->mp", A, misfit.ravel())
+    x = np.einsum("mpq,mq->mp", np.linalg.pinv(G, rcond=1e-6, hermitian=True), b)
+    return np.asarray((b * x).sum(axis=1))
+
+
+def peaks(power: Array, count: int) -> list[int]:
+    """Ordinals of the highest local maxima, and of their neighbours, in order."""
+    padded = np.concatenate([[-np.inf], power, [-np.inf]])
+    top = np.flatnonzero((power >= padded[:-2]) & (power >= padded[2:]))
+    top = top[np.argsort(-power[top])][:count]
+    return sorted({int(np.clip(i + d, 0, len(power) - 1)) for i in top for d in (-1, 0, 1)})
 
 
 def constants_of(e: Effect) -> Constants:
@@ -79,25 +113,32 @@ def constants_of(e: Effect) -> Constants:
     return tuple((f.name, float(getattr(e, f.name))) for f in constants(type(e)))
 
 
-def shapes_of(v: View, misfit: Array, blocks: list[Array]) -> tuple[Candidate, ...]:
+def free_rows(v: View, modelled: Sequence[Parameter]) -> int:
+    """Rows of a channel that a model with these parameters leaves to test anything with."""
+    return max(len(v.recording.time) - -(-len(modelled) // len(v.channels)), 1)
+
+
+def shapes_of(v: View, misfit: Array, blocks: list[Array], free: int) -> tuple[Candidate, ...]:
     """What is no cause, its columns (n, C, p), per rms of the misfit (n, C), appended to `blocks`.
 
-    Smooth in time in each channel; smooth in the direction of gravity, or harmonics of the gimbal angles.
+    Smooth in time in each channel, or along the temperature; smooth in the direction of gravity, or harmonics of the
+    gimbal angles. A shape with as many columns as rows fits whatever is there, so none has more than half the `free`.
     """
     rms = float(np.sqrt(np.mean(misfit**2)))
-    n, C = len(v.recording.time), len(v.channels)
+    n, C = misfit.shape[0], len(v.channels)
     t = v.recording.time - v.recording.time[0]
     bases = {"time": ("a smooth function of time", np.cos(np.pi * np.outer(t / (t[-1] or 1.0), np.arange(1, 9))))}
     if v.name == "pointing":
         bases |= _angle_harmonics(v)
     elif v.name != "table":
-        basis = polynomials(v.stimulus.force / v.stimulus.gravity)
+        force = v.stimulus.force
+        basis = polynomials(force / np.linalg.norm(force, axis=-1, keepdims=True))
         bases["orientation"] = ("a smooth function of the direction of gravity", basis)
     out = []
     for name, (words, basis) in bases.items():
-        scaled = rms * unit_rms(basis)
+        scaled = rms * unit_rms(basis[:, : max(1, free // 2)])
         for c, (quantity, axis) in enumerate(v.channels):
-            X = np.zeros((n, C, basis.shape[1]))
+            X = np.zeros((n, C, scaled.shape[1]))
             X[:, c] = scaled
             span = tuple(appended_to(blocks, X))
             out.append(Candidate(f"unknown {name}", axis, (), (Variant((), span),), words, channel=quantity))
@@ -105,12 +146,13 @@ def shapes_of(v: View, misfit: Array, blocks: list[Array]) -> tuple[Candidate, .
 
 
 def _angle_harmonics(v: View) -> dict[str, tuple[str, Array]]:
-    """Harmonics 2 to 6 of each gimbal angle that moves."""
+    """The first harmonic, and the harmonics 2 to 6, of each gimbal angle that moves."""
     out = {}
     for i, axis in enumerate(v.stimulus.axis_names):
         angle = v.stimulus.readout[:, i]
         if np.ptp(angle) > 1e-2:
-            basis = np.stack([f(k * angle) for k in range(2, 7) for f in (np.cos, np.sin)], axis=-1)
             words = axis.replace("_", " ").removesuffix(" angle") + " angle"
-            out[words] = (f"a pattern in the {words}, twice per turn and faster", basis)
+            for orders, often in ((range(1, 2), "once per turn"), (range(2, 7), "twice per turn and faster")):
+                basis = np.stack([f(k * angle) for k in orders for f in (np.cos, np.sin)], axis=-1)
+                out[f"{words}, {often}"] = (f"a pattern in the {words}, {often}", basis)
     return out

@@ -12,7 +12,7 @@ A view is one function: effects in, the `Rows` about them out.
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -58,7 +58,26 @@ class View:
     wide: float = 1.0  # prior scales of these sensors against those of the catalogue
     noise: Array | None = None  # (n, C) what the samples' scatter alone makes of a row, where it is known
     finer: Callable[[], View] | None = None  # the same rows from physics in finer steps, for the last fit
+    ideal: Callable[[Sequence[Effect]], Rows] | None = None  # rows at what is known to be felt: see `about`
+    scanned: dict[str, Array] = field(default_factory=dict)  # columns of whole numbers that were scanned, by effect
     turns: Callable[[Sequence[Effect]], float] | None = None  # rad by which turns miss gravity with these at rest
+
+    @property
+    def weight(self) -> Array:
+        """Weights (n, C) in units of which all rows are equally sure; the surest have one."""
+        return (
+            np.ones((len(self.recording.time), len(self.channels)))
+            if self.sigma is None
+            else self.sigma.min() / self.sigma
+        )
+
+    def about(self, effects: Sequence[Effect]) -> Rows:
+        """Rows whose columns hold no noise of the readings, for what is not in the model yet.
+
+        A column made of readings varies with their noise, and where the model takes up all the rest of it, it is a copy
+        of the misfit: a cause that explains everything. At rest the force is as long as gravity, whatever was read.
+        """
+        return (self.ideal or self.rows)(effects)
 
     def linear(self, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
         """Misfit (n, C) about the effects and its derivative (n, C, p) by the wanted parameters."""
@@ -107,11 +126,12 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
 
     channels = tuple((FORCE, a) for a in "xyz")
 
-    def rows(effects: Sequence[Effect]) -> Rows:
+    def rows(effects: Sequence[Effect], ideal: bool = False) -> Rows:
         f, H = solved(lambda f: accelerometers(f, s, effects), y)
         length = np.linalg.norm(f, axis=-1)
         towards = np.linalg.solve(np.swapaxes(H, -1, -2), (f / length[:, None])[..., None])[..., 0]
-        felt = linearise(BENCH, s.at(force=f), effects, channels=channels, stages=SENSOR_STAGES)
+        felt = f * (g / length[:, None] if ideal else 1.0)
+        felt = linearise(BENCH, s.at(force=felt), effects, channels=channels, stages=SENSOR_STAGES)
         along = {k: np.einsum("nc,ncm->nm", towards, S)[:, None] for k, S in felt.sensitivity.items()}
         return replace(felt, channels=((FORCE, "norm"),), residual=(length - g)[:, None], sensitivity=along)
 
@@ -119,8 +139,9 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
     noise = None if sample is None else (sample / np.sqrt(means.weight))[:, None]
     ids = tuple(baseline) or BASELINE["norm"]
     return View(
-        "norm", means, s, ((FORCE, "norm"),), "mg", None, SENSOR_STAGES, ids, rows, gauges(SENSOR_STAGES), WIDE, noise
-    )
+        "norm", means, s, ((FORCE, "norm"),), "mg", None, SENSOR_STAGES, ids, rows, gauges(SENSOR_STAGES), WIDE, noise,
+        ideal=lambda effects: rows(effects, ideal=True),
+    )  # fmt: skip
 
 
 def rest_rates(

@@ -7,38 +7,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.free_scale import Ground, ground, log_evidence
+from gimbalcal.diagnose.evidence.free_scale import Ground, log_evidence
 from gimbalcal.diagnose.evidence.odds import CLAIM, PAIR, SINGLE, UNKNOWN
 from gimbalcal.diagnose.library.candidates import Candidate, Variant
-from gimbalcal.diagnose.library.unknown_noise import causes, unknowns
+from gimbalcal.diagnose.library.unknown_noise import causes
 from gimbalcal.diagnose.rows.observations import absent_effect, refuse_too_little
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.ranking import Hypothesis
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, values, with_values
+from gimbalcal.diagnose.search.refit import Model, evidence, refit, start, with_columns
+from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 
 MOST = 8  # rounds
 EXCHANGE = 1.0  # ln of odds by which another cause must be likelier to take a place
-OFTEN = np.log(10.0)  # how much likelier before any data is what every textbook of such a rig names first
+OFTEN = np.log(10.0)  # how much likelier before any data, or with less evidence, is what every rig of the kind has
 Taken = tuple[Candidate, Variant]
 FIRST = 12  # likeliest single causes that are tried with every other; all of them where none is found alone
-
-
-@dataclass(frozen=True)
-class Model:
-    """Effects with the parameters that were fitted (p,), their covariance (p, p) in SI, misfit (n, C), columns."""
-
-    effects: tuple[Effect, ...]
-    fitted: tuple[Parameter, ...]
-    covariance: Array
-    r: Array
-    J: Array
-
-    @property
-    def rms(self) -> float:
-        """Root mean square length of a row's misfit, SI."""
-        return float(np.sqrt((self.r**2).sum() / len(self.r)))
 
 
 @dataclass(frozen=True)
@@ -51,11 +36,17 @@ class Step:
 
 @dataclass(frozen=True)
 class Course:
-    """A finished search: the baseline, the steps from it, and the shapes found in what no cause explains."""
+    """A finished search: the baseline, the steps from it, and the shapes found in what no cause explains.
+
+    described: the model after the last step with these shapes in it, which is what the data follow.
+    standard: what every rig of the kind has, as far as the data support it, where the course began from that.
+    """
 
     start: Model
     steps: tuple[Step, ...]
     left: tuple[Candidate, ...]
+    described: Model
+    standard: tuple[Taken, ...] = ()
 
     @property
     def end(self) -> Model:
@@ -63,61 +54,72 @@ class Course:
         return self.steps[-1].model if self.steps else self.start
 
 
-def refit(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Model:
-    """Gauss-Newton on all wanted parameters; directions that the rows do not see stay where they are."""
-    names = v.stimulus.axis_names
-    made, scale = tuple(effects), np.array([p.sigma for p in wanted])
-    C = np.zeros((len(wanted), len(wanted)))
-    for _ in range(6):
-        r, J = v.linear(made, wanted)
-        n = r.size
-        A, y = weighted(v, J).reshape(n, -1) * scale, weighted(v, r).ravel()
-        U, S, Vt = np.linalg.svd(A, full_matrices=False)
-        b = U.T @ y
-        keep = S > 1e-9 * S[0] if len(S) else np.zeros(0, bool)
-        noise = np.sqrt(max(float(y @ y - b[keep] @ b[keep]), 0.0) / n)
-        keep &= S > 0.01 * noise  # else a prior sigma of the direction moves the rows by less than noise
-        step = Vt[keep].T @ (b[keep] / S[keep])
-        variance = float(y @ y - b[keep] @ b[keep]) / max(n - int(keep.sum()), 1)
-        C = (Vt[keep].T / S[keep] ** 2) @ Vt[keep] * variance + Vt[~keep].T @ Vt[~keep]
-        made = with_values(made, wanted, values(made, wanted) + step * scale, names)
-        if np.abs(step).max(initial=0.0) < 1e-6:
-            break
-    r, J = v.linear(made, wanted)
-    return Model(made, tuple(wanted), C * np.outer(scale, scale), r, J)
-
-
-def start(v: View) -> Model:
-    """The baseline alone."""
-    wanted = tuple(p for i in v.baseline for p in unknowns(v, i))
-    return refit(v, with_values((), wanted, np.zeros(len(wanted)), v.stimulus.axis_names), wanted)
-
-
 def course(v: View, tell: Tell) -> Course:
+    """What is missing from the baseline, by the likelier of two courses: one from it, one from the textbook's model.
+
+    Several causes that share their patterns are not found one after the other: of four terms of a mount, two others
+    may explain more than any two of them. What every textbook of such a rig names is therefore tried at once too.
+    """
+    first = start(v)
+    refuse_too_little(v.recording, first.J.reshape(first.r.size, -1))
+    taken = climbed(v, first, (), tell)
+    standard = pruned(v, first, textbook(v, first), tell) if taken else []
+    if not standard:
+        return steps_of(v, first, taken)
+    tell("once more, from what every rig of the kind has")
+    other = climbed(v, first, standard, tell)
+    if ln_odds(v, first, other) < ln_odds(v, first, taken):
+        return steps_of(v, first, taken)
+    return steps_of(v, first, other, [t for t in standard if t in other])
+
+
+def climbed(v: View, first: Model, begun: Sequence[Taken], tell: Tell) -> list[Taken]:
     """Forward in white noise as long as anything is claimed, exchanging what fits better; back in noise with memory.
 
-    A wandering noise can stand in for the first of several causes, not for all: so it has its say at the end.
+    Noise with a memory can mimic the first of several causes, not all of them: it is tested in the backward pass.
     """
-    model = first = start(v)
-    refuse_too_little(v.recording, first.J.reshape(first.r.size, -1))
-    taken: list[Taken] = []
+    taken, keep_usual = list(begun), bool(begun)
+    model = take(v, first, taken)
     for _ in range(MOST):
         best = weigh(v, model)
         if best.ln_total < CLAIM or best.strange > 0.5:
             break
         tell(f"taken up: {', '.join(c.label for c, _ in best.found)}; ln Bayes factor {best.ln_bayes:.0f}")
-        taken = exchanged(v, first, [*taken, *best.found], tell)
+        taken = exchanged(v, first, [*taken, *best.found], tell, keep_usual=keep_usual)
         model = take(v, first, taken)
     taken = pruned(v, first, taken, tell)
-    taken = pruned(v, first, exchanged(v, first, taken, tell, memory=True), tell)
-    return steps_of(v, first, taken)
+    return pruned(v, first, exchanged(v, first, taken, tell, memory=True, keep_usual=keep_usual), tell)
 
 
-def exchanged(v: View, first: Model, taken: Sequence[Taken], tell: Tell, memory: bool = False) -> list[Taken]:
-    """Each cause in turn gives way if another cause, or two, belong in its place."""
+def textbook(v: View, first: Model) -> list[Taken]:
+    """What every textbook of such a rig names and the baseline lacks, on all axes."""
+    known, X = causes(v, first.effects, first.fitted)
+    g = evidence(v, first, X)
+    named = [c for c in known if is_usual(v, c)]
+    widest = {c.effect: max((o for o in named if o.effect == c.effect), key=lambda o: len(o.parameters)) for c in named}
+    return [(c, c.variants[single(g, [c])[0][0]]) for c in widest.values()]
+
+
+def ln_odds(v: View, first: Model, taken: Sequence[Taken]) -> float:
+    """ln odds of several causes together against none: each by what it adds to those before it, and its prior.
+
+    What every rig of the kind has costs nothing beforehand.
+    """
+    known, _ = causes(v, first.effects, first.fitted)
+    prior = {c.key: p for c, p in zip(known, priors(v, known), strict=True)}
+    steps = ordered(v, first, taken)
+    before = [first, *(s.model for s in steps)]
+    added = [alone(v, m, s.taken) - s.taken[0].paid for m, s in zip(before, steps, strict=False)]
+    return float(sum(added) + sum(prior[c.key] + np.log(SINGLE) for c, _ in taken if not is_usual(v, c)))
+
+
+def exchanged(
+    v: View, first: Model, taken: Sequence[Taken], tell: Tell, memory: bool = False, keep_usual: bool = False
+) -> list[Taken]:
+    """Each cause in turn, or each that is not of every rig, gives way if another cause, or two, belong in its place."""
     out = list(taken)
     for cause, variant in taken:
-        if (cause, variant) not in out:
+        if (cause, variant) not in out or (is_usual(v, cause) and keep_usual):
             continue
         others = [t for t in out if t[0] != cause]
         best = weigh(v, take(v, first, others), memory, cause)
@@ -131,30 +133,47 @@ def pruned(v: View, first: Model, taken: Sequence[Taken], tell: Tell) -> list[Ta
     """The causes taken up, less those that noise with a memory explains as well."""
     out = list(taken)
     while out:
-        support = [alone(v, take(v, first, [t for t in out if t != this]), this) for this in out]
-        weakest = int(np.argmin(support))
-        if support[weakest] > CLAIM:
+        rest = [take(v, first, [t for t in out if t != this]) for this in out]
+        support = [alone(v, m, this) - bar(v, this[0]) for m, this in zip(rest, out, strict=True)]
+        if min(support) > 0:
             break
+        weakest = min(range(len(out)), key=lambda i: (support[i] > 0, is_usual(v, out[i][0]), support[i]))
         tell(f"{out[weakest][0].label} is not kept: noise with a memory explains it")
         del out[weakest]
     return out
+
+
+def bar(v: View, cause: Candidate) -> float:
+    """ln Bayes factor that a cause needs: less for what every unit of the kind has, and its model left out."""
+    return float(CLAIM - OFTEN * is_usual(v, cause))
+
+
+def is_usual(v: View, cause: Candidate) -> bool:
+    """Whether every rig of the kind has this, at some size."""
+    return not cause.rival and v.recording.kind in CATALOGUE[cause.effect].usual
 
 
 def alone(v: View, without: Model, this: Taken) -> float:
     """ln Bayes factor of one cause with the others in the model, noise with memory."""
     cause, made = this[0], _made(v, this)
     effects = without.effects if cause.effect in {e.id for e in without.effects} else [*without.effects, made]
-    X = v.linear(effects, cause.parameters)[1] * np.array([p.sigma for p in cause.parameters])
-    g = ground(weighted(v, without.r), weighted(v, without.J), weighted(v, X))
+    X = v.about(effects).jacobian(cause.parameters) * np.array([p.sigma for p in cause.parameters])
+    g = evidence(v, without, X)
     return log_evidence(g, range(X.shape[-1]))
 
 
-def steps_of(v: View, first: Model, taken: Sequence[Taken]) -> Course:
+def steps_of(v: View, first: Model, taken: Sequence[Taken], standard: Sequence[Taken] = ()) -> Course:
     """The causes in the order of what each takes away, and the shape of what is left."""
     steps = ordered(v, first, taken)
-    rest = weigh(v, steps[-1].model if steps else first, memory=True)
-    shapes = tuple(c for c, _ in rest.found if c.rival) if rest.ln_total > CLAIM and rest.strange > 0.5 else ()
-    return Course(first, steps, shapes)
+    described = steps[-1].model if steps else first
+    left: list[Candidate] = []
+    for _ in range(MOST):
+        rest = weigh(v, described, memory=True)
+        if rest.ln_total < CLAIM or rest.strange < 0.5:
+            break
+        left += [c for c, _ in rest.found if c.rival]
+        described = with_columns(v, described, rest.columns)
+    return Course(first, steps, tuple(left), described, tuple(standard))
 
 
 def ordered(v: View, first: Model, taken: Sequence[Taken]) -> tuple[Step, ...]:
@@ -171,7 +190,8 @@ def ordered(v: View, first: Model, taken: Sequence[Taken]) -> tuple[Step, ...]:
 def refined(v: View, c: Course) -> Course:
     """The same causes fitted to another view of the same recording."""
     first = start(v)
-    return Course(first, ordered(v, first, [s.taken for s in c.steps]), c.left)
+    steps = ordered(v, first, [s.taken for s in c.steps])
+    return Course(first, steps, c.left, steps[-1].model if steps else first, c.standard)
 
 
 def take(v: View, model: Model, found: Sequence[Taken]) -> Model:
@@ -191,14 +211,6 @@ def _made(v: View, this: Taken) -> Effect:
     return absent_effect(cause.effect, v.stimulus, cause.source, **dict(variant.constants))
 
 
-def weighted(v: View, r: Array) -> Array:
-    """Misfit (n, C, ...) in units in which all rows are equally sure."""
-    if v.sigma is None:
-        return r
-    w = v.sigma.min() / v.sigma
-    return np.asarray(r * w.reshape(*w.shape, *([1] * (r.ndim - 2))))
-
-
 @dataclass(frozen=True)
 class Round:
     """What is likeliest to be missing from a model: one cause or two, or a shape."""
@@ -207,13 +219,14 @@ class Round:
     ln_bayes: float  # of these
     ln_total: float  # of anything at all
     strange: float  # probability of a shape without a cause
+    columns: Array  # (n, C, q) of these
     lead: float  # ln odds of these to the cause they were held against
 
 
 def weigh(v: View, model: Model, memory: bool = False, against: Candidate | None = None) -> Round:
     """Compare everything that could be missing, alone and in pairs, in white noise or in noise with memory."""
     known, X = causes(v, model.effects, model.fitted)
-    g = ground(weighted(v, model.r), weighted(v, model.J), weighted(v, X), memory)
+    g = evidence(v, model, X, memory)
     choice, ln = single(g, known)
     prior = priors(v, known)
     shape = np.array([bool(c.rival) for c in known])
@@ -228,7 +241,8 @@ def weigh(v: View, model: Model, memory: bool = False, against: Candidate | None
     rival = [float(w) for w, c in zip(weight, known, strict=True) if against and c.key == against.key]
     lead = best.ln_weight - rival[0] if rival and not any(shape[i] for i in best.members) else 0.0
     found = tuple((known[i], known[i].variants[choice[i]]) for i in best.members)
-    return Round(found, best.ln_bayes, total, strange, lead)
+    columns = X[..., [k for _, variant in found for k in variant.index]]
+    return Round(found, best.ln_bayes, total, strange, columns, lead)
 
 
 def single(g: Ground, known: Sequence[Candidate]) -> tuple[list[int], Array]:
@@ -237,7 +251,7 @@ def single(g: Ground, known: Sequence[Candidate]) -> tuple[list[int], Array]:
     for c in known:
         each = np.array([log_evidence(g, at.index) for at in c.variants])
         choice.append(int(np.argmax(each)))
-        out.append(float(np.logaddexp.reduce(each)) - np.log(len(each)))
+        out.append(float(np.logaddexp.reduce(each)) - c.paid)
     return choice, np.array(out)
 
 
@@ -249,10 +263,8 @@ def priors(v: View, known: Sequence[Candidate]) -> Array:
     """
     single = {e: sum(c.effect == e and "," not in c.axis for c in known) for e in {c.effect for c in known}}
     several = {c.effect for c in known if "," in c.axis}
-    kind = v.recording.kind
-    usual = {c.effect for c in known if not c.rival and kind in CATALOGUE[c.effect].usual}
     share = np.array([
-        OFTEN * (c.effect in usual) - np.log((2 if c.effect in several else 1) * (1 if "," in c.axis else
+        OFTEN * is_usual(v, c) - np.log((2 if c.effect in several else 1) * (1 if "," in c.axis else
                                                                                    single[c.effect]))
         for c in known
     ])  # fmt: skip
@@ -272,7 +284,6 @@ def _pairs(g: Ground, known: Sequence[Candidate], choice: Sequence[int], ln: Arr
             if key in out or known[i].effect == known[j].effect:
                 continue
             at = known[i].variants[choice[i]].index + known[j].variants[choice[j]].index
-            paid = np.log(len(known[i].variants) * len(known[j].variants))
-            both = float(log_evidence(g, at) - paid)
+            both = float(log_evidence(g, at)) - known[i].paid - known[j].paid
             out[key] = Hypothesis(key, both, float(both + np.log(2 * PAIR) + prior[i] + prior[j]))
     return list(out.values())

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.diagnose import wording
-from gimbalcal.diagnose.evidence.free_scale import best_evidence, explained, ground
+from gimbalcal.diagnose.evidence.free_scale import best_evidence, explained
 from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.library.unknown_noise import shapes_of
+from gimbalcal.diagnose.library.unknown_noise import free_rows, shapes_of
 from gimbalcal.diagnose.rows.views import View
-from gimbalcal.diagnose.search.stepwise import Model, weighted
+from gimbalcal.diagnose.search.refit import Model, evidence
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
@@ -29,9 +29,9 @@ def patterns(v: View, m: Model) -> tuple[dict[str, Any], ...]:
     from scipy.stats import f
 
     blocks: list[Array] = []
-    shapes = shapes_of(v, m.r, blocks)
+    shapes = shapes_of(v, m.r, blocks, free_rows(v, m.fitted))
     X = np.concatenate(blocks, axis=-1)
-    g = ground(weighted(v, m.r), weighted(v, m.J), weighted(v, X), memory=False)
+    g = evidence(v, m, X, memory=False)
     out = []
     for c in shapes:
         at = c.variants[0].index

@@ -79,7 +79,7 @@ EVERYWHERE = frozenset(Stage)
         ("readout_curve", False, False),  # says a shape
         ("frame_misalignment", False, False),  # a part of misalignment
         ("slow_bias_drift", False, True),  # what a stated noise holds
-        ("dead_zone", True, False),  # bends with its size
+        ("dead_zone", True, True),  # bends with its size
         ("base_tilt_diurnal", True, False),  # 40 min of a day
         ("bias_temperature", True, True),
         ("pressure", False, False),  # not logged

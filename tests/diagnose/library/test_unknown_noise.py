@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.library.unknown_noise import available, causes, constants_of, shapes_of, unknowns
+from gimbalcal.diagnose.library.unknown_noise import available, causes, constants_of, free_rows, shapes_of, unknowns
 from gimbalcal.diagnose.rows.views import norm, pointing
-from gimbalcal.diagnose.search.stepwise import start
+from gimbalcal.diagnose.search.refit import start
 from gimbalcal.effects import CATALOGUE, absent, parameters
 from gimbalcal.number import Array
 from tests.diagnose.small import telescope
@@ -52,7 +52,7 @@ def test_axes_that_the_rows_cannot_show_are_left_out() -> None:
 
 def test_shapes_are_as_large_as_the_misfit() -> None:
     blocks: list[Array] = [np.zeros((80, 2, 4))]
-    made = shapes_of(STARS, MODEL.r, blocks)
+    made = shapes_of(STARS, MODEL.r, blocks, free_rows(STARS, MODEL.fitted))
     rms = np.sqrt(np.mean(MODEL.r**2))
     columns = np.concatenate(blocks, axis=-1)
     assert {c.effect for c in made} >= {"unknown time"}
@@ -63,6 +63,12 @@ def test_shapes_are_as_large_as_the_misfit() -> None:
         k = ("across", "along").index(c.axis)
         np.testing.assert_allclose(np.sqrt((columns[:, k, at] ** 2).mean(axis=0)), rms)
         assert np.abs(columns[:, 1 - k, at]).max() == 0.0
+
+
+def test_no_shape_has_more_than_half_as_many_columns_as_there_are_rows_to_test_it_with() -> None:
+    blocks: list[Array] = [np.zeros((80, 2, 4))]
+    made = shapes_of(STARS, MODEL.r, blocks, 6)
+    assert {len(c.variants[0].index) for c in made} == {2, 3}
 
 
 def test_an_effect_of_the_model_keeps_its_constants() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.rows.views import pointing
-from gimbalcal.diagnose.search.alternatives import judged
+from gimbalcal.diagnose.search.alternatives import judged, still_wanted
 from gimbalcal.diagnose.search.stepwise import course, take
 from gimbalcal.pipeline import silent
 from gimbalcal.recording import Recording
@@ -20,7 +20,7 @@ def test_a_clear_cause_is_likely_and_alone() -> None:
     v = pointing(telescope(1, north=12.0, east=-7.0))
     c = course(v, silent)
     (s,) = c.steps
-    j = judged(v, c.end, s.taken[0])
+    j = judged(v, c.end, s.taken[0], still_wanted(v, c.end))
     assert j.cause is s.taken[0]
     assert j.confounded == ()
     assert j.probability > 0.99
@@ -34,7 +34,8 @@ def test_a_weak_cause_is_less_likely() -> None:
     v = pointing(telescope(1, north=12.0, east=-7.0))
     strong = course(v, silent).steps[0].taken
     weak = pointing(telescope(1, north=0.3))
-    j = judged(weak, take(weak, course(weak, silent).start, [strong]), strong[0])
+    end = take(weak, course(weak, silent).start, [strong])
+    j = judged(weak, end, strong[0], still_wanted(weak, end))
     assert j.probability < 0.9
     assert j.sigma < 4
 
@@ -59,7 +60,7 @@ def test_laws_that_coincide_on_these_rows_are_told_together() -> None:
     v = pointing(low(telescope(2), 80))
     c = course(v, silent)
     (s,) = c.steps[:1]
-    j = judged(v, c.end, s.taken[0])
+    j = judged(v, c.end, s.taken[0], still_wanted(v, c.end))
     assert len(j.confounded) >= 2
     assert s.taken[0].effect not in j.confounded
     assert {"tube_flexure", "encoder_eccentricity", "refraction"} & {s.taken[0].effect, *j.confounded}

@@ -10,18 +10,8 @@ import pytest
 from scipy.optimize import least_squares
 
 from gimbalcal.diagnose.rows.views import View, pointing
-from gimbalcal.diagnose.search.stepwise import (
-    Course,
-    alone,
-    course,
-    priors,
-    refined,
-    refit,
-    start,
-    take,
-    weigh,
-    weighted,
-)
+from gimbalcal.diagnose.search.refit import refit, start, weighted
+from gimbalcal.diagnose.search.stepwise import Course, alone, course, priors, refined, take, weigh
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.number import Array
 from gimbalcal.pipeline import silent
@@ -123,7 +113,7 @@ def test_prior_shares_make_a_whole_of_causes_and_of_shapes() -> None:
     def whole(effect: str) -> float:
         return sum(float(x) for c, x in zip(known, share, strict=True) if c.effect == effect)
 
-    assert whole("base_tilt") == pytest.approx(10 * whole("encoder_eccentricity"))  # what textbooks name first
+    assert whole("base_tilt") == pytest.approx(10 * whole("encoder_eccentricity"))  # every mount leans
     assert whole("base_tilt") == pytest.approx(whole("refraction"))  # that has no axes
     tilt = {c.axis: x for c, x in zip(known, share, strict=True) if c.effect == "base_tilt"}
     assert tilt["north, east"] == pytest.approx(tilt["north"] + tilt["east"])  # all axes together weigh half

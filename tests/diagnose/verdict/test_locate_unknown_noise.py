@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from scipy.stats import f as fisher
 
 from gimbalcal.diagnose.rows.views import View, pointing
-from gimbalcal.diagnose.search.stepwise import start
+from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.verdict.locate_unknown_noise import largest, mismatches, patterns
 from tests.diagnose.plant import ARCSEC
 from tests.diagnose.small import telescope
@@ -45,7 +45,7 @@ def test_a_pattern_is_told_with_its_f_statistic() -> None:
     F = (left(Z) - left(both)) / 10 / (left(both) / free)
     assert first["statistic"] == pytest.approx(F, rel=1e-3)
     # of time and the two angles in two channels each: Bonferroni's bound
-    assert first["p_value"] == pytest.approx(6 * fisher.sf(F, 10, free), rel=1e-2, abs=0.0)
+    assert first["p_value"] == pytest.approx(10 * fisher.sf(F, 10, free), rel=1e-2, abs=0.0)
     worst = np.argsort(-np.abs(m.r[:, 1]))[:3]
     assert first["where"] == {"positions": [int(k) + 1 for k in worst]}
     size = np.sqrt(np.mean(m.r[:, 1] ** 2)) / ARCSEC

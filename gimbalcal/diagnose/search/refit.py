@@ -1,0 +1,108 @@
+"""A model of a view fitted to its minimum, with the covariance of what the rows see."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gimbalcal.diagnose.evidence.free_scale import Ground, ground
+from gimbalcal.diagnose.library.unknown_noise import unknowns
+from gimbalcal.diagnose.rows.views import View
+from gimbalcal.effects import Effect, Parameter, values, with_values
+from gimbalcal.errors import InputError
+from gimbalcal.inference.levenberg import minimise
+from gimbalcal.number import Array
+
+SETTLED = 1e-7  # step in prior sigmas at which a fit has arrived
+GAIN = 1e-6  # share of the misfit that a last step takes away: 1e-4 nats in a hundred rows
+
+
+@dataclass(frozen=True)
+class Model:
+    """Effects with the parameters that were fitted (p,), their covariance (p, p) in SI, misfit (n, C), columns."""
+
+    effects: tuple[Effect, ...]
+    fitted: tuple[Parameter, ...]
+    covariance: Array
+    r: Array
+    J: Array
+
+    @property
+    def rms(self) -> float:
+        """Root mean square length of a row's misfit, SI."""
+        return float(np.sqrt((self.r**2).sum() / len(self.r)))
+
+
+def refit(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Model:
+    """Least squares on all wanted parameters, to the minimum; directions that the rows do not see stay where they are.
+
+    Damped steps, so that no fit ends worse than it began. What the rows see is asked at the minimum, where the misfit
+    is noise; where they see less than was fitted, the fit is done again in the directions that they see.
+    """
+    scale = np.array([p.sigma for p in wanted])
+    x0, free, c = values(effects, wanted), np.eye(len(wanted)), np.zeros(len(wanted))
+    while True:
+        made, c = _descended(v, effects, wanted, x0, free * scale[:, None], c)
+        r, J = v.linear(made, wanted)
+        seen, variance = _seen(weighted(v, r), weighted(v, J) * scale)
+        if seen.shape[1] >= free.shape[1]:
+            break
+        free, c = seen, seen.T @ free @ c
+    A = (weighted(v, J) * scale).reshape(r.size, -1) @ seen
+    unseen = np.eye(len(wanted)) - seen @ seen.T
+    C = seen @ np.linalg.inv(A.T @ A) @ seen.T * variance + unseen
+    return Model(made, tuple(wanted), C * np.outer(scale, scale), r, J)
+
+
+def _descended(
+    v: View, effects: Sequence[Effect], wanted: Sequence[Parameter], x0: Array, free: Array, c0: Array
+) -> tuple[tuple[Effect, ...], Array]:
+    """The effects at the minimum over x0 + free c, free (p, q) in SI, and c (q,) there; from c0 on."""
+    names, n = v.stimulus.axis_names, len(v.recording.time) * len(v.channels)
+
+    def at(c: Array, _: Array) -> tuple[Array, Array]:
+        made = with_values(effects, wanted, x0 + free @ c[0], names)
+        try:
+            r, J = v.linear(made, wanted)
+        except InputError:  # no force reads what was read: further than the model goes
+            return np.full((1, n), np.inf), np.zeros((1, n, free.shape[1]))
+        return weighted(v, r).reshape(1, -1), -(weighted(v, J).reshape(r.size, -1) @ free)[None]
+
+    found = minimise(at, c0[None], SETTLED, gain=GAIN, damping=1e-9)
+    return with_values(effects, wanted, x0 + free @ found.x[0], names), found.x[0]
+
+
+def _seen(r: Array, J: Array) -> tuple[Array, float]:
+    """Directions (p, q) in which a prior sigma moves the rows by more than 1 % of what is left, and its variance."""
+    n, y = r.size, r.ravel()
+    _, S, Vt = np.linalg.svd(J.reshape(n, -1), full_matrices=False)
+    keep = S > 1e-9 * S.max(initial=0.0)
+    keep &= S > 0.01 * np.sqrt(float(y @ y) / n)
+    variance = float(y @ y) / max(n - int(keep.sum()), 1)
+    return Vt[keep].T, variance
+
+
+def start(v: View) -> Model:
+    """The baseline alone."""
+    wanted = tuple(p for i in v.baseline for p in unknowns(v, i))
+    return refit(v, with_values((), wanted, np.zeros(len(wanted)), v.stimulus.axis_names), wanted)
+
+
+def weighted(v: View, r: Array) -> Array:
+    """Misfit (n, C, ...) in units in which all rows are equally sure."""
+    return r if v.sigma is None else np.asarray(r * v.weight.reshape(*v.weight.shape, *([1] * (r.ndim - 2))))
+
+
+def with_columns(v: View, m: Model, X: Array) -> Model:
+    """A model with further columns X (n, C, q) that belong to no effect, fitted beside its own."""
+    J = np.concatenate([m.J, X], axis=-1)
+    x = np.linalg.lstsq(weighted(v, J).reshape(m.r.size, -1), weighted(v, m.r).ravel(), rcond=1e-9)[0]
+    return replace(m, r=m.r - J @ x, J=J)
+
+
+def evidence(v: View, m: Model, X: Array, memory: bool = True) -> Ground:
+    """Ground for columns X (n, C, P) beside a model: its misfit, its own columns, the scatter of the samples."""
+    noise = 0.0 if v.noise is None else float(np.sqrt(np.mean(weighted(v, v.noise) ** 2)))
+    return ground(weighted(v, m.r), weighted(v, m.J), weighted(v, X), memory, noise)

@@ -1,0 +1,112 @@
+"""What is said of the causes that a search through a view took up: which of them stand, and each as an entry."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.diagnose import wording
+from gimbalcal.diagnose.evidence.odds import LIKELY
+from gimbalcal.diagnose.rows.views import View
+from gimbalcal.diagnose.search.alternatives import Judgement, judged, still_wanted
+from gimbalcal.diagnose.search.refit import Model
+from gimbalcal.diagnose.search.stepwise import Course, steps_of, take
+from gimbalcal.diagnose.verdict.decide import capped
+from gimbalcal.effects import CATALOGUE, values
+from gimbalcal.pipeline import Tell
+from gimbalcal.units import from_si
+
+UNOBSERVABLE = 0.01  # of the prior sigma: a parameter that is nearer to its prior than this is unobservable
+
+
+def confirmed(v: View, c: Course, tell: Tell) -> tuple[Course, list[Judgement]]:
+    """The course without causes that something else is likelier to be; what these explained is left, and its shape."""
+    while True:
+        tell("asking of each cause what else could stand in its place")
+        verdicts = judged_in_turn(v, c)
+        least = min(verdicts, key=lambda j: j.probability, default=None)
+        if least is None or least.probability >= LIKELY:
+            return c, verdicts
+        tell(f"{least.cause.label} is not named: it is likelier something else")
+        kept = [s.taken for s in c.steps if s.taken[0] is not least.cause]
+        c = steps_of(v, c.start, kept, [t for t in c.standard if t in kept])
+
+
+def judged_in_turn(v: View, c: Course) -> list[Judgement]:
+    """Each cause among its alternatives: what every rig has beside the like of it, what is special beside all."""
+    if not c.steps:
+        return []
+    standard = take(v, c.start, c.standard)
+    still = {id(m): still_wanted(v, m) for m in (c.end, standard)}
+    models = [standard if s.taken in c.standard else c.end for s in c.steps]
+    return [judged(v, m, s.taken[0], still[id(m)]) for m, s in zip(models, c.steps, strict=True)]
+
+
+def finding(c: Course, j: Judgement) -> dict[str, Any]:
+    """An entry of `findings`: what was found, how likely and how large it is, and what it is confounded with."""
+    e = j.cause.effect
+    prior = {(p.name, p.axis): float(from_si(p.sigma, p.unit)) for p in j.cause.parameters}
+    rows = [r for r in sizes(c.end) if r["effect"] == e and (r["name"], r["axis"]) in prior]
+    rows = [r for r in rows if _seen(r, prior[r["name"], r["axis"]])]
+    return {
+        "effect": e, "axis": j.cause.axis, "probability": capped(j.probability),
+        "sigma": round(j.sigma, 2), "parameters": [{k: x for k, x in r.items() if k != "effect"} for r in rows],
+        "twins": list(j.confounded), "physics": wording.physics(e), **wording.law(e),
+        "separate_by": _advice(j),
+    }  # fmt: skip
+
+
+def _seen(row: dict[str, Any], prior: float) -> bool:
+    """Whether the rows say anything of a parameter: otherwise it keeps the prior's zero and sigma."""
+    return abs(row["sigma"] / prior - 1) > UNOBSERVABLE or abs(row["value"]) > UNOBSERVABLE * prior
+
+
+def _advice(j: Judgement) -> str:
+    """What the cards say would show the one and not the other."""
+    if not j.confounded:
+        return ""
+
+    def seen(effect: str) -> str:
+        card = " ".join((CATALOGUE[effect].__doc__ or "").split())
+        after = card.partition("Seen by: ")[2]
+        return after.partition(". ")[0].strip(". ")
+
+    others = "; ".join(f"{wording.spoken(t)} by {seen(t)}" for t in j.confounded[:3])
+    return f"{wording.spoken(j.cause.effect)} is seen by {seen(j.cause.effect)}; {others}."
+
+
+def sizes(m: Model) -> list[dict[str, Any]]:
+    """Every fitted parameter with its sigma, in the unit of print."""
+    sigma = np.sqrt(np.diag(m.covariance))
+    return [
+        {"effect": p.effect, "name": p.name, "axis": p.axis, "value": float(from_si(x, p.unit)),
+         "sigma": float(from_si(s, p.unit)), "unit": p.unit}
+        for p, x, s in zip(m.fitted, values(m.effects, m.fitted), sigma, strict=True)
+    ]  # fmt: skip
+
+
+def drifts_as_one(found: Sequence[dict[str, Any]]) -> tuple[dict[str, Any], ...]:
+    """The findings, with courses of one bias in time as one: however they are described, they are one drift."""
+    out: list[dict[str, Any]] = []
+    for f in found:
+        same = next((i for i, first in enumerate(out) if _one_course(first, f)), None)
+        if same is None:
+            out.append(f)
+            continue
+        first = out[same]
+        twins = dict.fromkeys([*first["twins"], f["effect"], *f["twins"]])
+        out[same] = {
+            **first,
+            "parameters": [*first["parameters"], *f["parameters"]],
+            "twins": [t for t in twins if t != first["effect"]],
+            "separate_by": first["separate_by"] or f["separate_by"],
+        }
+    return tuple(out)
+
+
+def _one_course(first: dict[str, Any], second: dict[str, Any]) -> bool:
+    one, other = CATALOGUE[first["effect"]], CATALOGUE[second["effect"]]
+    shared = set(first["axis"].split(", ")) & set(second["axis"].split(", "))
+    return one.in_time and other.in_time and one.stage is other.stage and bool(shared)
