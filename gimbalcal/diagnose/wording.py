@@ -221,8 +221,8 @@ def untested(v: View, fit: Entry) -> str:
     if fit["heldout_rms_after"] < MISSED * fit["rms_after"]:
         return ""
     return (
-        f"But {ROWS[v.name]} left out of the fit are missed by {digits(fit['heldout_rms_after'])} {v.unit}: a constant rests "
-        f"on one of them alone, so that these data do not test the model; more {ROWS[v.name]} would."
+        f"But {ROWS[v.name]} left out of the fit are missed by {digits(fit['heldout_rms_after'])} {v.unit}: a constant "
+        f"rests on one of them alone, so that these data do not test the model; more {ROWS[v.name]} would."
     )
 
 

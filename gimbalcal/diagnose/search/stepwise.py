@@ -106,7 +106,9 @@ def ln_odds(v: View, first: Model, taken: Sequence[Taken]) -> float:
     What every rig of the kind has costs nothing beforehand.
     """
     known, _ = causes(v, first.effects, first.fitted)
-    prior = {c.key: p for c, p in zip(known, priors(v, known), strict=True)}
+    share = priors(v, known)
+    prior = dict.fromkeys((c.key for c, _ in taken), float(share.min()))  # some show only beside others
+    prior |= {c.key: float(p) for c, p in zip(known, share, strict=True)}
     steps = ordered(v, first, taken)
     before = [first, *(s.model for s in steps)]
     added = [alone(v, m, s.taken) - s.taken[0].paid for m, s in zip(before, steps, strict=False)]
