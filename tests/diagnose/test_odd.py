@@ -18,6 +18,7 @@ from gimbalcal.diagnose.rows.views import pointing, rest_rates, solved
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.wording import largest
 from gimbalcal.effects import CATALOGUE
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
@@ -116,7 +117,8 @@ def test_a_gap_in_a_long_static_run_is_not_taken_for_physics(monkeypatch: pytest
 def test_positions_of_a_static_run_do_no_harm() -> None:
     """The experiment that would tell twins apart is laid out with the positions that were written down."""
     r = static_plant.record(np.random.default_rng(22), lambda s: s.ideal**2, 20 * UG)
-    d = diagnose([replace(r, position=np.ones(len(r.time), dtype=np.int64))])
+    linear = [i for i in BASELINE["static-run"] if i != "scale_nonlinearity"]
+    d = diagnose([replace(r, position=np.ones(len(r.time), dtype=np.int64))], baseline=linear)
     assert d.verdict == "not-identifiable"
     assert d.findings[0]["separate_by"]
 

@@ -22,6 +22,7 @@ from gimbalcal.number import Array
 DRAWS = 400
 LISTED = 6  # cells that are listed, strongest first
 WEAK = 0.25  # of the strongest statistic: weaker cells see the same mismatch from further away
+HELD = 1e-8  # of a column's square that the calibration leaves of it: less is rounding of what the model holds
 WINDOWS = 12  # stretches of time of a static run
 
 
@@ -58,11 +59,13 @@ def scan(
     if explained is not None and explained.shape[1]:
         rows = _beside(rows, explained)
     p = project(node, rows_like(rows, X))
-    statistic = np.array([_score(p.G, p.b[:, :1], c.index)[0] for c in cells])
-    dof = np.array([_rank(p.G, c.index) for c in cells])
-    lam, V = eigh(p.G)
+    shown = np.diag(p.G) > HELD * (node.whiten(X) ** 2).sum(axis=0)
+    G = p.G * np.outer(shown, shown)
+    statistic = np.array([_score(G, p.b[:, :1], c.index)[0] for c in cells])
+    dof = np.array([_rank(G, c.index) for c in cells])
+    lam, V = eigh(G)
     drawn = V @ (np.sqrt(np.maximum(lam, 0.0))[:, None] * rng.standard_normal((len(lam), DRAWS)))
-    clean = np.stack([_score(p.G, drawn, c.index) for c in cells])
+    clean = np.stack([_score(G, drawn, c.index) for c in cells])
     tails, clean_tails = _tail(statistic, dof), _tail(clean, dof[:, None])
     least = clean_tails.min(axis=0)
     family = (1 + (least[None, :] <= tails[:, None]).sum(axis=1)) / (1 + DRAWS)
