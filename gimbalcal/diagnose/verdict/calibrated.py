@@ -33,6 +33,7 @@ from gimbalcal.readings import readings
 from gimbalcal.recording import Recording
 
 ROUNDS = 4  # linearisations at most: each leaves a product of two errors of what is left
+FAR = 20.0  # prior sigmas of one step: interchanged positions ask for nonlinearities that no force could be read with
 SETTLED = 1e-3  # of a sigma
 WIDE = 30.0
 UNIT = SENSOR_STAGES | GYROSCOPE_STAGES | {Stage.ENCODER, Stage.AXIS_TILT}  # other constants say how the rig stood
@@ -193,7 +194,7 @@ def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Eff
         solution = solve(total)
         narrow = {w: p for p, w in found.wide().items()}
         solution = replace(solution, parameters=tuple(narrow.get(p, p) for p in solution.parameters))
-        solution = _with_sizes(solution, found, told)
+        solution = _near(_with_sizes(solution, found, told), values(_union(models), solution.parameters))
         names = here[0].o.stimulus.axis_names
         models = [
             with_values(m, mine, values_of(solution, mine), names)
@@ -204,6 +205,12 @@ def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Eff
             break
         before = solution.x
     return solution, with_values(_union(models), solution.parameters, solution.x, names), _differ(total, infos)
+
+
+def _near(solution: Solution, start: Array) -> Solution:
+    """The solution, or as much of the way to it from `start` (p,) as a linear model can be trusted over."""
+    farthest = float((np.abs(solution.x - start) / [p.sigma for p in solution.parameters]).max(initial=0.0))
+    return solution if farthest <= FAR else replace(solution, x=start + FAR / farthest * (solution.x - start))
 
 
 def _differ(total: Information, each: Sequence[Information]) -> str:
