@@ -63,7 +63,9 @@ def course(v: View, tell: Tell) -> Course:
     first = start(v)
     refuse_too_little(v.recording, first.J.reshape(first.r.size, -1))
     taken = climbed(v, first, (), tell)
-    standard = pruned(v, first, textbook(v, first), tell) if taken else []
+    usual = textbook(v, first) if taken else []
+    lacking = {c.effect for c, _ in usual} - {c.effect for c, _ in taken}
+    standard = pruned(v, first, usual, tell) if lacking else []
     if not standard:
         return steps_of(v, first, taken)
     tell("once more, from what every rig of the kind has")
