@@ -11,7 +11,7 @@ from gimbalcal.number import Array
 
 VALUES = 7  # of a constant before refinement
 ORDERS = 12  # whole numbers that are all tried; of more, `VALUES`
-SCANNED = 2000  # whole numbers at the most
+SCANNED = 700  # whole numbers at the most
 INSTANTS = 50  # of a recording in which nothing moves
 SAME_ANGLE = 0.02  # rad; settings of a gimbal nearer than this are one
 NEARLY = 0.1  # of an order, by which readouts of equal steps may differ

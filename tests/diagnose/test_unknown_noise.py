@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -160,3 +162,46 @@ def test_constants_move_as_what_was_found_moves_them() -> None:
     assert zero["in_sigmas"] == pytest.approx(zero["moved"] / zero["sigma"], abs=0.006)
     assert abs(zero["in_sigmas"]) == max(abs(r["in_sigmas"]) for r in rows)
     assert rows[0] == zero
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_bias_that_drifts_with_the_clock_is_no_other_drift_alone(seed: int) -> None:
+    """3 mg in ten minutes on one axis: a straight line, and warm_up with a long time constant beside it at most."""
+    r = turned(seed)
+    ramp = 3e-3 * G * r.time / r.time[-1]
+    y = r.channels["specific_force", "y"] + ramp
+    (found,) = diagnose([replace(r, channels={**r.channels, ("specific_force", "y"): y})]).findings
+    assert "bias_drift" in {found["effect"], *found["twins"]}
+    assert found["axis"] == "y"
+
+
+def test_gyroscopes_that_follow_the_temperature_are_named_with_their_size() -> None:
+    r = turned(3)
+    warm = 20 + 8 * np.sin(2 * np.pi * r.time / 380.0)
+    x = r.channels["angular_rate", "x"] + 40 * np.pi / 648000 * (warm - warm.mean())
+    channels = {**r.channels, ("angular_rate", "x"): x, ("temperature", ""): warm}
+    (found,) = diagnose([replace(r, channels=channels)]).findings
+    assert (found["effect"], found["axis"], found["twins"]) == ("gyro_bias_temperature", "x", [])
+    (size,) = found["parameters"]
+    assert abs(size["value"] - 40.0) < 4 * size["sigma"] < 8.0
+
+
+def test_a_worm_is_found_by_the_number_of_its_teeth() -> None:
+    """Tracking over 25 degrees at the sidereal rate, an error of 6 arcsec once per tooth, 1 arcsec of noise."""
+    rng = np.random.default_rng(144)
+    n = 240
+    t = 25.0 * np.arange(n)
+    E, A = np.full(n, 0.3), t * 2 * np.pi / 86164.0 - 0.8
+    worm = 6 * ARCSEC * np.sin(144 * A + 0.4)
+    channels = {
+        ("gimbal_angle", "elevation"): E + ARCSEC * rng.standard_normal(n),
+        ("gimbal_angle", "azimuth"): A + worm + ARCSEC * rng.standard_normal(n),
+        ("true_angle", "elevation"): E,
+        ("true_angle", "azimuth"): A,
+    }
+    r = Recording("pointing", "worm", KNOWN["alt-az"], Site(0.9, 0.0, G), {}, t, None, channels)
+    d = diagnose([r], baseline=("gimbal_zero", "gimbal_zero_drift"))
+    (found,) = d.findings
+    assert "periodic_worm_error" in {found["effect"], *found["twins"]}
+    assert "azimuth" in found["axis"]
+    assert d.fit["rms_after"] < 1.1 * np.sqrt(2) < d.fit["rms_before"]

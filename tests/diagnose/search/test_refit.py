@@ -1,0 +1,93 @@
+"""Fits of a view: at a minimum, no worse than where they began, with the covariance of what the rows see."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gimbalcal.diagnose.library.unknown_noise import unknowns
+from gimbalcal.diagnose.rows.views import norm, pointing
+from gimbalcal.diagnose.search.refit import evidence, refit, start, with_columns
+from gimbalcal.effects import values, with_values
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording, Site
+from tests.diagnose.small import telescope
+
+G = 9.80665
+
+
+def poses(up: np.ndarray, rng: np.random.Generator, noise: float = 1e-4, spoilt: float = 5e-2) -> Recording:
+    """One mean of each attitude of a unit with constants of several per cent."""
+    f = G * up / np.linalg.norm(up, axis=1, keepdims=True)
+    y = f @ (np.eye(3) + spoilt * rng.standard_normal((3, 3))).T + spoilt * G * rng.standard_normal(3)
+    y += noise * G * rng.standard_normal(y.shape)
+    n = len(y)
+    channels = {("specific_force", a): y[:, i] for i, a in enumerate("xyz")}
+    where = np.arange(1, n + 1)
+    return Recording("multi-position", "poses", BENCH, Site(None, 0.0, G), {}, 10.0 * where, where, channels)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_fit_ends_where_no_direction_that_is_seen_leads_down(seed: int) -> None:
+    """Eleven rests of constants of five per cent: undamped steps ended at 427 mg on such a recording."""
+    rng = np.random.default_rng(seed)
+    v = norm(poses(rng.standard_normal((11, 3)), rng), ("bias", "scale_factor", "misalignment"))
+    m = start(v)
+    assert m.rms < 1e-3 * G
+    scale = np.array([p.sigma for p in m.fitted])
+    A = m.J.reshape(m.r.size, -1) * scale
+    U, S, _ = np.linalg.svd(A, full_matrices=False)
+    slope = U[:, S > 0.01 * np.sqrt(np.mean(m.r**2))].T @ m.r.ravel()
+    assert np.abs(slope).max() < 1e-2 * np.linalg.norm(m.r)
+
+
+def test_no_fit_is_worse_than_where_it_began() -> None:
+    rng = np.random.default_rng(7)
+    v = norm(poses(rng.standard_normal((30, 3)), rng), ("bias", "scale_factor"))
+    wanted = tuple(p for i in ("bias", "scale_factor", "misalignment") for p in unknowns(v, i))
+    began = with_values((), wanted, 0.3 * rng.standard_normal(len(wanted)) * [p.sigma for p in wanted])
+    before = v.rows(began).residual
+    assert (refit(v, began, wanted).r ** 2).sum() <= (before**2).sum()
+
+
+def test_errors_are_as_large_as_the_covariance_says() -> None:
+    pulls = []
+    for seed in range(30):
+        v = pointing(telescope(seed, north=12.0, east=-7.0), ("gimbal_zero", "axis_collimation", "base_tilt"))
+        m = start(v)
+        tilt = [i for i, p in enumerate(m.fitted) if p.effect == "base_tilt"]
+        off = values(m.effects, m.fitted)[tilt] - np.array([12.0, -7.0]) * np.pi / 648000
+        pulls.append(off @ np.linalg.solve(m.covariance[np.ix_(tilt, tilt)], off))
+    assert 0.6 < np.mean(pulls) / 2 < 1.6  # chi^2 of two: its mean scatters by 18 %
+
+
+def test_columns_of_no_effect_are_fitted_beside_those_of_the_model() -> None:
+    v = pointing(telescope(3))
+    m = start(v)
+    X = np.zeros((*m.r.shape, 1))
+    X[:, 1, 0] = np.sin(5 * v.stimulus.readout[:, 1])
+    after = with_columns(v, m, X)
+    assert np.abs(np.einsum("nc,ncp->p", after.r, after.J)).max() < 1e-9 * np.linalg.norm(m.r)
+    assert after.J.shape[-1] == m.J.shape[-1] + 1
+    assert after.fitted == m.fitted
+
+
+def test_columns_of_what_is_not_in_the_model_hold_no_noise_of_the_readings() -> None:
+    """Faces alone: what a saturation near one g makes of them is a constant, whatever their readings scatter."""
+    rng = np.random.default_rng(5)
+    faces = np.tile(np.concatenate([np.eye(3), -np.eye(3)]), (4, 1))
+    v = norm(poses(faces, rng, spoilt=0.0), ("bias", "scale_factor"))
+    m = start(v)
+    wanted = unknowns(v, "cubic_nonlinearity")
+    quiet, read = v.about(m.effects).jacobian(wanted), v.rows(m.effects).jacobian(wanted)
+    y = m.r / np.linalg.norm(m.r)
+
+    def copied(X: np.ndarray) -> float:
+        left = evidence(v, m, X, memory=False).cleared[0]
+        X, y = left.X, left.y
+        b, *_ = np.linalg.lstsq(X / np.maximum(np.linalg.norm(X, axis=0), 1e-300), y, rcond=1e-10)
+        return float(np.linalg.norm(X / np.maximum(np.linalg.norm(X, axis=0), 1e-300) @ b) / np.linalg.norm(y))
+
+    assert copied(read) > 0.9
+    assert copied(quiet) < 0.5
+    assert y.shape == (24, 1)

@@ -1,0 +1,66 @@
+"""Which causes stand, and courses of one drift as one finding."""
+
+from __future__ import annotations
+
+import pytest
+
+from gimbalcal.diagnose.rows.views import pointing
+from gimbalcal.diagnose.search.alternatives import Judgement
+from gimbalcal.diagnose.search.refit import start
+from gimbalcal.diagnose.search.stepwise import steps_of
+from gimbalcal.diagnose.verdict import findings
+from gimbalcal.diagnose.verdict.findings import drifts_as_one, finding, judged_in_turn
+from gimbalcal.pipeline import silent
+from tests.diagnose.small import causes_of, telescope
+
+LABELS = ("base_tilt:north, east", "tube_flexure", "encoder_two_cycle:azimuth")
+
+
+def entry(effect: str, axis: str, *twins: str) -> dict[str, object]:
+    return {"effect": effect, "axis": axis, "twins": list(twins), "parameters": [effect], "separate_by": ""}
+
+
+def test_two_courses_of_one_bias_are_one_drift() -> None:
+    found = [entry("warm_up", "x, y"), entry("cubic_nonlinearity", "x"), entry("slow_bias_drift", "y", "bias_step")]
+    one, other = drifts_as_one(found)
+    assert (one["effect"], one["twins"]) == ("warm_up", ["slow_bias_drift", "bias_step"])
+    assert one["parameters"] == ["warm_up", "slow_bias_drift"]
+    assert other["effect"] == "cubic_nonlinearity"
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (entry("warm_up", "x"), entry("bias_drift", "z")),  # two sensors
+        (entry("bias_drift", "x"), entry("gyro_bias_drift", "x")),  # two triads
+        (entry("bias_drift", "x"), entry("bias_temperature", "x")),  # a thermometer tells them apart, or twins say so
+    ],
+)
+def test_different_drifts_stay_apart(one: dict[str, object], other: dict[str, object]) -> None:
+    assert drifts_as_one([one, other]) == (one, other)
+
+
+def test_what_something_else_is_likelier_to_be_is_not_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The least likely cause goes first, and all others are asked again without it."""
+    v = pointing(telescope(2, north=25.0, east=-9.0, bend=40.0))
+    first = start(v)
+    known = causes_of(v, first)
+    tilt, bend, like = (next(c for c in known if c.label == label) for label in LABELS)
+    taken = [(c, c.variants[0]) for c in (tilt, bend, like)]
+    told = {tilt.key: 0.9, bend.key: 0.8, like.key: 0.01}
+    monkeypatch.setattr(findings, "judged", lambda v, m, c, still: Judgement(c, told[c.key], 9.0, ()))
+    kept, verdicts = findings.confirmed(v, steps_of(v, first, taken), silent)
+    assert {s.taken[0].key for s in kept.steps} == {j.cause.key for j in verdicts} == {tilt.key, bend.key}
+
+
+def test_a_cause_is_told_with_the_sizes_of_the_last_model() -> None:
+    v = pointing(telescope(2, north=25.0, east=-9.0))
+    first = start(v)
+    tilt = next(c for c in causes_of(v, first) if c.label == LABELS[0])
+    c = steps_of(v, first, [(tilt, tilt.variants[0])])
+    (j,) = judged_in_turn(v, c)
+    told = finding(c, j)
+    assert (told["effect"], told["probability"]) == ("base_tilt", 0.9)
+    (north, east) = told["parameters"]
+    assert abs(north["value"] - 25.0) < 4 * north["sigma"] < 4.0
+    assert abs(east["value"] + 9.0) < 4 * east["sigma"] < 4.0
