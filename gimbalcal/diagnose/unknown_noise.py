@@ -98,7 +98,7 @@ def told_of(v: View, c: Course, tell: Tell) -> Told:
         tell("refitting at the full resolution")
         v = v.finer()
         c = refined(v, c)
-    found = drifts_as_one([finding(c, j) for j in verdicts])
+    found = drifts_as_one([finding(v, c, j) for j in verdicts])
     shapes = tuple({"channel": f"{v.channels[0][0]} {s.axis}".strip(), "shape": s.rival} for s in c.left)
     verdict = "adequate"
     if found:

@@ -204,4 +204,6 @@ def test_a_worm_is_found_by_the_number_of_its_teeth() -> None:
     (found,) = d.findings
     assert "periodic_worm_error" in {found["effect"], *found["twins"]}
     assert "azimuth" in found["axis"]
+    (number,) = (p for p in found["parameters"] if p["name"] in ("teeth", "lines"))
+    assert abs(number["value"] - 144) < 4 * number["sigma"] + 1e-6 < 4
     assert d.fit["rms_after"] < 1.1 * np.sqrt(2) < d.fit["rms_before"]

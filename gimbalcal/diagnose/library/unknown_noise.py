@@ -27,7 +27,8 @@ from gimbalcal.forward import Rows
 from gimbalcal.number import Array
 
 HOUR = 3600.0  # s, in which the catalogue counts drifts
-PEAKS = 3  # of a scan over whole numbers, each with its neighbours
+PEAKS = 3  # of a scan over whole numbers
+ABOUT = 9  # whole numbers about each of them
 
 
 def causes(v: View, present: Sequence[Effect], modelled: Sequence[Parameter]) -> tuple[tuple[Candidate, ...], Array]:
@@ -82,8 +83,8 @@ def _of_effect(
         if effect_id not in v.scanned:  # the same for all models of a course, but for their few per mille
             made = (absent_effect(effect_id, v.stimulus, "", **{whole.name: m}) for m in every)
             v.scanned[effect_id] = np.stack([columns(m) * v.weight[..., None] for m in made]).astype(np.float32)
-        best = peaks(powers(v.scanned[effect_id], rows.residual * v.weight), PEAKS)
-        tried = [((whole.name, float(every[i])),) for i in best]
+        best = every[peaks(powers(v.scanned[effect_id], rows.residual * v.weight), PEAKS)]
+        tried = [((whole.name, float(m)),) for m in between_scanned(best, float(every[1] - every[0]))]
     out: list[Candidate] = []
     for source in sources(cls, v.stimulus) if wanted else ():
         if there is None or source == (getattr(there, "covariate", "") if source else ""):
@@ -101,11 +102,16 @@ def powers(X: Array, misfit: Array) -> Array:
 
 
 def peaks(power: Array, count: int) -> list[int]:
-    """Ordinals of the highest local maxima, and of their neighbours, in order."""
+    """Ordinals of the highest local maxima, in order."""
     padded = np.concatenate([[-np.inf], power, [-np.inf]])
     top = np.flatnonzero((power >= padded[:-2]) & (power >= padded[2:]))
-    top = top[np.argsort(-power[top])][:count]
-    return sorted({int(np.clip(i + d, 0, len(power) - 1)) for i in top for d in (-1, 0, 1)})
+    return sorted(int(i) for i in top[np.argsort(-power[top])][:count])
+
+
+def between_scanned(best: Array, step: float) -> list[float]:
+    """Whole numbers about the best of a scan, up to the next that it looked at; `ABOUT` of each where they are many."""
+    near = np.unique(np.round(np.linspace(1 - step, step - 1, int(min(2 * step - 1, ABOUT)))))
+    return sorted({float(m + d) for m in best for d in near if m + d >= 1})
 
 
 def constants_of(e: Effect) -> Constants:

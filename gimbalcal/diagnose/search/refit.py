@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.free_scale import Ground, ground
+from gimbalcal.diagnose.evidence.free_scale import RANK, Ground, ground
 from gimbalcal.diagnose.library.unknown_noise import unknowns
 from gimbalcal.diagnose.rows.views import View
-from gimbalcal.effects import Effect, Parameter, values, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
+from gimbalcal.effects.effect import Grid, constants
+from gimbalcal.effects.grids import kind
 from gimbalcal.errors import InputError
 from gimbalcal.inference.levenberg import minimise
 from gimbalcal.number import Array
@@ -100,6 +102,25 @@ def with_columns(v: View, m: Model, X: Array) -> Model:
     J = np.concatenate([m.J, X], axis=-1)
     x = np.linalg.lstsq(weighted(v, J).reshape(m.r.size, -1), weighted(v, m.r).ravel(), rcond=1e-9)[0]
     return replace(m, r=m.r - J @ x, J=J)
+
+
+def constants_told(v: View, m: Model, effect_id: str) -> list[tuple[Parameter, float, float]]:
+    """Non-linear constants of an effect of the model, each with its value and one sigma in SI, all else fitted too.
+
+    Linearised at the model; of an instant or the name of a position, at which the output jumps, nothing is told.
+    """
+    smooth = {f.name for f in constants(CATALOGUE[effect_id]) if not (kind(f).once or kind(f) is Grid.SPAN)}
+    wanted = [p for p in parameters(CATALOGUE[effect_id], constants=True) if p.field in smooth]
+    effect = next(e for e in m.effects if e.id == effect_id)
+    X = v.rows(m.effects).columns(effect, wanted) if wanted else np.zeros((*m.r.shape, 0))
+    A = weighted(v, np.concatenate([m.J, X], axis=-1)).reshape(m.r.size, -1)
+    size = np.maximum(np.sqrt((A**2).sum(axis=0)), 1e-300)
+    _, S, Vt = np.linalg.svd(A / size, full_matrices=False)
+    keep = S > RANK * S.max(initial=0.0)
+    variance = float((weighted(v, m.r) ** 2).sum()) / max(m.r.size - int(keep.sum()), 1)
+    sigma = np.sqrt(variance * ((Vt[keep].T / S[keep]) ** 2).sum(axis=1)) / size
+    q = m.J.shape[-1]
+    return [(p, float(getattr(effect, p.field)), float(sigma[q + i])) for i, p in enumerate(wanted)]
 
 
 def evidence(v: View, m: Model, X: Array, memory: bool = True) -> Ground:

@@ -11,7 +11,7 @@ from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.evidence.odds import LIKELY
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.alternatives import Judgement, judged, still_wanted
-from gimbalcal.diagnose.search.refit import Model
+from gimbalcal.diagnose.search.refit import Model, constants_told
 from gimbalcal.diagnose.search.stepwise import Course, steps_of, take
 from gimbalcal.diagnose.verdict.decide import capped
 from gimbalcal.effects import CATALOGUE, values
@@ -44,12 +44,17 @@ def judged_in_turn(v: View, c: Course) -> list[Judgement]:
     return [judged(v, m, s.taken[0], still[id(m)]) for m, s in zip(models, c.steps, strict=True)]
 
 
-def finding(c: Course, j: Judgement) -> dict[str, Any]:
+def finding(v: View, c: Course, j: Judgement) -> dict[str, Any]:
     """An entry of `findings`: what was found, how likely and how large it is, and what it is confounded with."""
     e = j.cause.effect
     prior = {(p.name, p.axis): float(from_si(p.sigma, p.unit)) for p in j.cause.parameters}
     rows = [r for r in sizes(c.end) if r["effect"] == e and (r["name"], r["axis"]) in prior]
     rows = [r for r in rows if _seen(r, prior[r["name"], r["axis"]])]
+    rows += [
+        {"effect": e, "name": p.field, "axis": "", "value": float(from_si(x, p.unit)),
+         "sigma": float(from_si(sigma, p.unit)), "unit": p.unit}
+        for p, x, sigma in constants_told(v, c.end, e)
+    ]  # fmt: skip
     return {
         "effect": e, "axis": j.cause.axis, "probability": capped(j.probability),
         "sigma": round(j.sigma, 2), "parameters": [{k: x for k, x in r.items() if k != "effect"} for r in rows],

@@ -59,7 +59,7 @@ def test_a_cause_is_told_with_the_sizes_of_the_last_model() -> None:
     tilt = next(c for c in causes_of(v, first) if c.label == LABELS[0])
     c = steps_of(v, first, [(tilt, tilt.variants[0])])
     (j,) = judged_in_turn(v, c)
-    told = finding(c, j)
+    told = finding(v, c, j)
     assert (told["effect"], told["probability"]) == ("base_tilt", 0.9)
     (north, east) = told["parameters"]
     assert abs(north["value"] - 25.0) < 4 * north["sigma"] < 4.0
