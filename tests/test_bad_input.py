@@ -496,6 +496,9 @@ def test_a_fault_is_one_sentence_and_nothing_is_written(run: Run, tmp_path: Path
         (["frobnicate"], "No such command 'frobnicate'; see `gimbalcal --help`"),
         (["calibrate", DEVICE, "--method", "magic"], "'magic' is not one of 'three-stage', "),
         (["calibrate", DEVICE, "--frobnicate"], "No such option"),
+        (["design", "-n", "0"], "0 is not in the range x>=1; see `gimbalcal design --help`"),
+        (["campaign", "wu2018-18", "-n", "-3"], "-3 is not in the range x>=1"),
+        (["simulate", "demo", "--seed", "-1"], "-1 is not in the range x>=0"),
         (["calibrate", DEVICE, "--terms", "nonsense"], "--terms nonsense goes with --method multiposition"),
         (
             ["calibrate", DEVICE, "--method", "multiposition", "--terms", "nonsense"],

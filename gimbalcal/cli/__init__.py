@@ -117,7 +117,9 @@ def calibrate(
 @RECORDINGS
 @click.option("--calibration", "known", type=click.Path(path_type=Path), help="A calibration.json to start from.")
 @click.option("--baseline", default="", help="Comma-separated effects the model holds; what is left out can be found.")
-@click.option("--seed", default=1, show_default=True, help="Seed of the simulated threshold.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of the simulated threshold."
+)
 @output_options("diagnosis.json and report.html")
 def diagnose(
     recordings: tuple[Path, ...], known: Path | None, baseline: str, seed: int,
@@ -153,7 +155,7 @@ def diagnose(
 
 @gimbalcal.command()
 @click.argument("scenario", type=click.Path(path_type=Path))
-@click.option("--seed", type=int, default=None, help="Instead of the scenario's own.")
+@click.option("--seed", type=click.IntRange(min=0), default=None, help="Instead of the scenario's own.")
 @OVERWRITE
 @output_options("the recording and its truth.json", "the name of SCENARIO, here")
 def simulate(scenario: Path, seed: int | None, overwrite: bool, out: Path | None, quiet: bool, as_json: bool) -> None:
@@ -193,7 +195,9 @@ def observe(
 
 @gimbalcal.command()
 @click.option("--platform", default="space-stable", show_default=True, help="Name of the rig's gimbal chain.")
-@click.option("-n", "--positions", default=18, show_default=True, help="How many positions to hold.")
+@click.option(
+    "-n", "--positions", type=click.IntRange(min=1), default=18, show_default=True, help="How many positions to hold."
+)
 @click.option("--step", default=45.0, show_default=True, help="Angles that an axis may take: multiples of this, deg.")
 @click.option("--angle-sigma", type=float, default=None, help="Setting error, arcsec; left out: no angle is known.")
 @click.option("--force-sigma", default=1.0, show_default=True, help="Noise of the mean force of a position, ug.")
@@ -223,11 +227,11 @@ def design(
 
 @gimbalcal.command()
 @click.argument("scenario", type=click.Path(path_type=Path))
-@click.option("-n", "--runs", default=200, show_default=True, help="How many runs.")
+@click.option("-n", "--runs", type=click.IntRange(min=1), default=200, show_default=True, help="How many runs.")
 @click.option("--workers", type=int, default=None, help="Processes on this machine (default: its cores).")
 @click.option("--scheduler", default="", help="Address of a running Dask scheduler, tcp://host:port, instead.")
 @click.option("--method", default="three-stage", show_default=True, help="How each simulated recording is calibrated.")
-@click.option("--seed", type=int, default=None, help="Instead of the scenario's own.")
+@click.option("--seed", type=click.IntRange(min=0), default=None, help="Instead of the scenario's own.")
 @output_options("campaign.json and campaign.parquet", "campaign- and the name of SCENARIO, here")
 def campaign(
     scenario: Path, runs: int, workers: int | None, scheduler: str, method: str, seed: int | None,
