@@ -15,7 +15,7 @@ import click
 
 from gimbalcal import __version__
 from gimbalcal.cli.files import apply, export, import_
-from gimbalcal.cli.options import RECORDINGS, listed, output_options, progress, show
+from gimbalcal.cli.options import COUNT, RECORDINGS, SEED, listed, output_options, progress, show
 from gimbalcal.cli.placing import OVERWRITE, placed
 from gimbalcal.errors import InputError
 
@@ -117,9 +117,7 @@ def calibrate(
 @RECORDINGS
 @click.option("--calibration", "known", type=click.Path(path_type=Path), help="A calibration.json to start from.")
 @click.option("--baseline", default="", help="Comma-separated effects the model holds; what is left out can be found.")
-@click.option(
-    "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of the simulated threshold."
-)
+@click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the simulated threshold.")
 @output_options("diagnosis.json and report.html")
 def diagnose(
     recordings: tuple[Path, ...], known: Path | None, baseline: str, seed: int,
@@ -155,7 +153,7 @@ def diagnose(
 
 @gimbalcal.command()
 @click.argument("scenario", type=click.Path(path_type=Path))
-@click.option("--seed", type=click.IntRange(min=0), default=None, help="Instead of the scenario's own.")
+@click.option("--seed", type=SEED, default=None, help="Instead of the scenario's own.")
 @OVERWRITE
 @output_options("the recording and its truth.json", "the name of SCENARIO, here")
 def simulate(scenario: Path, seed: int | None, overwrite: bool, out: Path | None, quiet: bool, as_json: bool) -> None:
@@ -227,11 +225,11 @@ def design(
 
 @gimbalcal.command()
 @click.argument("scenario", type=click.Path(path_type=Path))
-@click.option("-n", "--runs", type=click.IntRange(min=1), default=200, show_default=True, help="How many runs.")
+@click.option("-n", "--runs", type=COUNT, default=200, show_default=True, help="How many runs.")
 @click.option("--workers", type=int, default=None, help="Processes on this machine (default: its cores).")
 @click.option("--scheduler", default="", help="Address of a running Dask scheduler, tcp://host:port, instead.")
 @click.option("--method", default="three-stage", show_default=True, help="How each simulated recording is calibrated.")
-@click.option("--seed", type=click.IntRange(min=0), default=None, help="Instead of the scenario's own.")
+@click.option("--seed", type=SEED, default=None, help="Instead of the scenario's own.")
 @output_options("campaign.json and campaign.parquet", "campaign- and the name of SCENARIO, here")
 def campaign(
     scenario: Path, runs: int, workers: int | None, scheduler: str, method: str, seed: int | None,

@@ -14,6 +14,7 @@ import click
 from gimbalcal.errors import InputError
 
 F = TypeVar("F", bound=Callable[..., Any])
+COUNT, SEED = click.IntRange(min=1), click.IntRange(min=0)
 
 
 def output_options(what: str, default: str = "nothing is written") -> Callable[[F], F]:
