@@ -244,13 +244,17 @@ class Quantity:
 
 _FORCES = ("m/s^2", "g", "mg", "ug", "Gal", "mGal")
 _RATES = ("rad/s", "mrad/s", "urad/s", "deg/s", "deg/h", "rad/h", "arcsec/s", "arcsec/h", "rev/min")
+_VELOCITIES = ("m/s", "cm/s", "mm/s", "um/s", "ft/s")
 _ANGLES = ("rad", "mrad", "urad", "deg", "arcmin", "arcsec", "rev")
 
 QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
     {
         "time": Quantity("s", ("s", "ms", "us", "ns", "min", "h", "d")),
-        "specific_force": Quantity("m/s^2", (*_FORCES, "pulse/s", "count")),
-        "angular_rate": Quantity("rad/s", (*_RATES, "pulse/s", "count")),
+        "specific_force": Quantity("m/s^2", (*_FORCES, "pulse/s", "count", "count/s")),
+        "angular_rate": Quantity("rad/s", (*_RATES, "pulse/s", "count", "count/s")),
+        "velocity_increment": Quantity("m/s", (*_VELOCITIES, "pulse", "count")),
+        "angle_increment": Quantity("rad", (*_ANGLES, "pulse", "count")),
+        "velocity": Quantity("m/s", _VELOCITIES),
         "angle": Quantity("rad", _ANGLES),
         "gimbal_angle": Quantity("rad", _ANGLES),
         "true_angle": Quantity("rad", _ANGLES),

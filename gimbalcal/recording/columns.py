@@ -20,6 +20,8 @@ AXES: Mapping[str, tuple[str, ...] | None] = {
     "weight": (),
     "specific_force": _TRIAD,
     "angular_rate": _TRIAD,
+    "velocity_increment": _TRIAD,
+    "angle_increment": _TRIAD,
     "gimbal_angle": None,  # the platform's
     "true_angle": None,
     "attitude_error": ("roll", "pitch", "yaw"),
@@ -31,8 +33,10 @@ AXES: Mapping[str, tuple[str, ...] | None] = {
 """Known quantities of a column and the axes that each may have."""
 
 UNITLESS = ("position", "weight")
-SIGNED = ("specific_force", "angular_rate", "gimbal_angle")
-OF_A_SENSOR = ("specific_force", "angular_rate", "temperature")
+RATE_OF = {"velocity_increment": "specific_force", "angle_increment": "angular_rate"}
+"""What an increment over the interval that ends at its row is the mean of, times that interval."""
+SIGNED = ("specific_force", "angular_rate", *RATE_OF, "gimbal_angle")
+OF_A_SENSOR = ("specific_force", "angular_rate", *RATE_OF, "temperature")
 """Quantities of which a recording may hold several triads, told apart by `sensor`."""
 OF_A_ROW = ("specific_force", "angular_rate", "gimbal_angle", "true_angle")
 """Quantities of which a column may give one sigma, row by row."""
@@ -52,6 +56,7 @@ class Column:
     regular: bool | None = None  # a clock whose stamps are times of arrival, or not; None: the readings decide
     sign: int = 1  # -1 where the sensor counts backwards
     of: str = ""  # the quantity that a sigma is of
+    increments: bool = False  # whether it was logged as increments, which have become means over the interval
 
     @property
     def key(self) -> Key:
@@ -85,7 +90,8 @@ def columns_of(document: Document, platform: Platform, clock_needed: bool = True
             f'{document.where("columns")}: no column is the time; write time_s = {{ quantity = "time", unit = "s" }}'
         )
     _check_attitude(document, columns)
-    for quantity in ("specific_force", "angular_rate"):
+    _check_increments(document, columns)
+    for quantity in ("specific_force", "angular_rate", *RATE_OF):
         for sensor in {c.sensor for c in columns}:
             units = {c.unit: c.name for c in columns if (c.quantity, c.sensor) == (quantity, sensor)}
             if len({is_raw(unit) for unit in units}) > 1:
@@ -192,6 +198,19 @@ def _check_attitude(document: Document, columns: list[Column]) -> None:
         )
 
 
+def _check_increments(document: Document, columns: list[Column]) -> None:
+    """A sensor logs increments or their mean over the interval, not both."""
+    for increment, rate in RATE_OF.items():
+        for each in columns:
+            twin = next((c for c in columns if c.quantity == rate and c.sensor == each.sensor), None)
+            if each.quantity == increment and twin:
+                raise InputError(
+                    f"{document.where('columns', each.name)}: column {each.name!r} is an {increment.replace('_', ' ')} "
+                    f"and {twin.name!r} a {rate.replace('_', ' ')}: one is the other times the interval, so keep one "
+                    "of the two, or log the other as a covariate"
+                )
+
+
 def _check_axis(
     where: str, name: str, quantity: str, axis: object, allowed: tuple[str, ...], platform: Platform
 ) -> None:
@@ -212,6 +231,8 @@ def _example(quantity: str) -> str:
         "time": "s",
         "specific_force": "m/s^2",
         "angular_rate": "deg/h",
+        "velocity_increment": "m/s",
+        "angle_increment": "rad",
         "temperature": "degC",
         "covariate": "V",
     }

@@ -11,7 +11,7 @@ from typing import Any
 from gimbalcal.earth import G0, normal_gravity
 from gimbalcal.errors import InputError, alternatives
 from gimbalcal.platform import BENCH, KNOWN, Axis, Platform, known
-from gimbalcal.recording.columns import Column, columns_of
+from gimbalcal.recording.columns import RATE_OF, Column, columns_of
 from gimbalcal.recording.document import Document, shortened
 from gimbalcal.recording.record import KINDS, SENSORS, Site
 from gimbalcal.recording.samples import has_names
@@ -38,6 +38,7 @@ class Header:
     remarks: tuple[str, ...]
     skip: int = 0  # lines of the samples file before its line of column names
     named: bool = True  # whether there is a line of column names
+    instant: bool = False  # whether forces and rates are those of the row's time, not means over the interval before it
 
     def column(self, quantity: str) -> Column | None:
         """The first column of `quantity`."""
@@ -90,12 +91,35 @@ def _header(document: Document, samples: Path, clock_needed: bool = True) -> Hea
         noise_of=_noise_of(document, columns),
         columns=columns,
         remarks=document.remarks + remarks,
+        instant=_instant(document, columns),
     )
 
 
+def _instant(document: Document, columns: tuple[Column, ...]) -> bool:
+    """What [samples] says of the readings: means over the interval that ends at the row, or of that instant."""
+    table = document.content.get("samples")
+    if not isinstance(table, dict):
+        return False
+    document.only("samples", ("file", "rates"), table)
+    rates, where = table.get("rates", "mean"), document.where("samples", "rates")
+    if rates not in ("mean", "instant"):
+        raise InputError(f'{where}: rates must be "mean" or "instant", got {rates!r}')
+    increments = next((c for c in columns if c.quantity in RATE_OF), None)
+    if rates == "instant" and increments:
+        raise InputError(
+            f'{where}: rates = "instant", but column {increments.name!r} holds increments, which are over an '
+            "interval; take the line out"
+        )
+    return bool(rates == "instant")
+
+
 def _samples(document: Document, folder: Path) -> Path:
-    name = document.content.get("samples", "samples.csv")
-    where = document.where("", "samples")
+    name, where = document.content.get("samples"), document.where("", "samples")
+    if isinstance(name, dict):
+        name, where = name.get("file"), document.where("samples", "file")
+    if name is None:
+        alone = (folder / "samples.parquet").is_file() and not (folder / "samples.csv").is_file()
+        name = "samples.parquet" if alone else "samples.csv"
     if not isinstance(name, str) or not name:
         raise InputError(f'{where}: samples must be the name of a file, as in samples = "samples.csv", got {name!r}')
     path = folder / name
@@ -234,7 +258,7 @@ def _noise(
         where = document.where(heading, sensor)
         if noise[sensor] < 0:
             raise InputError(f"{where}: the noise of the {sensor} is a sigma and cannot be negative")
-        logged = {is_raw(c.unit) for c in columns if c.quantity == SENSORS[sensor]}
+        logged = {is_raw(c.unit) for c in columns if RATE_OF.get(c.quantity, c.quantity) == SENSORS[sensor]}
         if logged and logged != {is_raw(entry["unit"])}:
             raise InputError(
                 f"{where}: the noise of the {sensor} is in {entry['unit']}, its columns are not; counts or pulses "

@@ -18,6 +18,7 @@ from gimbalcal.recording.dates import Dates
 from gimbalcal.recording.detection import detect
 from gimbalcal.recording.header import Header, read_header
 from gimbalcal.recording.holes import SPARSE, Holes
+from gimbalcal.recording.increments import Increments
 from gimbalcal.recording.jitter import SMOOTHER, jitter_of, regular
 from gimbalcal.recording.record import ANGLES, Recording, Source
 from gimbalcal.recording.row_sigma import by_sigma
@@ -62,7 +63,8 @@ def assemble(
         digests = pool.map(_source, (header.path, header.samples))
         holes = Holes(header)
         header, stream = by_sigma(header, holes.filled(stream), holes)
-        columns, table, scatter, remarks = _rows(header, stream, whole, average_s, holes)
+        increments = Increments(header, holes)
+        columns, table, scatter, remarks = _rows(increments, increments.rates(stream), whole, average_s, holes)
         source = tuple(digests)
     position = next((table[c.name].astype(np.int64) for c in columns if c.quantity == "position"), None)
     measured = [c for c in columns if c.quantity not in ("time", *UNITLESS)]
@@ -84,6 +86,7 @@ def assemble(
             scatter={c.key: to_si(scatter[c.name], c.unit) for c in own if c.name in scatter},
             remarks=header.remarks + remarks,
             sensor=sensor,
+            instant=header.instant,
         )
         for sensor, own in _by_sensor(measured).items()
     ]
@@ -105,17 +108,18 @@ def _by_sensor(columns: Sequence[Column]) -> dict[str, tuple[Column, ...]]:
 
 
 def _rows(
-    header: Header,
+    increments: Increments,
     stream: Iterable[Batch],
     whole: Callable[[str], Array],
     average_s: float | None,
     holes: Holes,
 ) -> tuple[tuple[Column, ...], dict[str, Array], dict[str, float], tuple[str, ...]]:
     """Columns, rows and scatter in the units of the file, and what to tell the user."""
+    header, whole = increments.header, increments.whole(whole)
     screen = Screen(header, whole, holes)
     if header.kind != "multi-position" or header.column("position"):
         table, scatter = _gather(stream, header.columns, screen, average_s)
-        told = () if average_s else _on_a_regular_clock(header, table, holes)
+        told = () if average_s else _on_a_regular_clock(increments, table, holes)
         return header.columns, table, scatter, (*holes.remarks(), *screen.remarks(), *told)
     columns = (*header.columns, _DETECTED)
     table, _ = _gather(stream, header.columns, screen, None)
@@ -133,15 +137,18 @@ def _rows(
     found = Screen(replace(header, columns=columns), whole, holes)
     found.sensors, found.angles = [], []  # they have passed
     table, scatter = _gather([table], columns, found, average_s)
-    told = () if average_s else _on_a_regular_clock(header, table, holes)
+    told = () if average_s else _on_a_regular_clock(increments, table, holes)
     return columns, table, scatter, (*holes.remarks(), *screen.remarks(), remark, *told)
 
 
-def _on_a_regular_clock(header: Header, table: dict[str, Array], holes: Holes) -> tuple[str, ...]:
+def _on_a_regular_clock(increments: Increments, table: dict[str, Array], holes: Holes) -> tuple[str, ...]:
     """Puts the clock of `table` right where its stamps are times of arrival, and says so; see `jitter`."""
+    header = increments.header
     clock = next(c for c in header.columns if c.quantity == "time")
     own = [table[c.name] for c in header.columns if c.quantity == "angular_rate"]
     own = own or [table[c.name] for c in header.columns if c.quantity == "specific_force"]
+    if any(c.increments and c.quantity == "angular_rate" for c in header.columns):
+        own = [x * increments.interval for x in own]  # by a clock that jitters they would be rough as rates
     time, column = to_si(table[clock.name], clock.unit), f"{header.samples}, column {clock.name}"
     if clock.regular:
         made = regular(time, holes.kept, told=True)
@@ -150,6 +157,7 @@ def _on_a_regular_clock(header: Header, table: dict[str, Array], holes: Holes) -
                 f"{column}: the stamps are those of no regular clock; take regular = true out of [columns]"
             )
         table[clock.name] = from_si(made, clock.unit)
+        increments.on_clock(table, made)
         return (f"{column}: a regular clock is laid through the stamps, as [columns] asks for",)
     found = None if clock.regular is False or header.kind == "pointing" else jitter_of(time, holes.kept, own)
     if found is None or found.roughness > SMOOTHER:
@@ -161,6 +169,7 @@ def _on_a_regular_clock(header: Header, table: dict[str, Array], holes: Holes) -
     if found.clock is None:
         return (f"{what}, but they follow no regular clock closely: log the sensor's own counter beside them",)
     table[clock.name] = from_si(found.clock, clock.unit)
+    increments.on_clock(table, found.clock)
     return (f"{what}, and that clock is used; regular = false in [columns] keeps the stamps",)
 
 

@@ -27,6 +27,7 @@ SENSORS: Mapping[str, str] = MappingProxyType(
         "gyroscope": "angular_rate",
         "gimbal_angle": "gimbal_angle",
         "attitude": "attitude_error",
+        "velocity": "velocity",  # of a strapdown unit that stays in place: how still that place is; no column holds it
     }
 )
 """Names in ``[noise]`` and the quantity that each speaks of."""
@@ -62,7 +63,8 @@ class Recording:
     `gimbalcal.recording.scatter`. `units` keeps the unit that each channel was logged in; in counts or pulses the
     numbers are left as they are, because their scale is not known. `remarks` are sentences for the user.
     `sensor` is the name of the sensors where a recording holds several triads; the others are `beside`, a recording
-    each, in the same rows.
+    each, in the same rows. `instant`: forces and rates are those of the row's time; else, where it matters, they are
+    means over the interval that ends there.
     """
 
     kind: str
@@ -80,6 +82,7 @@ class Recording:
     remarks: tuple[str, ...] = ()
     sensor: str = ""
     beside: tuple[Recording, ...] = ()
+    instant: bool = False
 
     def __post_init__(self) -> None:
         n = len(self.time)

@@ -86,11 +86,13 @@ def _unit(recording: Recording, key: Key) -> str:
 def _header(recording: Recording, samples: str, names: dict[str, _Written]) -> list[str]:
     title = recording.title.removesuffix(f" ({recording.sensor})") if recording.beside else recording.title
     lines = ["format = 1", f"kind = {_text(recording.kind)}", f"title = {_text(title)}"]
-    lines += [f"samples = {_text(samples)}", "", *_site(recording.site), ""]
+    lines += [*([] if recording.instant else [f"samples = {_text(samples)}"]), "", *_site(recording.site), ""]
     lines += [*_platform(recording.platform, recording.kind), "", "[noise]", *_noise(recording)]
     named = [r for r in recording.sensors if r.sensor and r.noise and recording.beside]
     for r in named:
         lines += ["", f"[noise.{r.sensor}]", *_noise(r)]
+    if recording.instant:
+        lines += ["", "[samples]", f"file = {_text(samples)}", 'rates = "instant"']
     lines += ["", "[columns]", 'time_s = { quantity = "time", unit = "s" }']
     if recording.position is not None:
         lines.append('position = { quantity = "position" }')

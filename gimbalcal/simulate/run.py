@@ -283,7 +283,10 @@ def _site(scenario: Scenario) -> Site:
 def _stated(scenario: Scenario) -> dict[str, float]:
     """Noise that the header states: white noise of one sample and the setting repeatability."""
     every = noises(scenario)
-    told = {sensor: [p for p in every[q] if isinstance(p, WhiteNoise | SettingError)] for sensor, q in SENSORS.items()}
+    told = {
+        sensor: [p for p in every.get(q, ()) if isinstance(p, WhiteNoise | SettingError)]
+        for sensor, q in SENSORS.items()
+    }
     return {sensor: one_sigma(noise) for sensor, noise in told.items() if noise}
 
 
