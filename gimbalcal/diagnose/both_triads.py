@@ -61,9 +61,9 @@ def diagnose_both_triads(
     asked = recording.has(FORCE) and (mine or not baseline)
     found = diagnose_known_noise(recording, calibration, mine, seed, tell) if asked else None
     if found is not None and ((mine and not gyro) or not recording.has(RATE)):
-        return found[0]
-    made = calibration if found is None or found[0].calibration is None else _accelerometers(found[0].calibration)
-    explained = found is None or found[0].verdict != "unexplained"
+        return found
+    made = calibration if found is None or found.calibration is None else _accelerometers(found.calibration)
+    explained = found is None or found.verdict != "unexplained"
     views, notes = _views(recording, made, gyro, explained)
     told = []
     for v in views:
@@ -71,7 +71,7 @@ def diagnose_both_triads(
         told.append(told_of(v, course(v, tell), tell))
     for note in notes:
         tell(note)
-    return _together(recording, None if found is None else found[0], told, notes, baseline, seed)
+    return _together(recording, found, told, notes, baseline, seed)
 
 
 def _with_rests(recording: Recording) -> Recording:

@@ -33,7 +33,6 @@ from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 
 LEFT_OUT = 10  # s: rows of a table closer than this are left out together, the table moves as slowly
-UNOBSERVABLE = 0.01  # of the prior sigma: a parameter that is nearer to its prior than this is unobservable
 
 
 def applies(recording: Recording) -> bool:
