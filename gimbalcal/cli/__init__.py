@@ -15,6 +15,7 @@ import click
 
 from gimbalcal import __version__
 from gimbalcal.cli.files import apply, export, import_
+from gimbalcal.cli.navigation import navigate
 from gimbalcal.cli.options import COUNT, RECORDINGS, SEED, listed, output_options, progress, show
 from gimbalcal.cli.placing import OVERWRITE, placed
 from gimbalcal.errors import InputError
@@ -64,6 +65,7 @@ def gimbalcal() -> None:
 gimbalcal.add_command(apply)
 gimbalcal.add_command(export)
 gimbalcal.add_command(import_)
+gimbalcal.add_command(navigate)
 
 
 @gimbalcal.command()

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gimbalcal.atomic import write, write_json
 
 if TYPE_CHECKING:
     from gimbalcal.calibration import Calibration
     from gimbalcal.diagnose import Diagnosis
+    from gimbalcal.navigate.static_run import Navigated
     from gimbalcal.recording import Recording
 
 
@@ -35,4 +36,13 @@ def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "") -> None:
     write_json(out / "diagnosis.json", diagnosis.to_dict())
     if diagnosis.calibration is not None:
         diagnosis.calibration.write(out / "calibration.json")
+    write(out / "report.html", page)
+
+
+def write_navigation(content: Mapping[str, Any], runs: Sequence[Navigated], title: str, out: Path) -> None:
+    """navigation.json and report.html into `out`."""
+    from gimbalcal.report.navigation_page import navigation_report
+
+    page = navigation_report(content, runs, title)
+    write_json(out / "navigation.json", content)
     write(out / "report.html", page)
