@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gimbalcal.errors import alternatives
 from gimbalcal.number import Array
 from gimbalcal.rotation import exponential
 
@@ -67,6 +68,9 @@ class RotationSchedule:
     source: str = ""
 
     def __post_init__(self) -> None:
+        unknown = next((d for d in self.start if d not in DIRECTIONS), "")
+        if unknown:
+            raise ValueError(f"{unknown!r} is no direction; write {alternatives(list(DIRECTIONS))}")
         C = standing(self.start)
         if not np.allclose(C @ C.T, np.eye(3)) or np.linalg.det(C) < 0:
             x, y, z = self.start
