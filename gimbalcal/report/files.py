@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gimbalcal.atomic import write, write_json
+from gimbalcal.atomic import file, write, write_json
 
 if TYPE_CHECKING:
     from gimbalcal.calibration import Calibration
@@ -45,4 +45,19 @@ def write_navigation(content: Mapping[str, Any], runs: Sequence[Navigated], titl
 
     page = navigation_report(content, runs, title)
     write_json(out / "navigation.json", content)
+    write(out / "report.html", page)
+
+
+def write_comparison(content: Mapping[str, Any], diagnoses: Sequence[tuple[str, str]], out: Path) -> None:
+    """compare.json, report.html and all values as history.csv and history.parquet into `out`."""
+    import polars as pl
+
+    from gimbalcal.history.compare import flat
+    from gimbalcal.report.history import history_report
+
+    page, rows = history_report(content, diagnoses), pl.DataFrame(flat(content))
+    write_json(out / "compare.json", content)
+    write(out / "history.csv", rows.write_csv())
+    with file(out / "history.parquet") as path:
+        rows.write_parquet(path)
     write(out / "report.html", page)
