@@ -16,7 +16,7 @@ import click
 from gimbalcal import __version__
 from gimbalcal.cli.files import apply, export, import_
 from gimbalcal.cli.history import compare, remember, stored
-from gimbalcal.cli.navigation import navigate
+from gimbalcal.cli.navigation import budget, navigate
 from gimbalcal.cli.options import COUNT, RECORDINGS, SEED, listed, output_options, progress, show
 from gimbalcal.cli.placing import OVERWRITE, placed
 from gimbalcal.errors import InputError
@@ -68,6 +68,7 @@ gimbalcal.add_command(compare)
 gimbalcal.add_command(export)
 gimbalcal.add_command(import_)
 gimbalcal.add_command(navigate)
+gimbalcal.add_command(budget)
 
 
 @gimbalcal.command()

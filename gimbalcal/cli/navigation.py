@@ -32,8 +32,9 @@ def navigate(
     """Navigate a static run without a calibration and with each: what they are worth in position and attitude."""
     from gimbalcal.calibration.exchange import read_calibration
     from gimbalcal.navigate.answer import content
+    from gimbalcal.navigate.bands import before_and_after
     from gimbalcal.navigate.space_stable import Aids
-    from gimbalcal.navigate.static_run import before_and_after, labels
+    from gimbalcal.navigate.static_run import labels
     from gimbalcal.pipeline import load
     from gimbalcal.report.files import write_navigation
 
@@ -53,6 +54,31 @@ def navigate(
         write_navigation(made, runs, run.title, out)
         tell(f"wrote {out / 'navigation.json'} and {out / 'report.html'}")
     show(made, made["in_words"], as_json, quiet)
+
+
+@click.command()
+@click.argument("scenarios", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--hours", multiple=True, type=click.FloatRange(min=0.5, max=240), default=(6.0, 24.0, 72.0), show_default=True,
+    help="Within how many hours the position error is told; as often as needed.",
+)  # fmt: skip
+@click.option("--with", "more", multiple=True, metavar="EFFECT", help="An effect that the calibration holds too.")
+@DAMPING
+@output_options("budget.json and report.html")
+def budget(
+    scenarios: tuple[Path, ...], hours: tuple[float, ...], more: tuple[str, ...], damping: float,
+    out: Path | None, quiet: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Say what a calibration by these SCENARIOS leaves of position error, parameter by parameter, before it is made."""
+    from gimbalcal.design.budget import budget as run
+    from gimbalcal.navigate.space_stable import Aids
+    from gimbalcal.report.files import write_budget
+
+    made, tell = run(scenarios, hours, more, Aids(damping=damping)), progress(quiet)
+    if out is not None:
+        write_budget(made, out)
+        tell(f"wrote {out / 'budget.json'} and {out / 'report.html'}")
+    show(made.to_list(), made.in_words, as_json, quiet)
 
 
 def _one_recording(given: tuple[Path, ...], known: tuple[Path, ...]) -> tuple[Path, list[Path]]:

@@ -9,7 +9,7 @@ perfect sensors on a perfect mount.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,15 +17,13 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.earth import EARTH_RATE, SOLAR_DAY
-from gimbalcal.effects import with_values
 from gimbalcal.errors import InputError
-from gimbalcal.forward import jacobian, navigator_attitude_error
+from gimbalcal.forward import navigator_attitude_error
 from gimbalcal.kinematics import (
     EQUATORIAL,
     refuse_other_platform,
     required_latitude,
     shortening,
-    stimulus_from_angles,
     with_phase_of_force,
 )
 from gimbalcal.navigate.space_stable import USUAL, Aids, Course, Site, navigate, radii
@@ -40,7 +38,6 @@ FORCE, ANGLE = "specific_force", "gimbal_angle"
 NONE = "none"  # the label of what is navigated as it was read
 ALIGNMENT = 600.0  # s at the beginning in which the platform's readout tells how it stands: 0.04" of 1" at 1 Hz
 STEP = 10.0  # s, the longest step; longer rows and gaps are filled in, as nothing but the Earth turns
-BAND_ROWS = 240  # of the run, for bands: what a parameter does follows the day and half of it
 
 
 @dataclass(frozen=True)
@@ -81,35 +78,12 @@ def labels(files: Sequence[Path]) -> list[str]:
     return names if len({*names, NONE}) == len(names) + 1 else [str(f) for f in files]
 
 
-def before_and_after(
-    recording: Recording,
-    calibrations: Sequence[tuple[str, Calibration]],
-    aids: Aids = USUAL,
-    samples: int = 0,
-    seed: int = 1,
-    tell: Callable[[str], None] = lambda _: None,
-) -> tuple[Navigated, ...]:
-    """A static run navigated as it was read and with each labelled calibration, with bands where `samples` are asked.
-
-    Raises InputError for what cannot be navigated: another kind of recording, another platform, no latitude, no force.
-    """
-    out = [navigated(recording, None, aids, NONE)]
-    for label, calibration in calibrations:
-        tell(f"navigating with {label}")
-        made = navigated(recording, calibration, aids, label)
-        if samples:
-            linear, sampled = bands(recording, calibration, aids, samples, seed)
-            made = replace(made, linear=_at(made.time, *linear), sampled=_at(made.time, *sampled))
-        out.append(made)
-    return tuple(out)
-
-
 def navigated(
     recording: Recording, calibration: Calibration | None = None, aids: Aids = USUAL, label: str = NONE
 ) -> Navigated:
     """Errors of the navigation of a static run, corrected by a calibration first where there is one."""
     refuse(recording)
-    run = _with_inner(recording)
+    run = with_inner(recording)
     run = run if calibration is None else calibration.apply(run)
     site, course = course_of(run, aids)
     n, t = len(run.time), run.time - run.time[0]
@@ -154,7 +128,7 @@ def course_of(run: Recording, aids: Aids) -> tuple[Site, Course]:
     return site, Course(c.time[own], c.latitude[own], c.phase[own], c.height[own], c.velocity[own])
 
 
-def _with_inner(recording: Recording) -> Recording:
+def with_inner(recording: Recording) -> Recording:
     """The recording with the inner gimbal, whose readout is servoed to zero, so that its zero can be taken off too."""
     if "inner" not in recording.platform.axis_names or not recording.has(ANGLE):
         return recording
@@ -187,61 +161,3 @@ def _filled(time: Array, force: Array) -> tuple[Array, Array, Array]:
     still = apply_matrix(frame_rotation("z", EARTH_RATE * time), force)
     still = np.stack([np.interp(t, time, column) for column in still.T], axis=-1)
     return t, apply_matrix(frame_rotation("z", -EARTH_RATE * t), still), own
-
-
-Band = tuple[Array, Array]  # time (m,) and one sigma (m, 7)
-
-
-def bands(recording: Recording, calibration: Calibration, aids: Aids, samples: int, seed: int) -> tuple[Band, Band]:
-    r"""One sigma of each error by what the calibration does not know, on two roads that have to meet.
-
-    .. math:: \sigma^2 = \mathrm{diag}(J P J^T), \qquad J = \partial \text{error} / \partial \text{parameters}
-
-    Linearly: the exact derivative of the forward model says what a parameter does to the readings, and the navigator
-    what that does to the errors. By samples: parameters drawn from P correct the readings, and these are navigated. A
-    thinned run serves, as noise cancels.
-    """
-    few = recording.select(np.arange(0, len(recording.time), max(1, len(recording.time) // BAND_ROWS)))
-    t = few.time - recording.time[0]
-    return (t, _propagated(few, calibration, aids)), (t, _sampled(few, calibration, aids, samples, seed))
-
-
-def _propagated(few: Recording, calibration: Calibration, aids: Aids) -> Array:
-    """One sigma (m, 7) by the derivative."""
-    run, sigma = calibration.apply(_with_inner(few)), calibration.sigmas
-    seen = np.flatnonzero(sigma > 0)
-    wanted = [calibration.parameters[i] for i in seen]
-    if not wanted:
-        return np.zeros((len(few.time), len(CHANNELS)))
-    J = jacobian(run.platform, stimulus_from_angles(run), calibration.effects, wanted, "static-run")
-    J = {q: J[q] * sigma[seen] for q in (FORCE, ANGLE)}  # of one sigma each
-
-    def error(k: int, side: float) -> Array:
-        """With parameter k wrong by a sigma: the readings keep what it does."""
-        force, angle = (v + side * J[q][..., k] for q, v in ((FORCE, run.triad(FORCE)), (ANGLE, run.angles())))
-        moved = {(FORCE, a): force[:, i] for i, a in enumerate("xyz")}
-        moved |= {(ANGLE, a): angle[:, run.platform.axis_names.index(a)] for a in run.axes(ANGLE)}
-        return navigated(replace(run, channels=dict(run.channels) | moved), None, aids).error
-
-    D = np.stack([(error(k, 1.0) - error(k, -1.0)) / 2 for k in range(len(wanted))], axis=-1)
-    correlation = np.asarray(calibration.covariance)[np.ix_(seen, seen)] / np.outer(sigma[seen], sigma[seen])
-    return np.asarray(np.sqrt(np.maximum(np.einsum("ncp,pq,ncq->nc", D, correlation, D), 0.0)))
-
-
-def _sampled(few: Recording, calibration: Calibration, aids: Aids, samples: int, seed: int) -> Array:
-    """One sigma (m, 7) of errors with drawn parameters about that with the estimated ones."""
-    x, names = calibration.values, few.platform.axis_names
-    w, V = np.linalg.eigh(np.asarray(calibration.covariance))
-    root, rng = V * np.sqrt(np.maximum(w, 0.0)), np.random.default_rng(seed)
-
-    def error(values: Array) -> Array:
-        effects = with_values(calibration.effects, calibration.parameters, values, names)
-        return navigated(few, replace(calibration, effects=effects), aids).error
-
-    middle = error(x)
-    drawn = [error(x + root @ rng.standard_normal(len(x))) - middle for _ in range(samples)]
-    return np.asarray(np.sqrt(np.mean(np.square(drawn), axis=0)))
-
-
-def _at(time: Array, t: Array, sigma: Array) -> Array:
-    return np.stack([np.interp(time, t, column) for column in sigma.T], axis=-1)

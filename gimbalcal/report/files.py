@@ -10,6 +10,7 @@ from gimbalcal.atomic import file, write, write_json
 
 if TYPE_CHECKING:
     from gimbalcal.calibration import Calibration
+    from gimbalcal.design.budget import Budget
     from gimbalcal.diagnose import Diagnosis
     from gimbalcal.navigate.static_run import Navigated
     from gimbalcal.recording import Recording
@@ -60,4 +61,13 @@ def write_comparison(content: Mapping[str, Any], diagnoses: Sequence[tuple[str, 
     write(out / "history.csv", rows.write_csv())
     with file(out / "history.parquet") as path:
         rows.write_parquet(path)
+    write(out / "report.html", page)
+
+
+def write_budget(made: Budget, out: Path) -> None:
+    """budget.json and report.html into `out`."""
+    from gimbalcal.report.budget_page import budget_report
+
+    page = budget_report(made)
+    write_json(out / "budget.json", made.to_list())
     write(out / "report.html", page)

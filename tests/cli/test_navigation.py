@@ -47,6 +47,17 @@ def test_navigate_writes_the_contract_and_a_page(command, capsys, tmp_path, cali
     assert "improved by" in page
 
 
+def test_budget_writes_the_contract_and_a_page(command, capsys, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    assert command("budget", "wu2018-18", "--hours", 12, "--out", tmp_path / "out", "--json", "--quiet") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told == json.loads((tmp_path / "out" / "budget.json").read_text())
+    for row in told:
+        assert {"parameter", "sigma", "unit", "position_error_m_after_h", "share", "reduce_by"} == set(row)
+        assert list(row["position_error_m_after_h"]) == ["12"]
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "would be reduced most by" in page
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [

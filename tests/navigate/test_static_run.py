@@ -13,13 +13,12 @@ from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.navigate.answer import content
+from gimbalcal.navigate.bands import bands, before_and_after
 from gimbalcal.navigate.space_stable import Aids
 from gimbalcal.navigate.static_run import (
     CHANNELS,
     NAUTICAL_MILE,
     Navigated,
-    bands,
-    before_and_after,
     labels,
     navigated,
 )
