@@ -25,7 +25,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import WIDE, multiposition, scaled_by_gravity
 from gimbalcal.estimate.gyroscopes.between_rests import fit_turns
 from gimbalcal.estimate.gyroscopes.rests import G_SENSITIVITY, Rests, fit_rests, rests
-from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
+from gimbalcal.estimate.gyroscopes.turns import logged_turns, turns_between_rests
 from gimbalcal.estimate.pointing.run import CHANNELS, STAGES, against_stars, on_stars
 from gimbalcal.forward import Rows, accelerometers, linearise
 from gimbalcal.inversion import invert
@@ -156,8 +156,7 @@ def rest_rates(
     the rests say how much a count is.
     """
     made = accelerometers or multiposition(recording, BASELINE["norm"])
-    moving = recording.position is not None and bool(np.any(recording.position == 0))
-    raw = recording.counted(RATE)
+    moving, raw = logged_turns(recording), recording.counted(RATE)
     if raw and not moving:
         return None
     found = rests(recording, made, turns_between_rests(recording, made)[2] if raw else 1.0)
