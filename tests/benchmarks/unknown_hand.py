@@ -81,8 +81,11 @@ class Setup:
 def course(rng: np.random.Generator, s: Setup) -> Hand:
     """Rests at random attitudes, or the poses of a chamber in turn, and quick turns between them."""
     if s.poses:
-        base = Rotation.random(s.poses, random_state=rng) if s.poses != 1 else Rotation.from_euler("xyz", [[3, -2, 40]],
-                                                                                                   degrees=True)
+        base = (
+            Rotation.random(s.poses, random_state=rng)
+            if s.poses != 1
+            else Rotation.from_euler("xyz", [[3, -2, 40]], degrees=True)
+        )
         stays = base[np.arange(s.rests) % s.poses]
     else:
         stays = Rotation.random(s.rests, random_state=rng)
@@ -110,9 +113,13 @@ def course(rng: np.random.Generator, s: Setup) -> Hand:
     time = time - time[0]
     part = time / time[-1]
     phase = rng.uniform(0, 2 * np.pi)
-    felt = 24 + (s.swing * (1 - np.exp(-2 * part)) if s.steady else s.swing * (0.5 * part + 0.6 * np.sin(7 * part + phase)))
+    felt = 24 + (
+        s.swing * (1 - np.exp(-2 * part)) if s.steady else s.swing * (0.5 * part + 0.6 * np.sin(7 * part + phase))
+    )
     T = felt + 0.02 * rng.standard_normal(len(time))
-    supply = 5 + 0.2 * np.sin(11 * part + rng.uniform(0, 6)) + 0.1 * rng.standard_normal(s.rests)[np.maximum(rest, 1) - 1]
+    supply = (
+        5 + 0.2 * np.sin(11 * part + rng.uniform(0, 6)) + 0.1 * rng.standard_normal(s.rests)[np.maximum(rest, 1) - 1]
+    )
     return Hand(time, np.array(rest), -C[:, :, 2], np.array(w), Rotation.from_matrix(C), felt, T, supply, rng)
 
 
@@ -134,7 +141,9 @@ def record(seed: int, s: Setup, errors: tuple[tuple[Error, float], ...] = ()) ->
     M, b = np.eye(3) + g.rough * rng.uniform(-1, 1, (3, 3)), g.rough * rng.uniform(-1, 1, 3)
     Mw, bw = np.eye(3) + g.rough * rng.uniform(-1, 1, (3, 3)), 20 * g.turning_wander * rng.uniform(-1, 1, 3)
     earth = h.level.apply([EARTH * np.cos(LATITUDE), 0.0, -EARTH * np.sin(LATITUDE)])
-    white = rng.standard_t(s.tails, (n, 3)) * np.sqrt((s.tails - 2) / s.tails) if s.tails else rng.standard_normal((n, 3))
+    white = (
+        rng.standard_t(s.tails, (n, 3)) * np.sqrt((s.tails - 2) / s.tails) if s.tails else rng.standard_normal((n, 3))
+    )
     Lf, Lw = (cholesky(wanders(s.rests, x), lower=True) for x in (g.wander, g.turning_wander))
     y = G * (h.f @ M.T + b + extra_f) + g.white * white + (Lf @ rng.standard_normal((s.rests, 3)))[k]
     y = y + np.where(h.rest[:, None] == 0, 0.5 * rng.standard_normal((n, 3)), 0.0)  # the hand
@@ -142,7 +151,9 @@ def record(seed: int, s: Setup, errors: tuple[tuple[Error, float], ...] = ()) ->
     r = r + (Lw @ rng.standard_normal((s.rests, 3)))[k]
     channels = {("specific_force", a): g.count * np.round(y[:, i] / g.count) for i, a in enumerate("xyz")}
     if s.gyroscopes:
-        channels |= {("angular_rate", a): g.turning_count * np.round(r[:, i] / g.turning_count) for i, a in enumerate("xyz")}
+        channels |= {
+            ("angular_rate", a): g.turning_count * np.round(r[:, i] / g.turning_count) for i, a in enumerate("xyz")
+        }
     if s.thermometer:
         channels |= {("temperature", ""): np.round(h.T, 3)}
     if s.supply:
@@ -157,10 +168,14 @@ def _left(d: Array, Z: Array, V: Array) -> float:
     return float(np.sum((y - X @ np.linalg.lstsq(X, y, rcond=1e-9)[0]) ** 2))
 
 
-def strength(seed: int, s: Setup, error: Error) -> float:
-    """Sigmas of an effect of size one: in the norms at rest, the rates at rest and gravity after the turns together."""
+def strength(seed: int, s: Setup, error: Error, beside: Error | None = None) -> float:
+    """Sigmas of an effect of size one: in the norms at rest, the rates at rest and gravity after the turns together.
+
+    beside: an effect that may take what it can of it, at rest.
+    """
     h = course(np.random.default_rng(seed), s)
     made, m, g = error(h), s.rests, s.grade
+    other = beside(h) if beside else {}
     rows = [np.flatnonzero(h.rest == k + 1) for k in range(m)]
     f = np.array([h.f[r[0]] for r in rows])
     total = 0.0
@@ -168,12 +183,20 @@ def strength(seed: int, s: Setup, error: Error) -> float:
         d = G * np.array([h.f[r[0]] @ made["force"][r].mean(0) for r in rows])
         V = (f @ f.T) * wanders(m, g.wander) + np.eye(m) * (g.white**2 + g.count**2 / 12) / len(rows[0])
         Z = np.concatenate([f, (f[:, :, None] * f[:, None, :]).reshape(m, 9)], axis=1)
+        if "force" in other:
+            Z = np.column_stack([Z, [h.f[r[0]] @ other["force"][r].mean(0) for r in rows]])
         if s.poses != 1:
             total += _left(d, Z, V)
     if "rate" in made:
         level = np.array([made["rate"][r].mean(0) for r in rows])
-        V = wanders(m, g.turning_wander) + np.eye(m) * (g.turning**2 / len(rows[0]) + (EARTH * np.cos(LATITUDE))**2 / 2)
-        total += sum(_left(level[:, i], np.ones((m, 1)), V) for i in range(3))
+        V = wanders(m, g.turning_wander) + np.eye(m) * (
+            g.turning**2 / len(rows[0]) + (EARTH * np.cos(LATITUDE)) ** 2 / 2
+        )
+        Z = np.ones((3, m, 1))
+        if "rate" in other:
+            taken = np.array([other["rate"][r].mean(0) for r in rows]).T[..., None]
+            Z = np.concatenate([Z, taken + 1e-30], axis=2)
+        total += sum(_left(level[:, i], Z[i], V) for i in range(3))
         if np.any(h.rest == 0):
             total += _after_turns(h, made["rate"], level, g, len(rows[0]))
     return float(np.sqrt(total))
@@ -195,4 +218,3 @@ def _after_turns(h: Hand, rate: Array, level: Array, g: Grade, samples: int) -> 
         tilt = (g.wander**2 + g.white**2 / samples) * 2 / G**2
         noise += [tilt + g.turning**2 * step * lasts + (g.turning_wander * lasts) ** 2] * 2
     return _left(np.array(d), np.array(Z), np.diag(noise))
-

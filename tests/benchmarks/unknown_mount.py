@@ -17,9 +17,10 @@ from gimbalcal.recording import Recording, Site
 
 ARCSEC = np.pi / 648000
 LATITUDE = np.radians(33.0)
-EQUATORIAL = Platform("equatorial", (
-    Axis("declination", "y"), Axis("hour_angle", "z", 1, np.pi), Axis("polar", "y", 1, LATITUDE - np.pi / 2)
-))  # fmt: skip
+EQUATORIAL = Platform(
+    "equatorial",
+    (Axis("declination", "y"), Axis("hour_angle", "z", 1, np.pi), Axis("polar", "y", 1, LATITUDE - np.pi / 2)),
+)
 # columns: the axes of the frame in which longitude is counted westward, along north, west, up
 POLE = np.array([[-np.sin(LATITUDE), 0, np.cos(LATITUDE)], [0, -1, 0], [np.cos(LATITUDE), 0, np.sin(LATITUDE)]]).T
 
@@ -42,7 +43,7 @@ class Setup:
 
 @dataclass(frozen=True, eq=False)
 class Sky:
-    """Where the stars are: true angles (n,) of the outer and the inner axis, elevation, azimuth, time, order of moves."""
+    """Where the stars are: true angles (n,) of outer and inner axis, elevation, azimuth, time, the moves between."""
 
     outer: Array
     inner: Array
@@ -53,8 +54,8 @@ class Sky:
     rng: np.random.Generator
 
 
-# what an effect may change: "readout" (n, 2) outer and inner [rad], "sky" (n, 2) seen across and up, "tilt" (n, 2) of the
-# base about north and west, "collimation" (n,), "square" (n,)
+# what an effect may change: "readout" (n, 2) outer and inner [rad], "sky" (n, 2) seen across and up, "tilt" (n, 2) of
+# the base about north and west, "collimation" (n,), "square" (n,)
 Error = Callable[[Sky], dict[str, Array]]
 
 
@@ -97,19 +98,25 @@ def seen(s: Setup, k: Sky, parts: list[tuple[dict[str, Array], float]]) -> Array
     for part, size in parts:
         for name, value in part.items():
             whole[name] = whole.get(name, 0.0) + size * value
-    up = np.column_stack([
-        -np.sin(k.elevation) * np.cos(k.azimuth), np.sin(k.elevation) * np.sin(k.azimuth), np.cos(k.elevation)
-    ])
+    up = np.column_stack(
+        [-np.sin(k.elevation) * np.cos(k.azimuth), np.sin(k.elevation) * np.sin(k.azimuth), np.cos(k.elevation)]
+    )
     east = np.column_stack([-np.sin(k.azimuth), -np.cos(k.azimuth), 0 * k.azimuth])
     moved = whole.get("sky", np.zeros((len(k.t), 2)))
-    star = np.column_stack([np.cos(k.elevation) * np.cos(k.azimuth), -np.cos(k.elevation) * np.sin(k.azimuth),
-                            np.sin(k.elevation)]) + moved[:, :1] * east + moved[:, 1:] * up
+    star = (
+        np.column_stack(
+            [np.cos(k.elevation) * np.cos(k.azimuth), -np.cos(k.elevation) * np.sin(k.azimuth), np.sin(k.elevation)]
+        )
+        + moved[:, :1] * east
+        + moved[:, 1:] * up
+    )
     star /= np.linalg.norm(star, axis=1, keepdims=True)
     at = np.column_stack([k.outer, k.inner])
     for _ in range(6):
         off = star - looked(s, at[:, 0], at[:, 1], whole)
-        D = np.stack([(looked(s, *(at + d).T, whole) - looked(s, *(at - d).T, whole)) / 2e-6
-                      for d in 1e-6 * np.eye(2)], axis=-1)
+        D = np.stack(
+            [(looked(s, *(at + d).T, whole) - looked(s, *(at - d).T, whole)) / 2e-6 for d in 1e-6 * np.eye(2)], axis=-1
+        )
         at = at + np.einsum("nij,nj->ni", np.linalg.pinv(D), off)
     return at - whole.get("readout", np.zeros_like(at))
 
@@ -117,8 +124,10 @@ def seen(s: Setup, k: Sky, parts: list[tuple[dict[str, Array], float]]) -> Array
 def ever(s: Setup, k: Sky, rng: np.random.Generator) -> list[tuple[dict[str, Array], float]]:
     """What every mount has: zeros, collimation, axes not square; and the tilt and sag that were asked for."""
     n = np.ones(len(k.t))
-    out = [({name: n}, float(size)) for name, size in
-           zip(("collimation", "square"), rng.uniform(-60, 60, 2) * ARCSEC, strict=True)]
+    out = [
+        ({name: n}, float(size))
+        for name, size in zip(("collimation", "square"), rng.uniform(-60, 60, 2) * ARCSEC, strict=True)
+    ]
     out.append(({"readout": np.outer(n, rng.uniform(-0.01, 0.01, 2))}, 1.0))
     if s.tilt:
         way = rng.uniform(0, 2 * np.pi)
@@ -138,7 +147,9 @@ def record(seed: int, s: Setup, errors: tuple[tuple[Error, float], ...] = ()) ->
     rng = np.random.default_rng(seed)
     k = sky(rng, s)
     n = len(k.t)
-    free = rng.standard_t(s.tails, (n, 2)) * np.sqrt((s.tails - 2) / s.tails) if s.tails else rng.standard_normal((n, 2))
+    free = (
+        rng.standard_t(s.tails, (n, 2)) * np.sqrt((s.tails - 2) / s.tails) if s.tails else rng.standard_normal((n, 2))
+    )
     parts = [*ever(s, k, rng), ({"sky": noise(s, k)[:, None] * free}, 1.0)]
     read = seen(s, k, [*parts, *((error(k), size) for error, size in errors)])
     platform = EQUATORIAL if s.equatorial else KNOWN["alt-az"]

@@ -40,7 +40,9 @@ def table(rng: np.random.Generator) -> Table:
     for axis in range(2):
         for begin in 3 + 9 * np.arange(6) + 3 * axis + rng.uniform(0, 1, 6):
             x = np.clip((t - begin) / rng.uniform(1.0, 2.5), 0, 1)
-            angle[:, axis] += rng.choice([-1, 1]) * rng.uniform(0.5e-3, 2e-3) * (x - np.sin(2 * np.pi * x) / (2 * np.pi))
+            angle[:, axis] += (
+                rng.choice([-1, 1]) * rng.uniform(0.5e-3, 2e-3) * (x - np.sin(2 * np.pi * x) / (2 * np.pi))
+            )
         angle[:, axis] += 1e-4 * np.sin(2 * np.pi * rng.uniform(0.3, 0.6) * t + rng.uniform(0, 6))
     turn = Rotation.from_euler("xy", angle)  # body axes in level ones
     C = turn.as_matrix().transpose(0, 2, 1)

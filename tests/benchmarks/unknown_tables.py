@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from tests.benchmarks.diagnose_tables import OUTCOMES, SURE, Row, Say, share
 
 EDGES = (0.0, 0.3, 0.5, 0.7, 0.9, 1.01)
-PLANTS = {"hand": "units turned by hand, chambers", "mount": "mounts of telescopes and antennas", "table": "tilting tables"}
+PLANTS = {
+    "hand": "units turned by hand, chambers",
+    "mount": "mounts of telescopes and antennas",
+    "table": "tilting tables",
+}
 
 
 def report(rows: Sequence[Row], say: Say) -> None:
@@ -20,22 +25,28 @@ def report(rows: Sequence[Row], say: Say) -> None:
     confounded(rows, say)
     honesty(rows, say)
     sizes(rows, say)
-    say(f"\ntime of one diagnosis: median {np.median([r['seconds'] for r in rows]):.1f} s, most "
-        f"{max(r['seconds'] for r in rows):.1f} s")  # fmt: skip
+    say(
+        f"\ntime of one diagnosis: median {np.median([r['seconds'] for r in rows]):.1f} s, most "
+        f"{max(r['seconds'] for r in rows):.1f} s"
+    )
 
 
 def said(r: Row) -> str:
     """Everything that a diagnosis claims."""
-    named = [f"{c[0]}:{c[1]} {c[3]:.0%}{' (true)' if c[4] else ''}" + (f" or {', '.join(c[2])}" if c[2] else "")
-             for c in r["claims"]]  # fmt: skip
+    named = [
+        f"{c[0]}:{c[1]} {c[3]:.0%}{' (true)' if c[4] else ''}" + (f" or {', '.join(c[2])}" if c[2] else "")
+        for c in r["claims"]
+    ]
     return "; ".join(named + [f"shape: {s}" for s in r["shapes"]]) or "nothing"
 
 
 def _told(r: Row) -> str:
     o = r["options"]
     kind = ", ".join(f"{k} {v:.3g}" if isinstance(v, float) else f"{k} {v}" for k, v in o.items() if v)
-    return f"      {r['plant']} {'+'.join(r['concealed'])} axis {r['axis']}, {r['sigmas']:g} sigma, seed {r['seed']}" + (
-        f" ({kind}{', held' if r['held'] else ''})" if o else "")  # fmt: skip
+    return (
+        f"      {r['plant']} {'+'.join(r['concealed'])} axis {r['axis']}, {r['sigmas']:g} sigma, seed {r['seed']}"
+        + (f" ({kind}{', held' if r['held'] else ''})" if o else "")
+    )
 
 
 def clean(rows: Sequence[Row], say: Say) -> None:
@@ -101,13 +112,13 @@ def honesty(rows: Sequence[Row], say: Say) -> None:
     """Are causes stated at 90 % right in 90 %; is "adequate" true."""
     claims = [(c[3], c[4]) for r in rows for c in r["claims"]]
     say("\nhonesty, all arms together: of the causes (or named sets) stated with this probability, so many are right")
-    for low, high in zip(EDGES[:-1], EDGES[1:], strict=True):
+    for low, high in pairwise(EDGES):
         part = [ok for p, ok in claims if low <= p < high]
         mean = np.mean([p for p, _ in claims if low <= p < high]) if part else np.nan
         say(f"  {low:4.0%} to {min(high, 1):4.0%}  mean {mean:4.0%}  {share(sum(part), len(part))}")
     full = [r for r in rows if r["concealed"] and r["sigmas"] >= 12]
     false = [r for r in full if r["verdict"] == "adequate"]
-    say(f"  false \"adequate\" at 12 sigma and more  {share(len(false), len(full))}")
+    say(f'  false "adequate" at 12 sigma and more  {share(len(false), len(full))}')
     lost = [r for r in full if "missed" in r["judged"] and not r["shapes"] and r["verdict"] != "adequate"]
     say(f"  an effect neither named nor told of   {share(len(lost), len(full))}")
     for r in false:
@@ -118,5 +129,7 @@ def sizes(rows: Sequence[Row], say: Say) -> None:
     """Errors of sizes in stated sigmas."""
     pulls = np.array([p for r in rows for _, p in r["pulls"]])
     if len(pulls):
-        say(f"\nsizes within two stated sigmas           {share(int(np.sum(np.abs(pulls) < 2)), len(pulls))}; "
-            f"rms of error over sigma {np.sqrt(np.mean(pulls**2)):.2f}, median {np.median(np.abs(pulls)):.2f}")  # fmt: skip
+        say(
+            f"\nsizes within two stated sigmas           {share(int(np.sum(np.abs(pulls) < 2)), len(pulls))}; "
+            f"rms of error over sigma {np.sqrt(np.mean(pulls**2)):.2f}, median {np.median(np.abs(pulls)):.2f}"
+        )
