@@ -32,7 +32,8 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition
+from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import ideal_force, stimulus_from_readings
 from gimbalcal.number import Array

@@ -16,7 +16,8 @@ from gimbalcal.effects import CATALOGUE, Effect, Stage, absent, parameters, with
 from gimbalcal.effects.accelerometer import Bias
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition
+from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
 from gimbalcal.platform import BENCH, SPACE_STABLE
 from gimbalcal.recording import Recording, Site
 from gimbalcal.schedule import EIGHTEEN_POSITIONS

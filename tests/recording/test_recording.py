@@ -757,3 +757,12 @@ def test_a_path_is_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name:
     made = read(wanted)
     assert len(made.time) == 2 * DWELL
     assert not np.array_equal(made.triad("specific_force"), read(neighbour).triad("specific_force"))
+
+
+@pytest.mark.parametrize("value", ["0", "-3"])
+def test_a_weight_is_of_some_samples(tmp_path: Path, value: str) -> None:
+    header = HEADER + 'n = { quantity = "weight" }\n'
+    lines = [f"{line},{'n' if k == 0 else 5}" for k, line in enumerate(text(rows()).splitlines())]
+    lines[7] = lines[7].rpartition(",")[0] + f",{value}"
+    words = refusal(tmp_path, header, "\n".join(lines) + "\n")
+    assert words.startswith("samples.csv, line 8, column n: a weight says of how many samples a row is the mean")

@@ -27,7 +27,8 @@ from gimbalcal.effects import CATALOGUE, Effect, Stimulus, parameters, with_valu
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, follows, lacking
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.multiposition import WIDE, multiposition
+from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.accelerometers.norm_fit import WIDE
 from gimbalcal.estimate.gyroscopes.between_rests import fit_turns, rows_of_turns
 from gimbalcal.estimate.gyroscopes.rests import BIAS, level_of, rests
 from gimbalcal.estimate.gyroscopes.turns import Turns, end_of, turns_between_rests

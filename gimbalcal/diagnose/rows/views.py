@@ -22,7 +22,8 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.multiposition import WIDE, multiposition, scaled_by_gravity
+from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.accelerometers.norm_fit import WIDE, scaled_by_gravity
 from gimbalcal.estimate.gyroscopes.between_rests import fit_turns
 from gimbalcal.estimate.gyroscopes.rests import G_SENSITIVITY, Rests, fit_rests, rests
 from gimbalcal.estimate.gyroscopes.turns import logged_turns, turns_between_rests

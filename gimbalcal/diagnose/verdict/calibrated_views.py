@@ -20,7 +20,8 @@ from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.account import rotations_of_the_triad
-from gimbalcal.estimate.accelerometers.multiposition import multiposition, scaled_by_gravity
+from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.accelerometers.norm_fit import scaled_by_gravity
 from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
 from gimbalcal.inference.information import keeps_prior
 from gimbalcal.number import Array
