@@ -20,7 +20,7 @@ from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import fine
 from gimbalcal.estimate.accelerometers.joint import information_of, joint
-from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
+from gimbalcal.estimate.accelerometers.multiposition import LINEAR
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.estimate.added import Added, added, with_told
 from gimbalcal.estimate.asked import Asked, asked
@@ -77,17 +77,18 @@ def by_sensor(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], .
 
 def calibrate(
     folders: Sequence[str | Path], method: str = "three-stage", terms: Sequence[str] = (), tell: Tell = silent,
-    more: Sequence[str] = (),
+    more: Sequence[str] = (), states: str = "51",
 ) -> tuple[Calibration, tuple[Recording, ...]]:  # fmt: skip
     """Read recordings and calibrate by `method`: "three-stage", or "multiposition" (no angles; of one session or more).
 
-    Pointing runs, one or several of a mount, have a method of their own.
+    "systematic" takes a rotation recording and estimates `states`: "30", "51" or "EFFECT[:AXIS],...". Pointing runs,
+    one or several of a mount, have a method of their own.
 
     `more` adds effects of the catalogue to the fit of any method, "bias_temperature:y" or "warm_up,tau=0.5" (`added`).
     Returns the calibration with its provenance, and the recordings; of several sensors side by side those of the
     first. Raises InputError for what it cannot take.
     """
-    return calibrate_each(folders, method, terms, tell, more)[0]
+    return calibrate_each(folders, method, terms, tell, more, states)[0]
 
 
 def calibrate_each(
@@ -96,6 +97,7 @@ def calibrate_each(
     terms: Sequence[str] = (),
     tell: Tell = silent,
     more: Sequence[str] = (),
+    states: str = "51",
 ) -> tuple[tuple[Calibration, tuple[Recording, ...]], ...]:
     """The same for each of several sensors that were logged side by side, held against the first at rest."""
     groups = by_sensor(load(folders, tell))
@@ -103,7 +105,7 @@ def calibrate_each(
     for group in groups:
         if len(groups) > 1:
             tell(f"calibrating {group[0].title}")
-        made.append((_calibrated(group, method, terms, tell, more), group))
+        made.append((_calibrated(group, method, terms, tell, more, states), group))
     if len(made) == 1:
         return tuple(made)
     checks = held_together(made, tell)
@@ -136,8 +138,9 @@ def held_together(each: Sequence[tuple[Calibration, tuple[Recording, ...]]], tel
 
 
 def _calibrated(
-    recordings: tuple[Recording, ...], method: str, terms: Sequence[str], tell: Tell, more: Sequence[str]
-) -> Calibration:
+    recordings: tuple[Recording, ...], method: str, terms: Sequence[str], tell: Tell, more: Sequence[str],
+    states: str = "51",
+) -> Calibration:  # fmt: skip
     """One unit by `method`, with its provenance."""
     if any(r.kind == "pointing" for r in recordings):
         if method != "three-stage":
@@ -153,6 +156,8 @@ def _calibrated(
             tell(f"{told['title']}: {told['in_words']}")
         for words in _left_out(made):
             tell(f"note: {words}")
+    elif method == "systematic":
+        made = _navigated(recordings, terms, tell, more, states)
     elif method in ALONE:
         if len(recordings) > 1 or terms or more:
             raise InputError(f"--method {method} takes one recording and has its own terms; give it alone")
@@ -170,6 +175,17 @@ def _calibrated(
             made = replace(made, provenance={**made.provenance, "options": options})
             tell(f"note: the gyroscopes stay out: {why}")
     return replace(made, provenance=provenance(recordings, made, terms, more))
+
+
+def _navigated(
+    recordings: tuple[Recording, ...], terms: Sequence[str], tell: Tell, more: Sequence[str], asked: str
+) -> Calibration:
+    """A unit that was turned in its place, by navigation."""
+    from gimbalcal.estimate.systematic.run import systematic  # numba takes a second to load
+
+    if len(recordings) > 1 or terms:
+        raise InputError("--method systematic takes one recording, and its terms are --states; give it alone")
+    return systematic(recordings[0], asked, added(more, recordings), tell)
 
 
 def _modelled(recordings: Sequence[Recording]) -> tuple[str, ...]:

@@ -14,7 +14,6 @@ from gimbalcal.atomic import write_json
 from gimbalcal.calibration import earlier
 from gimbalcal.calibration.correction import correct, corrupt
 from gimbalcal.calibration.readout import DRAWING, Readout, from_content
-from gimbalcal.calibration.sound import refuse_unsound
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.card import stated_law
 from gimbalcal.errors import InputError
@@ -23,17 +22,17 @@ from gimbalcal.platform import KNOWN, SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si, to_si
 
-LARGEST = 100_000_000  # bytes; a hundred parameters with their covariance are a quarter of a megabyte
 FORMAT = 2  # since 2 both triads: true = SF x reading; `earlier` reads 1
 
 
 @dataclass(frozen=True)
 class Residual:
-    """Weighted misfit and, per channel, the rms of what is left in SI."""
+    """Weighted misfit and, per channel, the rms of what is left in SI; of a navigator, what its filter saw."""
 
     chi2: float
     dof: int
     rms: Mapping[str, float]
+    navigation: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,11 @@ class Calibration:
             }
             for p, v, s in zip(self.parameters, self.values, self.sigmas, strict=True)
         ]
-        residual = {"chi2": self.residual.chi2, "dof": self.residual.dof, "rms": dict(self.residual.rms)}
+        residual: dict[str, Any] = {
+            "chi2": self.residual.chi2, "dof": self.residual.dof, "rms": dict(self.residual.rms),
+        }  # fmt: skip
+        if self.residual.navigation:
+            residual["navigation"] = dict(self.residual.navigation)
         return {
             "format": FORMAT,
             "method": self.method,
@@ -140,7 +143,7 @@ def reads(p: Parameter, value: float) -> str:
 
 
 def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibration:
-    """A calibration from the content of calibration.json; InputError for what cannot be one, see `sound`.
+    """A calibration from the content of calibration.json; InputError for another format or unknown parameter.
 
     gimbals: names of the platform's axes for a file that is too old to say them.
     """
@@ -156,7 +159,6 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
     if missing:
         raise InputError(f"calibration holds parameters that this version does not know: {', '.join(missing)}")
     chosen = tuple(known[r["name"], r["axis"]] for r in rows)
-    refuse_unsound(rows, chosen, content["covariance"])
     x = np.array([to_si(r["value"], r["unit"]) for r in rows], dtype=float)
     sense = {p.label: 1.0 if readout.angles == DRAWING else _sense(p) for p in chosen}
     sign = np.array([sense[p.label] for p in chosen])
@@ -177,7 +179,13 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
         parameters=chosen,
         covariance=np.array(content["covariance"], dtype=float) * np.outer(sign, sign),
         unobservable=tuple(unobservable),
-        residual=Residual(content["residual"]["chi2"], content["residual"]["dof"], content["residual"]["rms"]),
+        residual=Residual(
+            **{
+                k: content["residual"][k]
+                for k in ("chi2", "dof", "rms", "navigation")
+                if k != "navigation" or k in content["residual"]
+            }
+        ),
         outcome=content["outcome"],
         provenance=content["provenance"],
         stages=stages,
@@ -208,15 +216,11 @@ def _sense(p: Parameter) -> float:
 
 def read(path: Path) -> Calibration:
     """The calibration in a calibration.json. Raises InputError, naming the file, when it cannot be read."""
-    if not path.is_file():
-        raise InputError(f"there is no {path}; give a calibration.json that `gimbalcal calibrate` wrote")
-    if path.stat().st_size > LARGEST:
-        raise InputError(f"{path} has {path.stat().st_size / 1e6:.0f} MB, which no calibration.json has")
     try:
-        return from_dict(json.loads(path.read_text(encoding="utf-8")))
-    except InputError as problem:
-        raise InputError(f"{path}: {problem}") from None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as problem:
+        return from_dict(json.loads(path.read_text()))
+    except FileNotFoundError:
+        raise InputError(f"there is no {path}; give a calibration.json that `gimbalcal calibrate` wrote") from None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as problem:
         raise InputError(
             f"{path} is not a calibration.json written by `gimbalcal calibrate` ({type(problem).__name__}: {problem})"
         ) from None

@@ -1,0 +1,133 @@
+r"""Where a unit points before anything is calibrated: level from gravity, north from the Earth's rate at every stop.
+
+In axes that the gyroscopes carry along (inertial ones, up to the errors of the triad) the Earth's rate e is one vector
+for all stops, and a bias is not, because the unit is turned:
+
+.. math:: \bar\omega_i = b + C_i \, e
+
+over all stops i, with C_i from the integrated rates less b, and as often as b still moves. So north does not take the
+bias for the Earth, as a single stop does: 0.1 deg/h of bias is half a degree of heading.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gimbalcal.earth import EARTH_RATE
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.systematic.course import Course
+from gimbalcal.navigate.strapdown import carried
+from gimbalcal.number import Array
+from gimbalcal.recording.plausible_run import named
+from gimbalcal.rotation import exponential
+
+ROUNDS = 6
+LEVEL = np.radians(1.0)  # one sigma of the level at the start
+HEADING = np.radians(1.0), np.radians(60.0)  # one sigma of the heading: at least, at most
+SLOW = 3.0  # times the Earth's rate: gyroscopes that read less at rest have no bias worth the name
+LIKELY = np.radians([1.0, 1000.0]) / 3600  # rad/s, one sigma of the bias of such a triad, and of any other
+EARTH_SEEN = 0.5  # of the Earth's rate: what it may be off where gyroscopes that see it are to be believed
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """C_bn (3, 3) at the start, one sigma (3,) [rad] of it about north, east, down, and the bias (3,) [rad/s]."""
+
+    C_bn: Array
+    sigma: Array
+    bias: Array
+
+
+def align(course: Course, u: Array) -> Alignment:
+    """Attitude at the start from force and rate (n, 6). Raises InputError where the Earth's rate is not to be found."""
+    stops = [course.of_stop(k) for k in range(int(course.stop.max()) + 1)]
+    weight = np.array([course.rows.weight[s].sum() for s in stops])
+    mean = np.array([np.average(u[s], axis=0, weights=course.rows.weight[s]) for s in stops])
+    slow = np.linalg.norm(mean[:, 3:], axis=1).max() < SLOW * EARTH_RATE
+    b = np.zeros(3) if slow else np.average(mean[:, 3:], axis=0, weights=weight)
+    likely = LIKELY[0] if slow else LIKELY[1]
+    latitude = course.rows.site.latitude
+    assert latitude is not None
+    dt = _with_pauses(course)
+    w = np.sqrt(weight)[:, None] / course.sigma[3:]
+    for _ in range(ROUNDS):
+        C = carried(dt, u[:, 3:] - b)
+        at = np.array([C[(s.start + s.stop) // 2] for s in stops])
+        A = np.concatenate([np.broadcast_to(np.eye(3), at.shape), np.swapaxes(at, -1, -2)], axis=2)
+        # what is left to the bias, from where it is: all of it if no stop tells
+        rows = np.concatenate([(A * w[..., None]).reshape(-1, 6), np.eye(3, 6) / likely])
+        right = np.concatenate([((mean[:, 3:] - b) * w).reshape(-1), np.zeros(3)])
+        x, *_ = np.linalg.lstsq(rows, right, rcond=None)
+        b = b + x[:3]
+        if np.abs(x[:3]).max() < 1e-3 * EARTH_RATE:
+            break
+    middle = float(course.rows.time[(stops[0].start + stops[0].stop) // 2] - course.time[0])
+    down = -at[0] @ mean[0, :3] / np.linalg.norm(mean[0, :3])
+    left = right - rows @ x
+    P = np.linalg.inv(rows.T @ rows + 1e-12 * np.eye(6)) * max(1.0, float(left @ left) / max(len(left) - 6, 1))
+    return _from_vectors(course, down, middle, b, x[3:], float(np.sqrt(P[range(3, 6), range(3, 6)].max())))
+
+
+def _from_vectors(course: Course, down: Array, after: float, b: Array, earth: Array, sigma: float) -> Alignment:
+    latitude = course.rows.site.latitude
+    assert latitude is not None
+    if np.linalg.norm(earth) < 2 * EARTH_RATE:  # the vertical at the start: the Earth has turned it since
+        down = exponential(earth * after) @ down
+    level = earth - down * (down @ earth)
+    heading = float(np.clip(3 * sigma / (EARTH_RATE * np.cos(latitude)), *HEADING))
+    off = abs(np.linalg.norm(earth) / EARTH_RATE - 1)
+    if heading < HEADING[1] and off > EARTH_SEEN + 3 * sigma / EARTH_RATE:
+        raise InputError(
+            f"{named(course.rows)}: turned through its stops, the gyroscopes see a rate of "
+            f"{np.linalg.norm(earth) / EARTH_RATE:.3g} times the Earth's that turns with them; check the order, signs "
+            "and unit of their columns, and the latitude"
+        )
+    if heading >= HEADING[1]:  # nothing tells north: any heading, and the filter finds what it can
+        level = np.eye(3)[np.argmin(np.abs(down))]
+        level = level - down * (down @ level)
+    north = level / np.linalg.norm(level)
+    C = np.stack([north, np.cross(down, north), down])
+    return Alignment(C, np.array([LEVEL, LEVEL, heading]), b)
+
+
+def _with_pauses(course: Course) -> Array:
+    """Lengths (n,) [s] of the intervals, pauses of the clock added to what follows: the Earth went on turning."""
+    dt = course.dt.copy()
+    for k in np.flatnonzero(course.pauses):
+        dt[course.first[k]] += course.time[k + 1] - course.time[k]
+    return dt
+
+
+def attitudes(course: Course, u: Array, start: Alignment) -> Array:
+    """First guess C_bn (K + 1, 3, 3) at every update: the carried attitude, made level again at each stop."""
+    latitude = course.rows.site.latitude
+    assert latitude is not None
+    earth = EARTH_RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
+    dt = _with_pauses(course)
+    C = carried(dt, u[:, 3:] - start.bias)
+    t = np.concatenate([[0.0], np.cumsum(dt)])
+    C = exponential(earth * t[:, None]) @ start.C_bn @ C
+    turn, out = np.eye(3), np.empty((len(course.first), 3, 3))
+    stop = np.append(course.stop, course.stop[-1])
+    for k in range(len(out)):
+        new = k < len(course.stop) and stop[k] >= 0 and (k == 0 or stop[k - 1] != stop[k])
+        if new:
+            mine = course.of_stop(int(stop[k]))
+            force = turn @ C[(mine.start + mine.stop) // 2] @ u[mine, :3].mean(axis=0)
+            turn = _levelled(force) @ turn
+        out[k] = turn @ C[course.first[k]]
+    for pause in np.flatnonzero(course.pauses):
+        out[pause + 1] = out[pause]
+    return out
+
+
+def _levelled(force: Array) -> Array:
+    """The smallest rotation (3, 3) that makes a force (3,) point up."""
+    unit, up = force / np.linalg.norm(force), np.array([0.0, 0.0, -1.0])
+    axis = np.cross(unit, up)
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-12:
+        return np.eye(3)
+    return exponential(-axis / sine * np.arctan2(sine, float(unit @ up)))

@@ -1,0 +1,240 @@
+"""A rotation recording as a navigator takes it: stops as means of a second, turns sample by sample, updates between.
+
+At rest nothing changes but the noise, so a mean over a second holds all that its samples say, and the model is
+evaluated a hundred times less often; while the unit turns every sample counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gimbalcal.errors import InputError, amount
+from gimbalcal.number import Array
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import SENSORS, Dwell, Recording, dwells
+from gimbalcal.recording.detection import detect
+from gimbalcal.recording.plausible_run import named
+from gimbalcal.recording.scatter import white_sigma
+
+FORCE, RATE = "specific_force", "angular_rate"
+KEYS = tuple((q, a) for q in (FORCE, RATE) for a in "xyz")
+UPDATE = 1.0  # s between two updates of velocity
+MISSING = 1.5  # usual steps: longer ones are gaps in the clock
+SETTLE = 100  # rows on either side of a pause
+LIES = 2e-3  # of gravity: a unit whose force moves by less over a pause was not touched
+TURNED = 0.1  # of gravity; the Earth turns a stop by less in 20 min
+STILL = 1e-3  # m/s, how still a place is where nobody says
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """n intervals of mean readings, in K stretches with an update of the velocity at the end of each.
+
+    rows: the recording of the means, without gimbals, time in the middle of each interval; dt (n,) s; joined (n,): the
+    interval continues the one before; first (K + 1,): index of the first interval of each stretch; a stretch without
+    intervals is a pause of the clock in a stop. stop (K,): ordinal of the stop, -1 while turning; time (K + 1,) s of
+    the updates, the first at the start. sigma (6,): one sample of each channel; velocity: how still the place is
+    [m/s]; stated: whether the header states the noise of both triads.
+    """
+
+    rows: Recording
+    dt: Array
+    joined: NDArray[np.bool_]
+    first: NDArray[np.int64]
+    stop: NDArray[np.int64]
+    time: Array
+    sigma: Array
+    velocity: float
+    stated: bool
+
+    @property
+    def readings(self) -> Array:
+        """Mean forces and rates (n, 6)."""
+        return np.stack([self.rows.channels[key] for key in KEYS], axis=1)
+
+    @property
+    def pauses(self) -> NDArray[np.bool_]:
+        """Stretches (K,) in which the clock paused."""
+        return np.diff(self.first) == 0
+
+    def of_stop(self, k: int) -> slice:
+        """The intervals of one stop."""
+        mine = np.flatnonzero(self.stop == k)
+        return slice(int(self.first[mine[0]]), int(self.first[mine[-1] + 1]))
+
+
+def course(recording: Recording) -> Course:
+    """Stops found, means taken, pauses of the clock told apart. Raises InputError where it is no such recording."""
+    _refuse_other_kinds(recording)
+    if recording.instant:
+        recording = _as_means(recording)
+    channels = {f"{q} {a}": recording.channels[q, a] for q, a in KEYS if q == FORCE}
+    rates = {a: recording.channels[RATE, a] for a in "xyz"}
+    position = recording.position if recording.position is not None else detect(recording.time, channels, rates)
+    step = float(np.median(np.diff(recording.time)))
+    dt = np.diff(recording.time, prepend=recording.time[0] - step)
+    paused = dt > MISSING * step
+    stays = _through_pauses(recording, dwells(replace(recording, position=position)), paused)
+    if len(stays) < 2:
+        held = "no stop" if not stays else "one stop"
+        raise InputError(
+            f"{named(recording)} has {held}: systematic calibration compares what the unit reads at rest before and "
+            "after it was turned; turn it through a dozen stops or more, each axis up and down"
+        )
+    _refuse_lost_turns(recording, stays, paused)
+    sigma, stated = _noise(recording, stays)
+    return _assembled(recording, stays, dt, step, paused, sigma, stated)
+
+
+def _through_pauses(recording: Recording, stays: Sequence[Dwell], paused: NDArray[np.bool_]) -> list[Dwell]:
+    """The stops; two with nothing but a pause of the clock between them are one, if the unit still lies as it did."""
+    force = recording.triad(FORCE)
+    out: list[Dwell] = []
+    for d in stays:
+        ends = (
+            force[d.start : d.start + SETTLE].mean(axis=0),
+            force[max(d.stop - SETTLE, d.start) : d.stop].mean(axis=0),
+        )
+        if float(np.linalg.norm(ends[1] - ends[0])) > TURNED * recording.site.gravity:
+            continue  # it goes on and on turning, and that is steady too
+        if out and out[-1].stop == d.start and paused[d.start]:
+            before, after = force[max(out[-1].start, d.start - SETTLE) : d.start], force[d.start : d.start + SETTLE]
+            moved = float(np.linalg.norm(after.mean(axis=0) - before.mean(axis=0)))
+            scatter = float(np.linalg.norm(after.std(axis=0) + before.std(axis=0)))
+            if moved < LIES * recording.site.gravity + scatter:
+                out[-1] = replace(out[-1], stop=d.stop)
+                continue
+        out.append(d)
+    return out
+
+
+def _assembled(
+    recording: Recording, stays: Sequence[Dwell], dt: Array, step: float, paused: NDArray[np.bool_], sigma: Array,
+    stated: bool,
+) -> Course:  # fmt: skip
+    begins, first, stop = [0], [0], []  # rows at which intervals begin; intervals at which stretches begin
+    for a, b, k in _stretches(stays, paused, max(1, round(UPDATE / step))):
+        if b > a:
+            begins += [b] if k >= 0 else range(a + 1, b + 1)
+        first.append(len(begins) - 1)
+        stop.append(k)
+    edge = np.array(begins)
+    # a pause belongs to no interval: the reading after it is the mean of its own step
+    length = np.add.reduceat(np.where(paused, step, dt), edge[:-1])
+    count = np.diff(edge)
+    rows = replace(
+        recording,
+        platform=BENCH,
+        time=recording.time[edge[1:] - 1] - length / 2,
+        position=None,
+        channels={
+            key: np.add.reduceat(x, edge[:-1]) / count
+            for key, x in recording.channels.items()
+            if key[0] != "gimbal_angle"
+        },
+        weight=count.astype(float),
+        beside=(),
+    )
+    at = edge[np.array(first)]
+    time = np.where(at > 0, recording.time[np.maximum(at - 1, 0)], recording.time[0] - step)
+    for j in np.flatnonzero(np.diff(first) == 0):  # what begins after a pause begins one step before its first row
+        time[j + 1] = recording.time[at[j + 1]] - step
+    joined = ~paused[edge[:-1]] & (edge[:-1] > 0)
+    velocity = recording.noise.get("velocity", STILL)
+    return Course(rows, length, joined, np.array(first), np.array(stop), time, sigma, velocity, stated)
+
+
+def _stretches(stays: Sequence[Dwell], paused: NDArray[np.bool_], block: int) -> Iterator[tuple[int, int, int]]:
+    """First row, end and ordinal of the stop (-1: a turn) of each stretch in order; a pause has no rows."""
+    ends = [0, *(row for d in stays for row in (d.start, d.stop)), len(paused)]
+    for i, (start, end) in enumerate(pairwise(ends)):
+        k = i // 2 if i % 2 else -1
+        cuts = [start, *(int(row) for row in np.flatnonzero(paused[start:end]) + start if row > start), end]
+        for j, (a, b) in enumerate(pairwise(cuts)):
+            if j:
+                yield a, a, k
+            if b > a:
+                for low, high in pairwise(np.linspace(a, b, max(1, round((b - a) / block)) + 1).astype(int).tolist()):
+                    yield low, high, k
+
+
+def _refuse_other_kinds(recording: Recording) -> None:
+    if recording.kind != "rotation":
+        raise InputError(
+            f"{recording.title!r} is a {recording.kind} recording; --method systematic takes a rotation recording, of "
+            'a unit that is turned through stops with every sample logged (kind = "rotation")'
+        )
+    for q in (FORCE, RATE):
+        recording.triad(q)
+        if recording.counted(q):
+            raise InputError(
+                f"{named(recording)}: {q} is in counts, and a navigator needs physical units; state what a count is, "
+                "as nominal as it may be, with a unit in [columns]"
+            )
+    if recording.site.latitude is None:
+        raise InputError(
+            f"{named(recording)}: systematic calibration needs the latitude, because gyroscopes see the Earth turn; "
+            'write latitude = { value = ..., unit = "deg" } in [site] of recording.toml'
+        )
+
+
+def _refuse_lost_turns(recording: Recording, stays: Sequence[Dwell], paused: NDArray[np.bool_]) -> None:
+    """A pause of the clock in a stop costs nothing; in a turn nobody knows how far the unit went."""
+    inside = np.zeros(len(paused), dtype=bool)
+    for d in stays:
+        inside[d.start : d.stop] = True
+    inside[0] = True
+    lost = np.flatnonzero(paused & ~inside)
+    lost = np.union1d(lost, [d.start for d in stays if d.start and paused[d.start]]).astype(int)
+    if len(lost):
+        t = recording.time[[lost[0] - 1, lost[0]]]
+        raise InputError(
+            f"{named(recording)}: the clock pauses from {t[0]:.10g} to {t[1]:.10g} s while the unit turns"
+            f"{f' (one of {len(lost)} such pauses)' if len(lost) > 1 else ''}, and nobody knows how far it turned "
+            "there; log every sample of a turn, or cut the recording there and give the longer part"
+        )
+
+
+def _noise(recording: Recording, stays: Sequence[Dwell]) -> tuple[Array, bool]:
+    """One sigma (6,) of a sample of each channel, as the header states it, else as the stops scatter."""
+    sigma = np.empty(6)
+    of = {quantity: sensor for sensor, quantity in SENSORS.items()}
+    stated = all(of[q] in recording.noise for q in (FORCE, RATE))
+    for i, key in enumerate(KEYS):
+        if of[key[0]] in recording.noise:
+            sigma[i] = recording.noise[of[key[0]]]
+            continue
+        each = [_scatter(recording.channels[key][d.rows]) for d in stays]
+        sigma[i] = np.sqrt(np.mean(np.square(each)))
+    if not np.all(sigma > 0):
+        bad = [" ".join(key) for key, s in zip(KEYS, sigma, strict=True) if not s > 0]
+        raise InputError(
+            f"{named(recording)}: {bad[0]} has no noise, stated or seen, and a filter cannot weigh it; state it in "
+            f"[noise] ({amount(len(bad), 'channel')} like this)"
+        )
+    return sigma, stated
+
+
+def _scatter(x: Array) -> float:
+    begins = np.zeros(len(x), dtype=bool)
+    return float(white_sigma(x[:, None], begins, np.ones(len(x)))[0])
+
+
+def _as_means(recording: Recording) -> Recording:
+    """Readings of an instant as means over the interval that ends there, by cubics through neighbouring samples."""
+    from gimbalcal.rotation import mean_rates
+
+    channels = {key: values[1:] for key, values in recording.channels.items()}
+    for q in (FORCE, RATE):
+        level, bend, _ = mean_rates(recording.time, recording.triad(q))
+        channels |= {(q, a): (level + bend)[:, i] for i, a in enumerate("xyz")}
+    position = None if recording.position is None else recording.position[1:]
+    return replace(
+        recording, time=recording.time[1:], position=position, channels=channels, weight=recording.weight[1:],
+        instant=False, beside=(),
+    )  # fmt: skip

@@ -1,0 +1,130 @@
+"""Whether the model explains what the navigator did: innovations against what the filter expects of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gimbalcal.effects import Parameter
+from gimbalcal.estimate.systematic.course import Course
+from gimbalcal.estimate.systematic.smoothing import GATE, STATE, Pass
+from gimbalcal.number import Array
+from gimbalcal.units import from_si
+
+CHANCE = 1e-5  # of a recording that the model explains to be called unexplained, each of three ways
+CURVE = 120  # points of a curve in the report
+WORST = 0.2  # of the largest distance
+REJECTED = 0.01  # share of updates beyond which the model, not the table, is to blame
+DIRECTIONS = ("north", "east", "down")
+
+
+def told(course: Course, wanted: Sequence[Parameter], last: Pass, C: Array, passes: int) -> dict[str, Any]:
+    """What stands under `residual.navigation`: NIS, NEES, whiteness, rejected updates, attitude, sigma over time."""
+    f, navigator = last.filtered, last.calibrated
+    z = navigator.innovation / np.sqrt(navigator.variance)
+    n = int(np.count_nonzero(~np.isnan(z)))
+    nis, used = float(np.nansum(z**2)), max(n - len(wanted) - 3, 1)
+    legs = _legs(course)
+    by_leg = np.array([np.nansum(z[leg], axis=0) / np.sqrt(np.maximum((~np.isnan(z[leg])).sum(axis=0), 1))
+                       for _, leg in legs])  # fmt: skip
+    sum_of_legs, legs_used = float((by_leg**2).sum()), by_leg.size  # what the fit took off is not known: not counted
+    lag = _lag_one(z)
+    # the unit stays where it is: its velocity and place are known, and what the navigator makes of them are errors
+    error = (navigator.x / navigator.sigma)[1:, 3:] ** 2
+    rms = np.sqrt(np.nanmean(navigator.innovation**2, axis=0)) * STATE[3]
+    pick = np.unique(np.linspace(0, len(course.time) - 1, CURVE).astype(int))
+    sigma = from_si(1.0, "arcsec") * np.sqrt(np.diag(last.attitude))
+    worst = int(np.argmax(np.abs(by_leg).max(axis=1)))
+    return {
+        "passes": passes,
+        "updates": len(z),
+        "rejected": int(np.count_nonzero(navigator.distance > GATE)),
+        "nis": {"sum": nis, "dof": used, "ratio": nis / used, "p_value": _beyond(nis, used)},
+        "legs": {
+            "sum": sum_of_legs,
+            "dof": legs_used,
+            "p_value": _beyond(sum_of_legs, legs_used),
+            "worst": legs[worst][0],
+            "name": [name for name, _ in legs],
+            "innovation": np.round(by_leg, 3).tolist(),
+        },
+        "whiteness": {"lag_one": lag, "sigma": float(1 / np.sqrt(n))},
+        "nees": {"velocity": float(np.mean(error[:, :3])), "position": float(np.mean(error[:, 3:]))},
+        "velocity_rms": dict(zip(DIRECTIONS, rms.tolist(), strict=True)),
+        "attitude": {**_attitude(C[0]), "sigma_arcsec": dict(zip(DIRECTIONS, sigma.tolist(), strict=True))},
+        "time_s": np.round(course.time[pick] - course.time[0], 3).tolist(),
+        "sigma": {
+            p.label: [float(f"{x:.5g}") for x in from_si(f.theta_sigma[pick, i] * p.sigma, p.unit)]
+            for i, p in enumerate(wanted)
+        },
+    }
+
+
+def doubtful(last: Pass, left_out: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Updates (K,) to leave out next: those that were, and the worst of the others; a bad one makes its likes look bad.
+
+    None where more would go than knocks explain.
+    """
+    rest = np.where(left_out, 0.0, last.calibrated.distance)
+    more: NDArray[np.bool_] = left_out | (rest > max(GATE, WORST * rest.max()))
+    return more if more.mean() <= REJECTED else np.zeros_like(more)
+
+
+def outcome(navigation: Mapping[str, Any], states: int, settled: bool) -> str:
+    """One sentence where the model does not explain the data; empty where it does."""
+    nis, legs = navigation["nis"], navigation["legs"]
+    if not settled:
+        return (
+            f"the estimates of {states} states do not settle: the errors are too large for navigation in place to be "
+            "linear, or the model is another; start from --method multiposition"
+        )
+    share = navigation["rejected"] / navigation["updates"]
+    reasons = []
+    if nis["p_value"] < CHANCE:
+        reasons.append(f"innovations of the velocity are {np.sqrt(nis['ratio']):.3g} times what the noise explains")
+    if legs["p_value"] < CHANCE:
+        far = float(np.sqrt(legs["sum"] / legs["dof"]))
+        reasons.append(f"they do not average out over stops and turns ({far:.3g} times, most in {legs['worst']})")
+    if share > REJECTED:
+        reasons.append(f"{100 * share:.2g} % of the updates were rejected")
+    if not reasons:
+        return ""
+    return (
+        f"{states} states do not explain this recording: {', and '.join(reasons)}; `gimbalcal diagnose` looks for what "
+        "is left out, and [noise] should be what the sensors and the table have"
+    )
+
+
+def _beyond(chi2: float, dof: int) -> float:
+    from scipy.stats import chi2 as distribution
+
+    return float(distribution.sf(chi2, dof))
+
+
+def _legs(course: Course) -> list[tuple[str, Array]]:
+    """Stops and turns in order, with their stretches."""
+    cuts = np.flatnonzero(np.diff(course.stop)) + 1
+    parts = np.split(np.arange(len(course.stop)), cuts)
+    names, turns = [], 0
+    for part in parts:
+        k = int(course.stop[part[0]])
+        turns += k < 0
+        names.append(f"stop {k + 1}" if k >= 0 else f"turn {turns}")
+    return list(zip(names, parts, strict=True))
+
+
+def _lag_one(z: Array) -> float:
+    """Correlation of each innovation with the one before."""
+    pairs = z[1:] * z[:-1]
+    return float(np.nansum(pairs) / max(np.nansum(z**2), 1e-300))
+
+
+def _attitude(C: Array) -> dict[str, float]:
+    """Heading, pitch, roll [deg] of C_bn (3, 3)."""
+    heading, roll = np.arctan2(C[1, 0], C[0, 0]), np.arctan2(C[2, 1], C[2, 2])
+    pitch = -np.arcsin(np.clip(C[2, 0], -1, 1))
+    names = ("heading_deg", "pitch_deg", "roll_deg")
+    return dict(zip(names, np.degrees([heading, pitch, roll]).tolist(), strict=True))

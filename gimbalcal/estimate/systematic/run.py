@@ -1,0 +1,92 @@
+r"""Systematic calibration: 30, 51 or any other states, by navigation in place (Cai et al. 2016, Wei et al. 2022).
+
+A unit that stays in its place and is turned there is a navigator whose true velocity is known: zero. What it computes
+instead is a linear function of the attitude it started with and of its sensors' errors, and no angle of the table is
+asked for. Filter and smoother (`smoothing`) run about a reference; the reference takes over what they found (the
+feedback of Cai's Eq. (27)), until nothing moves by a hundredth of its sigma.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.calibration.calibration import Residual
+from gimbalcal.effects import Parameter, with_values
+from gimbalcal.estimate.added import Added
+from gimbalcal.estimate.systematic.alignment import align, attitudes
+from gimbalcal.estimate.systematic.course import course
+from gimbalcal.estimate.systematic.evidence import doubtful, outcome, told
+from gimbalcal.estimate.systematic.sensors import truth
+from gimbalcal.estimate.systematic.smoothing import WIDE, Pass, one_pass, turned
+from gimbalcal.estimate.systematic.states import states
+from gimbalcal.inference.information import Information, Solution, solve
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording
+
+PASSES = 12
+SETTLED = 0.01  # sigma
+
+
+def systematic(
+    recording: Recording, asked: str = "51", more: Sequence[Added] = (), tell: Callable[[str], None] = lambda _: None
+) -> Calibration:
+    """Calibrate both triads of a unit that was turned in its place, with these states (`states`).
+
+    Raises InputError where the recording is none that a navigator can take: see `course` and `alignment`.
+    """
+    wanted = states(asked, recording, more)
+    legs = course(recording)
+    u = truth(legs, ())
+    start = align(legs, u)
+    C = attitudes(legs, u, start)
+    before = np.array([start.bias["xyz".index(p.axis)] if p.effect == "gyro_bias" else 0.0 for p in wanted])
+    base = tuple(a.absent((), dict(a.stated)) for a in more)
+    theta, settled, done, left_out = before, False, 0, np.zeros(len(legs.stop), dtype=bool)
+    while not settled and done < PASSES:
+        effects = with_values(base, wanted, theta)
+        u = truth(legs, effects, u)
+        last = one_pass(legs, wanted, effects, u, C, start, before - theta, left_out)
+        C = turned(C, last.smoothed[:, :3])
+        theta, done = theta + last.step, done + 1
+        moved = float(np.max(np.abs(last.step) / (_sigma(last) * np.array([p.sigma for p in wanted]))))
+        tell(f"filter and smoother, pass {done}: the estimates moved by up to {moved:.2g} of their sigma")
+        told_off, left_out = left_out, doubtful(last, left_out) if moved < 1.0 else left_out
+        settled = moved < SETTLED and done > 1 and np.array_equal(told_off, left_out)
+        if not np.all(np.isfinite(theta)):
+            break
+    found = _solved(wanted, last, theta)
+    navigation = told(legs, wanted, last, C, done)
+    words = outcome(navigation, 9 + len(wanted), settled)
+    rms = {f"velocity {axis}": float(v) for axis, v in navigation.pop("velocity_rms").items()}
+    return Calibration(
+        method="systematic",
+        effects=with_values(base, wanted, found.x),
+        parameters=wanted,
+        covariance=found.covariance,
+        unobservable=tuple(each.to_dict() for each in found.unobservable),
+        residual=Residual(navigation["nis"]["sum"], navigation["nis"]["dof"], rms, navigation),
+        outcome=words,
+        provenance={"options": {"states": asked, "velocity_m_per_s": legs.velocity, "stops": int(legs.stop.max()) + 1}},
+    )
+
+
+def _sigma(last: Pass) -> Array:
+    return np.asarray(np.linalg.norm(last.factor, axis=1))
+
+
+def _solved(wanted: Sequence[Parameter], last: Pass, theta: Array) -> Solution:
+    """The estimate as the house tells it: what the data alone say, and the directions that they do not see.
+
+    P = S S^T holds the prior of width `WIDE`, so S^-1 has the data's singular values s^2 - 1 / WIDE^2.
+    """
+    from scipy.linalg import solve_triangular
+
+    scale = np.array([p.sigma for p in wanted])
+    root = solve_triangular(last.factor, np.eye(len(wanted)), lower=True)
+    _, s, Vt = np.linalg.svd(root)
+    s = np.sqrt(np.maximum(s**2 - WIDE**-2, 0.0))
+    rows = np.concatenate([s[:, None] * Vt, (s * (Vt @ (theta / scale)))[:, None]], axis=1)
+    return solve(Information(tuple(wanted), rows, len(wanted)))

@@ -1,0 +1,58 @@
+r"""What was there, given what was read, and how it answers each parameter: the forward model, inverted and linearised.
+
+With y = h(u, theta) the readings of force and rate u (both triads in one vector),
+
+.. math:: u = h^{-1}(y, \theta), \qquad D = \frac{\partial u}{\partial \theta}
+          = -\left(\frac{\partial h}{\partial u}\right)^{-1} \frac{\partial h}{\partial \theta}
+
+so that the coupling of any effect into the filter is its own contribution, and a state is added by its name alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gimbalcal.effects import CATALOGUE, Effect, Parameter
+from gimbalcal.effects.effect import Stimulus
+from gimbalcal.estimate.systematic.course import KEYS, Course
+from gimbalcal.forward import linearise, picked, predict
+from gimbalcal.kinematics import stimulus_from_truth
+from gimbalcal.number import Array, complex_step
+from gimbalcal.platform import BENCH
+
+ROUNDS, SETTLED = 40, 1e-14  # each round multiplies what is left by the errors of the sensors, 5 % at most
+KIND = "rotation"
+
+
+def truth(course: Course, effects: Sequence[Effect], start: Array | None = None) -> Array:
+    """Force and rate (n, 6) behind the mean readings, by iteration from `start` (default: the readings)."""
+    y = course.readings
+    u = y if start is None else start
+    s = stimulus_from_truth(course.rows, u[:, :3], u[:, 3:])
+    size = np.abs(y).max(axis=0)
+    for _ in range(ROUNDS):
+        step = y - _read(s, effects, u)
+        u = u + step
+        if np.all(np.abs(step).max(axis=0) <= SETTLED * size):
+            break
+    return u
+
+
+def sensitivity(course: Course, effects: Sequence[Effect], wanted: Sequence[Parameter], u: Array, rows: slice) -> Array:
+    """D (m, 6, p) of some intervals about the effects and what was there (n, 6)."""
+    few = slice(max(rows.start - 1, 0), rows.stop + 1)  # slopes look at the neighbours
+    s = stimulus_from_truth(course.rows.select(few), u[few, :3], u[few, 3:])
+    s = s.at(time=course.rows.time[few] - course.rows.time[0])
+    stages = dict.fromkeys(CATALOGUE[p.effect].stage for p in wanted)
+    J = linearise(BENCH, s, effects, KIND, KEYS, stages=stages).jacobian(wanted)
+    if any(np.any(np.asarray(v) != 0) for e in effects for v in vars(e).values()):
+        J = np.linalg.solve(complex_step(lambda x: _read(s, effects, x), u[few]), J)
+    inner = slice(rows.start - few.start, rows.start - few.start + rows.stop - rows.start)
+    return -J[inner]
+
+
+def _read(s: Stimulus, effects: Sequence[Effect], u: Array) -> Array:
+    s = s.at(force=u[:, :3], rate=u[:, 3:])
+    return picked(BENCH, predict(BENCH, s, effects, KIND), KEYS)

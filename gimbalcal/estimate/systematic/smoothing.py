@@ -1,0 +1,152 @@
+r"""One pass of filter and smoother about a reference that starts anew, at rest and in its place, at each update.
+
+The reference of stretch k starts from the attitude C_k, not moving; where it ends, less where the next one starts, is a
+known defect d_k of the linear error model,
+
+.. math:: x_{k+1} = \Phi_k x_k + \Psi_k \, \delta\theta + d_k + w_k, \qquad 0 = v_{k+1} + \text{noise},
+
+so that a run of any length stays linear (multiple shooting): the vertical channel has no time to run away, and the next
+pass starts from smoothed attitudes. Passes end where nothing moves: products of two errors are then in the solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gimbalcal.earth import EARTH_RATE
+from gimbalcal.effects import Effect, Parameter
+from gimbalcal.estimate.systematic.alignment import Alignment
+from gimbalcal.estimate.systematic.course import Course
+from gimbalcal.estimate.systematic.sensors import sensitivity
+from gimbalcal.inference import adjoint, beside_constants
+from gimbalcal.inference.beside_constants import Filtered
+from gimbalcal.navigate.error_growth import NAV, transitions
+from gimbalcal.navigate.strapdown import carried
+from gimbalcal.number import Array
+from gimbalcal.rotation import exponential
+
+ROWS = 20_000  # intervals at a time: what a column of them takes stays below 50 MB
+STATE = np.repeat([1e-3, 1e-3, 1e-3], 3)  # rad, m/s, m: scale of the navigation states
+PLACE = 1e-3  # m, one sigma of the place at the start
+UNMOVED = np.radians(0.5 / 3600)  # rad, what the attitude may change while the clock pauses in a stop
+WIDE = 100.0  # times the catalogue's prior: the prior holds nothing back
+VELOCITY = np.arange(3, 6)
+JUMP = 1.0  # m/s, what a knock may do to the velocity: the navigator starts anew with it
+GATE = 50.0  # normalised innovation squared of three components: by chance once in 1e10 updates
+
+
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """What one pass found about its reference: correction and sigma of the parameters (p,), in SI, and the run."""
+
+    step: Array
+    factor: Array  # (p, p) lower triangular, of the covariance in units of the parameters' prior sigmas
+    attitude: Array  # (3, 3) covariance of the attitude at the start [rad^2]
+    filtered: Filtered
+    smoothed: Array  # (K + 1, 9) of the navigation errors, in SI
+    calibrated: Filtered  # of the navigator whose sensors are corrected: its innovations are what evidence goes by
+
+
+def one_pass(
+    course: Course, wanted: Sequence[Parameter], effects: Sequence[Effect], u: Array, C: Array, start: Alignment,
+    prior: Array, left_out: NDArray[np.bool_],
+) -> Pass:  # fmt: skip
+    """Filter and smooth about the effects, what was there (n, 6) and the attitudes C (K + 1, 3, 3).
+
+    prior (p,): mean of the parameters before, less their present values; left_out (K,): updates that are not believed.
+    """
+    Phi, Psi, Q, d = _linear(course, wanted, effects, u, C)
+    scale = np.array([p.sigma for p in wanted])
+    # the attitude at the start is a constant too: three more, which come last
+    Psi = np.concatenate([Psi * scale / STATE[:, None], np.zeros((len(Psi), NAV, 3))], axis=2)
+    Phi, Q, d = Phi * STATE / STATE[:, None], Q / STATE / STATE[:, None], d / STATE
+    sigma = np.concatenate([start.sigma, np.full(3, course.velocity), np.full(3, PLACE)]) / STATE
+    x = np.concatenate([rotation_vector(start.C_bn @ C[0].T), np.zeros(6)]) / STATE
+    first = np.concatenate([prior / scale, x[:3]])
+    S = np.diag(np.concatenate([sigma, np.full(len(wanted), WIDE), sigma[:3]]))
+    S[range(3), range(3)], S[range(3), range(-3, 0)] = 0.0, sigma[:3]
+    R = np.full((len(Phi), 3), course.velocity**2) / STATE[VELOCITY] ** 2
+    z = np.where(left_out[:, None], np.nan, np.zeros((len(Phi), 3)))
+    loose = Q.copy()
+    loose[np.ix_(left_out, VELOCITY, VELOCITY)] += (JUMP / STATE[3]) ** 2 * np.eye(3)
+    filtered = beside_constants.filter(Phi, Psi, loose, d, z, VELOCITY, R, x, first, S)
+    smoothed = adjoint.smooth(Phi, Psi, VELOCITY, filtered) * STATE
+    # the same navigator with its sensors as they were found, nothing left to learn about them
+    found, own = filtered.theta[-1], filtered.factor[NAV:, NAV:]
+    calibrated = beside_constants.filter(
+        Phi, Psi[:, :, :0], Q, d + Psi @ found, 0 * R, VELOCITY, R, x, found[:0], np.diag(sigma), GATE, JUMP / STATE[3]
+    )
+    return Pass(
+        found[:-3] * scale, np.asarray(np.linalg.qr(own[:-3].T, mode="r")).T, own[-3:] @ own[-3:].T * STATE[0] ** 2,
+        filtered, smoothed, calibrated,
+    )  # fmt: skip
+
+
+def _linear(
+    course: Course, wanted: Sequence[Parameter], effects: Sequence[Effect], u: Array, C: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Phi, Psi, Q and defects d (K, 9), in SI."""
+    K, p = len(course.stop), len(wanted)
+    Phi, Psi, Q = np.empty((K, NAV, NAV)), np.empty((K, NAV, p)), np.empty((K, NAV, NAV))
+    d = np.empty((K, NAV))
+    site = course.rows.site
+    assert site.latitude is not None
+    q = course.sigma**2 / course.rows.weight[:, None]
+    expected = _expected(course, u, C)
+    at = 0
+    while at < K:
+        end = int(np.searchsorted(course.first, course.first[at] + ROWS, side="right")) - 1
+        end = min(max(end, at + 1), K)
+        rows = slice(int(course.first[at]), int(course.first[end]))
+        before = max(rows.start - 1, 0)  # coning looks at the interval before
+        few = slice(before, rows.stop)
+        D = np.zeros((few.stop - few.start, 6, p))
+        if rows.stop > rows.start:
+            D[rows.start - before :] = sensitivity(course, effects, wanted, expected, rows)
+        made = transitions(
+            course.first[at : end + 1] - before, course.joined[few], course.dt[few], u[few, 3:], u[few, :3], D, q[few],
+            C[at:end], site.latitude, site.height, site.gravity,
+        )  # fmt: skip
+        Phi[at:end], Psi[at:end], Q[at:end] = made.Phi, made.Psi, made.Q
+        d[at:end, :3] = rotation_vector(made.C_bn @ np.swapaxes(C[at + 1 : end + 1], -1, -2))
+        d[at:end, 3:6], d[at:end, 6:] = made.velocity, made.displacement
+        at = end
+    for k in np.flatnonzero(course.pauses):
+        Phi[k, 3:6, 3:6] = 0.0
+        Q[k, :3, :3], Q[k, 3:6, 3:6] = UNMOVED**2 * np.eye(3), course.velocity**2 * np.eye(3)
+    return Phi, Psi, Q, d
+
+
+def _expected(course: Course, u: Array, C: Array) -> Array:
+    """Force and rate (n, 6) of a unit in its place with attitudes C at the updates, without the noise of what was read.
+
+    Sensitivities at noisy readings would let a scale factor explain the noise: of an axis that has not yet been loaded
+    it has nothing else to go by. Turning, the rates stand as they are.
+    """
+    site = course.rows.site
+    assert site.latitude is not None
+    stretch = np.repeat(np.arange(len(course.stop)), np.diff(course.first))
+    went = carried(course.dt, u[:, 3:])
+    begun = C[:-1] @ np.swapaxes(went[course.first[:-1]], -1, -2)
+    mid = begun[stretch] @ (went[:-1] + went[1:]) / 2
+    earth = EARTH_RATE * np.array([np.cos(site.latitude), 0.0, -np.sin(site.latitude)])
+    at_rest = (course.stop >= 0)[stretch]
+    rate = np.where(at_rest[:, None], earth @ mid, u[:, 3:])
+    return np.concatenate([-site.gravity * mid[:, 2], rate], axis=1)
+
+
+def rotation_vector(R: Array) -> Array:
+    """phi (..., 3) [rad] of rotations exp([phi x]) (..., 3, 3) by less than half a turn."""
+    v = np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], -1) / 2
+    sine = np.linalg.norm(v, axis=-1, keepdims=True)
+    angle = np.arctan2(sine, (np.trace(R, axis1=-2, axis2=-1)[..., None] - 1) / 2)
+    return np.asarray(np.where(sine > 1e-9, v * angle / np.where(sine > 1e-9, sine, 1.0), v))
+
+
+def turned(C: Array, phi: Array) -> Array:
+    """exp([phi x]) C for attitudes C (K, 3, 3) and errors phi (K, 3) [rad]."""
+    return np.asarray(exponential(-phi) @ C)

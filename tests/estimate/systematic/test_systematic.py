@@ -1,0 +1,149 @@
+"""Units whose errors are known, turned on a table that shares no line with the estimator."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gimbalcal.calibration.calibration import from_dict
+from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.systematic.run import systematic
+from gimbalcal.estimate.systematic.states import FIFTY_ONE, states
+from gimbalcal.rotation import frame_rotation
+from tests.estimate.systematic.table import MOVES, START, turning_unit
+
+ANY = turning_unit(moves=MOVES[:2], stop=8.0, rate=10.0)
+THIRTY = states("30", ANY)
+SCALE = np.array([p.sigma for p in THIRTY])
+
+
+def _errors(found, wanted, truth):
+    by_label = dict(zip((p.label for p in wanted), truth, strict=True))
+    t = np.array([by_label.get(p.label, 0.0) for p in found.parameters])
+    return (found.values - t) / found.sigmas
+
+
+def test_thirty_and_fifty_one_states_are_two_lists() -> None:
+    assert len(THIRTY) == 30 - 9
+    assert len(states("51", ANY)) == 51 - 9
+    assert {p.effect for p in states("51", ANY)} == set(FIFTY_ONE)
+    assert [p.label for p in states("gyro_bias,accelerometer_lever_arm:xy", ANY)][-1] == "accelerometer_lever_arm:xy"
+
+
+def test_errors_are_what_the_sigmas_say() -> None:
+    z = []
+    for seed in range(6):
+        truth = 0.3 * SCALE * np.random.default_rng(100 + seed).standard_normal(len(THIRTY))
+        found = systematic(turning_unit((), THIRTY, truth, stop=20.0, seed=seed), "30")
+        assert found.outcome == ""
+        assert found.unobservable == ()
+        z.append(_errors(found, THIRTY, truth))
+    rms = float(np.sqrt(np.mean(np.square(z))))
+    assert rms == pytest.approx(1.0, abs=0.2)  # 126 numbers, correlated
+
+
+def test_any_effect_can_be_a_state() -> None:
+    """Late accelerometers, an asymmetry and one lever arm: nothing in the estimator knows their names."""
+    asked = ",".join(
+        [*dict.fromkeys(p.effect for p in THIRTY), "lever_arm", "time_tag_latency", "gyro_scale_asymmetry"]
+    )
+    wanted = states(asked, ANY)
+    truth = np.concatenate([0.2 * SCALE, [0.02, -0.01, 0.015], [2e-3], [4e-5, -3e-5, 2e-5]])
+    made = turning_unit((), wanted, truth, stop=15.0, rate=50.0, ramp=2.0)
+    found = systematic(made, asked)
+    z = _errors(found, wanted, truth)
+    assert np.abs(z).max() < 5
+    arm = [i for i, p in enumerate(found.parameters) if p.effect == "lever_arm"]
+    assert np.all(np.abs(truth[arm]) / found.sigmas[arm] > 100)
+
+
+def test_heading_does_not_take_the_bias_for_the_earth() -> None:
+    """A bias of 3 deg/h: one stop alone would be 15 deg off in heading."""
+    truth = np.array([1.5e-5 if p.label == "gyro_bias:y" else 0.0 for p in THIRTY])
+    start = frame_rotation("z", 2.2) @ frame_rotation("x", 0.4) @ START
+    found = systematic(turning_unit((), THIRTY, truth, stop=20.0, start=start), "30")
+    assert np.abs(_errors(found, THIRTY, truth)).max() < 4
+    heading = np.degrees(np.arctan2(start[1, 0], start[0, 0]))
+    assert found.residual.navigation["attitude"]["heading_deg"] == pytest.approx(heading, abs=0.5)
+
+
+def test_what_is_left_out_is_told() -> None:
+    g = parameters(CATALOGUE["gyro_g_sensitivity_rate"])[2]
+    truth = np.append(0.1 * SCALE, 2 * g.sigma)
+    found = systematic(turning_unit((), (*THIRTY, g), truth, stop=20.0), "30")
+    assert "do not explain" in found.outcome
+    explained = systematic(turning_unit((), (*THIRTY, g), truth, stop=20.0), "51")
+    assert explained.outcome == ""
+
+
+def test_what_a_schedule_does_not_turn_is_unobservable_by_name() -> None:
+    found = systematic(turning_unit(moves=[m for m in MOVES if m[0] == "y"], stop=20.0), "30")
+    named = {label for each in found.unobservable for label in each["direction"]}
+    assert "gyro_scale_factor:x" in named or "misalignment:xy" in named
+    assert all(each["why"] for each in found.unobservable)
+
+
+def test_a_pause_of_the_clock_in_a_stop_costs_nothing() -> None:
+    truth = 0.2 * SCALE
+    whole = turning_unit((), THIRTY, truth, stop=30.0)
+    rows = np.ones(len(whole.time), dtype=bool)
+    rows[100:400] = False  # 15 s of the first stop, which lasts 30 s
+    found = systematic(whole.select(rows), "30")
+    assert found.outcome == ""
+    assert np.abs(_errors(found, THIRTY, truth)).max() < 4
+
+
+def test_a_knock_is_left_out_and_counted() -> None:
+    truth = 0.2 * SCALE
+    knocked = turning_unit(
+        (), THIRTY, truth, stop=20.0, drift=lambda t: np.where((t > 60.0) & (t < 60.2), 0.5, 0.0)[:, None]
+    )
+    found = systematic(knocked, "30")
+    assert 1 <= found.residual.navigation["rejected"] <= 3
+    assert np.abs(_errors(found, THIRTY, truth)).max() < 5
+
+
+def test_a_calibration_is_written_and_read_back() -> None:
+    found = systematic(turning_unit(stop=15.0), "30")
+    content = json.loads(json.dumps(found.to_dict()))
+    assert content["format"] == 2
+    assert {"nis", "nees", "rejected", "whiteness", "sigma"} <= set(content["residual"]["navigation"])
+    again = from_dict(content)
+    assert np.allclose(again.values, found.values)
+    assert again.residual.navigation == content["residual"]["navigation"]
+
+
+def test_what_is_no_rotation_recording_is_refused_in_a_sentence() -> None:
+    r = turning_unit(stop=10.0, moves=MOVES[:6])
+    cases = [
+        (replace(r, kind="multi-position"), "takes a rotation recording"),
+        (replace(r, site=replace(r.site, latitude=None)), "needs the latitude"),
+        (r.select(slice(0, 150)), "has one stop"),
+        (r.select(np.abs(r.triad("angular_rate")).max(axis=1) > 0.05), "has (no|one) stop"),
+        (r.select(np.abs(r.time - 16.0) > 1.0), "pauses from .* while the unit turns"),
+        (replace(r, units={("angular_rate", "x"): "count"}), "is in counts"),
+    ]
+    for recording, words in cases:
+        with pytest.raises(InputError, match=words):
+            systematic(recording, "30")
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ("31", "write 30 or 51"),
+        ("gyro_bais", "did you mean gyro_bias"),
+        ("bias_temperature", "needs temperature"),
+        ("gimbal_zero", "shows in|is of gimbals|no axis"),
+        ("gyro_bias:w", "has no axis 'w'"),
+        ("scale_nonlinearity", "quadratic_nonlinearity"),
+        ("", "no effect is named"),
+    ],
+)
+def test_states_that_cannot_be_are_refused(asked: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        states(asked, ANY)

@@ -1,1 +1,0 @@
-"""A unit's history: the store, and how calibrations compare."""

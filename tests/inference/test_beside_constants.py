@@ -1,0 +1,130 @@
+"""Three routes to one answer: square-root filter with adjoint smoother, a dense joint solution, and filterpy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gimbalcal.inference import adjoint, beside_constants, kalman
+
+K, M, P = 40, 4, 5
+INDEX = np.array([1, 2])
+
+
+@pytest.fixture(scope="module")
+def problem():
+    rng = np.random.default_rng(3)
+    Phi = np.eye(M) + 0.2 * rng.standard_normal((K, M, M))
+    Psi = 0.3 * rng.standard_normal((K, M, P))
+    half = 0.1 * rng.standard_normal((K, M, M))
+    Q = half @ np.swapaxes(half, -1, -2)
+    d = 0.1 * rng.standard_normal((K, M))
+    R = np.tile([0.01, 0.04], (K, 1))
+    z = rng.standard_normal((K, 2))
+    z[7] = np.nan
+    x, theta = rng.standard_normal(M), rng.standard_normal(P)
+    S = np.triu(rng.standard_normal((M + P, M + P))) + 2 * np.eye(M + P)
+    return Phi, Psi, Q, d, z, R, x, theta, S
+
+
+def _ours(problem):
+    Phi, Psi, Q, d, z, R, x, theta, S = problem
+    filtered = beside_constants.filter(Phi, Psi, Q, d, z, INDEX, R, x, theta, S)
+    return filtered, adjoint.smooth(Phi, Psi, INDEX, filtered)
+
+
+def _dense(problem):
+    """Means (K + 1, M), constants, and covariance of the constants: one least-squares problem of all unknowns."""
+    Phi, Psi, Q, d, z, R, x, theta, S = problem
+    n = (K + 1) * M + P
+    rows, right = [], []
+
+    def add(A, b, C):
+        W = np.linalg.inv(np.linalg.cholesky(C))
+        rows.append(W @ A)
+        right.append(W @ b)
+
+    A = np.zeros((M + P, n))
+    A[:M, :M], A[M:, -P:] = np.eye(M), np.eye(P)
+    add(A, np.concatenate([x, theta]), S @ S.T)
+    for k in range(K):
+        A = np.zeros((M, n))
+        A[:, (k + 1) * M : (k + 2) * M], A[:, k * M : (k + 1) * M], A[:, -P:] = np.eye(M), -Phi[k], -Psi[k]
+        add(A, d[k], Q[k])
+        if not np.isnan(z[k]).any():
+            A = np.zeros((2, n))
+            A[range(2), (k + 1) * M + INDEX] = 1
+            add(A, z[k], np.diag(R[k]))
+    T = np.linalg.qr(np.column_stack([np.concatenate(rows), np.concatenate(right)]), mode="r")
+    inverse = np.linalg.inv(T[:n, :n])
+    best = inverse @ T[:n, n]
+    return best[:-P].reshape(K + 1, M), best[-P:], (inverse @ inverse.T)[-P:, -P:]
+
+
+def test_filter_and_smoother_are_the_dense_joint_solution(problem) -> None:
+    filtered, smoothed = _ours(problem)
+    means, theta, covariance = _dense(problem)
+    sigma = np.sqrt(np.diag(covariance))
+    own = filtered.factor[M:, M:]
+    assert np.abs((filtered.theta[-1] - theta) / sigma).max() < 1e-8
+    assert np.abs(own @ own.T / np.outer(sigma, sigma) - covariance / np.outer(sigma, sigma)).max() < 1e-8
+    assert np.abs(smoothed - means).max() / sigma.min() < 1e-8
+    assert np.allclose(filtered.theta_sigma[-1], sigma, rtol=1e-9)
+
+
+def test_filter_and_smoother_are_filterpy_s(problem) -> None:
+    """`batch_filter`, and the smoother of Rauch, Tung and Striebel with each step's own matrix.
+
+    filterpy's `rts_smoother` takes F[k] where F[k + 1] belongs, so it is given them shifted by one.
+    """
+    from filterpy.kalman import KalmanFilter
+
+    Phi, Psi, Q, d, z, R, x, theta, S = problem
+    filtered, smoothed = _ours(problem)
+    n = M + P
+    F, N, B = np.tile(np.eye(n), (K, 1, 1)), np.zeros((K, n, n)), np.zeros((K, n, 1))
+    F[:, :M, :M], F[:, :M, M:], N[:, :M, :M], B[:, :M, 0] = Phi, Psi, Q, d
+    H = np.zeros((2, n))
+    H[range(2), INDEX] = 1
+    f = KalmanFilter(dim_x=n, dim_z=2)
+    f.x, f.P, f.H = np.concatenate([x, theta])[:, None], S @ S.T, H
+    zs = [None if np.isnan(row).any() else row[:, None] for row in z]
+    mu, P_k, _, _ = f.batch_filter(zs, Fs=list(F), Qs=list(N), Rs=[np.diag(r) for r in R], Bs=list(B), us=[1.0] * K)
+    assert np.abs(mu[:, :M, 0] - filtered.x[1:]).max() < 1e-8
+    assert np.abs(np.sqrt(P_k[:, range(M, n), range(M, n)]) / filtered.theta_sigma[1:] - 1).max() < 1e-8
+    # x_{k+1} = F x_k + B: the smoother knows nothing of B, so it is given errors about the filter's own forecasts
+    x_s, P_s = mu.copy(), P_k.copy()
+    for k in range(K - 2, -1, -1):
+        forecast = F[k + 1] @ P_k[k] @ F[k + 1].T + N[k + 1]
+        gain = np.linalg.solve(forecast, F[k + 1] @ P_k[k]).T
+        x_s[k] += gain @ (x_s[k + 1] - F[k + 1] @ mu[k] - B[k + 1])
+        P_s[k] += gain @ (P_s[k + 1] - forecast) @ gain.T
+    assert np.abs(x_s[:, :M, 0] - smoothed[1:]).max() < 1e-8
+    plain = f.rts_smoother(mu, P_k, Fs=list(F), Qs=list(N))[0]
+    assert np.abs(plain[:, :M, 0] - smoothed[1:]).max() > 1e-3  # why it is not used
+
+
+def test_the_house_s_dense_filter_sees_the_same_innovations(problem) -> None:
+    Phi, Psi, Q, d, z, R, x, theta, S = problem
+    filtered, _ = _ours((Phi, Psi, Q, 0 * d, z, R, x, theta, S))
+    n = M + P
+    F, N = np.tile(np.eye(n), (K + 1, 1, 1)), np.zeros((K + 1, n, n))
+    F[1:, :M, :M], F[1:, :M, M:], N[1:, :M, :M] = Phi, Psi, Q
+    H = np.zeros((2, n))
+    H[range(2), INDEX] = 1
+    rows = np.concatenate([np.full((1, 2), np.nan), z])
+    dense = kalman.filter(rows, H, np.diag(R[0]), F, N, np.concatenate([x, theta]), S @ S.T)
+    nis = np.nansum(filtered.innovation**2 / filtered.variance)
+    each = [i @ np.linalg.solve(s, i) for i, s in zip(dense.innovation[1:], dense.S[1:], strict=True) if i[0] == i[0]]
+    assert nis == pytest.approx(sum(each), rel=1e-9)
+
+
+def test_a_measurement_beyond_the_gate_changes_nothing(problem) -> None:
+    Phi, Psi, Q, d, z, R, x, theta, S = problem
+    wild, gone = z.copy(), z.copy()
+    wild[20], gone[20] = 1e6, np.nan
+    gated = beside_constants.filter(Phi, Psi, Q, d, wild, INDEX, R, x, theta, S, gate=1e8)
+    without = beside_constants.filter(Phi, Psi, Q, d, gone, INDEX, R, x, theta, S)
+    assert np.flatnonzero(gated.distance > 1e8).tolist() == [20]
+    assert np.array_equal(gated.theta, without.theta)
+    assert np.array_equal(gated.factor, without.factor)
