@@ -19,15 +19,17 @@ def invert(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array, Array]:
     .. math:: f \leftarrow f + H^{-1} \left(y - h(f)\right), \qquad H = \partial h / \partial f
 
     with the exact H. Where the law is flat (a dead zone) nothing can be told back: there f stays as it is. Returns f,
-    H (n, 3, 3) and which rows are flat (n,). h must be made of arithmetic and the functions of `number`.
+    H (n, 3, 3) and which rows are flat (n,). Where no f reads y, h(f) is not y: a caller that cannot
+    be sure compares. h must be made of arithmetic and the functions of `number`.
     """
     f = np.array(y, dtype=float)
     for _ in range(STEPS):
-        H = complex_step(h, f)
-        flat = np.abs(np.linalg.det(H)) < FLAT
-        step = np.linalg.solve(np.where(flat[:, None, None], np.eye(3), H), (y - h(f))[..., None])[..., 0]
-        step[flat] = 0.0
-        f = f + step
+        with np.errstate(invalid="ignore", over="ignore"):  # where no f reads y, a step may leave the law's domain
+            H = complex_step(h, f)
+            flat = np.abs(np.linalg.det(H)) < FLAT
+            step = np.linalg.solve(np.where(flat[:, None, None], np.eye(3), H), (y - h(f))[..., None])[..., 0]
+            step[flat] = 0.0
+            f = f + step
         if np.all(np.abs(step) <= SETTLED * max(np.max(np.abs(y), initial=0.0), np.max(np.abs(f), initial=0.0))):
             break
     return f, H, flat

@@ -20,7 +20,7 @@ from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import fine
 from gimbalcal.estimate.accelerometers.joint import information_of, joint
-from gimbalcal.estimate.accelerometers.multiposition import LINEAR
+from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.estimate.added import Added, added, with_told
 from gimbalcal.estimate.asked import Asked, asked

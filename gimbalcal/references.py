@@ -24,6 +24,17 @@ REFERENCES: Mapping[str, str] = MappingProxyType(
         "wei2022": "Wei, Q.; Zha, F.; He, H.; Li, B. An Improved System-Level Calibration Scheme for "
         "Rotational Inertial Navigation Systems. Sensors 2022, 22, 7610. "
         "doi:10.3390/s22197610",
+        "xie2011": "Xie, B.; Qin, Y.; Wan, Y. Multiposition Calibration Method of Laser Gyro SINS. Journal of "
+        "Chinese Inertial Technology 2011, 19; its 19 positions as in Yan, G. PSINS Toolbox, "
+        "demos/test_system_calibration_19pos.m, 2019.",
+        "jia2014": "Jia. New Fast Systematic Calibration Method for RLG-SINS. Journal of Chinese Inertial "
+        "Technology 2014; its turns as in Yan, G. PSINS Toolbox, demos, 2019.",
+        "yan2012": "Yan, G.; Li, S.; Qin, Y. Inertial Instrument Testing and Data Analysis. National Defense "
+        "Industry Press, 2012, section 10.4; its turns as in Yan, G. PSINS Toolbox, demos, 2024.",
+        "yan2018": "Yan, G.; Yang, X.; Su, X.; Weng, J.; Qin, Y. Error Distribution Method and Analysis of "
+        "Observability Degree Based on the Covariances in Kalman Filter. 37th Chinese Control Conference, 2018.",
+        "friedland1969": "Friedland, B. Treatment of Bias in Recursive Filtering. IEEE Transactions on "
+        "Automatic Control 1969, 14, 359-367. doi:10.1109/TAC.1969.1099223",
         "tedaldi2014": "Tedaldi, D.; Pretto, A.; Menegatti, E. A Robust and Easy to Implement Method for IMU "
         "Calibration without External Equipments. IEEE International Conference on Robotics "
         "and Automation, 2014, 3042-3049. doi:10.1109/ICRA.2014.6907297",

@@ -14,6 +14,7 @@ from gimbalcal.atomic import write_json
 from gimbalcal.calibration import earlier
 from gimbalcal.calibration.correction import correct, corrupt
 from gimbalcal.calibration.readout import DRAWING, Readout, from_content
+from gimbalcal.calibration.sound import refuse_unsound
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.card import stated_law
 from gimbalcal.errors import InputError
@@ -22,6 +23,7 @@ from gimbalcal.platform import KNOWN, SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si, to_si
 
+LARGEST = 100_000_000  # bytes; a hundred parameters with their covariance are a quarter of a megabyte
 FORMAT = 2  # since 2 both triads: true = SF x reading; `earlier` reads 1
 
 
@@ -143,7 +145,7 @@ def reads(p: Parameter, value: float) -> str:
 
 
 def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibration:
-    """A calibration from the content of calibration.json; InputError for another format or unknown parameter.
+    """A calibration from the content of calibration.json; InputError for what cannot be one, see `sound`.
 
     gimbals: names of the platform's axes for a file that is too old to say them.
     """
@@ -159,6 +161,7 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
     if missing:
         raise InputError(f"calibration holds parameters that this version does not know: {', '.join(missing)}")
     chosen = tuple(known[r["name"], r["axis"]] for r in rows)
+    refuse_unsound(rows, chosen, content["covariance"])
     x = np.array([to_si(r["value"], r["unit"]) for r in rows], dtype=float)
     sense = {p.label: 1.0 if readout.angles == DRAWING else _sense(p) for p in chosen}
     sign = np.array([sense[p.label] for p in chosen])
@@ -216,11 +219,15 @@ def _sense(p: Parameter) -> float:
 
 def read(path: Path) -> Calibration:
     """The calibration in a calibration.json. Raises InputError, naming the file, when it cannot be read."""
+    if not path.is_file():
+        raise InputError(f"there is no {path}; give a calibration.json that `gimbalcal calibrate` wrote")
+    if path.stat().st_size > LARGEST:
+        raise InputError(f"{path} has {path.stat().st_size / 1e6:.0f} MB, which no calibration.json has")
     try:
-        return from_dict(json.loads(path.read_text()))
-    except FileNotFoundError:
-        raise InputError(f"there is no {path}; give a calibration.json that `gimbalcal calibrate` wrote") from None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as problem:
+        return from_dict(json.loads(path.read_text(encoding="utf-8")))
+    except InputError as problem:
+        raise InputError(f"{path}: {problem}") from None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as problem:
         raise InputError(
             f"{path} is not a calibration.json written by `gimbalcal calibrate` ({type(problem).__name__}: {problem})"
         ) from None

@@ -36,6 +36,7 @@ from gimbalcal.recording.record import Key
 ANGLE = "gimbal_angle"
 AXES = ("x", "y", "z")
 ROUNDS_BACK = 50  # of readouts from true angles
+REACHED = 1e-6  # of the largest reading, by which what was there may miss it
 ROUNDS = 6  # each multiplies what is left by a product of two errors, below 1e-5
 
 
@@ -72,10 +73,10 @@ def correct(calibration: Calibrated, recording: Recording) -> Recording:
     for _ in range(ROUNDS):  # force and rate enter each other's errors (g-sensitivity, lever arms)
         before = s
         if rate is not None:
-            w, rate_gain = _undone(partial(_rates, s, effects), rate)
+            w, rate_gain = _undone(partial(_rates, s, effects), rate, RATE)
             s = s.at(rate=w)
         if force is not None:
-            f, force_gain = _undone(partial(_forces, s, effects), force)
+            f, force_gain = _undone(partial(_forces, s, effects), force, FORCE)
             s = s.at(force=f)
         if np.array_equal(s.force, before.force) and np.array_equal(s.rate, before.rate):
             break
@@ -89,9 +90,20 @@ def correct(calibration: Calibrated, recording: Recording) -> Recording:
     return replace(made, channels=_added(channels, stood, 1.0))
 
 
-def _undone(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array]:
-    """What was there (n, 3), and its derivative (n, 3, 3) by the readings; one where the law is flat and they stay."""
+def _undone(h: Callable[[Array], Array], y: Array, quantity: str) -> tuple[Array, Array]:
+    """What was there (n, 3), and its derivative (n, 3, 3) by the readings; one where the law is flat and they stay.
+
+    Raises InputError for readings that the calibrated sensors cannot have, whatever is there.
+    """
     f, H, flat = invert(h, y)
+    with np.errstate(over="ignore", invalid="ignore"):
+        missed = np.abs(h(f) - y).max(axis=1)
+    never = np.flatnonzero(~(missed <= REACHED * np.max(np.abs(y), initial=0.0)) & ~flat)
+    if len(never):
+        raise InputError(
+            f"by this calibration no {quantity} reads what row {never[0] + 1} does, nor {len(never) - 1} others: is it "
+            "of this unit, and are its numbers in the units they say?"
+        )
     return f, np.linalg.inv(np.where(flat[:, None, None], np.eye(3), H))
 
 
@@ -156,14 +168,27 @@ def corrupt(calibration: Calibrated, recording: Recording) -> Recording:
     channels = _added(dict(read.channels), stood, -1.0)
     if recording.has(FORCE):
         f = _turned(np.stack([channels[FORCE, a] for a in AXES], axis=-1), stood, -1.0)
-        channels |= _columns(FORCE, accelerometers(f, s, effects))
+        channels |= _columns(FORCE, _read(partial(_forces, s, effects), f, FORCE))
         read = with_noise(read, FORCE, complex_step(partial(_forces, s, effects), f))
         s = s.at(force=f)
     if recording.has(RATE):
         w = _turned(recording.triad(RATE), stood, -1.0)
-        channels |= _columns(RATE, gyroscopes(w, s, effects))
+        channels |= _columns(RATE, _read(partial(_rates, s, effects), w, RATE))
         read = with_noise(read, RATE, complex_step(partial(_rates, s, effects), w))
     return in_counts(replace(read, channels=channels), calibration.readout)
+
+
+def _read(h: Callable[[Array], Array], f: Array, quantity: str) -> Array:
+    """What is read of f (n, 3). Raises InputError where a law has no reading for it."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        y = h(f)
+    never = np.flatnonzero(~np.isfinite(y).all(axis=1))
+    if len(never):
+        raise InputError(
+            f"by this calibration no {quantity} is read of what row {never[0] + 1} holds, nor of {len(never) - 1} "
+            "others: is it of this unit, and are its numbers in the units they say?"
+        )
+    return y
 
 
 def _stood_off(recording: Recording, effects: Sequence[Effect]) -> tuple[Recording, Mount | None]:

@@ -64,7 +64,7 @@ class Store:
         table = self.folder / TABLE
         if not table.is_file() or not (self.folder / SUMMARY).is_file():
             return
-        rows = pl.read_parquet(table)
+        rows = pl.read_parquet(table.absolute(), glob=False)
         present = set(rows["run"].unique().to_list())
         for share in self.shares():
             if not self._part(share).is_file() and present.issuperset(share):
@@ -84,7 +84,7 @@ class Store:
         """Join all shares into campaign.parquet, write campaign.json, and remove the shares."""
         import polars as pl
 
-        rows = pl.concat([pl.read_parquet(self._part(share)) for share in self.shares()])
+        rows = pl.concat([pl.read_parquet(self._part(share).absolute(), glob=False) for share in self.shares()])
         summary: dict[str, Any] = {"format": 1, "identity": self.task.identity, **summarise(rows)}
         with atomic.file(self.folder / TABLE) as path:
             rows.write_parquet(path)

@@ -15,6 +15,8 @@ import click
 
 from gimbalcal import __version__
 from gimbalcal.cli.files import apply, export, import_
+from gimbalcal.cli.history import compare, remember, stored
+from gimbalcal.cli.navigation import budget, navigate
 from gimbalcal.cli.options import COUNT, RECORDINGS, SEED, listed, output_options, progress, show
 from gimbalcal.cli.placing import OVERWRITE, placed
 from gimbalcal.errors import InputError
@@ -62,8 +64,11 @@ def gimbalcal() -> None:
 
 
 gimbalcal.add_command(apply)
+gimbalcal.add_command(compare)
 gimbalcal.add_command(export)
 gimbalcal.add_command(import_)
+gimbalcal.add_command(navigate)
+gimbalcal.add_command(budget)
 
 
 @gimbalcal.command()
@@ -89,15 +94,14 @@ gimbalcal.add_command(import_)
     help="Add an effect of the catalogue to the fit; a constant that is not stated is fitted.",
 )
 @click.option(
-    "--states",
-    default="51",
-    show_default=True,
-    metavar="30|51|EFFECT[:AXIS],...",
+    "--states", default="51", show_default=True, metavar="30|51|EFFECT[:AXIS],...",
     help="systematic: the parameters to estimate beside the nine navigation errors, as a list or by their number.",
-)
+)  # fmt: skip
+@stored
 @output_options("calibration.json and report.html")
 def calibrate(
     recordings: tuple[Path, ...], method: str, terms: str, more: tuple[str, ...], states: str,
+    store: Path | None, unit: str,
     out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Estimate the sensors' errors, with their uncertainty, and say what the data do not show."""
@@ -112,6 +116,7 @@ def calibrate(
             place = out / loaded[0].sensor if k else out  # those beside the first have a folder of their own
             write_calibration(calibration, loaded, place)
             tell(f"wrote {place / 'calibration.json'} and {place / 'report.html'}")
+        remember(store, unit, "calibration", calibration.to_dict())
     content = each[0][0].to_dict()
     if len(each) > 1:
         content["beside"] = {loaded[0].sensor: c.to_dict() for c, loaded in each[1:]}
@@ -126,9 +131,10 @@ def calibrate(
 @click.option("--calibration", "known", type=click.Path(path_type=Path), help="A calibration.json to start from.")
 @click.option("--baseline", default="", help="Comma-separated effects the model holds; what is left out can be found.")
 @click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the simulated threshold.")
+@stored
 @output_options("diagnosis.json and report.html")
 def diagnose(
-    recordings: tuple[Path, ...], known: Path | None, baseline: str, seed: int,
+    recordings: tuple[Path, ...], known: Path | None, baseline: str, seed: int, store: Path | None, unit: str,
     out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Say where the data differ from the model, which physics was left out, and what it changes."""
@@ -146,6 +152,9 @@ def diagnose(
             place = out / loaded[0].sensor if k else out  # those beside the first have a folder of their own
             write_diagnosis(diagnosis, place, " and ".join(dict.fromkeys(r.title for r in loaded)))
             tell(f"wrote {place / 'diagnosis.json'} and {place / 'report.html'}")
+        remember(store, unit, "diagnosis", diagnosis.to_dict())
+        if diagnosis.calibration is not None:
+            remember(store, unit, "calibration", diagnosis.calibration.to_dict())
     content, sentences, checks = told[0].to_dict(), [told[0].in_words], []
     if len(told) > 1:
         content["beside"] = {group[0].sensor: d.to_dict() for group, d in zip(groups[1:], told[1:], strict=True)}

@@ -58,7 +58,7 @@ def progress(quiet: bool) -> Callable[[str], None]:
     return tell
 
 
-def show(result: dict[str, Any], sentence: str, as_json: bool, quiet: bool) -> None:
+def show(result: Any, sentence: str, as_json: bool, quiet: bool) -> None:
     """Print the answer on stdout: the sentence, or the result as JSON with the sentence as progress."""
     if as_json:
         print(json.dumps(result))

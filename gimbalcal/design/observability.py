@@ -178,9 +178,9 @@ def observe_any(
     return observe_static(float(run[1]), np.deg2rad(latitude), noise, candidates=candidates, sample_s=60.0)
 
 
-def static_plan(hours: float, latitude: float, sample_s: float) -> Recording:
-    """Ideal gimbal readouts of a static run, thinned to `STATIC_ROWS` rows that carry the weight of all samples."""
-    platform, time = SPACE_STABLE_INERTIAL, np.linspace(0.0, hours * 3600, STATIC_ROWS)
+def static_plan(hours: float, latitude: float, sample_s: float, rows: int = STATIC_ROWS) -> Recording:
+    """Ideal gimbal readouts of a static run, thinned to so many rows that carry the weight of all samples."""
+    platform, time = SPACE_STABLE_INERTIAL, np.linspace(0.0, hours * 3600, rows)
     readings = {"platform": EARTH_RATE * time, "middle": np.full_like(time, latitude)}
     channels = {("gimbal_angle", a): readings.get(a, np.zeros_like(time)) for a in platform.axis_names}
     weight = np.full(len(time), max(hours * 3600 / sample_s / len(time), 1.0))

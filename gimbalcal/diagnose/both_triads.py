@@ -24,22 +24,21 @@ from gimbalcal.diagnose.answer import VERDICTS, Diagnosis
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
 from gimbalcal.diagnose.rows.baseline import by_triad
 from gimbalcal.diagnose.rows.turns import FEWEST, view_of_turns
-from gimbalcal.diagnose.rows.views import FORCE, RATE, View, rest_rates
+from gimbalcal.diagnose.rows.views import FORCE, RATE, RESTS, View, rest_rates
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.stepwise import course
-from gimbalcal.diagnose.unknown_noise import Told, calibration_of, curves_of, told_of
+from gimbalcal.diagnose.unknown_noise import UNLOOKED, Told, calibration_of, curves_of, found_at_rest, told_of
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition
+from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import ideal_force, stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording, dwell_means
-
-RESTS = 6  # fewer do not tell a pattern of the attitude from chance
 
 
 def has_gyroscopes(recording: Recording) -> bool:
@@ -61,17 +60,13 @@ def diagnose_both_triads(
     asked = recording.has(FORCE) and (mine or not baseline)
     found = diagnose_known_noise(recording, calibration, mine, seed, tell) if asked else None
     if found is not None and ((mine and not gyro) or not recording.has(RATE)):
-        return found[0]
-    made = calibration if found is None or found[0].calibration is None else _accelerometers(found[0].calibration)
-    explained = found is None or found[0].verdict != "unexplained"
-    views, notes = _views(recording, made, gyro, explained)
-    told = []
-    for v in views:
-        tell(f"the gyroscopes: {wording.channels_of(v)}")
-        told.append(told_of(v, course(v, tell), tell))
+        return found
+    made = calibration if found is None or found.calibration is None else _accelerometers(found.calibration)
+    explained = found is None or found.verdict != "unexplained"
+    told, notes = _gyroscopes(recording, made, gyro, explained, tell)
     for note in notes:
         tell(note)
-    return _together(recording, None if found is None else found[0], told, notes, baseline, seed)
+    return _together(recording, found, told, notes, baseline, seed)
 
 
 def _with_rests(recording: Recording) -> Recording:
@@ -87,13 +82,15 @@ def _with_rests(recording: Recording) -> Recording:
 def _accelerometers(made: Calibration) -> Calibration:
     """The accelerometers of a calibration of the forces, without the mount."""
     kept = tuple(e for e in made.effects if e.stage in SENSOR_STAGES and e.channel == FORCE)
-    return replace(made, effects=kept, parameters=(), covariance=np.zeros((0, 0)))
+    at = [i for i, p in enumerate(made.parameters) if p.effect in {e.id for e in kept}]
+    wanted = tuple(made.parameters[i] for i in at)
+    return replace(made, effects=kept, parameters=wanted, covariance=made.covariance[np.ix_(at, at)])
 
 
-def _views(
-    recording: Recording, made: Calibration | None, gyro: Sequence[str], explained: bool
-) -> tuple[list[View], list[str]]:
-    """The views of the gyroscopes, and what cannot be said of them, in sentences."""
+def _gyroscopes(
+    recording: Recording, made: Calibration | None, gyro: Sequence[str], explained: bool, tell: Tell
+) -> tuple[list[Told], list[str]]:
+    """What the views of the gyroscopes say, and what cannot be said of them, in sentences."""
     rests = len(dwell_means(recording).time)
     if rests < RESTS:
         return [], [f"The gyroscopes were not looked at: it takes {RESTS} rests, not {rests}."]
@@ -112,8 +109,16 @@ def _views(
     notes = []
     if turning is None and not gyro:
         why = f"fewer than {FEWEST} turns between rests were logged" if explained else "nothing explains the forces"
-        notes = [f"What grows with the rate of the gyroscopes was not looked at: {why}."]
-    return [replace(still, turns=None), *([turning] if turning else [])], notes
+        notes = [UNLOOKED.format(why=why)]
+
+    def looked(v: View) -> Told:
+        tell(f"the gyroscopes: {wording.channels_of(v)}")
+        return told_of(v, course(v, tell), tell)
+
+    told = [looked(replace(still, turns=None))]
+    if turning and (found := found_at_rest(told[0])):
+        turning = view_of_turns(without_earth(recording), made, found)
+    return [*told, *([looked(turning)] if turning else [])], notes
 
 
 def without_earth(recording: Recording, gyro: Sequence[Effect] = ()) -> Recording:

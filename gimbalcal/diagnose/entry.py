@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.correction import refuse_other_gimbals
@@ -79,19 +80,9 @@ def _sessions(
 ) -> Diagnosis:
     """Sessions of one unit turned by hand: their rests together, and whether they share their constants at all."""
     made = _diagnose(join(recordings), calibration, baseline, seed, tell)
-    tell("holding each session against the others")
-    try:
-        told = unit_of_sessions(recordings, by_triad(baseline)[0] or BASELINE["norm"])
-    except InputError as problem:
-        return replace(made, in_words=f"{made.in_words} Whether the sessions agree cannot be told: {problem}.")
-    words = told.outcome or "The sessions agree on their constants."
-    sessions = told.provenance["options"]["sessions"]
-    return replace(
-        made,
-        in_words=f"{made.in_words} {words[0].upper()}{words[1:].rstrip('.')}.",
-        provenance={**made.provenance, "sessions": sessions},
-        outcome=told.outcome,
-    )
+    terms = by_triad(baseline)[0] or BASELINE["norm"]
+    ask = partial(unit_of_sessions, recordings, terms)
+    return _held_together(made, "session", "agree on their constants", ask, tell)
 
 
 def _nights(
@@ -105,23 +96,31 @@ def _nights(
     made = _diagnose(join(recordings), calibration, baseline, seed, tell)
     if made.calibration is None or sum(len(nights(r)) for r in recordings) == 1:
         return made
-    tell("holding each night against the others")
     held = dict.fromkeys(p.effect for p in made.calibration.parameters)
     terms = tuple(e for e in held if not constants(CATALOGUE[e]))  # the same constants would be sought in every night
+    ask = partial(pointing_calibration, [replace(r, noise={}) for r in recordings], terms)
+    made = _held_together(made, "night", "share their terms", ask, tell)
+    if not made.outcome:
+        return made
+    shape = {"channel": "pointing", "shape": "terms that differ from night to night"}
+    verdict = "unexplained" if made.verdict == "adequate" else made.verdict
+    return replace(made, verdict=verdict, unexplained=(*made.unexplained, shape))
+
+
+def _held_together(made: Diagnosis, each: str, alike: str, ask: Callable[[], Calibration], tell: Tell) -> Diagnosis:
+    """The diagnosis of all together, and what holding `each` of them against the others says beside it."""
+    tell(f"holding each {each} against the others")
     try:
-        told = pointing_calibration([replace(r, noise={}) for r in recordings], terms)
+        told = ask()
     except InputError as problem:
-        return replace(
-            made, in_words=f"{made.in_words} Whether the nights share their terms cannot be told: {problem}."
-        )
-    words = told.outcome or "the nights share their terms."
-    shape = ({"channel": "pointing", "shape": "terms that differ from night to night"},) if told.outcome else ()
+        return replace(made, in_words=f"{made.in_words} Whether the {each}s {alike} cannot be told: {problem}.")
+    words = (told.outcome or f"the {each}s {alike}").rstrip(".")
+    listed = {**told.provenance, **told.provenance.get("options", {})}.get(f"{each}s", [])
     return replace(
         made,
-        verdict="unexplained" if shape and made.verdict == "adequate" else made.verdict,
-        unexplained=(*made.unexplained, *shape),
-        in_words=f"{made.in_words} {words[0].upper()}{words[1:]}",
-        provenance={**made.provenance, "nights": told.provenance.get("nights", [])},
+        in_words=f"{made.in_words} {words[0].upper()}{words[1:]}.",
+        provenance={**made.provenance, f"{each}s": listed},
+        outcome=told.outcome,
     )
 
 
@@ -132,4 +131,4 @@ def _diagnose(
         return diagnose_unknown_noise(recording, calibration, baseline, seed, tell)
     if has_gyroscopes(recording):
         return diagnose_both_triads(recording, calibration, baseline, seed, tell)
-    return diagnose_known_noise(recording, calibration, baseline, seed, tell)[0]
+    return diagnose_known_noise(recording, calibration, baseline, seed, tell)

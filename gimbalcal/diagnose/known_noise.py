@@ -41,15 +41,15 @@ from gimbalcal.units import from_si
 
 def diagnose_known_noise(
     recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
-) -> tuple[Diagnosis, Search, Decision]:
-    """What was left out of the model of a recording whose attitude and noise are known, and how that was found."""
+) -> Diagnosis:
+    """What was left out of the model of a recording whose attitude and noise are known."""
     rng = np.random.default_rng(seed)
     ids = tuple(baseline) or BASELINE.get(recording.kind, ())
     s = searched(recording, calibration, ids, tell)
     tell("sending simulated clean recordings of this design through the same comparison")
     clean = clean_evidence(s, rng)
     d = decide(s, bar(clean))
-    return _report(s, d, clean, rng, {"baseline": list(ids), "seed": seed}, tell, calibration), s, d
+    return _report(s, d, clean, rng, {"baseline": list(ids), "seed": seed}, tell, calibration)
 
 
 def searched(recording: Recording, calibration: Calibration | None, baseline: tuple[str, ...], tell: Tell) -> Search:

@@ -26,6 +26,7 @@ from gimbalcal.diagnose.search.stepwise import Course, course, refined
 from gimbalcal.diagnose.verdict.calibrated_views import Seen, calibrated_views
 from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding, sizes
 from gimbalcal.diagnose.verdict.locate_unknown_noise import mismatches
+from gimbalcal.effects import Effect
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
@@ -33,7 +34,6 @@ from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 
 LEFT_OUT = 10  # s: rows of a table closer than this are left out together, the table moves as slowly
-UNOBSERVABLE = 0.01  # of the prior sigma: a parameter that is nearer to its prior than this is unobservable
 
 
 def applies(recording: Recording) -> bool:
@@ -45,35 +45,67 @@ def diagnose_unknown_noise(
     recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
 ) -> Diagnosis:
     """What was left out of the models of such a recording."""
-    told = [told_of(v, course(v, tell), tell) for v in views(recording, calibration, baseline, tell)]
+    if recording.kind in ("pointing", "rotation"):
+        v = alone(recording, calibration, baseline)
+        told, notes = [told_of(v, course(v, tell), tell)], list[str]()
+    else:
+        told, notes = of_triads(recording, calibration, baseline, tell)
     if not told:
         raise InputError(
             f"{recording.title!r} leaves nothing to compare: at rest it takes {FORCE} along x, y and z, and "
             f"{RATE} in a unit with a scale for the gyroscopes"
         )
-    return _together(recording, told, baseline, seed)
+    return _together(recording, told, notes, baseline, seed)
 
 
-def views(
-    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell
-) -> tuple[View, ...]:
-    """The views of a recording; a baseline of gyroscope effects alone asks for the gyroscopes alone, and so on."""
-    if recording.kind == "pointing":  # every term is fitted anew: a calibration says which the model holds
-        held = tuple(dict.fromkeys(p.effect for p in calibration.parameters)) if calibration else ()
-        return (pointing(recording, baseline or held),)
+def alone(recording: Recording, calibration: Calibration | None, baseline: Sequence[str]) -> View:
+    """The one view of a pointing run or of a tilting table."""
     if recording.kind == "rotation":
-        return (table(recording, baseline),)
+        return table(recording, baseline)
+    # every term is fitted anew: a calibration says which the model holds
+    held = tuple(dict.fromkeys(p.effect for p in calibration.parameters)) if calibration else ()
+    return pointing(recording, baseline or held)
+
+
+def of_triads(
+    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell
+) -> tuple[list[Told], list[str]]:
+    """What the views of a unit turned by hand say, one after the other, and notes on what was not looked at.
+
+    The gyroscopes are held against accelerometers with what was found there: both triads are one model. A baseline of
+    gyroscope effects alone asks for the gyroscopes alone, and so on.
+    """
     mine, gyro = by_triad(baseline)
-    out = [norm(recording, mine)] if recording.has(FORCE) and (mine or not baseline) else []
-    if recording.has(RATE) and recording.has(FORCE) and (gyro or not baseline):
-        at_rest = rest_rates(recording, gyro, calibration)
-        if at_rest is None:
-            tell("the gyroscopes count and no turn says how much a count is: they are left out")
-        else:
-            out.append(at_rest)
-            moving = view_of_turns(recording, calibration)
-            out += [moving] if moving is not None and not gyro else []
-    return tuple(out)
+    told: list[Told] = []
+    if recording.has(FORCE) and (mine or not baseline):
+        v = norm(recording, mine)
+        told.append(told_of(v, course(v, tell), tell))
+    if not (recording.has(RATE) and recording.has(FORCE) and (gyro or not baseline)):
+        return told, []
+    made = calibration_of(recording, told, "") if told else calibration
+    at_rest = rest_rates(recording, gyro, made)
+    if at_rest is None:
+        note = "The gyroscopes were not looked at: they count, and no turn says how much a count is."
+        tell(note)
+        return told, [note]
+    still = told_of(at_rest, course(at_rest, tell), tell)
+    told.append(still)
+    if gyro:
+        return told, []
+    if told[0].verdict == "unexplained" and told[0] is not still:
+        return told, [UNLOOKED.format(why="nothing explains the forces")]
+    moving = view_of_turns(recording, made, found_at_rest(still))
+    if moving is not None:
+        told.append(told_of(moving, course(moving, tell), tell))
+    return told, []
+
+
+UNLOOKED = "What grows with the rate of the gyroscopes was not looked at: {why}."
+
+
+def found_at_rest(still: Told) -> tuple[Effect, ...]:
+    """The model of the rests where something beyond the baseline was found; nothing where the neighbours tell more."""
+    return still.model.effects if still.findings else ()
 
 
 @dataclass(frozen=True)
@@ -201,7 +233,9 @@ def moved(before: Model, after: Model) -> list[dict[str, Any]]:
     return sorted(out, key=lambda row: -abs(row["in_sigmas"]))
 
 
-def _together(recording: Recording, told: Sequence[Told], baseline: Sequence[str], seed: int) -> Diagnosis:
+def _together(
+    recording: Recording, told: Sequence[Told], notes: Sequence[str], baseline: Sequence[str], seed: int
+) -> Diagnosis:
     lead = max(told, key=lambda t: VERDICTS.index(t.verdict))
     verdict = lead.verdict
     fit = dict(lead.fit)
@@ -215,8 +249,10 @@ def _together(recording: Recording, told: Sequence[Told], baseline: Sequence[str
         "recordings": recording.files,
         "options": {"baseline": list(baseline) or [i for t in told for i in t.view.baseline], "seed": seed},
         "views": [t.view.name for t in told],
+        **({"notes": list(notes)} if notes else {}),
     }
     words = wording.answer_of_views(verdict, [(t.view, t.fit, t.findings) for t in told], shapes, mismatch)
+    words = " ".join([words, *notes])
     made = calibration_of(recording, told, wording.reserve(verdict, found, shapes))
     return Diagnosis(verdict, mismatch, found, shapes, fit, provenance, words, curves_of(lead), made)
 

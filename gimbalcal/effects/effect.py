@@ -15,7 +15,7 @@ from typing import Any, ClassVar, TypeVar, dataclass_transform
 
 import numpy as np
 
-from gimbalcal.effects.history import Dynamics
+from gimbalcal.effects.history import Dynamics, slope
 from gimbalcal.number import Array
 from gimbalcal.units import to_si
 
@@ -109,6 +109,7 @@ class Stimulus:
     sense: tuple[int, ...] = ()  # of each readout against the platform's drawing, 1 or -1; all 1 where it is not said
     attitude: Array | None = None  # C_np (n, 3, 3) of the perfect platform
     load: Array | None = None  # (n, k, 3) unit gravity in the frame that turns with gimbal i
+    rate_slope: Array | None = None  # (n, 3) rad/s^2, d(rate)/dt where it is known; else the rows' differences tell it
 
     def at(self, **changes: Any) -> Stimulus:
         """The same stimulus with some arrays replaced."""
@@ -128,6 +129,10 @@ class Stimulus:
         if quantity == "angular_rate":
             return bool(np.any(self.rate))
         return getattr(self, quantity) is not None
+
+    def turning_faster(self) -> Array:
+        """Angular acceleration (n, 3) [rad/s^2] of the sensor block."""
+        return slope(self.rate, self.time, self.visit) if self.rate_slope is None else self.rate_slope
 
     def temperature_excess(self) -> Array:
         """T - T0 (n,) [degC]. Raises ValueError where temperature was not recorded."""

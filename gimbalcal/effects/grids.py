@@ -14,7 +14,8 @@ ORDERS = 12  # whole numbers that are all tried; of more, `VALUES`
 SCANNED = 700  # whole numbers at the most
 INSTANTS = 50  # of a recording in which nothing moves
 SAME_ANGLE = 0.02  # rad; settings of a gimbal nearer than this are one
-NEARLY = 0.1  # of an order, by which readouts of equal steps may differ
+PLACES = 16384  # of a turn, in which a gimbal stands or not: 0.4 mrad
+APART, COINCIDE = 0.5, 0.9  # of the settings that are in phase: as many as tell an order from none, or do not
 
 Constant = dataclasses.Field[float]
 
@@ -77,29 +78,26 @@ def periods(usual: float, low: float, high: float, duration: float) -> Array:
 
 
 def highest_order(s: Stimulus) -> float:
-    r"""The highest harmonic of an angle that settings tell from lower ones: below that of Nyquist.
+    r"""The highest harmonic of an angle that settings tell from lower ones: below half the order at which they alias.
 
-    .. math:: m < \pi / \Delta\theta
+    .. math:: m < M / 2, \qquad \left| \frac{1}{n} \sum_k e^{i M \theta_k} \right| > 0.9
 
-    with the smallest step between two settings of one gimbal: three where all stand on multiples of 45 degrees.
+    with M the first order at which all settings of a gimbal coincide again: three where all stand on multiples of 45
+    degrees. Settings that stand on no common step, as stars do, tell every order.
     """
-    return max((float(np.ceil(np.pi / _step(angle) - NEARLY)) - 1 for angle in s.readout.T), default=0.0)
+    return max((_aliases(angle) for angle in s.readout.T), default=0.0)
 
 
-def _step(angle: Array) -> float:
-    """Smallest step [rad] between settings of a gimbal that reads `angle` (n,); where it sweeps, the smallest told."""
-    read = np.unique(np.mod(angle, 2 * np.pi))
-    gaps = np.diff(np.append(read, read[0] + 2 * np.pi))
-    apart = np.flatnonzero(gaps > SAME_ANGLE)
+def _aliases(angle: Array) -> float:
+    """The highest order told by a gimbal that reads `angle` (n,), by the spectrum of where it stood; 0 if it stood."""
+    stood = np.zeros(PLACES)
+    stood[np.unique(np.round(np.mod(angle, 2 * np.pi) / (2 * np.pi) * PLACES).astype(int) % PLACES)] = 1.0
+    spectrum = np.abs(np.fft.rfft(stood)) / stood.sum()
+    apart = np.flatnonzero(spectrum[: PLACES // 4] < APART)
     if not len(apart):
-        return SAME_ANGLE
-    gaps = np.roll(gaps, -apart[0] - 1)  # from the first setting beyond a gap, round to that gap
-    along = np.concatenate([[0.0], np.cumsum(gaps[:-1])])
-    groups = np.split(along, np.flatnonzero(gaps[:-1] > SAME_ANGLE) + 1)
-    if max(np.ptp(g) for g in groups) > 2 * SAME_ANGLE:
-        return SAME_ANGLE
-    middle = np.array([g.mean() for g in groups])
-    return float(np.diff(np.append(middle, middle[0] + 2 * np.pi)).min())
+        return 0.0
+    again = np.flatnonzero(spectrum[apart[0] : PLACES // 4] > COINCIDE)
+    return float(np.ceil((apart[0] + again[0]) / 2) - 1) if len(again) else PLACES / 8
 
 
 def resolved(f: Constant, s: Stimulus) -> Array:

@@ -30,7 +30,7 @@ class LeverArm(Effect):
     def contribution(self, s: Stimulus) -> Array:
         """Force added along the input axes [m/s^2]."""
         r = np.asarray(self.r) + 0 * s.rate
-        return np.cross(slope(s.rate, s.time, s.visit), r) + np.cross(s.rate, np.cross(s.rate, r))
+        return np.cross(s.turning_faster(), r) + np.cross(s.rate, np.cross(s.rate, r))
 
 
 @effect
@@ -53,7 +53,7 @@ class AccelerometerLeverArm(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Force added along the input axes [m/s^2]."""
-        turn = slope(s.rate, s.time, s.visit)
+        turn = s.turning_faster()
         arms = np.reshape(self.r, (3, 3))
         felt = [np.cross(turn, a + 0 * turn) + np.cross(s.rate, np.cross(s.rate, a + 0 * turn)) for a in arms]
         return np.stack([felt[i][..., i] for i in range(3)], axis=-1)

@@ -21,6 +21,7 @@ from gimbalcal.effects.gyroscope import of_rate_matrix, rate_matrix
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.account import joined
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.accelerometers.strays import strays_in_words, without_strays
 from gimbalcal.estimate.added import Added
 from gimbalcal.estimate.gyroscopes.between_rests import gyroscopes_between_rests
 from gimbalcal.estimate.gyroscopes.inter_triad import InterTriad, from_turns, triad_rotation
@@ -46,6 +47,18 @@ def inertial_unit(recording: Recording, terms: Sequence[str] = (), more: Sequenc
         if more:
             raise InputError(f"--with {more[0].effect}: gyroscopes alone, from revolutions, take no further effect")
         return gyroscopes_from_revolutions(recording)
+    recording, odd = without_strays(recording)
+    made = _both(recording, terms, more)
+    told = {**made.provenance.get("options", {}), "left_out": [s.position for s in odd]}
+    return replace(
+        made,
+        outcome=joined([*strays_in_words(odd), *filter(None, [made.outcome])]),
+        provenance={**made.provenance, "options": told if odd else made.provenance.get("options", {})},
+    )
+
+
+def _both(recording: Recording, terms: Sequence[str], more: Sequence[Added]) -> Calibration:
+    """Accelerometers, and gyroscopes where the turns suffice."""
     turning = tuple(a for a in more if CATALOGUE[a.effect].stage in GYROSCOPE_STAGES)
     of_rate = tuple(t for t in terms if t in CATALOGUE and CATALOGUE[t].stage in GYROSCOPE_STAGES)
     made = multiposition(

@@ -68,13 +68,14 @@ def _frame(path: Path, separator: str, skip: int, named: bool) -> pl.DataFrame:
     """Every cell as text, the blanks around names gone."""
     import polars as pl
 
-    source: Path | bytes = path
+    source: Path | bytes = path.absolute()  # as it stands: `~` and `*` are letters like others
     if separator == " ":  # columns are often lined up by more than one blank
         lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()[skip:]
         source, skip = "\n".join(" ".join(line.split()) for line in lines if line.split()).encode(), 0
     try:
         frame = pl.read_csv(
             source, separator=separator, skip_lines=skip, comment_prefix="#", infer_schema=False, has_header=named,
+            glob=False,
         )  # fmt: skip
     except pl.exceptions.PolarsError as error:
         raise InputError(f"{path} cannot be read as a table: {str(error).splitlines()[0]}") from None

@@ -21,6 +21,7 @@ from gimbalcal.units import from_si
 
 FAINT = 1e-3  # signal-to-noise below which a direction is not faint but absent: rounding of the Jacobian
 SEEN = 1.0  # singular value below which the prior knows more than the data
+AT_PRIOR = 0.01  # of the prior sigma: an estimate that is nearer than this to its prior, in value and sigma, is it
 
 
 @dataclass(frozen=True)
@@ -108,6 +109,12 @@ def solve(info: Information, seen: float = SEEN) -> Solution:
         info.parameters, x * scale, covariance * np.outer(scale, scale), unobservable, residual,
         info.count - int(keep.sum()),
     )  # fmt: skip
+
+
+def keeps_prior(parameters: Sequence[Parameter], x: Array, sigma: Array) -> Array:
+    """Whether each parameter, with estimate (p,) and sigma (p,) in SI, is as its prior has it: no row says anything."""
+    prior = np.array([q.sigma for q in parameters])
+    return np.asarray((np.abs(sigma / prior - 1) < AT_PRIOR) & (np.abs(x) < AT_PRIOR * prior))
 
 
 def name_directions(null: Array, parameters: Sequence[Parameter], R: Array) -> tuple[Unobservable, ...]:

@@ -118,7 +118,7 @@ def _scan(path: Path, names: Sequence[str]) -> pl.LazyFrame:
     import polars as pl
 
     if path.suffix == ".parquet":
-        return pl.scan_parquet(path)
+        return pl.scan_parquet(path.absolute(), glob=False)
     if path.stat().st_size == 0:
         raise pl.exceptions.NoDataError
     # Every dtype is given: a guess from the first rows fails at the first 0.5 below a column of integers.
@@ -127,13 +127,19 @@ def _scan(path: Path, names: Sequence[str]) -> pl.LazyFrame:
         heading(path, names),
     )
     text = any(cell != cell.strip() or is_date(cell) for cells in head[named:] for cell in cells)
-    there = pl.scan_csv(path, comment_prefix="#", infer_schema=False, has_header=named).collect_schema().names()
+    there = (
+        pl.scan_csv(path.absolute(), comment_prefix="#", infer_schema=False, has_header=named, glob=False)
+        .collect_schema()
+        .names()
+    )
     if len(set(present)) < len(there) or len(present) != len(there):
         present = there
     types = {
         old: pl.Float64 if name in names and not text else pl.String for old, name in zip(there, present, strict=True)
     }
-    lazy = pl.scan_csv(path, comment_prefix="#", schema=types, null_values=list(EMPTY), has_header=named)
+    lazy = pl.scan_csv(
+        path.absolute(), comment_prefix="#", schema=types, null_values=list(EMPTY), has_header=named, glob=False
+    )
     changed = {old: name for old, name in zip(there, present, strict=True) if old != name}
     return lazy.rename(changed) if changed else lazy
 
@@ -154,7 +160,7 @@ def _dated(path: Path, clock: Column, kind: pl.DataType, named: bool) -> bool:
 
     first = ""
     if path.suffix == ".parquet" and kind == pl.String:
-        head = pl.scan_parquet(path).select(clock.name).head(1).collect()
+        head = pl.scan_parquet(path.absolute(), glob=False).select(clock.name).head(1).collect()
         first = str(head.item()) if head.height else ""
     elif path.suffix != ".parquet":
         present = heading(path, [clock.name])[1]

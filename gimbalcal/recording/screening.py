@@ -53,6 +53,7 @@ class Screen:
         self.clock, self.position = clock, position
         self.sensors = [c for c in header.columns if c.quantity in ("specific_force", "angular_rate")]
         self.angles = [c for c in header.columns if c.quantity == "gimbal_angle"]
+        self.weights = [c for c in header.columns if c.quantity == "weight"]
         if header.kind == "static-run":  # the readings of the run go on and on; at a position they may well stand still
             self.sensors += [c for c in header.columns if c.quantity == "attitude_error"]
         # gimbals that must not stand still once they have moved
@@ -77,6 +78,8 @@ class Screen:
                 sound = np.dot(x, x) < LARGEST**2  # a NaN is not
             if not sound:
                 self._finite(name, x)
+        for each in self.weights:
+            self._positive(each.name, batch[each.name])
         begins = self._time(batch[self.clock.name])
         if self.position is not None:
             begins |= self._positions(batch[self.position.name])
@@ -104,6 +107,14 @@ class Screen:
             where = self._place(self.n + int(bad[0]))
             raise InputError(
                 f"{where}, column {name}: the value is empty or not a finite number{more}; leave such rows out"
+            )
+
+    def _positive(self, name: str, x: Array) -> None:
+        none = np.flatnonzero(~(x > 0))
+        if len(none):
+            raise InputError(
+                f"{self._place(self.n + int(none[0]))}, column {name}: a weight says of how many samples a row is the "
+                f"mean, and is more than 0; got {x[none[0]]:g}, so leave such rows out"
             )
 
     def _time(self, t: Array) -> Array:

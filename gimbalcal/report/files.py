@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from gimbalcal.atomic import write, write_json
+from gimbalcal.atomic import file, write, write_json
 
 if TYPE_CHECKING:
     from gimbalcal.calibration import Calibration
+    from gimbalcal.design.budget import Budget
     from gimbalcal.diagnose import Diagnosis
+    from gimbalcal.navigate.static_run import Navigated
     from gimbalcal.recording import Recording
 
 
@@ -35,4 +37,37 @@ def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "") -> None:
     write_json(out / "diagnosis.json", diagnosis.to_dict())
     if diagnosis.calibration is not None:
         diagnosis.calibration.write(out / "calibration.json")
+    write(out / "report.html", page)
+
+
+def write_navigation(content: Mapping[str, Any], runs: Sequence[Navigated], title: str, out: Path) -> None:
+    """navigation.json and report.html into `out`."""
+    from gimbalcal.report.navigation_page import navigation_report
+
+    page = navigation_report(content, runs, title)
+    write_json(out / "navigation.json", content)
+    write(out / "report.html", page)
+
+
+def write_comparison(content: Mapping[str, Any], diagnoses: Sequence[tuple[str, str]], out: Path) -> None:
+    """compare.json, report.html and all values as history.csv and history.parquet into `out`."""
+    import polars as pl
+
+    from gimbalcal.history.compare import flat
+    from gimbalcal.report.history import history_report
+
+    page, rows = history_report(content, diagnoses), pl.DataFrame(flat(content))
+    write_json(out / "compare.json", content)
+    write(out / "history.csv", rows.write_csv())
+    with file(out / "history.parquet") as path:
+        rows.write_parquet(path)
+    write(out / "report.html", page)
+
+
+def write_budget(made: Budget, out: Path) -> None:
+    """budget.json and report.html into `out`."""
+    from gimbalcal.report.budget_page import budget_report
+
+    page = budget_report(made)
+    write_json(out / "budget.json", made.to_list())
     write(out / "report.html", page)

@@ -229,12 +229,14 @@ def why_in_words(unobservable: Mapping[str, Any]) -> str:
 
 
 def typeset(text: str) -> str:
-    """Powers, arrows and micro-g of a plain sentence as they are printed.
+    """Powers, arrows, sigmas and micro-g of a plain sentence as they are printed.
 
-    >>> typeset("0.0016 -> 0.0059 m/s^2")
-    '0.0016 → 0.0059 m/s²'
+    >>> typeset("0.0016 -> 0.0059 m/s^2"), typeset("by +3 +- 0.2 ug")
+    ('0.0016 → 0.0059 m/s²', 'by +3 ± 0.2 µg')
     """
-    text = text.replace("^2", "²").replace("^3", "³").replace(" -> ", " → ").replace(" degC", " °C")
+    text = (
+        text.replace(" +- ", " ± ").replace("^2", "²").replace("^3", "³").replace(" -> ", " → ").replace(" degC", " °C")
+    )
     return re.sub(r"\bug\b", "µg", text)
 
 

@@ -8,6 +8,8 @@ from gimbalcal.schedule.published import (
     FIFTEEN_POSITIONS,
     SCHEDULES,
 )
+from gimbalcal.schedule.rotation import Move, RotationSchedule
+from gimbalcal.schedule.rotations import ROTATIONS
 from gimbalcal.schedule.schedule import Hold, Schedule
 
 __all__ = [
@@ -16,7 +18,10 @@ __all__ = [
     "FACE_POSITIONS",
     "FIFTEEN_ANGLES",
     "FIFTEEN_POSITIONS",
+    "ROTATIONS",
     "SCHEDULES",
     "Hold",
+    "Move",
+    "RotationSchedule",
     "Schedule",
 ]

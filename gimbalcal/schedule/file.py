@@ -1,6 +1,7 @@
 """`schedule.toml`: a schedule as a file that `design` writes, `observe` reads and a scenario can take over.
 
-Its [platform] and [schedule] tables are those of a scenario: angles in degrees by axis, one line per hold.
+Of positions, its [platform] and [schedule] tables are those of a scenario: angles in degrees by axis, one line per
+hold. With ``kind = "rotation"`` it holds the start, the rate, ramp and stop, and [[moves]], each number with its unit.
 """
 
 from __future__ import annotations
@@ -10,10 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, alternatives, amount
 from gimbalcal.platform import KNOWN, Platform
 from gimbalcal.recording.document import Document
-from gimbalcal.schedule import SCHEDULES, Hold, Schedule
+from gimbalcal.schedule.published import SCHEDULES
+from gimbalcal.schedule.rotation import BODY, DIRECTIONS, TABLE, Move, RotationSchedule
+from gimbalcal.schedule.rotations import ROTATIONS
+from gimbalcal.schedule.schedule import Hold, Schedule
+from gimbalcal.units import from_si
 
 
 def schedule_toml(schedule: Schedule) -> str:
@@ -45,9 +50,9 @@ def read_schedule(name: str | Path) -> Schedule:
     path = Path(name)
     if str(name) in SCHEDULES:
         return SCHEDULES[str(name)]
-    if not path.is_file():
-        raise InputError(f"{name} is no file and no published schedule; those are {', '.join(SCHEDULES)}")
-    document = Document(path)
+    if is_rotation(name):
+        raise InputError(f"{name} is a schedule of turns, and one of positions is wanted here")
+    document = _document(path)
     platform = _platform(document)
     table = document.table("schedule")
     document.only("schedule", ("dwell", "slew_rate", "holds"), table)
@@ -60,6 +65,108 @@ def read_schedule(name: str | Path) -> Schedule:
     return Schedule(str(document.content.get("title", path.stem)), platform, made, rate)
 
 
+def _document(path: Path) -> Document:
+    if not path.is_file():
+        known = ", ".join([*SCHEDULES, *ROTATIONS])
+        raise InputError(f"{path} is no file and no published schedule; those are {known}")
+    return Document(path)
+
+
+def is_rotation(name: str | Path) -> bool:
+    """Whether a published name or a file is a schedule of turns and stops, not of positions."""
+    if str(name) in ROTATIONS:
+        return True
+    if str(name) in SCHEDULES or not Path(name).is_file():
+        return False
+    return bool(Document(Path(name)).content.get("kind") == "rotation")
+
+
+def rotation_toml(schedule: RotationSchedule) -> str:
+    """The text of a schedule.toml of kind rotation; angles and rates are written to 1e-9 deg."""
+
+    def number(value: float, unit: str) -> str:
+        return f'{{ value = {round(float(from_si(value, unit)), 9) + 0.0!r}, unit = "{unit}" }}'
+
+    x, y, z = schedule.start
+    lines = ["format = 1", 'kind = "rotation"', f'title = "{schedule.name}"']
+    lines += [f'start = {{ x = "{x}", y = "{y}", z = "{z}" }}', f"rate = {number(schedule.rate, 'deg/s')}"]
+    lines += [f"ramp = {number(schedule.ramp, 's')}", f"stop = {number(schedule.stop, 's')}"]
+    lines += [f'outer = "{schedule.outer}"'] if schedule.outer else []
+    lines += [f'inner = "{schedule.inner}"'] if schedule.inner != "z" else []
+    for move in schedule.moves:
+        lines += ["", "[[moves]]", f'axis = "{move.axis}"', f"angle = {number(move.angle, 'deg')}"]
+        lines += [f"rate = {number(move.rate, 'deg/s')}"] if move.rate is not None else []
+        lines += [f"stop = {number(move.stop, 's')}"] if move.stop is not None else []
+    return "\n".join(lines) + "\n"
+
+
+def read_rotation(name: str | Path) -> RotationSchedule:
+    """A published schedule of turns by its name, or the one in a schedule.toml. Raises InputError, naming the line."""
+    if str(name) in ROTATIONS:
+        return ROTATIONS[str(name)]
+    document = _document(Path(name))
+    content = document.content
+    document.only("", ("format", "kind", "title", "start", "rate", "ramp", "stop", "outer", "inner", "moves"), content)
+    if content.get("kind") != "rotation":
+        raise InputError(f'{name}: a schedule of turns says kind = "rotation"')
+    if not isinstance(content.get("moves"), list) or not content["moves"]:
+        raise InputError(f"{name}: a schedule of turns needs [[moves]], one for each turn")
+    rate = _above_zero(document, "", "rate", content, "angular_rate", float(np.deg2rad(10.0)))
+    moves = tuple(_move(document, i, entry) for i, entry in enumerate(content["moves"], start=1))
+    inner, outer = content.get("inner", "z"), content.get("outer", "")
+    if inner not in BODY or (outer and outer not in DIRECTIONS):
+        raise InputError(
+            f"{document.where('', 'outer' if inner in BODY else 'inner')}: inner is x, y or z of the unit, and outer "
+            f"one of {alternatives(list(DIRECTIONS))}"
+        )
+    ramp = _number(document, content, "ramp", "time", 1.0, "")
+    stop = _above_zero(document, "", "stop", content, "time", 100.0)
+    if ramp < 0:
+        raise InputError(f"{document.where('', 'ramp')}: the ramp takes time, got {ramp:g} s; write 0 s for none")
+    title = str(content.get("title", Path(name).stem))
+    start = _start(document, content.get("start", {}))
+    try:
+        return RotationSchedule(title, start, moves, rate, ramp, stop, outer, inner)
+    except ValueError as error:
+        raise InputError(f"{document.where('', 'start')}: {error}") from None
+
+
+def _start(document: Document, entry: Any) -> tuple[str, str, str]:
+    where = document.where("", "start")
+    if not isinstance(entry, dict) or set(entry) != set(BODY):
+        raise InputError(f'{where}: say where the axes point, start = {{ x = "east", y = "north", z = "up" }}')
+    for axis in BODY:
+        if entry[axis] not in DIRECTIONS:
+            raise InputError(f"{where}: {axis} points to {entry[axis]!r}; write {alternatives(list(DIRECTIONS))}")
+    return (str(entry["x"]), str(entry["y"]), str(entry["z"]))
+
+
+def _move(document: Document, number: int, entry: Any) -> Move:
+    where = f"{document.where('moves')}, move {number}"
+    document.only("moves", ("axis", "angle", "rate", "stop"), entry)
+    if entry.get("axis") not in (*BODY, *TABLE):
+        raise InputError(f"{where}: the axis is {alternatives([*BODY, *TABLE])}, got {entry.get('axis')!r}")
+    if "angle" not in entry:
+        raise InputError(f'{where}: write how far it turns, angle = {{ value = 90, unit = "deg" }}')
+    angle = document.number("moves", "angle", entry["angle"], "angle")
+    if angle == 0.0:
+        raise InputError(f"{where}: a turn by nothing; leave it out, or write its angle")
+    rate = _above_zero(document, "moves", "rate", entry, "angular_rate", 0.0) or None
+    stop = _number(document, entry, "stop", "time", 0.0, "moves") if "stop" in entry else None
+    if stop is not None and stop < 0:
+        raise InputError(f"{where}: a stop takes time, got {stop:g} s")
+    return Move(entry["axis"], angle, rate, stop)
+
+
+def _above_zero(
+    document: Document, table: str, key: str, content: dict[str, Any], quantity: str, default: float
+) -> float:
+    value = _number(document, content, key, quantity, default, table)
+    if key in content and not value > 0:
+        raise InputError(f"{document.where(table, key)}: {key} must be above zero, got {value:g} in SI")
+    return value
+
+
 def _platform(document: Document) -> Platform:
     name = document.table("platform").get("name", "space-stable")
     if name not in KNOWN:
@@ -68,8 +175,10 @@ def _platform(document: Document) -> Platform:
     return KNOWN[name]
 
 
-def _number(document: Document, table: dict[str, Any], key: str, quantity: str, default: float) -> float:
-    return document.number("schedule", key, table[key], quantity) if key in table else default
+def _number(
+    document: Document, table: dict[str, Any], key: str, quantity: str, default: float, heading: str = "schedule"
+) -> float:
+    return document.number(heading, key, table[key], quantity) if key in table else default
 
 
 def _hold(document: Document, platform: Platform, number: int, hold: Any, duration: float) -> Hold:

@@ -58,9 +58,9 @@ def _write_blocks(run: Run, made: Path, samples: str, tell: Callable[[str], None
         names, rows = [], 0
         for i, block in enumerate(blocks(run)):
             part = write(block, Path(parts) / f"part{i}", samples)
-            names.append(part / samples)
+            names.append((part / samples).absolute())
             if tell is not None:
                 rows += len(block.time)
                 tell(f"simulated {rows} of {len(run.time)} rows")
         (names[0].parent / NAME).replace(made / NAME)
-        pl.scan_parquet(names).sink_parquet(made / samples)
+        pl.scan_parquet(names, glob=False).sink_parquet(made / samples)

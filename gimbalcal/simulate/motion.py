@@ -13,6 +13,8 @@ from gimbalcal.platform import Platform, known
 from gimbalcal.schedule import SCHEDULES, Hold, Schedule
 from gimbalcal.simulate.scenario import Faults, Motion, Scenario
 
+SLEW_RATE = float(np.deg2rad(6.0))  # rad/s, of a table or platform from hold to hold
+
 
 @dataclass(frozen=True)
 class Timetable:
@@ -94,7 +96,7 @@ def timetable(schedule: Schedule, motion: Motion, faults: Faults, ramp: float = 
     holds = list(schedule.holds) * motion.sweeps
     told = np.tile(schedule.angles, (motion.sweeps, 1))
     dwell = np.array([motion.dwell or hold.duration for hold in holds])
-    turn = np.abs(np.diff(told, axis=0)).max(axis=1, initial=0.0) / motion.slew_rate
+    turn = np.abs(np.diff(told, axis=0)).max(axis=1, initial=0.0) / (motion.slew_rate or SLEW_RATE)
     turn = np.maximum(turn, ramp) + ramp + motion.settle  # a short turn does not come to speed
     start = np.concatenate([[0.0], np.cumsum(dwell[:-1] + turn)])
     position = np.tile(np.arange(1, len(schedule.holds) + 1), motion.sweeps)

@@ -12,31 +12,25 @@ import numpy as np
 from gimbalcal.earth import G0, normal_gravity
 from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.effects.effect import lacking
-from gimbalcal.effects.process import (
-    Flicker,
-    GaussMarkov,
-    Process,
-    Quantisation,
-    RandomWalk,
-    SettingError,
-    WhiteNoise,
-    sample,
-)
+from gimbalcal.effects.process import Quantisation
 from gimbalcal.errors import InputError
 from gimbalcal.forward import predict, turning
-from gimbalcal.inference.noise import Noise, one_sigma
+from gimbalcal.inference.noise import one_sigma
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
-from gimbalcal.platform import Platform
-from gimbalcal.recording import SENSORS, Recording, Site
+from gimbalcal.platform import BENCH, Platform
+from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.record import Key
+from gimbalcal.schedule.trajectory import Trajectory
+from gimbalcal.simulate.environment import course
 from gimbalcal.simulate.motion import Timetable, planned, platform_of, sidereal, timetable
-from gimbalcal.simulate.scenario import History, Scenario, check_content, load
+from gimbalcal.simulate.noise import coloured, noises, of_rates, stated
+from gimbalcal.simulate.scenario import Scenario, check_content, load
 from gimbalcal.simulate.truth import true_effects
+from gimbalcal.simulate.turned import flown, nodes, stimulus
 
 BLOCK = 1 << 17  # rows made at once: some 100 MB of work space; fixed, so that a seed means the same rows everywhere
 PAST_STEP = 60.0  # s between the earlier rows that effects with a memory are given; the lag and integral are exact
-GRID = 60.0  # s between the knots of a random temperature
 ATTITUDE = ("roll", "pitch", "yaw")
 
 
@@ -54,29 +48,35 @@ class Run:
     environment: dict[Key, Callable[[Array], Array]]
     read: tuple[str, ...]
     seed: int
+    path: Trajectory | None = None  # of a unit that a schedule turns
 
 
 def prepare(scenario: Scenario, seed: int | None = None) -> Run:
     """Draw the truth and lay out the rows; `seed` instead of the scenario's own."""
     seed = scenario.seed if seed is None else seed
     truth_rng, setting_rng, weather_rng = np.random.default_rng([seed, 0]).spawn(3)
-    platform, site = platform_of(scenario), _site(scenario)
-    table = None
-    if scenario.kind != "static-run":
+    site, turns = _site(scenario), scenario.schedule.turns
+    platform = BENCH if turns else platform_of(scenario)
+    sigma = one_sigma(noises(scenario)["gimbal_angle"])
+    table = path = None
+    read: tuple[str, ...] = ()
+    if turns:
+        path = flown(scenario.schedule, sigma, setting_rng)
+    elif scenario.kind != "static-run":
         table = timetable(planned(scenario), scenario.schedule, scenario.faults, scenario.ramp)
         read = tuple(name for name, column in zip(platform.axis_names, table.told.T, strict=True) if np.any(column))
     else:
         read = tuple(name for name in platform.axis_names if name != "inner")  # redundant, held at zero
     effects = true_effects(scenario.truth, scenario.kind, platform.axis_names, read, truth_rng)
     visits = (0 if table is None else len(table.start), len(platform.axes))
-    setting = one_sigma(noises(scenario)["gimbal_angle"]) * setting_rng.standard_normal(visits)
-    time = _row_times(scenario, table)
+    setting = sigma * setting_rng.standard_normal(visits)
+    time = _row_times(scenario, table) if path is None else _turned_times(scenario, path)
     around = {("covariate", name): history for name, history in scenario.environment.covariates.items()}
     if scenario.environment.temperature is not None:
         around["temperature", ""] = scenario.environment.temperature
-    environment = {key: _history(history, float(time[-1]), weather_rng) for key, history in around.items()}
+    environment = {key: course(history, float(time[-1]), weather_rng) for key, history in around.items()}
     _check_needs(effects, scenario, environment)
-    return Run(scenario, platform, site, effects, table, time, setting, environment, read, seed)
+    return Run(scenario, platform, site, effects, table, time, setting, environment, read, seed, path)
 
 
 def simulate(
@@ -113,20 +113,22 @@ def blocks(run: Run) -> Iterator[Recording]:
 def _block(
     run: Run, start: int, stop: int, rng: np.random.Generator, states: dict[tuple[str, str], Array]
 ) -> Recording:
-    past = _past(run, start)
-    nominal = _nominal(run, np.concatenate([run.time[past], run.time[start:stop]]))
-    s = _as_it_was(run, nominal)
-    out = {k: v[past.size :] for k, v in predict(run.platform, s, run.effects, run.scenario.kind).items()}
-    time = run.time[start:stop]
+    past, time = _past(run, start), run.time[start:stop]
+    nominal = _nominal(run, np.concatenate([run.time[past], time]))
+    if run.path is None:
+        s = _as_it_was(run, nominal)
+        out = {k: v[past.size :] for k, v in predict(run.platform, s, run.effects, run.scenario.kind).items()}
+    else:
+        out = _turned(run, run.path, time, run.time[past])
     noise = noises(run.scenario)
     channels: dict[Key, Array] = {}
     for i, axis in enumerate("xyz"):
-        y = out["specific_force"][:, i] + _coloured(noise["specific_force"], axis, time, rng, states)
+        y = out["specific_force"][:, i] + coloured(noise["specific_force"], axis, time, rng, states)
         q = run.scenario.faults.quantisation
         channels["specific_force", axis] = Quantisation(q).rounded(y) if q else y
     channels |= _angles(run, out, time, rng)
     if run.scenario.turning:
-        noisy = out["angular_rate"] + one_sigma(noise["angular_rate"]) * rng.standard_normal((len(time), 3))
+        noisy = out["angular_rate"] + of_rates(noise["angular_rate"], time, rng, states)
         channels |= {("angular_rate", axis): noisy[:, i] for i, axis in enumerate("xyz")}
     for key, history in run.environment.items():
         sigma = run.scenario.environment.thermometer_sigma if key[0] == "temperature" else 0.0
@@ -135,6 +137,17 @@ def _block(
     return replace(
         nominal, time=time, position=position, channels=channels, weight=np.ones(len(time)), units=_units(channels)
     )
+
+
+def _turned(run: Run, path: Trajectory, time: Array, past: Array) -> dict[str, Array]:
+    """Readings of a unit that is turned, as means over the intervals that end at `time` (n,) [s] or of that instant."""
+    motion = run.scenario.schedule
+    at = nodes(path, time, 1 / motion.rate, motion.rates == "instant")
+    instants = np.concatenate([past, at.time])
+    like = _nominal(run, instants)
+    s = stimulus(path, like, instants).at(time=instants - run.time[0])
+    out = predict(run.platform, s, run.effects, run.scenario.kind)
+    return {quantity: at.means(values[len(past) :]) for quantity, values in out.items()}
 
 
 def _past(run: Run, start: int) -> Array:
@@ -149,7 +162,10 @@ def _past(run: Run, start: int) -> Array:
 
 def _nominal(run: Run, time: Array) -> Recording:
     """What the platform truly does at these times, as a recording without sensor errors."""
-    if run.table is None:
+    position: Array | None
+    if run.path is not None:
+        angle, position = np.zeros((len(time), 0)), None
+    elif run.table is None:
         motion = run.scenario.schedule
         assert run.site.latitude is not None  # checked by the scenario
         angle, position = sidereal(motion, run.site.latitude, run.platform, time), None
@@ -157,12 +173,13 @@ def _nominal(run: Run, time: Array) -> Recording:
         angle = run.table.angles(time, run.table.true)
         position = np.where(run.table.moving(time), 0, run.table.position[run.table.visit(time)])
     channels: dict[Key, Array] = {("gimbal_angle", name): angle[:, i] for i, name in enumerate(run.platform.axis_names)}
-    if not run.platform.axes:
+    if not run.platform.axes and run.path is None:
         raise InputError(f"platform.name: {run.platform.name!r} has no gimbals, so nothing can be told to it")
     channels |= {key: history(time) for key, history in run.environment.items()}
     return Recording(
-        run.scenario.kind, run.scenario.title, run.platform, run.site, _stated(run.scenario), time, position, channels
-    )
+        run.scenario.kind, run.scenario.title, run.platform, run.site, stated(run.scenario), time, position, channels,
+        instant=run.scenario.schedule.rates == "instant",
+    )  # fmt: skip
 
 
 def _as_it_was(run: Run, nominal: Recording) -> Stimulus:
@@ -177,40 +194,12 @@ def _as_it_was(run: Run, nominal: Recording) -> Stimulus:
     return s.at(rate=turning(run.platform, s, run.effects, run.table.rates(nominal.time, run.table.true + run.setting)))
 
 
-def _coloured(
-    noise: Noise, axis: str, time: Array, rng: np.random.Generator, states: dict[tuple[str, str], Array]
-) -> Array:
-    """Sum of the accelerometer's noise processes (n,) [m/s^2]; their last states carry over to the next block."""
-    total = np.zeros(len(time))
-    for process in noise:
-        key = (process.id, axis)
-        y, states[key] = sample(process, rng, time, state=states.get(key))
-        total += y
-    return total
-
-
-def noises(scenario: Scenario) -> Mapping[str, Noise]:
-    """Processes by quantity, SI; a header states the white one and the setting (see `recording.noise.stated`)."""
-    n = scenario.noise
-    read = WhiteNoise if scenario.kind == "static-run" else SettingError
-    every: dict[str, list[tuple[float, Process]]] = {
-        "specific_force": [
-            (n.accelerometer, WhiteNoise(n.accelerometer)),
-            (n.accelerometer_random_walk, RandomWalk(n.accelerometer_random_walk)),
-            (n.accelerometer_flicker, Flicker(n.accelerometer_flicker)),
-            (n.accelerometer_gauss_markov, GaussMarkov(n.accelerometer_gauss_markov, n.accelerometer_gauss_markov_tau)),
-        ],
-        "angular_rate": [(n.gyroscope, WhiteNoise(n.gyroscope))],
-        "gimbal_angle": [(n.gimbal_angle, read(n.gimbal_angle))],
-        "attitude_error": [(n.attitude, WhiteNoise(n.attitude))],
-    }
-    return {quantity: tuple(p for size, p in those if size > 0) for quantity, those in every.items()}
-
-
 def _angles(run: Run, out: Mapping[str, Array], time: Array, rng: np.random.Generator) -> dict[Key, Array]:
     """Gimbal readouts, and in a static run the navigator's attitude error, as they are logged."""
     channels: dict[Key, Array] = {}
     names, noise = run.platform.axis_names, noises(run.scenario)
+    if run.path is not None:
+        return channels
     if run.table is not None:
         told = run.table.angles(time, run.table.told)
         return {("gimbal_angle", name): told[:, names.index(name)] for name in run.read}
@@ -238,9 +227,18 @@ def _row_times(scenario: Scenario, table: Timetable | None) -> Array:
     return time
 
 
+def _turned_times(scenario: Scenario, path: Trajectory) -> Array:
+    """The ends of the sampling intervals (n,) [s]."""
+    rate = scenario.schedule.rate
+    n = int(np.floor(path.duration * rate + 1e-9))
+    if not n:
+        raise InputError("schedule: no row is left; raise `rate`")
+    return np.arange(1, n + 1) / rate
+
+
 def _check_needs(effects: Sequence[Effect], scenario: Scenario, environment: Mapping[Key, object]) -> None:
     """Refuse a truth that this scenario cannot show."""
-    kind, logged = scenario.kind, {"position", "attitude"}
+    kind, logged = scenario.kind, set() if scenario.schedule.turns else {"position", "attitude"}
     logged |= {"temperature"} if ("temperature", "") in environment else set()
     logged |= {"angular_rate"} if scenario.turning else set()
     names = {name for quantity, name in environment if quantity == "covariate"}
@@ -257,37 +255,12 @@ def _check_needs(effects: Sequence[Effect], scenario: Scenario, environment: Map
             raise InputError(f"truth.{each.id}: it needs {need} to act on; give {where}")
 
 
-def _history(weather: History, last: float, rng: np.random.Generator) -> Callable[[Array], Array]:
-    """A quantity of the environment as a function of time [s]."""
-    knots = np.arange(0.0, last + 2 * GRID, GRID)
-    if weather.shape == "random-walk":
-        steps = weather.walk * np.sqrt(GRID / 3600) * rng.standard_normal(len(knots))
-        path = np.cumsum(steps) - steps[0] + weather.mean
-        return lambda time: np.interp(time, knots, path)
-    if weather.shape == "table":
-        return lambda time: np.interp(time, 3600 * np.array(weather.time_h), weather.value)
-    if weather.shape == "sinusoid":
-        omega = 2 * np.pi / weather.period
-        return lambda time: weather.mean + weather.amplitude * np.sin(omega * time + weather.phase)
-    return lambda time: weather.mean + weather.rate * time / 3600
-
-
 def _site(scenario: Scenario) -> Site:
     place = scenario.site
     gravity = place.gravity
     if gravity is None:
         gravity = G0 if place.latitude is None else float(normal_gravity(place.latitude, place.height))
     return Site(place.latitude, place.height, gravity)
-
-
-def _stated(scenario: Scenario) -> dict[str, float]:
-    """Noise that the header states: white noise of one sample and the setting repeatability."""
-    every = noises(scenario)
-    told = {
-        sensor: [p for p in every.get(q, ()) if isinstance(p, WhiteNoise | SettingError)]
-        for sensor, q in SENSORS.items()
-    }
-    return {sensor: one_sigma(noise) for sensor, noise in told.items() if noise}
 
 
 def _units(channels: Mapping[Key, Array]) -> dict[Key, str]:

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from gimbalcal.errors import InputError
-from gimbalcal.schedule import SCHEDULES
+from gimbalcal.schedule import ROTATIONS, SCHEDULES
 from gimbalcal.units import check, parse, to_si
 
 
@@ -40,11 +40,15 @@ def _positive(value: float) -> float:
 
 Duration = Annotated[float, _measured("time"), AfterValidator(_positive)]
 Rate = Annotated[float, _measured("", "Hz"), AfterValidator(_positive)]
-Turn = Annotated[float, _measured("", "deg/s"), AfterValidator(_positive)]
+Spinning = Annotated[float, _measured("", "deg/s"), AfterValidator(_positive)]
 Angle = Annotated[float, _measured("angle")]
 Force = Annotated[float, _measured("", "m/s^2")]
 Spin = Annotated[float, _measured("", "deg/h")]
 Walk = Annotated[float, _measured("", "ug/sqrt(h)")]
+AngleWalk = Annotated[float, _measured("", "deg/sqrt(h)")]
+ForceWalk = Annotated[float, _measured("", "ug/sqrt(Hz)")]
+RateWalk = Annotated[float, _measured("", "deg/h/sqrt(h)")]
+Speed = Annotated[float, _measured("velocity")]
 Length = Annotated[float, _measured("height")]
 
 
@@ -52,26 +56,50 @@ class _Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+class Turn(_Section):
+    """[[schedule.moves]]: a turn about an axis of the unit (x, y, z) or of the table (outer, inner)."""
+
+    axis: Literal["x", "y", "z", "outer", "inner"]
+    angle: Angle
+    rate: Spinning | None = None
+    stop: Annotated[float, _measured("time")] | None = None
+
+
 class Motion(_Section):
-    """[schedule]: which holds, how long, how fast between them, how often sampled."""
+    """[schedule]: which holds or turns, how long, how fast between them, how often sampled."""
 
     name: str = ""
     holds: tuple[dict[str, float], ...] = ()  # gimbal readouts [deg] by axis
     dwell: Duration | None = None  # of every hold, instead of the schedule's own
     rate: Rate = 1.0
-    slew_rate: Turn = float(np.deg2rad(6.0))
+    slew_rate: Spinning | None = None  # of holds: 6 deg/s; of turns: the schedule's own
     ramp: Annotated[float, _measured("time")] | None = None  # to come to slew_rate; none: 0, with gyroscopes 1 s
     settle: Annotated[float, _measured("time")] = 5.0
     record_slews: bool = False
     sweeps: int = Field(default=1, ge=1, le=1000)
     duration: Duration = 86400.0  # of a static run
     start_angle: Angle = 0.4  # S_t of a static run's first sample
+    # of turns, in a rotation
+    file: str = ""  # a schedule.toml instead of a name
+    start: dict[str, str] = {}  # where x, y and z point, as in schedule.toml
+    moves: tuple[Turn, ...] = ()
+    start_sigma: Angle = 0.0  # how far the unit is off its start, one sigma about each axis
+    rates: Literal["mean", "instant"] = "mean"  # over the interval that ends at the row, or of the row's time
 
     @model_validator(mode="after")
     def _known(self) -> Motion:
-        if self.name and self.name not in SCHEDULES:
-            raise ValueError(f"no schedule is called {self.name!r}; known: {', '.join(SCHEDULES)}")
+        if self.name and self.name not in (*SCHEDULES, *ROTATIONS):
+            raise ValueError(f"no schedule is called {self.name!r}; known: {', '.join((*SCHEDULES, *ROTATIONS))}")
+        if sum(map(bool, (self.name, self.file, self.holds, self.moves))) > 1:
+            raise ValueError("name, file, holds and moves each say where the unit goes; keep one")
+        if self.start and set(self.start) != set("xyz"):
+            raise ValueError('start: say where x, y and z point, { x = "east", y = "north", z = "up" }')
         return self
+
+    @property
+    def turns(self) -> bool:
+        """Whether it is a schedule of turns and stops, of a unit that no gimbal holds."""
+        return self.name in ROTATIONS or bool(self.file or self.moves)
 
 
 class Place(_Section):
@@ -132,7 +160,14 @@ class Noise(_Section):
     accelerometer_flicker: Force = 0.0
     accelerometer_gauss_markov: Force = 0.0
     accelerometer_gauss_markov_tau: Duration = 3600.0
+    accelerometer_density: ForceWalk = 0.0  # white, whatever the rate
     gyroscope: Spin = 0.0
+    gyroscope_density: AngleWalk = 0.0  # angle random walk
+    gyroscope_random_walk: RateWalk = 0.0
+    gyroscope_flicker: Spin = 0.0
+    gyroscope_gauss_markov: Spin = 0.0
+    gyroscope_gauss_markov_tau: Duration = 3600.0
+    velocity: Speed = 0.0  # how still the place of a turned unit is, for the header
     gimbal_angle: Angle = 0.0  # setting error of a position; of one reading in a static run
     attitude: Angle = 0.0
 
@@ -174,7 +209,9 @@ class Scenario(_Section):
     def _complete(self) -> Scenario:
         if self.kind == "static-run" and self.site.latitude is None:
             raise ValueError("a static run needs [site] latitude: the Earth turns below the platform")
-        if self.kind != "static-run" and not (self.schedule.name or self.schedule.holds):
+        if self.schedule.turns and self.kind != "rotation":
+            raise ValueError('a schedule of turns makes a rotation recording: write kind = "rotation"')
+        if self.kind != "static-run" and not (self.schedule.name or self.schedule.holds or self.schedule.turns):
             raise ValueError(f'a {self.kind} scenario needs [schedule] name = "wu2018-18" or [[schedule.holds]]')
         if self.turning and self.kind == "static-run":
             raise ValueError("gyroscopes are simulated where something turns: kind = multi-position or rotation")

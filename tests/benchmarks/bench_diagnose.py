@@ -15,13 +15,14 @@ import hashlib
 import json
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import gimbalcal
-from tests.benchmarks.diagnose_runs import Run, answer, runs, static_runs
+from tests.benchmarks.diagnose_runs import answer, runs, static_runs
 from tests.benchmarks.diagnose_tables import Row, report
 from tests.benchmarks.rivals import rivals_table, speed
 
@@ -51,7 +52,7 @@ def kept(path: Path) -> dict[str, Row]:
     return {r["key"]: r for r in rows}
 
 
-def collect(wanted: Sequence[Run], path: Path, jobs: int) -> list[Row]:
+def collect(wanted: Sequence[Any], path: Path, jobs: int, answer: Callable[[Any], Row] = answer) -> list[Row]:
     """Rows of the wanted runs, those that are not kept computed on `jobs` processes and appended as they come."""
     rows = kept(path)
     left = [run for run in wanted if run.key not in rows]

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from gimbalcal.earth import G0
-from gimbalcal.estimate.accelerometers.multiposition import LINEAR, NormFit, norm_fit, scaled_by_gravity
+from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, NormFit, norm_fit, scaled_by_gravity
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means, read
 

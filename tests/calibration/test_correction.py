@@ -16,7 +16,8 @@ from gimbalcal.effects import CATALOGUE, Effect, Stage, absent, parameters, with
 from gimbalcal.effects.accelerometer import Bias
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition
+from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
 from gimbalcal.platform import BENCH, SPACE_STABLE
 from gimbalcal.recording import Recording, Site
 from gimbalcal.schedule import EIGHTEEN_POSITIONS
@@ -118,3 +119,18 @@ def test_a_dead_zone_leaves_the_reading() -> None:
 def test_every_sensor_effect_takes_part() -> None:
     assert len(IDS) > 20
     assert all(dataclasses.is_dataclass(CATALOGUE[i]) for i in IDS)
+
+
+def test_readings_that_no_force_makes_are_refused() -> None:
+    K = 0.5  # s^2/m: f = y - K y^2 is largest, 0.5, where y = 1, and no larger y is ever read
+    wanted = parameters(CATALOGUE["quadratic_nonlinearity"])
+    made = Calibration("t", with_values((), wanted, K * np.ones(3)), wanted, np.zeros((3, 3)), (), Residual(0, 0, {}))
+    force = np.array([[0.1, 0.2, 0.3], [0.1, 9.0, 0.3], [0.1, 0.2, 9.0]])
+    channels = {("specific_force", a): force[:, i] for i, a in enumerate("xyz")}
+    bench = Recording("rotation", "t", BENCH, Site(gravity=9.8), {}, np.arange(3.0), None, channels)
+    with pytest.raises(InputError, match="no specific_force reads what row 2 does, nor 1 others"):
+        made.apply(bench)
+    with pytest.raises(InputError, match="no specific_force is read of what row 2 holds, nor of 1 others"):
+        made.corrupt(bench)
+    fine = replace(bench, channels={k: v[:1] for k, v in channels.items()}, time=np.zeros(1), weight=np.ones(1))
+    assert np.isfinite(made.apply(fine).triad("specific_force")).all()

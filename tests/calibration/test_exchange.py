@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from scipy.io import loadmat
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual
@@ -59,7 +60,6 @@ def test_the_kalibr_equations_corrupt(tmp_path: Path) -> None:
     export(made, "kalibr", tmp_path / "imu.yaml")
     text = (tmp_path / "imu.yaml").read_text()
     assert text.startswith("# Direction: physics to reading.")
-    yaml = pytest.importorskip("yaml")  # a check of the file with another program's parser
     imu = yaml.safe_load(text)["imu0"]
     f, w = readings(shaken())
     Ma, Mg, A, C = (
@@ -104,6 +104,13 @@ def test_csv_keeps_every_parameter_and_its_sigma(tmp_path: Path) -> None:
     np.testing.assert_allclose(back.sigmas, made.sigmas, rtol=1e-15)
 
 
+def test_the_size_effect_of_a_kalibr_file_is_read(tmp_path: Path) -> None:
+    (tmp_path / "k.yaml").write_text("imu0:\n  accelerometers:\n    ry_i: [0.01, -0.02, 0.03]\n  update_rate: 200.0\n")
+    found = read_exchange("kalibr", tmp_path / "k.yaml")
+    arms = {p.axis: v for p, v in zip(found.parameters, found.values, strict=True)}
+    assert [arms["yx"], arms["yy"], arms["yz"]] == pytest.approx([0.01, -0.02, 0.03])
+
+
 def test_foreign_yaml_in_block_style_is_read(tmp_path: Path) -> None:
     text = """imu0:
   accelerometers:
@@ -138,6 +145,16 @@ def test_foreign_yaml_in_block_style_is_read(tmp_path: Path) -> None:
     [
         ("kalibr", "cam0:\n  x: 1\n", "not a Kalibr scale-misalignment file"),
         ("kalibr", "imu0:\n  accelerometers:\n    M: [1, 2, 3]\n", "accelerometers / M must hold 3 x 3 numbers, got 3"),
+        ("kalibr", "imu0:\n  accelerometers:\n    N: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n", "has a key 'N' that is not known"),
+        (
+            "kalibr",
+            "imu0:\n  gyroscopes:\n    C_gyro: [1, 0, 0]\n",
+            "key 'C_gyro' that is not known; did you mean C_gyro_i",
+        ),
+        ("kalibr", "imu0:\n  gyroscopes:\n    M: [1, 0, 0, 0, one, 0, 0, 0, 1]\n", "gyroscopes / M must hold numbers"),
+        ("kalibr", "imu0:\n  gyroscopes: [1, 2]\n", "gyroscopes must hold keys of its own"),
+        ("kalibr", "imu0: {gyroscopes: {}}\nimu1: {gyroscopes: {}}\n", "holds 2 units; leave one of them"),
+        ("kalibr", "imu0: [1, 2\n", "is not YAML"),
         ("psins", "text", "is not a MATLAB file"),
         ("csv", "name,axis,value\n", "line 1: the column 'unit' is missing"),
         ("csv", "name,axis,value,unit\nspin,x,1,ug\n", "line 2: no parameter is called spin:x"),

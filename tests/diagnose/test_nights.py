@@ -37,6 +37,7 @@ def test_a_term_that_moves_between_nights_is_not_adequate() -> None:
     made = diagnose(two(5.0), baseline=USUAL)
     assert made.verdict != "adequate"
     assert "The terms differ between 2 nights: base tilt north by" in made.in_words
+    assert "terms differ between 2 nights" in made.outcome
     assert {"channel": "pointing", "shape": "terms that differ from night to night"} in made.unexplained
 
 

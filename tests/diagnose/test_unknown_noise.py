@@ -16,6 +16,7 @@ from gimbalcal.effects import values
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.recording import Recording, Site
+from tests.benchmarks import unknown_hand
 
 ARCSEC = np.pi / 648000
 G = 9.8
@@ -207,3 +208,12 @@ def test_a_worm_is_found_by_the_number_of_its_teeth() -> None:
     (number,) = (p for p in found["parameters"] if p["name"] in ("teeth", "lines"))
     assert abs(number["value"] - 144) < 4 * number["sigma"] + 1e-6 < 4
     assert d.fit["rms_after"] < 1.1 * np.sqrt(2) < d.fit["rms_before"]
+
+
+def test_turns_during_which_the_clock_pauses_are_left_out_and_not_refused() -> None:
+    """A logger that is switched off after each rest and on again for the turn."""
+    r = unknown_hand.record(3, unknown_hand.Setup(rests=12, gyroscopes=True, minutes=1.0))
+    assert r.position is not None
+    begun = np.cumsum(np.diff(r.position, prepend=1) != 0)  # every stretch of rows
+    d = diagnose([replace(r, time=r.time + 60.0 * begun)])
+    assert set(d.provenance["views"]) == {"norm", "rest rates"}

@@ -51,6 +51,13 @@ def test_a_gimbal_that_sweeps_tells_all_and_one_that_stands_still_tells_none() -
     assert highest_order(replace(HELD, readout=np.concatenate([sweep, 0 * sweep], axis=1))) > 100
 
 
+def test_settings_on_no_common_step_tell_every_order() -> None:
+    stars = np.random.default_rng(4).uniform(-np.pi, np.pi, (60, 1))
+    assert highest_order(replace(HELD, readout=stars)) > 720  # the teeth of a large worm wheel
+    nearly = np.deg2rad(15) * np.round(stars / np.deg2rad(15))
+    assert highest_order(replace(HELD, readout=nearly)) == 11
+
+
 def test_a_bearing_is_tried_at_every_order_that_the_positions_tell() -> None:
     assert of("bearing_wobble", "m", HELD).tolist() == [1, 2, 3]
     assert of("bearing_wobble", "m", AT_REST).tolist() == list(range(1, 13))

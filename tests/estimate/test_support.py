@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimbalcal.estimate.accelerometers.multiposition import LINEAR, TERMS, multiposition
+from gimbalcal.estimate.accelerometers.multiposition import TERMS, multiposition
+from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
 from gimbalcal.estimate.gyroscopes.between_rests import FURTHER, gyroscopes_between_rests
 from gimbalcal.estimate.support import SPURIOUS, TRIADS, needed
 from tests.estimate.accelerometers.test_multiposition import TRUTH as FORCES

@@ -745,3 +745,24 @@ def test_a_row_that_no_sensor_filled_is_left_out(tmp_path: Path) -> None:
     made = read(folder(tmp_path, samples="\n".join(lines)))
     assert len(made.time) == 2 * DWELL
     assert "line 21: 1 row of 81 is left out" in made.remarks[0]
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+@pytest.mark.parametrize("name", ["bench [4]", "run*", "~", "a?b", "{x,y}"])
+def test_a_path_is_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, ending: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    neighbour, wanted = Path("run2"), Path(name)
+    for at, seed in ((neighbour, 1), (wanted, 2)):
+        write(read(folder(tmp_path, samples=text(rows(seed)))), at, f"samples{ending}")
+    made = read(wanted)
+    assert len(made.time) == 2 * DWELL
+    assert not np.array_equal(made.triad("specific_force"), read(neighbour).triad("specific_force"))
+
+
+@pytest.mark.parametrize("value", ["0", "-3"])
+def test_a_weight_is_of_some_samples(tmp_path: Path, value: str) -> None:
+    header = HEADER + 'n = { quantity = "weight" }\n'
+    lines = [f"{line},{'n' if k == 0 else 5}" for k, line in enumerate(text(rows()).splitlines())]
+    lines[7] = lines[7].rpartition(",")[0] + f",{value}"
+    words = refusal(tmp_path, header, "\n".join(lines) + "\n")
+    assert words.startswith("samples.csv, line 8, column n: a weight says of how many samples a row is the mean")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,11 @@ from gimbalcal.calibration.exchange.matrices import Found, matrices, parameters_
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 
-NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+KEYS: Mapping[str, tuple[str, ...]] = {
+    "accelerometers": ("M", "rx_i", "ry_i", "rz_i"),
+    "gyroscopes": ("M", "A", "C_gyro_i"),
+    "gimbalcal": ("accelerometer_bias", "gyroscope_bias"),
+}
 
 
 def content(calibration: Calibration, lost: Sequence[str]) -> bytes:
@@ -49,46 +54,60 @@ def _yaml_matrix(name: str, M: Array) -> list[str]:
 
 
 def read(path: Path) -> Found:
-    """Value and sigma of each parameter in a YAML file."""
-    sections = _numbers_by_key(path.read_text(encoding="utf-8"))
+    """Value and sigma of each parameter in a YAML file; the places of the accelerometers are `rx_i`, `ry_i`, `rz_i`.
 
-    def matrix(name: str, default: Array) -> Array:
-        numbers = sections.get(name)
-        if numbers is None:
-            return default
-        if len(numbers) != 9:
-            raise InputError(f"{path}: {name.replace('.', ' / ')} must hold 3 x 3 numbers, got {len(numbers)}")
-        return np.reshape(numbers, (3, 3))
+    Raises InputError for several units, a matrix of another size, and a key that is none of Kalibr's: the matrix that
+    it means would be taken for one that is not there.
+    """
+    import yaml
 
-    if "accelerometers.M" not in sections and "gyroscopes.M" not in sections:
+    try:
+        told = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as problem:
+        raise InputError(f"{path} is not YAML: {' '.join(str(problem).split())}") from None
+    units = [u for u in (told.values() if isinstance(told, dict) else ()) if isinstance(u, dict) and KEYS.keys() & u]
+    if not any({"accelerometers", "gyroscopes"} & u.keys() for u in units):
         raise InputError(
             f"{path} has no accelerometers / M and no gyroscopes / M: not a Kalibr scale-misalignment file"
         )
+    if len(units) > 1:
+        raise InputError(f"{path} holds {len(units)} units; leave one of them in it")
+    _refuse_unknown(path, units[0])
+
+    def numbers(section: str, name: str, default: Array) -> Array:
+        given = (units[0].get(section) or {}).get(name)
+        if given is None:
+            return default
+        try:
+            v = np.array(given, dtype=float)
+        except (TypeError, ValueError):
+            raise InputError(f"{path}: {section} / {name} must hold numbers alone") from None
+        if v.size != default.size or not np.isfinite(v).all():
+            size = " x ".join(map(str, default.shape))
+            raise InputError(f"{path}: {section} / {name} must hold {size} numbers, got {v.size}")
+        return v.reshape(default.shape)
+
+    zero = np.zeros(3)
     return parameters_of(
         {
-            "Ma": matrix("accelerometers.M", np.eye(3)),
-            "ba": np.array(sections.get("gimbalcal.accelerometer_bias", [0.0] * 3)),
-            "K": np.zeros(3),
-            "Mg": matrix("gyroscopes.M", np.eye(3)) @ matrix("gyroscopes.C_gyro_i", np.eye(3)),
-            "bg": np.array(sections.get("gimbalcal.gyroscope_bias", [0.0] * 3)),
-            "A": matrix("gyroscopes.A", np.zeros((3, 3))),
+            "Ma": numbers("accelerometers", "M", np.eye(3)),
+            "ba": numbers("gimbalcal", "accelerometer_bias", zero),
+            "K": zero,
+            "r": np.stack([numbers("accelerometers", f"r{a}_i", zero) for a in "xyz"]),
+            "Mg": numbers("gyroscopes", "M", np.eye(3)) @ numbers("gyroscopes", "C_gyro_i", np.eye(3)),
+            "bg": numbers("gimbalcal", "gyroscope_bias", zero),
+            "A": numbers("gyroscopes", "A", np.zeros((3, 3))),
         }
     )
 
 
-def _numbers_by_key(text: str) -> dict[str, list[float]]:
-    """Numbers under "section.key" of a YAML of nested keys and number lists, in block or flow style."""
-    out: dict[str, list[float]] = {}
-    section = key = ""
-    for raw in text.splitlines():
-        line = raw.split("#")[0].rstrip()
-        found = re.match(r"(\s*)([A-Za-z_][\w]*):(.*)$", line)
-        if found:
-            name, rest = found[2], found[3]
-            if not rest.strip() and len(found[1]) <= 2:
-                section, key = name, ""
-                continue
-            key, line = name, rest
-        if key:
-            out.setdefault(f"{section}.{key}", []).extend(float(x) for x in NUMBER.findall(line))
-    return out
+def _refuse_unknown(path: Path, unit: Mapping[str, Any]) -> None:
+    """Raise InputError for a key in the sections of numbers that Kalibr does not write."""
+    for section, known in KEYS.items():
+        held = unit.get(section) or {}
+        if not isinstance(held, dict):
+            raise InputError(f"{path}: {section} must hold keys of its own, {', '.join(known)}")
+        for name in held.keys() - set(known):
+            near = get_close_matches(str(name), known, 1, cutoff=0.3)
+            hint = f"did you mean {near[0]}?" if near else f"it may hold {', '.join(known)}"
+            raise InputError(f"{path}: {section} has a key {name!r} that is not known; {hint}")

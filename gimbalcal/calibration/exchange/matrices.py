@@ -44,7 +44,10 @@ def matrices(effects: Sequence[Effect]) -> dict[str, Array]:
 
 
 def parameters_of(m: Mapping[str, Array]) -> Found:
-    """Parameters of the matrices, the inverse of `matrices`; sigma zero, as these formats state none."""
+    """Parameters of the matrices, the inverse of `matrices`; sigma zero, as these formats state none.
+
+    r (3, 3): where each accelerometer sits [m], one a row, where a format tells it.
+    """
     Ma, Mg = m["Ma"], m["Mg"]
     s = 1 / np.diag(Ma) - 1
     C = Ma * (1 + s)[:, None]
@@ -58,6 +61,7 @@ def parameters_of(m: Mapping[str, Array]) -> Found:
         "gyro_bias": m["bg"],
         "gyro_misalignment": gyro_beta,
         "gyro_g_sensitivity_rate": np.ravel(m["A"]),
+        "accelerometer_lever_arm": np.ravel(m.get("r", np.zeros(9))),
     }
     out: Found = {}
     for name, x in arrays.items():

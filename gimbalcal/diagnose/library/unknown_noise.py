@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -76,29 +76,45 @@ def _of_effect(
     def columns(made: Effect) -> Array:
         return np.nan_to_num(rows.columns(made if there is None else there, wanted) * scale)
 
-    tried = choices(cls, v.stimulus) if there is None else [constants_of(there)]
-    whole = next((f for f in constants(cls) if kind(f) is Grid.WHOLE), None) if there is None and wanted else None
-    every = np.zeros(0) if whole is None else resolved(whole, v.stimulus)
-    if whole is not None and len(every) > len(tried):
-        if effect_id not in v.scanned:  # the same for all models of a course, but for their few per mille
-            made = (absent_effect(effect_id, v.stimulus, "", **{whole.name: m}) for m in every)
-            v.scanned[effect_id] = np.stack([columns(m) * v.weight[..., None] for m in made]).astype(np.float32)
-        best = every[peaks(powers(v.scanned[effect_id], rows.residual * v.weight), PEAKS)]
-        tried = [((whole.name, float(m)),) for m in between_scanned(best, float(every[1] - every[0]))]
+    tried, count = ([constants_of(there)], 0) if there else (choices(cls, v.stimulus), 0)
+    if wanted and there is None:
+        tried, count = _scanned(v, cls, rows.residual, columns, tried)
     out: list[Candidate] = []
     for source in sources(cls, v.stimulus) if wanted else ():
         if there is None or source == (getattr(there, "covariate", "") if source else ""):
             out += of_effect(cls, source, wanted, tried, v.stimulus, columns, blocks)
-    return [replace(c, tried=len(every)) for c in out]
+    return [replace(c, tried=count) for c in out]
 
 
-def powers(X: Array, misfit: Array) -> Array:
-    """How much of a misfit (n, C) each of the column sets X (m, n, C, p) could take away by itself, (m,)."""
-    A = X.reshape(len(X), misfit.size, -1)
-    G = np.einsum("mnp,mnq->mpq", A, A).astype(float)
-    b = np.einsum("mnp,n->mp", A, misfit.ravel())
-    x = np.einsum("mpq,mq->mp", np.linalg.pinv(G, rcond=1e-6, hermitian=True), b)
-    return np.asarray((b * x).sum(axis=1))
+def _scanned(
+    v: View, cls: type[Effect], misfit: Array, columns: Callable[[Effect], Array], tried: list[Constants]
+) -> tuple[list[Constants], int]:
+    """Whole numbers about those that explain most of a misfit (n, C), of all that the readouts tell apart; how many.
+
+    What was `tried` without them, and none, for an effect without a whole number or with few.
+    """
+    whole = next((f for f in constants(cls) if kind(f) is Grid.WHOLE), None)
+    every = np.zeros(0) if whole is None else resolved(whole, v.stimulus)
+    if whole is None or len(every) <= len(tried):
+        return tried, len(every)
+    if cls.id not in v.scanned:  # the same for all models of a course, but for their few per mille
+        made = (absent_effect(cls.id, v.stimulus, "", **{whole.name: m}) for m in every)
+        v.scanned[cls.id] = np.stack([spanned(columns(m) * v.weight[..., None]) for m in made]).astype(np.float32)
+    best = every[peaks(powers(v.scanned[cls.id], misfit * v.weight), PEAKS)]
+    return [((whole.name, float(m)),) for m in between_scanned(best, float(every[1] - every[0]))], len(every)
+
+
+def spanned(X: Array) -> Array:
+    """Orthonormal columns of what X (n, C, p) spans, zero where it spans less than p."""
+    A = X.reshape(-1, X.shape[-1])
+    lam, V = np.linalg.eigh(A.T @ A)
+    seen = lam > 1e-6 * max(float(lam.max(initial=0.0)), 1e-300)
+    return np.asarray((A @ V / np.sqrt(np.where(seen, lam, np.inf))).reshape(X.shape))
+
+
+def powers(Q: Array, misfit: Array) -> Array:
+    """How much of a misfit (n, C) each of the sets of orthonormal columns Q (m, n, C, p) takes away by itself, (m,)."""
+    return np.asarray(((misfit.ravel() @ Q.reshape(len(Q), misfit.size, -1)) ** 2).sum(axis=1))
 
 
 def peaks(power: Array, count: int) -> list[int]:
@@ -127,8 +143,8 @@ def free_rows(v: View, modelled: Sequence[Parameter]) -> int:
 def shapes_of(v: View, misfit: Array, blocks: list[Array], free: int) -> tuple[Candidate, ...]:
     """What is no cause, its columns (n, C, p), per rms of the misfit (n, C), appended to `blocks`.
 
-    Smooth in time in each channel, or along the temperature; smooth in the direction of gravity, or harmonics of the
-    gimbal angles. A shape with as many columns as rows fits whatever is there, so none has more than half the `free`.
+    Smooth in time in each channel; smooth in the direction of gravity, or harmonics of the gimbal angles.
+    A shape with as many columns as rows fits whatever is there, so none has more than half the `free`.
     """
     rms = float(np.sqrt(np.mean(misfit**2)))
     n, C = misfit.shape[0], len(v.channels)

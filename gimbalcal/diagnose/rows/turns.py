@@ -1,47 +1,65 @@
-"""Turns between rests as a view: gravity carried by the gyroscopes from one rest to the next, and where it is found.
+r"""Turns between rests as a view: gravity carried by the gyroscopes from one rest to the next, and where it is found.
 
-What the gyroscopes read at rest is taken off, by the neighbouring rests or by a g-sensitivity that the rests support;
-so effects that show there are not for this view, and what grows with the rate is.
+What the gyroscopes read at rest is taken off, by the neighbouring rests or by what the rests were found to show; so
+effects that show there are not for this view, and what grows with the rate is.
+
+Where gravity is before and after a turn the accelerometers say, with the model that the diagnosis of the forces ended
+with. What that model leaves open is no fault of a gyroscope: with A the derivative of the rows by its parameters, of
+covariance P, and sigma the scatter of the turns, the rows are weighed by
+
+.. math:: W = \left(1 + A P A^T / \sigma^2\right)^{-1/2} ,
+
+one for a turn that the accelerometers tell well.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from gimbalcal.calibration import Calibration
+from gimbalcal.calibration.readout import in_si
 from gimbalcal.diagnose.rows.observations import absent_effect
-from gimbalcal.diagnose.rows.views import RATE, View
+from gimbalcal.diagnose.rows.views import FORCE, RATE, View, solved
 from gimbalcal.effects import CATALOGUE, Effect, Stimulus, parameters, with_values
 from gimbalcal.effects.baseline import BASELINE
-from gimbalcal.effects.effect import GYROSCOPE_STAGES, follows, lacking
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, follows, lacking
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.multiposition import WIDE, multiposition
-from gimbalcal.estimate.gyroscopes.between_rests import rows_of_turns
+from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.accelerometers.norm_fit import WIDE
+from gimbalcal.estimate.gyroscopes.between_rests import fit_turns, rows_of_turns
 from gimbalcal.estimate.gyroscopes.rests import BIAS, level_of, rests
-from gimbalcal.estimate.gyroscopes.turns import Turns, turns_between_rests
-from gimbalcal.forward import Rows
+from gimbalcal.estimate.gyroscopes.turns import Turns, end_of, turns_between_rests
+from gimbalcal.forward import Rows, accelerometers, linearise
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
+from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means, dwells
 from gimbalcal.rotation import normal_to
 
 BACK = 0.01  # of the attitude's elements: gimbals that stand where they stood
 FEWEST = 12  # turns: twice as many numbers, for nine parameters of the linear model and what is asked beyond
+SURE = 6  # numbers that must be left of the turns to tell their scatter beside what the accelerometers leave open
 
 
-def view_of_turns(recording: Recording, accelerometers: Calibration | None = None) -> View | None:
-    """The turns of a recording, across gravity; None where there are too few or nothing was logged on the way."""
+def view_of_turns(
+    recording: Recording, accelerometers: Calibration | None = None, at_rest: Sequence[Effect] = ()
+) -> View | None:
+    """The turns of a recording, across gravity; None where there are too few or nothing was logged on the way.
+
+    accelerometers: their model, with its covariance (left out, bias, scale and misalignment by the norm of gravity);
+    at_rest: effects by which the rests tell what gyroscopes read that do not turn (left out, bias and g-sensitivity).
+    """
     if recording.position is None or not np.any(recording.position == 0):
         return None
     made = accelerometers or multiposition(recording, BASELINE["norm"])
     try:
-        turns, _, scale = turns_between_rests(recording, made)
+        turns, _, scale = turns_between_rests(recording, made, at_rest)
         still = rests(recording, made, scale)
         level = level_of(still, recording.site.latitude, recording.site.gravity, True)[0]
-        if len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
+        if not at_rest and len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
             turns = turns_between_rests(recording, made, level.effects)[0]
     except InputError:
         return None
@@ -50,8 +68,17 @@ def view_of_turns(recording: Recording, accelerometers: Calibration | None = Non
     turns = _with_headings(turns, made.apply(recording))
     sideways = _across(turns.after)
 
+    def across(effects: Sequence[Effect]) -> Rows:
+        return rows_of_turns(turns, effects).reduced(lambda X: sideways @ X)
+
+    try:
+        linear = fit_turns(turns, BASELINE["turns"]).effects
+    except InputError:  # turns that do not tell all of it apart still tell something
+        linear = ()
+    W = _weights(across, linear, sideways @ _left_open(recording, made, turns))
+
     def rows(effects: Sequence[Effect]) -> Rows:
-        return rows_of_turns(turns, effects).reduced(lambda X: np.einsum("mci,mip->mcp", sideways, X))
+        return rows_of_turns(turns, effects).reduced(lambda X: _weighed(W, sideways, X))
 
     ends = dwell_means(recording).select(turns.ends)
     s = stimulus_from_readings(ends)
@@ -59,6 +86,50 @@ def view_of_turns(recording: Recording, accelerometers: Calibration | None = Non
         "turns", ends, s, ((RATE, "level"), (RATE, "tilted")), "arcsec", None, GYROSCOPE_STAGES,
         BASELINE["turns"], rows, _at_rest(turns.stimulus), WIDE,
     )  # fmt: skip
+
+
+def _weighed(W: Array, sideways: Array, X: Array) -> Array:
+    """Rows (m, 2, p) across gravity of columns X (m, 3, p), weighed."""
+    m = len(sideways)
+    return np.asarray((W @ (sideways @ X).reshape(2 * m, -1)).reshape(m, 2, -1))
+
+
+def _left_open(recording: Recording, made: Calibration, turns: Turns) -> Array:
+    """What one sigma of each combination of the accelerometers' parameters does to gravity after turns (m, 3, p)."""
+    wanted = tuple(p for p in made.parameters if CATALOGUE[p.effect].stage in SENSOR_STAGES)
+    at = [made.parameters.index(p) for p in wanted]
+    if not wanted or not len(made.covariance):
+        return np.zeros((len(turns.ends), 3, 0))
+    size, axes = np.linalg.eigh(made.covariance[np.ix_(at, at)])
+    means = in_si(dwell_means(recording), made.readout)
+    effects = [e for e in made.effects if e.stage in SENSOR_STAGES]
+    s = stimulus_from_readings(means)
+    s = s.at(rate=0 * s.rate)
+    f, H = solved(lambda f: accelerometers(f, s, effects), means.triad(FORCE))
+    channels = tuple((FORCE, a) for a in "xyz")
+    read = linearise(BENCH, s.at(force=f), effects, channels=channels, stages=SENSOR_STAGES).jacobian(wanted)
+    felt = -np.linalg.solve(H, read) @ (axes * np.sqrt(np.maximum(size, 0.0)))
+    length = np.linalg.norm(f, axis=1)
+    u = f / length[:, None]
+    tilt = (felt - u[:, :, None] * np.einsum("ki,kip->kp", u, felt)[:, None]) / length[:, None, None]
+    whole = np.broadcast_to(np.eye(3), (len(turns.ends), 3, 3))
+    turn = np.stack([end_of(turns.reading, replace(turns, before=whole[:, i]))[1] for i in range(3)], axis=-1)
+    return np.asarray(tilt[turns.ends] - turn @ tilt[turns.ends - 1])
+
+
+def _weights(across: Callable[[Sequence[Effect]], Rows], linear: Sequence[Effect], A: Array) -> Array:
+    """W (2m, 2m) of the module docstring about a linear model, A (m, 2, p) by what the accelerometers leave open."""
+    rows = across(linear)
+    r = rows.residual.ravel()
+    A = A.reshape(len(r), -1)
+    J = rows.jacobian([p for i in BASELINE["turns"] for p in parameters(CATALOGUE[i])]).reshape(len(r), -1)
+    both = np.concatenate([J / np.linalg.norm(J, axis=0), A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)], axis=1)
+    columns = both if both.shape[1] + SURE <= len(r) else both[:, : J.shape[1]]
+    U, S, _ = np.linalg.svd(columns, full_matrices=False)
+    U = U[:, S > 1e-9 * S.max()]
+    variance = float(((r - U @ (U.T @ r)) ** 2).sum()) / max(len(r) - U.shape[1], 1)
+    V, a, _ = np.linalg.svd(A / np.sqrt(max(variance, 1e-300)), full_matrices=False)
+    return np.asarray(np.eye(len(r)) - (V * (1 - 1 / np.sqrt(1 + a**2))) @ V.T)
 
 
 def _with_headings(turns: Turns, recording: Recording) -> Turns:

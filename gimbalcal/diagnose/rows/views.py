@@ -17,14 +17,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gimbalcal.calibration import Calibration
+from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.multiposition import WIDE, multiposition, scaled_by_gravity
+from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.accelerometers.norm_fit import WIDE, scaled_by_gravity
 from gimbalcal.estimate.gyroscopes.between_rests import fit_turns
-from gimbalcal.estimate.gyroscopes.rests import rests
-from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
+from gimbalcal.estimate.gyroscopes.rests import G_SENSITIVITY, Rests, fit_rests, rests
+from gimbalcal.estimate.gyroscopes.turns import logged_turns, turns_between_rests
 from gimbalcal.estimate.pointing.run import CHANNELS, STAGES, against_stars, on_stars
 from gimbalcal.forward import Rows, accelerometers, linearise
 from gimbalcal.inversion import invert
@@ -38,6 +40,7 @@ FORCE, RATE = "specific_force", "angular_rate"
 BLOCK = 1.0  # s; a table is tilted over seconds, what is faster shakes building and floor
 FEWEST = 3  # means of a table that can differ from one another in more than a trend
 COARSE, FINE = 0.04, 0.01  # s; steps at which the physics of a tilting table is evaluated, for search and last fit
+RESTS = 6  # fewer do not tell a pattern of the attitude from chance
 BY_HAND = 3.0  # times the catalogue's scales: sensors of different makers, bolted together
 
 
@@ -149,16 +152,16 @@ def rest_rates(
 ) -> View | None:
     """Gyroscopes in rest positions: the mean output of each, weighted by how well the scatter of its samples tells it.
 
-    `accelerometers` calibrates the force (left out, the positions do). None where the outputs are counts and no turns
-    between the rests say how much a count is.
+    `accelerometers` calibrates the force (left out, the positions do). Where no latitude says how fast the Earth turns
+    about the vertical, what the rests say of it is taken off. None where the outputs are counts and no turns between
+    the rests say how much a count is.
     """
     made = accelerometers or multiposition(recording, BASELINE["norm"])
-    moving = recording.position is not None and bool(np.any(recording.position == 0))
-    raw = recording.counted(RATE)
+    moving, raw = logged_turns(recording), recording.counted(RATE)
     if raw and not moving:
         return None
     found = rests(recording, made, turns_between_rests(recording, made)[2] if raw else 1.0)
-    s, y = found.stimulus, found.rate
+    s, y = found.stimulus, found.rate - _vertical(found, recording)
     told = found.sigma if np.all(found.sigma > 0) else None  # one row per rest says nothing of its scatter
 
     def missed(at_rest: Sequence[Effect]) -> float:
@@ -175,6 +178,19 @@ def rest_rates(
         GYROSCOPE_STAGES, tuple(baseline) or BASELINE["rest rates"], rows, frozenset(), WIDE, told,
         turns=missed if moving else None,
     )  # fmt: skip
+
+
+def _vertical(found: Rests, recording: Recording) -> Array:
+    """What may be the Earth's vertical rate (m, 3) where the latitude is not known: a g-sensitivity common to all axes.
+
+    Less than 15 deg/h in size, or it is more than the Earth.
+    """
+    if recording.site.latitude is not None or len(found.rate) < RESTS:
+        return np.zeros_like(found.rate)
+    fit = fit_rests(found)
+    common = [i for i, p in enumerate(fit.parameters) if p.effect == G_SENSITIVITY and p.axis in ("xx", "yy", "zz")]
+    g = recording.site.gravity
+    return float(np.clip(fit.x[common].mean() * g, -EARTH_RATE, EARTH_RATE)) * found.stimulus.force / g
 
 
 def table(recording: Recording, baseline: Sequence[str] = (), step: float = COARSE) -> View:

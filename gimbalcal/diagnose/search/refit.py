@@ -14,7 +14,8 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, 
 from gimbalcal.effects.effect import Grid, constants
 from gimbalcal.effects.grids import kind
 from gimbalcal.errors import InputError
-from gimbalcal.inference.levenberg import minimise
+from gimbalcal.inference.algebra import orthonormal
+from gimbalcal.inference.levenberg import covariance_at_minimum, minimise
 from gimbalcal.number import Array
 
 SETTLED = 1e-7  # step in prior sigmas at which a fit has arrived
@@ -41,17 +42,20 @@ def refit(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Mo
     """Least squares on all wanted parameters, to the minimum; directions that the rows do not see stay where they are.
 
     Damped steps, so that no fit ends worse than it began. What the rows see is asked at the minimum, where the misfit
-    is noise; where they see less than was fitted, the fit is done again in the directions that they see.
+    is noise; where that is not what was fitted, the fit is done again in the directions that they see. It begins with
+    what they would see at the minimum of a linear model: along others a fit strays as far as the model bends.
     """
     scale = np.array([p.sigma for p in wanted])
-    x0, free, c = values(effects, wanted), np.eye(len(wanted)), np.zeros(len(wanted))
+    x0, c, again = values(effects, wanted), np.zeros(0), False
+    r, J = v.linear(effects, wanted)
+    free, _ = _seen(_left(weighted(v, r), weighted(v, J) * scale), weighted(v, J) * scale)
     while True:
-        made, c = _descended(v, effects, wanted, x0, free * scale[:, None], c)
+        made, c = _descended(v, effects, wanted, x0, free * scale[:, None], np.resize(c, free.shape[1]))
         r, J = v.linear(made, wanted)
         seen, variance = _seen(weighted(v, r), weighted(v, J) * scale)
-        if seen.shape[1] >= free.shape[1]:
+        if seen.shape[1] == free.shape[1] or (again and seen.shape[1] > free.shape[1]):
             break
-        free, c = seen, seen.T @ free @ c
+        free, c, again = seen, seen.T @ free @ c, True
     A = (weighted(v, J) * scale).reshape(r.size, -1) @ seen
     unseen = np.eye(len(wanted)) - seen @ seen.T
     C = seen @ np.linalg.inv(A.T @ A) @ seen.T * variance + unseen
@@ -74,6 +78,13 @@ def _descended(
 
     found = minimise(at, c0[None], SETTLED, gain=GAIN, damping=1e-9)
     return with_values(effects, wanted, x0 + free @ found.x[0], names), found.x[0]
+
+
+def _left(r: Array, J: Array) -> Array:
+    """What a linear model with columns J (n, C, p) leaves of the misfit (n, C)."""
+    U, S, _ = np.linalg.svd(J.reshape(r.size, -1), full_matrices=False)
+    U = U[:, S > 1e-9 * S.max(initial=0.0)]
+    return np.asarray(r - (U @ (U.T @ r.ravel())).reshape(r.shape))
 
 
 def _seen(r: Array, J: Array) -> tuple[Array, float]:
@@ -107,20 +118,21 @@ def with_columns(v: View, m: Model, X: Array) -> Model:
 def constants_told(v: View, m: Model, effect_id: str) -> list[tuple[Parameter, float, float]]:
     """Non-linear constants of an effect of the model, each with its value and one sigma in SI, all else fitted too.
 
-    Linearised at the model; of an instant or the name of a position, at which the output jumps, nothing is told.
+    Linearised at the model; of an instant or the name of a position, at which the output jumps, nothing is told, nor of
+    a constant that these rows do not determine.
     """
     smooth = {f.name for f in constants(CATALOGUE[effect_id]) if not (kind(f).once or kind(f) is Grid.SPAN)}
     wanted = [p for p in parameters(CATALOGUE[effect_id], constants=True) if p.field in smooth]
     effect = next(e for e in m.effects if e.id == effect_id)
     X = v.rows(m.effects).columns(effect, wanted) if wanted else np.zeros((*m.r.shape, 0))
-    A = weighted(v, np.concatenate([m.J, X], axis=-1)).reshape(m.r.size, -1)
-    size = np.maximum(np.sqrt((A**2).sum(axis=0)), 1e-300)
-    _, S, Vt = np.linalg.svd(A / size, full_matrices=False)
-    keep = S > RANK * S.max(initial=0.0)
-    variance = float((weighted(v, m.r) ** 2).sum()) / max(m.r.size - int(keep.sum()), 1)
-    sigma = np.sqrt(variance * ((Vt[keep].T / S[keep]) ** 2).sum(axis=1)) / size
-    q = m.J.shape[-1]
-    return [(p, float(getattr(effect, p.field)), float(sigma[q + i])) for i, p in enumerate(wanted)]
+    Q = orthonormal(weighted(v, m.J).reshape(m.r.size, -1))
+    A = weighted(v, X).reshape(m.r.size, len(wanted))
+    left = A - Q @ (Q.T @ A)
+    left = np.where(np.linalg.norm(left, axis=0) > RANK * np.linalg.norm(A, axis=0), left, 0.0)
+    variance = float((weighted(v, m.r) ** 2).sum()) / max(m.r.size - Q.shape[1] - len(wanted), 1)
+    sigma = np.sqrt(variance * np.diag(covariance_at_minimum(left[None])[0]))
+    told = zip(wanted, sigma, strict=True)
+    return [(p, float(getattr(effect, p.field)), float(s)) for p, s in told if np.isfinite(s)]
 
 
 def evidence(v: View, m: Model, X: Array, memory: bool = True) -> Ground:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,7 @@ MOST = 8  # rounds
 EXCHANGE = 1.0  # ln of odds by which another cause must be likelier to take a place
 OFTEN = np.log(10.0)  # how much likelier before any data, or with less evidence, is what every rig of the kind has
 Taken = tuple[Candidate, Variant]
+Key = tuple[str, str, str, str]
 FIRST = 12  # likeliest single causes that are tried with every other; all of them where none is found alone
 
 
@@ -63,14 +64,18 @@ def course(v: View, tell: Tell) -> Course:
     first = start(v)
     refuse_too_little(v.recording, first.J.reshape(first.r.size, -1))
     taken = climbed(v, first, (), tell)
-    usual = textbook(v, first) if taken else []
+    if not taken:
+        return steps_of(v, first, taken)
+    known, X = causes(v, first.effects, first.fitted)
+    usual = textbook(v, first, known, X)
     lacking = {c.effect for c, _ in usual} - {c.effect for c, _ in taken}
     standard = pruned(v, first, usual, tell) if lacking else []
     if not standard:
         return steps_of(v, first, taken)
     tell("once more, from what every rig of the kind has")
     other = climbed(v, first, standard, tell)
-    if ln_odds(v, first, other) < ln_odds(v, first, taken):
+    share = dict(zip((c.key for c in known), priors(v, known).tolist(), strict=True))
+    if ln_odds(v, first, other, share) < ln_odds(v, first, taken, share):
         return steps_of(v, first, taken)
     return steps_of(v, first, other, [t for t in standard if t in other])
 
@@ -93,28 +98,37 @@ def climbed(v: View, first: Model, begun: Sequence[Taken], tell: Tell) -> list[T
     return pruned(v, first, exchanged(v, first, taken, tell, memory=True, keep_usual=keep_usual), tell)
 
 
-def textbook(v: View, first: Model) -> list[Taken]:
-    """What every textbook of such a rig names and the baseline lacks, on all axes."""
-    known, X = causes(v, first.effects, first.fitted)
+def textbook(v: View, first: Model, known: Sequence[Candidate], X: Array) -> list[Taken]:
+    """What every textbook of such a rig names and the baseline lacks, on all axes; less what the data speak against.
+
+    In a linear model: of what these rows hardly see a fit finds any size, far from where the model is linear.
+    """
     g = evidence(v, first, X)
     named = [c for c in known if is_usual(v, c)]
     widest = {c.effect: max((o for o in named if o.effect == c.effect), key=lambda o: len(o.parameters)) for c in named}
-    return [(c, c.variants[single(g, [c])[0][0]]) for c in widest.values()]
+    out = [(c, c.variants[single(g, [c])[0][0]]) for c in widest.values()]
+    while out:
+        support = []
+        for _, variant in out:
+            others = [i for _, other in out if other is not variant for i in other.index]
+            g = evidence(v, with_columns(v, first, X[..., others]), X[..., list(variant.index)])
+            support.append(log_evidence(g, range(len(variant.index))))
+        if min(support) > 0:
+            break
+        del out[int(np.argmin(support))]
+    return out
 
 
-def ln_odds(v: View, first: Model, taken: Sequence[Taken]) -> float:
+def ln_odds(v: View, first: Model, taken: Sequence[Taken], share: Mapping[Key, float]) -> float:
     """ln odds of several causes together against none: each by what it adds to those before it, and its prior.
 
-    What every rig of the kind has costs nothing beforehand.
+    What every rig of the kind has costs nothing beforehand; `share` is the ln prior share of what shows by itself.
     """
-    known, _ = causes(v, first.effects, first.fitted)
-    share = priors(v, known)
-    prior = dict.fromkeys((c.key for c, _ in taken), float(share.min()))  # some show only beside others
-    prior |= {c.key: float(p) for c, p in zip(known, share, strict=True)}
+    least = min(share.values())  # some show only beside others
     steps = ordered(v, first, taken)
     before = [first, *(s.model for s in steps)]
     added = [alone(v, m, s.taken) - s.taken[0].paid for m, s in zip(before, steps, strict=False)]
-    return float(sum(added) + sum(prior[c.key] + np.log(SINGLE) for c, _ in taken if not is_usual(v, c)))
+    return float(sum(added) + sum(share.get(c.key, least) + np.log(SINGLE) for c, _ in taken if not is_usual(v, c)))
 
 
 def exchanged(

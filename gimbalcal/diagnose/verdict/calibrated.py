@@ -240,7 +240,8 @@ def _with_sizes(s: Solution, found: Found, told: Mapping[Parameter, float]) -> S
     c = [s.parameters.index(p) for p in mine]
     at = [found.parameters.index(p) for p in mine]
     P = s.covariance
-    K = P[:, c] @ np.linalg.pinv(P[np.ix_(c, c)], rcond=1e-13, hermitian=True)
+    scale = s.sigma[c]  # of a covariance with its prior no direction is without variance
+    K = np.linalg.solve(P[np.ix_(c, c)] / np.outer(scale, scale), (P[:, c] / scale).T).T / scale
     new = found.covariance[np.ix_(at, at)]
     x = s.x + K @ (np.array([told[p] for p in mine]) - s.x[c])
     covariance = P + K @ (new - P[np.ix_(c, c)]) @ K.T

@@ -20,12 +20,12 @@ from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.account import rotations_of_the_triad
-from gimbalcal.estimate.accelerometers.multiposition import multiposition, scaled_by_gravity
+from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.accelerometers.norm_fit import scaled_by_gravity
 from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
+from gimbalcal.inference.information import keeps_prior
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means
-
-FAINT = 0.01  # of the prior sigma: a parameter that is nearer to its prior than this is not seen
 
 
 class Fitted(Protocol):
@@ -104,9 +104,9 @@ def _unseen(seen: Sequence[Seen]) -> list[dict[str, Any]]:
     out = []
     for s in seen:
         sigma = np.sqrt(np.diag(s.model.covariance))
-        for p, x, e in zip(s.model.fitted, values(s.model.effects, s.model.fitted), sigma, strict=True):
-            if abs(e / p.sigma - 1) < FAINT and abs(x) < FAINT * p.sigma:
-                out.append({"direction": {p.label: 1.0}, "why": f"{p.label} does not show in {s.view.name}"})
+        silent = keeps_prior(s.model.fitted, values(s.model.effects, s.model.fitted), sigma)
+        labels = [p.label for p, at_prior in zip(s.model.fitted, silent, strict=True) if at_prior]
+        out += [{"direction": {one: 1.0}, "why": f"{one} does not show in {s.view.name}"} for one in labels]
         if s.view.name == "norm" and any(p.effect == "misalignment" for p in s.model.fitted):
             out += rotations_of_the_triad()
     return out

@@ -15,10 +15,9 @@ from gimbalcal.diagnose.search.refit import Model, constants_told
 from gimbalcal.diagnose.search.stepwise import Course, steps_of, take
 from gimbalcal.diagnose.verdict.decide import capped
 from gimbalcal.effects import CATALOGUE, values
+from gimbalcal.inference.information import keeps_prior
 from gimbalcal.pipeline import Tell
 from gimbalcal.units import from_si
-
-UNOBSERVABLE = 0.01  # of the prior sigma: a parameter that is nearer to its prior than this is unobservable
 
 
 def confirmed(v: View, c: Course, tell: Tell) -> tuple[Course, list[Judgement]]:
@@ -38,22 +37,22 @@ def judged_in_turn(v: View, c: Course) -> list[Judgement]:
     """Each cause among its alternatives: what every rig has beside the like of it, what is special beside all."""
     if not c.steps:
         return []
-    standard = take(v, c.start, c.standard)
-    still = {id(m): still_wanted(v, m) for m in (c.end, standard)}
-    models = [standard if s.taken in c.standard else c.end for s in c.steps]
-    return [judged(v, m, s.taken[0], still[id(m)]) for m, s in zip(models, c.steps, strict=True)]
+    usual = [s.taken in c.standard for s in c.steps]
+    among = {own: take(v, c.start, c.standard) if own else c.end for own in set(usual)}
+    still = {own: still_wanted(v, m) for own, m in among.items()}
+    return [judged(v, among[own], s.taken[0], still[own]) for own, s in zip(usual, c.steps, strict=True)]
 
 
 def finding(v: View, c: Course, j: Judgement) -> dict[str, Any]:
     """An entry of `findings`: what was found, how likely and how large it is, and what it is confounded with."""
     e = j.cause.effect
-    prior = {(p.name, p.axis): float(from_si(p.sigma, p.unit)) for p in j.cause.parameters}
-    rows = [r for r in sizes(c.end) if r["effect"] == e and (r["name"], r["axis"]) in prior]
-    rows = [r for r in rows if _seen(r, prior[r["name"], r["axis"]])]
+    m, own = c.end, {p.label for p in j.cause.parameters}
+    silent = keeps_prior(m.fitted, values(m.effects, m.fitted), np.sqrt(np.diag(m.covariance)))
+    rows = [r for r, p, at_prior in zip(sizes(m), m.fitted, silent, strict=True) if p.label in own and not at_prior]
     rows += [
         {"effect": e, "name": p.field, "axis": "", "value": float(from_si(x, p.unit)),
          "sigma": float(from_si(sigma, p.unit)), "unit": p.unit}
-        for p, x, sigma in constants_told(v, c.end, e)
+        for p, x, sigma in constants_told(v, m, e)
     ]  # fmt: skip
     return {
         "effect": e, "axis": j.cause.axis, "probability": capped(j.probability),
@@ -61,11 +60,6 @@ def finding(v: View, c: Course, j: Judgement) -> dict[str, Any]:
         "twins": list(j.confounded), "physics": wording.physics(e), **wording.law(e),
         "separate_by": _advice(j),
     }  # fmt: skip
-
-
-def _seen(row: dict[str, Any], prior: float) -> bool:
-    """Whether the rows say anything of a parameter: otherwise it keeps the prior's zero and sigma."""
-    return abs(row["sigma"] / prior - 1) > UNOBSERVABLE or abs(row["value"]) > UNOBSERVABLE * prior
 
 
 def _advice(j: Judgement) -> str:

@@ -264,7 +264,7 @@ class PositionFit:
 def gauss_newton(p: Problem, noise: Noise, start: Array | None = None) -> PositionFit:
     """Iterate the whitened linear solution until a step is below 1e-3 of the noise; give up where it runs away."""
     far = FAR * np.array([q.sigma for q in p.parameters])
-    x = np.zeros(len(p.parameters)) if start is None or np.any(np.abs(start) > far) else start
+    x = start if start is not None and np.all(np.abs(start) <= far) else np.zeros(len(p.parameters))
     e = aim(p, x, noise)
     for step in range(1, ROUNDS + 1):
         linear = by_visit(p, x, e)
@@ -276,7 +276,7 @@ def gauss_newton(p: Problem, noise: Noise, start: Array | None = None) -> Positi
         quiet = noise.accelerometer / np.sqrt(linear.weight)[:, None]
         if np.all(moved_x <= 1e-3 * solution.sigma) and np.all(moved_e <= 1e-2 * quiet):
             return PositionFit(solution, e, linear, w, noise, step)
-        if np.any(np.abs(x) > far):
+        if not np.all(np.abs(x) <= far):  # nor where it is no number any more
             break
     return PositionFit(solution, e, linear, w, noise, 0)
 

@@ -87,6 +87,13 @@ def turns_between_rests(
     return replace(made, reading=scale * (made.reading + bend) + scale**2 * swing), scale * level, scale
 
 
+def logged_turns(recording: Recording) -> bool:
+    """Whether a turn between two rests was logged from end to end."""
+    if recording.position is None or not np.any(recording.position == 0):
+        return False
+    return any(not paused(recording, slice(a.stop - 1, b.start + 1)) for a, b in pairwise(dwells(recording)))
+
+
 def paused(recording: Recording, span: slice) -> bool:
     """Whether the clock pauses between two rests, so that nobody knows how the unit turned meanwhile."""
     usual = float(np.median(np.diff(recording.time)))

@@ -5,7 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.library.unknown_noise import available, causes, constants_of, free_rows, shapes_of, unknowns
+from gimbalcal.diagnose.library.unknown_noise import (
+    available,
+    causes,
+    constants_of,
+    free_rows,
+    powers,
+    shapes_of,
+    spanned,
+    unknowns,
+)
 from gimbalcal.diagnose.rows.views import norm, pointing
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.effects import CATALOGUE, absent, parameters
@@ -76,3 +85,12 @@ def test_an_effect_of_the_model_keeps_its_constants() -> None:
     made = absent(CATALOGUE[effect], STARS.stimulus.axis_names)
     known, _ = causes(STARS, [*MODEL.effects, made], MODEL.fitted)
     assert {v.constants for c in known if c.effect == effect for v in c.variants} == {constants_of(made)}
+
+
+def test_a_scan_ranks_by_what_least_squares_takes_away() -> None:
+    rng = np.random.default_rng(3)
+    X, y = rng.standard_normal((5, 12, 2, 3)), rng.standard_normal((12, 2))
+    X[2, ..., 1] = 2 * X[2, ..., 0]  # spans less than it has columns
+    X[3, ..., 2] = 0.0
+    taken = [y.ravel() @ A @ np.linalg.lstsq(A, y.ravel(), rcond=None)[0] for A in X.reshape(5, 24, 3)]
+    np.testing.assert_allclose(powers(np.stack([spanned(x) for x in X]), y), taken)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -107,11 +108,21 @@ def test_a_corrected_norm_is_gravity() -> None:
 
 def test_rates_at_rest_lose_what_the_effects_say() -> None:
     w = 1e-4 * np.random.default_rng(3).standard_normal((20, 3))
-    v = rest_rates(unit(G * UP, w))
+    v = rest_rates(replace(unit(G * UP, w), site=Site(0.0, 0.0, G)))  # at the equator nothing turns about the vertical
     assert v is not None
     ps = parameters(CATALOGUE["gyro_bias"])
     effects = with_values((), ps, np.array([1e-5, 2e-5, -3e-5]))
     np.testing.assert_allclose(v.linear(effects, ())[0], w - [1e-5, 2e-5, -3e-5], atol=1e-12)
+
+
+def test_the_earth_s_vertical_rate_is_no_g_sensitivity_where_no_latitude_tells_it() -> None:
+    """10 deg/h about the vertical are taken for the Earth; of 40 the rests keep what is more than the Earth's 15.04."""
+    hour = np.pi / 648000
+    for rate, left in ((10.0, 0.0), (40.0, 40.0 - 15.041)):
+        v = rest_rates(unit(G * UP, rate * hour * UP + [1e-5, 2e-5, -3e-5]))
+        assert v is not None
+        r = v.linear((), ())[0]
+        np.testing.assert_allclose(r, left * hour * UP + [1e-5, 2e-5, -3e-5], atol=1e-4 * hour)
 
 
 def test_a_lever_on_a_table_is_known_by_its_centrifugal_and_euler_forces() -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gimbalcal.diagnose.library.unknown_noise import unknowns
+from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.diagnose.rows.views import norm, pointing
-from gimbalcal.diagnose.search.refit import evidence, refit, start, with_columns
+from gimbalcal.diagnose.search.refit import constants_told, evidence, refit, start, with_columns
 from gimbalcal.effects import values, with_values
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
@@ -91,3 +94,16 @@ def test_columns_of_what_is_not_in_the_model_hold_no_noise_of_the_readings() -> 
     assert copied(read) > 0.9
     assert copied(quiet) < 0.5
     assert y.shape == (24, 1)
+
+
+def test_a_constant_that_nothing_determines_is_not_told() -> None:
+    """What order a worm has shows by its amplitude: without one there is nothing to tell, and no sigma of zero."""
+    v = pointing(telescope(1, n=200))
+    m = start(v)
+    wanted = unknowns(v, "periodic_worm_error")[:2]
+    for size, count in ((0.0, 0), (20.0, 1)):
+        none = absent_effect("periodic_worm_error", v.stimulus)
+        worm = with_values([none], wanted[:1], np.array([size * np.pi / 648000]), v.stimulus.axis_names)
+        told = constants_told(v, replace(m, effects=(*m.effects, *worm)), "periodic_worm_error")
+        assert len(told) == count
+        assert all(0 < sigma < np.inf for _, _, sigma in told)

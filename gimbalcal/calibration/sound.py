@@ -1,0 +1,69 @@
+"""What the content of a calibration.json has to be before its numbers are believed.
+
+A file that was edited by hand, cut, or written by another program is refused with the place of the fault: it would
+otherwise correct recordings, silently, by a unit of another dimension or with a variance that cannot be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.effects import Parameter
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.units import from_si, parse
+
+AGREE = 1e-3  # relative, of a sigma and its variance: files are written with all digits, people round to three
+ROUNDING = 1e-6  # of a correlation matrix: eigenvalues above minus this, and symmetry
+
+
+def refuse_unsound(rows: Sequence[Mapping[str, Any]], known: Sequence[Parameter], covariance: Any) -> None:
+    """Raise InputError where parameters or covariance [SI] cannot be those of a calibration.
+
+    `known`: the parameter that each row names.
+    """
+    seen: dict[str, int] = {}
+    for i, (row, p) in enumerate(zip(rows, known, strict=True), start=1):
+        if p.label in seen:
+            raise InputError(f"parameters {seen[p.label]} and {i} are both {p.label}; keep one of them")
+        seen[p.label] = i
+        unit = row["unit"]
+        if parse(str(unit)).dimension != parse(p.unit).dimension:
+            raise InputError(f"parameter {i}, {p.label}, is in {unit!r}, which is no unit of it; give it in {p.unit}")
+        for name in ("value", "sigma"):
+            number = row[name]
+            if isinstance(number, bool) or not isinstance(number, (int, float)) or not isfinite(number):
+                raise InputError(f"parameter {i}, {p.label}: its {name} must be a finite number, got {number!r}")
+        if row["sigma"] < 0:
+            raise InputError(f"parameter {i}, {p.label}: its sigma is negative, {row['sigma']:g} {unit}")
+    _refuse_covariance(rows, known, covariance)
+
+
+def _refuse_covariance(rows: Sequence[Mapping[str, Any]], known: Sequence[Parameter], covariance: Any) -> None:
+    n = len(rows)
+    try:
+        P: Array = np.array(covariance, dtype=float).reshape((n, n) if np.size(covariance) == n * n else (-1,))
+    except (TypeError, ValueError):
+        raise InputError(f"the covariance must be {n} rows of {n} numbers, one of each for every parameter") from None
+    if P.shape != (n, n) or np.shape(covariance) not in ((n, n), (0,)):
+        raise InputError(f"the covariance has shape {np.shape(covariance)}, and {n} parameters need ({n}, {n})")
+    if not np.isfinite(P).all():
+        i, j = np.argwhere(~np.isfinite(P))[0]
+        raise InputError(f"the covariance of {known[i].label} and {known[j].label} is not a finite number")
+    for p, variance, row in zip(known, np.diag(P), rows, strict=True):
+        if variance < 0:
+            raise InputError(f"the variance of {p.label} is negative, {variance:.3g}")
+        told = float(from_si(float(np.sqrt(variance)), row["unit"]))
+        if abs(told - row["sigma"]) > AGREE * max(told, row["sigma"]):
+            raise InputError(
+                f"the sigma of {p.label} is {row['sigma']:.4g} {row['unit']} and the covariance says {told:.4g}; "
+                "correct the one that was changed"
+            )
+    sigma = np.sqrt(np.diag(P))
+    R = P / np.outer(*(np.where(sigma > 0, sigma, 1.0),) * 2)
+    if n and (np.abs(R - R.T).max() > ROUNDING or np.linalg.eigvalsh((R + R.T) / 2)[0] < -n * ROUNDING):
+        raise InputError("the covariance is that of no random vector: it must be symmetric, without negative variances")

@@ -1,0 +1,70 @@
+"""A unit's history on the command line: `--store` of calibrate and diagnose, and `compare`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import click
+
+from gimbalcal.cli.options import F, output_options, progress, show
+from gimbalcal.errors import InputError
+
+STORE = click.option(
+    "--store", type=click.Path(path_type=Path), default=None, help="Keep the result in this file too: a unit's history."
+)
+UNIT = click.option("--unit", default="", help="Which unit it is, in a --store of several.")
+
+
+def stored(command: F) -> F:
+    """The options --store and --unit."""
+    return STORE(UNIT(command))
+
+
+def remember(store: Path | None, unit: str, kind: str, content: Mapping[str, Any]) -> None:
+    """Keep a result in the store, if one is named; of a sensor beside others under its own name."""
+    if store is None:
+        return
+    from gimbalcal.history import Entry, keep
+
+    sensor = content.get("provenance", {}).get("options", {}).get("sensor", "")
+    date = content.get("provenance", {}).get("created") or datetime.now(UTC).isoformat(timespec="seconds")
+    keep(store, Entry(" ".join(filter(None, [unit, sensor])), date, kind, content))
+
+
+@click.command()
+@click.argument("calibrations", nargs=-1, type=click.Path(path_type=Path))
+@stored
+@click.option(
+    "--allow", multiple=True, metavar="NAME='VALUE UNIT'", help="How far a parameter may move until the next."
+)
+@output_options("compare.json, report.html, and all values as history.csv and history.parquet")
+def compare(
+    calibrations: tuple[Path, ...], store: Path | None, unit: str, allow: tuple[str, ...],
+    out: Path | None, quiet: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """How the parameters of a unit move from calibration to calibration: CALIBRATIONS, those of a --store, or both."""
+    from gimbalcal.history import compare as run
+    from gimbalcal.history import dated_file, of_store
+    from gimbalcal.report.files import write_comparison
+
+    if store is None and not calibrations:
+        raise InputError("`compare` takes calibration.json files, or a --store that holds some")
+    kept, diagnoses = of_store(store, unit) if store is not None else ((), ())
+    made = run([*kept, *(dated_file(c) for c in calibrations)], unit, dict(_allowed(a) for a in allow))
+    content = made.to_dict()
+    if out is not None:
+        write_comparison(content, diagnoses, out)
+        progress(quiet)(f"wrote {out / 'compare.json'} and {out / 'report.html'}")
+    show(content, made.in_words, as_json, quiet)
+    sys.exit(0 if made.agree else 1)
+
+
+def _allowed(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise InputError(f"--allow takes NAME='VALUE UNIT', got {text!r}")
+    return name.strip(), value

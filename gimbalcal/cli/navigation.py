@@ -1,0 +1,91 @@
+"""What a calibration is worth on the way: a static run navigated, and the error budget of a planned calibration."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from gimbalcal.cli.options import COUNT, SEED, output_options, progress, show
+from gimbalcal.errors import InputError
+
+DAMPING = click.option(
+    "--damping", type=click.FloatRange(min=0, max=5), default=0.5, show_default=True,
+    help="Damping of Schuler's swing by the velocity reference, of critical; 0: none.",
+)  # fmt: skip
+
+
+@click.command()
+@click.argument("recording", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--calibration", "known", multiple=True, type=click.Path(path_type=Path), metavar="FILE [FILE ...]",
+    help="calibration.json, as many as are to be compared, in order.",
+)  # fmt: skip
+@DAMPING
+@click.option("--samples", type=COUNT, default=50, show_default=True, help="Draws behind the sampled bands.")
+@click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the draws.")
+@output_options("navigation.json and report.html")
+def navigate(
+    recording: tuple[Path, ...], known: tuple[Path, ...], damping: float, samples: int, seed: int,
+    out: Path | None, quiet: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Navigate a static run without a calibration and with each: what they are worth in position and attitude."""
+    from gimbalcal.calibration.exchange import read_calibration
+    from gimbalcal.navigate.answer import content
+    from gimbalcal.navigate.bands import before_and_after
+    from gimbalcal.navigate.space_stable import Aids
+    from gimbalcal.navigate.static_run import labels
+    from gimbalcal.pipeline import load
+    from gimbalcal.report.files import write_navigation
+
+    folder, files = _one_recording(recording, known)
+    tell, aids = progress(quiet), Aids(damping=damping)
+    (run,) = load([folder], tell)
+    chosen = list(zip(labels(files), [read_calibration(f) for f in files], strict=True))
+    runs = before_and_after(run, chosen, aids, samples, seed, tell)
+    provenance = {
+        "recordings": run.files,
+        "calibrations": [{"name": name, "path": str(f)} for (name, _), f in zip(chosen, files, strict=True)],
+        "samples": samples,
+        "seed": seed,
+    }
+    made = content(runs, aids, provenance)
+    if out is not None:
+        write_navigation(made, runs, run.title, out)
+        tell(f"wrote {out / 'navigation.json'} and {out / 'report.html'}")
+    show(made, made["in_words"], as_json, quiet)
+
+
+@click.command()
+@click.argument("scenarios", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--hours", multiple=True, type=click.FloatRange(min=0.5, max=240), default=(6.0, 24.0, 72.0), show_default=True,
+    help="Within how many hours the position error is told; as often as needed.",
+)  # fmt: skip
+@click.option("--with", "more", multiple=True, metavar="EFFECT", help="An effect that the calibration holds too.")
+@DAMPING
+@output_options("budget.json and report.html")
+def budget(
+    scenarios: tuple[Path, ...], hours: tuple[float, ...], more: tuple[str, ...], damping: float,
+    out: Path | None, quiet: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Say what a calibration by these SCENARIOS leaves of position error, parameter by parameter, before it is made."""
+    from gimbalcal.design.budget import budget as run
+    from gimbalcal.navigate.space_stable import Aids
+    from gimbalcal.report.files import write_budget
+
+    made, tell = run(scenarios, hours, more, Aids(damping=damping)), progress(quiet)
+    if out is not None:
+        write_budget(made, out)
+        tell(f"wrote {out / 'budget.json'} and {out / 'report.html'}")
+    show(made.to_list(), made.in_words, as_json, quiet)
+
+
+def _one_recording(given: tuple[Path, ...], known: tuple[Path, ...]) -> tuple[Path, list[Path]]:
+    """The recording among the arguments, and the calibrations in order: files that follow one belong to it."""
+    files = [p for p in given if p.is_file()]
+    folders = [p for p in given if not p.is_file()]
+    if len(folders) != 1:
+        named = ", ".join(map(str, folders)) or "none"
+        raise InputError(f"navigate takes one recording folder, got {named}; calibrations come after --calibration")
+    return folders[0], [*known, *files]

@@ -1,0 +1,241 @@
+r"""How the parameters of a unit move from calibration to calibration: jumps, drift, and when to calibrate next.
+
+Two calibrations with estimates x_k and covariances C_k of their common parameters, from different recordings, differ by
+
+.. math:: \chi^2 = (x_2 - x_1)^T (C_1 + C_2)^{-1} (x_2 - x_1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.effects import Parameter
+from gimbalcal.errors import InputError
+from gimbalcal.history.course import SURPRISE, YEAR, Course, course
+from gimbalcal.history.dated import Dated, day_of
+from gimbalcal.units import from_si, parse, to_si
+
+LATEST = 253402300799.0  # s; the last second of the year 9999
+UNSEEN = 1e-3  # of its sigma: a value that is nearer to zero was held there
+
+
+@dataclass(frozen=True)
+class Step:
+    """Two calibrations that follow each other: chi^2 of their difference over `dof` parameters, and its chance."""
+
+    before: int
+    after: int
+    chi2: float
+    dof: int
+    chance: float
+    shared: bool  # recordings: then the two are not independent and the chance says nothing
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Calibrations of one unit in order of time, each step between them, and the course of each parameter."""
+
+    unit: str
+    calibrations: tuple[Dated, ...]
+    steps: tuple[Step, ...]
+    courses: tuple[Course, ...]
+
+    @property
+    def agree(self) -> bool:
+        """Whether nothing moved by more than the sigmas allow."""
+        return not any(c.moved for c in self.courses) and not self.odd
+
+    @property
+    def odd(self) -> tuple[Step, ...]:
+        """Steps that chance does not explain."""
+        return tuple(s for s in self.steps if not s.shared and s.chance < SURPRISE / len(self.steps))
+
+    @property
+    def due(self) -> datetime | None:
+        """When the first parameter will have moved by more than is allowed."""
+        first = min((c.due for c in self.courses if np.isfinite(c.due)), default=None)
+        return None if first is None else _date(first)
+
+    @property
+    def in_words(self) -> str:
+        """The answer in a few sentences: whether the unit stayed as it was, what moved most, and when to calibrate."""
+        n, of = len(self.calibrations), f" of {self.unit}" if self.unit else ""
+        made = self.calibrations
+        first, last = (day_of(d.date, made) for d in (made[0], made[-1]))
+        start = f"{n} calibrations{of} from {first} to {last}"
+        moved = sorted((c for c in self.courses if c.moved), key=lambda c: -c.clear)
+        if not moved and not self.odd:
+            said = f"{start} agree within their sigmas in all {len(self.courses)} parameters."
+        elif not moved:
+            worst = min(self.odd, key=lambda s: s.chance)
+            names = [self.calibrations[k].name for k in (worst.before, worst.after)]
+            said = (
+                f"{start} do not agree: {names[0]} and {names[1]} differ in their parameters together "
+                f"(p = {worst.chance:.2g}), though no parameter does by itself."
+            )
+        else:
+            more = f", and {len(moved) - 3} more" if len(moved) > 3 else ""
+            said = f"{start} do not agree: {'; '.join(_moved(c, self.calibrations) for c in moved[:3])}{more}."
+        if any(s.shared for s in self.steps):
+            said += " Some were made from the same recording and are not held against each other."
+        if self.due is not None:
+            said += f" The next calibration is due by {self.due:%Y-%m-%d}."
+        return said
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of compare.json; numbers in printed units."""
+        return {
+            "format": 1,
+            "unit": self.unit,
+            "in_words": self.in_words,
+            "agree": self.agree,
+            "due": None if self.due is None else self.due.date().isoformat(),
+            "calibrations": [
+                {"name": d.name, "date": d.date.isoformat(), "method": d.calibration.method,
+                 "outcome": d.calibration.outcome, "recordings": sorted(d.hashes)}
+                for d in self.calibrations
+            ],
+            "steps": [
+                {"before": s.before, "after": s.after, "chi2": s.chi2, "dof": s.dof,
+                 "p_value": None if s.shared else s.chance, "same_recording": s.shared}
+                for s in self.steps
+            ],
+            "parameters": [_row(c) for c in self.courses],
+        }  # fmt: skip
+
+
+def compare(calibrations: Sequence[Dated], unit: str = "", allowed: Mapping[str, str] | None = None) -> Comparison:
+    """How a unit changed over its calibrations, two or more, of any methods, as far as they share parameters.
+
+    allowed: by the name of a parameter, how far it may move before the next calibration, "50 ug"; without it three
+    sigmas of the last calibration, which a new one would show. Raises InputError for fewer than two, or nothing shared.
+    """
+    if len(calibrations) < 2:
+        raise InputError(f"to compare takes two calibrations, and {len(calibrations)} was given")
+    made = tuple(sorted(calibrations, key=lambda d: d.date))
+    held: dict[str, list[int]] = {}
+    named: dict[str, Parameter] = {}
+    for k, d in enumerate(made):
+        each = zip(d.calibration.parameters, d.calibration.values, d.calibration.sigmas, strict=True)
+        for p, x, sigma in each:
+            if sigma > 0 and abs(x) > UNSEEN * sigma:  # what nothing shows keeps its prior's zero
+                held.setdefault(p.label, []).append(k)
+                named[p.label] = p
+    common = {label: at for label, at in held.items() if len(at) > 1}
+    if not common:
+        raise InputError("these calibrations have no parameter in common that both of them tell")
+    limits = _limits(allowed or {}, named.values())
+    time = np.array([d.date.timestamp() for d in made])
+    independent = [not (made[i].hashes & made[i + 1].hashes) for i in range(len(made) - 1)]
+    tried = sum(len(at) - 1 for at in common.values())
+    courses = []
+    for label, at in common.items():
+        p = named[label]
+        there = [(made[k].calibration, made[k].calibration.parameters.index(p)) for k in at]
+        x, sigma = np.array([c.values[i] for c, i in there]), np.array([c.sigmas[i] for c, i in there])
+        limit = limits.get(label, limits.get(p.name, np.inf))
+        courses.append(course(p, at, time[at], x, sigma, tried, independent, limit))
+    steps = tuple(_step(made, k, not told) for k, told in enumerate(independent))
+    return Comparison(unit, made, steps, tuple(courses))
+
+
+def _date(seconds: float) -> datetime:
+    return datetime.fromtimestamp(min(seconds, LATEST), UTC)
+
+
+def _step(made: Sequence[Dated], k: int, shared: bool) -> Step:
+    from scipy.stats import chi2 as distribution
+
+    a, b = made[k].calibration, made[k + 1].calibration
+    both = [p for p, s in zip(a.parameters, a.sigmas, strict=True) if p in b.parameters and s > 0]
+    both = [p for p in both if b.sigmas[b.parameters.index(p)] > 0]
+    if not both:
+        return Step(k, k + 1, 0.0, 0, 1.0, shared)
+    i, j = ([c.parameters.index(p) for p in both] for c in (a, b))
+    difference = b.values[j] - a.values[i]
+    C = a.covariance[np.ix_(i, i)] + b.covariance[np.ix_(j, j)]
+    size = np.sqrt(np.diag(C))
+    lam, V = np.linalg.eigh(C / np.outer(size, size))
+    seen = lam > len(lam) * np.finfo(float).eps * lam[-1]  # a direction that both hold exactly has no difference
+    chi2 = float((((V.T @ (difference / size))[seen]) ** 2 / lam[seen]).sum())
+    dof = int(seen.sum())
+    return Step(k, k + 1, chi2, dof, float(distribution.sf(chi2, dof)), shared)
+
+
+def _limits(allowed: Mapping[str, str], known: Iterable[Parameter]) -> dict[str, float]:
+    """How far parameters may move, SI, by label or name."""
+    units = {key: p.unit for p in known for key in (p.label, p.name)}
+    out = {}
+    for name, text in allowed.items():
+        if name not in units:
+            raise InputError(f"--allow {name}={text}: no parameter of these calibrations is called {name!r}")
+        number, _, unit = text.strip().partition(" ")
+        try:
+            value = float(number)
+        except ValueError:
+            raise InputError(
+                f"--allow {name}={text}: write a number and a unit, as in {name}='50 {units[name]}'"
+            ) from None
+        unit = unit.strip() or units[name]
+        if parse(unit).dimension != parse(units[name]).dimension or value <= 0:
+            raise InputError(f"--allow {name}={text}: give a positive number in {units[name]}")
+        out[name] = float(to_si(value, unit))
+    return out
+
+
+def _moved(c: Course, made: Sequence[Dated]) -> str:
+    """What one parameter did."""
+    unit = c.parameter.unit
+    if c.jumps:
+        k = max(c.jumps, key=lambda k: abs(c.value[k] - c.value[k - 1]) / np.hypot(c.sigma[k], c.sigma[k - 1]))
+        size, sigma = (
+            float(from_si(v, unit)) for v in (c.value[k] - c.value[k - 1], np.hypot(*c.sigma[k - 1 : k + 1]))
+        )
+        return (
+            f"{_called(c.parameter)} moved by {size:+.4g} +- {sigma:.2g} {unit} by {day_of(made[c.at[k]].date, made)}"
+        )
+    if c.drifts:
+        rate, sigma = (float(from_si(v * YEAR, unit)) for v in (c.rate, c.rate_sigma))
+        return f"{_called(c.parameter)} drifts by {rate:+.3g} +- {sigma:.2g} {unit} a year"
+    if not c.outliers:
+        size, sigma = (float(from_si(v, unit)) for v in (c.scatter, float(np.median(c.sigma))))
+        return f"{_called(c.parameter)} scatters by {size:.3g} {unit} beyond its sigma of {sigma:.2g}"
+    k = c.outliers[0]
+    return f"{_called(c.parameter)} of {day_of(made[c.at[k]].date, made)} is off the others"
+
+
+def _called(p: Parameter) -> str:
+    return f"{p.name} {p.axis}".replace("_", " ").strip()
+
+
+def _row(c: Course) -> dict[str, Any]:
+    p = c.parameter
+    number = {key: None if np.isnan(v) else float(from_si(v * YEAR, p.unit))
+              for key, v in (("drift_per_year", c.rate), ("drift_sigma", c.rate_sigma))}  # fmt: skip
+    return {
+        "name": p.name, "axis": p.axis, "effect": p.effect, "unit": p.unit, "calibrations": list(c.at),
+        "values": [float(from_si(v, p.unit)) for v in c.value],
+        "sigmas": [float(from_si(v, p.unit)) for v in c.sigma],
+        "scatter": float(from_si(c.scatter, p.unit)),
+        **number,
+        "jumps": [c.at[k] for k in c.jumps],
+        "outliers": [c.at[k] for k in c.outliers],
+        "due": None if np.isnan(c.due) else _date(c.due).date().isoformat(),
+    }  # fmt: skip
+
+
+def flat(content: Mapping[str, Any]) -> dict[str, list[Any]]:
+    """The courses of a compare.json as one table, a row for each parameter of each calibration, by column."""
+    out: dict[str, list[Any]] = {c: [] for c in ("calibration", "date", "name", "axis", "value", "sigma", "unit")}
+    for row in content["parameters"]:
+        for k, value, sigma in zip(row["calibrations"], row["values"], row["sigmas"], strict=True):
+            told = content["calibrations"][k]
+            each = (told["name"], told["date"], row["name"], row["axis"], value, sigma, row["unit"])
+            for column, cell in zip(out.values(), each, strict=True):
+                column.append(cell)
+    return out

@@ -1,0 +1,76 @@
+"""A calibration with its date, from a file or from a store."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from gimbalcal.calibration import Calibration, from_dict
+from gimbalcal.calibration import read as read_calibration
+from gimbalcal.errors import InputError
+from gimbalcal.history.store import CALIBRATION, DIAGNOSIS, kept
+from gimbalcal.recording.header import NAME as HEADER
+
+
+@dataclass(frozen=True)
+class Dated:
+    """A calibration, when it was made, and what it is called: a file, or its date in a store."""
+
+    name: str
+    date: datetime
+    calibration: Calibration
+
+    @property
+    def hashes(self) -> frozenset[str]:
+        """Of the samples it was made from; headers may well be alike."""
+        files = self.calibration.provenance.get("recordings", ())
+        return frozenset(f["sha256"] for f in files if f.get("sha256") and Path(f.get("path", "")).name != HEADER)
+
+
+def dated_file(path: Path) -> Dated:
+    """A calibration.json with the date it was made at, else that of the file. Raises InputError."""
+    calibration = read_calibration(path)
+    return Dated(str(path), when(str(calibration.provenance.get("created", "")), path), calibration)
+
+
+def of_store(path: Path, unit: str = "") -> tuple[tuple[Dated, ...], tuple[tuple[str, str], ...]]:
+    """The calibrations of a unit in a store, and date and answer of its diagnoses.
+
+    Of the same recordings the last one counts, and one that a diagnosis ended in only where there is no other. Raises
+    InputError where the store holds several units and none is named, or none of this name.
+    """
+    entries = kept(path, unit)
+    units = sorted({e.unit for e in entries})
+    if len(units) > 1:
+        raise InputError(
+            f"{path} holds the units {', '.join(u or 'without a name' for u in units)}: name one by --unit"
+        )
+    if not entries:
+        raise InputError(f"{path} holds nothing{f' of {unit}' if unit else ''}")
+    last: dict[tuple[str, ...], Dated] = {}
+    for e in (e for e in entries if e.kind == CALIBRATION):
+        made = Dated(e.date, when(e.date), from_dict(e.content))
+        key = tuple(sorted(made.hashes)) or (e.date,)
+        if key not in last or made.calibration.method != "diagnosis" or last[key].calibration.method == "diagnosis":
+            last[key] = made
+    told = tuple((e.date, str(e.content.get("in_words", ""))) for e in entries if e.kind == DIAGNOSIS)
+    return tuple(last.values()), told
+
+
+def when(text: str, path: Path | None = None) -> datetime:
+    """A date of ISO 8601, without a zone in UTC; else when the file was last changed."""
+    try:
+        date = datetime.fromisoformat(text)
+    except ValueError:
+        if path is None:
+            raise InputError(f"{text!r} is not a date of ISO 8601, such as 2026-11-22") from None
+        return datetime.fromtimestamp(path.stat().st_mtime, UTC)
+    return date if date.tzinfo else date.replace(tzinfo=UTC)
+
+
+def day_of(date: datetime, among: Sequence[Dated]) -> str:
+    """A date, with its time where another calibration is of the same day."""
+    alone = sum(d.date.date() == date.date() for d in among) == 1
+    return f"{date:%Y-%m-%d}" if alone else f"{date:%Y-%m-%d %H:%M:%S}"

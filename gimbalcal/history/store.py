@@ -1,0 +1,133 @@
+"""Every calibration and diagnosis of a unit in one SQLite file, whatever happens to the program that writes it.
+
+The file is in WAL mode: readers never wait, two writers wait for one another, and what is killed at any moment leaves
+the entries that were there before. Numbers stand in `parameters` for whoever asks in SQL; `entries.content` has the
+whole JSON, covariance included.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gimbalcal.errors import InputError
+
+FORMAT = 1  # of the tables, kept as SQLite's user_version
+MARK = 0x67696D62  # "gimb", SQLite's application_id: another program's database is not written into
+WAIT = 60.0  # s that a writer waits for another
+CALIBRATION, DIAGNOSIS = "calibration", "diagnosis"
+
+TABLES = """
+create table entries (
+    id integer primary key,
+    unit text not null,
+    date text not null,
+    kind text not null,
+    method text not null,
+    answer text not null,
+    recordings text not null,
+    content text not null,
+    digest text not null,
+    unique (unit, kind, digest)
+);
+create table parameters (
+    entry integer not null references entries (id),
+    effect text not null, name text not null, axis text not null,
+    value real not null, sigma real not null, unit text not null
+);
+create index parameters_of on parameters (name, axis, entry);
+"""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One calibration or diagnosis: of which unit, when, and the content of its JSON."""
+
+    unit: str
+    date: str  # ISO 8601
+    kind: str
+    content: Mapping[str, Any]
+
+
+def keep(path: Path, entry: Entry) -> bool:
+    """Put an entry into the store, which is made where there is none; False if the very same one is there already.
+
+    The same recordings calibrated again by the same version, to the same numbers, are one entry.
+    """
+    content = dict(entry.content)
+    method = str(content.get("method", entry.kind))
+    answer = str(content.get("outcome") or content.get("verdict", ""))
+    recordings = [r.get("sha256", "") for r in content.get("provenance", {}).get("recordings", ())]
+    row = (entry.unit, entry.date, entry.kind, method, answer, json.dumps(recordings), json.dumps(content),
+           _digest(content))  # fmt: skip
+    with _open(path, make=True) as base:
+        base.execute("begin immediate")
+        columns = "(unit, date, kind, method, answer, recordings, content, digest)"
+        made = base.execute(f"insert or ignore into entries {columns} values (?, ?, ?, ?, ?, ?, ?, ?)", row)  # noqa: S608
+        if made.rowcount and entry.kind == CALIBRATION:
+            base.executemany(
+                "insert into parameters values (?, ?, ?, ?, ?, ?, ?)",
+                [(made.lastrowid, p.get("effect", p["name"]), p["name"], p["axis"], p["value"], p["sigma"], p["unit"])
+                 for p in content["parameters"]],
+            )  # fmt: skip
+        base.execute("commit")
+    return bool(made.rowcount)
+
+
+def kept(path: Path, unit: str = "", kind: str = "") -> tuple[Entry, ...]:
+    """Entries in order of their dates; of one unit or one kind if these are named. Raises InputError for no store."""
+    with _open(path, make=False) as base:
+        rows = base.execute("select unit, date, kind, content from entries order by date, id").fetchall()
+    try:
+        entries = [Entry(u, d, k, json.loads(content)) for u, d, k, content in rows]
+    except ValueError:
+        raise InputError(f"{path} holds an entry that is no JSON: it was changed by another program") from None
+    return tuple(e for e in entries if unit in ("", e.unit) and kind in ("", e.kind))
+
+
+def _digest(content: Mapping[str, Any]) -> str:
+    """SHA-256 of what was found, less when it was computed."""
+    provenance = {k: v for k, v in content.get("provenance", {}).items() if k != "created"}
+    text = json.dumps({**content, "provenance": provenance}, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+@contextmanager
+def _open(path: Path, make: bool) -> Iterator[sqlite3.Connection]:
+    if path.is_dir() or not (path.is_file() or make):
+        raise InputError(f"there is no store {path}; `--store {path}` of calibrate and diagnose makes one")
+    new = not path.exists()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    base = sqlite3.connect(path.absolute(), timeout=WAIT, isolation_level=None)
+    try:
+        mark, version = (base.execute(f"pragma {name}").fetchone()[0] for name in ("application_id", "user_version"))
+        if not new and mark == 0 and version == 0 and not base.execute("select * from sqlite_master").fetchone():
+            new = True  # another process has just begun, or was stopped before it made a table
+        if new and make:
+            _make(base)
+        elif mark != MARK or version != FORMAT:
+            what = f"of format {version}, and this version reads {FORMAT}" if mark == MARK else "another program's"
+            raise InputError(f"{path} is a database {what}; give another --store")
+        yield base
+    except sqlite3.DatabaseError as problem:
+        raise InputError(f"{path} cannot be used as a store ({problem}); give another --store") from None
+    finally:
+        base.close()
+
+
+def _make(base: sqlite3.Connection) -> None:
+    """The tables, by whichever of several processes comes first."""
+    base.execute("pragma journal_mode = wal")
+    base.execute("begin immediate")
+    if not base.execute("select * from sqlite_master").fetchone():
+        for statement in TABLES.split(";"):
+            base.execute(statement)
+        base.execute(f"pragma application_id = {MARK}")
+        base.execute(f"pragma user_version = {FORMAT}")
+    base.execute("commit")

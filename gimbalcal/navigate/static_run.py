@@ -1,0 +1,163 @@
+"""A static run navigated: what a still base seems to do, without a calibration and with each of several.
+
+The base stands still, so whatever the navigator says is error: latitude, longitude, velocity, roll, pitch and yaw,
+*navigator minus true*, against a level base that points north. It starts at the known place with the platform turned as
+its gimbal reads in the first minutes, is told the height and that it does not move (`Aids`), and makes the attitude
+from its computed vertical, the pole and the gimbal readouts. A calibration first turns the readings into those of
+perfect sensors on a perfect mount.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.earth import EARTH_RATE, SOLAR_DAY
+from gimbalcal.errors import InputError
+from gimbalcal.forward import navigator_attitude_error
+from gimbalcal.kinematics import (
+    EQUATORIAL,
+    refuse_other_platform,
+    required_latitude,
+    shortening,
+    with_phase_of_force,
+)
+from gimbalcal.navigate.space_stable import USUAL, Aids, Course, Site, navigate, radii
+from gimbalcal.number import Array, apply_matrix
+from gimbalcal.recording import Recording
+from gimbalcal.rotation import frame_rotation
+
+CHANNELS = (("latitude", "arcmin"), ("longitude", "arcmin"), ("north velocity", "m/s"), ("east velocity", "m/s"),
+            ("roll", "arcsec"), ("pitch", "arcsec"), ("yaw", "arcsec"))  # fmt: skip
+NAUTICAL_MILE = 1852.0  # m
+FORCE, ANGLE = "specific_force", "gimbal_angle"
+NONE = "none"  # the label of what is navigated as it was read
+ALIGNMENT = 600.0  # s at the beginning in which the platform's readout tells how it stands: 0.04" of 1" at 1 Hz
+STEP = 10.0  # s, the longest step; longer rows and gaps are filled in, as nothing but the Earth turns
+
+
+@dataclass(frozen=True)
+class Navigated:
+    """Errors of one navigation: time (n,) s, error (n, 7) in SI in the order of `CHANNELS`, position error (n,) m.
+
+    Attitudes are nan where platform, middle and outer gimbal were not all read. Bands, one sigma (n, 7) each, are
+    what the calibration's covariance leaves: by linear propagation, and by navigating with drawn parameters.
+    """
+
+    label: str
+    time: Array
+    error: Array
+    position: Array
+    linear: Array | None = None
+    sampled: Array | None = None
+
+    @property
+    def largest(self) -> Array:
+        """Largest absolute error (7,) in SI."""
+        return np.asarray(np.max(np.abs(self.error), axis=0))
+
+    @property
+    def rms(self) -> Array:
+        """Root mean square error (7,) in SI."""
+        return np.asarray(np.sqrt(np.mean(self.error**2, axis=0)))
+
+    @property
+    def drift_per_day(self) -> Array:
+        """Slope of a straight line through each error (7,), SI per day."""
+        t = (self.time - self.time.mean()) / SOLAR_DAY
+        return np.asarray(t @ self.error / (t @ t))
+
+
+def labels(files: Sequence[Path]) -> list[str]:
+    """Calibrations as tables call them: by file, or by folder where it is a calibration.json; no name twice."""
+    names = [f.absolute().parent.name if f.name == "calibration.json" else f.stem for f in files]
+    return names if len({*names, NONE}) == len(names) + 1 else [str(f) for f in files]
+
+
+def navigated(
+    recording: Recording, calibration: Calibration | None = None, aids: Aids = USUAL, label: str = NONE
+) -> Navigated:
+    """Errors of the navigation of a static run, corrected by a calibration first where there is one."""
+    refuse(recording)
+    run = with_inner(recording)
+    run = run if calibration is None else calibration.apply(run)
+    site, course = course_of(run, aids)
+    n, t = len(run.time), run.time - run.time[0]
+    error = np.full((n, len(CHANNELS)), np.nan)
+    error[:, 0] = course.latitude - site.latitude
+    error[:, 1] = course.phase - site.phase - EARTH_RATE * t
+    error[:, 2:4] = course.velocity
+    if set(run.platform.axis_names) <= set(run.axes(ANGLE)):
+        error[:, 4:] = -navigator_attitude_error(run.platform, course.up, run.angles())
+    return Navigated(label, t, error, horizontal(error, site))
+
+
+def horizontal(error: Array, site: Site) -> Array:
+    """Distance (n,) [m] of the computed place from the true one."""
+    M, N = radii(site.latitude)
+    north, east = (M + site.height) * error[:, 0], (N + site.height) * np.cos(site.latitude) * error[:, 1]
+    return np.asarray(np.hypot(north, east))
+
+
+def refuse(recording: Recording) -> None:
+    """Raise InputError for anything but a static run of a space-stable platform with its force and a latitude."""
+    if recording.kind != "static-run":
+        raise InputError(
+            f"{recording.title!r} is a {recording.kind} recording; a static run of a space-stable platform is navigated"
+        )
+    refuse_other_platform(recording)
+    if abs(required_latitude(recording.site.latitude)) > np.deg2rad(89):
+        raise InputError(f"{recording.title!r} stands at a pole, where there is no longitude")
+    if recording.counted(FORCE):
+        raise InputError(f"{recording.title!r} reads its force in counts: apply its calibration first")
+    recording.triad(FORCE)
+    if len(recording.time) < 3:
+        raise InputError(f"{recording.title!r} has {len(recording.time)} rows, too few to navigate")
+
+
+def course_of(run: Recording, aids: Aids) -> tuple[Site, Course]:
+    """What the navigator says at the rows of a run, and where it truly stands."""
+    site = _site(run)
+    force = run.triad(FORCE) * (1 + shortening(run)[:, None] * EQUATORIAL)  # means have lost some of a turn
+    time, filled, own = _filled(run.time - run.time[0], force)
+    c = navigate(time, filled, site, aids)
+    return site, Course(c.time[own], c.latitude[own], c.phase[own], c.height[own], c.velocity[own])
+
+
+def with_inner(recording: Recording) -> Recording:
+    """The recording with the inner gimbal, whose readout is servoed to zero, so that its zero can be taken off too."""
+    if "inner" not in recording.platform.axis_names or not recording.has(ANGLE):
+        return recording
+    inner = {(ANGLE, "inner"): np.zeros(len(recording.time))}
+    return replace(recording, channels=inner | dict(recording.channels))
+
+
+def _site(run: Recording) -> Site:
+    """The true place, and how the platform is turned at the first row by what its gimbal reads in the first minutes."""
+    phased = run if (ANGLE, "platform") in run.channels else with_phase_of_force(run)
+    t = run.time - run.time[0]
+    first = t <= ALIGNMENT
+    turned = phased.channels[ANGLE, "platform"][first] - EARTH_RATE * t[first]
+    phase = float(np.angle(np.mean(np.exp(1j * turned))))
+    return Site(required_latitude(run.site.latitude), run.site.height, run.site.gravity, phase)
+
+
+def _filled(time: Array, force: Array) -> tuple[Array, Array, Array]:
+    """Time, force (m, 3) without steps longer than `STEP`, and which of these rows (n,) are those that were given.
+
+    Between rows the force is a straight line in axes that turn with the Earth, in which it hardly moves.
+    """
+    gap = np.diff(time)
+    usual = min(float(np.median(gap)), STEP)
+    pieces = np.maximum(np.ceil(gap / usual - 0.5).astype(int), 1)
+    if np.all(pieces == 1):
+        return time, force, np.arange(len(time))
+    own = np.concatenate([[0], np.cumsum(pieces)])
+    t = np.interp(np.arange(own[-1] + 1), own, time)
+    still = apply_matrix(frame_rotation("z", EARTH_RATE * time), force)
+    still = np.stack([np.interp(t, time, column) for column in still.T], axis=-1)
+    return t, apply_matrix(frame_rotation("z", -EARTH_RATE * t), still), own

@@ -1,0 +1,121 @@
+"""The report of a static run that was navigated: Figures 3 to 5 and Table 5 of Wu et al. (2018), on this recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import gimbalcal
+from gimbalcal.navigate.static_run import CHANNELS, NAUTICAL_MILE, NONE, Navigated
+from gimbalcal.references import cite
+from gimbalcal.report.html import picture, render
+from gimbalcal.report.rounding import minus, significant
+from gimbalcal.units import from_si
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+IN_PRINT = {"arcmin": "′", "arcsec": "″", "m/s": "m/s"}
+MOST_POINTS = 2000  # of a curve; more cannot be told apart on a page
+
+
+def navigation_report(content: Mapping[str, Any], runs: Sequence[Navigated], title: str) -> str:
+    """The page for the content of a navigation.json and the runs behind it."""
+    names = [run.label for run in runs]
+    context = {
+        "title": title,
+        "remark": f"gimbalcal {gimbalcal.__version__}",
+        "answer": f"{content['in_words'][0].upper()}{content['in_words'][1:]}.",
+        "facts": _facts(content),
+        "picture": picture(
+            curves(runs),
+            "Errors of latitude, longitude, velocity, attitude and position over time, for each calibration.",
+            "Navigator minus true; band: one sigma of what the calibration does not know. As Figures 3 to 5 of Wu et "
+            "al. (2018).",
+        ),
+        "names": ["without" if name == NONE else name for name in names],
+        "rows": [row for i in range(len(CHANNELS)) if (row := _row(content, names, i))],
+        "position": _position(content),
+        "damping": f"{content['damping']:g}",
+        "provenance": [(str(k), str(v)) for k, v in content["provenance"].items() if k in ("samples", "seed")],
+        "sources": content["provenance"].get("recordings", []),
+        "citations": cite("wu2018", "britting1971"),
+    }
+    return render("navigation.html", context)
+
+
+def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
+    facts = [(f"{content['hours']:.3g} h", "navigated")]
+    for row in content["position"]:
+        name = "without calibration" if row["calibration"] == NONE else row["calibration"]
+        facts.append((f"{significant(row['max_nmi'], 3)} n mile", f"largest position error, {name}"))
+    return facts
+
+
+def _row(content: Mapping[str, Any], names: Sequence[str], i: int) -> dict[str, Any] | None:
+    """One line of Table 5: largest errors, improvement, sigma and drift; None for a channel that was not navigated."""
+    name, unit = CHANNELS[i]
+    mine = {c["calibration"]: c for c in content["channels"] if c["name"] == name}
+    if not mine:
+        return None
+    return {"name": name, "unit": IN_PRINT[unit], "cells": [_cell(mine[label]) for label in names]}
+
+
+def _cell(c: Mapping[str, Any]) -> dict[str, str]:
+    better, sigma = c["improvement_percent"], c["sigma_linear"]
+    told = "" if sigma is None else f"{significant(sigma, 2)} | {significant(c['sigma_sampled'], 2)}"
+    return {
+        "max": significant(c["max"], 3),
+        "rms": significant(c["rms"], 3),
+        "drift": minus(f"{significant(c['drift_per_day'], 2)}"),
+        "better": "" if better is None else minus(f"{better:.1f} %"),
+        "sigma": told,
+    }
+
+
+def _position(content: Mapping[str, Any]) -> dict[str, Any]:
+    cells = [
+        {
+            "max": significant(p["max_nmi"], 3),
+            "rms": significant(p["rms_nmi"], 3),
+            "drift": "",
+            "better": "" if p["improvement_percent"] is None else minus(f"{p['improvement_percent']:.1f} %"),
+            "sigma": "",
+        }
+        for p in content["position"]
+    ]
+    return {"name": "position", "unit": "n mile", "cells": cells}
+
+
+def curves(runs: Sequence[Navigated]) -> Figure:
+    """Figures 3 to 5 of Wu et al. (2018) as one picture: each channel over time, a colour for each run, bands."""
+    import matplotlib as mpl
+
+    from gimbalcal.report.style import FULL, GREY, INK, SERIES, STYLE, empty
+
+    shown = [i for i in range(len(CHANNELS)) if np.all(np.isfinite(runs[0].error[:, i]))]
+    with mpl.rc_context(STYLE):
+        figure = empty(FULL, 1.0 + 1.65 * -(-(len(shown) + 1) // 2))
+        grid = figure.subplots(-(-(len(shown) + 1) // 2), 2, sharex=True, squeeze=False).ravel()
+        colours = [GREY, *SERIES]
+        for ax, i in zip(grid, [*shown, -1], strict=False):
+            name, unit = (*CHANNELS, ("horizontal position", "n mile"))[i]
+            for run, colour in zip(runs, colours, strict=False):
+                few = slice(None, None, max(1, len(run.time) // MOST_POINTS))
+                t = run.time[few] / 3600
+                y = run.position[few] / NAUTICAL_MILE if i < 0 else from_si(run.error[few, i], unit)
+                label = "without calibration" if run.label == NONE else run.label
+                ax.plot(t, y, color=colour, lw=0.9, label=label, zorder=2 + runs.index(run))
+                if i >= 0 and run.linear is not None:
+                    band = from_si(run.linear[few, i], unit)
+                    ax.fill_between(t, y - band, y + band, color=colour, alpha=0.22, lw=0)
+            ax.axhline(0, color=INK, lw=0.5, zorder=1)
+            ax.set_title(f"{name}  [{IN_PRINT.get(unit, unit)}]")
+        for ax in grid[-2:]:
+            ax.set_xlabel("time [h]")
+        for ax in grid[len(shown) + 1 :]:
+            ax.set_visible(False)
+        figure.legend(*grid[0].get_legend_handles_labels(), loc="outside upper left", ncols=4)
+        return figure

@@ -1,0 +1,95 @@
+r"""How a unit moves through a rotation schedule, in closed form.
+
+A turn speeds up at a constant rate over the ramp r, keeps its rate w, and slows down as it sped up:
+
+.. math:: \theta(u) = \tfrac{w}{2r} u^2 \;(u \le r), \qquad w (u - \tfrac{r}{2}), \qquad
+          \theta(T - u) = \theta(T) - \theta(u), \qquad T = |\theta| / w + r .
+
+A turn too short for its rate comes to the rate that its acceleration w / r allows. The Earth turns beneath: rates
+against inertial space are :math:`\omega = a \dot\theta + C_n^b \omega_{ie}`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gimbalcal.earth import EARTH_RATE
+from gimbalcal.number import Array, apply_matrix
+from gimbalcal.rotation import exponential
+from gimbalcal.schedule.rotation import RotationSchedule, standing
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """m turns about axes fixed in the unit: axis (m, 3), angle (m,) [rad], begin, length, ramp (m,) [s], duration [s].
+
+    attitude (m + 1, 3, 3): C_bn at the stops, the first before any turn.
+    """
+
+    axis: Array
+    angle: Array
+    begin: Array
+    length: Array
+    ramp: Array
+    attitude: Array
+    duration: float
+
+    @property
+    def corners(self) -> Array:
+        """Times [s] at which the angular acceleration jumps, in order."""
+        end = self.begin + self.length
+        return np.unique(np.concatenate([self.begin, self.begin + self.ramp, end - self.ramp, end]))
+
+    def moving(self, start: Array, stop: Array) -> Array:
+        """Whether the unit turns at any time between start and stop (n,) [s]."""
+        i = np.searchsorted(self.begin + self.length, start, side="right")
+        return np.asarray((i < len(self.begin)) & (np.append(self.begin, np.inf)[i] < stop))
+
+    def at(self, time: Array) -> tuple[Array, Array, Array]:
+        """C_bn (n, 3, 3), angular rate against the Earth (n, 3) [rad/s] and its slope (n, 3) [rad/s^2], unit's axes."""
+        if not len(self.begin):
+            still = np.zeros((len(time), 3))
+            return np.broadcast_to(self.attitude[0], (len(time), 3, 3)), still, still
+        i = np.maximum(np.searchsorted(self.begin, time, side="right") - 1, 0)
+        u = np.clip(time - self.begin[i], 0.0, self.length[i])
+        r, T = self.ramp[i], self.length[i]
+        peak = np.divide(self.angle[i], T - r, out=np.zeros(len(time)), where=T > r)
+        near = np.minimum(u, T - u)
+        rise = np.minimum(near, r)
+        slope = np.divide(peak, r, out=np.zeros(len(time)), where=r > 0)
+        gone = slope * rise**2 / 2 + peak * (near - rise)
+        angle = np.where(u <= T / 2, gone, self.angle[i] - gone)
+        turning = (u > 0) & (u < T)
+        speed = np.where(turning, np.where(near < r, slope * near, peak), 0.0)
+        speeding = np.where(turning & (near < r), np.where(u < T / 2, slope, -slope), 0.0)
+        axis = self.axis[i]
+        C = self.attitude[i] @ exponential(-angle[:, None] * axis)
+        return C, speed[:, None] * axis, speeding[:, None] * axis
+
+
+def trajectory(schedule: RotationSchedule, tilt: Array | None = None, angle_error: Array | None = None) -> Trajectory:
+    """The motion of a schedule; `tilt` (3,) [rad] turns all of it about n, `angle_error` (m,) [rad] adds to turns."""
+    own = np.array([m.angle for m in schedule.moves], dtype=float)
+    angle = own if angle_error is None else own + angle_error
+    stops = np.array([schedule.stop, *(schedule.stop if m.stop is None else m.stop for m in schedule.moves)])
+    rate = np.array([schedule.rate if m.rate is None else m.rate for m in schedule.moves])
+    full = schedule.ramp * np.ones(len(own))
+    short = np.abs(angle) < rate * full
+    ramp = np.where(short, np.sqrt(np.abs(angle) * full / rate), full)
+    length = np.where(short, 2 * ramp, np.abs(angle) / rate + full)
+    begin = np.cumsum(stops[:-1] + np.concatenate([[0.0], length[:-1]])) if len(own) else np.zeros(0)
+    C, axes = [standing(schedule.start)], []
+    for i, turn in enumerate(angle):  # the outer axis stays put in the room, wherever the turns before have led
+        axes.append(schedule.axis(i, C[-1]))
+        C.append(C[-1] @ exponential(-turn * axes[-1]))
+    stands = np.stack(C) if tilt is None else exponential(-tilt) @ np.stack(C)
+    axis = np.array(axes).reshape(-1, 3)
+    return Trajectory(axis, angle, begin, length, ramp, stands, float(stops.sum() + length.sum()))
+
+
+def earth_rate(C_bn: Array, latitude: float) -> Array:
+    """The Earth's rate (n, 3) [rad/s] in the axes of a unit that stands as C_bn (n, 3, 3)."""
+    north = EARTH_RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
+    return apply_matrix(np.swapaxes(C_bn, -1, -2), north)

@@ -1,0 +1,113 @@
+r"""What a unit reads while a schedule turns it: exactly, as means over each sampling interval.
+
+Attitude, rate and acceleration are known in closed form at every instant, so a reading
+
+.. math:: \bar y_i = \frac{1}{h} \int_{t_i - h}^{t_i} y(t) \, dt
+
+needs only a quadrature: three points of Gauss between the corners of a ramp, where the acceleration jumps, which is
+exact to the sixth order in the angle turned in a step; one point at rest, where nothing changes but the environment.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gimbalcal.effects import Stimulus
+from gimbalcal.errors import InputError
+from gimbalcal.kinematics import DOWN, required_latitude, stimulus_from_truth
+from gimbalcal.number import Array, apply_matrix
+from gimbalcal.recording import Recording
+from gimbalcal.schedule import ROTATIONS, Move, RotationSchedule
+from gimbalcal.schedule.file import read_rotation
+from gimbalcal.schedule.trajectory import Trajectory, earth_rate, trajectory
+from gimbalcal.simulate.scenario import Motion
+
+GAUSS = np.polynomial.legendre.leggauss(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Nodes:
+    """Instants (N,) [s] at which n readings are evaluated, in order; weight (N,) of each, first (n,) node of a row."""
+
+    time: Array
+    weight: Array
+    first: Array
+
+    def means(self, values: Array) -> Array:
+        """Means over the rows' intervals (n, ...) of what was evaluated at the nodes (N, ...)."""
+        weight = self.weight.reshape(-1, *[1] * (values.ndim - 1))
+        return np.asarray(np.add.reduceat(weight * values, self.first, axis=0))
+
+
+def nodes(path: Trajectory, time: Array, interval: float, instant: bool) -> Nodes:
+    """Where to evaluate the readings of rows that end at `time` (n,) [s]."""
+    n = len(time)
+    if instant:
+        return Nodes(time, np.ones(n), np.arange(n))
+    start = time - interval
+    corner = path.corners
+    row = np.searchsorted(time, corner)  # the row in whose interval a corner lies
+    inside = row < n
+    inside[inside] &= corner[inside] > start[row[inside]]
+    begin = np.concatenate([start, corner[inside]])
+    owner = np.concatenate([np.arange(n), row[inside]])
+    order = np.lexsort((begin, owner))
+    begin, owner = begin[order], owner[order]
+    end = np.where(np.append(owner[1:], n) == owner, np.append(begin[1:], 0.0), time[owner])
+    middle, half = (begin + end) / 2, (end - begin) / 2
+    x, w = GAUSS
+    moving = path.moving(begin, end)
+    count = np.where(moving, len(x), 1)
+    at = np.cumsum(count) - count
+    out = Nodes(
+        np.repeat(middle, count), np.repeat(2 * half, count) / interval, at[np.searchsorted(owner, np.arange(n))]
+    )
+    for j, (xj, wj) in enumerate(zip(x, w, strict=True)):
+        k = at[moving] + j
+        out.time[k] += half[moving] * xj
+        out.weight[k] *= wj / 2
+    return out
+
+
+def stimulus(path: Trajectory, like: Recording, time: Array) -> Stimulus:
+    """What the unit experiences at `time` (N,) [s] of the recording's clock; `like` holds the environment there."""
+    C_bn, own, slope = path.at(time)
+    earth = earth_rate(C_bn, required_latitude(like.site.latitude))
+    force = apply_matrix(np.swapaxes(C_bn, -1, -2), -like.site.gravity * DOWN)
+    s = stimulus_from_truth(replace(like, time=time, weight=np.ones(len(time))), force, own + earth)
+    return s.at(rate_slope=slope - np.cross(own, earth))  # the Earth's rate turns in the axes of the unit
+
+
+def schedule_of(motion: Motion) -> RotationSchedule:
+    """The schedule that a scenario names, points to or spells out, with the scenario's own rate, ramp and stop."""
+    if motion.name:
+        made = ROTATIONS[motion.name]
+    elif motion.file:
+        made = read_rotation(motion.file)
+    else:
+        start = motion.start or {"x": "east", "y": "north", "z": "up"}
+        moves = tuple(Move(m.axis, m.angle, m.rate, m.stop) for m in motion.moves)
+        try:
+            made = RotationSchedule("scenario", (start["x"], start["y"], start["z"]), moves)
+        except (KeyError, ValueError) as error:
+            raise InputError(f"schedule.start: {error}") from None
+    return replace(
+        made,
+        rate=made.rate if motion.slew_rate is None else motion.slew_rate,
+        ramp=made.ramp if motion.ramp is None else motion.ramp,
+        stop=made.stop if motion.dwell is None else motion.dwell,
+    )
+
+
+def flown(motion: Motion, setting: float, rng: np.random.Generator) -> Trajectory:
+    """The trajectory as it truly is: the start a little off, and each axis set with an error at every stop."""
+    schedule = schedule_of(motion)
+    tilt = motion.start_sigma * rng.standard_normal(3)
+    off = dict.fromkeys((m.axis for m in schedule.moves), 0.0)
+    error = np.zeros(len(schedule.moves))
+    for i, move in enumerate(schedule.moves):  # an axis that is set anew forgets how it was set before
+        new = setting * float(rng.standard_normal())
+        error[i], off[move.axis] = new - off[move.axis], new
+    return trajectory(schedule, tilt, error)

@@ -1,0 +1,74 @@
+"""`gimbalcal navigate` as a user meets it: the contract of navigation.json, the page, and refusals."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from gimbalcal.pipeline import load, three_stage
+
+ROOT = Path(__file__).resolve().parents[2]
+DEVICE = ROOT / "data" / "space_stable_18"
+STATIC = ROOT / "data" / "space_stable_static"
+
+
+@pytest.fixture(scope="module")
+def calibrations(tmp_path_factory) -> list[Path]:  # type: ignore[no-untyped-def]
+    folder = tmp_path_factory.mktemp("calibrations")
+    (device, run), out = load([DEVICE, STATIC]), []
+    for name, recordings in (("two-stage", [device]), ("fused", [device, run])):
+        (folder / name).mkdir()
+        out.append(folder / name / "calibration.json")
+        three_stage(recordings).write(out[-1])
+    return out
+
+
+def test_navigate_writes_the_contract_and_a_page(command, capsys, tmp_path, calibrations) -> None:  # type: ignore[no-untyped-def]
+    out = tmp_path / "out"
+    options = ("--samples", 4, "--out", out, "--json", "--quiet")
+    assert command("navigate", STATIC, "--calibration", *calibrations, *options) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told == json.loads((out / "navigation.json").read_text())
+    rows = {(c["calibration"], c["name"]): c for c in told["channels"]}
+    assert list(dict.fromkeys(c for c, _ in rows)) == ["none", "two-stage", "fused"]
+    assert {c["name"] for c in told["channels"]} == {
+        "latitude", "longitude", "north velocity", "east velocity", "roll", "pitch", "yaw",
+    }  # fmt: skip
+    for (calibration, name), c in rows.items():
+        assert 0 < c["rms"] < c["max"], name
+        if calibration != "none":
+            assert c["improvement_percent"] == pytest.approx(100 * (1 - c["max"] / rows["none", name]["max"]))
+            assert c["sigma_linear"] > 0
+    assert all(rows["fused", name]["max"] < 0.5 * rows["two-stage", name]["max"] for _, name in rows)
+    most = {p["calibration"]: p["max_nmi"] for p in told["position"]}
+    assert most["none"] > 1.5 > 0.5 > most["two-stage"] > 10 * most["fused"]
+    page = (out / "report.html").read_text()
+    assert "<!doctype html>" in page.lower()[:200]
+    assert "improved by" in page
+
+
+def test_budget_writes_the_contract_and_a_page(command, capsys, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    assert command("budget", "wu2018-18", "--hours", 12, "--out", tmp_path / "out", "--json", "--quiet") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told == json.loads((tmp_path / "out" / "budget.json").read_text())
+    for row in told:
+        assert {"parameter", "sigma", "unit", "position_error_m_after_h", "share", "reduce_by"} == set(row)
+        assert list(row["position_error_m_after_h"]) == ["12"]
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "would be reduced most by" in page
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ([DEVICE], "a static run of a space-stable platform is navigated"),
+        ([STATIC, DEVICE], "takes one recording folder"),
+        ([STATIC, "--calibration", "nowhere.json"], "there is no nowhere.json"),
+        ([STATIC, "--damping", "-1"], "--damping"),
+        (["nowhere"], "nowhere"),
+    ],
+)
+def test_refusals_are_one_sentence(command, capsys, tmp_path, arguments, sentence) -> None:  # type: ignore[no-untyped-def]
+    assert command("navigate", *arguments, "--out", tmp_path / "out") == 2
+    assert sentence in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

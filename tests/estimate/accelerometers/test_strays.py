@@ -1,0 +1,95 @@
+"""Rests that do not belong among the others are named and left out; physics that is missing blames none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
+from gimbalcal.estimate.accelerometers.strays import strays, without_strays
+from gimbalcal.estimate.unit import inertial_unit
+from gimbalcal.number import Array
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording, Site
+
+G = 9.8
+SIGMA = 2e-3  # m/s^2 of the mean of a rest
+
+
+def turned(seed: int, n: int = 30, cubic: float = 0.0, tails: bool = False) -> Recording:
+    """n rests in any direction, one row each: errors of a low-cost unit."""
+    rng = np.random.default_rng(seed)
+    u = rng.standard_normal((n, 3))
+    f = G * u / np.linalg.norm(u, axis=1, keepdims=True)
+    M = np.eye(3) + 0.02 * rng.standard_normal((3, 3))
+    noise = rng.standard_t(6, (n, 3)) if tails else rng.standard_normal((n, 3))
+    y = f @ M.T + 0.3 * rng.standard_normal(3) + cubic * f**3 + SIGMA * noise
+    return table(y)
+
+
+def table(y: Array) -> Recording:
+    n = len(y)
+    channels = {("specific_force", a): y[:, i] for i, a in enumerate("xyz")}
+    return Recording("multi-position", "t", BENCH, Site(gravity=G), {"accelerometer": SIGMA}, 10.0 * np.arange(n),
+                     np.arange(1, n + 1), channels, weight=np.ones(n))  # fmt: skip
+
+
+def damaged(r: Recording, row: int, how: str) -> Recording:
+    y = r.triad("specific_force").copy()
+    y[row] = {"reading": y[row] * [1.1, 1, 1], "mean of two": (y[row] + y[row - 1]) / 2, "in g": y[row] / G}[how]
+    return table(y)
+
+
+@pytest.mark.parametrize("how", ["reading", "mean of two", "in g"])
+def test_one_wrong_rest_is_named_and_changes_nothing_else(how: str) -> None:
+    for seed in range(2):
+        r = turned(seed)
+        k = int(np.argmax(np.abs(r.triad("specific_force")[:, 0]))) if how == "reading" else 3 + seed
+        bad = damaged(r, k, how)
+        assert [s.position for s in strays(bad)] == [k + 1]
+        made = inertial_unit(bad, LINEAR)
+        without = inertial_unit(r.select(np.arange(30) != k), LINEAR)
+        np.testing.assert_allclose(made.values, without.values, rtol=1e-6, atol=1e-12)
+        assert f"position {k + 1} is off what all others say by" in made.outcome.lower()
+        assert made.provenance["options"]["left_out"] == [k + 1]
+
+
+def test_clean_units_blame_no_rest() -> None:
+    alarms = sum(bool(strays(turned(seed, tails=seed % 2 == 0))) for seed in range(50))
+    assert alarms == 0
+
+
+def test_missing_physics_blames_no_rest() -> None:
+    assert not any(strays(turned(seed, cubic=5e-4)) for seed in range(8))
+
+
+def test_of_many_wrong_rests_none_is_the_reference() -> None:
+    r = turned(1)
+    for k in (2, 7, 11, 19, 23):
+        r = damaged(r, k, "in g")
+    assert strays(r) == ()
+
+
+def test_a_rest_that_alone_shows_a_direction_is_kept() -> None:
+    y = np.array([[G, 0, 0], [-G, 0, 0], [0, G, 0], [0, -G, 0], [0, 0, G]] + [[0.0, 0, -G]] * 12)
+    y[5:] += 1e-3 * np.random.default_rng(2).standard_normal((12, 3))
+    y[4] += [0, 0, 0.3]
+    assert strays(table(y)) == ()
+
+
+def test_rows_on_the_way_stay_on_the_way() -> None:
+    r = turned(3)
+    moving = np.repeat(r.position, 2)
+    moving[1::2] = 0
+    doubled = r.select(np.repeat(np.arange(30), 2))
+    both = replace(doubled, position=moving, time=np.arange(60.0))
+    y = both.triad("specific_force").copy()
+    y[20] *= 1.2
+    bad = replace(both, channels={("specific_force", a): y[:, i] for i, a in enumerate("xyz")})
+    kept, found = without_strays(bad)
+    assert [s.position for s in found] == [11]
+    assert len(kept.time) == 60
+    assert kept.position is not None
+    assert kept.position[20] == 0

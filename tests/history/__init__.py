@@ -1,0 +1,1 @@
+"""A unit's history: the store, and how calibrations compare."""

@@ -1,0 +1,126 @@
+"""How a unit moved: agreement where nothing does, jumps, drifts and values off the others where something does."""
+
+from __future__ import annotations
+
+import json
+from datetime import timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gimbalcal.errors import InputError
+from gimbalcal.history import Dated, compare, dated_file
+from gimbalcal.history.compare import flat
+from gimbalcal.history.course import YEAR
+from gimbalcal.report.history import history_report
+from tests.history.calibrations import LABELS, SIGMA, START, calibration, history
+
+QUARTER = 90 * 86400.0 / YEAR
+
+
+def course(axis: str, values: list[float]) -> np.ndarray:
+    out = np.zeros((len(values), 6))
+    out[:, LABELS.index(axis)] = values
+    return out
+
+
+def test_a_unit_that_stays_as_it_was_agrees_with_itself() -> None:
+    made = [compare(history(seed)) for seed in range(150)]
+    alarms = sum(bool(m.odd) or any(c.jumps or c.outliers for c in m.courses) for m in made)
+    assert alarms <= 8  # steps, jumps and outliers are each one in a hundred at most
+    p = np.array([s.chance for m in made for s in m.steps])
+    assert np.mean(p < 0.1) == pytest.approx(0.1, abs=0.03)
+    z = np.array([c.rate / c.rate_sigma for m in made for c in m.courses])
+    assert 0.82 < np.sqrt(np.mean(z**2)) < 1.05  # a scatter that chance makes widens every other sigma
+
+
+def test_a_jump_is_named_with_its_size_and_date() -> None:
+    made = compare(history(1, course=course("scale_factor:z", [0, 0, 0, 0, 30, 30, 30])))
+    moved = [c for c in made.courses if c.moved]
+    assert [c.parameter.label for c in moved] == ["scale_factor:z"]
+    assert moved[0].jumps == (4,)
+    assert not moved[0].drifts
+    assert not made.agree
+    size = 30 * SIGMA[5] * 1e6
+    assert "scale factor z moved by +" in made.in_words
+    assert float(made.in_words.partition("moved by +")[2].split()[0]) == pytest.approx(size, abs=4 * SIGMA[5] * 1e6)
+    assert made.in_words.endswith("by 2025-02-24.")
+
+
+def test_a_drift_comes_back_with_its_sigma_and_a_date() -> None:
+    rate = 10.0  # sigmas a quarter
+    fits = [compare(history(seed, course=course("bias:y", [rate * k for k in range(7)]))) for seed in range(40)]
+    found = [next(c for c in made.courses if c.parameter.label == "bias:y") for made in fits]
+    assert all(c.drifts and not c.jumps and not c.outliers for c in found)
+    truth = rate * SIGMA[1] / (QUARTER * YEAR)
+    z = np.array([(c.rate - truth) / c.rate_sigma for c in found])
+    assert np.sqrt(np.mean(z**2)) == pytest.approx(1.0, abs=0.3)
+    made = compare(history(1, course=course("bias:y", [rate * k for k in range(7)])), allowed={"bias": "500 ug"})
+    assert made.due is not None
+    days = 500e-6 * 9.80665 / truth / 86400
+    assert (made.due - START).days == pytest.approx(6 * 90 + days, rel=0.08)
+    assert "bias y drifts by +" in made.in_words
+
+
+def test_one_value_that_is_off_is_no_jump() -> None:
+    made = compare(history(2, course=course("bias:x", [0, 0, 40, 0, 0, 0, 0])))
+    off = next(c for c in made.courses if c.parameter.label == "bias:x")
+    assert (off.outliers, off.jumps, off.drifts) == ((2,), (), False)
+    assert "bias x of 2024-08-28 is off the others" in made.in_words
+
+
+def test_scatter_beyond_the_sigmas_is_told_and_makes_no_drift() -> None:
+    rng = np.random.default_rng(4)
+    drifts, scatter = 0, []
+    for seed in range(60):
+        made = compare(history(seed, 8, course("bias:z", list(20 * rng.standard_normal(8)))))
+        c = next(c for c in made.courses if c.parameter.label == "bias:z")
+        scatter.append(c.scatter / SIGMA[2])
+        assert c.moved
+        assert not c.jumps or len(c.jumps) <= 2
+        drifts += c.drifts
+    assert np.median(scatter) == pytest.approx(20, rel=0.25)
+    assert drifts <= 6  # three sigmas of Student's t with six degrees of freedom are 2.4 %
+    assert "bias z scatters by" in made.in_words
+
+
+def test_calibrations_of_the_same_recording_are_not_held_against_each_other() -> None:
+    made = compare(history(1, 3, course("bias:x", [0, 50, 100]), recording="one"))
+    assert all(s.shared for s in made.steps)
+    assert not any(c.jumps for c in made.courses)
+    assert "Some were made from the same recording" in made.in_words
+    assert all(s["p_value"] is None for s in made.to_dict()["steps"])
+
+
+def test_what_cannot_be_compared_is_refused() -> None:
+    one = history(1)
+    with pytest.raises(InputError, match="takes two calibrations, and 1 was given"):
+        compare(one[:1])
+    nothing = Dated("n", START + timedelta(days=1), calibration(np.zeros(6)))
+    with pytest.raises(InputError, match="no parameter in common"):
+        compare([one[0], nothing])
+    for allowed, words in (
+        ({"drag": "1"}, "no parameter of these calibrations is called 'drag'"),
+        ({"bias": "many"}, "write a number and a unit, as in bias='50 ug'"),
+        ({"bias": "5 ppm"}, "give a positive number in ug"),
+        ({"bias:x": "-5 ug"}, "give a positive number in ug"),
+    ):
+        with pytest.raises(InputError, match=words):
+            compare(one, allowed=allowed)
+
+
+def test_files_and_the_page(tmp_path: Path) -> None:
+    paths = [tmp_path / f"{k}.json" for k in range(3)]
+    for k, path in enumerate(paths):
+        path.write_text(json.dumps(calibration(100 + 20.0 * k * np.eye(6)[0], k).to_dict()))
+    made = compare([dated_file(p) for p in paths[::-1]], "bench 4")
+    assert [d.name for d in made.calibrations] == [str(p) for p in paths]
+    content = json.loads(json.dumps(made.to_dict()))
+    page = history_report(content, [("2024-05-01T10:00", "What was left out: warm up")])
+    assert "History: bench 4" in page
+    assert page.count('<div class="tiles">') == 1
+    assert "What was left out: warm up" in page
+    rows = flat(content)
+    assert len(rows["value"]) == 18
+    assert rows["value"][:3] == content["parameters"][0]["values"]

@@ -1,0 +1,127 @@
+"""The store: what is kept comes back, twice the same is once, two writers lose nothing, and killing harms nothing."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gimbalcal.errors import InputError
+from gimbalcal.history import Entry, keep, kept, of_store
+from tests.history.calibrations import START, calibration, history
+
+WRITER = """
+import sys
+from pathlib import Path
+import numpy as np
+from gimbalcal.history import Entry, keep
+from tests.history.calibrations import calibration
+first, count, path = int(sys.argv[1]), int(sys.argv[2]), Path(sys.argv[3])
+for k in range(first, first + count):
+    content = calibration(100 + k * np.ones(6), k).to_dict()
+    keep(path, Entry("u", content["provenance"]["created"], "calibration", content))
+    print(k, flush=True)
+"""
+
+
+def entry(k: int, unit: str = "u", kind: str = "calibration") -> Entry:
+    content = calibration(100.0 + np.arange(6), k).to_dict()
+    return Entry(unit, content["provenance"]["created"], kind, content)
+
+
+def writer(first: int, count: int, path: Path) -> subprocess.Popen[str]:
+    command = [sys.executable, "-c", WRITER, str(first), str(count), str(path)]
+    root = str(Path(__file__).parents[2])
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, text=True, cwd=root, env={**os.environ, "PYTHONPATH": root}
+    )
+
+
+def test_what_is_kept_comes_back_in_order(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "units.db"
+    made = [entry(2), entry(0), entry(1, "v"), entry(3, kind="diagnosis")]
+    assert all(keep(path, e) for e in made)
+    assert not keep(path, made[0])
+    again = dict(made[0].content)
+    again["provenance"] = {**again["provenance"], "created": "2030-01-01"}
+    assert not keep(path, Entry("u", "2030-01-01", "calibration", again))
+    assert [e.date for e in kept(path)] == sorted(e.date for e in made)
+    assert [e.unit for e in kept(path, "v")] == ["v"]
+    assert kept(path, kind="diagnosis")[0].content == made[3].content
+    with sqlite3.connect(path) as base:
+        rows = base.execute("select name, axis, value, sigma, unit from parameters").fetchall()
+        assert base.execute("pragma journal_mode").fetchone() == ("wal",)
+    assert len(rows) == 3 * 6
+    first = made[0].content["parameters"][0]
+    assert rows[0] == tuple(first[k] for k in ("name", "axis", "value", "sigma", "unit"))
+
+
+def test_of_one_recording_the_last_counts_and_a_diagnosis_only_alone(tmp_path: Path) -> None:
+    path = tmp_path / "units.db"
+    for k, (method, size, recording) in enumerate(
+        [("three-stage", 1, "a"), ("three-stage", 2, "a"), ("diagnosis", 3, "a"), ("diagnosis", 4, "b")]
+    ):
+        content = {**calibration(100.0 + np.arange(6), k, size, recording).to_dict(), "method": method}
+        keep(path, Entry("u", content["provenance"]["created"], "calibration", content))
+    found, told = of_store(path)
+    assert [(d.calibration.method, len(d.hashes)) for d in found] == [("three-stage", 1), ("diagnosis", 1)]
+    assert [d.date for d in found] == [history(0)[1].date, history(0)[3].date]
+    assert told == ()
+
+
+def test_units_and_strange_files_are_told_apart(tmp_path: Path) -> None:
+    path = tmp_path / "units.db"
+    keep(path, entry(0))
+    keep(path, entry(1, "v"))
+    with pytest.raises(InputError, match="holds the units u, v: name one by --unit"):
+        of_store(path)
+    with pytest.raises(InputError, match="holds nothing of w"):
+        of_store(path, "w")
+    with pytest.raises(InputError, match="there is no store"):
+        kept(tmp_path / "none.db")
+    text, other = tmp_path / "text.db", tmp_path / "other.db"
+    text.write_text("no database at all, but long enough to be one" * 20)
+    with sqlite3.connect(other) as base:
+        base.execute("create table mine (x)")
+    for bad, words in ((text, "cannot be used as a store"), (other, "is a database another program's")):
+        before = bad.read_bytes()
+        with pytest.raises(InputError, match=words):
+            keep(bad, entry(0))
+        assert bad.read_bytes() == before
+
+
+def test_two_writers_at_once_lose_nothing(tmp_path: Path) -> None:
+    path, count = tmp_path / "units.db", 40
+    both = [writer(first, count, path) for first in (0, count)]
+    told = [len(p.communicate(timeout=120)[0].split()) for p in both]
+    assert told == [count, count]
+    assert [p.returncode for p in both] == [0, 0]
+    assert {e.date for e in kept(path)} == {entry(k).date for k in range(2 * count)}
+
+
+def test_a_writer_that_is_killed_leaves_what_it_had_kept(tmp_path: Path) -> None:
+    path = tmp_path / "units.db"
+    done: set[int] = set()
+    for first, wait in ((0, 0.01), (500, 0.05), (1000, 0.12)):
+        p = writer(first, 400, path)
+        assert p.stdout is not None
+        p.stdout.readline()
+        done.add(first)
+        time.sleep(wait)
+        p.send_signal(signal.SIGKILL)
+        done |= {int(line) for line in p.communicate()[0].split()}
+        with sqlite3.connect(path) as base:
+            assert base.execute("pragma integrity_check").fetchone() == ("ok",)
+    there = {round((np.datetime64(e.date[:19]) - np.datetime64(START.replace(tzinfo=None))) / np.timedelta64(90, "D"))
+             for e in kept(path)}  # fmt: skip
+    assert done <= there
+    assert len(there - done) <= 3  # kept, and killed before it said so
+    for e in kept(path):
+        assert len(e.content["parameters"]) == 6

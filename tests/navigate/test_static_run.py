@@ -1,0 +1,164 @@
+"""A static run navigated: perfect without its errors, bands that agree, gaps, and the quasi-static formula."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
+from gimbalcal.errors import InputError
+from gimbalcal.navigate.answer import content
+from gimbalcal.navigate.bands import bands, before_and_after
+from gimbalcal.navigate.space_stable import Aids
+from gimbalcal.navigate.static_run import (
+    CHANNELS,
+    NAUTICAL_MILE,
+    Navigated,
+    labels,
+    navigated,
+)
+from gimbalcal.recording import Recording
+from gimbalcal.simulate import simulate
+
+TRUTH = {
+    "bias": {"x": 20.0, "y": -15.0, "z": 30.0},
+    "scale_factor": {"x": 40.0, "y": -30.0},
+    "misalignment": {"xz": 4.0, "yz": -6.0, "zx": 5.0},
+    "gimbal_zero": {"platform": 5.0, "inner": 8.0, "middle": -6.0, "outer": 4.0},
+    "polar_axis_misalignment": {"equatorial_x": 4.0, "equatorial_y": -7.0},
+}
+
+
+@cache
+def made(hours: float = 30.0, rate: float = 1 / 120, **more: object) -> tuple[Recording, tuple[Effect, ...]]:
+    return simulate({
+        "format": 1, "kind": "static-run", "site": {"latitude": {"value": 40.0, "unit": "deg"}},
+        "schedule": {"duration": {"value": hours, "unit": "h"}, "rate": {"value": rate, "unit": "Hz"}},
+        "truth": {**TRUTH, **more},
+    })  # fmt: skip
+
+
+def calibration(effects: tuple[Effect, ...], wanted: tuple[Parameter, ...] = (), sigma: float = 0.0) -> Calibration:
+    return Calibration("test", effects, wanted, sigma**2 * np.eye(len(wanted)), (), Residual(0, 0, {}))
+
+
+def test_the_truth_taken_off_leaves_nothing() -> None:
+    run, effects = made()
+    before, after = before_and_after(run, [("truth", calibration(effects))])
+    assert before.position.max() > 300
+    assert after.position.max() < 0.3  # m; the step and products of errors
+    assert after.largest[4:].max() < 2e-7
+    assert before.largest[4:].min() > 2e-5
+
+
+def test_a_constant_drift_goes_a_nautical_mile_a_day() -> None:
+    run, _ = simulate({
+        "format": 1, "kind": "static-run", "site": {"latitude": {"value": 40.0, "unit": "deg"}},
+        "schedule": {"duration": {"value": 48.0, "unit": "h"}, "rate": {"value": 1 / 120, "unit": "Hz"}},
+        "truth": {"gyro_drift": {"polar": 0.001}},
+    })  # fmt: skip
+    found = navigated(run)
+    # the platform turns eastwards under the stars: 0.001 deg/h of longitude
+    assert abs(found.drift_per_day[1]) == pytest.approx(np.deg2rad(0.024), rel=0.01)
+    assert found.position[-1] / NAUTICAL_MILE == pytest.approx(48 * 0.06 * np.cos(np.deg2rad(40)), rel=0.05)
+
+
+def test_bands_by_propagation_and_by_samples_agree() -> None:
+    run, effects = made()
+    wanted = tuple(
+        p for e in ("bias", "misalignment", "gimbal_zero") for p in parameters(CATALOGUE[e], run.platform.axis_names)
+    )
+    sigma = np.array([p.sigma for p in wanted]) * 0.02
+    known = replace(calibration(effects, wanted), covariance=np.diag(sigma**2))
+    (_, linear), (_, sampled) = bands(run.select(slice(0, None, 9)), known, Aids(), 40, 3)
+    ratio = sampled.max(0) / linear.max(0)
+    assert np.all(np.abs(ratio - 1) < 3 / np.sqrt(2 * 40)), ratio
+    np.testing.assert_array_less(1e-9, linear.max(0))
+
+
+def test_no_covariance_no_band() -> None:
+    run, effects = made()
+    few = run.select(slice(0, 120))
+    (_, linear), (_, sampled) = bands(few, calibration(effects), Aids(), 2, 1)
+    assert not linear.any()
+    assert not sampled.any()
+
+
+def test_gaps_are_filled_in_axes_that_turn_with_the_earth() -> None:
+    run, _ = made()
+    whole = navigated(run)
+    kept = np.ones(len(run.time), dtype=bool)
+    kept[200:260] = False  # two hours
+    holed = navigated(run.select(kept))
+    np.testing.assert_allclose(holed.error[:, :2], whole.error[kept, :2], atol=3e-6)  # 15 m of 900
+
+
+def test_the_quasi_static_formula_is_what_the_navigator_does_slowly() -> None:
+    """Eq. (28) puts the measured force where the navigator has its vertical: alike but for swing and lag."""
+    run, _ = made()
+    attitude = -np.stack([run.channels["attitude_error", a] for a in ("roll", "pitch", "yaw")], axis=-1)
+    later = run.time > 12 * 3600
+    for damping, off in ((0.5, 0.09), (0.1, 0.05)):
+        found = navigated(run, aids=Aids(damping=damping)).error[:, 4:]
+        size = np.ptp(attitude[later], axis=0).max()
+        assert np.abs(found - attitude)[later].max() < off * size
+    assert np.abs(found - attitude)[~later].max() > 0.12 * size  # the swing at the start
+
+
+@pytest.mark.parametrize(("hours", "rate"), [(6.0, 1.0), (6.0, 1 / 300)])
+def test_the_spacing_of_rows_does_not_matter(hours: float, rate: float) -> None:
+    run, _ = made(hours, rate)
+    usual, _ = made(hours, 1 / 10)
+    a, b = navigated(run), navigated(usual)
+    at = np.interp(a.time, b.time, b.position)
+    np.testing.assert_allclose(a.position[5:], at[5:], atol=1.0)  # of 700 m
+
+
+def test_the_content_has_every_channel_for_every_calibration() -> None:
+    run, effects = made()
+    runs = before_and_after(run, [("truth", calibration(effects))], samples=1)
+    told = content(runs, Aids(), {})
+    assert [c["name"] for c in told["channels"]] == [name for name, _ in CHANNELS] * 2
+    assert told["channels"][0]["improvement_percent"] is None
+    assert all(99 < c["improvement_percent"] <= 100 for c in told["channels"][7:])
+    assert "n mile without calibration and" in told["in_words"]
+
+
+def test_without_gimbals_there_is_no_attitude() -> None:
+    run, _ = made()
+    bare = replace(run, channels={k: v for k, v in run.channels.items() if k[0] != "gimbal_angle"})
+    found = navigated(bare)
+    assert np.isfinite(found.error[:, :4]).all()
+    assert len(content([found], Aids(), {})["channels"]) == 4
+
+
+def test_what_cannot_be_navigated_is_refused() -> None:
+    run, _ = made()
+    for wrong, sentence in (
+        (replace(run, kind="rotation"), "static run of a space-stable"),
+        (replace(run, site=replace(run.site, latitude=None)), "latitude"),
+        (replace(run, site=replace(run.site, latitude=np.pi / 2)), "pole"),
+        (run.select(slice(0, 2)), "too few"),
+        (replace(run, channels={k: v for k, v in run.channels.items() if k != ("specific_force", "y")}), "along y"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            navigated(wrong)
+
+
+def test_calibrations_are_called_by_file_or_folder() -> None:
+    assert labels([Path("a/calibration.json"), Path("b/calibration.json")]) == ["a", "b"]
+    assert labels([Path("two.json"), Path("three.json")]) == ["two", "three"]
+    assert labels([Path("x/two.json"), Path("y/two.json")]) == ["x/two.json", "y/two.json"]
+
+
+def test_drift_is_a_slope_and_rms_is_rms() -> None:
+    t = np.arange(0.0, 86400.0, 60.0)
+    error = np.outer(t / 86400, np.arange(1.0, 8.0))
+    found = Navigated("line", t, error, 0 * t)
+    np.testing.assert_allclose(found.drift_per_day, np.arange(1.0, 8.0))
+    np.testing.assert_allclose(found.rms, np.arange(1.0, 8.0) / np.sqrt(3), rtol=1e-3)
