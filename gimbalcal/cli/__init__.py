@@ -140,6 +140,7 @@ def diagnose(
     """Say where the data differ from the model, which physics was left out, and what it changes."""
     from gimbalcal.calibration.exchange import read_calibration
     from gimbalcal.diagnose import diagnose as run
+    from gimbalcal.diagnose.cost import with_cost
     from gimbalcal.pipeline import by_sensor, held_together, load
     from gimbalcal.report.files import write_diagnosis
 
@@ -147,6 +148,7 @@ def diagnose(
     start = read_calibration(known) if known else None
     groups = by_sensor(load(recordings, tell))
     told = [run(each, calibration=start, baseline=listed(baseline), seed=seed, tell=tell) for each in groups]
+    told = [with_cost(each, d, tell) for each, d in zip(groups, told, strict=True)]
     for k, (loaded, diagnosis) in enumerate(zip(groups, told, strict=True)):
         if out is not None:
             place = out / loaded[0].sensor if k else out  # those beside the first have a folder of their own

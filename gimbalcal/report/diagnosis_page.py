@@ -150,6 +150,7 @@ def _finding(f: Mapping[str, Any]) -> dict[str, Any]:
         "rows": rows,
         "twins": alternatives([wording.named(t) for t in f["twins"]]),
         "separate_by": wording.typeset(str(f.get("separate_by", ""))),
+        "cost": wording.typeset(str(f.get("cost", {}).get("in_words", ""))),
     }
 
 

@@ -1,0 +1,72 @@
+"""What a cause costs if it is left out: a drift a nautical mile, an absorbed bias nothing, and silence elsewhere."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from gimbalcal.diagnose.answer import Diagnosis
+from gimbalcal.diagnose.cost import with_cost
+from gimbalcal.estimate.added import added
+from gimbalcal.pipeline import three_stage
+from gimbalcal.recording import Recording
+from gimbalcal.simulate import simulate
+
+PLACE = {"latitude": {"value": 40.0, "unit": "deg"}}
+NOISE = {"accelerometer": {"value": 3.0, "unit": "ug"}, "gimbal_angle": {"value": 0.3, "unit": "arcsec"},
+         "attitude": {"value": 0.3, "unit": "arcsec"}}  # fmt: skip
+
+
+def static_run(truth: dict[str, Any]) -> Recording:
+    return simulate({
+        "format": 1, "kind": "static-run", "site": PLACE, "noise": NOISE,
+        "truth": {"draw": True, "factor": 0.2, **truth},
+        "schedule": {"duration": {"value": 24.0, "unit": "h"}, "rate": {"value": 1 / 300, "unit": "Hz"}},
+        "environment": {"temperature": {"shape": "ramp", "mean": 20.0, "rate": 0.2}},
+    }, 5)[0]  # fmt: skip
+
+
+def diagnosed(recording: Recording, *words: str) -> Diagnosis:
+    """A diagnosis that has found these effects, with their refit."""
+    made = three_stage([recording], more=added(words, [recording], ()))
+    findings = tuple({"effect": w.partition(":")[0].partition(",")[0], "axis": "x"} for w in words)
+    return Diagnosis("missing-physics", (), findings, (), {}, calibration=made)
+
+
+def test_a_drift_left_out_costs_what_it_drifts() -> None:
+    run = static_run({"gyro_drift": {"polar": 0.002}})
+    (found,) = with_cost([run], diagnosed(run, "gyro_drift")).findings
+    cost = found["cost"]
+    # 0.048 deg at 40 deg N are 2.2 n mile; the fit of 24 h spreads half of it over the platform's turn
+    assert 0.8 < cost["without_nmi"] < 2.4
+    assert cost["with_nmi"] < 0.05
+    assert cost["hours"] == pytest.approx(24, abs=0.1)
+    assert cost["in_words"].startswith("left out, it costs")
+
+
+def test_what_the_others_take_up_costs_nothing() -> None:
+    run = static_run({"case_rotation_residue": {"A": {"polar": 1.0}}})
+    (found,) = with_cost([run], diagnosed(run, "case_rotation_residue,period=8")).findings
+    assert "costs nothing of position" in found["cost"]["in_words"]
+
+
+def test_of_positions_a_still_base_is_navigated_through_the_recorded_temperatures() -> None:
+    device = simulate({
+        "format": 1, "kind": "multi-position", "site": PLACE, "noise": NOISE,
+        "schedule": {"name": "wu2018-18", "dwell": {"value": 1.0, "unit": "min"}, "rate": {"value": 0.1, "unit": "Hz"}},
+        "truth": {"draw": True, "factor": 0.2, "bias_temperature": {"x": 20.0}},
+        "environment": {"temperature": {"shape": "ramp", "mean": 20.0, "rate": 10.0}},
+    }, 5)[0]  # fmt: skip
+    (found,) = with_cost([device], diagnosed(device, "bias_temperature:x")).findings
+    # 20 ug/degC over 3 degC: 30 ug either way are 190 m
+    assert 0.05 < found["cost"]["without_nmi"] < 0.3
+    assert found["cost"]["with_nmi"] < 0.5 * found["cost"]["without_nmi"]
+
+
+def test_where_no_navigator_can_be_run_nothing_is_said() -> None:
+    run = static_run({"gyro_drift": {"polar": 0.002}})
+    found = diagnosed(run, "gyro_drift")
+    assert "cost" not in with_cost([run, run], found).findings[0]
+    nothing = Diagnosis("adequate", (), (), (), {})
+    assert with_cost([run], nothing) is nothing
