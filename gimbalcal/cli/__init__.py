@@ -19,9 +19,9 @@ from gimbalcal.cli.history import compare, remember, stored
 from gimbalcal.cli.navigation import budget, navigate
 from gimbalcal.cli.options import COUNT, RECORDINGS, SEED, listed, output_options, progress, show
 from gimbalcal.cli.placing import OVERWRITE, placed
+from gimbalcal.cli.planning import design, observe
 from gimbalcal.errors import InputError
 
-POSITIVE = click.FloatRange(min=0, min_open=True)
 CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 
 
@@ -65,10 +65,12 @@ def gimbalcal() -> None:
 
 gimbalcal.add_command(apply)
 gimbalcal.add_command(compare)
+gimbalcal.add_command(design)
 gimbalcal.add_command(export)
 gimbalcal.add_command(import_)
 gimbalcal.add_command(navigate)
 gimbalcal.add_command(budget)
+gimbalcal.add_command(observe)
 
 
 @gimbalcal.command()
@@ -183,63 +185,6 @@ def simulate(scenario: Path, seed: int | None, overwrite: bool, out: Path | None
     with placed(folder, overwrite) as new:
         truth = simulate_to(scenario, new, seed, progress(quiet))
     show(truth, f"wrote a recording and its truth into {folder}", as_json, quiet)
-
-
-@gimbalcal.command()
-@click.argument("schedule")
-@click.option(
-    "--angle-sigma", default=1.0, type=POSITIVE, show_default=True, help="Setting error of a position, arcsec."
-)
-@click.option(
-    "--force-sigma", default=2.0, type=POSITIVE, show_default=True, help="Noise of the mean force of a position, ug."
-)
-@click.option("--latitude", default=40.0, show_default=True, help="SCHEDULE static-48h and the like: where, deg.")
-@click.option("--candidates", default="", help="Comma-separated effects that may be there besides: would they show?")
-@output_options("observability.json")
-def observe(
-    schedule: str, angle_sigma: float, force_sigma: float, latitude: float, candidates: str,
-    out: Path | None, quiet: bool, as_json: bool,
-) -> None:  # fmt: skip
-    """Say what SCHEDULE (a name, a schedule.toml, or static-48h) can and cannot see, before anything is recorded."""
-    from gimbalcal.atomic import write_json
-    from gimbalcal.design.observability import observe_any
-
-    seen = observe_any(schedule, angle_sigma, force_sigma, latitude, listed(candidates))
-    if out is not None:
-        write_json(out / "observability.json", seen.to_dict())
-    show(seen.to_dict(), seen.in_words, as_json, quiet)
-
-
-@gimbalcal.command()
-@click.option("--platform", default="space-stable", show_default=True, help="Name of the rig's gimbal chain.")
-@click.option(
-    "-n", "--positions", type=click.IntRange(min=1), default=18, show_default=True, help="How many positions to hold."
-)
-@click.option("--step", default=45.0, show_default=True, help="Angles that an axis may take: multiples of this, deg.")
-@click.option("--angle-sigma", type=float, default=None, help="Setting error, arcsec; left out: no angle is known.")
-@click.option("--force-sigma", default=1.0, show_default=True, help="Noise of the mean force of a position, ug.")
-@click.option("--terms", default="", help="Comma-separated effects to estimate (default: the baseline).")
-@click.option("--separate", default="", help="Comma-separated effects that the schedule should tell apart.")
-@click.option("--criterion", type=click.Choice(["D", "A"]), default="D", show_default=True)
-@OVERWRITE
-@output_options("schedule.toml")
-def design(
-    platform: str, positions: int, step: float, angle_sigma: float | None, force_sigma: float, terms: str,
-    separate: str, criterion: str, overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
-) -> None:  # fmt: skip
-    """Choose the positions that see most, or that separate named effects, under a rig's limits."""
-    from gimbalcal.atomic import write
-    from gimbalcal.design.optimal import design as run
-    from gimbalcal.design.optimal import rig_of
-    from gimbalcal.schedule.file import schedule_toml
-
-    rig = rig_of(platform, step, angle_sigma, force_sigma)
-    schedule, seen = run(rig, positions, listed(terms), criterion, listed(separate))
-    if out is not None:
-        with placed(out, overwrite) as new:
-            write(new / "schedule.toml", schedule_toml(schedule))
-        progress(quiet)(f"wrote {out / 'schedule.toml'}")
-    show(seen, seen["in_words"], as_json, quiet)
 
 
 @gimbalcal.command()

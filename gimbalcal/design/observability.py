@@ -129,7 +129,7 @@ def observe(
     linear = by_visit(p, np.zeros(len(p.parameters)), np.zeros((p.visits, p.turns)))
     info = whiten(replace(linear, r=np.zeros_like(linear.r)), noise).information(p.parameters)
     said = {"gimbal_angle_arcsec": angle_sigma, "accelerometer_ug": force_sigma}
-    return _observability(held.name, info, calibrated, said)
+    return judged(held.name, info, calibrated, said)
 
 
 def observe_static(
@@ -158,7 +158,7 @@ def observe_static(
     root = np.sqrt(recording.weight)[:, None, None]
     rows = np.concatenate([(J[channels[k]] * root / s).reshape(-1, len(wanted)) for k, s in noise.items()])
     info = information(rows, np.zeros(len(rows)), wanted)
-    return _observability(f"static run of {hours:g} h at {np.rad2deg(latitude):.4g} deg", info, calibrated, dict(noise))
+    return judged(f"static run of {hours:g} h at {np.rad2deg(latitude):.4g} deg", info, calibrated, dict(noise))
 
 
 def observe_any(
@@ -206,9 +206,8 @@ def _parameters_of(
     return tuple(q for e in new for q in parameters(CATALOGUE[e], recording.platform.axis_names))
 
 
-def _observability(
-    name: str, info: Information, calibrated: Sequence[Parameter], noise: dict[str, float]
-) -> Observability:
+def judged(name: str, info: Information, calibrated: Sequence[Parameter], noise: dict[str, float]) -> Observability:
+    """What information says about the calibrated parameters, which come first in it, and about candidates beside."""
     p = len(calibrated)
     rows = info.rows[:, :-1]
     own = Information(tuple(calibrated), np.column_stack([rows[:, :p], info.rows[:, -1]]), info.count)

@@ -40,6 +40,15 @@ def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "") -> None:
     write(out / "report.html", page)
 
 
+def write_observability(content: Mapping[str, Any], out: Path) -> None:
+    """observability.json and report.html of a schedule of turns into `out`."""
+    from gimbalcal.report.observability_page import observability_report
+
+    page = observability_report(content)
+    write_json(out / "observability.json", content)
+    write(out / "report.html", page)
+
+
 def write_navigation(content: Mapping[str, Any], runs: Sequence[Navigated], title: str, out: Path) -> None:
     """navigation.json and report.html into `out`."""
     from gimbalcal.report.navigation_page import navigation_report

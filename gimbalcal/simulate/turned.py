@@ -41,9 +41,10 @@ class Nodes:
         return np.asarray(np.add.reduceat(weight * values, self.first, axis=0))
 
 
-def nodes(path: Trajectory, time: Array, interval: float, instant: bool) -> Nodes:
-    """Where to evaluate the readings of rows that end at `time` (n,) [s]."""
+def nodes(path: Trajectory, time: Array, interval: float | Array, instant: bool) -> Nodes:
+    """Where to evaluate the readings of rows that end at `time` (n,) [s], after an interval [s]."""
     n = len(time)
+    interval = np.broadcast_to(interval, (n,))
     if instant:
         return Nodes(time, np.ones(n), np.arange(n))
     start = time - interval
@@ -62,7 +63,7 @@ def nodes(path: Trajectory, time: Array, interval: float, instant: bool) -> Node
     count = np.where(moving, len(x), 1)
     at = np.cumsum(count) - count
     out = Nodes(
-        np.repeat(middle, count), np.repeat(2 * half, count) / interval, at[np.searchsorted(owner, np.arange(n))]
+        np.repeat(middle, count), np.repeat(2 * half / interval[owner], count), at[np.searchsorted(owner, np.arange(n))]
     )
     for j, (xj, wj) in enumerate(zip(x, w, strict=True)):
         k = at[moving] + j

@@ -1,0 +1,139 @@
+"""Before anything is recorded: what a schedule sees, and the schedule that sees most."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from gimbalcal.cli.options import COUNT, SEED, listed, output_options, progress, show
+from gimbalcal.cli.placing import OVERWRITE, placed
+from gimbalcal.errors import InputError
+
+POSITIVE = click.FloatRange(min=0, min_open=True)
+TURNING_STATES = click.option(
+    "--states", default="51", show_default=True, help="Of turns: what is estimated, 30, 51, or EFFECT[:AXIS],..."
+)
+RATE_NOISE = click.option(
+    "--rate-noise", default=0.002, type=POSITIVE, show_default=True, help="Of turns: gyroscopes' noise, deg/sqrt(h)."
+)
+FORCE_NOISE = click.option(
+    "--force-noise", default=5.0, type=POSITIVE, show_default=True, help="Of turns: accelerometers' noise, ug/sqrt(Hz)."
+)
+VELOCITY = click.option(
+    "--velocity-sigma", default=1e-5, type=POSITIVE, show_default=True, help="Of turns: how still the place is, m/s."
+)
+
+
+@click.command()
+@click.argument("schedule")
+@click.option(
+    "--angle-sigma", default=1.0, type=POSITIVE, show_default=True, help="Setting error of a position, arcsec."
+)
+@click.option(
+    "--force-sigma", default=2.0, type=POSITIVE, show_default=True, help="Noise of the mean force of a position, ug."
+)
+@click.option("--latitude", default=40.0, show_default=True, help="Static runs and schedules of turns: where, deg.")
+@click.option("--candidates", default="", help="Comma-separated effects that may be there besides: would they show?")
+@TURNING_STATES
+@RATE_NOISE
+@FORCE_NOISE
+@VELOCITY
+@output_options("observability.json and, for a schedule of turns, report.html")
+def observe(
+    schedule: str, angle_sigma: float, force_sigma: float, latitude: float, candidates: str, states: str,
+    rate_noise: float, force_noise: float, velocity_sigma: float, out: Path | None, quiet: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Say what SCHEDULE can and cannot see, before anything is recorded: a name, a schedule.toml, or static-48h."""
+    from gimbalcal.atomic import write_json
+    from gimbalcal.schedule.file import is_rotation
+
+    if is_rotation(schedule):
+        from gimbalcal.design.turning_observability import observe_turning
+
+        if candidates:
+            raise InputError("--candidates is for positions; of a schedule of turns name them among --states")
+        turned = observe_turning(schedule, latitude, states, rate_noise, force_noise, velocity_sigma)
+        if out is not None:
+            from gimbalcal.report.files import write_observability
+
+            write_observability(turned.to_dict(), out)
+        show(turned.to_dict(), turned.in_words, as_json, quiet)
+        return
+    from gimbalcal.design.observability import observe_any
+
+    seen = observe_any(schedule, angle_sigma, force_sigma, latitude, listed(candidates))
+    if out is not None:
+        write_json(out / "observability.json", seen.to_dict())
+    show(seen.to_dict(), seen.in_words, as_json, quiet)
+
+
+@click.command()
+@click.option("--kind", type=click.Choice(["positions", "rotation"]), default="positions", show_default=True)
+@click.option("--platform", default="space-stable", show_default=True, help="Name of the rig's gimbal chain.")
+@click.option(
+    "-n", "--positions", type=click.IntRange(min=1), default=18, show_default=True, help="How many positions to hold."
+)
+@click.option("--step", default=45.0, type=POSITIVE, show_default=True, help="Angles of an axis: multiples, deg.")
+@click.option("--angle-sigma", type=float, default=None, help="Setting error, arcsec; left out: no angle is known.")
+@click.option("--force-sigma", default=1.0, show_default=True, help="Noise of the mean force of a position, ug.")
+@click.option("--terms", default="", help="Comma-separated effects to estimate (default: the baseline).")
+@click.option("--separate", default="", help="Comma-separated effects that the schedule should tell apart.")
+@click.option(
+    "--criterion",
+    type=click.Choice(["D", "A", "max", "sum"]),
+    default=None,
+    help="D or A of positions [D]; max or sum of the relative sigmas of turns [max].",
+)
+@TURNING_STATES
+@click.option("--total", default=3870.0, type=POSITIVE, show_default=True, help="Of turns: all the time, s.")
+@click.option("--rate", default=10.0, type=POSITIVE, show_default=True, help="Of turns: how fast, deg/s.")
+@click.option("--ramp", default=1.0, type=POSITIVE, show_default=True, help="Of turns: to come to that, s.")
+@click.option("--limit", default=360.0, type=POSITIVE, show_default=True, help="Of turns: of either axis, +- deg.")
+@click.option("--against", default="", help="Comma-separated schedules of turns that it should beat in every group.")
+@click.option("--latitude", default=40.0, show_default=True, help="Of turns: where, deg.")
+@RATE_NOISE
+@FORCE_NOISE
+@VELOCITY
+@click.option("--tries", default=4000, type=COUNT, show_default=True, help="Of turns: candidates to look at.")
+@click.option("--seed", type=SEED, default=1, show_default=True, help="Of turns: of the search.")
+@OVERWRITE
+@output_options("schedule.toml")
+def design(
+    kind: str, platform: str, positions: int, step: float, angle_sigma: float | None, force_sigma: float, terms: str,
+    separate: str, criterion: str | None, states: str, total: float, rate: float, ramp: float, limit: float,
+    against: str, latitude: float, rate_noise: float, force_noise: float, velocity_sigma: float, tries: int, seed: int,
+    overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Choose what sees most under a rig's limits: positions that separate effects, or a sequence of turns."""
+    from gimbalcal.atomic import write
+
+    if kind == "rotation":
+        from gimbalcal.design.turning_design import design_turning, table_of
+        from gimbalcal.schedule.file import rotation_toml
+
+        _only(criterion, ("max", "sum"), kind)
+        turned, seen = design_turning(
+            table_of(step, limit, rate, ramp, total), latitude, states, listed(against), criterion or "max",
+            (rate_noise, force_noise, velocity_sigma), tries, seed, progress(quiet),
+        )  # fmt: skip
+        text = rotation_toml(turned)
+    else:
+        from gimbalcal.design.optimal import design as run
+        from gimbalcal.design.optimal import rig_of
+        from gimbalcal.schedule.file import schedule_toml
+
+        _only(criterion, ("D", "A"), kind)
+        rig = rig_of(platform, step, angle_sigma, force_sigma)
+        schedule, seen = run(rig, positions, listed(terms), criterion or "D", listed(separate))
+        text = schedule_toml(schedule)
+    if out is not None:
+        with placed(out, overwrite) as new:
+            write(new / "schedule.toml", text)
+        progress(quiet)(f"wrote {out / 'schedule.toml'}")
+    show(seen, seen["in_words"], as_json, quiet)
+
+
+def _only(criterion: str | None, known: tuple[str, str], kind: str) -> None:
+    if criterion is not None and criterion not in known:
+        raise InputError(f"--criterion {criterion} is not for --kind {kind}; write {known[0]} or {known[1]}")

@@ -1,0 +1,224 @@
+r"""What a schedule of turns sees: sigma of every state against time, Wei's degree of observability, weak directions.
+
+The degree of observability (Wei et al. 2022, Eq. (24), after Yan et al. 2018) is how many times better a state is known
+than before,
+
+.. math:: \sigma_k^j = \sqrt{P_0^{jj} / P_k^{jj}} ,
+
+unobservable up to 1, low up to 2, moderate up to 10, high beyond. It is in proportion to the sigma that one starts
+with, here the prior of the catalogue; sigmas themselves are not, and are the bounds that no unbiased estimate beats.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.design.observability import Observability, judged
+from gimbalcal.design.turning import SCALE, Noise, Stretches, plan, stretches
+from gimbalcal.effects import Parameter
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.systematic.states import states
+from gimbalcal.inference.information import SEEN, information, name_directions
+from gimbalcal.inference.innovations import Innovations
+from gimbalcal.number import Array
+from gimbalcal.schedule import RotationSchedule
+from gimbalcal.schedule.file import read_rotation
+from gimbalcal.schedule.trajectory import trajectory
+from gimbalcal.units import from_si, to_si
+
+DEGREES = ((1.0, "unobservable"), (2.0, "low"), (10.0, "moderate"), (np.inf, "high"))
+WEAK = 10.0  # times better known than before: below, Wei et al. do not call it high
+ROUNDING = 1e-6
+WEAKEST = 3  # weak directions that are told
+TERM = 0.1  # of the largest term of a direction: smaller ones are not told
+SHOWN = 240  # times at which the curves are told
+NAVIGATION = tuple((f"{what}:{axis}", unit) for what, unit in (("attitude", "arcsec"), ("velocity", "m/s"),
+                   ("place", "m")) for axis in ("north", "east", "down"))  # fmt: skip
+TABLE_2: Mapping[str, tuple[float, float]] = {  # Wei et al. (2022): degree with 18 and with 30 positions
+    "gyro_bias:x": (22.37, 79.94), "gyro_bias:y": (23.08, 69.69), "gyro_bias:z": (25.05, 75.55),
+    "bias:x": (181.52, 251.99), "bias:y": (197.31, 263.65), "bias:z": (170.47, 247.22),
+    "gyro_scale_factor:x": (31.99, 80.49), "gyro_scale_factor:y": (65.02, 95.85),
+    "gyro_scale_factor:z": (103.45, 186.40), "scale_factor:x": (64.07, 154.33), "scale_factor:y": (163.65, 318.26),
+    "scale_factor:z": (103.46, 225.95), "gyro_misalignment:yz": (111.99, 100.50),
+    "gyro_misalignment:zy": (158.46, 155.51), "gyro_misalignment:zx": (165.26, 282.83),
+    "misalignment:yz": (274.16, 332.01), "misalignment:zy": (229.89, 261.05), "misalignment:xz": (452.96, 633.62),
+    "misalignment:zx": (54.74, 102.71), "misalignment:xy": (174.74, 244.61), "misalignment:yx": (22.37, 79.94),
+}  # fmt: skip
+MISPRINTED = "misalignment:yx"  # its row repeats that of the first gyroscope's bias, in both columns
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One state: sigma (T,) in SI at the times, with the prior sigma that it starts from."""
+
+    parameter: str
+    unit: str
+    prior: float
+    sigma: Array
+
+    @property
+    def degree(self) -> float:
+        """sqrt(P_0 / P_k) at the end."""
+        return float(self.prior / self.sigma[-1])
+
+    @property
+    def word(self) -> str:
+        """Wei's word for the degree."""
+        return next(word for most, word in DEGREES if self.degree <= most * (1 + ROUNDING))
+
+
+@dataclass(frozen=True, eq=False)
+class TurningObservability:
+    """What a schedule sees, beside its bounds: curves of every state at `time` (T,) [s], and weak directions."""
+
+    seen: Observability
+    source: str
+    time: Array
+    curves: tuple[Curve, ...]
+    navigation: tuple[Curve, ...]
+    weak: tuple[tuple[dict[str, float], float], ...]
+
+    @property
+    def published(self) -> dict[str, Any]:
+        """Table 2 of Wei et al. beside these degrees, where it is their schedule with their states; else empty."""
+        labels = {c.parameter for c in self.curves}
+        return beside_wei(self.curves) if self.source == "wei2022" and labels == set(TABLE_2) else {}
+
+    @property
+    def in_words(self) -> str:
+        """The answer in one paragraph."""
+        counted = {word: [c.parameter for c in self.curves if c.word == word] for _, word in DEGREES}
+        told = [f"{word} for {len(mine)}" for word, mine in counted.items() if mine]
+        lines = [self.seen.in_words, f"degree of observability after {self.time[-1]:.0f} s: {', '.join(told)} states"]
+        lines += [
+            f"{word}: {', '.join(counted[word])}" for word in ("unobservable", "low", "moderate") if counted[word]
+        ]
+        for direction, degree in self.weak:
+            terms = " ".join(f"{w:+.3g} {label}" for label, w in direction.items())
+            lines.append(f"weak: {terms} is known {degree:.3g} times better than before")
+        return "\n".join([*lines, *filter(None, [self.published.get("in_words")])])
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of observability.json, in printed units."""
+        out = self.seen.to_dict()
+        time = [float(t) for t in self.time]
+        out["states"] = [
+            {
+                "parameter": c.parameter,
+                "unit": c.unit,
+                "sigma": [float(s) for s in from_si(c.sigma, c.unit)],
+                "time_s": time,
+                "degree": c.degree,
+                "observability": c.word,
+            }
+            for c in (*self.curves, *self.navigation)
+        ]
+        out["weak"] = [{"direction": direction, "degree": degree} for direction, degree in self.weak]
+        return out | {"published": self.published, "in_words": self.in_words}
+
+
+def observe_turning(
+    schedule: RotationSchedule | str | Path,
+    latitude: float,
+    asked: str = "51",
+    rate_noise: float = 0.002,
+    force_noise: float = 5.0,
+    velocity: float = 1e-5,
+) -> TurningObservability:
+    """What a schedule of turns sees of any states (`--states`) at `latitude` [deg].
+
+    rate_noise [deg/sqrt(h)], force_noise [ug/sqrt(Hz)], velocity [m/s]: how still the place is. Raises InputError for
+    what is no schedule or no state.
+    """
+    if not abs(latitude) < 90:
+        raise InputError(f"--latitude must be between -90 and 90 deg, got {latitude:g}")
+    held = schedule if isinstance(schedule, RotationSchedule) else read_rotation(schedule)
+    noise = Noise(to_si(force_noise, "ug/sqrt(Hz)"), to_si(rate_noise, "deg/sqrt(h)"), velocity)
+    like = plan(np.deg2rad(latitude))
+    wanted = states(asked, like)
+    made = stretches(trajectory(held), like, wanted, noise)
+    said = {
+        "gyroscope_deg_per_sqrt_h": rate_noise,
+        "accelerometer_ug_per_sqrt_Hz": force_noise,
+        "velocity_m_per_s": velocity,
+    }
+    return _judged(held, made, made.innovations(noise), wanted, said)
+
+
+def _judged(
+    held: RotationSchedule, made: Stretches, found: Innovations, wanted: Sequence[Parameter], said: dict[str, float]
+) -> TurningObservability:
+    prior = np.array([p.sigma for p in wanted])
+    rows = found.rows.reshape(-1, len(wanted))
+    info = information(rows / prior, np.zeros(len(rows)), wanted)
+    keep = np.unique(np.linspace(0, len(made.time) - 1, min(SHOWN, len(made.time))).round().astype(int))
+    sigma, moving = _sigmas(found, keep)
+    curves = tuple(Curve(p.label, p.unit, p.sigma, p.sigma * s) for p, s in zip(wanted, sigma.T, strict=True))
+    start = np.sqrt(np.diag(found.P[0]))
+    navigation = tuple(
+        Curve(label, unit, float(SCALE[i] * start[i]), SCALE[i] * moving[:, i])
+        for i, (label, unit) in enumerate(NAVIGATION)
+    )
+    return TurningObservability(
+        judged(held.name, info, wanted, said), held.source, made.time[keep], curves, navigation,
+        _weak(info.rows[:, : len(wanted)], wanted),
+    )  # fmt: skip
+
+
+def _weak(R: Array, wanted: Sequence[Parameter]) -> tuple[tuple[dict[str, float], float], ...]:
+    """The weakest directions that are seen, if known less than `WEAK` times better than before, and how many times."""
+    _, S, Vt = np.linalg.svd(R, full_matrices=True)
+    S = np.concatenate([S, np.zeros(len(wanted) - len(S))])
+    faint = np.flatnonzero((S >= SEEN) & (S < WEAK))[-WEAKEST:]
+    named = [name_directions(Vt[[i]].T, wanted, R)[0].direction for i in faint]
+    return tuple(
+        ({label: w for label, w in d.items() if abs(w) >= TERM}, float(S[i])) for d, i in zip(named, faint, strict=True)
+    )
+
+
+def _sigmas(found: Innovations, keep: Array) -> tuple[Array, Array]:
+    """Sigmas (T, p) in prior sigmas and (T, m) of the moving states, after the stretches `keep` (T,)."""
+    p = found.rows.shape[2]
+    G, done, sigma, moving = np.eye(p), 0, [], []
+    for k in keep:
+        few = found.rows[done : k + 1].reshape(-1, p)
+        G, done = G + few.T @ few, int(k) + 1
+        M = np.linalg.inv(G)
+        D = found.D[k + 1]
+        sigma.append(np.sqrt(np.diag(M)))
+        moving.append(np.sqrt(np.diag(found.P[k + 1] + D @ M @ D.T)))
+    return np.array(sigma), np.array(moving)
+
+
+def beside_wei(curves: Sequence[Curve]) -> dict[str, Any]:
+    """Table 2 of Wei et al. (2022), 30 positions, beside the degrees here, and what explains the differences.
+
+    A degree is in proportion to the P_0 that one assumes, and the paper prints neither P_0 nor noise, rate or stops: of
+    each group of three or six one common factor is theirs to choose. What is left after it is told.
+    """
+    rows, groups = [], dict[str, list[float]]()
+    for c in curves:
+        printed = TABLE_2[c.parameter][1]
+        rows.append({"parameter": c.parameter, "printed": printed, "degree": c.degree, "ratio": printed / c.degree})
+        if c.parameter != MISPRINTED:
+            groups.setdefault(c.parameter.split(":")[0], []).append(np.log(printed / c.degree))
+    factor = {name: float(np.exp(np.mean(x))) for name, x in groups.items()}
+    spread = {name: float(np.exp(np.std(x))) for name, x in groups.items()}
+    told = ", ".join(f"{name} {factor[name]:.2g} (within {100 * (spread[name] - 1):.0f} %)" for name in groups)
+    words = (
+        "Wei et al. (2022), Table 2, 30 positions, is these degrees times a factor of each group, its own P_0 and "
+        f"noise, which are not printed: {told}; the row of delta A_a yz repeats that of epsilon_x and is a misprint"
+    )
+    return {
+        "source": "wei2022",
+        "table": "Table 2",
+        "rows": rows,
+        "factor": factor,
+        "spread": spread,
+        "in_words": words,
+    }

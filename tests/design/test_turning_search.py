@@ -1,0 +1,98 @@
+"""The search for turns: published schedules are tours of a table, the fast sigma is the exact one, limits are kept."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from gimbalcal.cli import gimbalcal
+from gimbalcal.design.turning import Noise, plan
+from gimbalcal.design.turning_design import design_turning, exact, table_of
+from gimbalcal.design.turning_search import Search, Tour, allowed, as_tour, changed, stretched
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.systematic.states import states
+from gimbalcal.schedule import ROTATIONS
+from gimbalcal.schedule.file import read_rotation
+from gimbalcal.schedule.trajectory import trajectory
+
+TABLE = table_of(45.0, 360.0, 10.0, 1.0, 1000.0)
+
+
+@pytest.fixture(scope="module")
+def search() -> Search:
+    like = plan(0.6)
+    return Search(TABLE, like, states("30", like), Noise(5e-5, 6e-7))
+
+
+@pytest.mark.parametrize("name", ["cai2016-18", "wei2022-30", "xie2011-19"])
+def test_a_published_schedule_is_a_tour_of_a_two_axis_table(search, name):
+    tour = as_tour(ROTATIONS[name], TABLE)
+    assert tour is not None
+    made, published = search.schedule(tour), stretched(ROTATIONS[name], TABLE.total, TABLE)
+    np.testing.assert_allclose(made.attitudes(), published.attitudes(), atol=1e-12)
+    assert trajectory(made).duration == pytest.approx(TABLE.total)
+    assert trajectory(published).duration == pytest.approx(TABLE.total)
+
+
+def test_turns_about_three_axes_are_none_of_it():
+    assert as_tour(ROTATIONS["jia2014-9"], TABLE) is None
+
+
+def test_the_sigma_of_the_search_is_that_of_the_schedule(search):
+    tour = Tour((2, 0), ((0, 1), (1, 2), (0, -3), (1, -1), (0, 4), (1, 4)))
+    np.testing.assert_allclose(search.sigma(tour), exact(search, search.schedule(tour)), rtol=0.01)
+
+
+def test_every_neighbour_that_is_allowed_keeps_the_limits():
+    rng, tour, seen = np.random.default_rng(1), Tour((0, 0), ((0, 2), (1, 4), (0, -4))), set()
+    for _ in range(400):
+        tour = changed(tour, rng, 4) if rng.random() < 0.5 else tour
+        near = changed(tour, rng, 4)
+        if not allowed(TABLE, near):
+            continue
+        at = np.array([near.start, *(((s, 0) if a == 0 else (0, s)) for a, s in near.turns)])
+        assert np.abs(np.cumsum(at, axis=0)).max() <= 8
+        seen.add(len(near.turns))
+        tour = near
+    assert len(seen) > 3
+
+
+def test_it_beats_what_it_is_measured_by_and_says_so():
+    made, told = design_turning(TABLE, 34.2, "30", ("xie2011-19",), "sum", tries=40, seed=2)
+    assert trajectory(made).duration == pytest.approx(TABLE.total)
+    assert np.mean([row["ratio"] for row in told["groups"]]) < 0.98
+    assert {row["group"] for row in told["groups"]} >= {"gyro_bias", "scale_factor"}
+    assert "in as much time" in told["in_words"]
+
+
+def test_own_axes_of_a_sensitivity_are_a_group():
+    like = plan(0.6)
+    groups = Search(TABLE, like, states("51", like), Noise(5e-5, 6e-7)).groups
+    assert len(groups["gyro_g_sensitivity_rate, own axis"]) == 3
+    assert len(groups["gyro_g_sensitivity_rate"]) == 6
+    assert len(groups["accelerometer_lever_arm"]) == 3
+
+
+def test_the_command_writes_a_schedule_that_observe_takes(tmp_path):
+    arguments = ["design", "--kind", "rotation", "--states", "bias,gyro_bias", "--total", "700", "--tries", "10",
+                 "--out", str(tmp_path), "--json"]  # fmt: skip
+    result = CliRunner().invoke(gimbalcal, arguments, catch_exceptions=False)
+    told = json.loads(result.stdout)
+    assert trajectory(read_rotation(tmp_path / "schedule.toml")).duration == pytest.approx(told["total_s"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--step", "40"], "must divide 90 deg"),
+        (["--limit", "90"], "less than half a turn"),
+        (["--criterion", "D"], "write max or sum"),
+        (["--total", "30"], "too short"),
+        (["--against", "nobody"], "no published schedule"),
+    ],
+)
+def test_what_no_table_can_do_is_refused(arguments, words):
+    command = ["design", "--kind", "rotation", "--states", "bias", *arguments]
+    with pytest.raises(InputError, match=words):
+        CliRunner().invoke(gimbalcal, command, catch_exceptions=False, standalone_mode=False)
