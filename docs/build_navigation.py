@@ -1,0 +1,92 @@
+"""The pictures of docs/navigation.md, and its table of what Eq. (28) of Wu et al. (2018) drops.
+
+python docs/build_navigation.py
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+
+from gimbalcal.earth import EARTH_RATE, normal_gravity
+from gimbalcal.navigate.bands import before_and_after
+from gimbalcal.navigate.space_stable import Aids, Site, radii, schuler_rate
+from gimbalcal.navigate.static_run import navigated
+from gimbalcal.pipeline import load, three_stage
+from gimbalcal.report.navigation_page import curves
+from gimbalcal.report.style import BLUE, FULL, GREY, INK, STYLE, VERMILION, empty
+from gimbalcal.simulate import simulate
+
+LATITUDE = 40.0
+RUN = {
+    "format": 1, "kind": "static-run", "site": {"latitude": {"value": LATITUDE, "unit": "deg"}},
+    "schedule": {"duration": {"value": 48.0, "unit": "h"}, "rate": {"value": 1 / 60, "unit": "Hz"}},
+    "truth": {"bias": {"x": 100.0}, "scale_factor": {"x": 100.0}},
+}  # fmt: skip
+
+
+def answers(damping: float) -> dict[str, tuple[complex, complex]]:
+    """North and east answer at one and two turns a day to a bias across the pole, over the quasi-static one."""
+    L = np.deg2rad(LATITUDE)
+    g = float(normal_gravity(L))
+    k = 2 * damping * schuler_rate(Site(L, 0.0, g, 0.0))
+    turn, (M, N) = 2 * EARTH_RATE * np.sin(L), radii(L)
+    out = {}
+    for times in (1, 2):
+        w = times * EARTH_RATE
+        A = np.array([[g / M - w**2 + 1j * w * k, 1j * w * turn], [-1j * w * turn, g / N - w**2 + 1j * w * k]])
+        a = np.array([-np.sin(L), 1j])  # what a bias in the plane of the equator does, turning westwards
+        ratio = np.linalg.solve(A, a) / (a * np.array([M, N]) / g)
+        out[f"{24 // times} h"] = (complex(ratio[0]), complex(ratio[1]))
+    return out
+
+
+def table() -> list[str]:
+    """Rows of the table in docs/navigation.md."""
+    lines = ["| damping | period | north: amplitude, lag | east: amplitude, lag |", "|---|---|---|---|"]
+    for damping in (0.0, 0.1, 0.5):
+        for period, both in answers(damping).items():
+            cells = [f"{100 * (abs(r) - 1):+.2f} %, {-np.degrees(np.angle(r)):.1f} deg" for r in both]
+            lines.append(f"| {damping:g} | {period} | {cells[0]} | {cells[1]} |")
+    return lines
+
+
+def picture(path: Path) -> None:
+    """Roll by Eq. (28) and by the navigator, damped and not, and the difference."""
+    run, _ = simulate(RUN)
+    static = -np.rad2deg(run.channels["attitude_error", "roll"]) * 3600
+    full = {d: np.rad2deg(navigated(run, aids=Aids(damping=d)).error[:, 4]) * 3600 for d in (0.0, 0.5)}
+    with mpl.rc_context(STYLE):
+        figure = empty(FULL, 4.2)
+        above, below = figure.subplots(2, 1, sharex=True)
+        hours = run.time / 3600
+        for damping, colour in ((0.0, GREY), (0.5, BLUE)):
+            name = f"navigator, damping {damping:g}"
+            above.plot(hours, full[damping], color=colour, lw=0.9, label=name)
+            below.plot(hours, full[damping] - static, color=colour, lw=0.9, label=name)
+        above.plot(hours, static, color=VERMILION, lw=1.2, label="Eq. (28)")
+        for ax in (above, below):
+            ax.axhline(0, color=INK, lw=0.5)
+        above.set_title("roll error by a bias of 100 µg and a scale factor of 100 ppm on x  [″]")
+        below.set_title("navigator minus Eq. (28)  [″]")
+        below.set_xlabel("time [h]")
+        figure.legend(*above.get_legend_handles_labels(), loc="outside upper right", ncols=3)
+        figure.savefig(path, dpi=110)
+
+
+def before_after(path: Path) -> None:
+    """The recording that ships, navigated without calibration, after two stages and after the fused estimate."""
+    data = Path(__file__).parents[1] / "data"
+    device, run = load([data / "space_stable_18", data / "space_stable_static"])
+    made = [("two-stage", three_stage([device])), ("fused", three_stage([device, run]))]
+    with mpl.rc_context(STYLE):
+        curves(before_and_after(run, made, samples=2)).savefig(path, dpi=110)
+
+
+if __name__ == "__main__":
+    picture(Path(__file__).parent / "pictures" / "quasi_static.png")
+    before_after(Path(__file__).parent / "pictures" / "navigation.png")
+    sys.stdout.write("\n".join(table()) + "\n")
