@@ -26,6 +26,7 @@ from gimbalcal.estimate.added import Added, added, with_told
 from gimbalcal.estimate.asked import Asked, asked
 from gimbalcal.estimate.cross_check import CrossCheck, cross_check
 from gimbalcal.estimate.fusion import fuse
+from gimbalcal.estimate.grade import graded
 from gimbalcal.estimate.gyroscopes.against_attitude import gyroscopes_against_attitude
 from gimbalcal.estimate.gyroscopes.two_position import two_position
 from gimbalcal.estimate.pointing.mount import pointing_calibration
@@ -77,18 +78,19 @@ def by_sensor(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], .
 
 def calibrate(
     folders: Sequence[str | Path], method: str = "three-stage", terms: Sequence[str] = (), tell: Tell = silent,
-    more: Sequence[str] = (), states: str = "51",
+    more: Sequence[str] = (), states: str = "51", grade: str = "",
 ) -> tuple[Calibration, tuple[Recording, ...]]:  # fmt: skip
     """Read recordings and calibrate by `method`: "three-stage", or "multiposition" (no angles; of one session or more).
 
     "systematic" takes a rotation recording and estimates `states`: "30", "51" or "EFFECT[:AXIS],...". Pointing runs,
     one or several of a mount, have a method of their own.
 
-    `more` adds effects of the catalogue to the fit of any method, "bias_temperature:y" or "warm_up,tau=0.5" (`added`).
+    `more` adds effects of the catalogue to the fit of any method, "bias_temperature:y" or "warm_up,tau=0.5" (`added`);
+    `grade` names that of a unit on gimbals.
     Returns the calibration with its provenance, and the recordings; of several sensors side by side those of the
     first. Raises InputError for what it cannot take.
     """
-    return calibrate_each(folders, method, terms, tell, more, states)[0]
+    return calibrate_each(folders, method, terms, tell, more, states, grade)[0]
 
 
 def calibrate_each(
@@ -98,6 +100,7 @@ def calibrate_each(
     tell: Tell = silent,
     more: Sequence[str] = (),
     states: str = "51",
+    grade: str = "",
 ) -> tuple[tuple[Calibration, tuple[Recording, ...]], ...]:
     """The same for each of several sensors that were logged side by side, held against the first at rest."""
     groups = by_sensor(load(folders, tell))
@@ -105,7 +108,7 @@ def calibrate_each(
     for group in groups:
         if len(groups) > 1:
             tell(f"calibrating {group[0].title}")
-        made.append((_calibrated(group, method, terms, tell, more, states), group))
+        made.append((_calibrated(group, method, terms, tell, more, states, grade), group))
     if len(made) == 1:
         return tuple(made)
     checks = held_together(made, tell)
@@ -139,9 +142,14 @@ def held_together(each: Sequence[tuple[Calibration, tuple[Recording, ...]]], tel
 
 def _calibrated(
     recordings: tuple[Recording, ...], method: str, terms: Sequence[str], tell: Tell, more: Sequence[str],
-    states: str = "51",
+    states: str = "51", grade: str = "",
 ) -> Calibration:  # fmt: skip
     """One unit by `method`, with its provenance."""
+    if grade and (method != "three-stage" or any(r.kind == "pointing" for r in recordings)):
+        raise InputError(
+            f"--grade {grade} says how large errors are that the positions of gimbals do not show; other methods take "
+            "any size as it comes, so leave it out"
+        )
     if any(r.kind == "pointing" for r in recordings):
         if method != "three-stage":
             raise InputError(f"--method {method} is for inertial sensors; leave it out for a pointing run")
@@ -168,7 +176,7 @@ def _calibrated(
             f"--terms {','.join(terms)} goes with --method multiposition; three-stage has its own, leave it out"
         )
     else:
-        made = three_stage(recordings, tell, added(more, recordings, _modelled(recordings)))
+        made = three_stage(recordings, tell, added(more, recordings, _modelled(recordings)), grade)
         if any(r.has("angular_rate") for r in recordings):
             why = "the three stages calibrate accelerometers; --method multiposition takes both triads"
             options = {**made.provenance.get("options", {}), "gyroscopes": why}
@@ -225,7 +233,9 @@ def provenance(
     }
 
 
-def three_stage(recordings: Sequence[Recording], tell: Tell = silent, more: Sequence[Added] = ()) -> Calibration:
+def three_stage(
+    recordings: Sequence[Recording], tell: Tell = silent, more: Sequence[Added] = (), grade: str = ""
+) -> Calibration:
     """Calibrate the accelerometers of a space-stable platform from a multi-position recording, a static run, or both.
 
     1. coarse: faces give scale factors and biases, tilted positions gimbal zeros and misalignments (section 3);
@@ -233,9 +243,19 @@ def three_stage(recordings: Sequence[Recording], tell: Tell = silent, more: Sequ
        error (section 4, Eqs. (8)-(17), and beyond);
     3. system level: force, gimbals and attitude error of the static run (section 5), added as information.
 
-    `more` joins the fits of stage 2 and 3. Raises InputError when there is neither kind of recording, or two of a kind.
+    `more` joins the fits of stage 2 and 3; `grade` is that of the unit, by which sizes are expected (else its noise
+    tells it). Raises InputError when there is neither kind of recording, or two of a kind.
     """
-    device, run = _one_of_each([completed(r) for r in recordings])
+    recordings = [completed(r) for r in recordings]
+    unit = graded(recordings, grade)
+    tell(unit.in_words)
+    made = _three_stages(unit.of(recordings), tell, more)
+    options = {**made.provenance.get("options", {}), "grade": unit.to_dict()}
+    return replace(made, provenance={**made.provenance, "options": options})
+
+
+def _three_stages(recordings: Sequence[Recording], tell: Tell, more: Sequence[Added]) -> Calibration:
+    device, run = _one_of_each(recordings)
     if device is None and run is not None:
         tell("system level: static run alone")
         return with_told(*_static_with(run, asked(more, None, run))) if more else static(run)

@@ -14,10 +14,11 @@ from pathlib import Path
 import click
 
 from gimbalcal import __version__
+from gimbalcal.cli.catalogue import catalogue
 from gimbalcal.cli.files import apply, export, import_
 from gimbalcal.cli.history import compare, remember, stored
 from gimbalcal.cli.navigation import budget, navigate
-from gimbalcal.cli.options import COUNT, RECORDINGS, SEED, listed, output_options, progress, show
+from gimbalcal.cli.options import COUNT, GRADE, RECORDINGS, SEED, listed, output_options, progress, show
 from gimbalcal.cli.placing import OVERWRITE, placed
 from gimbalcal.cli.planning import design, observe
 from gimbalcal.errors import InputError
@@ -64,6 +65,7 @@ def gimbalcal() -> None:
 
 
 gimbalcal.add_command(apply)
+gimbalcal.add_command(catalogue)
 gimbalcal.add_command(compare)
 gimbalcal.add_command(design)
 gimbalcal.add_command(export)
@@ -99,10 +101,11 @@ gimbalcal.add_command(observe)
     "--states", default="51", show_default=True, metavar="30|51|EFFECT[:AXIS],...",
     help="systematic: the parameters to estimate beside the nine navigation errors, as a list or by their number.",
 )  # fmt: skip
+@GRADE
 @stored
 @output_options("calibration.json and report.html")
 def calibrate(
-    recordings: tuple[Path, ...], method: str, terms: str, more: tuple[str, ...], states: str,
+    recordings: tuple[Path, ...], method: str, terms: str, more: tuple[str, ...], states: str, grade: str,
     store: Path | None, unit: str,
     out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
@@ -112,7 +115,7 @@ def calibrate(
     from gimbalcal.report.wording import answer
 
     tell = progress(quiet)
-    each = calibrate_each(recordings, method, listed(terms), tell, more, states)
+    each = calibrate_each(recordings, method, listed(terms), tell, more, states, grade)
     for k, (calibration, loaded) in enumerate(each):
         if out is not None:
             place = out / loaded[0].sensor if k else out  # those beside the first have a folder of their own
@@ -132,11 +135,13 @@ def calibrate(
 @RECORDINGS
 @click.option("--calibration", "known", type=click.Path(path_type=Path), help="A calibration.json to start from.")
 @click.option("--baseline", default="", help="Comma-separated effects the model holds; what is left out can be found.")
+@GRADE
 @click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the simulated threshold.")
 @stored
 @output_options("diagnosis.json and report.html")
 def diagnose(
-    recordings: tuple[Path, ...], known: Path | None, baseline: str, seed: int, store: Path | None, unit: str,
+    recordings: tuple[Path, ...], known: Path | None, baseline: str, grade: str, seed: int,
+    store: Path | None, unit: str,
     out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Say where the data differ from the model, which physics was left out, and what it changes."""
@@ -149,7 +154,9 @@ def diagnose(
     tell = progress(quiet)
     start = read_calibration(known) if known else None
     groups = by_sensor(load(recordings, tell))
-    told = [run(each, calibration=start, baseline=listed(baseline), seed=seed, tell=tell) for each in groups]
+    told = [
+        run(each, calibration=start, baseline=listed(baseline), seed=seed, tell=tell, grade=grade) for each in groups
+    ]
     told = [with_cost(each, d, tell) for each, d in zip(groups, told, strict=True)]
     for k, (loaded, diagnosis) in enumerate(zip(groups, told, strict=True)):
         if out is not None:
@@ -210,31 +217,6 @@ def campaign(
         tell(f"the runs that are done stay in {folder}; the same command goes on from there")
         raise
     show(summary, summary["in_words"], as_json, quiet)
-
-
-@gimbalcal.command()
-@click.argument("effect", required=False)
-def catalogue(effect: str | None) -> None:
-    """List the physical effects that are known, or show the card of one EFFECT."""
-    import dataclasses
-    import inspect
-
-    from gimbalcal.effects import CATALOGUE
-
-    if effect is None:
-        for name in sorted(CATALOGUE):
-            print(f"{name:28s} {(inspect.getdoc(CATALOGUE[name]) or '').splitlines()[0].lstrip('r')}")
-    elif effect in CATALOGUE:
-        print(inspect.getdoc(CATALOGUE[effect]))
-        print()
-        for f in dataclasses.fields(CATALOGUE[effect]):
-            m = f.metadata
-            if m.get("kind") == "parameter":
-                axes = ", ".join(a for a in m["axes"] if a)
-                print(f"  {m['name'] or f.name} [{m['unit']}] {axes}: usually {m['sigma']:g}")
-        print(f"  in recordings of kind {', '.join(CATALOGUE[effect].kinds)}")
-    else:
-        raise InputError(f"no effect is called {effect!r}; `gimbalcal catalogue` lists them")
 
 
 @gimbalcal.command()

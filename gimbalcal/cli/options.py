@@ -68,3 +68,10 @@ def show(result: Any, sentence: str, as_json: bool, quiet: bool) -> None:
 
 
 RECORDINGS = click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
+GRADE = click.option(
+    "--grade",
+    default="",
+    metavar="NAME",
+    help="navigation, tactical, industrial or consumer: how large the sensors' errors usually are.  "
+    "[default: as their noise tells]",
+)

@@ -19,6 +19,7 @@ from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import constants
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.grade import graded, refuse_for_mounts
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.pointing.run import nights
 from gimbalcal.estimate.sessions import unit_of_sessions
@@ -32,12 +33,13 @@ def diagnose(
     baseline: Sequence[str] = (),
     seed: int = 1,
     tell: Tell = silent,
+    grade: str = "",
 ) -> Diagnosis:
     """Say where the recordings differ from the calibrated model and which physics was left out.
 
     Several recordings are those of one unit and are judged together. `calibration` gives values to start from,
-    `baseline` the ids of the effects the model holds (the usual ones of the kind of recording otherwise). Raises
-    InputError where there is nothing to compare.
+    `baseline` the ids of the effects the model holds (the usual ones of the kind of recording otherwise), `grade` the
+    name of the unit's grade (else its noise tells it). Raises InputError where there is nothing to compare.
     """
     if not recordings:
         raise InputError("`diagnose` needs at least one recording")
@@ -48,10 +50,26 @@ def diagnose(
             refuse_other_gimbals(calibration.effects, r)
     made = {id(r): completed(r) for r in recordings}  # one that is given twice stays one
     recordings = [made[id(r)] for r in recordings]
+    if all(r.kind == "pointing" for r in recordings):
+        refuse_for_mounts(grade)
+        return _judged(recordings, calibration, tuple(baseline), seed, tell)
+    unit = graded(recordings, grade)
+    tell(unit.in_words)
+    found = _judged(unit.of(recordings), calibration, tuple(baseline), seed, tell)
+    return replace(found, provenance={**found.provenance, "grade": unit.to_dict()})
+
+
+def _judged(
+    recordings: Sequence[Recording],
+    calibration: Calibration | None,
+    baseline: tuple[str, ...],
+    seed: int,
+    tell: Tell,
+) -> Diagnosis:
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):  # many small matrices: threads only get into each other's way
-        found = _of_all(recordings, calibration, tuple(baseline), seed, tell)
+        found = _of_all(recordings, calibration, baseline, seed, tell)
         return found if calibration else with_reservation(found, recordings, baseline)
 
 

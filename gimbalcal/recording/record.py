@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.earth import G0
+from gimbalcal.effects.grade import GRADES, Grade
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
@@ -64,7 +65,7 @@ class Recording:
     numbers are left as they are, because their scale is not known. `remarks` are sentences for the user.
     `sensor` is the name of the sensors where a recording holds several triads; the others are `beside`, a recording
     each, in the same rows. `instant`: forces and rates are those of the row's time; else, where it matters, they are
-    means over the interval that ends there.
+    means over the interval that ends there. `grade` says how large the usual imperfections of such sensors are.
     """
 
     kind: str
@@ -83,6 +84,7 @@ class Recording:
     sensor: str = ""
     beside: tuple[Recording, ...] = ()
     instant: bool = False
+    grade: Grade = GRADES["navigation"]
 
     def __post_init__(self) -> None:
         n = len(self.time)

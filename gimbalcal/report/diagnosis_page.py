@@ -44,7 +44,7 @@ def diagnosis_report(content: Mapping[str, Any], panels: Sequence[Panel] = (), t
         "provenance": [
             (str(k).replace("_", " "), text)
             for k, v in content["provenance"].items()
-            if k != "recordings" and (text := wording.as_text(v))
+            if k not in ("recordings", "grade") and (text := wording.as_text(v))
         ],
         "sources": content["provenance"].get("recordings", []),
         "citations": cite(*keys),
@@ -109,6 +109,8 @@ def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
             facts.append((" → ".join(values) + unit, what))
     if fit.get("scan_p_after") is not None:
         facts.append((_chance(float(fit["scan_p_after"])), "probability by chance of what a new scan still finds"))
+    if grade := content["provenance"].get("grade"):
+        facts.append((grade["name"], f"grade of the unit: {grade['from']}"))
     return facts
 
 

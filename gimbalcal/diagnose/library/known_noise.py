@@ -27,7 +27,7 @@ def library(o: Observations, baseline: Sequence[str]) -> Library:
     known: list[Candidate] = []
     for effect_id in available(o, baseline):
         cls = CATALOGUE[effect_id]
-        wanted = parameters(cls, o.stimulus.axis_names)
+        wanted = tuple(o.recording.grade.usual(p) for p in parameters(cls, o.stimulus.axis_names))
         for source in sources(cls, o.stimulus):
             tried, columns = choices(cls, o.stimulus), _per_sigma(o, wanted)
             known += of_effect(cls, source, wanted, tried, o.stimulus, columns, blocks)

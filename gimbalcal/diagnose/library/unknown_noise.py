@@ -60,7 +60,8 @@ def unknowns(v: View, effect_id: str) -> tuple[Parameter, ...]:
     seen = (p for p in parameters(cls, names) if (p.axis not in names or p.axis in read)
             and (p.effect, p.axis) not in v.unobservable)  # fmt: skip
     fast = max(1.0, HOUR / max(float(np.ptp(v.stimulus.time)), 1.0)) if cls.in_time else 1.0
-    return tuple(replace(p, sigma=v.wide * p.sigma * (fast if p.unit.endswith("/h") else 1.0)) for p in seen)
+    usual = (v.recording.grade.usual(p) for p in seen)
+    return tuple(replace(p, sigma=p.sigma * (fast if p.unit.endswith("/h") else 1.0)) for p in usual)
 
 
 def _of_effect(

@@ -143,7 +143,8 @@ def fit_baseline(
     sigma = row_sigma(read, known)
     names = recording.platform.axis_names
     ids = tuple(baseline) or BASELINE[recording.kind]
-    constants = tuple(p for i in ids for p in parameters(known_effect(i), names) if _has_axis(p, recording))
+    every = (recording.grade.usual(p) for i in ids for p in parameters(known_effect(i), names))
+    constants = tuple(p for p in every if _has_axis(p, recording))
     effects = with_values(tuple(known), constants, values(tuple(known), constants), names)
     for _ in range(steps):
         x = values(effects, constants)

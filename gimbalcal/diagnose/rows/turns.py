@@ -28,7 +28,6 @@ from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, follows, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.estimate.accelerometers.norm_fit import WIDE
 from gimbalcal.estimate.gyroscopes.between_rests import fit_turns, rows_of_turns
 from gimbalcal.estimate.gyroscopes.rests import BIAS, level_of, rests
 from gimbalcal.estimate.gyroscopes.turns import Turns, end_of, turns_between_rests
@@ -84,7 +83,7 @@ def view_of_turns(
     s = stimulus_from_readings(ends)
     return View(
         "turns", ends, s, ((RATE, "level"), (RATE, "tilted")), "arcsec", None, GYROSCOPE_STAGES,
-        BASELINE["turns"], rows, _at_rest(turns.stimulus), WIDE,
+        BASELINE["turns"], rows, _at_rest(turns.stimulus),
     )  # fmt: skip
 
 

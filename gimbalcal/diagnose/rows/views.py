@@ -23,7 +23,7 @@ from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.estimate.accelerometers.norm_fit import WIDE, scaled_by_gravity
+from gimbalcal.estimate.accelerometers.norm_fit import scaled_by_gravity
 from gimbalcal.estimate.gyroscopes.between_rests import fit_turns
 from gimbalcal.estimate.gyroscopes.rests import G_SENSITIVITY, Rests, fit_rests, rests
 from gimbalcal.estimate.gyroscopes.turns import logged_turns, turns_between_rests
@@ -41,7 +41,6 @@ BLOCK = 1.0  # s; a table is tilted over seconds, what is faster shakes building
 FEWEST = 3  # means of a table that can differ from one another in more than a trend
 COARSE, FINE = 0.04, 0.01  # s; steps at which the physics of a tilting table is evaluated, for search and last fit
 RESTS = 6  # fewer do not tell a pattern of the attitude from chance
-BY_HAND = 3.0  # times the catalogue's scales: sensors of different makers, bolted together
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,6 @@ class View:
     baseline: tuple[str, ...]
     rows: Callable[[Sequence[Effect]], Rows]
     unobservable: frozenset[tuple[str, str]] = frozenset()  # (effect, axis) that these rows cannot show by convention
-    wide: float = 1.0  # prior scales of these sensors against those of the catalogue
     noise: Array | None = None  # (n, C) what the samples' scatter alone makes of a row, where it is known
     finer: Callable[[], View] | None = None  # the same rows from physics in finer steps, for the last fit
     ideal: Callable[[Sequence[Effect]], Rows] | None = None  # rows at what is known to be felt: see `about`
@@ -135,14 +133,14 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
         towards = np.linalg.solve(np.swapaxes(H, -1, -2), (f / length[:, None])[..., None])[..., 0]
         felt = f * (g / length[:, None] if ideal else 1.0)
         felt = linearise(BENCH, s.at(force=felt), effects, channels=channels, stages=SENSOR_STAGES)
-        along = {k: np.einsum("nc,ncm->nm", towards, S)[:, None] for k, S in felt.sensitivity.items()}
-        return replace(felt, channels=((FORCE, "norm"),), residual=(length - g)[:, None], sensitivity=along)
+        along = felt.reduced(lambda X: np.einsum("nc,ncp->np", towards, X)[:, None])
+        return replace(along, residual=(length - g)[:, None])
 
     sample = means.sigma("accelerometer")
     noise = None if sample is None else (sample / np.sqrt(means.weight))[:, None]
     ids = tuple(baseline) or BASELINE["norm"]
     return View(
-        "norm", means, s, ((FORCE, "norm"),), "mg", None, SENSOR_STAGES, ids, rows, gauges(SENSOR_STAGES), WIDE, noise,
+        "norm", means, s, ((FORCE, "norm"),), "mg", None, SENSOR_STAGES, ids, rows, gauges(SENSOR_STAGES), noise,
         ideal=lambda effects: rows(effects, ideal=True),
     )  # fmt: skip
 
@@ -175,7 +173,7 @@ def rest_rates(
 
     return View(
         "rest rates", dwell_means(recording), s, channels, "deg/h", told,
-        GYROSCOPE_STAGES, tuple(baseline) or BASELINE["rest rates"], rows, frozenset(), WIDE, told,
+        GYROSCOPE_STAGES, tuple(baseline) or BASELINE["rest rates"], rows, frozenset(), told,
         turns=missed if moving else None,
     )  # fmt: skip
 
@@ -221,7 +219,7 @@ def table(recording: Recording, baseline: Sequence[str] = (), step: float = COAR
     ids = tuple(baseline) or BASELINE["table"]
     return View(
         "table", averaged(recording, BLOCK), s, channels, "ug", None, stages, ids, rows,
-        frozenset(), BY_HAND, finer=(lambda: table(whole, baseline, FINE)) if step > FINE else None,
+        frozenset(), finer=(lambda: table(whole, baseline, FINE)) if step > FINE else None,
     )  # fmt: skip
 
 

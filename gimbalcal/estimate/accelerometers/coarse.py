@@ -53,9 +53,8 @@ def coarse(positions: Positions) -> Calibration:
     Where an axis lacks a face, all coefficients come from one least squares over all positions; what these do not
     determine is named in `unobservable`.
     """
-    wanted = position_parameters(
-        positions.recording.platform, [name for name in BASELINE["multi-position"] if name != NEGLECTED]
-    )
+    kept = [name for name in BASELINE["multi-position"] if name != NEGLECTED]
+    wanted = position_parameters(positions.recording.platform, kept, positions.recording.grade)
     p, noise = replace(positions.problem, parameters=wanted), positions.noise
     settled = _settle(p, noise)
     fit = _as_fit(p, noise, settled)
@@ -162,7 +161,7 @@ def _covariance(
     B[:, rows] = np.einsum("qvi,vij->qvj", gain, w.W[rows])
     A[columns] = B - np.einsum("qmi,mip,pnj->qnj", B, linear.J, A)
     spread = np.einsum("pmi,mij->pmj", A, np.linalg.inv(w.W)).reshape(P, -1)
-    K = replace(p, parameters=position_parameters(p.platform, [NEGLECTED]))
+    K = replace(p, parameters=position_parameters(p.platform, [NEGLECTED], p.grade))
     J_K = by_visit(K, np.zeros(3), np.zeros((m, p.turns))).J * np.array([q.sigma for q in K.parameters])
     bent = np.einsum("qmi,mik->qk", A, J_K)
     unobservable = np.zeros((P, P))

@@ -46,11 +46,11 @@ def fine(positions: Positions, coarse: Calibration | None = None) -> Calibration
     zeros, with their covariance. Without it these stay at zero with their prior sigma.
     """
     p, noise = positions.problem, positions.noise
-    wanted = position_parameters(p.platform, FORCE_TERMS)
+    wanted = position_parameters(p.platform, FORCE_TERMS, p.grade)
     start = coarse.effects if coarse else ()
     x, info = _iterate(p, wanted, values(start, wanted), noise.accelerometer)
     solution = solve(info)
-    every = position_parameters(p.platform)
+    every = position_parameters(p.platform, grade=p.grade)
     labels = [q.label for q in every]
     first = values(start, every)
     first[[labels.index(q.label) for q in wanted]] = x

@@ -55,7 +55,7 @@ def trusted_positions(
         )
     names = recording.platform.axis_names
     free = more or tuple(p for e in effects for p in parameters(type(e), names))
-    wanted = (*position_parameters(recording.platform), *free)
+    wanted = (*position_parameters(recording.platform, grade=recording.grade), *free)
     every = problem(recording, wanted, tuple(effects), averaged=not more)
     start = starting_values(every, effects)
     return Positions(recording, *fit_without_faults(every, stated_noise(recording), start))

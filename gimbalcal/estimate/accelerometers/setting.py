@@ -19,6 +19,7 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, values, with_values
 from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.grade import GRADES, Grade
 from gimbalcal.effects.process import Process, SettingError, WhiteNoise
 from gimbalcal.inference.information import Information, Solution, information, solve
 from gimbalcal.number import Array, apply_matrix, complex_step
@@ -72,6 +73,11 @@ class Problem:
         return self.readings.recording.platform
 
     @property
+    def grade(self) -> Grade:
+        """How large the usual imperfections of the sensors are."""
+        return self.readings.recording.grade
+
+    @property
     def stimulus(self) -> Stimulus:
         """What the hardware experienced as far as the readouts tell."""
         return self.readings.stimulus
@@ -105,10 +111,13 @@ class Problem:
 
 
 def position_parameters(
-    platform: Platform, effects: Sequence[str] = BASELINE["multi-position"]
+    platform: Platform, effects: Sequence[str] = BASELINE["multi-position"], grade: Grade = GRADES["navigation"]
 ) -> tuple[Parameter, ...]:
-    """Parameters of the named effects. A gimbal next to a level base that turns about the vertical is left out."""
-    wanted = [p for name in effects for p in parameters(CATALOGUE[name], platform.axis_names)]
+    """Parameters of the named effects as large as they are in a unit of this grade.
+
+    A gimbal next to a level base that turns about the vertical is left out.
+    """
+    wanted = [grade.usual(p) for name in effects for p in parameters(CATALOGUE[name], platform.axis_names)]
     vertical = [a.name for a in platform.axes[-1:] if a.direction == "z"]
     return tuple(p for p in wanted if not (p.effect == "gimbal_zero" and p.axis in vertical))
 
@@ -130,7 +139,7 @@ def problem(
         visit=visit,
         positions=np.asarray(read.stimulus.position)[np.flatnonzero(np.diff(visit, prepend=-1))],
         effects=tuple(effects),
-        parameters=tuple(wanted if wanted is not None else position_parameters(rows.platform)),
+        parameters=tuple(wanted if wanted is not None else position_parameters(rows.platform, grade=rows.grade)),
     )
 
 

@@ -48,7 +48,8 @@ def _sigmas(run: Readings) -> Array:
 
 def static_parameters(run: Readings, ids: Sequence[str] = BASELINE["static-run"]) -> tuple[Parameter, ...]:
     """Parameters of the named effects; a gimbal that was not read has no zero, but the inner one is servoed to its."""
-    wanted = [p for i in ids for p in parameters(CATALOGUE[i], run.recording.platform.axis_names)]
+    r = run.recording
+    wanted = [r.grade.usual(p) for i in ids for p in parameters(CATALOGUE[i], r.platform.axis_names)]
     zeros = {axis for quantity, axis in run.channels if quantity == "gimbal_angle"} | {"inner"}
     return tuple(p for p in wanted if p.effect != "gimbal_zero" or p.axis in zeros)
 

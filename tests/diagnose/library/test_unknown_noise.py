@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,7 @@ from gimbalcal.diagnose.library.unknown_noise import (
 from gimbalcal.diagnose.rows.views import norm, pointing
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.effects import CATALOGUE, absent, parameters
+from gimbalcal.effects.grade import GRADES
 from gimbalcal.number import Array
 from tests.diagnose.small import telescope
 from tests.diagnose.test_unknown_noise import turned
@@ -56,7 +59,16 @@ def test_axes_that_the_rows_cannot_show_are_left_out() -> None:
     made = unknowns(HANDS, "misalignment")
     assert len(made) == 3  # a triangle: three of six turn the unit as a whole
     (catalogue,) = {p.sigma for p in made}
-    assert catalogue == pytest.approx(HANDS.wide * parameters(CATALOGUE["misalignment"])[0].sigma)
+    assert catalogue == pytest.approx(parameters(CATALOGUE["misalignment"])[0].sigma)
+
+
+def test_sizes_are_those_of_the_grade_and_a_drift_is_as_fast_as_the_recording_is_short() -> None:
+    low = replace(HANDS, recording=replace(HANDS.recording, grade=GRADES["consumer"]))
+    for effect, times in (("misalignment", 30.0), ("bias", 100.0), ("quadratic_nonlinearity", 100.0)):
+        for p, q in zip(unknowns(low, effect), unknowns(HANDS, effect), strict=True):
+            assert p.sigma == pytest.approx(times * q.sigma)
+    (p, *_), (q, *_) = unknowns(low, "bias_drift"), parameters(CATALOGUE["bias_drift"])
+    assert p.sigma == pytest.approx(100 * q.sigma * 3600 / np.ptp(HANDS.stimulus.time))
 
 
 def test_shapes_are_as_large_as_the_misfit() -> None:

@@ -158,3 +158,13 @@ def test_a_law_is_inverted_with_its_derivative(law: Callable[[Array], Array]) ->
     slope = (law(truth + e) - law(truth - e)) / (2 * e)
     np.testing.assert_allclose(np.einsum("nii->ni", H), slope, rtol=1e-8)
     assert np.abs(H - np.einsum("ni,ij->nij", slope, np.eye(3))).max() < 1e-8
+
+
+def test_what_remembers_the_rest_before_stands_in_the_norm_beside_the_scale_factors() -> None:
+    """A sensor that its own power warms follows the forces of other rows: all columns then go through all rows."""
+    v = norm(unit(G * UP))
+    warmth, scale = (parameters(CATALOGUE[i]) for i in ("self_heating", "scale_factor"))
+    size = np.array([p.sigma for p in warmth])
+    X = v.rows(with_values((), warmth, size)).jacobian(scale)
+    assert X.shape == (20, 1, 3)
+    np.testing.assert_allclose(X, v.rows(()).jacobian(scale), rtol=1e-3, atol=1e-3 * G)

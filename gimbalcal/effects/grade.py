@@ -1,0 +1,122 @@
+r"""Grades of inertial sensors: how large the usual imperfections of a unit are, against those of the catalogue.
+
+The catalogue's prior sizes are those of navigation accelerometers (quartz flexure) and, for rates, near those of
+tactical gyroscopes. A consumer unit has the same physics a hundred times larger. One factor for each quantity,
+
+.. math:: \sigma_{unit} = k_{grade, quantity} \, \sigma_{catalogue}
+
+so that with bias 500 ug, bias in temperature 10 ug/degC, drift 3 ug/h, scale factor 500 ppm, K2 30 ug/g^2 of the
+catalogue and g-sensitivity 1 deg/h/g a unit of each grade usually has
+
+=============================  ==========  ========  ==========  ========
+usual size                     navigation  tactical  industrial  consumer
+=============================  ==========  ========  ==========  ========
+accelerometer bias [mg]               0.5         5          15        50
+bias in temperature [ug/degC]          10       100         300      1000
+warm-up [mg]                         0.05       0.5         1.5         5
+bias instability [ug]                   3        30          90       300
+scale factor [ppm]                    500      1500        5000     20000
+misalignment [arcsec]                 120       240         720      3600
+K2 [ug/g^2]                            30        90         600      3000
+gyroscope bias [deg/h/degC]           0.1         3          30       200
+g-sensitivity [deg/h/g]               0.1         3          30       200
+gyroscope scale factor [ppm]          100      1000       10000     30000
+=============================  ==========  ========  ==========  ========
+
+Sources: Groves (2013), tables 4.1 and 4.2, for biases of the grades; data sheets for the rest: Honeywell QA2000 and
+QA3000 (navigation); Northrop Grumman LN-200, Sensonor STIM300, Honeywell HG1930 (tactical); Analog Devices ADIS16448
+and ADIS16488, Xsens MTi (industrial); InvenSense MPU-9150, Bosch BMI055, Analog Devices ADXL345 (consumer).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from gimbalcal.earth import G0
+from gimbalcal.effects.effect import CATALOGUE, GYROSCOPE_STAGES, SENSOR_STAGES, Parameter
+from gimbalcal.errors import InputError, alternatives
+
+UG = 1e-6 * G0  # m/s^2
+DEG_ROOT_H = np.pi / 180 / 60  # rad/sqrt(s) of one deg/sqrt(h)
+
+QUANTITIES: Mapping[str, str] = MappingProxyType({
+    **dict.fromkeys(("ug", "ug/h", "ug/degC", "ug/(degC/h)", "ug/V", "ug/hPa"), "offset"),
+    **dict.fromkeys(("deg/h", "deg/h/h", "deg/h/g", "deg/h/degC", "deg/h/degC^2", "deg/h/degC^3"), "offset"),
+    **dict.fromkeys(("ppm", "ppm/V"), "scale"),
+    "ppm/degC": "scale in temperature",
+    **dict.fromkeys(("arcsec", "urad/degC", "urad/g"), "angle"),
+    **dict.fromkeys(("ug/g", "ug/g^2", "ug/g^3", "mg/g^2", "ug/degC^2", "ppm/(rad/s)"), "curvature"),
+    **dict.fromkeys(("mm", "ms", "1"), "placing"),  # of the mounting and of the logger, not of the sensors
+})  # fmt: skip
+"""What the number of a sensor's parameter is, by its unit."""
+
+
+@dataclass(frozen=True)
+class Grade:
+    """A grade: factors on the catalogue's sizes by quantity, and the noise up to which a unit is taken for it.
+
+    Noise as a random walk, what the mean over one second scatters by: force_noise in m/s^2 sqrt(s), rate_noise in
+    rad/s sqrt(s).
+    """
+
+    name: str
+    force_noise: float
+    rate_noise: float
+    accelerometer: Mapping[str, float]
+    gyroscope: Mapping[str, float]
+
+    def factor(self, p: Parameter) -> float:
+        """How many times the catalogue's size is usual; one for what is not of the sensors."""
+        stage = CATALOGUE[p.effect].stage
+        if stage not in GYROSCOPE_STAGES | SENSOR_STAGES:
+            return 1.0
+        sizes = self.gyroscope if stage in GYROSCOPE_STAGES else self.accelerometer
+        return sizes.get(QUANTITIES.get(p.unit, "offset"), 1.0)
+
+    def usual(self, p: Parameter) -> Parameter:
+        """The parameter with the prior sigma that it has in a unit of this grade."""
+        return replace(p, sigma=self.factor(p) * p.sigma)
+
+
+def _grade(
+    name: str, force_noise: float, rate_noise: float, accelerometer: tuple[float, ...], gyroscope: tuple[float, ...]
+) -> Grade:
+    of = ("offset", "scale", "scale in temperature", "angle", "curvature")
+    return Grade(
+        name, force_noise * UG, rate_noise * DEG_ROOT_H,
+        MappingProxyType(dict(zip(of, accelerometer, strict=True))),
+        MappingProxyType(dict(zip(of, gyroscope, strict=True))),
+    )  # fmt: skip
+
+
+GRADES: Mapping[str, Grade] = MappingProxyType({
+    g.name: g for g in (
+        # noise up to ug/sqrt(Hz), deg/sqrt(h); then offset, scale, scale in temperature, angle, curvature
+        _grade("navigation", 30, 0.02, (1, 1, 1, 1, 1), (0.1, 0.1, 0.1, 0.1, 0.1)),
+        _grade("tactical", 100, 0.2, (10, 3, 1, 2, 3), (3, 1, 1, 1, 0.3)),
+        _grade("industrial", 200, 1.0, (30, 10, 2, 6, 20), (30, 10, 2, 3, 1)),
+        _grade("consumer", np.inf, np.inf, (100, 40, 4, 30, 100), (200, 30, 6, 12, 3)),
+    )
+})  # fmt: skip
+"""By name, the best first."""
+
+
+def grade_named(name: str) -> Grade:
+    """The grade of this name. Raises InputError, with the names, where there is none."""
+    if name not in GRADES:
+        raise InputError(f"no grade is called {name!r}: choose {alternatives(list(GRADES))}")
+    return GRADES[name]
+
+
+def grade_of_noise(force: float | None, rate: float | None) -> Grade:
+    """The grade of a unit whose accelerometers and gyroscopes scatter so, in m/s^2 sqrt(s) and rad/s sqrt(s).
+
+    Of the two that the triads say the lower one: gyroscopes of consumer units are as quiet as tactical ones, and a
+    prior that is too wide costs little, while one that is too narrow hides what is there.
+    """
+    enough = (g for g in GRADES.values() if (force or 0.0) <= g.force_noise and (rate or 0.0) <= g.rate_noise)
+    return next(enough)

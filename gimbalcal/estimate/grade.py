@@ -1,0 +1,141 @@
+r"""The grade of a unit, from how its sensors scatter at rest: what is quiet is made well.
+
+.. math:: N^2 = \tfrac12 \left\langle (\bar y_{k+1} - \bar y_k)^2 \right\rangle \tau
+
+with means over tau = 1 s of readings at rest: the noise as a random walk, which is what data sheets print and what
+neither the rate of the samples nor a filter in front of them changes. Source: IEEE Std 952, Allan variance at 1 s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.calibration import Readout
+from gimbalcal.calibration.readout import in_si
+from gimbalcal.effects.grade import DEG_ROOT_H, GRADES, UG, Grade, grade_named, grade_of_noise
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.norm_fit import scaled_by_gravity
+from gimbalcal.recording import SENSORS, Recording, dwell_means, dwells
+from gimbalcal.recording.noise import resolution
+
+SECOND = 1.0  # s of a mean; data sheets print the noise at this time
+FORCE, RATE = "accelerometer", "gyroscope"
+
+
+@dataclass(frozen=True)
+class Graded:
+    """A grade, and what it was taken from."""
+
+    grade: Grade
+    source: str
+
+    def of(self, recordings: Sequence[Recording]) -> list[Recording]:
+        """The recordings as those of a unit of this grade."""
+        return [r if r.grade is self.grade else replace(r, grade=self.grade) for r in recordings]
+
+    @property
+    def in_words(self) -> str:
+        """One sentence."""
+        return f"the unit is taken for {self.grade.name} grade: {self.source} (another: --grade)"
+
+    def to_dict(self) -> dict[str, Any]:
+        """What a provenance tells."""
+        return {"name": self.grade.name, "from": self.source}
+
+
+def graded(recordings: Sequence[Recording], name: str = "") -> Graded:
+    """The grade of the unit of these recordings: the one that is named, else by its noise, else by its platform.
+
+    Raises InputError for a name that is none.
+    """
+    if name:
+        return Graded(grade_named(name), "--grade says so")
+    gimbals = any(r.platform.axes for r in recordings)
+    held = [r for r in recordings if r.kind == "static-run"]
+    force, rate = (_middle([walk(r, s) for r in recordings if r not in held]) for s in (FORCE, RATE))
+    if held and force is None:
+        return Graded(GRADES["navigation"], "its gyroscopes hold a platform still in inertial space")
+    seen = [] if force is None else [f"accelerometers scatter by {_two_digits(force / UG)} ug in a mean over 1 s"]
+    seen += [] if rate is None else [f"gyroscopes by {_two_digits(rate / DEG_ROOT_H)} deg/sqrt(h)"]
+    if seen:
+        return Graded(grade_of_noise(force, rate), f"{' and '.join(seen)}")
+    gimbals = any(r.platform.axes for r in recordings)
+    what = "assumed on gimbals" if gimbals else "assumed of a unit without gimbals"
+    assumed = GRADES["navigation" if gimbals else "consumer"]
+    return Graded(assumed, f"{what}, since the rows show no noise")
+
+
+def refuse_for_mounts(name: str) -> None:
+    """Raise InputError where a grade is named for pointing runs, in which no inertial sensor is."""
+    if name:
+        raise InputError(
+            f"--grade {name} speaks of inertial sensors, and a pointing run has none: leave it out; the terms of a "
+            "mount are expected from a tenth to thirty times the catalogue's size"
+        )
+
+
+def walk(recording: Recording, sensor: str) -> float | None:
+    """Noise of a triad [m/s^2 sqrt(s) or rad/s sqrt(s)] as a random walk: stated, else seen; None where it is neither.
+
+    Gyroscopes that count say nothing; accelerometers that count have gravity for a scale.
+    """
+    quantity = SENSORS[sensor]
+    step = _step(recording)
+    if step is None or not recording.has(quantity):
+        return None
+    if recording.counted(quantity):
+        if sensor == RATE:
+            return None
+        try:
+            counts = scaled_by_gravity(dwell_means(recording))[1]
+        except InputError:  # too few rests to tell how much a count is
+            return None
+        recording = in_si(recording, Readout(accelerometers=counts))
+    sigma = recording.noise.get(sensor)
+    if sigma is None:
+        means = _of_means(recording, quantity, step)
+        if means is not None:
+            return means
+        sigma = recording.sigma(sensor)
+    return None if sigma is None else sigma * float(np.sqrt(step / np.median(recording.weight)))
+
+
+def _step(recording: Recording) -> float | None:
+    """Usual time [s] from a row to the next in one dwell.
+
+    Of rows that are dwells themselves nobody says how fast they were sampled: once a second at least.
+    """
+    within = np.concatenate([np.diff(recording.time[d.rows]) for d in dwells(recording)] or [np.zeros(0)])
+    if len(within):
+        return float(np.median(within))
+    apart, samples = np.diff(recording.time), float(np.median(recording.weight))
+    return min(float(np.median(apart)), SECOND * samples) if len(apart) and samples > 1 else None
+
+
+def _of_means(recording: Recording, quantity: str, step: float) -> float | None:
+    """What means over a second scatter by at rest; no less than a step of the converter makes. None without rests."""
+    size, axes = max(1, round(SECOND / step)), recording.axes(quantity)
+    x = np.stack([recording.channels[quantity, a] for a in axes], axis=-1)
+    squares = []
+    for d in dwells(recording) if recording.position is not None else ():
+        n = (d.stop - d.start) // size
+        if n > 1:
+            means = x[d.start : d.start + n * size].reshape(n, size, -1).mean(axis=1)
+            squares.append((np.diff(means, axis=0) ** 2 / 2).mean(axis=0))
+    if not squares:
+        return None
+    coarse = max(resolution(recording.channels[quantity, a]) for a in axes) / np.sqrt(12 * size)
+    return float(max(np.sqrt(np.median(squares)), coarse) * np.sqrt(size * step))
+
+
+def _middle(told: Sequence[float | None]) -> float | None:
+    known = [x for x in told if x is not None]
+    return float(np.median(known)) if known else None
+
+
+def _two_digits(x: float) -> str:
+    return f"{float(f'{x:.2g}'):g}"

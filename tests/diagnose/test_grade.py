@@ -1,0 +1,84 @@
+"""Sizes follow the grade of the unit: MEMS on a table and in the hand, judged and calibrated by what MEMS do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gimbalcal.diagnose import diagnose
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.pipeline import calibrate, three_stage
+from tests.diagnose.grade_plant import DRIFTS, PATTERNS, Law, Rests, of_force, on_gimbals, record
+from tests.diagnose.small import telescope
+
+UG = 9.80665e-6
+COURSES = {"bias_drift", "warm_up", "slow_bias_drift"}
+
+
+def bent(r: Rests) -> Array:
+    return PATTERNS["quadratic_nonlinearity"](r, 1)
+
+
+def drift(name: str, axis: int) -> Law:
+    return of_force(axis, DRIFTS[name])
+
+
+def test_a_calibration_of_mems_on_a_table_is_not_held_back_by_what_navigation_units_have() -> None:
+    """2 mg/g^2 came out as 37 +- 30 ug/g^2 and chi^2 as 50 times its degrees of freedom, at 30 ug/g^2 beforehand."""
+    made = three_stage([on_gimbals(3, "consumer", of_force(1, bent), 2000.0, setting=60.0)])
+    (i,) = [k for k, p in enumerate(made.parameters) if p.label == "scale_nonlinearity:y"]
+    assert made.outcome == ""
+    assert abs(made.values[i] * 9.80665**2 / UG - 2000.0) < 3 * made.sigmas[i] * 9.80665**2 / UG
+    assert made.provenance["options"]["grade"]["name"] == "consumer"
+
+
+def test_a_grade_that_is_named_counts_and_is_told() -> None:
+    r = on_gimbals(3, "navigation", setting=1.0)
+    for name in ("", "consumer"):
+        made = three_stage([r], grade=name)
+        told = made.provenance["options"]["grade"]
+        assert told["name"] == (name or "navigation")
+        assert ("--grade" in told["from"]) == bool(name)
+        (p,) = [p for p in made.parameters if p.label == "bias:x"]
+        assert p.sigma == pytest.approx(500 * UG * (100 if name else 1))
+    d = diagnose([r], grade="consumer")
+    assert d.provenance["grade"] == told
+    assert d.verdict == "adequate"
+
+
+def test_a_mems_unit_on_a_table_that_lacks_nothing() -> None:
+    assert diagnose([on_gimbals(1, "consumer", setting=60.0)]).verdict == "adequate"
+
+
+@pytest.mark.parametrize(
+    ("name", "thermometer"), [("bias_drift", False), ("warm_up short", False), ("warm_up long", True)]
+)
+def test_a_drift_of_mems_stands_among_what_looks_like_it(name: str, thermometer: bool) -> None:
+    d = diagnose([record(21, "consumer", drift(name, 1), 5000.0, thermometer=thermometer, gyros=False)])
+    assert d.provenance["grade"]["name"] in ("industrial", "consumer")
+    named = [{f["effect"], *f["twins"]} for f in d.findings if "y" in f["axis"]]
+    assert any(name.split(maxsplit=1)[0] in each for each in named)
+
+
+def test_a_bias_that_walks_is_noise_with_a_memory_or_a_drift_and_no_other_cause_alone() -> None:
+    d = diagnose([record(28, "consumer", drift("slow_bias_drift", 0), 4000.0, thermometer=False, gyros=False)])
+    assert all({f["effect"], *f["twins"]} & COURSES for f in d.findings)
+
+
+def test_sizes_that_were_found_are_those_that_were_put_in() -> None:
+    d = diagnose([record(5, "tactical", of_force(2, lambda r: PATTERNS["cross_coupling"](r, 2)), 400.0, gyros=False)])
+    (f,) = d.findings
+    assert (f["effect"], f["axis"]) == ("cross_coupling", "z")
+    assert d.provenance["grade"]["name"] == "tactical"
+
+
+def test_what_has_no_grade_refuses_one() -> None:
+    with pytest.raises(InputError, match="a pointing run has none"):
+        diagnose([telescope(1)], grade="tactical")
+    with pytest.raises(InputError, match="no grade is called 'best'"):
+        diagnose([on_gimbals(1, "navigation")], grade="best")
+    folder = Path(__file__).parents[2] / "data" / "xsens_positions"
+    with pytest.raises(InputError, match="leave it out"):
+        calibrate([folder], "multiposition", grade="tactical")

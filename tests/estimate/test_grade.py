@@ -1,0 +1,102 @@
+"""The grade of a unit from the scatter of its readings at rest, however they were sampled, filtered or counted."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import uniform_filter1d
+
+from gimbalcal.effects.grade import DEG_ROOT_H, UG
+from gimbalcal.estimate.grade import graded, walk
+from gimbalcal.number import Array
+from gimbalcal.platform import BENCH, SPACE_STABLE
+from gimbalcal.recording import Recording, Site, completed, dwell_means
+
+G = 9.80665
+UP = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)])
+RESTS = UP / np.linalg.norm(UP, axis=1, keepdims=True)
+
+
+def unit(force: float, rate: float = 0.0, hertz: float = 20.0, seconds: float = 8.0, smooth: int = 1) -> Recording:
+    """A unit in 26 attitudes whose means over 1 s scatter by `force` ug and `rate` deg/sqrt(h), filtered or not."""
+    rng = np.random.default_rng(3)
+    n = round(seconds * hertz)
+    rest = np.repeat(np.arange(len(RESTS)), n)
+    white = rng.standard_normal((6, len(RESTS), n)) * np.sqrt(hertz)
+    white = uniform_filter1d(white, smooth, axis=-1).reshape(6, -1).T if smooth > 1 else white.reshape(6, -1).T
+    f = G * RESTS[rest] + force * UG * white[:, :3] + [0.3, -0.2, 0.1]
+    channels = {("specific_force", a): f[:, i] for i, a in enumerate("xyz")}
+    if rate:
+        channels |= {("angular_rate", a): rate * DEG_ROOT_H * white[:, 3 + i] for i, a in enumerate("xyz")}
+    t = np.tile(np.arange(n) / hertz, len(RESTS)) + rest * (seconds + 5.0)
+    return completed(Recording("multi-position", "unit", BENCH, Site(None, 0.0, G), {}, t, rest + 1, channels))
+
+
+@pytest.mark.parametrize(("hertz", "smooth"), [(20.0, 1), (200.0, 1), (200.0, 40), (0.5, 1)])
+def test_the_noise_is_that_of_a_second_whatever_the_rate_and_the_filter(hertz: float, smooth: int) -> None:
+    r = unit(150.0, 0.5, hertz, 8.0 if hertz > 1 else 40.0, smooth)
+    assert walk(r, "accelerometer") == pytest.approx(150 * UG, rel=0.2)
+    assert walk(r, "gyroscope") == pytest.approx(0.5 * DEG_ROOT_H, rel=0.2)
+    found = graded([r])
+    assert found.grade.name == "industrial"
+    assert re.fullmatch(r"accelerometers scatter by 1\d0 ug in a mean over 1 s and gyroscopes by 0\.\d+ deg/sqrt\(h\)",
+                        found.source)  # fmt: skip
+
+
+def test_counts_have_gravity_for_a_scale_and_rates_in_counts_say_nothing() -> None:
+    r = unit(300.0, 0.1)
+    counted = {k: np.round(x / (G / 2000 if k[0] == "specific_force" else 1e-4)) + 77 for k, x in r.channels.items()}
+    r = completed(replace(r, channels=counted, units=dict.fromkeys(counted, "count"), scatter={}))
+    assert walk(r, "accelerometer") == pytest.approx(300 * UG, rel=0.2)
+    assert walk(r, "gyroscope") is None
+    assert graded([r]).grade.name == "consumer"
+
+
+def test_a_converter_that_is_too_coarse_to_show_noise_is_not_a_quiet_sensor() -> None:
+    r = unit(1.0)
+    step = 4e-3 * G
+    coarse = completed(replace(r, channels={k: step * np.round(x / step) for k, x in r.channels.items()}, scatter={}))
+    found = walk(coarse, "accelerometer")
+    assert found is not None
+    assert found > 200 * UG
+    assert graded([r]).grade.name == "navigation"
+
+
+def test_stated_noise_counts_before_what_is_seen() -> None:
+    r = replace(unit(300.0), noise={"accelerometer": 60 * UG * np.sqrt(20.0)})
+    assert walk(r, "accelerometer") == pytest.approx(60 * UG)
+    assert graded([r]).grade.name == "tactical"
+
+
+def test_rows_that_are_means_say_as_much_as_their_samples() -> None:
+    means = dwell_means(unit(60.0))
+    assert walk(means, "accelerometer") == pytest.approx(60 * UG * np.sqrt(13 / 8), rel=0.2)  # 5 s of 13 in motion
+
+
+def bare(f: Array, **changes: object) -> Recording:
+    channels = {("specific_force", a): f[:, i] for i, a in enumerate("xyz")}
+    r = Recording("multi-position", "bare", BENCH, Site(None, 0.0, G), {}, 60.0 * np.arange(len(f)),
+                  np.arange(1, len(f) + 1), channels)  # fmt: skip
+    return replace(r, **changes)  # type: ignore[arg-type]
+
+
+def test_where_nothing_tells_the_noise_it_is_said_what_was_assumed() -> None:
+    for platform, name in ((BENCH, "consumer"), (SPACE_STABLE, "navigation")):
+        found = graded([bare(G * RESTS, platform=platform)])
+        assert found.grade.name == name
+        assert "assumed" in found.source
+        assert "no noise" in found.in_words
+
+
+def test_what_holds_itself_still_in_inertial_space_is_of_navigation_grade() -> None:
+    run = bare(G * RESTS, kind="static-run", platform=SPACE_STABLE, position=None, noise={"accelerometer": 5e-3})
+    assert graded([run]).grade.name == "navigation"
+    assert graded([run, unit(300.0)]).grade.name == "consumer"  # the positions of the same unit tell more
+
+
+def test_a_name_overrules_the_noise() -> None:
+    found = graded([unit(300.0)], "navigation")
+    assert (found.grade.name, found.source) == ("navigation", "--grade says so")
