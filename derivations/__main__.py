@@ -10,9 +10,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from derivations import comparison, errata, wang2019, wu2018
+from derivations import cai2016, comparison, errata, wang2019, wei2022, wu2018
 
-PAPERS = (wang2019, wu2018)
+PAPERS = (wang2019, wu2018, cai2016, wei2022)
 
 
 def main(arguments: list[str] | None = None) -> int:

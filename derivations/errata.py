@@ -14,7 +14,13 @@ from derivations.verdict import AGREES, APPROXIMATION, NOT_DETERMINED, VERDICTS,
 from gimbalcal import atomic
 
 ITEM, VERDICT, SIZE = 26, 15, 22  # column widths
-PAPERS = {"000": "Wang 2019", "001": "Wu 2018"}  # `source` of errata.json, as a reader knows it
+MANY = 6  # entries of a table that are still named one by one
+PAPERS = {
+    "000": "Wang 2019",
+    "001": "Wu 2018",
+    "002": "Cai 2016",
+    "003": "Wei 2022",
+}  # `source` of errata.json, as a reader knows it
 FIELDS = tuple(f.name for f in fields(Verdict) if f.name != "package")  # of errata.json
 
 
@@ -43,8 +49,16 @@ def summary(verdicts: Sequence[Verdict]) -> str:
         faulty = [v.item for v in mine if v.verdict not in (AGREES, APPROXIMATION, NOT_DETERMINED)]
         lines.append(f"Not right as printed in {PAPERS.get(source, source)}: {'; '.join(faulty) or 'none'}.")
         if open_ := [v.item for v in mine if v.verdict == NOT_DETERMINED]:
-            lines.append(f"Not determined in {PAPERS.get(source, source)}: {'; '.join(open_)}.")
+            lines.append(f"Not determined in {PAPERS.get(source, source)}: {'; '.join(_together(open_))}.")
     return "\n".join([*lines, *_of_the_package(verdicts)])
+
+
+def _together(items: Sequence[str]) -> list[str]:
+    """Items by name; of a table with many of them only how many."""
+    counts = Counter(item.partition(",")[0] for item in items)
+    named = (f"{head} ({counts[head]} entries)" if counts[head] > MANY else item
+             for item in items for head in (item.partition(",")[0],))  # fmt: skip
+    return list(dict.fromkeys(named))
 
 
 def differing(verdicts: Sequence[Verdict]) -> list[Verdict]:

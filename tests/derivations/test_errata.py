@@ -42,6 +42,14 @@ def test_summary_tells_what_nothing_printed_determines_from_what_is_not_right():
     assert lines[1:] == ["Not right as printed in Wu 2018: Table 4, x1.", "Not determined in Wu 2018: Table 5, yaw."]
 
 
+def test_summary_counts_the_entries_of_a_table_that_nothing_determines():
+    open_ = [replace(VERDICTS[0], item=f"Table 5, {i}", verdict="not-determined") for i in range(20)]
+    rest = replace(VERDICTS[0], item="Eq. (9)", verdict="not-determined")
+    assert (
+        errata.summary((*open_, rest)).splitlines()[-1] == "Not determined in Wu 2018: Table 5 (20 entries); Eq. (9)."
+    )
+
+
 def test_summary_lists_where_the_package_differs():
     same = replace(VERDICTS[0], package=Comparison("forward", 1e-16))
     apart = replace(VERDICTS[1], package=Comparison("fine.norm_rows", 2.0))

@@ -9,11 +9,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from derivations import __main__, comparison, wang2019, wu2018  # noqa: F401  (both register what they compare)
+from derivations import __main__, cai2016, comparison, wang2019, wei2022, wu2018  # noqa: F401  (all register)
 from derivations.comparison import CHECKS, Comparison, compare
 from tests.mutation.rewrite import _code_of, mutants, original
 
-WANG, WU = "000", "001"
+WANG, WU, CAI, WEI = "000", "001", "002", "003"
 # module of the package, function, what it says, what it says instead, source, items that must be named
 SLIPS = [
     ("effects.accelerometer", "lean", "xz * fy - xy * fz", "xz * fy + xy * fz", WU, "5 6 16 17"),
@@ -50,6 +50,15 @@ SLIPS = [
     ("navigate.error_model", "misread", "- v)", "+ v)", WANG, "13 14"),
     ("inference.levenberg", "_step", "right = -np", "right = np", WANG, "40"),
     ("estimate.gyroscopes.inter_triad", "triad_rotation", '"x", a[..., 1]', '"x", -a[..., 1]', WANG, "43"),
+    ("effects.gyroscope", "GyroScaleFactor.contribution", "-self.s /", "self.s /", CAI, "1 3 18"),
+    ("effects.gyroscope", "GyroScaleFactor.contribution", "-self.s /", "self.s /", WEI, "3 7"),
+    ("effects.false_rate", "by_force", "(3, 3)), s.force", "(3, 3)).T, s.force", CAI, "1 2 3 18"),
+    ("effects.false_rate", "constant", "(epsilon +", "(-epsilon +", WEI, "1 7"),
+    ("effects.accelerometer", "lean", "yx * fz - yz * fx", "yx * fz + yz * fx", CAI, "3 6 18 20"),
+    ("effects.accelerometer", "lean", "yx * fz - yz * fx", "yx * fz + yz * fx", WEI, "5 6 7 8"),
+    ("effects.nonlinearity", "CrossCoupling.contribution", "xz * fz", "xz * fy", CAI, "4 6 12 19"),
+    ("effects.motion", "AccelerometerLeverArm.contribution", "+ np.cross(s.rate", "- np.cross(s.rate", CAI, "9 10 12"),
+    ("inversion", "invert", "f = f + step", "f = f - step", CAI, "8"),
 ]  # fmt: skip
 
 
@@ -90,6 +99,13 @@ def test_the_run_fails_and_lists_the_items(slip, monkeypatch, capsys, tmp_path):
     assert "Eq. (9)" not in last
     told = {v["item"]: v["why"] for v in json.loads((tmp_path / "errata.json").read_text())}
     assert "PACKAGE DIFFERS" in told["Eq. (10)"]
+
+
+@pytest.mark.parametrize(("source", "row"), [(CAI, 5), (WEI, 2), (WEI, 24)])
+def test_a_schedule_that_turns_the_other_way_is_named(slip, source, row):
+    assert compare(source, f"Table 1, row {row}").same
+    slip("schedule.rotation", "RotationSchedule.attitudes", "-move.angle", "move.angle / 2")
+    assert not compare(source, f"Table 1, row {row}").same
 
 
 def test_a_formula_that_breaks_differs(slip):

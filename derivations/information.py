@@ -1,0 +1,85 @@
+r"""How well the constants of a unit are seen on a path: the covariance of a Kalman filter, from derived blocks only.
+
+At rest on the ground the nine navigation errors obey dx/dt = F x + B(t) p + noise with F constant (V = 0, f^n up) and
+B(t) = C(t) d(dw, df)/dp at the true rate and force; p are constants. Velocity is known to be zero once a second. Noise
+is white in rate and force. Nothing is linearised further, so the covariance is the Cramer-Rao bound of everything that
+sees the same velocities.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from derivations import mechanisation as nav
+from derivations.turning import Path
+
+READ_OUT = 1.0  # s
+VELOCITY = 1e-5  # m/s, how still
+
+
+@dataclass(frozen=True)
+class Noise:
+    """White: of rate [rad/s/sqrt(Hz)] and force [m/s^2/sqrt(Hz)]."""
+
+    rate: float
+    force: float
+
+
+def transition(latitude: float, dt: float) -> tuple[Any, Any]:
+    """Phi (9, 9) over dt and its integral (9, 9), by series; F dt is 1e-2 at most."""
+    F = nav.linearised([0, 0, 0, latitude, 0, 0], [0, 0, float(nav.gravity(latitude, 0.0))], held=False)[:, :9]
+    Phi, integral, term = np.eye(9), dt * np.eye(9), np.eye(9)
+    for n in range(1, 8):
+        term = term @ F * dt / n
+        Phi = Phi + term
+        integral = integral + term * dt / (n + 1)
+    return Phi, integral
+
+
+def sigmas(path: Path, latitude: float, columns: Callable[[Any, Any], Any], prior: Any, noise: Noise) -> Any:
+    """(p,) one standard deviation of each constant after the path, in units of its prior sigma.
+
+    columns: rate (n, 3) and force (n, 3) in b to (n, 6, p) derivatives of what gyroscopes and accelerometers read too
+    much. prior (p,) in their units.
+    """
+    g = np.array([0, 0, float(nav.gravity(latitude, 0.0))])
+    w_in = nav._earth(np.float64(latitude))
+    force, rate = np.swapaxes(path.C, 1, 2) @ g, path.rate + np.swapaxes(path.C, 1, 2) @ w_in
+    read = columns(rate, force) * np.asarray(prior)
+    B = np.zeros((len(force), 9, read.shape[-1]))
+    B[:, :3], B[:, 3:6] = -path.C @ read[:, :3], path.C @ read[:, 3:]
+    Phi, integral = transition(latitude, path.dt)
+    driven = integral @ B
+    return _filter(Phi, driven, path.dt, noise)
+
+
+def _filter(Phi: Any, driven: Any, dt: float, noise: Noise) -> Any:
+    """Covariance recursion in blocks; constants have no dynamics."""
+    p = driven.shape[-1]
+    Q = np.diag([noise.rate**2 * dt] * 3 + [noise.force**2 * dt] * 3 + [0.0] * 3)
+    xx, xp, pp = np.diag([0.0175**2] * 3 + [VELOCITY**2] * 3 + [1e-16] * 2 + [1e-6]), np.zeros((9, p)), np.eye(p)
+    every = round(READ_OUT / dt)
+    for k, G in enumerate(driven, start=1):
+        side = Phi @ xp
+        cross = side @ G.T
+        spread = G @ pp
+        xx = Phi @ xx @ Phi.T + cross + cross.T + spread @ G.T + Q
+        xx = (xx + xx.T) / 2  # rounding would grow
+        xp = side + spread
+        if k % every == 0:
+            seen = np.concatenate([xx[3:6], xp[3:6]], axis=1)
+            half = np.linalg.inv(np.linalg.cholesky(seen[:, 3:6] + VELOCITY**2 * np.eye(3))) @ seen
+            nav_, constant = half[:, :9], half[:, 9:]
+            xx, xp, pp = xx - nav_.T @ nav_, xp - nav_.T @ constant, pp - constant.T @ constant
+    return np.sqrt(np.diagonal(pp))
+
+
+@cache
+def of_density(value: float, hertz: float) -> float:
+    """White density of a noise per sample."""
+    return float(value / np.sqrt(hertz))

@@ -1,0 +1,28 @@
+"""Wei, Zha, He and Li (2022), An improved system-level calibration scheme for rotational inertial navigation systems,
+Sensors 22, 7610: every numbered equation, Tables 1 to 4 and what the text says of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import ModuleType
+
+from derivations.verdict import Printed, Verdict, decide
+from derivations.wei2022 import bound, kalman, package, sensors, static_run, table_1, tables
+from derivations.wei2022.symbols import SOURCE
+
+GROUPS = (sensors, kalman)  # in the order of the paper
+COMPARED = (package,)  # registers how far the package is from the derivations
+
+
+def judge_group(group: ModuleType, printed: Mapping[str, Printed] | None = None) -> tuple[Verdict, ...]:
+    """Verdicts of one file; `printed` replaces what the paper prints, item by item."""
+    formulas = {**group.PRINTED, **(printed or {})}
+    cases = group.cases()
+    return tuple(decide(SOURCE, formulas[item], cases[item]) for item in cases)
+
+
+def verdicts() -> tuple[Verdict, ...]:
+    """Everything, in the order of the paper."""
+    equations = (v for group in GROUPS for v in judge_group(group))
+    return (*equations, *table_1.verdicts(), bound.judge_all_seen(), *tables.verdicts(), *static_run.verdicts())

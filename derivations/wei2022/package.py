@@ -1,0 +1,78 @@
+"""The package's sensor effects and rotation schedule against the derivations.
+
+As in `cai2016.package`: what the package's unit reads more by each parameter against the derivative of (7), (8). The
+paper's errors are of the reading, so dK = -s with true = SF x reading; dA is an element of what the reading is of the
+input, which the package's angles beta are with signs of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from derivations.comparison import checks, once
+from derivations.readings import BETA, FORCE, RATE, TURN, package_slopes
+from derivations.wei2022 import sensors, table_1
+from derivations.wei2022.symbols import SOURCE, dA_a, dA_g, dK_a, dK_g, epsilon, f, nabla, omega
+
+# element of dA in terms of beta: Eq. (5) of Wu et al. has the reading's matrix beside the diagonal
+ELEMENT = {"xz": ("xy", 1), "xy": ("xz", -1), "yz": ("yx", -1), "yx": ("yz", 1), "zy": ("zx", 1), "zx": ("zy", -1)}
+
+
+def _slopes(symbols: Sequence[Any], error: Any) -> Any:
+    """(3, p) derivatives of the derived reading."""
+    J = error.jacobian(sp.Matrix(symbols)).subs(dict(zip((*omega, *f), (*RATE[0], *FORCE[0]), strict=True)))
+    return np.array(J.evalf(20).tolist(), dtype=float)
+
+
+def coefficient(effect: str, field: str, symbols: Sequence[Any], sign: int, error: Any) -> float:
+    """One field, relative."""
+    ours, derived = package_slopes(effect, field, len(symbols)), sign * _slopes(symbols, error())
+    return float(np.abs(ours - derived).max() / np.abs(derived).max())
+
+
+def angles(effect: str, symbols: Sequence[Any], error: Any) -> float:
+    """Each beta against the element of dA that it is."""
+    ours, derived = package_slopes(effect, "beta", 6), _slopes(symbols, error())
+    names = [str(s)[-2:] for s in symbols]
+    worst = 0.0
+    for i, beta in enumerate(BETA):
+        element, sign = ELEMENT[beta]
+        if element in names:
+            worst = max(worst, float(np.abs(ours[:, i] - sign * derived[:, names.index(element)]).max()))
+    return worst / float(np.abs(derived).max())
+
+
+_G, _A = "forward.gyroscopes", "forward.accelerometers"
+checks(SOURCE, "Eq. (1)", "Eq. (7)", where=_G)(
+    partial(coefficient, "gyro_bias", "epsilon", epsilon, 1, sensors.rate_error)
+)
+checks(SOURCE, "Eq. (3)", "Eq. (7)", where=_G)(
+    partial(coefficient, "gyro_scale_factor", "s", dK_g, -1, sensors.rate_error)
+)
+checks(SOURCE, "Eq. (5)", "Eq. (7)", where=_G)(partial(angles, "gyro_misalignment", dA_g, sensors.rate_error))
+checks(SOURCE, "Eq. (2)", "Eq. (8)", where=_A)(partial(coefficient, "bias", "b", nabla, 1, sensors.force_error))
+checks(SOURCE, "Eq. (4)", "Eq. (8)", where=_A)(partial(coefficient, "scale_factor", "s", dK_a, -1, sensors.force_error))
+checks(SOURCE, "Eq. (6)", "Eq. (8)", where=_A)(partial(angles, "misalignment", dA_a, sensors.force_error))
+
+
+@once
+def _attitudes() -> Any:
+    """The package's (31, 3, 3) body to east, north, up."""
+    from gimbalcal.schedule.rotations import ROTATIONS
+
+    return TURN @ ROTATIONS["wei2022-30"].attitudes()
+
+
+def attitude(row: int) -> float:
+    """A row of the published schedule against the attitude that the turns make."""
+    return float(np.abs(_attitudes()[row] - table_1.attitudes()[row]).max())
+
+
+for _row in range(1, 2 * len(table_1.ROWS) + 1):
+    checks(SOURCE, table_1.item(_row), where="schedule.rotations.WEI_30")(partial(attitude, _row))
+checks(SOURCE, "Section 4.1, initial attitude", where="schedule.rotations.WEI_30")(partial(attitude, 0))
