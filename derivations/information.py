@@ -48,7 +48,7 @@ def sigmas(path: Path, latitude: float, columns: Callable[[Any, Any], Any], prio
     much. prior (p,) in their units.
     """
     g = np.array([0, 0, float(nav.gravity(latitude, 0.0))])
-    w_in = nav._earth(np.float64(latitude))
+    w_in = nav.earth_in_n(np.float64(latitude))
     force, rate = np.swapaxes(path.C, 1, 2) @ g, path.rate + np.swapaxes(path.C, 1, 2) @ w_in
     read = columns(rate, force) * np.asarray(prior)
     B = np.zeros((len(force), 9, read.shape[-1]))

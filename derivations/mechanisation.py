@@ -104,7 +104,8 @@ def _cross(v: Any) -> Any:
     return np.array([[zero, -v[2], v[1]], [v[2], zero, -v[0]], [-v[1], v[0], zero]])
 
 
-def _earth(latitude: Any) -> Any:
+def earth_in_n(latitude: Any) -> Any:
+    """Rate of the Earth [rad/s] in east, north, up."""
     return OMEGA * np.array([0 * latitude, np.cos(latitude), np.sin(latitude)])
 
 
@@ -117,12 +118,12 @@ def _rates(x: Any, at: Any, force: Any, held: bool) -> Any:
     """Rates (9,) of attitude error, velocity, position in the state at + x, x (15,) with dw, df last."""
     phi, (v, p) = x[:3], np.split(at + x[3:9], 2)
     R = radii(at[3] if held else p[0])
-    w_in = _earth(p[0]) + _transport(v, p[0], p[2], R)
-    true = _earth(at[3]) + _transport(at[:3], at[3], at[5], radii(at[3]))
+    w_in = earth_in_n(p[0]) + _transport(v, p[0], p[2], R)
+    true = earth_in_n(at[3]) + _transport(at[:3], at[3], at[5], radii(at[3]))
     D = np.eye(3) - _cross(phi)
     D_dot = D @ _cross(x[9:12]) - _cross(w_in) @ D + D @ _cross(true)
     g = gravity(at[3], at[5]) if held else gravity(p[0], p[2])
-    a = D @ force + x[12:] - np.cross(w_in + _earth(p[0]), v) + np.array([0 * g, 0 * g, -g])
+    a = D @ force + x[12:] - np.cross(w_in + earth_in_n(p[0]), v) + np.array([0 * g, 0 * g, -g])
     ground = np.array([v[1] / (R[0] + p[2]), v[0] / ((R[1] + p[2]) * np.cos(p[0])), v[2]])
     return np.concatenate([-np.array([D_dot[2, 1], D_dot[0, 2], D_dot[1, 0]]), a, ground])
 
@@ -135,3 +136,18 @@ def linearised(at: Any, force: Any, held: bool = True) -> Any:
     """
     unit = 1e-30j * np.eye(15)
     return np.stack([_rates(e, np.asarray(at, float), np.asarray(force, float), held).imag / 1e-30 for e in unit], -1)
+
+
+def true_rates(at: Any, C: Any, rate: Any, force: Any) -> tuple[Any, Any, Any]:
+    """C_dot (3, 3), V_dot (3,), rates (3,) of latitude, longitude, height: the equations themselves.
+
+    at (6,) as in `linearised`; C: C_b^n; rate, force (3,) in b.
+    """
+    v, p = np.asarray(at[:3], float), np.asarray(at[3:], float)
+    R = radii(p[0])
+    w_en = _transport(v, p[0], p[2], R)
+    w_in = earth_in_n(p[0]) + w_en
+    fall = np.array([0, 0, -float(gravity(p[0], p[2]))])
+    C_dot = C @ _cross(np.asarray(rate, float)) - _cross(w_in) @ C
+    V_dot = C @ force - np.cross(w_in + earth_in_n(p[0]), v) + fall
+    return C_dot, V_dot, np.array([v[1] / (R[0] + p[2]), v[0] / ((R[1] + p[2]) * np.cos(p[0])), v[2]])

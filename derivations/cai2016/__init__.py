@@ -7,13 +7,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import ModuleType
 
-from derivations.cai2016 import error_model, experiments, package, sensors, smoother, state_matrix, table_1
+from derivations.cai2016 import (
+    error_model,
+    experiments,
+    package,
+    package_filter,
+    sensors,
+    smoother,
+    state_matrix,
+    table_1,
+)
 from derivations.cai2016.symbols import SOURCE
 from derivations.verdict import Printed, Verdict, decide
 
 GROUPS = (sensors, smoother, error_model, state_matrix)  # in the order of the paper
 TABLES = (table_1, experiments)
-COMPARED = (package,)  # registers how far the package is from the derivations
+COMPARED = (package, package_filter)  # register how far the package is from the derivations
 
 
 def judge_group(group: ModuleType, printed: Mapping[str, Printed] | None = None) -> tuple[Verdict, ...]:

@@ -60,7 +60,7 @@ def derived_counts(gyroscopes: bool) -> Any:
     return sp.Matrix([a / k for a, k in zip(along, K_a, strict=True)])
 
 
-def _slopes(symbols: Sequence[Any], gyroscopes: bool) -> Any:
+def derived_slopes(symbols: Sequence[Any], gyroscopes: bool) -> Any:
     """(3, p) derivatives of the derived reading at nominal."""
     return _all_slopes(gyroscopes)[:, [_order(gyroscopes).index(s) for s in symbols]]
 
@@ -80,7 +80,7 @@ def _all_slopes(gyroscopes: bool) -> Any:
 
 def coefficient(effect: str, field: str, symbols: Sequence[Any], gyroscopes: bool) -> float:
     """One field against the derivative of the derived model, relative."""
-    ours, derived = package_slopes(effect, field, len(symbols)), _slopes(symbols, gyroscopes)
+    ours, derived = package_slopes(effect, field, len(symbols)), derived_slopes(symbols, gyroscopes)
     return float(np.abs(ours - derived).max() / np.abs(derived).max())
 
 
@@ -90,14 +90,14 @@ def angles(gyroscopes: bool) -> float:
     ours = package_slopes(effect, "beta", 6)
     symbols = GAMMA if gyroscopes else ALPHA
     letters = [str(s).split("_")[1] for s in symbols]
-    derived = -_slopes(symbols, gyroscopes)
+    derived = -derived_slopes(symbols, gyroscopes)
     return float(np.abs(ours[:, [BETA.index(x) for x in letters]] - derived).max() / np.abs(derived).max())
 
 
 def arms() -> float:
     """Each accelerometer's arm along its own axis, in steady rotation."""
     ours = package_slopes("accelerometer_lever_arm", "r", 9)[:, [0, 4, 8]]
-    derived = _slopes(r, False)
+    derived = derived_slopes(r, False)
     return float(np.abs(ours - derived).max() / np.abs(derived).max())
 
 

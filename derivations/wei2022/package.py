@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from derivations import navigator
 from derivations.comparison import checks, once
 from derivations.readings import BETA, FORCE, RATE, TURN, package_slopes
 from derivations.wei2022 import sensors, table_1
@@ -76,3 +77,15 @@ def attitude(row: int) -> float:
 for _row in range(1, 2 * len(table_1.ROWS) + 1):
     checks(SOURCE, table_1.item(_row), where="schedule.rotations.WEI_30")(partial(attitude, _row))
 checks(SOURCE, "Section 4.1, initial attitude", where="schedule.rotations.WEI_30")(partial(attitude, 0))
+
+
+# --- navigation and filter
+
+checks(SOURCE, *(f"Eq. ({n})" for n in (9, 10, 11)), where=navigator.UNIT)(navigator.mechanised)
+for _item, _row in (("Eq. (9)", 1), ("Eq. (10)", 2), ("Eq. (11)", 3)):
+    for _column in (1, 2, 3):
+        checks(SOURCE, _item, where=navigator.GROWTH)(partial(navigator.growth, _row, _column))
+checks(SOURCE, "Eq. (9)", "Eq. (10)", where=navigator.GROWTH)(navigator.driven)
+_UPDATES = tuple(f"Eq. ({n})" for n in range(18, 23))
+checks(SOURCE, *_UPDATES, where="inference.beside_constants.filter")(navigator.square_root_filter)
+checks(SOURCE, *_UPDATES, where="inference.kalman.filter")(navigator.dense_smoother)

@@ -33,7 +33,7 @@ def constants(scheme: int) -> Any:
 
 def driven(scheme: int) -> Any:
     """(7,) what the residuals drive."""
-    w = nav._earth(np.float64(LATITUDE))[None]
+    w = nav.earth_in_n(np.float64(LATITUDE))[None]
     f = np.array([[0, 0, float(nav.gravity(LATITUDE, 0.0))]])
     dw, df = np.split((columns(w, f) @ constants(scheme))[0], 2)
     return np.concatenate([-dw, df[:2], [0.0, 0.0]])

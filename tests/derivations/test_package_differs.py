@@ -59,6 +59,8 @@ SLIPS = [
     ("effects.nonlinearity", "CrossCoupling.contribution", "xz * fz", "xz * fy", CAI, "4 6 12 19"),
     ("effects.motion", "AccelerometerLeverArm.contribution", "+ np.cross(s.rate", "- np.cross(s.rate", CAI, "9 10 12"),
     ("inversion", "invert", "f = f + step", "f = f - step", CAI, "8"),
+    ("estimate.systematic.sensors", "sensitivity", "return -J", "return J", CAI, "18 19"),
+    ("inference.kalman", "smooth", "- predicted) @", "+ predicted) @", CAI, "15"),
 ]  # fmt: skip
 
 
@@ -99,6 +101,40 @@ def test_the_run_fails_and_lists_the_items(slip, monkeypatch, capsys, tmp_path):
     assert "Eq. (9)" not in last
     told = {v["item"]: v["why"] for v in json.loads((tmp_path / "errata.json").read_text())}
     assert "PACKAGE DIFFERS" in told["Eq. (10)"]
+
+
+# compiled loops: file of the package, what it says, what it says instead, the function that the checks call
+COMPILED = [
+    ("navigate.error_growth", "rb = h * (wn * c - wd * a", "rb = h * (wn * c + wd * a", "transitions", "23), F11"),
+    ("navigate.error_growth", "by_n * x[3]) + e[1]", "by_e * x[3]) + e[1]", "transitions", "23), F12"),
+    ("navigate.error_growth", "wd * by_n * x[6], -wn", "-wd * by_n * x[6], -wn", "transitions", "23), F13"),
+    ("navigate.error_growth", "va = -(f[1] * mc", "va = (f[1] * mc", "transitions", "23), F21"),
+    ("navigate.error_growth", "h * 2 * wd * x[4]", "h * wd * x[4]", "transitions", "23), F22"),
+    ("navigate.error_growth", "- g_h * x[8]", "+ g_h * x[8]", "transitions", "23), F23"),
+    ("navigate.error_growth", "x[7] += h * (x[4]", "x[7] += h * (x[3]", "transitions", "23), F32"),
+    ("navigate.error_growth", "turn[0, 2] * w[2]", "turn[2, 0] * w[2]", "transitions", "23), F16"),
+    ("navigate.error_growth", "N[i, l] += q[j, c]", "N[i, l] += q[j, 0]", "transitions", "24"),
+    ("navigate.strapdown", "- (kd * v[0] - kn * v[2])", "- (kd * v[0] + kn * v[2])", "strapdown", "17"),
+    ("navigate.strapdown", "-v[1] * sL / (cL * RN)", "v[1] * sL / (cL * RN)", "strapdown", "17"),
+    ("inference.adjoint", "total -= cross", "total += cross", "smooth", "13"),
+]
+
+
+@pytest.mark.parametrize(("module", "old", "new", "called", "number"), COMPILED)
+def test_a_slip_in_a_compiled_loop_is_named(monkeypatch, module, old, new, called, number):
+    found = import_module(f"gimbalcal.{module}")
+    source = inspect.getsource(found)
+    assert source.count(old) == 1
+    plain = source.replace("from gimbalcal.compiled import compiled", "compiled = lambda loop: loop")
+    names = {"__name__": found.__name__}
+    item = f"Eq. ({number}" + ("" if "F" in number else ")")
+    for text, same in ((plain, True), (plain.replace(old, new), False)):
+        exec(compile(text, found.__name__, "exec"), names)
+        monkeypatch.setattr(found, called, names[called])
+        comparison.forget()
+        assert compare(CAI, item).same == same
+    monkeypatch.undo()
+    comparison.forget()
 
 
 @pytest.mark.parametrize(("source", "row"), [(CAI, 5), (WEI, 2), (WEI, 24)])

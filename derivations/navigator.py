@@ -1,0 +1,201 @@
+"""The package's strapdown navigator, its error growth and its filters against the mechanisation.
+
+Nothing is derived here. The package navigates in north, east, down and counts errors true minus reference, positions in
+metres; `mechanisation` in east, north, up, computed minus true, positions in radians. An error of attitude has the same
+sign in both: C_true = exp([phi x]) C is C = (1 - [phi x]) C_true to first order.
+
+Rates are the odd part of a step forward and one back, over the step: exact but for the cube of a step of 1 ms.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from derivations import mechanisation as nav
+from derivations.comparison import once
+from derivations.readings import TURN
+
+STEP, SHORT = 1e-3, 1e-8  # s; the second where nothing is taken from one
+LATITUDE, HEIGHT = 0.6, 300.0
+VELOCITY = np.array([70.0, -40.0, 5.0])  # m/s, east, north, up
+FORCE = np.array([0.4, -0.7, -9.6])  # m/s^2, body
+# sizes of states that are alike in effect: rad, m/s, m
+SCALE = np.repeat([1.0, 1e3, 6.4e6], 3)
+UNIT = "navigate.strapdown.strapdown"
+GROWTH = "navigate.error_growth.transitions"
+
+
+def attitude() -> Any:
+    """C_b^n to east, north, up: a generic rotation."""
+    q, _ = np.linalg.qr(np.array([[1.0, 0.2, -0.3], [-0.4, 1.0, 0.5], [0.3, -0.6, 1.0]]))
+    return q * np.linalg.det(q)
+
+
+# --- the mechanisation itself
+
+
+def mechanised() -> float:
+    """Attitude, velocity and position of a moving unit that does not turn in n: rates."""
+    from gimbalcal.navigate.strapdown import strapdown
+
+    at = np.array([*VELOCITY, LATITUDE, 1.1, HEIGHT])
+    C_dot, v_dot, p_dot = nav.true_rates(at, attitude(), np.zeros(3), FORCE)
+    ends = []
+    for h in (STEP, -STEP):
+        start = np.array([LATITUDE, 1.1, HEIGHT])
+        made = strapdown(np.array([h]), np.zeros((1, 3)), FORCE[None], TURN @ attitude(), TURN @ VELOCITY, start)
+        ends.append((TURN @ made.C_bn[1], TURN @ made.velocity[1], made.position[1]))
+    rates = [(a - b) / (2 * STEP) for a, b in zip(*ends, strict=True)]
+    R = SCALE[-1]
+    apart = (rates[0] - C_dot, (rates[1] - v_dot) / SCALE[3], (rates[2] - p_dot) * [1, 1, 1 / R])
+    return float(max(np.abs(a).max() for a in apart))
+
+
+# --- error growth at rest
+
+
+def _to_package() -> Any:
+    """(9, 9) errors of the derivation to those of the package."""
+    R_M, R_N = nav.radii(LATITUDE)
+    metres = np.diag([R_M + HEIGHT, (R_N + HEIGHT) * np.cos(LATITUDE), 1.0])
+    S = np.zeros((9, 9))
+    S[:3, :3], S[3:6, 3:6], S[6:, 6:] = TURN, -TURN, -np.diag([1.0, 1.0, -1.0]) @ metres
+    return S
+
+
+@cache
+def derived_growth() -> Any:
+    """(9, 15) F in the package's states, and what rate and force errors true minus reference in n (NED) drive."""
+    at, force = [0, 0, 0, LATITUDE, 0, HEIGHT], TURN @ np.array([0, 0, -float(nav.gravity(LATITUDE, HEIGHT))])
+    F, S = nav.linearised(at, force, held=False), _to_package()
+    driven = -S @ F[:, 9:] @ np.kron(np.eye(2), TURN)
+    return np.hstack([S @ F[:, :9] @ np.linalg.inv(S), driven])
+
+
+def _over(h: float) -> Any:
+    """The package's transitions over one interval."""
+    from gimbalcal.navigate.error_growth import transitions
+
+    g = float(nav.gravity(LATITUDE, HEIGHT))
+    C = TURN @ attitude()
+    D = np.vstack([np.hstack([np.zeros((3, 3)), np.eye(3)]), np.hstack([np.eye(3), np.zeros((3, 3))])])
+    return transitions(
+        np.array([0, 1]), np.array([False]), np.array([h]), np.zeros((1, 3)), (C.T @ np.array([0, 0, -g]))[None],
+        D[None], np.array([[4.0] * 3 + [9.0] * 3]), C[None], LATITUDE, HEIGHT, g,
+    )  # fmt: skip
+
+
+@once
+def _grown() -> tuple[Any, Any, Any]:
+    """F (9, 9) of the package, its response (9, 6) to rate and force errors, noise (9, 9) over the square of a step."""
+    F = (_over(STEP).Phi[0] - _over(-STEP).Phi[0]) / (2 * STEP)
+    one, other = _over(SHORT), _over(-SHORT)
+    return F, (one.Psi[0] - other.Psi[0]) / (2 * SHORT), (one.Q[0] + other.Q[0]) / 2 / SHORT**2
+
+
+def growth(row: int, column: int) -> float:
+    """A block (3, 3) of F at rest, states in sizes that are alike; row, column 1 to 3."""
+    i, j = slice(3 * row - 3, 3 * row), slice(3 * column - 3, 3 * column)
+    apart: Any = (_grown()[0] - derived_growth()[:, :9])[i, j]
+    return float(np.abs(apart * SCALE[j] / SCALE[i, None]).max())
+
+
+def all_growth() -> float:
+    """All of F."""
+    return max(growth(i, j) for i in (1, 2, 3) for j in (1, 2, 3))
+
+
+def driven() -> float:
+    """What errors of rate and force in the body make of attitude and velocity: plus and minus C."""
+    wanted = derived_growth()[:6, 9:] @ np.kron(np.eye(2), TURN @ attitude())
+    return float(np.abs(_grown()[1][:6] - wanted).max())
+
+
+def noise() -> float:
+    """Noise of a step: variances 9 of the three rates and 4 of the three forces, through the same columns."""
+    B = derived_growth()[:6, 9:] @ np.kron(np.eye(2), TURN @ attitude())
+    wanted = B @ np.diag([9.0] * 3 + [4.0] * 3) @ B.T
+    return float(np.abs(_grown()[2][:6, :6] - wanted).max() / 9)
+
+
+# --- filter and smoother
+
+
+@cache
+def _example() -> dict[str, Any]:
+    """Three epochs, two moving states and one constant, generic."""
+    rng = np.random.default_rng(5)
+    K, m, p = 3, 2, 1
+    Phi = np.eye(m) + 0.3 * rng.standard_normal((K, m, m))
+    half = rng.standard_normal((K, m, m))
+    return {
+        "Phi": Phi, "Psi": rng.standard_normal((K, m, p)), "Q": half @ np.swapaxes(half, 1, 2) + 0.1 * np.eye(m),
+        "z": rng.standard_normal((K, 1)), "R": np.full((K, 1), 0.5), "x": np.array([0.2, -0.3]),
+        "theta": np.array([0.4]), "S": np.triu(rng.standard_normal((3, 3))) + 2 * np.eye(3),
+    }  # fmt: skip
+
+
+@cache
+def joint_solution() -> tuple[Any, Any]:
+    """Means (K + 1, 3) and covariances (K + 1, 3, 3) of moving states and constant from all data at once."""
+    e = _example()
+    K = len(e["Phi"])
+    size = 2 * (K + 1) + 1
+    N, y = np.zeros((size, size)), np.zeros(size)
+
+    def at(k: int) -> list[int]:
+        return [2 * k, 2 * k + 1, size - 1]
+
+    first = np.linalg.inv(e["S"] @ e["S"].T)
+    N[np.ix_(at(0), at(0))] += first
+    y[at(0)] += first @ np.concatenate([e["x"], e["theta"]])
+    for k in range(K):
+        A = np.zeros((2, size))
+        A[:, at(k + 1)[:2]], A[:, at(k)[:2]], A[:, -1:] = np.eye(2), -e["Phi"][k], -e["Psi"][k]
+        N += A.T @ np.linalg.inv(e["Q"][k]) @ A
+        N[2 * k + 2, 2 * k + 2] += 1 / e["R"][k, 0]
+        y[2 * k + 2] += e["z"][k, 0] / e["R"][k, 0]
+    C = np.linalg.inv(N)
+    x = C @ y
+    return np.array([x[at(k)] for k in range(K + 1)]), np.array([C[np.ix_(at(k), at(k))] for k in range(K + 1)])
+
+
+def square_root_filter() -> float:
+    """Last epoch of the filter of a few states beside constants: mean and covariance."""
+    from gimbalcal.inference import beside_constants
+
+    e = _example()
+    f = beside_constants.filter(
+        e["Phi"], e["Psi"], e["Q"], np.zeros((3, 2)), e["z"], np.array([0]), e["R"], e["x"], e["theta"], e["S"]
+    )
+    means, spreads = joint_solution()
+    mean = np.concatenate([f.x[-1], f.theta[-1]])
+    return float(max(np.abs(mean - means[-1]).max(), np.abs(f.factor @ f.factor.T - spreads[-1]).max()))
+
+
+def adjoint_smoother() -> float:
+    """Moving states at every epoch."""
+    from gimbalcal.inference import adjoint, beside_constants
+
+    e = _example()
+    f = beside_constants.filter(
+        e["Phi"], e["Psi"], e["Q"], np.zeros((3, 2)), e["z"], np.array([0]), e["R"], e["x"], e["theta"], e["S"]
+    )
+    return float(np.abs(adjoint.smooth(e["Phi"], e["Psi"], np.array([0]), f) - joint_solution()[0][:, :2]).max())
+
+
+def dense_smoother() -> float:
+    """The dense filter and the smoother (13) to (16): means and covariances at every epoch."""
+    from gimbalcal.inference import kalman
+
+    e = _example()
+    Phi, Q = np.zeros((4, 3, 3)), np.zeros((4, 3, 3))
+    Phi[:], Phi[1:, :2, :2], Phi[1:, :2, 2:], Q[1:, :2, :2] = np.eye(3), e["Phi"], e["Psi"], e["Q"]
+    z = np.concatenate([[[np.nan]], e["z"]])
+    start, P = np.concatenate([e["x"], e["theta"]]), e["S"] @ e["S"].T
+    smoothed = kalman.smooth(kalman.filter(z, np.array([[1.0, 0, 0]]), np.array([[0.5]]), Phi, Q, start, P))
+    means, spreads = joint_solution()
+    return float(max(np.abs(smoothed.x - means).max(), np.abs(smoothed.P - spreads).max()))
