@@ -17,11 +17,10 @@ import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import VERDICTS, Curves, Diagnosis
-from gimbalcal.diagnose.evidence.free_scale import RANK
 from gimbalcal.diagnose.rows.baseline import by_triad
 from gimbalcal.diagnose.rows.turns import view_of_turns
 from gimbalcal.diagnose.rows.views import FORCE, RATE, View, norm, pointing, rest_rates, table
-from gimbalcal.diagnose.search.refit import Model, weighted
+from gimbalcal.diagnose.search.refit import Model, basis, weighted
 from gimbalcal.diagnose.search.stepwise import Course, course, refined
 from gimbalcal.diagnose.verdict.calibrated_views import Seen, calibrated_views
 from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding, sizes
@@ -152,7 +151,7 @@ def _sigma(v: View, end: Model) -> Array:
     """One sigma of each row and channel (n, C): the scatter about the last model, spread as the samples' noise is."""
     r = weighted(v, end.r)
     shape = np.ones_like(end.r) if v.sigma is None else v.sigma / v.sigma.min()
-    free = max(r.size - _basis(end.J).shape[1], 1)
+    free = max(r.size - basis(end.J).shape[1], 1)
     return np.asarray(shape * np.sqrt((r**2).sum() / free))
 
 
@@ -187,15 +186,8 @@ def _fit(v: View, c: Course, sigma: Array) -> dict[str, Any]:
 
 
 def _reduced(m: Model, sigma: Array) -> float:
-    rank = _basis(m.J / sigma[..., None]).shape[1]
+    rank = basis(m.J / sigma[..., None]).shape[1]
     return float(((m.r / sigma) ** 2).sum() / max(m.r.size - rank, 1))
-
-
-def _basis(J: Array) -> Array:
-    """Orthonormal basis (n C, q) of modelled columns J (n, C, p), whatever their units."""
-    J = J.reshape(J.shape[0] * J.shape[1], -1)
-    U, S, _ = np.linalg.svd(J / (np.sqrt((J**2).sum(axis=0)) + 1e-300), full_matrices=False)
-    return np.asarray(U[:, S > RANK * S.max(initial=1e-300)])
 
 
 def _outside(when: str, v: View, m: Model, sigma: Array) -> dict[str, float]:
@@ -208,7 +200,7 @@ def _outside(when: str, v: View, m: Model, sigma: Array) -> dict[str, float]:
 def heldout(v: View, m: Model, sigma: Array) -> Array:
     """Misfit (n, C) in sigma of each row, or of each ten seconds of a table, to a fit made without it."""
     n, C = m.r.shape
-    Q = _basis(m.J / sigma[..., None]).reshape(n, C, -1)
+    Q = basis(m.J / sigma[..., None]).reshape(n, C, -1)
     r = m.r / sigma
     size = max(1, round(LEFT_OUT / float(np.median(np.diff(v.recording.time))))) if v.name == "table" else 1
     left = []

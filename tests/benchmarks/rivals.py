@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from gimbalcal.diagnose.evidence import known_scale as evidence
+from gimbalcal.diagnose.evidence import projection as evidence
 from gimbalcal.diagnose.evidence.noise import nodes, nominal, settle
+from gimbalcal.diagnose.evidence.projection import Projection
 from gimbalcal.diagnose.library.known_noise import library
 from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.diagnose.search import ranking as search
@@ -260,20 +261,20 @@ def speed(rows: Sequence[dict[str, Any]], say: Callable[[str], None]) -> None:
     recording = record(np.random.default_rng(1))
     counted = [0]
 
-    def counting(G: Array, b: Array) -> Array:
-        ln = _plain(G, b)
-        counted[0] += ln.size // ln.shape[-1]
+    def counting(p: Projection, index: Array) -> Array:
+        ln = _plain(p, index)
+        counted[0] += ln.size
         return ln
 
-    _plain = evidence.log_bayes
+    _plain = evidence.any_size
     with threadpool_limits(limits=1):
         o = settle(fit_baseline(recording))
         found, grid = library(o, BASELINE[recording.kind]), nodes(o)
-        evidence.log_bayes = search.log_bayes = counting  # type: ignore[attr-defined]
+        evidence.any_size = search.any_size = counting  # type: ignore[attr-defined]
         begin = perf_counter()
         search.search(o, found, grid)
         seconds = perf_counter() - begin
-        evidence.log_bayes = search.log_bayes = _plain  # type: ignore[attr-defined]
+        evidence.any_size = search.any_size = _plain  # type: ignore[attr-defined]
         fits = []
         for _ in range(5):
             begin = perf_counter()

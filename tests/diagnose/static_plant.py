@@ -62,7 +62,7 @@ def record(rng: np.random.Generator, error: Error | None = None, size: float = 0
 
 def strength(seed: int, error: Error, size: float) -> float:
     """Sigmas above noise of an effect, after the calibration took what it can."""
-    from gimbalcal.diagnose.evidence.known_scale import orthonormal
+    from gimbalcal.diagnose.evidence.projection import orthonormal
     from gimbalcal.diagnose.rows.observations import fit_baseline
 
     with_it, without = (record(np.random.default_rng(seed), error, x) for x in (size, 0.0))

@@ -18,8 +18,8 @@ import numpy as np
 
 from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.effects import Stage
-from gimbalcal.effects.process import RandomWalk, SettingError, WhiteNoise
-from gimbalcal.inference.noise import Noise, covariance, factor, one_sigma, spectrum
+from gimbalcal.effects.process import GaussMarkov, Process, RandomWalk, SettingError, WhiteNoise
+from gimbalcal.inference.noise import Chain, Noise, chain, covariance, factor, one_sigma, spectrum
 from gimbalcal.inference.robust import huber
 from gimbalcal.number import Array
 from gimbalcal.recording.noise import stated
@@ -37,6 +37,10 @@ HEAVY = 0.6  # excess kurtosis above which rows are weighted
 NEIGHBOURS = 15  # rows of a static run in which a level is followed: a quarter of an hour of minute means
 
 
+MEMORY = (0.0, 0.3, 0.6, 0.8, 0.9, 0.96)  # from row to row, where nobody states the noise
+MEMORY_PRIOR = (0.5, 0.1, 0.1, 0.1, 0.1, 0.1)
+
+
 @dataclass(frozen=True)
 class Node:
     """One possible noise: its processes, how they whiten reduced rows, their log determinant and prior probability."""
@@ -45,16 +49,23 @@ class Node:
     noise: Mapping[str, Noise]  # by quantity, per sigma of a row; that of a gimbal setting in rad
     prior: float
     logdet: float
-    inverse_root: Array  # (R, R) lower triangle inverse, or (R,) diagonal
+    inverse_root: Array | Chain  # (R, R) lower triangle inverse, or (R,) diagonal; from row to row of all channels
 
     def whiten(self, rows: Array) -> Array:
         """Reduced rows (R, p) to unit covariance; those beyond the coloured ones have it already."""
+        if isinstance(self.inverse_root, Chain):
+            return self.inverse_root.whiten(rows.reshape(len(self.inverse_root.Q), -1)).reshape(rows.shape)
         coloured = len(self.inverse_root)
         if len(rows) > coloured:
             return np.concatenate([self.whiten(rows[:coloured]), rows[coloured:]])
         if self.inverse_root.ndim == 1:
             return np.asarray(self.inverse_root[:, None] * rows)
         return np.asarray(self.inverse_root @ rows)
+
+    def colour(self, white: Array) -> Array:
+        """Independent rows (R, p) of unit variance to coloured ones of a stated noise: what `whiten` undoes."""
+        root = np.asarray(self.inverse_root)
+        return np.asarray(white / root[:, None] if root.ndim == 1 else np.linalg.solve(root, white))
 
 
 def settle(o: Observations) -> Observations:
@@ -125,6 +136,20 @@ def dwell_noise(o: Observations, setting: float, walk: float) -> Mapping[str, No
         "specific_force": (WhiteNoise(1.0), RandomWalk(walk / float(np.sqrt(rows * end)))),
         "gimbal_angle": (SettingError(repeatability),),
     }
+
+
+def memories(n: int, C: int) -> tuple[Node, ...]:
+    """Noises of unit variance in n rows of C channels that nobody states: each row remembers the one before."""
+    out = []
+    for rho, prior in zip(MEMORY, MEMORY_PRIOR, strict=True):
+        root = chain(first_order(rho), np.arange(float(n)))
+        out.append(Node((("memory", rho),), {}, prior, C * root.log_determinant, root))
+    return tuple(out)
+
+
+def first_order(rho: float) -> Process:
+    """Unit noise of memory rho from row to row, time counted in rows."""
+    return GaussMarkov(1.0, -1 / np.log(rho)) if rho > 0 else WhiteNoise(1.0)
 
 
 def nominal(o: Observations) -> Node:

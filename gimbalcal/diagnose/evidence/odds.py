@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 SINGLE, PAIR, UNKNOWN, BESIDE = 0.65, 0.15, 0.10, 0.10  # prior shares, given that something is missing
+OFTEN = np.log(10.0)  # how much likelier before any data, or with less evidence, is what every rig of the kind has
 DETECTED = np.log(100.0)  # ln BF of a single cause beyond which only the promising ones are tried with a second
 CLAIM = np.log(20.0)  # simulated clean recordings reach it in less than 1 in 1000; 1 in 20 would be the bound
 TOGETHER = np.log(20.0)  # evidence by which causes must differ to be told apart: the same odds as a claim

@@ -46,12 +46,12 @@ class Candidate:
     source: str = ""  # the covariate behind it
     channel: str = "specific_force"
     mechanism: str = ""  # which of several of the same effect
-    tried: int = 0  # values of the constants that were looked at, where the variants are the best of more
+    scanned: int = 0  # values of the constants that were looked at, where the variants are the best of more
 
     @property
-    def paid(self) -> float:
-        """ln of the number of choices among which the best was taken."""
-        return float(np.log(max(self.tried, len(self.variants))))
+    def tried(self) -> float:
+        """Among how many equal choices each variant shares the candidate's prior."""
+        return max(sum(v.weight for v in self.variants), float(self.scanned))
 
     @property
     def label(self) -> str:

@@ -84,7 +84,7 @@ def _of_effect(
     for source in sources(cls, v.stimulus) if wanted else ():
         if there is None or source == (getattr(there, "covariate", "") if source else ""):
             out += of_effect(cls, source, wanted, tried, v.stimulus, columns, blocks)
-    return [replace(c, tried=count) for c in out]
+    return [replace(c, scanned=count) for c in out]
 
 
 def _scanned(

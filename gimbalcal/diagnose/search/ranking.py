@@ -6,29 +6,29 @@ part of its own. Everything is relative to "nothing is missing", noise integrate
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.known_scale import (
-    SIZE_PRIOR,
+from gimbalcal.diagnose.evidence.noise import Node, coloured
+from gimbalcal.diagnose.evidence.odds import BESIDE, CLAIM, DETECTED, OFTEN, PAIR, SINGLE, UNKNOWN
+from gimbalcal.diagnose.evidence.projection import (
     Projection,
     ReducedRows,
+    any_size,
     appended,
     best_size,
     condition,
     gather,
-    log_bayes,
-    mixed,
     project,
     stack,
 )
-from gimbalcal.diagnose.evidence.noise import Node, coloured
-from gimbalcal.diagnose.evidence.odds import BESIDE, DETECTED, PAIR, SINGLE, UNKNOWN
 from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.diagnose.search.refine import refine
+from gimbalcal.effects import CATALOGUE
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
 
@@ -37,6 +37,7 @@ KEEP, KEEP_FEW = 8, 2  # noises over which a second cause is judged, where somet
 VISIBLE = 0.05  # sigmas per prior sigma: less is not seen by this recording at any plausible size
 
 
+Factors = tuple[Array, Array, Array]
 Gained = Callable[[tuple[int, ...], Sequence[int], int], Array]
 """ln BF (seconds,) against nothing of some members with each of `seconds`, over so many noises."""
 
@@ -54,6 +55,11 @@ class Hypothesis:
         return any(candidates[i].rival for i in self.members)
 
 
+def total(hypotheses: Sequence[Hypothesis]) -> float:
+    """ln of the weights of some hypotheses together."""
+    return float(logsumexp(np.array([h.ln_weight for h in hypotheses]))) if hypotheses else -np.inf
+
+
 @dataclass(frozen=True)
 class Ranking:
     """Candidates, and hypotheses over them, best first."""
@@ -64,7 +70,12 @@ class Ranking:
     @property
     def ln_total(self) -> float:
         """ln Bayes factor of "something is missing" against nothing."""
-        return float(logsumexp(np.array([h.ln_weight for h in self.hypotheses])))
+        return total(self.hypotheses)
+
+    @property
+    def unknown(self) -> float:
+        """Probability that no cause of the catalogue explains all of it, given that something is missing."""
+        return float(self.posterior()[[h.unknown(self.library.candidates) for h in self.hypotheses]].sum())
 
     def posterior(self) -> Array:
         """Probability of each hypothesis given that something is missing."""
@@ -73,11 +84,9 @@ class Ranking:
 
 
 @dataclass(frozen=True)
-class Search(Ranking):
-    """The ranking of one recording, with what is needed to look at its hypotheses again."""
+class Weighed(Ranking):
+    """The ranking of one recording over its noises, with what is needed to look at its hypotheses again."""
 
-    o: Observations
-    rows: ReducedRows
     projections: tuple[Projection, ...]
     null: Array  # (nodes,) ln prior x likelihood of nothing missing
     joint: Array  # (nodes, candidates) ln prior x likelihood of each alone
@@ -85,14 +94,45 @@ class Search(Ranking):
     share: Array  # (candidates,) ln prior share of each alone
 
 
-def log_priors(candidates: Sequence[Candidate]) -> Array:
-    """ln prior share of each candidate among the known (or among the unknown), summing to one in each."""
-    families: dict[str, int] = {}
-    for c in candidates:
-        families[c.effect] = families.get(c.effect, 0) + 1
-    known = len({c.effect for c in candidates if not c.rival})
-    unknown = len({c.effect for c in candidates if c.rival})
-    return np.array([-np.log(families[c.effect] * (unknown if c.rival else known)) for c in candidates])
+@dataclass(frozen=True)
+class Search(Weighed):
+    """The same of a recording of known attitude, with its rows."""
+
+    o: Observations
+    rows: ReducedRows
+
+
+def log_priors(candidates: Sequence[Candidate], recording_kind: str = "") -> Array:
+    """ln prior share of each candidate among the known (or among the unknown), summing to one in each.
+
+    Effects are alike but for those that every rig of the kind has; of each, half is for all axes together, which are of
+    one make, and half for one of them.
+    """
+    together, single = (Counter(c.effect for c in candidates if ("," in c.axis) is wide) for wide in (True, False))
+    share = np.array([
+        OFTEN * is_usual(c, recording_kind)
+        - np.log((together if "," in c.axis else single)[c.effect])
+        - np.log(2) * (together[c.effect] > 0 and single[c.effect] > 0)
+        for c in candidates
+    ])  # fmt: skip
+    rival = np.array([bool(c.rival) for c in candidates])
+    for group in (rival, ~rival):
+        if group.any():
+            share[group] -= logsumexp(share[group])
+    return share
+
+
+def is_usual(c: Candidate, recording_kind: str) -> bool:
+    """Whether every rig of the kind has this, at some size."""
+    return not c.rival and recording_kind in CATALOGUE[c.effect].usual
+
+
+def needed(s: Ranking, best: Hypothesis) -> Hypothesis:
+    """Without what is not claimed itself: each member has to make what stands beside it 20 times likelier."""
+    for h in sorted(s.hypotheses, key=lambda h: -h.ln_weight):
+        if set(h.members) < set(best.members) and h.ln_weight > best.ln_weight - CLAIM:
+            return needed(s, h)
+    return best
 
 
 def projected(o: Observations, library: Library, nodes: Sequence[Node]) -> tuple[ReducedRows, tuple[Projection, ...]]:
@@ -105,13 +145,20 @@ def search(o: Observations, library: Library, nodes: Sequence[Node]) -> Search:
     """Singles, refinement, then pairs where a single cause is found wanting or none is found."""
     rows, projections = projected(o, library, nodes)
     library = _visible(library, projections[0])  # the least noise of the grid: what it hides, they all hide
-    null, ln, joint = _singles(projections, library.candidates)
-    finer = refine(o, library, projections, ln, joint, rows)
+    factors = bayes_factors(projections, library.candidates)
+    finer = refine(o, library, projections, *factors[1:], rows)
     if finer is not library:
         rows = appended(rows, library.X, finer.X[:, library.X.shape[1] :])
         projections, library = tuple(project(n, rows) for n in nodes), finer
-        null, ln, joint = _singles(projections, library.candidates)
-    prior = log_priors(library.candidates)
+        factors = bayes_factors(projections, library.candidates)
+    w = weighed(library, projections, factors, o.kind)
+    return Search(library, w.hypotheses, projections, w.null, w.joint, w.singles, w.share, o, rows)
+
+
+def weighed(library: Library, projections: tuple[Projection, ...], factors: Factors, recording_kind: str) -> Weighed:
+    """Singles, and pairs where a single cause is found wanting or none is found, from the factors of singles."""
+    null, ln, joint = factors
+    prior = log_priors(library.candidates, recording_kind)
     rival = np.array([bool(c.rival) for c in library.candidates])
     share = np.where(rival, np.log(UNKNOWN), np.log(SINGLE)) + prior
     found = [Hypothesis((i,), float(ln[i]), float(ln[i] + share[i])) for i in range(len(ln))]
@@ -122,7 +169,7 @@ def search(o: Observations, library: Library, nodes: Sequence[Node]) -> Search:
     floor = float(joint.max() - logsumexp(null)) + float(prior.min())
     found += pairs(library.candidates, ln, prior, floor, gained)
     found.sort(key=lambda h: -h.ln_weight)
-    return Search(library, tuple(found), o, rows, projections, null, joint, ln, share)
+    return Weighed(library, tuple(found), projections, null, joint, ln, share)
 
 
 def _visible(library: Library, p: Projection) -> Library:
@@ -132,7 +179,7 @@ def _visible(library: Library, p: Projection) -> Library:
     return Library(tuple(kept), library.X)
 
 
-def _singles(projections: Sequence[Projection], candidates: Sequence[Candidate]) -> tuple[Array, Array, Array]:
+def bayes_factors(projections: Sequence[Projection], candidates: Sequence[Candidate]) -> Factors:
     """ln weight of no effect per node, ln BF of each candidate, and ln weight per node and candidate."""
     null = np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in projections])
     joint = gather(projections, candidates) + null[:, None]
@@ -204,10 +251,23 @@ def beside(
 
 def given(p: Projection, c: Candidate) -> tuple[Projection, float]:
     """The projection with a cause in the model (its best variant and size), and the ln BF it gained."""
-    scores = []
-    for v in c.variants:
-        at = np.array(v.index)
-        scores.append(float(mixed(log_bayes(p.G[np.ix_(at, at)], p.b[at, 0]), SIZE_PRIOR)) + np.log(v.weight))
+    scores = np.array([float(any_size(p, np.array(v.index))) + np.log(v.weight) for v in c.variants])
     best = np.array(c.variants[int(np.argmax(scores))].index)
-    ln = float(logsumexp(np.array(scores)) - np.log(sum(v.weight for v in c.variants)))
-    return condition(p, best, best_size(p.G[np.ix_(best, best)], p.b[best, 0])), ln
+    return condition(p, best, best_size(p, best)), float(logsumexp(scores) - np.log(c.tried))
+
+
+def likeliest_variants(s: Weighed, members: Sequence[int]) -> tuple[int, ...]:
+    """The variants of the members that are likeliest in any one noise, chosen one after the other."""
+    every = s.library.candidates
+    best: tuple[float, tuple[int, ...]] = (-np.inf, ())
+    for p, null in zip(s.projections, s.null, strict=True):
+        chosen: list[int] = [0] * len(members)
+        for _ in range(2):
+            for j, m in enumerate(members):
+                at = zip(members, chosen, strict=True)
+                others = [i for n, (o, v) in enumerate(at) if n != j for i in every[o].variants[v].index]
+                chosen[j] = int(np.argmax([p.explained(v.index, others) for v in every[m].variants]))
+        index = [i for m, v in zip(members, chosen, strict=True) for i in every[m].variants[v].index]
+        ln = float(p.scale.gained(p.misfit[0], np.array(p.explained(index)))) + float(null)
+        best = max(best, (ln, tuple(chosen)), key=lambda b: b[0])
+    return best[1]

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.known_scale import SIZE_PRIOR, Projection, ReducedRows, extended, log_bayes, mixed
+from gimbalcal.diagnose.evidence.projection import Projection, ReducedRows, any_size, extended
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
 from gimbalcal.diagnose.library.known_noise import columns_at
 from gimbalcal.diagnose.rows.observations import Observations, absent_effect, restimulated
@@ -58,20 +58,20 @@ def _continuous(c: Candidate) -> list[Constant]:
 
 def _narrowed(o: Observations, c: Candidate, p: Projection, rows: ReducedRows) -> list[tuple[Variant, Array]]:
     """Finer values of each constant in turn about the best variant; as heavy together as it, then a third of that."""
-    score = [_score(p.G[np.ix_(v.index, v.index)], p.b[list(v.index), 0]) for v in c.variants]
+    score = any_size(p, np.array([v.index for v in c.variants]))
     start = c.variants[int(np.argmax(score))]
     here = dict(start.constants)
     fields = _continuous(c)
     ranges = {f.name: _cell(c, f.name, here[f.name]) for f in fields}
     made: list[tuple[Variant, Array]] = []
-    best, share = max(score), start.weight
+    best, share = float(max(score)), start.weight
     for _ in range(ROUNDS):
         before = best
         for f in fields:
             for value in np.clip(between(f, *ranges[f.name], FINE + 2)[1:-1], *limits(f, o.stimulus)):
                 there = {**here, f.name: float(value)}
                 X = columns_at(o, c, tuple(there.items()))
-                ln = _score(*extended(p.node, rows, X))
+                ln = float(any_size(extended(p, rows, X), np.arange(X.shape[1])))
                 made.append((Variant(tuple(there.items()), (), share / FINE), X))
                 if ln > best:
                     best, here = ln, there
@@ -92,10 +92,6 @@ def _cell(c: Candidate, name: str, value: float) -> tuple[float, float]:
 def _shrunk(cell: tuple[float, float], value: float) -> tuple[float, float]:
     width = (cell[1] - cell[0]) / (FINE + 1)
     return value - width, value + width
-
-
-def _score(G: Array, b: Array) -> float:
-    return float(mixed(log_bayes(G, b), SIZE_PRIOR))
 
 
 def _relinearised(o: Observations, c: Candidate, p: Projection) -> list[tuple[Variant, Array]]:

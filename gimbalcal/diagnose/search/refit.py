@@ -7,17 +7,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.free_scale import RANK, Ground, ground
+from gimbalcal.diagnose.evidence.noise import MEMORY, memories
+from gimbalcal.diagnose.evidence.projection import Projection, project, stack
+from gimbalcal.diagnose.evidence.scale import Free
 from gimbalcal.diagnose.library.unknown_noise import unknowns
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.effect import Grid, constants
 from gimbalcal.effects.grids import kind
 from gimbalcal.errors import InputError
-from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.inference.levenberg import covariance_at_minimum, minimise
 from gimbalcal.number import Array
 
+RANK = 1e-7  # relative singular value of a modelled column below which it is one of the others again
 SETTLED = 1e-7  # step in prior sigmas at which a fit has arrived
 GAIN = 1e-6  # share of the misfit that a last step takes away: 1e-4 nats in a hundred rows
 
@@ -125,7 +127,7 @@ def constants_told(v: View, m: Model, effect_id: str) -> list[tuple[Parameter, f
     wanted = [p for p in parameters(CATALOGUE[effect_id], constants=True) if p.field in smooth]
     effect = next(e for e in m.effects if e.id == effect_id)
     X = v.rows(m.effects).columns(effect, wanted) if wanted else np.zeros((*m.r.shape, 0))
-    Q = orthonormal(weighted(v, m.J).reshape(m.r.size, -1))
+    Q = basis(weighted(v, m.J))
     A = weighted(v, X).reshape(m.r.size, len(wanted))
     left = A - Q @ (Q.T @ A)
     left = np.where(np.linalg.norm(left, axis=0) > RANK * np.linalg.norm(A, axis=0), left, 0.0)
@@ -135,7 +137,26 @@ def constants_told(v: View, m: Model, effect_id: str) -> list[tuple[Parameter, f
     return [(p, float(getattr(effect, p.field)), float(s)) for p, s in told if np.isfinite(s)]
 
 
-def evidence(v: View, m: Model, X: Array, memory: bool = True) -> Ground:
-    """Ground for columns X (n, C, P) beside a model: its misfit, its own columns, the scatter of the samples."""
-    noise = 0.0 if v.noise is None else float(np.sqrt(np.mean(weighted(v, v.noise) ** 2)))
-    return ground(weighted(v, m.r), weighted(v, m.J), weighted(v, X), memory, noise)
+def basis(J: Array) -> Array:
+    """Orthonormal basis (n C, q) of modelled columns J (n, C, p), whatever their units."""
+    J = J.reshape(J.shape[0] * J.shape[1], -1)
+    U, S, _ = np.linalg.svd(J / (np.sqrt((J**2).sum(axis=0)) + 1e-300), full_matrices=False)
+    return np.asarray(U[:, S > RANK * S.max(initial=1e-300)])
+
+
+def projections(v: View, m: Model, X: Array, memory: bool = True, unit: float = 0.0) -> tuple[Projection, ...]:
+    """Columns X (n, C, P) beside a model in noises of any scale: its misfit cleared of its own columns.
+
+    Rows are in units of the misfit's rms (or of `unit`, SI); what the scatter of the samples says of the scale counts.
+    Without memory in white noise alone.
+    """
+    n, C = m.r.shape
+    r = weighted(v, m.r)
+    unit = unit or max(float(np.sqrt(np.mean(r**2))), 1e-300)
+    sample = 0.0 if v.noise is None else float(np.sqrt(np.mean(weighted(v, v.noise) ** 2))) / unit
+    Q = basis(weighted(v, m.J))
+    rows = stack(Q, weighted(v, X).reshape(n * C, -1) / unit, r.reshape(-1, 1) / unit, n * C)
+    fresh = np.sqrt(1 - np.array(MEMORY) ** 2)
+    noises = list(zip(memories(n, C), fresh.tolist(), strict=True))
+    dof = n * C - Q.shape[1]
+    return tuple(project(node, rows, Free(dof, sample, new)) for node, new in noises[: None if memory else 1])

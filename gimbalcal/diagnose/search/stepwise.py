@@ -3,28 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.free_scale import Ground, log_evidence
-from gimbalcal.diagnose.evidence.odds import CLAIM, PAIR, SINGLE, UNKNOWN
-from gimbalcal.diagnose.library.candidates import Candidate, Variant
+from gimbalcal.diagnose.evidence.odds import CLAIM, OFTEN, SINGLE
+from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
 from gimbalcal.diagnose.library.unknown_noise import causes
 from gimbalcal.diagnose.rows.observations import absent_effect, refuse_too_little
 from gimbalcal.diagnose.rows.views import View
-from gimbalcal.diagnose.search.ranking import Hypothesis
-from gimbalcal.diagnose.search.refit import Model, evidence, refit, start, with_columns
-from gimbalcal.effects import CATALOGUE, Effect
+from gimbalcal.diagnose.search.ranking import (
+    Weighed,
+    bayes_factors,
+    is_usual,
+    likeliest_variants,
+    log_priors,
+    total,
+    weighed,
+)
+from gimbalcal.diagnose.search.refit import Model, projections, refit, start, with_columns
+from gimbalcal.effects import Effect
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 
 MOST = 8  # rounds
 EXCHANGE = 1.0  # ln of odds by which another cause must be likelier to take a place
-OFTEN = np.log(10.0)  # how much likelier before any data, or with less evidence, is what every rig of the kind has
 Taken = tuple[Candidate, Variant]
 Key = tuple[str, str, str, str]
-FIRST = 12  # likeliest single causes that are tried with every other; all of them where none is found alone
 
 
 @dataclass(frozen=True)
@@ -74,7 +79,7 @@ def course(v: View, tell: Tell) -> Course:
         return steps_of(v, first, taken)
     tell("once more, from what every rig of the kind has")
     other = climbed(v, first, standard, tell)
-    share = dict(zip((c.key for c in known), priors(v, known).tolist(), strict=True))
+    share = dict(zip((c.key for c in known), log_priors(known, v.recording.kind).tolist(), strict=True))
     if ln_odds(v, first, other, share) < ln_odds(v, first, taken, share):
         return steps_of(v, first, taken)
     return steps_of(v, first, other, [t for t in standard if t in other])
@@ -89,7 +94,7 @@ def climbed(v: View, first: Model, begun: Sequence[Taken], tell: Tell) -> list[T
     model = take(v, first, taken)
     for _ in range(MOST):
         best = weigh(v, model)
-        if best.ln_total < CLAIM or best.strange > 0.5:
+        if best.ln_total < CLAIM or not best.named:
             break
         tell(f"taken up: {', '.join(c.label for c, _ in best.found)}; ln Bayes factor {best.ln_bayes:.0f}")
         taken = exchanged(v, first, [*taken, *best.found], tell, keep_usual=keep_usual)
@@ -103,16 +108,16 @@ def textbook(v: View, first: Model, known: Sequence[Candidate], X: Array) -> lis
 
     In a linear model: of what these rows hardly see a fit finds any size, far from where the model is linear.
     """
-    g = evidence(v, first, X)
-    named = [c for c in known if is_usual(v, c)]
+    kind = v.recording.kind
+    named = [c for c in known if is_usual(c, kind)]
     widest = {c.effect: max((o for o in named if o.effect == c.effect), key=lambda o: len(o.parameters)) for c in named}
-    out = [(c, c.variants[single(g, [c])[0][0]]) for c in widest.values()]
+    out = [(c, c.variants[0]) for c in widest.values()]
     while out:
         support = []
-        for _, variant in out:
+        for cause, variant in out:
             others = [i for _, other in out if other is not variant for i in other.index]
-            g = evidence(v, with_columns(v, first, X[..., others]), X[..., list(variant.index)])
-            support.append(log_evidence(g, range(len(variant.index))))
+            beside = with_columns(v, first, X[..., others])
+            support.append(factor(v, beside, X[..., list(variant.index)], cause))
         if min(support) > 0:
             break
         del out[int(np.argmin(support))]
@@ -127,8 +132,9 @@ def ln_odds(v: View, first: Model, taken: Sequence[Taken], share: Mapping[Key, f
     least = min(share.values())  # some show only beside others
     steps = ordered(v, first, taken)
     before = [first, *(s.model for s in steps)]
-    added = [alone(v, m, s.taken) - s.taken[0].paid for m, s in zip(before, steps, strict=False)]
-    return float(sum(added) + sum(share.get(c.key, least) + np.log(SINGLE) for c, _ in taken if not is_usual(v, c)))
+    added = [alone(v, m, s.taken) - float(np.log(s.taken[0].tried)) for m, s in zip(before, steps, strict=False)]
+    special = [c for c, _ in taken if not is_usual(c, v.recording.kind)]
+    return float(sum(added) + sum(share.get(c.key, least) + np.log(SINGLE) for c in special))
 
 
 def exchanged(
@@ -137,7 +143,7 @@ def exchanged(
     """Each cause in turn, or each that is not of every rig, gives way if another cause, or two, belong in its place."""
     out = list(taken)
     for cause, variant in taken:
-        if (cause, variant) not in out or (is_usual(v, cause) and keep_usual):
+        if (cause, variant) not in out or (is_usual(cause, v.recording.kind) and keep_usual):
             continue
         others = [t for t in out if t[0] != cause]
         best = weigh(v, take(v, first, others), memory, cause)
@@ -155,7 +161,8 @@ def pruned(v: View, first: Model, taken: Sequence[Taken], tell: Tell) -> list[Ta
         support = [alone(v, m, this) - bar(v, this[0]) for m, this in zip(rest, out, strict=True)]
         if min(support) > 0:
             break
-        weakest = min(range(len(out)), key=lambda i: (support[i] > 0, is_usual(v, out[i][0]), support[i]))
+        usual = [is_usual(c, v.recording.kind) for c, _ in out]
+        weakest = min((support[i] > 0, usual[i], support[i], i) for i in range(len(out)))[-1]
         tell(f"{out[weakest][0].label} is not kept: noise with a memory explains it")
         del out[weakest]
     return out
@@ -163,12 +170,7 @@ def pruned(v: View, first: Model, taken: Sequence[Taken], tell: Tell) -> list[Ta
 
 def bar(v: View, cause: Candidate) -> float:
     """ln Bayes factor that a cause needs: less for what every unit of the kind has, and its model left out."""
-    return float(CLAIM - OFTEN * is_usual(v, cause))
-
-
-def is_usual(v: View, cause: Candidate) -> bool:
-    """Whether every rig of the kind has this, at some size."""
-    return not cause.rival and v.recording.kind in CATALOGUE[cause.effect].usual
+    return float(CLAIM - OFTEN * is_usual(cause, v.recording.kind))
 
 
 def alone(v: View, without: Model, this: Taken) -> float:
@@ -176,8 +178,13 @@ def alone(v: View, without: Model, this: Taken) -> float:
     cause, made = this[0], _made(v, this)
     effects = without.effects if cause.effect in {e.id for e in without.effects} else [*without.effects, made]
     X = v.about(effects).jacobian(cause.parameters) * np.array([p.sigma for p in cause.parameters])
-    g = evidence(v, without, X)
-    return log_evidence(g, range(X.shape[-1]))
+    return factor(v, without, X, cause)
+
+
+def factor(v: View, without: Model, X: Array, cause: Candidate) -> float:
+    """ln Bayes factor of columns X (n, C, p) of a cause beside a model, noise with memory."""
+    one = replace(cause, variants=(Variant((), tuple(range(X.shape[-1]))),), scanned=0)
+    return float(bayes_factors(projections(v, without, X), [one])[1][0])
 
 
 def steps_of(v: View, first: Model, taken: Sequence[Taken], standard: Sequence[Taken] = ()) -> Course:
@@ -187,7 +194,7 @@ def steps_of(v: View, first: Model, taken: Sequence[Taken], standard: Sequence[T
     left: list[Candidate] = []
     for _ in range(MOST):
         rest = weigh(v, described, memory=True)
-        if rest.ln_total < CLAIM or rest.strange < 0.5:
+        if rest.ln_total < CLAIM or rest.named:
             break
         left += [c for c, _ in rest.found if c.rival]
         described = with_columns(v, described, rest.columns)
@@ -213,7 +220,14 @@ def refined(v: View, c: Course) -> Course:
 
 
 def take(v: View, model: Model, found: Sequence[Taken]) -> Model:
-    """The model with these causes in it, everything refitted."""
+    """The model with these causes in it, everything refitted; once for each set of causes."""
+    key = frozenset((c.key, variant.constants) for c, variant in found)
+    if key not in v.fits:
+        v.fits[key] = _taken(v, model, found)
+    return v.fits[key]
+
+
+def _taken(v: View, model: Model, found: Sequence[Taken]) -> Model:
     effects = list(model.effects)
     wanted = list(model.fitted)
     for this in found:
@@ -236,72 +250,36 @@ class Round:
     found: tuple[Taken, ...]
     ln_bayes: float  # of these
     ln_total: float  # of anything at all
-    strange: float  # probability of a shape without a cause
+    named: bool  # whether these are known causes
     columns: Array  # (n, C, q) of these
     lead: float  # ln odds of these to the cause they were held against
 
 
-def weigh(v: View, model: Model, memory: bool = False, against: Candidate | None = None) -> Round:
-    """Compare everything that could be missing, alone and in pairs, in white noise or in noise with memory."""
+def ranked(v: View, model: Model, memory: bool = True) -> Weighed:
+    """Everything that could be missing from a model, alone and beside others."""
     known, X = causes(v, model.effects, model.fitted)
-    g = evidence(v, model, X, memory)
-    choice, ln = single(g, known)
-    prior = priors(v, known)
-    shape = np.array([bool(c.rival) for c in known])
-    weight = ln + prior + np.where(shape, np.log(UNKNOWN), np.log(SINGLE))
-    hypotheses = [Hypothesis((i,), float(ln[i]), float(weight[i])) for i in range(len(known))]
-    hypotheses += _pairs(g, known, choice, ln, prior)
-    w = np.array([h.ln_weight for h in hypotheses])
-    total = float(np.logaddexp.reduce(w))
-    odd = np.array([any(shape[i] for i in h.members) for h in hypotheses])
-    strange = float(np.exp(np.logaddexp.reduce(w[odd]) - total))
-    best = hypotheses[int(np.argmax(w if strange > 0.5 else np.where(odd, -np.inf, w)))]
-    rival = [float(w) for w, c in zip(weight, known, strict=True) if against and c.key == against.key]
-    lead = best.ln_weight - rival[0] if rival and not any(shape[i] for i in best.members) else 0.0
-    found = tuple((known[i], known[i].variants[choice[i]]) for i in best.members)
-    columns = X[..., [k for _, variant in found for k in variant.index]]
-    return Round(found, best.ln_bayes, total, strange, columns, lead)
+    p = projections(v, model, X, memory)
+    return weighed(Library(known, X), p, bayes_factors(p, known), v.recording.kind)
 
 
-def single(g: Ground, known: Sequence[Candidate]) -> tuple[list[int], Array]:
-    """For each cause its best variant and its ln Bayes factor, the search over variants paid for."""
-    choice, out = [], []
-    for c in known:
-        each = np.array([log_evidence(g, at.index) for at in c.variants])
-        choice.append(int(np.argmax(each)))
-        out.append(float(np.logaddexp.reduce(each)) - c.paid)
-    return choice, np.array(out)
+def weigh(v: View, model: Model, memory: bool = False, against: Candidate | None = None) -> Round:
+    """What is likeliest to be missing from a model, in white noise or in noise with memory: causes, or a shape.
 
-
-def priors(v: View, known: Sequence[Candidate]) -> Array:
-    """ln prior share of each cause, adding up to one among the effects and among the shapes.
-
-    Effects are alike but for the usual ones; of each, half is for all axes together, which are of one make, and half
-    for one of them. Shapes are alike.
+    Causes are taken up where by themselves they are likelier than a shape by itself, several of them at the odds of a
+    claim: together they may mimic what one shape says. Beside a shape almost any cause seems needed, as it resembles a
+    part of what the shape only sketches.
     """
-    single = {e: sum(c.effect == e and "," not in c.axis for c in known) for e in {c.effect for c in known}}
-    several = {c.effect for c in known if "," in c.axis}
-    share = np.array([
-        OFTEN * is_usual(v, c) - np.log((2 if c.effect in several else 1) * (1 if "," in c.axis else
-                                                                                   single[c.effect]))
-        for c in known
-    ])  # fmt: skip
-    shape = np.array([bool(c.rival) for c in known])
-    total = np.where(shape, np.logaddexp.reduce(share[shape]), np.logaddexp.reduce(share[~shape]))
-    return np.asarray(share - total)
-
-
-def _pairs(g: Ground, known: Sequence[Candidate], choice: Sequence[int], ln: Array, prior: Array) -> list[Hypothesis]:
-    real = [i for i, c in enumerate(known) if not c.rival]
-    order = sorted(real, key=lambda i: -(ln[i] + prior[i]))
-    firsts = order[:FIRST] if ln.max() > CLAIM else order
-    out: dict[tuple[int, int], Hypothesis] = {}
-    for i in firsts:
-        for j in real:
-            key = (min(i, j), max(i, j))
-            if key in out or known[i].effect == known[j].effect:
-                continue
-            at = known[i].variants[choice[i]].index + known[j].variants[choice[j]].index
-            both = float(log_evidence(g, at)) - known[i].paid - known[j].paid
-            out[key] = Hypothesis(key, both, float(both + np.log(2 * PAIR) + prior[i] + prior[j]))
-    return list(out.values())
+    s = ranked(v, model, memory)
+    every = s.library.candidates
+    shapes = [h for h in s.hypotheses if all(every[i].rival for i in h.members)]
+    known = [
+        h for h in s.hypotheses if not h.unknown(every) and len({every[i].effect for i in h.members}) == len(h.members)
+    ]
+    named = total(known) > total(shapes) + CLAIM * (len(known[0].members) > 1)
+    best = known[0] if named else shapes[0]
+    rival = [h.ln_weight for h in known if against and any(every[i].key == against.key for i in h.members)]
+    lead = best.ln_weight - max(rival) if rival and named else 0.0
+    variants = [every[i].variants[n] for i, n in zip(best.members, likeliest_variants(s, best.members), strict=True)]
+    found = tuple((every[i], variant) for i, variant in zip(best.members, variants, strict=True))
+    columns = s.library.X[..., [k for variant in variants for k in variant.index]]
+    return Round(found, best.ln_bayes, s.ln_total, named, columns, lead)

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.known_scale import ANY_SIZE, Projection, log_bayes
 from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY, NEARLY, OUTSIDE, SURE, TOGETHER, UNSURE
+from gimbalcal.diagnose.evidence.projection import Projection, log_bayes
 from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, given
+from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, Weighed, given, needed
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
 
@@ -75,33 +75,32 @@ def judge(s: Ranking, threshold: float, scores: Scores) -> Decision:
     """The verdict on a ranking of hypotheses, of one recording or of several together."""
     if s.ln_total < max(CLAIM, threshold):
         return Decision("adequate", None, (), ())
-    candidates, p = s.library.candidates, s.posterior()
-    strange = np.array([h.unknown(candidates) for h in s.hypotheses])
-    unknown = float(p[strange].sum())
-    rest = _shapes(s, p, strange) if unknown > 0.5 else ()
+    candidates = s.library.candidates
+    rest = _shapes(s) if s.unknown > 0.5 else ()
     named = (h for h in s.hypotheses if not h.unknown(candidates) and (not rest or len(h.members) == 1))
     known = next(named, None)
     if known is None or (rest and known.ln_bayes < NEARLY * max(h.ln_bayes for h in s.hypotheses)):
-        return Decision("unexplained", None, (), (), rest, unknown)
-    best = _simplest(s, _needed(s, known))
+        return Decision("unexplained", None, (), (), rest, s.unknown)
+    best = _simplest(s, needed(s, known))
     confounded, probability = [], []
     for member in best.members:
         others = tuple(i for i in best.members if i != member)
-        alike = fits_alike(s, member, others, scores(others))
-        alike = alike if rest or _share(s, p, (member, *alike)) >= SURE else _widened(s, p, member, alike, others)
+        alike, share = together(s, member, others, scores(others), bool(rest))
         confounded.append(alike)
-        probability.append(_share(s, p, (member, *alike), bool(rest)))
+        probability.append(share)
     verdict = "not-identifiable" if any(confounded) or min(probability) < SURE / 2 else "missing-physics"
-    return Decision(verdict, best, tuple(confounded), tuple(probability), rest, unknown)
+    return Decision(verdict, best, tuple(confounded), tuple(probability), rest, s.unknown)
 
 
-def _needed(s: Ranking, best: Hypothesis) -> Hypothesis:
-    """Without the causes that are not claimed themselves: each has to make what stands beside it 20 times likelier."""
-    for h in sorted(s.hypotheses, key=lambda h: -h.ln_weight):
-        fewer = set(h.members) < set(best.members)
-        if fewer and not h.unknown(s.library.candidates) and h.ln_weight > best.ln_weight - CLAIM:
-            return _needed(s, h)
-    return best
+def together(
+    s: Ranking, member: int, others: Sequence[int], scores: Array, with_rest: bool = False
+) -> tuple[tuple[int, ...], float]:
+    """What stands together with a member beside others, and the probability of these causes in its place."""
+    p = s.posterior()
+    alike = fits_alike(s, member, others, scores)
+    if not with_rest and _share(s, p, (member, *alike)) < SURE:
+        alike = _widened(s, p, member, alike, others)
+    return alike, _share(s, p, (member, *alike), with_rest)
 
 
 def _simplest(s: Ranking, best: Hypothesis) -> Hypothesis:
@@ -114,12 +113,12 @@ def _simplest(s: Ranking, best: Hypothesis) -> Hypothesis:
     return min(few, key=lambda h: (len(c[h.members[0]].parameters), -h.ln_bayes))
 
 
-def _shapes(s: Ranking, p: Array, strange: Array) -> tuple[int, ...]:
+def _shapes(s: Ranking) -> tuple[int, ...]:
     """Rivals by probability."""
     total: dict[int, float] = {}
-    for h, w, odd in zip(s.hypotheses, p, strange, strict=True):
+    for h, w in zip(s.hypotheses, s.posterior(), strict=True):
         for i in h.members:
-            if odd and s.library.candidates[i].rival:
+            if s.library.candidates[i].rival:
                 total[i] = total.get(i, 0.0) + float(w)
     return tuple(sorted(total, key=lambda i: -total[i]))
 
@@ -177,7 +176,7 @@ def _widened(s: Ranking, p: Array, member: int, alike: tuple[int, ...], beside: 
     return alike
 
 
-def likeliest(s: Search, beside: Sequence[int] = ()) -> Array:
+def likeliest(s: Weighed, beside: Sequence[int] = ()) -> Array:
     """ln evidence (candidates,) at each one's best size and constants, relative to nothing, noise integrated over."""
     rows = []
     for p, ln in zip(s.projections, s.null, strict=True):
@@ -195,5 +194,5 @@ def _best_sizes(p: Projection, candidates: Sequence[Candidate]) -> Array:
         if c.rival:
             continue
         at = np.array([v.index for v in c.variants])
-        out[i] = log_bayes(p.G[at[:, :, None], at[:, None, :]], p.b[at, 0], ANY_SIZE).max()
+        out[i] = log_bayes(p, at, p.scale.any_size).max()
     return out

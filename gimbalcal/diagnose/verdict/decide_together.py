@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.known_scale import ANY_SIZE, Projection, log_bayes
+from gimbalcal.diagnose.evidence.projection import Projection, log_bayes
+from gimbalcal.diagnose.evidence.scale import ANY_SIZE
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.search.combine import CombinedRanking
 from gimbalcal.diagnose.search.ranking import given
@@ -55,5 +56,5 @@ def _by_size(p: Projection, candidates: Sequence[Candidate]) -> Array:
     for i, c in enumerate(candidates):
         if not c.rival:
             at = np.array([v.index for v in c.variants])
-            out[i] = log_bayes(p.G[at[:, :, None], at[:, None, :]], p.b[at, 0], ANY_SIZE).max(axis=0)
+            out[i] = log_bayes(p, at, ANY_SIZE).max(axis=0)
     return out

@@ -10,9 +10,9 @@ import numpy as np
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.evidence.odds import LIKELY
 from gimbalcal.diagnose.rows.views import View
-from gimbalcal.diagnose.search.alternatives import Judgement, judged, still_wanted
 from gimbalcal.diagnose.search.refit import Model, constants_told
 from gimbalcal.diagnose.search.stepwise import Course, steps_of, take
+from gimbalcal.diagnose.verdict.alternatives import Judgement, judged
 from gimbalcal.diagnose.verdict.decide import capped
 from gimbalcal.effects import CATALOGUE, values
 from gimbalcal.inference.information import keeps_prior
@@ -39,8 +39,7 @@ def judged_in_turn(v: View, c: Course) -> list[Judgement]:
         return []
     usual = [s.taken in c.standard for s in c.steps]
     among = {own: take(v, c.start, c.standard) if own else c.end for own in set(usual)}
-    still = {own: still_wanted(v, m) for own, m in among.items()}
-    return [judged(v, among[own], s.taken[0], still[own]) for own, s in zip(usual, c.steps, strict=True)]
+    return [judged(v, among[own], s.taken[0]) for own, s in zip(usual, c.steps, strict=True)]
 
 
 def finding(v: View, c: Course, j: Judgement) -> dict[str, Any]:

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.known_scale import ReducedRows, project, rows_like
 from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.evidence.projection import ReducedRows, project, rows_like
 from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.inference.algebra import eigh, orthonormal
 from gimbalcal.number import Array

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.diagnose import wording
-from gimbalcal.diagnose.evidence.free_scale import best_evidence, explained
+from gimbalcal.diagnose.evidence.projection import log_bayes
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.unknown_noise import free_rows, shapes_of
 from gimbalcal.diagnose.rows.views import View
-from gimbalcal.diagnose.search.refit import Model, evidence
+from gimbalcal.diagnose.search.refit import Model, basis, projections, weighted
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
@@ -31,15 +31,15 @@ def patterns(v: View, m: Model) -> tuple[dict[str, Any], ...]:
     blocks: list[Array] = []
     shapes = shapes_of(v, m.r, blocks, free_rows(v, m.fitted))
     X = np.concatenate(blocks, axis=-1)
-    g = evidence(v, m, X, memory=False)
+    (white,) = projections(v, m, X, memory=False)
     out = []
     for c in shapes:
         at = c.variants[0].index
-        y2, taken = float(g.cleared[0].y @ g.cleared[0].y), explained(g, at)
-        free = max(g.cleared[0].dof - len(at), 1)
+        y2, taken = float(white.misfit[0]), white.explained(at)
+        free = max(m.r.size - basis(weighted(v, m.J)).shape[1] - len(at), 1)
         F = (taken / len(at)) / max((y2 - taken) / free, 1e-300)
         p = min(1.0, float(f.sf(F, len(at), free)) * len(shapes))
-        out.append((best_evidence(g, at), F, p, c))
+        out.append((float(log_bayes(white, np.array(at), white.scale.any_size).max()), F, p, c))
     listed = sorted((t for t in out if t[2] < ODD), key=lambda t: -t[0])[:LISTED]
     return tuple(_pattern(v, m, c, F, p) for _, F, p, c in listed)
 

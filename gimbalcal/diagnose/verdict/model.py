@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.known_scale import Projection, log_bayes
+from gimbalcal.diagnose.evidence.projection import Projection, log_bayes
 from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.search.ranking import Search
+from gimbalcal.diagnose.search.ranking import Search, likeliest_variants
 from gimbalcal.number import Array
 
 
@@ -33,7 +33,7 @@ class FittedCauses:
 def fit_causes(s: Search, members: Sequence[int]) -> FittedCauses:
     """Joint fit of the members in the noise that their presence makes likely."""
     candidates = s.library.candidates
-    variants = _choose(s, members)
+    variants = likeliest_variants(s, members)
     index = tuple(i for m, v in zip(members, variants, strict=True) for i in candidates[m].variants[v].index)
     at = np.array(index, dtype=int)
     weights = _weights(s, at)
@@ -50,40 +50,12 @@ def fit_causes(s: Search, members: Sequence[int]) -> FittedCauses:
     return FittedCauses(tuple(members), variants, index, x, covariance, significance, p)
 
 
-def _choose(s: Search, members: Sequence[int]) -> tuple[int, ...]:
-    """The variants of the members that are likeliest in any one noise, chosen one after the other."""
-    best: tuple[float, tuple[int, ...]] = (-np.inf, ())
-    for k, p in enumerate(s.projections):
-        chosen: list[int] = [0] * len(members)
-        for _ in range(2):
-            for j, m in enumerate(members):
-                others = [i for n, o in enumerate(members) if n != j
-                          for i in s.library.candidates[o].variants[chosen[n]].index]  # fmt: skip
-                chosen[j] = int(
-                    np.argmax([explained_beside(p, others, v.index) for v in s.library.candidates[m].variants])
-                )
-        index = [i for m, v in zip(members, chosen, strict=True) for i in s.library.candidates[m].variants[v].index]
-        ln = explained_beside(p, [], index) / 2 + float(s.null[k])
-        best = max(best, (ln, tuple(chosen)), key=lambda b: b[0])
-    return best[1]
-
-
-def explained_beside(p: Projection, others: Sequence[int], index: Sequence[int]) -> float:
-    """Misfit that these columns take away beyond the others."""
-    both = np.array([*others, *index], dtype=int)
-    total = p.b[both, 0] @ np.linalg.pinv(p.G[np.ix_(both, both)], rcond=1e-10, hermitian=True) @ p.b[both, 0]
-    if not len(others):
-        return float(total)
-    o = np.array(others, dtype=int)
-    return float(total - p.b[o, 0] @ np.linalg.pinv(p.G[np.ix_(o, o)], rcond=1e-10, hermitian=True) @ p.b[o, 0])
-
-
 def _weights(s: Search, at: Array) -> Array:
     """Posterior (nodes,) of the noise given these columns at their likeliest size."""
     if not len(at):
         ln = s.null
     else:
-        ln = np.array([n + log_bayes(p.G[np.ix_(at, at)], p.b[at, 0]).max()
+        ln = np.array([n + log_bayes(p, at, p.scale.sizes).max()
                        for n, p in zip(s.null, s.projections, strict=True)])  # fmt: skip
     w = np.exp(ln - ln.max())
     return np.asarray(w / w.sum())
@@ -96,7 +68,7 @@ def _significance(
     out = []
     for j, own in enumerate(spans):
         others = [i for n, span in enumerate(spans) if n != j for i in span]
-        out.append(float(np.sqrt(max(explained_beside(p, others, own), 0.0))))
+        out.append(float(np.sqrt(max(p.explained(own, others), 0.0))))
     return tuple(out)
 
 
@@ -105,7 +77,7 @@ def constant_value(s: Search, f: FittedCauses, j: int) -> tuple[tuple[str, float
     c = s.library.candidates[f.members[j]]
     spans = [s.library.candidates[m].variants[v].index for m, v in zip(f.members, f.variants, strict=True)]
     others = [i for n, span in enumerate(spans) if n != j for i in span]
-    ln = np.array([explained_beside(f.projection, others, v.index) / 2 + np.log(v.weight) for v in c.variants])
+    ln = np.array([f.projection.explained(v.index, others) / 2 + np.log(v.weight) for v in c.variants])
     w = np.exp(ln - ln.max())
     w /= w.sum()
     out = []

@@ -16,12 +16,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.known_scale import project, rows_like
+from gimbalcal.diagnose.evidence.projection import project, rows_like
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
 from gimbalcal.diagnose.library.known_noise import columns_at
 from gimbalcal.diagnose.search.combine import CombinedRanking
 from gimbalcal.diagnose.search.ranking import Search, projected
-from gimbalcal.diagnose.verdict.model import FittedCauses, constant_value, explained_beside, fit_causes
+from gimbalcal.diagnose.verdict.model import FittedCauses, constant_value, fit_causes
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
 
@@ -95,7 +95,7 @@ def _common(c: CombinedRanking, members: Sequence[int], j: int, own: Sequence[Fi
         p = project(own[k].projection.node, rows_like(s.rows, X))
         beside, width = range(len(others)), made[0].shape[1]
         starts = [len(others) + width * i for i in range(len(tried))]
-        total += [explained_beside(p, beside, range(at, at + width)) / 2 for at in starts]
+        total += [p.explained(range(at, at + width), beside) / 2 for at in starts]
     return tried[int(np.argmax(total))]
 
 

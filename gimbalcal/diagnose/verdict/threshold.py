@@ -10,7 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.known_scale import SIZE_PRIOR, SIZES, Projection, ReducedRows, by_width, variant_shares
+from gimbalcal.diagnose.evidence.projection import Projection, ReducedRows, by_width, variant_shares
+from gimbalcal.diagnose.evidence.scale import SIZE_PRIOR, SIZES
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.inference.algebra import eigh, logsumexp
@@ -55,9 +56,8 @@ def _draw(
     noise = rng.standard_normal((n, DRAWS))
     for k, p in enumerate(projections):
         mine = picked == k
-        root = p.node.inverse_root
         if mine.any():
-            low[:, mine] = noise[:, mine] / root[:, None] if root.ndim == 1 else np.linalg.solve(root, noise[:, mine])
+            low[:, mine] = p.node.colour(noise[:, mine])
     lam, V = eigh(rows.high[:m, :m])
     tail = V @ (np.sqrt(np.maximum(lam, 0.0))[:, None] * rng.standard_normal((m, DRAWS)))
     return low, tail

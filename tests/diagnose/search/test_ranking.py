@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from gimbalcal.diagnose.evidence.known_scale import SIZE_PRIOR, SIZES
 from gimbalcal.diagnose.evidence.odds import BESIDE, PAIR, SINGLE, UNKNOWN
+from gimbalcal.diagnose.evidence.scale import SIZE_PRIOR, SIZES
 from gimbalcal.diagnose.library.candidates import Library
 from gimbalcal.diagnose.library.known_noise import library
 from gimbalcal.diagnose.search.ranking import Search, beside, given, log_priors, pairs, same, search
@@ -92,6 +92,9 @@ def test_shares_of_the_prior_make_a_whole() -> None:
     rival = np.array([bool(c.rival) for c in whole.candidates])
     assert np.exp(prior[rival]).sum() == pytest.approx(1.0)
     assert np.exp(prior[~rival]).sum() == pytest.approx(1.0)
+    shares = {c.label: float(p) for c, p in zip(whole.candidates, np.exp(prior), strict=True)}
+    together, alone = shares["bias_drift:x, y, z"], sum(shares[f"bias_drift:{a}"] for a in "xyz")
+    assert together == pytest.approx(alone)  # sensors are of one make: all axes together weigh half
     by_effect: dict[str, float] = {}
     for c, p in zip(whole.candidates, np.exp(prior), strict=True):
         if not c.rival:

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from gimbalcal.diagnose.evidence.known_scale import SIZE_PRIOR, extended, log_bayes, mixed, variant_shares
+from gimbalcal.diagnose.evidence.projection import any_size, extended, variant_shares
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.diagnose.verdict.model import constant_value, fit_causes
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.inference.algebra import logsumexp
-from gimbalcal.number import Array
 from gimbalcal.units import from_si
 from tests.diagnose.plant import UG, Bench, cooled, on, record
 from tests.diagnose.small import columns_at, few, noises, observed, searched
@@ -49,7 +48,7 @@ def test_finer_values_fit_better_and_share_the_prior_of_the_cause() -> None:
     starts, share = variant_shares([fine])
     assert np.add.reduceat(share, starts) == pytest.approx([1.0])
     each = np.array([
-        [mixed(log_bayes(p.G[np.ix_(v.index, v.index)], p.b[list(v.index), 0]), SIZE_PRIOR) for v in fine.variants]
+        [float(any_size(p, np.array(v.index))) for v in fine.variants]
         for p in FOUND.projections
     ])  # fmt: skip
     mean = logsumexp(each + np.log(share), axis=1)
@@ -67,19 +66,15 @@ def test_the_best_of_what_was_tried_is_the_best_there_is(tau: float) -> None:
     s = lagged(3, 1000.0, tau)
     (c,) = s.library.candidates
     p = s.projections[int(np.argmax(s.joint[:, 0]))]
-    tried = np.array([_evidence(p.G[np.ix_(v.index, v.index)], p.b[list(v.index), 0]) for v in c.variants])
+    tried = any_size(p, np.array([v.index for v in c.variants]))
 
     def less(x: float) -> float:
-        return -_evidence(*extended(p.node, s.rows, columns_at(s.o, c, (("tau", x),))))
+        return -float(any_size(extended(p, s.rows, columns_at(s.o, c, (("tau", x),))), np.arange(1)))
 
     best = minimize_scalar(less, bounds=(0.7 * tau, 1.4 * tau), method="bounded", options={"xatol": 0.1})
     nearest = c.variants[int(np.argmax(tried))].constants[0][1]
     assert abs(nearest - best.x) < 774 / 64  # the cell is from 275 to 1049
     assert tried.max() < -best.fun + 1e-3
-
-
-def _evidence(G: Array, b: Array) -> float:
-    return float(mixed(log_bayes(G, b), SIZE_PRIOR))
 
 
 def test_where_nothing_is_found_nothing_is_refined() -> None:

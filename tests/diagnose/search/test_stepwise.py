@@ -10,8 +10,9 @@ import pytest
 from scipy.optimize import least_squares
 
 from gimbalcal.diagnose.rows.views import View, pointing
+from gimbalcal.diagnose.search.ranking import log_priors
 from gimbalcal.diagnose.search.refit import refit, start, weighted
-from gimbalcal.diagnose.search.stepwise import Course, alone, course, priors, refined, take, weigh
+from gimbalcal.diagnose.search.stepwise import Course, alone, course, refined, take, weigh
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.number import Array
 from gimbalcal.pipeline import silent
@@ -105,7 +106,7 @@ def test_prior_shares_make_a_whole_of_causes_and_of_shapes() -> None:
     v = view()
     m = start(v)
     known = causes_of(v, m)
-    share = np.exp(priors(v, known))
+    share = np.exp(log_priors(known, v.recording.kind))
     shape = np.array([bool(c.rival) for c in known])
     assert share[shape].sum() == pytest.approx(1.0)
     assert share[~shape].sum() == pytest.approx(1.0)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.evidence.known_scale import ANY_SIZE, log_bayes
+from gimbalcal.diagnose.evidence.projection import log_bayes
+from gimbalcal.diagnose.evidence.scale import ANY_SIZE
 from gimbalcal.diagnose.search.combine import CombinedRanking, combine
 from gimbalcal.diagnose.verdict.decide import decide, likeliest
 from gimbalcal.diagnose.verdict.decide_together import clean_together, decide_together, likeliest_together
@@ -38,7 +39,7 @@ def test_a_cause_has_one_size_in_all_recordings(c: CombinedRanking) -> None:
     for s in c.searches:
         i = candidate(s, label)
         index = list(s.library.candidates[i].variants[0].index)
-        each = np.stack([log_bayes(p.G[np.ix_(index, index)], p.b[index, 0], ANY_SIZE) for p in s.projections])
+        each = np.stack([log_bayes(p, np.array(index), ANY_SIZE) for p in s.projections])
         ln = logsumexp(each + s.null[:, None], axis=0) - logsumexp(s.null)
         by_size += ln
         best += float(ln.max())

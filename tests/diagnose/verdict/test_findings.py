@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from gimbalcal.diagnose.rows.views import pointing
-from gimbalcal.diagnose.search.alternatives import Judgement
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.stepwise import steps_of
 from gimbalcal.diagnose.verdict import findings
+from gimbalcal.diagnose.verdict.alternatives import Judgement
 from gimbalcal.diagnose.verdict.findings import drifts_as_one, finding, judged_in_turn
 from gimbalcal.pipeline import silent
 from tests.diagnose.small import causes_of, telescope
@@ -48,7 +48,7 @@ def test_what_something_else_is_likelier_to_be_is_not_named(monkeypatch: pytest.
     tilt, bend, like = (next(c for c in known if c.label == label) for label in LABELS)
     taken = [(c, c.variants[0]) for c in (tilt, bend, like)]
     told = {tilt.key: 0.9, bend.key: 0.8, like.key: 0.01}
-    monkeypatch.setattr(findings, "judged", lambda v, m, c, still: Judgement(c, told[c.key], 9.0, ()))
+    monkeypatch.setattr(findings, "judged", lambda v, m, c: Judgement(c, told[c.key], 9.0, ()))
     kept, verdicts = findings.confirmed(v, steps_of(v, first, taken), silent)
     assert {s.taken[0].key for s in kept.steps} == {j.cause.key for j in verdicts} == {tilt.key, bend.key}
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
 
-from gimbalcal.diagnose.evidence.known_scale import ReducedRows
 from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.evidence.projection import ReducedRows
 from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.diagnose.search.ranking import projected
 from gimbalcal.diagnose.verdict import locate

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from gimbalcal.diagnose.evidence.known_scale import ANY_SIZE
+from gimbalcal.diagnose.evidence.scale import ANY_SIZE
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.diagnose.verdict.model import calibration_fit, constant_value, fit_causes
 from gimbalcal.inference.algebra import orthonormal

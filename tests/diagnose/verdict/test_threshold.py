@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from gimbalcal.diagnose.evidence.known_scale import gather, project, stack
 from gimbalcal.diagnose.evidence.noise import coloured, nodes
+from gimbalcal.diagnose.evidence.projection import gather, project, stack
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.verdict.threshold import DRAWS, anything, clean_evidence, clean_singles
 from gimbalcal.inference.algebra import logsumexp

@@ -4,9 +4,9 @@ For one noise phi and one prior size s, with X the whitened columns from which t
 
 .. math:: \ln BF = -\tfrac12 \ln |I + s^2 X^T X| + \tfrac12 b^T (s^{-2} I + X^T X)^{-1} b, \qquad b = X^T y ,
 
-columns being scaled by their prior sigma. The calibration constants have a flat prior, so that BF is an e-value: under
-no effect it exceeds 1 / alpha with probability at most alpha. Mixed over s, over the variants of a candidate and, with
-the weight that the data give each, over the noise.
+columns being scaled by their prior sigma; `scale` has the same for a noise of any scale. The calibration constants
+have a flat prior, so that BF is an e-value: under no effect it exceeds 1 / alpha with probability at most alpha.
+Mixed over s, over the variants of a candidate and, with the weight that the data give each, over the noise.
 """
 
 from __future__ import annotations
@@ -17,13 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.evidence.scale import STATED, Free, Stated
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.inference.algebra import eigh, logsumexp, orthonormal
 from gimbalcal.number import Array
 
-SIZES = np.array([0.001, 0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0])  # times the catalogue's prior sigma
-SIZE_PRIOR = np.array([0.04, 0.08, 0.15, 0.18, 0.22, 0.15, 0.10, 0.05, 0.03])
-ANY_SIZE = np.geomspace(1e-4, 1e3, 29)  # fine enough that confounded causes of different plausible sizes fit alike
 ABSORBED = 1e-3  # a column of which less is left rests on second-order terms and on noise in its own inputs
 CHUNK = 64  # columns
 
@@ -53,10 +51,20 @@ class Projection:
     b: Array  # (P, m) one column per data vector
     misfit: Array  # (m,) y^T V^-1 y after projection
     penalty: float  # ln |V| + ln |Z^T V^-1 Z|
+    scale: Stated | Free = STATED
 
     def log_likelihood(self) -> Array:
         """ln p(y | phi) of no effect, up to a constant, (m,)."""
-        return np.asarray(-0.5 * (self.misfit + self.penalty))
+        return np.asarray(self.scale.log_likelihood(self.misfit) - 0.5 * self.penalty)
+
+    def explained(self, index: Sequence[int], beside: Sequence[int] = ()) -> float:
+        """Misfit that these columns can take away, of whatever size, beyond what others take."""
+        both, own = np.array([*beside, *index], dtype=int), np.array(beside, dtype=int)
+        return self._taken(both) - (self._taken(own) if len(own) else 0.0)
+
+    def _taken(self, at: Array) -> float:
+        b = self.b[at, 0]
+        return float(b @ np.linalg.pinv(self.G[np.ix_(at, at)], rcond=1e-10, hermitian=True) @ b)
 
 
 def stack(Z: Array, X: Array, y: Array, low: int) -> ReducedRows:
@@ -98,7 +106,7 @@ def _cleared(Q: Array, X: Array) -> Array:
     return np.asarray(np.where(seen, left, 0.0))
 
 
-def project(node: Node, rows: ReducedRows) -> Projection:
+def project(node: Node, rows: ReducedRows, scale: Stated | Free = STATED) -> Projection:
     """Whiten by a node, profile the calibration out, and form the Gram matrix and scores."""
     W = node.whiten(rows.low)
     A = W.T @ W  # some MB each: in place
@@ -109,14 +117,12 @@ def project(node: Node, rows: ReducedRows) -> Projection:
     B = K.T @ K
     np.subtract(A[q:, q:], B, out=B)
     logdet = 2 * float(np.log(np.diag(L)).sum())
-    return Projection(node, B[:P, :P], B[:P, P:], np.diag(B)[P:].copy(), node.logdet + logdet)
+    return Projection(node, B[:P, :P], B[:P, P:], np.diag(B)[P:].copy(), node.logdet + logdet, scale)
 
 
-def extended(node: Node, rows: ReducedRows, X: Array) -> tuple[Array, Array]:
-    """Gram matrix (p, p) and scores (p,) at one noise of reduced columns X (R, p) that are not among the rows."""
-    added = rows_like(rows, X)
-    p = project(node, added)
-    return p.G, p.b[:, 0]
+def extended(p: Projection, rows: ReducedRows, X: Array) -> Projection:
+    """The projection at the same noise of reduced columns X (R, p) that are not among the rows."""
+    return project(p.node, rows_like(rows, X), p.scale)
 
 
 def rows_like(rows: ReducedRows, X: Array) -> ReducedRows:
@@ -128,8 +134,22 @@ def rows_like(rows: ReducedRows, X: Array) -> ReducedRows:
     return ReducedRows(A[:low], A[low:].T @ A[low:], rows.q, X.shape[1], Q, rows.y)
 
 
-def log_bayes(G: Array, b: Array, sizes: Array = SIZES) -> Array:
-    """ln BF (..., sizes) for Gram matrices G (..., p, p) and scores b (..., p), one per prior size."""
+def log_bayes(p: Projection, index: Array, sizes: Array) -> Array:
+    """ln BF (..., sizes) of the columns `index` (..., w) together, one per prior size."""
+    gain, damping = _by_size(p, index, sizes)
+    return np.asarray(p.scale.gained(p.misfit[0], gain) - damping)
+
+
+def any_size(p: Projection, index: Array) -> Array:
+    """ln BF (...) of the columns `index` (..., w) together, their size mixed over its prior."""
+    gain, damping = _by_size(p, index, p.scale.sizes)
+    ln = p.scale.gained(p.misfit[0], gain) - damping
+    return logsumexp(ln + p.scale.log_prior(p.misfit[0] - gain), axis=-1)
+
+
+def _by_size(p: Projection, index: Array, sizes: Array) -> tuple[Array, Array]:
+    """Misfit that columns `index` (..., w) of each prior size take away, and ln |I + s^2 G| / 2, both (..., sizes)."""
+    G, b = p.G[index[..., :, None], index[..., None, :]], p.b[index, 0]
     if G.shape[-1] == 1:
         lam, c = G[..., 0], b
     else:
@@ -137,31 +157,24 @@ def log_bayes(G: Array, b: Array, sizes: Array = SIZES) -> Array:
         c = np.einsum("...ij,...i->...j", V, b)
     lam = np.maximum(lam, 0.0)[..., None, :]
     s2 = (sizes**2)[:, None]
-    gain = s2 * c[..., None, :] ** 2 / (1 + s2 * lam)
-    return np.asarray(0.5 * (gain - np.log1p(s2 * lam)).sum(axis=-1))
-
-
-def mixed(ln: Array, prior: Array) -> Array:
-    """ln of the prior-weighted mean of exp(ln) along the last axis."""
-    return logsumexp(ln + np.log(prior), axis=-1)
+    gain = (s2 * c[..., None, :] ** 2 / (1 + s2 * lam)).sum(axis=-1)
+    return np.asarray(gain), np.asarray(0.5 * np.log1p(s2 * lam).sum(axis=-1))
 
 
 def gather(projections: Sequence[Projection], candidates: Sequence[Candidate]) -> Array:
     """ln BF (nodes, candidates) of every single candidate at every noise, sizes and variants mixed; b (P, 1)."""
-    b = np.stack([p.b[:, 0] for p in projections])
     starts, share = variant_shares(candidates)
     ln = np.empty((len(projections), len(share)))
     for members, index in by_width(candidates):
-        G = np.stack([p.G[index[:, :, None], index[:, None, :]] for p in projections])
-        ln[:, members] = mixed(log_bayes(G, b[:, index]), SIZE_PRIOR)
+        for k, p in enumerate(projections):
+            ln[k, members] = any_size(p, index)
     return np.asarray(np.logaddexp.reduceat(ln + np.log(share), starts, axis=1))
 
 
 def variant_shares(candidates: Sequence[Candidate]) -> tuple[Array, Array]:
     """Where each candidate's variants start (candidates,) in a row of all, and the prior share (variants,) of each."""
-    weights = [np.array([v.weight for v in c.variants]) for c in candidates]
-    starts = np.cumsum([0, *(len(w) for w in weights)])[:-1]
-    return starts, np.concatenate([w / w.sum() for w in weights])
+    starts = np.cumsum([0, *(len(c.variants) for c in candidates)])[:-1]
+    return starts, np.array([v.weight / c.tried for c in candidates for v in c.variants])
 
 
 def by_width(candidates: Sequence[Candidate]) -> Iterator[tuple[Array, Array]]:
@@ -182,9 +195,11 @@ def condition(p: Projection, columns: Array, size: float) -> Projection:
     misfit = p.misfit - (ba * (M @ ba)).sum(axis=0)
     G = Ga @ M @ Ga.T
     np.subtract(p.G, G, out=G)
-    return Projection(p.node, G, p.b - Ga @ (M @ ba), misfit, p.penalty + penalty)
+    return Projection(p.node, G, p.b - Ga @ (M @ ba), misfit, p.penalty + penalty, p.scale)
 
 
-def best_size(G: Array, b: Array) -> float:
-    """Prior size under which one candidate is likeliest."""
-    return float(SIZES[int(np.argmax(log_bayes(G, b) + np.log(SIZE_PRIOR)))])
+def best_size(p: Projection, index: Array) -> float:
+    """Prior size under which one candidate is likeliest; where the scale is free, one that still suits less noise."""
+    gain, damping = _by_size(p, index, p.scale.sizes)
+    ln = p.scale.gained(p.misfit[0], gain) - damping + p.scale.log_prior(p.misfit[0] - gain)
+    return float(p.scale.sizes[int(np.argmax(ln))]) * p.scale.loose

@@ -6,19 +6,19 @@ from scipy.integrate import dblquad, quad
 from scipy.linalg import null_space
 from scipy.stats import multivariate_normal
 
-from gimbalcal.diagnose.evidence.known_scale import (
-    SIZE_PRIOR,
-    SIZES,
+from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.evidence.projection import (
+    Projection,
+    any_size,
     appended,
     condition,
     extended,
     gather,
     log_bayes,
-    mixed,
     project,
     stack,
 )
-from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.evidence.scale import SIZE_PRIOR, SIZES
 from gimbalcal.diagnose.library.candidates import Candidate, Variant
 
 
@@ -43,7 +43,7 @@ def dense_log_bayes(node, Z, X, y, size):
 def test_evidence_is_the_ratio_of_two_normal_densities(columns):
     node, Z, X, y = example()
     p = project(node, stack(Z, X, y, len(y)))
-    ln = log_bayes(p.G[np.ix_(columns, columns)], p.b[columns, 0])
+    ln = log_bayes(p, np.array(columns), SIZES)
     for k, size in enumerate(SIZES[:7]):
         assert ln[k] == pytest.approx(dense_log_bayes(node, Z, X[:, columns], y, size), abs=1e-8)
 
@@ -56,7 +56,8 @@ def test_evidence_is_the_integral_over_the_coefficients():
         return np.exp(b @ x - x @ G @ x / 2 - x @ x / 2) / (2 * np.pi)
 
     value, _ = dblquad(integrand, -8, 8, -8, 8)
-    assert log_bayes(G, b, np.ones(1)) == pytest.approx(np.log(value), abs=1e-6)
+    p = Projection(Node((), {}, 1.0, 0.0, np.eye(2)), G, b[:, None], np.zeros(1), 0.0)
+    assert log_bayes(p, np.arange(2), np.ones(1)) == pytest.approx(np.log(value), abs=1e-6)
 
 
 @pytest.mark.parametrize("low", [0, 20, 40])
@@ -87,10 +88,10 @@ def test_a_second_cause_given_the_first_is_the_pair():
     p = project(node, stack(Z, X, y, len(y)))
     size = 1.0
     one = np.array([size])
-    both = log_bayes(p.G[:2, :2], p.b[:2, 0], one)
-    first = log_bayes(p.G[:1, :1], p.b[:1, 0], one)
+    both = log_bayes(p, np.arange(2), one)
+    first = log_bayes(p, np.arange(1), one)
     given = condition(p, np.array([0]), size)
-    second = log_bayes(given.G[1:2, 1:2], given.b[1:2, 0], one)
+    second = log_bayes(given, np.array([1]), one)
     assert first + second == pytest.approx(both)
 
 
@@ -98,16 +99,16 @@ def test_columns_that_are_not_in_the_library_are_scored_alike():
     node, Z, X, y = example()
     rows = stack(Z, X, y, len(y))
     p = project(node, rows)
-    G, b = extended(node, rows, X[:, 1:3])
-    np.testing.assert_allclose(G, p.G[1:3, 1:3], atol=1e-10)
-    np.testing.assert_allclose(b, p.b[1:3, 0], atol=1e-10)
+    made = extended(p, rows, X[:, 1:3])
+    np.testing.assert_allclose(made.G, p.G[1:3, 1:3], atol=1e-10)
+    np.testing.assert_allclose(made.b, p.b[1:3], atol=1e-10)
 
 
 def test_variants_share_the_prior_by_their_weights():
     node, Z, X, y = example()
     p = project(node, stack(Z, X, y, len(y)))
     c = Candidate("", "", (), (Variant((), (0,), 1.0), Variant((), (1,), 3.0)))
-    one, two = (mixed(log_bayes(p.G[k : k + 1, k : k + 1], p.b[k : k + 1, 0]), SIZE_PRIOR) for k in (0, 1))
+    one, two = (any_size(p, np.array([k])) for k in (0, 1))
     assert gather([p], [c])[0, 0] == pytest.approx(np.log(0.25 * np.exp(one) + 0.75 * np.exp(two)))
 
 
@@ -126,8 +127,13 @@ def test_under_no_effect_the_scores_have_their_gram_matrix_as_covariance():
 def test_under_no_effect_the_bayes_factor_averages_to_one(G):
     """The defining property of an e-value, E[BF] = 1, and what follows from it by Markov's inequality."""
 
+    def mean(b):
+        s2 = SIZES**2
+        return np.log(SIZE_PRIOR @ np.exp(0.5 * (s2 * b**2 / (1 + s2 * G) - np.log1p(s2 * G))))
+
     def weighed(b):
-        ln = mixed(log_bayes(np.array([[G]]), np.array([b])), SIZE_PRIOR)
+        p = Projection(Node((), {}, 1.0, 0.0, np.eye(1)), np.array([[G]]), np.array([[b]]), np.zeros(1), 0.0)
+        ln = float(any_size(p, np.arange(1)))
         return np.exp(ln - b**2 / G / 2) / np.sqrt(2 * np.pi * G)
 
     end = 12 * np.sqrt(G * (1 + SIZES[-1] ** 2 * G))
@@ -135,5 +141,5 @@ def test_under_no_effect_the_bayes_factor_averages_to_one(G):
     value, _ = quad(weighed, -end, end, points=points, limit=500)
     assert value == pytest.approx(1.0, abs=1e-6)
     b = np.sqrt(G) * np.random.default_rng(1).standard_normal(20000)
-    ln = mixed(log_bayes(np.full((20000, 1, 1), G), b[:, None]), SIZE_PRIOR)
+    ln = np.array([mean(x) for x in b])
     assert np.mean(ln >= np.log(20)) < 1 / 20

@@ -1,0 +1,113 @@
+r"""What the scale of a noise does to evidence: it is stated, or nobody states it and it is integrated over.
+
+Columns of size s take `gain` away from a misfit that is cleared of what is modelled, with `dof` numbers left in it.
+
+.. math:: \ln L = -\tfrac12 (m - gain) \text{ in units of the stated scale}, \qquad
+    \ln L = -\tfrac{dof}{2} \ln (m - gain) + \ln \rho(\hat\sigma), \quad \hat\sigma^2 = (m - gain) / dof
+
+The second is the integral of sigma^-dof exp(-m / 2 sigma^2) over ln sigma; rho, what is known of the scale beforehand,
+is taken where that integral has its weight. Sizes are then counted in prior sigmas per sigma of the noise, and the
+prior of a size is that at which sigma puts it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from gimbalcal.number import Array
+
+SIZES = np.array([0.001, 0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0])  # times the catalogue's prior sigma
+SIZE_PRIOR = np.array([0.04, 0.08, 0.15, 0.18, 0.22, 0.15, 0.10, 0.05, 0.03])
+ANY_SIZE = np.geomspace(1e-4, 1e3, 29)  # fine enough that confounded causes of different plausible sizes fit alike
+RATIOS = np.geomspace(1e-3, 1e5, 17)  # prior sigmas per sigma of a noise of any scale
+ANY_RATIO = np.geomspace(1e-4, 1e6, 41)
+LOOSE = 10.0  # times its best ratio, at which a cause stands beside others: the noise they leave may be much less
+WANDERS = 1.0  # mean of ln(noise between rows / scatter of their samples) where it is more
+OVERRATED = 0.3  # the same where it is less: a hand that trembles is no noise of the mean
+LEAST = 0.003  # of the rms misfit: a cause may take away all but 1 / 300 of it
+
+
+@dataclass(frozen=True)
+class Stated:
+    """A noise whose scale is known: rows are in units of it."""
+
+    sizes: ClassVar[Array] = SIZES
+    any_size: ClassVar[Array] = ANY_SIZE
+    loose: ClassVar[float] = 1.0
+
+    def sigma(self, misfit: Array) -> Array:
+        """The scale, whatever is left (...)."""
+        return np.ones_like(misfit)
+
+    def log_likelihood(self, misfit: Array) -> Array:
+        """ln L of what is left (...)."""
+        return np.asarray(-0.5 * misfit)
+
+    def gained(self, _: Array, gain: Array) -> Array:
+        """ln L that taking `gain` (...) away from a misfit adds."""
+        return 0.5 * gain
+
+    def log_prior(self, left: Array) -> Array:
+        """ln of the prior share of each size (..., sizes), `left` (..., sizes) being left at each."""
+        return np.broadcast_to(np.log(SIZE_PRIOR), left.shape)
+
+
+STATED = Stated()
+
+
+@dataclass(frozen=True)
+class Free:
+    r"""A noise of any scale, flat in its logarithm; where rows are means, its relation to the scatter of their samples.
+
+    sample: rms of a row by that scatter, 0 where nothing tells it. The noise between rows is of that order, seldom
+    less, often more, as sensors wander from rest to rest:
+
+    .. math:: p(\ln\sigma) \propto e^{-\ln(\sigma / s) / 1} \; (\sigma > s), \quad
+              e^{-\ln(s / \sigma_0) / 0.3} \; (\sigma_0 < s)
+
+    with sigma_0 = sigma times `fresh`, what is new in each row: that the samples scatter stays, whatever wanders.
+    """
+
+    dof: int
+    sample: float = 0.0
+    fresh: float = 1.0
+    sizes: ClassVar[Array] = RATIOS
+    any_size: ClassVar[Array] = ANY_RATIO
+    loose: ClassVar[float] = LOOSE
+
+    def sigma(self, misfit: Array) -> Array:
+        """The likeliest scale where this misfit (...) is left."""
+        dof = max(self.dof, 1)
+        return np.sqrt(np.maximum(misfit / dof, LEAST**2))
+
+    def log_likelihood(self, misfit: Array) -> Array:
+        """ln L of what is left (...), up to a constant."""
+        sigma = self.sigma(misfit)
+        out = -self.dof * np.log(sigma)
+        if self.sample > 0:
+            above = np.log(sigma / self.sample)
+            out = out - np.maximum(above, 0.0) / WANDERS - np.maximum(-above - np.log(self.fresh), 0.0) / OVERRATED
+        return np.asarray(out)
+
+    def gained(self, misfit: Array, gain: Array) -> Array:
+        """ln L that taking `gain` (...) away from a misfit adds."""
+        return self.log_likelihood(misfit - gain) - self.log_likelihood(misfit)
+
+    def log_prior(self, left: Array) -> Array:
+        """ln of the prior share of each ratio (..., ratios): the density of the size that it is at this scale."""
+        size = np.log(self.sizes * self.sigma(left))
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.log(np.interp(size, *_DENSITY, left=0.0, right=0.0) * np.log(RATIOS[1] / RATIOS[0])))
+
+
+def _density() -> tuple[Array, Array]:
+    """Knots of the prior density of ln(size), linear in between, that gives each of SIZES its share."""
+    x = np.log(SIZES)
+    x = np.concatenate([[2 * x[0] - x[1]], x, [2 * x[-1] - x[-2]]])
+    return x, np.concatenate([[0.0], SIZE_PRIOR / (x[2:] - x[:-2]) * 2, [0.0]])
+
+
+_DENSITY = _density()

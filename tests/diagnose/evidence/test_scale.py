@@ -1,0 +1,141 @@
+"""Evidence without a stated noise: against dense densities, numerical integrals and regression."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import toeplitz
+from scipy.stats import multivariate_normal
+
+from gimbalcal.diagnose.evidence.noise import MEMORY, MEMORY_PRIOR, first_order, memories
+from gimbalcal.diagnose.evidence.projection import Projection, any_size, condition, log_bayes, project, stack
+from gimbalcal.diagnose.evidence.scale import _DENSITY, SIZES, STATED, Free
+from gimbalcal.effects.process import covariance
+from gimbalcal.inference.algebra import logsumexp
+from gimbalcal.inference.noise import chain
+from gimbalcal.number import Array
+
+n, C = 30, 2
+
+
+def example(size: float = 0.7) -> tuple[Array, Array, Array]:
+    """Misfit (n C,), modelled columns (n C, 3), candidates (n C, 4), of which the first is in the misfit."""
+    rng = np.random.default_rng(2)
+    J, X = rng.standard_normal((n * C, 3)), rng.standard_normal((n * C, 4))
+    return size * X[:, 0] + rng.standard_normal(n * C), J, X
+
+
+def projections(r: Array, J: Array, X: Array, sample: float = 0.0) -> tuple[Projection, ...]:
+    Q = np.linalg.qr(J)[0]
+    rows = stack(Q, X, r[:, None], len(r))
+    return tuple(project(node, rows, Free(len(r) - Q.shape[1], sample)) for node in memories(len(r) // C, C))
+
+
+def stationary(rho: float) -> Array:
+    """Covariance (n C, n C) of a first-order process of unit variance in each channel."""
+    return np.kron(toeplitz(rho ** np.arange(n)), np.eye(C))
+
+
+def dense(r: Array, J: Array, W: Array, rho: float, scale: float, size: float) -> float:
+    """ln of the restricted likelihood: contrasts free of J, columns W with a normal prior of this size."""
+    U, *_ = np.linalg.svd(J)
+    free = U[:, J.shape[1] :]
+    V = scale**2 * stationary(rho) + size**2 * W @ W.T
+    return float(multivariate_normal(cov=free.T @ V @ free).logpdf(free.T @ r))
+
+
+@pytest.mark.parametrize(("index", "memory"), [([0], 0), ([1, 2], 2), ([0, 3], 4)])
+def test_evidence_is_the_mean_of_dense_densities_over_scales_and_sizes(index: list[int], memory: int) -> None:
+    """The prior density of ln(size) is a chain of straight lines between SIZES; the scale is flat in its logarithm."""
+    r, J, X = example()
+    p = projections(r, J, X)[memory]
+    scales, sizes = np.geomspace(0.6, 6, 40), np.geomspace(2e-4, 300, 60)
+    share = np.interp(np.log(sizes), *_DENSITY)
+    share = share / share.sum()
+    assert share[(sizes > 0.55) & (sizes < 1.8)].sum() == pytest.approx(0.23, abs=0.03)  # that of SIZES' one
+    without = logsumexp(np.array([dense(r, J, X[:, :0], MEMORY[memory], s, 0.0) for s in scales]))
+    each = [np.log(q) + dense(r, J, X[:, index], MEMORY[memory], s, size)
+            for s in scales for size, q in zip(sizes, share, strict=True) if q > 0]  # fmt: skip
+    truth = float(logsumexp(np.array(each)) - without)
+    assert float(any_size(p, np.array(index))) == pytest.approx(truth, abs=0.06)
+
+
+def test_a_memory_weighs_what_its_dense_density_says() -> None:
+    """With nothing modelled the misfit is a normal vector: each memory weighs what its densities do over all scales."""
+    r, _, X = example()
+    rows = stack(np.zeros((len(r), 0)), X, r[:, None], len(r))
+    found = np.array([np.log(node.prior) + project(node, rows, Free(len(r))).log_likelihood()[0]
+                      for node in memories(n, C)])  # fmt: skip
+    made = [
+        np.log(q) + logsumexp(np.array([multivariate_normal(cov=s**2 * stationary(rho)).logpdf(r)
+                                        for s in np.geomspace(0.5, 40, 200)]))
+        for rho, q in zip(MEMORY, MEMORY_PRIOR, strict=True)
+    ]  # fmt: skip
+    np.testing.assert_allclose(found - found[0], np.array(made) - made[0], atol=1e-6)
+    assert sum(MEMORY_PRIOR) == pytest.approx(1.0)
+
+
+def test_a_second_cause_given_the_first_is_the_pair() -> None:
+    """Ratios of sizes to the noise, not sizes, are what is integrated over: conditioning is exact at any scale."""
+    p = projections(*example())[2]
+    one = np.array([3.0])
+    both, first = log_bayes(p, np.array([0, 1]), one), log_bayes(p, np.array([0]), one)
+    assert first + log_bayes(condition(p, np.array([0]), 3.0), np.array([1]), one) == pytest.approx(both)
+
+
+def test_columns_that_are_modelled_already_say_nothing() -> None:
+    r, J, X = example()
+    X[:, 1] = J[:, 0] - 2 * J[:, 2]
+    assert float(any_size(projections(r, J, X)[0], np.array([1]))) == pytest.approx(0.0, abs=0.02)
+
+
+def test_what_columns_take_away_is_what_regression_says() -> None:
+    r, J, X = example()
+    p = projections(r, J, X)[0]
+
+    def left(A: Array) -> float:
+        return float(np.sum((r - A @ np.linalg.lstsq(A, r, rcond=None)[0]) ** 2))
+
+    assert p.explained([0, 2]) == pytest.approx(left(J) - left(np.concatenate([J, X[:, [0, 2]]], axis=1)))
+    assert p.explained([2], [0]) == pytest.approx(p.explained([0, 2]) - p.explained([0]))
+    assert float(p.scale.sigma(p.misfit[0])) == pytest.approx(np.sqrt(left(J) / (len(r) - 3)))
+
+
+def test_the_scatter_of_the_samples_says_what_the_scale_seldom_is() -> None:
+    """Less than the samples scatter by exp(-1) costs 1 / 0.3, more by e costs one."""
+    free, told = Free(40), Free(40, 2.0)
+    cost = [float(told.log_likelihood(40 * s**2) - free.log_likelihood(40 * s**2)) for s in (2 / np.e, 2.0, 2 * np.e)]
+    assert cost == pytest.approx([-1 / 0.3, 0.0, -1.0])
+    assert Free(40, 2.0, 0.5).log_likelihood(np.array(160.0)) < told.log_likelihood(np.array(160.0))  # half is new
+
+
+def test_a_prior_of_sizes_is_whole_at_any_scale() -> None:
+    for sigma in (0.01, 0.3, 1.0):
+        left = np.full(len(Free.sizes), 50 * sigma**2)
+        assert np.exp(Free(50).log_prior(left)).sum() == pytest.approx(1.0, abs=0.02)
+    assert np.exp(STATED.log_prior(np.zeros(len(SIZES)))).sum() == pytest.approx(1.0)
+
+
+def test_claims_on_clean_misfits_are_rare() -> None:
+    """20 to one in at most one of twenty, although scale and memory are taken from the same 40 numbers."""
+    rng = np.random.default_rng(4)
+    ln = []
+    for _ in range(300):
+        rows = stack(np.full((40, 1), 40**-0.5), rng.standard_normal((40, 1)), rng.standard_normal((40, 1)), 40)
+        made = [project(node, rows, Free(39)) for node in memories(40, 1)]
+        null = np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in made])
+        each = np.array([float(any_size(p, np.array([0]))) for p in made])
+        ln.append(float(logsumexp(null + each) - logsumexp(null)))
+    assert np.mean(np.array(ln) > np.log(20)) < 0.05
+    assert 0.2 < np.exp(ln).mean() < 2.0  # an e-value averages to one; its tail is heavy
+
+
+@pytest.mark.parametrize("rho", [rho for rho in MEMORY if rho])
+def test_memory_from_row_to_row_is_a_gauss_markov_process(rho: float) -> None:
+    noise, m = first_order(rho), 12
+    time = np.arange(float(m))
+    V = covariance(noise, time)
+    np.testing.assert_allclose(V, rho ** np.abs(time[:, None] - time), rtol=1e-10)
+    L = chain(noise, time).whiten(np.eye(m))
+    np.testing.assert_allclose(L @ V @ L.T, np.eye(m), atol=1e-10)
+    assert chain(noise, time).log_determinant == pytest.approx((m - 1) * np.log(1 - rho**2), abs=1e-10)
