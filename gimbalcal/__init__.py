@@ -30,13 +30,14 @@ __version__ = "0.1.0"
 
 # Loaded on first use, so that `gimbalcal --help` answers at once.
 if TYPE_CHECKING:
+    from gimbalcal.api import calibrate
     from gimbalcal.calibration import Calibration
     from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
     from gimbalcal.errors import InputError
     from gimbalcal.forward import jacobian, predict
     from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings, stimulus_from_truth
     from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL, Axis, Platform
-    from gimbalcal.recording import Recording
+    from gimbalcal.recording import Recording, from_arrays, from_frame, read
     from gimbalcal.schedule import EIGHTEEN_POSITIONS, Hold, Schedule
 
 __all__ = [
@@ -56,16 +57,23 @@ __all__ = [
     "Stage",
     "Stimulus",
     "__version__",
+    "calibrate",
+    "diagnose",
+    "from_arrays",
+    "from_frame",
     "jacobian",
     "predict",
+    "read",
     "stimulus_from_angles",
     "stimulus_from_readings",
     "stimulus_from_truth",
 ]
-_HOMES = ("calibration", "effects", "errors", "forward", "kinematics", "platform", "recording", "schedule")
+_HOMES = ("api", "recording", "calibration", "effects", "errors", "forward", "kinematics", "platform", "schedule")
 
 
 def __getattr__(name: str) -> Any:
+    if name == "diagnose":  # a package whose module can be called
+        return import_module("gimbalcal.diagnose")
     if name in __all__:
         for home in _HOMES:
             module = import_module(f"gimbalcal.{home}")

@@ -39,6 +39,7 @@ from gimbalcal.recording.header import read_header
 from gimbalcal.recording.plausibility import refuse_implausible
 
 Tell = Callable[[str], None]
+Source = str | Path | Recording  # a folder, or what was read from one or made from arrays
 FEWEST_POSITIONS = 6
 ALONE = {"attitude": gyroscopes_against_attitude, "two-position": two_position}  # methods for gyroscopes alone
 STATIC_BLOCK = 60.0  # s; a static run is read as minute means: no effect of the catalogue lives below 3 min
@@ -48,19 +49,25 @@ def silent(_: str) -> None:
     """Progress that nobody is told."""
 
 
-def load(folders: Sequence[str | Path], tell: Tell = silent) -> tuple[Recording, ...]:
-    """Read recordings and refuse those that cannot be what they say; a static run comes as minute means."""
-    recordings = []
-    for folder in folders:
-        tell(f"reading {Path(folder).name}")
-        static_run = read_header(Path(folder)).kind == "static-run"
-        recording = read(Path(folder), average_s=STATIC_BLOCK if static_run else None)
-        unchecked = [remark for each in recording.sensors for remark in refuse_implausible(each)]
+def load(recordings: Sequence[Source], tell: Tell = silent) -> tuple[Recording, ...]:
+    """Read recordings from their folders, or take them as they are, and refuse those that cannot be what they say.
+
+    A static run that is read comes as minute means.
+    """
+    loaded = []
+    for each in recordings:
+        if isinstance(each, Recording):
+            recording = each
+        else:
+            tell(f"reading {Path(each).name}")
+            static_run = read_header(Path(each)).kind == "static-run"
+            recording = read(Path(each), average_s=STATIC_BLOCK if static_run else None)
+        unchecked = [remark for sensor in recording.sensors for remark in refuse_implausible(sensor)]
         recording = replace(recording, remarks=(*recording.remarks, *unchecked))
         for remark in recording.remarks:
             tell(f"note: {remark}")
-        recordings.append(recording)
-    return tuple(recordings)
+        loaded.append(recording)
+    return tuple(loaded)
 
 
 def by_sensor(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], ...]:
@@ -76,11 +83,23 @@ def by_sensor(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], .
     return tuple(zip(*(r.sensors for r in recordings), strict=True))
 
 
+def usual_method(recordings: Sequence[Recording]) -> str:
+    """The method for recordings of these kinds: by angles where gimbals were read, by the norm of gravity without.
+
+    A unit that turns on and on is held against an attitude that was logged, else against its own navigation.
+    """
+    if any(r.kind == "rotation" for r in recordings):
+        return "attitude" if all(r.has("attitude") for r in recordings) else "systematic"
+    without = all(r.kind == "multi-position" and not r.has("gimbal_angle") for r in recordings)
+    return "multiposition" if without else "three-stage"
+
+
 def calibrate(
-    folders: Sequence[str | Path], method: str = "three-stage", terms: Sequence[str] = (), tell: Tell = silent,
+    recordings: Sequence[Source], method: str = "three-stage", terms: Sequence[str] = (), tell: Tell = silent,
     more: Sequence[str] = (), states: str = "51", grade: str = "",
 ) -> tuple[Calibration, tuple[Recording, ...]]:  # fmt: skip
-    """Read recordings and calibrate by `method`: "three-stage", or "multiposition" (no angles; of one session or more).
+    """Take or read recordings and calibrate by `method`: "three-stage", or "multiposition" (no angles, one session or
+    more).
 
     "systematic" takes a rotation recording and estimates `states`: "30", "51" or "EFFECT[:AXIS],...". Pointing runs,
     one or several of a mount, have a method of their own.
@@ -90,11 +109,11 @@ def calibrate(
     Returns the calibration with its provenance, and the recordings; of several sensors side by side those of the
     first. Raises InputError for what it cannot take.
     """
-    return calibrate_each(folders, method, terms, tell, more, states, grade)[0]
+    return calibrate_each(recordings, method, terms, tell, more, states, grade)[0]
 
 
 def calibrate_each(
-    folders: Sequence[str | Path],
+    recordings: Sequence[Source],
     method: str = "three-stage",
     terms: Sequence[str] = (),
     tell: Tell = silent,
@@ -103,7 +122,7 @@ def calibrate_each(
     grade: str = "",
 ) -> tuple[tuple[Calibration, tuple[Recording, ...]], ...]:
     """The same for each of several sensors that were logged side by side, held against the first at rest."""
-    groups = by_sensor(load(folders, tell))
+    groups = by_sensor(load(recordings, tell))
     made = []
     for group in groups:
         if len(groups) > 1:

@@ -6,13 +6,14 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
 from gimbalcal.atomic import write_json
 from gimbalcal.calibration import earlier
-from gimbalcal.calibration.correction import correct, corrupt
+from gimbalcal.calibration.correction import correct, correct_arrays, corrupt
+from gimbalcal.calibration.drawing import parameters_drawn
 from gimbalcal.calibration.readout import DRAWING, Readout, from_content
 from gimbalcal.calibration.sound import refuse_unsound
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
@@ -22,6 +23,10 @@ from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN, SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si, to_si
+
+if TYPE_CHECKING:
+    import polars as pl
+    from matplotlib.figure import Figure
 
 LARGEST = 100_000_000  # bytes; a hundred parameters with their covariance are a quarter of a megabyte
 FORMAT = 2  # since 2 both triads: true = SF x reading; `earlier` reads 1
@@ -74,9 +79,39 @@ class Calibration:
         """One standard deviation (p,) in SI."""
         return np.sqrt(np.diag(self.covariance))
 
-    def apply(self, recording: Recording) -> Recording:
-        """The recording corrected, readings to physics: force [m/s^2], rate [rad/s] and gimbal angles as they were."""
-        return correct(self, recording)
+    def __str__(self) -> str:
+        """A table of parameters with their sigmas, and what speaks against the fit."""
+        rows = self.to_dict()["parameters"]
+        names = [f"{r['name']} {r['axis']}".strip() for r in rows]
+        wide = max(map(len, names), default=0)
+        table = [f"{n:{wide}s} {r['value']:14.6g} +- {r['sigma']:<10.3g} {r['unit']}"
+                 for n, r in zip(names, rows, strict=True)]  # fmt: skip
+        unseen = [f"not seen: {' '.join(u['direction'])}, {u['why']}" for u in self.unobservable]
+        return "\n".join([f"{self.method} calibration", *table, *unseen, *filter(None, [self.outcome])])
+
+    def to_frame(self) -> pl.DataFrame:
+        """One row a parameter: effect, name, axis, value, sigma and prior_sigma in `unit`."""
+        import polars as pl
+
+        columns = ("effect", "name", "axis", "value", "sigma", "prior_sigma", "unit")
+        rows = self.to_dict()["parameters"]
+        return pl.DataFrame({c: [r[c] for r in rows] for c in columns})
+
+    def plot(self) -> Figure:
+        """Each parameter with two sigmas, in its unit, as a matplotlib figure."""
+        return parameters_drawn(self.to_dict()["parameters"])
+
+    @overload
+    def apply(self, recording: Recording) -> Recording: ...
+    @overload
+    def apply(self, recording: Mapping[str, Array]) -> dict[str, Array]: ...
+    def apply(self, recording: Recording | Mapping[str, Array]) -> Recording | dict[str, Array]:
+        """The recording corrected, readings to physics: force [m/s^2], rate [rad/s] and gimbal angles as they were.
+
+        A mapping of arrays in SI, {"time": (n,), "specific_force": (n, 3), "angular_rate": (n, 3), ...}, comes back as
+        one; what it holds besides (temperature (n,), a gimbal_angle by axis) is taken where an effect needs it.
+        """
+        return correct(self, recording) if isinstance(recording, Recording) else correct_arrays(self, recording)
 
     def corrupt(self, recording: Recording) -> Recording:
         """What this unit would have read, physics to readings: the exact inverse of `apply`."""

@@ -30,7 +30,8 @@ from gimbalcal.forward import accelerometers, gyroscopes
 from gimbalcal.inversion import invert
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array, apply_matrix, complex_step
-from gimbalcal.recording import Recording
+from gimbalcal.platform import BENCH, KNOWN
+from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.record import Key
 
 ANGLE = "gimbal_angle"
@@ -88,6 +89,31 @@ def correct(calibration: Calibrated, recording: Recording) -> Recording:
         channels |= _columns(RATE, _turned(s.rate, stood, 1.0))
         made = with_noise(made, RATE, rate_gain)
     return replace(made, channels=_added(channels, stood, 1.0))
+
+
+def correct_arrays(calibration: Calibrated, readings: Mapping[str, Any]) -> dict[str, Array]:
+    """`correct` for arrays in SI: time (n,), specific_force and angular_rate (n, 3), others (n,) or by axis.
+
+    Returns the triads that were given, (n, 3). Raises InputError for another shape.
+    """
+    time = np.asarray(readings.get("time", np.arange(len(next(iter(readings.values()), ())))), dtype=float)
+    channels: dict[Key, Array] = {}
+    for quantity, given in readings.items():
+        if quantity == "time":
+            continue
+        own = given.items() if isinstance(given, Mapping) else None
+        x = None if own else np.asarray(given, dtype=float)
+        if own is None and x is not None:
+            triad = quantity in (FORCE, RATE)
+            if x.shape != ((len(time), 3) if triad else (len(time),)):
+                raise InputError(f"{quantity} must be ({len(time)}{', 3' if triad else ','}), got {x.shape}")
+            own = dict(zip(AXES, x.T, strict=True)).items() if triad else {"": x}.items()
+        channels |= {(quantity, axis): np.asarray(v, dtype=float) for axis, v in own or ()}
+    gimbals = {axis for quantity, axis in channels if quantity == ANGLE}
+    holding = (p for p in KNOWN.values() if gimbals <= set(p.axis_names))
+    platform = next(holding, BENCH) if gimbals else BENCH
+    made = correct(calibration, Recording("rotation", "arrays", platform, Site(), {}, time, None, channels))
+    return {q: made.triad(q) for q in (FORCE, RATE) if made.has(q)}
 
 
 def _undone(h: Callable[[Array], Array], y: Array, quantity: str) -> tuple[Array, Array]:

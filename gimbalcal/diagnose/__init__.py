@@ -18,7 +18,25 @@ A road walks down five rooms, each of which reads only those below it:
 `wording` has the sentences that the roads share.
 """
 
+import sys
+from types import ModuleType
+from typing import Any
+
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.entry import diagnose
 
 __all__ = ["Diagnosis", "diagnose"]
+
+
+class _Callable(ModuleType):
+    """`gimbalcal.diagnose(recordings)`, beside `gimbalcal.calibrate(recordings)`, although a package has the name."""
+
+    def __call__(self, *args: Any, **options: Any) -> Diagnosis:
+        """What `gimbalcal.api.diagnose` returns."""
+        from importlib import import_module
+
+        answer: Diagnosis = import_module("gimbalcal.api").diagnose(*args, **options)
+        return answer
+
+
+sys.modules[__name__].__class__ = _Callable

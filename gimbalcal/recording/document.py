@@ -38,6 +38,13 @@ class Document:
             what = re.sub(r"\s*\(at .*\)$", "", str(error))
             raise InputError(f"{path}, {line}: {what}; this line is not valid TOML, correct it") from None
 
+    @classmethod
+    def of(cls, content: Mapping[str, Any], path: Path) -> Document:
+        """A document that is no file: its content as TOML would give it, called `path` in sentences."""
+        made = cls.__new__(cls)
+        made.path, made.lines, made.remarks, made.content = path, [], (), dict(content)
+        return made
+
     def _repair(self) -> tuple[str, ...]:
         remarks = []
         for i, line in enumerate(self.lines):

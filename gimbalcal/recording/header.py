@@ -69,6 +69,11 @@ def foreign_header(path: Path, samples: Path, skip: int = 0, clock_needed: bool 
     return replace(_header(Document(path), samples, clock_needed), skip=skip)
 
 
+def header_of(content: Mapping[str, Any], name: Path) -> Header:
+    """The header with this content of a recording.toml, for rows that are in no file; sentences call them `name`."""
+    return _header(Document.of(content, name), name)
+
+
 def _header(document: Document, samples: Path, clock_needed: bool = True) -> Header:
     content, path = document.content, document.path
     document.only("", ("format", "kind", "title", "samples", "site", "platform", "noise", "columns"), content)

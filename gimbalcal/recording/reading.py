@@ -56,11 +56,18 @@ def dates_told(header: Header, dates: Dates) -> tuple[str, ...]:
 
 
 def assemble(
-    header: Header, stream: Iterable[Batch], whole: Callable[[str], Array], average_s: float | None = None
+    header: Header,
+    stream: Iterable[Batch],
+    whole: Callable[[str], Array],
+    average_s: float | None = None,
+    made_from: tuple[Source, ...] | None = None,
 ) -> Recording:
-    """The recording whose rows are `stream`, checked; `whole` gives one complete column for a second look."""
+    """The recording whose rows are `stream`, checked; `whole` gives one complete column for a second look.
+
+    made_from: what the rows came from, if not from the files of the header.
+    """
     with ThreadPoolExecutor(1) as pool:  # hashing leaves the interpreter free
-        digests = pool.map(_source, (header.path, header.samples))
+        digests = pool.map(_source, (header.path, header.samples)) if made_from is None else made_from
         holes = Holes(header)
         header, stream = by_sigma(header, holes.filled(stream), holes)
         increments = Increments(header, holes)

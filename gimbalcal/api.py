@@ -1,0 +1,52 @@
+"""What `import gimbalcal` offers: the commands as functions, on folders or on recordings made from arrays.
+
+import gimbalcal
+r = gimbalcal.from_arrays(t, specific_force=f, angular_rate=w, units={"specific_force": "g", "angular_rate": "deg/s"})
+calibration = gimbalcal.calibrate(r)
+print(calibration)                       # a table; .to_frame(), .plot(), .write("calibration.json")
+found = gimbalcal.diagnose(r)
+f_true = calibration.apply({"time": t, "specific_force": f})["specific_force"]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from gimbalcal import pipeline
+from gimbalcal.calibration import Calibration
+from gimbalcal.diagnose.answer import Diagnosis
+from gimbalcal.diagnose.entry import diagnose as run_diagnosis
+from gimbalcal.errors import InputError
+from gimbalcal.pipeline import Source, Tell, silent
+from gimbalcal.recording import Recording
+
+
+def calibrate(
+    recordings: Source | Sequence[Source], method: str = "", terms: Sequence[str] = (), more: Sequence[str] = (),
+    states: str = "51", tell: Tell = silent,
+) -> Calibration:  # fmt: skip
+    """The calibration of a unit or a mount from one recording or several, folders or `Recording`s.
+
+    method: as `gimbalcal calibrate --method`; left out, three stages where gimbals were read and rests of unknown
+    attitude ("multiposition") else, `pipeline.usual_method`. terms, more, states: as `--terms`, `--with`, `--states`. Raises InputError as the command does; of
+    several sensors logged side by side the first is returned.
+    """
+    loaded = pipeline.load(_listed(recordings), tell)
+    return pipeline.calibrate(loaded, method or pipeline.usual_method(loaded), terms, tell, more, states)[0]
+
+
+def diagnose(
+    recordings: Source | Sequence[Source], calibration: Calibration | None = None, baseline: Sequence[str] = (),
+    seed: int = 1, tell: Tell = silent,
+) -> Diagnosis:  # fmt: skip
+    """What the model of one recording or several of one unit misses, as `gimbalcal diagnose` says it."""
+    return run_diagnosis(pipeline.load(_listed(recordings), tell), calibration, baseline, seed, tell)
+
+
+def _listed(recordings: Source | Sequence[Source]) -> Sequence[Source]:
+    if isinstance(recordings, (str, Path, Recording)):
+        return [recordings]
+    if not recordings:
+        raise InputError("give at least one recording: a folder, or what from_arrays, from_frame or read returns")
+    return recordings

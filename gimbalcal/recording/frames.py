@@ -1,0 +1,150 @@
+"""A recording from arrays or from a data frame (pandas, polars, a dictionary), with the checks that a file passes."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.recording.columns import UNITLESS
+from gimbalcal.recording.dates import Dates, NoDateError
+from gimbalcal.recording.header import Header, header_of
+from gimbalcal.recording.reading import assemble, dates_told
+from gimbalcal.recording.record import Recording, Source
+from gimbalcal.units import QUANTITIES
+
+TRIADS = ("specific_force", "angular_rate", "velocity_increment", "angle_increment")
+SHORT = re.compile(r"\s*(?P<quantity>\w+)\s*(?P<axis>\w+)?\s*(\[(?P<unit>[^\]]+)\])?\s*")
+NAME = Path("arrays")  # in the place of a file where a sentence says which row
+Entry = str | Mapping[str, Any]
+
+
+def from_frame(
+    frame: Any, columns: Mapping[str, Entry], *, kind: str = "multi-position", platform: str = "bench",
+    title: str = "arrays", site: Mapping[str, tuple[float, str]] | None = None,
+    noise: Mapping[str, tuple[float, str]] | None = None, instant: bool = False, average_s: float | None = None,
+) -> Recording:  # fmt: skip
+    """A recording whose rows are those of a data frame, or of any mapping of names to columns.
+
+    columns: for each name what it holds, ``"specific_force x [g]"``, ``"time [s]"``, ``"position"`` (without a unit:
+    SI), or as a table of recording.toml, ``{"quantity": "time", "unit": "s"}``. site and noise: numbers with their
+    units, ``{"latitude": (40.0, "deg")}``, ``{"accelerometer": (20.0, "ug")}``. `average_s` as in `read`. Dates of a
+    time column count as seconds from the first. Raises InputError with the row and the column of what is wrong.
+    """
+    content: dict[str, Any] = {
+        "format": 1, "kind": kind, "title": title, "platform": {"name": platform},
+        "site": {key: _stated(key, entry) for key, entry in (site or {}).items()},
+        "noise": {key: _stated(key, entry) for key, entry in (noise or {}).items()},
+        "columns": {name: _entry(name, entry) for name, entry in columns.items()},
+        **({"samples": {"rates": "instant"}} if instant else {}),
+    }  # fmt: skip
+    header, dates = header_of(content, NAME), Dates()
+    missing = [name for name in columns if name not in _names(frame)]
+    if missing:
+        raise InputError(f"the frame has no column {missing[0]!r}; it has {', '.join(map(str, _names(frame)))}")
+    rows = {c.name: _column(header, c.name, frame[c.name], dates) for c in header.columns}
+    lengths = {name: len(x) for name, x in rows.items()}
+    if len(set(lengths.values())) > 1:
+        raise InputError(f"columns must be of one length, got {', '.join(f'{k} {n}' for k, n in lengths.items())}")
+    digest = hashlib.sha256()
+    for name, x in rows.items():
+        digest.update(name.encode() + x.tobytes())
+    stream = [rows] if next(iter(lengths.values()), 0) else []
+    made = assemble(header, stream, rows.__getitem__, average_s, (Source(str(NAME), digest.hexdigest()),))
+    return replace(made, remarks=(*made.remarks, *dates_told(header, dates)))
+
+
+def from_arrays(
+    time: ArrayLike, *, units: Mapping[str, str] | None = None, kind: str = "multi-position", platform: str = "bench",
+    title: str = "arrays", site: Mapping[str, tuple[float, str]] | None = None,
+    noise: Mapping[str, tuple[float, str]] | None = None, instant: bool = False, average_s: float | None = None,
+    **quantities: Any,
+) -> Recording:  # fmt: skip
+    """A recording from arrays: time (n,) and quantities by their names in recording.toml.
+
+    Triads (specific_force, angular_rate, ...) are (n, 3) for x, y, z; quantities of axes (gimbal_angle, covariate) are
+    mappings from axis to (n,); others (temperature, position, weight) are (n,). units: by quantity, SI where absent,
+    ``{"specific_force": "g", "angular_rate": "deg/s"}``. The rest is as in `from_frame`.
+    """
+    frame: dict[str, Any] = {"time": time}
+    said: dict[str, Entry] = {"time": _table("time", "", units)}
+    for quantity, values in quantities.items():
+        for axis, column in _columns(quantity, values):
+            name = f"{quantity}_{axis}".rstrip("_")
+            frame[name], said[name] = column, _table(quantity, axis, units)
+    unknown = set(units or {}) - {"time", *quantities}
+    if unknown:
+        raise InputError(f"units names {min(unknown)!r}, and there is no such array")
+    return from_frame(
+        frame, said, kind=kind, platform=platform, title=title, site=site, noise=noise, instant=instant,
+        average_s=average_s,
+    )  # fmt: skip
+
+
+def _columns(quantity: str, values: Any) -> Iterator[tuple[str, Any]]:
+    if isinstance(values, Mapping):
+        yield from values.items()
+        return
+    x = np.asarray(values)
+    if quantity in TRIADS:
+        if x.ndim != 2 or x.shape[1] != 3:
+            raise InputError(f"{quantity} must be (n, 3), one column for each of x, y and z, got {x.shape}")
+        yield from zip("xyz", x.T, strict=True)
+    elif x.ndim == 1:
+        yield "", x
+    else:
+        raise InputError(f"{quantity} must be (n,), or a mapping from axis to (n,), got {x.shape}")
+
+
+def _table(quantity: str, axis: str, units: Mapping[str, str] | None) -> dict[str, str]:
+    known = QUANTITIES.get(quantity)
+    unit = (units or {}).get(quantity, known.si if known else "1")
+    bare = {"quantity": quantity, **({"axis": axis} if axis else {})}
+    return bare if quantity in UNITLESS else {**bare, "unit": unit}
+
+
+def _entry(name: str, entry: Entry) -> dict[str, Any]:
+    if not isinstance(entry, str):
+        return dict(entry)
+    found = SHORT.fullmatch(entry)
+    if not found:
+        raise InputError(f"column {name!r} is {entry!r}; write quantity, axis and unit, as in 'specific_force x [g]'")
+    units = {found["quantity"]: found["unit"]} if found["unit"] else None
+    return _table(found["quantity"], found["axis"] or "", units)
+
+
+def _stated(key: str, entry: Any) -> dict[str, Any]:
+    try:
+        value, unit = entry
+    except (TypeError, ValueError):
+        raise InputError(f"{key} needs a number and its unit, as in ({entry!r}, 'deg')") from None
+    return {"value": value.item() if isinstance(value, np.number) else value, "unit": unit}
+
+
+def _names(frame: Any) -> Sequence[Any]:
+    return list(frame.keys() if isinstance(frame, Mapping) else frame.columns)
+
+
+def _column(header: Header, name: str, values: Any, dates: Dates) -> Array:
+    """One column as float64; dates of the clock as seconds."""
+    x = np.asarray(values)
+    clocks = [c.name for c in header.columns if c.quantity == "time"]
+    if name in clocks and x.dtype.kind in "MOU" and len(x):
+        import polars as pl
+
+        try:
+            return np.asarray(dates.seconds(pl.Series(np.asarray(x, dtype=str))))
+        except NoDateError as problem:
+            raise InputError(f"{NAME}, row {problem.row + 1}, column {name}: {problem}; correct it") from None
+    try:
+        return np.array(x, dtype=np.float64)  # a copy: units are applied in place
+    except (TypeError, ValueError):
+        raise InputError(f"column {name!r} holds {x.dtype} where real numbers are wanted") from None

@@ -1,0 +1,124 @@
+"""Recordings from arrays and data frames pass the checks of files and give what files give."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from gimbalcal.errors import InputError
+from gimbalcal.recording import Recording, from_arrays, from_frame, read
+
+XSENS = Path(__file__).resolve().parents[2] / "data" / "xsens_positions"
+COLUMNS = {
+    "time_s": "time [s]", "position": "position", "weight": "weight",
+    **{f"accel_{a}": f"specific_force {a} [count]" for a in "xyz"},
+    **{f"gyro_{a}": f"angular_rate {a} [count]" for a in "xyz"},
+}  # fmt: skip
+NOISE = {"accelerometer": (2.9087778259101675, "count"), "gyroscope": (25.22862607966792, "count")}
+
+
+class Pandas:
+    """What is used of a pandas frame: columns, and a column by its name."""
+
+    def __init__(self, frame: pl.DataFrame) -> None:
+        self.frame, self.columns = frame, frame.columns
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.frame[name].to_numpy()
+
+
+def same(a: Recording, b: Recording) -> None:
+    np.testing.assert_array_equal(a.time, b.time)
+    np.testing.assert_array_equal(a.position, b.position)
+    assert a.channels.keys() == b.channels.keys()
+    for key in a.channels:
+        np.testing.assert_array_equal(a.channels[key], b.channels[key])
+    assert a.noise == b.noise
+    assert a.scatter == b.scatter
+    assert a.units == b.units
+
+
+@pytest.mark.parametrize("kind", ["polars", "dictionary", "pandas"])
+def test_a_frame_is_the_file(kind: str) -> None:
+    frame = pl.read_csv(XSENS / "samples.csv")
+    given = {"polars": frame, "dictionary": frame.to_dict(as_series=False), "pandas": Pandas(frame)}[kind]
+    made = from_frame(given, COLUMNS, title="Xsens", noise=NOISE)
+    same(made, read(XSENS))
+    assert len(made.source[0].sha256) == 64
+    assert made.source == from_frame(frame, COLUMNS, noise=NOISE).source
+
+
+def test_arrays_are_the_file_and_stay_as_they_were() -> None:
+    r = read(XSENS)
+    f, w = r.triad("specific_force"), r.triad("angular_rate")
+    before = f.copy()
+    made = from_arrays(
+        r.time, specific_force=f, angular_rate=w, position=r.position, weight=r.weight, noise=NOISE,
+        units={"specific_force": "count", "angular_rate": "count"},
+    )  # fmt: skip
+    same(made, r)
+    in_g = from_arrays(r.time, specific_force=f / 3e4, position=r.position, units={"specific_force": "g"})
+    np.testing.assert_allclose(in_g.triad("specific_force"), f / 3e4 * 9.80665, rtol=1e-15)
+    np.testing.assert_array_equal(f, before)
+
+
+def test_angles_and_covariates_by_axis_and_dates() -> None:
+    n = 200
+    rng = np.random.default_rng(1)
+    f = rng.standard_normal((n, 3)) * 1e-3 + [0, 0, -9.8]
+    made = from_arrays(
+        np.datetime64("2026-11-22T10:00:00") + np.arange(n).astype("m8[s]"), specific_force=f,
+        gimbal_angle={"inner": np.zeros(n), "middle": 1e-6 * rng.standard_normal(n)}, platform="space-stable",
+        position=np.ones(n), temperature=20 + 0.1 * rng.standard_normal(n), covariate={"fan": rng.standard_normal(n)},
+        units={"gimbal_angle": "deg", "covariate": "V"}, site={"latitude": (40.0, "deg")},
+    )  # fmt: skip
+    np.testing.assert_allclose(np.diff(made.time), 1.0)
+    assert made.axes("gimbal_angle") == ("inner", "middle")
+    assert made.axes("covariate") == ("fan",)
+    assert made.site.latitude == pytest.approx(np.radians(40))
+    assert "2026-11-22" in made.remarks[-1]
+
+
+def test_rests_are_found_as_in_a_file() -> None:
+    rng = np.random.default_rng(2)
+    still = np.eye(3) * 9.8
+    f = np.concatenate([np.r_[np.tile(u, (300, 1)), rng.standard_normal((60, 3)) * 4 + u] for u in still])
+    made = from_arrays(np.arange(len(f)) / 100, specific_force=f + 1e-3 * rng.standard_normal(f.shape))
+    assert made.position is not None
+    assert made.position.max() == 3
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"specific_force": np.zeros((5, 2))}, r"specific_force must be \(n, 3\)"),
+        ({"specific_force": np.zeros((4, 3))}, "columns must be of one length"),
+        (
+            {"specific_force": np.array([[1.0, 1, np.inf]] * 5)},
+            "arrays, row 1, column specific_force_z: the value is empty",
+        ),
+        ({"units": {"specific_force": "deg"}}, "'deg' is not a unit of specific_force"),
+        ({"units": {"angular_rate": "deg/s"}}, "units names 'angular_rate', and there is no such array"),
+        ({"drag": np.zeros(5)}, "the quantity 'drag' of column 'drag' is not known"),
+        ({"temperature": np.zeros((5, 2))}, r"temperature must be \(n,\), or a mapping"),
+        ({"time": np.array([0.0, 1, 1, 2, 3])}, "arrays, row 3, column time: the clock stands still"),
+        ({"noise": {"accelerometer": 3.0}}, "accelerometer needs a number and its unit"),
+        ({"platform": "raft"}, "the platform 'raft' is not known"),
+    ],
+)
+def test_what_a_file_is_refused_for(change: dict[str, object], words: str) -> None:
+    given: dict[str, object] = {"time": np.arange(5.0), "specific_force": np.ones((5, 3)), "position": np.ones(5)}
+    with pytest.raises(InputError, match=words):
+        from_arrays(**{**given, **change})  # type: ignore[arg-type]
+
+
+def test_columns_that_are_not_there_and_words_that_say_nothing() -> None:
+    with pytest.raises(InputError, match="the frame has no column 'tt'; it has t"):
+        from_frame({"t": [0.0]}, {"tt": "time [s]"})
+    with pytest.raises(InputError, match="write quantity, axis and unit"):
+        from_frame({"t": [0.0]}, {"t": "time in s"})
+    with pytest.raises(InputError, match=r"holds .* where real numbers are wanted"):
+        from_frame({"t": [0.0], "a": ["x"]}, {"t": "time [s]", "a": "specific_force x [g]"})

@@ -1,0 +1,66 @@
+"""`import gimbalcal` and what it offers: the commands as functions, and results that show themselves."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gimbalcal
+from gimbalcal.cli import main  # noqa: F401  the command line loads beside it
+
+DATA = Path(__file__).resolve().parents[1] / "data"
+XSENS = DATA / "xsens_positions"
+
+
+def test_calibrate_is_the_command(command, capsys) -> None:  # type: ignore[no-untyped-def]
+    made = gimbalcal.calibrate(XSENS)
+    assert made.method == "multiposition"
+    command("calibrate", XSENS, "--method", "multiposition", "--json", "--quiet")
+    told = json.loads(capsys.readouterr().out)
+    assert [p["value"] for p in told["parameters"]] == [p["value"] for p in made.to_dict()["parameters"]]
+    again = gimbalcal.calibrate([gimbalcal.read(XSENS)], terms=["bias", "scale_factor"])
+    assert {p.effect for p in again.parameters} <= {"bias", "scale_factor", "gyro_bias"}
+    with pytest.raises(gimbalcal.InputError, match="give at least one recording"):
+        gimbalcal.calibrate([])
+
+
+def test_a_calibration_shows_itself() -> None:
+    made = gimbalcal.calibrate(XSENS, terms=["bias", "scale_factor"])
+    assert "bias x" in str(made)
+    assert " +- " in str(made)
+    frame = made.to_frame()
+    assert frame.columns == ["effect", "name", "axis", "value", "sigma", "prior_sigma", "unit"]
+    assert len(frame) == len(made.parameters)
+    figure = made.plot()
+    drawn = [ax for ax in figure.axes if ax.get_visible()]
+    assert [ax.get_title(loc="left") for ax in drawn][:1] == [
+        f"{frame['name'][0].replace('_', ' ')} [{frame['unit'][0]}]"
+    ]
+
+
+def test_arrays_are_corrected_as_a_recording_is() -> None:
+    r = gimbalcal.read(DATA / "space_stable_18")
+    made = gimbalcal.calibrate(r)
+    assert made.method == "three-stage"
+    sensors = gimbalcal.Calibration(
+        "t", tuple(e for e in made.effects if e.id in ("bias", "scale_factor")), (), np.zeros((0, 0)), (), made.residual
+    )
+    f = r.triad("specific_force")
+    out = sensors.apply({"time": r.time, "specific_force": f})
+    np.testing.assert_allclose(out["specific_force"], sensors.apply(r).triad("specific_force"), rtol=1e-14)
+    with pytest.raises(gimbalcal.InputError, match=r"specific_force must be \(\d+, 3\)"):
+        sensors.apply({"time": r.time, "specific_force": f[:, :2]})
+
+
+def test_diagnose_is_a_function_and_a_package() -> None:
+    found = gimbalcal.diagnose(DATA / "space_stable_concealed")  # type: ignore[operator]
+    assert found.verdict == "missing-physics"
+    assert found.findings[0]["effect"] in str(found)
+    assert found.in_words in str(found)
+    frame = found.to_frame()
+    assert frame["effect"][0] == found.findings[0]["effect"]
+    assert len(found.plot().axes) == len(found.curves.channels)
+    assert gimbalcal.diagnose.Diagnosis is type(found)
