@@ -28,9 +28,9 @@ def calibrate(
 ) -> Calibration:  # fmt: skip
     """The calibration of a unit or a mount from one recording or several, folders or `Recording`s.
 
-    method: as `gimbalcal calibrate --method`; left out, three stages where gimbals were read and rests of unknown
-    attitude ("multiposition") else, `pipeline.usual_method`. terms, more, states: as `--terms`, `--with`, `--states`. Raises InputError as the command does; of
-    several sensors logged side by side the first is returned.
+    method: as `gimbalcal calibrate --method`; left out, what `pipeline.usual_method` says of such recordings. terms,
+    more, states: as `--terms`, `--with` and `--states`. Raises InputError as the command does; of several sensors
+    logged side by side the first is returned.
     """
     loaded = pipeline.load(_listed(recordings), tell)
     return pipeline.calibrate(loaded, method or pipeline.usual_method(loaded), terms, tell, more, states)[0]
