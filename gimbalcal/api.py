@@ -24,24 +24,24 @@ from gimbalcal.recording import Recording
 
 def calibrate(
     recordings: Source | Sequence[Source], method: str = "", terms: Sequence[str] = (), more: Sequence[str] = (),
-    states: str = "51", tell: Tell = silent,
+    states: str = "51", grade: str = "", tell: Tell = silent,
 ) -> Calibration:  # fmt: skip
     """The calibration of a unit or a mount from one recording or several, folders or `Recording`s.
 
     method: as `gimbalcal calibrate --method`; left out, what `pipeline.usual_method` says of such recordings. terms,
-    more, states: as `--terms`, `--with` and `--states`. Raises InputError as the command does; of several sensors
+    more, states, grade: as `--terms`, `--with`, `--states`, `--grade`. Raises InputError as the command does; of several sensors
     logged side by side the first is returned.
     """
     loaded = pipeline.load(_listed(recordings), tell)
-    return pipeline.calibrate(loaded, method or pipeline.usual_method(loaded), terms, tell, more, states)[0]
+    return pipeline.calibrate(loaded, method or pipeline.usual_method(loaded), terms, tell, more, states, grade)[0]
 
 
 def diagnose(
     recordings: Source | Sequence[Source], calibration: Calibration | None = None, baseline: Sequence[str] = (),
-    seed: int = 1, tell: Tell = silent,
+    seed: int = 1, grade: str = "", tell: Tell = silent,
 ) -> Diagnosis:  # fmt: skip
     """What the model of one recording or several of one unit misses, as `gimbalcal diagnose` says it."""
-    return run_diagnosis(pipeline.load(_listed(recordings), tell), calibration, baseline, seed, tell)
+    return run_diagnosis(pipeline.load(_listed(recordings), tell), calibration, baseline, seed, tell, grade)
 
 
 def _listed(recordings: Source | Sequence[Source]) -> Sequence[Source]:
