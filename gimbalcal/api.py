@@ -29,8 +29,8 @@ def calibrate(
     """The calibration of a unit or a mount from one recording or several, folders or `Recording`s.
 
     method: as `gimbalcal calibrate --method`; left out, what `pipeline.usual_method` says of such recordings. terms,
-    more, states, grade: as `--terms`, `--with`, `--states`, `--grade`. Raises InputError as the command does; of several sensors
-    logged side by side the first is returned.
+    more, states, grade: as `--terms`, `--with`, `--states`, `--grade`. Raises InputError as the command does; of
+    several sensors logged side by side the first is returned.
     """
     loaded = pipeline.load(_listed(recordings), tell)
     return pipeline.calibrate(loaded, method or pipeline.usual_method(loaded), terms, tell, more, states, grade)[0]
