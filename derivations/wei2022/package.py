@@ -17,11 +17,16 @@ import sympy as sp
 from derivations import navigator
 from derivations.comparison import checks, once
 from derivations.readings import BETA, FORCE, RATE, TURN, package_slopes
-from derivations.wei2022 import sensors, table_1
-from derivations.wei2022.symbols import SOURCE, dA_a, dA_g, dK_a, dK_g, epsilon, f, nabla, omega
+from derivations.wei2022 import sensors, table_1, tables
+from derivations.wei2022.symbols import NAMES, SOURCE, dA_a, dA_g, dK_a, dK_g, epsilon, f, nabla, omega
 
 # element of dA in terms of beta: Eq. (5) of Wu et al. has the reading's matrix beside the diagonal
 ELEMENT = {"xz": ("xy", 1), "xy": ("xz", -1), "yz": ("yx", -1), "yx": ("yz", 1), "zy": ("zx", 1), "zx": ("zy", -1)}
+
+
+def _beta(element: str) -> str:
+    """The package's letters of an element of dA."""
+    return next(beta for beta, (of, _) in ELEMENT.items() if of == element)
 
 
 def _slopes(symbols: Sequence[Any], error: Any) -> Any:
@@ -89,3 +94,43 @@ checks(SOURCE, "Eq. (9)", "Eq. (10)", where=navigator.GROWTH)(navigator.driven)
 _UPDATES = tuple(f"Eq. ({n})" for n in range(18, 23))
 checks(SOURCE, *_UPDATES, where="inference.beside_constants.filter")(navigator.square_root_filter)
 checks(SOURCE, *_UPDATES, where="inference.kalman.filter")(navigator.dense_smoother)
+
+
+# --- degrees of observability
+
+CURVES = "design.turning_observability"
+# states as the package names them, in the order of the paper's
+STATES = (
+    *(f"{name}:{a}" for name in ("gyro_bias", "bias", "gyro_scale_factor", "scale_factor") for a in "xyz"),
+    *(f"gyro_misalignment:{_beta(str(s)[-2:])}" for s in dA_g), *(f"misalignment:{_beta(str(s)[-2:])}" for s in dA_a),
+)  # fmt: skip
+
+
+def printed_degree(row: int) -> float:
+    """A row of Table 2 as the package tells it."""
+    from gimbalcal.design.turning_observability import TABLE_2
+
+    return float(np.abs(np.array(TABLE_2[STATES[row]]) - [float(d) for d in tables.TABLE_2[row]]).max())
+
+
+for _row, _name in enumerate(NAMES):
+    checks(SOURCE, f"Table 2, {_name}", where=f"{CURVES}.TABLE_2")(partial(printed_degree, _row))
+
+
+def _curve(degree: float) -> Any:
+    from gimbalcal.design.turning_observability import Curve
+
+    return Curve("bias:x", "ug", degree, np.array([degree, 1.0]))
+
+
+@checks(SOURCE, "Eq. (23)", where=f"{CURVES}.Curve.degree")
+def degree() -> float:
+    """Root of the ratio of variances."""
+    return abs(_curve(7.0).degree - np.sqrt(7.0**2 / 1.0**2))
+
+
+@checks(SOURCE, "Eq. (24)", where=f"{CURVES}.Curve.word")
+def thresholds() -> float:
+    """How many of the words on either side of a threshold are others."""
+    words = {1.0: "unobservable", 1.1: "low", 2.0: "low", 2.1: "moderate", 10.0: "moderate", 10.1: "high"}
+    return float(sum(_curve(d).word != word for d, word in words.items()))

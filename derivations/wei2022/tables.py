@@ -12,7 +12,7 @@ from __future__ import annotations
 from decimal import Decimal
 from math import sqrt
 
-from derivations.verdict import AGREES, MISPRINT, NOT_DETERMINED, WRONG, Verdict
+from derivations.verdict import AGREES, MISPRINT, NOT_DETERMINED, WRONG, Verdict, with_package
 from derivations.wei2022.symbols import NAMES, SOURCE
 
 # 18-position, 30-position, in the order of NAMES
@@ -77,10 +77,10 @@ def judge_degree(row: int) -> Verdict:
             f"Both values are those of {twin[0]}, eight digits of two different quantities; no other rows share one. "
             "One of the two rows was copied, this one by its place: its own values are not printed."
         )
-    return Verdict(
+    return with_package(Verdict(
         SOURCE, f"Table 2, {NAMES[row]}", MISPRINT if twin else NOT_DETERMINED, " / ".join(degrees),
         "nothing printed determines it", "not quantified", why,
-    )  # fmt: skip
+    ))  # fmt: skip
 
 
 def residual_gap(row: int, scheme: int) -> Decimal:

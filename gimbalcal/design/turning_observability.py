@@ -1,7 +1,7 @@
 r"""What a schedule of turns sees: sigma of every state against time, Wei's degree of observability, weak directions.
 
-The degree of observability (Wei et al. 2022, Eq. (24), after Yan et al. 2018) is how many times better a state is known
-than before,
+The degree of observability (Wei et al. 2022, Eqs. (23), (24), after Yan et al. 2018) is how many times better a state
+is known than before,
 
 .. math:: \sigma_k^j = \sqrt{P_0^{jj} / P_k^{jj}} ,
 
