@@ -89,7 +89,7 @@ def observe(
 @click.option("--total", default=3870.0, type=POSITIVE, show_default=True, help="Of turns: all the time, s.")
 @click.option("--rate", default=10.0, type=POSITIVE, show_default=True, help="Of turns: how fast, deg/s.")
 @click.option("--ramp", default=1.0, type=POSITIVE, show_default=True, help="Of turns: to come to that, s.")
-@click.option("--limit", default=360.0, type=POSITIVE, show_default=True, help="Of turns: of either axis, +- deg.")
+@click.option("--limit", default=720.0, type=POSITIVE, show_default=True, help="Of turns: of either axis, +- deg.")
 @click.option("--against", default="", help="Comma-separated schedules of turns that it should beat in every group.")
 @click.option("--latitude", default=40.0, show_default=True, help="Of turns: where, deg.")
 @RATE_NOISE

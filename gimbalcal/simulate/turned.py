@@ -24,6 +24,7 @@ from gimbalcal.schedule.file import read_rotation
 from gimbalcal.schedule.trajectory import Trajectory, earth_rate, trajectory
 from gimbalcal.simulate.scenario import Motion
 
+INSTANT = 1e-9  # s; pieces of an interval are longer
 GAUSS = np.polynomial.legendre.leggauss(3)
 
 
@@ -57,13 +58,16 @@ def nodes(path: Trajectory, time: Array, interval: float | Array, instant: bool)
     order = np.lexsort((begin, owner))
     begin, owner = begin[order], owner[order]
     end = np.where(np.append(owner[1:], n) == owner, np.append(begin[1:], 0.0), time[owner])
+    long = end - begin > INSTANT  # a corner at the end of a row leaves nothing of it, but for rounding
+    begin, end, owner = begin[long], end[long], owner[long]
     middle, half = (begin + end) / 2, (end - begin) / 2
+    whole = np.bincount(owner, end - begin, n)
     x, w = GAUSS
     moving = path.moving(begin, end)
     count = np.where(moving, len(x), 1)
     at = np.cumsum(count) - count
     out = Nodes(
-        np.repeat(middle, count), np.repeat(2 * half / interval[owner], count), at[np.searchsorted(owner, np.arange(n))]
+        np.repeat(middle, count), np.repeat(2 * half / whole[owner], count), at[np.searchsorted(owner, np.arange(n))]
     )
     for j, (xj, wj) in enumerate(zip(x, w, strict=True)):
         k = at[moving] + j

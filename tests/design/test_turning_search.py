@@ -66,6 +66,18 @@ def test_it_beats_what_it_is_measured_by_and_says_so():
     assert "in as much time" in told["in_words"]
 
 
+def test_the_63_turns_are_better_than_both_papers_in_every_group_at_equal_duration():
+    table, like = table_of(90.0, 720.0, 10.0, 1.0, 3870.0), plan(np.deg2rad(34.2))
+    noise = Noise(5 * 9.80665e-6, np.deg2rad(0.002) / 60)
+    search = Search(table, like, states("51", like), noise)
+    mine = exact(search, ROTATIONS["turns-63"])
+    assert trajectory(ROTATIONS["turns-63"]).duration == pytest.approx(3870.0)
+    rivals = [(ROTATIONS[n], t) for n in ("cai2016-18", "wei2022-30") for t in (None, table)]
+    theirs = [exact(search, stretched(schedule, 3870.0, own)) for schedule, own in rivals]
+    for name, i in search.groups.items():
+        assert mine[i].max() < 0.99 * min(s[i].max() for s in theirs), name
+
+
 def test_own_axes_of_a_sensitivity_are_a_group():
     like = plan(0.6)
     groups = Search(TABLE, like, states("51", like), Noise(5e-5, 6e-7)).groups

@@ -13,6 +13,7 @@ from gimbalcal.schedule import ROTATIONS
 from gimbalcal.schedule.file import rotation_toml
 from gimbalcal.schedule.trajectory import trajectory
 from gimbalcal.simulate import check_content, load, prepare, simulate, simulate_to
+from gimbalcal.simulate.turned import nodes
 
 LATITUDE = np.deg2rad(34.2)
 
@@ -157,3 +158,12 @@ def test_the_papers_simulations_ship(name):
 def test_a_scenario_that_cannot_be_is_refused(changes, told):
     with pytest.raises(InputError, match=told):
         simulate(unit(**changes))
+
+
+def test_no_two_instants_are_one_where_corners_fall_on_rows():
+    path = trajectory(ROTATIONS["cai2016-18"])
+    time = np.arange(1, 38701) * 0.1  # every corner is a row's end, but for rounding
+    at = nodes(path, time, 0.1, False)
+    assert np.diff(at.time).min() > 1e-3
+    np.testing.assert_allclose(at.means(np.ones(len(at.time))), 1.0, rtol=1e-14)
+    np.testing.assert_allclose(at.means(at.time), time - 0.05, rtol=1e-13)
