@@ -18,6 +18,7 @@ from gimbalcal.cli.catalogue import catalogue
 from gimbalcal.cli.files import apply, export, import_
 from gimbalcal.cli.history import compare, remember, stored
 from gimbalcal.cli.navigation import budget, navigate
+from gimbalcal.cli.new import new
 from gimbalcal.cli.options import COUNT, GRADE, RECORDINGS, SEED, listed, output_options, progress, show
 from gimbalcal.cli.placing import OVERWRITE, placed
 from gimbalcal.cli.planning import design, observe
@@ -71,6 +72,7 @@ gimbalcal.add_command(design)
 gimbalcal.add_command(export)
 gimbalcal.add_command(import_)
 gimbalcal.add_command(navigate)
+gimbalcal.add_command(new)
 gimbalcal.add_command(budget)
 gimbalcal.add_command(observe)
 

@@ -13,13 +13,14 @@ import numpy as np
 from gimbalcal.errors import InputError
 from gimbalcal.importers.table import COMMON, header_for, number, one_file, only, recording_of
 from gimbalcal.number import Array
-from gimbalcal.recording.dates import is_date
+from gimbalcal.recording.dates import Dates, is_date
 from gimbalcal.recording.record import Recording
 from gimbalcal.recording.samples import EMPTY, names_above, numbered
 
 if TYPE_CHECKING:
     import polars as pl
 
+HEAD, LEAST_COLUMNS = 200, 3  # lines that tell how a log is written, and columns of one that holds a triad
 _SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 
 
@@ -62,6 +63,55 @@ def import_csv(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
         return _numbers(path, name, text, named)
 
     return recording_of(replace(header, named=named), options, fetch)
+
+
+def table_of(path: Path) -> dict[str, Array]:
+    """Every column of numbers of a text table that nobody described, by its name; dates of ISO 8601 are seconds.
+
+    Lines before the table are skipped, the separator is the one that most lines share, and a table without names has
+    its columns called by number. Cells that hold no number are NaN. Raises InputError for a file without a table.
+    """
+    import polars as pl
+
+    if not path.is_file():
+        raise InputError(f"{path} does not exist or is not a file; give the log of a unit")
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        head = [line.rstrip("\r\n") for line, _ in zip(file, range(HEAD), strict=False)]
+    skip, separator = _begins(path, head)
+    named = not _holds_numbers(path, skip, separator)
+    frame = _frame(path, separator, skip, named)
+    if not named:
+        above = names_above(path, frame.width, skip)
+        frame.columns = above or [str(i) for i in range(1, frame.width + 1)]
+    out = {}
+    for name in frame.columns:
+        text = frame[name].str.strip_chars().str.strip_chars('"')
+        seen = text.drop_nulls()
+        if len(seen) and is_date(seen[0]):
+            out[name] = Dates().seconds(text)
+            continue
+        values = text.str.replace(",", ".", literal=True) if separator == ";" else text
+        numbers = values.cast(pl.Float64, strict=False).to_numpy()
+        if np.count_nonzero(np.isfinite(numbers)) > len(numbers) / 2:
+            out[name] = numbers
+    if len(out) < LEAST_COLUMNS:
+        raise InputError(f"{path} holds {len(out)} columns of numbers: no log of a unit, or in a form that is not text")
+    return out
+
+
+def _begins(path: Path, head: Sequence[str]) -> tuple[int, str]:
+    """How many lines stand before a table, and its separator."""
+    best = (0, 0, 0, ",")
+    for mark in (";", "\t", ",", " "):
+        counts = [len(line.split()) if mark == " " else line.count(mark) + 1 for line in head if line.strip()]
+        usual = max(set(counts), key=counts.count, default=0)
+        begins = next((i for i, line in enumerate(head) if line.strip() and not line.startswith("#")
+                       and (len(line.split()) if mark == " " else line.count(mark) + 1) == usual), 0)  # fmt: skip
+        if usual >= LEAST_COLUMNS:
+            best = max(best, (counts.count(usual), usual, begins, mark))
+    if not best[1]:
+        raise InputError(f"{path} holds no table of {LEAST_COLUMNS} columns or more; give a text log of a unit")
+    return best[2], best[3]
 
 
 def _frame(path: Path, separator: str, skip: int, named: bool) -> pl.DataFrame:

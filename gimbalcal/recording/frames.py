@@ -23,7 +23,6 @@ from gimbalcal.units import QUANTITIES
 
 TRIADS = ("specific_force", "angular_rate", "velocity_increment", "angle_increment")
 SHORT = re.compile(r"\s*(?P<quantity>\w+)\s*(?P<axis>\w+)?\s*(\[(?P<unit>[^\]]+)\])?\s*")
-NAME = Path("arrays")  # in the place of a file where a sentence says which row
 Entry = str | Mapping[str, Any]
 
 
@@ -31,13 +30,15 @@ def from_frame(
     frame: Any, columns: Mapping[str, Entry], *, kind: str = "multi-position", platform: str = "bench",
     title: str = "arrays", site: Mapping[str, tuple[float, str]] | None = None,
     noise: Mapping[str, tuple[float, str]] | None = None, instant: bool = False, average_s: float | None = None,
+    called: str = "arrays",
 ) -> Recording:  # fmt: skip
     """A recording whose rows are those of a data frame, or of any mapping of names to columns.
 
     columns: for each name what it holds, ``"specific_force x [g]"``, ``"time [s]"``, ``"position"`` (without a unit:
     SI), or as a table of recording.toml, ``{"quantity": "time", "unit": "s"}``. site and noise: numbers with their
     units, ``{"latitude": (40.0, "deg")}``, ``{"accelerometer": (20.0, "ug")}``. `average_s` as in `read`. Dates of a
-    time column count as seconds from the first. Raises InputError with the row and the column of what is wrong.
+    time column count as seconds from midnight of the first. called: how sentences name the rows. Raises InputError
+    with the row and the column of what is wrong.
     """
     content: dict[str, Any] = {
         "format": 1, "kind": kind, "title": title, "platform": {"name": platform},
@@ -46,7 +47,7 @@ def from_frame(
         "columns": {name: _entry(name, entry) for name, entry in columns.items()},
         **({"samples": {"rates": "instant"}} if instant else {}),
     }  # fmt: skip
-    header, dates = header_of(content, NAME), Dates()
+    header, dates = header_of(content, Path(called)), Dates()
     missing = [name for name in columns if name not in _names(frame)]
     if missing:
         raise InputError(f"the frame has no column {missing[0]!r}; it has {', '.join(map(str, _names(frame)))}")
@@ -58,7 +59,7 @@ def from_frame(
     for name, x in rows.items():
         digest.update(name.encode() + x.tobytes())
     stream = [rows] if next(iter(lengths.values()), 0) else []
-    made = assemble(header, stream, rows.__getitem__, average_s, (Source(str(NAME), digest.hexdigest()),))
+    made = assemble(header, stream, rows.__getitem__, average_s, (Source(called, digest.hexdigest()),))
     return replace(made, remarks=(*made.remarks, *dates_told(header, dates)))
 
 
@@ -143,7 +144,7 @@ def _column(header: Header, name: str, values: Any, dates: Dates) -> Array:
         try:
             return np.asarray(dates.seconds(pl.Series(np.asarray(x, dtype=str))))
         except NoDateError as problem:
-            raise InputError(f"{NAME}, row {problem.row + 1}, column {name}: {problem}; correct it") from None
+            raise InputError(f"{header.samples}, row {problem.row + 1}, column {name}: {problem}; correct it") from None
     try:
         return np.array(x, dtype=np.float64)  # a copy: units are applied in place
     except (TypeError, ValueError):

@@ -1,0 +1,176 @@
+"""Logs that nobody described: columns and units are guessed, rests found, and what cannot be guessed is asked for."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from gimbalcal.errors import InputError
+from gimbalcal.importers.guess import by_name, plain
+from gimbalcal.importers.log import propose
+from gimbalcal.number import Array
+from gimbalcal.recording import dwells, read
+from gimbalcal.rotation import exponential
+
+G, D = 9.80665, 180 / np.pi
+STILL, MOVE, STEP = 150, 50, 0.02
+
+
+def turned(seed: int = 1, rests: int = 10) -> tuple[Array, Array, Array]:
+    """Time (n,), force and rate (n, 3) in SI of a unit turned by hand about one axis after the other."""
+    rng = np.random.default_rng(seed)
+    rate, force, u = [], [], np.array([0.0, 0, -G])
+    for k in range(rests):
+        axis = np.roll([1.0, 0.3, 0.1], k)
+        axis /= np.linalg.norm(axis)
+        speed = np.r_[np.zeros(STILL), np.pi * np.sin(np.pi * (np.arange(MOVE) + 0.5) / MOVE)]
+        for w in speed:
+            u = exponential(axis * w * STEP) @ u
+            rate.append(axis * w)
+            force.append(u)
+    n = len(rate)
+    f = np.array(force) + 0.003 * rng.standard_normal((n, 3))
+    return np.arange(n) * STEP, f, np.array(rate) + 0.001 * rng.standard_normal((n, 3))
+
+
+def table(path: Path, columns: dict[str, object], separator: str = ",", before: str = "") -> Path:
+    text = pl.DataFrame(columns).write_csv(separator=separator)
+    path.write_text(before + text, encoding="utf-8")
+    return path
+
+
+def right(path: Path, *more: Path, rate: float = 0.0, gyro: bool = True, begins: float = 0.0) -> None:
+    """The proposal is the recording that was logged, whatever units and names it was logged in."""
+    t, f, w = turned()
+    found = propose([path, *more], rate=rate).recording
+    assert len(dwells(found)) == 10
+    assert len(found.time) > 0.99 * len(t)
+    at = np.round((found.time - begins) / STEP).astype(int)
+    np.testing.assert_allclose(found.time - begins, t[at], atol=1e-6)
+    np.testing.assert_allclose(found.triad("specific_force"), f[at], atol=1e-4)
+    if gyro:
+        assert np.abs(found.triad("angular_rate") - w[at]).max() < (0.05 if more else 1e-4)
+
+
+def test_names_with_units(tmp_path: Path) -> None:
+    t, f, w = turned()
+    columns = {"Time (ms)": t * 1e3, **{f"Acc{a} [g]": f[:, i] / G for i, a in enumerate("XYZ")},
+               **{f"Gyro{a}(dps)": w[:, i] * D for i, a in enumerate("XYZ")}, "note": ["x"] * len(t)}  # fmt: skip
+    right(table(tmp_path / "a.csv", columns))
+    assert propose([tmp_path / "a.csv"]).left_out == ()
+
+
+def test_names_without_units_semicolons_and_dates(tmp_path: Path) -> None:
+    t, f, w = turned()
+    stamps = [(datetime(2026, 5, 1, 23, 59) + timedelta(seconds=float(s))).isoformat() for s in t]  # noqa: DTZ001
+    columns = {"timestamp": stamps, **{f"linear_acceleration.{a}": f[:, i] for i, a in enumerate("xyz")},
+               **{f"angular_velocity.{a}": w[:, i] for i, a in enumerate("xyz")}}  # fmt: skip
+    right(table(tmp_path / "b.csv", columns, ";"), begins=86340.0)
+
+
+def test_no_names_at_all(tmp_path: Path) -> None:
+    t, f, w = turned()
+    np.savetxt(tmp_path / "c.txt", np.column_stack([t, f, w * D]), fmt="%.6f")
+    right(tmp_path / "c.txt")
+
+
+def test_two_logs_on_two_clocks(tmp_path: Path) -> None:
+    t, f, w = turned()
+    t2 = np.arange(0, t[-1], 0.013)
+    gyro = {"t": t2, **{f"g{a}": np.interp(t2, t, w[:, i]) for i, a in enumerate("xyz")}}
+    force = table(tmp_path / "acc.csv", {"t": t, **{f"a{a}": f[:, i] for i, a in enumerate("xyz")}})
+    right(force, table(tmp_path / "gyr.csv", gyro))
+    with pytest.raises(InputError, match="do not overlap in time"):
+        propose([force, table(tmp_path / "later.csv", {**gyro, "t": t2 + 1e4})])
+
+
+def test_lines_before_the_table_blanks_holes_and_milli_g(tmp_path: Path) -> None:
+    t, f, _ = turned()
+    z = f[:, 2] / G * 1e3
+    z[::499] = np.nan
+    columns = {"time_us": t * 1e6, " acc x ": f[:, 0] / G * 1e3, " acc y ": f[:, 1] / G * 1e3, " acc z ": z}
+    path = table(tmp_path / "d.log", columns, "\t", "# logger v3\nserial 1234\n")
+    found = propose([path])
+    assert "are left out, empty in acc z" in " ".join(found.recording.remarks)
+    assert {g.unit for g in found.guesses.values()} == {"us", "mg"}
+    right(path, gyro=False)
+
+
+def test_the_turns_tell_a_unit_that_numbers_do_not(tmp_path: Path) -> None:
+    t, f, w = turned()
+    columns = {"t": t, **{f"a{a}": f[:, i] for i, a in enumerate("xyz")},
+               **{f"gyro_{a}": w[:, i] * D / 10 for i, a in enumerate("xyz")}}  # fmt: skip
+    slow = {**columns, "t": t * 10}  # up to 18 deg/s, which could be rad/s by its size
+    found = propose([table(tmp_path / "slow.csv", slow)])
+    assert {g.unit for g in found.guesses.values() if g.quantity == "angular_rate"} == {"deg/s"}
+    assert "the turns between rests fit gravity in deg/s" in found.guesses["gyro_x"].why
+
+
+def test_a_log_without_a_clock_is_asked_for_its_rate(tmp_path: Path) -> None:
+    _, f, _ = turned()
+    path = table(tmp_path / "e.csv", {f"a{a}": f[:, i] for i, a in enumerate("xyz")})
+    with pytest.raises(InputError, match=r"no column is a clock by its name \(ax, ay, az\); give --rate HZ"):
+        propose([path])
+    right(path, rate=50.0, gyro=False)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "holds no table of 3 columns or more"),
+        ("a,b\n1,2\n", "holds no table of 3 columns or more"),
+        ("t,ax,ay\n" + "".join(f"{k},1,2\n" for k in range(50)), "no column is an accelerometer along z by its name"),
+        (
+            "t,ax,ay,az\n" + "".join(f"{k / 50},0,0,9.8\n" for k in range(900)),
+            "1 rest found, and a calibration takes six",
+        ),
+    ],
+)
+def test_what_cannot_be_guessed_is_said(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=words):
+        propose([path])
+
+
+def test_names_of_many_loggers() -> None:
+    said = {
+        "accelerometer_x": ("specific_force", "x", ""), "GyroZ(dps)": ("angular_rate", "z", "deg/s"),
+        "AccY (mg)": ("specific_force", "y", "mg"), "wx [rad/s]": ("angular_rate", "x", "rad/s"),
+        "Temperature_C": ("temperature", "", "degC"),
+        "timestamp_ns": ("time", "", "ns"),
+        "inner_deg": ("gimbal_angle", "inner", "deg"),
+        "gyro_y_raw": ("angular_rate", "y", "count"), "acc_z_m/s^2": ("specific_force", "z", "m/s^2"),
+        "pos": ("position", "", ""),
+    }  # fmt: skip
+    for name, wanted in said.items():
+        g = by_name(name)
+        assert g is not None, name
+        assert (g.quantity, g.axis, g.unit) == wanted, name
+    assert all(by_name(name) is None for name in ("mag_x", "note", "quality", "battery"))
+    assert plain("Acc_X [m/s^2]") == "acc_x_m_s2"
+
+
+def test_the_command_writes_a_recording_that_can_be_corrected(command, capsys, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    t, f, w = turned()
+    columns = {
+        "time": t,
+        **{f"a{a}": f[:, i] for i, a in enumerate("xyz")},
+        **{f"w{a}": w[:, i] for i, a in enumerate("xyz")},
+    }
+    log, out = table(tmp_path / "imu.csv", columns), tmp_path / "out"
+    assert command("new", log, "--out", out, "--json", "--quiet") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["rests"], told["kind"]) == (10, "multi-position")
+    assert sorted(p.name for p in out.iterdir()) == ["recording.toml", "rests.html", "samples.csv"]
+    header = (out / "recording.toml").read_text()
+    assert header.count("by its name") == 7
+    assert tomllib.loads(header)["columns"]["gyro_x"]["unit"] == "rad/s"
+    assert len(dwells(read(out))) == 10
+    assert command("new", tmp_path / "none.csv") == 2
