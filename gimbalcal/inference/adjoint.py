@@ -19,8 +19,8 @@ from gimbalcal.number import Array
 
 
 def smooth(Phi: Array, Psi: Array, index: Array, filtered: Filtered) -> Array:
-    """The moving states (K + 1, m) from all measurements, from what `beside_constants.filter` left."""
-    out = np.empty(filtered.x.shape)
+    """The first moving states (K + 1, smoothed) from all measurements, from what `beside_constants.filter` left."""
+    out = np.empty(filtered.cross.shape[:2])
     _smooth(
         np.ascontiguousarray(Phi), np.ascontiguousarray(Psi), np.asarray(index, dtype=np.int64), filtered.x,
         filtered.innovation, filtered.variance, filtered.gain, filtered.cross, out,
@@ -36,7 +36,7 @@ def _smooth(
     K, m, n = Phi.shape[0], Phi.shape[1], cross.shape[2]
     adjoint, before = np.zeros(n), np.zeros(n)
     for k in range(K, -1, -1):
-        for i in range(m):
+        for i in range(cross.shape[1]):
             total = x[k, i]
             for a in range(n):
                 total -= cross[k, i, a] * adjoint[a]

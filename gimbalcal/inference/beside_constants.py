@@ -37,26 +37,27 @@ class Filtered(NamedTuple):
     variance: Array  # (K, c) of the innovation
     factor: Array  # (m + p, m + p) S at the end, upper triangular
     gain: Array  # (K, c, m + p)
-    cross: Array  # (K + 1, m, m + p) first rows of P at the start and after each step
+    cross: Array  # (K + 1, smoothed, m + p) first rows of P at the start and after each step, those to be smoothed
     distance: Array  # (K,) normalised innovation squared of each step, those that the gate left out as well
 
 
 def filter(  # noqa: A001 - always written with its module's name
     Phi: Array, Psi: Array, Q: Array, d: Array, z: Array, index: Array, R: Array,
-    x: Array, theta: Array, S: Array, gate: float = np.inf, jump: float = 0.0,
+    x: Array, theta: Array, S: Array, gate: float = np.inf, jump: float = 0.0, smoothed: int | None = None,
 ) -> Filtered:  # fmt: skip
     """Forward pass over K steps; each is a transition, then measurements z (K, c) of the states `index` (c,).
 
     Phi (K, m, m), Psi (K, m, p), Q (K, m, m), d (K, m); R (K, c) variances; x (m,), theta (p,) and S (m + p, m + p)
     upper triangular at the start. A step whose normalised innovation squared exceeds `gate` is left out, and what it
     would have measured has the scatter `jump` from then on: a sensor that was knocked has moved the state for good.
+    smoothed: how many of the first states a smoother will be asked for (default: all).
     """
     K, m, p = len(Phi), len(x), len(theta)
     n, c = m + p, z.shape[1]
-    root = _roots(Q)
+    root, few = _roots(Q), m if smoothed is None else smoothed
     out = Filtered(
         np.empty((K + 1, m)), np.empty((K + 1, m)), np.empty((K + 1, p)), np.empty((K + 1, p)), np.full((K, c), np.nan),
-        np.full((K, c), np.nan), np.array(S, dtype=float), np.zeros((K, c, n)), np.empty((K + 1, m, n)),
+        np.full((K, c), np.nan), np.array(S, dtype=float), np.zeros((K, c, n)), np.empty((K + 1, few, n)),
         np.zeros(K),
     )  # fmt: skip
     state = np.concatenate([x, theta])
@@ -195,18 +196,20 @@ def _keep(
     for i in range(n):
         if i < m:
             x[k, i] = state[i]
-            for j in range(n):
-                total = 0.0
-                for l in range(max(i, j), n):
-                    total += S[i, l] * S[j, l]
-                cross[k, i, j] = total
-            sigma[k, i] = np.sqrt(cross[k, i, i])
+        total = 0.0
+        for l in range(i, n):
+            total += S[i, l] * S[i, l]
+        if i < m:
+            sigma[k, i] = np.sqrt(total)
         else:
             theta[k, i - m] = state[i]
-            total = 0.0
-            for l in range(i, n):
-                total += S[i, l] * S[i, l]
             theta_sigma[k, i - m] = np.sqrt(total)
+    for i in range(cross.shape[1]):
+        for j in range(n):
+            total = 0.0
+            for l in range(max(i, j), n):
+                total += S[i, l] * S[j, l]
+            cross[k, i, j] = total
 
 
 @compiled

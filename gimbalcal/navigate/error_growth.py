@@ -40,21 +40,29 @@ class Transitions(NamedTuple):
 
 
 def transitions(
-    first: Array, joined: Array, dt: Array, rate: Array, force: Array, D: Array, q: Array, C_bn: Array,
+    first: Array, joined: Array, dt: Array, rate: Array, force: Array, D: Array, group: Array, q: Array, C_bn: Array,
     latitude: float, height: float, gravity: float,
 ) -> Transitions:  # fmt: skip
     """Error transitions over K stretches of intervals, each from rest at one place with attitude C_bn[k] (K, 3, 3).
 
     first (K + 1,) index of the first interval of each stretch, and of the end; joined (n,): the interval continues the
-    one before; dt, rate, force as in `strapdown`; D (n, 6, p): force and rate, true minus reference, per unit of each
-    parameter; q (n, 6): variance of the mean force and rate of each interval; gravity at the place [m/s^2].
+    one before; dt, rate, force as in `strapdown`; D (g, 6, p): force and rate, true minus reference, per unit of each
+    parameter, of g groups of intervals; group (n,): the one that each belongs to; q (n, 6): variance of the mean force
+    and rate of each interval; gravity at the place [m/s^2].
     """
     K, p = len(C_bn), D.shape[2]
     shapes = ((K, NAV, NAV), (K, NAV, p), (K, NAV, NAV), (K, 3, 3), (K, 3), (K, 3))
     out = Transitions(*(np.zeros(shape) for shape in shapes))
     place = np.array([*ground(latitude, height, gravity), latitude, height])
     arrays = contiguous(dt, rate, force, D, q, C_bn)
-    _transitions(np.asarray(first, dtype=np.int64), np.asarray(joined, dtype=np.bool_), *arrays, place, *out)
+    _transitions(
+        np.asarray(first, dtype=np.int64),
+        np.asarray(joined, dtype=np.bool_),
+        np.asarray(group, dtype=np.int64),
+        *arrays,
+        place,
+        *out,
+    )
     return out
 
 
@@ -62,6 +70,7 @@ def transitions(
 def _transitions(
     first: Array,
     joined: Array,
+    group: Array,
     dt: Array,
     rate: Array,
     force: Array,
@@ -103,7 +112,7 @@ def _transitions(
                     x[i] = M[i, c]
                 e = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
                 if c >= NAV:
-                    e = _felt(mid, D, j, c - NAV)
+                    e = _felt(mid, D, group[j], c - NAV)
                 _grow(x, e, f, h, earth)
                 for i in range(NAV):
                     M[i, c] = x[i]

@@ -22,8 +22,10 @@ from gimbalcal.recording.plausible_run import named
 from gimbalcal.recording.scatter import white_sigma
 
 FORCE, RATE = "specific_force", "angular_rate"
+LOOKED_AT = (FORCE, RATE, "temperature", "covariate")
 KEYS = tuple((q, a) for q in (FORCE, RATE) for a in "xyz")
 UPDATE = 1.0  # s between two updates of velocity
+GROUP = 0.05  # s of a turn over which the answer to a parameter hardly changes: half a degree
 MISSING = 1.5  # usual steps: longer ones are gaps in the clock
 SETTLE = 100  # rows on either side of a pause
 LIES = 2e-3  # of gravity: a unit whose force moves by less over a pause was not touched
@@ -38,7 +40,8 @@ class Course:
     rows: the recording of the means, without gimbals, time in the middle of each interval; dt (n,) s; joined (n,): the
     interval continues the one before; first (K + 1,): index of the first interval of each stretch; a stretch without
     intervals is a pause of the clock in a stop. stop (K,): ordinal of the stop, -1 while turning; time (K + 1,) s of
-    the updates, the first at the start. sigma (6,): one sample of each channel; velocity: how still the place is
+    the updates, the first at the start. group (n,): interval to one of the fewer rows in which the model is linearised;
+    groups: their means. sigma (6,): one sample of each channel; velocity: how still the place is
     [m/s]; stated: whether the header states the noise of both triads.
     """
 
@@ -48,6 +51,8 @@ class Course:
     first: NDArray[np.int64]
     stop: NDArray[np.int64]
     time: Array
+    group: NDArray[np.int64]
+    groups: Recording
     sigma: Array
     velocity: float
     stated: bool
@@ -118,35 +123,40 @@ def _assembled(
     stated: bool,
 ) -> Course:  # fmt: skip
     begins, first, stop = [0], [0], []  # rows at which intervals begin; intervals at which stretches begin
+    group: list[int] = []
+    several = max(1, round(GROUP / step))
     for a, b, k in _stretches(stays, paused, max(1, round(UPDATE / step))):
         if b > a:
             begins += [b] if k >= 0 else range(a + 1, b + 1)
+            after = group[-1] + 1 if group else 0
+            group += [after] if k >= 0 else [after + i // several for i in range(b - a)]
         first.append(len(begins) - 1)
         stop.append(k)
     edge = np.array(begins)
     # a pause belongs to no interval: the reading after it is the mean of its own step
     length = np.add.reduceat(np.where(paused, step, dt), edge[:-1])
     count = np.diff(edge)
-    rows = replace(
-        recording,
-        platform=BENCH,
-        time=recording.time[edge[1:] - 1] - length / 2,
-        position=None,
-        channels={
-            key: np.add.reduceat(x, edge[:-1]) / count
-            for key, x in recording.channels.items()
-            if key[0] != "gimbal_angle"
-        },
-        weight=count.astype(float),
-        beside=(),
-    )
+    rows = _means(recording, edge[:-1], count, recording.time[edge[1:] - 1] - length / 2)
+    of = np.array(group)
+    begin = np.flatnonzero(np.diff(of, prepend=-1))
+    fewer = np.diff(begin, append=len(of))
+    groups = _means(rows, begin, fewer, np.add.reduceat(rows.time, begin) / fewer)
     at = edge[np.array(first)]
     time = np.where(at > 0, recording.time[np.maximum(at - 1, 0)], recording.time[0] - step)
     for j in np.flatnonzero(np.diff(first) == 0):  # what begins after a pause begins one step before its first row
         time[j + 1] = recording.time[at[j + 1]] - step
     joined = ~paused[edge[:-1]] & (edge[:-1] > 0)
     velocity = recording.noise.get("velocity", STILL)
-    return Course(rows, length, joined, np.array(first), np.array(stop), time, sigma, velocity, stated)
+    return Course(rows, length, joined, np.array(first), np.array(stop), time, of, groups, sigma, velocity, stated)
+
+
+def _means(recording: Recording, begin: NDArray[np.int64], count: NDArray[np.int64], time: Array) -> Recording:
+    """A unit without a table whose rows at `time` are means over `count` rows from each of `begin`."""
+    channels = {key: np.add.reduceat(x, begin) / count for key, x in recording.channels.items() if key[0] in LOOKED_AT}
+    return replace(
+        recording, platform=BENCH, time=time, position=None, channels=channels,
+        weight=np.add.reduceat(recording.weight, begin), beside=(),
+    )  # fmt: skip
 
 
 def _stretches(stays: Sequence[Dwell], paused: NDArray[np.bool_], block: int) -> Iterator[tuple[int, int, int]]:

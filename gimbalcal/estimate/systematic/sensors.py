@@ -41,16 +41,15 @@ def truth(course: Course, effects: Sequence[Effect], start: Array | None = None)
 
 
 def sensitivity(course: Course, effects: Sequence[Effect], wanted: Sequence[Parameter], u: Array, rows: slice) -> Array:
-    """D (m, 6, p) of some intervals about the effects and what was there (n, 6)."""
+    """D (m, 6, p) of some of the groups about the effects and what was there (g, 6), a mean over each group."""
     few = slice(max(rows.start - 1, 0), rows.stop + 1)  # slopes look at the neighbours
-    s = stimulus_from_truth(course.rows.select(few), u[few, :3], u[few, 3:])
-    s = s.at(time=course.rows.time[few] - course.rows.time[0])
+    s = stimulus_from_truth(course.groups.select(few), u[few, :3], u[few, 3:])
+    s = s.at(time=course.groups.time[few] - course.rows.time[0])
     stages = dict.fromkeys(CATALOGUE[p.effect].stage for p in wanted)
     J = linearise(BENCH, s, effects, KIND, KEYS, stages=stages).jacobian(wanted)
     if any(np.any(np.asarray(v) != 0) for e in effects for v in vars(e).values()):
         J = np.linalg.solve(complex_step(lambda x: _read(s, effects, x), u[few]), J)
-    inner = slice(rows.start - few.start, rows.start - few.start + rows.stop - rows.start)
-    return -J[inner]
+    return -J[rows.start - few.start : rows.stop - few.start]
 
 
 def _read(s: Stimulus, effects: Sequence[Effect], u: Array) -> Array:

@@ -47,7 +47,7 @@ class Pass:
     factor: Array  # (p, p) lower triangular, of the covariance in units of the parameters' prior sigmas
     attitude: Array  # (3, 3) covariance of the attitude at the start [rad^2]
     filtered: Filtered
-    smoothed: Array  # (K + 1, 9) of the navigation errors, in SI
+    smoothed: Array  # (K + 1, 3) errors of the attitude [rad]
     calibrated: Filtered  # of the navigator whose sensors are corrected: its innovations are what evidence goes by
 
 
@@ -61,9 +61,6 @@ def one_pass(
     """
     Phi, Psi, Q, d = _linear(course, wanted, effects, u, C)
     scale = np.array([p.sigma for p in wanted])
-    # the attitude at the start is a constant too: three more, which come last
-    Psi = np.concatenate([Psi * scale / STATE[:, None], np.zeros((len(Psi), NAV, 3))], axis=2)
-    Phi, Q, d = Phi * STATE / STATE[:, None], Q / STATE / STATE[:, None], d / STATE
     sigma = np.concatenate([start.sigma, np.full(3, course.velocity), np.full(3, PLACE)]) / STATE
     x = np.concatenate([rotation_vector(start.C_bn @ C[0].T), np.zeros(6)]) / STATE
     first = np.concatenate([prior / scale, x[:3]])
@@ -73,12 +70,24 @@ def one_pass(
     z = np.where(left_out[:, None], np.nan, np.zeros((len(Phi), 3)))
     loose = Q.copy()
     loose[np.ix_(left_out, VELOCITY, VELOCITY)] += (JUMP / STATE[3]) ** 2 * np.eye(3)
-    filtered = beside_constants.filter(Phi, Psi, loose, d, z, VELOCITY, R, x, first, S)
-    smoothed = adjoint.smooth(Phi, Psi, VELOCITY, filtered) * STATE
+    filtered = beside_constants.filter(Phi, Psi, loose, d, z, VELOCITY, R, x, first, S, smoothed=3)
+    smoothed = adjoint.smooth(Phi, Psi, VELOCITY, filtered) * STATE[:3]
     # the same navigator with its sensors as they were found, nothing left to learn about them
     found, own = filtered.theta[-1], filtered.factor[NAV:, NAV:]
     calibrated = beside_constants.filter(
-        Phi, Psi[:, :, :0], Q, d + Psi @ found, 0 * R, VELOCITY, R, x, found[:0], np.diag(sigma), GATE, JUMP / STATE[3]
+        Phi,
+        Psi[:, :, :0],
+        Q,
+        d + Psi @ found,
+        0 * R,
+        VELOCITY,
+        R,
+        x,
+        found[:0],
+        np.diag(sigma),
+        GATE,
+        JUMP / STATE[3],
+        0,
     )
     return Pass(
         found[:-3] * scale, np.asarray(np.linalg.qr(own[:-3].T, mode="r")).T, own[-3:] @ own[-3:].T * STATE[0] ** 2,
@@ -89,14 +98,18 @@ def one_pass(
 def _linear(
     course: Course, wanted: Sequence[Parameter], effects: Sequence[Effect], u: Array, C: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Phi, Psi, Q and defects d (K, 9), in SI."""
-    K, p = len(course.stop), len(wanted)
-    Phi, Psi, Q = np.empty((K, NAV, NAV)), np.empty((K, NAV, p)), np.empty((K, NAV, NAV))
+    """Phi, Psi, Q and defects d (K, 9), in units of `STATE` and of the prior sigmas.
+
+    The attitude at the start is a constant too, so that its covariance is known in the end: three more, the last ones.
+    """
+    K, scale = len(course.stop), np.array([p.sigma for p in wanted])
+    Phi, Psi, Q = np.empty((K, NAV, NAV)), np.zeros((K, NAV, len(wanted) + 3)), np.empty((K, NAV, NAV))
     d = np.empty((K, NAV))
     site = course.rows.site
     assert site.latitude is not None
     q = course.sigma**2 / course.rows.weight[:, None]
-    expected = _expected(course, u, C)
+    begin = np.flatnonzero(np.diff(course.group, prepend=-1))
+    expected = np.add.reduceat(_expected(course, u, C), begin) / np.diff(begin, append=len(u))[:, None]
     at = 0
     while at < K:
         end = int(np.searchsorted(course.first, course.first[at] + ROWS, side="right")) - 1
@@ -104,21 +117,22 @@ def _linear(
         rows = slice(int(course.first[at]), int(course.first[end]))
         before = max(rows.start - 1, 0)  # coning looks at the interval before
         few = slice(before, rows.stop)
-        D = np.zeros((few.stop - few.start, 6, p))
-        if rows.stop > rows.start:
-            D[rows.start - before :] = sensitivity(course, effects, wanted, expected, rows)
+        groups = slice(int(course.group[before]), int(course.group[rows.stop - 1]) + 1)
         made = transitions(
-            course.first[at : end + 1] - before, course.joined[few], course.dt[few], u[few, 3:], u[few, :3], D, q[few],
-            C[at:end], site.latitude, site.height, site.gravity,
+            course.first[at : end + 1] - before, course.joined[few], course.dt[few], u[few, 3:], u[few, :3],
+            sensitivity(course, effects, wanted, expected, groups), course.group[few] - groups.start, q[few], C[at:end],
+            site.latitude, site.height, site.gravity,
         )  # fmt: skip
-        Phi[at:end], Psi[at:end], Q[at:end] = made.Phi, made.Psi, made.Q
+        Phi[at:end], Q[at:end] = made.Phi * STATE / STATE[:, None], made.Q / STATE / STATE[:, None]
+        Psi[at:end, :, :-3] = made.Psi * scale / STATE[:, None]
         d[at:end, :3] = rotation_vector(made.C_bn @ np.swapaxes(C[at + 1 : end + 1], -1, -2))
         d[at:end, 3:6], d[at:end, 6:] = made.velocity, made.displacement
         at = end
     for k in np.flatnonzero(course.pauses):
         Phi[k, 3:6, 3:6] = 0.0
-        Q[k, :3, :3], Q[k, 3:6, 3:6] = UNMOVED**2 * np.eye(3), course.velocity**2 * np.eye(3)
-    return Phi, Psi, Q, d
+        Q[k, :3, :3] = (UNMOVED / STATE[0]) ** 2 * np.eye(3)
+        Q[k, 3:6, 3:6] = (course.velocity / STATE[3]) ** 2 * np.eye(3)
+    return Phi, Psi, Q, d / STATE
 
 
 def _expected(course: Course, u: Array, C: Array) -> Array:
