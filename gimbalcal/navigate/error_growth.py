@@ -40,15 +40,15 @@ class Transitions(NamedTuple):
 
 
 def transitions(
-    first: Array, joined: Array, dt: Array, rate: Array, force: Array, D: Array, group: Array, q: Array, C_bn: Array,
-    latitude: float, height: float, gravity: float,
+    first: Array, joined: Array, dt: Array, rate: Array, force: Array, D: Array, q: Array, C_bn: Array,
+    latitude: float, height: float, gravity: float, group: Array | None = None,
 ) -> Transitions:  # fmt: skip
     """Error transitions over K stretches of intervals, each from rest at one place with attitude C_bn[k] (K, 3, 3).
 
     first (K + 1,) index of the first interval of each stretch, and of the end; joined (n,): the interval continues the
     one before; dt, rate, force as in `strapdown`; D (g, 6, p): force and rate, true minus reference, per unit of each
-    parameter, of g groups of intervals; group (n,): the one that each belongs to; q (n, 6): variance of the mean force
-    and rate of each interval; gravity at the place [m/s^2].
+    parameter, of g groups of intervals; group (n,): the one that each belongs to (default: each is its own); q (n, 6):
+    variance of the mean force and rate of each interval; gravity at the place [m/s^2].
     """
     K, p = len(C_bn), D.shape[2]
     shapes = ((K, NAV, NAV), (K, NAV, p), (K, NAV, NAV), (K, 3, 3), (K, 3), (K, 3))

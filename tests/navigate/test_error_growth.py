@@ -53,7 +53,7 @@ def test_transition_is_the_derivative_of_navigation_by_where_it_starts() -> None
 def test_response_is_the_derivative_by_what_the_sensors_read() -> None:
     dt, w, f, C = _stretch(slice(100, 180))
     D = np.eye(6)[None]  # six biases
-    made = transitions([0, 80], np.ones(80), dt, w, f, D, np.zeros(80), np.zeros((80, 6)), C[None], LATITUDE, 0, G)
+    made = transitions([0, 80], np.ones(80), dt, w, f, D, np.zeros((80, 6)), C[None], LATITUDE, 0, G, np.zeros(80))
     place = np.array([LATITUDE, 0.0, 0.0])
     RM, RN = radii(np.sin(LATITUDE), 0.0)
     at_rest = strapdown(dt, w, f, C, np.zeros(3), place)
@@ -66,7 +66,7 @@ def test_response_is_the_derivative_by_what_the_sensors_read() -> None:
 def test_noise_of_samples_adds_up_to_random_walks() -> None:
     dt, w, f, C = _stretch(slice(0, 60))
     q = np.tile([1e-6] * 3 + [1e-12] * 3, (60, 1))
-    made = transitions([0, 60], np.ones(60), dt, w, f, np.zeros((1, 6, 0)), np.zeros(60), q, C[None], LATITUDE, 0, G)
+    made = transitions([0, 60], np.ones(60), dt, w, f, np.zeros((60, 6, 0)), q, C[None], LATITUDE, 0, G)
     h, n = dt[0], 60
     assert np.allclose(np.diag(made.Q[0])[:3], n * 1e-12 * h**2, rtol=1e-6)
     tilt = G**2 * 1e-12 * h**2 * sum((h * (n - j - 0.5)) ** 2 for j in range(n))  # of horizontal axes

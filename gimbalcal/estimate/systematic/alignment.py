@@ -28,6 +28,7 @@ LEVEL = np.radians(1.0)  # one sigma of the level at the start
 HEADING = np.radians(1.0), np.radians(60.0)  # one sigma of the heading: at least, at most
 SLOW = 3.0  # times the Earth's rate: gyroscopes that read less at rest have no bias worth the name
 LIKELY = np.radians([1.0, 1000.0]) / 3600  # rad/s, one sigma of the bias of such a triad, and of any other
+LATITUDE = np.radians(3.0)  # what the latitude may be off; 5 sigma of what gyroscopes see beside
 EARTH_SEEN = 0.5  # of the Earth's rate: what it may be off where gyroscopes that see it are to be believed
 
 
@@ -83,6 +84,13 @@ def _from_vectors(course: Course, down: Array, after: float, b: Array, earth: Ar
             f"{named(course.rows)}: turned through its stops, the gyroscopes see a rate of "
             f"{np.linalg.norm(earth) / EARTH_RATE:.3g} times the Earth's that turns with them; check the order, signs "
             "and unit of their columns, and the latitude"
+        )
+    seen = np.arcsin(np.clip(-float(down @ earth) / np.linalg.norm(earth), -1, 1))
+    if abs(seen - latitude) > LATITUDE + 5 * sigma / EARTH_RATE:
+        raise InputError(
+            f"{named(course.rows)}: turned through its stops, the gyroscopes see the Earth's axis "
+            f"{np.degrees(seen):.1f} deg above the horizon, and [site] says latitude {np.degrees(latitude):.1f} deg; "
+            "correct one of the two"
         )
     if heading >= HEADING[1]:  # nothing tells north: any heading, and the filter finds what it can
         level = np.eye(3)[np.argmin(np.abs(down))]

@@ -19,6 +19,7 @@ from gimbalcal.estimate.added import Added
 from gimbalcal.estimate.systematic.alignment import align, attitudes
 from gimbalcal.estimate.systematic.course import course
 from gimbalcal.estimate.systematic.evidence import doubtful, outcome, told
+from gimbalcal.estimate.systematic.place import refuse_carried, refuse_other_force
 from gimbalcal.estimate.systematic.sensors import truth
 from gimbalcal.estimate.systematic.smoothing import WIDE, Pass, one_pass, turned
 from gimbalcal.estimate.systematic.states import states
@@ -39,6 +40,7 @@ def systematic(
     """
     wanted = states(asked, recording, more)
     legs = course(recording)
+    refuse_other_force(legs)
     u = truth(legs, ())
     start = align(legs, u)
     C = attitudes(legs, u, start)
@@ -49,6 +51,8 @@ def systematic(
         effects = with_values(base, wanted, theta)
         u = truth(legs, effects, u)
         last = one_pass(legs, wanted, effects, u, C, start, before - theta, left_out)
+        if not done:
+            refuse_carried(legs, last.drift)
         C = turned(C, last.smoothed[:, :3])
         theta, done = theta + last.step, done + 1
         moved = float(np.max(np.abs(last.step) / (_sigma(last) * np.array([p.sigma for p in wanted]))))

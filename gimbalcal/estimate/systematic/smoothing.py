@@ -46,6 +46,7 @@ class Pass:
     step: Array
     factor: Array  # (p, p) lower triangular, of the covariance in units of the parameters' prior sigmas
     attitude: Array  # (3, 3) covariance of the attitude at the start [rad^2]
+    drift: Array  # (K, 3) velocity that a reference gains in each stretch, from rest [m/s]
     filtered: Filtered
     smoothed: Array  # (K + 1, 3) errors of the attitude [rad]
     calibrated: Filtered  # of the navigator whose sensors are corrected: its innovations are what evidence goes by
@@ -91,7 +92,7 @@ def one_pass(
     )
     return Pass(
         found[:-3] * scale, np.asarray(np.linalg.qr(own[:-3].T, mode="r")).T, own[-3:] @ own[-3:].T * STATE[0] ** 2,
-        filtered, smoothed, calibrated,
+        d[:, 3:6] * STATE[3], filtered, smoothed, calibrated,
     )  # fmt: skip
 
 
@@ -120,8 +121,8 @@ def _linear(
         groups = slice(int(course.group[before]), int(course.group[rows.stop - 1]) + 1)
         made = transitions(
             course.first[at : end + 1] - before, course.joined[few], course.dt[few], u[few, 3:], u[few, :3],
-            sensitivity(course, effects, wanted, expected, groups), course.group[few] - groups.start, q[few], C[at:end],
-            site.latitude, site.height, site.gravity,
+            sensitivity(course, effects, wanted, expected, groups), q[few], C[at:end], site.latitude,
+            site.height, site.gravity, course.group[few] - groups.start,
         )  # fmt: skip
         Phi[at:end], Q[at:end] = made.Phi * STATE / STATE[:, None], made.Q / STATE / STATE[:, None]
         Psi[at:end, :, :-3] = made.Psi * scale / STATE[:, None]

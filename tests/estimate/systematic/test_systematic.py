@@ -132,6 +132,29 @@ def test_what_is_no_rotation_recording_is_refused_in_a_sentence() -> None:
             systematic(recording, "30")
 
 
+def _walked(t, begin: float, duration: float, way: float):
+    """Acceleration of a walk that begins and ends at rest."""
+    s = (t - begin) / duration
+    return np.where((s > 0) & (s < 1), way * 2 * np.pi / duration**2 * np.sin(2 * np.pi * s), 0.0)
+
+
+@pytest.mark.parametrize("begin", [20.0, 3.0])
+def test_a_unit_that_is_carried_away_is_refused(begin: float) -> None:
+    """Five metres in ten seconds, while it turns or in a stop."""
+    carried = turning_unit(stop=20.0, drift=lambda t: _walked(t, begin, 10.0, 5.0)[:, None] * [0, 1, 0])
+    with pytest.raises(InputError, match=r"the unit was carried away: .* 1 m/s and 5 m"):
+        systematic(carried, "30")
+
+
+def test_forces_in_g_and_another_latitude_are_refused() -> None:
+    r = turning_unit(stop=15.0)
+    g = {k: v / 9.8 if k[0] == "specific_force" else v for k, v in r.channels.items()}
+    with pytest.raises(InputError, match=r'look like g: write unit = "g"'):
+        systematic(replace(r, channels=g), "30")
+    with pytest.raises(InputError, match=r"34\.\d deg above the horizon, and \[site\] says latitude 45\.0 deg"):
+        systematic(replace(r, site=replace(r.site, latitude=np.radians(45.0))), "30")
+
+
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
