@@ -51,14 +51,12 @@ def _recording() -> Any:
 def _columns() -> dict[tuple[str, str], Any]:
     """(6,) what the filter takes force and rate to be wrong by, true less computed, by effect and axis of the 51."""
     from gimbalcal.estimate.systematic import sensors
-    from gimbalcal.estimate.systematic.course import Course
     from gimbalcal.estimate.systematic.states import states
 
-    rows, ones = _recording(), np.ones(4)
+    rows = _recording()
     wanted = states("51", rows)
     u = np.repeat(np.concatenate([FORCE, RATE], axis=1), 4, axis=0)
-    course = Course(rows, ones, ones > 0, np.array([0, 4]), np.array([0]), np.arange(2.0), np.ones(6), 1e-3, True)
-    D = sensors.sensitivity(course, (), wanted, u, slice(1, 3))
+    D = sensors.sensitivity(rows, (), wanted, u, slice(1, 3))
     return {(p.effect, p.axis): D[0, :, i] for i, p in enumerate(wanted)}
 
 

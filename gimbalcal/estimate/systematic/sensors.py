@@ -21,6 +21,7 @@ from gimbalcal.forward import linearise, picked, predict
 from gimbalcal.kinematics import stimulus_from_truth
 from gimbalcal.number import Array, complex_step
 from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording
 
 ROUNDS, SETTLED = 40, 1e-14  # each round multiplies what is left by the errors of the sensors, 5 % at most
 KIND = "rotation"
@@ -40,11 +41,13 @@ def truth(course: Course, effects: Sequence[Effect], start: Array | None = None)
     return u
 
 
-def sensitivity(course: Course, effects: Sequence[Effect], wanted: Sequence[Parameter], u: Array, rows: slice) -> Array:
-    """D (m, 6, p) of some of the groups about the effects and what was there (g, 6), a mean over each group."""
+def sensitivity(
+    recording: Recording, effects: Sequence[Effect], wanted: Sequence[Parameter], u: Array, rows: slice
+) -> Array:
+    """D (m, 6, p) of some rows of a recording of means, about the effects and what was there in all of them (g, 6)."""
     few = slice(max(rows.start - 1, 0), rows.stop + 1)  # slopes look at the neighbours
-    s = stimulus_from_truth(course.groups.select(few), u[few, :3], u[few, 3:])
-    s = s.at(time=course.groups.time[few] - course.rows.time[0])
+    s = stimulus_from_truth(recording.select(few), u[few, :3], u[few, 3:])
+    s = s.at(time=recording.time[few] - recording.time[0])
     stages = dict.fromkeys(CATALOGUE[p.effect].stage for p in wanted)
     J = linearise(BENCH, s, effects, KIND, KEYS, stages=stages).jacobian(wanted)
     if any(np.any(np.asarray(v) != 0) for e in effects for v in vars(e).values()):

@@ -121,7 +121,7 @@ def _linear(
         groups = slice(int(course.group[before]), int(course.group[rows.stop - 1]) + 1)
         made = transitions(
             course.first[at : end + 1] - before, course.joined[few], course.dt[few], u[few, 3:], u[few, :3],
-            sensitivity(course, effects, wanted, expected, groups), q[few], C[at:end], site.latitude,
+            sensitivity(course.groups, effects, wanted, expected, groups), q[few], C[at:end], site.latitude,
             site.height, site.gravity, course.group[few] - groups.start,
         )  # fmt: skip
         Phi[at:end], Q[at:end] = made.Phi * STATE / STATE[:, None], made.Q / STATE / STATE[:, None]
