@@ -55,14 +55,9 @@ def transitions(
     out = Transitions(*(np.zeros(shape) for shape in shapes))
     place = np.array([*ground(latitude, height, gravity), latitude, height])
     arrays = contiguous(dt, rate, force, D, q, C_bn)
-    _transitions(
-        np.asarray(first, dtype=np.int64),
-        np.asarray(joined, dtype=np.bool_),
-        np.asarray(group, dtype=np.int64),
-        *arrays,
-        place,
-        *out,
-    )
+    group = np.arange(len(dt)) if group is None else group
+    whole = (np.asarray(x, dtype=kind) for x, kind in ((first, np.int64), (joined, np.bool_), (group, np.int64)))
+    _transitions(*whole, *arrays, place, *out)
     return out
 
 

@@ -33,9 +33,8 @@ def _errors(end, reference, RM: float, RN: float):
 def test_transition_is_the_derivative_of_navigation_by_where_it_starts() -> None:
     dt, w, f, C = _stretch(slice(100, 180))  # four seconds, half at rest and half turning
     RM, RN = radii(np.sin(LATITUDE), 0.0)
-    made = transitions(
-        [0, 80], np.ones(80), dt, w, f, np.zeros((1, 6, 0)), np.zeros(80), np.zeros((80, 6)), C[None], LATITUDE, 0, G
-    )
+    D, q = np.zeros((80, 6, 0)), np.zeros((80, 6))
+    made = transitions([0, 80], np.ones(80), dt, w, f, D, q, C[None], LATITUDE, 0, G)
     place, still = np.array([LATITUDE, 0.0, 0.0]), np.zeros(3)
     at_rest = strapdown(dt, w, f, C, still, place)
     # central differences; what 4 s make of 1 rad, 1 m/s, 1 m, times 1e-5, and rounding of the numerical side
