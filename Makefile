@@ -37,7 +37,7 @@ mutate: $(VENV)/.dev-ready  ## whether the tests can fail: every effect and ever
 	$(BIN)/python -m tests.mutate
 
 bench: $(VENV)/.dev-ready  ## the figures of the README, measured (about 75 min; the diagnosis takes 60 of them)
-	for name in bench_device bench_static bench_multiposition bench_navigate bench_reading bench_diagnose; do \
+	for name in bench_device bench_static bench_multiposition bench_navigate bench_reading bench_diagnose bench_unknown_noise; do \
 		echo "== $$name"; $(BIN)/python -m tests.benchmarks.$$name || exit 1; done
 
 docs: $(VENV)/.run-ready  ## docs/effects.md: what each effect is, from its own card

@@ -255,15 +255,15 @@ class GimbalFriction(Effect):
 
     .. math:: \delta\theta_i = h_i \operatorname{sign}(\Delta\theta_i)
 
-    with the turn at the last move of that gimbal's schedule. Source: friction torque over loop stiffness.
-    Magnitude: 0.1 to 2 arcsec. Seen by: order of visits, across the force. Nearly confounded with:
-    accelerometer_hysteresis, which acts along it.
+    with the turn at the last move of that gimbal's schedule, or of a mount from star to star: the play of its gears.
+    Source: friction torque over loop stiffness. Magnitude: 0.1 to 2 arcsec; gears 1 to 30. Seen by: order of visits,
+    across the force. Nearly confounded with: accelerometer_hysteresis, which acts along it.
     """
 
     id = "gimbal_friction"
     stage = Stage.ENCODER
     channel = "gimbal_angle"
-    kinds = ("multi-position",)
+    kinds = ("multi-position", "pointing")
     h: Array = parameter(GIMBALS, unit="arcsec", sigma=2, name="friction")
 
     def contribution(self, s: Stimulus) -> Array:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.effects.effect import GIMBALS, SCALAR, Effect, Stage, Stimulus, effect, parameter
+from gimbalcal.earth import HOUR
+from gimbalcal.effects.effect import GIMBALS, SCALAR, Effect, Grid, Stage, Stimulus, constant, effect, parameter
 from gimbalcal.number import Array
 
 
@@ -102,6 +103,29 @@ class GimbalZeroDrift(Effect):
     def contribution(self, s: Stimulus) -> Array:
         """Angle minus readout [rad], (n, k)."""
         return self.rate * s.time[..., None] + 0 * s.readout
+
+
+@effect
+class GimbalZeroStep(Effect):
+    r"""The zero of an angle sensor jumps once: a clutch slips, a tooth or a count is lost.
+
+    .. math:: \delta\theta = J \, [t \geq t_0], \qquad \theta = \theta_{readout} + \delta\theta
+
+    Source: Wallace, TPOINT manual, zero points that change in the course of a night. Magnitude: 5 to 600 arcsec. Seen
+    by: stars in the same part of the sky before and after. Confounded with: gimbal_zero_drift where few stars are.
+    """
+
+    id = "gimbal_zero_step"
+    stage = Stage.ENCODER
+    channel = "pointing"
+    kinds = ("pointing",)
+    sources = ("wallace_tpoint",)
+    J: Array = parameter(GIMBALS, unit="arcsec", sigma=30, name="gimbal_zero_step")
+    epoch: float = constant(1.0, unit="s", low=0.0, high=100 * 24 * HOUR, grid=Grid.EPOCH)
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Angle minus readout [rad], (n, k)."""
+        return self.J * np.asarray(s.time >= self.epoch, dtype=float)[..., None] + 0 * s.readout
 
 
 @effect

@@ -238,6 +238,8 @@ def of_mount(equatorial: bool) -> dict[str, Concealed]:
             _outer(lambda k: np.sin(359 * k.outer + 2)), "periodic_worm_error encoder_cyclic_error", outer
         ),
         "zero drift": _law(_outer(lambda k: k.t / k.t[-1]), "gimbal_zero_drift", outer),
+        "slipped": _law(_outer(lambda k: 1.0 * (k.t > 0.45 * k.t[-1])), "gimbal_zero_step", outer),
+        "backlash": _law(_outer(lambda k: np.sign(k.moved[:, 0])), "gimbal_friction", outer),
         "tilt drift": _law(
             lambda k: {"tilt": np.outer(k.t / k.t[-1], [0.8, -0.6])}, "base_tilt_drift base_tilt_diurnal"
         ),
@@ -249,10 +251,10 @@ def of_mount(equatorial: bool) -> dict[str, Concealed]:
 def strange_of_mount() -> dict[str, Concealed]:
     """Laws of a mount that no catalogue holds."""
     return {
-        "slipped": _law(_outer(lambda k: 1.0 * (k.t > 0.45 * k.t[-1])), "unexplained"),
         "mixed": _law(_up(lambda k: np.sin(3 * k.azimuth) * np.cos(2 * k.elevation)), "unexplained"),
-        "backlash": _law(_outer(lambda k: np.sign(k.moved[:, 0])), "unexplained"),
         "steep refraction": _law(_up(lambda k: np.tan(k.elevation) ** -3), "unexplained"),
+        "warmed by day": _law(_inner(lambda k: np.cumsum(np.sin(9 * k.t / k.t[-1]) ** 2)), "unexplained"),
+        "hours apart": _law(_outer(lambda k: np.sin(40 * k.t / k.t[-1])), "unexplained"),
         "harmonic": _law(_outer(lambda k: np.cos(3 * k.outer)), "unexplained"),
         "counter-rolling": _law(_rolling(3), "unexplained"),
         "dome": _law(_up(lambda k: 1.0 * (np.cos(k.azimuth - 1) > 0.6)), "unexplained"),

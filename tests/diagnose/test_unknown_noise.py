@@ -17,6 +17,7 @@ from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.recording import Recording, Site
 from tests.benchmarks import unknown_hand
+from tests.benchmarks.unknown_runs import answer, runs
 
 ARCSEC = np.pi / 648000
 G = 9.8
@@ -217,3 +218,26 @@ def test_turns_during_which_the_clock_pauses_are_left_out_and_not_refused() -> N
     begun = np.cumsum(np.diff(r.position, prepend=1) != 0)  # every stretch of rows
     d = diagnose([replace(r, time=r.time + 60.0 * begun)])
     assert set(d.provenance["views"]) == {"norm", "rest rates"}
+
+
+@pytest.mark.parametrize(
+    ("name", "shape"),
+    [
+        ("cycling", "specific_force norm: a pattern in time along y"),  # of one accelerometer, wherever it points
+        ("ripple", "specific_force norm: a curve of the force along x"),
+        ("breathing", "specific_force norm: a scale factor that changes in time along z"),
+        ("hours apart", "pointing across: a pattern in time"),
+        ("harmonic", "pointing across: a pattern in the hour angle, twice per turn and faster"),
+    ],
+)
+def test_laws_of_no_catalogue_are_told_by_their_shape(name: str, shape: str) -> None:
+    run = next(r for r in runs() if r.concealed == (name,) and r.sigmas == 40)
+    a = answer(run)
+    assert a["shapes"][0] == shape
+    assert all(true for *_, true in a["claims"])  # what every mount has besides
+
+
+@pytest.mark.parametrize("name", ["slipped", "backlash", "worm 359"])
+def test_what_happens_to_the_drives_of_a_mount_is_named(name: str) -> None:
+    run = next(r for r in runs() if r.concealed == (name,) and r.sigmas == 12)
+    assert answer(run)["judged"] == ["right"]

@@ -105,6 +105,7 @@ def _squares(s: Any) -> Array:
 GIMBAL: dict[str, tuple[str, Law]] = {
     "gimbal_zero": ("Wu et al. (2018), section 3", lambda s, p: np.tile(p.theta_0 * (s.sense or 1), (len(s.time), 1))),
     "gimbal_zero_drift": ("Wallace, TPOINT: a zero that moves with time", lambda s, p: np.outer(s.time, p.rate)),
+    "gimbal_zero_step": ("a zero that jumps", lambda s, p: np.outer(1.0 * (s.time >= p.epoch), p.J)),
     "gimbal_nonorthogonality": ("turn about the common perpendicular of two neighbours", _nonorthogonality),
     "encoder_eccentricity": ("once a turn", lambda s, p: wave(p.A, p.B, s.angle)),
     "encoder_two_cycle": ("twice a turn", lambda s, p: wave(p.A, p.B, 2 * s.angle)),

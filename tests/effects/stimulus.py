@@ -90,7 +90,8 @@ def _constant(rng: np.random.Generator, low: float, high: float) -> float:
 
 CHOSEN: Mapping[str, dict[str, Any]] = {
     # limits far wider than the stimulus
-    "bias_step": {"epoch": 30000.0}, "position_blunder": {"position": 3.0}, "slow_bias_drift": {"span": 90000.0},
+    "bias_step": {"epoch": 30000.0}, "gimbal_zero_step": {"epoch": 30000.0},
+    "position_blunder": {"position": 3.0}, "slow_bias_drift": {"span": 90000.0},
     # rounding: 1e4 rad of phase keep 1e-12, and so does 1 - sqrt(1 - x) with x of 1e-2
     "servo_limit_cycle": {"period": 110.0},
     "quadratic_nonlinearity": {"K2": np.array([2e-3, -3e-3, 1e-3]) / G0},

@@ -14,6 +14,7 @@ from tests.effects.stimulus import example, given
 NAMES: Mapping[str, Mapping[str, str]] = {  # where a formula and the code spell a parameter differently
     "base_tilt_drift": {"dot psi": "psi"},
     "bias_step": {"t_0": "epoch"},
+    "gimbal_zero_step": {"t_0": "epoch"},
     "case_rotation_residue": {"P": "period"},
     "cross_coupling": {"K": "K_c"},
     "encoder_cyclic_error": {"N": "lines"},

@@ -30,7 +30,7 @@ def shapes(o: Observations) -> dict[str, tuple[str, Array]]:
         basis = np.concatenate([np.cos(np.outer(phase, n)), np.sin(np.outer(phase, n))], axis=1)
         out["orientation"] = ("harmonics of the sidereal angle", basis)
     if s.temperature is not None and np.ptp(s.temperature) > 0:
-        out["temperature"] = ("a function of temperature", _thermal(s.time, s.temperature))
+        out["temperature"] = ("a function of temperature", thermal(s.time, s.temperature))
     return out
 
 
@@ -58,7 +58,7 @@ def polynomials(u: Array) -> Array:
     return np.stack(second + third, axis=-1)
 
 
-def _thermal(time: Array, temperature: Array) -> Array:
+def thermal(time: Array, temperature: Array) -> Array:
     """Legendre polynomials 2 to 5 of temperature, its smoothed rate, square and cube (n, 7)."""
     from scipy.ndimage import gaussian_filter1d
 

@@ -10,14 +10,12 @@ import numpy as np
 from gimbalcal.diagnose.library.candidates import (
     Candidate,
     Constants,
-    Variant,
-    appended_to,
     choices,
     eligible,
     of_effect,
     sources,
 )
-from gimbalcal.diagnose.library.shapes import polynomials, unit_rms
+from gimbalcal.diagnose.library.view_shapes import shapes_of
 from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
@@ -139,43 +137,3 @@ def constants_of(e: Effect) -> Constants:
 def free_rows(v: View, modelled: Sequence[Parameter]) -> int:
     """Rows of a channel that a model with these parameters leaves to test anything with."""
     return max(len(v.recording.time) - -(-len(modelled) // len(v.channels)), 1)
-
-
-def shapes_of(v: View, misfit: Array, blocks: list[Array], free: int) -> tuple[Candidate, ...]:
-    """What is no cause, its columns (n, C, p), per rms of the misfit (n, C), appended to `blocks`.
-
-    Smooth in time in each channel; smooth in the direction of gravity, or harmonics of the gimbal angles.
-    A shape with as many columns as rows fits whatever is there, so none has more than half the `free`.
-    """
-    rms = float(np.sqrt(np.mean(misfit**2)))
-    n, C = misfit.shape[0], len(v.channels)
-    t = v.recording.time - v.recording.time[0]
-    bases = {"time": ("a smooth function of time", np.cos(np.pi * np.outer(t / (t[-1] or 1.0), np.arange(1, 9))))}
-    if v.name == "pointing":
-        bases |= _angle_harmonics(v)
-    elif v.name != "table":
-        force = v.stimulus.force
-        basis = polynomials(force / np.linalg.norm(force, axis=-1, keepdims=True))
-        bases["orientation"] = ("a smooth function of the direction of gravity", basis)
-    out = []
-    for name, (words, basis) in bases.items():
-        scaled = rms * unit_rms(basis[:, : max(1, free // 2)])
-        for c, (quantity, axis) in enumerate(v.channels):
-            X = np.zeros((n, C, scaled.shape[1]))
-            X[:, c] = scaled
-            span = tuple(appended_to(blocks, X))
-            out.append(Candidate(f"unknown {name}", axis, (), (Variant((), span),), words, channel=quantity))
-    return tuple(out)
-
-
-def _angle_harmonics(v: View) -> dict[str, tuple[str, Array]]:
-    """The first harmonic, and the harmonics 2 to 6, of each gimbal angle that moves."""
-    out = {}
-    for i, axis in enumerate(v.stimulus.axis_names):
-        angle = v.stimulus.readout[:, i]
-        if np.ptp(angle) > 1e-2:
-            words = axis.replace("_", " ").removesuffix(" angle") + " angle"
-            for orders, often in ((range(1, 2), "once per turn"), (range(2, 7), "twice per turn and faster")):
-                basis = np.stack([f(k * angle) for k in orders for f in (np.cos, np.sin)], axis=-1)
-                out[f"{words}, {often}"] = (f"a pattern in the {words}, {often}", basis)
-    return out

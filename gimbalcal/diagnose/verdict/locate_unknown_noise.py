@@ -9,7 +9,8 @@ import numpy as np
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.evidence.projection import log_bayes
 from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.library.unknown_noise import free_rows, shapes_of
+from gimbalcal.diagnose.library.unknown_noise import free_rows
+from gimbalcal.diagnose.library.view_shapes import shapes_of
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.refit import Model, basis, projections, weighted
 from gimbalcal.number import Array
