@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from time import process_time
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 
@@ -108,36 +109,39 @@ def _runs() -> Iterator[Run]:
         )
     for i in range(4):
         yield Run("clean", "table", seed=90 + i)
-    n = 0
     for name, law in {**unknown_laws.of_hand(0), **unknown_laws.of_chamber(0)}.items():
         for sigmas in (12.0, 40.0):
-            n += 1
-            yield Run("one", "hand", (name,), n % 3, sigmas, 100 + n, hand(n, **dict(law.needs or {})))
-    for m in range(2):
-        for name, law in unknown_laws.of_mount(equatorial=bool(m)).items():
+            n = _number(name, sigmas)
+            yield Run("one", "hand", (name,), n % 3, sigmas, n, hand(n, **dict(law.needs or {})))
+    for m in (False, True):
+        for name, law in unknown_laws.of_mount(m).items():
             for sigmas in (12.0, 40.0):
-                n += 1
-                options = mount(n, **{"equatorial": bool(m), "flips": bool(m) and n % 2 == 0, **dict(law.needs or {})})
-                yield Run("one", "mount", (name,), 0, sigmas, 100 + n, options, held=n % 4 < 2 and name not in TERMS_OF)
+                n = _number(name, sigmas, m)
+                options = mount(n, **{"equatorial": m, "flips": m and n % 2 == 0, **dict(law.needs or {})})
+                yield Run("one", "mount", (name,), 0, sigmas, n, options, held=n % 4 < 2 and name not in TERMS_OF)
     for name in unknown_laws.of_table():
         for sigmas in (12.0, 40.0):
-            n += 1
-            yield Run("one", "table", (name,), 0, sigmas, 100 + n)
+            yield Run("one", "table", (name,), 0, sigmas, _number(name, sigmas))
     for plant, pairs in PAIRS.items():
-        for i, pair in enumerate(pairs):
+        for pair in pairs:
             for sigmas in (12.0, 40.0):
-                n += 1
+                n = _number(*pair, sigmas)
                 made = hand(n) if plant == "hand" else mount(n)
-                yield Run("pair", plant, pair, i % 3 if plant == "hand" else 0, sigmas, 300 + n, made, held=i % 2 == 0)
-    for i, (name, law) in enumerate(unknown_laws.strange_of_hand(0).items()):
+                yield Run("pair", plant, pair, n % 3 if plant == "hand" else 0, sigmas, n, made, held=n % 4 < 2)
+    for arm, laws in (("strange", unknown_laws.strange_of_hand(0)), ("confounded", unknown_laws.confounded(0))):
+        for name, law in laws.items():
+            for sigmas in (12.0, 40.0):
+                n = _number(name, sigmas)
+                yield Run(arm, "hand", (name,), n % 3, sigmas, n, hand(n, **dict(law.needs or {})))
+    for name in unknown_laws.strange_of_mount():
         for sigmas in (12.0, 40.0):
-            yield Run("strange", "hand", (name,), i % 3, sigmas, 400 + i, hand(i, **dict(law.needs or {})))
-    for i, name in enumerate(unknown_laws.strange_of_mount()):
-        for sigmas in (12.0, 40.0):
-            yield Run("strange", "mount", (name,), 0, sigmas, 450 + i, mount(i), held=sigmas < 20)
-    for i, (name, law) in enumerate(unknown_laws.confounded(0).items()):
-        for sigmas in (12.0, 40.0):
-            yield Run("confounded", "hand", (name,), i % 3, sigmas, 500 + i, hand(i, **dict(law.needs or {})))
+            n = _number(name, sigmas)
+            yield Run("strange", "mount", (name,), 0, sigmas, n, mount(n), held=sigmas < 20)
+
+
+def _number(*what: object) -> int:
+    """A seed that stays when laws are added."""
+    return 1000 + crc32(repr(what).encode()) % 9000
 
 
 TERMS_OF = ("tilt", "sag", "inner eccentricity")  # what the held terms are

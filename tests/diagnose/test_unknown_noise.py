@@ -223,11 +223,11 @@ def test_turns_during_which_the_clock_pauses_are_left_out_and_not_refused() -> N
 @pytest.mark.parametrize(
     ("name", "shape"),
     [
-        ("cycling", "specific_force norm: a pattern in time along y"),  # of one accelerometer, wherever it points
-        ("ripple", "specific_force norm: a curve of the force along x"),
+        ("cycling", "specific_force norm: a pattern in time along z"),  # of one accelerometer, wherever it points
+        ("ripple", "specific_force norm: a curve of the force along y"),
         ("breathing", "specific_force norm: a scale factor that changes in time along z"),
         ("hours apart", "pointing across: a pattern in time"),
-        ("harmonic", "pointing across: a pattern in the hour angle, twice per turn and faster"),
+        ("harmonic", "pointing across: a pattern in the azimuth angle, twice per turn and faster"),
     ],
 )
 def test_laws_of_no_catalogue_are_told_by_their_shape(name: str, shape: str) -> None:

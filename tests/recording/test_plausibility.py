@@ -245,3 +245,21 @@ def test_what_nothing_tells_is_said() -> None:
     (words,) = refuse_implausible(replace(static_run(), channels={**static_run().channels,
                                   **{("angular_rate", a): np.zeros(144) for a in "xyz"}}))  # fmt: skip
     assert words == "the gyroscopes of a static run are not looked at"
+
+
+def test_running_motors_are_no_motion_and_a_turn_is() -> None:
+    """Rests of 2 s at 100 Hz, shaken by 3 m/s^2 rms about their mean; and one within which the unit is turned over."""
+    rng = np.random.default_rng(7)
+    up = rng.standard_normal((9, 3))
+    force = np.repeat(GRAVITY * up / np.linalg.norm(up, axis=1, keepdims=True), 200, axis=0)
+    force = force + 3.0 * rng.standard_normal(force.shape)
+    t, position = 0.01 * np.arange(len(force)), np.repeat(np.arange(1, 10), 200)
+
+    def made(f: Array) -> Recording:
+        channels = {("specific_force", a): f[:, i] for i, a in enumerate("xyz")}
+        return Recording("multi-position", "drone", BENCH, Site(None, 0.0, GRAVITY), {}, t, position, channels)
+
+    refuse_implausible(made(force))
+    force[100:200] *= -1
+    with pytest.raises(InputError, match=r"within position 1, .* so this is no rest"):
+        refuse_implausible(made(force))
