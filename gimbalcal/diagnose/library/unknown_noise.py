@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gimbalcal.diagnose.library.candidates import (
     Candidate,
@@ -22,10 +23,12 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
 from gimbalcal.effects.effect import Grid, constants
 from gimbalcal.effects.grids import kind, resolved
 from gimbalcal.forward import Rows
+from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 
 HOUR = 3600.0  # s, in which the catalogue counts drifts
 PEAKS = 3  # of a scan over whole numbers
+STILL = 0.01  # of a column: a gimbal that stands still but for the drift of its readout
 ABOUT = 9  # whole numbers about each of them
 
 
@@ -34,8 +37,9 @@ def causes(v: View, present: Sequence[Effect], modelled: Sequence[Parameter]) ->
     blocks: list[Array] = []
     found: list[Candidate] = []
     rows = v.about(present)
+    taken = _spans(rows.jacobian(modelled))
     for effect_id in available(v):
-        found += _of_effect(v, effect_id, rows, modelled, blocks)
+        found += _of_effect(v, effect_id, rows, modelled, taken, blocks)
     strange = shapes_of(v, rows.residual, blocks, free_rows(v, modelled))
     return (*found, *strange), np.concatenate(blocks, axis=-1)
 
@@ -63,13 +67,20 @@ def unknowns(v: View, effect_id: str) -> tuple[Parameter, ...]:
 
 
 def _of_effect(
-    v: View, effect_id: str, rows: Rows, modelled: Sequence[Parameter], blocks: list[Array]
+    v: View, effect_id: str, rows: Rows, modelled: Sequence[Parameter], taken: Array, blocks: list[Array]
 ) -> list[Candidate]:
-    """Candidates of what the model does not hold of an effect; with the constants it has there, if it has some."""
+    """Candidates of what the model does not hold of an effect; with the constants it has there, if it has some.
+
+    Of a gimbal that stands still a pattern in its angle is a constant, which the model has `taken` (n C, q): no cause.
+    """
     cls = CATALOGUE[effect_id]
     there = next((e for e in rows.effects if e.id == effect_id), None)
     had = {(p.effect, p.field, p.axis) for p in modelled}
     wanted = [p for p in unknowns(v, effect_id) if (p.effect, p.field, p.axis) not in had]
+    if wanted and there is None:
+        first = absent_effect(effect_id, v.stimulus, sources(cls, v.stimulus)[0], **dict(choices(cls, v.stimulus)[0]))
+        own = _beyond(np.nan_to_num(rows.columns(first, wanted)), taken)
+        wanted = [p for p, seen in zip(wanted, own, strict=True) if seen or p.axis not in v.stimulus.axis_names]
     scale = np.array([p.sigma for p in wanted])
 
     def columns(made: Effect) -> Array:
@@ -83,6 +94,19 @@ def _of_effect(
         if there is None or source == (getattr(there, "covariate", "") if source else ""):
             out += of_effect(cls, source, wanted, tried, v.stimulus, columns, blocks)
     return [replace(c, scanned=count) for c in out]
+
+
+def _spans(J: Array) -> Array:
+    """Orthonormal basis (n C, q) of columns J (n, C, p), whatever their units."""
+    A = J.reshape(J.shape[0] * J.shape[1], -1)
+    return orthonormal(A / (np.linalg.norm(A, axis=0) + 1e-300))
+
+
+def _beyond(X: Array, Q: Array) -> NDArray[np.bool_]:
+    """Which of the columns X (n, C, p) are more than what Q (n C, q) spans."""
+    A = X.reshape(len(Q), -1)
+    left = np.linalg.norm(A - Q @ (Q.T @ A), axis=0)
+    return np.asarray(left > STILL * np.linalg.norm(A, axis=0))
 
 
 def _scanned(

@@ -39,6 +39,7 @@ from gimbalcal.units import is_raw
 
 FORCE, RATE = "specific_force", "angular_rate"
 BLOCK = 1.0  # s; a table is tilted over seconds, what is faster shakes building and floor
+POLE = 0.02  # cosine of the inner angle beyond which a mount points along its outer axis
 FEWEST = 3  # means of a table that can differ from one another in more than a trend
 COARSE, FINE = 0.04, 0.01  # s; steps at which the physics of a tilting table is evaluated, for search and last fit
 RESTS = 6  # fewer do not tell a pattern of the attitude from chance
@@ -100,6 +101,12 @@ def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
     def rows(effects: Sequence[Effect]) -> Rows:
         return against_stars(recording, s, effects)
 
+    def ideal(effects: Sequence[Effect]) -> Rows:
+        found = rows(effects)
+        return replace(
+            against_stars(recording, s.at(readout=s.readout + _beside(found)), effects), residual=found.residual
+        )
+
     return View(
         "pointing",
         recording,
@@ -111,7 +118,21 @@ def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
         tuple(baseline) or BASELINE["pointing"],
         rows,
         gauges({Stage.BASE}),
+        ideal=ideal,
     )
+
+
+def _beside(rows: Rows) -> Array:
+    """By how much the readouts (n, k) miss the angles at which the mount with these effects is on its stars [rad].
+
+    Near the pole of the outer axis no readout is told by where the star is: there they stay.
+    """
+    S = rows.sensitivity[Stage.ENCODER]
+    square = S[:, :, : S.shape[1]]  # what is read are the innermost axes
+    told = np.abs(np.linalg.det(square)) > POLE
+    out = np.zeros((len(S), S.shape[2]))
+    out[told, : S.shape[1]] = np.linalg.solve(square[told], rows.residual[told][..., None])[..., 0]
+    return out
 
 
 def _by_weight(recording: Recording) -> Array | None:

@@ -25,10 +25,14 @@ NIGHT = 6 * 3600.0  # s; a longer pause ends a night
 
 
 def on_stars(recording: Recording) -> Stimulus:
-    """What the mount experienced; every star is a visit of its own."""
+    """What the mount experienced; every star is a visit of its own.
+
+    Moves are told by where the stars are: readouts of an axis that stands still move by their noise.
+    """
     s = stimulus_from_angles(recording)
     n = len(recording.time)
-    moved = np.diff(s.readout, axis=0, prepend=s.readout[:1])
+    aimed = recording.platform.angles({a: x for (q, a), x in recording.channels.items() if q == "true_angle"}, (n,))
+    moved = np.diff(aimed, axis=0, prepend=aimed[:1])
     return s.at(visit=np.arange(n), position=np.arange(1, n + 1), since_move=0 * s.time, move_angle=moved)
 
 
