@@ -27,7 +27,7 @@ from derivations.wang2019.symbols import L, omega_ie
 
 C = sp.Matrix(3, 3, sp.symbols("c_:3:3", real=True))
 V_E, V_N, V_U = V
-s, c, t = sp.sin(L), sp.cos(L), sp.tan(L)
+s, c, t = sp.sin(L), sp.cos(L), sp.sin(L) / sp.cos(L)
 RM, RN = R_M + h, R_N + h
 X_KG = [model.dK_G[i, j] for j in range(3) for i in range(j, 3)]  # column by column, as F14 has them
 X_KA = [model.dK_A[i, j] for j in range(3) for i in range(3)]

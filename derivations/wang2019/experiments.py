@@ -2,7 +2,8 @@
 
 *Table 5* is a condition that the authors set. *Table 6*: the decrease is (method 1 - method 3) / method 1; the errors
 themselves are compared with what the stated precision of the sensors makes of 3.2 h: a constant gyroscope error eps
-carries position off by eps R (t - sin(w t) / w), w^2 = g / R, an accelerometer error a by at most 2 a / w^2.
+carries position off by eps R (t - sin(w t) / w), w^2 = g / R, an accelerometer error a by at most 2 a / w^2, on one
+axis and to first order; `dead_reckoning` navigates in full, about each of the three axes.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 from math import pi, radians, sin, sqrt
 
 from derivations.verdict import AGREES, APPROXIMATION, NOT_DETERMINED, WRONG, Verdict
+from derivations.wang2019.dead_reckoning import largest
 from derivations.wang2019.symbols import SOURCE
 
 SWING = (("heading", 2.0, 3.0), ("pitch", 2.0, 3.0), ("roll", 8.0, 5.0))  # Hz, deg
@@ -36,14 +38,29 @@ def drift(gyroscope: float, accelerometer: float) -> tuple[float, float]:
     return eps * RADIUS * (t - sin(w * t) / w) / MILE, 2 * accelerometer * GRAVITY / w**2 / MILE
 
 
+def in_full(gyroscope: float, accelerometer: float) -> tuple[float, float]:
+    """The same [n mile] with nothing linearised, the worst of three axes each (level ones of the accelerometers)."""
+    eps, a = radians(gyroscope) / 3600, accelerometer * GRAVITY
+    none = (0.0, 0.0, 0.0)
+    of_rate = max(largest(_along(i, eps), none, HOURS) for i in range(3))
+    return of_rate / MILE, max(largest(none, _along(i, a), HOURS) for i in range(2)) / MILE
+
+
+def _along(axis: int, size: float) -> tuple[float, float, float]:
+    x, y, z = (size * (i == axis) for i in range(3))
+    return x, y, z
+
+
 def judge_error(number: int, method: int, printed: float) -> Verdict:
     """A largest position error: of the order that the stated precision makes, and no more can be said."""
-    gyroscope, accelerometer = drift(0.01, 1e-5)
+    gyroscope, accelerometer = in_full(0.01, 1e-5)
+    one_axis = drift(0.01, 1e-5)
     return Verdict(
         SOURCE, f"Table 6, experiment {number}, method {method}", NOT_DETERMINED, f"{printed} n mile",
         f"up to {gyroscope:.1f} n mile of 0.01 deg/h, {accelerometer:.2f} of 0.01 mg", "not quantified",
         f"It needs the recordings, which are not printed. Of the right order: the precision of 0.01 deg/h that Section "
-        f"5.2 states makes {gyroscope:.1f} n mile in {HOURS} h, that of 0.01 mg {accelerometer:.2f}.",
+        f"5.2 states makes {gyroscope:.2f} n mile in {HOURS} h, that of 0.01 mg {accelerometer:.2f}, at rest and "
+        f"with nothing linearised ({one_axis[0]:.2f} and {one_axis[1]:.2f} by Schuler's formula for one axis).",
     )  # fmt: skip
 
 

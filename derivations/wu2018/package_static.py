@@ -77,6 +77,21 @@ def simulated_attitude() -> float:
     return float(np.abs(navigation_to_platform(PHASES, LATITUDE) - rows).max())
 
 
+@checks(SOURCE, "Eq. (18)", "Eq. (19)", where="navigate.space_stable")
+def navigated_axes() -> float:
+    """Up, north and east as the navigator of a stable platform computes them, over a day."""
+    from gimbalcal.navigate import space_stable
+
+    n = np.zeros(len(PHASES))
+    up = space_stable.Course(n, n + LATITUDE, PHASES, n, np.stack([n, n], axis=-1)).up
+    worst = 0.0
+    for t, vertical in zip(PHASES, up, strict=True):
+        C = numbers(static_force.navigation_to_platform(), {L: LATITUDE, S_t: t})
+        ours = np.vstack([space_stable._north_east(LATITUDE, t), -vertical])
+        worst = max(worst, float(np.abs(ours - C.T).max()))
+    return worst
+
+
 @checks(SOURCE, "Eq. (3)", where="forward.angles.navigator_attitude_error")
 def attitude_angles() -> float:
     """Eq. (3) at the roll, pitch and yaw that the navigator gives out against (4) and (18), a base far from level."""

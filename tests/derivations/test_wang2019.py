@@ -14,6 +14,7 @@ from derivations import comparison, wang2019
 from derivations.verdict import AGREES, APPROXIMATION, MISPRINT, NOT_DETERMINED, VERDICTS, WRONG, judge
 from derivations.wang2019 import (
     accelerometer,
+    dead_reckoning,
     differences,
     experiments,
     frames,
@@ -250,3 +251,19 @@ def test_a_planted_number_in_table_4_is_seen(monkeypatch):
 
 def test_a_planted_percentage_in_table_6_is_seen():
     assert experiments.judge_experiment(1, 1.452, 1.275, 12.91).verdict == WRONG
+
+
+def test_navigation_in_full_goes_over_into_schulers_formulas():
+    """Small errors for a short time: one axis. An error ten times larger is ten times as far, but for 1e-3."""
+    none, eps, a = (0.0, 0.0, 0.0), 4.848e-8, 9.8e-5
+    one = experiments.drift(0.01, 1e-5)
+    assert dead_reckoning.largest((0.0, eps, 0.0), none, 3.2) / 1852 == pytest.approx(one[0], rel=0.02)
+    assert dead_reckoning.largest(none, (a, 0.0, 0.0), 3.2) / 1852 == pytest.approx(one[1], rel=0.01)
+    assert dead_reckoning.largest((0.0, 10 * eps, 0.0), none, 3.2) == pytest.approx(
+        10 * dead_reckoning.largest((0.0, eps, 0.0), none, 3.2), rel=1e-3
+    )
+
+
+def test_no_three_angles_hold_the_leaning_of_axes():
+    assert frames.out_of_reach((1e-3, -2e-3, 3e-3), (0.0, 0.0, 0.0)) < 1e-15
+    assert frames.out_of_reach((0.0, 0.0, 0.0), (1e-3, 0.0, 0.0)) == pytest.approx(5e-4, rel=1e-3)
