@@ -33,7 +33,7 @@ def calibrate(
     several sensors logged side by side the first is returned.
     """
     loaded = pipeline.load(_listed(recordings), tell)
-    return pipeline.calibrate(loaded, method or pipeline.usual_method(loaded), terms, tell, more, states, grade)[0]
+    return pipeline.calibrate(loaded, method, terms, tell, more, states, grade)[0]
 
 
 def diagnose(

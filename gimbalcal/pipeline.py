@@ -84,25 +84,25 @@ def by_sensor(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], .
 
 
 def usual_method(recordings: Sequence[Recording]) -> str:
-    """The method for recordings of these kinds: by angles where gimbals were read, by the norm of gravity without.
+    """The method for recordings of these kinds: by angles where there are gimbals, by the norm of gravity without.
 
     A unit that turns on and on is held against an attitude that was logged, else against its own navigation.
     """
-    if any(r.kind == "rotation" for r in recordings):
+    if all(r.kind == "rotation" and r.has("angular_rate") for r in recordings):
         return "attitude" if all(r.has("attitude") for r in recordings) else "systematic"
-    without = all(r.kind == "multi-position" and not r.has("gimbal_angle") for r in recordings)
+    without = all(r.kind == "multi-position" and not r.platform.axes for r in recordings)
     return "multiposition" if without else "three-stage"
 
 
 def calibrate(
-    recordings: Sequence[Source], method: str = "three-stage", terms: Sequence[str] = (), tell: Tell = silent,
+    recordings: Sequence[Source], method: str = "", terms: Sequence[str] = (), tell: Tell = silent,
     more: Sequence[str] = (), states: str = "51", grade: str = "",
 ) -> tuple[Calibration, tuple[Recording, ...]]:  # fmt: skip
-    """Take or read recordings and calibrate by `method`: "three-stage", or "multiposition" (no angles, one session or
-    more).
+    """Take or read recordings and calibrate by `method`, else by the one that is usual for them (`usual_method`).
 
-    "systematic" takes a rotation recording and estimates `states`: "30", "51" or "EFFECT[:AXIS],...". Pointing runs,
-    one or several of a mount, have a method of their own.
+    "three-stage" takes angles, "multiposition" none and one session or more, "systematic" takes a rotation recording
+    and estimates `states`: "30", "51" or "EFFECT[:AXIS],...". Pointing runs, one or several of a mount, have a method
+    of their own.
 
     `more` adds effects of the catalogue to the fit of any method, "bias_temperature:y" or "warm_up,tau=0.5" (`added`);
     `grade` names that of a unit on gimbals.
@@ -114,7 +114,7 @@ def calibrate(
 
 def calibrate_each(
     recordings: Sequence[Source],
-    method: str = "three-stage",
+    method: str = "",
     terms: Sequence[str] = (),
     tell: Tell = silent,
     more: Sequence[str] = (),
@@ -123,6 +123,9 @@ def calibrate_each(
 ) -> tuple[tuple[Calibration, tuple[Recording, ...]], ...]:
     """The same for each of several sensors that were logged side by side, held against the first at rest."""
     groups = by_sensor(load(recordings, tell))
+    if not method:
+        method = usual_method(groups[0])
+        tell(f"method: {method} (another: --method)")
     made = []
     for group in groups:
         if len(groups) > 1:

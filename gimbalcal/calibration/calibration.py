@@ -80,14 +80,19 @@ class Calibration:
         return np.sqrt(np.diag(self.covariance))
 
     def __str__(self) -> str:
-        """A table of parameters with their sigmas, and what speaks against the fit."""
+        """A table of parameters with their sigmas, and what the data did not show; `unobservable` says why."""
         rows = self.to_dict()["parameters"]
         names = [f"{r['name']} {r['axis']}".strip() for r in rows]
         wide = max(map(len, names), default=0)
         table = [f"{n:{wide}s} {r['value']:14.6g} +- {r['sigma']:<10.3g} {r['unit']}"
                  for n, r in zip(names, rows, strict=True)]  # fmt: skip
-        unseen = [f"not seen: {' '.join(u['direction'])}, {u['why']}" for u in self.unobservable]
-        return "\n".join([f"{self.method} calibration", *table, *unseen, *filter(None, [self.outcome])])
+        labels = {p.label for p in self.parameters}
+        unseen = [u["direction"] for u in self.unobservable if labels.issuperset(u["direction"])]
+        held = dict.fromkeys(label.partition(":")[0] for u in self.unobservable for label in u["direction"]
+                             if not labels.issuperset(u["direction"]) and label not in labels)  # fmt: skip
+        remarks = [f"not seen together: {', '.join(d)}" for d in unseen]
+        remarks += [f"not estimated: {', '.join(held)}"] if held else []
+        return "\n".join([f"{self.method} calibration", *table, *remarks])
 
     def to_frame(self) -> pl.DataFrame:
         """One row a parameter: effect, name, axis, value, sigma and prior_sigma in `unit`."""

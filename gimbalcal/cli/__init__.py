@@ -82,9 +82,9 @@ gimbalcal.add_command(observe)
 @click.option(
     "--method",
     type=click.Choice(["three-stage", "multiposition", "systematic", "attitude", "two-position"]),
-    default="three-stage",
-    show_default=True,
-    help="three-stage: space-stable platform, angles recorded; multiposition: no angles needed, gyroscopes too; "
+    default=None,
+    help="Left out, the kind of recording says it. three-stage: space-stable platform, angles recorded; "
+    "multiposition: no angles needed, gyroscopes too; "
     "systematic: both triads of a unit that is turned in its place, by navigation, no angle trusted; "
     "attitude: moving gyroscopes against an attitude that was logged beside them; "
     "two-position: gyroscopes that stand still and are reversed, bias against the Earth's rate.",
@@ -107,7 +107,7 @@ gimbalcal.add_command(observe)
 @stored
 @output_options("calibration.json and report.html")
 def calibrate(
-    recordings: tuple[Path, ...], method: str, terms: str, more: tuple[str, ...], states: str, grade: str,
+    recordings: tuple[Path, ...], method: str | None, terms: str, more: tuple[str, ...], states: str, grade: str,
     store: Path | None, unit: str,
     out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
@@ -117,7 +117,7 @@ def calibrate(
     from gimbalcal.report.wording import answer
 
     tell = progress(quiet)
-    each = calibrate_each(recordings, method, listed(terms), tell, more, states, grade)
+    each = calibrate_each(recordings, method or "", listed(terms), tell, more, states, grade)
     for k, (calibration, loaded) in enumerate(each):
         if out is not None:
             place = out / loaded[0].sensor if k else out  # those beside the first have a folder of their own
@@ -129,6 +129,8 @@ def calibrate(
         content["beside"] = {loaded[0].sensor: c.to_dict() for c, loaded in each[1:]}
     sentences = [f"{r[0].title}: {answer(c.to_dict())}" if len(each) > 1 else answer(c.to_dict()) for c, r in each]
     checks = each[0][0].provenance["options"].get("cross_check", ())
+    if not (as_json or quiet):
+        print("\n\n".join(str(c) for c, _ in each), end="\n\n")
     show(content, " ".join([*sentences, *(f"{words[0].upper()}{words[1:]}." for words in checks)]), as_json, quiet)
     sys.exit(1 if any(c.outcome for c, _ in each) else 0)
 
