@@ -12,6 +12,7 @@ suspicious there is judged at the end on the whole column:
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from math import erf, log, sqrt
 
@@ -65,6 +66,7 @@ class Screen:
         self.gaps: list[tuple[int, float]] = []  # inside a position
         self.peaks: dict[tuple[str, int], tuple[float, int]] = {}  # (name, sign): largest value and how often
         self.stuck: set[str] = set()
+        self.repeats: Counter[str] = Counter()  # of every STRIDEth row, how many repeat the one before
         self.visits = header.kind == "multi-position" and self.position is not None  # no clock has to find them
         self.by_order = header.kind == "pointing" or bool(clock.regular) or (self.visits and clock.resolution > 0)
         self.equal = 0  # rows stamped as the one before them
@@ -174,6 +176,7 @@ class Screen:
         self._peak(name, x)
         thin = x[::STRIDE]
         same = thin[1:] == thin[:-1]
+        self.repeats[name] += int(np.count_nonzero(same))
         if bool((same[2:] & same[1:-1] & same[:-2]).any()):
             self.stuck.add(name)
 
@@ -199,6 +202,8 @@ class Screen:
         sensor = next(name for name, quantity in SENSORS.items() if quantity == each.quantity)
         own = [c for c in self.sensors if c.sensor == each.sensor]
         alike = [c for c in own if c.quantity == each.quantity] or [each]  # a gimbal stands for itself
+        if self.header.kind == "rotation" and all(0.5 < STRIDE * self.repeats[c.name] / self.n < 0.95 for c in alike):
+            return 0.0  # a simulation without noise: what scatters is the motion
         triad = [to_si(scatter.get(c.name, 0.0), c.unit) for c in alike]
         largest = max(abs(to_si(self.peaks[c.name, k][0], c.unit)) for c in alike for k in (1, -1))
         seen = max(triad) if max(triad) > SMOOTH * largest else 0.0

@@ -167,3 +167,18 @@ def test_no_two_instants_are_one_where_corners_fall_on_rows():
     assert np.diff(at.time).min() > 1e-3
     np.testing.assert_allclose(at.means(np.ones(len(at.time))), 1.0, rtol=1e-14)
     np.testing.assert_allclose(at.means(at.time), time - 0.05, rtol=1e-13)
+
+
+def test_a_simulation_without_noise_is_no_clipped_sensor_and_a_frozen_one_is_told(tmp_path):
+    scenario, quiet = tmp_path / "s.toml", 'schedule = { name = "wei2022-30", rate = { value = 5, unit = "Hz" } }\n'
+    head = 'format = 1\nkind = "rotation"\nsite = { latitude = { value = 30, unit = "deg" } }\n' + quiet
+    scenario.write_text(head)
+    simulate_to(scenario, tmp_path / "out")
+    assert len(read(tmp_path / "out").time) == 17270
+    scenario.write_text(head + 'noise = { gyroscope = { value = 1, unit = "deg/h" } }\n')
+    simulate_to(scenario, tmp_path / "noisy")
+    lines = (tmp_path / "noisy" / "samples.csv").read_text().splitlines()
+    frozen = [",".join([*line.split(",")[:5], "0.5", *line.split(",")[6:]]) for line in lines[2000:14000]]
+    (tmp_path / "noisy" / "samples.csv").write_text("\n".join([*lines[:2000], *frozen, *lines[14000:]]))
+    with pytest.raises(InputError, match="column gyro_y"):
+        read(tmp_path / "noisy")
