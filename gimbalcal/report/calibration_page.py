@@ -16,6 +16,7 @@ from gimbalcal.recording import SENSORS, Recording
 from gimbalcal.references import cite
 from gimbalcal.report import wording
 from gimbalcal.report.html import Picture, picture, render
+from gimbalcal.report.navigation import navigation_facts, navigation_pictures
 from gimbalcal.report.parameter_rows import nominal_in_words, rows
 from gimbalcal.report.pointing import named_terms, night_by_night, pointing_picture
 from gimbalcal.report.rounding import minus, significant
@@ -75,6 +76,7 @@ def _facts(content: Mapping[str, Any], recordings: Sequence[Recording]) -> list[
         freedom = f"χ² {residual['chi2']:.1f}, {residual['dof']} degrees of freedom"
         facts.append((f"{ratio:.2f} × noise", f"what is left ({freedom})"))
         facts.append((f"{p:.2g}" if p >= 1e-4 else "< 0.0001", "probability of a worse fit by chance"))
+    facts += navigation_facts(content)
     rows = sum(int(r.weight.sum()) for r in recordings)
     if rows:
         facts.append((f"{rows:,}".replace(",", " "), "samples used"))
@@ -116,6 +118,7 @@ def _evidence(content: Mapping[str, Any], recordings: Iterable[Recording]) -> tu
             others += more
         elif r.kind == "static-run":
             others.append(_run_picture(r, made.effects))
+    others += navigation_pictures(content)
     if not leading:
         leading, others = others[:1], others[1:]
     return leading, others

@@ -1,0 +1,39 @@
+"""The page of a systematic calibration."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from gimbalcal.estimate.systematic.run import systematic
+from gimbalcal.report.calibration_page import calibration_report
+from gimbalcal.report.navigation import innovations_by_leg, navigation_facts, navigation_pictures, sigma_over_time
+from tests.estimate.systematic.table import turning_unit
+
+
+def test_the_page_shows_innovations_and_sigmas() -> None:
+    recording = turning_unit(stop=10.0)
+    content = json.loads(json.dumps(systematic(recording, "30").to_dict()))
+    innovations, sigmas = navigation_pictures(content)
+    assert "31 stops and turns" in innovations.alt
+    assert "21 parameters" in sigmas.alt
+    assert "0 rejected" in navigation_facts(content)[0][1]
+    content["provenance"] |= {"recordings": [], "created": "2026-11-22T10:00:00+00:00"}
+    page = calibration_report(content, (recording,))
+    assert "√P of the filter" in page
+    assert "Velocity innovations of the calibrated navigator" in page
+
+
+def test_what_was_not_navigated_has_none() -> None:
+    assert navigation_pictures({"residual": {"chi2": 1.0}}) == []
+    assert navigation_facts({"residual": {"chi2": 1.0}}) == []
+
+
+def test_each_effect_has_a_panel() -> None:
+    groups = {("bias", "µg"): {"x": [3.0, 1.0], "y": [2.0, 1.0]}, ("gyro bias", "°/h"): {"x": [1.0, 0.1]}}
+    drawn = sigma_over_time(np.array([0.0, 1.0]), groups)
+    assert [ax.get_title(loc="left") for ax in drawn.axes if ax.get_visible()] == ["bias  [µg]", "gyro bias  [°/h]"]
+    assert len(drawn.axes[0].lines) == 2
+    legs = innovations_by_leg(["stop 1", "turn 1", "stop 2"], np.zeros((3, 3)))
+    assert legs.axes[0].get_ylabel() == "innovation  [σ]"
