@@ -9,6 +9,7 @@ feedback of Cai's Eq. (27)), until nothing moves by a hundredth of its sigma.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.calibration import Residual
 from gimbalcal.effects import Parameter, with_values
 from gimbalcal.estimate.added import Added
-from gimbalcal.estimate.systematic.alignment import align, attitudes
+from gimbalcal.estimate.systematic.alignment import Alignment, align, attitudes
 from gimbalcal.estimate.systematic.course import course
 from gimbalcal.estimate.systematic.evidence import doubtful, outcome, told
 from gimbalcal.estimate.systematic.place import refuse_carried, refuse_other_force
@@ -44,6 +45,7 @@ def systematic(
     u = truth(legs, ())
     start = align(legs, u)
     C = attitudes(legs, u, start)
+    wanted = _biased(wanted, start)
     before = np.array([start.bias["xyz".index(p.axis)] if p.effect == "gyro_bias" else 0.0 for p in wanted])
     base = tuple(a.absent((), dict(a.stated)) for a in more)
     theta, settled, done, left_out = before, False, 0, np.zeros(len(legs.stop), dtype=bool)
@@ -61,13 +63,13 @@ def systematic(
         settled = moved < SETTLED and done > 1 and np.array_equal(told_off, left_out)
         if not np.all(np.isfinite(theta)):
             break
-    found = _solved(wanted, last, theta)
+    found = _solved(wanted, last, theta - before)
     navigation = told(legs, wanted, last, C, done)
     words = outcome(navigation, 9 + len(wanted), settled)
     rms = {f"velocity {axis}": float(v) for axis, v in navigation.pop("velocity_rms").items()}
     return Calibration(
         method="systematic",
-        effects=with_values(base, wanted, found.x),
+        effects=with_values(base, wanted, before + found.x),
         parameters=wanted,
         covariance=found.covariance,
         unobservable=tuple(each.to_dict() for each in found.unobservable),
@@ -77,11 +79,17 @@ def systematic(
     )
 
 
+def _biased(wanted: Sequence[Parameter], start: Alignment) -> tuple[Parameter, ...]:
+    """Parameters of a triad whose bias is far beyond the catalogue's scale (MEMS): its own size is the scale then."""
+    size = float(np.abs(start.bias).max())
+    return tuple(replace(p, sigma=max(p.sigma, size / 10)) if p.effect == "gyro_bias" else p for p in wanted)
+
+
 def _sigma(last: Pass) -> Array:
     return np.asarray(np.linalg.norm(last.factor, axis=1))
 
 
-def _solved(wanted: Sequence[Parameter], last: Pass, theta: Array) -> Solution:
+def _solved(wanted: Sequence[Parameter], last: Pass, x: Array) -> Solution:
     """The estimate as the house tells it: what the data alone say, and the directions that they do not see.
 
     P = S S^T holds the prior of width `WIDE`, so S^-1 has the data's singular values s^2 - 1 / WIDE^2.
@@ -92,5 +100,5 @@ def _solved(wanted: Sequence[Parameter], last: Pass, theta: Array) -> Solution:
     root = solve_triangular(last.factor, np.eye(len(wanted)), lower=True)
     _, s, Vt = np.linalg.svd(root)
     s = np.sqrt(np.maximum(s**2 - WIDE**-2, 0.0))
-    rows = np.concatenate([s[:, None] * Vt, (s * (Vt @ (theta / scale)))[:, None]], axis=1)
+    rows = np.concatenate([s[:, None] * Vt, (s * (Vt @ (x / scale)))[:, None]], axis=1)
     return solve(Information(tuple(wanted), rows, len(wanted)))

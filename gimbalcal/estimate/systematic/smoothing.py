@@ -109,6 +109,7 @@ def _linear(
     site = course.rows.site
     assert site.latitude is not None
     q = course.sigma**2 / course.rows.weight[:, None]
+    q[:, :3] += _unseen(course, u)[:, None] ** 2
     begin = np.flatnonzero(np.diff(course.group, prepend=-1))
     expected = np.add.reduceat(_expected(course, u, C), begin) / np.diff(begin, append=len(u))[:, None]
     at = 0
@@ -134,6 +135,19 @@ def _linear(
         Q[k, :3, :3] = (UNMOVED / STATE[0]) ** 2 * np.eye(3)
         Q[k, 3:6, 3:6] = (course.velocity / STATE[3]) ** 2 * np.eye(3)
     return Phi, Psi, Q, d / STATE
+
+
+def _unseen(course: Course, u: Array) -> Array:
+    """What the mean force (n,) [m/s^2] of an interval may be off, in the axes of its beginning, where a ramp begins.
+
+    Sculling takes the rate to be linear over two intervals. Where it bends within one, by the second difference b of
+    its means, the tilt that the force is turned by is off by b dt / 24 to b dt / 12, on the mean.
+    """
+    bend = np.zeros(len(u))
+    bend[1:-1] = np.linalg.norm(np.diff(u[:, 3:], 2, axis=0), axis=1)
+    bend = np.maximum(bend, np.maximum(np.roll(bend, 1), 0.0))  # the interval after it goes by the same slope
+    turning = (course.stop < 0)[np.repeat(np.arange(len(course.stop)), np.diff(course.first))]
+    return np.where(turning, course.rows.site.gravity * bend * course.dt / 12, 0.0)
 
 
 def _expected(course: Course, u: Array, C: Array) -> Array:
