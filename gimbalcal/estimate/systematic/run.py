@@ -3,7 +3,7 @@ r"""Systematic calibration: 30, 51 or any other states, by navigation in place (
 A unit that stays in its place and is turned there is a navigator whose true velocity is known: zero. What it computes
 instead is a linear function of the attitude it started with and of its sensors' errors, and no angle of the table is
 asked for. Filter and smoother (`smoothing`) run about a reference; the reference takes over what they found (the
-feedback of Cai's Eq. (27)), until nothing moves by a hundredth of its sigma.
+feedback of Cai's Eq. (27)), until nothing moves by 3 % of its sigma.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 
 PASSES = 12
-SETTLED = 0.01  # sigma
+SETTLED = 0.03  # sigma
 
 
 def systematic(

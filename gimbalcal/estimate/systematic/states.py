@@ -42,6 +42,11 @@ def states(asked: str, recording: Recording, more: Sequence[Added] = ()) -> tupl
         for p in _of(said, effect, axis, recording):
             out[p.effect, p.field, p.axis] = p
     for a in more:
+        if a.free:
+            raise InputError(
+                f"--with {a.effect}: a filter cannot carry its constant {a.free[0].name}; state it, --with "
+                f"{a.effect},{a.free[0].name}=VALUE"
+            )
         for p in a.parameters(()):
             if p.axis in KEPT.get(p.effect, (p.axis,)) or a.axes:
                 out[p.effect, p.field, p.axis] = replace(p, sigma=_sigma(p))

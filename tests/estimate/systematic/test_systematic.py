@@ -10,7 +10,9 @@ import pytest
 
 from gimbalcal.calibration.calibration import from_dict
 from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.effects.effect import constants
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.added import Added
 from gimbalcal.estimate.systematic.run import systematic
 from gimbalcal.estimate.systematic.states import FIFTY_ONE, states
 from gimbalcal.rotation import frame_rotation
@@ -132,6 +134,35 @@ def test_what_is_no_rotation_recording_is_refused_in_a_sentence() -> None:
             systematic(recording, "30")
 
 
+@pytest.mark.parametrize(
+    ("grade", "settings"),
+    [
+        ((3e-2, 3e-3, 5e-3, 1.5e-4, 3e-3, 5e-3), {"speed": 60.0, "noise": (5e-3, 3e-4, 1e-3)}),  # tactical
+        ((0.3, 2e-2, 2e-2, 9e-3, 2e-2, 2e-2), {"speed": 90.0, "stop": 10.0, "noise": (2e-2, 1e-3, 1e-2)}),  # consumer
+    ],
+)
+def test_low_cost_units_are_calibrated_from_nothing(grade, settings) -> None:
+    """Two per cent of scale, a degree of misalignment, half a degree per second of bias, and no heading at all."""
+    sizes = dict(zip(("bias", "scale_factor", "misalignment", "gyro_bias", "gyro_scale_factor", "gyro_misalignment"),
+                     grade, strict=True))  # fmt: skip
+    truth = np.array([sizes[p.effect] for p in THIRTY]) * np.random.default_rng(5).standard_normal(len(THIRTY))
+    noise = dict(zip(("accelerometer", "gyroscope", "velocity"), settings["noise"], strict=True))
+    found = systematic(turning_unit((), THIRTY, truth, rate=50.0, **{**settings, "noise": noise}), "30")
+    assert found.outcome == ""
+    assert np.abs(_errors(found, THIRTY, truth)).max() < 4
+
+
+def test_two_samples_a_second_are_enough() -> None:
+    """Where a ramp begins within half a second is not known; what that costs is in the sigmas, and no update is lost."""
+    truth = 0.2 * SCALE
+    noise = {"accelerometer": 7e-5, "gyroscope": 8e-7, "velocity": 1e-5}
+    r = turning_unit((), THIRTY, truth, stop=100.0, rate=2.0, speed=3.0, ramp=4.0, noise=noise)
+    found = systematic(r, "30")
+    assert found.outcome == ""
+    assert found.residual.navigation["rejected"] == 0
+    assert np.sqrt(np.mean(_errors(found, THIRTY, truth) ** 2)) < 1.6
+
+
 def _walked(t, begin: float, duration: float, way: float):
     """Acceleration of a walk that begins and ends at rest."""
     s = (t - begin) / duration
@@ -153,6 +184,11 @@ def test_forces_in_g_and_another_latitude_are_refused() -> None:
         systematic(replace(r, channels=g), "30")
     with pytest.raises(InputError, match=r"34\.\d deg above the horizon, and \[site\] says latitude 45\.0 deg"):
         systematic(replace(r, site=replace(r.site, latitude=np.radians(45.0))), "30")
+
+
+def test_a_constant_that_nobody_stated_is_asked_for() -> None:
+    with pytest.raises(InputError, match="cannot carry its constant .*; state it, --with"):
+        states("30", ANY, [Added(next(i for i, c in CATALOGUE.items() if constants(c) and "rotation" in c.kinds))])
 
 
 @pytest.mark.parametrize(
