@@ -105,15 +105,15 @@ def walk(recording: Recording, sensor: str) -> float | None:
 
 
 def _step(recording: Recording) -> float | None:
-    """Usual time [s] from a row to the next in one dwell.
+    """Usual time [s] from a row to the next in one dwell, or from dwell to dwell where these are the rows.
 
-    Of rows that are dwells themselves nobody says how fast they were sampled: once a second at least.
+    A reading that comes less than once a second is taken for one of a second: nobody says that it is a longer mean.
     """
     within = np.concatenate([np.diff(recording.time[d.rows]) for d in dwells(recording)] or [np.zeros(0)])
-    if len(within):
-        return float(np.median(within))
     apart, samples = np.diff(recording.time), float(np.median(recording.weight))
-    return min(float(np.median(apart)), SECOND * samples) if len(apart) and samples > 1 else None
+    if not len(within) and (samples == 1 or not len(apart)):
+        return None
+    return min(float(np.median(within if len(within) else apart)), SECOND * samples)
 
 
 def _of_means(recording: Recording, quantity: str, step: float) -> float | None:

@@ -14,6 +14,7 @@ from gimbalcal.diagnose.rows.views import norm
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.stepwise import weigh
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.grade import graded
 from gimbalcal.recording import Recording, read
 from tests.real.recordings import diagnosed, finding, names, recording, rms_after, size
 
@@ -79,6 +80,6 @@ def test_the_drift_is_no_accident_of_the_order() -> None:
         view = norm(means)
         return weigh(view, start(view)).ln_total
 
-    means = read(MEANS)
+    (means,) = graded([read(MEANS)]).of([read(MEANS)])
     assert odds(means) > CLAIM
     assert max(odds(shuffled(means, seed)) for seed in range(20)) < CLAIM - 1.0

@@ -63,7 +63,7 @@ def unknowns(v: View, effect_id: str) -> tuple[Parameter, ...]:
             and (p.effect, p.axis) not in v.unobservable)  # fmt: skip
     fast = max(1.0, HOUR / max(float(np.ptp(v.stimulus.time)), 1.0)) if cls.in_time else 1.0
     usual = (v.recording.grade.usual(p) for p in seen)
-    return tuple(replace(p, sigma=p.sigma * (fast if p.unit.endswith("/h") else 1.0)) for p in usual)
+    return tuple(replace(p, sigma=v.wide * p.sigma * (fast if p.unit.endswith("/h") else 1.0)) for p in usual)
 
 
 def _of_effect(

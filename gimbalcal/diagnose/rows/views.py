@@ -41,6 +41,7 @@ FORCE, RATE = "specific_force", "angular_rate"
 BLOCK = 1.0  # s; a table is tilted over seconds, what is faster shakes building and floor
 POLE = 0.02  # cosine of the inner angle beyond which a mount points along its outer axis
 FEWEST = 3  # means of a table that can differ from one another in more than a trend
+BY_HAND = 3.0  # times the sizes of one unit: sensors of different makers, bolted together
 COARSE, FINE = 0.04, 0.01  # s; steps at which the physics of a tilting table is evaluated, for search and last fit
 RESTS = 6  # fewer do not tell a pattern of the attitude from chance
 
@@ -59,6 +60,7 @@ class View:
     baseline: tuple[str, ...]
     rows: Callable[[Sequence[Effect]], Rows]
     unobservable: frozenset[tuple[str, str]] = frozenset()  # (effect, axis) that these rows cannot show by convention
+    wide: float = 1.0  # times the sizes of the unit's grade
     noise: Array | None = None  # (n, C) what the samples' scatter alone makes of a row, where it is known
     finer: Callable[[], View] | None = None  # the same rows from physics in finer steps, for the last fit
     ideal: Callable[[Sequence[Effect]], Rows] | None = None  # rows at what is known to be felt: see `about`
@@ -163,7 +165,7 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
     noise = None if sample is None else (sample / np.sqrt(means.weight))[:, None]
     ids = tuple(baseline) or BASELINE["norm"]
     return View(
-        "norm", means, s, ((FORCE, "norm"),), "mg", None, SENSOR_STAGES, ids, rows, gauges(SENSOR_STAGES), noise,
+        "norm", means, s, ((FORCE, "norm"),), "mg", None, SENSOR_STAGES, ids, rows, gauges(SENSOR_STAGES), noise=noise,
         ideal=lambda effects: rows(effects, ideal=True),
     )  # fmt: skip
 
@@ -196,7 +198,7 @@ def rest_rates(
 
     return View(
         "rest rates", dwell_means(recording), s, channels, "deg/h", told,
-        GYROSCOPE_STAGES, tuple(baseline) or BASELINE["rest rates"], rows, frozenset(), told,
+        GYROSCOPE_STAGES, tuple(baseline) or BASELINE["rest rates"], rows, frozenset(), noise=told,
         turns=missed if moving else None,
     )  # fmt: skip
 
@@ -242,7 +244,7 @@ def table(recording: Recording, baseline: Sequence[str] = (), step: float = COAR
     ids = tuple(baseline) or BASELINE["table"]
     return View(
         "table", averaged(recording, BLOCK), s, channels, "ug", None, stages, ids, rows,
-        frozenset(), finer=(lambda: table(whole, baseline, FINE)) if step > FINE else None,
+        frozenset(), BY_HAND, finer=(lambda: table(whole, baseline, FINE)) if step > FINE else None,
     )  # fmt: skip
 
 
