@@ -153,7 +153,7 @@ def test_low_cost_units_are_calibrated_from_nothing(grade, settings) -> None:
 
 
 def test_two_samples_a_second_are_enough() -> None:
-    """Where a ramp begins within half a second is not known; what that costs is in the sigmas, and no update is lost."""
+    """Where a ramp begins within half a second is not known; what that costs is in the sigmas, and none is lost."""
     truth = 0.2 * SCALE
     noise = {"accelerometer": 7e-5, "gyroscope": 8e-7, "velocity": 1e-5}
     r = turning_unit((), THIRTY, truth, stop=100.0, rate=2.0, speed=3.0, ramp=4.0, noise=noise)
@@ -187,7 +187,7 @@ def test_forces_in_g_and_another_latitude_are_refused() -> None:
 
 
 def test_a_constant_that_nobody_stated_is_asked_for() -> None:
-    with pytest.raises(InputError, match="cannot carry its constant .*; state it, --with"):
+    with pytest.raises(InputError, match=r"cannot carry its constant .*; state it, --with"):
         states("30", ANY, [Added(next(i for i, c in CATALOGUE.items() if constants(c) and "rotation" in c.kinds))])
 
 
