@@ -71,7 +71,7 @@ OWN_IDS = {  # constituents of the baseline, and any logged channel: not rows of
     "bias", "scale_factor", "scale_nonlinearity", "misalignment", "base_tilt", "bias_covariate",
     "bias_covariate_lagged", "bias_covariate_squared", "gyro_bias", "gyro_scale_factor", "gyro_misalignment",
     "gyro_g_sensitivity_rate", "gyro_bias_drift", "gimbal_zero_drift", "gravity_leakage", "slow_bias_drift",
-    "encoder_scale_factor", "gimbal_zero_step",
+    "encoder_scale_factor", "gimbal_zero_step", "gyro_latency", "readout_latency",
     "gyro_bias_temperature", "gyro_bias_temperature_squared", "gyro_bias_temperature_cubed",
 }  # fmt: skip
 

@@ -27,7 +27,15 @@ from gimbalcal.diagnose.rows.turns import FEWEST, view_of_turns
 from gimbalcal.diagnose.rows.views import FORCE, RATE, RESTS, View, rest_rates
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.stepwise import course
-from gimbalcal.diagnose.unknown_noise import UNLOOKED, Told, calibration_of, curves_of, found_at_rest, told_of
+from gimbalcal.diagnose.unknown_noise import (
+    UNLOOKED,
+    Told,
+    calibration_of,
+    curves_of,
+    found_at_rest,
+    on_the_way,
+    told_of,
+)
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect
 from gimbalcal.effects.effect import SENSOR_STAGES
@@ -39,6 +47,8 @@ from gimbalcal.kinematics import ideal_force, stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording, dwell_means
+
+NOTHING = Calibration("gimbals", (), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
 
 
 def has_gyroscopes(recording: Recording) -> bool:
@@ -55,18 +65,34 @@ def diagnose_both_triads(
     A baseline of gyroscope effects alone asks for the gyroscopes alone, and so on. Raises InputError for a rotation
     without rests.
     """
+    means = recording.kind == "rotation" and not recording.instant
     recording = _with_rests(recording)
     mine, gyro = by_triad(baseline)
     asked = recording.has(FORCE) and (mine or not baseline)
     found = diagnose_known_noise(recording, calibration, mine, seed, tell) if asked else None
-    if found is not None and ((mine and not gyro) or not recording.has(RATE)):
-        return found
-    made = calibration if found is None or found.calibration is None else _accelerometers(found.calibration)
-    explained = found is None or found.verdict != "unexplained"
-    told, notes = _gyroscopes(recording, made, gyro, explained, tell)
+    told, notes = list[Told](), list[str]()
+    if recording.has(RATE) and not (mine and not gyro):
+        made = calibration if found is None or found.calibration is None else _accelerometers(found.calibration)
+        explained = found is None or found.verdict != "unexplained"
+        told, notes = _gyroscopes(recording, made, gyro, explained, tell)
+    late, unlooked = _slews(recording, found, told, tell, means)
+    notes += unlooked
     for note in notes:
         tell(note)
-    return _together(recording, found, told, notes, baseline, seed)
+    if found is None or told or late or recording.has(RATE):
+        return _together(recording, found, [*told, *late], notes, baseline, seed)
+    said = {"notes": list(notes)} if notes else {}
+    return replace(found, in_words=" ".join([found.in_words, *notes]), provenance={**found.provenance, **said})
+
+
+def _slews(
+    recording: Recording, found: Diagnosis | None, told: Sequence[Told], tell: Tell, means: bool
+) -> tuple[list[Told], list[str]]:
+    """What the slews say, with accelerometers and mount as the rests tell them, and gyroscopes as the turns do."""
+    made = found.calibration if found is not None and found.calibration is not None else NOTHING
+    gyro = next((t.model.effects for t in told if t.view.name == "turns"), ())
+    both = recording.has(RATE) and recording.has(FORCE)
+    return on_the_way(without_earth(recording) if both else recording, made, gyro, tell, means)
 
 
 def _with_rests(recording: Recording) -> Recording:
@@ -99,7 +125,7 @@ def _gyroscopes(
         recording = replace(
             recording, channels={**recording.channels, **{(FORCE, a): force[:, i] for i, a in enumerate("xyz")}}
         )
-        made = Calibration("gimbals", (), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
+        made = NOTHING
     made = made or multiposition(recording, LINEAR)
     turning = view_of_turns(without_earth(recording), made) if explained and not gyro else None
     linear = start(turning).effects if turning else ()
@@ -220,4 +246,4 @@ def _answer(
     out += [p.in_words for p in parts if p.in_words]
     out += [f"Without a known cause is {wording.left_over(u)}." for u in shapes[:1]]
     out += [f"{m['in_words']}." for m in mismatch[:1]]
-    return " ".join([*out, *notes])
+    return " ".join(filter(None, [*out, wording.delayed(found), *notes]))

@@ -147,6 +147,6 @@ def _diagnose(
 ) -> Diagnosis:
     if applies(recording):
         return diagnose_unknown_noise(recording, calibration, baseline, seed, tell)
-    if has_gyroscopes(recording):
+    if has_gyroscopes(recording) or recording.kind == "multi-position":
         return diagnose_both_triads(recording, calibration, baseline, seed, tell)
     return diagnose_known_noise(recording, calibration, baseline, seed, tell)

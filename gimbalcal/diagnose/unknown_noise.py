@@ -18,6 +18,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import VERDICTS, Curves, Diagnosis
 from gimbalcal.diagnose.rows.baseline import by_triad
+from gimbalcal.diagnose.rows.slews import lateness, view_of_slews
 from gimbalcal.diagnose.rows.turns import view_of_turns
 from gimbalcal.diagnose.rows.views import FORCE, RATE, View, norm, pointing, rest_rates, table
 from gimbalcal.diagnose.search.refit import Model, basis, weighted
@@ -94,9 +95,22 @@ def of_triads(
     if told[0].verdict == "unexplained" and told[0] is not still:
         return told, [UNLOOKED.format(why="nothing explains the forces")]
     moving = view_of_turns(recording, made, found_at_rest(still))
-    if moving is not None:
-        told.append(told_of(moving, course(moving, tell), tell))
-    return told, []
+    if moving is None or made is None:
+        return told, [wording.unlooked_way("too few turns were logged to say how the unit turned")]
+    told.append(told_of(moving, course(moving, tell), tell))
+    late, notes = on_the_way(recording, made, told[-1].model.effects, tell)
+    return [*told, *late], notes
+
+
+def on_the_way(
+    recording: Recording, made: Calibration, gyro: Sequence[Effect], tell: Tell, means: bool = False
+) -> tuple[list[Told], list[str]]:
+    """What the slews say of delays between channels, or a note why they say nothing; see `view_of_slews`."""
+    v = view_of_slews(recording, made, gyro, means)
+    if isinstance(v, str):
+        return [], [wording.unlooked_way(v)]
+    tell("the slews: do all channels agree in time")
+    return [told_of(v, course(v, tell), tell)], []
 
 
 UNLOOKED = "What grows with the rate of the gyroscopes was not looked at: {why}."
@@ -173,6 +187,9 @@ def _fit(v: View, c: Course, sigma: Array) -> dict[str, Any]:
         ],
         "calibration_moved": moved(before, after) if c.steps else [],
     }  # fmt: skip
+    if v.name == "slews":
+        told = {axis: (float(from_si(x, "ms")), float(from_si(s, "ms"))) for axis, (x, s) in lateness(v).items()}
+        out["late"] = {axis: {"value": x, "sigma": s, "unit": "ms"} for axis, (x, s) in told.items()}
     if v.turns is not None and c.steps:
         missed = [float(from_si(v.turns(e), "arcsec")) for e in ((), after.effects)]
         out["turns"] = {"rms_before": missed[0], "rms_after": missed[1], "unit": "arcsec"}
@@ -244,7 +261,7 @@ def _together(
         **({"notes": list(notes)} if notes else {}),
     }
     words = wording.answer_of_views(verdict, [(t.view, t.fit, t.findings) for t in told], shapes, mismatch)
-    words = " ".join([words, *notes])
+    words = " ".join(filter(None, [words, wording.delayed(found), *notes]))
     made = calibration_of(recording, told, wording.reserve(verdict, found, shapes))
     return Diagnosis(verdict, mismatch, found, shapes, fit, provenance, words, curves_of(lead), made)
 
@@ -254,7 +271,8 @@ def calibration_of(
 ) -> Calibration:
     """The calibration that the views end in, with what another road says of the forces."""
     causes = [f"{f['effect']}:{f['axis']}".rstrip(":") for t in told for f in t.findings]
-    return calibrated_views(recording, [Seen(t.view, t.model) for t in told], causes, outcome, forces)
+    carried = [Seen(t.view, t.model) for t in told if t.view.name != "slews"]  # stamps are shifted, not calibrated
+    return calibrated_views(recording, carried, causes, outcome, forces)
 
 
 def curves_of(t: Told) -> Curves:

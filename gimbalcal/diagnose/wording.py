@@ -21,6 +21,7 @@ ROWS = {
     "norm": "positions",
     "rest rates": "positions",
     "turns": "turns",
+    "slews": "slews",
     "table": "stretches of ten seconds",
 }
 QUIET = 1.5  # times the samples' own scatter; beyond it a sentence says what the rest may be
@@ -100,8 +101,37 @@ def reserve(verdict: str, findings: Sequence[Entry], unexplained: Sequence[Entry
         return f"{no_cause(unexplained)} The calibration holds the model without it"
     if verdict != "not-identifiable":
         return ""
-    held = " and ".join(named({**f, "twins": []}) for f in findings)
-    return f"{causes(verdict, findings)}. The calibration holds {held}, which corrects these data as well as the others"
+    held = " and ".join(named({**f, "twins": []}) for f in findings if f["effect"] not in DELAYS)
+    corrects = f" The calibration holds {held}, which corrects these data as well as the others" if held else ""
+    return f"{causes(verdict, findings)}.{corrects}"
+
+
+DELAYS = {  # what is read that much later than what it is logged with, where the delay is positive
+    "time_tag_latency": ("the force", -1.0),
+    "gyro_latency": ("the rate", -1.0),
+    "readout_latency": ("the gimbal angle", 1.0),
+}
+
+
+def delayed(findings: Sequence[Entry]) -> str:
+    """Which channel comes how much later or earlier than the others, and what to do about it; empty for none."""
+    said = []
+    for f in findings:
+        for p in f["parameters"] if f["effect"] in DELAYS else ():
+            channel, sense = DELAYS[f["effect"]]
+            late = sense * p["value"]
+            when = ("late", "early") if late > 0 else ("early", "late")
+            other = "".join(f", or {DELAYS[t][0]} as much {when[1]}" for t in f["twins"] if t in DELAYS)
+            said.append(f"{channel} is logged {abs(late):.3g} +- {p['sigma']:.2g} ms {when[0]}{other}")
+    if not said:
+        return ""
+    text = " and ".join(said)
+    return f"{text[0].upper()}{text[1:]}: shift the stamps, as no calibration does."
+
+
+def unlooked_way(why: str) -> str:
+    """That the way between positions was not looked at, and why."""
+    return f"The way between positions was not looked at, so a delay between channels would not show: {why}."
 
 
 def causes(verdict: str, findings: Sequence[Entry], unexplained: Sequence[Entry] = (), by: str = " and ") -> str:
@@ -163,6 +193,8 @@ def channel_of(v: View, axis: str) -> str:
         return f"pointing {axis} {v.stimulus.axis_names[0].replace('_', ' ')}"
     if v.name == "turns":
         return f"gravity's direction after a turn, {axis}"
+    if v.name == "slews":
+        return f"the delay of the {axis} on the way"
     said = {"norm": "the norm of the force", "rest rates": f"the rate about {axis} at rest"}
     return said.get(v.name, f"the force along {axis}")
 
@@ -170,7 +202,7 @@ def channel_of(v: View, axis: str) -> str:
 def channels_of(v: View) -> str:
     """All channels of a view together."""
     said = {"norm": "the norm of the force", "rest rates": "the rates at rest", "table": "the force",
-            "turns": "gravity's direction after the turns"}  # fmt: skip
+            "turns": "gravity's direction after the turns", "slews": "the delay of the sensors on the way"}  # fmt: skip
     return said.get(v.name, "pointing")
 
 
@@ -228,6 +260,9 @@ def untested(v: View, fit: Entry) -> str:
 
 def scatter(v: View, fit: Entry) -> str:
     """What is left of a view that its model explains, against the scatter of its samples where that is known."""
+    if v.name == "slews":
+        late = ", ".join(f"{axis} {x['value']:.2g} +- {x['sigma']:.2g} ms" for axis, x in fit["late"].items())
+        return f"On the way ({len(v.recording.time)} slews) no delay is told: {late} late."
     start = f"What is left of {channels_of(v)} is {digits(fit['rms_after'])} {v.unit} rms without a pattern"
     if v.noise is None:
         return f"{start}."

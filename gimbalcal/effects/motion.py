@@ -1,4 +1,4 @@
-"""Effects that need motion: lever arms, late time tags, torqued turns. At rest nothing is left of them."""
+"""Effects that need motion: lever arms, delays between channels, torqued turns. At rest nothing is left of them."""
 
 from __future__ import annotations
 
@@ -133,3 +133,53 @@ class TimeTagLatency(Effect):
     def contribution(self, s: Stimulus) -> Array:
         """Force added along the input axes [m/s^2]."""
         return self.latency * slope(s.force, s.time, s.visit)
+
+
+@effect
+class GyroLatency(Effect):
+    r"""The gyroscopes are read earlier or later than what they are logged with.
+
+    .. math:: \delta\omega = \delta t \, \dot\omega
+
+    A positive time reads what comes later: a negative one is a gyroscope that lags, as behind a filter. Source: Groves
+    (2013), data timing. Magnitude: 0.1 to 20 ms. Seen by: turns, against readouts or against the direction of gravity.
+    Confounded with: time_tag_latency of the opposite sign, exactly, where no readouts were logged.
+    """
+
+    id = "gyro_latency"
+    stage = Stage.GYROSCOPE
+    channel = "angular_rate"
+    requires = ("angular_rate",)
+    kinds = ("rotation",)
+    spans_rows = True
+    sources = ("groves2013",)
+    latency: float = parameter(SCALAR, unit="ms", sigma=10, name="gyro_latency")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Rate added [rad/s], (n, 3)."""
+        return self.latency * slope(s.rate, s.time, s.visit)
+
+
+@effect
+class ReadoutLatency(Effect):
+    r"""The gimbals are read earlier or later than the sensors they are logged with.
+
+    .. math:: \delta\theta = \delta t \, \dot\theta
+
+    is what the true angle has more than the readout: a positive time is a readout that lags. Source: Groves (2013),
+    data timing. Magnitude: 0.1 to 100 ms; 0.36 arcsec per ms at 0.1 deg/s. Seen by: slews. Confounded with:
+    time_tag_latency of the same sign, exactly, where no gyroscopes were logged.
+    """
+
+    id = "readout_latency"
+    stage = Stage.ENCODER
+    channel = "gimbal_angle"
+    requires = ("attitude",)
+    kinds = ("rotation",)
+    spans_rows = True
+    sources = ("groves2013",)
+    latency: float = parameter(SCALAR, unit="ms", sigma=10, name="readout_latency")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Angle added [rad], (n, k)."""
+        return self.latency * slope(s.angle, s.time, s.visit)

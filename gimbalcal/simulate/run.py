@@ -176,9 +176,10 @@ def _nominal(run: Run, time: Array) -> Recording:
     if not run.platform.axes and run.path is None:
         raise InputError(f"platform.name: {run.platform.name!r} has no gimbals, so nothing can be told to it")
     channels |= {key: history(time) for key, history in run.environment.items()}
+    held = run.path is None and run.scenario.kind == "rotation"  # a table's holds are evaluated at the rows
     return Recording(
         run.scenario.kind, run.scenario.title, run.platform, run.site, stated(run.scenario), time, position, channels,
-        instant=run.scenario.schedule.rates == "instant",
+        instant=held or run.scenario.schedule.rates == "instant",
     )  # fmt: skip
 
 

@@ -47,7 +47,7 @@ def taken(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
 @pytest.mark.parametrize(
     ("recordings", "road"),
     [
-        ([TABLE], "diagnose_known_noise"),
+        ([TABLE], "diagnose_both_triads"),
         ([REST], "diagnose_known_noise"),
         ([TABLE, REST], "diagnose_several"),
         ([replace(TABLE, channels={**TABLE.channels, **RATES})], "diagnose_both_triads"),

@@ -174,6 +174,8 @@ MOTION: dict[str, tuple[str, Law]] = {
     "gravity_leakage": ("kappa times the angle turned", lambda s, p: area(p.kappa * s.rate, s.time)),
     "torquer_scale_factor": ("Britting (1971)", lambda s, p: area(s.rate * p.kappa, s.time)),
     "time_tag_latency": ("Groves (2013), data timing", lambda s, p: p.latency * slope(s.force, s.time, s.visit)),
+    "gyro_latency": ("Groves (2013), data timing", lambda s, p: p.latency * slope(s.rate, s.time, s.visit)),
+    "readout_latency": ("Groves (2013), data timing", lambda s, p: p.latency * slope(s.angle, s.time, s.visit)),
 }  # fmt: skip
 
 POINTING: dict[str, tuple[str, Law]] = {

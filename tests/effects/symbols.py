@@ -92,6 +92,7 @@ AMONG_STIMULUS: Mapping[str, Callable[[Any, Any], Any]] = {
     "omega": lambda s, _: s.rate,
     "Omega": lambda s, _: s.rate,
     "dot omega": lambda s, _: slope(s.rate, s.time, s.visit),
+    "dot theta": lambda s, _: slope(s.angle, s.time, s.visit),
     "omega_d": lambda s, _: 2 * np.pi / mount_laws.DAY,
     "omega_ie": lambda s, _: mount_laws.EARTH_RATE,
     "T": lambda s, _: s.temperature[:, None],

@@ -30,6 +30,8 @@ NAMES: Mapping[str, Mapping[str, str]] = {  # where a formula and the code spell
     "servo_limit_cycle": {"P": "period"},
     "slow_bias_drift": {"T": "span"},
     "time_tag_latency": {"delta t": "latency"},
+    "gyro_latency": {"delta t": "latency"},
+    "readout_latency": {"delta t": "latency"},
 }
 NOT_PARSED: Mapping[str, str] = {}  # id: reason; may only shrink, and has
 SMOOTHED = {  # a sign that passes zero smoothly: 1 mg of a move of 0.05 g, 1 mrad of one of 0.3 rad

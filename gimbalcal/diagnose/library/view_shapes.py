@@ -53,7 +53,7 @@ def _of_view(v: View) -> Iterator[Shape]:
         yield "fast time", "a pattern in time", _course(v, FAST)
     if v.name == "pointing":
         yield from _angle_harmonics(v)
-    elif v.name != "table":
+    elif v.name not in ("table", "slews"):
         yield "orientation", "a smooth function of the direction of gravity", polynomials(_along(v))
     if v.name == "rest rates" and _warms(v):
         yield "temperature", "a function of temperature", thermal(v.recording.time, _temperature(v))

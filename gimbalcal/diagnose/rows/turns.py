@@ -161,7 +161,7 @@ def _at_rest(s: Stimulus) -> frozenset[tuple[str, str]]:
     still = s.at(rate=0 * s.rate)
     out = set()
     for cls in CATALOGUE.values():
-        if cls.stage in GYROSCOPE_STAGES and not lacking(cls, s.carries):
+        if cls.stage in GYROSCOPE_STAGES and not cls.spans_rows and not lacking(cls, s.carries):
             followed = next(iter(s.covariates)) if follows(cls) == "" else ""
             none = absent_effect(cls.id, s, followed)
             for p in parameters(cls, s.axis_names):

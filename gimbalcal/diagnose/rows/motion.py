@@ -1,0 +1,112 @@
+"""How a unit turned on the way between rests: as its gimbals tell it, or its gyroscopes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gimbalcal.diagnose.rows.views import FORCE, RATE
+from gimbalcal.effects import Stimulus
+from gimbalcal.effects.history import slope
+from gimbalcal.estimate.gyroscopes.turns import paused
+from gimbalcal.kinematics import ideal_force, stimulus_from_truth
+from gimbalcal.number import STEP, Array
+from gimbalcal.platform import Platform
+from gimbalcal.recording import Recording, dwells
+from gimbalcal.rotation import exponential, mean_rates
+
+FEWEST = 6  # slews: their scatter tells how well a delay is known
+ROWS = 6  # on the way: fewer do not tell how a slew goes
+BESIDE = 0.5  # of the slew's rows, from the rest at each end: a delay shows there too
+SMOOTH = 9  # rows of readouts that a parabola smooths at most, and an eighth of the slew
+
+Slew = tuple[NDArray[np.int64], int]
+"""Rows of a slew with some of the rests beside it, and the ordinal of the rest after."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """N rows of all slews: number of the row and of its slew, turn C (N, 3, 3) from a frame at rest, rate, stimulus."""
+
+    row: NDArray[np.int64]
+    slew: NDArray[np.int64]
+    C: Array
+    rate: Array
+    stimulus: Stimulus
+    axes: Array  # (N, 3, k) of the gimbals, in the frame at rest
+
+    @property
+    def spans(self) -> list[slice]:
+        """The rows of each slew."""
+        edges = np.flatnonzero(np.diff(self.slew, prepend=-1, append=-1))
+        return [slice(int(a), int(b)) for a, b in pairwise(edges)]
+
+
+def slews(recording: Recording) -> list[Slew] | str:
+    """Rows of each slew with some of the rests beside it, and the ordinal of the rest after; or why there are none."""
+    stays = dwells(recording)
+    if recording.position is None or not np.any(recording.position == 0):
+        return "none were logged"
+    out = []
+    for k, (a, b) in enumerate(pairwise(stays), start=1):
+        n = b.start - a.stop
+        if n < ROWS or paused(recording, slice(a.stop - 1, b.start + 1)):
+            continue
+        aside = max(2, round(BESIDE * n))
+        first, last = max(a.start, a.stop - aside), min(b.stop, b.start + aside)
+        out.append((np.arange(first, last), k))
+    return out if len(out) >= FEWEST else f"fewer than {FEWEST} slews have {ROWS} rows or more"
+
+
+def on_gimbals(recording: Recording, found: Sequence[Slew]) -> Motion:
+    """The motion as the readouts tell it, smoothed."""
+    row = np.concatenate([r for r, _ in found])
+    slew = np.concatenate([np.full(len(r), i) for i, (r, _) in enumerate(found)])
+    angle = np.concatenate([_smoothed(recording.angles()[r]) for r, _ in found])
+    part = recording.select(row)
+    turned = {("gimbal_angle", a): angle[:, i] for i, a in enumerate(part.platform.axis_names)}
+    part = replace(part, channels={**part.channels, **turned})
+    speed = slope(angle, part.time, slew)
+    C = part.platform.attitude(angle)
+    axes = np.stack([_rate_of(part.platform, angle, e) for e in np.eye(angle.shape[1])], axis=-1)
+    rate = np.einsum("nik,nk->ni", axes, speed)
+    s = stimulus_from_truth(part, ideal_force(part, angle), rate).at(visit=slew)
+    return Motion(row, slew, C, rate, s, np.swapaxes(C, -1, -2) @ axes)
+
+
+def _rate_of(platform: Platform, angle: Array, unit: Array) -> Array:
+    """Rate in platform axes (n, 3) per rate of the readouts along `unit` (k,)."""
+    W = (platform.attitude(angle + 1j * STEP * unit).imag / STEP) @ np.swapaxes(platform.attitude(angle), -1, -2)
+    return -np.stack([W[:, 2, 1], W[:, 0, 2], W[:, 1, 0]], axis=-1)
+
+
+def _smoothed(angle: Array) -> Array:
+    """Readouts (n, k) of one slew through parabolas: even about each row, so that nothing comes early or late."""
+    from scipy.signal import savgol_filter
+
+    size = min(SMOOTH, len(angle) // 8) | 1
+    return angle if size < 5 else np.asarray(savgol_filter(angle, size, 2, axis=0, mode="nearest"))
+
+
+def by_hand(recording: Recording, found: Sequence[Slew]) -> Motion:
+    """The motion as calibrated gyroscopes tell it, less what they read at rest, from the rest before each turn."""
+    stays, y, f = dwells(recording), recording.triad(RATE), recording.triad(FORCE)
+    row = np.concatenate([r for r, _ in found])
+    slew = np.concatenate([np.full(len(r), i) for i, (r, _) in enumerate(found)])
+    level = np.array([y[d.rows].mean(0) for d in stays])
+    rate = np.concatenate([y[r] - (level[k - 1] + level[k]) / 2 for r, k in found])
+    turned, force = [], []
+    for i, (r, k) in enumerate(found):
+        phi = np.sum(mean_rates(recording.time[r], rate[slew == i]), axis=0) * np.diff(recording.time[r])[:, None]
+        C = [np.eye(3)]
+        for step in exponential(phi):
+            C.append(step @ C[-1])
+        turned.append(np.array(C))
+        down = f[stays[k - 1].rows].mean(0)
+        force.append(turned[-1] @ (down / np.linalg.norm(down) * recording.site.gravity))
+    s = stimulus_from_truth(recording.select(row), np.concatenate(force), rate).at(visit=slew)
+    return Motion(row, slew, np.concatenate(turned), rate, s, np.zeros((len(row), 3, 0)))

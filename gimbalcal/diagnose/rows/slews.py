@@ -1,0 +1,280 @@
+r"""Slews as a view: by how much the sensors come late, or early, behind what tells how the unit turned.
+
+What tells it are the readouts of the gimbals; for a unit in the hand, the gyroscopes carry gravity from the rest before
+the turn. Each slew, with some of the rests at both ends, is one row: of the misfit X of its samples, as a delay,
+
+.. math:: \delta t = \frac{p^T X}{p^T p}, \qquad p = (1 - Q Q^T) \, T
+
+with T what a second of delay does, :math:`\dot f` to the force and, to the attitude that the gyroscopes add up, the
+rate. Q spans what is nobody's delay: an attitude that is off from the start, or more and more on the way, constants,
+scale and misalignment of gyroscopes, and the force of a lever, which a hand changes from turn to turn. So errors that
+show at rest or from rest to rest stay out, and the scatter from slew to slew says how well a delay is known. A channel
+that is late by more than that is shifted, by cubics through its samples, before the rest is told.
+
+What all slews have in common beside a delay is no scatter: a hand moves a unit sideways in the sense in which it turns
+it, and cubics bend between samples. Of the rows y of a channel, of sigma s_k, with c of the common part,
+
+.. math:: y' = S \left(1 + c^2 \, a a^T\right)^{-1/2} S^{-1} \, y, \qquad S = \mathrm{diag}(s_k), \; a_k = 1 / s_k .
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.diagnose.rows.motion import FEWEST, Motion, by_hand, on_gimbals, slews
+from gimbalcal.diagnose.rows.views import FORCE, RATE, View
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters, values
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
+from gimbalcal.effects.history import integral, slope
+from gimbalcal.errors import InputError
+from gimbalcal.forward import Rows, linearise
+from gimbalcal.kinematics import stimulus_from_readings
+from gimbalcal.number import Array
+from gimbalcal.platform import BENCH, Platform
+from gimbalcal.recording import Recording, dwell_means
+
+LATENCIES = ("time_tag_latency", "gyro_latency", "readout_latency")
+KEPT = 1e-3  # of the power of T that Q must leave
+FAINT = 1e-3  # of the size of p of the best slew
+CLEAR = 3.0  # sigmas of a delay that is worth a shift
+HAND = 5e-3  # s, that all turns by one hand may have in common: 9 ms in MPU-9150, 1.5 and 3 ms in a BMI160, a phone
+SAMPLED = 2e-3  # of a step, the same for gimbals: 8e-4 in revolutions at 10 Hz
+BENT = 5e-3  # of a delay: 3e-3 of 200 ms where slews of 60 deg/s take up their speed in 75 ms
+ROUNDS = 3  # of shifts: each leaves what is left times the delay over the slew
+
+
+def view_of_slews(
+    recording: Recording, made: Calibration, gyro: Sequence[Effect] = (), means: bool = False
+) -> View | str:
+    """The slews of a recording, or why they say nothing of a delay.
+
+    made: what the rests tell of accelerometers and mount; gyro: what turns tell of the gyroscopes; means: whether
+    force and rate are said to be means over the interval before a row, which lag by half of it.
+    """
+    gimballed = bool(recording.platform.axes)
+    found = slews(recording)
+    if isinstance(found, str):
+        return found
+    if not gimballed and not (recording.has(RATE) and recording.has(FORCE)):
+        return "neither readouts nor gyroscopes say how the unit turned"
+    here = {e.id for e in made.effects}
+    try:
+        recording = replace(made, effects=(*made.effects, *(e for e in gyro if e.id not in here))).apply(recording)
+    except InputError as problem:
+        return str(problem)
+    read = tuple(q for q in (FORCE, RATE) if recording.has(q) and not recording.counted(q))
+    late = tuple(q for q in read if gimballed or q == FORCE)
+    if not late or (not gimballed and RATE not in read):
+        return "the sensors count, and a delay shows in SI"
+    motion = on_gimbals(recording, found) if gimballed else by_hand(recording, found)
+    onto = _Onto(motion, read, late, gimballed)
+    onto = replace(onto, kept=tuple(np.flatnonzero(onto.usable()).tolist()))
+    if len(onto.kept) < FEWEST:
+        return f"fewer than {FEWEST} slews are fast and long enough"
+    base, sigma = _shifted_home(onto, recording)
+    if means and gimballed:
+        base = replace(base, residual=base.residual + float(np.median(np.diff(recording.time))) / 2)
+    known = tuple(p for i in LATENCIES for p in parameters(CATALOGUE[i]) if CATALOGUE[i].stage in base.sensitivity)
+    step = float(np.median(np.diff(recording.time)))
+    told = np.abs(np.average(base.residual, axis=0, weights=1 / sigma**2))
+    M = _less_common(sigma, np.hypot(SAMPLED * step if gimballed else HAND, BENT * told))
+    # T is a second of delay, whatever slopes of coarse rows make of it: 1 or -1, or 0
+    J = np.einsum("ckl,lcp->kcp", M, np.round(base.jacobian(known)))
+    base = replace(base, residual=np.einsum("ckl,lc->kc", M, base.residual))
+
+    def rows(effects: Sequence[Effect]) -> Rows:
+        left = base.residual - J @ values(effects, known)
+        return _Linear(**{**vars(base), "effects": tuple(effects), "residual": left}, about=base, known=known, J=J)
+
+    ends = dwell_means(recording).select(np.array([found[k][1] for k in onto.kept]))
+    channels = tuple((q, "force" if q == FORCE else "rate") for q in late)
+    return View(
+        "slews", replace(ends, kind="rotation"), stimulus_from_readings(ends), channels, "ms", sigma,
+        frozenset(base.sensitivity), (), rows, _others(recording.platform),
+    )  # fmt: skip
+
+
+def lateness(v: View) -> dict[str, tuple[float, float]]:
+    """By how much each channel of slews is late, and one sigma [s], whatever the others are."""
+    out = {}
+    for c, (_, axis) in enumerate(v.channels):
+        (p,) = parameters(CATALOGUE["time_tag_latency" if axis == "force" else "gyro_latency"])
+        r, J = v.linear((), (p,))
+        y, x = r[:, c] * v.weight[:, c], J[:, c, 0] * v.weight[:, c]
+        size = float(x @ y / (x @ x))
+        out[axis] = -size, float(np.sqrt(((y - size * x) ** 2).sum() / (len(y) - 1) / (x @ x)))
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Linear(Rows):
+    """Rows whose columns are the same whatever delays are in the model: these are small beside a slew."""
+
+    about: Rows | None = None
+    known: tuple[Parameter, ...] = ()
+    J: Array | float = 0.0
+
+    def columns(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:  # noqa: ARG002 (a parameter says whose)
+        """Derivative (m, C, p) of the delays."""
+        at = [next(i for i, p in enumerate(self.known) if p.label == w.label) for w in wanted]
+        return np.asarray(self.J)[..., at]
+
+
+def _others(platform: Platform) -> frozenset[tuple[str, str]]:
+    """Every parameter that is no delay."""
+    return frozenset(
+        (i, p.axis) for i, cls in CATALOGUE.items() if i not in LATENCIES for p in parameters(cls, platform.axis_names)
+    )
+
+
+def _shifted_home(onto: _Onto, recording: Recording) -> tuple[Rows, Array]:
+    """The rows at channels shifted by the mean delay, with that delay in the residual, and their sigma (m, C) [s]."""
+    at, shifted = np.zeros(len(onto.late)), recording
+    for _ in range(ROUNDS):
+        samples = onto.samples(shifted)
+        rows, sigma = samples.reduced(onto.delays), onto.scatter(samples.residual)
+        w = 1 / sigma**2
+        mean = (w * rows.residual).sum(0) / w.sum(0)
+        spread = np.sqrt((w * (rows.residual - mean) ** 2).sum(0) / w.sum(0) / (len(w) - 1))
+        if np.all(np.abs(mean) < CLEAR * spread):
+            break
+        at = at + mean
+        shifted = _shifted(recording, dict(zip(onto.late, at, strict=True)))
+    return replace(rows, residual=rows.residual + at), _scaled(sigma, rows.residual)
+
+
+def _shifted(recording: Recording, by: dict[str, float]) -> Recording:
+    """The recording with quantities as they were `by` [s] earlier than their rows, through cubics."""
+    from scipy.interpolate import CubicSpline
+
+    t = recording.time
+    if np.any(np.diff(t) <= 0):
+        return recording
+    then = {q: np.clip(t - d, t[0], t[-1]) for q, d in by.items()}
+    moved = {k: CubicSpline(t, x)(then[k[0]]) for k, x in recording.channels.items() if k[0] in by}
+    return replace(recording, channels={**recording.channels, **moved})
+
+
+@dataclass(frozen=True, eq=False)
+class _Onto:
+    """What turns columns of N samples into delays of slews."""
+
+    motion: Motion
+    read: tuple[str, ...]  # quantities that are predicted
+    late: tuple[str, ...]  # of these, whose delay is asked for
+    gimballed: bool
+    kept: tuple[int, ...] = ()
+
+    def samples(self, recording: Recording) -> Rows:
+        """Samples: force, rate, and the attitude (rotation in the frame at rest) that an angle of a gimbal adds."""
+        m = self.motion
+        keys = [(q, a) for q in self.read for a in "xyz"]
+        here = recording.select(m.row)
+        y = np.concatenate([here.triad(q) for q in self.read], axis=1)
+        stages = {*(SENSOR_STAGES if FORCE in self.read else ()), *(GYROSCOPE_STAGES if RATE in self.read else ())}
+        stages |= {Stage.ENCODER} if self.gimballed else set()
+        platform = recording.platform if self.gimballed else BENCH
+        made = linearise(platform, m.stimulus, (), channels=keys, read=y, stages=stages)
+        residual = np.concatenate([made.residual, 0 * m.rate], axis=1)
+        if not self.gimballed:
+            residual[:, 3:] = 0.0  # the rates are what carries gravity: what is left is left of the force
+        answer = {
+            k: np.concatenate([S, np.zeros((len(S), 3, S.shape[2]))], axis=1) for k, S in made.sensitivity.items()
+        }
+        if self.gimballed:
+            answer[Stage.ENCODER][:, -3:] = m.axes
+        return replace(made, residual=residual, sensitivity=answer)
+
+    def delays(self, X: Array) -> Array:
+        """Columns (N, 3 q + 3, p) of samples to delays (m, C, p)."""
+        spans = self.motion.spans
+        out = []
+        for i in self.kept:
+            found = [self._along(q, spans[i]) for q in self.late]
+            parts = self._misfits(X[spans[i]], spans[i])
+            out.append([np.tensordot(p, x, 2) / max(float((p * p).sum()), 1e-300)
+                        for (p, _, _), x in zip(found, parts, strict=True)])  # fmt: skip
+        return np.array(out)
+
+    def _misfits(self, X: Array, span: slice) -> list[Array]:
+        """Of the samples of a slew (n, 3 q + 3, p): what stands against T, (n, 3, p) for each of `late`."""
+        m = self.motion
+        out = []
+        rate = X[:, 3 * self.read.index(RATE) :][:, :3] if RATE in self.read else 0 * X[:, :3]
+        back = np.swapaxes(m.C[span], -1, -2)
+        carried = integral(back @ rate, m.stimulus.time[span]) + X[:, -3:]
+        for q in self.late:
+            if q == RATE:
+                out.append(carried)
+            elif self.gimballed:
+                out.append(X[:, :3])
+            else:
+                out.append(X[:, :3] + np.cross(m.C[span] @ carried, m.stimulus.force[span][:, :, None], axis=1))
+        return out
+
+    def _along(self, quantity: str, span: slice) -> tuple[Array, Array, float]:
+        """p (n, 3) of the module docstring, the basis Q (3 n, q), and the share of T that it leaves."""
+        m = self.motion
+        time, w, f = m.stimulus.time[span], m.rate[span], m.stimulus.force[span]
+        path = integral(np.linalg.norm(w, axis=1), time)
+        path = path / max(path[-1], 1e-300)
+        each = np.broadcast_to(np.eye(3), (len(w), 3, 3))
+        if quantity == RATE:
+            T = np.einsum("nji,nj->ni", m.C[span], w)
+            back = np.swapaxes(m.C[span], -1, -2)
+            linear = (back[:, :, :, None] * w[:, None, None, :]).reshape(len(w), 3, 9)  # scale and misalignment
+            ramp = (time - time[0])[:, None, None] * each  # the Earth
+            Q = [each, ramp, integral(back, time), integral(linear, time)]
+        else:
+            T = slope(f, time, 0 * m.slew[span])
+            tilted = np.cross(m.C[span], f[:, :, None], axis=1)  # by a turn about each axis of the frame at rest
+            faster = slope(w, time, 0 * m.slew[span])
+            lever = np.stack([np.cross(faster, e) + np.cross(w, np.cross(w, e)) for e in np.eye(3)], axis=-1)
+            Q = [each, tilted, path[:, None, None] * tilted, lever]
+        columns = np.concatenate(Q, axis=-1).reshape(3 * len(w), -1)
+        U, S, _ = np.linalg.svd(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), full_matrices=False)
+        U = U[:, S > 1e-6 * S.max(initial=1e-300)]
+        t = T.ravel()
+        p = t - U @ (U.T @ t)
+        return p.reshape(T.shape), U, float(p @ p) / max(float(t @ t), 1e-300)
+
+    def usable(self) -> NDArray[np.bool_]:
+        """Which slews say something of a delay: the unit turned, and not only as other causes would have it."""
+        power = np.array([[np.linalg.norm(p) * (share > KEPT) for p, _, share in (
+            self._along(q, s) for q in self.late)] for s in self.motion.spans])  # fmt: skip
+        return np.asarray(np.all(power > FAINT * power.max(axis=0), axis=1))
+
+    def scatter(self, residual: Array) -> Array:
+        """Sigma (m, C) [s] of each delay, by what is left of its samples, residual (N, ...)."""
+        spans, out = self.motion.spans, []
+        for i in self.kept:
+            parts = self._misfits(residual[spans[i], :, None], spans[i])
+            row = []
+            for q, x in zip(self.late, parts, strict=True):
+                p, U, _ = self._along(q, spans[i])
+                left = x.ravel() - U @ (U.T @ x.ravel())
+                left = left - p.ravel() * (p.ravel() @ left) / (p**2).sum()
+                row.append(np.linalg.norm(left) / np.sqrt(left.size) / np.linalg.norm(p))
+            out.append(row)
+        sigma = np.array(out)
+        return np.maximum(sigma, 0.3 * np.median(sigma, axis=0))  # no slew counts for more than ten others
+
+
+def _less_common(sigma: Array, common: Array) -> Array:
+    """The matrices (C, m, m) of the module docstring for rows of sigma (m, C) [s] and a common part (C,) [s]."""
+    a = common[:, None] / sigma.T
+    size = np.linalg.norm(a, axis=1)[:, None, None]
+    W = np.eye(len(sigma)) - (1 - 1 / np.sqrt(1 + size**2)) * a[:, :, None] * a[:, None, :] / size**2
+    return np.asarray(sigma.T[:, :, None] * W / sigma.T[:, None, :])
+
+
+def _scaled(sigma: Array, delay: Array) -> Array:
+    """Sigmas (m, C) so that the delays of each channel scatter by them about their mean."""
+    w = 1 / sigma**2
+    mean = (w * delay).sum(0) / w.sum(0)
+    return np.asarray(sigma * np.sqrt((w * (delay - mean) ** 2).sum(0) / (len(delay) - 1)))

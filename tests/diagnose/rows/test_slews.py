@@ -1,0 +1,117 @@
+"""Slews: delays between readouts, forces and rates come back from a plant apart, and where there is none, none does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.diagnose.rows.slews import lateness, view_of_slews
+from gimbalcal.diagnose.rows.views import View
+from gimbalcal.diagnose.search.stepwise import course
+from gimbalcal.diagnose.unknown_noise import Told, told_of
+from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.pipeline import silent
+from gimbalcal.recording import Recording
+from tests.diagnose.turned_plant import ARCSEC, DEG, G, Unit, gimballed, turned
+
+IDEAL = Calibration("nothing", (), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
+QUICK: dict[str, Any] = {"speed": 30 * DEG, "hz": 50.0, "dwell": 4.0, "ramp": 0.3}
+SLOW: dict[str, Any] = {"speed": 3 * DEG, "hz": 10.0, "dwell": 6.0}
+
+
+def seen(r: Recording) -> View:
+    v = view_of_slews(r, IDEAL)
+    assert isinstance(v, View), v
+    return v
+
+
+def told(r: Recording) -> Told:
+    v = seen(r)
+    return told_of(v, course(v, silent), silent)
+
+
+def unit(**more: Any) -> Unit:
+    return Unit(linear=0.0, **more)
+
+
+@pytest.mark.parametrize(
+    ("late", "effect", "value"),
+    [
+        ({"readout": 0.05}, "readout_latency", 50.0),
+        ({"force": 0.2}, "time_tag_latency", -200.0),
+        ({"rate": 0.002}, "gyro_latency", -2.0),
+    ],
+)
+@pytest.mark.parametrize("motion", [QUICK, SLOW], ids=["30 deg/s", "3 deg/s"])
+def test_what_is_late_is_named_by_how_much(
+    late: dict[str, float], effect: str, value: float, motion: dict[str, Any]
+) -> None:
+    t = told(gimballed(1, unit(late=late), **motion))
+    if motion is SLOW and abs(value) < 5:
+        assert lateness(t.view)["rate"][1] > 1e-4  # a tenth of the delay is left to chance: nothing need be named
+        assert not t.findings or t.findings[0]["effect"] == effect
+        return
+    assert [f["effect"] for f in t.findings] == [effect]
+    assert t.findings[0]["twins"] == []
+    (p,) = t.findings[0]["parameters"]
+    assert abs(p["value"] - value) < 4 * p["sigma"]
+    assert p["sigma"] < 0.008 * abs(value) + (0.1 if motion is QUICK else 0.5)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [{}, {"noise": (1e-4 * G, 3e-3 * DEG, 36 * ARCSEC)}, {"shakes": 0.05}, {"jitter": 0.2}, {"lever": (0.05, 0.02, 0)}],
+    ids=["plain", "noise of the readouts", "shaking table", "jitter", "lever"],
+)
+@pytest.mark.parametrize("motion", [QUICK, SLOW], ids=["30 deg/s", "3 deg/s"])
+def test_what_is_in_time_is_left_alone(more: dict[str, Any], motion: dict[str, Any]) -> None:
+    t = told(gimballed(2, unit(**more), **motion))
+    assert t.verdict == "adequate"
+    for value, sigma in lateness(t.view).values():
+        assert abs(value) < 4 * sigma  # once in fifteen thousand
+
+
+def test_errors_that_rests_and_turns_show_are_no_delay() -> None:
+    """Bias, scale and misalignment of 1 % in both triads, uncorrected: a percent of a quarter turn is 150 ms of it."""
+    late = lateness(seen(gimballed(3, Unit(late={"rate": 0.01}), **QUICK)))
+    assert late["rate"][0] == pytest.approx(0.01, abs=5e-4)
+    assert abs(late["force"][0]) < 1e-3
+
+
+def test_each_effect_is_a_second_of_its_channel() -> None:
+    v = seen(gimballed(4, unit(), **QUICK))
+    ps = [p for i in ("time_tag_latency", "gyro_latency", "readout_latency") for p in parameters(CATALOGUE[i])]
+    force, rate, readout = np.moveaxis(v.rows(()).jacobian(ps), -1, 0)
+    np.testing.assert_allclose(force[:, 1], 0.0, atol=1e-9)
+    np.testing.assert_allclose(rate[:, 0], 0.0, atol=1e-9)
+    np.testing.assert_allclose(readout, force + rate, rtol=1e-12)
+    assert np.all(readout > 0)
+
+
+def test_a_hand_is_no_delay_but_fifty_milliseconds_are() -> None:
+    """Both triads of a unit in the hand, which pushes it by 0.3 m/s^2 while it turns it."""
+    for late in (0.0, 0.05):
+        r = turned(5, unit(late={"rate": late}), latitude=None)
+        v = seen(r)
+        value, sigma = lateness(v)["force"]
+        assert abs(value + late) < 3 * sigma
+        assert sigma < 0.008
+        findings = told_of(v, course(v, silent), silent).findings
+        assert [set(f["twins"]) | {f["effect"]} for f in findings] == [{"time_tag_latency", "gyro_latency"}] * (
+            late > 0
+        )
+
+
+def test_what_cannot_be_judged_says_why() -> None:
+    r = gimballed(6, unit(), **QUICK)
+    assert r.position is not None
+    assert view_of_slews(r.select(r.position > 0), IDEAL) == "none were logged"
+    few = r.select((r.position > 0) | (np.arange(len(r.time)) % 40 == 0))
+    assert "have 6 rows or more" in str(view_of_slews(few, IDEAL))
+    hand = turned(6, unit())
+    bare = replace(hand, channels={k: x for k, x in hand.channels.items() if k[0] == "specific_force"})
+    assert "say how the unit turned" in str(view_of_slews(bare, IDEAL))
