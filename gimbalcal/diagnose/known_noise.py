@@ -19,7 +19,13 @@ from gimbalcal.diagnose.evidence.noise import nodes, settle
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.known_noise import library
-from gimbalcal.diagnose.rows.observations import fit_baseline
+from gimbalcal.diagnose.rows.observations import (
+    Observations,
+    absent_effect,
+    fit_baseline,
+    given_back,
+    linearised_at,
+)
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.verdict.calibrated import calibrated, found_of
 from gimbalcal.diagnose.verdict.decide import Decision, bar, capped, decide
@@ -38,6 +44,8 @@ from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 
+DRAGGED = 100.0  # reduced chi^2 of the model from which its constants are not to be linearised at
+
 
 def diagnose_known_noise(
     recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
@@ -55,9 +63,45 @@ def diagnose_known_noise(
 def searched(recording: Recording, calibration: Calibration | None, baseline: tuple[str, ...], tell: Tell) -> Search:
     """Every cause of the catalogue tried on one recording."""
     tell(f"fitting the model: {', '.join(wording.spoken(i) for i in baseline)} (another: --baseline)")
-    o = settle(fit_baseline(recording, baseline, carried(calibration, baseline)))
+    start = carried(calibration, baseline)
+    o = settle(fit_baseline(recording, baseline, start))
+    dragged = o.kind == "static-run" and _misfit(o) > DRAGGED
+    if dragged:
+        o = settle(fit_baseline(recording, baseline, start, steps=0))
     tell("comparing every cause of the catalogue, alone and in pairs")
-    return search(o, library(o, baseline), nodes(o))
+    s = search(o, library(o, baseline), nodes(o))
+    if dragged:
+        tell("again, about the constants that belong to what was found")
+        o = _about_found(s)
+        s = search(o, library(o, baseline), nodes(o))
+    return s
+
+
+def _misfit(o: Observations) -> float:
+    """Reduced chi^2 of the baseline alone."""
+    Z, y = o.reduce(o.Z), o.reduce(o.y[:, :, None])
+    left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-9)[0]
+    return float((left**2).sum() / max(len(y) - Z.shape[1], 1))
+
+
+def _about_found(s: Search) -> Observations:
+    """The rows linearised about the best known cause and the constants that go with it.
+
+    A cause of many sigmas drags the constants of a model without it far away, where the derivatives are not those of
+    the unit: what the cause leaves would then look like further causes.
+    """
+    candidates = s.library.candidates
+    best = next((h.members for h in s.hypotheses if not h.unknown(candidates)), ())
+    f = fit_causes(s, best)
+    _, shift, _ = calibration_fit(s, f)
+    found, at = [], 0
+    for j, m in enumerate(f.members):
+        c = candidates[m]
+        size = f.x[at : at + len(c.parameters)] * np.array([p.sigma for p in c.parameters])
+        at += len(c.parameters)
+        found.append((absent_effect(c.effect, s.o.stimulus, c.source, **dict(c.variants[f.variants[j]].constants)),
+                      c.parameters, size))  # fmt: skip
+    return given_back(settle(linearised_at(s.o, shift, found)), found)  # the scatter shows when they are gone
 
 
 def carried(calibration: Calibration | None, baseline: Sequence[str]) -> tuple[Effect, ...]:

@@ -156,6 +156,33 @@ def fit_baseline(
     return o
 
 
+Sized = tuple[Effect, Sequence[Parameter], Array]  # an effect without size, linear parameters, their sizes (p,) in SI
+
+
+def linearised_at(o: Observations, shift: Array, found: Sequence[Sized]) -> Observations:
+    """The rows about constants shifted by (q,) prior sigmas and with causes in the model: what the whole model leaves.
+
+    Products of a large cause with itself and with the constants, which are many sigmas, are in these derivatives.
+    """
+    names = o.stimulus.axis_names
+    x = values(o.baseline, o.constants) + shift * np.array([p.sigma for p in o.constants])
+    effects = with_values(o.baseline, o.constants, x, names)
+    made = [with_values((e,), wanted, size, names)[0] for e, wanted, size in _once(found)]
+    rows = replace(readings(o.recording).rows((*effects, *made)).over(o.sigma), effects=effects)
+    return replace(o, rows=rows, Z=rows.jacobian(o.constants) * np.array([p.sigma for p in o.constants]))
+
+
+def given_back(o: Observations, found: Sequence[Sized]) -> Observations:
+    """The rows of `linearised_at` with what the causes explain back in the residuals, to first order about there."""
+    taken = sum((o.columns(e, wanted) @ size for e, wanted, size in _once(found)), start=0 * o.y)
+    return replace(o, rows=replace(o.rows, residual=o.y + taken))
+
+
+def _once(found: Sequence[Sized]) -> Sequence[Sized]:
+    """The first of each effect, which has its constants once."""
+    return tuple({e.id: (e, wanted, size) for e, wanted, size in reversed(found)}.values())
+
+
 def _step(read: Readings, effects: Sequence[Effect], constants: Sequence[Parameter], sigma: Array) -> Array:
     """Gauss-Newton step (q,) of the calibration constants, SI; directions that the rows do not see stay."""
     rows = read.rows(effects, dict.fromkeys(CATALOGUE[p.effect].stage for p in constants)).over(sigma)

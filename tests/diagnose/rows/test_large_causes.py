@@ -1,0 +1,58 @@
+"""A cause of hundreds of sigmas in every row: its products with itself and with the constants are no further causes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.diagnose.evidence.noise import settle
+from gimbalcal.diagnose.rows.observations import (
+    Observations,
+    absent_effect,
+    fit_baseline,
+    given_back,
+    linearised_at,
+)
+from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording
+from gimbalcal.simulate import simulate
+
+SCENARIO: dict[str, Any] = {
+    "format": 1, "kind": "static-run", "site": {"latitude": {"value": 52.0, "unit": "deg"}},
+    "schedule": {"duration": {"value": 48.0, "unit": "h"}, "rate": {"value": 1 / 600, "unit": "Hz"}},
+    "noise": {"accelerometer": {"value": 2.0, "unit": "ug"}, "gimbal_angle": {"value": 0.1, "unit": "arcsec"},
+              "attitude": {"value": 0.1, "unit": "arcsec"}},
+    "truth": {"draw": True, "factor": 0.3, "gyro_drift": {"equatorial_x": 0.002}},
+}  # fmt: skip
+
+
+def fitted(o: Observations, effect: str) -> tuple[float, Array, Array]:
+    """Reduced chi^2 of constants and one effect together, the constants' shift [prior sigmas], and the sizes [SI]."""
+    wanted = parameters(CATALOGUE[effect], o.stimulus.axis_names)
+    scale = np.array([p.sigma for p in wanted])
+    X = o.columns(absent_effect(effect, o.stimulus), wanted) * scale
+    A, y = np.concatenate([o.reduce(o.Z), o.reduce(X)], axis=1), o.reduce(o.y[:, :, None])[:, 0]
+    x = np.linalg.lstsq(A, y, rcond=1e-9)[0]
+    q = o.Z.shape[-1]
+    left = y - A @ x
+    return float(left @ left) / (len(y) - np.linalg.matrix_rank(A)), x[:q], x[q:] * scale
+
+
+def test_the_rows_about_a_large_cause_are_explained_by_it() -> None:
+    run: Recording = simulate(SCENARIO, 4)[0]
+    dragged = settle(fit_baseline(run))
+    assert fitted(dragged, "gyro_drift")[0] > 5  # about constants that the cause has dragged away
+
+    o, wanted = fit_baseline(run, steps=0), parameters(CATALOGUE["gyro_drift"], run.platform.axis_names)
+    first, shift, size = fitted(o, "gyro_drift")
+    assert first > 1.2  # products of 1500 sigmas
+    found = [(absent_effect("gyro_drift", o.stimulus), wanted, size)]
+    about = given_back(settle(linearised_at(o, shift, found)), found)
+    chi2, _, size = fitted(about, "gyro_drift")
+    assert abs(chi2 - 1) < 0.1
+    np.testing.assert_allclose(np.rad2deg(size) * 3600, [0.002, 0, 0], atol=5e-6)
+    # what can mimic it with more parameters has nothing more to explain
+    rows = about.y.size
+    assert (chi2 - fitted(about, "gyro_g_sensitivity")[0]) * rows < 30
