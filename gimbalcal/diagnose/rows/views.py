@@ -206,14 +206,16 @@ def rest_rates(
 def _vertical(found: Rests, recording: Recording) -> Array:
     """What may be the Earth's vertical rate (m, 3) where the latitude is not known: a g-sensitivity common to all axes.
 
-    Less than 15 deg/h in size, or it is more than the Earth.
+    Less than 15 deg/h in size, or it is more than the Earth; and the less, the less the rests tell of it.
     """
     if recording.site.latitude is not None or len(found.rate) < RESTS:
         return np.zeros_like(found.rate)
     fit = fit_rests(found)
     common = [i for i, p in enumerate(fit.parameters) if p.effect == G_SENSITIVITY and p.axis in ("xx", "yy", "zz")]
     g = recording.site.gravity
-    return float(np.clip(fit.x[common].mean() * g, -EARTH_RATE, EARTH_RATE)) * found.stimulus.force / g
+    expected = EARTH_RATE**2 / 3  # of a sine of the latitude that is anything
+    told = expected / (expected + fit.covariance[np.ix_(common, common)].mean() * g**2)
+    return float(np.clip(told * fit.x[common].mean() * g, -EARTH_RATE, EARTH_RATE)) * found.stimulus.force / g
 
 
 def table(recording: Recording, baseline: Sequence[str] = (), step: float = COARSE) -> View:
