@@ -11,9 +11,9 @@ A road walks down five rooms, each of which reads only those below it:
 
     rows        what is explained: residuals of a recording about its baseline, and their derivatives
     library     with what: every cause of the catalogue as columns, and the shapes that are no cause
-    evidence    how strongly: closed forms with the noise integrated over; `odds` has the priors and the bars
-    search      which combination: singles, pairs, thirds; constants refined; alternatives to what was found
-    verdict     what is claimed: decision, fit with it, held-out check, where it is off, what would tell more
+    evidence    how strongly: closed forms, the noise or its scale and memory integrated over; `odds`: priors and bars
+    search      which combination: singles, pairs, thirds; constants refined; refit and search again
+    verdict     what is claimed: decision, what stands together, held-out check, where it is off, what would tell more
 
 `wording` has the sentences that the roads share.
 """

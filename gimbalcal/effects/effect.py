@@ -70,6 +70,11 @@ class Grid(Enum):
         return self in (Grid.WHOLE, Grid.POSITION)
 
     @property
+    def smooth(self) -> bool:
+        """Whether outputs follow it smoothly, so that a fit can."""
+        return not (self.counts or self.once or self is Grid.SPAN)
+
+    @property
     def once(self) -> bool:
         """Whether an effect with such a constant happens in one recording, and says nothing of another."""
         return self in (Grid.EPOCH, Grid.POSITION)

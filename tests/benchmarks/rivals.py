@@ -23,6 +23,7 @@ from gimbalcal.diagnose.evidence.projection import Projection
 from gimbalcal.diagnose.library.known_noise import library
 from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.diagnose.search import ranking as search
+from gimbalcal.diagnose.search import refine
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.estimate.accelerometers.joint import joint
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
@@ -270,11 +271,11 @@ def speed(rows: Sequence[dict[str, Any]], say: Callable[[str], None]) -> None:
     with threadpool_limits(limits=1):
         o = settle(fit_baseline(recording))
         found, grid = library(o, BASELINE[recording.kind]), nodes(o)
-        evidence.any_size = search.any_size = counting  # type: ignore[attr-defined]
+        evidence.any_size = refine.any_size = counting  # type: ignore[attr-defined]
         begin = perf_counter()
         search.search(o, found, grid)
         seconds = perf_counter() - begin
-        evidence.any_size = search.any_size = _plain  # type: ignore[attr-defined]
+        evidence.any_size = refine.any_size = _plain  # type: ignore[attr-defined]
         fits = []
         for _ in range(5):
             begin = perf_counter()

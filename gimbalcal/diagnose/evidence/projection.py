@@ -142,9 +142,13 @@ def log_bayes(p: Projection, index: Array, sizes: Array) -> Array:
 
 def any_size(p: Projection, index: Array) -> Array:
     """ln BF (...) of the columns `index` (..., w) together, their size mixed over its prior."""
+    return logsumexp(each_size(p, index), axis=-1)
+
+
+def each_size(p: Projection, index: Array) -> Array:
+    """ln of prior share times BF (..., sizes) of the columns `index` (..., w) together, for each prior size."""
     gain, damping = _by_size(p, index, p.scale.sizes)
-    ln = p.scale.gained(p.misfit[0], gain) - damping
-    return logsumexp(ln + p.scale.log_prior(p.misfit[0] - gain), axis=-1)
+    return np.asarray(p.scale.gained(p.misfit[0], gain) - damping + p.scale.log_prior(p.misfit[0] - gain))
 
 
 def _by_size(p: Projection, index: Array, sizes: Array) -> tuple[Array, Array]:
@@ -196,10 +200,3 @@ def condition(p: Projection, columns: Array, size: float) -> Projection:
     G = Ga @ M @ Ga.T
     np.subtract(p.G, G, out=G)
     return Projection(p.node, G, p.b - Ga @ (M @ ba), misfit, p.penalty + penalty, p.scale)
-
-
-def best_size(p: Projection, index: Array) -> float:
-    """Prior size under which one candidate is likeliest; where the scale is free, one that still suits less noise."""
-    gain, damping = _by_size(p, index, p.scale.sizes)
-    ln = p.scale.gained(p.misfit[0], gain) - damping + p.scale.log_prior(p.misfit[0] - gain)
-    return float(p.scale.sizes[int(np.argmax(ln))]) * p.scale.loose

@@ -21,10 +21,14 @@ from gimbalcal.number import Array
 
 SIZES = np.array([0.001, 0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0])  # times the catalogue's prior sigma
 SIZE_PRIOR = np.array([0.04, 0.08, 0.15, 0.18, 0.22, 0.15, 0.10, 0.05, 0.03])
+# Where nobody states the noise the units of size are taken from the grade and from the misfit: no more than thirty of
+# them. A shape of a hundred times the misfit, of which the calibration takes up all but a hundredth, says anything.
+NEAR_SIZES = np.array([0.1, 0.3, 1.0, 3.0, 10.0, 30.0])
+NEAR_PRIOR = np.array([0.15, 0.2, 0.25, 0.2, 0.12, 0.08])
 ANY_SIZE = np.geomspace(1e-4, 1e3, 29)  # fine enough that confounded causes of different plausible sizes fit alike
 RATIOS = np.geomspace(1e-3, 1e5, 17)  # prior sigmas per sigma of a noise of any scale
 ANY_RATIO = np.geomspace(1e-4, 1e6, 41)
-LOOSE = 10.0  # times its best ratio, at which a cause stands beside others: the noise they leave may be much less
+LOOSER = 2  # steps of the ratio, a factor of ten, that a cause may need beside others: they may leave much less noise
 WANDERS = 1.0  # mean of ln(noise between rows / scatter of their samples) where it is more
 OVERRATED = 0.3  # the same where it is less: a hand that trembles is no noise of the mean
 LEAST = 0.003  # of the rms misfit: a cause may take away all but 1 / 300 of it
@@ -36,7 +40,7 @@ class Stated:
 
     sizes: ClassVar[Array] = SIZES
     any_size: ClassVar[Array] = ANY_SIZE
-    loose: ClassVar[float] = 1.0
+    looser: ClassVar[tuple[int, ...]] = (0,)
 
     def sigma(self, misfit: Array) -> Array:
         """The scale, whatever is left (...)."""
@@ -76,7 +80,7 @@ class Free:
     fresh: float = 1.0
     sizes: ClassVar[Array] = RATIOS
     any_size: ClassVar[Array] = ANY_RATIO
-    loose: ClassVar[float] = LOOSE
+    looser: ClassVar[tuple[int, ...]] = (0, LOOSER)
 
     def sigma(self, misfit: Array) -> Array:
         """The likeliest scale where this misfit (...) is left."""
@@ -104,10 +108,10 @@ class Free:
 
 
 def _density() -> tuple[Array, Array]:
-    """Knots of the prior density of ln(size), linear in between, that gives each of SIZES its share."""
-    x = np.log(SIZES)
+    """Knots of the prior density of ln(size), linear in between, that gives each of NEAR_SIZES its share."""
+    x = np.log(NEAR_SIZES)
     x = np.concatenate([[2 * x[0] - x[1]], x, [2 * x[-1] - x[-2]]])
-    return x, np.concatenate([[0.0], SIZE_PRIOR / (x[2:] - x[:-2]) * 2, [0.0]])
+    return x, np.concatenate([[0.0], NEAR_PRIOR / (x[2:] - x[:-2]) * 2, [0.0]])
 
 
 _DENSITY = _density()

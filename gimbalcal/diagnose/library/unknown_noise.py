@@ -86,9 +86,12 @@ def _of_effect(
     def columns(made: Effect) -> Array:
         return np.nan_to_num(rows.columns(made if there is None else there, wanted) * scale)
 
-    tried, count = ([constants_of(there)], 0) if there else (choices(cls, v.stimulus), 0)
+    tried, count = choices(cls, v.stimulus), 0
     if wanted and there is None:
         tried, count = _scanned(v, cls, rows.residual, columns, tried)
+    elif there is not None:  # its constants were chosen among as many, unless another axis has told them
+        held = any(p.effect == effect_id for p in modelled)
+        tried, count = [constants_of(there)], 1 if held else len(v.scanned.get(effect_id, tried))
     out: list[Candidate] = []
     for source in sources(cls, v.stimulus) if wanted else ():
         if there is None or source == (getattr(there, "covariate", "") if source else ""):

@@ -64,7 +64,7 @@ class View:
     noise: Array | None = None  # (n, C) what the samples' scatter alone makes of a row, where it is known
     finer: Callable[[], View] | None = None  # the same rows from physics in finer steps, for the last fit
     ideal: Callable[[Sequence[Effect]], Rows] | None = None  # rows at what is known to be felt: see `about`
-    fits: dict[frozenset[Any], Any] = field(default_factory=dict)  # models of a course, by the causes in them
+    fits: dict[Any, Any] = field(default_factory=dict)  # models of a course, by the causes in them
     scanned: dict[str, Array] = field(default_factory=dict)  # columns of whole numbers that were scanned, by effect
     turns: Callable[[Sequence[Effect]], float] | None = None  # rad by which turns miss gravity with these at rest
 

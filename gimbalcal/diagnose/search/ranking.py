@@ -6,6 +6,7 @@ part of its own. Everything is relative to "nothing is missing", noise integrate
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,10 +18,9 @@ from gimbalcal.diagnose.evidence.odds import BESIDE, CLAIM, DETECTED, OFTEN, PAI
 from gimbalcal.diagnose.evidence.projection import (
     Projection,
     ReducedRows,
-    any_size,
     appended,
-    best_size,
     condition,
+    each_size,
     gather,
     project,
     stack,
@@ -240,20 +240,26 @@ def beside(
     weighty = set(np.argsort(-joint[:, members[0]])[: keep - 1].tolist()) | {nominal}
     chosen = [candidates[j] for j in seconds]
     rows = []
-    for k in sorted(weighty):
+    for k, looser in itertools.product(sorted(weighty), projections[0].scale.looser):
         p, ln = projections[k], float(null[k])
         for i in members:
-            p, gained = given(p, candidates[i])
+            p, gained = given(p, candidates[i], looser)
             ln += gained
         rows.append(gather([p], chosen)[0] + ln)
     return np.asarray(logsumexp(np.stack(rows), axis=0) - logsumexp(null))
 
 
-def given(p: Projection, c: Candidate) -> tuple[Projection, float]:
-    """The projection with a cause in the model (its best variant and size), and the ln BF it gained."""
-    scores = np.array([float(any_size(p, np.array(v.index))) + np.log(v.weight) for v in c.variants])
-    best = np.array(c.variants[int(np.argmax(scores))].index)
-    return condition(p, best, best_size(p, best)), float(logsumexp(scores) - np.log(c.tried))
+def given(p: Projection, c: Candidate, looser: int = 0) -> tuple[Projection, float]:
+    """The projection with a cause in the model (its best variant and size), and the ln BF it gained.
+
+    Where it has to be so many sizes `looser`, the ln BF is of that size alone.
+    """
+    weight = np.log([v.weight / c.tried for v in c.variants])
+    each = np.stack([each_size(p, np.array(v.index)) for v in c.variants]) + weight[:, None]
+    best = int(np.argmax(logsumexp(each, axis=1)))
+    size = min(int(np.argmax(each[best])) + looser, len(p.scale.sizes) - 1)
+    ln = float(each[best, size] if looser else logsumexp(each))
+    return condition(p, np.array(c.variants[best].index), float(p.scale.sizes[size])), ln
 
 
 def likeliest_variants(s: Weighed, members: Sequence[int]) -> tuple[int, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from gimbalcal.diagnose.library.unknown_noise import unknowns
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.effect import Grid, constants
-from gimbalcal.effects.grids import kind
+from gimbalcal.effects.grids import kind, limits
 from gimbalcal.errors import InputError
 from gimbalcal.inference.levenberg import covariance_at_minimum, minimise
 from gimbalcal.number import Array
@@ -68,10 +68,10 @@ def _descended(
     v: View, effects: Sequence[Effect], wanted: Sequence[Parameter], x0: Array, free: Array, c0: Array
 ) -> tuple[tuple[Effect, ...], Array]:
     """The effects at the minimum over x0 + free c, free (p, q) in SI, and c (q,) there; from c0 on."""
-    names, n = v.stimulus.axis_names, len(v.recording.time) * len(v.channels)
+    names, n, (low, high) = v.stimulus.axis_names, len(v.recording.time) * len(v.channels), _range(v, wanted)
 
     def at(c: Array, _: Array) -> tuple[Array, Array]:
-        made = with_values(effects, wanted, x0 + free @ c[0], names)
+        made = with_values(effects, wanted, np.clip(x0 + free @ c[0], low, high), names)
         try:
             r, J = v.linear(made, wanted)
         except InputError:  # no force reads what was read: further than the model goes
@@ -79,7 +79,16 @@ def _descended(
         return weighted(v, r).reshape(1, -1), -(weighted(v, J).reshape(r.size, -1) @ free)[None]
 
     found = minimise(at, c0[None], SETTLED, gain=GAIN, damping=1e-9)
-    return with_values(effects, wanted, x0 + free @ found.x[0], names), found.x[0]
+    return with_values(effects, wanted, np.clip(x0 + free @ found.x[0], low, high), names), found.x[0]
+
+
+def _range(v: View, wanted: Sequence[Parameter]) -> Array:
+    """Lowest and highest values (2, p): a non-linear constant within what the recording can tell, others anywhere."""
+    fields = {(p.effect, f.name): f for p in wanted for f in constants(CATALOGUE[p.effect])}
+    each = [(p.effect, p.field) for p in wanted]
+    return (
+        np.array([limits(fields[k], v.stimulus) if k in fields else (-np.inf, np.inf) for k in each]).reshape(-1, 2).T
+    )
 
 
 def _left(r: Array, J: Array) -> Array:
@@ -115,6 +124,14 @@ def with_columns(v: View, m: Model, X: Array) -> Model:
     J = np.concatenate([m.J, X], axis=-1)
     x = np.linalg.lstsq(weighted(v, J).reshape(m.r.size, -1), weighted(v, m.r).ravel(), rcond=1e-9)[0]
     return replace(m, r=m.r - J @ x, J=J)
+
+
+def with_constants(v: View, m: Model, ids: Container[str]) -> Model:
+    """The model with the continuous constants of these effects fitted with all else, from where they are."""
+    smooth = {(e.id, f.name) for e in m.effects if e.id in ids for f in constants(type(e)) if kind(f).smooth}
+    every = (p for e in m.effects for p in parameters(type(e), constants=True))
+    free = [p for p in every if (p.effect, p.field) in smooth]
+    return refit(v, m.effects, (*m.fitted, *free)) if free else m
 
 
 def constants_told(v: View, m: Model, effect_id: str) -> list[tuple[Parameter, float, float]]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.odds import CLAIM, OFTEN, SINGLE
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
-from gimbalcal.diagnose.library.unknown_noise import causes
+from gimbalcal.diagnose.library.unknown_noise import causes, constants_of
 from gimbalcal.diagnose.rows.observations import absent_effect, refuse_too_little
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.ranking import (
@@ -21,7 +21,7 @@ from gimbalcal.diagnose.search.ranking import (
     total,
     weighed,
 )
-from gimbalcal.diagnose.search.refit import Model, projections, refit, start, with_columns
+from gimbalcal.diagnose.search.refit import Model, projections, refit, start, with_columns, with_constants
 from gimbalcal.effects import Effect
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
@@ -97,10 +97,20 @@ def climbed(v: View, first: Model, begun: Sequence[Taken], tell: Tell) -> list[T
         if best.ln_total < CLAIM or not best.named:
             break
         tell(f"taken up: {', '.join(c.label for c, _ in best.found)}; ln Bayes factor {best.ln_bayes:.0f}")
-        taken = exchanged(v, first, [*taken, *best.found], tell, keep_usual=keep_usual)
+        taken = sharpened(v, first, exchanged(v, first, [*taken, *best.found], tell, keep_usual=keep_usual))
         model = take(v, first, taken)
     taken = pruned(v, first, taken, tell)
-    return pruned(v, first, exchanged(v, first, taken, tell, memory=True, keep_usual=keep_usual), tell)
+    taken = exchanged(v, first, taken, tell, memory=True, keep_usual=keep_usual)
+    return pruned(v, first, sharpened(v, first, taken), tell)
+
+
+def sharpened(v: View, first: Model, taken: Sequence[Taken]) -> list[Taken]:
+    """The causes with their continuous constants fitted: between the values of a grid a strong one leaves a rest."""
+    made = with_constants(v, take(v, first, taken), {c.effect for c, _ in taken})
+    told = {e.id: constants_of(e) for e in made.effects}
+    same = [not t.constants or t.constants == told[c.effect] for c, t in taken]
+    return [this if kept else (this[0], replace(this[1], constants=told[this[0].effect]))
+            for this, kept in zip(taken, same, strict=True)]  # fmt: skip
 
 
 def textbook(v: View, first: Model, known: Sequence[Candidate], X: Array) -> list[Taken]:
@@ -157,14 +167,15 @@ def pruned(v: View, first: Model, taken: Sequence[Taken], tell: Tell) -> list[Ta
     """The causes taken up, less those that noise with a memory explains as well."""
     out = list(taken)
     while out:
-        rest = [take(v, first, [t for t in out if t != this]) for this in out]
+        left = [sharpened(v, first, [t for t in out if t != this]) for this in out]
+        rest = [take(v, first, others) for others in left]
         support = [alone(v, m, this) - bar(v, this[0]) for m, this in zip(rest, out, strict=True)]
         if min(support) > 0:
             break
         usual = [is_usual(c, v.recording.kind) for c, _ in out]
         weakest = min((support[i] > 0, usual[i], support[i], i) for i in range(len(out)))[-1]
         tell(f"{out[weakest][0].label} is not kept: noise with a memory explains it")
-        del out[weakest]
+        out = left[weakest]
     return out
 
 
@@ -221,7 +232,7 @@ def refined(v: View, c: Course) -> Course:
 
 def take(v: View, model: Model, found: Sequence[Taken]) -> Model:
     """The model with these causes in it, everything refitted; once for each set of causes."""
-    key = frozenset((c.key, variant.constants) for c, variant in found)
+    key = model.fitted, frozenset((c.key, variant.constants) for c, variant in found)
     if key not in v.fits:
         v.fits[key] = _taken(v, model, found)
     return v.fits[key]

@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from gimbalcal.diagnose.rows.views import View, pointing
+from gimbalcal.diagnose.rows.views import View, norm, pointing
 from gimbalcal.diagnose.search.ranking import log_priors
 from gimbalcal.diagnose.search.refit import refit, start, weighted
-from gimbalcal.diagnose.search.stepwise import Course, alone, course, refined, take, weigh
+from gimbalcal.diagnose.search.stepwise import Course, alone, course, pruned, refined, sharpened, take, weigh
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.number import Array
 from gimbalcal.pipeline import silent
 from gimbalcal.units import from_si
 from tests.diagnose.plant import ARCSEC
+from tests.diagnose.search.test_refit import poses
 from tests.diagnose.small import causes_of, telescope
 
 
@@ -129,3 +130,24 @@ def test_rows_weigh_by_their_sigma() -> None:
     np.testing.assert_allclose(made[:, 0], 1.0)
     np.testing.assert_allclose(made[:, 1], 0.25)
     assert weighted(v, r) is r
+
+
+def test_constants_between_the_values_of_a_grid_are_fitted_and_leave_no_rest() -> None:
+    """A warm-up of 1333 s: at the nearest value of the grid a drift beside it would explain the rest."""
+    rng = np.random.default_rng(1)
+    r, tau = poses(rng.standard_normal((40, 3)), rng, 1e-5, 1e-3), 1333.0
+    fade = 5 * 9.80665e-3 * np.exp(-9 * (r.time - r.time[0]) / tau)
+    x = r.channels["specific_force", "x"] + fade
+    warming = replace(r, time=9 * r.time, channels={**r.channels, ("specific_force", "x"): x})
+    v = norm(warming, ("bias", "scale_factor", "misalignment"))
+    first = start(v)
+    known = {c.label: c for c in causes_of(v, first)}
+    warm, drift = known["warm_up:x"], known["bias_drift:x"]
+    (_, told), _ = made = sharpened(v, first, [(warm, warm.variants[2]), (drift, drift.variants[0])])
+    assert len(told.constants) == 1
+    kept = pruned(v, first, made, silent)
+    assert [c.label for c, _ in kept] == ["warm_up:x"]
+    ((_, alone_),) = kept
+    ((name, value),) = alone_.constants
+    assert name == "tau"
+    assert value == pytest.approx(tau, rel=0.03)
