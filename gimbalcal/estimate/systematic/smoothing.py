@@ -161,11 +161,13 @@ def _expected(course: Course, u: Array, C: Array) -> Array:
     stretch = np.repeat(np.arange(len(course.stop)), np.diff(course.first))
     went = carried(course.dt, u[:, 3:])
     begun = C[:-1] @ np.swapaxes(went[course.first[:-1]], -1, -2)
-    mid = begun[stretch] @ (went[:-1] + went[1:]) / 2
+    went[:-1] += went[1:]
+    went *= 0.5
     earth = EARTH_RATE * np.array([np.cos(site.latitude), 0.0, -np.sin(site.latitude)])
     at_rest = (course.stop >= 0)[stretch]
-    rate = np.where(at_rest[:, None], earth @ mid, u[:, 3:])
-    return np.concatenate([-site.gravity * mid[:, 2], rate], axis=1)
+    force = np.einsum("ni,nij->nj", -site.gravity * begun[stretch, 2], went[:-1])
+    rate = np.einsum("ni,nij->nj", (earth @ begun)[stretch], went[:-1])
+    return np.concatenate([force, np.where(at_rest[:, None], rate, u[:, 3:])], axis=1)
 
 
 def rotation_vector(R: Array) -> Array:
