@@ -241,3 +241,9 @@ def test_laws_of_no_catalogue_are_told_by_their_shape(name: str, shape: str) -> 
 def test_what_happens_to_the_drives_of_a_mount_is_named(name: str) -> None:
     run = next(r for r in runs() if r.concealed == (name,) and r.sigmas == 12)
     assert answer(run)["judged"] == ["right"]
+
+
+def test_a_voltage_that_was_logged_is_a_cause_of_its_own() -> None:
+    """What an effect of its own says of a channel a generic one need not say as well: it has no channel left."""
+    run = next(r for r in runs() if r.concealed == ("supply",) and r.sigmas == 40)
+    assert answer(run)["judged"] == ["right"]

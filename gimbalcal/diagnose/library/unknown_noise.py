@@ -77,8 +77,8 @@ def _of_effect(
     there = next((e for e in rows.effects if e.id == effect_id), None)
     had = {(p.effect, p.field, p.axis) for p in modelled}
     wanted = [p for p in unknowns(v, effect_id) if (p.effect, p.field, p.axis) not in had]
-    if wanted and there is None:
-        first = absent_effect(effect_id, v.stimulus, sources(cls, v.stimulus)[0], **dict(choices(cls, v.stimulus)[0]))
+    if there is None and {p.axis for p in wanted} & set(v.stimulus.axis_names):
+        first = absent_effect(effect_id, v.stimulus, "", **dict(choices(cls, v.stimulus)[0]))
         own = _beyond(np.nan_to_num(rows.columns(first, wanted)), taken)
         wanted = [p for p, seen in zip(wanted, own, strict=True) if seen or p.axis not in v.stimulus.axis_names]
     scale = np.array([p.sigma for p in wanted])
