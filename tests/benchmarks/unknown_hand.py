@@ -118,9 +118,14 @@ def course(rng: np.random.Generator, s: Setup) -> Hand:
     )
     T = felt + 0.02 * rng.standard_normal(len(time))
     supply = (
-        5 + 0.2 * np.sin(11 * part + rng.uniform(0, 6)) + 0.1 * rng.standard_normal(s.rests)[np.maximum(rest, 1) - 1]
+        5 + 0.2 * np.sin(11 * part + rng.uniform(0, 6)) + 0.1 * rng.standard_normal(s.rests)[nearest(np.array(rest))]
     )
     return Hand(time, np.array(rest), -C[:, :, 2], np.array(w), Rotation.from_matrix(C), felt, T, supply, rng)
+
+
+def nearest(rest: Array) -> Array:
+    """Ordinal (n,) of the rest of each row, of the next rest while it is turned."""
+    return np.asarray(np.maximum.accumulate(rest) - 1 + (rest == 0))
 
 
 def wanders(rests: int, sigma: float) -> Array:
@@ -133,7 +138,7 @@ def record(seed: int, s: Setup, errors: tuple[tuple[Error, float], ...] = ()) ->
     """One recording: constants of the unit, what is concealed, noise, counts."""
     rng = np.random.default_rng(seed)
     h = course(rng, s)
-    n, k = len(h.t), np.maximum(h.rest, 1) - 1
+    n, k = len(h.t), nearest(h.rest)
     g, extra_f, extra_w = s.grade, np.zeros((n, 3)), np.zeros((n, 3))
     for error, size in errors:
         made = error(h)
