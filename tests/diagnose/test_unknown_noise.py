@@ -247,3 +247,9 @@ def test_a_voltage_that_was_logged_is_a_cause_of_its_own() -> None:
     """What an effect of its own says of a channel a generic one need not say as well: it has no channel left."""
     run = next(r for r in runs() if r.concealed == ("supply",) and r.sigmas == 40)
     assert answer(run)["judged"] == ["right"]
+
+
+def test_poses_that_come_again_and_again_leave_no_shape_of_their_own() -> None:
+    """Twelve poses five times over: what they tell the model has taken, and the rest of a pattern in them is noise."""
+    run = next(r for r in runs() if r.concealed == ("chamber scale T",) and r.sigmas == 40)
+    assert answer(run)["judged"] == ["right"]

@@ -29,6 +29,7 @@ from gimbalcal.number import Array
 HOUR = 3600.0  # s, in which the catalogue counts drifts
 PEAKS = 3  # of a scan over whole numbers
 STILL = 0.01  # of a column: a gimbal that stands still but for the drift of its readout
+SHAKEN = 5.0  # times the relative misfit: laws of second and third degree, sums of a few
 ABOUT = 9  # whole numbers about each of them
 
 
@@ -37,10 +38,11 @@ def causes(v: View, present: Sequence[Effect], modelled: Sequence[Parameter]) ->
     blocks: list[Array] = []
     found: list[Candidate] = []
     rows = v.about(present)
-    taken = _spans(rows.jacobian(modelled))
+    taken = spans(rows.jacobian(modelled))
     for effect_id in available(v):
         found += _of_effect(v, effect_id, rows, modelled, taken, blocks)
-    strange = shapes_of(v, rows.residual, blocks, free_rows(v, modelled))
+    blocks = [_clear_of_noise(v, X, rows.residual, taken) for X in blocks]
+    strange = shapes_of(v, rows.residual, taken, blocks, free_rows(v, modelled))
     return (*found, *strange), np.concatenate(blocks, axis=-1)
 
 
@@ -99,7 +101,21 @@ def _of_effect(
     return [replace(c, scanned=count) for c in out]
 
 
-def _spans(J: Array) -> Array:
+def _clear_of_noise(v: View, X: Array, misfit: Array, taken: Array) -> Array:
+    """Columns X (n, C, p), zero where what the model leaves of them is no more than the noise of the forces in them.
+
+    Poses that come again and again in the same order leave nothing else of what follows the pose: it would be a copy of
+    the misfit (n, C). Forces are known to its share of gravity.
+    """
+    if v.name != "norm":
+        return X
+    A = X.reshape(len(taken), -1)
+    left = np.linalg.norm(A - taken @ (taken.T @ A), axis=0)
+    noise = SHAKEN * float(np.sqrt(np.mean(misfit**2))) / v.recording.site.gravity
+    return np.asarray(X * (left > noise * np.linalg.norm(A, axis=0)))
+
+
+def spans(J: Array) -> Array:
     """Orthonormal basis (n C, q) of columns J (n, C, p), whatever their units."""
     A = J.reshape(J.shape[0] * J.shape[1], -1)
     return orthonormal(A / (np.linalg.norm(A, axis=0) + 1e-300))

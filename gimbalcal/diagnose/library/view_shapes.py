@@ -14,17 +14,19 @@ from gimbalcal.number import Array
 
 SLOW, FAST = range(1, 9), range(9, 21)  # half periods of a course in time
 CURVE = range(4, 10)  # degrees of a curve: a square and a cube have causes
+VAGUE = 0.03  # of a shape, which directions read with noise still tell where the model has taken all that poses tell
 MOVES = 1e-2  # rad; a gimbal that moves less stands still
 Shape = tuple[str, str, Array]  # name, in words, basis (n, m)
 
 
-def shapes_of(v: View, misfit: Array, blocks: list[Array], free: int) -> tuple[Candidate, ...]:
+def shapes_of(v: View, misfit: Array, taken: Array, blocks: list[Array], free: int) -> tuple[Candidate, ...]:
     """What is no cause, its columns (n, C, p), per rms of the misfit (n, C), appended to `blocks`.
 
     Smooth in time, fast in time, along the temperature; smooth in the direction of gravity, or harmonics of the gimbal
     angles. In each channel; the norm of the force shows an accelerometer as far as it lies along the force, the sky
     across a line of sight its outer axis by the cosine of the inner angle. A shape with as many columns as rows fits
-    whatever is there, so none has more than half the `free`.
+    whatever is there, so none has more than half the `free`; and of what the model has `taken` (n C, q) only noise of
+    the readings is left, a copy of the misfit where poses come again and again: it is no shape.
     """
     rms = float(np.sqrt(np.mean(misfit**2)))
     n, C = misfit.shape[0], len(v.channels)
@@ -35,9 +37,21 @@ def shapes_of(v: View, misfit: Array, blocks: list[Array], free: int) -> tuple[C
             scaled = rms * unit_rms((seen * basis)[:, : max(1, free // 2)])
             X = np.zeros((n, C, scaled.shape[1]))
             X[:, c] = scaled
+            X = _beyond(X / (rms or 1.0), taken) * rms
+            if not X.shape[-1]:
+                continue
             span = tuple(appended_to(blocks, X))
             out.append(Candidate(f"unknown {name}", axis, (), (Variant((), span),), words, channel=quantity))
     return tuple(out)
+
+
+def _beyond(X: Array, Q: Array) -> Array:
+    """Combinations (n, C, q) of unit columns X (n, C, p) of which Q (n C, m) leaves more than `VAGUE`."""
+    A = X.reshape(len(Q), -1)
+    _, S, Vt = np.linalg.svd(A - Q @ (Q.T @ A), full_matrices=False)
+    told = S > VAGUE * np.sqrt(len(X))
+    left = X if np.all(told) else X @ Vt[told].T
+    return unit_rms(left.reshape(len(Q), -1)).reshape(left.shape) / np.sqrt(X.shape[1])  # one channel holds it all
 
 
 def _outer_axis(v: View) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.evidence.projection import log_bayes
 from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.library.unknown_noise import free_rows
+from gimbalcal.diagnose.library.unknown_noise import free_rows, spans
 from gimbalcal.diagnose.library.view_shapes import shapes_of
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.refit import Model, basis, projections, weighted
@@ -30,7 +30,7 @@ def patterns(v: View, m: Model) -> tuple[dict[str, Any], ...]:
     from scipy.stats import f
 
     blocks: list[Array] = []
-    shapes = shapes_of(v, m.r, blocks, free_rows(v, m.fitted))
+    shapes = shapes_of(v, m.r, spans(m.J), blocks, free_rows(v, m.fitted))
     X = np.concatenate(blocks, axis=-1)
     (white,) = projections(v, m, X, memory=False)
     out = []

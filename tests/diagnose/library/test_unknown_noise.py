@@ -13,10 +13,11 @@ from gimbalcal.diagnose.library.unknown_noise import (
     constants_of,
     free_rows,
     powers,
-    shapes_of,
     spanned,
+    spans,
     unknowns,
 )
+from gimbalcal.diagnose.library.view_shapes import shapes_of
 from gimbalcal.diagnose.rows.views import norm, pointing
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.effects import CATALOGUE, absent, parameters
@@ -45,7 +46,7 @@ def test_columns_are_what_one_prior_sigma_adds() -> None:
     c = next(c for c in KNOWN if c.effect == "base_tilt" and c.axis == "north, east")
     (v,) = c.variants
     made = absent(CATALOGUE["base_tilt"], STARS.stimulus.axis_names)
-    J = STARS.linear([*MODEL.effects, made], c.parameters)[1]
+    J = STARS.about([*MODEL.effects, made]).jacobian(c.parameters)  # where the model is on the stars, not the readouts
     np.testing.assert_allclose(X[..., list(v.index)], J * [p.sigma for p in c.parameters])
     E = STARS.recording.channels["true_angle", "elevation"]
     # about north a tilt shows whole on the horizon and not at the zenith, whichever way it is told
@@ -73,7 +74,7 @@ def test_sizes_are_those_of_the_grade_and_a_drift_is_as_fast_as_the_recording_is
 
 def test_shapes_are_as_large_as_the_misfit() -> None:
     blocks: list[Array] = [np.zeros((80, 2, 4))]
-    made = shapes_of(STARS, MODEL.r, blocks, free_rows(STARS, MODEL.fitted))
+    made = shapes_of(STARS, MODEL.r, spans(MODEL.J), blocks, free_rows(STARS, MODEL.fitted))
     rms = np.sqrt(np.mean(MODEL.r**2))
     columns = np.concatenate(blocks, axis=-1)
     assert {c.effect for c in made} >= {"unknown time"}
@@ -88,7 +89,7 @@ def test_shapes_are_as_large_as_the_misfit() -> None:
 
 def test_no_shape_has_more_than_half_as_many_columns_as_there_are_rows_to_test_it_with() -> None:
     blocks: list[Array] = [np.zeros((80, 2, 4))]
-    made = shapes_of(STARS, MODEL.r, blocks, 6)
+    made = shapes_of(STARS, MODEL.r, spans(MODEL.J), blocks, 6)
     assert {len(c.variants[0].index) for c in made} == {2, 3}
 
 
