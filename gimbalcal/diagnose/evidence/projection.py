@@ -140,13 +140,6 @@ def log_bayes(p: Projection, index: Array, sizes: Array) -> Array:
     return np.asarray(p.scale.gained(p.misfit[0], gain) - damping)
 
 
-def best_size(p: Projection, index: Array) -> Array:
-    """ln BF (...) of the columns `index` (..., w) together at the plausible size that suits them best."""
-    gain, damping = _by_size(p, index, p.scale.any_size)
-    ln = p.scale.gained(p.misfit[0], gain) - damping
-    return np.asarray(np.where(p.scale.plausible(p.misfit[0] - gain), ln, -np.inf).max(axis=-1))
-
-
 def any_size(p: Projection, index: Array) -> Array:
     """ln BF (...) of the columns `index` (..., w) together, their size mixed over its prior."""
     return logsumexp(each_size(p, index), axis=-1)

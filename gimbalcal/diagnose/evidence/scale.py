@@ -54,10 +54,6 @@ class Stated:
         """ln L that taking `gain` (...) away from a misfit adds."""
         return 0.5 * gain
 
-    def plausible(self, left: Array) -> Array:
-        """Whether each of `any_size` (..., sizes) is a plausible size."""
-        return np.ones(left.shape, dtype=bool)
-
     def log_prior(self, left: Array) -> Array:
         """ln of the prior share of each size (..., sizes), `left` (..., sizes) being left at each."""
         return np.broadcast_to(np.log(SIZE_PRIOR), left.shape)
@@ -103,10 +99,6 @@ class Free:
     def gained(self, misfit: Array, gain: Array) -> Array:
         """ln L that taking `gain` (...) away from a misfit adds."""
         return self.log_likelihood(misfit - gain) - self.log_likelihood(misfit)
-
-    def plausible(self, left: Array) -> Array:
-        """Whether each of `any_size` (..., sizes) is a size that this noise makes plausible."""
-        return np.asarray(self.any_size * self.sigma(left) <= NEAR_SIZES[-1])
 
     def log_prior(self, left: Array) -> Array:
         """ln of the prior share of each ratio (..., ratios): the density of the size that it is at this scale."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY, NEARLY, OUTSIDE, SURE, TOGETHER, UNSURE
-from gimbalcal.diagnose.evidence.projection import Projection, best_size
+from gimbalcal.diagnose.evidence.projection import Projection, log_bayes
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, Weighed, given, needed
 from gimbalcal.inference.algebra import logsumexp
@@ -194,5 +194,5 @@ def _best_sizes(p: Projection, candidates: Sequence[Candidate]) -> Array:
         if c.rival:
             continue
         at = np.array([v.index for v in c.variants])
-        out[i] = best_size(p, at).max()
+        out[i] = log_bayes(p, at, p.scale.any_size).max()
     return out
