@@ -18,6 +18,8 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import VERDICTS, Curves, Diagnosis
 from gimbalcal.diagnose.rows.baseline import by_triad
+from gimbalcal.diagnose.rows.in_place import in_place, turned_in_place
+from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.diagnose.rows.slews import lateness, view_of_slews
 from gimbalcal.diagnose.rows.turns import view_of_turns
 from gimbalcal.diagnose.rows.views import FORCE, RATE, View, norm, pointing, rest_rates, table
@@ -33,6 +35,7 @@ from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 
+DRAGGED = 4.0  # times less misfit with a cause than without it: its constants are far from those without it
 LEFT_OUT = 10  # s: rows of a table closer than this are left out together, the table moves as slowly
 
 
@@ -46,8 +49,8 @@ def diagnose_unknown_noise(
 ) -> Diagnosis:
     """What was left out of the models of such a recording."""
     if recording.kind in ("pointing", "rotation"):
-        v = alone(recording, calibration, baseline)
-        told, notes = [told_of(v, course(v, tell), tell)], list[str]()
+        v = alone(recording, calibration, baseline, tell)
+        told, notes = [told_of(*_linearised(v, course(v, tell), tell), tell)], list[str]()
     else:
         told, notes = of_triads(recording, calibration, baseline, tell)
     if not told:
@@ -58,10 +61,25 @@ def diagnose_unknown_noise(
     return _together(recording, told, notes, baseline, seed)
 
 
-def alone(recording: Recording, calibration: Calibration | None, baseline: Sequence[str]) -> View:
-    """The one view of a pointing run or of a tilting table."""
+def _linearised(v: View, c: Course, tell: Tell) -> tuple[View, Course]:
+    """View and course; once more about the strongest cause, where it has dragged the constants too far to be linear."""
+    far = float(np.sum(weighted(v, c.start.r) ** 2) / np.sum(weighted(v, c.end.r) ** 2)) > DRAGGED
+    if v.beside is None or not c.steps or not far:
+        return v, c
+    cause, variant = c.steps[0].taken
+    tell(f"again, about the constants that belong to {cause.label}")
+    try:
+        v = v.beside(absent_effect(cause.effect, v.stimulus, cause.source, **dict(variant.constants)), cause.parameters)
+    except InputError as problem:
+        tell(str(problem))
+        return v, c
+    return v, course(v, tell)
+
+
+def alone(recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell) -> View:
+    """The one view of a pointing run, of a unit turned in its place, or of a tilting table."""
     if recording.kind == "rotation":
-        return table(recording, baseline)
+        return in_place(recording, baseline, tell) if turned_in_place(recording) else table(recording, baseline)
     # every term is fitted anew: a calibration says which the model holds
     held = tuple(dict.fromkeys(p.effect for p in calibration.parameters)) if calibration else ()
     return pointing(recording, baseline or held)
@@ -144,7 +162,9 @@ def told_of(v: View, c: Course, tell: Tell) -> Told:
         v = v.finer()
         c = refined(v, c)
     found = drifts_as_one([finding(v, c, j) for j in verdicts])
-    shapes = tuple({"channel": f"{v.channels[0][0]} {s.axis}".strip(), "shape": s.rival} for s in c.left)
+    shapes = tuple(
+        {"channel": f"{s.channel if v.added else v.channels[0][0]} {s.axis}".strip(), "shape": s.rival} for s in c.left
+    )
     verdict = "adequate"
     if found:
         verdict = "missing-physics" if any(not f["twins"] for f in found) else "not-identifiable"
@@ -215,15 +235,18 @@ def _outside(when: str, v: View, m: Model, sigma: Array) -> dict[str, float]:
 
 
 def heldout(v: View, m: Model, sigma: Array) -> Array:
-    """Misfit (n, C) in sigma of each row, or of each ten seconds of a table, to a fit made without it."""
+    """Misfit (n, C) in sigma of each row, each ten seconds of a table, each stop or turn, to a fit without it."""
     n, C = m.r.shape
     Q = basis(m.J / sigma[..., None]).reshape(n, C, -1)
     r = m.r / sigma
     size = max(1, round(LEFT_OUT / float(np.median(np.diff(v.recording.time))))) if v.name == "table" else 1
+    cuts = np.arange(size, n, size)
+    if v.recording.position is not None and v.added is not None:  # stops and turns
+        cuts = np.flatnonzero(np.diff(v.recording.position)) + 1
     left = []
-    for k in range(0, n, size):
-        e = r[k : k + size].ravel()
-        q = Q[k : k + size].reshape(len(e), Q.shape[-1])
+    for rows in np.split(np.arange(n), cuts):
+        e = r[rows].ravel()
+        q = Q[rows].reshape(len(e), Q.shape[-1])
         left.append(np.linalg.lstsq(np.eye(len(e)) - q @ q.T, e, rcond=1e-6)[0])
     return np.concatenate(left).reshape(n, C)
 
@@ -279,5 +302,5 @@ def curves_of(t: Told) -> Curves:
     """Misfits of a view for a picture."""
     n = len(t.before)
     time = t.view.recording.time - t.view.recording.time[0]
-    number = np.ones(n) if t.view.name == "table" else np.arange(1, n + 1)
+    number = np.ones(n) if t.view.name in ("table", "navigation") else np.arange(1, n + 1)
     return Curves(time, number, t.view.channels, t.before, t.after)

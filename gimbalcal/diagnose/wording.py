@@ -23,6 +23,7 @@ ROWS = {
     "turns": "turns",
     "slews": "slews",
     "table": "stretches of ten seconds",
+    "navigation": "stops and turns",
 }
 QUIET = 1.5  # times the samples' own scatter; beyond it a sentence says what the rest may be
 
@@ -195,6 +196,8 @@ def channel_of(v: View, axis: str) -> str:
         return f"gravity's direction after a turn, {axis}"
     if v.name == "slews":
         return f"the delay of the {axis} on the way"
+    if v.name == "navigation":
+        return f"the velocity {axis} of a unit that stays in its place"
     said = {"norm": "the norm of the force", "rest rates": f"the rate about {axis} at rest"}
     return said.get(v.name, f"the force along {axis}")
 
@@ -202,7 +205,8 @@ def channel_of(v: View, axis: str) -> str:
 def channels_of(v: View) -> str:
     """All channels of a view together."""
     said = {"norm": "the norm of the force", "rest rates": "the rates at rest", "table": "the force",
-            "turns": "gravity's direction after the turns", "slews": "the delay of the sensors on the way"}  # fmt: skip
+            "turns": "gravity's direction after the turns", "slews": "the delay of the sensors on the way",
+            "navigation": "the velocity of a unit that stays in its place"}  # fmt: skip
     return said.get(v.name, "pointing")
 
 
@@ -211,9 +215,15 @@ def follows(v: View, axis: str, size: float, pattern: str) -> str:
     return f"The misfit of {channel_of(v, axis)} ({digits(size)} {v.unit} rms) follows {pattern}"
 
 
+def follows_sensor(v: View, quantity: str, axis: str, size: float, pattern: str) -> str:
+    """A pattern in a sensor, found in what a navigator makes of it."""
+    told = f"The misfit of {channels_of(v)} ({digits(size)} {v.unit} rms)"
+    return f"{told} follows {pattern} in {spoken(quantity)} {axis}"
+
+
 def largest(v: View, axis: str, size: float, ratio: float, rows: Array) -> str:
     """A misfit without a pattern of its own: how large it is and where it is largest."""
-    if v.name == "table":
+    if v.name in ("table", "navigation"):
         time = v.recording.time[np.sort(rows)] - v.recording.time[0]
         where = f"{', '.join(f'{t:.0f}' for t in time[:-1])} and {time[-1]:.0f} s after the start"
     else:

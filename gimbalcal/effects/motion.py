@@ -44,7 +44,6 @@ class AccelerometerLeverArm(Effect):
     """
 
     id = "accelerometer_lever_arm"
-    no_cause = "the part that turns show best is that of lever_arm"
     stage = Stage.INPUT_AXIS
     requires = ("angular_rate",)
     kinds = ("rotation",)

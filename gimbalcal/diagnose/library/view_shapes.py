@@ -9,7 +9,8 @@ from numpy.polynomial import legendre
 
 from gimbalcal.diagnose.library.candidates import Candidate, Variant, appended_to
 from gimbalcal.diagnose.library.shapes import polynomials, thermal, unit_rms
-from gimbalcal.diagnose.rows.views import View
+from gimbalcal.diagnose.rows.views import FORCE, RATE, View
+from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 
 SLOW, FAST = range(1, 9), range(9, 21)  # half periods of a course in time
@@ -28,6 +29,8 @@ def shapes_of(v: View, misfit: Array, taken: Array, blocks: list[Array], free: i
     whatever is there, so none has more than half the `free`; and of what the model has `taken` (n C, q) only noise of
     the readings is left, a copy of the misfit where poses come again and again: it is no shape.
     """
+    if v.added is not None:
+        return _of_sensors(v, misfit, taken, blocks)
     rms = float(np.sqrt(np.mean(misfit**2)))
     n, C = misfit.shape[0], len(v.channels)
     out = []
@@ -43,6 +46,48 @@ def shapes_of(v: View, misfit: Array, taken: Array, blocks: list[Array], free: i
             span = tuple(appended_to(blocks, X))
             out.append(Candidate(f"unknown {name}", axis, (), (Variant((), span),), words, channel=quantity))
     return tuple(out)
+
+
+def _of_sensors(v: View, misfit: Array, taken: Array, blocks: list[Array]) -> tuple[Candidate, ...]:
+    """Shapes added to a sensor, each combination as large as the misfit beside what the model takes of it."""
+    assert v.added is not None
+    w, out = v.weight, []
+    rms = float(np.sqrt(np.mean((misfit * w) ** 2)))
+    Q = orthonormal(w.reshape(-1, 1) * taken)
+    for quantity, axis in ((q, a) for q in (FORCE, RATE) for a in "xyz"):
+        for name, words, basis in _turning(v):
+            key = f"{name} in {quantity} {axis}"
+            if key not in v.scanned:
+                v.scanned[key] = v.added(quantity, axis, basis)
+            A = (v.scanned[key] * w[..., None]).reshape(len(taken), -1)
+            A = A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+            left = A - Q @ (Q.T @ A)
+            _, S, Vt = np.linalg.svd(left, full_matrices=False)
+            told = S > VAGUE
+            X = (left @ Vt[told].T / S[told] * np.sqrt(misfit.size) * rms).reshape(*misfit.shape, -1) / w[..., None]
+            if X.shape[-1]:
+                span = tuple(appended_to(blocks, X))
+                out.append(Candidate(f"unknown {name}", axis, (), (Variant((), span),), words, channel=quantity))
+    return tuple(out)
+
+
+def _turning(v: View) -> Iterator[Shape]:
+    """What a sensor of a unit that is turned may follow."""
+    s = v.stimulus
+    t = s.time / (s.time[-1] or 1.0)
+    yield "time", "a smooth function of time", np.cos(np.pi * np.outer(t, SLOW))
+    yield "fast time", "a pattern in time", np.cos(np.pi * np.outer(t, FAST))
+    yield "orientation", "a smooth function of the direction of gravity", polynomials(_along(v))
+    yield "rate", "a smooth function of the rate of turn", _of_rate(s.rate / (np.abs(s.rate).max() or 1.0))
+    if _warms(v):
+        yield "temperature", "a function of temperature", thermal(s.time, _temperature(v))
+
+
+def _of_rate(rate: Array) -> Array:
+    """Squares, products, sizes and third degrees (g, 12) of the rate (g, 3), the largest being one."""
+    x, y, z = rate.T
+    third = legendre.legvander(rate, 3)[..., 3].T
+    return np.stack([x * x, y * y, z * z, x * y, y * z, z * x, *np.abs(rate.T), *third], axis=-1)
 
 
 def _beyond(X: Array, Q: Array) -> Array:

@@ -21,7 +21,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
 from gimbalcal.effects.baseline import BASELINE
-from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, MATRIX_AXES, SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.accelerometers.norm_fit import scaled_by_gravity
@@ -43,6 +43,7 @@ POLE = 0.02  # cosine of the inner angle beyond which a mount points along its o
 FEWEST = 3  # means of a table that can differ from one another in more than a trend
 BY_HAND = 3.0  # times the sizes of one unit: sensors of different makers, bolted together
 COARSE, FINE = 0.04, 0.01  # s; steps at which the physics of a tilting table is evaluated, for search and last fit
+SIZE_EFFECT = "accelerometer_lever_arm"  # of which a table that tilts about one axis shows what lever_arm is
 RESTS = 6  # fewer do not tell a pattern of the attitude from chance
 
 
@@ -66,6 +67,8 @@ class View:
     ideal: Callable[[Sequence[Effect]], Rows] | None = None  # rows at what is known to be felt: see `about`
     fits: dict[Any, Any] = field(default_factory=dict)  # models of a course, by the causes in them
     scanned: dict[str, Array] = field(default_factory=dict)  # columns of whole numbers that were scanned, by effect
+    beside: Callable[[Effect, Sequence[Parameter]], View] | None = None  # linearised with this in the model as well
+    added: Callable[[str, str, Array], Array] | None = None  # columns of a basis added to a sensor that is no channel
     turns: Callable[[Sequence[Effect]], float] | None = None  # rad by which turns miss gravity with these at rest
 
     @property
@@ -246,7 +249,8 @@ def table(recording: Recording, baseline: Sequence[str] = (), step: float = COAR
     ids = tuple(baseline) or BASELINE["table"]
     return View(
         "table", averaged(recording, BLOCK), s, channels, "ug", None, stages, ids, rows,
-        frozenset(), BY_HAND, finer=(lambda: table(whole, baseline, FINE)) if step > FINE else None,
+        frozenset({(SIZE_EFFECT, a) for a in MATRIX_AXES}), BY_HAND,
+        finer=(lambda: table(whole, baseline, FINE)) if step > FINE else None,
     )  # fmt: skip
 
 

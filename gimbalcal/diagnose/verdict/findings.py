@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,8 @@ from gimbalcal.effects import CATALOGUE, values
 from gimbalcal.inference.information import keeps_prior
 from gimbalcal.pipeline import Tell
 from gimbalcal.units import from_si
+
+SHOWN, HIDDEN = 5.0, 3.0  # sigmas of a parameter that differs from zero, and of one that may be zero
 
 
 def confirmed(v: View, c: Course, tell: Tell) -> tuple[Course, list[Judgement]]:
@@ -53,12 +55,20 @@ def finding(v: View, c: Course, j: Judgement) -> dict[str, Any]:
          "sigma": float(from_si(sigma, p.unit)), "unit": p.unit}
         for p, x, sigma in constants_told(v, m, e)
     ]  # fmt: skip
+    axis = j.cause.axis if v.added is None else _element(j.cause.axis, rows)
     return {
-        "effect": e, "axis": j.cause.axis, "probability": capped(j.probability),
+        "effect": e, "axis": axis, "probability": capped(j.probability),
         "sigma": round(j.sigma, 2), "parameters": [{k: x for k, x in r.items() if k != "effect"} for r in rows],
         "twins": list(j.confounded), "physics": wording.physics(e), **wording.law(e),
         "separate_by": _advice(j),
     }  # fmt: skip
+
+
+def _element(axis: str, rows: Sequence[Mapping[str, Any]]) -> str:
+    """Sensor and partner, "xz", where of a sensor's several parameters one alone differs from zero."""
+    shown = [r["axis"] for r in rows if abs(r["value"]) > SHOWN * r["sigma"]]
+    vague = any(HIDDEN * r["sigma"] < abs(r["value"]) <= SHOWN * r["sigma"] for r in rows)
+    return shown[0] if len(shown) == 1 and not vague and len(axis) == 1 and shown[0].startswith(axis) else axis
 
 
 def _advice(j: Judgement) -> str:

@@ -46,6 +46,12 @@ def patterns(v: View, m: Model) -> tuple[dict[str, Any], ...]:
 
 
 def _pattern(v: View, m: Model, c: Candidate, F: float, p: float) -> dict[str, Any]:
+    if v.added is not None:  # in a sensor, and the rows are what a navigator makes of it
+        size = float(from_si(float(np.sqrt(np.mean(m.r**2))), v.unit))
+        rows = np.argsort(-np.abs(weighted(v, m.r)).max(axis=1))[:3]
+        words = wording.follows_sensor(v, c.channel, c.axis, size, c.rival)
+        return {"channel": c.channel, "axis": c.axis, "where": _where(v, rows), "statistic": round(F, 2), "p_value": p,
+                "in_words": words}  # fmt: skip
     i, size = _channel(v, m, c.axis)
     rows = np.argsort(-np.abs(m.r[:, i]))[:3]
     return {
@@ -79,6 +85,6 @@ def _channel(v: View, m: Model, axis: str) -> tuple[int, float]:
 
 
 def _where(v: View, rows: Array) -> dict[str, list[float]]:
-    if v.name == "table":
+    if v.name in ("table", "navigation"):
         return {"time_s": [round(float(x), 3) for x in np.sort(v.recording.time[rows] - v.recording.time[0])]}
     return {"positions": [int(k) for k in v.stimulus.position[rows]]}

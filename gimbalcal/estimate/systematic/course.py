@@ -78,13 +78,10 @@ def course(recording: Recording) -> Course:
     _refuse_other_kinds(recording)
     if recording.instant:
         recording = _as_means(recording)
-    channels = {f"{q} {a}": recording.channels[q, a] for q, a in KEYS if q == FORCE}
-    rates = {a: recording.channels[RATE, a] for a in "xyz"}
-    position = recording.position if recording.position is not None else detect(recording.time, channels, rates)
     step = float(np.median(np.diff(recording.time)))
     dt = np.diff(recording.time, prepend=recording.time[0] - step)
     paused = dt > MISSING * step
-    stays = _through_pauses(recording, dwells(replace(recording, position=position)), paused)
+    stays = stops(recording)
     if len(stays) < 2:
         held = "no stop" if not stays else "one stop"
         raise InputError(
@@ -94,6 +91,16 @@ def course(recording: Recording) -> Course:
     _refuse_lost_turns(recording, stays, paused)
     sigma, stated = _noise(recording, stays)
     return _assembled(recording, stays, dt, step, paused, sigma, stated)
+
+
+def stops(recording: Recording) -> list[Dwell]:
+    """Where the unit lies still, as `position` says or force and rate tell; a pause of the clock ends no stop."""
+    channels = {f"{q} {a}": recording.channels[q, a] for q, a in KEYS if q == FORCE}
+    rates = {a: recording.channels[RATE, a] for a in "xyz"}
+    position = recording.position if recording.position is not None else detect(recording.time, channels, rates)
+    step = float(np.median(np.diff(recording.time)))
+    paused = np.diff(recording.time, prepend=recording.time[0] - step) > MISSING * step
+    return _through_pauses(recording, dwells(replace(recording, position=position)), paused)
 
 
 def _through_pauses(recording: Recording, stays: Sequence[Dwell], paused: NDArray[np.bool_]) -> list[Dwell]:

@@ -9,16 +9,17 @@ feedback of Cai's Eq. (27)), until nothing moves by 3 % of its sigma.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.calibration import Residual
-from gimbalcal.effects import Parameter, with_values
+from gimbalcal.effects import Effect, Parameter, with_values
 from gimbalcal.estimate.added import Added
 from gimbalcal.estimate.systematic.alignment import Alignment, align, attitudes
-from gimbalcal.estimate.systematic.course import course
+from gimbalcal.estimate.systematic.course import Course, course
 from gimbalcal.estimate.systematic.evidence import doubtful, outcome, told
 from gimbalcal.estimate.systematic.place import refuse_carried, refuse_other_force
 from gimbalcal.estimate.systematic.sensors import truth
@@ -39,7 +40,56 @@ def systematic(
 
     Raises InputError where the recording is none that a navigator can take: see `course` and `alignment`.
     """
-    wanted = states(asked, recording, more)
+    m = settle(recording, states(asked, recording, more), tuple(a.absent((), dict(a.stated)) for a in more), tell)
+    legs, wanted, theta, before = m.course, m.wanted, m.theta, m.before
+    found = _solved(wanted, m.last, theta - before)
+    navigation = told(legs, wanted, m.last, m.C, m.passes)
+    words = outcome(navigation, 9 + len(wanted), m.settled)
+    rms = {f"velocity {axis}": float(v) for axis, v in navigation.pop("velocity_rms").items()}
+    return Calibration(
+        method="systematic",
+        effects=with_values(m.base, wanted, before + found.x),
+        parameters=wanted,
+        covariance=found.covariance,
+        unobservable=tuple(each.to_dict() for each in found.unobservable),
+        residual=Residual(navigation["nis"]["sum"], navigation["nis"]["dof"], rms, navigation),
+        outcome=words,
+        provenance={"options": {"states": asked, "velocity_m_per_s": legs.velocity, "stops": int(legs.stop.max()) + 1}},
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """Where the passes ended: states with their values (p,), attitudes C (K + 1, 3, 3), what was there u (n, 6).
+
+    base: effects that are there whatever the states say; before (p,): the states' values at the start; left_out (K,):
+    updates that are not believed.
+    """
+
+    course: Course
+    wanted: tuple[Parameter, ...]
+    base: tuple[Effect, ...]
+    start: Alignment
+    before: Array
+    theta: Array
+    u: Array
+    C: Array
+    left_out: NDArray[np.bool_]
+    last: Pass
+    passes: int
+    settled: bool
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects with these values."""
+        return with_values(self.base, self.wanted, self.theta)
+
+
+def settle(
+    recording: Recording, wanted: Sequence[Parameter], base: tuple[Effect, ...] = (),
+    tell: Callable[[str], None] = lambda _: None,
+) -> Settled:  # fmt: skip
+    """Passes of filter and smoother until nothing moves. Raises InputError where a navigator cannot take it."""
     legs = course(recording)
     refuse_other_force(legs)
     u = truth(legs, ())
@@ -47,7 +97,6 @@ def systematic(
     C = attitudes(legs, u, start)
     wanted = _biased(wanted, start)
     before = np.array([start.bias["xyz".index(p.axis)] if p.effect == "gyro_bias" else 0.0 for p in wanted])
-    base = tuple(a.absent((), dict(a.stated)) for a in more)
     theta, settled, done, left_out = before, False, 0, np.zeros(len(legs.stop), dtype=bool)
     while not settled and done < PASSES:
         effects = with_values(base, wanted, theta)
@@ -63,20 +112,7 @@ def systematic(
         settled = moved < SETTLED and done > 1 and np.array_equal(told_off, left_out)
         if not np.all(np.isfinite(theta)):
             break
-    found = _solved(wanted, last, theta - before)
-    navigation = told(legs, wanted, last, C, done)
-    words = outcome(navigation, 9 + len(wanted), settled)
-    rms = {f"velocity {axis}": float(v) for axis, v in navigation.pop("velocity_rms").items()}
-    return Calibration(
-        method="systematic",
-        effects=with_values(base, wanted, before + found.x),
-        parameters=wanted,
-        covariance=found.covariance,
-        unobservable=tuple(each.to_dict() for each in found.unobservable),
-        residual=Residual(navigation["nis"]["sum"], navigation["nis"]["dof"], rms, navigation),
-        outcome=words,
-        provenance={"options": {"states": asked, "velocity_m_per_s": legs.velocity, "stops": int(legs.stop.max()) + 1}},
-    )
+    return Settled(legs, wanted, base, start, before, theta, u, C, left_out, last, done, settled)
 
 
 def _biased(wanted: Sequence[Parameter], start: Alignment) -> tuple[Parameter, ...]:

@@ -55,6 +55,11 @@ def sensitivity(
     return -J[rows.start - few.start : rows.stop - few.start]
 
 
+def read_by(s: Stimulus, effects: Sequence[Effect]) -> Array:
+    """How the readings (n, 6) answer force and rate, (n, 6, 6), of what a stimulus holds."""
+    return complex_step(lambda x: _read(s, effects, x), np.concatenate([s.force, s.rate], axis=1))
+
+
 def _read(s: Stimulus, effects: Sequence[Effect], u: Array) -> Array:
     s = s.at(force=u[:, :3], rate=u[:, 3:])
     return picked(BENCH, predict(BENCH, s, effects, KIND), KEYS)

@@ -11,7 +11,7 @@ pass starts from smoothed attitudes. Passes end where nothing moves: products of
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,7 +60,7 @@ def one_pass(
 
     prior (p,): mean of the parameters before, less their present values; left_out (K,): updates that are not believed.
     """
-    Phi, Psi, Q, d = _linear(course, wanted, effects, u, C)
+    Phi, Psi, Q, d = linear(course, wanted, effects, u, C)
     scale = np.array([p.sigma for p in wanted])
     sigma = np.concatenate([start.sigma, np.full(3, course.velocity), np.full(3, PLACE)]) / STATE
     x = np.concatenate([rotation_vector(start.C_bn @ C[0].T), np.zeros(6)]) / STATE
@@ -96,22 +96,38 @@ def one_pass(
     )  # fmt: skip
 
 
-def _linear(
+def linear(
     course: Course, wanted: Sequence[Parameter], effects: Sequence[Effect], u: Array, C: Array
 ) -> tuple[Array, Array, Array, Array]:
     """Phi, Psi, Q and defects d (K, 9), in units of `STATE` and of the prior sigmas.
 
     The attitude at the start is a constant too, so that its covariance is known in the end: three more, the last ones.
     """
-    K, scale = len(course.stop), np.array([p.sigma for p in wanted])
-    Phi, Psi, Q = np.empty((K, NAV, NAV)), np.zeros((K, NAV, len(wanted) + 3)), np.empty((K, NAV, NAV))
+    scale = np.array([p.sigma for p in wanted])
+    expected = felt(course, u, C)
+    Phi, Psi, Q, d = answering(
+        course, u, C, lambda groups: sensitivity(course.groups, effects, wanted, expected, groups), len(wanted)
+    )
+    return Phi, np.concatenate([Psi * scale, np.zeros((len(Phi), NAV, 3))], axis=2), Q, d
+
+
+def felt(course: Course, u: Array, C: Array) -> Array:
+    """Force and rate (g, 6) of each group of intervals, without the noise of what was read: see `_expected`."""
+    begin = np.flatnonzero(np.diff(course.group, prepend=-1))
+    return np.add.reduceat(_expected(course, u, C), begin) / np.diff(begin, append=len(u))[:, None]
+
+
+def answering(
+    course: Course, u: Array, C: Array, answer: Callable[[slice], Array], p: int
+) -> tuple[Array, Array, Array, Array]:
+    """Phi, Psi (K, 9, p), Q and defects d, in units of `STATE`; `answer` gives D (m, 6, p) of a slice of groups."""
+    K = len(course.stop)
+    Phi, Psi, Q = np.empty((K, NAV, NAV)), np.empty((K, NAV, p)), np.empty((K, NAV, NAV))
     d = np.empty((K, NAV))
     site = course.rows.site
     assert site.latitude is not None
     q = course.sigma**2 / course.rows.weight[:, None]
     q[:, :3] += _unseen(course, u)[:, None] ** 2
-    begin = np.flatnonzero(np.diff(course.group, prepend=-1))
-    expected = np.add.reduceat(_expected(course, u, C), begin) / np.diff(begin, append=len(u))[:, None]
     at = 0
     while at < K:
         end = int(np.searchsorted(course.first, course.first[at] + ROWS, side="right")) - 1
@@ -122,11 +138,11 @@ def _linear(
         groups = slice(int(course.group[before]), int(course.group[rows.stop - 1]) + 1)
         made = transitions(
             course.first[at : end + 1] - before, course.joined[few], course.dt[few], u[few, 3:], u[few, :3],
-            sensitivity(course.groups, effects, wanted, expected, groups), q[few], C[at:end], site.latitude,
+            answer(groups), q[few], C[at:end], site.latitude,
             site.height, site.gravity, course.group[few] - groups.start,
         )  # fmt: skip
         Phi[at:end], Q[at:end] = made.Phi * STATE / STATE[:, None], made.Q / STATE / STATE[:, None]
-        Psi[at:end, :, :-3] = made.Psi * scale / STATE[:, None]
+        Psi[at:end] = made.Psi / STATE[:, None]
         d[at:end, :3] = rotation_vector(made.C_bn @ np.swapaxes(C[at + 1 : end + 1], -1, -2))
         d[at:end, 3:6], d[at:end, 6:] = made.velocity, made.displacement
         at = end

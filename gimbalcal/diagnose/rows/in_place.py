@@ -1,0 +1,132 @@
+r"""A unit that is turned in its place as a view: the innovations of a navigator with the calibrated sensors.
+
+Its true velocity is zero, so what it computes is misfit: of rows e (n, 3), white where the model is right, in a noise
+that the header states or the stops show. The model is linear about the constants to which `systematic` settles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+
+from gimbalcal.diagnose.rows.views import FORCE, RATE, View
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values
+from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, absent, constants
+from gimbalcal.estimate.systematic.course import stops
+from gimbalcal.estimate.systematic.run import Settled, settle
+from gimbalcal.estimate.systematic.sensors import read_by
+from gimbalcal.estimate.systematic.states import KEPT, SAME, states
+from gimbalcal.estimate.systematic.whitened import Whitened, whitened
+from gimbalcal.forward import Rows
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording
+
+NAME = "navigation"
+FEWEST = 2  # stops
+CHANNELS = tuple(("velocity", axis) for axis in ("north", "east", "down"))
+
+
+def turned_in_place(recording: Recording) -> bool:
+    """Whether a recording is of a unit turned from stop to stop at a known latitude; a table goes on tilting."""
+    both = recording.has(FORCE) and recording.has(RATE)
+    if recording.site.latitude is None or not both or recording.counted(FORCE) or recording.counted(RATE):
+        return False
+    return len(stops(recording)) >= FEWEST
+
+
+def in_place(recording: Recording, baseline: Sequence[str], tell: Callable[[str], None]) -> View:
+    """The view of a unit turned through stops. Raises InputError where a navigator cannot take the recording."""
+    ids = tuple(baseline) or BASELINE["rotation"]
+    usual = states(",".join(ids), recording)
+
+    def beside(effect: Effect, wanted: Sequence[Parameter]) -> View:
+        return view_of(recording, settle(recording, (*usual, *wanted), (effect,), tell), ids)
+
+    return replace(view_of(recording, settle(recording, usual, (), tell), ids), beside=beside)
+
+
+def view_of(recording: Recording, settled: Settled, ids: tuple[str, ...]) -> View:
+    """The view about what `settle` found."""
+    w = whitened(settled)
+    answers = _Answers(w)
+    base = w.rows
+    y = w.residual
+
+    def rows(effects: Sequence[Effect]) -> Rows:
+        left = y.copy()
+        wanted = tuple(p for e in effects for p in parameters(type(e)))
+        known = dict(zip((p.label for p in settled.wanted), settled.theta.tolist(), strict=True))
+        every = (*settled.wanted, *(p for p in wanted if p.label not in known))
+        sizes = values(tuple(effects), every) - np.array([known.get(p.label, 0.0) for p in every])
+        by_id = {e.id: e for e in effects}
+        for effect_id in dict.fromkeys(p.effect for p in every):
+            at = [i for i, p in enumerate(every) if p.effect == effect_id and sizes[i] != 0]
+            if at:
+                effect = by_id.get(effect_id) or absent(CATALOGUE[effect_id])
+                left -= answers.columns(effect, [every[i] for i in at]) @ sizes[at]
+        return _Linear(**{**vars(base), "effects": tuple(effects), "residual": left}, answers=answers)
+
+    times = replace(recording, time=w.time, position=w.stop + 1, weight=np.ones(len(w.time)), channels={}, beside=())
+    gauge = {(i, p.axis) for i, kept in KEPT.items() for p in parameters(CATALOGUE[i]) if p.axis not in kept}
+    gauge |= {(i, p.axis) for i in SAME for p in parameters(CATALOGUE[i])}
+    return View(
+        NAME, times, w.felt, CHANNELS, "mm/s", w.sigma, SENSOR_STAGES | GYROSCOPE_STAGES, ids, rows,
+        frozenset(gauge), noise=w.sigma if settled.course.stated else None, added=answers.added,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Answers:
+    """How the rows answer causes (n, 3) per unit, each worked out once."""
+
+    whitened: Whitened
+    kept: dict[tuple[object, ...], Array] = field(default_factory=dict)
+
+    def columns(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
+        """Columns (n, 3, p) of an effect's parameters; of its non-linear constants at its present size."""
+        smooth = {f.name for f in constants(type(effect))}
+        held = {f.name: getattr(effect, f.name) for f in fields(effect) if f.name in (*smooth, "covariate")}
+        key = effect.id, *held.values()
+        linear = [p for p in wanted if p.field not in smooth]
+        if any((*key, p.field, p.axis) not in self.kept for p in linear):
+            every = parameters(type(effect))
+            none = replace(absent(type(effect)), **held)
+            made = self._through(none, every)
+            self.kept.update({(*key, p.field, p.axis): made[..., i] for i, p in enumerate(every)})
+        out = [
+            self.kept[*key, p.field, p.axis] if p.field not in smooth else self._through(effect, [p])[..., 0]
+            for p in wanted
+        ]
+        return np.stack(out, axis=-1) if out else np.zeros((*self.whitened.residual.shape, 0))
+
+    def _through(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
+        w = self.whitened
+        X = np.nan_to_num(w.rows.columns(effect, wanted))
+        return -w.answers(-np.linalg.solve(self._read(), X))
+
+    def _read(self) -> Array:
+        """d(readings) / d(force and rate) (g, 6, 6) about the settled effects."""
+        if not self.kept:
+            self.kept["read",] = read_by(self.whitened.felt, self.whitened.settled.effects)
+        return self.kept["read",]
+
+    def added(self, quantity: str, axis: str, basis: Array) -> Array:
+        """Columns (n, 3, m) of what is added (g, m) to force or rate along an axis."""
+        D = np.zeros((len(basis), 6, basis.shape[1]))
+        D[:, 3 * (quantity == RATE) + "xyz".index(axis)] = basis
+        return self.whitened.answers(D)
+
+
+@dataclass(frozen=True, eq=False)
+class _Linear(Rows):
+    """Rows whose columns are those about the settled constants, whatever else is in the model."""
+
+    answers: _Answers | None = None
+
+    def columns(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
+        """Derivative (n, 3, p)."""
+        assert self.answers is not None
+        return self.answers.columns(effect, wanted)
