@@ -86,8 +86,9 @@ class Platform:
         chain = None
         for i, axis in enumerate(self.axes):
             link = frame_rotation(axis.direction, axis.sign * angles[..., i] + axis.offset)
-            if tilts is not None:
-                link = link @ tilt_rotation(np.asarray(tilts)[..., i, :])
+            tilt = None if tilts is None else np.asarray(tilts)[..., i, :]
+            if tilt is not None and (tilt.dtype == object or tilt.any()):  # most axes of most chains are not tilted
+                link = link @ tilt_rotation(tilt)
             chain = link if chain is None else chain @ link
         if chain is None:
             return np.broadcast_to(np.eye(3), (*angles.shape[:-1], 3, 3))

@@ -36,9 +36,21 @@ def frame_rotation(direction: str, angle: ArrayLike) -> Array:
 
 
 def tilt_rotation(tilt: ArrayLike) -> Array:
-    """Frame rotation by three small angles about x, then y, then z: ``Rz Ry Rx``; (..., 3) [rad] to (..., 3, 3)."""
+    r"""Frame rotation by three small angles about x, then y, then z: ``Rz Ry Rx``; (..., 3) [rad] to (..., 3, 3).
+
+    Multiplied out, as it stands in every link of every chain:
+
+    .. math:: \begin{bmatrix} c_z c_y & c_z s_y s_x + s_z c_x & s_z s_x - c_z s_y c_x \\
+              -s_z c_y & c_z c_x - s_z s_y s_x & s_z s_y c_x + c_z s_x \\ s_y & -c_y s_x & c_y c_x \end{bmatrix}
+    """
     tilt = np.asarray(tilt)
-    return frame_rotation("z", tilt[..., 2]) @ frame_rotation("y", tilt[..., 1]) @ frame_rotation("x", tilt[..., 0])
+    (cx, cy, cz), (sx, sy, sz) = (np.moveaxis(f(tilt), -1, 0) for f in (cos, sin))
+    rows = (
+        (cz * cy, cz * sy * sx + sz * cx, sz * sx - cz * sy * cx),
+        (-sz * cy, cz * cx - sz * sy * sx, sz * sy * cx + cz * sx),
+        (sy, -cy * sx, cy * cx),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def small_rotation_vector(C: Array) -> Array:

@@ -13,6 +13,7 @@ VALUES = 7  # of a constant before refinement
 ORDERS = 12  # whole numbers that are all tried; of more, `VALUES`
 SCANNED = 700  # whole numbers at the most
 INSTANTS = 50  # of a recording in which nothing moves
+STARTS = 150  # of visits at which something may have happened: of more, so many evenly among them
 SAME_ANGLE = 0.02  # rad; settings of a gimbal nearer than this are one
 PLACES = 16384  # of a turn, in which a gimbal stands or not: 0.4 mrad
 APART, COINCIDE = 0.5, 0.9  # of the settings that are in phase: as many as tell an order from none, or do not
@@ -50,7 +51,8 @@ def grid(f: Constant, s: Stimulus) -> Array:
         return np.array([last])
     if of is Grid.EPOCH:
         starts = s.time[np.flatnonzero(np.diff(s.visit)) + 1]
-        return starts - 1e-3 if len(starts) else np.linspace(0, last, INSTANTS)[1:-1]
+        few = np.unique(np.linspace(0, len(starts) - 1, min(len(starts), STARTS)).round().astype(int))
+        return starts[few] - 1e-3 if len(starts) else np.linspace(0, last, INSTANTS)[1:-1]
     if of is Grid.DECAY:
         return np.concatenate([[low], np.geomspace(1 / last, high, 5)])
     if of is Grid.PERIOD:

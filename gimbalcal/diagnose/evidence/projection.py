@@ -178,7 +178,7 @@ def gather(projections: Sequence[Projection], candidates: Sequence[Candidate]) -
 def variant_shares(candidates: Sequence[Candidate]) -> tuple[Array, Array]:
     """Where each candidate's variants start (candidates,) in a row of all, and the prior share (variants,) of each."""
     starts = np.cumsum([0, *(len(c.variants) for c in candidates)])[:-1]
-    return starts, np.array([v.weight / c.tried for c in candidates for v in c.variants])
+    return starts, np.concatenate([np.array([v.weight for v in c.variants]) / c.tried for c in candidates])
 
 
 def by_width(candidates: Sequence[Candidate]) -> Iterator[tuple[Array, Array]]:
