@@ -9,6 +9,8 @@ import pytest
 from scipy.stats import chi2
 from scipy.stats import f as fisher
 
+from gimbalcal.diagnose.library.unknown_noise import spans
+from gimbalcal.diagnose.library.view_shapes import shapes_of
 from gimbalcal.diagnose.rows.views import View, pointing
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.verdict.locate_unknown_noise import largest, mismatches, patterns
@@ -44,8 +46,11 @@ def test_a_pattern_is_told_with_its_f_statistic() -> None:
     free = 160 - np.linalg.matrix_rank(both, 1e-7)
     F = (left(Z) - left(both)) / 10 / (left(both) / free)
     assert first["statistic"] == pytest.approx(F, rel=1e-3)
-    # of time and the two angles in two channels each: Bonferroni's bound
-    assert first["p_value"] == pytest.approx(10 * fisher.sf(F, 10, free), rel=1e-2, abs=0.0)
+    # Bonferroni's bound: time, slow and fast, each of the two angles in two ranges of harmonics, and both together, in
+    # two channels; of one of the fourteen the model leaves nothing
+    shapes = shapes_of(v, m.r, spans(m.J), [], 80)
+    assert len({(c.effect, c.axis) for c in shapes}) == len(shapes) == 13
+    assert first["p_value"] == pytest.approx(13 * fisher.sf(F, 10, free), rel=1e-2, abs=0.0)
     worst = np.argsort(-np.abs(m.r[:, 1]))[:3]
     assert first["where"] == {"positions": [int(k) + 1 for k in worst]}
     size = np.sqrt(np.mean(m.r[:, 1] ** 2)) / ARCSEC
