@@ -12,6 +12,7 @@ from dataclasses import replace
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.rows.baseline import by_triad
+from gimbalcal.diagnose.rows.in_place import turned_in_place
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.account import excess_in_words, faults_in_words, joined
@@ -20,6 +21,7 @@ from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.estimate.accelerometers.unsteady import scatter_in_words
 from gimbalcal.estimate.static_run.system import static
+from gimbalcal.estimate.systematic.run import systematic
 from gimbalcal.estimate.unit import with_gyroscopes
 from gimbalcal.recording import Recording
 
@@ -46,6 +48,8 @@ def reservations(recording: Recording, baseline: Sequence[str] = ()) -> list[str
     out = []
     if recording.kind == "static-run" and usual:
         out += _said(lambda: list(filter(None, [static(recording).outcome.partition(", so ")[0]])))
+    if turned_in_place(recording) and usual:
+        out += _said(lambda: list(filter(None, [systematic(recording, "30").outcome.partition(";")[0]])))
     if recording.kind != "multi-position" or recording.position is None or not recording.has(FORCE):
         return out
     if recording.has("gimbal_angle"):

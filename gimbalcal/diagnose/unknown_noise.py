@@ -8,7 +8,7 @@ A unit turned by hand has two views: its accelerometers through the norm of grav
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,12 +19,13 @@ from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import VERDICTS, Curves, Diagnosis
 from gimbalcal.diagnose.rows.baseline import by_triad
 from gimbalcal.diagnose.rows.in_place import in_place, turned_in_place
-from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.diagnose.rows.slews import lateness, view_of_slews
 from gimbalcal.diagnose.rows.turns import view_of_turns
 from gimbalcal.diagnose.rows.views import FORCE, RATE, View, norm, pointing, rest_rates, table
+from gimbalcal.diagnose.search.about_found import about_found
 from gimbalcal.diagnose.search.refit import Model, basis, weighted
 from gimbalcal.diagnose.search.stepwise import Course, course, refined
+from gimbalcal.diagnose.verdict.calibrated import origin
 from gimbalcal.diagnose.verdict.calibrated_views import Seen, calibrated_views
 from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding, sizes
 from gimbalcal.diagnose.verdict.locate_unknown_noise import mismatches
@@ -35,7 +36,6 @@ from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 
-DRAGGED = 4.0  # times less misfit with a cause than without it: its constants are far from those without it
 LEFT_OUT = 10  # s: rows of a table closer than this are left out together, the table moves as slowly
 
 
@@ -50,7 +50,7 @@ def diagnose_unknown_noise(
     """What was left out of the models of such a recording."""
     if recording.kind in ("pointing", "rotation"):
         v = alone(recording, calibration, baseline, tell)
-        told, notes = [told_of(*_linearised(v, course(v, tell), tell), tell)], list[str]()
+        told, notes = [told_of(*about_found(v, course(v, tell), tell), tell)], list[str]()
     else:
         told, notes = of_triads(recording, calibration, baseline, tell)
     if not told:
@@ -59,21 +59,6 @@ def diagnose_unknown_noise(
             f"{RATE} in a unit with a scale for the gyroscopes"
         )
     return _together(recording, told, notes, baseline, seed)
-
-
-def _linearised(v: View, c: Course, tell: Tell) -> tuple[View, Course]:
-    """View and course; once more about the strongest cause, where it has dragged the constants too far to be linear."""
-    far = float(np.sum(weighted(v, c.start.r) ** 2) / np.sum(weighted(v, c.end.r) ** 2)) > DRAGGED
-    if v.beside is None or not c.steps or not far:
-        return v, c
-    cause, variant = c.steps[0].taken
-    tell(f"again, about the constants that belong to {cause.label}")
-    try:
-        v = v.beside(absent_effect(cause.effect, v.stimulus, cause.source, **dict(variant.constants)), cause.parameters)
-    except InputError as problem:
-        tell(str(problem))
-        return v, c
-    return v, course(v, tell)
 
 
 def alone(recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell) -> View:
@@ -294,6 +279,12 @@ def calibration_of(
 ) -> Calibration:
     """The calibration that the views end in, with what another road says of the forces."""
     causes = [f"{f['effect']}:{f['axis']}".rstrip(":") for t in told for f in t.findings]
+    for t in told:
+        if t.view.settled is not None:  # states of the navigator that the rows come from
+            found = t.view.settled(t.model.effects, t.model.fitted)
+            return replace(
+                found, method="diagnosis", outcome=outcome or found.outcome, provenance=origin([recording], causes)
+            )
     carried = [Seen(t.view, t.model) for t in told if t.view.name != "slews"]  # stamps are shifted, not calibrated
     return calibrated_views(recording, carried, causes, outcome, forces)
 

@@ -29,9 +29,7 @@ def test_clean():
     ("effect", "axis", "size"),
     [
         ("gyro_g_sensitivity_rate", "zx", 1e-6),
-        ("quadratic_nonlinearity", "x", 1e-5),
         ("cross_coupling", "yz", 3e-5),
-        ("lever_arm", "y", 0.02),
         ("accelerometer_lever_arm", "zz", 0.03),
         ("gyro_scale_asymmetry", "y", 3e-4),
     ],
@@ -44,6 +42,30 @@ def test_what_is_left_out_is_named(effect, axis, size):
     (unit,) = {p.unit for p in parameters(CATALOGUE[effect]) if p.axis == axis}
     assert abs(told["value"] - from_si(size, unit)) < 4 * told["sigma"]
     assert d.fit["heldout_rms_after"] < d.fit["heldout_rms_before"]
+
+
+@pytest.fixture(scope="module")
+def late():
+    return diagnose([_hiding("gyro_latency", "", 5e-4, rate=20.0)])
+
+
+def test_which_triad_is_late_is_left_open(late):
+    (found,) = late.findings
+    assert {found["effect"], *found["twins"]} == {"gyro_latency", "time_tag_latency"}
+    assert abs(abs(found["parameters"][0]["value"]) - 0.5) < 4 * found["parameters"][0]["sigma"]
+
+
+def test_the_calibration_is_that_of_the_filter_with_what_was_found(late):
+    made = late.calibration
+    assert {late.findings[0]["effect"], "bias", "gyro_bias"} <= {p.effect for p in made.parameters}
+    assert made.residual.chi2 / made.residual.dof == pytest.approx(1, abs=0.2)
+
+
+def test_a_noise_larger_than_stated_is_no_physics():
+    rng = np.random.default_rng(8)
+    d = diagnose([turning_unit(drift=lambda t: 3e-3 * rng.standard_normal((len(t), 3)), **SHORT)], grade="navigation")
+    assert d.verdict == "adequate"
+    assert "30 states do not explain" in d.outcome
 
 
 def test_a_law_of_no_catalogue():

@@ -11,12 +11,13 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
+from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.rows.views import FORCE, RATE, View
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, absent, constants
 from gimbalcal.estimate.systematic.course import stops
-from gimbalcal.estimate.systematic.run import Settled, settle
+from gimbalcal.estimate.systematic.run import Settled, calibrated, settle
 from gimbalcal.estimate.systematic.sensors import read_by
 from gimbalcal.estimate.systematic.states import KEPT, SAME, states
 from gimbalcal.estimate.systematic.whitened import Whitened, whitened
@@ -31,8 +32,9 @@ CHANNELS = tuple(("velocity", axis) for axis in ("north", "east", "down"))
 
 def turned_in_place(recording: Recording) -> bool:
     """Whether a recording is of a unit turned from stop to stop at a known latitude; a table goes on tilting."""
-    both = recording.has(FORCE) and recording.has(RATE)
-    if recording.site.latitude is None or not both or recording.counted(FORCE) or recording.counted(RATE):
+    if recording.kind != "rotation" or recording.platform.axes or recording.site.latitude is None:
+        return False
+    if any(not recording.has(q) or recording.counted(q) for q in (FORCE, RATE)):
         return False
     return len(stops(recording)) >= FEWEST
 
@@ -43,9 +45,18 @@ def in_place(recording: Recording, baseline: Sequence[str], tell: Callable[[str]
     usual = states(",".join(ids), recording)
 
     def beside(effect: Effect, wanted: Sequence[Parameter]) -> View:
-        return view_of(recording, settle(recording, (*usual, *wanted), (effect,), tell), ids)
+        return replace(
+            view_of(recording, settle(recording, (*usual, *wanted), (effect,), tell), ids), settled=converged
+        )
 
-    return replace(view_of(recording, settle(recording, usual, (), tell), ids), beside=beside)
+    first = settle(recording, usual, (), tell)
+
+    def converged(effects: Sequence[Effect], fitted: Sequence[Parameter]) -> Calibration:
+        more = tuple(p for p in fitted if p.label not in {u.label for u in usual})
+        held = tuple(emptied(e) for e in effects if e.id in {p.effect for p in more})
+        return calibrated(settle(recording, (*usual, *more), held, tell) if more else first)
+
+    return replace(view_of(recording, first, ids), beside=beside, settled=converged)
 
 
 def view_of(recording: Recording, settled: Settled, ids: tuple[str, ...]) -> View:
@@ -78,6 +89,13 @@ def view_of(recording: Recording, settled: Settled, ids: tuple[str, ...]) -> Vie
     )  # fmt: skip
 
 
+def emptied(effect: Effect) -> Effect:
+    """The effect with its constants and no size."""
+    kept = (*(f.name for f in constants(type(effect))), "covariate")
+    held = {f.name: getattr(effect, f.name) for f in fields(effect) if f.name in kept}
+    return replace(absent(type(effect)), **held)
+
+
 @dataclass(frozen=True, eq=False)
 class _Answers:
     """How the rows answer causes (n, 3) per unit, each worked out once."""
@@ -88,12 +106,11 @@ class _Answers:
     def columns(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
         """Columns (n, 3, p) of an effect's parameters; of its non-linear constants at its present size."""
         smooth = {f.name for f in constants(type(effect))}
-        held = {f.name: getattr(effect, f.name) for f in fields(effect) if f.name in (*smooth, "covariate")}
-        key = effect.id, *held.values()
+        none = emptied(effect)
+        key = effect.id, *(getattr(none, f.name) for f in fields(none) if f.name in (*smooth, "covariate"))
         linear = [p for p in wanted if p.field not in smooth]
         if any((*key, p.field, p.axis) not in self.kept for p in linear):
             every = parameters(type(effect))
-            none = replace(absent(type(effect)), **held)
             made = self._through(none, every)
             self.kept.update({(*key, p.field, p.axis): made[..., i] for i, p in enumerate(every)})
         out = [

@@ -68,6 +68,7 @@ class View:
     fits: dict[Any, Any] = field(default_factory=dict)  # models of a course, by the causes in them
     scanned: dict[str, Array] = field(default_factory=dict)  # columns of whole numbers that were scanned, by effect
     beside: Callable[[Effect, Sequence[Parameter]], View] | None = None  # linearised with this in the model as well
+    settled: Callable[[Sequence[Effect], Sequence[Parameter]], Calibration] | None = None  # a model to convergence
     added: Callable[[str, str, Array], Array] | None = None  # columns of a basis added to a sensor that is no channel
     turns: Callable[[Sequence[Effect]], float] | None = None  # rad by which turns miss gravity with these at rest
 

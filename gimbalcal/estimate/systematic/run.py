@@ -41,6 +41,12 @@ def systematic(
     Raises InputError where the recording is none that a navigator can take: see `course` and `alignment`.
     """
     m = settle(recording, states(asked, recording, more), tuple(a.absent((), dict(a.stated)) for a in more), tell)
+    found = calibrated(m)
+    return replace(found, provenance={"options": {"states": asked, **found.provenance["options"]}})
+
+
+def calibrated(m: Settled) -> Calibration:
+    """The calibration that passes ended in, with what the innovations say of it."""
     legs, wanted, theta, before = m.course, m.wanted, m.theta, m.before
     found = _solved(wanted, m.last, theta - before)
     navigation = told(legs, wanted, m.last, m.C, m.passes)
@@ -54,7 +60,7 @@ def systematic(
         unobservable=tuple(each.to_dict() for each in found.unobservable),
         residual=Residual(navigation["nis"]["sum"], navigation["nis"]["dof"], rms, navigation),
         outcome=words,
-        provenance={"options": {"states": asked, "velocity_m_per_s": legs.velocity, "stops": int(legs.stop.max()) + 1}},
+        provenance={"options": {"velocity_m_per_s": legs.velocity, "stops": int(legs.stop.max()) + 1}},
     )
 
 
