@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from gimbalcal import pipeline
+from gimbalcal import methods, pipeline
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.entry import diagnose as run_diagnosis
@@ -28,12 +28,12 @@ def calibrate(
 ) -> Calibration:  # fmt: skip
     """The calibration of a unit or a mount from one recording or several, folders or `Recording`s.
 
-    method: as `gimbalcal calibrate --method`; left out, what `pipeline.usual_method` says of such recordings. terms,
+    method: as `gimbalcal calibrate --method`; left out, what `methods.usual_method` says of such recordings. terms,
     more, states, grade: as `--terms`, `--with`, `--states`, `--grade`. Raises InputError as the command does; of
     several sensors logged side by side the first is returned.
     """
     loaded = pipeline.load(_listed(recordings), tell)
-    return pipeline.calibrate(loaded, method, terms, tell, more, states, grade)[0]
+    return methods.calibrate(loaded, method, terms, tell, more, states, grade)[0]
 
 
 def diagnose(

@@ -9,31 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 
-import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Parameter
-from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import fine
 from gimbalcal.estimate.accelerometers.joint import information_of, joint
-from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
-from gimbalcal.estimate.added import Added, added, with_told
+from gimbalcal.estimate.added import Added, with_told
 from gimbalcal.estimate.asked import Asked, asked
-from gimbalcal.estimate.cross_check import CrossCheck, cross_check
 from gimbalcal.estimate.fusion import fuse
 from gimbalcal.estimate.grade import graded
-from gimbalcal.estimate.gyroscopes.against_attitude import gyroscopes_against_attitude
-from gimbalcal.estimate.gyroscopes.two_position import two_position
-from gimbalcal.estimate.pointing.mount import pointing_calibration
-from gimbalcal.estimate.sessions import unit_of_sessions
 from gimbalcal.estimate.static_run.run import static_parameters, static_readings
 from gimbalcal.estimate.static_run.system import static, static_information
-from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.recording import Recording, completed, dwells, read
 from gimbalcal.recording.header import read_header
 from gimbalcal.recording.plausibility import refuse_implausible
@@ -41,7 +31,6 @@ from gimbalcal.recording.plausibility import refuse_implausible
 Tell = Callable[[str], None]
 Source = str | Path | Recording  # a folder, or what was read from one or made from arrays
 FEWEST_POSITIONS = 6
-ALONE = {"attitude": gyroscopes_against_attitude, "two-position": two_position}  # methods for gyroscopes alone
 STATIC_BLOCK = 60.0  # s; a static run is read as minute means: no effect of the catalogue lives below 3 min
 
 
@@ -68,191 +57,6 @@ def load(recordings: Sequence[Source], tell: Tell = silent) -> tuple[Recording, 
             tell(f"note: {remark}")
         loaded.append(recording)
     return tuple(loaded)
-
-
-def by_sensor(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], ...]:
-    """The recordings of each of several sensors that were logged side by side; as they are where there is one."""
-    first = recordings[0]
-    names = [r.sensor for r in first.sensors]
-    for r in recordings[1:]:
-        if [one.sensor for one in r.sensors] != names:
-            raise InputError(
-                f"{first.title!r} and {r.title!r} do not hold the same sensors; name them alike in [columns], or give "
-                "each recording alone"
-            )
-    return tuple(zip(*(r.sensors for r in recordings), strict=True))
-
-
-def usual_method(recordings: Sequence[Recording]) -> str:
-    """The method for recordings of these kinds: by angles where there are gimbals, by the norm of gravity without.
-
-    A unit that turns on and on is held against an attitude that was logged, else against its own navigation.
-    """
-    if all(r.kind == "rotation" and r.has("angular_rate") for r in recordings):
-        return "attitude" if all(r.has("attitude") for r in recordings) else "systematic"
-    without = all(r.kind == "multi-position" and not r.platform.axes for r in recordings)
-    return "multiposition" if without else "three-stage"
-
-
-def calibrate(
-    recordings: Sequence[Source], method: str = "", terms: Sequence[str] = (), tell: Tell = silent,
-    more: Sequence[str] = (), states: str = "51", grade: str = "",
-) -> tuple[Calibration, tuple[Recording, ...]]:  # fmt: skip
-    """Take or read recordings and calibrate by `method`, else by the one that is usual for them (`usual_method`).
-
-    "three-stage" takes angles, "multiposition" none and one session or more, "systematic" takes a rotation recording
-    and estimates `states`: "30", "51" or "EFFECT[:AXIS],...". Pointing runs, one or several of a mount, have a method
-    of their own.
-
-    `more` adds effects of the catalogue to the fit of any method, "bias_temperature:y" or "warm_up,tau=0.5" (`added`);
-    `grade` names that of a unit on gimbals.
-    Returns the calibration with its provenance, and the recordings; of several sensors side by side those of the
-    first. Raises InputError for what it cannot take.
-    """
-    return calibrate_each(recordings, method, terms, tell, more, states, grade)[0]
-
-
-def calibrate_each(
-    recordings: Sequence[Source],
-    method: str = "",
-    terms: Sequence[str] = (),
-    tell: Tell = silent,
-    more: Sequence[str] = (),
-    states: str = "51",
-    grade: str = "",
-) -> tuple[tuple[Calibration, tuple[Recording, ...]], ...]:
-    """The same for each of several sensors that were logged side by side, held against the first at rest."""
-    groups = by_sensor(load(recordings, tell))
-    if not method:
-        method = usual_method(groups[0])
-        tell(f"method: {method} (another: --method)")
-    made = []
-    for group in groups:
-        if len(groups) > 1:
-            tell(f"calibrating {group[0].title}")
-        made.append((_calibrated(group, method, terms, tell, more, states, grade), group))
-    if len(made) == 1:
-        return tuple(made)
-    checks = held_together(made, tell)
-    words = [check.in_words for check in checks]
-    off = [check.in_words for check in checks if not check.agree]
-    return tuple(
-        (
-            replace(
-                c,
-                outcome=". ".join(filter(None, [c.outcome, "; ".join(off)])),
-                provenance={**c.provenance, "options": {**c.provenance["options"], "cross_check": words}},
-            ),
-            group,
-        )
-        for c, group in made
-    )
-
-
-def held_together(each: Sequence[tuple[Calibration, tuple[Recording, ...]]], tell: Tell = silent) -> list[CrossCheck]:
-    """Every triad held against the first in the rests of the first recording, where that can be done."""
-    made = []
-    (a, (r, *_)) = each[0]
-    for b, (s, *_) in each[1:]:
-        try:
-            made.append(cross_check((r, a), (s, b), (r.sensor, s.sensor)))
-            tell(made[-1].in_words)
-        except InputError as problem:
-            tell(f"note: no cross-check: {problem}")
-    return made
-
-
-def _calibrated(
-    recordings: tuple[Recording, ...], method: str, terms: Sequence[str], tell: Tell, more: Sequence[str],
-    states: str = "51", grade: str = "",
-) -> Calibration:  # fmt: skip
-    """One unit by `method`, with its provenance."""
-    if grade and (method != "three-stage" or any(r.kind == "pointing" for r in recordings)):
-        raise InputError(
-            f"--grade {grade} says how large errors are that the positions of gimbals do not show; other methods take "
-            "any size as it comes, so leave it out"
-        )
-    if any(r.kind == "pointing" for r in recordings):
-        if method != "three-stage":
-            raise InputError(f"--method {method} is for inertial sensors; leave it out for a pointing run")
-        tell("least squares on the terms of the mount")
-        made = pointing_calibration(recordings, terms, more)
-    elif method == "multiposition":
-        tell("norm of the force at every position, and the gyroscopes where they were logged on the way")
-        also = added(more, recordings, (*LINEAR, *BASELINE["rest rates"], *BASELINE["turns"]))
-        alone = len(recordings) == 1
-        made = inertial_unit(recordings[0], terms, also) if alone else unit_of_sessions(recordings, terms, also)
-        for told in made.provenance["options"].get("sessions", ()):
-            tell(f"{told['title']}: {told['in_words']}")
-        for words in _left_out(made):
-            tell(f"note: {words}")
-    elif method == "systematic":
-        made = _navigated(recordings, terms, tell, more, states)
-    elif method in ALONE:
-        if len(recordings) > 1 or terms or more:
-            raise InputError(f"--method {method} takes one recording and has its own terms; give it alone")
-        made = ALONE[method](recordings[0])
-        tell(made.provenance["options"]["in_words"])
-    elif terms:
-        raise InputError(
-            f"--terms {','.join(terms)} goes with --method multiposition; three-stage has its own, leave it out"
-        )
-    else:
-        made = three_stage(recordings, tell, added(more, recordings, _modelled(recordings)), grade)
-        if any(r.has("angular_rate") for r in recordings):
-            why = "the three stages calibrate accelerometers; --method multiposition takes both triads"
-            options = {**made.provenance.get("options", {}), "gyroscopes": why}
-            made = replace(made, provenance={**made.provenance, "options": options})
-            tell(f"note: the gyroscopes stay out: {why}")
-    return replace(made, provenance=provenance(recordings, made, terms, more))
-
-
-def _navigated(
-    recordings: tuple[Recording, ...], terms: Sequence[str], tell: Tell, more: Sequence[str], asked: str
-) -> Calibration:
-    """A unit that was turned in its place, by navigation."""
-    from gimbalcal.estimate.systematic.run import systematic  # numba takes a second to load
-
-    if len(recordings) > 1 or terms:
-        raise InputError("--method systematic takes one recording, and its terms are --states; give it alone")
-    return systematic(recordings[0], asked, added(more, recordings), tell)
-
-
-def _modelled(recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """What the three stages fit anyway."""
-    kinds = {r.kind for r in recordings}
-    run = BASELINE["static-run"] if "static-run" in kinds else ()
-    return (*run, *(BASELINE["multi-position"] if "multi-position" in kinds else ()))
-
-
-def _left_out(made: Calibration) -> list[str]:
-    """What was asked for and not taken up, and why."""
-    options = made.provenance["options"]
-    declined = {**options.get("declined", {}), **options.get("gyro_declined", {})}
-    gyroscopes = [f"the gyroscopes stay out: {options['gyroscopes']}"] if "gyroscopes" in options else []
-    return [*declined.values(), *gyroscopes]
-
-
-def provenance(
-    recordings: Sequence[Recording], made: Calibration, terms: Sequence[str], more: Sequence[str] = ()
-) -> dict[str, object]:
-    """Where a calibration came from: files with their hashes, version, options, time, and remarks made on the way."""
-    return {
-        **made.provenance,
-        "recordings": [file for r in recordings for file in r.files],
-        "version": gimbalcal.__version__,
-        "seed": None,  # nothing in a calibration is drawn
-        "options": {
-            "direction": "physics to reading",
-            **made.provenance.get("options", {}),
-            **({"sensor": recordings[0].sensor} if recordings[0].sensor else {}),
-            "method": made.method,
-            "terms": list(terms),
-            **({"with": list(more)} if more else {}),
-        },
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "remarks": [remark for r in recordings for remark in r.remarks],
-    }
 
 
 def three_stage(

@@ -27,8 +27,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gimbalcal.effects import values
+from gimbalcal.methods import calibrate
 from gimbalcal.number import Array
-from gimbalcal.pipeline import calibrate, load
+from gimbalcal.pipeline import load
 from gimbalcal.recording import Recording, dwells, read, write
 
 DATA = Path(__file__).resolve().parent.parent / "data"

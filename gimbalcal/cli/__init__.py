@@ -112,7 +112,7 @@ def calibrate(
     out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Estimate the sensors' errors, with their uncertainty, and say what the data do not show."""
-    from gimbalcal.pipeline import calibrate_each
+    from gimbalcal.methods import calibrate_each
     from gimbalcal.report.files import write_calibration
     from gimbalcal.report.wording import answer
 
@@ -152,7 +152,8 @@ def diagnose(
     from gimbalcal.calibration.exchange import read_calibration
     from gimbalcal.diagnose import diagnose as run
     from gimbalcal.diagnose.cost import with_cost
-    from gimbalcal.pipeline import by_sensor, held_together, load
+    from gimbalcal.methods import by_sensor, held_together
+    from gimbalcal.pipeline import load
     from gimbalcal.report.files import write_diagnosis
 
     tell = progress(quiet)

@@ -43,7 +43,7 @@ def demonstrate(out: Path, tell: Tell) -> tuple[dict[str, Any], str]:
 
 
 def _calibrate(folders: list[Path], method: str, out: Path, tell: Tell) -> dict[str, Any]:
-    from gimbalcal.pipeline import calibrate
+    from gimbalcal.methods import calibrate
     from gimbalcal.report.files import write_calibration
 
     calibration, recordings = calibrate(folders, method, (), tell)

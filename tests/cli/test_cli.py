@@ -80,7 +80,7 @@ def test_an_interruption_says_so(command, capsys, monkeypatch) -> None:  # type:
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("gimbalcal.pipeline.calibrate_each", interrupted)
+    monkeypatch.setattr("gimbalcal.methods.calibrate_each", interrupted)
     assert command("calibrate", DEVICE) == 130
     assert "interrupted" in capsys.readouterr().err
 

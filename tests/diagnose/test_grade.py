@@ -8,8 +8,9 @@ import pytest
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.errors import InputError
+from gimbalcal.methods import calibrate
 from gimbalcal.number import Array
-from gimbalcal.pipeline import calibrate, three_stage
+from gimbalcal.pipeline import three_stage
 from tests.diagnose.grade_plant import DRIFTS, PATTERNS, Law, Rests, of_force, on_gimbals, record
 from tests.diagnose.small import telescope
 

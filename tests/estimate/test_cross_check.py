@@ -13,8 +13,8 @@ import pytest
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.cross_check import cross_check
+from gimbalcal.methods import by_sensor, calibrate_each
 from gimbalcal.number import Array
-from gimbalcal.pipeline import by_sensor, calibrate_each
 from gimbalcal.recording import Recording, dwell_means, read, write
 from gimbalcal.rotation import frame_rotation
 from gimbalcal.units import to_si
