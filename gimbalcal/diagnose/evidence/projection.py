@@ -136,9 +136,8 @@ def rows_like(rows: ReducedRows, X: Array) -> ReducedRows:
 
 def log_bayes(p: Projection, index: Array, sizes: Array) -> Array:
     """ln BF (..., sizes) of the columns `index` (..., w) together, one per prior size."""
-    gain, damping, fitted = _by_size(p, index, sizes)
-    ln = p.scale.gained(p.misfit[0], gain) - damping
-    return np.asarray(np.where(p.scale.plausible(fitted), ln, -np.inf))
+    gain, damping = _by_size(p, index, sizes)
+    return np.asarray(p.scale.gained(p.misfit[0], gain) - damping)
 
 
 def any_size(p: Projection, index: Array) -> Array:
@@ -148,16 +147,12 @@ def any_size(p: Projection, index: Array) -> Array:
 
 def each_size(p: Projection, index: Array) -> Array:
     """ln of prior share times BF (..., sizes) of the columns `index` (..., w) together, for each prior size."""
-    gain, damping, fitted = _by_size(p, index, p.scale.sizes)
-    ln = p.scale.gained(p.misfit[0], gain) - damping + p.scale.log_prior(p.misfit[0] - gain)
-    return np.asarray(np.where(p.scale.plausible(fitted), ln, -np.inf))
+    gain, damping = _by_size(p, index, p.scale.sizes)
+    return np.asarray(p.scale.gained(p.misfit[0], gain) - damping + p.scale.log_prior(p.misfit[0] - gain))
 
 
-def _by_size(p: Projection, index: Array, sizes: Array) -> tuple[Array, Array, Array]:
-    """What columns `index` (..., w) of each prior size do, all (..., sizes).
-
-    The misfit that they take away, ln |I + s^2 G| / 2, and the largest of their parameters, fitted.
-    """
+def _by_size(p: Projection, index: Array, sizes: Array) -> tuple[Array, Array]:
+    """Misfit that columns `index` (..., w) of each prior size take away, and ln |I + s^2 G| / 2, both (..., sizes)."""
     G, b = p.G[index[..., :, None], index[..., None, :]], p.b[index, 0]
     if G.shape[-1] == 1:
         lam, c = G[..., 0], b
@@ -166,10 +161,8 @@ def _by_size(p: Projection, index: Array, sizes: Array) -> tuple[Array, Array, A
         c = np.einsum("...ij,...i->...j", V, b)
     lam = np.maximum(lam, 0.0)[..., None, :]
     s2 = (sizes**2)[:, None]
-    x = s2 * c[..., None, :] / (1 + s2 * lam)
-    gain = (x * c[..., None, :]).sum(axis=-1)
-    fitted = np.abs(x if G.shape[-1] == 1 else x @ np.swapaxes(V, -1, -2)).max(axis=-1)
-    return np.asarray(gain), np.asarray(0.5 * np.log1p(s2 * lam).sum(axis=-1)), np.asarray(fitted)
+    gain = (s2 * c[..., None, :] ** 2 / (1 + s2 * lam)).sum(axis=-1)
+    return np.asarray(gain), np.asarray(0.5 * np.log1p(s2 * lam).sum(axis=-1))
 
 
 def gather(projections: Sequence[Projection], candidates: Sequence[Candidate]) -> Array:

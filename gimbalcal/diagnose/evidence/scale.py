@@ -31,7 +31,6 @@ ANY_RATIO = np.geomspace(1e-4, 1e6, 41)
 LOOSER = 2  # steps of the ratio, a factor of ten, that a cause may need beside others: they may leave much less noise
 WANDERS = 1.0  # mean of ln(noise between rows / scatter of their samples) where it is more
 OVERRATED = 0.3  # the same where it is less: a hand that trembles is no noise of the mean
-LARGEST = 100.0  # prior sigmas of a parameter where nobody states the noise: more is another instrument
 LEAST = 0.003  # of the rms misfit: a cause may take away all but 1 / 300 of it
 
 
@@ -54,10 +53,6 @@ class Stated:
     def gained(self, _: Array, gain: Array) -> Array:
         """ln L that taking `gain` (...) away from a misfit adds."""
         return 0.5 * gain
-
-    def plausible(self, fitted: Array) -> Array:
-        """Whether parameters (..., sizes) as large as these are anything: their prior says it alone."""
-        return np.ones(fitted.shape, dtype=bool)
 
     def log_prior(self, left: Array) -> Array:
         """ln of the prior share of each size (..., sizes), `left` (..., sizes) being left at each."""
@@ -104,13 +99,6 @@ class Free:
     def gained(self, misfit: Array, gain: Array) -> Array:
         """ln L that taking `gain` (...) away from a misfit adds."""
         return self.log_likelihood(misfit - gain) - self.log_likelihood(misfit)
-
-    def plausible(self, fitted: Array) -> Array:
-        """Whether parameters (..., sizes), in prior sigmas, are within what any such rig has.
-
-        What is not known of a noise leaves room for sizes that nothing has, such as a scale factor of a third.
-        """
-        return np.asarray(fitted <= LARGEST)
 
     def log_prior(self, left: Array) -> Array:
         """ln of the prior share of each ratio (..., ratios): the density of the size that it is at this scale."""
