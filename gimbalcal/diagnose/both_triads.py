@@ -68,7 +68,7 @@ def diagnose_both_triads(
     means = recording.kind == "rotation" and not recording.instant
     recording = _with_rests(recording)
     mine, gyro = by_triad(baseline)
-    asked = recording.has(FORCE) and (mine or not baseline)
+    asked = (recording.has(FORCE) or not recording.has(RATE)) and (mine or not baseline)
     found = diagnose_known_noise(recording, calibration, mine, seed, tell) if asked else None
     told, notes = list[Told](), list[str]()
     if recording.has(RATE) and not (mine and not gyro):
@@ -97,6 +97,8 @@ def _slews(
 
 def _with_rests(recording: Recording) -> Recording:
     """Rests at known angles are positions, whatever turned between them."""
+    if recording.kind == "multi-position":
+        return recording
     if recording.position is None or not np.any(recording.position > 0):
         raise InputError(
             f"{recording.title!r} is a rotation recording without rests: `diagnose` compares rests and the turns "

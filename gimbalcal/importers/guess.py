@@ -62,7 +62,7 @@ def plain(name: str) -> str:
     """A name as it is compared: lower case, one underscore for whatever stands between words.
 
     >>> plain("Acc_X [m/s^2]"), plain(" linear_acceleration.x"), plain("GyroX(dps)")
-    ('acc_x_m_s2', 'linear_acceleration_x', 'gyrox_dps')
+    ('acc_x_m_s2', 'linear_acceleration_x', 'gyro_x_dps')
     """
     name = re.sub(r"([a-z])([XYZ])\b", r"\1_\2", name.strip())
     return re.sub(r"_+", "_", re.sub(r"[^a-z0-9]+", "_", name.replace("^", "").lower())).strip("_")

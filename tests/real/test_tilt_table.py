@@ -13,7 +13,12 @@ def test_gravity_leaks_in_and_lever_arm_and_delay_are_found_together() -> None:
     d = diagnosed("tilt table")
     assert d.verdict == "missing-physics"
     assert names(d) == {"gravity_leakage", "lever_arm", "time_tag_latency", "misalignment"}
-    assert all(f["probability"] == 0.9 and not f["twins"] for f in d.findings)
+    assert all(f["probability"] == 0.9 for f in d.findings)
+    # of 2.9 deg between two instruments the rows do not say that they are no scale factors of -66 and +66 %, with a
+    # third of gravity leaking in (1.35 ug against 1.44 are left): where nobody states the noise no size is impossible
+    asked = {f["effect"]: set(f["twins"]) for f in d.findings}
+    assert asked.pop("misalignment") == {"scale_factor", "cross_coupling", "cross_axis_product", "block_sag"}
+    assert not any(asked.values())
     # reference 1777 -> 7.5 um/s^2 along x, means over another length: longer means hold less of both (2 s: 1201 -> 7.5)
     sigma = 1e6 * to_si(d.fit["noise"]["sigma_of_a_row"], "ug")
     assert d.curves is not None
