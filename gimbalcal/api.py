@@ -1,11 +1,14 @@
 """What `import gimbalcal` offers: the commands as functions, on folders or on recordings made from arrays.
 
-import gimbalcal
-r = gimbalcal.from_arrays(t, specific_force=f, angular_rate=w, units={"specific_force": "g", "angular_rate": "deg/s"})
-calibration = gimbalcal.calibrate(r)
-print(calibration)                       # a table; .to_frame(), .plot(), .write("calibration.json")
-found = gimbalcal.diagnose(r)
-f_true = calibration.apply({"time": t, "specific_force": f})["specific_force"]
+    import gimbalcal
+    units = {"specific_force": "g", "angular_rate": "deg/s"}
+    r = gimbalcal.from_arrays(t, specific_force=f, angular_rate=w, units=units)
+    calibration = gimbalcal.calibrate(r)
+    print(calibration)                       # a table; .to_frame(), .plot(), .write(path)
+    found = gimbalcal.diagnose(r)
+    f_true = calibration.apply({"time": t, "specific_force": f})["specific_force"]
+
+What a file would be refused for, arrays are refused for, by an InputError with the same sentence.
 """
 
 from __future__ import annotations
@@ -13,12 +16,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from gimbalcal import methods, pipeline
+from gimbalcal import methods
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.entry import diagnose as run_diagnosis
 from gimbalcal.errors import InputError
-from gimbalcal.pipeline import Source, Tell, silent
+from gimbalcal.pipeline import Source, Tell, load, silent
 from gimbalcal.recording import Recording
 
 
@@ -32,8 +35,7 @@ def calibrate(
     more, states, grade: as `--terms`, `--with`, `--states`, `--grade`. Raises InputError as the command does; of
     several sensors logged side by side the first is returned.
     """
-    loaded = pipeline.load(_listed(recordings), tell)
-    return methods.calibrate(loaded, method, terms, tell, more, states, grade)[0]
+    return methods.calibrate(_listed(recordings), method, terms, tell, more, states, grade)[0]
 
 
 def diagnose(
@@ -41,7 +43,7 @@ def diagnose(
     seed: int = 1, grade: str = "", tell: Tell = silent,
 ) -> Diagnosis:  # fmt: skip
     """What the model of one recording or several of one unit misses, as `gimbalcal diagnose` says it."""
-    return run_diagnosis(pipeline.load(_listed(recordings), tell), calibration, baseline, seed, tell, grade)
+    return run_diagnosis(load(_listed(recordings), tell), calibration, baseline, seed, tell, grade)
 
 
 def _listed(recordings: Source | Sequence[Source]) -> Sequence[Source]:

@@ -32,6 +32,7 @@ from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array, apply_matrix, complex_step
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.recording import Recording, Site
+from gimbalcal.recording.frames import by_axis
 from gimbalcal.recording.record import Key
 
 ANGLE = "gimbal_angle"
@@ -96,19 +97,14 @@ def correct_arrays(calibration: Calibrated, readings: Mapping[str, Any]) -> dict
 
     Returns the triads that were given, (n, 3). Raises InputError for another shape.
     """
-    time = np.asarray(readings.get("time", np.arange(len(next(iter(readings.values()), ())))), dtype=float)
-    channels: dict[Key, Array] = {}
-    for quantity, given in readings.items():
-        if quantity == "time":
-            continue
-        own = given.items() if isinstance(given, Mapping) else None
-        x = None if own else np.asarray(given, dtype=float)
-        if own is None and x is not None:
-            triad = quantity in (FORCE, RATE)
-            if x.shape != ((len(time), 3) if triad else (len(time),)):
-                raise InputError(f"{quantity} must be ({len(time)}{', 3' if triad else ','}), got {x.shape}")
-            own = dict(zip(AXES, x.T, strict=True)).items() if triad else {"": x}.items()
-        channels |= {(quantity, axis): np.asarray(v, dtype=float) for axis, v in own or ()}
+    given = {quantity: x for quantity, x in readings.items() if quantity != "time"}
+    n = len(next(iter(readings.values()), ()))
+    time = np.asarray(readings.get("time", np.arange(n)), dtype=float)
+    each = ((q, axis, x) for q, values in given.items() for axis, x in by_axis(q, values, str(n)))
+    channels: dict[Key, Array] = {(q, axis): np.asarray(x, dtype=float) for q, axis, x in each}
+    short = next((q for (q, _), x in channels.items() if len(x) != len(time)), "")
+    if short:
+        raise InputError(f"{short} must have one row for each of the {len(time)} of time")
     gimbals = {axis for quantity, axis in channels if quantity == ANGLE}
     holding = (p for p in KNOWN.values() if gimbals <= set(p.axis_names))
     platform = next(holding, BENCH) if gimbals else BENCH

@@ -78,7 +78,7 @@ def from_arrays(
     frame: dict[str, Any] = {"time": time}
     said: dict[str, Entry] = {"time": _table("time", "", units)}
     for quantity, values in quantities.items():
-        for axis, column in _columns(quantity, values):
+        for axis, column in by_axis(quantity, values):
             name = f"{quantity}_{axis}".rstrip("_")
             frame[name], said[name] = column, _table(quantity, axis, units)
     unknown = set(units or {}) - {"time", *quantities}
@@ -90,19 +90,23 @@ def from_arrays(
     )  # fmt: skip
 
 
-def _columns(quantity: str, values: Any) -> Iterator[tuple[str, Any]]:
+def by_axis(quantity: str, values: Any, rows: str = "n") -> Iterator[tuple[str, Any]]:
+    """Axis and column (n,) of each channel of a quantity: a triad (n, 3), a mapping from axis, or (n,) without an axis.
+
+    Raises InputError for another shape; `rows` is n as the sentence says it.
+    """
     if isinstance(values, Mapping):
         yield from values.items()
         return
     x = np.asarray(values)
     if quantity in TRIADS:
         if x.ndim != 2 or x.shape[1] != 3:
-            raise InputError(f"{quantity} must be (n, 3), one column for each of x, y and z, got {x.shape}")
+            raise InputError(f"{quantity} must be ({rows}, 3), one column for each of x, y and z, got {x.shape}")
         yield from zip("xyz", x.T, strict=True)
     elif x.ndim == 1:
         yield "", x
     else:
-        raise InputError(f"{quantity} must be (n,), or a mapping from axis to (n,), got {x.shape}")
+        raise InputError(f"{quantity} must be ({rows},), or a mapping from axis to ({rows},), got {x.shape}")
 
 
 def _table(quantity: str, axis: str, units: Mapping[str, str] | None) -> dict[str, str]:

@@ -18,6 +18,7 @@ from gimbalcal.report.style import FULL, GREY, PALE, SERIES, STYLE, empty
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+NUMBERED = 60  # rests; the numbers of more would stand on each other
 POINTS = 4000  # of a curve; more cannot be told apart on a page
 
 
@@ -65,7 +66,7 @@ def _rests(found: Proposal) -> Figure:
     """Each triad over time, the rests shaded and numbered."""
     import matplotlib as mpl
 
-    r = found.recording
+    r, stays = found.recording, dwells(found.recording)
     shown = [q for q in ("specific_force", "angular_rate") if r.has(q)]
     thin = slice(None, None, max(1, len(r.time) // POINTS))
     t = r.time - r.time[0]
@@ -74,9 +75,9 @@ def _rests(found: Proposal) -> Figure:
         for ax, quantity in zip(figure.subplots(len(shown), 1, sharex=True, squeeze=False).ravel(), shown, strict=True):
             for axis, color in zip(r.axes(quantity), SERIES, strict=False):
                 ax.plot(t[thin], r.channels[quantity, axis][thin], lw=0.7, color=color, label=axis)
-            for d in dwells(r):
+            for d in stays:
                 ax.axvspan(t[d.start], t[d.stop - 1], color=PALE, lw=0, zorder=0)
-                if len(dwells(r)) <= 60:
+                if len(stays) <= NUMBERED:
                     ax.text((t[d.start] + t[d.stop - 1]) / 2, 1.0, str(d.position), transform=ax.get_xaxis_transform(),
                             ha="center", va="bottom", fontsize=6.5, color=GREY)  # fmt: skip
             unit = "count" if r.counted(quantity) else {"specific_force": "m/s²", "angular_rate": "rad/s"}[quantity]

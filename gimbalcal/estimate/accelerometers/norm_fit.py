@@ -38,6 +38,7 @@ class NormFit:
     excess: float  # m/s^2 scatter of the positions beyond the noise of their means
     condition: float
     left_out: float
+    slack: Array  # (m,) one less the leverage of each position: how little of it the fit takes from itself
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -106,14 +107,15 @@ def _with_excess(p: Problem, noise: Noise, start: Array) -> NormFit:
         if abs(new - excess) <= 1e-3 * excess:
             break
         excess, start = new, fit.solution.x
-    made = NormFit(fit, replace(p, weight=weight), excess, 0.0, 0.0)
+    made = NormFit(fit, replace(p, weight=weight), excess, 0.0, 0.0, np.ones(len(weight)))
     J, r = _rows(made)
     size = np.sqrt((J**2).sum(0))
     J = J / np.where(size > 0, size, 1.0)
     Q = np.linalg.qr(J)[0]
     slack = 1 - (Q**2).sum(1)  # exact for a linear model: the misfit of a position that took no part
     left = r / np.where(slack > 1e-9, slack, np.nan) * made.sigma if len(r) > J.shape[1] else np.full(len(r), np.nan)
-    return replace(made, condition=float(np.linalg.cond(J)), left_out=float(np.sqrt(np.mean(left**2))))
+    rms = float(np.sqrt(np.mean(left**2)))
+    return replace(made, condition=float(np.linalg.cond(J)), left_out=rms, slack=np.maximum(slack, 1e-9))
 
 
 def _misfit_si(fit: PositionFit, weight: Array) -> Array:

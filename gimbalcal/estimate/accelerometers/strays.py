@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.errors import InputError, alternatives
-from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, NormFit, norm_fit, scaled_by_gravity, unknowns
+from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, norm_fit, scaled_by_gravity, unknowns
 from gimbalcal.estimate.accelerometers.setting import FORCE
 from gimbalcal.forward import accelerometers
 from gimbalcal.inversion import invert
@@ -82,9 +82,8 @@ def _worst(every: Recording, left: Array) -> Stray | None:
         return None
     try:
         fit = norm_fit(scaled_by_gravity(every.select(left))[0], LINEAR)
-        free = 1 - _leverage(fit)
-        order = np.argsort(-np.abs(fit.misfit / free))[:SUSPECTS]
-        tried = [(*_against_others(every, left, int(left[k])), float(free[k]), int(left[k])) for k in order]
+        order = np.argsort(-np.abs(fit.misfit / fit.slack))[:SUSPECTS]
+        tried = [(*_against_others(every, left, int(left[k])), float(fit.slack[k]), int(left[k])) for k in order]
     except InputError:  # nothing to fit here, and the calibration says why
         return None
     off, usual, untied, k = min(tried, key=lambda t: t[1])  # the stray is the one without which the others agree best
@@ -105,15 +104,6 @@ def _against_others(every: Recording, left: Array, k: int) -> tuple[float, float
     f = invert(lambda f: accelerometers(f, s, effects), y)[0]
     left_over = float(np.sqrt((fit.misfit**2).sum() / max(len(fit.misfit) - len(unknowns(LINEAR)), 1)))
     return float(np.linalg.norm(f)) - every.site.gravity, left_over
-
-
-def _leverage(fit: NormFit) -> Array:
-    """How much of each rest (m,) the fit takes from that rest itself, 0 to 1."""
-    w = fit.fit.whitened
-    J = np.where(np.isfinite(w.sigma)[..., None], w.J, 0.0).sum(1)
-    size = np.sqrt((J**2).sum(0))
-    Q = np.linalg.qr(J / np.where(size > 0, size, 1.0))[0]
-    return np.asarray(np.minimum((Q**2).sum(1), 1 - 1e-9))
 
 
 def strays_in_words(found: Sequence[Stray]) -> list[str]:
