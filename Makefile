@@ -40,8 +40,10 @@ bench: $(VENV)/.dev-ready  ## the figures of the README, measured (about 75 min;
 	for name in bench_device bench_static bench_multiposition bench_navigate bench_reading bench_diagnose bench_unknown_noise; do \
 		echo "== $$name"; $(BIN)/python -m tests.benchmarks.$$name || exit 1; done
 
-docs: $(VENV)/.run-ready  ## docs/effects.md: what each effect is, from its own card
+docs: $(VENV)/.docs-ready  ## these pages as a web site without a network: docs/_build/html/index.html
 	$(BIN)/python docs/build_effects.py
+	$(BIN)/python -m sphinx -b html -n -W --keep-going -q docs docs/_build/html
+	$(BIN)/python docs/check_links.py docs/_build/html
 
 $(VENV)/.run-ready: requirements/run.txt pyproject.toml
 	@$(call install,requirements/run.txt)
@@ -49,6 +51,10 @@ $(VENV)/.run-ready: requirements/run.txt pyproject.toml
 
 $(VENV)/.dev-ready: requirements/dev.txt pyproject.toml
 	@$(call install,requirements/dev.txt)
+	@touch $@ $(VENV)/.run-ready
+
+$(VENV)/.docs-ready: requirements/docs.txt pyproject.toml
+	@$(call install,requirements/docs.txt)
 	@touch $@ $(VENV)/.run-ready
 
 # $(call install,FILE): the locked, hashed packages of FILE, then this project itself, editable.
@@ -74,6 +80,7 @@ LOCK := uv pip compile --universal --python-version 3.11 --generate-hashes --no-
 lock:  ## refresh requirements/*.txt from pyproject.toml (needs uv)
 	$(LOCK) pyproject.toml requirements/build.in --extra dev -o requirements/dev.txt
 	$(LOCK) pyproject.toml requirements/build.in -c requirements/dev.txt -o requirements/run.txt
+	$(LOCK) pyproject.toml requirements/build.in -c requirements/dev.txt --extra docs -o requirements/docs.txt
 	@! grep -nE '^-|://' requirements/*.txt || { echo "a lock file names an address" >&2; exit 1; }
 
 clean:  ## remove what the other targets made, but not the environment

@@ -1,0 +1,61 @@
+"""How `make docs` builds these pages: without the internet, every warning an error, every link followed."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+DOCS = Path(__file__).parent
+ROOT = DOCS.parent
+sys.path.insert(0, str(ROOT))
+
+import gimbalcal  # noqa: E402
+
+project, author = "gimbalcal", "gimbalcal contributors"
+copyright = author  # noqa: A001  the name is Sphinx's
+version = release = gimbalcal.__version__
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx-mathjax-offline"]
+exclude_patterns = ["_build", "schemas"]
+nitpicky = True
+nitpick_ignore_regex = [("py:.*", r".*")]  # types of others: they have no pages here
+
+myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
+myst_heading_anchors = 4
+
+autodoc_typehints = "signature"
+autodoc_member_order = "bysource"
+autodoc_type_aliases = {"Array": "Array"}
+python_use_unqualified_type_names = True
+
+html_theme = "furo"
+html_title = f"gimbalcal {release}"
+html_static_path = ["_static"]
+html_css_files = ["page.css"]
+html_show_sphinx = False
+html_copy_source = False
+html_theme_options = {"light_css_variables": {"color-brand-primary": "#0072B2", "color-brand-content": "#0072B2"}}
+
+OUTSIDE = re.compile(r"\[([^\]]+)\]\((\.\./(?:\.\./)*[^)#\s]+)(?:#[^)]*)?\)")
+
+
+def _files_of_the_project(_app: Any, name: str, source: list[str]) -> None:
+    """Links to files of the project that are no pages: their names remain, and have to exist."""
+
+    def named(found: re.Match[str]) -> str:
+        words, path = found[1], (DOCS / name).parent / found[2]
+        if path.resolve().is_relative_to(DOCS):
+            return found[0]
+        if not path.exists():
+            raise FileNotFoundError(f"docs/{name}.md links to {found[2]}, which is not there")
+        return words
+
+    if name == "changes":  # the one page that stands at the top of the project
+        source[0] = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").replace("](docs/", "](")
+    source[0] = OUTSIDE.sub(named, source[0])
+
+
+def setup(app: Any) -> None:
+    """Called by Sphinx."""
+    app.connect("source-read", _files_of_the_project)
