@@ -19,7 +19,7 @@ from gimbalcal.cli.files import apply, export, import_
 from gimbalcal.cli.history import compare, remember, stored
 from gimbalcal.cli.navigation import budget, navigate
 from gimbalcal.cli.new import new
-from gimbalcal.cli.options import COUNT, GRADE, RECORDINGS, SEED, listed, output_options, progress, show
+from gimbalcal.cli.options import COUNT, GRADE, RECORDINGS, SEED, example, listed, output_options, progress, show
 from gimbalcal.cli.placing import OVERWRITE, placed
 from gimbalcal.cli.planning import design, observe
 from gimbalcal.errors import InputError
@@ -59,7 +59,7 @@ def _stop(sentence: str, status: int) -> None:
     sys.exit(status)
 
 
-@click.group(context_settings=CONTEXT)
+@click.group(context_settings=CONTEXT, epilog=example("gimbalcal demo", "gimbalcal calibrate --help"))
 @click.version_option(__version__, prog_name="gimbalcal")
 def gimbalcal() -> None:
     """Calibrate inertial sensors on gimballed platforms, and say what physics the model left out."""
@@ -77,7 +77,13 @@ gimbalcal.add_command(budget)
 gimbalcal.add_command(observe)
 
 
-@gimbalcal.command()
+@gimbalcal.command(
+    epilog=example(
+        "gimbalcal calibrate data/space_stable_18 data/space_stable_static --out results",
+        "gimbalcal calibrate data/xsens_positions --method multiposition",
+        "gimbalcal calibrate data/space_stable_concealed --with bias_temperature:y",
+    )
+)
 @RECORDINGS
 @click.option(
     "--method",
@@ -135,7 +141,7 @@ def calibrate(
     sys.exit(1 if any(c.outcome for c, _ in each) else 0)
 
 
-@gimbalcal.command()
+@gimbalcal.command(epilog=example("gimbalcal diagnose data/space_stable_concealed --out diagnosis"))
 @RECORDINGS
 @click.option("--calibration", "known", type=click.Path(path_type=Path), help="A calibration.json to start from.")
 @click.option("--baseline", default="", help="Comma-separated effects the model holds; what is left out can be found.")
@@ -184,7 +190,7 @@ def diagnose(
     sys.exit(0 if explained and all(c.agree for c in checks) else 1)
 
 
-@gimbalcal.command()
+@gimbalcal.command(epilog=example("gimbalcal simulate wu2018-18 --seed 7 --out my-rig"))
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--seed", type=SEED, default=None, help="Instead of the scenario's own.")
 @OVERWRITE
@@ -199,7 +205,7 @@ def simulate(scenario: Path, seed: int | None, overwrite: bool, out: Path | None
     show(truth, f"wrote a recording and its truth into {folder}", as_json, quiet)
 
 
-@gimbalcal.command()
+@gimbalcal.command(epilog=example("gimbalcal campaign wu2018-18 -n 100 --out campaign"))
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("-n", "--runs", type=COUNT, default=200, show_default=True, help="How many runs.")
 @click.option("--workers", type=int, default=None, help="Processes on this machine (default: its cores).")
@@ -224,7 +230,7 @@ def campaign(
     show(summary, summary["in_words"], as_json, quiet)
 
 
-@gimbalcal.command()
+@gimbalcal.command(epilog=example("gimbalcal demo --out out/demo"))
 @output_options("the reports", "out/demo")
 def demo(out: Path | None, quiet: bool, as_json: bool) -> None:
     """The three stages and the diagnosis on the recordings that ship with the project."""

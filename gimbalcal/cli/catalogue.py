@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import click
 
+from gimbalcal.cli.options import example
 from gimbalcal.errors import InputError
 
 
-@click.command()
+@click.command(epilog=example("gimbalcal catalogue latency"))
 @click.argument("effect", required=False)
 def catalogue(effect: str | None) -> None:
-    """List the physical effects that are known, or show the card of one EFFECT."""
+    """List the physical effects that are known, those that speak of a word, or show the card of one EFFECT."""
     import dataclasses
     import inspect
 
@@ -19,8 +20,7 @@ def catalogue(effect: str | None) -> None:
     from gimbalcal.units import from_si
 
     if effect is None:
-        for name in sorted(CATALOGUE):
-            print(f"{name:28s} {(inspect.getdoc(CATALOGUE[name]) or '').splitlines()[0].lstrip('r')}")
+        _list(sorted(CATALOGUE))
     elif effect in CATALOGUE:
         print(inspect.getdoc(CATALOGUE[effect]))
         print()
@@ -35,4 +35,32 @@ def catalogue(effect: str | None) -> None:
                 print(f"  {p.name} by grade: {', '.join(f'{size:.4g} ({name})' for name, size in sizes.items())}")
         print(f"  in recordings of kind {', '.join(CATALOGUE[effect].kinds)}")
     else:
-        raise InputError(f"no effect is called {effect!r}; `gimbalcal catalogue` lists them")
+        _list(speaking_of(effect))
+
+
+def _list(names: list[str]) -> None:
+    """A line each: name and first sentence of the card."""
+    import inspect
+
+    from gimbalcal.effects import CATALOGUE
+
+    for name in names:
+        print(f"{name:28s} {(inspect.getdoc(CATALOGUE[name]) or '').splitlines()[0].lstrip('r')}")
+
+
+def speaking_of(words: str) -> list[str]:
+    """Effects in whose name all the words stand; else those whose card has them. Raises InputError where none has."""
+    import inspect
+    from difflib import get_close_matches
+
+    from gimbalcal.effects import CATALOGUE
+
+    asked = words.lower().replace("_", " ").split()
+    names = [n for n in sorted(CATALOGUE) if all(w in n.replace("_", " ") for w in asked)]
+    cards = {n: (inspect.getdoc(CATALOGUE[n]) or "").lower() for n in sorted(CATALOGUE)}
+    found = names or [n for n, card in cards.items() if asked and all(w in card for w in asked)]
+    if not found:
+        near = get_close_matches("_".join(asked), CATALOGUE, 1)
+        hint = f"did you mean {near[0]}?" if near else "`gimbalcal catalogue` lists them"
+        raise InputError(f"no effect is called {words!r}, and no card speaks of it; {hint}")
+    return found

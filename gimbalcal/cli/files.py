@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from gimbalcal.cli.options import output_options, progress, show
+from gimbalcal.cli.options import example, output_options, progress, show
 from gimbalcal.cli.placing import OVERWRITE, placed
 from gimbalcal.errors import InputError, amount
 
@@ -20,7 +20,9 @@ CALIBRATION = click.option(
 )  # fmt: skip
 
 
-@click.command()
+@click.command(
+    epilog=example("gimbalcal apply data/space_stable_18 --calibration results/calibration.json --out corrected")
+)
 @click.argument("recording", type=click.Path(path_type=Path))
 @CALIBRATION
 @click.option("--inverse", is_flag=True, help="Physics to readings: what the calibrated unit would have read.")
@@ -49,7 +51,7 @@ def apply(
     show(result, f"wrote {made.title!r}, {direction}, {amount(len(made.time), 'row')}, into {folder}", as_json, quiet)
 
 
-@click.command()
+@click.command(epilog=example("gimbalcal export csv --calibration results/calibration.json --out exported"))
 @click.argument("kind")
 @CALIBRATION
 @OVERWRITE
@@ -71,7 +73,12 @@ def export(kind: str, known: Path, overwrite: bool, out: Path | None, quiet: boo
     show(result, f"wrote {path}, {DIRECTION[kind]}", as_json, quiet)
 
 
-@click.command("import")
+@click.command(
+    "import",
+    epilog=example(
+        "gimbalcal import mikoff imu0.log --set rate=100 --out imu0", "gimbalcal import tpoint run.dat --out monday"
+    ),
+)
 @click.argument("kind")
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="What the importer of this kind asks for.")

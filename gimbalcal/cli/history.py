@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from gimbalcal.cli.options import F, output_options, progress, show
+from gimbalcal.cli.options import F, example, output_options, progress, show
 from gimbalcal.errors import InputError
 
 STORE = click.option(
@@ -35,7 +35,12 @@ def remember(store: Path | None, unit: str, kind: str, content: Mapping[str, Any
     keep(store, Entry(" ".join(filter(None, [unit, sensor])), date, kind, content))
 
 
-@click.command()
+@click.command(
+    epilog=example(
+        "gimbalcal compare monday/calibration.json friday/calibration.json --out history",
+        'gimbalcal compare --store unit7.sqlite --allow "bias:x=50 ug"',
+    )
+)
 @click.argument("calibrations", nargs=-1, type=click.Path(path_type=Path))
 @stored
 @click.option(

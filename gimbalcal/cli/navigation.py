@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from gimbalcal.cli.options import COUNT, SEED, output_options, progress, show
+from gimbalcal.cli.options import COUNT, SEED, example, output_options, progress, show
 from gimbalcal.errors import InputError
 
 DAMPING = click.option(
@@ -15,7 +15,11 @@ DAMPING = click.option(
 )  # fmt: skip
 
 
-@click.command()
+@click.command(
+    epilog=example(
+        "gimbalcal navigate data/space_stable_static --calibration results/calibration.json --out navigation"
+    )
+)
 @click.argument("recording", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "--calibration", "known", multiple=True, type=click.Path(path_type=Path), metavar="FILE [FILE ...]",
@@ -56,7 +60,7 @@ def navigate(
     show(made, made["in_words"], as_json, quiet)
 
 
-@click.command()
+@click.command(epilog=example("gimbalcal budget wu2018-18 wu2018-static --hours 24 --out budget"))
 @click.argument("scenarios", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "--hours", multiple=True, type=click.FloatRange(min=0.5, max=240), default=(6.0, 24.0, 72.0), show_default=True,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gimbalcal.cli.options import output_options, progress, show
+from gimbalcal.cli.options import example, output_options, progress, show
 from gimbalcal.cli.placing import OVERWRITE, placed
 from gimbalcal.errors import amount
 
@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from gimbalcal.importers.guess import Guess
 
 
-@click.command()
+@click.command(
+    epilog=example("gimbalcal new imu.csv --out imu", "gimbalcal new accelerometers.csv gyroscopes.csv --out unit")
+)
 @click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "--rate",
@@ -35,10 +37,7 @@ def new(
     quiet: bool,
     as_json: bool,
 ) -> None:
-    """Look at LOGS of a unit, one or several with one clock, and propose a recording: columns, units, rests.
-
-    For example: gimbalcal new imu.csv, and then gimbalcal calibrate imu
-    """
+    """Look at LOGS of a unit, one or several with one clock, and propose a recording: columns, units, rests."""
     from gimbalcal.atomic import write as write_text
     from gimbalcal.importers.log import propose
     from gimbalcal.recording import dwells, write

@@ -17,6 +17,11 @@ F = TypeVar("F", bound=Callable[..., Any])
 COUNT, SEED = click.IntRange(min=1), click.IntRange(min=0)
 
 
+def example(*commands: str) -> str:
+    """The last lines of a command's help: what to type, as it would be typed."""
+    return "\b\nFor example:\n" + "\n".join(f"  {command}" for command in commands)
+
+
 def output_options(what: str, default: str = "nothing is written") -> Callable[[F], F]:
     """--out, --quiet and --json, which every command that computes has: `what` goes into --out, else `default`."""
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from gimbalcal.cli.options import COUNT, SEED, listed, output_options, progress, show
+from gimbalcal.cli.options import COUNT, SEED, example, listed, output_options, progress, show
 from gimbalcal.cli.placing import OVERWRITE, placed
 from gimbalcal.errors import InputError
 
@@ -25,7 +25,12 @@ VELOCITY = click.option(
 )
 
 
-@click.command()
+@click.command(
+    epilog=example(
+        "gimbalcal observe wu2018-18 --angle-sigma 5",
+        "gimbalcal observe wei2022-30 --states 30 --latitude 34.2 --out turns",
+    )
+)
 @click.argument("schedule")
 @click.option(
     "--angle-sigma", default=1.0, type=POSITIVE, show_default=True, help="Setting error of a position, arcsec."
@@ -68,7 +73,12 @@ def observe(
     show(seen.to_dict(), seen.in_words, as_json, quiet)
 
 
-@click.command()
+@click.command(
+    epilog=example(
+        "gimbalcal design -n 12 --step 45 --angle-sigma 5 --out schedule",
+        "gimbalcal design --kind rotation --states 30 --against wei2022-30 --tries 400",
+    )
+)
 @click.option("--kind", type=click.Choice(["positions", "rotation"]), default="positions", show_default=True)
 @click.option("--platform", default="space-stable", show_default=True, help="Name of the rig's gimbal chain.")
 @click.option(
