@@ -52,10 +52,19 @@ class AccelerometerLeverArm(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Force added along the input axes [m/s^2]."""
-        turn = s.turning_faster()
-        arms = np.reshape(self.r, (3, 3))
-        felt = [np.cross(turn, a + 0 * turn) + np.cross(s.rate, np.cross(s.rate, a + 0 * turn)) for a in arms]
-        return np.stack([felt[i][..., i] for i in range(3)], axis=-1)
+        r = np.reshape(self.r, (3, 3))
+        turn, w = s.turning_faster(), s.rate
+        # row i of what turns in place feel, [w' x] + w w^T - |w|^2, and the own arm of each
+        x, y, z = np.moveaxis(turn, -1, 0)
+        p, q, o = np.moveaxis(w, -1, 0)
+        return np.stack(
+            [
+                -(q * q + o * o) * r[0, 0] + (p * q - z) * r[0, 1] + (p * o + y) * r[0, 2],
+                (q * p + z) * r[1, 0] - (p * p + o * o) * r[1, 1] + (q * o - x) * r[1, 2],
+                (o * p - y) * r[2, 0] + (o * q + x) * r[2, 1] - (p * p + q * q) * r[2, 2],
+            ],
+            axis=-1,
+        )
 
 
 @effect

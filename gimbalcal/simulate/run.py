@@ -27,7 +27,7 @@ from gimbalcal.simulate.motion import Timetable, planned, platform_of, sidereal,
 from gimbalcal.simulate.noise import coloured, noises, of_rates, stated
 from gimbalcal.simulate.scenario import Scenario, check_content, load
 from gimbalcal.simulate.truth import true_effects
-from gimbalcal.simulate.turned import flown, nodes, stimulus
+from gimbalcal.simulate.turned import flown, nodes, shaken, stimulus
 
 BLOCK = 1 << 17  # rows made at once: some 100 MB of work space; fixed, so that a seed means the same rows everywhere
 PAST_STEP = 60.0  # s between the earlier rows that effects with a memory are given; the lag and integral are exact
@@ -104,15 +104,16 @@ def joined(parts: Iterable[Recording]) -> Recording:
 
 def blocks(run: Run) -> Iterator[Recording]:
     """The rows of a run, block by block."""
-    rng = np.random.default_rng([run.seed, 1])
+    rng, place = np.random.default_rng([run.seed, 1]), np.random.default_rng([run.seed, 2])
     states: dict[tuple[str, str], Array] = {}
     for start in range(0, len(run.time), BLOCK):
-        yield _block(run, start, min(start + BLOCK, len(run.time)), rng, states)
+        yield _block(run, start, min(start + BLOCK, len(run.time)), rng, place, states)
 
 
 def _block(
-    run: Run, start: int, stop: int, rng: np.random.Generator, states: dict[tuple[str, str], Array]
-) -> Recording:
+    run: Run, start: int, stop: int, rng: np.random.Generator, place: np.random.Generator,
+    states: dict[tuple[str, str], Array],
+) -> Recording:  # fmt: skip
     past, time = _past(run, start), run.time[start:stop]
     nominal = _nominal(run, np.concatenate([run.time[past], time]))
     if run.path is None:
@@ -120,6 +121,8 @@ def _block(
         out = {k: v[past.size :] for k, v in predict(run.platform, s, run.effects, run.scenario.kind).items()}
     else:
         out = _turned(run, run.path, time, run.time[past])
+        still = run.scenario.noise.velocity
+        out["specific_force"] += shaken(run.path, time, 1 / run.scenario.schedule.rate, still, place, states)
     noise = noises(run.scenario)
     channels: dict[Key, Array] = {}
     for i, axis in enumerate("xyz"):

@@ -167,7 +167,7 @@ class Noise(_Section):
     gyroscope_flicker: Spin = 0.0
     gyroscope_gauss_markov: Spin = 0.0
     gyroscope_gauss_markov_tau: Duration = 3600.0
-    velocity: Speed = 0.0  # how still the place of a turned unit is, for the header
+    velocity: Speed = 0.0  # how still the place of a turned unit is
     gimbal_angle: Angle = 0.0  # setting error of a position; of one reading in a static run
     attitude: Angle = 0.0
 

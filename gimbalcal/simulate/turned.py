@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.effects import Stimulus
+from gimbalcal.effects.process import GaussMarkov, sample
 from gimbalcal.errors import InputError
 from gimbalcal.kinematics import DOWN, required_latitude, stimulus_from_truth
 from gimbalcal.number import Array, apply_matrix
@@ -24,6 +25,7 @@ from gimbalcal.schedule.file import read_rotation
 from gimbalcal.schedule.trajectory import Trajectory, earth_rate, trajectory
 from gimbalcal.simulate.scenario import Motion
 
+QUIVER = 0.2  # s
 INSTANT = 1e-9  # s; pieces of an interval are longer
 GAUSS = np.polynomial.legendre.leggauss(3)
 
@@ -116,3 +118,23 @@ def flown(motion: Motion, setting: float, rng: np.random.Generator) -> Trajector
         new = setting * float(rng.standard_normal())
         error[i], off[move.axis] = new - off[move.axis], new
     return trajectory(schedule, tilt, error)
+
+
+def shaken(
+    path: Trajectory, time: Array, step: float, sigma: float, rng: np.random.Generator,
+    states: dict[tuple[str, str], Array],
+) -> Array:  # fmt: skip
+    """Force (n, 3) [m/s^2] of a place that quivers, velocity one `sigma` [m/s]; block after block.
+
+    Velocities at the ends of rows are `QUIVER` long alike, so a second apart they are independent. What their
+    differences add to mean forces is so small that errors of the sensors do not show in it.
+    """
+    if not sigma:
+        return np.zeros((len(time), 3))
+    v = np.empty((len(time) + 1, 3))
+    for i, axis in enumerate("xyz"):
+        key = ("quiver", axis)
+        v[0, i] = states.get(key, np.zeros(1))[0]
+        v[1:, i], states[key] = sample(GaussMarkov(sigma, QUIVER), rng, time, state=states.get(key))
+    C_bn = path.at(time - step / 2)[0]
+    return np.asarray(np.einsum("nji,nj->ni", C_bn, np.diff(v, axis=0) / step))

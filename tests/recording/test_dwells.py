@@ -145,6 +145,19 @@ def test_a_rest_ends_where_the_logger_paused() -> None:
     assert detect(time + 5.0 * (np.arange(len(time)) >= middle), channels).max() == 4
 
 
+def test_sensors_of_little_noise_rest_throughout_an_hour() -> None:
+    """1 ug beside 1 g and 1e-4 deg/h beside turns of 5 deg/s: sums over the whole of it drowned them."""
+    rng, n = np.random.default_rng(2), 120_000
+    time, turn = 0.01 * np.arange(1, n + 1), (np.arange(n) // 3000) % 2 == 1
+    angle = np.cumsum(np.where(turn, np.radians(5.0) * 0.01, 0.0))
+    force = 9.8 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1) + 1e-5 * rng.standard_normal((n, 3))
+    rate = np.stack([0 * angle, 0 * angle, np.where(turn, np.radians(5.0), 0.0)], axis=1)
+    rate += 5e-10 * rng.standard_normal((n, 3)) + 7e-5
+    found = detect(time, dict(zip("xyz", force.T, strict=True)), dict(zip("xyz", rate.T, strict=True)))
+    assert found.max() == 20
+    assert (found > 0).mean() > 0.45
+
+
 def test_units_do_not_matter() -> None:
     time, channels, _ = turned_by_hand(np.random.default_rng(7), 8, 50.0)
     counts = {axis: 32768 + 4100 * f for axis, f in channels.items()}

@@ -117,6 +117,21 @@ def test_white_noise_of_a_density_is_the_same_at_any_rate():
     assert np.std(made.triad("specific_force")[:190, 2]) == pytest.approx(made.noise["accelerometer"], rel=0.2)
 
 
+def test_a_place_quivers_as_the_header_says():
+    """Velocities a second apart are independent, with that sigma; nothing adds up."""
+    quiet = {"noise": {}, "truth": {}}
+    still = {"noise": {"velocity": {"value": 1.0, "unit": "mm/s"}}, "truth": {}}
+    schedule = {"dwell": {"value": 500.0, "unit": "s"}, "moves": [], "name": "wei2022-30"}
+    made = [readings(**case, schedule=schedule) for case in (still, quiet)]
+    added = (made[0] - made[1])[:, :3]
+    assert np.all(made[0][:, 3:] == made[1][:, 3:])
+    rests = [slice(10 * (a + 5), 10 * (a + 495)) for a in (0, 510, 1020)]  # no turn in these: 10 Hz, 90 deg at 20 deg/s
+    v = np.concatenate([np.cumsum(added[rows] * 0.1, axis=0)[::10] for rows in rests])
+    v = np.concatenate([part - part.mean(axis=0) for part in np.split(v, 3)])
+    assert v.std(axis=0) == pytest.approx([1e-3] * 3, rel=0.1)
+    assert np.abs(np.mean(v[1:] * v[:-1], axis=0)).max() < 0.1e-6
+
+
 def test_a_folder_and_a_schedule_file(tmp_path):
     (tmp_path / "schedule.toml").write_text(rotation_toml(ROTATIONS["jia2014-9"]))
     content = unit(**at(5.0, moves=[], start={}, file=str(tmp_path / "schedule.toml")))

@@ -31,6 +31,7 @@ from gimbalcal.recording import Recording
 
 PASSES = 12
 SETTLED = 0.03  # sigma
+NEAR = 0.01  # of the step before: a step that shrank by so much shows how little the sensitivities still change
 
 
 def systematic(
@@ -104,16 +105,18 @@ def settle(
     wanted = _biased(wanted, start)
     before = np.array([start.bias["xyz".index(p.axis)] if p.effect == "gyro_bias" else 0.0 for p in wanted])
     theta, settled, done, left_out = before, False, 0, np.zeros(len(legs.stop), dtype=bool)
+    near, usual = None, np.inf
     while not settled and done < PASSES:
         effects = with_values(base, wanted, theta)
         u = truth(legs, effects, u)
-        last = one_pass(legs, wanted, effects, u, C, start, before - theta, left_out)
+        last = one_pass(legs, wanted, effects, u, C, start, before - theta, left_out, near)
         if not done:
             refuse_carried(legs, last.drift)
         C = turned(C, last.smoothed[:, :3])
         theta, done = theta + last.step, done + 1
         moved = float(np.max(np.abs(last.step) / (_sigma(last) * np.array([p.sigma for p in wanted]))))
         tell(f"filter and smoother, pass {done}: the estimates moved by up to {moved:.2g} of their sigma")
+        near, usual = last.about if done > 1 and moved < NEAR * usual else None, moved
         told_off, left_out = left_out, doubtful(last, left_out) if moved < 1.0 else left_out
         settled = moved < SETTLED and done > 1 and np.array_equal(told_off, left_out)
         if not np.all(np.isfinite(theta)):

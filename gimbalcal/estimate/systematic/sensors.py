@@ -47,7 +47,7 @@ def sensitivity(
     """D (m, 6, p) of some rows of a recording of means, about the effects and what was there in all of them (g, 6)."""
     few = slice(max(rows.start - 1, 0), rows.stop + 1)  # slopes look at the neighbours
     s = stimulus_from_truth(recording.select(few), u[few, :3], u[few, 3:])
-    s = s.at(time=recording.time[few] - recording.time[0])
+    s = s.at(time=recording.time[few] - recording.time[0], rate_slope=s.turning_faster())
     stages = dict.fromkeys(CATALOGUE[p.effect].stage for p in wanted)
     J = linearise(BENCH, s, effects, KIND, KEYS, stages=stages).jacobian(wanted)
     if any(np.any(np.asarray(v) != 0) for e in effects for v in vars(e).values()):

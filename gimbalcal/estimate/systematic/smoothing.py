@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,18 @@ JUMP = 1.0  # m/s, what a knock may do to the velocity: the navigator starts ane
 GATE = 50.0  # normalised innovation squared of three components: by chance once in 1e10 updates
 
 
+class Linear(NamedTuple):
+    """The error model of K stretches in units of `STATE` and of the prior sigmas: Phi (K, 9, 9), Psi (K, 9, p),
+
+    Q (K, 9, 9) and defects d (K, 9).
+    """
+
+    Phi: Array
+    Psi: Array
+    Q: Array
+    d: Array
+
+
 @dataclass(frozen=True, eq=False)
 class Pass:
     """What one pass found about its reference: correction and sigma of the parameters (p,), in SI, and the run."""
@@ -49,18 +62,21 @@ class Pass:
     drift: Array  # (K, 3) velocity that a reference gains in each stretch, from rest [m/s]
     filtered: Filtered
     smoothed: Array  # (K + 1, 3) errors of the attitude [rad]
+    about: Linear
     calibrated: Filtered  # of the navigator whose sensors are corrected: its innovations are what evidence goes by
 
 
 def one_pass(
     course: Course, wanted: Sequence[Parameter], effects: Sequence[Effect], u: Array, C: Array, start: Alignment,
-    prior: Array, left_out: NDArray[np.bool_],
+    prior: Array, left_out: NDArray[np.bool_], near: Linear | None = None,
 ) -> Pass:  # fmt: skip
     """Filter and smooth about the effects, what was there (n, 6) and the attitudes C (K + 1, 3, 3).
 
-    prior (p,): mean of the parameters before, less their present values; left_out (K,): updates that are not believed.
+    prior (p,): mean of the parameters before, less their present values; left_out (K,): updates that are not believed;
+    near: an error model about values so near that only the defects are another's.
     """
-    Phi, Psi, Q, d = linear(course, wanted, effects, u, C)
+    about = linear(course, wanted, effects, u, C) if near is None else near._replace(d=defects(course, u, C))
+    Phi, Psi, Q, d = about
     scale = np.array([p.sigma for p in wanted])
     sigma = np.concatenate([start.sigma, np.full(3, course.velocity), np.full(3, PLACE)]) / STATE
     x = np.concatenate([rotation_vector(start.C_bn @ C[0].T), np.zeros(6)]) / STATE
@@ -92,14 +108,12 @@ def one_pass(
     )
     return Pass(
         found[:-3] * scale, np.asarray(np.linalg.qr(own[:-3].T, mode="r")).T, own[-3:] @ own[-3:].T * STATE[0] ** 2,
-        d[:, 3:6] * STATE[3], filtered, smoothed, calibrated,
+        d[:, 3:6] * STATE[3], filtered, smoothed, about, calibrated,
     )  # fmt: skip
 
 
-def linear(
-    course: Course, wanted: Sequence[Parameter], effects: Sequence[Effect], u: Array, C: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Phi, Psi, Q and defects d (K, 9), in units of `STATE` and of the prior sigmas.
+def linear(course: Course, wanted: Sequence[Parameter], effects: Sequence[Effect], u: Array, C: Array) -> Linear:
+    """The error model about the effects, what was there (n, 6) and the attitudes C (K + 1, 3, 3).
 
     The attitude at the start is a constant too, so that its covariance is known in the end: three more, the last ones.
     """
@@ -108,7 +122,12 @@ def linear(
     Phi, Psi, Q, d = answering(
         course, u, C, lambda groups: sensitivity(course.groups, effects, wanted, expected, groups), len(wanted)
     )
-    return Phi, np.concatenate([Psi * scale, np.zeros((len(Phi), NAV, 3))], axis=2), Q, d
+    return Linear(Phi, np.concatenate([Psi * scale, np.zeros((len(Phi), NAV, 3))], axis=2), Q, d)
+
+
+def defects(course: Course, u: Array, C: Array) -> Array:
+    """Where the reference of each stretch ends, less where the next one starts (K, 9), in units of `STATE`."""
+    return answering(course, u, C, lambda groups: np.zeros((groups.stop - groups.start, 6, 0)), 0)[3]
 
 
 def felt(course: Course, u: Array, C: Array) -> Array:
