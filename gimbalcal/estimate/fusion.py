@@ -50,14 +50,14 @@ def contradiction(together: Solution, device: Solution, static: Solution) -> str
 
     The rise of chi^2 in fusion is chi^2-distributed with as many degrees of freedom as directions both see.
     """
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     rise, shared = together.chi2 - device.chi2 - static.chi2, together.dof - device.dof - static.dof
     if shared <= 0:
         return ""
     # a stage that its own model does not explain proves nothing against the other
     noise = max(1.0, device.chi2 / max(device.dof, 1), static.chi2 / max(static.dof, 1))
-    p = float(chi2.sf(rise / noise, shared))
+    p = float(chdtrc(shared, max(rise, 0.0) / noise))
     if p >= CONTRADICTION:
         return ""
     return (

@@ -101,9 +101,9 @@ def _judged(sessions: Sequence[Recording], k: int, terms: tuple[str, ...], more:
     root = np.linalg.cholesky(C / np.outer(sigma, sigma))
     chi2 = float(np.sum(np.linalg.solve(root, difference / sigma) ** 2))
     dof = max(1, min(alone.residual.dof, others.residual.dof))
-    from scipy.stats import f
+    from scipy.special import fdtrc
 
-    chance = float(f.sf(chi2 / len(shared), len(shared), dof))
+    chance = float(fdtrc(len(shared), dof, chi2 / len(shared)))
     labels = tuple(p.label for p in shared)
     return Session(alone, labels, tuple(p.unit for p in shared), difference, sigma, chance, DIFFER / len(sessions))
 

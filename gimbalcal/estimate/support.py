@@ -32,9 +32,9 @@ def needed(tried: int, dof: float) -> float:
     >>> round(needed(6, np.inf), 2), round(needed(15, 30), 2)
     (3.34, 4.05)
     """
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
-    return float(t.isf(SPURIOUS / TRIADS / (2 * max(tried, 1)), max(dof, 1)))
+    return -float(stdtrit(max(dof, 1), SPURIOUS / TRIADS / (2 * max(tried, 1))))
 
 
 def coefficients(terms: Sequence[str]) -> int:

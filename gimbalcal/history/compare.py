@@ -149,7 +149,7 @@ def _date(seconds: float) -> datetime:
 
 
 def _step(made: Sequence[Dated], k: int, shared: bool) -> Step:
-    from scipy.stats import chi2 as distribution
+    from scipy.special import chdtrc
 
     a, b = made[k].calibration, made[k + 1].calibration
     both = [p for p, s in zip(a.parameters, a.sigmas, strict=True) if p in b.parameters and s > 0]
@@ -164,7 +164,7 @@ def _step(made: Sequence[Dated], k: int, shared: bool) -> Step:
     seen = lam > len(lam) * np.finfo(float).eps * lam[-1]  # a direction that both hold exactly has no difference
     chi2 = float((((V.T @ (difference / size))[seen]) ** 2 / lam[seen]).sum())
     dof = int(seen.sum())
-    return Step(k, k + 1, chi2, dof, float(distribution.sf(chi2, dof)), shared)
+    return Step(k, k + 1, chi2, dof, float(chdtrc(dof, chi2)), shared)
 
 
 def _limits(allowed: Mapping[str, str], known: Iterable[Parameter]) -> dict[str, float]:

@@ -78,10 +78,10 @@ def course(
     (calibrations - 1,): whether each calibration is of other recordings than the one before; allowed: how far it may
     move before it is due [SI], three sigmas of the last where that is not finite.
     """
-    from scipy.stats import norm
+    from scipy.special import ndtri
 
     t = time - time[0]
-    clear = float(norm.isf(SURPRISE / 2 / tried))
+    clear = -float(ndtri(SURPRISE / 2 / tried))
     step = np.abs(np.diff(x)) / np.hypot(sigma[1:], sigma[:-1])
     apart = [all(independent[a:b]) for a, b in pairwise(at)]
     jumps = tuple(k for k, (s, ok) in enumerate(zip(step, apart, strict=True), start=1) if ok and s > clear)

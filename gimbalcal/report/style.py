@@ -50,10 +50,12 @@ STYLE: Any = {
 def svg(figure: Figure) -> bytes:
     """The figure as SVG; equal arrays give equal bytes."""
     import matplotlib as mpl
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     out = io.BytesIO()
     with mpl.rc_context(STYLE):
-        figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
+        # Figure.savefig draws twice, once with no ink, for what the SVG of a whole figure does not need
+        FigureCanvasSVG(figure).print_svg(out, metadata={"Date": None, "Creator": None})
     return out.getvalue()
 
 

@@ -80,12 +80,12 @@ def listed(items: Sequence[str]) -> str:
 
 def fit(chi2: float, dof: int) -> tuple[float, float, Verdict]:
     """Residual in units of the noise, probability of a chi^2 at least as large, and what that means."""
-    from scipy.stats import chi2 as distribution
+    from scipy.special import chdtrc
 
     if dof <= 0:
         return float("nan"), float("nan"), "fits"
     ratio = sqrt(chi2 / dof)
-    p = float(distribution.sf(chi2, dof))
+    p = float(chdtrc(dof, chi2))
     if p < SURPRISE and ratio > 1 + NEGLIGIBLE:
         return ratio, p, "misfit"
     if p > 1 - SURPRISE and ratio < 1 - NEGLIGIBLE:

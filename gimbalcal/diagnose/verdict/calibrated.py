@@ -215,11 +215,11 @@ def _near(solution: Solution, start: Array) -> Solution:
 
 def _differ(total: Information, each: Sequence[Information]) -> str:
     """A sentence where recordings of one unit ask for different constants: chi^2 rises as they are joined."""
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     together, alone = solve(total), [solve(info) for info in each]
     rise, shared = together.chi2 - sum(s.chi2 for s in alone), together.dof - sum(s.dof for s in alone)
-    if shared <= 0 or (p := float(chi2.sf(rise, shared))) >= CONTRADICTION:
+    if shared <= 0 or (p := float(chdtrc(shared, max(rise, 0.0)))) >= CONTRADICTION:
         return ""
     return (
         f"The recordings do not agree on the constants of the unit: chi^2 of {rise:.0f} for the {shared} combinations "

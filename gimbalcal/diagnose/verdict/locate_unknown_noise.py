@@ -27,7 +27,7 @@ def mismatches(v: View, m: Model, sigma: Array) -> tuple[dict[str, Any], ...]:
 
 def patterns(v: View, m: Model) -> tuple[dict[str, Any], ...]:
     """The shapes that the misfit of the baseline follows, strongest first, by an F test each."""
-    from scipy.stats import f
+    from scipy.special import fdtrc
 
     blocks: list[Array] = []
     shapes = shapes_of(v, m.r, spans(m.J), blocks, free_rows(v, m.fitted))
@@ -39,7 +39,7 @@ def patterns(v: View, m: Model) -> tuple[dict[str, Any], ...]:
         y2, taken = float(white.misfit[0]), white.explained(at)
         free = max(m.r.size - basis(weighted(v, m.J)).shape[1] - len(at), 1)
         F = (taken / len(at)) / max((y2 - taken) / free, 1e-300)
-        p = min(1.0, float(f.sf(F, len(at), free)) * len(shapes))
+        p = min(1.0, float(fdtrc(len(at), free, F)) * len(shapes))
         out.append((float(log_bayes(white, np.array(at), white.scale.any_size).max()), F, p, c))
     listed = sorted((t for t in out if t[2] < ODD), key=lambda t: -t[0])[:LISTED]
     return tuple(_pattern(v, m, c, F, p) for _, F, p, c in listed)
@@ -62,14 +62,14 @@ def _pattern(v: View, m: Model, c: Candidate, F: float, p: float) -> dict[str, A
 
 def largest(v: View, m: Model, sigma: Array) -> tuple[dict[str, Any], ...]:
     """The channel that the baseline misses by most, against the scatter that is left in the end."""
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     square = ((m.r / sigma) ** 2).mean(axis=0)
     axis = v.channels[int(np.argmax(square))][1]
     i, size = _channel(v, m, axis)
     rows = np.argsort(-np.abs(m.r[:, i]))[:3]
     ratio = float(square[i])
-    p = min(1.0, float(chi2.sf(ratio * len(m.r), len(m.r))) * len(v.channels))
+    p = min(1.0, float(chdtrc(len(m.r), ratio * len(m.r))) * len(v.channels))
     words = wording.largest(v, axis, size, float(np.sqrt(ratio)), rows)
     return (
         {

@@ -87,9 +87,9 @@ def _worst(every: Recording, left: Array) -> Stray | None:
     except InputError:  # nothing to fit here, and the calibration says why
         return None
     off, usual, untied, k = min(tried, key=lambda t: t[1])  # the stray is the one without which the others agree best
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
-    least = max(FAR, float(t.isf(SURPRISE / len(left), len(left) - 1 - len(unknowns(LINEAR)))))
+    least = max(FAR, -float(stdtrit(len(left) - 1 - len(unknowns(LINEAR)), SURPRISE / len(left))))
     return Stray(k, int(every.position[k]), off) if abs(off) * np.sqrt(untied) > least * usual else None
 
 

@@ -110,11 +110,11 @@ def _fit(y: Array, C: Array, sigma: Array, latitude: float) -> tuple[Array, Arra
 def _calibration(
     recording: Recording, C: Array, x: Array, inverse: Array, chi2: float, dof: int, misfit: Array
 ) -> Calibration:
-    from scipy.stats import chi2 as distribution
+    from scipy.special import chdtrc
 
     from gimbalcal import __version__
 
-    chance = float(distribution.sf(chi2, dof)) if dof > 0 else 1.0
+    chance = float(chdtrc(dof, chi2)) if dof > 0 else 1.0
     scale = chi2 / dof if chance < SURPRISE else 1.0
     covariance = scale * inverse
     wanted = parameters(CATALOGUE[BIAS])

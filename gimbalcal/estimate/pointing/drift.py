@@ -59,14 +59,13 @@ def _seen(f: Fit) -> int:
 
 
 def _probability(gain: float, left: float, q: int, nu: int, sigma: float | None) -> float:
-    from scipy.stats import chi2
-    from scipy.stats import f as fisher
+    from scipy.special import chdtrc, fdtrc
 
     if q <= 0:
         return 1.0
     if sigma is not None:
-        return float(chi2.sf(gain / sigma**2, q))
-    return float(fisher.sf(gain / q / (left / nu), q, nu)) if nu > 0 and left > 0 else 1.0
+        return float(chdtrc(q, max(gain, 0.0) / sigma**2))
+    return float(fdtrc(q, nu, max(gain, 0.0) / q / (left / nu))) if nu > 0 and left > 0 else 1.0
 
 
 def change(first: Fit, other: Fit) -> tuple[Array, Array]:

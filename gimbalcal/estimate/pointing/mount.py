@@ -99,13 +99,13 @@ def _residual(found: Fit) -> Residual:
 
 
 def _misfit(found: Fit, stated: float | None) -> str:
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     dof = found.solution.dof
     if stated is None or dof <= 0:
         return ""
     ratio = float(np.sqrt(found.solution.chi2 / dof))
-    if ratio <= 1 + NEGLIGIBLE or chi2.sf(found.solution.chi2, dof) >= SURPRISE:
+    if ratio <= 1 + NEGLIGIBLE or chdtrc(dof, found.solution.chi2) >= SURPRISE:
         return ""
     return (
         f"what the terms leave is {ratio:.2f} times the stated {from_si(stated, 'arcsec'):.3g} arcsec, more than "

@@ -46,7 +46,7 @@ def far_off(found: Fit) -> tuple[tuple[str, int, float], ...]:
 
 def pattern(found: Fit, axes: Sequence[str]) -> Pattern | None:
     """The clearest pattern of what a fit leaves over the true angles of its axes; None where noise may look so."""
-    from scipy.stats import norm
+    from scipy.special import ndtr
 
     left = np.concatenate(found.weighted)
     if len(left) < FEWEST:
@@ -59,7 +59,7 @@ def pattern(found: Fit, axes: Sequence[str]) -> Pattern | None:
         order = np.argsort(angle, kind="stable")
         for (_, channel), r in zip(CHANNELS, left[order].T, strict=True):
             alike = 2 - (np.diff(r) ** 2).sum() / max(float((r**2).sum()), 1e-300)
-            trials.append(Pattern(channel, axis, float(norm.sf(alike / np.sqrt(4 / len(r))))))
+            trials.append(Pattern(channel, axis, float(ndtr(-alike / np.sqrt(4 / len(r))))))
     if not trials:
         return None
     best = min(trials, key=lambda t: t.probability)

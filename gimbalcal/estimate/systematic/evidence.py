@@ -99,9 +99,9 @@ def outcome(navigation: Mapping[str, Any], states: int, settled: bool) -> str:
 
 
 def _beyond(chi2: float, dof: int) -> float:
-    from scipy.stats import chi2 as distribution
+    from scipy.special import chdtrc
 
-    return float(distribution.sf(chi2, dof))
+    return float(chdtrc(dof, chi2))
 
 
 def _legs(course: Course) -> list[tuple[str, Array]]:
