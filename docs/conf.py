@@ -19,6 +19,7 @@ version = release = gimbalcal.__version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx-mathjax-offline"]
 exclude_patterns = ["_build", "schemas"]
 nitpicky = True
+suppress_warnings = ["misc.highlighting_failure"]  # what a command printed is no shell
 nitpick_ignore_regex = [("py:.*", r".*")]  # types of others: they have no pages here
 
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]

@@ -40,9 +40,13 @@ def test_help_ends_with_an_example_that_the_command_takes(name: str) -> None:
 
 
 def typed(page: Path) -> list[str]:
-    """Lines of the blocks of a page that are commands, with or without a prompt."""
-    lines = [line.strip().removeprefix("$ ") for block in BLOCK.findall(page.read_text()) for line in block.split("\n")]
-    return [line for line in lines if line.startswith("gimbalcal ") and "[" not in line]
+    """Lines of the blocks of a page that are commands; where a block has prompts, those behind one."""
+    out = []
+    for block in BLOCK.findall(page.read_text()):
+        lines = [line.strip() for line in block.split("\n")]
+        prompted = [line.removeprefix("$ ") for line in lines if line.startswith("$ ")]
+        out += [line for line in prompted or lines if line.startswith("gimbalcal ") and "[" not in line]
+    return out
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
