@@ -13,8 +13,8 @@ import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, normal_gravity
 from gimbalcal.navigate.bands import before_and_after
+from gimbalcal.navigate.run import navigated
 from gimbalcal.navigate.space_stable import Aids, Site, radii, schuler_rate
-from gimbalcal.navigate.static_run import navigated
 from gimbalcal.pipeline import load, three_stage
 from gimbalcal.report.navigation_page import curves
 from gimbalcal.report.style import BLUE, FULL, GREY, INK, STYLE, VERMILION, empty

@@ -9,10 +9,7 @@ import click
 from gimbalcal.cli.options import COUNT, SEED, example, output_options, progress, show
 from gimbalcal.errors import InputError
 
-DAMPING = click.option(
-    "--damping", type=click.FloatRange(min=0, max=5), default=0.5, show_default=True,
-    help="Damping of Schuler's swing by the velocity reference, of critical; 0: none.",
-)  # fmt: skip
+DAMPED = "Damping of Schuler's swing by the velocity reference, of critical; 0: none"
 
 
 @click.command(
@@ -25,26 +22,40 @@ DAMPING = click.option(
     "--calibration", "known", multiple=True, type=click.Path(path_type=Path), metavar="FILE [FILE ...]",
     help="calibration.json, as many as are to be compared, in order.",
 )  # fmt: skip
-@DAMPING
+@click.option(
+    "--damping", type=click.FloatRange(min=0, max=5), default=None,
+    help=f"{DAMPED} [0.5 of a platform, 0 of a strapdown unit].",
+)  # fmt: skip
+@click.option(
+    "--alignment",
+    type=click.FloatRange(min=0.1, max=1440),
+    default=10.0,
+    show_default=True,
+    help="Minutes at the beginning in which the attitude is found.",
+)
 @click.option("--samples", type=COUNT, default=50, show_default=True, help="Draws behind the sampled bands.")
 @click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the draws.")
 @output_options("navigation.json and report.html")
 def navigate(
-    recording: tuple[Path, ...], known: tuple[Path, ...], damping: float, samples: int, seed: int,
-    out: Path | None, quiet: bool, as_json: bool,
+    recording: tuple[Path, ...], known: tuple[Path, ...], damping: float | None, alignment: float, samples: int,
+    seed: int, out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
-    """Navigate a static run without a calibration and with each: what they are worth in position and attitude."""
+    """Navigate without a calibration and with each: what they are worth in position and attitude.
+
+    RECORDING: a static run of a space-stable platform, or a strapdown unit that stays in its place.
+    """
     from gimbalcal.calibration.exchange import read_calibration
     from gimbalcal.navigate.answer import content
     from gimbalcal.navigate.bands import before_and_after
-    from gimbalcal.navigate.space_stable import Aids
-    from gimbalcal.navigate.static_run import labels
+    from gimbalcal.navigate.outcome import labels
+    from gimbalcal.navigate.run import usual
     from gimbalcal.pipeline import load
     from gimbalcal.report.files import write_navigation
 
     folder, files = _one_recording(recording, known)
-    tell, aids = progress(quiet), Aids(damping=damping)
+    tell = progress(quiet)
     (run,) = load([folder], tell)
+    aids = usual(run, damping, 60 * alignment)
     chosen = list(zip(labels(files), [read_calibration(f) for f in files], strict=True))
     runs = before_and_after(run, chosen, aids, samples, seed, tell)
     provenance = {
@@ -67,7 +78,7 @@ def navigate(
     help="Within how many hours the position error is told; as often as needed.",
 )  # fmt: skip
 @click.option("--with", "more", multiple=True, metavar="EFFECT", help="An effect that the calibration holds too.")
-@DAMPING
+@click.option("--damping", type=click.FloatRange(min=0, max=5), default=0.5, show_default=True, help=f"{DAMPED}.")
 @output_options("budget.json and report.html")
 def budget(
     scenarios: tuple[Path, ...], hours: tuple[float, ...], more: tuple[str, ...], damping: float,

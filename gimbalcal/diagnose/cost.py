@@ -23,7 +23,8 @@ from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.effect import constants, follows, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.added import Added
-from gimbalcal.navigate.static_run import NAUTICAL_MILE, Navigated, navigated
+from gimbalcal.navigate.outcome import NAUTICAL_MILE, Navigated
+from gimbalcal.navigate.run import navigated
 from gimbalcal.pipeline import Tell, silent, three_stage
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording

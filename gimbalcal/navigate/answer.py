@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from gimbalcal.navigate.outcome import CHANNELS, NAUTICAL_MILE, NONE, Navigated
 from gimbalcal.navigate.space_stable import Aids
-from gimbalcal.navigate.static_run import CHANNELS, NAUTICAL_MILE, NONE, Navigated
 from gimbalcal.units import from_si
 
 HOUR = 3600.0
@@ -24,7 +24,9 @@ def content(runs: Sequence[Navigated], aids: Aids, provenance: Mapping[str, Any]
     return {
         "format": 1,
         "hours": float(first.time[-1] / HOUR),
+        "mechanisation": first.mechanisation,
         "damping": aids.damping,
+        "alignment_s": aids.alignment,
         "channels": [
             _channel(run, first, i)
             for run in runs

@@ -6,19 +6,24 @@ that does to the errors. By samples: parameters drawn from the covariance correc
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Effect, Parameter, with_values
 from gimbalcal.forward import jacobian
-from gimbalcal.kinematics import stimulus_from_angles
+from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings
+from gimbalcal.navigate.outcome import CHANNELS, NONE, Navigated
+from gimbalcal.navigate.run import is_strapdown, navigated
 from gimbalcal.navigate.space_stable import USUAL, Aids
-from gimbalcal.navigate.static_run import ANGLE, CHANNELS, FORCE, NONE, Navigated, navigated, with_inner
+from gimbalcal.navigate.static_run import ANGLE, FORCE, with_inner
+from gimbalcal.navigate.strapdown_run import legs_navigated
+from gimbalcal.navigate.thinned import RATE, Intervals, thinned
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
+from gimbalcal.recording.record import Key
 
 ROWS = 240  # of the run, for bands: what a parameter does follows the day and half of it
 Band = tuple[Array, Array]  # time (m,) and one sigma (m, 7)
@@ -32,9 +37,9 @@ def before_and_after(
     seed: int = 1,
     tell: Callable[[str], None] = lambda _: None,
 ) -> tuple[Navigated, ...]:
-    """A static run navigated as it was read and with each labelled calibration, with bands where `samples` are asked.
+    """A recording navigated as it was read and with each labelled calibration, with bands where `samples` are asked.
 
-    Raises InputError for what cannot be navigated: another kind of recording, another platform, no latitude, no force.
+    Raises InputError for what cannot be navigated, see `run.navigated`.
     """
     out = [navigated(recording, None, aids, NONE)]
     for label, calibration in calibrations:
@@ -54,50 +59,87 @@ def bands(recording: Recording, calibration: Calibration, aids: Aids, samples: i
 
     A thinned run serves, as noise cancels.
     """
-    few = recording.select(np.arange(0, len(recording.time), max(1, len(recording.time) // ROWS)))
-    t = few.time - recording.time[0]
-    return (t, _propagated(few, calibration, aids)), (t, _sampled(few, calibration, aids, samples, seed))
+    few = _few(recording)
+    time = few.error(few.rows, aids).time
+    return (time, _propagated(few, calibration, aids)), (time, _sampled(few, calibration, aids, samples, seed))
+
+
+@dataclass(frozen=True, eq=False)
+class _Few:
+    """Some rows that stand for a run, and, of a strapdown unit, the intervals that they are means over."""
+
+    rows: Recording
+    legs: Intervals | None
+    since: float
+
+    def error(self, rows: Recording, aids: Aids) -> Navigated:
+        """The navigation with these readings in place of its own."""
+        if self.legs is not None:
+            return legs_navigated(self.legs, rows, aids, "")
+        made = navigated(rows, None, aids)
+        return replace(made, time=made.time + self.since)
+
+
+def _few(recording: Recording) -> _Few:
+    if is_strapdown(recording):
+        legs = thinned(recording, float(recording.time[-1] - recording.time[0]) / ROWS)
+        return _Few(legs.rows, legs, 0.0)
+    rows = recording.select(np.arange(0, len(recording.time), max(1, len(recording.time) // ROWS)))
+    return _Few(with_inner(rows), None, float(rows.time[0] - recording.time[0]))
 
 
 def sensitivity(
     run: Recording, effects: Sequence[Effect], wanted: Sequence[Parameter], step: Array, aids: Aids = USUAL
 ) -> Array:
     """What each wanted parameter does to the errors (n, 7, p) of a corrected run when it is wrong by its step (p,)."""
+    return _sensitivity(_Few(run, None, 0.0), run, effects, wanted, step, aids)
+
+
+def _sensitivity(
+    few: _Few, run: Recording, effects: Sequence[Effect], wanted: Sequence[Parameter], step: Array, aids: Aids
+) -> Array:
     if not wanted:
-        return np.zeros((len(run.time), len(CHANNELS), 0))
-    J = jacobian(run.platform, stimulus_from_angles(run), effects, wanted, "static-run")
+        return np.zeros((len(few.error(run, aids).time), len(CHANNELS), 0))
+    at_hand, kind = (stimulus_from_angles, "static-run") if few.legs is None else (stimulus_from_readings, "rotation")
+    quantities = (FORCE, ANGLE) if few.legs is None else (FORCE, RATE)
+    s = at_hand(run)
 
-    def error(k: int, side: float) -> Array:
+    def error(J: Mapping[str, Array], by: float) -> Array:
         """The readings keep what the parameter does to them."""
-        force, angle = (
-            v + side * step[k] * J[q][..., k] for q, v in ((FORCE, run.triad(FORCE)), (ANGLE, run.angles()))
-        )
-        moved = {(FORCE, a): force[:, i] for i, a in enumerate("xyz")}
-        moved |= {(ANGLE, a): angle[:, run.platform.axis_names.index(a)] for a in run.axes(ANGLE)}
-        return navigated(replace(run, channels=dict(run.channels) | moved), None, aids).error
+        moved: dict[Key, Array] = {}
+        for q in quantities:
+            names = run.platform.axis_names if q == ANGLE else tuple("xyz")
+            added = by * J[q][..., 0]
+            moved |= {(q, a): run.channels[q, a] + added[:, names.index(a)] for a in run.axes(q)}
+        return few.error(replace(run, channels=dict(run.channels) | moved), aids).error
 
-    return np.stack([(error(k, 1.0) - error(k, -1.0)) / 2 for k in range(len(wanted))], axis=-1)
+    def odd(k: int) -> Array:
+        J = jacobian(run.platform, s, effects, wanted[k : k + 1], kind)
+        return np.asarray(error(J, step[k]) - error(J, -step[k])) / 2
+
+    return np.stack([odd(k) for k in range(len(wanted))], axis=-1)
 
 
-def _propagated(few: Recording, calibration: Calibration, aids: Aids) -> Array:
+def _propagated(few: _Few, calibration: Calibration, aids: Aids) -> Array:
     """One sigma (m, 7) by the derivative."""
     sigma = calibration.sigmas
     seen = np.flatnonzero(sigma > 0)
-    run = calibration.apply(with_inner(few))
-    D = sensitivity(run, calibration.effects, [calibration.parameters[i] for i in seen], sigma[seen], aids)
+    run = calibration.apply(few.rows)
+    wanted = [calibration.parameters[i] for i in seen]
+    D = _sensitivity(few, run, calibration.effects, wanted, sigma[seen], aids)
     correlation = np.asarray(calibration.covariance)[np.ix_(seen, seen)] / np.outer(sigma[seen], sigma[seen])
     return np.asarray(np.sqrt(np.maximum(np.einsum("ncp,pq,ncq->nc", D, correlation, D), 0.0)))
 
 
-def _sampled(few: Recording, calibration: Calibration, aids: Aids, samples: int, seed: int) -> Array:
+def _sampled(few: _Few, calibration: Calibration, aids: Aids, samples: int, seed: int) -> Array:
     """One sigma (m, 7) of errors with drawn parameters about that with the estimated ones."""
-    x, names = calibration.values, few.platform.axis_names
+    x, names = calibration.values, few.rows.platform.axis_names
     w, V = np.linalg.eigh(np.asarray(calibration.covariance))
     root, rng = V * np.sqrt(np.maximum(w, 0.0)), np.random.default_rng(seed)
 
     def error(values: Array) -> Array:
         effects = with_values(calibration.effects, calibration.parameters, values, names)
-        return navigated(few, replace(calibration, effects=effects), aids).error
+        return few.error(replace(calibration, effects=effects).apply(few.rows), aids).error
 
     middle = error(x)
     drawn = [error(x + root @ rng.standard_normal(len(x))) - middle for _ in range(samples)]

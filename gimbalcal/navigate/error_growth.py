@@ -1,4 +1,4 @@
-r"""How the errors of a navigator that stays in its place grow, and what its sensors add, interval by interval.
+r"""How the errors of a navigator that stays in its place grow, and what its sensors add, from interval to interval.
 
 Errors are true minus reference, :math:`C_{true} = e^{[\phi \times]} C_b^n`, position in metres:
 

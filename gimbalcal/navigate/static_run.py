@@ -9,14 +9,12 @@ perfect sensors on a perfect mount.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.earth import EARTH_RATE, SOLAR_DAY
+from gimbalcal.earth import EARTH_RATE
 from gimbalcal.errors import InputError
 from gimbalcal.forward import navigator_attitude_error
 from gimbalcal.kinematics import (
@@ -26,61 +24,17 @@ from gimbalcal.kinematics import (
     shortening,
     with_phase_of_force,
 )
-from gimbalcal.navigate.space_stable import USUAL, Aids, Course, Site, navigate, radii
+from gimbalcal.navigate.outcome import CHANNELS, Navigated
+from gimbalcal.navigate.space_stable import Aids, Course, Site, navigate, radii
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
 from gimbalcal.rotation import frame_rotation
 
-CHANNELS = (("latitude", "arcmin"), ("longitude", "arcmin"), ("north velocity", "m/s"), ("east velocity", "m/s"),
-            ("roll", "arcsec"), ("pitch", "arcsec"), ("yaw", "arcsec"))  # fmt: skip
-NAUTICAL_MILE = 1852.0  # m
 FORCE, ANGLE = "specific_force", "gimbal_angle"
-NONE = "none"  # the label of what is navigated as it was read
-ALIGNMENT = 600.0  # s at the beginning in which the platform's readout tells how it stands: 0.04" of 1" at 1 Hz
 STEP = 10.0  # s, the longest step; longer rows and gaps are filled in, as nothing but the Earth turns
 
 
-@dataclass(frozen=True)
-class Navigated:
-    """Errors of one navigation: time (n,) s, error (n, 7) in SI in the order of `CHANNELS`, position error (n,) m.
-
-    Attitudes are nan where platform, middle and outer gimbal were not all read. Bands, one sigma (n, 7) each, are
-    what the calibration's covariance leaves: by linear propagation, and by navigating with drawn parameters.
-    """
-
-    label: str
-    time: Array
-    error: Array
-    position: Array
-    linear: Array | None = None
-    sampled: Array | None = None
-
-    @property
-    def largest(self) -> Array:
-        """Largest absolute error (7,) in SI."""
-        return np.asarray(np.max(np.abs(self.error), axis=0))
-
-    @property
-    def rms(self) -> Array:
-        """Root mean square error (7,) in SI."""
-        return np.asarray(np.sqrt(np.mean(self.error**2, axis=0)))
-
-    @property
-    def drift_per_day(self) -> Array:
-        """Slope of a straight line through each error (7,), SI per day."""
-        t = (self.time - self.time.mean()) / SOLAR_DAY
-        return np.asarray(t @ self.error / (t @ t))
-
-
-def labels(files: Sequence[Path]) -> list[str]:
-    """Calibrations as tables call them: by file, or by folder where it is a calibration.json; no name twice."""
-    names = [f.absolute().parent.name if f.name == "calibration.json" else f.stem for f in files]
-    return names if len({*names, NONE}) == len(names) + 1 else [str(f) for f in files]
-
-
-def navigated(
-    recording: Recording, calibration: Calibration | None = None, aids: Aids = USUAL, label: str = NONE
-) -> Navigated:
+def platform_navigated(recording: Recording, calibration: Calibration | None, aids: Aids, label: str) -> Navigated:
     """Errors of the navigation of a static run, corrected by a calibration first where there is one."""
     refuse(recording)
     run = with_inner(recording)
@@ -105,10 +59,6 @@ def horizontal(error: Array, site: Site) -> Array:
 
 def refuse(recording: Recording) -> None:
     """Raise InputError for anything but a static run of a space-stable platform with its force and a latitude."""
-    if recording.kind != "static-run":
-        raise InputError(
-            f"{recording.title!r} is a {recording.kind} recording; a static run of a space-stable platform is navigated"
-        )
     refuse_other_platform(recording)
     if abs(required_latitude(recording.site.latitude)) > np.deg2rad(89):
         raise InputError(f"{recording.title!r} stands at a pole, where there is no longitude")
@@ -121,7 +71,7 @@ def refuse(recording: Recording) -> None:
 
 def course_of(run: Recording, aids: Aids) -> tuple[Site, Course]:
     """What the navigator says at the rows of a run, and where it truly stands."""
-    site = _site(run)
+    site = _site(run, aids.alignment)
     force = run.triad(FORCE) * (1 + shortening(run)[:, None] * EQUATORIAL)  # means have lost some of a turn
     time, filled, own = _filled(run.time - run.time[0], force)
     c = navigate(time, filled, site, aids)
@@ -136,11 +86,11 @@ def with_inner(recording: Recording) -> Recording:
     return replace(recording, channels=inner | dict(recording.channels))
 
 
-def _site(run: Recording) -> Site:
+def _site(run: Recording, alignment: float) -> Site:
     """The true place, and how the platform is turned at the first row by what its gimbal reads in the first minutes."""
     phased = run if (ANGLE, "platform") in run.channels else with_phase_of_force(run)
     t = run.time - run.time[0]
-    first = t <= ALIGNMENT
+    first = t <= alignment
     turned = phased.channels[ANGLE, "platform"][first] - EARTH_RATE * t[first]
     phase = float(np.angle(np.mean(np.exp(1j * turned))))
     return Site(required_latitude(run.site.latitude), run.site.height, run.site.gravity, phase)

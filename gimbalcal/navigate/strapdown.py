@@ -60,6 +60,31 @@ def strapdown(
     return out
 
 
+def aided(
+    dt: Array, rate: Array, force: Array, C_bn: Array, position: Array, every: Array, damping: float,
+    height_loop: float, gravity: float | None = None, velocity: Array | None = None, reference: Array | None = None,
+) -> Motion:  # fmt: skip
+    r"""Navigate as `strapdown`, the height held by an external one and the swing damped by an external velocity.
+
+    .. math:: \dot h &= -v_D - c_1 (h - h_{ext}), \qquad
+              \dot v = \ldots + c_2 (h - h_{ext}) e_D - 2 \zeta \omega_s (v_h - v_{ext})
+
+    with c_1 and c_2 of a critically damped loop of time constant `height_loop` [s], gravity's own slope made up for;
+    damping: 2 zeta omega_s [1/s]. velocity (3,) at the start (default: at rest); reference (n, 3) is what the external
+    ones say: velocity north and east, height (default: it stays where it is). Returned are the states before the first
+    interval and after those of `every` (m,), in order.
+    """
+    place = ground(float(position[0]), float(position[2]), gravity)
+    n, m = len(dt), len(every)
+    out = Motion(np.empty((m + 1, 3, 3)), np.empty((m + 1, 3)), np.empty((m + 1, 3)))
+    out.C_bn[0], out.velocity[0], out.position[0] = C_bn, np.zeros(3) if velocity is None else velocity, position
+    still = np.broadcast_to(np.array([0.0, 0.0, position[2]]), (n, 3))
+    loop = np.array([damping, 2 / height_loop, 1 / height_loop**2 - place[2]])
+    readings = contiguous(dt, rate, force, still if reference is None else reference)
+    _navigate_aided(*readings, place, loop, np.asarray(every, dtype=np.int64), *out)
+    return out
+
+
 def carried(dt: Array, rate: Array) -> Array:
     """Attitudes (n + 1, 3, 3) from body axes to those in which they began, from mean rates (n, 3) [rad/s] alone."""
     out = np.empty((len(dt) + 1, 3, 3))
@@ -86,6 +111,27 @@ def _navigate(dt: Array, rate: Array, force: Array, place: Array, C: Array, v: A
     for k in range(len(dt)):
         advance(C1, v1, p1, dt, rate, force, k, k > 0, place)
         C[k + 1], v[k + 1], p[k + 1] = C1, v1, p1
+
+
+@compiled
+def _navigate_aided(
+    dt: Array, rate: Array, force: Array, reference: Array, place: Array, loop: Array, every: Array, C: Array, v: Array,
+    p: Array,
+) -> None:  # fmt: skip
+    C1, v1, p1 = C[0].copy(), v[0].copy(), p[0].copy()
+    m = 0
+    for k in range(len(dt)):
+        advance(C1, v1, p1, dt, rate, force, k, k > 0, place)
+        h = dt[k]
+        kept = loop[0] * h / (1 + loop[0] * h)  # implicit, as a stiff loop may be faster than a row
+        v1[0] -= kept * (v1[0] - reference[k, 0])
+        v1[1] -= kept * (v1[1] - reference[k, 1])
+        off = (p1[2] - reference[k, 2]) / (1 + loop[1] * h)
+        p1[2] = reference[k, 2] + off
+        v1[2] += loop[2] * off * h
+        if m < len(every) and every[m] == k:
+            m += 1
+            C[m], v[m], p[m] = C1, v1, p1
 
 
 @compiled
@@ -127,15 +173,25 @@ def advance(
     yx, yy, yz = ay * xz - az * xy, az * xx - ax * xz, ax * xy - ay * xx
     wx, wy, wz = bx + 2 * xx / 3, by + 2 * xy / 3, bz + 2 * xz / 3  # what the turn of the frame acts on
     bx, by, bz = bx + s2 * xx + s3 * yx + sx, by + s2 * xy + s3 * yy + sy, bz + s2 * xz + s3 * yz + sz
-    # the frame: Earth rate and transport rate
-    sL, cL = np.sin(p[0]), np.cos(p[0])
-    RM, RN = radii(sL, p[2])
-    en_n, en_e, en_d = v[1] / RN, -v[0] / RM, -v[1] * sL / (cL * RN)
-    ie_n, ie_d = EARTH_RATE * cL, -EARTH_RATE * sL
-    zn, ze, zd = (ie_n + en_n) * h, en_e * h, (ie_d + en_d) * h
     fn = C[0, 0] * bx + C[0, 1] * by + C[0, 2] * bz
     fe = C[1, 0] * bx + C[1, 1] * by + C[1, 2] * bz
     fd = C[2, 0] * bx + C[2, 1] * by + C[2, 2] * bz
+    # velocity and place in the middle: taken at the beginning, the swing would grow by omega_s^2 h / 4 a second
+    L, height = p[0], p[2] - v[2] * h / 2
+    RM, RN = radii(np.sin(L), height)
+    L += v[0] * h / (2 * RM)
+    sL, cL = np.sin(L), np.cos(L)
+    g = place[0] + place[1] * (L - place[3]) + place[2] * (height - place[4])
+    ie_n, ie_d = EARTH_RATE * cL, -EARTH_RATE * sL
+    en_n, en_e, en_d = v[1] / RN, -v[0] / RM, -v[1] * sL / (cL * RN)
+    zn, ze, zd = (ie_n + en_n) * h, en_e * h, (ie_d + en_d) * h
+    kn, ke, kd = 2 * ie_n + en_n, en_e, 2 * ie_d + en_d
+    vn = v[0] + (fn - (ze * fd - zd * fe) / 2 - (ke * v[2] - kd * v[1]) * h) / 2
+    ve = v[1] + (fe - (zd * fn - zn * fd) / 2 - (kd * v[0] - kn * v[2]) * h) / 2
+    vd = v[2] + (fd - (zn * fe - ze * fn) / 2 - (kn * v[1] - ke * v[0]) * h + g * h) / 2
+    # the frame: Earth rate and transport rate
+    en_n, en_e, en_d = ve / RN, -vn / RM, -ve * sL / (cL * RN)
+    zn, ze, zd = (ie_n + en_n) * h, en_e * h, (ie_d + en_d) * h
     # - zeta x w / 2 + zeta x (zeta x w) / 6
     un = C[0, 0] * wx + C[0, 1] * wy + C[0, 2] * wz
     ue = C[1, 0] * wx + C[1, 1] * wy + C[1, 2] * wz
@@ -143,10 +199,9 @@ def advance(
     un, ue, ud = un - (ze * ud - zd * ue) / 3, ue - (zd * un - zn * ud) / 3, ud - (zn * ue - ze * un) / 3
     fn, fe, fd = fn - (ze * ud - zd * ue) / 2, fe - (zd * un - zn * ud) / 2, fd - (zn * ue - ze * un) / 2
     kn, ke, kd = 2 * ie_n + en_n, en_e, 2 * ie_d + en_d
-    g = place[0] + place[1] * (p[0] - place[3]) + place[2] * (p[2] - place[4])
-    dn = fn - (ke * v[2] - kd * v[1]) * h
-    de = fe - (kd * v[0] - kn * v[2]) * h
-    dd = fd - (kn * v[1] - ke * v[0]) * h + g * h
+    dn = fn - (ke * vd - kd * ve) * h
+    de = fe - (kd * vn - kn * vd) * h
+    dd = fd - (kn * ve - ke * vn) * h + g * h
     p[0] += (v[0] + dn / 2) * h / RM
     p[1] += (v[1] + de / 2) * h / (RN * cL)
     p[2] -= (v[2] + dd / 2) * h

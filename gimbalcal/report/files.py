@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from gimbalcal.calibration import Calibration
     from gimbalcal.design.budget import Budget
     from gimbalcal.diagnose import Diagnosis
-    from gimbalcal.navigate.static_run import Navigated
+    from gimbalcal.navigate.outcome import Navigated
     from gimbalcal.recording import Recording
 
 

@@ -1,4 +1,4 @@
-"""The report of a static run that was navigated: Figures 3 to 5 and Table 5 of Wu et al. (2018), on this recording."""
+"""The report of a recording that was navigated: Figures 3 to 5 and Table 5 of Wu et al. (2018), on this recording."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import gimbalcal
-from gimbalcal.navigate.static_run import CHANNELS, NAUTICAL_MILE, NONE, Navigated
+from gimbalcal.navigate.outcome import CHANNELS, NAUTICAL_MILE, NONE, Navigated
 from gimbalcal.references import cite
 from gimbalcal.report.html import picture, render
 from gimbalcal.report.rounding import minus, significant
@@ -38,10 +38,14 @@ def navigation_report(content: Mapping[str, Any], runs: Sequence[Navigated], tit
         "names": ["without" if name == NONE else name for name in names],
         "rows": [row for i in range(len(CHANNELS)) if (row := _row(content, names, i))],
         "position": _position(content),
-        "damping": f"{content['damping']:g}",
+        "damping": f"{content['damping']:g}" if content["damping"] else "",
+        "alignment": f"{content['alignment_s'] / 60:g}",
+        "strapdown": content["mechanisation"] == "strapdown",
         "provenance": [(str(k), str(v)) for k, v in content["provenance"].items() if k in ("samples", "seed")],
         "sources": content["provenance"].get("recordings", []),
-        "citations": cite("wu2018", "britting1971"),
+        "citations": cite(
+            "wu2018", *(("savage1998",) if content["mechanisation"] == "strapdown" else ("britting1971",))
+        ),
     }
     return render("navigation.html", context)
 

@@ -12,6 +12,7 @@ against inertial space are :math:`\omega = a \dot\theta + C_n^b \omega_{ie}`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -19,6 +20,24 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.rotation import exponential
 from gimbalcal.schedule.rotation import RotationSchedule, standing
+
+
+class Path(Protocol):
+    """How a unit in its place turns: in closed form, smooth between `corners`."""
+
+    @property
+    def duration(self) -> float:
+        """How long it takes [s]."""
+
+    @property
+    def corners(self) -> Array:
+        """Times [s] at which the angular acceleration jumps, in order."""
+
+    def moving(self, start: Array, stop: Array) -> Array:
+        """Whether the unit turns at any time between start and stop (n,) [s]."""
+
+    def at(self, time: Array) -> tuple[Array, Array, Array]:
+        """C_bn (n, 3, 3), angular rate against the Earth (n, 3) [rad/s] and its slope (n, 3) [rad/s^2], unit's axes."""
 
 
 @dataclass(frozen=True, eq=False)

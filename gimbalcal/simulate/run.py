@@ -21,7 +21,7 @@ from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, Platform
 from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.record import Key
-from gimbalcal.schedule.trajectory import Trajectory
+from gimbalcal.schedule.trajectory import Path as Course
 from gimbalcal.simulate.environment import course
 from gimbalcal.simulate.motion import Timetable, planned, platform_of, sidereal, timetable
 from gimbalcal.simulate.noise import coloured, noises, of_rates, stated
@@ -48,7 +48,7 @@ class Run:
     environment: dict[Key, Callable[[Array], Array]]
     read: tuple[str, ...]
     seed: int
-    path: Trajectory | None = None  # of a unit that a schedule turns
+    path: Course | None = None  # of a unit that a schedule turns
 
 
 def prepare(scenario: Scenario, seed: int | None = None) -> Run:
@@ -142,7 +142,7 @@ def _block(
     )
 
 
-def _turned(run: Run, path: Trajectory, time: Array, past: Array) -> dict[str, Array]:
+def _turned(run: Run, path: Course, time: Array, past: Array) -> dict[str, Array]:
     """Readings of a unit that is turned, as means over the intervals that end at `time` (n,) [s] or of that instant."""
     motion = run.scenario.schedule
     at = nodes(path, time, 1 / motion.rate, motion.rates == "instant")
@@ -231,7 +231,7 @@ def _row_times(scenario: Scenario, table: Timetable | None) -> Array:
     return time
 
 
-def _turned_times(scenario: Scenario, path: Trajectory) -> Array:
+def _turned_times(scenario: Scenario, path: Course) -> Array:
     """The ends of the sampling intervals (n,) [s]."""
     rate = scenario.schedule.rate
     n = int(np.floor(path.duration * rate + 1e-9))

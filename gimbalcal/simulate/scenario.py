@@ -65,6 +65,21 @@ class Turn(_Section):
     stop: Annotated[float, _measured("time")] | None = None
 
 
+class Oscillation(_Section):
+    """How one angle of a swing goes: amplitude x sin(2 pi frequency t)."""
+
+    frequency: Rate
+    amplitude: Angle
+
+
+class Swinging(_Section):
+    """[schedule.swing]: a table that swings about all three axes at once."""
+
+    heading: Oscillation | None = None
+    pitch: Oscillation | None = None
+    roll: Oscillation | None = None
+
+
 class Motion(_Section):
     """[schedule]: which holds or turns, how long, how fast between them, how often sampled."""
 
@@ -77,12 +92,13 @@ class Motion(_Section):
     settle: Annotated[float, _measured("time")] = 5.0
     record_slews: bool = False
     sweeps: int = Field(default=1, ge=1, le=1000)
-    duration: Duration = 86400.0  # of a static run
+    duration: Duration = 86400.0  # of a static run, of a swing
     start_angle: Angle = 0.4  # S_t of a static run's first sample
     # of turns, in a rotation
     file: str = ""  # a schedule.toml instead of a name
     start: dict[str, str] = {}  # where x, y and z point, as in schedule.toml
     moves: tuple[Turn, ...] = ()
+    swing: Swinging | None = None
     start_sigma: Angle = 0.0  # how far the unit is off its start, one sigma about each axis
     rates: Literal["mean", "instant"] = "mean"  # over the interval that ends at the row, or of the row's time
 
@@ -90,16 +106,16 @@ class Motion(_Section):
     def _known(self) -> Motion:
         if self.name and self.name not in (*SCHEDULES, *ROTATIONS):
             raise ValueError(f"no schedule is called {self.name!r}; known: {', '.join((*SCHEDULES, *ROTATIONS))}")
-        if sum(map(bool, (self.name, self.file, self.holds, self.moves))) > 1:
-            raise ValueError("name, file, holds and moves each say where the unit goes; keep one")
+        if sum(map(bool, (self.name, self.file, self.holds, self.moves, self.swing))) > 1:
+            raise ValueError("name, file, holds, moves and swing each say where the unit goes; keep one")
         if self.start and set(self.start) != set("xyz"):
             raise ValueError('start: say where x, y and z point, { x = "east", y = "north", z = "up" }')
         return self
 
     @property
     def turns(self) -> bool:
-        """Whether it is a schedule of turns and stops, of a unit that no gimbal holds."""
-        return self.name in ROTATIONS or bool(self.file or self.moves)
+        """Whether it is a schedule of turns and stops, of a unit that no gimbal holds; of a rest alone, of a swing."""
+        return self.name in ROTATIONS or bool(self.file or self.moves or self.swing or self.start)
 
 
 class Place(_Section):

@@ -10,6 +10,7 @@ exact to the sixth order in the angle turned in a step; one point at rest, where
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,9 +21,12 @@ from gimbalcal.errors import InputError
 from gimbalcal.kinematics import DOWN, required_latitude, stimulus_from_truth
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
+from gimbalcal.rotation import exponential
 from gimbalcal.schedule import ROTATIONS, Move, RotationSchedule
 from gimbalcal.schedule.file import read_rotation
-from gimbalcal.schedule.trajectory import Trajectory, earth_rate, trajectory
+from gimbalcal.schedule.rotation import standing
+from gimbalcal.schedule.swing import Swing
+from gimbalcal.schedule.trajectory import Path, earth_rate, trajectory
 from gimbalcal.simulate.scenario import Motion
 
 QUIVER = 0.2  # s
@@ -44,7 +48,7 @@ class Nodes:
         return np.asarray(np.add.reduceat(weight * values, self.first, axis=0))
 
 
-def nodes(path: Trajectory, time: Array, interval: float | Array, instant: bool) -> Nodes:
+def nodes(path: Path, time: Array, interval: float | Array, instant: bool) -> Nodes:
     """Where to evaluate the readings of rows that end at `time` (n,) [s], after an interval [s]."""
     n = len(time)
     interval = np.broadcast_to(interval, (n,))
@@ -78,7 +82,7 @@ def nodes(path: Trajectory, time: Array, interval: float | Array, instant: bool)
     return out
 
 
-def stimulus(path: Trajectory, like: Recording, time: Array) -> Stimulus:
+def stimulus(path: Path, like: Recording, time: Array) -> Stimulus:
     """What the unit experiences at `time` (N,) [s] of the recording's clock; `like` holds the environment there."""
     C_bn, own, slope = path.at(time)
     earth = earth_rate(C_bn, required_latitude(like.site.latitude))
@@ -95,7 +99,7 @@ def schedule_of(motion: Motion) -> RotationSchedule:
         made = read_rotation(motion.file)
     else:
         start = motion.start or {"x": "east", "y": "north", "z": "up"}
-        moves = tuple(Move(m.axis, m.angle, m.rate, m.stop) for m in motion.moves)
+        moves = motion.sweeps * tuple(Move(m.axis, m.angle, m.rate, m.stop) for m in motion.moves)
         try:
             made = RotationSchedule("scenario", (start["x"], start["y"], start["z"]), moves)
         except (KeyError, ValueError) as error:
@@ -108,10 +112,17 @@ def schedule_of(motion: Motion) -> RotationSchedule:
     )
 
 
-def flown(motion: Motion, setting: float, rng: np.random.Generator) -> Trajectory:
+def flown(motion: Motion, setting: float, rng: np.random.Generator) -> Path:
     """The trajectory as it truly is: the start a little off, and each axis set with an error at every stop."""
-    schedule = schedule_of(motion)
     tilt = motion.start_sigma * rng.standard_normal(3)
+    if motion.swing is not None:
+        swings = (motion.swing.heading, motion.swing.pitch, motion.swing.roll)
+        size, pace = (
+            np.array([0.0 if s is None else getattr(s, n) for s in swings]) for n in ("amplitude", "frequency")
+        )
+        start = motion.start or {"x": "north", "y": "east", "z": "down"}
+        return Swing(size, pace, exponential(-tilt) @ _standing(start), motion.duration)
+    schedule = schedule_of(motion)
     off = dict.fromkeys((m.axis for m in schedule.moves), 0.0)
     error = np.zeros(len(schedule.moves))
     for i, move in enumerate(schedule.moves):  # an axis that is set anew forgets how it was set before
@@ -121,7 +132,7 @@ def flown(motion: Motion, setting: float, rng: np.random.Generator) -> Trajector
 
 
 def shaken(
-    path: Trajectory, time: Array, step: float, sigma: float, rng: np.random.Generator,
+    path: Path, time: Array, step: float, sigma: float, rng: np.random.Generator,
     states: dict[tuple[str, str], Array],
 ) -> Array:  # fmt: skip
     """Force (n, 3) [m/s^2] of a place that quivers, velocity one `sigma` [m/s]; block after block.
@@ -138,3 +149,11 @@ def shaken(
         v[1:, i], states[key] = sample(GaussMarkov(sigma, QUIVER), rng, time, state=states.get(key))
     C_bn = path.at(time - step / 2)[0]
     return np.asarray(np.einsum("nji,nj->ni", C_bn, np.diff(v, axis=0) / step))
+
+
+def _standing(start: Mapping[str, str]) -> Array:
+    """C_bn (3, 3) of a unit whose axes point where the scenario says."""
+    try:
+        return standing(RotationSchedule("scenario", (start["x"], start["y"], start["z"]), ()).start)
+    except (KeyError, ValueError) as error:
+        raise InputError(f"schedule.start: {error}") from None

@@ -18,8 +18,8 @@ import numpy as np
 
 from gimbalcal.estimate.added import added
 from gimbalcal.navigate.bands import before_and_after
+from gimbalcal.navigate.outcome import CHANNELS, NAUTICAL_MILE
 from gimbalcal.navigate.space_stable import Aids
-from gimbalcal.navigate.static_run import CHANNELS, NAUTICAL_MILE
 from gimbalcal.number import Array
 from gimbalcal.pipeline import three_stage
 from gimbalcal.recording import Recording

@@ -114,8 +114,8 @@ COMPILED = [
     ("navigate.error_growth", "x[7] += h * (x[4]", "x[7] += h * (x[3]", "transitions", "23), F32"),
     ("navigate.error_growth", "turn[0, 2] * w[2]", "turn[2, 0] * w[2]", "transitions", "23), F16"),
     ("navigate.error_growth", "N[i, l] += q[j, c]", "N[i, l] += q[j, 0]", "transitions", "24"),
-    ("navigate.strapdown", "- (kd * v[0] - kn * v[2])", "- (kd * v[0] + kn * v[2])", "strapdown", "17"),
-    ("navigate.strapdown", "-v[1] * sL / (cL * RN)", "v[1] * sL / (cL * RN)", "strapdown", "17"),
+    ("navigate.strapdown", "- (kd * vn - kn * vd)", "- (kd * vn + kn * vd)", "strapdown", "17"),
+    ("navigate.strapdown", "-ve * sL / (cL * RN)", "ve * sL / (cL * RN)", "strapdown", "17"),
     ("inference.adjoint", "total -= cross", "total += cross", "smooth", "13"),
 ]
 

@@ -12,7 +12,7 @@ from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.design.budget import Budget, budget, still_base
 from gimbalcal.earth import normal_gravity
 from gimbalcal.errors import InputError
-from gimbalcal.navigate.static_run import navigated
+from gimbalcal.navigate.run import navigated
 from gimbalcal.pipeline import three_stage
 from gimbalcal.recording import Site
 from gimbalcal.simulate import simulate

@@ -14,14 +14,9 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.navigate.answer import content
 from gimbalcal.navigate.bands import bands, before_and_after
+from gimbalcal.navigate.outcome import CHANNELS, NAUTICAL_MILE, Navigated, labels
+from gimbalcal.navigate.run import navigated
 from gimbalcal.navigate.space_stable import Aids
-from gimbalcal.navigate.static_run import (
-    CHANNELS,
-    NAUTICAL_MILE,
-    Navigated,
-    labels,
-    navigated,
-)
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
 
@@ -140,7 +135,7 @@ def test_without_gimbals_there_is_no_attitude() -> None:
 def test_what_cannot_be_navigated_is_refused() -> None:
     run, _ = made()
     for wrong, sentence in (
-        (replace(run, kind="rotation"), "static run of a space-stable"),
+        (replace(run, kind="multi-position"), "static run of a space-stable"),
         (replace(run, site=replace(run.site, latitude=None)), "latitude"),
         (replace(run, site=replace(run.site, latitude=np.pi / 2)), "pole"),
         (run.select(slice(0, 2)), "too few"),

@@ -234,7 +234,7 @@ def test_a_long_run_is_written_in_blocks_as_parquet(tmp_path: Path, monkeypatch:
 
 
 def test_a_scenario_that_is_not_there_is_told_with_those_that_are(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="those are cai2016-18, demo, revolutions, turned-unit, wei"):
+    with pytest.raises(InputError, match="those are cai2016-18, cai2016-static, demo, revolutions"):
         simulate_to("nothing", tmp_path / "run")
     (tmp_path / "bad.toml").write_text("kind = ")
     with pytest.raises(InputError, match=r"bad\.toml is not TOML"):

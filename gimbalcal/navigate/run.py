@@ -1,0 +1,40 @@
+"""A recording navigated, whatever it is of: a platform that stands still among the stars, or a strapdown unit."""
+
+from __future__ import annotations
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.errors import InputError
+from gimbalcal.navigate.outcome import NONE, Navigated
+from gimbalcal.navigate.space_stable import ALONE, USUAL, Aids
+from gimbalcal.navigate.static_run import platform_navigated
+from gimbalcal.navigate.strapdown_run import unit_navigated
+from gimbalcal.recording import Recording
+
+
+def navigated(
+    recording: Recording, calibration: Calibration | None = None, aids: Aids = USUAL, label: str = NONE
+) -> Navigated:
+    """Errors of a navigation, of readings that a calibration corrects first where there is one.
+
+    Raises InputError for what cannot be navigated: positions, a static run of another platform, no latitude, no force
+    or, of a strapdown unit, no rates.
+    """
+    if recording.kind == "static-run":
+        return platform_navigated(recording, calibration, aids, label)
+    if recording.kind != "rotation":
+        raise InputError(
+            f"{recording.title!r} is a {recording.kind} recording; a static run of a space-stable platform is "
+            'navigated, or a strapdown unit that stays in its place (kind = "rotation", both triads, every sample)'
+        )
+    return unit_navigated(recording, calibration, aids, label)
+
+
+def usual(recording: Recording, damping: float | None = None, alignment: float = USUAL.alignment) -> Aids:
+    """The references of a navigation; where no damping is stated, a platform is damped and a strapdown unit is not."""
+    damped = (ALONE if is_strapdown(recording) else USUAL).damping if damping is None else damping
+    return Aids(damping=damped, alignment=alignment)
+
+
+def is_strapdown(recording: Recording) -> bool:
+    """Whether the unit's own gyroscopes carry its attitude."""
+    return recording.kind == "rotation"
