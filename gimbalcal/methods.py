@@ -11,17 +11,21 @@ from datetime import UTC, datetime
 
 import gimbalcal
 from gimbalcal.calibration import Calibration
+from gimbalcal.calibration.gravity import with_gravity
+from gimbalcal.calibration.sound import refuse_not_finite
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
 from gimbalcal.estimate.added import added
 from gimbalcal.estimate.cross_check import CrossCheck, cross_check
+from gimbalcal.estimate.grade import graded
 from gimbalcal.estimate.gyroscopes.against_attitude import gyroscopes_against_attitude
 from gimbalcal.estimate.gyroscopes.two_position import two_position
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.sessions import unit_of_sessions
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.pipeline import Source, Tell, load, silent, three_stage
+from gimbalcal.question import questioned
 from gimbalcal.recording import Recording
 
 ALONE = {"attitude": gyroscopes_against_attitude, "two-position": two_position}  # methods for gyroscopes alone
@@ -123,7 +127,24 @@ def _calibrated(
     recordings: tuple[Recording, ...], method: str, terms: Sequence[str], tell: Tell, more: Sequence[str],
     states: str = "51", grade: str = "",
 ) -> Calibration:  # fmt: skip
-    """One unit by `method`, with its provenance."""
+    """One unit by `method`, its constants held against those that such a unit has, with its provenance."""
+
+    def again(changed: Sequence[Recording]) -> Calibration:
+        return _estimated(tuple(changed), method, terms, silent, more, states, grade)
+
+    made = with_gravity(_estimated(recordings, method, terms, tell, more, states, grade), recordings)
+    if all(r.kind != "pointing" for r in recordings):
+        made = questioned(made, recordings, graded(recordings, grade), again)
+    made = replace(made, provenance=provenance(recordings, made, terms, more))
+    refuse_not_finite(made.to_dict(), " and ".join(repr(r.title) for r in recordings))
+    return made
+
+
+def _estimated(
+    recordings: tuple[Recording, ...], method: str, terms: Sequence[str], tell: Tell, more: Sequence[str],
+    states: str, grade: str,
+) -> Calibration:  # fmt: skip
+    """One unit by `method`."""
     if grade and (method != "three-stage" or any(r.kind == "pointing" for r in recordings)):
         raise InputError(
             f"--grade {grade} says how large errors are that the positions of gimbals do not show; other methods take "
@@ -161,7 +182,7 @@ def _calibrated(
             options = {**made.provenance.get("options", {}), "gyroscopes": why}
             made = replace(made, provenance={**made.provenance, "options": options})
             tell(f"note: the gyroscopes stay out: {why}")
-    return replace(made, provenance=provenance(recordings, made, terms, more))
+    return made
 
 
 def _navigated(

@@ -767,8 +767,11 @@ def test_an_odd_gravity_is_remarked(run: Run, tmp_path: Path) -> None:
     folder = copy(DEVICE, tmp_path / "rec", header("value = 9.8015", "value = 9.7515"))
     status, out, _ = run("calibrate", folder, "--quiet", "--json")
     assert status == 0
-    (remark,) = json.loads(out)["provenance"]["remarks"]
+    content = json.loads(out)
+    (remark,) = content["provenance"]["remarks"]
     assert "line 9: gravity 9.75151 m/s^2 is -5101 ppm off the 9.80" in remark
+    sigmas = [p["sigma"] for p in content["parameters"] if p["name"] == "scale_factor"]
+    assert min(sigmas) == pytest.approx(5101, rel=1e-3)  # nobody says that it was measured
 
 
 # --- symmetries -------------------------------------------------------------------------------------------------------

@@ -43,6 +43,22 @@ def refuse_unsound(rows: Sequence[Mapping[str, Any]], known: Sequence[Parameter]
     _refuse_covariance(rows, known, covariance)
 
 
+def refuse_not_finite(content: Mapping[str, Any], title: str) -> None:
+    """Raise InputError where a calibration of the recordings called `title` has a number that is none."""
+    named: list[tuple[str, Any]] = [
+        (f"{p['name']} {p['axis']}".strip(), (p["value"], p["sigma"])) for p in content["parameters"]
+    ]
+    left = content["residual"]
+    named += [("the residual", (left["chi2"], *left["rms"].values()))]
+    named += [("the covariance", np.ravel(np.asarray(content["covariance"], dtype=float)))]
+    for name, numbers in named:
+        if not np.isfinite(np.asarray(numbers, dtype=float)).all():
+            raise InputError(
+                f"no constants of this model fit {title}: {name} comes out as no number; check signs, axes and units "
+                "in [columns], and the site"
+            )
+
+
 def _refuse_covariance(rows: Sequence[Mapping[str, Any]], known: Sequence[Parameter], covariance: Any) -> None:
     n = len(rows)
     try:

@@ -8,6 +8,7 @@ from functools import partial
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.correction import refuse_other_gimbals
+from gimbalcal.calibration.gravity import with_gravity
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.both_triads import diagnose_both_triads, has_gyroscopes
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
@@ -19,11 +20,13 @@ from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import constants
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.grade import graded, refuse_for_mounts
+from gimbalcal.estimate.grade import Graded, graded, refuse_for_mounts
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.pointing.run import nights
 from gimbalcal.estimate.sessions import unit_of_sessions
-from gimbalcal.pipeline import Tell, silent
+from gimbalcal.estimate.unit import inertial_unit
+from gimbalcal.pipeline import Tell, silent, three_stage
+from gimbalcal.question import questioned
 from gimbalcal.recording import Recording, completed, join
 
 
@@ -56,7 +59,33 @@ def diagnose(
     unit = graded(recordings, grade)
     tell(unit.in_words)
     found = _judged(unit.of(recordings), calibration, tuple(baseline), seed, tell)
+    found = _questioned(found, recordings, unit)
     return replace(found, provenance={**found.provenance, "grade": unit.to_dict()})
+
+
+def _questioned(found: Diagnosis, recordings: Sequence[Recording], unit: Graded) -> Diagnosis:
+    """The diagnosis; where its refit has constants that no unit has, it asks whether that is so."""
+    if found.calibration is None:
+        return found
+    made = with_gravity(found.calibration, recordings)
+    asked = questioned(made, recordings, unit, _again)
+    question = asked.provenance.get("options", {}).get("question", "") if asked is not made else ""
+    if not question:
+        return replace(found, calibration=made)
+    return replace(
+        found,
+        calibration=asked,
+        outcome="; ".join(filter(None, [question, found.outcome])),
+        in_words=f"{found.in_words} But {question}.",
+    )
+
+
+def _again(recordings: Sequence[Recording]) -> Calibration:
+    """The usual constants of changed recordings."""
+    gimbals = all(r.platform.axes and r.kind != "rotation" for r in recordings)
+    if not gimbals and (len(recordings) > 1 or recordings[0].kind != "multi-position"):
+        raise InputError("there is no calibration that is quick enough to try slips with")
+    return three_stage(recordings) if gimbals else inertial_unit(recordings[0])
 
 
 def _judged(

@@ -31,7 +31,7 @@ and ADIS16488, Xsens MTi (industrial); InvenSense MPU-9150, Bosch BMI055, Analog
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -39,9 +39,17 @@ import numpy as np
 from gimbalcal.earth import G0
 from gimbalcal.effects.effect import CATALOGUE, GYROSCOPE_STAGES, SENSOR_STAGES, Parameter
 from gimbalcal.errors import InputError, alternatives
+from gimbalcal.units import to_si
 
 UG = 1e-6 * G0  # m/s^2
 DEG_ROOT_H = np.pi / 180 / 60  # rad/sqrt(s) of one deg/sqrt(h)
+
+FAR = 10.0  # usual sizes: rigs and raw units differ by some, a slip makes it hundreds
+BY_HAND = np.radians(3.0)  # how far mounts of raw triads lie; a real one by Xsens is 1.2 deg off
+DEG_H = np.pi / 180 / 3600
+TURN_ON: Mapping[str, float] = MappingProxyType({  # rad/s; of gyroscopes, whose bias at power-on noise does not tell
+    "navigation": 30 * DEG_H, "tactical": 1000 * DEG_H, "industrial": 1e4 * DEG_H, "consumer": 2e5 * DEG_H,
+})  # fmt: skip
 
 QUANTITIES: Mapping[str, str] = MappingProxyType({
     **dict.fromkeys(("ug", "ug/h", "ug/degC", "ug/(degC/h)", "ug/V", "ug/hPa"), "offset"),
@@ -76,6 +84,16 @@ class Grade:
             return 1.0
         sizes = self.gyroscope if stage in GYROSCOPE_STAGES else self.accelerometer
         return sizes.get(QUANTITIES.get(p.unit, "offset"), 1.0)
+
+    def most(self, p: Parameter) -> float:
+        """The size [SI] beyond which a constant is hardly one of a unit of this grade; infinite for no sensor's."""
+        cls = CATALOGUE[p.effect]
+        stated = next(f.metadata for f in fields(cls) if f.name == p.field)
+        of_sensors = cls.stage in GYROSCOPE_STAGES | SENSOR_STAGES and QUANTITIES.get(p.unit) != "placing"
+        if not of_sensors or stated["kind"] != "parameter":
+            return np.inf
+        least = {"arcsec": BY_HAND, "deg/h": TURN_ON[self.name] if p.effect == "gyro_bias" else 0.0}
+        return max(FAR * self.factor(p) * float(to_si(stated["sigma"], p.unit)), least.get(p.unit, 0.0))
 
     def usual(self, p: Parameter) -> Parameter:
         """The parameter with the prior sigma that it has in a unit of this grade."""

@@ -14,7 +14,7 @@ from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording.detection import detect
 from gimbalcal.recording.dwell import dwells
-from gimbalcal.recording.record import Key, Recording, Site, Source
+from gimbalcal.recording.record import ANYWHERE, Key, Recording, Source
 from gimbalcal.recording.samples import EMPTY
 from gimbalcal.recording.scatter import pooled
 from gimbalcal.units import is_raw
@@ -63,7 +63,7 @@ def still_positions(
         kind="multi-position",
         title=title,
         platform=BENCH,
-        site=Site(),
+        site=ANYWHERE,
         noise={},
         time=time,
         position=position,

@@ -19,7 +19,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.importers.table import one_file, only
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
-from gimbalcal.recording.record import Key, Recording, Site, Source
+from gimbalcal.recording.record import ANYWHERE, Key, Recording, Source
 from gimbalcal.recording.scatter import pooled
 
 _AXES = {"x": ("N", 1.0), "y": ("E", 1.0), "z": ("Z", -1.0)}  # Z of a seismometer is up
@@ -47,7 +47,7 @@ def import_tilt_table(files: Sequence[Path], options: Mapping[str, str]) -> Reco
         kind="rotation",
         title=path.stem,
         platform=BENCH,
-        site=Site(),
+        site=ANYWHERE,
         noise={},
         time=time,
         position=None,

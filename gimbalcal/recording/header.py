@@ -8,9 +8,10 @@ from math import pi
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
-from gimbalcal.earth import G0, normal_gravity
+from gimbalcal.earth import G0
 from gimbalcal.errors import InputError, alternatives
 from gimbalcal.platform import BENCH, KNOWN, Axis, Platform, known
+from gimbalcal.recording import gravity
 from gimbalcal.recording.columns import RATE_OF, Column, columns_of
 from gimbalcal.recording.document import Document, shortened
 from gimbalcal.recording.record import KINDS, SENSORS, Site
@@ -19,7 +20,6 @@ from gimbalcal.units import is_raw
 
 NAME = "recording.toml"
 LOWEST, HIGHEST = -12e3, 100e3  # m, from the deepest trench to the edge of space
-ANOMALY = 0.01  # m/s^2; gravity differs by less from its normal value at any place on the Earth
 
 
 @dataclass(frozen=True)
@@ -160,6 +160,7 @@ def _site(document: Document, kind: str) -> tuple[Site, tuple[str, ...]]:
     table = document.table("site")
     document.only("site", ("latitude", "height", "gravity"), table)
     quantities = {"latitude": "angle", "height": "height", "gravity": "gravity"}
+    table, sigma = _gravity_sigma(document, table)
     given = {key: document.number("site", key, entry, quantities[key]) for key, entry in table.items()}
     latitude, height = given.get("latitude"), given.get("height", 0.0)
     if latitude is not None and abs(latitude) > pi / 2 * (1 + 1e-12):
@@ -186,23 +187,42 @@ def _site(document: Document, kind: str) -> tuple[Site, tuple[str, ...]]:
             "the Earth (9.76 to 9.84 m/s^2); correct the value or its unit"
         )
     if "gravity" in given:
-        weighs = kind != "pointing"  # a telescope has no accelerometer that gravity scales
-        odd = _odd_gravity(document, latitude, height, given["gravity"]) if weighs else ()
-        return Site(latitude, height, given["gravity"]), odd
+        site = gravity.stated(latitude, given.get("height"), given["gravity"], sigma)
+        return site, _odd_gravity(document, site) if kind != "pointing" else ()
+    site = gravity.not_stated(latitude, given.get("height"))
     if latitude is not None:
-        return Site(latitude, height, float(normal_gravity(latitude, height))), ()
+        return site, ()
+    off = 1e6 * site.gravity_sigma / G0
     remark = f"{document.path}: neither gravity nor latitude is given in [site]; standard gravity {G0} m/s^2 is used"
-    return Site(None, height, G0), (remark,)
+    return site, (f"{remark}, good to {off:.0f} ppm, which every scale factor takes over",)
 
 
-def _odd_gravity(document: Document, latitude: float | None, height: float, gravity: float) -> tuple[str, ...]:
+def _gravity_sigma(document: Document, table: dict[str, Any]) -> tuple[dict[str, Any], float | None]:
+    """[site] without the sigma that may stand beside its gravity, and this sigma [m/s^2]."""
+    entry = table.get("gravity")
+    if not isinstance(entry, dict) or "sigma" not in entry:
+        return table, None
+    known = {**entry, "value": entry["sigma"]}
+    sigma = document.number("site", "gravity", {k: v for k, v in known.items() if k != "sigma"}, "gravity")
+    if sigma < 0:
+        raise InputError(
+            f"{document.where('site', 'gravity')}: the sigma of gravity is {sigma:g} m/s^2; give 0 or more"
+        )
+    return {**table, "gravity": {k: v for k, v in entry.items() if k != "sigma"}}, sigma
+
+
+def _odd_gravity(document: Document, site: Site) -> tuple[str, ...]:
     """A remark where the stated gravity is not that of the stated place: it goes straight into the scale factors."""
-    normal = gravity if latitude is None else float(normal_gravity(latitude, height))
-    if abs(gravity - normal) < ANOMALY:
+    off = gravity.odd(site)
+    if not off:
         return ()
-    off = 1e6 * (gravity / normal - 1)
-    remark = f"gravity {gravity:.6g} m/s^2 is {off:+.0f} ppm off the {normal:.6g} m/s^2 of this latitude and height"
-    return (f"{document.where('site', 'gravity')}: {remark}; the scale factors follow it",)
+    normal = site.gravity - off
+    told = f"gravity {site.gravity:.6g} m/s^2 is {1e6 * off / normal:+.0f} ppm off the {normal:.6g} m/s^2 of this"
+    held = "so is their sigma; if it was measured, write its sigma beside its unit"
+    after = (
+        f"latitude and height; the scale factors follow it{f', and {held}' if site.gravity_sigma >= abs(off) else ''}"
+    )
+    return (f"{document.where('site', 'gravity')}: {told} {after}",)
 
 
 def _platform(document: Document, kind: str) -> Platform:

@@ -65,13 +65,18 @@ def check_latitude(rests: Recording, force: Array) -> None:
     """The force of an inertially stable platform circles the Earth's axis at the height of the pole, the latitude."""
     if rests.kind != "static-run" or rests.platform != SPACE_STABLE_INERTIAL or rests.site.latitude is None:
         return
-    seen = float(np.median(np.arcsin(np.clip(force[:, 2] / np.linalg.norm(force, axis=1), -1, 1))))
+    seen = latitude_seen(force)
     if abs(seen - rests.site.latitude) > WRONG_PLACE:
         raise InputError(
             f"{named(rests)}: the force lies at {np.degrees(seen):.3g} deg to the Earth's axis, which is the latitude "
             f"of the place, and [site] says {np.degrees(rests.site.latitude):.3g} deg; correct the latitude, its sign "
             "or its unit"
         )
+
+
+def latitude_seen(force: Array) -> float:
+    """Height [rad] of the forces (n, 3) of an inertially stable platform above the Earth's equator."""
+    return float(np.median(np.arcsin(np.clip(force[:, 2] / np.linalg.norm(force, axis=1), -1, 1))))
 
 
 def check_sidereal(rests: Recording, force: Array) -> None:

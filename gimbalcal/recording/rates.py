@@ -41,7 +41,13 @@ MOST_TURNS = 40  # those that move the reference most: enough to tell 48 reading
 LONGEST = 4000  # steps of a turn; longer ones are taken in means
 FEWEST_RESTS = 8  # three of them go into the bias
 UNITS = ("rad/s", "deg/s", "deg/h", "mdeg/s", "rad/h")
-CLOCKS = {1e-3: "ms", 1e3: "s instead of ms"}  # seconds that a second of the stated unit really is
+CLOCKS = {
+    1e-3: "ms",
+    1e3: "s instead of ms",
+    1e-6: "us",
+    60.0: "min",
+    3600.0: "h",
+}  # seconds that a second of the stated unit really is
 COUNTS = np.geomspace(0.2, 20, 40)  # rad that a median turn may have, where nothing says how much a count is
 REVERSED = Change(signs=(-1, -1, -1))
 FAINT = 0.3  # of what no reading at all would leave: gyroscopes see the Earth where less remains

@@ -39,11 +39,16 @@ ANGLES = ("gimbal_angle", "attitude_error", "true_angle")
 
 @dataclass(frozen=True)
 class Site:
-    """Where the rig stands: latitude [rad] (None where it was not given), height [m], gravity [m/s^2]."""
+    """Where the rig stands: latitude [rad] (None where it was not given), height [m], gravity and its sigma [m/s^2]."""
 
     latitude: float | None = None
     height: float = 0.0
     gravity: float = G0
+    gravity_sigma: float = 0.0
+
+
+ANYWHERE = Site(gravity_sigma=0.015)
+"""Nobody has said where: gravity is anywhere from 9.780 to 9.832 m/s^2, NIMA TR8350.2, Table 3.4."""
 
 
 @dataclass(frozen=True)

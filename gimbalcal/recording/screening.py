@@ -29,7 +29,8 @@ from gimbalcal.recording.samples import Batch
 from gimbalcal.recording.stuck import longest_run, piled_up
 from gimbalcal.units import from_si, is_raw, to_si
 
-IMPOSSIBLE = 100.0  # m/s^2, some ten g, at rest
+IMPOSSIBLE = {"specific_force": 100.0, "angular_rate": 1.0}  # m/s^2, some ten g; rad/s, beyond any bias: at rest
+BEYOND = {"specific_force": 1e7, "angular_rate": 1e4, "attitude_error": 1e3}  # SI; no sensor reads so much anywhere
 GAP = 10.0  # times the usual step: longer ones end a run of rows
 LONGEST_STEP = 86400.0  # s; no run that goes on and on pauses for longer, and others say so
 STEADY = ("static-run", "rotation")  # kinds in which the time that passes between rows is part of the physics
@@ -288,19 +289,25 @@ class Screen:
 
     def _spikes(self) -> None:
         """A few rows at rest that read many g are faults of the logger; if most rows do, the unit is wrong instead."""
+        for each in self.sensors:
+            self._few_beyond(each, BEYOND[each.quantity], "any sensor can read", everywhere=True)
         if self.header.kind != "static-run" and (self.header.kind != "multi-position" or self.position is None):
             return  # on the move, a knock may be anything
         for each in self.sensors:
-            limit = from_si(IMPOSSIBLE, each.unit)
-            largest = max(abs(self.peaks[each.name, sign][0]) for sign in (1, -1))
-            if each.quantity != "specific_force" or is_raw(each.unit) or largest <= limit:
-                continue
-            x = self.whole(each.name)
-            still = self.whole(self.position.name) > 0 if self.position else np.ones(len(x), dtype=bool)
-            rows = np.flatnonzero(still & (np.abs(x) > limit))
-            if 0 < len(rows) < 0.5 * len(x):
-                others = f" (one of {len(rows)} such rows)" if len(rows) > 1 else ""
-                raise InputError(
-                    f"{self._place(int(rows[0]))}, column {each.name}: {x[rows[0]]:.6g} {each.unit} is beyond anything "
-                    f"that a unit at rest can read{others}; leave such rows out"
-                )
+            if each.quantity in IMPOSSIBLE:
+                self._few_beyond(each, IMPOSSIBLE[each.quantity], "a unit at rest can read")
+
+    def _few_beyond(self, each: Column, most: float, what: str, everywhere: bool = False) -> None:
+        """Refuse a few rows of a sensor, at rest or everywhere, that read more than `most` in SI."""
+        limit = from_si(most, each.unit)
+        if is_raw(each.unit) or max(abs(self.peaks[each.name, sign][0]) for sign in (1, -1)) <= limit:
+            return
+        x = self.whole(each.name)
+        still = self.whole(self.position.name) > 0 if self.position and not everywhere else np.ones(len(x), dtype=bool)
+        rows = np.flatnonzero(still & (np.abs(x) > limit))
+        if 0 < len(rows) < 0.5 * len(x):
+            others = f" (one of {len(rows)} such rows)" if len(rows) > 1 else ""
+            raise InputError(
+                f"{self._place(int(rows[0]))}, column {each.name}: {x[rows[0]]:.6g} {each.unit} is beyond anything "
+                f"that {what}{others}; leave such rows out"
+            )

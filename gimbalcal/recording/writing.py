@@ -15,7 +15,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform, known
 from gimbalcal.recording.header import NAME
-from gimbalcal.recording.record import SENSORS, Key, Recording, Site
+from gimbalcal.recording.record import ANYWHERE, SENSORS, Key, Recording, Site
 from gimbalcal.units import QUANTITIES, from_si, is_raw
 
 _SHORT = {"specific_force": "accel", "angular_rate": "gyro", "gimbal_angle": "", "attitude_error": "", "covariate": ""}
@@ -120,8 +120,10 @@ def _site(site: Site) -> list[str]:
     lines = ["[site]"]
     if site.latitude is not None:
         lines.append(f"latitude = {_number(from_si(site.latitude, 'deg'), 'deg')}")
-    if site != Site():  # nobody has said where it is: better to say so again on reading
-        lines += [f"height = {_number(site.height, 'm')}", f"gravity = {_number(site.gravity, 'm/s^2')}"]
+    if site not in (Site(), ANYWHERE):  # nobody has said where it is: better to say so again on reading
+        sigma = f", sigma = {site.gravity_sigma!r}" if site.gravity_sigma else ""
+        g = _number(site.gravity, "m/s^2").replace(", unit", f"{sigma}, unit")
+        lines += [f"height = {_number(site.height, 'm')}", f"gravity = {g}"]
     return lines
 
 

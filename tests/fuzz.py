@@ -1,0 +1,118 @@
+"""Spoils inputs of every kind and counts what gimbalcal does wrong with them.
+
+    python -m tests.fuzz                            10 000 inputs, all targets
+    python -m tests.fuzz --n 100000 --seed 7        more, other ones
+    python -m tests.fuzz --target tpoint,csv        only these (--help lists them)
+    python -m tests.fuzz --target csv --seed 7 --only 123 --keep DIR    one input again, its files kept in DIR
+
+Wrong is exit status 3, a traceback, a panic of an engine, a process that dies or hangs, a NaN in a result, a refusal
+that is not one sentence, or one that leaves something written. Exit status 1 where anything was wrong.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import selectors
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.fuzzing import seeds
+from tests.fuzzing.targets import TARGETS
+
+HANG = 60.0  # s
+RENEWED = 2000  # inputs of one worker
+
+
+class Worker:
+    """A process that runs inputs; it is replaced when it dies or hangs."""
+
+    def __init__(self, folder: Path) -> None:
+        environment = {**os.environ, "MPLBACKEND": "Agg", "OPENBLAS_NUM_THREADS": "1", "POLARS_MAX_THREADS": "1"}
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "tests.fuzzing.worker", str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL, text=True, env=environment,
+        )  # fmt: skip
+
+    def ask(self, name: str, seed: int, number: int) -> dict[str, Any]:
+        """What came of one input."""
+        assert self.process.stdin
+        assert self.process.stdout
+        self.process.stdin.write(json.dumps({"name": name, "seed": seed, "number": number}) + "\n")
+        self.process.stdin.flush()
+        with selectors.DefaultSelector() as waiting:
+            waiting.register(self.process.stdout, selectors.EVENT_READ)
+            if not waiting.select(HANG):
+                self.end()
+                return {"status": None, "wrong": "hang", "last": f"no answer within {HANG:g} s", "where": ""}
+        line = self.process.stdout.readline()
+        if not line:
+            code = self.process.wait()
+            return {"status": code, "wrong": "killed", "last": f"the process ended with {code}", "where": ""}
+        answer: dict[str, Any] = json.loads(line)
+        return answer
+
+    def end(self) -> None:
+        """Stop the process."""
+        self.process.kill()
+        self.process.wait()
+
+
+def fuzz(n: int, seed: int, names: list[str], tell: Any = print) -> tuple[Counter[str], list[dict[str, Any]]]:
+    """Run n inputs of the targets called `names`; returns how often each outcome came, and the finds."""
+    share = np.array([TARGETS[name].weight for name in names])
+    drawn = np.random.default_rng(seed).choice(len(names), size=n, p=share / share.sum())
+    counts: Counter[str] = Counter()
+    finds: list[dict[str, Any]] = []
+    with tempfile.TemporaryDirectory(prefix="fuzz-seeds-") as folder:
+        seeds.make(Path(folder))
+        worker, asked = Worker(Path(folder)), 0
+        for number, k in enumerate(drawn):
+            answer = worker.ask(names[k], seed, number)
+            asked += 1
+            counts[answer["wrong"] or f"exit {answer['status']}"] += 1
+            if answer["wrong"]:
+                finds.append({"target": names[k], "seed": seed, "number": number, **answer})
+                tell(json.dumps(finds[-1]))
+            if answer["wrong"] in ("hang", "killed") or asked >= RENEWED:
+                worker.end()
+                worker, asked = Worker(Path(folder)), 0
+        worker.end()
+    return counts, finds
+
+
+def main() -> int:
+    """Prints the finds as they come and what came of all; returns the exit status."""
+    reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    reader.add_argument("--n", type=int, default=10_000, help="how many inputs")
+    reader.add_argument("--seed", type=int, default=1)
+    reader.add_argument("--target", default="", help=f"comma-separated: {', '.join(TARGETS)}")
+    reader.add_argument("--only", type=int, default=None, help="one input of one target, in this process")
+    reader.add_argument("--keep", type=Path, default=None, help="folder for the files of that input")
+    given = reader.parse_args()
+    names = [name for name in given.target.split(",") if name] or list(TARGETS)
+    if unknown := set(names) - set(TARGETS):
+        reader.error(f"{', '.join(sorted(unknown))}: the targets are {', '.join(TARGETS)}")
+    if given.only is not None:
+        from tests.fuzzing.worker import run
+
+        with tempfile.TemporaryDirectory(prefix="fuzz-seeds-") as folder:
+            seeds.make(Path(folder))
+            print(json.dumps(run(names[0], given.seed, given.only, Path(folder), given.keep), indent=1))
+        return 0
+    began = time.perf_counter()
+    counts, finds = fuzz(given.n, given.seed, names, lambda line: print(line, flush=True))
+    print(f"{given.n} inputs in {time.perf_counter() - began:.0f} s: {dict(counts)}; {len(finds)} wrong")
+    return int(bool(finds))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,117 @@
+"""Runs inputs one after the other in this process, as its parent asks: a line of JSON in, a line of JSON out.
+
+A process of its own, so that a kill or a hang ends it and not the fuzzer.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import faulthandler
+import io
+import json
+import math
+import os
+import resource
+import shutil
+import sys
+import tempfile
+import traceback
+import warnings
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.fuzzing.targets import prepare
+
+MEMORY = 6_000_000_000  # bytes of address space: what wants more is a bomb
+
+
+def run(name: str, seed: int, number: int, seeds: Path, keep: Path | None = None) -> dict[str, Any]:
+    """One input: exit status, what was wrong ("" for nothing), the arguments, and the last line of stderr."""
+    rng = np.random.default_rng([seed, zlib.crc32(name.encode()), number])
+    place = Path(tempfile.mkdtemp(prefix="fuzz-"))
+    before = Path.cwd()
+    try:
+        arguments = prepare(name, seeds, place, rng)
+        if keep is not None:
+            shutil.copytree(place, keep, dirs_exist_ok=True)
+        os.chdir(place)
+        return {"arguments": arguments, **_judged(*_called(arguments), place)}
+    finally:
+        os.chdir(before)
+        shutil.rmtree(place, ignore_errors=True)
+
+
+def _called(arguments: list[str]) -> tuple[int, str, str]:
+    from gimbalcal import cli
+
+    out, err, status = io.StringIO(), io.StringIO(), 0
+    sys.argv = ["gimbalcal", *arguments]
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            cli.main()
+        except SystemExit as stop:
+            status = stop.code if isinstance(stop.code, int) else 0
+        except BaseException as problem:  # noqa: BLE001  an engine's panic is no Exception
+            status = 99
+            traceback.print_exception(problem, file=err)
+    return status, out.getvalue(), err.getvalue()
+
+
+def _judged(status: int, out: str, err: str, place: Path) -> dict[str, Any]:
+    lines = [line for line in err.strip().splitlines() if line.strip()]
+    last = next((line.strip() for line in reversed(lines) if not line.startswith("gimbalcal: this is a")), "")
+    wrong = ""
+    if status == 3:
+        wrong = "exit 3"
+    elif status == 99 or "panicked" in err:
+        wrong = "panic"
+    elif status not in (0, 1, 2):
+        wrong = f"exit {status}"
+    elif "Traceback" in err:
+        wrong = "traceback"
+    elif status == 2 and len(lines) != 1:
+        wrong = "not one sentence"
+    elif status == 2 and (place / "made").exists():
+        wrong = "written at exit 2"
+    elif status in (0, 1):
+        wrong = _not_a_number(out)
+    where = [line.strip() for line in lines if "/gimbalcal/" in line]
+    return {"status": status, "wrong": wrong, "last": last[:300], "where": where[-1] if where else ""}
+
+
+def _not_a_number(out: str) -> str:
+    """Whether a result on stdout has a NaN or an infinity anywhere."""
+    try:
+        found = json.loads(out)
+    except ValueError:
+        return ""
+    return "NaN in the result" if any(isinstance(x, float) and not math.isfinite(x) for x in _leaves(found)) else ""
+
+
+def _leaves(content: Any) -> Any:
+    if isinstance(content, (dict, list)):
+        for each in content.values() if isinstance(content, dict) else content:
+            yield from _leaves(each)
+    else:
+        yield content
+
+
+def main() -> None:
+    """Requests {"name", "seed", "number"} on stdin until it ends; what this process prints besides is thrown away."""
+    faulthandler.enable()
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    seeds = Path(sys.argv[1])
+    for line in sys.stdin:
+        asked = json.loads(line)
+        print(json.dumps(run(asked["name"], asked["seed"], asked["number"], seeds)), file=answers, flush=True)
+
+
+if __name__ == "__main__":
+    main()

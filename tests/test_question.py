@@ -1,0 +1,124 @@
+"""Constants that no unit has are a question, with the slip that explains them; the sigma of gravity is carried."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.effects import CATALOGUE, parameters, with_values
+from gimbalcal.effects.grade import GRADES
+from gimbalcal.estimate.grade import Graded
+from gimbalcal.methods import calibrate
+from gimbalcal.question import far
+from gimbalcal.recording import Recording, read, write
+
+DATA = Path(__file__).resolve().parent.parent / "data"
+
+
+@pytest.fixture(scope="module")
+def device() -> Recording:
+    r = read(DATA / "space_stable_18")
+    return r.select(np.arange(len(r.time)) % 10 == 0)
+
+
+@pytest.fixture(scope="module")
+def run() -> Recording:
+    return read(DATA / "space_stable_static")
+
+
+def scaled(r: Recording, axes: str, factor: float, quantity: str = "specific_force") -> Recording:
+    own = {(quantity, a): factor * r.channels[quantity, a] for a in axes}
+    return replace(r, channels={**r.channels, **own})
+
+
+def elsewhere(r: Recording, degrees: float) -> Recording:
+    return replace(r, site=replace(r.site, latitude=np.radians(degrees)))
+
+
+@pytest.mark.parametrize("degrees", [43.0, 38.5])
+def test_a_wrong_latitude_is_named(run: Recording, degrees: float) -> None:
+    made, _ = calibrate([elsewhere(run, degrees)])
+    assert f"every constant is usual if the latitude is 40 deg, not {degrees:g} deg" in made.outcome
+    assert "usual is below 5e+03" in made.outcome
+
+
+def test_a_gain_that_nothing_explains_is_asked_for(device: Recording) -> None:
+    for method in ("three-stage", "multiposition"):
+        made, _ = calibrate([scaled(device, "z", 1.1)], method)
+        assert made.outcome.startswith("scale factor z is -9.07")
+        assert "is that so?" in made.outcome
+
+
+@pytest.mark.parametrize("method", ["three-stage", "multiposition"])
+def test_a_sound_unit_is_not_asked_about(device: Recording, method: str) -> None:
+    assert calibrate([device], method)[0].outcome == ""
+
+
+def test_a_real_unit_is_not_asked_about() -> None:
+    assert calibrate([DATA / "xsens_positions"])[0].outcome == ""
+
+
+def test_what_is_not_of_the_sensors_may_have_any_size() -> None:
+    wanted = [p for e in ("gimbal_zero", "bias") for p in parameters(CATALOGUE[e], ("inner",))]
+    x = np.array([1.0, 1.0, 0.0, 0.0])  # a gimbal's zero of 57 deg; a bias of a tenth of gravity
+    made = Calibration("x", with_values((), wanted, x, ("inner",)), tuple(wanted), 1e-12 * np.eye(4), (), None)  # type: ignore[arg-type]
+    assert [made.parameters[i].label for i in far(made, Graded(GRADES["navigation"], ""))] == ["bias:x"]
+    assert not far(made, Graded(GRADES["consumer"], ""))
+
+
+def test_unseen_constants_at_their_prior_are_no_question() -> None:
+    wanted = parameters(CATALOGUE["bias"])
+    made = Calibration("x", with_values((), wanted, np.ones(3)), wanted, np.eye(3), (), None)  # type: ignore[arg-type]
+    assert not far(made, Graded(GRADES["navigation"], ""))
+
+
+# --- gravity ----------------------------------------------------------------------------------------------------------
+
+
+def sigmas(made: Calibration, effect: str) -> Sequence[float]:
+    return [s for p, s in zip(made.parameters, made.sigmas, strict=True) if p.effect == effect]
+
+
+SITES: dict[str, tuple[Callable[[str], str], float]] = {
+    "stated": (lambda t: t, 0.0),
+    "stated with a sigma": (lambda t: t.replace("gravity = { ", "gravity = { sigma = 9.8e-5, "), 10.0),
+    "from latitude and height": (lambda t: drop(t, "gravity"), 30.6),
+    "from latitude alone": (lambda t: drop(t, "gravity", "height"), 106.5),
+    "nobody says": (lambda t: drop(t, "gravity", "height", "latitude"), 1530.0),
+    "standard gravity at 40 deg": (lambda t: t.replace("9.801511710051052", "9.80665"), 524.3),
+    "off by 1000 ppm": (lambda t: t.replace("9.801511710051052", "9.8113"), 1000.0),
+}
+
+
+def drop(text: str, *keys: str) -> str:
+    return "\n".join(line for line in text.splitlines() if not line.startswith(keys))
+
+
+@pytest.mark.parametrize("site", SITES)
+def test_the_sigma_of_gravity_is_in_the_scale_factors_and_in_nothing_else(
+    device: Recording, tmp_path: Path, site: str
+) -> None:
+    change, ppm = SITES[site]
+    folder = write(device, tmp_path / "r")
+    sound, _ = calibrate([folder])
+    header = folder / "recording.toml"
+    header.write_text(change(header.read_text()))
+    made, (r,) = calibrate([folder])
+    own = np.array(sigmas(sound, "scale_factor"))
+    np.testing.assert_allclose(sigmas(made, "scale_factor"), np.hypot(own, 1e-6 * ppm), rtol=0.01)
+    np.testing.assert_allclose(sigmas(made, "bias"), sigmas(sound, "bias"), rtol=0.01)
+    _, (other,) = calibrate([write(r, tmp_path / "again")])  # a file that is written says the same
+    assert other.site.gravity_sigma == pytest.approx(r.site.gravity_sigma)
+
+
+def test_gravity_moves_the_scale_factors_by_what_their_sigma_says(device: Recording) -> None:
+    off = replace(device, site=replace(device.site, gravity=device.site.gravity * (1 + 50e-6)))
+    (a, _), (b, _) = calibrate([device]), calibrate([off])
+    moved = b.values - a.values
+    for p, x, s in zip(a.parameters, moved, a.sigmas, strict=True):
+        assert x == pytest.approx(50e-6 if p.effect == "scale_factor" else 0.0, abs=0.1 * s + 1e-9), p.label
