@@ -19,8 +19,8 @@ from gimbalcal.cli.files import apply, export, import_
 from gimbalcal.cli.history import compare, remember, stored
 from gimbalcal.cli.navigation import budget, navigate
 from gimbalcal.cli.new import new
-from gimbalcal.cli.options import COUNT, GRADE, RECORDINGS, SEED, example, listed, output_options, progress, show
-from gimbalcal.cli.placing import OVERWRITE, placed
+from gimbalcal.cli.options import COUNT, GRADE, RECORDINGS, SEED, example, listed, output_options, progress, show, wrote
+from gimbalcal.cli.placing import OVERWRITE, place, placed
 from gimbalcal.cli.planning import design, observe
 from gimbalcal.errors import InputError
 
@@ -111,24 +111,27 @@ gimbalcal.add_command(observe)
 )  # fmt: skip
 @GRADE
 @stored
-@output_options("calibration.json and report.html")
+@OVERWRITE
+@output_options("calibration.json and report.html", "NAME-calibration, here")
 def calibrate(
     recordings: tuple[Path, ...], method: str | None, terms: str, more: tuple[str, ...], states: str, grade: str,
-    store: Path | None, unit: str,
+    store: Path | None, unit: str, overwrite: bool,
     out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Estimate the sensors' errors, with their uncertainty, and say what the data do not show."""
     from gimbalcal.methods import calibrate_each
+    from gimbalcal.report.console import parameters_table
     from gimbalcal.report.files import write_calibration
     from gimbalcal.report.wording import answer
 
     tell = progress(quiet)
+    there = place(out, recordings, "calibration", ("calibration.json", "report.html"), overwrite, as_json)
     each = calibrate_each(recordings, method or "", listed(terms), tell, more, states, grade)
     for k, (calibration, loaded) in enumerate(each):
-        if out is not None:
-            place = out / loaded[0].sensor if k else out  # those beside the first have a folder of their own
-            write_calibration(calibration, loaded, place)
-            tell(f"wrote {place / 'calibration.json'} and {place / 'report.html'}")
+        if there is not None:
+            own = there.beside(loaded[0].sensor) if k else there  # those beside the first have a folder of their own
+            write_calibration(calibration, loaded, own.folder, question=own.question)
+            wrote(own.folder, "calibration.json", quiet)
         remember(store, unit, "calibration", calibration.to_dict())
     content = each[0][0].to_dict()
     if len(each) > 1:
@@ -136,8 +139,9 @@ def calibrate(
     sentences = [f"{r[0].title}: {answer(c.to_dict())}" if len(each) > 1 else answer(c.to_dict()) for c, r in each]
     checks = each[0][0].provenance["options"].get("cross_check", ())
     if not (as_json or quiet):
-        print("\n\n".join(str(c) for c, _ in each), end="\n\n")
-    show(content, " ".join([*sentences, *(f"{words[0].upper()}{words[1:]}." for words in checks)]), as_json, quiet)
+        print("\n\n".join(f"{r[0].title}\n{parameters_table(c.to_dict())}" for c, r in each), end="\n\n")
+    told = " ".join([*sentences, *(f"{words[0].upper()}{words[1:]}." for words in checks)])
+    show(content, told, as_json, quiet, there.page if there else None)
     sys.exit(1 if any(c.outcome for c, _ in each) else 0)
 
 
@@ -148,10 +152,11 @@ def calibrate(
 @GRADE
 @click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the simulated threshold.")
 @stored
-@output_options("diagnosis.json and report.html")
+@OVERWRITE
+@output_options("diagnosis.json, calibration.json and report.html", "NAME-diagnosis, here")
 def diagnose(
     recordings: tuple[Path, ...], known: Path | None, baseline: str, grade: str, seed: int,
-    store: Path | None, unit: str,
+    store: Path | None, unit: str, overwrite: bool,
     out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Say where the data differ from the model, which physics was left out, and what it changes."""
@@ -160,9 +165,12 @@ def diagnose(
     from gimbalcal.diagnose.cost import with_cost
     from gimbalcal.methods import by_sensor, held_together
     from gimbalcal.pipeline import load
+    from gimbalcal.report.console import findings_table
     from gimbalcal.report.files import write_diagnosis
 
     tell = progress(quiet)
+    files = ("diagnosis.json", "calibration.json", "report.html")
+    there = place(out, recordings, "diagnosis", files, overwrite, as_json)
     start = read_calibration(known) if known else None
     groups = by_sensor(load(recordings, tell))
     told = [
@@ -170,10 +178,11 @@ def diagnose(
     ]
     told = [with_cost(each, d, tell) for each, d in zip(groups, told, strict=True)]
     for k, (loaded, diagnosis) in enumerate(zip(groups, told, strict=True)):
-        if out is not None:
-            place = out / loaded[0].sensor if k else out  # those beside the first have a folder of their own
-            write_diagnosis(diagnosis, place, " and ".join(dict.fromkeys(r.title for r in loaded)))
-            tell(f"wrote {place / 'diagnosis.json'} and {place / 'report.html'}")
+        if there is not None:
+            own = there.beside(loaded[0].sensor) if k else there  # those beside the first have a folder of their own
+            title = " and ".join(dict.fromkeys(r.title for r in loaded))
+            write_diagnosis(diagnosis, own.folder, title, own.question)
+            wrote(own.folder, "diagnosis.json", quiet)
         remember(store, unit, "diagnosis", diagnosis.to_dict())
         if diagnosis.calibration is not None:
             remember(store, unit, "calibration", diagnosis.calibration.to_dict())
@@ -185,7 +194,9 @@ def diagnose(
         checks = held_together(refits, tell) if len(refits) == len(told) else []
         content["cross_check"] = [check.in_words for check in checks]
         sentences += [f"{check.in_words[0].upper()}{check.in_words[1:]}." for check in checks]
-    show(content, " ".join(sentences), as_json, quiet)
+    if not (as_json or quiet) and any(d.findings for d in told):
+        print("\n\n".join(findings_table(d.to_dict()) for d in told if d.findings), end="\n\n")
+    show(content, " ".join(sentences), as_json, quiet, there.page if there else None)
     explained = all(d.verdict == "adequate" and not d.outcome for d in told)
     sys.exit(0 if explained and all(c.agree for c in checks) else 1)
 

@@ -10,7 +10,8 @@ from typing import Any
 
 import click
 
-from gimbalcal.cli.options import F, example, output_options, progress, show
+from gimbalcal.cli.options import F, example, output_options, show, wrote
+from gimbalcal.cli.placing import OVERWRITE, place
 from gimbalcal.errors import InputError
 
 STORE = click.option(
@@ -46,10 +47,11 @@ def remember(store: Path | None, unit: str, kind: str, content: Mapping[str, Any
 @click.option(
     "--allow", multiple=True, metavar="NAME='VALUE UNIT'", help="How far a parameter may move until the next."
 )
-@output_options("compare.json, report.html, and all values as history.csv and history.parquet")
+@OVERWRITE
+@output_options("compare.json, report.html, and all values as history.csv and history.parquet", "NAME-history, here")
 def compare(
     calibrations: tuple[Path, ...], store: Path | None, unit: str, allow: tuple[str, ...],
-    out: Path | None, quiet: bool, as_json: bool,
+    overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """How the parameters of a unit move from calibration to calibration: CALIBRATIONS, those of a --store, or both."""
     from gimbalcal.history import compare as run
@@ -58,13 +60,16 @@ def compare(
 
     if store is None and not calibrations:
         raise InputError("`compare` takes calibration.json files, or a --store that holds some")
+    files = ("compare.json", "history.csv", "history.parquet", "report.html")
+    named = [unit] if unit else [store] if store is not None else [c.absolute().parent.name for c in calibrations]
+    there = place(out, named, "history", files, overwrite, as_json)
     kept, diagnoses = of_store(store, unit) if store is not None else ((), ())
     made = run([*kept, *(dated_file(c) for c in calibrations)], unit, dict(_allowed(a) for a in allow))
     content = made.to_dict()
-    if out is not None:
-        write_comparison(content, diagnoses, out)
-        progress(quiet)(f"wrote {out / 'compare.json'} and {out / 'report.html'}")
-    show(content, made.in_words, as_json, quiet)
+    if there is not None:
+        write_comparison(content, diagnoses, there.folder, there.question)
+        wrote(there.folder, "compare.json", quiet)
+    show(content, made.in_words, as_json, quiet, there.page if there else None)
     sys.exit(0 if made.agree else 1)
 
 

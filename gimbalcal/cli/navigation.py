@@ -6,7 +6,8 @@ from pathlib import Path
 
 import click
 
-from gimbalcal.cli.options import COUNT, SEED, example, output_options, progress, show
+from gimbalcal.cli.options import COUNT, SEED, example, output_options, progress, show, wrote
+from gimbalcal.cli.placing import OVERWRITE, place
 from gimbalcal.errors import InputError
 
 DAMPED = "Damping of Schuler's swing by the velocity reference, of critical; 0: none"
@@ -35,10 +36,11 @@ DAMPED = "Damping of Schuler's swing by the velocity reference, of critical; 0: 
 )
 @click.option("--samples", type=COUNT, default=50, show_default=True, help="Draws behind the sampled bands.")
 @click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the draws.")
-@output_options("navigation.json and report.html")
+@OVERWRITE
+@output_options("navigation.json and report.html", "NAME-navigation, here")
 def navigate(
     recording: tuple[Path, ...], known: tuple[Path, ...], damping: float | None, alignment: float, samples: int,
-    seed: int, out: Path | None, quiet: bool, as_json: bool,
+    seed: int, overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Navigate without a calibration and with each: what they are worth in position and attitude.
 
@@ -53,6 +55,7 @@ def navigate(
     from gimbalcal.report.files import write_navigation
 
     folder, files = _one_recording(recording, known)
+    there = place(out, [folder], "navigation", ("navigation.json", "report.html"), overwrite, as_json)
     tell = progress(quiet)
     (run,) = load([folder], tell)
     aids = usual(run, damping, 60 * alignment)
@@ -65,10 +68,10 @@ def navigate(
         "seed": seed,
     }
     made = content(runs, aids, provenance)
-    if out is not None:
-        write_navigation(made, runs, run.title, out)
-        tell(f"wrote {out / 'navigation.json'} and {out / 'report.html'}")
-    show(made, made["in_words"], as_json, quiet)
+    if there is not None:
+        write_navigation(made, runs, run.title, there.folder, there.question)
+        wrote(there.folder, "navigation.json", quiet)
+    show(made, made["in_words"], as_json, quiet, there.page if there else None)
 
 
 @click.command(epilog=example("gimbalcal budget wu2018-18 wu2018-static --hours 24 --out budget"))
@@ -79,9 +82,10 @@ def navigate(
 )  # fmt: skip
 @click.option("--with", "more", multiple=True, metavar="EFFECT", help="An effect that the calibration holds too.")
 @click.option("--damping", type=click.FloatRange(min=0, max=5), default=0.5, show_default=True, help=f"{DAMPED}.")
-@output_options("budget.json and report.html")
+@OVERWRITE
+@output_options("budget.json and report.html", "NAME-budget, here")
 def budget(
-    scenarios: tuple[Path, ...], hours: tuple[float, ...], more: tuple[str, ...], damping: float,
+    scenarios: tuple[Path, ...], hours: tuple[float, ...], more: tuple[str, ...], damping: float, overwrite: bool,
     out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Say what a calibration by these SCENARIOS leaves of position error, parameter by parameter, before it is made."""
@@ -89,11 +93,12 @@ def budget(
     from gimbalcal.navigate.space_stable import Aids
     from gimbalcal.report.files import write_budget
 
-    made, tell = run(scenarios, hours, more, Aids(damping=damping)), progress(quiet)
-    if out is not None:
-        write_budget(made, out)
-        tell(f"wrote {out / 'budget.json'} and {out / 'report.html'}")
-    show(made.to_list(), made.in_words, as_json, quiet)
+    there = place(out, scenarios, "budget", ("budget.json", "report.html"), overwrite, as_json)
+    made = run(scenarios, hours, more, Aids(damping=damping))
+    if there is not None:
+        write_budget(made, there.folder, there.question)
+        wrote(there.folder, "budget.json", quiet)
+    show(made.to_list(), made.in_words, as_json, quiet, there.page if there else None)
 
 
 def _one_recording(given: tuple[Path, ...], known: tuple[Path, ...]) -> tuple[Path, list[Path]]:

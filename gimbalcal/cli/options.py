@@ -63,13 +63,19 @@ def progress(quiet: bool) -> Callable[[str], None]:
     return tell
 
 
-def show(result: Any, sentence: str, as_json: bool, quiet: bool) -> None:
-    """Print the answer on stdout: the sentence, or the result as JSON with the sentence as progress."""
+def show(result: Any, sentence: str, as_json: bool, quiet: bool, page: Path | None = None) -> None:
+    """Print the answer on stdout: the sentence and where its page is, or the result as JSON, the rest as progress."""
+    said = [sentence, *([] if page is None else [f"report: {page}"])]
     if as_json:
         print(json.dumps(result))
-        progress(quiet)(sentence)
+        progress(quiet)("\n  ".join(said))
     else:
-        print(sentence)
+        print("\n".join(said))
+
+
+def wrote(folder: Path, first: str, quiet: bool) -> None:
+    """Tell what was written."""
+    progress(quiet)(f"wrote {folder / first} and {folder / 'report.html'}")
 
 
 RECORDINGS = click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))

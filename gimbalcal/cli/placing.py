@@ -1,11 +1,24 @@
-"""Where a command writes what a person may have made by hand: nothing of theirs is replaced unawares."""
+"""Where results go, and one rule of replacing: what somebody made is replaced when they say so, or by the same again.
+
+Every command has a folder of its own that it names, so that nothing computed is lost. What is there already is
+
+* replaced, where it is this command's own earlier answer to the same question, or equal to what is written;
+* left alone otherwise: the command stops before it computes and names --overwrite; where the folder was not given with
+  --out, it takes the next name that is free.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import hashlib
+import json
+import os
+import re
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from filecmp import cmp
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -13,6 +26,83 @@ from gimbalcal import atomic
 from gimbalcal.errors import InputError
 
 OVERWRITE = click.option("--overwrite", is_flag=True, help="Replace files in --out that differ from what is written.")
+TELLING = {"out", "quiet", "as_json", "overwrite", "store", "unit", "workers"}  # options that change no result
+PAGE = "report.html"
+
+
+@dataclass(frozen=True)
+class Place:
+    """A folder that results may go into, and the question they answer, which marks their page."""
+
+    folder: Path
+    question: str
+
+    @property
+    def page(self) -> Path:
+        """The report."""
+        return self.folder / PAGE
+
+    def beside(self, name: str) -> Place:
+        """A folder within this one, for a sensor that was logged beside the first."""
+        return Place(self.folder / name, self.question)
+
+
+def place(
+    out: Path | None, names: Sequence[str | Path], noun: str, files: Sequence[str], overwrite: bool, as_json: bool
+) -> Place | None:
+    """The folder for this command's `files`: --out, or NAME-`noun` here after what it reads.
+
+    None where nothing is to be written: the result goes to stdout as JSON, or the current folder cannot be written.
+    Raises InputError where --out holds the answer to another question and `overwrite` is not asked for.
+    """
+    question = _question()
+    if out is not None:
+        other = _others(out, files, question)
+        if other and not overwrite:
+            from gimbalcal.report.wording import listed
+
+            raise InputError(
+                f"{out} already holds {listed(other)} of another question, which would be lost; give another --out, or "
+                "--overwrite to replace"
+            )
+        return Place(out, question)
+    if as_json or not os.access(Path(), os.W_OK):
+        return None
+    folder, k = Path(f"{_name(names)}-{noun}"), 1
+    while folder.exists() and (not folder.is_dir() or (_others(folder, files, question) and not overwrite)):
+        k += 1
+        folder = Path(f"{_name(names)}-{noun}-{k}")
+    return Place(folder, question)
+
+
+def _question() -> str:
+    """What this run of the command line asks, as a name: the command and a digest of everything that decides."""
+    context = click.get_current_context()
+    asked = {k: _plain(v) for k, v in sorted(context.params.items()) if k not in TELLING}
+    digest = hashlib.sha256(json.dumps([context.info_name, asked], sort_keys=True).encode()).hexdigest()
+    return f"{context.info_name} {digest[:16]}"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    return str(value.absolute()) if isinstance(value, Path) else value
+
+
+def _others(folder: Path, files: Sequence[str], question: str) -> list[str]:
+    """Those of `files` that are in the folder and answer another question than this one."""
+    from gimbalcal.report.html import question_of
+
+    there = [name for name in files if (folder / name).exists()]
+    return there if there and question_of(folder / PAGE) != question else []
+
+
+def _name(names: Sequence[str | Path]) -> str:
+    """A folder's name after what is read: its first name, and how many others there are."""
+    plain = [re.sub(r"[^\w.+-]+", "-", Path(n).resolve().stem if Path(n).suffix == ".toml" else Path(n).resolve().name)
+             for n in names]  # fmt: skip
+    first = plain[0].strip("-.") or "result"
+    return f"{first}-and-{plain[1] if len(plain) == 2 else f'{len(plain) - 1}-more'}" if len(plain) > 1 else first
 
 
 @contextmanager

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from gimbalcal.cli.options import COUNT, SEED, example, listed, output_options, progress, show
-from gimbalcal.cli.placing import OVERWRITE, placed
+from gimbalcal.cli.options import COUNT, SEED, example, listed, output_options, progress, show, wrote
+from gimbalcal.cli.placing import OVERWRITE, place, placed
 from gimbalcal.errors import InputError
 
 POSITIVE = click.FloatRange(min=0, min_open=True)
@@ -23,6 +23,10 @@ FORCE_NOISE = click.option(
 VELOCITY = click.option(
     "--velocity-sigma", default=1e-5, type=POSITIVE, show_default=True, help="Of turns: how still the place is, m/s."
 )
+FORCE_SIGMA = click.option(
+    "--force-sigma", default=2.0, type=POSITIVE, show_default=True,
+    help="Noise of the mean force of one position, or of ten minutes of a static run, ug.",
+)  # fmt: skip
 
 
 @click.command(
@@ -35,42 +39,43 @@ VELOCITY = click.option(
 @click.option(
     "--angle-sigma", default=1.0, type=POSITIVE, show_default=True, help="Setting error of a position, arcsec."
 )
-@click.option(
-    "--force-sigma", default=2.0, type=POSITIVE, show_default=True, help="Noise of the mean force of a position, ug."
-)
+@FORCE_SIGMA
 @click.option("--latitude", default=40.0, show_default=True, help="Static runs and schedules of turns: where, deg.")
 @click.option("--candidates", default="", help="Comma-separated effects that may be there besides: would they show?")
 @TURNING_STATES
 @RATE_NOISE
 @FORCE_NOISE
 @VELOCITY
-@output_options("observability.json and, for a schedule of turns, report.html")
+@OVERWRITE
+@output_options("observability.json and report.html", "NAME-observability, here")
 def observe(
     schedule: str, angle_sigma: float, force_sigma: float, latitude: float, candidates: str, states: str,
-    rate_noise: float, force_noise: float, velocity_sigma: float, out: Path | None, quiet: bool, as_json: bool,
+    rate_noise: float, force_noise: float, velocity_sigma: float, overwrite: bool,
+    out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Say what SCHEDULE can and cannot see, before anything is recorded: a name, a schedule.toml, or static-48h."""
-    from gimbalcal.atomic import write_json
+    from gimbalcal.report.files import write_observability, write_plan
     from gimbalcal.schedule.file import is_rotation
 
+    there = place(out, [schedule], "observability", ("observability.json", "report.html"), overwrite, as_json)
     if is_rotation(schedule):
         from gimbalcal.design.turning_observability import observe_turning
 
         if candidates:
             raise InputError("--candidates is for positions; of a schedule of turns name them among --states")
         turned = observe_turning(schedule, latitude, states, rate_noise, force_noise, velocity_sigma)
-        if out is not None:
-            from gimbalcal.report.files import write_observability
-
-            write_observability(turned.to_dict(), out)
-        show(turned.to_dict(), turned.in_words, as_json, quiet)
+        if there is not None:
+            write_observability(turned.to_dict(), there.folder, there.question)
+            wrote(there.folder, "observability.json", quiet)
+        show(turned.to_dict(), turned.in_words, as_json, quiet, there.page if there else None)
         return
     from gimbalcal.design.observability import observe_any
 
     seen = observe_any(schedule, angle_sigma, force_sigma, latitude, listed(candidates))
-    if out is not None:
-        write_json(out / "observability.json", seen.to_dict())
-    show(seen.to_dict(), seen.in_words, as_json, quiet)
+    if there is not None:
+        write_plan(seen.to_dict(), there.folder, there.question)
+        wrote(there.folder, "observability.json", quiet)
+    show(seen.to_dict(), seen.in_words, as_json, quiet, there.page if there else None)
 
 
 @click.command(
@@ -86,7 +91,7 @@ def observe(
 )
 @click.option("--step", default=45.0, type=POSITIVE, show_default=True, help="Angles of an axis: multiples, deg.")
 @click.option("--angle-sigma", type=float, default=None, help="Setting error, arcsec; left out: no angle is known.")
-@click.option("--force-sigma", default=1.0, show_default=True, help="Noise of the mean force of a position, ug.")
+@FORCE_SIGMA
 @click.option("--terms", default="", help="Comma-separated effects to estimate (default: the baseline).")
 @click.option("--separate", default="", help="Comma-separated effects that the schedule should tell apart.")
 @click.option(
@@ -108,7 +113,7 @@ def observe(
 @click.option("--tries", default=4000, type=COUNT, show_default=True, help="Of turns: candidates to look at.")
 @click.option("--seed", type=SEED, default=1, show_default=True, help="Of turns: of the search.")
 @OVERWRITE
-@output_options("schedule.toml")
+@output_options("schedule.toml and report.html", "PLATFORM-schedule, here")
 def design(
     kind: str, platform: str, positions: int, step: float, angle_sigma: float | None, force_sigma: float, terms: str,
     separate: str, criterion: str | None, states: str, total: float, rate: float, ramp: float, limit: float,
@@ -117,7 +122,11 @@ def design(
 ) -> None:  # fmt: skip
     """Choose what sees most under a rig's limits: positions that separate effects, or a sequence of turns."""
     from gimbalcal.atomic import write
+    from gimbalcal.report.html import marked
+    from gimbalcal.report.plan_page import design_report
 
+    named = [platform if kind == "positions" else "turns"]
+    there = place(out, named, "schedule", ("schedule.toml", "report.html"), overwrite, as_json)
     if kind == "rotation":
         from gimbalcal.design.turning_design import design_turning, table_of
         from gimbalcal.schedule.file import rotation_toml
@@ -127,7 +136,7 @@ def design(
             table_of(step, limit, rate, ramp, total), latitude, states, listed(against), criterion or "max",
             (rate_noise, force_noise, velocity_sigma), tries, seed, progress(quiet),
         )  # fmt: skip
-        text = rotation_toml(turned)
+        text, drawn = rotation_toml(turned), None
     else:
         from gimbalcal.design.optimal import design as run
         from gimbalcal.design.optimal import rig_of
@@ -136,12 +145,13 @@ def design(
         _only(criterion, ("D", "A"), kind)
         rig = rig_of(platform, step, angle_sigma, force_sigma)
         schedule, seen = run(rig, positions, listed(terms), criterion or "D", listed(separate))
-        text = schedule_toml(schedule)
-    if out is not None:
-        with placed(out, overwrite) as new:
+        text, drawn = schedule_toml(schedule), schedule
+    if there is not None:
+        with placed(there.folder, overwrite) as new:
             write(new / "schedule.toml", text)
-        progress(quiet)(f"wrote {out / 'schedule.toml'}")
-    show(seen, seen["in_words"], as_json, quiet)
+            write(new / "report.html", marked(design_report(seen, drawn), there.question))
+        wrote(there.folder, "schedule.toml", quiet)
+    show(seen, seen["in_words"], as_json, quiet, there.page if there else None)
 
 
 def _only(criterion: str | None, known: tuple[str, str], kind: str) -> None:

@@ -39,6 +39,7 @@ from gimbalcal.schedule.file import read_schedule
 from gimbalcal.units import from_si, to_si
 
 PARALLEL = 0.99  # |cos| above which two are confounded: telling them apart takes 7 times the signal of seeing one
+HELD = 600.0  # s, a position of Wu et al. (2018): what the noise of a mean is told for
 STATIC_ROWS = 289  # 10 min apart over 48 h: thinning, with the weight kept, leaves the information of slow signals
 
 
@@ -166,7 +167,8 @@ def observe_any(
 ) -> Observability:
     """What the command line asks: a multi-position schedule, or a static run such as "static-48h".
 
-    angle_sigma [arcsec], force_sigma [ug], latitude [deg]; a static run takes them as noise of a one-minute mean.
+    angle_sigma [arcsec], force_sigma [ug]: of the mean over one position, or over as long of a static run (`HELD`);
+    latitude [deg].
     """
     run = re.fullmatch(r"static-(\d+(?:\.\d+)?)h", schedule)
     if run is None:
@@ -175,7 +177,7 @@ def observe_any(
         raise InputError(f"--latitude must be between -90 and 90 deg, got {latitude:g}")
     angle = to_si(angle_sigma, "arcsec")
     noise = {"accelerometer": to_si(force_sigma, "ug"), "gimbal_angle": angle, "attitude": angle}
-    return observe_static(float(run[1]), np.deg2rad(latitude), noise, candidates=candidates, sample_s=60.0)
+    return observe_static(float(run[1]), np.deg2rad(latitude), noise, candidates=candidates, sample_s=HELD)
 
 
 def static_plan(hours: float, latitude: float, sample_s: float, rows: int = STATIC_ROWS) -> Recording:

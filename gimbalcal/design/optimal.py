@@ -71,7 +71,7 @@ def free_rig(platform: Platform, step: float = np.pi / 4, **options: Any) -> Rig
     return Rig(platform, {a.name: grid(-np.pi, np.pi, step) for a in turning}, **options)
 
 
-def rig_of(name: str, step: float, setting: float | None, force: float = 1.0) -> Rig:
+def rig_of(name: str, step: float, setting: float | None, force: float = 2.0) -> Rig:
     """The rig of a known platform in steps of `step` [deg], set to `setting` [arcsec] (None: no angle is known).
 
     force [ug]: noise of one position's mean. Raises InputError for a platform that is not known, a step that does not
@@ -230,7 +230,7 @@ def report(
         name: _against(own, value(r, criterion, everything), len(made.holds), len(r), criterion, sigma, s)
         for name, (s, _, r) in others.items()
     }
-    lines = [f"{amount(len(made.holds), 'position')} chosen out of {candidates}"]
+    lines = [f"{amount(len(made.holds), 'position')}, chosen among {amount(candidates, 'attitude')} that differ"]
     lines += [f"against {name}: {a['in_words']}" for name, a in against.items()]
     lines += [f"not seen: {u.why}" for u in unobservable] + unsupported(wanted, sigma)
     return {

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from gimbalcal.calibration import Calibration
+from gimbalcal.effects import Stimulus
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
+from gimbalcal.units import from_si
 
 if TYPE_CHECKING:
     import polars as pl
@@ -19,13 +23,38 @@ VERDICTS = ("adequate", "not-identifiable", "unexplained", "missing-physics")  #
 
 @dataclass(frozen=True)
 class Curves:
-    """Residuals of one recording for a picture: time (n,) s, position (n,), channels, residual in sigma (n, C)."""
+    """Residuals of one recording for a picture: time (n,) s, position (n,), channels, residual in sigma (n, C).
+
+    sigma (n, C) in `units` of each channel makes them physical; `against` is what a person would plot them over, a name
+    with its unit to (n,).
+    """
 
     time: Array
     position: Array
     channels: tuple[tuple[str, str], ...]
     before: Array
     after: Array
+    sigma: Array | None = None
+    units: tuple[str, ...] = ()
+    against: Mapping[str, Array] = field(default_factory=dict)
+
+
+PRINTED = {"specific_force": "ug", "angular_rate": "deg/h"}  # units of residuals; angles are in arcsec
+
+
+def in_print(channels: Sequence[tuple[str, str]], sigma: Array) -> tuple[Array, tuple[str, ...]]:
+    """One sigma (n, C) of SI channels in printed units, and those units."""
+    units = tuple(PRINTED.get(quantity, "arcsec") for quantity, _ in channels)
+    columns = [from_si(s, u) for s, u in zip(np.asarray(sigma).T, units, strict=True)]
+    return np.stack(columns, axis=-1), units
+
+
+def plotted_against(s: Stimulus) -> dict[str, Array]:
+    """What a residual may follow, in printed units: temperature, other logged channels, readouts that move."""
+    told = {} if s.temperature is None else {"temperature [°C]": s.temperature}
+    told |= {f"{name.replace('_', ' ')} (as logged)": v for name, v in s.covariates.items()}
+    told |= {f"{name.replace('_', ' ')} [°]": np.degrees(s.readout[:, i]) for i, name in enumerate(s.axis_names)}
+    return {name: np.asarray(v) for name, v in told.items() if np.ptp(v) > 1e-6 * max(1.0, float(np.abs(v).max()))}
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import numpy as np
 import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import wording
-from gimbalcal.diagnose.answer import Curves, Diagnosis
+from gimbalcal.diagnose.answer import Curves, Diagnosis, in_print, plotted_against
 from gimbalcal.diagnose.evidence.noise import nodes, settle
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.library.candidates import Candidate
@@ -177,7 +177,21 @@ def measured(
         "calibration_moved": moved(s, f) if f.index else [],
     }
     left, rest = residual_rows(s.o, physical, f.x)
-    return before, fitted, Curves(s.o.stimulus.time, s.o.stimulus.position, s.o.channels, left, rest)
+    sigma, units = in_print(s.o.channels, np.broadcast_to(s.o.sigma, left.shape))
+    return (
+        before,
+        fitted,
+        Curves(
+            s.o.stimulus.time,
+            s.o.stimulus.position,
+            s.o.channels,
+            left,
+            rest,
+            sigma,
+            units,
+            plotted_against(s.o.stimulus),
+        ),
+    )
 
 
 def findings(s: Search, d: Decision, f: FittedCauses) -> tuple[dict[str, Any], ...]:

@@ -16,7 +16,7 @@ import numpy as np
 import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import wording
-from gimbalcal.diagnose.answer import VERDICTS, Curves, Diagnosis
+from gimbalcal.diagnose.answer import VERDICTS, Curves, Diagnosis, plotted_against
 from gimbalcal.diagnose.rows.baseline import by_triad
 from gimbalcal.diagnose.rows.in_place import in_place, turned_in_place
 from gimbalcal.diagnose.rows.slews import lateness, view_of_slews
@@ -136,6 +136,7 @@ class Told:
     fit: dict[str, Any]
     before: Array
     after: Array
+    sigma: Array  # (n, C) of a row, SI
     model: Model
 
 
@@ -163,7 +164,7 @@ def told_of(v: View, c: Course, tell: Tell) -> Told:
         verdict = "not-identifiable"  # what was named makes rows that took no part worse
     mismatch = () if verdict == "adequate" else mismatches(v, c.start, sigma)
     before, after = c.start.r / sigma, c.described.r / sigma
-    return Told(v, verdict, mismatch, found, shapes, fit, before, after, c.end)
+    return Told(v, verdict, mismatch, found, shapes, fit, before, after, sigma, c.end)
 
 
 def _sigma(v: View, end: Model) -> Array:
@@ -294,4 +295,9 @@ def curves_of(t: Told) -> Curves:
     n = len(t.before)
     time = t.view.recording.time - t.view.recording.time[0]
     number = np.ones(n) if t.view.name in ("table", "navigation") else np.arange(1, n + 1)
-    return Curves(time, number, t.view.channels, t.before, t.after)
+    sigma = np.asarray(from_si(t.sigma, t.view.unit))
+    units = (t.view.unit,) * len(t.view.channels)
+    return Curves(
+        time, number, t.view.channels, t.before, t.after, sigma, units, plotted_against(t.view.stimulus)
+        if len(t.view.stimulus.time) == n else {},
+    )  # fmt: skip

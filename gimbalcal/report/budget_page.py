@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import numpy as np
 
 import gimbalcal
 from gimbalcal.design.budget import Budget
 from gimbalcal.references import cite
 from gimbalcal.report import wording
+from gimbalcal.report.chart import Chart
+from gimbalcal.report.figures import tornado
 from gimbalcal.report.html import picture, render
 from gimbalcal.report.rounding import significant
 from gimbalcal.units import from_si
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 LEAST = 0.02  # of the longest bar: shorter ones are in the table
 
@@ -43,7 +42,7 @@ def budget_report(made: Budget) -> str:
         "answer": f"{words[0].upper()}{words[1:]}.",
         "facts": facts,
         "picture": picture(
-            tornado(made),
+            _tornado(made),
             f"Bars: position error by each parameter, {rows[0]['name']} the longest with {rows[0]['parts'][-1]} m.",
             f"What would be gone of the position error of {made.hours[-1]:g} h if a parameter were known exactly (one "
             "sigma), and what the best manoeuvre for it would leave (orange). The squares of bars add up where "
@@ -56,26 +55,12 @@ def budget_report(made: Budget) -> str:
     return render("budget.html", context)
 
 
-def tornado(made: Budget) -> Figure:
-    """Bars of the position error [m] by parameter, both ways as it may go, the longest on top."""
-    import matplotlib as mpl
-
-    from gimbalcal.report.style import BLUE, FULL, INK, ORANGE, STYLE, empty
-
+def _tornado(made: Budget) -> Chart:
+    """Bars of the position error [m] by parameter, the longest on top."""
     shown = [int(i) for i in made.order if made.parts[-1, i] > LEAST * made.parts[-1].max()]
-    with mpl.rc_context(STYLE):
-        figure = empty(FULL, 0.9 + 0.24 * (len(shown) + 1))
-        ax = figure.subplots()
-        names = [wording.label_in_words(made.parameters[i].label) for i in shown]
-        y = range(len(shown))
-        part = [float(made.parts[-1, i]) for i in shown]
-        left = [float(made.manoeuvres[i]["to_m"]) for i in shown]
-        ax.barh(y, [2 * p for p in part], left=[-p for p in part], height=0.66, color=BLUE, label="as planned")
-        ax.barh(y, [2 * p for p in left], left=[-p for p in left], height=0.22, color=ORANGE,
-                label="with the best manoeuvre for it")  # fmt: skip
-        ax.set_yticks(list(y), names)
-        ax.invert_yaxis()
-        ax.axvline(0, color=INK, lw=0.6)
-        ax.set_xlabel(f"position error within {made.hours[-1]:g} h [m], one sigma")
-        figure.legend(loc="outside upper left", ncols=2)
-        return figure
+    return tornado(
+        [wording.label_in_words(made.parameters[i].label) for i in shown],
+        np.array([float(made.parts[-1, i]) for i in shown]),
+        np.array([float(made.manoeuvres[i]["to_m"]) for i in shown]),
+        f"position error within {made.hours[-1]:g} h [m], one σ",
+    )

@@ -15,7 +15,8 @@ from gimbalcal.errors import amount
 from gimbalcal.recording import SENSORS, Recording
 from gimbalcal.references import cite
 from gimbalcal.report import wording
-from gimbalcal.report.html import Picture, picture, render
+from gimbalcal.report.chart import sensible_time
+from gimbalcal.report.html import Picture, formula, picture, render
 from gimbalcal.report.navigation import navigation_facts, navigation_pictures
 from gimbalcal.report.parameter_rows import nominal_in_words, rows
 from gimbalcal.report.pointing import named_terms, night_by_night, pointing_picture
@@ -137,8 +138,8 @@ def _position_pictures(r: Recording, made: Calibration) -> tuple[Picture, list[P
         figures.residuals_by_position(e.labels, e.before, e.after, e.sigma, e.axes, unit),
         f"Residuals of {wording.counted(len(e.labels), 'position')} by axis: {before} {unit} rms before, "
         f"{after} {unit} rms after.",
-        f"Measured minus model at each position of “{r.title}”: with perfect sensors (left), with the calibration "
-        f"(right, its own scale{circled}).",
+        f"Measured minus model at each position of “{r.title}”: before, against perfect sensors, and after, with the "
+        f"calibration (each with its own scale{circled}).",
     )
     if not r.platform.axes:
         return residuals, []
@@ -155,12 +156,13 @@ def _run_picture(r: Recording, effects: Sequence[Effect]) -> Picture:
     from gimbalcal.report.evidence import over_time
 
     hours, curves = over_time(r, effects)
+    time, unit = sensible_time(3600 * hours)
     left = ", ".join(f"{c.name} {significant(float(np.std(c.measured - c.fitted)), 2)} {c.unit}" for c in curves)
     return picture(
-        figures.over_time(hours, curves),
+        figures.over_time(time, curves, unit),
         f"Static run of {hours[-1] - hours[0]:.1f} h with the calibrated model through it; scatter left: {left}.",
         f"“{r.title}”: the harmonics of the Earth's rotation in attitude and force, less what perfect sensors would "
-        "read. The band at the right is one sigma of the noise, averaged as the points are.",
+        "read. The band is one sigma of the noise, averaged as the points are.",
     )
 
 
@@ -180,7 +182,7 @@ def _correlations(content: Mapping[str, Any]) -> dict[str, Any]:
     strongest = strongest or [{"words": f"none exceeds {STRONG}", "value": ""}]
     told = f"{strongest[0]['words']} {strongest[0]['value']}".strip()
     drawn = picture(
-        parameter_figures.correlation(words, R), f"Correlation matrix of {len(words)} parameters; strongest: {told}."
+        [parameter_figures.correlation(words, R)], f"Correlation matrix of {len(words)} parameters; strongest: {told}."
     )
     return {"correlation": drawn, "strongest": strongest}
 
@@ -197,7 +199,7 @@ def _model(content: Mapping[str, Any]) -> dict[str, Any]:
             {
                 "words": i.replace("_", " "),
                 "sentence": (CATALOGUE[i].__doc__ or "").strip().split("\n\n")[0].replace("\n", " "),
-                "equation": _law(i),
+                "equation": formula(law) or law if (law := _law(i)) else "",
                 "parameters": ", ".join(filter(None, axes)) or "one",
                 "sources": ", ".join(f"[{numbers[key]}]" for key in CATALOGUE[i].sources),
             }
@@ -208,7 +210,9 @@ def _model(content: Mapping[str, Any]) -> dict[str, Any]:
 def _law(effect: str) -> str:
     """The equation that the numbers of an effect mean, with T0 where it has one."""
     told = stated_law(CATALOGUE[effect])
-    return f"{told['equation']}{', T_0 = {:g} °C'.format(told['T0_degC']) if 'T0_degC' in told else ''}"
+    if "T0_degC" not in told:
+        return str(told["equation"])
+    return rf"{told['equation']}, \qquad T_0 = {told['T0_degC']:g}\,\text{{°C}}"
 
 
 def _measured(r: Recording) -> dict[str, Any]:

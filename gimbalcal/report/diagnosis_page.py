@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,12 +14,13 @@ from gimbalcal.errors import alternatives
 from gimbalcal.number import Array
 from gimbalcal.references import cite
 from gimbalcal.report import wording
-from gimbalcal.report.html import Picture, picture, render
-from gimbalcal.report.rounding import minus, pdg, significant
+from gimbalcal.report.chart import sensible_time
+from gimbalcal.report.figures import Panel, before_after
+from gimbalcal.report.html import Picture, formula, picture, render
+from gimbalcal.report.rounding import minus, pdg, rms, significant
 
 if TYPE_CHECKING:
     from gimbalcal.diagnose.answer import Curves
-    from gimbalcal.report.figures import Panel
 
 POINTS = 240  # points of a panel; more cannot be told apart on a page
 
@@ -53,32 +55,43 @@ def diagnosis_report(content: Mapping[str, Any], panels: Sequence[Panel] = (), t
 
 
 def panels(curves: Curves, mismatch: Sequence[Mapping[str, Any]]) -> tuple[Panel, ...]:
-    """The channel that is off most, by position where there are positions and over time, in sigmas of one row."""
+    """The channel that is off most, in physical units: by position, over time, and over what it may follow."""
     worst = next(((str(m["channel"]), str(m["axis"])) for m in mismatch), None)
     if worst not in curves.channels:
         worst = curves.channels[int(np.argmax((np.nan_to_num(curves.before) ** 2).sum(axis=0)))]
     i = curves.channels.index(worst)
     name = " ".join(worst).replace("_", " ").strip()
+    scale = np.ones_like(curves.before) if curves.sigma is None else curves.sigma
+    unit = wording.unit_in_print(curves.units[i]) if curves.units else "σ"
     ok = np.isfinite(curves.before[:, i]) & np.isfinite(curves.after[:, i])
-    order = np.argsort(curves.time[ok], kind="stable")
-    time, before, after = curves.time[ok][order], curves.before[ok, i][order], curves.after[ok, i][order]
-    groups = np.array_split(np.arange(time.size), min(time.size, POINTS))
-    made = [_panel(f"{name} over time", "time [h]", [g for g in groups if g.size], time / 3600, before, after)]
-    held = np.unique(position := curves.position[ok][order])
+    before, after, sigma = (np.asarray(v[ok, i]) for v in (curves.before * scale, curves.after * scale, scale))
+    rows = (before, after, sigma)
+    time, hours = sensible_time(curves.time[ok] - curves.time[ok].min())
+    made = [_panel(name, unit, f"time [{hours}]", _grouped(time), time, rows)]
+    held = np.unique(position := curves.position[ok])
     if 1 < held.size <= POINTS:
         at = [np.flatnonzero(position == number) for number in held]
         place = "star" if worst[0] == "pointing" else "position"
-        made.insert(0, _panel(f"{name} by {place}", place, at, position.astype(float), before, after))
+        named = tuple(f"{place} {int(number)}" for number in held)
+        made.insert(0, replace(_panel(name, unit, place, at, position.astype(float), rows), names=named))
+    for label, x in curves.against.items():
+        made.append(_panel(name, unit, label, _grouped(x[ok]), x[ok], rows))
     return tuple(made)
 
 
-def _panel(name: str, x_label: str, groups: Sequence[Array], x: Array, before: Array, after: Array) -> Panel:
-    """Means of groups of rows as points, with the sigma that noise which differs from row to row gives them."""
-    from gimbalcal.report.figures import Panel
+def _grouped(x: Array) -> list[Array]:
+    """Rows in order of x, as many together as it takes to draw no more than `POINTS`."""
+    return [g for g in np.array_split(np.argsort(x, kind="stable"), min(x.size, POINTS)) if g.size]
 
-    first, second = (np.array([v[g].mean() for g in groups]) for v in (before, after))
-    sigma = np.array([1 / np.sqrt(g.size) for g in groups])
-    return Panel(name, "σ", np.array([x[g].mean() for g in groups]), x_label, first, second, sigma)
+
+def _panel(
+    name: str, unit: str, x_label: str, groups: Sequence[Array], x: Array, rows: tuple[Array, Array, Array]
+) -> Panel:
+    """Means of groups of rows as points, with the sigma that noise which differs from row to row gives them."""
+    before, after, sigma = rows
+    first, second, at = (np.array([v[g].mean() for g in groups]) for v in (before, after, x))
+    spread = np.array([np.sqrt((sigma[g] ** 2).mean() / g.size) for g in groups])
+    return Panel(name, unit, at, x_label, first, second, spread)
 
 
 def _moved(m: Mapping[str, Any]) -> dict[str, Any]:
@@ -129,11 +142,10 @@ def _finding(f: Mapping[str, Any]) -> dict[str, Any]:
     rows = []
     for p in f["parameters"]:
         value, sigma = pdg(p["value"], p["sigma"])
-        words = wording.NAMES.get(p["name"], p["name"].replace("_", " ") if len(p["name"]) > 4 else p["name"])
         axis = str(p.get("axis", "") or "").replace("_", " ")
         rows.append(
             {
-                "words": f"{words} {axis}".strip(),
+                "words": wording.named(p["name"], axis),
                 "value": minus(value),
                 "sigma": sigma,
                 "unit": wording.unit_in_print(p["unit"]),
@@ -147,26 +159,13 @@ def _finding(f: Mapping[str, Any]) -> dict[str, Any]:
         "share": max(0.0, min(100.0, 100 * f["probability"])),
         "sigma": f"{f['sigma']:.1f} σ",
         "physics": wording.typeset(str(f.get("physics") or sentence)),
-        "equation": equation(str(f.get("equation", ""))),
+        "equation": formula(str(f.get("equation", ""))),
         "latex": str(f.get("equation", "")),
         "rows": rows,
         "twins": alternatives([wording.named(t) for t in f["twins"]]),
         "separate_by": wording.typeset(str(f.get("separate_by", ""))),
         "cost": wording.typeset(str(f.get("cost", {}).get("in_words", ""))),
     }
-
-
-def equation(latex: str) -> Picture | None:
-    """An equation as a picture; None where it is empty or beyond matplotlib's mathematics."""
-    if not latex.strip():
-        return None
-    from gimbalcal.report import figures
-
-    text = latex.strip().strip("$").removeprefix(r"\[").removesuffix(r"\]").strip()
-    try:
-        return picture(figures.formula(text), text)
-    except ValueError:
-        return None
 
 
 def _mismatch(m: Mapping[str, Any]) -> dict[str, str]:
@@ -184,13 +183,10 @@ def _mismatch(m: Mapping[str, Any]) -> dict[str, str]:
 def _before_after(panels: Sequence[Panel]) -> Picture | None:
     if not panels:
         return None
-    from gimbalcal.report import figures
-    from gimbalcal.report.style import rms
-
-    told = "; ".join(f"{p.name}: {rms(p.before)} to {rms(p.after)} {p.unit}" for p in panels)
+    told = "; ".join(f"{p.name} by {p.x_label}: {rms(p.before)} to {rms(p.after)} {p.unit}" for p in panels)
     return picture(
-        figures.before_after(panels),
+        before_after(panels),
         f"Residuals before and after the effect is added, rms {told}.",
-        "Measured minus model in units of the noise of one row, as calibrated (grey) and with what was left out added "
-        "(blue). Bars and band are what that noise alone would do; setting errors of the gimbals come on top.",
+        "Measured minus model, as calibrated (grey squares) and with what was left out added (blue dots). Bars and "
+        "band are what the noise alone would do; setting errors of the gimbals come on top.",
     )

@@ -1,21 +1,33 @@
-"""Pictures of data for the report: functions of arrays that return a matplotlib Figure; every axis has its unit."""
+"""Charts of data for the report: functions of arrays in printed units; every axis has its unit."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from gimbalcal.number import Array
-from gimbalcal.report.style import BLUE, FULL, GREY, HALF, INK, ORANGE, PALE, SERIES, STYLE, VERMILION, empty, rms
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from gimbalcal.report.chart import (
+    BLUE,
+    COLOURS,
+    ORANGE,
+    SHAPES,
+    VERMILION,
+    Band,
+    Bars,
+    Chart,
+    Line,
+    Mark,
+    Points,
+    Rule,
+    Words,
+    thin,
+)
+from gimbalcal.report.rounding import rms
 
 OUTLIER = 3.5  # sigmas; of 54 readings, one in forty sets has one this far out by chance
+FEW = 60  # points that bars of their own do not clutter
 
 
 @dataclass(frozen=True)
@@ -40,158 +52,167 @@ class Panel:
     before: Array
     after: Array
     sigma: Array | None = None
+    names: Sequence[str] = field(default=())  # what each point is, where a number does not say it
 
 
 def residuals_by_position(
     positions: Sequence[str], before: Array, after: Array, sigma: Array | None, axes: Sequence[str], unit: str
-) -> Figure:
+) -> list[Chart]:
     """Residual of each position (n, c) without and with the calibration, sigma (n, c) as bars, in printed `unit`."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(STYLE):
-        figure = empty(HALF, 0.9 + 1.5 * len(axes))
-        grid = figure.subplots(len(axes), 2, sharex=True, sharey="col", squeeze=False)
-        x = np.arange(len(positions))
-        for i, axis in enumerate(axes):
-            left, right = grid[i]
-            left.bar(x, before[:, i], width=0.62, color=PALE, edgecolor=GREY, linewidth=0.5)
-            bars = None if sigma is None else sigma[:, i]
-            right.errorbar(x, after[:, i], yerr=bars, fmt="o", ms=3, lw=0.9, color=BLUE, ecolor=BLUE)
-            if sigma is not None:
-                far = np.abs(after[:, i]) > OUTLIER * sigma[:, i]
-                right.plot(x[far], after[far, i], "o", ms=5.5, mfc="none", mec=VERMILION, mew=1.4, zorder=4)
-            for ax in (left, right):
-                ax.axhline(0, color=INK, lw=0.6, zorder=1)
-            left.set_ylabel(f"{axis}  [{unit}]")
-        _title(grid[0, 0], "Before", before, unit)
-        _title(grid[0, 1], "After", after, unit, " (bars 1σ)" if sigma is not None else "")
-        step = max(1, -(-len(positions) // 12))
-        for ax in grid[-1]:
-            ax.set_xticks(x[::step], list(positions)[::step])
-            ax.set_xlabel("position")
-        return figure
+    x = np.arange(len(positions), dtype=float)
+    charts = []
+    for i, axis in enumerate(axes):
+        height = 150.0 if len(axes) > 1 else 210.0
+        named = [f"position {p}, {axis}: {b:+.3g} {unit}" for p, b in zip(positions, before[:, i], strict=True)]
+        still = [f"position {p}, {axis}: {a:+.3g} {unit}" for p, a in zip(positions, after[:, i], strict=True)]
+        charts.append(Chart(
+            (Bars(x, np.minimum(before[:, i], 0), np.maximum(before[:, i], 0), "pale"), Rule(0.0),
+             Points(x, before[:, i], "grey", "square", 2.0, names=named)),
+            f"{axis}, before: {rms(before[:, i])} {unit} rms", "position", f"[{unit}]", x_names=positions,
+            height=height,
+        ))  # fmt: skip
+        bars = None if sigma is None else sigma[:, i]
+        marks: list[Mark] = [Rule(0.0), Points(x, after[:, i], BLUE, size=3, spread=bars, names=still)]
+        if bars is not None:
+            far = np.abs(after[:, i]) > OUTLIER * bars
+            marks += [Points(x[far], after[far, i], VERMILION, "ring", 6)] if far.any() else []
+        remark = " (bars 1σ)" if sigma is not None else ""
+        title = f"{axis}, after: {rms(after[:, i])} {unit} rms{remark}"
+        charts.append(Chart(tuple(marks), title, "position", f"[{unit}]", x_names=positions, height=height))
+    return charts
 
 
-def _title(ax: Axes, word: str, residual: Array, unit: str, remark: str = "") -> None:
-    ax.set_title(rf"$\bf{{{word}}}$: {rms(residual)} {unit} rms{remark}")
+def before_after(panels: Sequence[Panel]) -> list[Chart]:
+    """Residuals before (grey squares) and after (blue dots) over the same x, with sigma as bars or band."""
+    return [_before_after(p) for p in panels]
 
 
-def before_after(panels: Sequence[Panel]) -> Figure:
-    """One row a panel: residuals before (grey squares) and after (blue dots) over the same x, with sigma as bars."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(STYLE):
-        figure = empty(FULL, 0.8 + 1.7 * len(panels))
-        grid = figure.subplots(len(panels), 1, squeeze=False)[:, 0]
-        for ax, p in zip(grid, panels, strict=True):
-            few = p.x.size <= 60
-            ax.plot(p.x, p.before, "s", ms=4.5 if few else 2, color="#9a9a9a", label="before", zorder=2)
-            bars = p.sigma if few else None
-            size = 3.2 if few else 1.8
-            ax.errorbar(p.x, p.after, bars, fmt="o", ms=size, lw=0.9, color=BLUE, label="after", zorder=3)
-            if p.sigma is not None and not few:
-                ax.fill_between(p.x, -p.sigma, p.sigma, color=BLUE, alpha=0.12, lw=0)
-            ax.axhline(0, color=INK, lw=0.6, zorder=1)
-            name = p.name.replace(" ", "~").replace("_", "~")
-            ax.set_title(rf"$\bf{{{name}}}$: rms {rms(p.before)} before, {rms(p.after)} {p.unit} after")
-            ax.set_ylabel(f"[{p.unit}]")
-            ax.set_xlabel(p.x_label)
-            if few and np.array_equal(p.x, np.round(p.x)):
-                ax.set_xticks(np.unique(p.x)[:: max(1, p.x.size // 20)])
-        handles, words = grid[0].get_legend_handles_labels()
-        figure.legend(handles, words, loc="outside upper right", ncols=2)
-        return figure
+def _before_after(p: Panel) -> Chart:
+    few = p.x.size <= FEW
+    size, order = (3.2 if few else 1.8), np.argsort(p.x, kind="stable")
+    told = [tuple(f"{n}: {v:+.3g} {p.unit} {when}" for n, v in zip(p.names, y, strict=False))
+            for y, when in ((p.before, "before"), (p.after, "after"))]  # fmt: skip
+    band = [Band(p.x[order], -p.sigma[order], p.sigma[order], BLUE, "one σ")] if p.sigma is not None and not few else []
+    return Chart(
+        (*band, Points(p.x, p.before, "grey", "square", size, names=told[0], label="before"), Rule(0.0),
+         Points(p.x, p.after, BLUE, "dot", size, p.sigma if few else None, told[1], "after")),
+        f"{p.name}: {rms(p.before)} → {rms(p.after)} {p.unit} rms", p.x_label, f"[{p.unit}]",
+    )  # fmt: skip
 
 
-def formula(latex: str) -> Figure:
-    """A formula by itself. Raises ValueError where it is beyond matplotlib's mathematics."""
-    import matplotlib as mpl
-    from matplotlib.font_manager import FontProperties
-    from matplotlib.mathtext import MathTextParser
-
-    with mpl.rc_context({**STYLE, "mathtext.fontset": "dejavuserif"}):
-        width, height, *_ = MathTextParser("path").parse(f"${latex}$", dpi=72, prop=FontProperties(size=12))
-        figure = empty((width + 16) / 72, (height + 14) / 72)
-        figure.text(0.5, 0.5, f"${latex}$", ha="center", va="center", fontsize=12)
-        return figure
-
-
-def over_time(hours: Array, curves: Sequence[Curve]) -> Figure:
-    """Channels over time (n,) [h]: data with the model through them at the left, what the model leaves at the right."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(STYLE):
-        figure = empty(FULL, 0.9 + 1.5 * len(curves))
-        grid = figure.subplots(len(curves), 2, sharex=True, squeeze=False, width_ratios=(3, 2))
-        for (left, right), curve in zip(grid, curves, strict=True):
-            left.plot(hours, curve.measured, ".", ms=1.8, color=GREY, label="measured", rasterized=hours.size > 4000)
-            left.axhline(0, color=ORANGE, lw=0.9, ls=(0, (4, 2)), label="perfect sensors")
-            left.plot(hours, curve.fitted, color=BLUE, label="calibrated model")
-            left.set_ylabel(f"{curve.name}\n[{curve.unit}]")
-            rest = curve.measured - curve.fitted
-            right.plot(hours, rest, ".", ms=1.8, color=BLUE)
-            right.axhline(0, color=INK, lw=0.6)
-            right.set_title(f"rms {rms(rest)} {curve.unit}")
-            if curve.sigma:
-                right.axhspan(-curve.sigma, curve.sigma, color=BLUE, alpha=0.12, lw=0)
-        grid[0, 0].set_title(r"$\bf{Data\ and\ model}$")
-        grid[0, 1].set_title(r"$\bf{What\ is\ left}$: " + grid[0, 1].get_title(loc="left"))
-        handles, words = grid[0, 0].get_legend_handles_labels()
-        figure.legend(handles, words, loc="outside upper left", ncols=3, markerscale=3)
-        for ax in grid[-1]:
-            ax.set_xlabel("time [h]")
-        return figure
+def over_time(time: Array, curves: Sequence[Curve], unit: str = "h") -> list[Chart]:
+    """Channels over time (n,): data with the model through them, and what the model leaves, chart by chart."""
+    charts = []
+    for c in curves:
+        rest = c.measured - c.fitted
+        charts.append(Chart(
+            (Points(time, c.measured, "grey", size=1.4, label="measured"), Rule(0.0, "c3", dashed=True),
+             Line(time, c.fitted, BLUE, "calibrated model")),
+            f"{c.name}: data and model", f"time [{unit}]", f"[{c.unit}]", height=170,
+        ))  # fmt: skip
+        wide = [Band(time, np.full(len(time), -c.sigma), np.full(len(time), c.sigma), BLUE, "one σ")] if c.sigma else []
+        charts.append(Chart(
+            (*wide, Points(time, rest, BLUE, size=1.4), Rule(0.0)),
+            f"{c.name}, what is left: {rms(rest)} {c.unit} rms", f"time [{unit}]", f"[{c.unit}]", height=170,
+        ))  # fmt: skip
+    return charts
 
 
-def schedule(labels: Sequence[str], angles: Array, axis_names: Sequence[str], gravity: Array) -> Figure:
+def schedule(labels: Sequence[str], angles: Array, axis_names: Sequence[str], gravity: Array) -> list[Chart]:
     """What the platform did: gimbal angles (m, k) [deg] by position, and where gravity (m, 3) lay in platform axes."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(STYLE):
-        figure = empty(FULL, 3.2)
-        left, up, down = figure.subplots(1, 3, width_ratios=(1.55, 1, 1))
-        x = np.arange(len(labels))
-        moving = [i for i in range(len(axis_names)) if np.ptp(angles[:, i]) > 0] or list(range(len(axis_names)))
-        for k, i in enumerate(moving):
-            left.step(x, angles[:, i], where="mid", color=SERIES[k % 6], label=axis_names[i], lw=1.3)
-        step = max(1, -(-len(labels) // 10))
-        left.set_xticks(x[::step], list(labels)[::step])
-        left.set_xlabel("position")
-        left.set_ylabel("gimbal angle [deg]")
-        left.set_yticks(_angle_ticks(angles))
-        left.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=4, handlelength=1.2, columnspacing=1)
-        _hemisphere(up, labels, gravity, 1)
-        _hemisphere(down, labels, gravity, -1)
-        return figure
+    x = np.arange(len(labels), dtype=float)
+    moving = [i for i in range(len(axis_names)) if np.ptp(angles[:, i]) > 0] or list(range(len(axis_names)))
+    lines = tuple(
+        Line(x, angles[:, i], COLOURS[k % 6], axis_names[i], dashed=k > 5, step=True) for k, i in enumerate(moving)
+    )
+    held = Chart(lines, "gimbal angles", "position", "[°]", x_names=labels)
+    return [held, *(c for side in (1, -1) if (c := _hemisphere(labels, gravity, side)))]
 
 
-def _angle_ticks(angles: Array) -> Array:
-    """Multiples of 90 degrees that span the angles."""
-    low, high = np.floor(angles.min() / 90), np.ceil(angles.max() / 90)
-    return np.asarray(90 * np.arange(low, high + 1, max(1, (high - low) // 6)))
-
-
-def _hemisphere(ax: Axes, labels: Sequence[str], gravity: Array, side: int) -> None:
+def _hemisphere(labels: Sequence[str], gravity: Array, side: int) -> Chart | None:
     """Gravity directions with z on this side (the equator counts as +z), seen along z; positions as numbers."""
-    turn = np.linspace(0, 2 * np.pi, 181)
-    ax.plot(np.cos(turn), np.sin(turn), color=GREY, lw=0.8)
-    for r in (0.5, np.sqrt(0.75)):
-        ax.plot(r * np.cos(turn), r * np.sin(turn), color=PALE, lw=0.5)
-    ax.plot([-1, 1], [0, 0], color=PALE, lw=0.5)
-    ax.plot([0, 0], [-1, 1], color=PALE, lw=0.5)
     here = np.flatnonzero(gravity[:, 2] > -1e-6 if side > 0 else gravity[:, 2] <= -1e-6)
+    if not here.size:
+        return None
+    turn = np.linspace(0, 2 * np.pi, 121)
+    rings: list[Mark] = [
+        Line(r * np.cos(turn), r * np.sin(turn), "grey" if r == 1 else "pale") for r in (1.0, 0.5, np.sqrt(0.75))
+    ]
     places: dict[tuple[float, float], list[str]] = {}
     for i in here:
         places.setdefault((round(gravity[i, 0], 2) + 0.0, round(gravity[i, 1], 2) + 0.0), []).append(labels[int(i)])
-    for (gx, gy), who in places.items():
-        ax.plot(gx, gy, "o", ms=5, color=BLUE, zorder=3)
-        ax.annotate(",".join(who[:3]) + ("…" if len(who) > 3 else ""), (gx, gy), (5, 4), textcoords="offset points",
-                    fontsize=7.5)  # fmt: skip
-    ax.set_title(f"gravity, {'+' if side > 0 else '−'}z side")
-    ax.set_xlim(-1.15, 1.3)
-    ax.set_ylim(-1.2, 1.25)
-    ax.set_aspect("equal")
-    ax.set_xticks([-1, 0, 1])
-    ax.set_yticks([-1, 0, 1])
-    ax.set_xlabel("x [g]")
-    ax.set_ylabel("y [g]")
+    at = np.array(list(places), dtype=float)
+    who = [",".join(w[:3]) + ("…" if len(w) > 3 else "") for w in places.values()]
+    every = [f"position {', '.join(w)}" for w in places.values()]
+    marks = (*rings, Points(at[:, 0], at[:, 1], BLUE, size=4, names=every),
+             Words(at[:, 0] + 0.1, at[:, 1] + 0.1, who))  # fmt: skip
+    title = f"gravity in platform axes, {'+' if side > 0 else '−'}z side"
+    return Chart(marks, title, "x [g]", "y [g]", square=True, height=260)
+
+
+def curves_by_group(
+    x: Array, groups: Sequence[tuple[str, Sequence[tuple[str, Array]]]], x_label: str, log: bool = True
+) -> list[Chart]:
+    """A chart for each group (title, lines by name), a colour for each line, over the same x."""
+    few = thin(len(x))
+    return [
+        Chart(tuple(Line(x[few], np.asarray(y)[few], COLOURS[i % 6], name, dashed=i > 5) for i, (name, y) in
+                    enumerate(lines)), title, x_label, log_y=log, height=170)
+        for title, lines in groups
+    ]  # fmt: skip
+
+
+def tornado(names: Sequence[str], planned: Array, reduced: Array, x_label: str) -> Chart:
+    """Bars of a size by name, both ways as it may go, the first on top; within each what could be made of it."""
+    y = np.arange(len(names), dtype=float)[::-1]
+    return Chart(
+        (Bars(y, -planned, planned, BLUE, 0.66, lying=True, label="as planned"),
+         Bars(y, -reduced, reduced, ORANGE, 0.24, lying=True, label="with the best manoeuvre for it"),
+         Rule(0.0, upright=True)),
+        x_label=x_label, y_names=list(names)[::-1], height=20.0 * len(names) + 12,
+    )  # fmt: skip
+
+
+def sky(
+    around: Array, up: Array, across: Array, along: Array, unit: str, names: Sequence[str], zenith: bool = True
+) -> Chart:
+    """Misfits (n,) across and along the innermost axis as arrows on the sky, seen from below.
+
+    around, up (n,) [deg]: azimuth and elevation, the zenith in the middle, or hour angle and declination, the pole
+    there. The longest arrow is a sixth of the radius.
+    """
+    turn, a = np.linspace(0, 2 * np.pi, 121), np.deg2rad(around)
+    whole = max(90.0, float((90 - up).max()))
+    r = (90 - up) / whole
+    x, y = -r * np.sin(a), r * np.cos(a)
+    longest = float(np.hypot(across, along).max())
+    size = 0.17 / max(longest, 1e-30)
+    # across: along the circle of equal height; along: towards the middle
+    dx, dy = size * (-across * np.cos(a) + along * np.sin(a)), size * (-across * np.sin(a) - along * np.cos(a))
+    tails = np.stack([x, x + dx, np.full_like(x, np.nan)], axis=1).ravel()
+    heads = np.stack([y, y + dy, np.full_like(y, np.nan)], axis=1).ravel()
+    rings = [Line(k * np.cos(turn), k * np.sin(turn), "pale") for k in (1 / 3, 2 / 3)]
+    words = ("N", "E", "S", "W") if zenith else ("0°", "90°", "180°", "270°")
+    told = [f"{n}: {v:.3g} {unit}" for n, v in zip(names, np.hypot(across, along), strict=True)]
+    return Chart(
+        (*rings, Line(np.cos(turn), np.sin(turn), "grey"), Line(tails, heads, VERMILION),
+         Points(x, y, BLUE, size=2, names=told),
+         Words(np.array([0.0, -1.12, 0.0, 1.12]), np.array([1.1, 0.0, -1.1, 0.0]), words)),
+        f"on the sky, {'zenith' if zenith else 'pole'} in the middle; longest {longest:.3g} {unit}",
+        square=True, height=320, bare=True,
+    )  # fmt: skip
+
+
+def by_stage(labels: Sequence[str], stages: Sequence[str], ratio: Array) -> Chart:
+    """What each stage leaves of the prior sigma: ratio (stages, p), dots on a logarithmic axis, one row a parameter.
+
+    NaN where a stage does not estimate a parameter.
+    """
+    y = np.arange(len(labels), dtype=float)[::-1]
+    marks = [
+        Points(row, y, COLOURS[k % 6], SHAPES[k % 4], 3.4, label=stage,
+               names=[f"{label}: {r:.2g} of its prior σ" for label, r in zip(labels, row, strict=True)])
+        for k, (stage, row) in enumerate(zip(stages, ratio, strict=True))
+    ]  # fmt: skip
+    return Chart((Rule(1.0, "grey", upright=True, dashed=True), *marks), x_label="σ / prior σ (left: better known)",
+                 y_names=list(labels)[::-1], log_x=True, height=14.0 * len(labels) + 14)  # fmt: skip

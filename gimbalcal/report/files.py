@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gimbalcal.atomic import file, write, write_json
+from gimbalcal.report.html import marked
 
 if TYPE_CHECKING:
     from gimbalcal.calibration import Calibration
@@ -17,18 +18,22 @@ if TYPE_CHECKING:
 
 
 def write_calibration(
-    calibration: Calibration, recordings: Sequence[Recording], out: Path, truth: Mapping[str, float] | None = None
-) -> None:
-    """calibration.json and report.html into `out`; the page is made first, so that both are written or neither."""
+    calibration: Calibration, recordings: Sequence[Recording], out: Path, truth: Mapping[str, float] | None = None,
+    question: str = "",
+) -> None:  # fmt: skip
+    """calibration.json and report.html into `out`; the page is made first, so that both are written or neither.
+
+    question: which one the page answers; as with all others here it marks the page.
+    """
     from gimbalcal.report.calibration_page import calibration_report
 
     content = calibration.to_dict()
     page = calibration_report(content, recordings, truth)
     write_json(out / "calibration.json", content)
-    write(out / "report.html", page)
+    write(out / "report.html", marked(page, question))
 
 
-def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "") -> None:
+def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "", question: str = "") -> None:
     """diagnosis.json, the calibration.json of its refit and report.html into `out`; `title` says of which recording."""
     from gimbalcal.report.diagnosis_page import diagnosis_report, panels
 
@@ -37,28 +42,32 @@ def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "") -> None:
     write_json(out / "diagnosis.json", diagnosis.to_dict())
     if diagnosis.calibration is not None:
         diagnosis.calibration.write(out / "calibration.json")
-    write(out / "report.html", page)
+    write(out / "report.html", marked(page, question))
 
 
-def write_observability(content: Mapping[str, Any], out: Path) -> None:
+def write_observability(content: Mapping[str, Any], out: Path, question: str = "") -> None:
     """observability.json and report.html of a schedule of turns into `out`."""
     from gimbalcal.report.observability_page import observability_report
 
     page = observability_report(content)
     write_json(out / "observability.json", content)
-    write(out / "report.html", page)
+    write(out / "report.html", marked(page, question))
 
 
-def write_navigation(content: Mapping[str, Any], runs: Sequence[Navigated], title: str, out: Path) -> None:
+def write_navigation(
+    content: Mapping[str, Any], runs: Sequence[Navigated], title: str, out: Path, question: str = ""
+) -> None:
     """navigation.json and report.html into `out`."""
     from gimbalcal.report.navigation_page import navigation_report
 
     page = navigation_report(content, runs, title)
     write_json(out / "navigation.json", content)
-    write(out / "report.html", page)
+    write(out / "report.html", marked(page, question))
 
 
-def write_comparison(content: Mapping[str, Any], diagnoses: Sequence[tuple[str, str]], out: Path) -> None:
+def write_comparison(
+    content: Mapping[str, Any], diagnoses: Sequence[tuple[str, str]], out: Path, question: str = ""
+) -> None:
     """compare.json, report.html and all values as history.csv and history.parquet into `out`."""
     import polars as pl
 
@@ -70,13 +79,22 @@ def write_comparison(content: Mapping[str, Any], diagnoses: Sequence[tuple[str, 
     write(out / "history.csv", rows.write_csv())
     with file(out / "history.parquet") as path:
         rows.write_parquet(path)
-    write(out / "report.html", page)
+    write(out / "report.html", marked(page, question))
 
 
-def write_budget(made: Budget, out: Path) -> None:
+def write_budget(made: Budget, out: Path, question: str = "") -> None:
     """budget.json and report.html into `out`."""
     from gimbalcal.report.budget_page import budget_report
 
     page = budget_report(made)
     write_json(out / "budget.json", made.to_list())
-    write(out / "report.html", page)
+    write(out / "report.html", marked(page, question))
+
+
+def write_plan(content: Mapping[str, Any], out: Path, question: str = "") -> None:
+    """observability.json and report.html of a schedule of positions or a static run into `out`."""
+    from gimbalcal.report.plan_page import plan_report
+
+    page = plan_report(content)
+    write_json(out / "observability.json", content)
+    write(out / "report.html", marked(page, question))

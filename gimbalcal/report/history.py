@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from datetime import UTC, datetime
+from typing import Any
 
 import numpy as np
 
 import gimbalcal
 from gimbalcal.history.course import YEAR
 from gimbalcal.report import wording
+from gimbalcal.report.chart import BLUE, VERMILION, Chart, Line, Mark, Points, Rule
 from gimbalcal.report.html import Picture, picture, render
 from gimbalcal.report.rounding import minus, pdg, significant
-from gimbalcal.report.style import BLUE, GREY, INK, PALE, STYLE, VERMILION, empty
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-SIZE = (2.95, 1.45)  # inches: three beside each other on a page, one on a phone
 
 
 def history_report(content: Mapping[str, Any], diagnoses: Sequence[tuple[str, str]] = ()) -> str:
@@ -110,30 +105,29 @@ def _moved(p: Mapping[str, Any]) -> float:
     return float(np.max(np.abs(np.diff(p["values"])) / np.hypot(p["sigmas"][1:], p["sigmas"][:-1])))
 
 
-def _course(p: Mapping[str, Any], dates: Sequence[datetime], words: str) -> Figure:
+def _course(p: Mapping[str, Any], dates: Sequence[datetime], words: str) -> Chart:
     """A parameter over the dates, with two sigma, and its drift where that stands clear."""
-    import matplotlib as mpl
-    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
-
-    t = [dates[k] for k in p["calibrations"]]
-    x, sigma = np.array(p["values"]), np.array(p["sigmas"])
+    days = np.array([d.timestamp() for d in dates]) / 86400
+    t, x, sigma = days[list(p["calibrations"])], np.array(p["values"]), np.array(p["sigmas"])
     odd = np.isin(p["calibrations"], [*p["jumps"], *p["outliers"]])
-    with mpl.rc_context(STYLE):
-        figure = empty(*SIZE)
-        ax = figure.subplots()
-        ax.axhline(x[0], color=PALE, lw=0.8, zorder=1)
-        ax.errorbar(t, x, 2 * sigma, fmt="none", ecolor=GREY, elinewidth=0.9, zorder=2)
-        for chosen, color, marker in ((~odd, BLUE, "o"), (odd, VERMILION, "D")):
-            ax.plot(np.array(t)[chosen], x[chosen], marker, ms=3.6, color=color, zorder=3)
-        if p["due"]:
-            years = np.array([(d - t[0]).total_seconds() for d in t]) / YEAR
-            w = 1 / (sigma**2 + p["scatter"] ** 2)
-            middle = float((w * (x - p["drift_per_year"] * years)).sum() / w.sum())
-            ax.plot(t, middle + p["drift_per_year"] * years, color=INK, lw=0.9, zorder=2)
-        ax.set_title(f"{words}  [{wording.unit_in_print(p['unit'])}]")
-        locator = AutoDateLocator(maxticks=5)
-        ax.xaxis.set_major_locator(locator)
-        ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))
-        ax.plot(np.array([min(dates), max(dates)]), [x[0], x[0]], ls="none")  # all pictures over the same time
-        ax.margins(x=0.07, y=0.15)
-        return figure
+    unit = wording.unit_in_print(p["unit"])
+    names = [f"{dates[k]:%Y-%m-%d}: {v:.5g} ± {s:.2g} {unit}"
+             for k, v, s in zip(p["calibrations"], x, sigma, strict=True)]  # fmt: skip
+    marks: list[Mark] = [Rule(float(x[0]), "pale")]
+    for chosen, colour, shape in ((~odd, BLUE, "dot"), (odd, VERMILION, "diamond")):
+        own = [n for n, c in zip(names, chosen, strict=True) if c]
+        marks.append(Points(t[chosen], x[chosen], colour, shape, 3.6, 2 * sigma[chosen], own))  # type: ignore[arg-type]
+    if p["due"]:
+        years = (t - t[0]) * 86400 / YEAR
+        w = 1 / (sigma**2 + p["scatter"] ** 2)
+        middle = float((w * (x - p["drift_per_year"] * years)).sum() / w.sum())
+        marks.append(Line(t, middle + p["drift_per_year"] * years, "ink"))
+    marks.append(Points(days[[0, -1]], np.full(2, np.nan)))  # all pictures over the same time
+    return Chart(tuple(marks), f"{words}  [{unit}]", x_ticks=_dates(days[0], days[-1]), height=140)
+
+
+def _dates(first: float, last: float) -> list[tuple[float, str]]:
+    """A few days between two, counted since 1970, as a person reads them."""
+    days = np.linspace(first, last, 4 if last - first >= 3 else 2)
+    form = "%Y-%m" if last - first > 300 else "%Y-%m-%d"
+    return [(float(d), datetime.fromtimestamp(86400 * float(d), UTC).strftime(form)) for d in days]

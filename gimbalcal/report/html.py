@@ -1,32 +1,48 @@
-"""A page that needs nothing else: templates filled, every value escaped, pictures inside."""
+"""A page that needs nothing else: templates filled, every value escaped, charts and their one script inside."""
 
 from __future__ import annotations
 
+import re
 from base64 import b64encode
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import cache
+from hashlib import sha256
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
 
 import gimbalcal
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from gimbalcal.report.chart import Chart
+from gimbalcal.report.draw import svg
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure inside the page: data URI, what it shows in words for those who cannot see it, caption."""
+    """Charts as SVG, beside each other where there is room; what they show for those who cannot see; caption."""
 
-    uri: str
+    charts: tuple[Markup, ...]
     alt: str
     caption: str = ""
 
 
-def picture(figure: Figure, alt: str, caption: str = "") -> Picture:
-    """A matplotlib figure as SVG inside the page."""
-    from gimbalcal.report.style import svg
+def picture(charts: Chart | Sequence[Chart | Markup], alt: str, caption: str = "") -> Picture:
+    """Charts as a figure of the page."""
+    several = (charts,) if isinstance(charts, Chart) else charts
+    drawn = (Markup(svg(c)) if isinstance(c, Chart) else c for c in several)  # noqa: S704  escaped where it is drawn
+    return Picture(tuple(drawn), alt, caption)
 
-    return Picture("data:image/svg+xml;base64," + b64encode(svg(figure)).decode(), alt, caption)
+
+def formula(latex: str) -> Markup | None:
+    """A formula as MathML; None where it is empty or beyond what is known here."""
+    from gimbalcal.report.mathml import mathml
+
+    try:
+        return Markup(mathml(latex)) if latex.strip() else None  # noqa: S704  escaped where it is made
+    except ValueError:
+        return None
 
 
 def render(template: str, context: Mapping[str, Any]) -> str:
@@ -40,4 +56,34 @@ def render(template: str, context: Mapping[str, Any]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template(template).render(version=gimbalcal.__version__, **context)
+    told = {"version": gimbalcal.__version__, "script": Markup(_script()), "script_hash": _script_hash()}  # noqa: S704  our own
+    return environment.get_template(template).render(**told, **context)
+
+
+@cache
+def _script() -> str:
+    return (files("gimbalcal.report") / "templates" / "page.js").read_text(encoding="utf-8")
+
+
+def _script_hash() -> str:
+    """What the page's security policy lets run: this script and no other."""
+    return "sha256-" + b64encode(sha256(_script().encode()).digest()).decode()
+
+
+MARK = '<meta name="gimbalcal-question" content="'
+
+
+def marked(page: str, question: str) -> str:
+    """The page with the question it answers in its head, so that the same question may replace it."""
+    return page.replace("<head>", f'<head>\n{MARK}{question}">', 1) if question else page
+
+
+def question_of(page: Path) -> str:
+    """The question that a page on disk answers; empty where it does not say, or is no page."""
+    try:
+        with page.open(encoding="utf-8", errors="replace") as file:
+            head = file.read(2000)
+    except OSError:
+        return ""
+    found = re.search(re.escape(MARK) + r'([^"]*)"', head)
+    return found[1] if found else ""

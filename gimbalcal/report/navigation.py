@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from gimbalcal.errors import amount
+from gimbalcal.number import Array
+from gimbalcal.report.chart import COLOURS, Chart, Mark, Points, Rule, sensible_time
+from gimbalcal.report.figures import curves_by_group
 from gimbalcal.report.html import Picture, picture
 from gimbalcal.report.rounding import significant
-from gimbalcal.report.style import BLUE, FULL, GREEN, GREY, HALF, INK, SERIES, STYLE, VERMILION, empty
 from gimbalcal.report.wording import label_of, unit_in_print
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-COLUMNS = 3
 BEYOND = 3.5  # sigmas: of a hundred innovations one in twenty sets has one this far out by chance
 DIRECTIONS = ("north", "east", "down")
 
@@ -57,56 +55,29 @@ def _sigmas(content: Mapping[str, Any], n: Mapping[str, Any]) -> Picture:
         of = groups.setdefault((p["name"].replace("_", " "), unit_in_print(p["unit"])), {})
         of[p["axis"]] = n["sigma"][label_of(p)]
     return picture(
-        sigma_over_time(np.array(n["time_s"]) / 60, groups),
+        sigma_over_time(np.array(n["time_s"]), groups),
         f"Sigma of {amount(len(content['parameters']), 'parameter')} against time, by effect.",
         "How each parameter's sigma (√P of the filter) fell in the course of the recording: steps are turns that show "
         "what no stop before did.",
     )
 
 
-def innovations_by_leg(names: Sequence[str], z: np.ndarray[Any, Any]) -> Figure:
+def innovations_by_leg(names: Sequence[str], z: Array) -> Chart:
     """Sums z (n, 3) of normalised innovations over stops and turns, north, east, down."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(STYLE):
-        figure = empty(HALF, 2.6)
-        ax = figure.subplots()
-        x = np.arange(len(names))
-        stop = np.array([name.startswith("stop") for name in names])
-        for i, colour in enumerate((BLUE, VERMILION, GREEN)):
-            at = x + 0.2 * (i - 1)
-            ax.plot(at[stop], z[stop, i], "o", ms=3, color=colour, label=DIRECTIONS[i])
-            ax.plot(at[~stop], z[~stop, i], "o", ms=3, mfc="none", color=colour)
-        for level in (-BEYOND, BEYOND):
-            ax.axhline(level, color=GREY, lw=0.6, ls="--")
-        ax.axhline(0, color=INK, lw=0.6)
-        step = max(1, 2 * -(-len(names) // 24))
-        ax.set_xticks(x[::step], [name.removeprefix("stop ") for name in names[::step]])
-        ax.set_xlabel("stop, and the turn after it")
-        ax.set_ylabel("innovation  [σ]")
-        ax.legend(loc="upper left", ncols=3)
-        return figure
+    x = np.arange(len(names), dtype=float)
+    stop = np.array([name.startswith("stop") for name in names])
+    marks: list[Mark] = [Rule(level, "grey", dashed=True) for level in (-BEYOND, BEYOND)]
+    for i, colour in enumerate(COLOURS[:3]):
+        at = x + 0.2 * (i - 1)
+        for chosen, shape, label in ((stop, "dot", DIRECTIONS[i]), (~stop, "ring", "")):
+            told = [f"{n}, {DIRECTIONS[i]}: {v:+.1f} σ" for n, v, c in zip(names, z[:, i], chosen, strict=True) if c]
+            marks.append(Points(at[chosen], z[chosen, i], colour, shape, 3, names=told, label=label))  # type: ignore[arg-type]
+    words = [name.removeprefix("stop ") if name.startswith("stop") else "" for name in names]
+    return Chart((*marks, Rule(0.0)), x_label="stop, and the turn after it", y_label="innovation [σ]", x_names=words)
 
 
-def sigma_over_time(
-    minutes: np.ndarray[Any, Any], groups: Mapping[tuple[str, str], Mapping[str, Sequence[float]]]
-) -> Figure:
-    """One panel for each (effect, unit): the sigmas of its axes against time, logarithmic."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(STYLE):
-        rows = -(-len(groups) // COLUMNS)
-        figure = empty(FULL, 0.4 + 1.8 * rows)
-        grid = figure.subplots(rows, COLUMNS, sharex=True, squeeze=False)
-        for ax, ((name, unit), curves) in zip(grid.flat, groups.items(), strict=False):
-            for i, (axis, sigma) in enumerate(curves.items()):
-                style = "-" if i < len(SERIES) else "--"
-                ax.semilogy(minutes, sigma, style, lw=0.9, color=SERIES[i % len(SERIES)], label=axis)
-            ax.set_title(f"{name}  [{unit}]")
-            ax.legend(loc="upper right", ncols=3, handlelength=1, columnspacing=0.8)
-        for ax in list(grid.flat)[len(groups) :]:
-            ax.set_visible(False)
-        for ax in list(grid.flat)[max(0, len(groups) - COLUMNS) : len(groups)]:  # the lowest of each column
-            ax.set_xlabel("time  [min]")
-            ax.xaxis.set_tick_params(labelbottom=True)
-        return figure
+def sigma_over_time(seconds: Array, groups: Mapping[tuple[str, str], Mapping[str, Sequence[float]]]) -> list[Chart]:
+    """One chart for each (effect, unit): the sigmas of its axes against time, logarithmic."""
+    time, unit = sensible_time(seconds)
+    told = [(f"{name}  [{of}]", [(axis, np.asarray(s)) for axis, s in c.items()]) for (name, of), c in groups.items()]
+    return curves_by_group(time, told, f"time [{unit}]")

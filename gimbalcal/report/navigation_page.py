@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 import gimbalcal
 from gimbalcal.navigate.outcome import CHANNELS, NAUTICAL_MILE, NONE, Navigated
 from gimbalcal.references import cite
+from gimbalcal.report.chart import COLOURS, Band, Chart, Line, Mark, Rule, sensible_time, thin
 from gimbalcal.report.html import picture, render
 from gimbalcal.report.rounding import minus, significant
 from gimbalcal.units import from_si
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 IN_PRINT = {"arcmin": "′", "arcsec": "″", "m/s": "m/s"}
-MOST_POINTS = 2000  # of a curve; more cannot be told apart on a page
 
 
 def navigation_report(content: Mapping[str, Any], runs: Sequence[Navigated], title: str) -> str:
@@ -93,33 +90,23 @@ def _position(content: Mapping[str, Any]) -> dict[str, Any]:
     return {"name": "position", "unit": "n mile", "cells": cells}
 
 
-def curves(runs: Sequence[Navigated]) -> Figure:
-    """Figures 3 to 5 of Wu et al. (2018) as one picture: each channel over time, a colour for each run, bands."""
-    import matplotlib as mpl
-
-    from gimbalcal.report.style import FULL, GREY, INK, SERIES, STYLE, empty
-
+def curves(runs: Sequence[Navigated]) -> list[Chart]:
+    """Figures 3 to 5 of Wu et al. (2018): each channel over time, a colour for each run, bands."""
     shown = [i for i in range(len(CHANNELS)) if np.all(np.isfinite(runs[0].error[:, i]))]
-    with mpl.rc_context(STYLE):
-        figure = empty(FULL, 1.0 + 1.65 * -(-(len(shown) + 1) // 2))
-        grid = figure.subplots(-(-(len(shown) + 1) // 2), 2, sharex=True, squeeze=False).ravel()
-        colours = [GREY, *SERIES]
-        for ax, i in zip(grid, [*shown, -1], strict=False):
-            name, unit = (*CHANNELS, ("horizontal position", "n mile"))[i]
-            for run, colour in zip(runs, colours, strict=False):
-                few = slice(None, None, max(1, len(run.time) // MOST_POINTS))
-                t = run.time[few] / 3600
-                y = run.position[few] / NAUTICAL_MILE if i < 0 else from_si(run.error[few, i], unit)
-                label = "without calibration" if run.label == NONE else run.label
-                ax.plot(t, y, color=colour, lw=0.9, label=label, zorder=2 + runs.index(run))
-                if i >= 0 and run.linear is not None:
-                    band = from_si(run.linear[few, i], unit)
-                    ax.fill_between(t, y - band, y + band, color=colour, alpha=0.22, lw=0)
-            ax.axhline(0, color=INK, lw=0.5, zorder=1)
-            ax.set_title(f"{name}  [{IN_PRINT.get(unit, unit)}]")
-        for ax in grid[-2:]:
-            ax.set_xlabel("time [h]")
-        for ax in grid[len(shown) + 1 :]:
-            ax.set_visible(False)
-        figure.legend(*grid[0].get_legend_handles_labels(), loc="outside upper left", ncols=4)
-        return figure
+    return [_channel(runs, i) for i in [*shown, -1]]
+
+
+def _channel(runs: Sequence[Navigated], i: int) -> Chart:
+    """One channel, -1 for the horizontal position."""
+    name, unit = (*CHANNELS, ("horizontal position", "n mile"))[i]
+    marks: list[Mark] = [Rule(0.0)]
+    hours = ""
+    for run, colour in zip(runs, ("grey", *COLOURS), strict=False):
+        few = thin(len(run.time))
+        t, hours = sensible_time(run.time[few])
+        y = np.asarray(run.position[few] / NAUTICAL_MILE if i < 0 else from_si(run.error[few, i], unit))
+        if i >= 0 and run.linear is not None:
+            band = np.asarray(from_si(run.linear[few, i], unit))
+            marks.append(Band(t, y - band, y + band, colour))
+        marks.append(Line(t, y, colour, "without calibration" if run.label == NONE else run.label))
+    return Chart(tuple(marks), f"{name}  [{IN_PRINT.get(unit, unit)}]", f"time [{hours}]", height=170)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 import gimbalcal
@@ -11,15 +9,11 @@ from gimbalcal.errors import amount
 from gimbalcal.importers.log import Proposal
 from gimbalcal.recording import dwells
 from gimbalcal.report import wording
+from gimbalcal.report.chart import COLOURS, Band, Chart, Line, Mark, Words, sensible_time, thin
 from gimbalcal.report.html import picture, render
 from gimbalcal.report.rounding import significant
-from gimbalcal.report.style import FULL, GREY, PALE, SERIES, STYLE, empty
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 NUMBERED = 60  # rests; the numbers of more would stand on each other
-POINTS = 4000  # of a curve; more cannot be told apart on a page
 
 
 def commented(header: str, found: Proposal) -> str:
@@ -62,26 +56,22 @@ def proposal_page(found: Proposal) -> str:
     return render("new.html", context)
 
 
-def _rests(found: Proposal) -> Figure:
+def _rests(found: Proposal) -> list[Chart]:
     """Each triad over time, the rests shaded and numbered."""
-    import matplotlib as mpl
-
     r, stays = found.recording, dwells(found.recording)
-    shown = [q for q in ("specific_force", "angular_rate") if r.has(q)]
-    thin = slice(None, None, max(1, len(r.time) // POINTS))
-    t = r.time - r.time[0]
-    with mpl.rc_context(STYLE):
-        figure = empty(FULL, 0.4 + 2.2 * len(shown))
-        for ax, quantity in zip(figure.subplots(len(shown), 1, sharex=True, squeeze=False).ravel(), shown, strict=True):
-            for axis, color in zip(r.axes(quantity), SERIES, strict=False):
-                ax.plot(t[thin], r.channels[quantity, axis][thin], lw=0.7, color=color, label=axis)
-            for d in stays:
-                ax.axvspan(t[d.start], t[d.stop - 1], color=PALE, lw=0, zorder=0)
-                if len(stays) <= NUMBERED:
-                    ax.text((t[d.start] + t[d.stop - 1]) / 2, 1.0, str(d.position), transform=ax.get_xaxis_transform(),
-                            ha="center", va="bottom", fontsize=6.5, color=GREY)  # fmt: skip
-            unit = "count" if r.counted(quantity) else {"specific_force": "m/s²", "angular_rate": "rad/s"}[quantity]
-            ax.set_ylabel(f"{quantity.replace('_', ' ')} [{unit}]")
-            ax.legend(loc="upper right", ncols=3)
-        ax.set_xlabel("time [s]")
-        return figure
+    few = thin(len(r.time))
+    t, unit = sensible_time(r.time - r.time[0])
+    ends = [(float(t[d.start]), float(t[d.stop - 1])) for d in stays]
+    charts = []
+    for quantity in [q for q in ("specific_force", "angular_rate") if r.has(q)]:
+        axes = r.axes(quantity)
+        of = "count" if r.counted(quantity) else {"specific_force": "m/s²", "angular_rate": "rad/s"}[quantity]
+        every = np.concatenate([r.channels[quantity, a] for a in axes])
+        low, high = np.full(2, every.min()), np.full(2, every.max())
+        marks: list[Mark] = [Band(np.array(e), low, high, "grey", "" if k else "at rest") for k, e in enumerate(ends)]
+        if len(stays) <= NUMBERED and stays:
+            middle = np.array([sum(e) / 2 for e in ends])
+            marks.append(Words(middle, np.full(len(stays), np.inf), [str(d.position) for d in stays], "grey"))
+        marks += [Line(t[few], r.channels[quantity, a][few], COLOURS[i % 6], a) for i, a in enumerate(axes)]
+        charts.append(Chart(tuple(marks), f"{quantity.replace('_', ' ')}  [{of}]", f"time [{unit}]"))
+    return charts

@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 import gimbalcal
 from gimbalcal.errors import amount
+from gimbalcal.number import Array
 from gimbalcal.references import cite
+from gimbalcal.report.chart import Chart, sensible_time
+from gimbalcal.report.figures import curves_by_group
 from gimbalcal.report.html import picture as inside
 from gimbalcal.report.html import render
 from gimbalcal.report.rounding import significant
-from gimbalcal.report.style import FULL, SERIES, STYLE, empty
 from gimbalcal.report.wording import direction_in_words, label_in_words, unit_in_print
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-COLUMNS = 3
 
 
 def observability_report(content: Mapping[str, Any]) -> str:
@@ -39,7 +36,7 @@ def observability_report(content: Mapping[str, Any]) -> str:
         "title": content["schedule"],
         "remark": f"gimbalcal {gimbalcal.__version__}",
         "answer": answer,
-        "verdict": "green" if not unseen and high == len(named) else "amber",
+        "verdict": "fits" if not unseen and high == len(named) else "reserved",
         "facts": [
             (f"{hours:.2f} h", "long"),
             (significant(float(worst["degree"]), 3), f"lowest degree, of {label_in_words(worst['parameter'])}"),
@@ -90,30 +87,12 @@ def _published(table: Mapping[str, Any]) -> dict[str, Any]:
     return {"rows": rows, "in_words": table["in_words"]}
 
 
-def _curves(states: Sequence[Mapping[str, Any]]) -> Figure:
-    """A panel for each name and unit, a line for each axis."""
-    import matplotlib as mpl
-
-    groups: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+def _curves(states: Sequence[Mapping[str, Any]]) -> list[Chart]:
+    """A chart for each name and unit, a line for each axis."""
+    groups: dict[tuple[str, str], list[tuple[str, Array]]] = {}
     for s in states:
-        groups.setdefault((s["parameter"].split(":")[0], s["unit"]), []).append(s)
-    rows = -(-len(groups) // COLUMNS)
-    with mpl.rc_context(STYLE):
-        figure = empty(FULL, 0.5 + 1.9 * rows)
-        grid = figure.subplots(rows, COLUMNS, sharex=True, squeeze=False)
-        for ax in grid.flat[len(groups) :]:
-            ax.set_visible(False)
-        for ax, ((name, unit), mine) in zip(grid.flat, groups.items(), strict=False):
-            for i, s in enumerate(mine):
-                dashes = "-" if i < len(SERIES) else (0, (3, 2))
-                axis = s["parameter"].partition(":")[2]
-                time = np.asarray(s["time_s"]) / 3600
-                ax.plot(time, s["sigma"], color=SERIES[i % len(SERIES)], ls=dashes, label=axis)
-            ax.set_yscale("log")
-            ax.set_title(f"{label_in_words(name)}  [{unit_in_print(unit)}]")
-            if len(mine) > 1:
-                ax.legend(ncols=3, fontsize=6.5, handlelength=1.2, columnspacing=0.8, loc="upper right")
-        for ax in grid.flat[max(0, len(groups) - COLUMNS) : len(groups)]:
-            ax.tick_params(labelbottom=True)
-            ax.set_xlabel("time [h]")
-        return figure
+        name, _, axis = s["parameter"].partition(":")
+        groups.setdefault((name, s["unit"]), []).append((axis, np.asarray(s["sigma"])))
+    time, unit = sensible_time(np.asarray(states[0]["time_s"]))
+    told = [(f"{label_in_words(name)}  [{unit_in_print(of)}]", lines) for (name, of), lines in groups.items()]
+    return curves_by_group(time, told, f"time [{unit}]")

@@ -1,76 +1,47 @@
-"""Pictures of parameters for the report: what each stage adds, and how estimates hang together."""
+"""How estimates hang together: the correlation matrix as cells, blue together and vermilion against each other."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from html import escape
 
 import numpy as np
+from markupsafe import Markup
 
 from gimbalcal.number import Array
-from gimbalcal.report.style import GREY, HALF, INK, PALE, SERIES, STYLE, empty
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-LEGEND = 85  # characters that go beside each other across a column
+SEEN = 0.1  # smaller correlations stay empty
+WRITTEN = 0.3
+CELL = 22.0
 
 
-def sigma_by_stage(labels: Sequence[str], stages: Sequence[str], ratio: Array) -> Figure:
-    """What each stage leaves of the prior sigma: ratio (stages, p), dots on a logarithmic axis, one row a parameter.
-
-    NaN where a stage does not estimate a parameter.
-    """
-    import matplotlib as mpl
-
-    with mpl.rc_context(STYLE):
-        beside = sum(map(len, stages)) + 5 * len(stages) <= LEGEND
-        figure = empty(HALF, 0.8 + 0.21 * len(labels) + (0 if beside else 0.2 * (len(stages) - 1)))
-        ax = figure.subplots()
-        y = np.arange(len(labels))[::-1]
-        low, high = np.where(np.isnan(ratio), 1.0, ratio).min(axis=0), np.ones(len(labels))
-        ax.hlines(y, low, high, color=PALE, lw=1.2, zorder=1)
-        markers = ("o", "s", "D", "^", "v")
-        for k, (stage, row) in enumerate(zip(stages, ratio, strict=True)):
-            ax.plot(row, y, markers[k % 5], ms=4.2, color=SERIES[k % 6], label=stage, ls="none", zorder=3)
-        ax.axvline(1, color=GREY, lw=0.8, ls=(0, (3, 2)))
-        ax.text(1, len(labels) - 0.35, "prior ", ha="right", va="bottom", color=GREY, fontsize=8)
-        ax.set_xscale("log")
-        ax.set_yticks(y, list(labels))
-        ax.tick_params(axis="y", length=0)
-        ax.spines["left"].set_visible(False)
-        ax.set_ylim(-0.7, len(labels) - 0.3)
-        ax.set_xlabel("sigma / prior sigma (further left is better known)")
-        figure.legend(loc="outside upper left", ncols=len(stages) if beside else 1, handletextpad=0.1)
-        return figure
-
-
-def correlation(labels: Sequence[str], matrix: Array) -> Figure:
-    """Correlation matrix (p, p); strong off-diagonal values are written into their cells."""
-    import matplotlib as mpl
-
+def correlation(labels: Sequence[str], matrix: Array) -> Markup:
+    """Correlation matrix (p, p) as SVG; each cell tells its pair, strong ones are written."""
     p = len(labels)
-    with mpl.rc_context(STYLE):
-        side = min(2.2 + 0.22 * p, HALF)
-        figure = empty(side + 0.3, 0.92 * side)
-        ax = figure.subplots()
-        image = ax.pcolormesh(
-            np.arange(p + 1), np.arange(p + 1), matrix, cmap="RdBu_r", vmin=-1, vmax=1, edgecolors="white", lw=0.6
+    cell = min(CELL, 660.0 / p)
+    letter = min(11.0, 0.8 * cell)
+    edge = 0.56 * letter * max(map(len, labels), default=0) + 8
+    parts = []
+    for i, label in enumerate(labels):
+        at = edge + (i + 0.5) * cell
+        size = f'style="font-size:{letter:.1f}px"'
+        parts.append(
+            f'<text {size} x="{edge - 5:.1f}" y="{at + letter / 3:.1f}" text-anchor="end">{escape(label)}</text>'
         )
-        letters = min(8.0, 0.6 * 72 * side / p)  # 60 % of the width of a cell is for letters, in points
-        for i, j in zip(*np.nonzero(np.abs(matrix) >= 0.3), strict=True):
-            if i != j:
-                colour = "white" if abs(matrix[i, j]) > 0.6 else INK
-                text = f"{matrix[i, j]:.1f}".replace("0.", ".").replace("1.0", "1").replace("-", "−")
-                ax.text(j + 0.5, i + 0.5, text, ha="center", va="center", fontsize=0.8 * letters, color=colour)
-        ax.set_xticks(np.arange(p) + 0.5, list(labels), rotation=90, fontsize=letters)
-        ax.set_yticks(np.arange(p) + 0.5, list(labels), fontsize=letters)
-        ax.tick_params(length=0)
-        ax.invert_yaxis()
-        ax.set_aspect("equal", anchor="N")
-        for spine in ax.spines.values():
-            spine.set_visible(False)
-        bar = figure.colorbar(image, ax=ax, shrink=0.5, aspect=18, ticks=[-1, -0.5, 0, 0.5, 1])
-        bar.set_label("correlation")
-        bar.outline.set_visible(False)
-        return figure
+        turned = f'transform="translate({at + letter / 3:.1f} {edge - 5:.1f}) rotate(-90)"'
+        parts.append(f"<text {size} {turned}>{escape(label)}</text>")
+    for i, j in zip(*np.nonzero(np.abs(matrix) >= SEEN), strict=True):
+        r, x, y = float(matrix[i, j]), edge + j * cell, edge + i * cell
+        told = escape(f"{labels[i]} with {labels[j]}: {r:+.2f}".replace("-", "−"))
+        side, strength = ("c1" if r < 0 else "c0"), min(abs(r), 1.0) * (0.35 if i == j else 0.9)
+        parts.append(f'<rect class="{side}" fill-opacity="{strength:.2f}" x="{x + 0.5:.1f}" y="{y + 0.5:.1f}" '
+                     f'width="{cell - 1:.1f}" height="{cell - 1:.1f}"><title>{told}</title></rect>')  # fmt: skip
+        if i != j and abs(r) >= WRITTEN:
+            text = f"{r:.1f}".replace("0.", ".").replace("1.0", "1").replace("-", "−")
+            where = f'x="{x + cell / 2:.1f}" y="{y + cell / 2 + letter / 3:.1f}"'
+            parts.append(f'<text class="in" style="font-size:{0.82 * letter:.1f}px" {where} '
+                         f'text-anchor="middle">{text}</text>')  # fmt: skip
+    whole = edge + p * cell + 4
+    frame = f'<path class="axis" d="M{edge:.1f} {edge:.1f}h{p * cell:.1f}v{p * cell:.1f}h{-p * cell:.1f}z"/>'
+    return Markup(f'<svg class="matrix" viewBox="0 0 {whole:.0f} {whole:.0f}" aria-hidden="true">'  # noqa: S704  escaped above
+                  f"{frame}{''.join(parts)}</svg>")  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,13 +14,11 @@ from gimbalcal.estimate.pointing.terms import wanted_parameters
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.report import wording
+from gimbalcal.report.chart import BLUE, Chart, Points, Rule
+from gimbalcal.report.figures import sky
 from gimbalcal.report.html import Picture, picture
-from gimbalcal.report.rounding import minus, pdg, significant
-from gimbalcal.report.style import BLUE, HALF, INK, PALE, STYLE, empty, rms
+from gimbalcal.report.rounding import minus, pdg, rms, significant
 from gimbalcal.units import from_si
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 UNIT = "arcsec"
 
@@ -28,8 +26,10 @@ UNIT = "arcsec"
 def pointing_picture(recordings: Sequence[Recording], effects: Sequence[Effect]) -> Picture:
     """What zeros alone leave of each star, and what all terms do, over both axes of the mount."""
     axes = read_axes(recordings[0])
-    angles, left = [], []
+    angles, left, titles = [], [], []
     for r in recordings:
+        night = f"“{r.title}”, " if len(recordings) > 1 else ""
+        titles += [f"{night}star {k}" for k in range(1, len(r.time) + 1)]
         angles.append(np.degrees(np.stack([r.channels["true_angle", a] for a in axes], axis=1)))
         left.append(np.asarray(from_si(against_stars(r, on_stars(r), effects).residual, UNIT)))
     zeros = fit(recordings, wanted_parameters(recordings[0].platform, axes, ("gimbal_zero",)))
@@ -38,7 +38,7 @@ def pointing_picture(recordings: Sequence[Recording], effects: Sequence[Effect])
     told = [significant(float(np.sqrt((x**2).sum(axis=1).mean())), 3) for x in (before, after)]
     names = [a.replace("_", " ") for a in axes]
     return picture(
-        _over_axes(at, before, after, names),
+        _over_axes(at, before, after, names, titles),
         f"Misfit of {wording.counted(len(after), 'star')} over {wording.listed(names)}: {told[0]} arcsec on the sky "
         f"with zeros alone, {told[1]} arcsec with all terms.",
         "Where each star was seen against its target, across the plane of the innermost axis and along it: with the "
@@ -46,24 +46,20 @@ def pointing_picture(recordings: Sequence[Recording], effects: Sequence[Effect])
     )
 
 
-def _over_axes(at: Array, before: Array, after: Array, names: Sequence[str]) -> Figure:
-    """Misfit (n, 2) [arcsec] before and after over the angles (n, 2) [deg] of both axes."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(STYLE):
-        figure = empty(HALF, 4.2)
-        grid = figure.subplots(2, 2, sharex="col", sharey="row", squeeze=False)
-        size = 3 if len(at) <= 400 else 1.5
-        for i, row in enumerate(grid):
-            for k, ax in enumerate(row):
-                ax.plot(at[:, k], before[:, i], "s", ms=size, color=PALE, zorder=1)
-                ax.plot(at[:, k], after[:, i], "o", ms=size, color=BLUE, zorder=2)
-                ax.axhline(0, color=INK, lw=0.6)
-            row[0].set_ylabel(f"{('across', 'along')[i]}  [arcsec]")
-            row[0].set_title(f"rms {rms(before[:, i])} → {rms(after[:, i])} arcsec")
-        for ax, name in zip(grid[-1], names, strict=True):
-            ax.set_xlabel(f"{name} [deg]")
-        return figure
+def _over_axes(at: Array, before: Array, after: Array, names: Sequence[str], titles: Sequence[str]) -> list[Chart]:
+    """Misfit (n, 2) [arcsec] before and after over the angles (n, 2) [deg] of both axes, and on the sky."""
+    size = 2.6 if len(at) <= 400 else 1.5
+    charts = [sky(at[:, 1], at[:, 0], after[:, 0], after[:, 1], UNIT, titles, "azimuth" in names)]
+    for i, across in enumerate(("across", "along")):
+        for k, name in enumerate(names):
+            told = [f"{t}: {a:+.3g} {UNIT}" for t, a in zip(titles, after[:, i], strict=True)]
+            charts.append(Chart(
+                (Points(at[:, k], before[:, i], "pale", "square", size, label="zeros alone"),
+                 Points(at[:, k], after[:, i], BLUE, "dot", size, names=told, label="all terms"), Rule(0.0)),
+                f"{across}: {rms(before[:, i])} → {rms(after[:, i])} {UNIT} rms", f"{name} [°]", f"[{UNIT}]",
+                height=170,
+            ))  # fmt: skip
+    return charts
 
 
 def named_terms(content: Mapping[str, Any]) -> list[dict[str, str]]:

@@ -5,6 +5,10 @@ from __future__ import annotations
 from decimal import ROUND_HALF_EVEN, Decimal, localcontext
 from math import isfinite
 
+import numpy as np
+
+from gimbalcal.number import Array
+
 
 def pdg(value: float, sigma: float) -> tuple[str, str]:
     """Value and sigma as text, rounded by the rule of the Particle Data Group [pdg].
@@ -64,3 +68,8 @@ def significant(x: float, digits: int = 3) -> str:
 def minus(text: str) -> str:
     """The hyphen of ASCII as the minus sign that lines up with figures."""
     return text.replace("-", "−")
+
+
+def rms(x: Array) -> str:
+    """Root mean square with three significant digits."""
+    return significant(float(np.sqrt(np.mean(x**2))), 3)

@@ -48,7 +48,7 @@ def _short(name: str) -> str:
 
 
 def _stage_picture(parameters: Sequence[Mapping[str, Any]], stages: Sequence[Mapping[str, Any]]) -> Picture:
-    from gimbalcal.report.parameter_figures import sigma_by_stage
+    from gimbalcal.report.figures import by_stage
 
     ratio = [
         [float(from_si(s["sigmas"].get(label_of(p), np.nan), p["unit"])) / p["prior_sigma"] for p in parameters]
@@ -56,7 +56,7 @@ def _stage_picture(parameters: Sequence[Mapping[str, Any]], stages: Sequence[Map
     ]
     words = [wording.label_in_words(label_of(p)) for p in parameters]
     return picture(
-        sigma_by_stage(words, [_short(s["name"]) for s in stages], np.array(ratio)),
+        by_stage(words, [_short(s["name"]) for s in stages], np.array(ratio)),
         f"Sigma of each parameter after each of {wording.counted(len(stages), 'stage')}, relative to its prior.",
         "What each stage leaves of the prior uncertainty.",
     )

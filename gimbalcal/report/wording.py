@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from functools import cache
 from math import isnan, sqrt
 from typing import Any, Literal
 
@@ -15,19 +16,30 @@ SURPRISE = 1e-3  # probability below which chance is not believed
 WANDERING = 1.5  # times the noise of a mean; less is no news
 NEGLIGIBLE = 0.1  # relative excess over the stated noise that no user would act on, however significant
 
-NAMES = {
-    "phi_0": "platform turn",
-}
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
 
 def named(name: str, axis: str = "") -> str:
-    """A parameter as a person says it.
+    """A parameter or an effect as a person says it: a parameter by its effect, so that one thing has one name.
 
-    >>> named("gimbal_zero", "inner")
-    'gimbal zero inner'
+    >>> named("gimbal_zero", "inner"), named("K3", "y")
+    ('gimbal zero inner', 'cubic nonlinearity y')
     """
-    return f"{NAMES.get(name, name.replace('_', ' '))} {axis}".strip()
+    return f"{_names().get(name, name.replace('_', ' '))} {axis}".strip()
+
+
+@cache
+def _names() -> dict[str, str]:
+    """What parameters are called: their effect, and their own name behind it where it has several."""
+    from gimbalcal.effects import CATALOGUE, parameters
+
+    told: dict[str, str] = {}
+    for effect, cls in CATALOGUE.items():
+        own = dict.fromkeys(p.name for p in parameters(cls, ("inner",)))
+        words = effect.replace("_", " ")
+        for name in own:
+            told.setdefault(name, words if len(own) == 1 else f"{words}, {name.replace('_', ' ')}")
+    return told | {effect: effect.replace("_", " ") for effect in CATALOGUE}
 
 
 def label_of(row: Mapping[str, Any]) -> str:

@@ -1,11 +1,13 @@
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from gimbalcal.diagnose.answer import Curves
-from gimbalcal.report.diagnosis_page import diagnosis_report, equation, panels
+from gimbalcal.report.diagnosis_page import diagnosis_report, panels
 from gimbalcal.report.figures import Panel
+from gimbalcal.report.html import formula
 
 CUBIC = {
     "effect": "cubic_nonlinearity",
@@ -67,7 +69,7 @@ def test_what_the_effect_did_to_the_calibration_is_told() -> None:
 def test_every_verdict_makes_a_page_that_escapes(verdict: str) -> None:
     hostile = CUBIC | {"physics": "<script>alert(1)</script>"}
     page = diagnosis_report(diagnosis(verdict, findings=[hostile]), title="<b>rig</b>")
-    assert "<script>" not in page
+    assert "<script>alert" not in page
     assert "<b>rig" not in page
     assert "16.2" in page
     assert "78 % probable; 24.1 σ" in page
@@ -82,15 +84,21 @@ def test_the_picture_tells_its_numbers_to_those_who_cannot_see_it() -> None:
     x = np.arange(18.0)
     panel = Panel("specific force y", "µg", x, "position", np.full(18, 30.0), np.full(18, 2.0), np.full(18, 2.0))
     page = diagnosis_report(diagnosis(), [panel])
-    assert "rms specific force y: 30.0 to 2.00 µg" in page
+    assert "rms specific force y by position: 30.0 to 2.00 µg" in page
 
 
-def test_equations_are_drawn_or_left_as_text() -> None:
-    drawn = equation(r"\delta a_y = K_{3,y} f_y^3")
+def test_equations_are_set_or_left_as_text() -> None:
+    drawn = formula(r"\delta a_y = K_{3,y} f_y^3")
     assert drawn is not None
-    assert drawn.alt == r"\delta a_y = K_{3,y} f_y^3"
-    assert equation(r"\begin{bmatrix} 1 \end{bmatrix}") is None
-    assert equation("") is None
+    assert "<msubsup><mi>f</mi><mi>y</mi><mn>3</mn></msubsup>" in drawn
+    assert formula(r"\unheardof{x}") is None
+    assert formula("") is None
+
+
+def test_one_thing_has_one_name() -> None:
+    page = diagnosis_report(diagnosis())
+    assert "K3" not in page
+    assert page.count("cubic nonlinearity") >= 2
 
 
 def curves(rows: int = 20, positions: int = 18) -> Curves:
@@ -104,7 +112,8 @@ def curves(rows: int = 20, positions: int = 18) -> Curves:
 
 def test_positions_and_times_are_means_in_sigmas_of_one_row() -> None:
     by_position, over_time = panels(curves(), [{"channel": "specific_force", "axis": "y"}])
-    assert by_position.name == "specific force y by position"
+    assert (by_position.name, by_position.x_label, by_position.unit) == ("specific force y", "position", "σ")
+    assert (over_time.x_label, over_time.x[-1]) == ("time [h]", pytest.approx(359 / 60, rel=0.01))
     assert by_position.before[3] == 2.0
     assert by_position.sigma == pytest.approx(np.full(18, 1 / np.sqrt(20)), rel=0.03)  # one row of 20 is not finite
     assert np.flatnonzero(by_position.before).tolist() == [3]
@@ -112,6 +121,18 @@ def test_positions_and_times_are_means_in_sigmas_of_one_row() -> None:
     assert np.isfinite(over_time.before).all()
 
 
+def test_residuals_stand_in_their_unit_over_what_they_may_follow() -> None:
+    bare = curves()
+    warm = np.linspace(15.0, 25.0, 360)
+    known = replace(bare, sigma=np.full((360, 2), 5.0), units=("ug", "ug"), against={"temperature [°C]": warm})
+    by_position, _, by_temperature = panels(known, [{"channel": "specific_force", "axis": "y"}])
+    assert by_position.unit == "µg"
+    assert by_position.before[3] == 10.0  # two sigmas of 5 ug
+    assert by_position.sigma == pytest.approx(np.full(18, 5 / np.sqrt(20)), rel=0.03)
+    assert by_temperature.x_label == "temperature [°C]"
+    assert (by_temperature.x[0], by_temperature.x[-1]) == pytest.approx((15.0, 25.0), abs=0.1)
+
+
 def test_without_a_located_mismatch_the_largest_channel_is_drawn() -> None:
-    assert panels(curves(), [])[0].name == "specific force x by position"
+    assert panels(curves(), [])[0].name == "specific force x"
     assert len(panels(curves(positions=1), [])) == 1

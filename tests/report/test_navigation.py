@@ -32,8 +32,9 @@ def test_what_was_not_navigated_has_none() -> None:
 
 def test_each_effect_has_a_panel() -> None:
     groups = {("bias", "µg"): {"x": [3.0, 1.0], "y": [2.0, 1.0]}, ("gyro bias", "°/h"): {"x": [1.0, 0.1]}}
-    drawn = sigma_over_time(np.array([0.0, 1.0]), groups)
-    assert [ax.get_title(loc="left") for ax in drawn.axes if ax.get_visible()] == ["bias  [µg]", "gyro bias  [°/h]"]
-    assert len(drawn.axes[0].lines) == 2
+    drawn = sigma_over_time(np.array([0.0, 600.0]), groups)
+    assert [c.title for c in drawn] == ["bias  [µg]", "gyro bias  [°/h]"]
+    assert [c.x_label for c in drawn] == ["time [min]"] * 2
+    assert len(drawn[0].marks) == 2
     legs = innovations_by_leg(["stop 1", "turn 1", "stop 2"], np.zeros((3, 3)))
-    assert legs.axes[0].get_ylabel() == "innovation  [σ]"
+    assert legs.y_label == "innovation [σ]"

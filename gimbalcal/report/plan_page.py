@@ -1,0 +1,145 @@
+"""The page of a plan: what a schedule of positions or a static run would see, and the schedule that was designed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+import gimbalcal
+from gimbalcal.report import wording
+from gimbalcal.report.chart import Chart, Points, Rule
+from gimbalcal.report.figures import schedule as schedule_charts
+from gimbalcal.report.html import Picture, picture, render
+from gimbalcal.report.rounding import minus, significant
+from gimbalcal.schedule import Schedule
+
+LEAST = 0.9  # of what is known before: less is no news
+
+
+def plan_report(content: Mapping[str, Any]) -> str:
+    """The page for the observability.json of a schedule of positions or a static run."""
+    rows, unseen = content["parameters"], content["unobservable"]
+    told = f"{content['schedule']} tells {_share(len(rows) - len(unseen), len(rows))} of what is to be calibrated."
+    if unseen:
+        told += f" {wording.counted(len(unseen), 'combination').capitalize()} cannot be seen, and no longer recording "
+        told += "helps: another attitude or another instrument does."
+    noise = content["noise"]
+    facts = [(f"{significant(float(v), 3)} {_unit(k)}", f"noise: {k.rpartition('_')[0].replace('_', ' ')}")
+             for k, v in noise.items() if isinstance(v, (int, float)) and _unit(k)]  # fmt: skip
+    hidden = [c for c in content["candidates"] if c["strength"] < 1]
+    remarks = [f"At its usual size {wording.named(c['effect'])} would not show." for c in hidden]
+    return render("plan.html", {
+        **_shared("What a schedule sees", content["schedule"], told, bool(unseen)),
+        "facts": [(f"{len(rows) - len(unseen)} of {len(rows)}", "combinations seen"), *facts],
+        "picture": _sigmas(rows),
+        "unobservable": _unobservable(unseen),
+        "remarks": remarks,
+        "rows": _rows(rows, ()),
+        "others": (),
+        "confounded": [{"one": wording.label_in_words(c["one"]), "other": wording.label_in_words(c["other"]),
+                        "cosine": minus(f"{c['cosine']:+.4f}")} for c in content["twins"]],
+        "candidates": [{"words": wording.named(c["effect"]), "strength": significant(c["strength"], 3),
+                        "absorbed": f"{100 * c['absorbed']:.0f} %"} for c in content["candidates"]],
+    })  # fmt: skip
+
+
+def design_report(seen: Mapping[str, Any], made: Schedule | None) -> str:
+    """The page of a designed schedule: of positions with `made` drawn, or of turns."""
+    first, *others = seen["in_words"].split("\n")
+    if made is None:
+        rows = [{"words": wording.named(g["group"]), "sigma": significant(g["sigma"], 3), "first": True, "prior": "",
+                 "unit": wording.unit_in_print(g["unit"]), "better": _better(g["ratio"]),
+                 "others": [significant(v, 3) for v in g["against"].values()]} for g in seen["groups"]]  # fmt: skip
+        names = list(seen["groups"][0]["against"]) if seen["groups"] else []
+        facts = [(str(seen["turns"]), "turns"), (f"{seen['total_s']:.0f} s", "altogether"),
+                 (f"{seen['stop_s']:.0f} s", "each stop")]  # fmt: skip
+        drawn, unseen = None, []
+    else:
+        names = list(seen["against"])
+        rows, unseen = _rows(seen["parameters"], names), seen["unobservable"]
+        facts = [
+            (str(seen["positions"]), "positions"),
+            (seen["angles"], "angles known to"),
+            (seen["criterion"], "criterion"),
+        ]
+        drawn = _drawn(made)
+        others = [o for o in others if not o.startswith("not seen")]
+    return render("plan.html", {
+        **_shared("Designed schedule", "turns" if made is None else made.name, f"{first}.", bool(unseen)),
+        "facts": facts, "picture": drawn, "unobservable": _unobservable(unseen),
+        "remarks": [wording.typeset(f"{o[0].upper()}{o[1:]}.") for o in others if made is not None],
+        "rows": rows, "others": names, "confounded": [], "candidates": [],
+    })  # fmt: skip
+
+
+def _shared(kind: str, title: str, answer: str, doubtful: bool) -> dict[str, Any]:
+    return {"kind": kind, "title": title, "answer": wording.typeset(f"{answer[0].upper()}{answer[1:]}"),
+            "verdict": "reserved" if doubtful else "fits", "remark": f"gimbalcal {gimbalcal.__version__}"}  # fmt: skip
+
+
+def _share(seen: int, every: int) -> str:
+    return f"all {wording.counted(every, 'combination')}" if seen == every else f"{seen} of {every} combinations"
+
+
+def _unit(key: str) -> str:
+    return {"arcsec": "arcsec", "ug": "µg"}.get(key.rpartition("_")[2], "")
+
+
+def _unobservable(unseen: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
+    return [{"direction": wording.direction_in_words(u["direction"]), "why": wording.why_in_words(u)} for u in unseen]
+
+
+def _rows(parameters: Sequence[Mapping[str, Any]], others: Sequence[str]) -> list[dict[str, Any]]:
+    return [
+        {
+            "words": wording.named(p["name"], p["axis"].replace("_", " ")),
+            "first": not i or p["name"] != parameters[i - 1]["name"],
+            "sigma": significant(p["sigma"], 3),
+            "unit": wording.unit_in_print(p["unit"]),
+            "prior": significant(p["prior_sigma"], 3),
+            "better": "not better"
+            if p["sigma"] >= LEAST * p["prior_sigma"]
+            else f"{p['prior_sigma'] / p['sigma']:.3g} times",
+            "others": [significant(p["others"][n], 3) for n in others],
+        }
+        for i, p in enumerate(parameters)
+    ]
+
+
+def _better(ratio: float) -> str:
+    return "not better" if ratio >= LEAST or ratio <= 0 else f"{1 / ratio:.3g} times"
+
+
+def _sigmas(rows: Sequence[Mapping[str, Any]]) -> Picture:
+    """What the schedule leaves of each prior sigma."""
+    words = [wording.named(p["name"], p["axis"].replace("_", " ")) for p in rows][::-1]
+    ratio = np.array([p["sigma"] / p["prior_sigma"] for p in rows])[::-1]
+    told = [f"{w}: {r:.2g} of what is known before" for w, r in zip(words, ratio, strict=True)]
+    chart = Chart(
+        (Rule(1.0, "grey", upright=True, dashed=True),
+         Points(ratio, np.arange(len(words), dtype=float), size=3.6, names=told)),
+        x_label="σ / usual size (left: better known)", y_names=words, log_x=True, height=14.0 * len(words) + 14,
+    )  # fmt: skip
+    return picture(chart, f"What the schedule leaves of the uncertainty of {wording.counted(len(rows), 'parameter')}.",
+                   "What is left of each parameter’s uncertainty; at the dashed line nothing was learned.")  # fmt: skip
+
+
+def _drawn(made: Schedule) -> Picture:
+    angles = np.rad2deg(np.array([h.angles for h in made.holds]))
+    labels = [str(k) for k in range(1, len(angles) + 1)]
+    charts = schedule_charts(labels, angles, made.platform.axis_names, _gravity(made))
+    return picture(
+        charts,
+        f"Gimbal angles at {wording.counted(len(labels), 'position')}, and where gravity lies in platform axes.",
+        "What the platform is to do: gimbal angles by position, and the direction of gravity in its axes, along z.",
+    )
+
+
+def _gravity(made: Schedule) -> np.ndarray[Any, Any]:
+    from gimbalcal.estimate.accelerometers.expected import planned
+    from gimbalcal.kinematics import stimulus_from_angles
+
+    force = stimulus_from_angles(planned(made)).force
+    return np.asarray(-force / np.linalg.norm(force, axis=1, keepdims=True))
