@@ -11,8 +11,9 @@ from gimbalcal import cli
 
 
 @pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
-    """Runs the command line in this process with these arguments; returns its exit status."""
+def command(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., int]:
+    """Runs the command line in this process with these arguments, in a folder of its own; returns its exit status."""
+    monkeypatch.chdir(tmp_path_factory.mktemp("here"))  # where results go that no --out is given for
 
     def run(*arguments: object) -> int:
         monkeypatch.setattr(sys, "argv", ["gimbalcal", *map(str, arguments)])

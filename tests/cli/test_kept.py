@@ -1,0 +1,81 @@
+"""Nothing computed is lost, and nothing of another question is replaced: one rule for every command that computes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+DEVICE = ROOT / "data" / "space_stable_18"
+XSENS = ROOT / "data" / "xsens_positions"
+
+Command = Callable[..., int]
+
+SCHEDULES = [
+    (("observe", "wu2018-18"), "wu2018-18-observability", "observability.json"),
+    (("observe", "static-24h"), "static-24h-observability", "observability.json"),
+    (("budget", "wu2018-18"), "wu2018-18-budget", "budget.json"),
+    (("design", "-n", 6, "--step", 90, "--terms", "bias"), "space-stable-schedule", "schedule.toml"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "folder", "file"), SCHEDULES)
+def test_a_result_without_out_is_in_a_folder_that_is_named(
+    command: Command, capsys: pytest.CaptureFixture[str], arguments: tuple[object, ...], folder: str, file: str
+) -> None:
+    assert command(*arguments, "--quiet") == 0
+    assert capsys.readouterr().out.endswith(f"report: {folder}/report.html\n")
+    assert (Path(folder) / file).is_file()
+    assert (Path(folder) / "report.html").is_file()
+    assert command(*arguments, "--quiet") == 0  # the same question takes the place of its own answer
+    assert [p.name for p in Path().iterdir()] == [folder]
+
+
+def test_another_question_takes_another_folder(command: Command, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command("observe", "wu2018-18", "--quiet") == 0
+    first = Path("wu2018-18-observability/report.html").read_bytes()
+    assert command("observe", "wu2018-18", "--angle-sigma", 5, "--quiet") == 0
+    assert capsys.readouterr().out.endswith("report: wu2018-18-observability-2/report.html\n")
+    assert Path("wu2018-18-observability/report.html").read_bytes() == first
+
+
+def test_the_answer_to_another_question_is_not_written_over(
+    command: Command, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert command("calibrate", DEVICE, "--out", tmp_path, "--quiet") == 0
+    kept = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+    capsys.readouterr()
+    for other in (("calibrate", XSENS), ("diagnose", DEVICE), ("calibrate", DEVICE, "--with", "bias_drift")):
+        assert command(*other, "--out", tmp_path, "--quiet") == 2
+        told = capsys.readouterr().err
+        assert told.startswith(
+            f"gimbalcal: {tmp_path} already holds calibration.json and report.html of another question"
+        )
+        assert "--overwrite" in told
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == kept
+    assert command("calibrate", XSENS, "--out", tmp_path, "--overwrite", "--quiet") == 0
+    assert json.loads((tmp_path / "calibration.json").read_text())["method"] == "multiposition"
+
+
+def test_what_is_no_result_of_ours_is_not_written_over(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "report.html").write_text("<p>mine</p>")
+    assert command("observe", "wu2018-18", "--out", tmp_path, "--quiet") == 2
+    assert (tmp_path / "report.html").read_text() == "<p>mine</p>"
+
+
+def test_json_on_stdout_is_the_result_and_leaves_no_folder(
+    command: Command, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command("observe", "wu2018-18", "--json", "--quiet") == 0
+    assert json.loads(capsys.readouterr().out)["schedule"] == "wu2018-18"
+    assert not list(Path().iterdir())
+
+
+def test_the_console_ends_with_table_answer_and_report(command: Command, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command("calibrate", DEVICE) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any("bias x" in line and "+-" in line and line.rstrip().endswith("ug") for line in lines)
+    assert lines[-1] == "report: space_stable_18-calibration/report.html"
