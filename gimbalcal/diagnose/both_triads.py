@@ -23,19 +23,13 @@ from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import VERDICTS, Diagnosis
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
 from gimbalcal.diagnose.rows.baseline import by_triad
+from gimbalcal.diagnose.rows.rest_rates import RESTS, rest_rates
 from gimbalcal.diagnose.rows.turns import FEWEST, view_of_turns
-from gimbalcal.diagnose.rows.views import FORCE, RATE, RESTS, View, rest_rates
+from gimbalcal.diagnose.rows.views import FORCE, RATE, View
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.stepwise import course
-from gimbalcal.diagnose.unknown_noise import (
-    UNLOOKED,
-    Told,
-    calibration_of,
-    curves_of,
-    found_at_rest,
-    on_the_way,
-    told_of,
-)
+from gimbalcal.diagnose.unknown_noise import UNLOOKED, calibration_of, found_at_rest, on_the_way
+from gimbalcal.diagnose.verdict.told import Told, curves_of, told_of
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect
 from gimbalcal.effects.effect import SENSOR_STAGES

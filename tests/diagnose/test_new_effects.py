@@ -13,8 +13,9 @@ import pytest
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.library import known_noise, unknown_noise
 from gimbalcal.diagnose.rows.observations import fit_baseline
+from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.diagnose.rows.turns import view_of_turns
-from gimbalcal.diagnose.rows.views import View, norm, pointing, rest_rates, table
+from gimbalcal.diagnose.rows.views import View, norm, pointing, table
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, parameters

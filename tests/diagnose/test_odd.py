@@ -14,7 +14,8 @@ from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.library.candidates import sources
 from gimbalcal.diagnose.library.known_noise import available
 from gimbalcal.diagnose.rows.observations import fit_baseline
-from gimbalcal.diagnose.rows.views import pointing, rest_rates, solved
+from gimbalcal.diagnose.rows.rest_rates import rest_rates
+from gimbalcal.diagnose.rows.views import pointing, solved
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.wording import largest
 from gimbalcal.effects import CATALOGUE

@@ -11,7 +11,7 @@ from gimbalcal.diagnose import Diagnosis, diagnose
 from gimbalcal.diagnose.rows.views import pointing
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.stepwise import course
-from gimbalcal.diagnose.unknown_noise import heldout, moved
+from gimbalcal.diagnose.verdict.told import heldout, moved
 from gimbalcal.effects import values
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN

@@ -28,8 +28,8 @@ from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, follows, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.estimate.gyroscopes.between_rests import fit_turns, rows_of_turns
 from gimbalcal.estimate.gyroscopes.rests import BIAS, level_of, rests
+from gimbalcal.estimate.gyroscopes.turn_fit import fit_turns, rows_of_turns
 from gimbalcal.estimate.gyroscopes.turns import Turns, end_of, turns_between_rests
 from gimbalcal.forward import Rows, accelerometers, linearise
 from gimbalcal.kinematics import stimulus_from_readings
@@ -56,7 +56,7 @@ def view_of_turns(
     made = accelerometers or multiposition(recording, BASELINE["norm"])
     try:
         turns, _, scale = turns_between_rests(recording, made, at_rest)
-        still = rests(recording, made, scale)
+        still = rests(recording, made, scale, turns)
         level = level_of(still, recording.site.latitude, recording.site.gravity, True)[0]
         if not at_rest and len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
             turns = turns_between_rests(recording, made, level.effects)[0]

@@ -5,7 +5,6 @@ A view is one function: effects in, the `Rows` about them out.
 * *pointing*: what is seen of a star against where it is, across and along, `estimate.pointing.run`;
 * *norm* (rest positions of unknown attitude): the corrected force is as long as gravity,
   :math:`r = |h^{-1}(y)| - g`, with sensitivity :math:`u^T H^{-1} S_k` for h what the accelerometers read;
-* *rest rates* (gyroscopes in the same positions): the mean output at rest, less what the effects say;
 * *table* (force and rate while a table tilts): force against that of a level unit at rest.
 """
 
@@ -18,16 +17,11 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
 from gimbalcal.effects.baseline import BASELINE
-from gimbalcal.effects.effect import GYROSCOPE_STAGES, MATRIX_AXES, SENSOR_STAGES
+from gimbalcal.effects.effect import MATRIX_AXES, SENSOR_STAGES
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.accelerometers.norm_fit import scaled_by_gravity
-from gimbalcal.estimate.gyroscopes.between_rests import fit_turns
-from gimbalcal.estimate.gyroscopes.rests import G_SENSITIVITY, Rests, fit_rests, rests
-from gimbalcal.estimate.gyroscopes.turns import logged_turns, turns_between_rests
 from gimbalcal.estimate.pointing.run import CHANNELS, STAGES, against_stars, on_stars
 from gimbalcal.forward import Rows, accelerometers, linearise
 from gimbalcal.inversion import invert
@@ -44,7 +38,6 @@ FEWEST = 3  # means of a table that can differ from one another in more than a t
 BY_HAND = 3.0  # times the sizes of one unit: sensors of different makers, bolted together
 COARSE, FINE = 0.04, 0.01  # s; steps at which the physics of a tilting table is evaluated, for search and last fit
 SIZE_EFFECT = "accelerometer_lever_arm"  # of which a table that tilts about one axis shows what lever_arm is
-RESTS = 6  # fewer do not tell a pattern of the attitude from chance
 
 
 @dataclass(frozen=True)
@@ -172,54 +165,6 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
         "norm", means, s, ((FORCE, "norm"),), "mg", None, SENSOR_STAGES, ids, rows, gauges(SENSOR_STAGES), noise=noise,
         ideal=lambda effects: rows(effects, ideal=True),
     )  # fmt: skip
-
-
-def rest_rates(
-    recording: Recording, baseline: Sequence[str] = (), accelerometers: Calibration | None = None
-) -> View | None:
-    """Gyroscopes in rest positions: the mean output of each, weighted by how well the scatter of its samples tells it.
-
-    `accelerometers` calibrates the force (left out, the positions do). Where no latitude says how fast the Earth turns
-    about the vertical, what the rests say of it is taken off. None where the outputs are counts and no turns between
-    the rests say how much a count is.
-    """
-    made = accelerometers or multiposition(recording, BASELINE["norm"])
-    moving, raw = logged_turns(recording), recording.counted(RATE)
-    if raw and not moving:
-        return None
-    found = rests(recording, made, turns_between_rests(recording, made)[2] if raw else 1.0)
-    s, y = found.stimulus, found.rate - _vertical(found, recording)
-    told = found.sigma if np.all(found.sigma > 0) else None  # one row per rest says nothing of its scatter
-
-    def missed(at_rest: Sequence[Effect]) -> float:
-        misfit = fit_turns(turns_between_rests(recording, made, at_rest)[0], BASELINE["turns"]).misfit
-        return float(np.sqrt((misfit**2).sum() / len(misfit)))
-
-    channels = tuple((RATE, a) for a in "xyz")
-
-    def rows(effects: Sequence[Effect]) -> Rows:
-        return linearise(BENCH, s, effects, channels=channels, read=y, stages=GYROSCOPE_STAGES)
-
-    return View(
-        "rest rates", dwell_means(recording), s, channels, "deg/h", told,
-        GYROSCOPE_STAGES, tuple(baseline) or BASELINE["rest rates"], rows, frozenset(), noise=told,
-        turns=missed if moving else None,
-    )  # fmt: skip
-
-
-def _vertical(found: Rests, recording: Recording) -> Array:
-    """What may be the Earth's vertical rate (m, 3) where the latitude is not known: a g-sensitivity common to all axes.
-
-    Less than 15 deg/h in size, or it is more than the Earth; and the less, the less the rests tell of it.
-    """
-    if recording.site.latitude is not None or len(found.rate) < RESTS:
-        return np.zeros_like(found.rate)
-    fit = fit_rests(found)
-    common = [i for i, p in enumerate(fit.parameters) if p.effect == G_SENSITIVITY and p.axis in ("xx", "yy", "zz")]
-    g = recording.site.gravity
-    expected = EARTH_RATE**2 / 3  # of a sine of the latitude that is anything
-    told = expected / (expected + fit.covariance[np.ix_(common, common)].mean() * g**2)
-    return float(np.clip(told * fit.x[common].mean() * g, -EARTH_RATE, EARTH_RATE)) * found.stimulus.force / g
 
 
 def table(recording: Recording, baseline: Sequence[str] = (), step: float = COARSE) -> View:

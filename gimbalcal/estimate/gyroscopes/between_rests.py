@@ -13,7 +13,7 @@ rotation between the triads too. The Earth's rate is left out: 15 deg/h, below w
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_val
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, lacking
 from gimbalcal.effects.gyroscope import rate_matrix
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.account import joined
 from gimbalcal.estimate.added import Added, Beside, with_constants, with_told
 from gimbalcal.estimate.gyroscopes.inter_triad import euler
@@ -39,21 +39,15 @@ from gimbalcal.estimate.gyroscopes.rests import (
     level_of,
     rests,
 )
-from gimbalcal.estimate.gyroscopes.turns import FORCE, RATE, Turns, end_of, turns_between_rests
+from gimbalcal.estimate.gyroscopes.turn_fit import TurnFit, fit_turns
+from gimbalcal.estimate.gyroscopes.turns import Turns, turns_between_rests
 from gimbalcal.estimate.support import coefficients, needed, refusal
-from gimbalcal.forward import Rows, gyroscopes, linearise
-from gimbalcal.inference.levenberg import minimise
-from gimbalcal.inversion import invert
 from gimbalcal.number import Array
-from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
-from gimbalcal.rotation import cross_matrix, left_jacobian
 from gimbalcal.units import from_si
 
 LINEAR = BASELINE["turns"]
 FURTHER = ("gyro_scale_nonlinearity", "gyro_scale_asymmetry", "gyro_scale_temperature", G_SENSITIVITY)
-ENOUGH = 1e-14  # share of the squares that a last step takes away: 1e-7 of a sigma where nothing is left to gain
-ENDURING = 1e-9  # smallest relative singular value of the columns: below, the turns say nothing of a combination
 
 
 def gyroscopes_between_rests(
@@ -74,7 +68,7 @@ def gyroscopes_between_rests(
     moving = tuple(t for t in wanted if t != G_SENSITIVITY)
     base = tuple(t for t in moving if t in LINEAR) or moving[:1]
     tried = coefficients([t for t in wanted if t not in base])
-    still = rests(recording, accelerometers, scale)
+    still = rests(recording, accelerometers, scale, turns)
     extra = apart(more, still)
     effects, constants = _chosen(more, extra, still, turns, base)
     level, why = level_of(still, recording.site.latitude, recording.site.gravity, G_SENSITIVITY in wanted, tried,
@@ -126,7 +120,7 @@ def _check(terms: Sequence[str], recording: Recording) -> None:
             raise InputError(f"--terms names {t}, which needs a {missing} channel; {recording.title!r} has none")
 
 
-Fits = list[tuple[tuple[str, ...], "TurnFit"]]
+Fits = list[tuple[tuple[str, ...], TurnFit]]
 
 
 def _taken_up(
@@ -159,106 +153,6 @@ def _attempt(turns: Turns, terms: tuple[str, ...], without: TurnFit, tried: int,
     data = f"{len(fit.misfit)} turns"
     clear_of = needed(tried, fit.dof)
     return refusal(terms[-1], data, fit.parameters, fit.x, sigma, left_out, "rad", condition, clear_of) or fit
-
-
-@dataclass(frozen=True, eq=False)
-class TurnFit:
-    """A fit of turns: parameters, estimate, covariance scaled to the scatter, misfits (m, 3), and what to judge by.
-
-    `jackknife` (p,) is one sigma as the estimate moves when turns are left out: right where long turns scatter more.
-    """
-
-    parameters: tuple[Parameter, ...]
-    x: Array
-    covariance: Array
-    misfit: Array
-    dof: int
-    condition: float
-    left_out: float
-    jackknife: Array
-    effects: tuple[Effect, ...]
-
-    @property
-    def rms(self) -> float:
-        """Misfit of gravity's direction [rad], per component across gravity."""
-        return float(np.sqrt((self.misfit**2).sum() / (2 * len(self.misfit))))
-
-
-def fit_turns(turns: Turns, terms: Sequence[str], beside: Beside = ((), ())) -> TurnFit:
-    """Least squares of the terms' parameters, and of those beside them, to gravity after each turn.
-
-    Raises InputError where there are fewer turns than parameters ask for, or none that tells some of them apart.
-    """
-    wanted = (*(p for t in terms for p in parameters(CATALOGUE[t])), *beside[0])
-    m = len(turns.before)
-    if 2 * m < len(wanted):
-        raise InputError(
-            f"{amount(m, 'turn')} for {amount(len(wanted), 'parameter')} that are asked for: turn more often"
-        )
-    scale = np.array([p.sigma for p in wanted])
-
-    def model(scaled: Array, _: Array) -> tuple[Array, Array]:
-        r, J = _linear(turns, wanted, scaled[0] * scale, beside[1])
-        return -r[None], (J * scale)[None]
-
-    start = np.zeros((1, len(wanted)))
-    if _dark(model(start, np.arange(1))[1][0]):
-        raise InputError(f"nothing in {amount(m, 'turn')} tells all of {', '.join(terms)} apart")
-    found = minimise(model, start, gain=ENOUGH)
-    x = found.x[0] * scale
-    return _judged(wanted, x, *_linear(turns, wanted, x, beside[1]), m, with_values(beside[1], wanted, x))
-
-
-def _dark(J: Array) -> bool:
-    """Whether some combination of the columns changes nothing."""
-    size = np.sqrt((J**2).sum(0))
-    return bool(np.any(size == 0)) or bool(np.linalg.svd(J / size, compute_uv=False)[-1] < ENDURING)
-
-
-def _judged(
-    wanted: tuple[Parameter, ...], x: Array, r: Array, J: Array, m: int, effects: tuple[Effect, ...]
-) -> TurnFit:
-    size = np.sqrt((J**2).sum(0))
-    Q, R = np.linalg.qr(J / size)
-    dof = 2 * m - len(x)
-    variance = (r**2).sum() / max(dof, 1)
-    inverse = np.linalg.inv(R) / size[:, None]
-    left = np.concatenate([
-        np.linalg.lstsq(np.eye(3) - q @ q.T, e, rcond=1e-9)[0]
-        for q, e in zip(Q.reshape(m, 3, -1), r.reshape(m, 3), strict=True)
-    ])  # fmt: skip
-    moves = np.einsum("mip,mi->mp", Q.reshape(m, 3, -1), left.reshape(m, 3)) @ inverse.T
-    return TurnFit(
-        wanted, x, variance * inverse @ inverse.T, r.reshape(m, 3), dof, float(np.linalg.cond(R)),
-        float(np.sqrt((left**2).sum() / (2 * m))), np.sqrt((moves**2).sum(0)), effects,
-    )  # fmt: skip
-
-
-def rows_of_turns(turns: Turns, effects: Sequence[Effect]) -> Rows:
-    """The rows of m turns: misfit (m, 3) of gravity after each, and how it answers what is added at each of n samples.
-
-    A rate that reads as it does is off by -D^-1 times what an effect adds to the reading, D = dh/d(rate); what that
-    does to gravity at the end is the turn of all samples after it.
-    """
-    y, s = turns.reading.reshape(-1, 3), turns.stimulus
-    w, D, flat = invert(lambda rate: gyroscopes(rate, s, effects), y)
-    if np.any(flat):
-        raise InputError("no model of the gyroscopes turns with the unit: one of them does not follow its rate")
-    m, n = turns.step.shape
-    rate = w.reshape(m, n, 3)
-    misfit, predicted, tail = end_of(rate, turns)
-    moved = tail @ left_jacobian(rate * turns.step[..., None]) @ np.linalg.inv(D).reshape(m, n, 3, 3)
-    S = -(cross_matrix(predicted)[:, None] @ moved) * turns.step[..., None, None]
-    read = linearise(BENCH, s.at(rate=w), effects, channels=[(RATE, a) for a in "xyz"], stages=GYROSCOPE_STAGES)
-    answer = {k: np.moveaxis(S @ R.reshape(m, n, 3, 3), 1, 2).reshape(m, 3, 3 * n) for k, R in read.sensitivity.items()}
-    channels = tuple((FORCE, a) for a in "xyz")
-    return Rows(BENCH, read.kind, read.stimulus, tuple(effects), channels, misfit, read.seen, answer)
-
-
-def _linear(turns: Turns, wanted: Sequence[Parameter], x: Array, effects: Sequence[Effect] = ()) -> tuple[Array, Array]:
-    """Misfit (3 m,) of the turns at parameters x, and its derivative (3 m, p)."""
-    rows = rows_of_turns(turns, with_values(effects, wanted, x))
-    return rows.residual.ravel(), rows.jacobian(wanted).reshape(rows.residual.size, -1)
 
 
 def _calibration(

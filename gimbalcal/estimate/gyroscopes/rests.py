@@ -7,8 +7,8 @@ A unit at rest in many attitudes reads its bias, what gravity does to it, and th
 
 with f_k the calibrated force of rest k, n_k its samples and sigma_w what a wandering bias adds. The Earth's vertical
 part is exactly a g-sensitivity common to all axes: it is taken off where the latitude is known, and where it is not,
-G_xx = G_yy = G_zz is uncertain by it (15 deg/h/g over the square root of 3). North is not known: what is horizontal
-of the Earth's rate is scatter.
+G_xx = G_yy = G_zz is uncertain by it (15 deg/h/g over the square root of 3). North is not known: where turns join the
+rests, what is horizontal is two unknowns beside the effects (`heading`), and scatter elsewhere.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, with_values
 from gimbalcal.estimate.added import Added
+from gimbalcal.estimate.gyroscopes.heading import horizontal_rate
+from gimbalcal.estimate.gyroscopes.turns import Turns
 from gimbalcal.estimate.support import coefficients, needed, refusal, scatter
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus_from_readings
@@ -36,11 +38,15 @@ ROUNDS = 10  # of reweighting; each brings the excess within a few percent of th
 
 @dataclass(frozen=True, eq=False)
 class Rests:
-    """Mean rates (m, 3) [rad/s] at rest with one sigma of each (m, 3), and what the unit felt there."""
+    """Mean rates (m, 3) [rad/s] at rest with one sigma of each (m, 3), and what the unit felt there.
+
+    horizontal: what one sigma of each component of the Earth's horizontal rate makes of them (m, 3, q) [rad/s].
+    """
 
     rate: Array
     sigma: Array
     stimulus: Stimulus
+    horizontal: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +63,11 @@ class RestFit:
     dof: float  # of the scatter that the sigmas are made from; inf where the samples' own noise is all there is
 
 
-def rests(recording: Recording, accelerometers: Calibration, scale: float = 1.0) -> Rests:
-    """The rests of a recording, less the Earth's vertical rate; `scale` is rad/s per unit of a raw output."""
+def rests(recording: Recording, accelerometers: Calibration, scale: float = 1.0, turns: Turns | None = None) -> Rests:
+    """The rests of a recording, less the Earth's vertical rate; `scale` is rad/s per unit of a raw output.
+
+    turns: those between them, which carry the direction of the Earth's horizontal rate.
+    """
     means = dwell_means(accelerometers.apply(recording))
     rows = dwell_means(recording)
     y = recording.triad(RATE)
@@ -67,7 +76,9 @@ def rests(recording: Recording, accelerometers: Calibration, scale: float = 1.0)
     force, latitude = means.triad(FORCE), recording.site.latitude
     earth = 0.0 if latitude is None else EARTH_RATE * np.sin(latitude) * force / recording.site.gravity
     felt = stimulus_from_readings(means).at(force=force, rate=np.zeros_like(force))  # at rest, as the calibration tells
-    return Rests(scale * rows.triad(RATE) - earth, scale * sigma, felt)
+    down = force / np.linalg.norm(force, axis=1, keepdims=True)
+    horizontal = np.zeros((len(down), 3, 0)) if turns is None else horizontal_rate(recording, turns, down)
+    return Rests(scale * rows.triad(RATE) - earth, scale * sigma, felt, horizontal)
 
 
 def fit_rests(
@@ -76,23 +87,28 @@ def fit_rests(
 ) -> RestFit:  # fmt: skip
     """Weighted least squares of gyroscope effects, which are linear at rest; the excess of each axis with it.
 
-    more: further parameters, of these absent effects.
+    more: further parameters, of these absent effects. The Earth's horizontal rate, as far as it is known, is fitted
+    beside them within what it can be.
     """
     wanted = (*(p for t in terms for p in parameters(CATALOGUE[t])), *more)
     zero = 0 * found.rate
     J = complex_step(lambda x: gyroscopes(zero, found.stimulus, with_values(effects, wanted, x)), np.zeros(len(wanted)))
-    prior = np.array([p.sigma for p in wanted])
+    prior = np.array([w.sigma for w in wanted])
+    p, q = len(wanted), found.horizontal.shape[-1]
     dof = len(J) - np.array([np.any(J[:, i] != 0, axis=0).sum() for i in range(3)])
     excess = np.zeros(3)
     own = np.where(found.sigma > 0, found.sigma, SILENT)  # rows that never change, or one a rest
     for _ in range(ROUNDS):
         sigma = np.sqrt(own**2 + excess**2)
-        A = (J / sigma[..., None]).reshape(-1, len(wanted)) * prior
-        U, S, Vt = np.linalg.svd(A, full_matrices=False)
-        x = (Vt.T @ ((U.T @ (found.rate / sigma).ravel()) / S)) * prior
-        misfit = found.rate - J @ x
+        A = (np.concatenate([J * prior, found.horizontal], axis=-1) / sigma[..., None]).reshape(zero.size, -1)
+        U, S, Vt = np.linalg.svd(np.concatenate([A, np.eye(p + q)[p:]]), full_matrices=False)
+        U = U[: zero.size]  # beside the rests stands what is known of the Earth
+        told = Vt.T @ ((U.T @ (found.rate / sigma).ravel()) / S)
+        x = told[:p] * prior
+        misfit = found.rate - J @ x - found.horizontal @ told[p:]
         excess = np.array([scatter(misfit[:, i], own[:, i] ** 2, int(dof[i])) for i in range(3)])
-    covariance = (Vt.T / S**2) @ Vt * np.outer(prior, prior)
+    covariance = ((Vt.T / S**2) @ Vt)[:p, :p] * np.outer(prior, prior)
+    A = A[:, :p]
     slack = 1 - (U**2).sum(1).reshape(misfit.shape)
     size = np.sqrt((A**2).sum(0))
     return RestFit(with_values(effects, wanted, x), wanted, x, covariance, misfit,

@@ -17,6 +17,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.errors import InputError, amount
 from gimbalcal.forward import gyroscopes
+from gimbalcal.inversion import invert
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwells
@@ -134,6 +135,17 @@ def _rough_scale(turns: Turns) -> float:
     guesses = np.geomspace(0.2, 20, 60) / largest  # a median turn between 0.2 and 20 rad, 8 % apart
     misfit = [np.mean(end_of(g * turns.reading, turns)[0] ** 2) for g in guesses]
     return float(guesses[int(np.argmin(misfit))])
+
+
+def turned(turns: Turns, effects: Sequence[Effect]) -> Array:
+    """By how much the frame turns in each turn (m, 3, 3), with these effects of the gyroscopes."""
+    m, n = turns.step.shape
+    rate, _, _ = invert(lambda w: gyroscopes(w, turns.stimulus, effects), turns.reading.reshape(-1, 3))
+    C = exponential(rate.reshape(m, n, 3) * turns.step[..., None])
+    out = np.broadcast_to(np.eye(3), (m, 3, 3))
+    for k in range(n):
+        out = C[:, k] @ out
+    return np.asarray(out)
 
 
 def end_of(rate: Array, turns: Turns) -> tuple[Array, Array, Array]:

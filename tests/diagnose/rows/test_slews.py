@@ -12,7 +12,7 @@ from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.diagnose.rows.slews import lateness, view_of_slews
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.stepwise import course
-from gimbalcal.diagnose.unknown_noise import Told, told_of
+from gimbalcal.diagnose.verdict.told import Told, told_of
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.pipeline import silent
 from gimbalcal.recording import Recording

@@ -9,7 +9,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.rows.views import BLOCK, View, averaged, norm, pointing, rest_rates, solved, table
+from gimbalcal.diagnose.rows.rest_rates import rest_rates
+from gimbalcal.diagnose.rows.views import BLOCK, View, averaged, norm, pointing, solved, table
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH

@@ -19,6 +19,7 @@ from gimbalcal.effects.gyroscope import (
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.gyroscopes import between_rests as poses
+from gimbalcal.estimate.gyroscopes import turn_fit
 from gimbalcal.estimate.gyroscopes.between_rests import LINEAR, gyroscopes_between_rests
 from gimbalcal.estimate.gyroscopes.inter_triad import euler, triad_rotation
 from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
@@ -94,12 +95,12 @@ def test_a_recording_may_begin_while_the_unit_moves() -> None:
 def test_derivative_is_that_of_a_difference() -> None:
     recording = hand(TRUTH, 0.0, count=8)
     turned, _, _ = turns_between_rests(recording, multiposition(recording, ("bias",)))
-    wanted = poses.fit_turns(turned, LINEAR).parameters
+    wanted = turn_fit.fit_turns(turned, LINEAR).parameters
     x = np.full(len(wanted), 0.01)
-    J = poses._linear(turned, wanted, x)[1]
+    J = turn_fit._linear(turned, wanted, x)[1]
     h = 1e-6
     for k, unit in enumerate(np.eye(len(x))):
-        up, down = (poses._linear(turned, wanted, x + s * h * unit)[0] for s in (1, -1))
+        up, down = (turn_fit._linear(turned, wanted, x + s * h * unit)[0] for s in (1, -1))
         # the misfit is observed minus predicted; central differences leave h^2 and 1e-16 / h
         np.testing.assert_allclose(J[:, k], -(up - down) / (2 * h), atol=1e-8)
 
@@ -149,7 +150,7 @@ def test_rotation_between_the_triads_comes_out_of_the_misalignments() -> None:
     x = np.array([*(SF - 1), -C[0, 2], C[0, 1], -C[1, 0], C[1, 2], -C[2, 1], C[2, 0]])
     recording = hand(TRUTH, 0.0, count=8)
     turned, _, _ = turns_between_rests(recording, multiposition(recording, ("bias",)))
-    fit = replace(poses.fit_turns(turned, LINEAR), x=x)
+    fit = replace(turn_fit.fit_turns(turned, LINEAR), x=x)
     np.testing.assert_allclose(poses._inter_triad(fit), angles, atol=1e-14)  # an exact factorisation
     np.testing.assert_allclose(euler(triad_rotation(angles)), angles, atol=1e-15)
 
