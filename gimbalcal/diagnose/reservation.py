@@ -29,7 +29,13 @@ FORCE, RATE = "specific_force", "angular_rate"
 
 
 def with_reservation(d: Diagnosis, recordings: Sequence[Recording], baseline: Sequence[str]) -> Diagnosis:
-    """The diagnosis; where it is adequate and a calibration is not, with an `outcome` that says why."""
+    """The diagnosis; where it is adequate and a calibration is not, with an `outcome` that says why.
+
+    Where nothing explains a unit turned in its place, a slip that a calibration would name is told.
+    """
+    if d.verdict == "unexplained":
+        slips = [slip for r in recordings for slip in _slips(r)]
+        return replace(d, in_words=f"{d.in_words} {slips[0][:1].upper()}{slips[0][1:]}.") if slips else d
     if d.verdict != "adequate":
         return d
     said = list(dict.fromkeys(words for r in recordings for words in reservations(r, baseline)))
@@ -61,6 +67,14 @@ def reservations(recording: Recording, baseline: Sequence[str] = ()) -> list[str
         terms = () if recording.has("gimbal_angle") else tuple(mine)
         out += _said(lambda: _of_unit(recording, terms, bool(gyro) or not baseline))
     return out
+
+
+def _slips(recording: Recording) -> list[str]:
+    """What the calibration of a unit turned in its place names as the likeliest slip, where it does."""
+    if not turned_in_place(recording):
+        return []
+    slips = _said(lambda: [systematic(recording, "30").outcome.partition("; ")[2]])
+    return [slip for slip in slips if slip and "`gimbalcal diagnose`" not in slip]
 
 
 def _said(ask: Callable[[], list[str]]) -> list[str]:

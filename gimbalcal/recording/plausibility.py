@@ -16,20 +16,19 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import SENSORS, Recording, dwell_means, dwells
+from gimbalcal.recording.plausible_force import check_each_norm, check_magnitude
 from gimbalcal.recording.plausible_run import check_attitude, check_latitude, check_sidereal, check_turn, named
-from gimbalcal.recording.rates import refuse_implausible_rates
+from gimbalcal.recording.plausible_turned import check_turned
+from gimbalcal.recording.rates import refuse_implausible_rates, with_rests
 from gimbalcal.recording.triads import AXES, CHANGES, CLOSE, NEARLY_ALL, in_words, remedy
 from gimbalcal.units import is_raw
 
 QUIETEST = 1e-15  # SI; less than this is zero to any instrument
 UNSTILL = 0.2  # of gravity, half of the rows: a table that shakes so much is no rest
 STILL = 1e-3  # rad
-FORCE_UNITS = {"m/s^2": 1.0, "g": G0, "mg": 1e-3 * G0, "ug": 1e-6 * G0}
-FAR_OFF, NORM_SHARE = 0.3, 0.25  # of gravity, rms: no low-cost unit is; and what another unit has to leave of it
 UNCHECKED = (
     "order and signs of the accelerometers were not checked: it takes gimbal angles and physical units, or gyroscopes "
     "that were logged from rest to rest"
@@ -46,6 +45,9 @@ def refuse_implausible(recording: Recording) -> tuple[str, ...]:
     if recording.kind == "static-run":
         check_turn(recording)
         check_attitude(recording)
+    if recording.kind == "rotation" and recording.has("angular_rate") and recording.has("specific_force"):
+        recording = with_rests(recording)
+        check_turned(recording)
     at_rest = recording.kind in ("multi-position", "static-run") and set(recording.axes("specific_force")) == set(AXES)
     told = _check_forces(recording) if at_rest else True
     rates = refuse_implausible_rates(recording)
@@ -61,8 +63,8 @@ def _check_forces(recording: Recording) -> bool:
         return False
     _check_stillness(recording)
     if not known:
-        _check_each_norm(rests, force)
-    _check_magnitude(rests, force)
+        check_each_norm(rests, force)
+    check_magnitude(rests, force)
     if known:
         _check_degrees(rests, force)
         _check_each_axis(rests, force)
@@ -119,21 +121,6 @@ def _eighths(rows: Array) -> Array:
     return np.asarray(rows[: 8 * size].reshape(8, size, -1).mean(axis=1)) if size else rows
 
 
-def _check_magnitude(rests: Recording, force: Array) -> None:
-    """At rest the norm of the force is gravity, give or take the errors of the sensors."""
-    ratio = float(np.median(np.linalg.norm(force, axis=1))) / rests.site.gravity
-    if 0.5 <= ratio <= 1.5:
-        return
-    unit = rests.units.get(("specific_force", "x"), "m/s^2")
-    factor = FORCE_UNITS.get(unit, 1.0)
-    likely = [name for name, size in FORCE_UNITS.items() if 0.8 < ratio * size / factor < 1.25]
-    remedy = f'the numbers look like {likely[0]}: write unit = "{likely[0]}"' if likely else "correct the unit"
-    raise InputError(
-        f"{named(rests)}: at rest the specific force is {ratio * rests.site.gravity:.4g} m/s^2 where gravity is "
-        f"{rests.site.gravity:.4g} m/s^2, read in the unit {unit!r}; {remedy} of its columns"
-    )
-
-
 def _check_degrees(rests: Recording, force: Array) -> None:
     """The force cannot turn by more than all gimbals together; if it does, the angles are in radians."""
     if rests.kind != "multi-position":
@@ -169,27 +156,6 @@ def _check_each_axis(rests: Recording, force: Array) -> None:
                 f"{named(rests)}: the accelerometer {axis} alone reads {abs(slope):.4g} times what the gimbal angles "
                 f"predict, so its unit is not {unit!r}; correct it in [columns]"
             )
-
-
-def _check_each_norm(rests: Recording, force: Array) -> None:
-    """One accelerometer alone, or two, in another unit: with it the norm is gravity at every rest."""
-    g, best = rests.site.gravity, (FAR_OFF, "", "")
-    stated = float(np.sqrt(np.mean((np.linalg.norm(force, axis=1) / g - 1) ** 2)))
-    if stated < FAR_OFF or len(force) < 3:
-        return
-    for few in (f for f in np.ndindex(2, 2, 2) if 0 < sum(f) < 3):
-        for unit, size in FORCE_UNITS.items():
-            axes = [a for a, wrong in zip(AXES, few, strict=True) if wrong]
-            told = rests.units.get(("specific_force", axes[0]), "m/s^2")
-            factor = np.where(few, size / FORCE_UNITS.get(told, 1.0), 1.0)
-            off = float(np.sqrt(np.mean((np.linalg.norm(factor * force, axis=1) / g - 1) ** 2)))
-            best = min(best, (off / NORM_SHARE, " and ".join(axes), unit))
-    if best[1] and best[0] < stated:
-        raise InputError(
-            f"{named(rests)}: at rest the norm of the force differs from gravity by {100 * stated:.3g} % rms, and by "
-            f"{100 * NORM_SHARE * best[0]:.2g} % if accelerometer {best[1]} alone were in {best[2]}; write unit = "
-            f'"{best[2]}" for it in [columns]'
-        )
 
 
 def _predicted(rests: Recording, angles: Array) -> Array:

@@ -49,6 +49,7 @@ CLOCKS = {
     3600.0: "h",
 }  # seconds that a second of the stated unit really is
 COUNTS = np.geomspace(0.2, 20, 40)  # rad that a median turn may have, where nothing says how much a count is
+FACTORS = 1e-2, 1e2, 93  # of all rates, in steps of 10 %
 REVERSED = Change(signs=(-1, -1, -1))
 FAINT = 0.3  # of what no reading at all would leave: gyroscopes see the Earth where less remains
 UNCHECKED = (
@@ -76,7 +77,7 @@ def refuse_implausible_rates(recording: Recording) -> tuple[str, ...]:
         return ("the gyroscopes of a static run are not looked at",)
     if recording.kind not in ("multi-position", "rotation") or set(recording.axes(RATE)) != set(AXES):
         return ()
-    recording = _with_rests(recording)
+    recording = with_rests(recording)
     turns = _turns(recording)
     if turns is not None:
         _check_turns(recording, turns)
@@ -86,12 +87,13 @@ def refuse_implausible_rates(recording: Recording) -> tuple[str, ...]:
     return (UNCHECKED,)
 
 
-def _with_rests(recording: Recording) -> Recording:
+def with_rests(recording: Recording) -> Recording:
     """A rotation has rests too: where its sensors are quiet."""
-    if recording.position is not None:
+    if recording.position is not None or recording.kind != "rotation":
         return recording
-    channels = {f"{q} {a}": x for (q, a), x in recording.channels.items() if q in (FORCE, RATE)}
-    return replace(recording, position=detect(recording.time, channels))
+    forces = {f"{q} {a}": x for (q, a), x in recording.channels.items() if q == FORCE}
+    rates = {a: x for (q, a), x in recording.channels.items() if q == RATE}
+    return replace(recording, position=detect(recording.time, forces or rates, rates, recording.counted(RATE)))
 
 
 # --- turns ------------------------------------------------------------------------------------------------------------
@@ -132,7 +134,7 @@ def _down(recording: Recording) -> Array | None:
     if set(recording.axes(FORCE)) != set(AXES):
         return None
     y = recording.triad(FORCE)
-    f = np.array([y[d.rows].mean(0) for d in dwells(recording)])
+    f = np.array([y[d.rows].mean(0) for d in dwells(recording)]).reshape(-1, 3)
     if recording.counted(FORCE):
         centred = without_scale(f)
         if centred is None:
@@ -208,6 +210,29 @@ def _check_turns(recording: Recording, turns: _Turns) -> None:
             f"{named(recording)}: only {stated} of {n} turns between rests are by {by} what the gyroscopes say, and "
             f"{best} if {words}"
         )
+    if stated < 0.5 * n and not recording.counted(RATE):
+        _check_factor(recording, turns, stated)
+
+
+def _check_factor(recording: Recording, turns: _Turns, stated: int) -> None:
+    """Any other factor, of all rates: increments of the angle, or a unit that nobody thought of."""
+    n, guesses = len(turns.reading), np.geomspace(*FACTORS)
+    agreeing = np.array([_agree(turns, _rotations(turns, f * np.ones(3))) for f in guesses])
+    fits = np.flatnonzero(agreeing >= NEARLY_ALL * n)
+    if not len(fits):
+        return
+    fits = fits[: 1 + int(np.argmax(np.append(np.diff(fits) > 1, True)))]  # larger ones go round once more
+    factor, step = float(np.exp(np.log(guesses[fits]).mean())), float(np.median(np.diff(recording.time)))
+    cure = f"correct the unit of their columns, {recording.units.get((RATE, 'x'), 'rad/s')!r}, or of the time"
+    if abs(factor * step - 1) < 0.15:
+        cure = (
+            f"so they look like what each step of {step:.3g} s adds to the angle: write quantity = "
+            '"angle_increment" and the unit of an angle'
+        )
+    raise InputError(
+        f"{named(recording)}: only {stated} of {n} turns between rests are by gravity what the gyroscopes say, and "
+        f"{max(agreeing[fits])} if every rate were some {factor:.2g} times what it is; {cure}"
+    )
 
 
 def _units(recording: Recording) -> list[tuple[float, str]]:

@@ -144,7 +144,12 @@ def answer(content: Mapping[str, Any]) -> str:
         seen = f"All {counted(total, 'parameter')} are calibrated"
     else:
         seen = f"All {counted(total - len(unobservable), 'direction')} that the data can see are calibrated"
-    return f"{seen}; {_left(content)}.{_far_off(content)}{_unobservable(unobservable)}"
+    return f"{seen}; {_left(content)}.{_far_off(content)}{_unobservable(unobservable)}{_questions(content)}"
+
+
+def _questions(content: Mapping[str, Any]) -> str:
+    """Sentences on constants that no such unit has; empty for none."""
+    return "".join(f" But {typeset(text)}" for text in content["provenance"].get("questions", [])[:3])
 
 
 def _left(content: Mapping[str, Any]) -> str:

@@ -29,6 +29,7 @@ HEADING = np.radians(1.0), np.radians(60.0)  # one sigma of the heading: at leas
 SLOW = 3.0  # times the Earth's rate: gyroscopes that read less at rest have no bias worth the name
 LIKELY = np.radians([1.0, 1000.0]) / 3600  # rad/s, one sigma of the bias of such a triad, and of any other
 LATITUDE = np.radians(3.0)  # what the latitude may be off; 5 sigma of what gyroscopes see beside
+FAINT = 0.1  # of the Earth's rate: gyroscopes that see less of it, and could, had it taken off
 EARTH_SEEN = 0.5  # of the Earth's rate: what it may be off where gyroscopes that see it are to be believed
 
 
@@ -80,10 +81,15 @@ def _from_vectors(course: Course, down: Array, after: float, b: Array, earth: Ar
     heading = float(np.clip(3 * sigma / (EARTH_RATE * np.cos(latitude)), *HEADING))
     off = abs(np.linalg.norm(earth) / EARTH_RATE - 1)
     if heading < HEADING[1] and off > EARTH_SEEN + 3 * sigma / EARTH_RATE:
+        ratio = np.linalg.norm(earth) / EARTH_RATE
+        likely = (
+            "its rate was taken off, by a navigator or a dead band about zero; log what the gyroscopes read"
+            if ratio < FAINT
+            else "check the order, signs and unit of their columns, and the latitude"
+        )
         raise InputError(
-            f"{named(course.rows)}: turned through its stops, the gyroscopes see a rate of "
-            f"{np.linalg.norm(earth) / EARTH_RATE:.3g} times the Earth's that turns with them; check the order, signs "
-            "and unit of their columns, and the latitude"
+            f"{named(course.rows)}: turned through its stops, the gyroscopes see a rate of {ratio:.3g} times the "
+            f"Earth's that turns with them; {likely}"
         )
     seen = np.arcsin(np.clip(-float(down @ earth) / np.linalg.norm(earth), -1, 1))
     if abs(seen - latitude) > LATITUDE + 5 * sigma / EARTH_RATE:

@@ -41,7 +41,8 @@ class Course:
     interval continues the one before; first (K + 1,): index of the first interval of each stretch; a stretch without
     intervals is a pause of the clock in a stop. stop (K,): ordinal of the stop, -1 while turning; time (K + 1,) s of
     the updates, the first at the start. group (n,): interval to one of the fewer rows in which the model is linearised;
-    groups: their means. sigma (6,): one sample of each channel; velocity: how still the place is
+    groups: their means. sigma (6,): one sample of each channel, as stated; shown (6,): as
+    the stops scatter; velocity: how still the place is
     [m/s]; stated: whether the header states the noise of both triads.
     """
 
@@ -54,6 +55,7 @@ class Course:
     group: NDArray[np.int64]
     groups: Recording
     sigma: Array
+    shown: Array
     velocity: float
     stated: bool
 
@@ -89,8 +91,8 @@ def course(recording: Recording) -> Course:
             "after it was turned; turn it through a dozen stops or more, each axis up and down"
         )
     _refuse_lost_turns(recording, stays, paused)
-    sigma, stated = _noise(recording, stays)
-    return _assembled(recording, stays, dt, step, paused, sigma, stated)
+    sigma, shown, stated = _noise(recording, stays)
+    return _assembled(recording, stays, dt, step, paused, sigma, shown, stated)
 
 
 def stops(recording: Recording) -> list[Dwell]:
@@ -127,7 +129,7 @@ def _through_pauses(recording: Recording, stays: Sequence[Dwell], paused: NDArra
 
 def _assembled(
     recording: Recording, stays: Sequence[Dwell], dt: Array, step: float, paused: NDArray[np.bool_], sigma: Array,
-    stated: bool,
+    shown: Array, stated: bool,
 ) -> Course:  # fmt: skip
     begins, first, stop = [0], [0], []  # rows at which intervals begin; intervals at which stretches begin
     group: list[int] = []
@@ -154,7 +156,9 @@ def _assembled(
         time[j + 1] = recording.time[at[j + 1]] - step
     joined = ~paused[edge[:-1]] & (edge[:-1] > 0)
     velocity = recording.noise.get("velocity", STILL)
-    return Course(rows, length, joined, np.array(first), np.array(stop), time, of, groups, sigma, velocity, stated)
+    return Course(
+        rows, length, joined, np.array(first), np.array(stop), time, of, groups, sigma, shown, velocity, stated
+    )
 
 
 def _means(recording: Recording, begin: NDArray[np.int64], count: NDArray[np.int64], time: Array) -> Recording:
@@ -217,24 +221,22 @@ def _refuse_lost_turns(recording: Recording, stays: Sequence[Dwell], paused: NDA
         )
 
 
-def _noise(recording: Recording, stays: Sequence[Dwell]) -> tuple[Array, bool]:
-    """One sigma (6,) of a sample of each channel, as the header states it, else as the stops scatter."""
-    sigma = np.empty(6)
+def _noise(recording: Recording, stays: Sequence[Dwell]) -> tuple[Array, Array, bool]:
+    """One sigma (6,) of a sample of each channel, as the header states it, else as the stops scatter; and as these."""
+    sigma, shown = np.empty(6), np.empty(6)
     of = {quantity: sensor for sensor, quantity in SENSORS.items()}
     stated = all(of[q] in recording.noise for q in (FORCE, RATE))
     for i, key in enumerate(KEYS):
-        if of[key[0]] in recording.noise:
-            sigma[i] = recording.noise[of[key[0]]]
-            continue
         each = [_scatter(recording.channels[key][d.rows]) for d in stays]
-        sigma[i] = np.sqrt(np.mean(np.square(each)))
+        shown[i] = np.sqrt(np.mean(np.square(each)))
+        sigma[i] = recording.noise.get(of[key[0]], shown[i])
     if not np.all(sigma > 0):
         bad = [" ".join(key) for key, s in zip(KEYS, sigma, strict=True) if not s > 0]
         raise InputError(
             f"{named(recording)}: {bad[0]} has no noise, stated or seen, and a filter cannot weigh it; state it in "
             f"[noise] ({amount(len(bad), 'channel')} like this)"
         )
-    return sigma, stated
+    return sigma, shown, stated
 
 
 def _scatter(x: Array) -> float:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.effects import Parameter
+from gimbalcal.errors import amount
 from gimbalcal.estimate.systematic.course import Course
 from gimbalcal.estimate.systematic.smoothing import GATE, STATE, Pass
 from gimbalcal.number import Array
@@ -73,13 +74,25 @@ def doubtful(last: Pass, left_out: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return more if more.mean() <= REJECTED else np.zeros_like(more)
 
 
-def outcome(navigation: Mapping[str, Any], states: int, settled: bool) -> str:
-    """One sentence where the model does not explain the data; empty where it does."""
+def outcome(
+    navigation: Mapping[str, Any], states: int, settled: bool, unseen: int = 0, slip: Callable[[], str] = str
+) -> str:
+    """One sentence where the model does not explain the data; empty where it does.
+
+    unseen: directions that are not observable; slip: what may be the cause.
+    """
     nis, legs = navigation["nis"], navigation["legs"]
+    if not settled and unseen:
+        return (
+            f"the estimates of {states} states do not settle: {amount(unseen, 'direction')} of them cannot be seen "
+            "from these turns and stops; turn the unit through a dozen stops or more, each axis up and down, or "
+            "name fewer states with --states"
+        )
     if not settled:
         return (
             f"the estimates of {states} states do not settle: the errors are too large for navigation in place to be "
-            "linear, or the model is another; start from --method multiposition"
+            "linear, or the model is another; check order, signs and units of the columns and the clock, or calibrate "
+            'the stops alone (kind = "multi-position")'
         )
     share = navigation["rejected"] / navigation["updates"]
     reasons = []
@@ -92,6 +105,9 @@ def outcome(navigation: Mapping[str, Any], states: int, settled: bool) -> str:
         reasons.append(f"{100 * share:.2g} % of the updates were rejected")
     if not reasons:
         return ""
+    cure = slip()
+    if cure:
+        return f"{states} states do not explain this recording: {', and '.join(reasons)}; {cure}"
     return (
         f"{states} states do not explain this recording: {', and '.join(reasons)}; `gimbalcal diagnose` looks for what "
         "is left out, and [noise] should be what the sensors and the table have"

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.systematic.course import Course
 from gimbalcal.number import Array
 from gimbalcal.recording.plausible_run import named
 
 UNLIKE = 10.0  # times what other turns do in a second: errors of the sensors are alike in all of them
-WRONG = 0.8  # of gravity: no accelerometer is off by so much
 FAST, FAR = 0.2, 0.5  # m/s and m; less than this is a lever arm, or a hand
 
 
@@ -39,16 +37,3 @@ def refuse_carried(course: Course, drift: Array) -> None:
                 f"accelerometers tell of {speed:.2g} m/s and {way:.2g} m, which no other turn has; systematic "
                 "calibration is for a unit that stays in its place, so cut the recording there and give the longer part"
             )
-
-
-def refuse_other_force(course: Course) -> None:
-    """Raise InputError where the force at rest is not gravity, give or take what can be calibrated."""
-    g = course.rows.site.gravity
-    at_rest = [course.of_stop(k) for k in range(int(course.stop.max()) + 1)]
-    size = float(np.median([np.linalg.norm(course.readings[s, :3].mean(axis=0)) for s in at_rest]))
-    if not WRONG < size / g < 1 / WRONG:
-        looks = 'look like g: write unit = "g" for them' if WRONG < size * G0 / g < 1 / WRONG else "are in another unit"
-        raise InputError(
-            f"{named(course.rows)}: at rest the specific force is {size:.4g} m/s^2 where gravity is {g:.4g} m/s^2, so "
-            f"the accelerometers {looks}; correct [columns]"
-        )

@@ -21,10 +21,12 @@ from gimbalcal.estimate.added import Added
 from gimbalcal.estimate.systematic.alignment import Alignment, align, attitudes
 from gimbalcal.estimate.systematic.course import Course, course
 from gimbalcal.estimate.systematic.evidence import doubtful, outcome, told
-from gimbalcal.estimate.systematic.place import refuse_carried, refuse_other_force
+from gimbalcal.estimate.systematic.place import refuse_carried
 from gimbalcal.estimate.systematic.sensors import truth
+from gimbalcal.estimate.systematic.slips import likely, questions
 from gimbalcal.estimate.systematic.smoothing import WIDE, Pass, one_pass, turned
 from gimbalcal.estimate.systematic.states import states
+from gimbalcal.estimate.systematic.turns import gains
 from gimbalcal.inference.information import Information, Solution, solve
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -32,6 +34,7 @@ from gimbalcal.recording import Recording
 PASSES = 12
 SETTLED = 0.03  # sigma
 NEAR = 0.01  # of the step before: a step that shrank by so much shows how little the sensitivities still change
+AWAY = 1e4  # times the catalogue's size, five times what a sensor reads: passes that come there do not come back
 
 
 def systematic(
@@ -43,7 +46,7 @@ def systematic(
     """
     m = settle(recording, states(asked, recording, more), tuple(a.absent((), dict(a.stated)) for a in more), tell)
     found = calibrated(m)
-    return replace(found, provenance={"options": {"states": asked, **found.provenance["options"]}})
+    return replace(found, provenance={**found.provenance, "options": {"states": asked, **found.provenance["options"]}})
 
 
 def calibrated(m: Settled) -> Calibration:
@@ -51,7 +54,7 @@ def calibrated(m: Settled) -> Calibration:
     legs, wanted, theta, before = m.course, m.wanted, m.theta, m.before
     found = _solved(wanted, m.last, theta - before)
     navigation = told(legs, wanted, m.last, m.C, m.passes)
-    words = outcome(navigation, 9 + len(wanted), m.settled)
+    words = outcome(navigation, 9 + len(wanted), m.settled, len(found.unobservable), lambda: likely(m))
     rms = {f"velocity {axis}": float(v) for axis, v in navigation.pop("velocity_rms").items()}
     return Calibration(
         method="systematic",
@@ -61,7 +64,10 @@ def calibrated(m: Settled) -> Calibration:
         unobservable=tuple(each.to_dict() for each in found.unobservable),
         residual=Residual(navigation["nis"]["sum"], navigation["nis"]["dof"], rms, navigation),
         outcome=words,
-        provenance={"options": {"velocity_m_per_s": legs.velocity, "stops": int(legs.stop.max()) + 1}},
+        provenance={
+            "options": {"velocity_m_per_s": legs.velocity, "stops": int(legs.stop.max()) + 1},
+            "questions": questions(legs, wanted, before + found.x),
+        },
     )
 
 
@@ -98,12 +104,16 @@ def settle(
 ) -> Settled:  # fmt: skip
     """Passes of filter and smoother until nothing moves. Raises InputError where a navigator cannot take it."""
     legs = course(recording)
-    refuse_other_force(legs)
     u = truth(legs, ())
+    first = gains(legs, u)
+    gained = np.array([first["xyz".index(p.axis)] if p.effect == "gyro_scale_factor" else 0.0 for p in wanted])
+    if gained.any():
+        u = truth(legs, with_values(base, wanted, gained), u)
     start = align(legs, u)
     C = attitudes(legs, u, start)
     wanted = _biased(wanted, start)
     before = np.array([start.bias["xyz".index(p.axis)] if p.effect == "gyro_bias" else 0.0 for p in wanted])
+    before = before + gained
     theta, settled, done, left_out = before, False, 0, np.zeros(len(legs.stop), dtype=bool)
     near, usual = None, np.inf
     while not settled and done < PASSES:
@@ -112,6 +122,8 @@ def settle(
         last = one_pass(legs, wanted, effects, u, C, start, before - theta, left_out, near)
         if not done:
             refuse_carried(legs, last.drift)
+        if not np.all(np.abs(theta + last.step - before) < AWAY * np.array([p.sigma for p in wanted])):  # or no number
+            break
         C = turned(C, last.smoothed[:, :3])
         theta, done = theta + last.step, done + 1
         moved = float(np.max(np.abs(last.step) / (_sigma(last) * np.array([p.sigma for p in wanted]))))
@@ -119,8 +131,6 @@ def settle(
         near, usual = last.about if done > 1 and moved < NEAR * usual else None, moved
         told_off, left_out = left_out, doubtful(last, left_out) if moved < 1.0 else left_out
         settled = moved < SETTLED and done > 1 and np.array_equal(told_off, left_out)
-        if not np.all(np.isfinite(theta)):
-            break
     return Settled(legs, wanted, base, start, before, theta, u, C, left_out, last, done, settled)
 
 

@@ -24,19 +24,28 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 
 ROUNDS, SETTLED = 40, 1e-14  # each round multiplies what is left by the errors of the sensors, 5 % at most
+AWAY = 10.0  # times the nearest: it does not come back
 KIND = "rotation"
 
 
 def truth(course: Course, effects: Sequence[Effect], start: Array | None = None) -> Array:
-    """Force and rate (n, 6) behind the mean readings, by iteration from `start` (default: the readings)."""
+    """Force and rate (n, 6) behind the mean readings, by iteration from `start` (default: the readings).
+
+    Where rounds lead away from them (a latency of more than a step), the nearest that was met: no number is made up.
+    """
     y = course.readings
     u = y if start is None else start
     s = stimulus_from_truth(course.rows, u[:, :3], u[:, 3:])
     size = np.abs(y).max(axis=0)
+    nearest, best = np.inf, u
     for _ in range(ROUNDS):
         step = y - _read(s, effects, u)
+        off = float((np.abs(step).max(axis=0) / np.where(size > 0, size, 1.0)).max())
+        if not off < AWAY * nearest:
+            return best
+        nearest, best = min((nearest, best), (off, u), key=lambda each: each[0])
         u = u + step
-        if np.all(np.abs(step).max(axis=0) <= SETTLED * size):
+        if off <= SETTLED:
             break
     return u
 

@@ -193,16 +193,28 @@ def _expected(course: Course, u: Array, C: Array) -> Array:
     """
     site = course.rows.site
     assert site.latitude is not None
+    earth = EARTH_RATE * np.array([np.cos(site.latitude), 0.0, -np.sin(site.latitude)])
+    force, rate = _in_body(course, u, C, np.array([[0.0, 0.0, -site.gravity], earth]))
+    at_rest = (course.stop >= 0)[np.repeat(np.arange(len(course.stop)), np.diff(course.first))]
+    return np.concatenate([force, np.where(at_rest[:, None], rate, u[:, 3:])], axis=1)
+
+
+def in_body(course: Course, u: Array, C: Array, v: Array) -> Array:
+    """A vector v (3,) in north, east, down as the axes of the unit see it in each group of intervals (g, 3)."""
+    begin = np.flatnonzero(np.diff(course.group, prepend=-1))
+    return np.asarray(
+        np.add.reduceat(_in_body(course, u, C, v[None])[0], begin) / np.diff(begin, append=len(u))[:, None]
+    )
+
+
+def _in_body(course: Course, u: Array, C: Array, v: Array) -> Array:
+    """Vectors v (m, 3) in north, east, down in the axes of the unit, in the middle of each interval (m, n, 3)."""
     stretch = np.repeat(np.arange(len(course.stop)), np.diff(course.first))
     went = carried(course.dt, u[:, 3:])
     begun = C[:-1] @ np.swapaxes(went[course.first[:-1]], -1, -2)
     went[:-1] += went[1:]
     went *= 0.5
-    earth = EARTH_RATE * np.array([np.cos(site.latitude), 0.0, -np.sin(site.latitude)])
-    at_rest = (course.stop >= 0)[stretch]
-    force = np.einsum("ni,nij->nj", -site.gravity * begun[stretch, 2], went[:-1])
-    rate = np.einsum("ni,nij->nj", (earth @ begun)[stretch], went[:-1])
-    return np.concatenate([force, np.where(at_rest[:, None], rate, u[:, 3:])], axis=1)
+    return np.stack([np.einsum("ni,nij->nj", (x @ begun)[stretch], went[:-1]) for x in v])
 
 
 def rotation_vector(R: Array) -> Array:

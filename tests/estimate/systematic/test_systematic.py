@@ -188,11 +188,8 @@ def test_a_unit_that_is_carried_away_is_refused(begin: float) -> None:
         systematic(carried, "30")
 
 
-def test_forces_in_g_and_another_latitude_are_refused() -> None:
+def test_another_latitude_is_refused() -> None:
     r = turning_unit(stop=15.0)
-    g = {k: v / 9.8 if k[0] == "specific_force" else v for k, v in r.channels.items()}
-    with pytest.raises(InputError, match=r'look like g: write unit = "g"'):
-        systematic(replace(r, channels=g), "30")
     with pytest.raises(InputError, match=r"34\.\d deg above the horizon, and \[site\] says latitude 45\.0 deg"):
         systematic(replace(r, site=replace(r.site, latitude=np.radians(45.0))), "30")
 

@@ -1,0 +1,124 @@
+r"""Slips that a fit absorbs or cannot: sizes that no such unit has, a latitude that is another, a noise that is not so.
+
+A latitude that is off by dL adds to the rates, in the axes of the unit, what no sensor did:
+
+.. math:: \delta\omega = C_n^b \, \frac{d\omega_{ie}}{dL} \, dL, \qquad
+          \frac{d\omega_{ie}}{dL} = \Omega \, (-\sin L, \; 0, \; -\cos L)
+
+so it is a cause like any other, and least squares on the innovations says whether it is the one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gimbalcal.earth import EARTH_RATE
+from gimbalcal.effects import Parameter
+from gimbalcal.effects.grade import grade_of_noise
+from gimbalcal.estimate.systematic.course import Course
+from gimbalcal.estimate.systematic.sensors import read_by
+from gimbalcal.estimate.systematic.smoothing import in_body
+from gimbalcal.estimate.systematic.turns import GAIN
+from gimbalcal.estimate.systematic.whitened import whitened
+from gimbalcal.number import Array
+from gimbalcal.units import from_si
+
+if TYPE_CHECKING:
+    from gimbalcal.estimate.systematic.run import Settled
+
+BEYOND, ALIKE = 20.0, 0.1  # times what is usual for a unit as quiet; and how far three of a triad are alike
+SHARE = 0.8  # of the misfit: a slip that explains so much of it is the likeliest
+CERTAIN = 10.0  # sigma
+NOISE = 3.0  # times: a stated noise that is further from what the stops show
+
+
+def questions(course: Course, wanted: Sequence[Parameter], theta: Array) -> list[str]:
+    """Sentences on constants (p,) that no unit as quiet as this one has: what they may be instead."""
+    step = float(np.median(course.dt / course.rows.weight))
+    force, rate = (float(course.sigma[k : k + 3].max()) * np.sqrt(step) for k in (0, 3))
+    grade = grade_of_noise(force, rate)
+    times = {p.label: abs(x) / grade.usual(p).sigma for p, x in zip(wanted, theta, strict=True)}
+    out = []
+    for effect in dict.fromkeys(p.effect for p in wanted):
+        mine = [(p, x) for p, x in zip(wanted, theta, strict=True) if p.effect == effect]
+        far = [(p, x) for p, x in mine if times[p.label] > BEYOND]
+        if not far:
+            continue
+        whole = _whole(effect, [x for _, x in mine])
+        sizes = ", ".join(f"{p.axis} {from_si(x, p.unit):.3g}" for p, x in far)
+        out.append(whole or (
+            f"{effect.replace('_', ' ')} of {sizes} {far[0][0].unit} is some {max(times[p.label] for p, _ in far):.0f} "
+            f"times what is usual in a unit as quiet as this one ({grade.name} grade): are unit and range of the "
+            "column, or what a count of it is, as stated?"
+        ))  # fmt: skip
+    return out
+
+
+WHOLE = {
+    "gyro_scale_factor": ("gyroscopes", "is the unit of the rates, or of the time, another?"),
+    "scale_factor": ("accelerometers", "is their unit, or the gravity of [site], another?"),
+}
+
+
+def _whole(effect: str, sizes: Sequence[float]) -> str:
+    """A sentence where all three of a triad are off by the same; else empty."""
+    if effect not in WHOLE or len(sizes) != 3 or np.ptp(sizes) > ALIKE * np.abs(sizes).max():
+        return ""
+    of, cure = WHOLE[effect]
+    return f"all three {of} read {_by(float(np.mean(sizes)))} alike: {cure}"
+
+
+def _by(size: float) -> str:
+    """A scale factor SF - 1 as what the readings are."""
+    off = 100 * (1 / (1 + size) - 1)
+    return f"{abs(off):.3g} % too {'much' if off > 0 else 'little'}"
+
+
+def likely(m: Settled) -> str:
+    """What a recording that the model does not explain may suffer from: a clause, empty where nothing stands out."""
+    sizes = [x for p, x in zip(m.wanted, m.theta, strict=True) if p.effect == "gyro_scale_factor"]
+    clock = _whole("gyro_scale_factor", sizes) if sizes and np.abs(sizes).min() > GAIN else ""
+    return _noise(m.course) or clock or _latitude(m)
+
+
+def _noise(course: Course) -> str:
+    """A noise that the header states and the stops do not show."""
+    for k, (sensor, unit) in ((0, ("accelerometer", "m/s^2")), (3, ("gyroscope", "rad/s"))):
+        said, seen = float(course.sigma[k]), float(np.sqrt(np.mean(course.shown[k : k + 3] ** 2)))
+        if course.stated and seen > NOISE * said:
+            return (
+                f"[noise] says {said:.2g} {unit} a sample of the {sensor}, and the stops scatter by {seen:.2g} {unit}: "
+                "correct it, or leave it out to have it taken from the stops"
+            )
+    return ""
+
+
+def _latitude(m: Settled) -> str:
+    """A latitude with which it would be explained."""
+    w = whitened(m)
+    stated = m.course.rows.site.latitude
+    assert stated is not None
+    slope = EARTH_RATE * np.array([-np.sin(stated), 0.0, -np.cos(stated)])
+    D = np.zeros((len(w.felt.rate), 6, 1))
+    D[:, 3:, 0] = in_body(m.course, m.u, m.C, slope)
+    mine = [D]
+    for effect_id in dict.fromkeys(p.effect for p in m.wanted):
+        effect = next(e for e in m.effects if e.id == effect_id)
+        X = np.nan_to_num(w.rows.columns(effect, [p for p in m.wanted if p.effect == effect_id]))
+        mine.append(-np.linalg.solve(read_by(w.felt, m.effects), X))
+    scale = np.array([1.0, *(p.sigma for p in m.wanted)])
+    sigma = np.broadcast_to(w.sigma[..., None], (*w.sigma.shape, len(scale)))
+    A = (w.answers(np.concatenate(mine, axis=2)) * scale / sigma).reshape(-1, len(scale))
+    y = (w.residual / w.sigma).reshape(-1)
+    without, with_it = (float(np.sum((y - B @ np.linalg.lstsq(B, y, rcond=None)[0]) ** 2)) for B in (A[:, 1:], A))
+    off = float(np.linalg.lstsq(A, y, rcond=None)[0][0])
+    excess = without - (len(y) - len(scale))
+    if without - with_it < max(SHARE * excess, CERTAIN**2):
+        return ""
+    return (
+        f"a latitude of some {np.degrees(stated + off):.1f} deg instead of {np.degrees(stated):.4g} deg would nearly "
+        "explain it: correct [site]"
+    )

@@ -1,0 +1,138 @@
+"""Recordings that are not what they say: one sentence that names the likeliest slip, or a result that asks about it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.systematic.evidence import outcome
+from gimbalcal.estimate.systematic.run import systematic
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording
+from gimbalcal.recording.plausibility import refuse_implausible
+from gimbalcal.report import wording
+from tests.estimate.systematic.table import NOISE, turning_unit
+
+FORCE, RATE = "specific_force", "angular_rate"
+SOUND = turning_unit(stop=15.0)
+STEP = 0.05  # s
+
+
+def held(q: str, change: Callable[[Array], Array], recording: Recording = SOUND) -> Recording:
+    """The recording whose columns of a quantity hold something else."""
+    y = change(recording.triad(q).copy())
+    return replace(recording, channels={**recording.channels, **{(q, a): y[:, i] for i, a in enumerate("xyz")}})
+
+
+def taken(recording: Recording) -> Calibration:
+    refuse_implausible(recording)
+    return systematic(recording, "30")
+
+
+def said(recording: Recording) -> str:
+    with pytest.raises(InputError) as caught:
+        taken(recording)
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).startswith("recording 'a table'")
+    return str(caught.value)
+
+
+def row(k: int, value: float) -> Callable[[Array], Array]:
+    """One row that holds something else."""
+
+    def change(y: Array) -> Array:
+        y[k, 0] = value
+        return y
+
+    return change
+
+
+def test_a_sound_recording_has_no_question() -> None:
+    assert refuse_implausible(SOUND) == ()
+    found = systematic(SOUND, "30")
+    assert found.outcome == ""
+    assert found.provenance["questions"] == []
+
+
+@pytest.mark.parametrize(
+    ("quantity", "change", "words"),
+    [
+        (FORCE, lambda y: y * [1, 1, 1 / 9.80665], 'if accelerometer z alone were in g; write unit = "g"'),
+        (FORCE, lambda y: y * 1e6 / 9.80665, 'the numbers look like ug: write unit = "ug"'),
+        (FORCE, lambda y: y * STEP, 'adds to the velocity: write quantity = "velocity_increment"'),
+        (FORCE, lambda y: y * (1 - 9.797 / np.linalg.norm(y, axis=1))[:, None], "gravity has been taken off"),
+        (FORCE, lambda y: y + np.array([0, 9.8, 0]), "or has an offset that is no bias"),
+        (FORCE, lambda y: y[:, [1, 1, 2]], "specific_force x and y hold the same numbers"),
+        (FORCE, row(500, 1e3), "at 25.05 s specific_force x is 1e\\+03 m/s\\^2, beyond anything"),
+        (FORCE, lambda y: np.roll(y, 8, axis=0), "the accelerometers come 0.4 s after the gyroscopes"),
+        (FORCE, lambda y: np.roll(y, -60, axis=0), "the gyroscopes come 3 s after the accelerometers"),
+        (RATE, lambda y: y[:, [0, 2, 2]], "angular_rate y and z hold the same numbers"),
+        (RATE, row(900, 1e16), "at 45.05 s angular_rate x is 1e\\+16 rad/s, beyond anything"),
+        (RATE, lambda y: y * STEP, 'adds to the angle: write quantity = "angle_increment"'),
+        (RATE, lambda y: y / 6, "if every rate were some (5.9|6|6.1) times what it is; correct the unit"),
+        (RATE, np.degrees, 'if the rates are in deg/s \\(write unit = "deg/s"\\)'),
+        (RATE, lambda y: y * [1, -1, 1], "a left-handed triad; .* for gyroscope y write sign = -1"),
+        (RATE, lambda y: np.where(np.abs(y) < 1e-3, 0.0, y), "its rate was taken off, by a navigator or a dead band"),
+    ],
+)
+def test_a_slip_is_named(quantity: str, change: Callable[[Array], Array], words: str) -> None:
+    assert re.search(words, said(held(quantity, change)))
+
+
+def test_samples_that_were_lost_in_a_turn_are_missed_though_the_clock_goes_on() -> None:
+    kept = np.abs(SOUND.time - 50.0) > 1.0
+    shorter = replace(SOUND.select(kept), time=SOUND.time[: kept.sum()])
+    assert re.search(r"between 3\d\.?\d* and 5\d\.?\d* s gravity turns by 5.5 deg .* samples were lost", said(shorter))
+
+
+def test_one_wrong_sample_of_a_turn_is_missed() -> None:
+    spiked = held(RATE, lambda y: np.where((np.arange(len(y)) == 390)[:, None], y + 1.0, y))
+    assert "gravity turns by 2.9 deg more or less than the gyroscopes say" in said(spiked)
+
+
+@pytest.mark.parametrize("stop", [0.0, 1.0])
+def test_what_never_comes_to_rest_is_told(stop: float) -> None:
+    assert "has no stop: systematic calibration compares" in said(turning_unit(stop=stop))
+
+
+def test_turns_without_a_stop_between_are_not_called_large_errors() -> None:
+    told = outcome({"nis": {}, "legs": {}}, 30, settled=False, unseen=10)
+    assert "10 directions of them cannot be seen from these turns and stops" in told
+
+
+def test_a_gain_that_no_such_unit_has_is_calibrated_and_asked_about() -> None:
+    found = systematic(held(RATE, lambda y: y * [1, 1.1, 1]), "30")
+    assert found.outcome == ""
+    k = [p.label for p in found.parameters].index("gyro_scale_factor:y")
+    assert found.values[k] == pytest.approx(1 / 1.1 - 1, abs=4 * found.sigmas[k])
+    (question,) = found.provenance["questions"]
+    assert question.startswith("gyro scale factor of y -9.09e+04 ppm is some 909 times what is usual")
+    assert "But gyro scale factor of y" in wording.answer(found.to_dict())
+
+
+def test_three_that_are_off_alike_are_one_slip() -> None:
+    heavier = replace(SOUND, site=replace(SOUND.site, gravity=1.012 * SOUND.site.gravity))
+    assert systematic(heavier, "30").provenance["questions"] == [
+        "all three accelerometers read 1.19 % too little alike: is their unit, or the gravity of [site], another?"
+    ]
+    fast = systematic(replace(SOUND, time=1.05 * SOUND.time), "30")
+    assert "all three gyroscopes read 5 % too much alike: is the unit of the rates, or of the time" in fast.outcome
+
+
+def test_a_latitude_that_is_a_little_off_is_named() -> None:
+    off = replace(SOUND, site=replace(SOUND.site, latitude=np.radians(36.2)))
+    found = systematic(off, "30")
+    near = re.search(r"a latitude of some (\d+\.\d) deg instead of 36\.2 deg", found.outcome)
+    assert near
+    assert float(near[1]) == pytest.approx(34.2, abs=0.4)
+
+
+def test_a_noise_that_is_not_so_is_named() -> None:
+    found = systematic(replace(SOUND, noise={**NOISE, "gyroscope": 1e-3 * NOISE["gyroscope"]}), "30")
+    assert "[noise] says 2.6e-09 rad/s a sample of the gyroscope, and the stops scatter by 2.6e-06" in found.outcome
