@@ -17,8 +17,9 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, absent, constants
 from gimbalcal.estimate.systematic.course import stops
-from gimbalcal.estimate.systematic.run import Settled, calibrated, settle
+from gimbalcal.estimate.systematic.run import calibrated
 from gimbalcal.estimate.systematic.sensors import read_by
+from gimbalcal.estimate.systematic.settle import Settled, settle
 from gimbalcal.estimate.systematic.states import KEPT, SAME, states
 from gimbalcal.estimate.systematic.whitened import Whitened, whitened
 from gimbalcal.forward import Rows

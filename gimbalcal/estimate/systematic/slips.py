@@ -11,7 +11,6 @@ so it is a cause like any other, and least squares on the innovations says wheth
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,14 +19,12 @@ from gimbalcal.effects import Parameter
 from gimbalcal.effects.grade import grade_of_noise
 from gimbalcal.estimate.systematic.course import Course
 from gimbalcal.estimate.systematic.sensors import read_by
+from gimbalcal.estimate.systematic.settle import Settled
 from gimbalcal.estimate.systematic.smoothing import in_body
 from gimbalcal.estimate.systematic.turns import GAIN
 from gimbalcal.estimate.systematic.whitened import whitened
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
-
-if TYPE_CHECKING:
-    from gimbalcal.estimate.systematic.run import Settled
 
 BEYOND, ALIKE = 20.0, 0.1  # times what is usual for a unit as quiet; and how far three of a triad are alike
 SHARE = 0.8  # of the misfit: a slip that explains so much of it is the likeliest

@@ -11,7 +11,6 @@ Least squares on them, with the constants free, is what filter and smoother do w
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from gimbalcal.effects import Stimulus
 from gimbalcal.estimate.systematic.course import KEYS
 from gimbalcal.estimate.systematic.sensors import KIND, truth
+from gimbalcal.estimate.systematic.settle import Settled
 from gimbalcal.estimate.systematic.smoothing import (
     JUMP,
     PLACE,
@@ -34,9 +34,6 @@ from gimbalcal.kinematics import stimulus_from_truth
 from gimbalcal.navigate.error_growth import NAV
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
-
-if TYPE_CHECKING:
-    from gimbalcal.estimate.systematic.run import Settled
 
 EACH = 20  # updates after a turn that stand for themselves: later ones change as slowly as the stop is long
 JOINED = 10  # of the later ones in one row
