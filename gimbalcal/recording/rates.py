@@ -41,13 +41,8 @@ MOST_TURNS = 40  # those that move the reference most: enough to tell 48 reading
 LONGEST = 4000  # steps of a turn; longer ones are taken in means
 FEWEST_RESTS = 8  # three of them go into the bias
 UNITS = ("rad/s", "deg/s", "deg/h", "mdeg/s", "rad/h")
-CLOCKS = {
-    1e-3: "ms",
-    1e3: "s instead of ms",
-    1e-6: "us",
-    60.0: "min",
-    3600.0: "h",
-}  # seconds that a second of the stated unit really is
+# seconds that a second of the stated unit really is
+CLOCKS = {1e-3: "ms", 1e3: "s instead of ms", 1e-6: "us", 60.0: "min", 3600.0: "h"}
 COUNTS = np.geomspace(0.2, 20, 40)  # rad that a median turn may have, where nothing says how much a count is
 FACTORS = 1e-2, 1e2, 93  # of all rates, in steps of 10 %
 REVERSED = Change(signs=(-1, -1, -1))
@@ -188,17 +183,20 @@ def _check_turns(recording: Recording, turns: _Turns) -> None:
     stated = max(_agree(turns, _rotations(turns, f * np.ones(3))) for f, _ in factors)
     if stated >= NEARLY_ALL * n:
         return
-    if not recording.counted(RATE):
-        factors += _units(recording)
+    units = [] if recording.counted(RATE) else _units(recording)
     best, words = stated, ""
-    for factor, unit in factors:
-        both = {sign: _rotations(turns, sign * factor * np.ones(3)) for sign in (1, -1)}
-        for change in CHANGES:
-            M = change.matrix
-            agreeing = _agree(turns, M @ both[change.handed] @ M.T)
-            if agreeing > best:
-                best, words = agreeing, _both_in_words(recording, turns, change, unit)
-    for factor, unit in factors[1:] if best < NEARLY_ALL * n and not recording.counted(RATE) else []:
+    alone = [(f, u, CHANGES[:1]) for f, u in units] + [(f, u, CHANGES[1:]) for f, u in factors]
+    for stage in (alone, [(f, u, CHANGES[1:]) for f, u in units]):  # one slip before two
+        for factor, unit, changes in stage if best < NEARLY_ALL * n else []:
+            both = {sign: _rotations(turns, sign * factor * np.ones(3)) for sign in (1, -1)}
+            for change in changes:
+                M = change.matrix
+                agreeing = _agree(turns, M @ both[change.handed] @ M.T)
+                if agreeing > best:
+                    best, words = agreeing, _both_in_words(recording, turns, change, unit)
+        if best < NEARLY_ALL * n and units and stage is alone:
+            _check_factor(recording, turns, stated)
+    for factor, unit in units if best < NEARLY_ALL * n else []:
         for few in (f for f in np.ndindex(2, 2, 2) if 0 < sum(f) < 3):
             agreeing = _agree(turns, _rotations(turns, np.where(few, factor, 1.0)))
             if agreeing > best:
@@ -210,25 +208,18 @@ def _check_turns(recording: Recording, turns: _Turns) -> None:
             f"{named(recording)}: only {stated} of {n} turns between rests are by {by} what the gyroscopes say, and "
             f"{best} if {words}"
         )
-    if stated < 0.5 * n and not recording.counted(RATE):
-        _check_factor(recording, turns, stated)
 
 
 def _check_factor(recording: Recording, turns: _Turns, stated: int) -> None:
-    """Any other factor, of all rates: increments of the angle, or a unit that nobody thought of."""
+    """Any other factor of all rates: a unit that nobody thought of."""
     n, guesses = len(turns.reading), np.geomspace(*FACTORS)
     agreeing = np.array([_agree(turns, _rotations(turns, f * np.ones(3))) for f in guesses])
     fits = np.flatnonzero(agreeing >= NEARLY_ALL * n)
     if not len(fits):
         return
     fits = fits[: 1 + int(np.argmax(np.append(np.diff(fits) > 1, True)))]  # larger ones go round once more
-    factor, step = float(np.exp(np.log(guesses[fits]).mean())), float(np.median(np.diff(recording.time)))
+    factor = float(np.exp(np.log(guesses[fits]).mean()))
     cure = f"correct the unit of their columns, {recording.units.get((RATE, 'x'), 'rad/s')!r}, or of the time"
-    if abs(factor * step - 1) < 0.15:
-        cure = (
-            f"so they look like what each step of {step:.3g} s adds to the angle: write quantity = "
-            '"angle_increment" and the unit of an angle'
-        )
     raise InputError(
         f"{named(recording)}: only {stated} of {n} turns between rests are by gravity what the gyroscopes say, and "
         f"{max(agreeing[fits])} if every rate were some {factor:.2g} times what it is; {cure}"
@@ -240,7 +231,12 @@ def _units(recording: Recording) -> list[tuple[float, str]]:
     stated = recording.units.get((RATE, "x"), "rad/s")
     ratios = [(to_si(1.0, u) / to_si(1.0, stated), f'the rates are in {u} (write unit = "{u}")') for u in UNITS]
     clocks = [(f, f"the time is in {u}") for f, u in CLOCKS.items()]
-    return [(f, words) for f, words in (*ratios, *clocks) if abs(f - 1) > 1e-6]
+    step = float(np.median(np.diff(recording.time)))
+    added = (
+        1 / step,
+        f'they are what each step of {step:.3g} s adds to the angle (write quantity = "angle_increment")',
+    )
+    return [(f, words) for f, words in (added, *ratios, *clocks) if abs(f - 1) > 1e-6]
 
 
 def _scales(turns: _Turns) -> list[tuple[float, str]]:

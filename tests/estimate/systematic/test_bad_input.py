@@ -74,7 +74,7 @@ def test_a_sound_recording_has_no_question() -> None:
         (FORCE, lambda y: np.roll(y, -60, axis=0), "the gyroscopes come 3 s after the accelerometers"),
         (RATE, lambda y: y[:, [0, 2, 2]], "angular_rate y and z hold the same numbers"),
         (RATE, row(900, 1e16), "at 45.05 s angular_rate x is 1e\\+16 rad/s, beyond anything"),
-        (RATE, lambda y: y * STEP, 'adds to the angle: write quantity = "angle_increment"'),
+        (RATE, lambda y: y * STEP, 'adds to the angle \\(write quantity = "angle_increment"'),
         (RATE, lambda y: y / 6, "if every rate were some (5.9|6|6.1) times what it is; correct the unit"),
         (RATE, np.degrees, 'if the rates are in deg/s \\(write unit = "deg/s"\\)'),
         (RATE, lambda y: y * [1, -1, 1], "a left-handed triad; .* for gyroscope y write sign = -1"),

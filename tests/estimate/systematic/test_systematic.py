@@ -13,7 +13,7 @@ from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.effects.effect import constants
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.added import Added
-from gimbalcal.estimate.systematic import run
+from gimbalcal.estimate.systematic import settle
 from gimbalcal.estimate.systematic.run import systematic
 from gimbalcal.estimate.systematic.states import FIFTY_ONE, states
 from gimbalcal.rotation import frame_rotation
@@ -53,7 +53,7 @@ def test_sensitivities_that_hardly_change_are_kept(monkeypatch) -> None:
     """Passes that only ask where the reference ends now: the estimate is that of passes which do all anew."""
     made = turning_unit((), THIRTY, SCALE * np.random.default_rng(1).standard_normal(len(THIRTY)), stop=20.0)
     kept = systematic(made, "30")
-    monkeypatch.setattr(run, "NEAR", 0.0)
+    monkeypatch.setattr(settle, "NEAR", 0.0)
     anew = systematic(made, "30")
     assert np.abs((kept.values - anew.values) / anew.sigmas).max() < 0.03 / 3  # a third of what counts as settled
     assert np.abs(kept.sigmas / anew.sigmas - 1).max() < 1e-3
