@@ -33,6 +33,10 @@ lint: $(VENV)/.dev-ready  ## style, types, and the direction of imports
 	$(BIN)/mypy $(CHECKED)
 	$(BIN)/lint-imports
 
+docs/_build/errata.json: $(wildcard derivations/*.py derivations/*/*.py) | $(VENV)/.docs-ready
+	mkdir -p docs/_build
+	$(BIN)/python -m derivations --out docs/_build --faults
+
 mutate: $(VENV)/.dev-ready  ## whether the tests can fail: every effect and every equation of the estimators falsified
 	$(BIN)/python -m tests.mutate
 
@@ -40,8 +44,9 @@ bench: $(VENV)/.dev-ready  ## the figures of the README, measured (about 75 min;
 	for name in bench_device bench_static bench_multiposition bench_navigate bench_reading bench_diagnose bench_unknown_noise; do \
 		echo "== $$name"; $(BIN)/python -m tests.benchmarks.$$name || exit 1; done
 
-docs: $(VENV)/.docs-ready  ## these pages as a web site without a network: docs/_build/html/index.html
+docs: $(VENV)/.docs-ready docs/_build/errata.json  ## these pages as a web site without a network: docs/_build/html/index.html
 	$(BIN)/python docs/build_effects.py
+	$(BIN)/python docs/build_errata.py docs/_build/errata.json
 	$(BIN)/python -m sphinx -b html -n -W --keep-going -q docs docs/_build/html
 	$(BIN)/python docs/check_links.py docs/_build/html
 

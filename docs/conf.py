@@ -11,13 +11,18 @@ DOCS = Path(__file__).parent
 ROOT = DOCS.parent
 sys.path.insert(0, str(ROOT))
 
+sys.path.insert(0, str(DOCS))
+
+import build_commands  # noqa: E402
+import build_schemas  # noqa: E402
+
 import gimbalcal  # noqa: E402
 
 project, author = "gimbalcal", "gimbalcal contributors"
 copyright = author  # noqa: A001  the name is Sphinx's
 version = release = gimbalcal.__version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx-mathjax-offline"]
-exclude_patterns = ["_build", "schemas"]
+exclude_patterns = ["_build"]
 nitpicky = True
 suppress_warnings = ["misc.highlighting_failure"]  # what a command printed is no shell
 nitpick_ignore_regex = [("py:.*", r".*")]  # types of others: they have no pages here
@@ -25,10 +30,8 @@ nitpick_ignore_regex = [("py:.*", r".*")]  # types of others: they have no pages
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 4
 
-autodoc_typehints = "signature"
+autodoc_typehints = "none"  # shapes and units are in the words
 autodoc_member_order = "bysource"
-autodoc_type_aliases = {"Array": "Array"}
-python_use_unqualified_type_names = True
 
 html_theme = "furo"
 html_title = f"gimbalcal {release}"
@@ -39,6 +42,13 @@ html_copy_source = False
 html_theme_options = {"light_css_variables": {"color-brand-primary": "#0072B2", "color-brand-content": "#0072B2"}}
 
 OUTSIDE = re.compile(r"\[([^\]]+)\]\((\.\./(?:\.\./)*[^)#\s]+)(?:#[^)]*)?\)")
+
+
+WRITTEN = {  # pages whose text is somewhere else
+    "changes": lambda: (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").replace("](docs/", "]("),
+    "commands": build_commands.page,
+    "json": build_schemas.page,
+}
 
 
 def _files_of_the_project(_app: Any, name: str, source: list[str]) -> None:
@@ -52,8 +62,8 @@ def _files_of_the_project(_app: Any, name: str, source: list[str]) -> None:
             raise FileNotFoundError(f"docs/{name}.md links to {found[2]}, which is not there")
         return words
 
-    if name == "changes":  # the one page that stands at the top of the project
-        source[0] = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").replace("](docs/", "](")
+    if name in WRITTEN:
+        source[0] = WRITTEN[name]()
     source[0] = OUTSIDE.sub(named, source[0])
 
 

@@ -29,7 +29,7 @@ def calibrate(
     recordings: Source | Sequence[Source], method: str = "", terms: Sequence[str] = (), more: Sequence[str] = (),
     states: str = "51", grade: str = "", tell: Tell = silent,
 ) -> Calibration:  # fmt: skip
-    """The calibration of a unit or a mount from one recording or several, folders or `Recording`s.
+    """The calibration of a unit or a mount from one recording or several, folders or what `read` returns.
 
     method: as `gimbalcal calibrate --method`; left out, what `methods.usual_method` says of such recordings. terms,
     more, states, grade: as `--terms`, `--with`, `--states`, `--grade`. Raises InputError as the command does; of

@@ -1,8 +1,13 @@
 """Pages that are written by a program say what the program would write today."""
 
+import json
 import re
 import runpy
+from collections.abc import Callable
 from pathlib import Path
+
+import jsonschema
+import pytest
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -33,3 +38,36 @@ def test_links_that_lead_nowhere_and_files_from_elsewhere_are_told(tmp_path: Pat
         "b.html links to c.html, which is not there",
         "b.html fetches https://x.org/s.js",
     ]
+
+
+DATA = DOCS.parent / "data"
+WRITTEN = {
+    "observability": [["observe", "wu2018-18"], ["observe", "wei2022-30", "--states", "30"]],
+    "calibration": [["calibrate", str(DATA / "xsens_positions")]],
+    "diagnosis": [["diagnose", str(DATA / "xsens_positions")]],
+    "budget": [["budget", "wu2018-18", "--hours", "6"]],
+}
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_files_are_as_their_schemas_say(name: str, command: Callable[..., int], tmp_path: Path) -> None:
+    schema = json.loads((DOCS / "schemas" / f"{name}.schema.json").read_text())
+    jsonschema.Draft202012Validator.check_schema(schema)
+    for k, words in enumerate(WRITTEN[name]):
+        command(*words, "--out", tmp_path / str(k))
+        written = json.loads((tmp_path / str(k) / f"{name}.json").read_text())
+        jsonschema.validate(written, schema)
+        if name == "calibration":
+            command("compare", *[tmp_path / "0" / "calibration.json"] * 2, "--out", tmp_path)
+            comparison = json.loads((DOCS / "schemas" / "compare.schema.json").read_text())
+            jsonschema.validate(json.loads((tmp_path / "compare.json").read_text()), comparison)
+            written["parameters"][0]["sigma"] = -1.0
+            with pytest.raises(jsonschema.ValidationError):
+                jsonschema.validate(written, schema)
+
+
+def test_the_page_of_the_schemas_names_every_key() -> None:
+    page = runpy.run_path(str(DOCS / "build_schemas.py"))["page"]()
+    assert "| `parameters[].sigma` | number | one sigma, in `unit` |" in page
+    assert "| `findings[].twins` | array of string |" in page
+    assert "| *`laws`* |" in page

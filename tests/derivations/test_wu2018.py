@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import re
+import runpy
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import sympy as sp
 
-from derivations import comparison, wu2018
+from derivations import comparison, errata, wu2018
 from derivations.verdict import AGREES, APPROXIMATION, MISPRINT, NOT_DETERMINED, VERDICTS, WRONG, judge
 from derivations.wu2018 import (
     attitude_error,
@@ -352,3 +354,10 @@ def test_harmonics_by_eight_angles_are_the_integral(power):
     for name, found in harmonics(expr).items():
         exact = sp.integrate(sp.expand(expr * weights[name]), (S_t, 0, 2 * sp.pi)) / sp.pi
         assert sp.simplify(found - exact) == 0
+
+
+def test_the_page_of_errata_says_what_is_derived(wu2018_list):
+    docs = Path(__file__).parents[2] / "docs"
+    section = runpy.run_path(str(docs / "build_errata.py"))["section"]
+    told = section("001", [{n: getattr(v, n) for n in errata.FIELDS} for v in wu2018_list])
+    assert told in (docs / "errata.md").read_text(), "run `make docs`"
