@@ -262,6 +262,8 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
         "attitude": Quantity("rad", (*_ANGLES, "1")),
         "temperature": Quantity("degC", ("degC", "K", "degF")),
         "gravity": Quantity("m/s^2", _FORCES),
+        "specific_force_walk": Quantity("m/s^2/sqrt(s)", ("ug/sqrt(h)", "mg/sqrt(h)", "m/s^2/sqrt(s)")),
+        "angular_rate_walk": Quantity("rad/s/sqrt(s)", ("deg/h/sqrt(h)", "deg/s/sqrt(s)", "rad/s/sqrt(s)")),
         "height": Quantity("m", ("m", "km", "ft")),
     }
 )

@@ -67,10 +67,19 @@ def filter(  # noqa: A001 - always written with its module's name
 
 
 def _roots(Q: Array) -> Array:
-    """Q^(1/2) (K, m, m): Q may be singular, as noise enters some states through others only."""
+    """Q^(1/2) (K, m, m): Q may be singular, as noise enters some states through others only.
+
+    The last states may have noise of their own each (chains of a process): nothing has to be decomposed for them.
+    """
     scale = np.sqrt(np.maximum(np.einsum("kii->ki", Q), 1e-300))
-    values, vectors = np.linalg.eigh(Q / scale[:, :, None] / scale[:, None, :])
-    return np.asarray(scale[:, :, None] * vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :])
+    together = np.any(Q != 0, axis=0) & ~np.eye(Q.shape[1], dtype=bool)
+    m = 1 + int(np.max(np.flatnonzero(together.any(axis=0)), initial=0))
+    out = np.zeros_like(Q)
+    out[:, range(m, Q.shape[1]), range(m, Q.shape[1])] = np.where(scale[:, m:] > 1e-150, scale[:, m:], 0.0)
+    scale = scale[:, :m]
+    values, vectors = np.linalg.eigh(Q[:, :m, :m] / scale[:, :, None] / scale[:, None, :])
+    out[:, :m, :m] = scale[:, :, None] * vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    return out
 
 
 @compiled

@@ -13,10 +13,11 @@ from gimbalcal.recording.dwell import Dwell, block_means, dwell_means, dwells
 from gimbalcal.recording.frames import from_arrays, from_frame
 from gimbalcal.recording.joining import join
 from gimbalcal.recording.reading import read
-from gimbalcal.recording.record import SENSORS, Recording, Site, Source
+from gimbalcal.recording.record import COLOURED, SENSORS, Recording, Site, Source
 from gimbalcal.recording.writing import write
 
 __all__ = [
+    "COLOURED",
     "SENSORS",
     "Dwell",
     "Recording",

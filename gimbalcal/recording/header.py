@@ -14,7 +14,7 @@ from gimbalcal.platform import BENCH, KNOWN, Axis, Platform, known
 from gimbalcal.recording import gravity
 from gimbalcal.recording.columns import RATE_OF, Column, columns_of
 from gimbalcal.recording.document import Document, shortened
-from gimbalcal.recording.record import KINDS, SENSORS, Site
+from gimbalcal.recording.record import COLOURED, KINDS, SENSORS, Site
 from gimbalcal.recording.samples import has_names
 from gimbalcal.units import is_raw
 
@@ -276,9 +276,12 @@ def _noise(
     if table is None:
         table = {key: entry for key, entry in document.table("noise").items() if key not in {c.sensor for c in columns}}
     columns = tuple(c for c in columns if not name or c.sensor == name)
-    document.only(heading, tuple(SENSORS), table)
+    document.only(heading, (*SENSORS, *(COLOURED if document.content.get("kind") == "rotation" else ())), table)
     noise = {}
     for sensor, entry in table.items():
+        if sensor in COLOURED:
+            noise[sensor] = _positive(document, heading, sensor, entry)
+            continue
         noise[sensor] = document.number(heading, sensor, entry, SENSORS[sensor])
         where = document.where(heading, sensor)
         if noise[sensor] < 0:
@@ -290,3 +293,11 @@ def _noise(
                 "have no known size, so give both in the same kind of unit"
             )
     return noise
+
+
+def _positive(document: Document, heading: str, key: str, entry: object) -> float:
+    """The size of a coloured noise."""
+    size = document.number(heading, key, entry, COLOURED[key][1])
+    if size < 0 or (not size and key.endswith("_tau")):
+        raise InputError(f"{document.where(heading, key)}: {key} must be above zero, got {size:g}")
+    return size

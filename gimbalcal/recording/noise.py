@@ -6,12 +6,15 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gimbalcal.effects.process import Process, SettingError, WhiteNoise
+from gimbalcal.effects.process import Flicker, GaussMarkov, Process, RandomWalk, SettingError, WhiteNoise
 from gimbalcal.inference.noise import Noise, one_sigma
 from gimbalcal.number import Array
 from gimbalcal.recording.dwell import dwells
-from gimbalcal.recording.record import SENSORS, Key, Recording
+from gimbalcal.recording.record import COLOURED, SENSORS, Key, Recording
 from gimbalcal.recording.scatter import white_sigma
+
+TAU = 3600.0  # s
+COARSE = 3.0  # octaves between the time constants of a flicker: its spectrum is right within 7 %, with few states
 
 
 def stated(recording: Recording) -> Mapping[str, Noise]:
@@ -24,7 +27,28 @@ def stated(recording: Recording) -> Mapping[str, Noise]:
     def process(sensor: str, sigma: float) -> Process:
         return SettingError(sigma) if sensor == "gimbal_angle" and is_set else WhiteNoise(sigma)
 
-    return {SENSORS[sensor]: (process(sensor, sigma),) for sensor, sigma in recording.noise.items()}
+    told = {sensor: sigma for sensor, sigma in recording.noise.items() if sensor in SENSORS}
+    return {SENSORS[sensor]: (process(sensor, sigma),) for sensor, sigma in told.items()}
+
+
+def coloured(recording: Recording, shortest: float, longest: float) -> Mapping[str, Noise]:
+    """Processes by quantity, SI, that the header states beside the white noise; flicker between two periods [s].
+
+    A Gauss-Markov process whose time constant is not stated has `TAU`.
+    """
+    out: dict[str, list[Process]] = {}
+    for key, size in recording.noise.items():
+        if key in SENSORS or not size or key.endswith("_tau"):
+            continue
+        process: Process
+        if key.endswith("_random_walk"):
+            process = RandomWalk(size)
+        elif key.endswith("_flicker"):
+            process = Flicker(size, shortest, max(longest, shortest), octaves=COARSE)
+        else:
+            process = GaussMarkov(size, recording.noise.get(f"{key}_tau", TAU))
+        out.setdefault(COLOURED[key][0], []).append(process)
+    return {quantity: tuple(those) for quantity, those in out.items()}
 
 
 def sample_sigma(recording: Recording, channels: Sequence[Key], value: Array) -> Array:

@@ -18,7 +18,7 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array, apply_matrix
-from gimbalcal.recording import SENSORS, Recording, dwell_means, dwells
+from gimbalcal.recording import COLOURED, SENSORS, Recording, dwell_means, dwells
 from gimbalcal.recording.plausible_force import check_each_norm, check_magnitude
 from gimbalcal.recording.plausible_run import check_attitude, check_latitude, check_sidereal, check_turn, named
 from gimbalcal.recording.plausible_turned import check_turned
@@ -87,6 +87,8 @@ def _angles_logged(recording: Recording) -> bool:
 
 def _check_noise(recording: Recording) -> None:
     for sensor, sigma in recording.noise.items():
+        if sensor in COLOURED:
+            continue
         channels = [key for key in recording.channels if key[0] == SENSORS[sensor]]
         if 0 < sigma < QUIETEST and not any(is_raw(recording.units.get(key, "")) for key in channels):
             raise InputError(

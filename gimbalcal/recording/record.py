@@ -33,6 +33,16 @@ SENSORS: Mapping[str, str] = MappingProxyType(
 )
 """Names in ``[noise]`` and the quantity that each speaks of."""
 
+COLOURED: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        f"{sensor}_{name}": (SENSORS[sensor], given.format(SENSORS[sensor]))
+        for sensor in ("accelerometer", "gyroscope")
+        for name, given in (("random_walk", "{}_walk"), ("flicker", "{}"), ("gauss_markov", "{}"),
+                            ("gauss_markov_tau", "time"))
+    }
+)  # fmt: skip
+"""What ``[noise]`` of a rotation recording may say beside: of which quantity, and as what it is given."""
+
 ANGLES = ("gimbal_angle", "attitude_error", "true_angle")
 """Quantities that are angles: they may wrap."""
 
@@ -65,7 +75,7 @@ class Recording:
 
     time (n,) s; position (n,) 1, 2, ... or 0 while moving, None where the idea does not apply; channels (n,) each;
     weight (n,) raw samples behind each row (1 unless rows are averages). `noise` is what the header states: one
-    sigma of one raw sample, by sensor (see `SENSORS`); `scatter` is what the rows show, by channel, see
+    sigma of one raw sample, by sensor (see `SENSORS`, and `COLOURED`); `scatter` is what the rows show, by channel, see
     `gimbalcal.recording.scatter`. `units` keeps the unit that each channel was logged in; in counts or pulses the
     numbers are left as they are, because their scale is not known. `remarks` are sentences for the user.
     `sensor` is the name of the sensors where a recording holds several triads; the others are `beside`, a recording

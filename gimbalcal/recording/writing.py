@@ -15,7 +15,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform, known
 from gimbalcal.recording.header import NAME
-from gimbalcal.recording.record import ANYWHERE, SENSORS, Key, Recording, Site
+from gimbalcal.recording.record import ANYWHERE, COLOURED, SENSORS, Key, Recording, Site
 from gimbalcal.units import QUANTITIES, from_si, is_raw
 
 _SHORT = {"specific_force": "accel", "angular_rate": "gyro", "gimbal_angle": "", "attitude_error": "", "covariate": ""}
@@ -110,8 +110,9 @@ def _header(recording: Recording, samples: str, names: dict[str, _Written]) -> l
 def _noise(recording: Recording) -> list[str]:
     lines = []
     for sensor, sigma in recording.noise.items():
-        unit = next((_unit(recording, k) for k in recording.channels if k[0] == SENSORS[sensor]), "")
-        unit = unit or QUANTITIES[SENSORS[sensor]].si
+        quantity = COLOURED[sensor][1] if sensor in COLOURED else SENSORS[sensor]
+        unit = next((_unit(recording, k) for k in recording.channels if k[0] == quantity), "")
+        unit = unit or QUANTITIES[quantity].si
         lines.append(f"{sensor} = {_number(from_si(sigma, unit), unit)}")
     return lines
 

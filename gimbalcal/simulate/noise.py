@@ -17,7 +17,7 @@ from gimbalcal.effects.process import (
 )
 from gimbalcal.inference.noise import Noise, one_sigma
 from gimbalcal.number import Array
-from gimbalcal.recording import SENSORS
+from gimbalcal.recording import COLOURED, SENSORS
 from gimbalcal.simulate.scenario import Scenario
 
 
@@ -75,4 +75,10 @@ def stated(scenario: Scenario) -> dict[str, float]:
     out = {sensor: one_sigma(noise) for sensor, noise in told.items() if noise}
     if scenario.schedule.turns:
         out.pop("gimbal_angle", None)  # no gimbal is logged
+        out |= {key: size for key in COLOURED if (size := getattr(scenario.noise, key)) and _there(scenario, key)}
     return out | ({"velocity": scenario.noise.velocity} if scenario.noise.velocity else {})
+
+
+def _there(scenario: Scenario, key: str) -> bool:
+    """Whether the process of which a key of [noise] speaks is simulated: a time constant alone is none."""
+    return bool(getattr(scenario.noise, key.removesuffix("_tau")))

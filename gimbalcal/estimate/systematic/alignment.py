@@ -115,7 +115,10 @@ def _with_pauses(course: Course) -> Array:
 
 
 def attitudes(course: Course, u: Array, start: Alignment) -> Array:
-    """First guess C_bn (K + 1, 3, 3) at every update: the carried attitude, made level again at each stop."""
+    """First guess C_bn (K + 1, 3, 3) at every update: the carried attitude, made level again at each stop.
+
+    What a turn was off by, it was off by in proportion to the angle turned, as a wrong scale factor makes it.
+    """
     latitude = course.rows.site.latitude
     assert latitude is not None
     earth = EARTH_RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
@@ -123,25 +126,28 @@ def attitudes(course: Course, u: Array, start: Alignment) -> Array:
     C = carried(dt, u[:, 3:] - start.bias)
     t = np.concatenate([[0.0], np.cumsum(dt)])
     C = exponential(earth * t[:, None]) @ start.C_bn @ C
-    turn, out = np.eye(3), np.empty((len(course.first), 3, 3))
+    went = np.concatenate([[0.0], np.cumsum(np.linalg.norm(u[:, 3:] - start.bias, axis=1) * dt)])[course.first]
+    turn, out, left = np.eye(3), np.empty((len(course.first), 3, 3)), 0
     stop = np.append(course.stop, course.stop[-1])
     for k in range(len(out)):
         new = k < len(course.stop) and stop[k] >= 0 and (k == 0 or stop[k - 1] != stop[k])
         if new:
             mine = course.of_stop(int(stop[k]))
-            force = turn @ C[(mine.start + mine.stop) // 2] @ u[mine, :3].mean(axis=0)
-            turn = _levelled(force) @ turn
+            off = _off_level(turn @ C[(mine.start + mine.stop) // 2] @ u[mine, :3].mean(axis=0))
+            if k:
+                part = (went[left:k] - went[left]) / max(went[k] - went[left], 1e-9)
+                out[left:k] = exponential(-part[:, None] * off) @ out[left:k]
+            turn = exponential(-off) @ turn
         out[k] = turn @ C[course.first[k]]
+        left = k if stop[k] >= 0 else left
     for pause in np.flatnonzero(course.pauses):
         out[pause + 1] = out[pause]
     return out
 
 
-def _levelled(force: Array) -> Array:
-    """The smallest rotation (3, 3) that makes a force (3,) point up."""
+def _off_level(force: Array) -> Array:
+    """The smallest rotation vector (3,) [rad] that makes a force (3,) point up."""
     unit, up = force / np.linalg.norm(force), np.array([0.0, 0.0, -1.0])
     axis = np.cross(unit, up)
     sine = float(np.linalg.norm(axis))
-    if sine < 1e-12:
-        return np.eye(3)
-    return exponential(-axis / sine * np.arctan2(sine, float(unit @ up)))
+    return np.zeros(3) if sine < 1e-12 else axis / sine * np.arctan2(sine, float(unit @ up))

@@ -33,8 +33,9 @@ def told(course: Course, wanted: Sequence[Parameter], last: Pass, C: Array, pass
                        for _, leg in legs])  # fmt: skip
     sum_of_legs, legs_used = float((by_leg**2).sum()), by_leg.size  # what the fit took off is not known: not counted
     lag = _lag_one(z)
-    # the unit stays where it is: its velocity and place are known, and what the navigator makes of them are errors
-    error = (navigator.x / navigator.sigma)[1:, 3:] ** 2
+    # the unit stays where it is: how far the navigator thinks that it went is its error, beside what it started with
+    grown = np.maximum(navigator.sigma[1:, 6:9] ** 2 - navigator.sigma[0, 6:9] ** 2, 1e-300)
+    strayed = (navigator.x[1:, 6:9] - navigator.x[0, 6:9]) ** 2 / grown
     rms = np.sqrt(np.nanmean(navigator.innovation**2, axis=0)) * STATE[3]
     pick = np.unique(np.linspace(0, len(course.time) - 1, CURVE).astype(int))
     sigma = from_si(1.0, "arcsec") * np.sqrt(np.diag(last.attitude))
@@ -53,9 +54,12 @@ def told(course: Course, wanted: Sequence[Parameter], last: Pass, C: Array, pass
             "innovation": np.round(by_leg, 3).tolist(),
         },
         "whiteness": {"lag_one": lag, "sigma": float(1 / np.sqrt(n))},
-        "nees": {"velocity": float(np.mean(error[:, :3])), "position": float(np.mean(error[:, 3:]))},
+        "nees": {"velocity": float(np.nanmean(z**2)), "position": float(np.mean(strayed))},
         "velocity_rms": dict(zip(DIRECTIONS, rms.tolist(), strict=True)),
-        "attitude": {**_attitude(C[0]), "sigma_arcsec": dict(zip(DIRECTIONS, sigma.tolist(), strict=True))},
+        "attitude": {
+            **_attitude(C[0]),
+            "sigma_arcsec": dict(zip(DIRECTIONS, sigma.tolist(), strict=True)),
+        },
         "time_s": np.round(course.time[pick] - course.time[0], 3).tolist(),
         "sigma": {
             p.label: [float(f"{x:.5g}") for x in from_si(f.theta_sigma[pick, i] * p.sigma, p.unit)]

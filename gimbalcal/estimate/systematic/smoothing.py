@@ -23,6 +23,7 @@ from gimbalcal.effects import Effect, Parameter
 from gimbalcal.estimate.systematic.alignment import Alignment
 from gimbalcal.estimate.systematic.course import Course
 from gimbalcal.estimate.systematic.sensors import sensitivity
+from gimbalcal.estimate.systematic.wander import beside, chains
 from gimbalcal.inference import adjoint, beside_constants
 from gimbalcal.inference.beside_constants import Filtered
 from gimbalcal.navigate.error_growth import NAV, transitions
@@ -41,9 +42,9 @@ GATE = 50.0  # normalised innovation squared of three components: by chance once
 
 
 class Linear(NamedTuple):
-    """The error model of K stretches in units of `STATE` and of the prior sigmas: Phi (K, 9, 9), Psi (K, 9, p),
+    """The error model of K stretches in units of `STATE` and of the prior sigmas: Phi (K, m, m), Psi (K, m, p),
 
-    Q (K, 9, 9) and defects d (K, 9).
+    Q (K, m, m) and defects d (K, m) of the nine navigation states and the chains of biases that wander.
     """
 
     Phi: Array
@@ -75,11 +76,14 @@ def one_pass(
     prior (p,): mean of the parameters before, less their present values; left_out (K,): updates that are not believed;
     near: an error model about values so near that only the defects are another's.
     """
-    about = linear(course, wanted, effects, u, C) if near is None else near._replace(d=defects(course, u, C))
+    about = linear(course, wanted, effects, u, C) if near is None else near._replace(d=defects(course, u, C, near))
     Phi, Psi, Q, d = about
-    scale = np.array([p.sigma for p in wanted])
-    sigma = np.concatenate([start.sigma, np.full(3, course.velocity), np.full(3, PLACE)]) / STATE
+    m = Phi.shape[1]
+    scale, wander = np.array([p.sigma for p in wanted]), chains(course)
+    before = np.concatenate([start.sigma, np.full(3, course.velocity), np.full(3, PLACE)]) / STATE
+    sigma = np.concatenate([before, np.sqrt(wander.P_0) / wander.scale])
     x = np.concatenate([rotation_vector(start.C_bn @ C[0].T), np.zeros(6)]) / STATE
+    x = np.concatenate([x, np.zeros(len(wander))])
     first = np.concatenate([prior / scale, x[:3]])
     S = np.diag(np.concatenate([sigma, np.full(len(wanted), WIDE), sigma[:3]]))
     S[range(3), range(3)], S[range(3), range(-3, 0)] = 0.0, sigma[:3]
@@ -90,21 +94,10 @@ def one_pass(
     filtered = beside_constants.filter(Phi, Psi, loose, d, z, VELOCITY, R, x, first, S, smoothed=3)
     smoothed = adjoint.smooth(Phi, Psi, VELOCITY, filtered) * STATE[:3]
     # the same navigator with its sensors as they were found, nothing left to learn about them
-    found, own = filtered.theta[-1], filtered.factor[NAV:, NAV:]
+    found, own = filtered.theta[-1], filtered.factor[m:, m:]
+    none = np.zeros((len(Phi), m, 0))
     calibrated = beside_constants.filter(
-        Phi,
-        Psi[:, :, :0],
-        Q,
-        d + Psi @ found,
-        0 * R,
-        VELOCITY,
-        R,
-        x,
-        found[:0],
-        np.diag(sigma),
-        GATE,
-        JUMP / STATE[3],
-        0,
+        Phi, none, Q, d + Psi @ found, 0 * R, VELOCITY, R, x, found[:0], np.diag(sigma), GATE, JUMP / STATE[3], 0
     )
     return Pass(
         found[:-3] * scale, np.asarray(np.linalg.qr(own[:-3].T, mode="r")).T, own[-3:] @ own[-3:].T * STATE[0] ** 2,
@@ -117,17 +110,28 @@ def linear(course: Course, wanted: Sequence[Parameter], effects: Sequence[Effect
 
     The attitude at the start is a constant too, so that its covariance is known in the end: three more, the last ones.
     """
-    scale = np.array([p.sigma for p in wanted])
-    expected = felt(course, u, C)
-    Phi, Psi, Q, d = answering(
-        course, u, C, lambda groups: sensitivity(course.groups, effects, wanted, expected, groups), len(wanted)
-    )
-    return Linear(Phi, np.concatenate([Psi * scale, np.zeros((len(Phi), NAV, 3))], axis=2), Q, d)
+    scale, p = np.array([p.sigma for p in wanted]), len(wanted)
+    expected, wander = felt(course, u, C), chains(course)
+
+    def answer(groups: slice) -> Array:
+        D = sensitivity(course.groups, effects, wanted, expected, groups)
+        return np.concatenate([D, added(len(D), len(wander))], axis=2)
+
+    Phi, Psi, Q, d = answering(course, u, C, answer, p + added(0, len(wander)).shape[2])
+    constant = np.concatenate([Psi[:, :, :p] * scale, np.zeros((len(Phi), NAV, 3))], axis=2)
+    return Linear(*beside(Phi, constant, Q, d, Psi[:, :, p:], wander))
 
 
-def defects(course: Course, u: Array, C: Array) -> Array:
-    """Where the reference of each stretch ends, less where the next one starts (K, 9), in units of `STATE`."""
-    return answering(course, u, C, lambda groups: np.zeros((groups.stop - groups.start, 6, 0)), 0)[3]
+def added(n: int, chains: int) -> Array:
+    """What a unit added to each of the six readings takes from force and rate (n, 6, 6); nothing asked, (n, 6, 0)."""
+    return np.tile(-np.eye(6), (n, 1, 1))[:, :, : 6 if chains else 0]
+
+
+def defects(course: Course, u: Array, C: Array, near: Linear) -> Array:
+    """Where the reference of each stretch ends, less where the next one starts (K, m), in units of `STATE`."""
+    d = np.zeros_like(near.d)
+    d[:, :NAV] = answering(course, u, C, lambda groups: np.zeros((groups.stop - groups.start, 6, 0)), 0)[3]
+    return d
 
 
 def felt(course: Course, u: Array, C: Array) -> Array:

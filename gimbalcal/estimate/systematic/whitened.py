@@ -24,10 +24,12 @@ from gimbalcal.estimate.systematic.smoothing import (
     PLACE,
     STATE,
     VELOCITY,
+    added,
     answering,
     felt,
     rotation_vector,
 )
+from gimbalcal.estimate.systematic.wander import beside, chains
 from gimbalcal.forward import Rows, linearise
 from gimbalcal.inference import beside_constants
 from gimbalcal.kinematics import stimulus_from_truth
@@ -54,7 +56,7 @@ class Whitened:
     sigma: Array
     time: Array
     stop: NDArray[np.int64]
-    navigator: tuple[Array, Array, Array]  # Phi (K, 9, 9), gain (K, 3, 9), one sigma (K, 3) of an innovation
+    navigator: tuple[Array, Array, Array]  # Phi (K, m, m), gain (K, 3, m), one sigma (K, 3) of an innovation
     u: Array
     block: NDArray[np.int64]  # row of each update, (K,)
 
@@ -66,9 +68,10 @@ class Whitened:
     def _answers(self, D: Array) -> Array:
         m, (Phi, gain, sigma) = self.settled, self.navigator
         Psi = answering(m.course, self.u, m.C, lambda groups: D[groups], D.shape[2])[1]
-        x, out = np.zeros((NAV, D.shape[2])), np.zeros((len(Phi), 3, D.shape[2]))
+        x, out = np.zeros((Phi.shape[1], D.shape[2])), np.zeros((len(Phi), 3, D.shape[2]))
         for k in range(len(Phi)):
-            x = Phi[k] @ x + Psi[k]
+            x = Phi[k] @ x
+            x[:NAV] += Psi[k]
             for c, i in enumerate(VELOCITY):
                 if np.isfinite(sigma[k, c]):
                     y = -x[i]
@@ -88,23 +91,25 @@ def whitened(m: Settled) -> Whitened:
     s = stimulus_from_truth(replace(legs.groups, position=at), expected[:, :3], expected[:, 3:])
     s = s.at(time=legs.groups.time - legs.groups.time[0])
     rows = linearise(BENCH, s, effects, KIND, KEYS)
-    Phi, _, Q, d = answering(legs, u, m.C, lambda groups: np.zeros((groups.stop - groups.start, 6, 0)), 0)
-    sigma = np.concatenate([m.start.sigma, np.full(3, legs.velocity), np.full(3, PLACE)]) / STATE
+    wander = chains(legs)
+    made = answering(
+        legs, u, m.C, lambda groups: added(groups.stop - groups.start, len(wander)), added(0, len(wander)).shape[2]
+    )
+    Phi, none, Q, d = beside(made[0], made[1][:, :, :0], made[2], made[3], made[1], wander)
+    before = np.concatenate([m.start.sigma, np.full(3, legs.velocity), np.full(3, PLACE)]) / STATE
+    sigma = np.concatenate([before, np.sqrt(wander.P_0) / wander.scale])
     x = np.concatenate([rotation_vector(m.start.C_bn @ m.C[0].T), np.zeros(6)]) / STATE
+    x = np.concatenate([x, np.zeros(len(wander))])
     R = np.full((len(Phi), 3), legs.velocity**2) / STATE[VELOCITY] ** 2
     z = np.where(m.left_out[:, None], np.nan, 0 * R)
     Q[np.ix_(m.left_out, VELOCITY, VELOCITY)] += (JUMP / STATE[3]) ** 2 * np.eye(3)
-    f = beside_constants.filter(
-        Phi, np.zeros((len(Phi), NAV, 0)), Q, d, z, VELOCITY, R, x, np.zeros(0), np.diag(sigma), smoothed=0
-    )
+    f = beside_constants.filter(Phi, none, Q, d, z, VELOCITY, R, x, np.zeros(0), np.diag(sigma), smoothed=0)
     one = np.sqrt(f.variance)
     block = _blocks(legs.stop)
     residual, spread = _joined(f.innovation[..., None] * STATE[3], one * STATE[3], block)
     first = np.flatnonzero(np.diff(block, prepend=-1))
     time = np.add.reduceat((legs.time[1:] + legs.time[:-1]) / 2, first) / np.diff(first, append=len(block))
-    return Whitened(
-        m, s, rows, residual[..., 0], spread, time, legs.stop[first], (Phi, f.gain[:, :, :NAV], one), u, block
-    )
+    return Whitened(m, s, rows, residual[..., 0], spread, time, legs.stop[first], (Phi, f.gain, one), u, block)
 
 
 def _blocks(stop: NDArray[np.int64]) -> NDArray[np.int64]:

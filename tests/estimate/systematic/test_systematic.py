@@ -188,6 +188,14 @@ def test_a_unit_that_is_carried_away_is_refused(begin: float) -> None:
         systematic(carried, "30")
 
 
+def test_one_large_scale_factor_carries_nothing_away() -> None:
+    """0.4 % of one gyroscope, hardly anything of the others: half a turn about it leaves the level by 0.7 deg."""
+    truth = np.array([4e-3 if p.label == "gyro_scale_factor:y" else 0.0 for p in THIRTY])
+    found = systematic(turning_unit((), THIRTY, truth, stop=20.0), "30")
+    assert found.outcome == ""
+    assert np.abs(_errors(found, THIRTY, truth)).max() < 4
+
+
 def test_another_latitude_is_refused() -> None:
     r = turning_unit(stop=15.0)
     with pytest.raises(InputError, match=r"34\.\d deg above the horizon, and \[site\] says latitude 45\.0 deg"):
