@@ -16,6 +16,7 @@ from gimbalcal.navigate.bands import before_and_after
 from gimbalcal.navigate.run import navigated
 from gimbalcal.navigate.space_stable import Aids, Site, radii, schuler_rate
 from gimbalcal.pipeline import load, three_stage
+from gimbalcal.report.draw import sheet
 from gimbalcal.report.navigation_page import curves
 from gimbalcal.report.style import BLUE, FULL, GREY, INK, STYLE, VERMILION, empty
 from gimbalcal.simulate import simulate
@@ -82,11 +83,10 @@ def before_after(path: Path) -> None:
     data = Path(__file__).parents[1] / "data"
     device, run = load([data / "space_stable_18", data / "space_stable_static"])
     made = [("two-stage", three_stage([device])), ("fused", three_stage([device, run]))]
-    with mpl.rc_context(STYLE):
-        curves(before_and_after(run, made, samples=2)).savefig(path, dpi=110)
+    path.write_text(sheet(curves(before_and_after(run, made, samples=2))), encoding="utf-8")
 
 
 if __name__ == "__main__":
     picture(Path(__file__).parent / "pictures" / "quasi_static.png")
-    before_after(Path(__file__).parent / "pictures" / "navigation.png")
+    before_after(Path(__file__).parent / "pictures" / "navigation.svg")
     sys.stdout.write("\n".join(table()) + "\n")

@@ -22,6 +22,7 @@ from gimbalcal.diagnose.wording import digits
 from gimbalcal.importers import import_files
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, read
+from gimbalcal.report.draw import sheet
 from gimbalcal.report.figures import Panel, before_after
 from gimbalcal.report.rounding import pdg
 from gimbalcal.report.wording import named, unit_in_print
@@ -136,7 +137,7 @@ def clean(part: Part, data: Path) -> tuple[Panel, ...]:
 XSENS = ("imu_tk_xsens/xsens_acc.mat", "imu_tk_xsens/xsens_gyro.mat")
 PARTS = (
     Part(
-        "Xsens MTi, accelerometers", "real_xsens_accelerometers.png", "imu-tk", XSENS, ("bias", "scale_factor"),
+        "Xsens MTi, accelerometers", "real_xsens_accelerometers.svg", "imu-tk", XSENS, ("bias", "scale_factor"),
         "A real inertial unit turned by hand from rest to rest, 38 rests in nine minutes, outputs in counts. Source: "
         "Tedaldi, Pretto and Menegatti (2014), github.com/Kyle-ak/imu_tk (BSD). No attitude is known; the only "
         "reference is that the force at rest is as long as gravity.",
@@ -148,7 +149,7 @@ PARTS = (
         over_order,
     ),
     Part(
-        "Xsens MTi, gyroscopes", "real_xsens_gyroscopes.png", "imu-tk", XSENS, ("gyro_bias",),
+        "Xsens MTi, gyroscopes", "real_xsens_gyroscopes.svg", "imu-tk", XSENS, ("gyro_bias",),
         "The same recording. Its authors calibrate the gyroscopes by the turns between the rests and take their "
         "output at rest for a constant bias.",
         "It is not constant: it follows the attitude. A matrix of nine coefficients, force to rate, takes chi^2 per "
@@ -158,7 +159,7 @@ PARTS = (
         rates,
     ),
     Part(
-        "Tilting table", "real_tilt_table.png", "tilt-table", ("tilt_table/tilt_table_200hz.npz",), (),
+        "Tilting table", "real_tilt_table.svg", "tilt-table", ("tilt_table/tilt_table_200hz.npz",), (),
         "A broadband seismometer (Trillium Compact) beside a fibre-optic gyroscope (blueSeis-3A) on a table that is "
         "tilted in steps, 120 s at 200 Hz. Source: Bernauer et al. (2020), data of github.com/solldavid/TwistPy "
         "(LGPL-3). The model says that the unit stays level.",
@@ -171,7 +172,7 @@ PARTS = (
         over_time,
     ),
     Part(
-        "MMT, 6.5 m telescope", "real_mmt.png", "mmt", ("mmt_pointing/point_20210821.dat",), (),
+        "MMT, 6.5 m telescope", "real_mmt.svg", "mmt", ("mmt_pointing/point_20210821.dat",), (),
         "80 stars in one night, encoder readings against true directions. Source: github.com/MMTObservatory/pytelpoint "
         "(BSD-3). The model holds the zeros of both axes, their squareness and the collimation.",
         "The base leans by 10.6 arcsec, the tube sags, and a term in cot(elevation) is left, with the sign opposite to "
@@ -185,7 +186,7 @@ PARTS = (
         ),
     ),
     Part(
-        "Amateur mount cgx-l", "real_cgx_l.png", "tpoint", ("gem_mount_pointing/cgx-l-data.dat",), ("gimbal_zero",),
+        "Amateur mount cgx-l", "real_cgx_l.svg", "tpoint", ("gem_mount_pointing/cgx-l-data.dat",), ("gimbal_zero",),
         "148 stars on both sides of the pier, a German equatorial mount set up for the night. Source: "
         "github.com/gaker/celestial (MIT or Apache-2.0). Everything but the zeros is left out.",
         "Cone, squareness of the axes, polar axis, and an eccentric circle on the hour axis. Two arcminutes in each "
@@ -201,7 +202,7 @@ PARTS = (
         ),
     ),
     Part(
-        "Amateur mount warp-astron", "real_warp_astron.png", "tpoint", ("gem_mount_pointing/warp-astron.dat",), (),
+        "Amateur mount warp-astron", "real_warp_astron.svg", "tpoint", ("gem_mount_pointing/warp-astron.dat",), (),
         "98 stars, another mount of the same collection.",
         "An eccentric circle, and a zero that slips by more than 300 arcsec/h in declination: a clutch, or a tube that "
         "settles. A second harmonic of the circles and a small tilt follow; the tilt is confounded with "
@@ -213,7 +214,7 @@ PARTS = (
         ),
     ),
     Part(
-        "MPU-9150, a clean case", "real_mikoff.png", "mikoff", ("mikoff_mpu9150/imu0.log",),
+        "MPU-9150, a clean case", "real_mikoff.svg", "mikoff", ("mikoff_mpu9150/imu0.log",),
         ("bias", "scale_factor", "misalignment"),
         "A low-cost unit turned by hand, 22 rests. Source: github.com/mikoff/imu-calib (MIT).",
         "The accelerometers lack nothing: what is left is what the scatter of the samples makes of a mean. The picture "
@@ -269,9 +270,9 @@ def section(part: Part, data: Path) -> str:
 
 
 def save(name: str, panels: Sequence[Panel]) -> None:
-    """A picture as PNG, the same bytes for the same numbers."""
+    """A picture as SVG, the same bytes for the same numbers."""
     (DOCS / "pictures").mkdir(exist_ok=True)
-    before_after(panels).savefig(DOCS / "pictures" / name, dpi=100, metadata={"Software": ""})
+    (DOCS / "pictures" / name).write_text(sheet(before_after(panels)), encoding="utf-8")
 
 
 def concealed() -> str:
@@ -286,7 +287,7 @@ def concealed() -> str:
     groups = np.array_split(np.arange(len(c.time)), 90)
     t, before, after = (np.array([x[g].mean() for g in groups]) for x in (c.time, c.before[:, i], c.after[:, i]))
     T = np.array([recording.channels["temperature", ""][g].mean() for g in groups])
-    save("real_concealed_channel.png", (
+    save("real_concealed_channel.svg", (
         Panel("force along y, as both runs see it, and with the thermometer", "σ", t / 3600, "time [h]", before, after),
         Panel("the same over the channel that was hidden", "σ", T, "temperature [°C]", before, after),
     ))  # fmt: skip
@@ -302,7 +303,7 @@ With the column given back the verdict is **{seen.verdict}**.
 
 > {seen.in_words}
 
-![A channel concealed](pictures/real_concealed_channel.png)
+![A channel concealed](pictures/real_concealed_channel.svg)
 
 The same with the order of visits, on the real Xsens recording above: with the rests in their true order a drift of the
 biases is found, in a random order the verdict is *adequate*.

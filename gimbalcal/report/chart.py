@@ -18,7 +18,7 @@ Colour = Literal["c0", "c1", "c2", "c3", "c4", "c5", "grey", "pale", "ink"]
 Shape = Literal["dot", "square", "diamond", "triangle", "ring"]
 COLOURS: tuple[Colour, ...] = ("c0", "c1", "c2", "c3", "c4", "c5")
 SHAPES: tuple[Shape, ...] = ("dot", "square", "diamond", "triangle")
-POINTS = 1200  # of a curve; more cannot be told apart on a page
+POINTS = 600  # of a curve; more cannot be told apart on a page
 
 BLUE, VERMILION, GREEN, ORANGE = COLOURS[:4]
 
