@@ -23,6 +23,7 @@ def shipped() -> Path:
 
 def demonstrate(out: Path, tell: Tell) -> tuple[dict[str, Any], str]:
     """Calibrate and diagnose what ships, a folder each under `out`; returns a summary and the sentence to print."""
+    from gimbalcal.report.headline import headline
     from gimbalcal.report.wording import answer
 
     data = shipped()
@@ -36,7 +37,7 @@ def demonstrate(out: Path, tell: Tell) -> tuple[dict[str, Any], str]:
     sentence = "\n".join([
         f"space-stable platform: {answer(platform)}",
         f"Xsens unit, real: {answer(xsens)}",
-        f"concealed effect: {found.in_words}",
+        f"concealed effect: {headline(found.to_dict(), found.curves)}",
         f"open {out / 'report.html'}, {out / 'xsens' / 'report.html'} and {out / 'diagnosis' / 'report.html'}",
     ])  # fmt: skip
     return summary, sentence

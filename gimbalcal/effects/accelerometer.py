@@ -50,6 +50,7 @@ class Misalignment(Effect):
     """
 
     id = "misalignment"
+    says = "the input axis of {who} leans by {size}"
     stage = Stage.INPUT_AXIS
     usual = ("multi-position", "rotation")
     gauge = ("xy", "xz", "yx")  # with the others they turn the block, which shows where its attitude is known
@@ -72,6 +73,7 @@ class ScaleFactor(Effect):
     """
 
     id = "scale_factor"
+    says = "{who} has a scale factor that is off by {size}"
     stage = Stage.SCALE
     sources = ("wu2018",)
     linear = False
@@ -94,6 +96,7 @@ class ScaleNonlinearity(Effect):
     """
 
     id = "scale_nonlinearity"
+    says = "{who} bends with the square of its output, by {size}"
     stage = Stage.ACCELEROMETER
     sources = ("wu2018", "ieee1293")
     linear = False
@@ -115,6 +118,7 @@ class Bias(Effect):
     """
 
     id = "bias"
+    says = "{who} reads {size} where there is no force"
     stage = Stage.ACCELEROMETER
     sources = ("wu2018",)
     b: Array = parameter(TRIAD, unit="ug", sigma=500, name="bias")
@@ -136,6 +140,7 @@ class FrameMisalignment(Effect):
     """
 
     id = "frame_misalignment"
+    says = "the sensor block is turned against its platform by {size}"
     stage = Stage.INPUT_AXIS
     no_cause = "misalignment says the same, and more"
     sources = ("wu2018",)

@@ -34,6 +34,7 @@ class BiasCovariate(Effect):
     """
 
     id = "bias_covariate"
+    says = "{who} follows a logged channel, by {size}"
     stage = Stage.ACCELEROMETER
     generic = True
     requires = ("covariate",)
@@ -56,6 +57,7 @@ class BiasCovariateLagged(Effect):
     """
 
     id = "bias_covariate_lagged"
+    says = "{who} follows a logged channel with a delay, by {size}"
     stage = Stage.ACCELEROMETER
     requires = ("covariate",)
     k: Array = parameter(TRIAD, unit="ug", sigma=10, name="bias_per_lagged_covariate")
@@ -82,6 +84,7 @@ class BiasCovariateSquared(Effect):
     """
 
     id = "bias_covariate_squared"
+    says = "{who} follows the square of a logged channel, by {size}"
     stage = Stage.ACCELEROMETER
     requires = ("covariate",)
     k: Array = parameter(TRIAD, unit="ug", sigma=10, name="bias_per_squared_covariate")
@@ -104,6 +107,7 @@ class SupplyVoltage(Effect):
     """
 
     id = "supply_voltage"
+    says = "{who} follows the supply voltage, by {size}"
     stage = Stage.ACCELEROMETER
     requires = ("covariate:supply_voltage",)
     sources = ("ieee1293",)
@@ -127,6 +131,7 @@ class Pressure(Effect):
     """
 
     id = "pressure"
+    says = "{who} follows the air pressure, by {size}"
     stage = Stage.ACCELEROMETER
     requires = ("covariate:pressure",)
     sources = ("ieee1293",)
@@ -150,6 +155,7 @@ class VibrationRectification(Effect):
     """
 
     id = "vibration_rectification"
+    says = "{who} makes a constant reading of vibration, by {size}"
     stage = Stage.ACCELEROMETER
     requires = ("covariate:vibration",)
     sources = ("ieee1293",)
@@ -173,6 +179,7 @@ class ServoFollowingError(Effect):
     """
 
     id = "servo_following_error"
+    says = "errors that the servo loops recorded are taken into account wrongly, by {size} of their size"
     stage = Stage.PLATFORM
     requires = ("covariate:servo_x", "covariate:servo_y", "covariate:servo_z")
     sources = ("lawrence1998",)

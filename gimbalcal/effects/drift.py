@@ -41,6 +41,7 @@ class PolarAxisMisalignment(Effect):
     """
 
     id = "polar_axis_misalignment"
+    says = "the platform starts turned against its drawing by {size}"
     stage = Stage.PLATFORM
     sources = ("britting1971",)
     kinds = ("static-run",)
@@ -63,6 +64,7 @@ class GyroDrift(Effect):
     """
 
     id = "gyro_drift"
+    says = "the platform's gyroscopes drift by {size}"
     same_law_as = "gyro_bias"
     stage = Stage.PLATFORM
     kinds = ("static-run",)
@@ -89,6 +91,7 @@ class GyroGSensitivity(Effect):
     """
 
     id = "gyro_g_sensitivity"
+    says = "the platform's gyroscopes drift with the force on them, by {size}"
     same_law_as = "gyro_g_sensitivity_rate"
     stage = Stage.PLATFORM
     kinds = ("static-run",)
@@ -115,6 +118,7 @@ class GyroG2Sensitivity(Effect):
     """
 
     id = "gyro_g2_sensitivity"
+    says = "the platform's gyroscopes drift with the product of two forces, by {size}"
     stage = Stage.PLATFORM
     kinds = ("static-run",)
     sources = ("ieee528", "lawrence1998")
@@ -141,6 +145,7 @@ class GyroTemperatureDrift(Effect):
     """
 
     id = "gyro_temperature_drift"
+    says = "the platform's gyroscopes drift with temperature, by {size}"
     stage = Stage.PLATFORM
     requires = ("temperature",)
     kinds = ("static-run",)
@@ -168,6 +173,7 @@ class GyroDiurnalDrift(Effect):
     """
 
     id = "gyro_diurnal_drift"
+    says = "the platform's gyroscopes drift to and fro with the day, by {size}"
     stage = Stage.PLATFORM
     kinds = ("static-run",)
     sources = ("ieee952",)
@@ -195,6 +201,7 @@ class CaseRotationResidue(Effect):
     """
 
     id = "case_rotation_residue"
+    says = "the platform turns to and fro with the rotation of the gyroscopes' cases, by {size}"
     stage = Stage.PLATFORM
     kinds = ("static-run",)
     sources = ("britting1971",)
@@ -218,6 +225,7 @@ class ServoLimitCycle(Effect):
     """
 
     id = "servo_limit_cycle"
+    says = "the platform's servo loop oscillates, by {size}"
     stage = Stage.PLATFORM
     kinds = ("static-run",)
     sources = ("lawrence1998",)
@@ -243,6 +251,7 @@ class SchulerOscillation(Effect):
     """
 
     id = "schuler_oscillation"
+    says = "the navigator swings with Schuler's period, by {size}"
     stage = Stage.ATTITUDE
     channel = "attitude_error"
     kinds = ("static-run",)
@@ -269,6 +278,7 @@ class ClockRate(Effect):
     """
 
     id = "clock_rate"
+    says = "the clock of the recording runs wrong by {size}"
     stage = Stage.PLATFORM
     kinds = ("static-run",)
     sources = ("groves2013",)

@@ -180,6 +180,7 @@ class Effect:
     """One imperfection with its parameter values; knows nothing of who calls it."""
 
     id: ClassVar[str] = ""
+    says: ClassVar[str] = ""  # what it does, in plain words: {who} is the sensor or axis, {size} how much
     stage: ClassVar[Stage]
     channel: ClassVar[str] = "specific_force"  # where it first shows
     requires: ClassVar[tuple[str, ...]] = ()  # quantities a recording must carry for the effect to be a candidate

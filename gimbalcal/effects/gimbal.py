@@ -26,6 +26,7 @@ class GimbalZero(Effect):
     """
 
     id = "gimbal_zero"
+    says = "the zero of {who} is off by {size}"
     stage = Stage.ENCODER
     kinds = EVERY_KIND
     sources = ("wu2018",)
@@ -55,6 +56,7 @@ class GimbalNonorthogonality(Effect):
     """
 
     id = "gimbal_nonorthogonality"
+    says = "{who} does not stand at a right angle to its neighbour, by {size}"
     stage = Stage.AXIS_TILT
     kinds = EVERY_KIND
     usual = ("pointing",)
@@ -80,6 +82,7 @@ class EncoderEccentricity(Effect):
     """
 
     id = "encoder_eccentricity"
+    says = "the angle encoder of {who} sits off its centre: it errs by {size} once a turn"
     stage = Stage.ENCODER
     kinds = EVERY_KIND
     channel = "gimbal_angle"
@@ -102,6 +105,7 @@ class EncoderTwoCycle(Effect):
     """
 
     id = "encoder_two_cycle"
+    says = "the angle encoder of {who} errs by {size} twice a turn"
     stage = Stage.ENCODER
     kinds = EVERY_KIND
     channel = "gimbal_angle"
@@ -124,6 +128,7 @@ class EncoderHarmonic(Effect):
     """
 
     id = "encoder_harmonic"
+    says = "the angle encoder of {who} errs by {size}, several times a turn"
     stage = Stage.ENCODER
     kinds = EVERY_KIND
     channel = "gimbal_angle"
@@ -148,6 +153,7 @@ class EncoderCyclicError(Effect):
     """
 
     id = "encoder_cyclic_error"
+    says = "the angle encoder of {who} errs by {size} within each of its lines"
     stage = Stage.ENCODER
     kinds = EVERY_KIND
     channel = "gimbal_angle"
@@ -172,6 +178,7 @@ class PeriodicWormError(Effect):
     """
 
     id = "periodic_worm_error"
+    says = "the worm of {who} pushes it to and fro by {size}"
     stage = Stage.ENCODER
     channel = "gimbal_angle"
     kinds = ("pointing",)
@@ -198,6 +205,7 @@ class BearingWobble(Effect):
     """
 
     id = "bearing_wobble"
+    says = "the bearing of {who} wobbles by {size}"
     stage = Stage.AXIS_TILT
     kinds = EVERY_KIND
     w_c: Array = parameter(GIMBALS, unit="arcsec", sigma=2, name="wobble_cos")
@@ -228,6 +236,7 @@ class GimbalFlexure(Effect):
     """
 
     id = "gimbal_flexure"
+    says = "{who} sags under its own weight by {size}"
     stage = Stage.ENCODER
     kinds = EVERY_KIND
     channel = "gimbal_angle"
@@ -261,6 +270,7 @@ class GimbalFriction(Effect):
     """
 
     id = "gimbal_friction"
+    says = "{who} sticks and stops short of its readout by {size}"
     stage = Stage.ENCODER
     channel = "gimbal_angle"
     kinds = ("multi-position", "pointing")
@@ -282,6 +292,7 @@ class PositionBlunder(Effect):
     """
 
     id = "position_blunder"
+    says = "one position was not set where its readout says, or was disturbed: {size}"
     stage = Stage.PLATFORM
     requires = ("position",)
     kinds = ("multi-position",)

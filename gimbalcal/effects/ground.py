@@ -43,6 +43,7 @@ class BaseTilt(Effect):
     """
 
     id = "base_tilt"
+    says = "the base is tilted by {size}"
     stage = Stage.BASE
     kinds = EVERY_KIND
     usual = ("pointing",)
@@ -67,6 +68,7 @@ class BaseTiltDrift(Effect):
     """
 
     id = "base_tilt_drift"
+    says = "the pier settles: the base tilts by {size}"
     in_time = True
     stage = Stage.BASE
     kinds = EVERY_KIND
@@ -91,6 +93,7 @@ class BaseTiltDiurnal(Effect):
     """
 
     id = "base_tilt_diurnal"
+    says = "the base tilts to and fro with the day, by {size}"
     stage = Stage.BASE
     shortest = 8 * HOUR  # a shorter part of the day is base_tilt_drift
     kinds = EVERY_KIND
@@ -116,6 +119,7 @@ class PlumbLineTide(Effect):
     """
 
     id = "plumb_line_tide"
+    says = "Sun and Moon turn the plumb line by {size}"
     stage = Stage.GRAVITY
     kinds = ("static-run",)
     sources = ("iers2010",)
@@ -141,6 +145,7 @@ class GravityTide(Effect):
     """
 
     id = "gravity_tide"
+    says = "Sun and Moon change gravity by {size}"
     stage = Stage.GRAVITY
     kinds = ("static-run",)
     sources = ("iers2010",)
@@ -165,6 +170,7 @@ class GravityError(Effect):
     """
 
     id = "gravity_error"
+    says = "the gravity stated for the site is wrong by {size}"
     stage = Stage.GRAVITY
     sources = ("wgs84",)
     gamma: float = parameter(SCALAR, unit="ppm", sigma=20, name="gravity_error")
@@ -185,6 +191,7 @@ class VerticalDeflection(Effect):
     """
 
     id = "vertical_deflection"
+    says = "the plumb line leaves the ellipsoid's normal by {size}"
     stage = Stage.GRAVITY
     sources = ("wgs84",)
     xi: Array = parameter(TILT, unit="arcsec", sigma=10, name="deflection")
@@ -206,6 +213,7 @@ class MagneticField(Effect):
     """
 
     id = "magnetic_field"
+    says = "{who} feels the Earth's magnetic field, by {size}"
     stage = Stage.ACCELEROMETER
     requires = ("attitude",)
     sources = ("ieee1293",)

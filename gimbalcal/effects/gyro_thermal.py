@@ -25,6 +25,7 @@ class GyroBiasTemperature(Effect):
     """
 
     id = "gyro_bias_temperature"
+    says = "{who} drifts with temperature, by {size}"
     stage = Stage.GYROSCOPE
     channel = "angular_rate"
     kinds = KINDS
@@ -48,6 +49,7 @@ class GyroBiasTemperatureSquared(Effect):
     """
 
     id = "gyro_bias_temperature_squared"
+    says = "{who} drifts with the square of temperature, by {size}"
     stage = Stage.GYROSCOPE
     channel = "angular_rate"
     kinds = KINDS
@@ -72,6 +74,7 @@ class GyroBiasTemperatureCubed(Effect):
     """
 
     id = "gyro_bias_temperature_cubed"
+    says = "{who} drifts with the cube of temperature, by {size}"
     stage = Stage.GYROSCOPE
     channel = "angular_rate"
     kinds = KINDS

@@ -43,6 +43,7 @@ class GyroBias(Effect):
     """
 
     id = "gyro_bias"
+    says = "{who} reads {size} where nothing turns"
     stage = Stage.GYROSCOPE
     channel = "angular_rate"
     kinds = KINDS
@@ -66,6 +67,7 @@ class GyroBiasDrift(Effect):
     """
 
     id = "gyro_bias_drift"
+    says = "{who} changes its zero steadily, by {size}"
     in_time = True
     stage = Stage.GYROSCOPE
     channel = "angular_rate"
@@ -90,6 +92,7 @@ class GyroScaleFactor(Effect):
     """
 
     id = "gyro_scale_factor"
+    says = "{who} has a scale factor that is off by {size}"
     stage = Stage.RATE_SCALE
     channel = "angular_rate"
     kinds = KINDS
@@ -116,6 +119,7 @@ class GyroMisalignment(Effect):
     """
 
     id = "gyro_misalignment"
+    says = "the input axis of {who} leans by {size}"
     stage = Stage.RATE_AXIS
     channel = "angular_rate"
     kinds = KINDS
@@ -139,6 +143,7 @@ class GyroScaleNonlinearity(Effect):
     """
 
     id = "gyro_scale_nonlinearity"
+    says = "{who} bends with the rate, by {size}"
     stage = Stage.GYROSCOPE
     channel = "angular_rate"
     kinds = KINDS
@@ -161,6 +166,7 @@ class GyroScaleAsymmetry(Effect):
     """
 
     id = "gyro_scale_asymmetry"
+    says = "{who} reads more one way round than the other, by {size}"
     stage = Stage.GYROSCOPE
     channel = "angular_rate"
     kinds = KINDS
@@ -183,6 +189,7 @@ class GyroScaleTemperature(Effect):
     """
 
     id = "gyro_scale_temperature"
+    says = "{who} changes its scale factor with temperature, by {size}"
     stage = Stage.GYROSCOPE
     channel = "angular_rate"
     kinds = KINDS
@@ -207,6 +214,7 @@ class GyroGSensitivityRate(Effect):
     """
 
     id = "gyro_g_sensitivity_rate"
+    says = "{who} reads a turn where only a force acts, by {size}"
     usual = ("multi-position",)
     stage = Stage.GYROSCOPE
     channel = "angular_rate"

@@ -24,6 +24,7 @@ class AccelerometerHysteresis(Effect):
     """
 
     id = "accelerometer_hysteresis"
+    says = "{who} reads differently after a rise than after a fall of the force, by {size}"
     stage = Stage.ACCELEROMETER
     kinds = ("multi-position",)
     sources = ("ieee528", "ieee1293")
@@ -47,6 +48,7 @@ class PostMoveCreep(Effect):
     """
 
     id = "post_move_creep"
+    says = "{who} creeps after each move, by {size}"
     stage = Stage.ACCELEROMETER
     kinds = ("multi-position",)
     sources = ("ieee1293",)
@@ -77,6 +79,7 @@ class TwoMoveMemory(Effect):
     """
 
     id = "two_move_memory"
+    says = "{who} remembers the position before the last, by {size}"
     stage = Stage.ACCELEROMETER
     kinds = ("multi-position",)
     sources = ("ieee528",)

@@ -20,6 +20,7 @@ class LeverArm(Effect):
     """
 
     id = "lever_arm"
+    says = "the accelerometers sit off the centre of rotation, by {size}"
     usual = ("rotation",)
     stage = Stage.INPUT_AXIS
     requires = ("angular_rate",)
@@ -44,6 +45,7 @@ class AccelerometerLeverArm(Effect):
     """
 
     id = "accelerometer_lever_arm"
+    says = "the accelerometers do not sit in one point: {who} is off by {size}"
     stage = Stage.INPUT_AXIS
     requires = ("angular_rate",)
     kinds = ("rotation",)
@@ -79,6 +81,7 @@ class GravityLeakage(Effect):
     """
 
     id = "gravity_leakage"
+    says = "the unit is not as level as it is taken to be: gravity leaks in, by {size}"
     usual = ("rotation",)
     stage = Stage.PLATFORM
     requires = ("angular_rate",)
@@ -106,6 +109,7 @@ class TorquerScaleFactor(Effect):
     """
 
     id = "torquer_scale_factor"
+    says = "the platform turns more or less than it is told to, by {size}"
     stage = Stage.PLATFORM
     requires = ("angular_rate", "attitude")
     kinds = ("multi-position", "rotation")
@@ -132,6 +136,7 @@ class TimeTagLatency(Effect):
     """
 
     id = "time_tag_latency"
+    says = "the time tags of the force are late by {size}"
     usual = ("rotation",)
     stage = Stage.INPUT_AXIS
     spans_rows = True
@@ -155,6 +160,7 @@ class GyroLatency(Effect):
     """
 
     id = "gyro_latency"
+    says = "the gyroscopes are read late by {size}"
     stage = Stage.GYROSCOPE
     channel = "angular_rate"
     requires = ("angular_rate",)
@@ -180,6 +186,7 @@ class ReadoutLatency(Effect):
     """
 
     id = "readout_latency"
+    says = "the gimbal angles are read late by {size}"
     stage = Stage.ENCODER
     channel = "gimbal_angle"
     requires = ("attitude",)

@@ -28,6 +28,7 @@ class QuadraticNonlinearity(Effect):
     """
 
     id = "quadratic_nonlinearity"
+    says = "{who} bends with the square of the force, by {size}"
     same_law_as = "scale_nonlinearity"
     stage = Stage.ACCELEROMETER
     sources = ("ieee1293", "wu2018")
@@ -50,6 +51,7 @@ class OddQuadratic(Effect):
     """
 
     id = "odd_quadratic"
+    says = "{who} bends with the square of the force, oppositely in its two directions, by {size}"
     stage = Stage.ACCELEROMETER
     sources = ("ieee1293", "ieee836")
     K_oq: Array = parameter(TRIAD, unit="ug/g^2", sigma=10)
@@ -70,6 +72,7 @@ class CubicNonlinearity(Effect):
     """
 
     id = "cubic_nonlinearity"
+    says = "{who} bends with the cube of the force, by {size}"
     stage = Stage.ACCELEROMETER
     sources = ("ieee1293", "ieee836")
     K3: Array = parameter(TRIAD, unit="ug/g^3", sigma=10)
@@ -90,6 +93,7 @@ class ScaleFactorAsymmetry(Effect):
     """
 
     id = "scale_factor_asymmetry"
+    says = "{who} has another scale factor for positive than for negative force, by {size}"
     stage = Stage.ACCELEROMETER
     sources = ("ieee1293", "ieee528")
     S: Array = parameter(TRIAD, unit="ppm", sigma=20, name="asymmetry")
@@ -110,6 +114,7 @@ class CrossCoupling(Effect):
     """
 
     id = "cross_coupling"
+    says = "{who} answers to force across its axis in step with its own, by {size}"
     stage = Stage.ACCELEROMETER
     sources = ("ieee1293",)
     K_c: Array = parameter(PARTNER_AXES, unit="ug/g^2", sigma=10)
@@ -133,6 +138,7 @@ class CrossAxisProduct(Effect):
     """
 
     id = "cross_axis_product"
+    says = "{who} answers to forces across its axis, by {size}"
     stage = Stage.ACCELEROMETER
     sources = ("ieee1293",)
     K_po: Array = parameter(TRIAD, unit="ug/g^2", sigma=10)
@@ -155,6 +161,7 @@ class BlockSag(Effect):
     """
 
     id = "block_sag"
+    says = "the sensor block bends under its own weight, by {size}"
     stage = Stage.ACCELEROMETER
     sources = ("ieee1293",)
     c: Array = parameter(TRIAD, unit="urad/g", sigma=3, name="block_sag")
@@ -177,6 +184,7 @@ class ReadoutCurve(Effect):
     """
 
     id = "readout_curve"
+    says = "{who} has a converter with a curve of its own, of {size}"
     stage = Stage.ACCELEROMETER
     no_cause = "it says a shape, not a cause"
     sources = ("ieee1293",)
@@ -206,6 +214,7 @@ class DeadZone(Effect):
     """
 
     id = "dead_zone"
+    says = "{who} does not answer to forces below {size}"
     stage = Stage.ACCELEROMETER
     sources = ("ieee528",)
     linear = False
@@ -228,6 +237,7 @@ class SoftSaturation(Effect):
     """
 
     id = "soft_saturation"
+    says = "{who} falls short near its full scale, by {size}"
     stage = Stage.ACCELEROMETER
     sources = ("ieee1293",)
     c: Array = parameter(TRIAD, unit="mg/g^2", sigma=1, name="saturation")

@@ -20,6 +20,7 @@ class AxisCollimation(Effect):
     """
 
     id = "axis_collimation"
+    says = "the line of sight is not square to its axis, by {size}"
     usual = ("pointing",)
     stage = Stage.LINE_OF_SIGHT
     channel = "pointing"
@@ -44,6 +45,7 @@ class TubeFlexure(Effect):
     """
 
     id = "tube_flexure"
+    says = "the tube sags by {size}"
     usual = ("pointing",)
     stage = Stage.LINE_OF_SIGHT
     channel = "pointing"
@@ -69,6 +71,7 @@ class Refraction(Effect):
     """
 
     id = "refraction"
+    says = "refraction is left over, or the tube sags like it: {size}"
     usual = ("pointing",)
     stage = Stage.LINE_OF_SIGHT
     channel = "pointing"
@@ -93,6 +96,7 @@ class GimbalZeroDrift(Effect):
     """
 
     id = "gimbal_zero_drift"
+    says = "the zero of {who} wanders by {size}"
     in_time = True
     stage = Stage.ENCODER
     channel = "pointing"
@@ -116,6 +120,7 @@ class GimbalZeroStep(Effect):
     """
 
     id = "gimbal_zero_step"
+    says = "the zero of {who} jumps once, by {size}"
     stage = Stage.ENCODER
     channel = "pointing"
     kinds = ("pointing",)
@@ -140,6 +145,7 @@ class EncoderScaleFactor(Effect):
     """
 
     id = "encoder_scale_factor"
+    says = "{who} counts too little or too much for a turn, by {size}"
     stage = Stage.ENCODER
     channel = "gimbal_angle"
     kinds = ("multi-position", "pointing")

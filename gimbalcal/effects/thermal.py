@@ -35,6 +35,7 @@ class BiasTemperature(Effect):
     """
 
     id = "bias_temperature"
+    says = "{who} drifts with temperature, by {size}"
     stage = Stage.ACCELEROMETER
     requires = ("temperature",)
     sources = ("ieee1293",)
@@ -57,6 +58,7 @@ class ScaleTemperature(Effect):
     """
 
     id = "scale_temperature"
+    says = "{who} changes its scale factor with temperature, by {size}"
     stage = Stage.ACCELEROMETER
     requires = ("temperature",)
     sources = ("ieee1293",)
@@ -79,6 +81,7 @@ class MisalignmentTemperature(Effect):
     """
 
     id = "misalignment_temperature"
+    says = "the input axis of {who} leans with temperature, by {size}"
     stage = Stage.INPUT_AXIS
     requires = ("temperature",)
     sources = ("ieee1293", "wu2018")
@@ -101,6 +104,7 @@ class BiasTemperatureLagged(Effect):
     """
 
     id = "bias_temperature_lagged"
+    says = "{who} follows the temperature with a delay, by {size}"
     stage = Stage.ACCELEROMETER
     requires = ("temperature",)
     sources = ("ieee1293",)
@@ -128,6 +132,7 @@ class BiasTemperatureRate(Effect):
     """
 
     id = "bias_temperature_rate"
+    says = "{who} follows the rate of the temperature, by {size}"
     stage = Stage.ACCELEROMETER
     requires = ("temperature",)
     sources = ("ieee1293",)
@@ -150,6 +155,7 @@ class BiasTemperatureSquared(Effect):
     """
 
     id = "bias_temperature_squared"
+    says = "{who} follows the square of the temperature, by {size}"
     stage = Stage.ACCELEROMETER
     requires = ("temperature",)
     sources = ("ieee1293",)
@@ -171,6 +177,7 @@ class WarmUp(Effect):
     """
 
     id = "warm_up"
+    says = "{who} warms up: it settles by {size}"
     in_time = True
     stage = Stage.ACCELEROMETER
     sources = ("ieee1293",)
@@ -197,6 +204,7 @@ class BiasDrift(Effect):
     """
 
     id = "bias_drift"
+    says = "{who} runs away steadily, by {size}"
     in_time = True
     stage = Stage.ACCELEROMETER
     sources = ("ieee528",)
@@ -220,6 +228,7 @@ class SlowBiasDrift(Effect):
     """
 
     id = "slow_bias_drift"
+    says = "{who} wanders slowly over the whole recording, by {size}"
     in_time = True
     stage = Stage.ACCELEROMETER
     wander = True
@@ -246,6 +255,7 @@ class BiasStep(Effect):
     """
 
     id = "bias_step"
+    says = "{who} jumps once, by {size}"
     stage = Stage.ACCELEROMETER
     sources = ("ieee528",)
     J: Array = parameter(TRIAD, unit="ug", sigma=10, name="bias_step")
@@ -267,6 +277,7 @@ class SelfHeating(Effect):
     """
 
     id = "self_heating"
+    says = "{who} warms itself: it follows the square of its force with a delay, by {size}"
     stage = Stage.ACCELEROMETER
     spans_rows = True
     sources = ("lawrence1998",)

@@ -39,7 +39,7 @@ def calibration_report(
     context = {
         "title": "; ".join(r.title for r in recordings) or "no recording at hand",
         "remark": " · ".join(filter(None, [f"gimbalcal {gimbalcal.__version__}", _minute(content["provenance"])])),
-        "answer": wording.answer(content),
+        "answer": wording.typeset(wording.answer(content)),
         "verdict": wording.verdict(content),
         "facts": _facts(content, recordings),
         "rows": rows(content, truth),
@@ -64,7 +64,7 @@ def _facts(content: Mapping[str, Any], recordings: Sequence[Recording]) -> list[
     total, unobservable = len(content["parameters"]), len(wording.unobservable_of(content))
     residual = content["residual"]
     ratio, p, _ = wording.fit(residual["chi2"], residual["dof"])
-    facts = [(f"{total - unobservable} of {total}", "parameter directions seen")]
+    facts = [(f"{total - unobservable} of {total}", "of what was asked is seen")]
     force = [rms for channel, rms in residual["rms"].items() if channel.startswith("specific_force")]
     if force and wording.scaled_to_residual(content):
         rms = float(from_si(np.sqrt(np.mean(np.square(force))), "ug"))
@@ -75,13 +75,16 @@ def _facts(content: Mapping[str, Any], recordings: Sequence[Recording]) -> list[
         facts.append((f"{significant(sky, 3)} arcsec", "rms left of a star on the sky"))
     if residual["dof"] > 0 and not wording.scaled_to_residual(content):
         freedom = f"χ² {residual['chi2']:.1f}, {residual['dof']} degrees of freedom"
-        facts.append((f"{ratio:.2f} × noise", f"what is left ({freedom})"))
-        facts.append((f"{p:.2g}" if p >= 1e-4 else "< 0.0001", "probability of a worse fit by chance"))
+        facts.append((f"{ratio:.2f} × noise", f"what is left ({freedom}; worse by chance: {_chance(p)})"))
     facts += navigation_facts(content)
     rows = sum(int(r.weight.sum()) for r in recordings)
     if rows:
         facts.append((f"{rows:,}".replace(",", " "), "samples used"))
     return facts
+
+
+def _chance(p: float) -> str:
+    return f"{100 * p:.2g} %" if p >= 1e-4 else "less than 0.01 %"
 
 
 def _minute(provenance: Mapping[str, Any]) -> str:

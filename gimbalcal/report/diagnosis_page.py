@@ -16,26 +16,31 @@ from gimbalcal.references import cite
 from gimbalcal.report import wording
 from gimbalcal.report.chart import sensible_time
 from gimbalcal.report.figures import Panel, before_after
+from gimbalcal.report.headline import does, headline
 from gimbalcal.report.html import Picture, formula, picture, render
 from gimbalcal.report.rounding import minus, pdg, rms, significant
 
 if TYPE_CHECKING:
     from gimbalcal.diagnose.answer import Curves
 
+STILL = 0.01  # probability by chance below which what is left is said to have a pattern
 POINTS = 240  # points of a panel; more cannot be told apart on a page
 
 LOOKS = {"adequate": "fits", "missing-physics": "found", "unexplained": "misfit", "not-identifiable": "misfit"}
 
 
-def diagnosis_report(content: Mapping[str, Any], panels: Sequence[Panel] = (), title: str = "") -> str:
-    """The page for the content of a diagnosis.json; `panels` show where the mismatch is, before and after."""
+def diagnosis_report(
+    content: Mapping[str, Any], panels: Sequence[Panel] = (), title: str = "", curves: Curves | None = None
+) -> str:
+    """The page for the content of a diagnosis.json; `panels` show where the mismatch is, `curves` how large it is."""
     findings = [_finding(f) for f in content["findings"]]
     cards = [CATALOGUE[f["effect"]] for f in content["findings"] if f["effect"] in CATALOGUE]
     keys = dict.fromkeys(key for card in cards for key in card.sources)
     context = {
         "title": title or "a recording",
         "remark": f"gimbalcal {gimbalcal.__version__}",
-        "answer": wording.typeset(content["in_words"]),
+        "answer": headline(content, curves),
+        "in_words": wording.typeset(content["in_words"]),
         "verdict": "reserved" if content.get("outcome") else LOOKS.get(content["verdict"], "misfit"),
         "facts": _facts(content),
         "findings": findings,
@@ -108,22 +113,24 @@ def _moved(m: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What is left before and after, in units of the noise or in its own, and whether anything more shows."""
     fit = content["fit"]
     reserved = ", with a reservation" if content.get("outcome") else ""
     facts = [(content["verdict"].replace("-", " ") + reserved, "verdict")]
-    measures = [("chi2_reduced", "reduced χ², before → after", ""), ("heldout", "the same on held-out data", "")]
+    unit, keys, power = " × noise", ("chi2_reduced", "heldout"), 0.5
     if "rms_before" in fit:  # the noise is what the last model leaves, so its chi^2 says nothing
-        unit = " " + wording.unit_in_print(fit["noise"]["unit"])
-        measures = [("rms", "misfit rms, before → after", unit), ("heldout_rms", "the same on held-out data", unit)]
-    for key, what, unit in measures:
+        unit, keys, power = " " + wording.unit_in_print(fit["noise"]["unit"]), ("rms", "heldout_rms"), 1.0
+    changed = bool(content["findings"])
+    for key, what in zip(keys, ("misfit", "misfit of readings kept aside"), strict=True):
         known = [fit[f"{key}_{when}"] for when in ("before", "after") if fit.get(f"{key}_{when}") is not None]
-        values = [significant(value, 3) for value in known]
+        values = [significant(max(float(value), 0.0) ** power, 3) for value in (known if changed else known[:1])]
         if values:
-            facts.append((" → ".join(values) + unit, what))
-    if fit.get("scan_p_after") is not None:
-        facts.append((_chance(float(fit["scan_p_after"])), "probability by chance of what a new scan still finds"))
+            facts.append((" → ".join(values) + unit, f"{what}, before → after" if len(values) > 1 else what))
+    if (p := fit.get("scan_p_after")) is not None:
+        clean = float(p) >= STILL
+        facts.append(("no" if clean else "yes", f"does a pattern remain? (by chance: {_chance(float(p))})"))
     if grade := content["provenance"].get("grade"):
-        facts.append((grade["name"], f"grade of the unit: {grade['from']}"))
+        facts.append((grade["name"], wording.typeset(f"grade of the unit: {grade['from']}")))
     return facts
 
 
@@ -155,6 +162,7 @@ def _finding(f: Mapping[str, Any]) -> dict[str, Any]:
     sentence = ((card.__doc__ if card else "") or "").strip().split("\n\n")[0].replace("\n", " ")
     return {
         "words": wording.named(f["effect"], str(f.get("axis", "") or "").replace("_", " ")),
+        "does": does(f),
         "probability": _probable(float(f["probability"])),
         "share": max(0.0, min(100.0, 100 * f["probability"])),
         "sigma": f"{f['sigma']:.1f} σ",

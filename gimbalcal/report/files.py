@@ -38,7 +38,7 @@ def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "", question: 
     from gimbalcal.report.diagnosis_page import diagnosis_report, panels
 
     drawn = panels(diagnosis.curves, diagnosis.mismatch) if diagnosis.curves else ()
-    page = diagnosis_report(diagnosis.to_dict(), drawn, title)
+    page = diagnosis_report(diagnosis.to_dict(), drawn, title, diagnosis.curves)
     write_json(out / "diagnosis.json", diagnosis.to_dict())
     if diagnosis.calibration is not None:
         diagnosis.calibration.write(out / "calibration.json")

@@ -136,15 +136,11 @@ def verdict(content: Mapping[str, Any]) -> Verdict:
 
 
 def answer(content: Mapping[str, Any]) -> str:
-    """One or two sentences that answer "did it work?", from the content of calibration.json."""
+    """A few plain sentences from the content of calibration.json: did it work, what is not known, what next."""
     if content["outcome"]:
         return typeset(content["outcome"][:1].upper() + content["outcome"][1:].rstrip(".") + ".")
-    total, unobservable = len(content["parameters"]), unobservable_of(content)
-    if not unobservable:
-        seen = f"All {counted(total, 'parameter')} are calibrated"
-    else:
-        seen = f"All {counted(total - len(unobservable), 'direction')} that the data can see are calibrated"
-    return f"{seen}; {_left(content)}.{_far_off(content)}{_unobservable(unobservable)}{_questions(content)}"
+    told = f"{_left(content)}."
+    return f"{told[0].upper()}{told[1:]}{_far_off(content)}{_questions(content)} {_known(content)}{_next(content)}"
 
 
 def _questions(content: Mapping[str, Any]) -> str:
@@ -152,26 +148,62 @@ def _questions(content: Mapping[str, Any]) -> str:
     return "".join(f" But {typeset(text)}" for text in content["provenance"].get("questions", [])[:3])
 
 
+def _next(content: Mapping[str, Any]) -> str:
+    """What a person does with a calibration that fits; one that does not says so where it says why."""
+    doubted = content["provenance"].get("pattern") or content["provenance"].get("questions")
+    if doubted or verdict(content) != "fits" or content["residual"]["dof"] <= 0:
+        return ""
+    return " Next: `gimbalcal apply` corrects recordings with it."
+
+
+def _known(content: Mapping[str, Any]) -> str:
+    """How many of the parameters are known, and which of them only together."""
+    every, unobservable = content["parameters"], unobservable_of(content)
+    if not unobservable:
+        return f"All {counted(len(every), 'parameter')} are known."
+    tied = list(dict.fromkeys(label for u in unobservable for label in leading(u["direction"])))
+    names = listed([*map(label_in_words, tied[:4]), *([f"{len(tied) - 4} more"] if len(tied) > 4 else [])])
+    apart = " from each other" if len(tied) > 1 else ""
+    known = f"{len(every) - len(tied)} of {len(every)} parameters are known"
+    return f"{known}; these data cannot tell {names}{apart}: the report says why."
+
+
 def _left(content: Mapping[str, Any]) -> str:
+    """What is left of the readings, how large it is, and what that means."""
     ratio, _, meaning = fit(content["residual"]["chi2"], content["residual"]["dof"])
     if isnan(ratio):
-        return "there are as many unknowns as data, so nothing is left to test the fit with"
+        return "there are as many unknowns as data, so nothing is left to test the fit with: more positions would"
     if scaled_to_residual(content) and meaning == "fits":
-        rms = content["residual"].get("rms", {})
-        star = sqrt(sum(x**2 for channel, x in rms.items() if channel.startswith("pointing")))
-        if star:
-            left = float(f"{from_si(star, 'arcsec'):.3g}")
-            told = f"{left:g} arcsec rms of a star on the sky is left, and every sigma is scaled to that"
-            return f"{told}{_pattern(content['provenance'].get('pattern', {}))}"
-        return "every sigma is scaled to what the readings scatter about the model" + _wandering(content)
+        return _scaled(content)
     stated = noise_is_stated(content)
-    text = f"what is left is {ratio:.2f} times the {'stated noise' if stated else 'noise that the samples show'}"
-    if meaning == "misfit":
-        other = "is larger than stated" if stated else "wanders more than it scatters from sample to sample"
-        return f"{text}, more than chance allows: the model lacks something, or the noise {other}"
+    noise = f"{ratio:.2f} times the {'stated noise' if stated else 'noise that the samples show'}"
+    if meaning == "fits":
+        return f"the calibration explains these data: what is left is {noise}"
     if meaning == "overstated":
-        return f"{text}: the noise is smaller than {'stated' if stated else 'that'}, and so is every sigma"
-    return text
+        smaller = f"the noise is smaller than {'stated' if stated else 'that'}, and so is every sigma"
+        return f"what is left is {noise}: {smaller}; state it in [noise]"
+    other = "is larger than stated" if stated else "wanders more than it scatters from sample to sample"
+    return (
+        f"what is left is {noise}, more than chance allows: the model lacks something, or the noise {other}; "
+        "`gimbalcal diagnose` tells which"
+    )
+
+
+def _scaled(content: Mapping[str, Any]) -> str:
+    """What is left where nobody stated the noise and it says nothing of the fit."""
+    rms = content["residual"].get("rms", {})
+    star, force = (
+        sqrt(sum(x**2 for c, x in rms.items() if c.startswith(key))) for key in ("pointing", "specific_force")
+    )
+    if star:
+        left = float(f"{from_si(star, 'arcsec'):.3g}")
+        told = f"{left:g} arcsec rms of a star on the sky is left, and every sigma is scaled to that"
+        return f"{told}{_pattern(content['provenance'].get('pattern', {}))}"
+    size = ""
+    if force:
+        ug = float(from_si(force / sqrt(sum(c.startswith("specific_force") for c in rms)), "ug"))
+        size = f" by {ug / 1e3:.3g} mg" if ug >= 1e3 else f" by {ug:.3g} ug"
+    return f"the readings scatter{size} about the calibration, and every sigma is scaled to that{_wandering(content)}"
 
 
 def _wandering(content: Mapping[str, Any]) -> str:
@@ -199,15 +231,6 @@ def _far_off(content: Mapping[str, Any]) -> str:
     one = len(stars) == 1
     which = "A star is" if one else f"{counted(len(stars), 'star').capitalize()} are"
     return f" {which} far off the others, {worst}: mistaken or not centred, so leave {'it' if one else 'them'} out."
-
-
-def _unobservable(unobservable: Sequence[Mapping[str, Any]]) -> str:
-    if not unobservable:
-        return ""
-    if len(unobservable) > 3:
-        return f" {counted(len(unobservable), 'direction').capitalize()} cannot be seen; they are listed below."
-    which = [listed([label_in_words(k) for k in leading(u["direction"])]) + " moving together" for u in unobservable]
-    return f" {counted(len(unobservable), 'direction').capitalize()} cannot be seen: {'; '.join(which)}."
 
 
 def leading(direction: Mapping[str, float], least: float = 0.1) -> list[str]:

@@ -56,7 +56,8 @@ def test_an_effect_is_added_by_name(tmp_path: Path) -> None:
     made = json.loads((tmp_path / "calibration.json").read_text())
     assert made["provenance"]["options"]["with"] == ["bias_temperature:y"]
     page = (tmp_path / "report.html").read_text()
-    assert "T_0 = 20 °C" in page
+    assert "<mn>20</mn>" in page[page.index("<mi>T</mi><mn>0</mn>") :][:400]
+    assert "°C" in page
     assert " % too " in page
     with pytest.raises(InputError, match="did you mean bias_temperature"):
         run("calibrate", CONCEALED, "--with", "bias_temperatur")

@@ -28,16 +28,20 @@ def content(chi2: float = 38.0, dof: int = 37, outcome: str = "", unobservable: 
 
 
 def test_a_good_calibration_in_one_sentence() -> None:
-    assert answer(content()) == "All 18 parameters are calibrated; what is left is 1.01 times the stated noise."
+    assert answer(content()) == (
+        "The calibration explains these data: what is left is 1.01 times the stated noise. All 18 parameters are "
+        "known. Next: `gimbalcal apply` corrects recordings with it."
+    )
     assert verdict(content()) == "fits"
 
 
 def test_what_cannot_be_seen_is_named() -> None:
-    assert answer(content(unobservable=1)) == (
-        "All 17 directions that the data can see are calibrated; what is left is 1.01 times the stated noise. One "
-        "direction cannot be seen: misalignment xz and gimbal zero platform moving together."
-    )
-    assert "Four directions cannot be seen; they are listed below." in answer(content(unobservable=4))
+    assert (
+        "16 of 18 parameters are known; these data cannot tell misalignment xz and gimbal zero platform from each "
+        "other: the report says why."
+    ) in answer(content(unobservable=1))
+    alone = content() | {"unobservable": [{"direction": {"misalignment:xz": 1.0}, "why": ""}]}
+    assert "17 of 18 parameters are known; these data cannot tell misalignment xz: the report" in answer(alone)
 
 
 def test_a_misfit_says_so() -> None:
@@ -52,7 +56,9 @@ def test_noise_that_is_overstated_says_so() -> None:
 @pytest.mark.parametrize("noise", [{"accelerometer_from": "samples"}, {"from": "samples"}])
 def test_noise_that_nobody_stated_is_not_called_stated(noise: dict[str, str]) -> None:
     seen = {"provenance": {"noise": noise}}
-    assert answer(content() | seen).endswith("what is left is 1.01 times the noise that the samples show.")
+    assert answer(content() | seen).startswith(
+        "The calibration explains these data: what is left is 1.01 times the noise that the samples show."
+    )
     for chi2 in (9 * 37, 0.25 * 37):
         assert "stated" not in answer(content(chi2=chi2) | seen)
         assert "stated" in answer(content(chi2=chi2) | {"provenance": {"noise": {"accelerometer_from": "header"}}})
@@ -98,7 +104,7 @@ def test_what_was_held_is_not_counted_as_unobservable() -> None:
     held = content()
     held["unobservable"] = [{"direction": {"misalignment:xz": 1.0, "K3:x": 1.0}, "why": "declined"}]
     assert unobservable_of(held) == []
-    assert answer(held).startswith("All 18 parameters are calibrated")
+    assert "All 18 parameters are known." in answer(held)
 
 
 @pytest.mark.parametrize(
@@ -106,7 +112,9 @@ def test_what_was_held_is_not_counted_as_unobservable() -> None:
 )
 def test_noise_from_the_residual_proves_nothing(provenance: dict[str, Any]) -> None:
     judged = content() | {"provenance": provenance}
-    assert answer(judged).endswith("every sigma is scaled to what the readings scatter about the model.")
+    assert answer(judged).startswith(
+        "The readings scatter about the calibration, and every sigma is scaled to that. All 18"
+    )
 
 
 def test_reasons_say_labels_in_words() -> None:

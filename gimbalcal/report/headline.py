@@ -1,0 +1,231 @@
+"""The first sentences of a diagnosis: what it is, how large, what to do next, for somebody who has never seen one.
+
+Each effect says in its own class what it does (`Effect.says`); who does it and how much is put in here.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from math import hypot
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gimbalcal.effects import CATALOGUE, Effect, Stage
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, constants
+from gimbalcal.report import wording
+from gimbalcal.report.rounding import pdg, significant
+
+if TYPE_CHECKING:
+    from gimbalcal.diagnose.answer import Curves
+
+MOST = 3  # findings that a headline names
+STAMPS = ("time_tag_latency", "gyro_latency", "readout_latency")
+GIMBAL_STAGES = (Stage.ENCODER, Stage.AXIS_TILT)
+
+Entry = Mapping[str, Any]
+
+
+def headline(content: Entry, curves: Curves | None = None) -> str:
+    """What a diagnosis.json comes to, in two to four plain sentences; `curves` tell how large it is in the readings."""
+    verdict, found = content["verdict"], content["findings"]
+    if content.get("outcome"):
+        return (f"No known physics is missing, but these data scatter more than their noise as stated. "
+                f"{_sentence(content['outcome'])} Next: state the noise as it is in [noise] of recording.toml, "
+                "or record again.")  # fmt: skip
+    if verdict == "adequate":
+        return (
+            f"Nothing is missing: the model explains these data{_noise(content['fit'])}. The calibration can be used."
+        )
+    if verdict == "unexplained":
+        return _unexplained(content, curves)
+    said = " ".join(_sentence(_does(f)) for f in found[:MOST])
+    more = f" {wording.counted(len(found) - MOST, 'further cause').capitalize()} below." if len(found) > MOST else ""
+    if verdict == "not-identifiable":
+        return f"Something is missing, and these data cannot tell what. {_either(found)} {_apart(found)}"
+    return f"{said}{more}{_size(curves, content['mismatch'])} {_next(found)}"
+
+
+def does(finding: Entry) -> str:
+    """What one finding is, as a sentence."""
+    return _sentence(_does(finding))
+
+
+def _does(f: Entry) -> str:
+    cls = CATALOGUE.get(f["effect"])
+    size = size_in_words(f)
+    if cls is None or not cls.says:
+        return f"{wording.named(f['effect'], str(f.get('axis') or '').replace('_', ' '))} is in these data, {size}"
+    if f["effect"] in STAMPS:
+        return _late(f)
+    if f["effect"] == "position_blunder" and (at := _position(f)):
+        return f"position {at} was not set where its readout says, or was disturbed: {size}"
+    return cls.says.format(who=who(cls, str(f.get("axis") or "")), size=size)
+
+
+def _late(f: Entry) -> str:
+    """Which channel comes how much later or earlier than what it is logged with."""
+    from gimbalcal.diagnose.wording import DELAYS
+
+    channel, sense = DELAYS[f["effect"]]
+    (p,) = f["parameters"]
+    value, sigma = pdg(abs(p["value"]), p["sigma"])
+    when = "later" if sense * p["value"] > 0 else "earlier"
+    return f"{channel} is logged {value} ± {sigma} {p['unit']} {when} than what it is logged with"
+
+
+def who(cls: type[Effect], axis: str) -> str:
+    """The sensor or axis that an effect is of.
+
+    >>> who(CATALOGUE["bias_temperature"], "y"), who(CATALOGUE["gimbal_zero"], "inner")
+    ('accelerometer y', 'the inner axis')
+    """
+    if cls.stage in GIMBAL_STAGES or axis in ("inner", "middle", "outer", "platform"):
+        return f"the {axis.replace('_', ' ')} axis" if axis else "the axes"
+    if cls.stage in GYROSCOPE_STAGES | SENSOR_STAGES:
+        sensor = "gyroscope" if cls.stage in GYROSCOPE_STAGES else "accelerometer"
+        return f"{sensor} {axis[0]}" if axis and axis[0] in "xyz" else f"the {sensor}s"
+    return axis.replace("_", " ") or "it"
+
+
+def size_in_words(f: Entry) -> str:
+    """The sizes of a finding: a sine and a cosine as one amplitude, the largest two of several, its constants behind.
+
+    >>> size_in_words({"effect": "bias_temperature", "axis": "y", "parameters": [
+    ...     {"name": "b_T", "axis": "y", "value": 14.83, "sigma": 0.34, "unit": "ug/degC"}]})
+    '14.83 ± 0.34 µg per °C'
+    """
+    cls = CATALOGUE.get(f["effect"])
+    fixed = {c.name for c in constants(cls)} if cls else set()
+    linear = [p for p in f["parameters"] if p["name"].rpartition(".")[2] not in fixed]
+    behind = [p for p in f["parameters"] if p["name"].rpartition(".")[2] in fixed - {"position", "span"}]
+    parts = _amplitudes(linear)
+    ranked = sorted(parts, key=lambda p: -abs(p["value"]))
+    several = len({p["axis"] for p in parts}) > 1
+    told = [_one(p) + (f" ({p['axis'].replace('_', ' ')})" if several and p["axis"] else "") for p in ranked[:2]]
+    rest = f" and {len(ranked) - 2} smaller" if len(ranked) > 2 else ""
+    with_ = "".join(f", {p['name'].rpartition('.')[2].replace('_', ' ')} {_one(p)}" for p in behind)
+    return f"{(', ' if rest else ' and ').join(told)}{rest}{with_}" or "of unknown size"
+
+
+def _amplitudes(parameters: Sequence[Entry]) -> list[dict[str, Any]]:
+    """Parameters, where a sine and a cosine of one axis are their amplitude."""
+    out: dict[tuple[str, str], dict[str, Any]] = {}
+    for p in parameters:
+        axis, root = str(p.get("axis") or ""), re.sub(r"_?(sin|cos)$", "", p["name"])
+        new = {"value": p["value"], "sigma": p["sigma"], "unit": p["unit"], "axis": axis}
+        key = (root if root != p["name"] else p["name"], axis)
+        if key in out:
+            a, b = out[key], new
+            whole = hypot(a["value"], b["value"])
+            spread = hypot(a["value"] * a["sigma"], b["value"] * b["sigma"]) / whole if whole else b["sigma"]
+            new = {**new, "value": whole, "sigma": spread}
+        out[key] = new
+    return list(out.values())
+
+
+def _one(p: Entry) -> str:
+    value, sigma, unit = p["value"], p["sigma"], str(p["unit"])
+    if unit == "1":
+        value, sigma, unit = 100 * value, 100 * sigma, "%"
+    if sigma <= 0 or not np.isfinite(sigma):
+        return f"{value:.4g} {unit_in_words(unit)}".strip().replace("-", "−")
+    told, spread = pdg(value, sigma)
+    return f"{told} ± {spread} {unit_in_words(unit)}".strip().replace("-", "−")
+
+
+def unit_in_words(unit: str) -> str:
+    """A unit as it is said.
+
+    >>> unit_in_words("ug/degC"), unit_in_words("deg/h/g"), unit_in_words("ppm")
+    ('µg per °C', '°/h per g', 'ppm')
+    """
+    kept = unit.replace("deg/h", "deg|h", 1)
+    return wording.unit_in_print(kept.replace("/", " per ").replace("|", "/").replace("(", "").replace(")", ""))
+
+
+def _position(f: Entry) -> int:
+    return next((round(p["value"]) for p in f["parameters"] if p["name"].rpartition(".")[2] == "position"), 0)
+
+
+def _either(found: Sequence[Entry]) -> str:
+    """Causes that fit alike, as alternatives."""
+    each = []
+    for f in found[:MOST]:
+        names = [wording.named(t) for t in f["twins"]]
+        other = f", or it is {' or '.join(names[:3])}{' or another' if len(names) > 3 else ''}" if names else ""
+        each.append(f"Perhaps {_does(f)}{other}.")
+    return " ".join(each)
+
+
+def _apart(found: Sequence[Entry]) -> str:
+    advice = next((str(f["separate_by"]) for f in found if f.get("separate_by")), "")
+    return f"Next: {advice[:1].lower()}{advice[1:]}" if advice else "Next: record other positions or conditions."
+
+
+def _next(found: Sequence[Entry]) -> str:
+    late = [f for f in found if f["effect"] in STAMPS]
+    once = [f for f in found if f["effect"] == "position_blunder"]
+    kept = [f for f in found if f not in late and f not in once]
+    steps = ["shift the time stamps by that much"] if late else []
+    steps += [f"leave position {_position(f)} out, or record it again" for f in once]
+    if kept:
+        asked = " ".join(f"--with {f['effect']}{':' + f['axis'] if _plain(f) else ''}" for f in kept)
+        held = "it" if len(kept) == 1 else "them"
+        steps.append(f"use the calibration.json written here, which holds {held}; calibrate later recordings {asked}")
+    return f"Next: {'; '.join(steps)}."
+
+
+def _plain(f: Entry) -> bool:
+    return bool(f.get("axis")) and " " not in f["axis"]
+
+
+def _unexplained(content: Entry, curves: Curves | None) -> str:
+    shape = next(iter(content["unexplained"]), None)
+    follows = f" It {_follows(str(shape['shape']))}, in {str(shape['channel']).replace('_', ' ')}." if shape else ""
+    law = " A formula that fits it is in law.py." if content.get("laws") else ""
+    recommend = (
+        content.get("recommend") or "look at the picture below, and record again with that quantity varied on purpose"
+    )
+    return (f"Something is missing that no known effect explains.{_size(curves, content['mismatch'])}{follows}{law} "
+            f"Next: {recommend}; do not trust the calibration beyond that.")  # fmt: skip
+
+
+def _follows(shape: str) -> str:
+    return shape if shape.startswith(("depends", "follows", "is ", "comes")) else f"looks like {shape}"
+
+
+def _noise(fit: Entry) -> str:
+    chi2 = fit.get("chi2_reduced_before")
+    if fit.get("rms_before") is not None and "noise" in fit:
+        told = significant(float(fit["rms_after"]), 3)
+        return f", what is left is {told} {wording.unit_in_print(str(fit['noise']['unit']))} rms without a pattern"
+    return f", what is left is {chi2**0.5:.2f} times the noise" if chi2 else ""
+
+
+def _size(curves: Curves | None, mismatch: Sequence[Entry]) -> str:
+    """How large it is in the readings of these data after a calibration without it; empty where that is not known."""
+    if curves is None or curves.sigma is None or not curves.units:
+        return ""
+    moved = np.nan_to_num(np.abs(curves.before - curves.after) * curves.sigma)
+    left = np.nan_to_num(np.abs(curves.before) * curves.sigma)
+    worst = next(((str(m["channel"]), str(m["axis"])) for m in mismatch), None)
+    i = curves.channels.index(worst) if worst in curves.channels else int(np.argmax(moved.max(axis=0)))
+    size, unit = float(moved[:, i].max()), curves.units[i]
+    if not size:
+        size = float(np.sqrt((left[:, i] ** 2).mean()))
+        return f" The readings are off by {_amount(size, unit)} rms."
+    return f" Left out, readings are off by up to {_amount(size, unit)}."
+
+
+def _amount(size: float, unit: str) -> str:
+    larger = {"ug": ("mg", 1e3), "arcsec": ("arcmin", 60.0)}
+    if unit in larger and size >= 10 * larger[unit][1] ** (1 if unit == "arcsec" else 0) and size >= larger[unit][1]:
+        unit, size = larger[unit][0], size / larger[unit][1]
+    return f"{significant(size, 2)} {wording.unit_in_print(unit)}"
+
+
+def _sentence(text: str) -> str:
+    text = wording.typeset(text.strip().rstrip("."))
+    return f"{text[:1].upper()}{text[1:]}."

@@ -1,0 +1,9 @@
+"""Commands without --out write where they are run: in a folder of the test's own."""
+
+import pytest
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Each test stands in a new empty folder."""
+    monkeypatch.chdir(tmp_path_factory.mktemp("here"))
