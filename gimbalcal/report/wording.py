@@ -138,9 +138,24 @@ def verdict(content: Mapping[str, Any]) -> Verdict:
 def answer(content: Mapping[str, Any]) -> str:
     """A few plain sentences from the content of calibration.json: did it work, what is not known, what next."""
     if content["outcome"]:
-        return typeset(content["outcome"][:1].upper() + content["outcome"][1:].rstrip(".") + ".")
+        return typeset(sentence(content["outcome"])) + _limits(content)
     told = f"{_left(content)}."
-    return f"{told[0].upper()}{told[1:]}{_far_off(content)}{_questions(content)} {_known(content)}{_next(content)}"
+    asked = f"{_limits(content)}{_questions(content)}"
+    return f"{told[0].upper()}{told[1:]}{_far_off(content)}{asked} {_known(content)}{_next(content)}"
+
+
+def sentence(words: str) -> str:
+    """Words as a sentence.
+
+    >>> sentence("it is so")
+    'It is so.'
+    """
+    return words[:1].upper() + words[1:].rstrip(".") + "."
+
+
+def _limits(content: Mapping[str, Any]) -> str:
+    """What noise and hands did not allow, a sentence each."""
+    return "".join(f" {typeset(sentence(text))}" for text in content["provenance"].get("limits", []))
 
 
 def _questions(content: Mapping[str, Any]) -> str:

@@ -30,6 +30,7 @@ MISSING = 1.5  # usual steps: longer ones are gaps in the clock
 SETTLE = 100  # rows on either side of a pause
 LIES = 2e-3  # of gravity: a unit whose force moves by less over a pause was not touched
 TURNED = 0.1  # of gravity; the Earth turns a stop by less in 20 min
+HAND, UNLIKE = 0.02, 2.0  # of gravity, rms, which no lever arm on a table makes; times what sensors make of rests
 STILL = 1e-3  # m/s, how still a place is where nobody says
 
 
@@ -43,7 +44,7 @@ class Course:
     the updates, the first at the start. group (n,): interval to one of the fewer rows in which the model is linearised;
     groups: their means. sigma (6,): one sample of each channel, as stated; shown (6,): as
     the stops scatter; velocity: how still the place is
-    [m/s]; stated: whether the header states the noise of both triads.
+    [m/s]; stated: whether the header states the noise of both triads; handled: a hand turned it, and carried it along.
     """
 
     rows: Recording
@@ -58,6 +59,7 @@ class Course:
     shown: Array
     velocity: float
     stated: bool
+    handled: bool = False
 
     @property
     def readings(self) -> Array:
@@ -68,6 +70,11 @@ class Course:
     def pauses(self) -> NDArray[np.bool_]:
         """Stretches (K,) in which the clock paused."""
         return np.diff(self.first) == 0
+
+    @property
+    def believed(self) -> NDArray[np.bool_]:
+        """Stretches (K,) at whose end the velocity is known: all, or those of the stops."""
+        return ~((self.stop < 0) & self.handled)
 
     def of_stop(self, k: int) -> slice:
         """The intervals of one stop."""
@@ -156,9 +163,22 @@ def _assembled(
         time[j + 1] = recording.time[at[j + 1]] - step
     joined = ~paused[edge[:-1]] & (edge[:-1] > 0)
     velocity = recording.noise.get("velocity", STILL)
+    handled = "velocity" not in recording.noise and _handled(recording, stays)
     return Course(
-        rows, length, joined, np.array(first), np.array(stop), time, of, groups, sigma, shown, velocity, stated
+        rows, length, joined, np.array(first), np.array(stop), time, of, groups, sigma, shown, velocity, stated, handled
     )
+
+
+def _handled(recording: Recording, stays: Sequence[Dwell]) -> bool:
+    """Whether forces beside gravity act while the unit turns: no table makes them, a hand does."""
+    size = np.linalg.norm(recording.triad(FORCE), axis=1)
+    still = np.zeros(len(size), dtype=bool)
+    for d in stays:
+        still[d.rows] = True
+    if still.all():
+        return False
+    rest, turning = (float(np.sqrt(np.mean((x - np.median(size[still])) ** 2))) for x in (size[still], size[~still]))
+    return turning > max(HAND * recording.site.gravity, UNLIKE * rest)
 
 
 def _means(recording: Recording, begin: NDArray[np.int64], count: NDArray[np.int64], time: Array) -> Recording:

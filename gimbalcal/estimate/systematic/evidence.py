@@ -95,8 +95,8 @@ def outcome(
     if not settled:
         return (
             f"the estimates of {states} states do not settle: the errors are too large for navigation in place to be "
-            "linear, or the model is another; check order, signs and units of the columns and the clock, or calibrate "
-            'the stops alone (kind = "multi-position")'
+            "linear, the sensors wander beyond their white noise, or the model is another; check order, signs, units "
+            'and clock of the columns, or calibrate the stops alone (kind = "multi-position")'
         )
     share = navigation["rejected"] / navigation["updates"]
     reasons = []

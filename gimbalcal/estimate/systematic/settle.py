@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.effects import Effect, Parameter, with_values
+from gimbalcal.effects.grade import grade_of_noise
 from gimbalcal.estimate.systematic.alignment import Alignment, align, attitudes
 from gimbalcal.estimate.systematic.course import Course, course
 from gimbalcal.estimate.systematic.evidence import doubtful
@@ -65,7 +66,7 @@ def settle(
         u = truth(legs, with_values(base, wanted, gained), u)
     start = align(legs, u)
     C = attitudes(legs, u, start)
-    wanted = _biased(wanted, start)
+    wanted = _usual(wanted, legs, start)
     before = np.array([start.bias["xyz".index(p.axis)] if p.effect == "gyro_bias" else 0.0 for p in wanted])
     before = before + gained
     theta, settled, done, left_out = before, False, 0, np.zeros(len(legs.stop), dtype=bool)
@@ -88,10 +89,13 @@ def settle(
     return Settled(legs, wanted, base, start, before, theta, u, C, left_out, last, done, settled)
 
 
-def _biased(wanted: Sequence[Parameter], start: Alignment) -> tuple[Parameter, ...]:
-    """Parameters of a triad whose bias is far beyond the catalogue's scale (MEMS): its own size is the scale then."""
-    size = float(np.abs(start.bias).max())
-    return tuple(replace(p, sigma=max(p.sigma, size / 10)) if p.effect == "gyro_bias" else p for p in wanted)
+def _usual(wanted: Sequence[Parameter], course: Course, start: Alignment) -> tuple[Parameter, ...]:
+    """Parameters as large as they usually are in a unit that scatters so; a bias is as large as it is."""
+    step = float(np.median(course.dt / course.rows.weight))
+    force, rate = (float(course.sigma[k : k + 3].max()) * np.sqrt(step) for k in (0, 3))
+    grade, size = grade_of_noise(force, rate), float(np.abs(start.bias).max())
+    sizes = [max(p.sigma, grade.usual(p).sigma, size / 10 * (p.effect == "gyro_bias")) for p in wanted]
+    return tuple(replace(p, sigma=s) for p, s in zip(wanted, sizes, strict=True))
 
 
 def _sigma(last: Pass) -> Array:

@@ -20,7 +20,7 @@ from gimbalcal.effects.grade import grade_of_noise
 from gimbalcal.estimate.systematic.course import Course
 from gimbalcal.estimate.systematic.sensors import read_by
 from gimbalcal.estimate.systematic.settle import Settled
-from gimbalcal.estimate.systematic.smoothing import in_body
+from gimbalcal.estimate.systematic.smoothing import GATE, in_body
 from gimbalcal.estimate.systematic.turns import GAIN
 from gimbalcal.estimate.systematic.whitened import whitened
 from gimbalcal.number import Array
@@ -29,6 +29,8 @@ from gimbalcal.units import from_si
 BEYOND, ALIKE = 20.0, 0.1  # times what is usual for a unit as quiet; and how far three of a triad are alike
 SHARE = 0.8  # of the misfit: a slip that explains so much of it is the likeliest
 CERTAIN = 10.0  # sigma
+LOST = 10.0  # deg, one sigma of the heading
+UNTOLD = 0.5  # of the size that is usual: a recording that leaves so much has not told it
 NOISE = 3.0  # times: a stated noise that is further from what the stops show
 
 
@@ -74,11 +76,32 @@ def _by(size: float) -> str:
     return f"{abs(off):.3g} % too {'much' if off > 0 else 'little'}"
 
 
+def limits(m: Settled, sigmas: Array) -> list[str]:
+    """Sentences on what this noise and these hands do not allow; sigmas (p,) of the states."""
+    out = []
+    if m.course.handled:
+        out.append("a hand turned the unit and carried it along, so its velocity is believed at the stops alone")
+    heading = float(np.degrees(np.sqrt(m.last.attitude[2, 2])))
+    if heading > LOST:
+        out.append(f"north is known to {heading:.2g} deg: these gyroscopes hardly see the Earth turn")
+    untold = [
+        effect.replace("_", " ")
+        for effect in dict.fromkeys(p.effect for p in m.wanted)
+        if all(s > UNTOLD * p.sigma for p, s in zip(m.wanted, sigmas, strict=True) if p.effect == effect)
+    ]
+    if untold:
+        out.append(
+            f"{' and '.join(untold)} {'is' if len(untold) == 1 else 'are'} told no better than the grade of the unit "
+            "tells beforehand: at this noise the turns decline them"
+        )
+    return out
+
+
 def likely(m: Settled) -> str:
     """What a recording that the model does not explain may suffer from: a clause, empty where nothing stands out."""
     sizes = [x for p, x in zip(m.wanted, m.theta, strict=True) if p.effect == "gyro_scale_factor"]
     clock = _whole("gyro_scale_factor", sizes) if sizes and np.abs(sizes).min() > GAIN else ""
-    return _noise(m.course) or clock or _latitude(m)
+    return _noise(m.course) or clock or _in_turns(m) or _latitude(m)
 
 
 def _noise(course: Course) -> str:
@@ -91,6 +114,21 @@ def _noise(course: Course) -> str:
                 "correct it, or leave it out to have it taken from the stops"
             )
     return ""
+
+
+def _in_turns(m: Settled) -> str:
+    """Velocities that are not zero while the unit turns, and are at the stops."""
+    bad = m.last.calibrated.distance > GATE
+    turning = m.course.stop < 0
+    turns = np.cumsum(np.diff(turning, prepend=False) & turning)
+    struck = len(np.unique(turns[bad & turning]))
+    if not bad.any() or np.mean(turning[bad]) < SHARE or struck < turns[-1] / 2:
+        return ""
+    return (
+        f"its velocity is zero at the stops and not in {struck} of {turns[-1]} turns, so it does not turn about its "
+        "accelerometers, or a hand carried it along: add lever_arm to --states, or state velocity = { value = ..., "
+        'unit = "m/s" } of its place in [noise]'
+    )
 
 
 def _latitude(m: Settled) -> str:

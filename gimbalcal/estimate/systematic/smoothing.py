@@ -88,16 +88,17 @@ def one_pass(
     S = np.diag(np.concatenate([sigma, np.full(len(wanted), WIDE), sigma[:3]]))
     S[range(3), range(3)], S[range(3), range(-3, 0)] = 0.0, sigma[:3]
     R = np.full((len(Phi), 3), course.velocity**2) / STATE[VELOCITY] ** 2
-    z = np.where(left_out[:, None], np.nan, np.zeros((len(Phi), 3)))
+    z = np.where(course.believed[:, None], 0.0, np.full((len(Phi), 3), np.nan))
     loose = Q.copy()
     loose[np.ix_(left_out, VELOCITY, VELOCITY)] += (JUMP / STATE[3]) ** 2 * np.eye(3)
-    filtered = beside_constants.filter(Phi, Psi, loose, d, z, VELOCITY, R, x, first, S, smoothed=3)
+    kept = np.where(left_out[:, None], np.nan, z)
+    filtered = beside_constants.filter(Phi, Psi, loose, d, kept, VELOCITY, R, x, first, S, smoothed=3)
     smoothed = adjoint.smooth(Phi, Psi, VELOCITY, filtered) * STATE[:3]
     # the same navigator with its sensors as they were found, nothing left to learn about them
     found, own = filtered.theta[-1], filtered.factor[m:, m:]
     none = np.zeros((len(Phi), m, 0))
     calibrated = beside_constants.filter(
-        Phi, none, Q, d + Psi @ found, 0 * R, VELOCITY, R, x, found[:0], np.diag(sigma), GATE, JUMP / STATE[3], 0
+        Phi, none, Q, d + Psi @ found, z, VELOCITY, R, x, found[:0], np.diag(sigma), GATE, JUMP / STATE[3], 0
     )
     return Pass(
         found[:-3] * scale, np.asarray(np.linalg.qr(own[:-3].T, mode="r")).T, own[-3:] @ own[-3:].T * STATE[0] ** 2,

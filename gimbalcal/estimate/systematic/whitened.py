@@ -101,7 +101,7 @@ def whitened(m: Settled) -> Whitened:
     x = np.concatenate([rotation_vector(m.start.C_bn @ m.C[0].T), np.zeros(6)]) / STATE
     x = np.concatenate([x, np.zeros(len(wander))])
     R = np.full((len(Phi), 3), legs.velocity**2) / STATE[VELOCITY] ** 2
-    z = np.where(m.left_out[:, None], np.nan, 0 * R)
+    z = np.where((m.left_out | ~legs.believed)[:, None], np.nan, 0 * R)
     Q[np.ix_(m.left_out, VELOCITY, VELOCITY)] += (JUMP / STATE[3]) ** 2 * np.eye(3)
     f = beside_constants.filter(Phi, none, Q, d, z, VELOCITY, R, x, np.zeros(0), np.diag(sigma), smoothed=0)
     one = np.sqrt(f.variance)

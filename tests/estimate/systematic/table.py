@@ -25,10 +25,10 @@ NOISE = {"accelerometer": 2e-4, "gyroscope": 2.6e-6, "velocity": 1e-5}  # of one
 
 def turning_unit(
     truth=(), parameters=(), values=(), moves=MOVES, stop=30.0, speed=10.0, ramp=1.0, rate=20.0, noise=NOISE, seed=0,
-    start=START, drift=None,
+    start=START, drift=None, carried=None,
 ) -> Recording:  # fmt: skip
     """A rotation recording; speed [deg/s], stop and ramp [s], rate [Hz]; start C_bn (3, 3);
-    drift: what is added to the forces (n, 3) at time (n,) [s]."""
+    drift: what is added to the forces (n, 3) at time (n,) [s]; carried: acceleration (n, 3) [m/s^2] of the place."""
     h = 1 / rate
     C = np.asarray(start, dtype=float)
     gravity = float(normal_gravity(LATITUDE))
@@ -41,7 +41,9 @@ def turning_unit(
         at = edges[:-1, None] + h * (nodes + 1) / 2
         a, sense = AXIS[name], np.sign(degrees)
         mean = np.einsum("q,nqij->nij", weights / 2, C @ _about(a, sense * _gone(at, size, top, ramp)))
-        force.append(-g @ mean)
+        since = h * sum(len(f) for f in force)
+        a_n = carried(since + at.mean(axis=1)) if carried else np.zeros((len(at), 3))
+        force.append(np.einsum("ni,nij->nj", a_n - g, mean))
         gone = sense * _gone(edges, size, top, ramp)
         turn.append(a * (np.diff(gone) / h)[:, None] + earth @ mean)
         C = C @ _about(a, gone[-1])

@@ -16,6 +16,7 @@ from gimbalcal.estimate.added import Added
 from gimbalcal.estimate.systematic import settle
 from gimbalcal.estimate.systematic.run import systematic
 from gimbalcal.estimate.systematic.states import FIFTY_ONE, states
+from gimbalcal.report.wording import answer
 from gimbalcal.rotation import frame_rotation
 from tests.estimate.systematic.table import MOVES, START, turning_unit
 
@@ -222,3 +223,35 @@ def test_a_constant_that_nobody_stated_is_asked_for() -> None:
 def test_states_that_cannot_be_are_refused(asked: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
         states(asked, ANY)
+
+
+def _by_hand(t, stop: float = 10.0, turn: float = 4.0):
+    """Half a metre there and back while the unit is turned, in all directions; at rest in the stops."""
+    s = (t % (stop + turn)) - stop
+    a = np.where(s > 0, 0.5 * (2 * np.pi / turn) ** 2 * np.cos(2 * np.pi * s / turn), 0.0)
+    k = np.floor(t / (stop + turn))
+    return a[:, None] * np.stack([np.cos(k), np.sin(k), np.cos(2 * k)], axis=1) / 2
+
+
+def test_a_hand_that_carries_the_unit_along_is_no_velocity_of_its_place() -> None:
+    truth = 0.3 * SCALE
+    noise = {"accelerometer": 1e-3, "gyroscope": 1e-5}
+    moves = [("y", 90)] * 4 + [("z", 90)] + [("x", 90)] * 5 + [("z", 90)] * 2 + [("z", -90)] + [("y", -90)] * 4
+    in_the_hand = turning_unit(
+        (), THIRTY, truth, moves=moves, stop=10.0, speed=30.0, rate=50.0, noise=noise, carried=_by_hand
+    )
+    found = systematic(in_the_hand, "30")
+    assert found.outcome == ""
+    assert np.abs(_errors(found, THIRTY, truth)).max() < 4
+    assert found.provenance["limits"][0].startswith("a hand turned the unit and carried it along")
+    assert "A hand turned the unit" in answer(found.to_dict())
+    little = systematic(
+        turning_unit((), THIRTY, truth, moves=moves, stop=10.0, speed=30.0, noise=noise,
+                     carried=lambda t: 0.1 * _by_hand(t)), "30",
+    )  # fmt: skip
+    assert "is zero at the stops and not in 17 of 17 turns" in little.outcome
+
+
+def test_a_table_is_no_hand() -> None:
+    found = systematic(turning_unit(stop=10.0, noise={"accelerometer": 1e-3, "gyroscope": 1e-5}), "30")
+    assert found.provenance["limits"] == []
