@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import re
 import shutil
+import signal
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+ENGINE_FULL = "os error"  # how an engine that is no Python's tells of the system
 
 
 @contextmanager
@@ -17,7 +24,8 @@ def file(path: Path) -> Iterator[Path]:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.part")
     try:
-        yield temporary
+        with _naming(lambda: path):
+            yield temporary
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
@@ -38,8 +46,8 @@ def write_json(path: Path, content: Mapping[str, Any] | Sequence[Any]) -> None:
 def folder(path: Path, last: str = "") -> Iterator[Path]:
     """A new folder to write files into, which becomes `path` when the block ends; nothing is left where it fails.
 
-    Where `path` is a folder already its files of the same names are replaced, the one called `last` after all others,
-    and other files stay.
+    Where `path` is a folder already its files of the same names are replaced together, one renaming after the other,
+    the one called `last` after all others; other files stay.
     """
     # on the same disk, so that moving is renaming; no folder is left behind by what fails
     near = next(p for p in (path, *path.absolute().parents) if p.is_dir())
@@ -47,12 +55,47 @@ def folder(path: Path, last: str = "") -> Iterator[Path]:
     try:
         made = private / "new"
         made.mkdir()  # as the mask lets others read it, which mkdtemp does not
-        yield made
+        with _naming(lambda: path / _latest(made).relative_to(made)):
+            yield made
         if path.is_dir():
-            for each in sorted(made.iterdir(), key=lambda f: (f.name == last, f.name)):
-                each.replace(path / each.name)
+            _moved(made, path, last)
         else:
             path.parent.mkdir(parents=True, exist_ok=True)
             made.rename(path)
     finally:
         shutil.rmtree(private, ignore_errors=True)
+
+
+def _moved(made: Path, path: Path, last: str) -> None:
+    """Files into `path`, all of them: no signal comes between, and nothing is moved where something cannot be."""
+    files = sorted(made.iterdir(), key=lambda f: (f.name == last, f.name))
+    for each in files:
+        if (path / each.name).is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path / each.name))
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
+    try:
+        for each in files:
+            each.replace(path / each.name)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _latest(made: Path) -> Path:
+    """The file that was written to last."""
+    return max((p for p in made.rglob("*") if p.is_file()), key=lambda p: p.stat().st_mtime_ns, default=made)
+
+
+@contextmanager
+def _naming(path: Callable[[], Path]) -> Iterator[None]:
+    """A full disk as one sentence with the name of the file, which neither the system nor an engine tells."""
+    try:
+        yield
+    except OSError as problem:
+        if problem.errno not in FULL:
+            raise
+        raise OSError(problem.errno, os.strerror(problem.errno), str(path())) from None
+    except Exception as problem:
+        if type(problem).__module__.partition(".")[0] != "polars" or ENGINE_FULL not in str(problem):
+            raise
+        number = int(re.findall(r"os error (\d+)", str(problem))[0])
+        raise OSError(number, os.strerror(number), str(path())) from None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -68,3 +70,43 @@ def test_a_folder_takes_its_files_in_order_and_keeps_strangers(tmp_path: Path, m
             (made / name).write_text(name)
     assert moved == ["a", "z", "header"]
     assert names(tmp_path / "out") == ["a", "header", "mine", "z"]
+
+
+def test_a_full_disk_is_told_with_the_name_of_the_file(tmp_path: Path) -> None:
+    """Limits of a process stand for a disk: 20 kB, by Python and by the engine that writes Parquet."""
+    code = f"""
+import resource, numpy as np, polars as pl
+from pathlib import Path
+from gimbalcal import atomic
+resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+out = Path({str(tmp_path)!r}) / "out"
+def text(new): (new / "report.html").write_text(100_000 * "x")
+def table(new): pl.DataFrame({{"a": np.random.default_rng(1).normal(size=20_000)}}).write_parquet(new / "rows.parquet")
+for name, make in (("report.html", text), ("rows.parquet", table)):
+    atomic.write(out / "old", "old")
+    try:
+        with atomic.folder(out) as new:
+            (new / "a.json").write_text("new")
+            make(new)
+    except OSError as problem:
+        assert problem.filename == str(out / name), problem.filename
+        assert "large" in problem.strerror, problem
+    else:
+        raise SystemExit("no error")
+    assert [p.name for p in out.iterdir()] == ["old"], list(out.iterdir())
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_nothing_is_replaced_where_one_file_cannot_be(tmp_path: Path) -> None:
+    (tmp_path / "out" / "z.html").mkdir(parents=True)
+    (tmp_path / "out" / "a.json").write_text("old")
+
+    def make() -> None:
+        with atomic.folder(tmp_path / "out") as new:
+            (new / "a.json").write_text("new")
+            (new / "z.html").write_text("new")
+
+    with pytest.raises(IsADirectoryError, match=r"z\.html"):
+        make()
+    assert (tmp_path / "out" / "a.json").read_text() == "old"

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
-from signal import SIG_IGN, SIGINT, signal
+from multiprocessing import get_context, parent_process
+from signal import SIG_IGN, SIGINT, SIGTERM, signal
+from threading import Thread
 from typing import Any
 
 from gimbalcal.campaign.task import Task, compute
@@ -58,11 +60,25 @@ def _pooled(
     task: Task, shares: Sequence[range], workers: int, work: Work
 ) -> Iterator[tuple[range, dict[str, list[Any]]]]:
     # a fork server starts clean processes: no copied locks of BLAS or Arrow threads; Ctrl-C is the parent's to answer
-    pool = ProcessPoolExecutor(workers, get_context("forkserver"), signal, (SIGINT, SIG_IGN))
+    pool = ProcessPoolExecutor(workers, get_context("forkserver"), _begin)
     try:
         yield from _run(pool, task, shares, workers, work)
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _begin() -> None:
+    """A worker leaves Ctrl-C to its parent, and does not outlive it, nor does the server that forked it."""
+    signal(SIGINT, SIG_IGN)
+    Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os.kill(os.getppid(), SIGTERM)
+        os._exit(1)
 
 
 def _run(

@@ -13,7 +13,7 @@ import numpy as np
 from gimbalcal.campaign.cluster import cluster, connect
 from gimbalcal.campaign.local import here, processes
 from gimbalcal.campaign.store import Store
-from gimbalcal.campaign.task import task
+from gimbalcal.campaign.task import Task, task
 from gimbalcal.errors import InputError, amount
 
 Tell = Callable[[str], None]
@@ -40,8 +40,13 @@ def run_campaign(
     if workers < 1:
         raise InputError(f"--workers must be at least 1, got {workers}")
     what = task(scenario, method, seed)
-    client = connect(scheduler) if scheduler else None
     store = Store(Path(out), what, n)
+    client = connect(scheduler) if scheduler else None
+    with store.alone():
+        return _run(what, store, n, workers, client, progress)
+
+
+def _run(what: Task, store: Store, n: int, workers: int, client: Any, progress: Tell) -> dict[str, Any]:
     todo = store.open()
     done = n - sum(len(share) for share in todo)
     if done:
@@ -79,8 +84,9 @@ def summarise(rows: Any) -> dict[str, Any]:
         table.append({"parameter": name, "unit": part["unit"][0], "runs": len(part), "mean": float(np.mean(error)),
                       "rms": rms, "sigma": bound, "ratio": rms / bound if bound > 0 else None})  # fmt: skip
     runs = int(rows["run"].n_unique())
-    failed = rows.filter(pl.col("outcome") != "").unique("run")
-    words = failed["outcome"].value_counts(sort=True).head(5)
+    failed = rows.filter(pl.col("outcome") != "").unique("run", keep="first", maintain_order=True)
+    # of equals the first by the alphabet, so that equal runs give equal files
+    words = failed["outcome"].value_counts().sort(["count", "outcome"], descending=[True, False]).head(5)
     return {
         "runs": runs,
         "failed": len(failed),

@@ -1,11 +1,19 @@
-"""Shares of a campaign on disk: each whole or not there, found again after a stop, joined into one Parquet file."""
+"""Shares of a campaign on disk: each whole or not there, found again after a stop, joined into one Parquet file.
+
+A share carries its digest: one that was damaged on disk is computed again.
+"""
 
 from __future__ import annotations
 
+import fcntl
+import io
 import json
+import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +22,7 @@ from gimbalcal.campaign.task import COLUMNS, Task
 from gimbalcal.errors import InputError
 
 TABLE, SUMMARY, PARTS = "campaign.parquet", "campaign.json", "campaign.parts"
+DIGITS = 16  # of a digest in the name of a part
 
 
 @dataclass(frozen=True)
@@ -34,6 +43,23 @@ class Store:
         size = self.task.share
         return [range(i, min(i + size, self.count)) for i in range(0, self.count, size)]
 
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Hold the folder for this process until the block or the process ends; InputError where another one has it."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        held = os.open(self.folder, os.O_RDONLY)
+        try:
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(held)
+            raise InputError(
+                f"another campaign is at work in {self.folder}: wait for it, or give another --out"
+            ) from None
+        try:
+            yield
+        finally:
+            os.close(held)
+
     def open(self) -> list[range]:
         """The shares still to compute. Raises InputError where the folder holds another campaign."""
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -42,15 +68,18 @@ class Store:
         self.parts.mkdir(exist_ok=True)
         atomic.write_json(self.parts / "identity.json", {"identity": self.task.identity})
         self._take_over()
-        return [s for s in self.shares() if not self._part(s).is_file()]
+        return [s for s in self.shares() if self._part(s) is None]
 
     def _check(self, path: Path) -> None:
         if not path.is_file():
             return
         try:
-            found = json.loads(path.read_text())["identity"]
-        except (json.JSONDecodeError, KeyError, TypeError):
-            found = None
+            found = json.loads(path.read_text(encoding="utf-8"))["identity"]
+        except (ValueError, KeyError, TypeError):
+            raise InputError(
+                f"{path} is damaged, so that nobody can tell whose campaign is in {self.folder}: give another --out, "
+                f"or remove {TABLE}, {SUMMARY} and {PARTS} there"
+            ) from None
         if found != self.task.identity:
             raise InputError(
                 f"{self.folder} holds another campaign (other scenario, seed, method or version): give another --out, "
@@ -58,39 +87,61 @@ class Store:
             )
 
     def _take_over(self) -> None:
-        """Shares of a finished campaign count, so that more runs can be added to it."""
+        """Shares of a finished campaign count, so that more runs can be added to it; a damaged one is done again."""
         import polars as pl
 
-        table = self.folder / TABLE
-        if not table.is_file() or not (self.folder / SUMMARY).is_file():
+        table, summary = self.folder / TABLE, self.folder / SUMMARY
+        if not table.is_file() or not summary.is_file():
+            return
+        if json.loads(summary.read_text(encoding="utf-8")).get("sha256") != _digest(table.read_bytes()):
             return
         rows = pl.read_parquet(table.absolute(), glob=False)
         present = set(rows["run"].unique().to_list())
         for share in self.shares():
-            if not self._part(share).is_file() and present.issuperset(share):
+            if self._part(share) is None and present.issuperset(share):
                 self.keep(share, rows.filter(pl.col("run").is_between(share.start, share.stop - 1)).to_dict())
 
-    def _part(self, share: range) -> Path:
-        return self.parts / f"{share.start:08d}-{share.stop:08d}.parquet"
+    def _part(self, share: range) -> Path | None:
+        """The file of a share, whose name ends with the digest of what is in it; None where it is not or damaged."""
+        there = [p for p in sorted(self.parts.iterdir()) if p.name.startswith(_name(share)) and p.suffix == ".parquet"]
+        return next((p for p in there if p.stem.endswith(_digest(p.read_bytes())[:DIGITS])), None)
 
     def keep(self, share: range, columns: Mapping[str, Any]) -> None:
         """Write one share, whole or not at all."""
         import polars as pl
 
-        with atomic.file(self._part(share)) as path:
-            pl.DataFrame({name: columns[name] for name in COLUMNS}, schema=_schema()).write_parquet(path)
+        content = io.BytesIO()
+        pl.DataFrame({name: columns[name] for name in COLUMNS}, schema=_schema()).write_parquet(content)
+        digest = _digest(content.getvalue())[:DIGITS]
+        atomic.write(self.parts / f"{_name(share)}{digest}.parquet", content.getvalue())
 
     def finish(self, summarise: Any) -> dict[str, Any]:
-        """Join all shares into campaign.parquet, write campaign.json, and remove the shares."""
+        """Join all shares into campaign.parquet, write campaign.json, both or neither, and remove the shares."""
         import polars as pl
 
-        rows = pl.concat([pl.read_parquet(self._part(share).absolute(), glob=False) for share in self.shares()])
-        summary: dict[str, Any] = {"format": 1, "identity": self.task.identity, **summarise(rows)}
-        with atomic.file(self.folder / TABLE) as path:
-            rows.write_parquet(path)
-        atomic.write_json(self.folder / SUMMARY, summary)
+        parts = [(share, self._part(share)) for share in self.shares()]
+        lost = [share for share, part in parts if part is None]
+        if lost:
+            raise InputError(
+                f"{self.parts}: runs {lost[0].start} to {lost[0].stop - 1} were changed or removed while the campaign "
+                "went on; the same command computes them again"
+            )
+        rows = pl.concat([pl.read_parquet(part.absolute(), glob=False) for _, part in parts if part is not None])
+        with atomic.folder(self.folder, last=SUMMARY) as new:
+            rows.write_parquet(new / TABLE)
+            digest = _digest((new / TABLE).read_bytes())
+            summary: dict[str, Any] = {"format": 1, "identity": self.task.identity, "sha256": digest, **summarise(rows)}
+            atomic.write_json(new / SUMMARY, summary)
         shutil.rmtree(self.parts)
         return summary
+
+
+def _name(share: range) -> str:
+    return f"{share.start:08d}-{share.stop:08d}-"
+
+
+def _digest(content: bytes) -> str:
+    return sha256(content).hexdigest()
 
 
 def _schema() -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Results as files: the JSON of the contract and the page beside it, each whole or not there at all."""
+"""Results as files: the JSON of the contract and the page beside it, of one run all or none."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gimbalcal.atomic import file, write, write_json
+from gimbalcal.atomic import folder, write, write_json
 from gimbalcal.report.html import marked
 
 if TYPE_CHECKING:
@@ -29,8 +29,9 @@ def write_calibration(
 
     content = calibration.to_dict()
     page = calibration_report(content, recordings, truth)
-    write_json(out / "calibration.json", content)
-    write(out / "report.html", marked(page, question))
+    with folder(out) as new:
+        write_json(new / "calibration.json", content)
+        write(new / "report.html", marked(page, question))
 
 
 def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "", question: str = "") -> None:
@@ -39,10 +40,11 @@ def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "", question: 
 
     drawn = panels(diagnosis.curves, diagnosis.mismatch) if diagnosis.curves else ()
     page = diagnosis_report(diagnosis.to_dict(), drawn, title, diagnosis.curves)
-    write_json(out / "diagnosis.json", diagnosis.to_dict())
-    if diagnosis.calibration is not None:
-        diagnosis.calibration.write(out / "calibration.json")
-    write(out / "report.html", marked(page, question))
+    with folder(out) as new:
+        write_json(new / "diagnosis.json", diagnosis.to_dict())
+        if diagnosis.calibration is not None:
+            diagnosis.calibration.write(new / "calibration.json")
+        write(new / "report.html", marked(page, question))
 
 
 def write_observability(content: Mapping[str, Any], out: Path, question: str = "") -> None:
@@ -50,8 +52,9 @@ def write_observability(content: Mapping[str, Any], out: Path, question: str = "
     from gimbalcal.report.observability_page import observability_report
 
     page = observability_report(content)
-    write_json(out / "observability.json", content)
-    write(out / "report.html", marked(page, question))
+    with folder(out) as new:
+        write_json(new / "observability.json", content)
+        write(new / "report.html", marked(page, question))
 
 
 def write_navigation(
@@ -61,8 +64,9 @@ def write_navigation(
     from gimbalcal.report.navigation_page import navigation_report
 
     page = navigation_report(content, runs, title)
-    write_json(out / "navigation.json", content)
-    write(out / "report.html", marked(page, question))
+    with folder(out) as new:
+        write_json(new / "navigation.json", content)
+        write(new / "report.html", marked(page, question))
 
 
 def write_comparison(
@@ -75,11 +79,11 @@ def write_comparison(
     from gimbalcal.report.history import history_report
 
     page, rows = history_report(content, diagnoses), pl.DataFrame(flat(content))
-    write_json(out / "compare.json", content)
-    write(out / "history.csv", rows.write_csv())
-    with file(out / "history.parquet") as path:
-        rows.write_parquet(path)
-    write(out / "report.html", marked(page, question))
+    with folder(out) as new:
+        write_json(new / "compare.json", content)
+        write(new / "history.csv", rows.write_csv())
+        rows.write_parquet(new / "history.parquet")
+        write(new / "report.html", marked(page, question))
 
 
 def write_budget(made: Budget, out: Path, question: str = "") -> None:
@@ -87,8 +91,9 @@ def write_budget(made: Budget, out: Path, question: str = "") -> None:
     from gimbalcal.report.budget_page import budget_report
 
     page = budget_report(made)
-    write_json(out / "budget.json", made.to_list())
-    write(out / "report.html", marked(page, question))
+    with folder(out) as new:
+        write_json(new / "budget.json", made.to_list())
+        write(new / "report.html", marked(page, question))
 
 
 def write_plan(content: Mapping[str, Any], out: Path, question: str = "") -> None:
@@ -96,5 +101,6 @@ def write_plan(content: Mapping[str, Any], out: Path, question: str = "") -> Non
     from gimbalcal.report.plan_page import plan_report
 
     page = plan_report(content)
-    write_json(out / "observability.json", content)
-    write(out / "report.html", marked(page, question))
+    with folder(out) as new:
+        write_json(new / "observability.json", content)
+        write(new / "report.html", marked(page, question))

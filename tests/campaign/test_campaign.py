@@ -18,9 +18,11 @@ import polars as pl
 import pytest
 
 from gimbalcal.calibration.exchange.matrices import matrices
+from gimbalcal.campaign import cluster as campaign_cluster
 from gimbalcal.campaign import run_campaign
 from gimbalcal.campaign.cluster import connect
 from gimbalcal.campaign.local import here, processes
+from gimbalcal.campaign.store import Store
 from gimbalcal.campaign.task import Task, _comparable, seed_of, task
 from gimbalcal.effects import parameters
 from gimbalcal.effects.accelerometer import Misalignment, angles_of
@@ -149,6 +151,93 @@ def test_a_cluster_gives_the_same_digits_though_one_worker_is_killed(tmp_path: P
 def test_no_scheduler_is_one_sentence() -> None:
     with pytest.raises(InputError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:1 within 0\.5 s"):
         connect("tcp://127.0.0.1:1", timeout=0.5)
+
+
+@pytest.mark.slow
+def test_a_cluster_without_workers_or_that_goes_away_is_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(campaign_cluster, "PATIENCE", 1.0)
+    with dask_cluster(tmp_path) as (address, workers):
+        with connect(address) as client:
+            client.wait_for_workers(2, timeout=30)
+
+        def kill_all(words: str) -> None:
+            for each in workers:
+                each.kill()
+
+        with pytest.raises(InputError, match="has no worker left; what is done is kept"):
+            run_campaign(PULSES, 4000, tmp_path / "c", scheduler=address, progress=kill_all)
+        for each in workers:
+            each.wait()
+        with pytest.raises(InputError, match="has no worker; start some"):
+            run_campaign(PULSES, 4000, tmp_path / "c", scheduler=address)
+    told: list[str] = []
+    run_campaign(PULSES, 4000, tmp_path / "c", workers=1, progress=told.append)
+    assert "of 4000 runs were there already" in told[0]
+
+
+def test_damaged_shares_are_computed_again(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    whole = task(PULSES)
+    sound = Store(tmp_path / "d", whole, 300)
+    sound.open()
+    for share in sound.shares():
+        sound.keep(share, next(here(whole, [share]))[1])
+    names = sorted(p.name for p in sound.parts.glob("*.parquet"))
+    for part in sound.parts.glob("*.parquet"):
+        content = bytearray(part.read_bytes())
+        if rng.random() < 0.5:
+            content[int(rng.integers(len(content)))] ^= 4
+        else:
+            del content[int(rng.integers(len(content))) :]
+        part.write_bytes(bytes(content))
+    assert sound.open() == sound.shares()
+    run_campaign(PULSES, 300, tmp_path / "d", workers=1)
+    run_campaign(PULSES, 300, tmp_path / "e", workers=1)
+    assert len(names) == 3
+    files = ("campaign.json", "campaign.parquet")
+    assert all((tmp_path / "d" / f).read_bytes() == (tmp_path / "e" / f).read_bytes() for f in files)
+    (tmp_path / "d" / files[1]).write_bytes(b"PAR1 no more")  # a finished one that was damaged begins anew
+    run_campaign(PULSES, 300, tmp_path / "d", workers=1)
+    assert table(tmp_path / "d").equals(table(tmp_path / "e"))
+
+
+def test_two_campaigns_in_one_folder_at_once_are_told_apart(tmp_path: Path) -> None:
+    first = Store(tmp_path / "c", task(PULSES), 100)
+    with first.alone():
+        first.open()
+        with pytest.raises(InputError, match="another campaign is at work in"):
+            run_campaign(PULSES, 100, tmp_path / "c", workers=1)
+        assert first.parts.is_dir()
+    run_campaign(PULSES, 100, tmp_path / "c", workers=1)
+
+
+def test_a_killed_parent_leaves_no_worker(tmp_path: Path) -> None:
+    code = (
+        "from pathlib import Path\nfrom gimbalcal.campaign import run_campaign\n"
+        f"if __name__ == '__main__':\n    run_campaign({PULSES!r}, 100000, Path({str(tmp_path / 'c')!r}), workers=2)\n"
+    )
+    (tmp_path / "go.py").write_text(code)
+    process = subprocess.Popen([sys.executable, str(tmp_path / "go.py")], start_new_session=True)
+    wait_for(lambda: len(list((tmp_path / "c").glob("campaign.parts/*.parquet"))) >= 1)
+    assert len(of_session(process.pid)) >= 3
+    process.kill()
+    process.wait()
+    wait_for(lambda: not of_session(process.pid), 10.0)
+
+
+def of_session(session: int) -> list[int]:
+    """Processes of a session, by /proc: its number is the sixth word of stat."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            words = stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(words[3]) == session and words[0] != "Z":
+            found.append(int(stat.parent.name))
+    return found
 
 
 def test_a_simulated_scenario_is_calibrated_run_by_run(tmp_path: Path) -> None:
