@@ -107,6 +107,7 @@ class Stimulus:
     latitude: float | None = None  # rad
     target: Array | None = None  # (n, 3) unit vector to the true direction, in north, east, down (pointing only)
     true_angle: Array | None = None  # (n, k) rad, gimbal angles at which a perfect mount would point there
+    aimed: Array | None = None  # (n, 3, 2) across and along of that mount, in the frame of its base
     temperature: Array | None = None  # (n,) degC
     reference_temperature: float = REFERENCE_TEMPERATURE  # degC, where temperature coefficients are referred to
     covariates: Mapping[str, Array] = dataclasses.field(default_factory=dict)

@@ -73,14 +73,24 @@ def attitude(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Arra
 
 def _pointing(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
     """Seen direction minus target (n, 2) [rad], across and along the innermost axis, as a perfect mount sees them."""
-    true_angle = s.true_angle
-    if true_angle is None:
-        raise InputError("a pointing recording needs `true_angle` columns: where the target really was")
+    aimed = on_target(platform, s).aimed
     C_np, s = _mount(platform, s, effects)
     s = s.at(force=-s.gravity * C_np[..., 2])
-    sight = np.swapaxes(_rotation(effects, Stage.LINE_OF_SIGHT, s) @ C_np, -1, -2)[..., 0]
-    seen = apply_matrix(platform.attitude(true_angle), sight)
-    return np.stack([seen[..., 1], -seen[..., 2]], axis=-1)
+    along = _rotation(effects, Stage.LINE_OF_SIGHT, s)[..., :1, :]
+    return ((along @ C_np) @ aimed)[..., 0, :]
+
+
+def on_target(platform: Platform, s: Stimulus) -> Stimulus:
+    """The stimulus with what a perfect mount on its target makes of a line of sight: worked out once for many effects.
+
+    Raises InputError where nothing says where the target was.
+    """
+    if s.aimed is not None:
+        return s
+    if s.true_angle is None:
+        raise InputError("a pointing recording needs `true_angle` columns: where the target really was")
+    C = platform.attitude(s.true_angle)
+    return s.at(aimed=np.stack([C[..., 1, :], -C[..., 2, :]], axis=-1))
 
 
 def accelerometers(force: Array, s: Stimulus, effects: Sequence[Effect]) -> Array:

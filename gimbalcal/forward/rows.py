@@ -19,7 +19,7 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, values, with_values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
-from gimbalcal.forward.model import predict
+from gimbalcal.forward.model import on_target, predict
 from gimbalcal.number import STEP, Array, complex_step
 from gimbalcal.platform import Platform
 
@@ -129,6 +129,8 @@ def linearise(
     channels: the quantities and axes that are looked at (default: all that the model predicts); read (n, C): what was
     read of them in SI (default: as predicted, for a recording that is only planned).
     """
+    if kind == "pointing":
+        s = on_target(platform, s)
     outputs = predict(platform, s, effects, kind)
     keys = tuple(channels) if channels is not None else _every(platform, outputs)
     predicted = picked(platform, outputs, keys)

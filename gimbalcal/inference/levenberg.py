@@ -9,6 +9,8 @@ import numpy as np
 
 from gimbalcal.number import Array
 
+BENT = 1e-3  # damping after a step that was refused
+
 Model = Callable[[Array, Array], tuple[Array, Array]]
 """(x (r, p), indices of the runs (r,)) to residuals (r, m) and Jacobians (r, m, p)."""
 
@@ -43,7 +45,7 @@ def minimise(
     Wang et al. (2019), Eq. (40), solved by QR so that the condition number is not squared. A run settles when its
     step is below `tolerance` of its length plus one, or lowers the cost by less than the share `gain` of it;
     parameters should be scaled to order one by the caller. `damping` is lambda at the start: less where the model is
-    nearly linear.
+    nearly linear; a step that is refused says that it is not.
     """
     x, runs = np.array(x0, dtype=float), np.arange(len(x0))
     r, J = model(x, runs)
@@ -61,7 +63,7 @@ def minimise(
         small |= good & (cost[a] - cost1 < gain * cost[a])
         hit = a[good]
         x[hit], r[hit], J[hit], cost[hit] = (x[a] + step)[good], r1[good], J1[good], cost1[good]
-        lam[a] = np.where(good, lam[a] / 10, lam[a] * 10)
+        lam[a] = np.where(good, lam[a] / 10, np.maximum(lam[a] * 10, BENT))
         steps[a] += 1
         # a refused step that is already below the rounding of the cost is arrival, not failure
         live[a] = ~small & (lam[a] < 1e12)

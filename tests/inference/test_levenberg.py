@@ -39,6 +39,20 @@ def test_at_the_minimum_the_gradient_vanishes_and_a_gain_ends_earlier() -> None:
     assert np.all(np.abs(early.x - found.x) < 1e-2 * sigma)
 
 
+def test_a_step_that_is_refused_says_that_the_model_bends() -> None:
+    """A start without damping is for models that are nearly linear: one refusal, not six, tells that this is not."""
+    tried: list[float] = []
+
+    def model(x: Array, _: Array) -> tuple[Array, Array]:
+        tried.append(float(x[0, 0]))
+        return np.arctan(x) + 0 * x, 1 / (1 + x[..., None] ** 2)
+
+    found = minimise(model, np.array([[3.0]]), damping=1e-9)
+    assert abs(found.x[0, 0]) < 1e-10
+    assert tried[1] < -3.0  # without damping the first step goes too far
+    assert len(tried) < 16
+
+
 def test_the_better_of_two_starts_is_kept_run_by_run() -> None:
     def model(x: Array, _: Array) -> tuple[Array, Array]:
         return (x**2 - 1) + 0.1 * x, 2 * x[..., None] + 0.1  # roots of x^2 + 0.1 x - 1: both are exact minima

@@ -22,7 +22,7 @@ from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import MATRIX_AXES, SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.norm_fit import scaled_by_gravity
-from gimbalcal.estimate.pointing.run import CHANNELS, STAGES, against_stars, on_stars
+from gimbalcal.estimate.pointing.run import CHANNELS, STAGES, against_stars, calmer, on_stars
 from gimbalcal.forward import Rows, accelerometers, linearise
 from gimbalcal.inversion import invert
 from gimbalcal.kinematics import stimulus_from_readings, stimulus_from_truth
@@ -96,15 +96,17 @@ def gauges(stages: Container[Stage]) -> frozenset[tuple[str, str]]:
 def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
     """A pointing run; every star is a visit of its own."""
     s = on_stars(recording)
+    calm = calmer(recording)
 
     def rows(effects: Sequence[Effect]) -> Rows:
         return against_stars(recording, s, effects)
 
     def ideal(effects: Sequence[Effect]) -> Rows:
         found = rows(effects)
-        return replace(
-            against_stars(recording, s.at(readout=s.readout + _beside(found)), effects), residual=found.residual
-        )
+        off = _beside(found)
+        aimed = None if s.true_angle is None else s.true_angle - calm * off
+        there = s.at(readout=s.readout + ~calm * off, true_angle=aimed)
+        return replace(against_stars(recording, there, effects), residual=found.residual)
 
     return View(
         "pointing",

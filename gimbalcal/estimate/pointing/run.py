@@ -11,8 +11,10 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gimbalcal.effects import Effect, Stage, Stimulus
+from gimbalcal.effects.gimbal import SMALLEST_TURN
 from gimbalcal.errors import InputError
 from gimbalcal.forward import AXES, Rows, linearise
 from gimbalcal.kinematics import stimulus_from_angles
@@ -21,19 +23,67 @@ from gimbalcal.recording import Recording
 
 STAGES = frozenset({Stage.ENCODER, Stage.AXIS_TILT, Stage.BASE, Stage.LINE_OF_SIGHT})
 CHANNELS = tuple(("pointing", axis) for axis in AXES["pointing"])
+CALM = 0.5  # of the roughness of where the stars are
 NIGHT = 6 * 3600.0  # s; a longer pause ends a night
 
 
 def on_stars(recording: Recording) -> Stimulus:
     """What the mount experienced; every star is a visit of its own.
 
-    Moves are told by where the stars are: readouts of an axis that stands still move by their noise.
+    A move is all of the way since an axis last turned back: told by where the stars are, or by readouts that are
+    calmer. An axis that stands still or creeps goes on as it went, whatever its noise.
     """
     s = stimulus_from_angles(recording)
     n = len(recording.time)
     aimed = recording.platform.angles({a: x for (q, a), x in recording.channels.items() if q == "true_angle"}, (n,))
-    moved = np.diff(aimed, axis=0, prepend=aimed[:1])
+    course = without_jumps(np.where(calmer(recording), s.readout, aimed), s.readout)
+    moved = np.stack([since_turning(a) for a in course.T], axis=-1)
     return s.at(visit=np.arange(n), position=np.arange(1, n + 1), since_move=0 * s.time, move_angle=moved)
+
+
+def calmer(recording: Recording) -> NDArray[np.bool_]:
+    """Which readouts (k,) follow the clock more closely than their stars do: those of a mount that tracks.
+
+    There the noise is in where the star was seen, and readouts hold less of it. Where a mount goes from star to star
+    both jump alike, and nothing is told.
+    """
+    out = []
+    for axis in recording.platform.axis_names:
+        both = (recording.channels.get((q, axis)) for q in ("gimbal_angle", "true_angle"))
+        read, true = (0.0 if a is None else _roughness(recording.time, np.unwrap(a)) for a in both)
+        out.append(read < CALM * true)
+    return np.array(out, dtype=bool)
+
+
+def _roughness(time: Array, angle: Array) -> float:
+    """Median distance [rad] of an angle (n,) from the straight line between the rows before and after it."""
+    span = np.where(time[2:] > time[:-2], time[2:] - time[:-2], 1.0)
+    share = (time[1:-1] - time[:-2]) / span
+    off = angle[1:-1] - (1 - share) * angle[:-2] - share * angle[2:]
+    return float(np.median(np.abs(off))) if len(off) else 0.0
+
+
+def without_jumps(angle: Array, readout: Array) -> Array:
+    """Angles (n, k) [rad] that go on where a log starts anew after a full turn.
+
+    A readout that is logged over more than a turn says how many turns there were; else the mount went the shorter way.
+    """
+    turns = 2 * np.pi * np.round((readout - angle) / (2 * np.pi))
+    return np.where(np.ptp(readout, axis=0) > 2 * np.pi, angle + turns, np.unwrap(angle, axis=0))
+
+
+def since_turning(angle: Array) -> Array:
+    """Travel (n,) [rad] since the angle (n,) last turned back by more than `SMALLEST_TURN`; zero at the first row."""
+    moved = np.zeros_like(angle)
+    began = furthest = angle[0]
+    sense = 0.0
+    for i, a in enumerate(angle.tolist()):
+        if sense * (a - furthest) < -SMALLEST_TURN or (sense == 0 and abs(a - furthest) > SMALLEST_TURN):
+            began, furthest, sense = furthest, a, np.sign(a - furthest)
+        elif sense * (a - furthest) > 0:
+            furthest = a
+        moved[i] = a - began
+    return moved
 
 
 def against_stars(recording: Recording, s: Stimulus, effects: Sequence[Effect]) -> Rows:
