@@ -555,7 +555,7 @@ def test_results_do_not_go_where_nobody_may_write(run: Run, tmp_path: Path, monk
 
 def test_a_disk_that_fails_is_a_sentence(run: Run, tmp_path: Path) -> None:
     (tmp_path / "out" / "calibration.json").mkdir(parents=True)
-    status, _, err = run("calibrate", DEVICE, "--out", tmp_path / "out", "--quiet")
+    status, _, err = run("calibrate", DEVICE, "--out", tmp_path / "out", "--overwrite", "--quiet")
     assert status == 2
     assert "calibration.json" in err
     assert "cannot be read or written" in err

@@ -23,6 +23,7 @@ from gimbalcal.report.rounding import minus, pdg, rms, significant
 if TYPE_CHECKING:
     from gimbalcal.diagnose.answer import Curves
 
+MOST = 6  # panels
 STILL = 0.01  # probability by chance below which what is left is said to have a pattern
 POINTS = 240  # points of a panel; more cannot be told apart on a page
 
@@ -44,7 +45,7 @@ def diagnosis_report(
         "verdict": "reserved" if content.get("outcome") else LOOKS.get(content["verdict"], "misfit"),
         "facts": _facts(content),
         "findings": findings,
-        "picture": _before_after(panels),
+        "picture": _before_after(panels, content["findings"]),
         "mismatch": [_mismatch(m) for m in content["mismatch"]],
         "unexplained": [{**u, "channel": str(u["channel"]).replace("_", " ")} for u in content["unexplained"]],
         "moved": [_moved(m) for m in content["fit"].get("calibration_moved", [])],
@@ -188,9 +189,30 @@ def _mismatch(m: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def _before_after(panels: Sequence[Panel]) -> Picture | None:
+def _telling(p: Panel) -> float:
+    """Share of what was there before that a course over x explains: the panel that shows it best comes first."""
+    bins = np.array_split(np.argsort(p.x, kind="stable"), min(12, max(1, p.x.size // 3)))
+    edges = np.unique(p.x[[b[0] for b in bins]])
+    of = np.searchsorted(edges, p.x, side="right")
+    y = p.before - p.before.mean()
+    inside = sum(float(((y[of == k] - y[of == k].mean()) ** 2).sum()) for k in np.unique(of))
+    free = max(p.x.size - np.unique(of).size, 1)
+    return 1 - inside / free / max(float((y**2).sum()) / max(p.x.size - 1, 1), 1e-300)
+
+
+def _named_by(p: Panel, findings: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether a cause that was found follows what this panel is drawn over."""
+    label = p.x_label.replace(" ", "_")
+    cards = [CATALOGUE[f["effect"]] for f in findings if f["effect"] in CATALOGUE]
+    return any(label.startswith(q) for c in cards for q in c.requires) or any(
+        f.get("axis") and label.startswith(str(f["axis"])) for f in findings
+    )
+
+
+def _before_after(panels: Sequence[Panel], findings: Sequence[Mapping[str, Any]]) -> Picture | None:
     if not panels:
         return None
+    panels = sorted(panels, key=lambda p: (_named_by(p, findings), _telling(p)), reverse=True)[:MOST]
     told = "; ".join(f"{p.name} by {p.x_label}: {rms(p.before)} to {rms(p.after)} {p.unit}" for p in panels)
     return picture(
         before_after(panels),

@@ -171,7 +171,7 @@ def _next(found: Sequence[Entry]) -> str:
     steps = ["shift the time stamps by that much"] if late else []
     steps += [f"leave position {_position(f)} out, or record it again" for f in once]
     if kept:
-        asked = " ".join(f"--with {f['effect']}{':' + f['axis'] if _plain(f) else ''}" for f in kept)
+        asked = "`" + " ".join(f"--with {f['effect']}{':' + f['axis'] if _plain(f) else ''}" for f in kept) + "`"
         held = "it" if len(kept) == 1 else "them"
         steps.append(f"use the calibration.json written here, which holds {held}; calibrate later recordings {asked}")
     return f"Next: {'; '.join(steps)}."

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 import gimbalcal
 from gimbalcal.report.chart import Chart
@@ -60,8 +60,18 @@ def render(template: str, context: Mapping[str, Any]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["coded"] = coded
     told = {"version": gimbalcal.__version__, "script": Markup(_script()), "script_hash": _script_hash()}  # noqa: S704  our own
     return environment.get_template(template).render(**told, **context)
+
+
+def coded(text: str) -> Markup:
+    """A sentence with what stands between backticks as something to type; all else is escaped.
+
+    >>> coded("see `gimbalcal apply`, <b>")
+    Markup('see <code>gimbalcal apply</code>, &lt;b&gt;')
+    """
+    return Markup(re.sub(r"`([^`]*)`", r"<code>\1</code>", str(escape(text))))  # noqa: S704  escaped before
 
 
 @cache

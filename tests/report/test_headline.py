@@ -60,7 +60,7 @@ def test_every_finding_ends_in_a_next_step_that_names_it(effect: str) -> None:
 def test_what_how_large_what_next() -> None:
     assert headline(content("missing-physics", WARM)) == (
         "Accelerometer y drifts with temperature, by 14.83 ± 0.34 µg per °C. Next: use the calibration.json written "
-        "here, which holds it; calibrate later recordings --with bias_temperature:y."
+        "here, which holds it; calibrate later recordings `--with bias_temperature:y`."
     )
 
 
