@@ -190,10 +190,16 @@ def _navigated(
 ) -> Calibration:
     """A unit that was turned in its place, by navigation."""
     from gimbalcal.estimate.systematic.run import systematic  # numba takes a second to load
+    from gimbalcal.estimate.systematic.together import together
 
-    if len(recordings) > 1 or terms:
-        raise InputError("--method systematic takes one recording, and its terms are --states; give it alone")
-    return systematic(recordings[0], asked, added(more, recordings), tell)
+    if terms:
+        raise InputError(f"--terms {','.join(terms)} goes with --method multiposition; a navigator has --states")
+    if len(recordings) == 1:
+        return systematic(recordings[0], asked, added(more, recordings), tell)
+    made = together(recordings, asked, added(more, recordings), tell)
+    for told in made.provenance["options"]["sessions"]:
+        tell(f"{told['title']}: {told['in_words']}")
+    return made
 
 
 def _modelled(recordings: Sequence[Recording]) -> tuple[str, ...]:

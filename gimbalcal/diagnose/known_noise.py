@@ -19,6 +19,7 @@ from gimbalcal.diagnose.evidence.noise import nodes, settle
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.known_noise import library
+from gimbalcal.diagnose.rows.baseline import carried
 from gimbalcal.diagnose.rows.observations import (
     Observations,
     absent_effect,
@@ -34,9 +35,8 @@ from gimbalcal.diagnose.verdict.model import FittedCauses, calibration_fit, cons
 from gimbalcal.diagnose.verdict.recommend import advise, sentence
 from gimbalcal.diagnose.verdict.threshold import clean_evidence
 from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
-from gimbalcal.effects import CATALOGUE, Effect, Parameter
+from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.baseline import BASELINE
-from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.number import Array
@@ -102,12 +102,6 @@ def _about_found(s: Search) -> Observations:
         found.append((absent_effect(c.effect, s.o.stimulus, c.source, **dict(c.variants[f.variants[j]].constants)),
                       c.parameters, size))  # fmt: skip
     return given_back(settle(linearised_at(s.o, shift, found)), found)  # the scatter shows when they are gone
-
-
-def carried(calibration: Calibration | None, baseline: Sequence[str]) -> tuple[Effect, ...]:
-    """Effects of a calibration that hold on another day: the baseline's and the sensors', not how the rig stood."""
-    held = SENSOR_STAGES | GYROSCOPE_STAGES
-    return tuple(e for e in (calibration.effects if calibration else ()) if e.id in baseline or e.stage in held)
 
 
 def _report(

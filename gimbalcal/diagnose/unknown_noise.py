@@ -14,7 +14,7 @@ import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import VERDICTS, Diagnosis
-from gimbalcal.diagnose.rows.baseline import by_triad
+from gimbalcal.diagnose.rows.baseline import by_triad, carried
 from gimbalcal.diagnose.rows.in_place import in_place, turned_in_place
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.diagnose.rows.slews import view_of_slews
@@ -26,6 +26,7 @@ from gimbalcal.diagnose.verdict.calibrated import origin
 from gimbalcal.diagnose.verdict.calibrated_views import Seen, calibrated_views
 from gimbalcal.diagnose.verdict.told import Told, curves_of, told_of
 from gimbalcal.effects import Effect
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording
@@ -56,7 +57,10 @@ def diagnose_unknown_noise(
 def alone(recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell) -> View:
     """The one view of a pointing run, of a unit turned in its place, or of a tilting table."""
     if recording.kind == "rotation":
-        return in_place(recording, baseline, tell) if turned_in_place(recording) else table(recording, baseline)
+        if not turned_in_place(recording):
+            return table(recording, baseline)
+        usual = tuple(baseline) or BASELINE["rotation"]
+        return in_place(recording, usual, tell, tuple(e for e in carried(calibration, ()) if e.id not in usual))
     # every term is fitted anew: a calibration says which the model holds
     held = tuple(dict.fromkeys(p.effect for p in calibration.parameters)) if calibration else ()
     return pointing(recording, baseline or held)

@@ -29,11 +29,7 @@ def join(sessions: Sequence[Recording]) -> Recording:
         return first
     for other in sessions[1:]:
         _refuse_unlike(first, other)
-    files = [s for r in sessions for s in r.source if not s.path.endswith(".toml")]  # headers may well be alike
-    digests = [s.sha256 for s in files]
-    twice = next((s.path for s in files if digests.count(s.sha256) > 1), "")
-    if twice:
-        raise InputError(f"{twice!r} is given twice: the same data are no more evidence; give it once")
+    refuse_twice(sessions)
     common = [key for key in first.channels if all(key in r.channels for r in sessions)]
     dropped = sorted({" ".join(key).strip() for r in sessions for key in r.channels if key not in common})
     remarks = (f"only in some of the sessions, and left out: {', '.join(dropped)}",) if dropped else ()
@@ -52,6 +48,15 @@ def join(sessions: Sequence[Recording]) -> Recording:
         scatter=_shared([r.scatter for r in sessions]),
         remarks=(*(remark for r in sessions for remark in r.remarks), *remarks),
     )  # fmt: skip
+
+
+def refuse_twice(sessions: Sequence[Recording]) -> None:
+    """Raise InputError where the same data stand in two recordings."""
+    files = [s for r in sessions for s in r.source if not s.path.endswith(".toml")]  # headers may well be alike
+    digests = [s.sha256 for s in files]
+    twice = next((s.path for s in files if digests.count(s.sha256) > 1), "")
+    if twice:
+        raise InputError(f"{twice!r} is given twice: the same data are no more evidence; give it once")
 
 
 def _refuse_unlike(first: Recording, other: Recording) -> None:

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from gimbalcal import diagnose
+from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.diagnose.rows.in_place import turned_in_place
-from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.units import from_si
 from tests.estimate.systematic.table import turning_unit
 
@@ -81,3 +82,14 @@ def test_a_law_of_no_catalogue():
 def test_a_table_that_goes_on_tilting_is_none():
     assert turned_in_place(turning_unit(**SHORT))
     assert not turned_in_place(turning_unit(**{**SHORT, "stop": 0.0}))
+
+
+def test_a_calibration_from_before_holds_what_30_states_leave_out():
+    """The cross-coupling of last month, given, is no cause today; nothing else hides behind it."""
+    (p,) = [p for p in parameters(CATALOGUE["cross_coupling"]) if p.axis == "yz"]
+    known = Calibration(
+        "systematic", with_values((), [p], np.array([3e-5])), (p,), np.array([[1e-12]]), (), Residual(0.0, 1, {})
+    )
+    d = diagnose([_hiding("cross_coupling", "yz", 3e-5, seed=3)], known)
+    assert d.verdict == "adequate"
+    assert d.findings == ()

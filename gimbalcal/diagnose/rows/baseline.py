@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, Effect
-from gimbalcal.effects.effect import GYROSCOPE_STAGES, follows, lacking
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, follows, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.recording import Recording
 from gimbalcal.recording.holes import SPARSE
@@ -60,3 +61,9 @@ def check_finite(recording: Recording) -> None:
             raise InputError(
                 f"{recording.title!r}, row {bad[0] + 1}, {name}: the value is not a finite number; leave such rows out"
             )
+
+
+def carried(calibration: Calibration | None, baseline: Sequence[str]) -> tuple[Effect, ...]:
+    """Effects of a calibration that hold on another day: the baseline's and the sensors', not how the rig stood."""
+    held = SENSOR_STAGES | GYROSCOPE_STAGES
+    return tuple(e for e in (calibration.effects if calibration else ()) if e.id in baseline or e.stage in held)

@@ -14,7 +14,6 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.rows.views import FORCE, RATE, View
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values
-from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, absent, constants
 from gimbalcal.estimate.systematic.course import stops
 from gimbalcal.estimate.systematic.run import calibrated
@@ -40,22 +39,29 @@ def turned_in_place(recording: Recording) -> bool:
     return len(stops(recording)) >= FEWEST
 
 
-def in_place(recording: Recording, baseline: Sequence[str], tell: Callable[[str], None]) -> View:
-    """The view of a unit turned through stops. Raises InputError where a navigator cannot take the recording."""
-    ids = tuple(baseline) or BASELINE["rotation"]
+def in_place(
+    recording: Recording, ids: tuple[str, ...], tell: Callable[[str], None], held: tuple[Effect, ...] = ()
+) -> View:
+    """The view of a unit turned through stops, whose model fits the effects `ids` and holds others, with their sizes.
+
+    Raises InputError where a navigator cannot take the recording.
+    """
     usual = states(",".join(ids), recording)
+
+    def known(more: Sequence[Effect] = ()) -> tuple[Effect, ...]:
+        return (*(e for e in held if e.id not in {m.id for m in more}), *more)
 
     def beside(effect: Effect, wanted: Sequence[Parameter]) -> View:
         return replace(
-            view_of(recording, settle(recording, (*usual, *wanted), (effect,), tell), ids), settled=converged
+            view_of(recording, settle(recording, (*usual, *wanted), known([effect]), tell), ids), settled=converged
         )
 
-    first = settle(recording, usual, (), tell)
+    first = settle(recording, usual, held, tell)
 
     def converged(effects: Sequence[Effect], fitted: Sequence[Parameter]) -> Calibration:
         more = tuple(p for p in fitted if p.label not in {u.label for u in usual})
-        held = tuple(emptied(e) for e in effects if e.id in {p.effect for p in more})
-        return calibrated(settle(recording, (*usual, *more), held, tell) if more else first)
+        fresh = [emptied(e) for e in effects if e.id in {p.effect for p in more}]
+        return calibrated(settle(recording, (*usual, *more), known(fresh), tell) if more else first)
 
     return replace(view_of(recording, first, ids), beside=beside, settled=converged)
 

@@ -63,15 +63,19 @@ def calibrated(m: Settled) -> Calibration:
 
 
 def _solved(wanted: Sequence[Parameter], last: Pass, x: Array) -> Solution:
-    """The estimate as the house tells it: what the data alone say, and the directions that they do not see.
+    """The estimate as the house tells it: what the data alone say, and the directions that they do not see."""
+    return solve(informed(wanted, last, x, [p.sigma for p in wanted]))
+
+
+def informed(wanted: Sequence[Parameter], last: Pass, x: Array, scale: Sequence[float]) -> Information:
+    """What the data of a pass that found x (p,) [SI] say; scale (p,): the prior sigmas that the pass worked with.
 
     P = S S^T holds the prior of width `WIDE`, so S^-1 has the data's singular values s^2 - 1 / WIDE^2.
     """
     from scipy.linalg import solve_triangular
 
-    scale = np.array([p.sigma for p in wanted])
     root = solve_triangular(last.factor, np.eye(len(wanted)), lower=True)
     _, s, Vt = np.linalg.svd(root)
     s = np.sqrt(np.maximum(s**2 - WIDE**-2, 0.0))
-    rows = np.concatenate([s[:, None] * Vt, (s * (Vt @ (x / scale)))[:, None]], axis=1)
-    return solve(Information(tuple(wanted), rows, len(wanted)))
+    J = s[:, None] * Vt * (np.array([p.sigma for p in wanted]) / scale)
+    return Information(tuple(wanted), np.column_stack([J, s * (Vt @ (x / scale))]), len(wanted))

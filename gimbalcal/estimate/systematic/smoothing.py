@@ -69,12 +69,13 @@ class Pass:
 
 def one_pass(
     course: Course, wanted: Sequence[Parameter], effects: Sequence[Effect], u: Array, C: Array, start: Alignment,
-    prior: Array, left_out: NDArray[np.bool_], near: Linear | None = None,
+    prior: Array, left_out: NDArray[np.bool_], near: Linear | None = None, known: Array | None = None,
 ) -> Pass:  # fmt: skip
     """Filter and smooth about the effects, what was there (n, 6) and the attitudes C (K + 1, 3, 3).
 
     prior (p,): mean of the parameters before, less their present values; left_out (K,): updates that are not believed;
-    near: an error model about values so near that only the defects are another's.
+    near: an error model about values so near that only the defects are another's; known (p, p): upper triangular
+    factor of what their covariance was before, in prior sigmas (default: nothing was known).
     """
     about = linear(course, wanted, effects, u, C) if near is None else near._replace(d=defects(course, u, C, near))
     Phi, Psi, Q, d = about
@@ -86,6 +87,8 @@ def one_pass(
     x = np.concatenate([x, np.zeros(len(wander))])
     first = np.concatenate([prior / scale, x[:3]])
     S = np.diag(np.concatenate([sigma, np.full(len(wanted), WIDE), sigma[:3]]))
+    if known is not None:
+        S[m:-3, m:-3] = known
     S[range(3), range(3)], S[range(3), range(-3, 0)] = 0.0, sigma[:3]
     R = np.full((len(Phi), 3), course.velocity**2) / STATE[VELOCITY] ** 2
     z = np.where(course.believed[:, None], 0.0, np.full((len(Phi), 3), np.nan))
