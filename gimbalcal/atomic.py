@@ -11,6 +11,7 @@ import signal
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,23 @@ def write(path: Path, content: str | bytes) -> None:
 
 def write_json(path: Path, content: Mapping[str, Any] | Sequence[Any]) -> None:
     """Write JSON, so that an interruption leaves the old file or none."""
-    write(path, json.dumps(content, indent=1))
+    write(path, as_json(content, indent=1))
+
+
+def as_json(content: Any, indent: int | None = None) -> str:
+    """JSON as every reader takes it: numbers that are none, which it has no word for, are null."""
+    try:
+        return json.dumps(content, indent=indent, allow_nan=False)
+    except ValueError:
+        return json.dumps(_with_nulls(content), indent=indent, allow_nan=False)
+
+
+def _with_nulls(content: Any) -> Any:
+    if isinstance(content, Mapping):
+        return {k: _with_nulls(v) for k, v in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [_with_nulls(v) for v in content]
+    return None if isinstance(content, float) and not isfinite(content) else content
 
 
 @contextmanager

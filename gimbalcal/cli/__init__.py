@@ -53,7 +53,11 @@ def main() -> None:
         name, why = problem.filename or "a file", problem.strerror or problem
         _stop(f"gimbalcal: {name} cannot be read or written ({why}); correct its name or its permissions", 2)
 
-    except Exception:  # noqa: BLE001  status 1 is a verdict, which a defect must not look like
+    except MemoryError:
+        _stop("gimbalcal: there is not enough memory for this input; give it in parts, or as means", 2)
+    except SystemExit:
+        raise
+    except BaseException:  # noqa: BLE001  a panic of an engine is no Exception;  status 1 is a verdict, which a defect must not look like
         traceback.print_exc()
         _stop("gimbalcal: this is a defect of the program, not of your data; please report it with the lines above", 3)
 

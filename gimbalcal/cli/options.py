@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from collections.abc import Callable
@@ -11,6 +10,7 @@ from typing import Any, TypeVar
 
 import click
 
+from gimbalcal import atomic
 from gimbalcal.errors import InputError
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -67,7 +67,7 @@ def show(result: Any, sentence: str, as_json: bool, quiet: bool, page: Path | No
     """Print the answer on stdout: the sentence and where its page is, or the result as JSON, the rest as progress."""
     said = [sentence, *([] if page is None else [f"report: {page}"])]
     if as_json:
-        print(json.dumps(result))
+        print(atomic.as_json(result))
         progress(quiet)("\n  ".join(said))
     else:
         print("\n".join(said))

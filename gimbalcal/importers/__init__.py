@@ -44,6 +44,16 @@ EVERYWHERE = ("title", "means")
 """Options that every kind has: another title; means = yes keeps one row per dwell."""
 
 
+YES, NO = ("yes", "true", "1", "on"), ("no", "false", "0", "off")
+
+
+def _asked(means: str) -> bool:
+    """Whether the option means says yes."""
+    if means.lower() not in (*YES, *NO):
+        raise InputError(f"the option means is yes (one row for each dwell) or no, got {means!r}")
+    return means.lower() in YES
+
+
 def import_files(kind: str, files: Sequence[str | Path], options: Mapping[str, str] | None = None) -> Recording:
     """The recording in the foreign `files`; `InputError` if the kind, a file or its content is not as it must be."""
     if kind not in KINDS:
@@ -54,10 +64,11 @@ def import_files(kind: str, files: Sequence[str | Path], options: Mapping[str, s
             raise InputError(f"{path} does not exist or is not a file; give the files that {kind} is to read")
     options = dict(options or {})
     own = {key: value for key, value in options.items() if key not in EVERYWHERE}
+    average = _asked(options.get("means", "no"))
     recording = KINDS[kind](paths, own)
     if "title" in options:
         recording = replace(recording, title=options["title"])
-    if options.get("means", "no") not in ("no", "false", "0"):
+    if average:
         seen = {name: recording.sigma(name) for name in ("accelerometer", "gyroscope")}
         noise = {name: sigma for name, sigma in seen.items() if sigma is not None}
         recording = replace(dwell_means(recording), noise={**noise, **recording.noise})

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.importers.table import COMMON, component, header_for, one_file, only, recording_of, without_index
 from gimbalcal.number import Array
 from gimbalcal.recording.record import Recording
+from gimbalcal.recording.room import refuse_bomb
 
 if TYPE_CHECKING:
     import h5py
@@ -43,24 +45,56 @@ def dataset_names(path: Path) -> tuple[str, ...]:
 
 
 def dataset(path: Path, name: str) -> Array | None:
-    """One data set, its levels separated by a slash or a dot; text as text; None where there is none."""
+    """One data set, its levels separated by a slash or a dot; text as text; None where there is none.
+
+    Raises InputError for one whose content lies in another file: what a file shows of this machine is its own.
+    """
     import h5py
 
     with _opened(path) as file:
-        found = file.get(name.replace(".", "/").strip("/") or "/")
+        place = name.replace(".", "/").strip("/") or "/"
+        _refuse_elsewhere(path, file, place)
+        found = file.get(place)
         if not isinstance(found, h5py.Dataset):
             return None
+        if found.external or found.is_virtual:
+            raise InputError(f"{path}: the numbers of {name!r} lie in another file; copy them into this one")
+        refuse_bomb(path, found.size * max(found.dtype.itemsize, 8))
         value = found[()]
         return np.array([_text(v) for v in np.ravel(value)]) if found.dtype.kind in "SO" else np.asarray(value)
 
 
-def _opened(path: Path) -> h5py.File:
+def _refuse_elsewhere(path: Path, file: h5py.File, place: str) -> None:
+    """Every level of a name is looked at before it is followed, and every link that it leads to."""
+    import h5py
+
+    waiting, seen = [place], set()
+    while waiting:
+        parts = waiting.pop().strip("/").split("/")
+        for i in range(1, len(parts) + 1):
+            level = "/".join(parts[:i])
+            link = file.get(level, getlink=True) if level else None
+            if isinstance(link, h5py.ExternalLink):
+                raise InputError(f"{path}: {level!r} is a link to another file; copy what it means into this one")
+            if isinstance(link, h5py.SoftLink) and level not in seen:
+                seen.add(level)
+                to = link.path if link.path.startswith("/") else "/".join([*parts[: i - 1], link.path])
+                waiting.append("/".join([to, *parts[i:]]))
+                break
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[h5py.File]:
+    """The file; whatever its content does to the library is one sentence."""
     import h5py
 
     try:
-        return h5py.File(path, "r")
-    except OSError:
-        raise InputError(f"{path} is not an HDF5 file, or it is cut short; copy it again") from None
+        with h5py.File(path, "r") as file:
+            yield file
+    except InputError:
+        raise
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, MemoryError, RecursionError):
+        raise InputError(f"{path} is not an HDF5 file, or it is cut short or damaged; copy it again") from None
 
 
 def _text(value: object) -> str:

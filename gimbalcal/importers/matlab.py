@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.errors import InputError
+from gimbalcal.importers.apart import matlab_variables
 from gimbalcal.importers.hdf5 import dataset, dataset_names
 from gimbalcal.importers.table import COMMON, component, header_for, only, recording_of, sources, without_index
 from gimbalcal.number import Array
@@ -66,24 +67,9 @@ def _found(held: Sequence[_Variables], name: str) -> tuple[Path, Any]:
 
 
 def _opened(path: Path) -> _Variables:
-    import scipy.io
-
     with path.open("rb") as file:
         start = file.read(520)
     if _HDF5 in (start[:8], start[512:520]):  # MATLAB puts 512 bytes of its own before the signature
         return _Variables(path, dataset_names(path), lambda name: dataset(path, name))
-    try:
-        variables: dict[str, Any] = scipy.io.loadmat(path, struct_as_record=False, squeeze_me=True)
-    except (ValueError, TypeError, EOFError, OSError, NotImplementedError):
-        raise InputError(
-            f"{path} is not a MATLAB file, or it is cut short; text files that are only called .mat go through "
-            "`gimbalcal import imu-tk` or `csv`"
-        ) from None
-
-    def find(name: str) -> Any:
-        found: Any = variables
-        for part in name.split("."):
-            found = found.get(part) if isinstance(found, dict) else getattr(found, part, None)
-        return found
-
-    return _Variables(path, tuple(key for key in variables if not key.startswith("__")), find)
+    variables = matlab_variables(path)
+    return _Variables(path, tuple(variables), variables.get)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
+import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from gimbalcal.importers.table import one_file, only
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording.record import ANYWHERE, Key, Recording, Source
+from gimbalcal.recording.room import refuse_bomb
 from gimbalcal.recording.scatter import pooled
 
 _AXES = {"x": ("N", 1.0), "y": ("E", 1.0), "z": ("Z", -1.0)}  # Z of a seismometer is up
@@ -31,13 +33,24 @@ def import_tilt_table(files: Sequence[Path], options: Mapping[str, str]) -> Reco
     path = one_file(files)
     names = [f"{kind}{letter}" for letter, _ in _AXES.values() for kind in ("vel_HH", "rate_HJ")]
     try:
+        with zipfile.ZipFile(path) as packed:
+            refuse_bomb(path, sum(each.file_size for each in packed.infolist()))
         with np.load(path) as archive:
             held = {name: np.asarray(archive[name], dtype=float) for name in [*names, "fs"]}
-    except (KeyError, OSError, TypeError, ValueError, zipfile.BadZipFile) as error:
+    except InputError:
+        raise
+    except (KeyError, OSError, TypeError, ValueError, EOFError, MemoryError, OverflowError, NotImplementedError,
+            RuntimeError, SyntaxError, zipfile.BadZipFile, zlib.error) as error:  # fmt: skip
         raise InputError(
             f"{path} is not the archive of a tilt table, it must hold {', '.join(names)}, fs: {error}"
         ) from None
-    rate = float(held["fs"].ravel()[0])
+    rate = float(held["fs"].ravel()[0]) if held["fs"].size else 0.0
+    sizes = {held[name].shape for name in names}
+    if not (np.isfinite(rate) and rate > 0) or len(sizes) > 1 or len(next(iter(sizes))) != 1 or max(sizes) < (3,):
+        raise InputError(f"{path}: fs must be a rate above 0 Hz, and all channels must be vectors of one length")
+    bad = next((name for name in names if not np.isfinite(held[name]).all()), "")
+    if bad:
+        raise InputError(f"{path}: {bad} holds what is no number; leave such rows out")
     channels: dict[Key, Array] = {}
     for axis, (letter, sign) in _AXES.items():
         channels["specific_force", axis] = sign * np.gradient(held[f"vel_HH{letter}"], 1 / rate)

@@ -172,13 +172,19 @@ def _read(path: Path) -> _File:
         if text.strip().startswith(":"):
             upright = upright or text.strip(" :").upper().startswith("ALTAZ")
             continue
-        if not words or text.startswith("!") or not _NUMBER.match(words[0]):
+        if not words or text.startswith("!"):
             continue
         numbers = _leading(words)
         if site is None:
-            site = _site(numbers) if len(numbers) >= 6 else None  # else a caption that begins with a number
-            air = _air(numbers)
+            if len(numbers) < 6:  # a caption, though it may begin with a number
+                continue
+            site, air = _site(path, line, numbers), _air(numbers)
             continue
+        if not numbers:
+            raise InputError(
+                f"{path}, line {line}: {text.strip()[:60]!r} does not begin with a number as a star does; correct it, "
+                "or write ! before a remark"
+            )
         rows.append(_observation(path, line, text, numbers))
     if site is None or not rows:
         raise InputError(f"{path} is not a TPOINT file: a line of latitude, date and weather and then stars are wanted")
@@ -212,8 +218,15 @@ def _air(numbers: Sequence[str]) -> float:
     return float(numbers[7]) / 1010 * 283 / (273 + float(numbers[6])) if len(numbers) > 7 else 0.0
 
 
-def _site(numbers: Sequence[str]) -> Site:
+def _site(path: Path, line: int, numbers: Sequence[str]) -> Site:
     """Latitude, date, and where they were written temperature, pressure and height."""
+    d, m, s, year, month, day = (float(word) for word in numbers[:6])
+    dated = 1800 <= year <= 2200 and 1 <= month <= 12 and 1 <= day < 32
+    if not (dated and abs(d) <= 90 and 0 <= m < 60 and 0 <= s < 60) or len(numbers) >= _BY_STARS:
+        raise InputError(
+            f"{path}, line {line}: the first line of numbers tells the site, its latitude in degrees, minutes and "
+            f"seconds and then year, month and day; got {' '.join(numbers[:6])}"
+        )
     latitude = float(np.radians(sexagesimal(numbers[:3])))
     height = float(numbers[8]) if len(numbers) > 8 else 0.0
     return Site(latitude, height, float(normal_gravity(latitude, height)))

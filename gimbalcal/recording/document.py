@@ -16,6 +16,7 @@ from gimbalcal.units import check, to_si
 _NUMPY_SCALAR = re.compile(r"np\.float64\(\s*([-+0-9.eE]+)\s*\)")
 
 
+LONGEST = 20_000_000  # bytes
 LARGEST = 1e100  # nothing that is measured comes near; its square is still a number
 
 
@@ -25,6 +26,8 @@ class Document:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
+            if path.stat().st_size > LONGEST:
+                raise InputError(f"{path} has {path.stat().st_size / 1e6:.0f} MB, which no description has")
             text = path.read_text(encoding="utf-8-sig")
         except UnicodeDecodeError as error:
             raise InputError(f"{path} is not UTF-8 text (byte {error.start}): save it as UTF-8") from None
@@ -37,6 +40,9 @@ class Document:
             line = f"line {where[1]}, column {where[2]}" if where else f"line {len(self.lines)}"
             what = re.sub(r"\s*\(at .*\)$", "", str(error))
             raise InputError(f"{path}, {line}: {what}; this line is not valid TOML, correct it") from None
+
+        except (ValueError, RecursionError) as error:  # integers of thousands of digits, thousands of brackets
+            raise InputError(f"{path} is beyond what TOML is for: {shortened(str(error), 100)}; correct it") from None
 
     @classmethod
     def of(cls, content: Mapping[str, Any], path: Path) -> Document:

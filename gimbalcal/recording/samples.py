@@ -15,6 +15,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording.columns import Column
 from gimbalcal.recording.dates import Dates, NoDateError, is_date
 from gimbalcal.recording.document import shortened
+from gimbalcal.recording.room import refuse_bomb
 from gimbalcal.units import from_si
 
 if TYPE_CHECKING:
@@ -118,7 +119,10 @@ def _scan(path: Path, names: Sequence[str]) -> pl.LazyFrame:
     import polars as pl
 
     if path.suffix == ".parquet":
-        return pl.scan_parquet(path.absolute(), glob=False)
+        lazy = pl.scan_parquet(path.absolute(), glob=False)
+        rows = lazy.select(pl.len()).collect().item()
+        refuse_bomb(path, 8 * rows * len(names), streamed=True)
+        return lazy
     if path.stat().st_size == 0:
         raise pl.exceptions.NoDataError
     # Every dtype is given: a guess from the first rows fails at the first 0.5 below a column of integers.

@@ -13,7 +13,7 @@ import numpy as np
 
 from gimbalcal.errors import InputError, alternatives, amount
 from gimbalcal.platform import KNOWN, Platform
-from gimbalcal.recording.document import Document
+from gimbalcal.recording.document import LARGEST, Document, shortened
 from gimbalcal.schedule.published import SCHEDULES
 from gimbalcal.schedule.rotation import BODY, DIRECTIONS, TABLE, Move, RotationSchedule
 from gimbalcal.schedule.rotations import ROTATIONS
@@ -169,7 +169,7 @@ def _above_zero(
 
 def _platform(document: Document) -> Platform:
     name = document.table("platform").get("name", "space-stable")
-    if name not in KNOWN:
+    if not isinstance(name, str) or name not in KNOWN:
         where = document.where("platform", "name")
         raise InputError(f"{where}: no platform is called {name!r}; known are {', '.join(KNOWN)}")
     return KNOWN[name]
@@ -190,7 +190,9 @@ def _hold(document: Document, platform: Platform, number: int, hold: Any, durati
             f"{platform.name!r} does not have; its axes are {', '.join(names)}"
         )
     values = [hold.get(name, 0.0) for name in names]
-    bad = [v for v in values if isinstance(v, bool) or not isinstance(v, int | float) or not np.isfinite(v)]
+    bad = [v for v in values if isinstance(v, bool) or not isinstance(v, int | float) or not abs(v) < LARGEST]
     if bad:
-        raise InputError(f"{document.where('schedule.holds')}: hold {number} has the angle {bad[0]!r}; give degrees")
+        raise InputError(
+            f"{document.where('schedule.holds')}: hold {number} has the angle {shortened(repr(bad[0]))}; give degrees"
+        )
     return Hold(tuple(float(np.deg2rad(v)) for v in values), duration)

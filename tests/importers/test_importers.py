@@ -191,7 +191,9 @@ def test_matlab_up_to_v7(tmp_path: Path) -> None:
     said = refusal("mat", [tmp_path / "rig.mat"], options)
     assert "imu.acc[3] does not name one column of an array of shape (60, 3); write imu.acc[0], imu.acc[1], ..." in said
     options = header(tmp_path, time="time", position="imu.pos", x="imu.acc[0]", y="imu.acc[1]", z="imu.acc[2]")
-    assert "rig.mat has no variable 'time'; it has t, imu, name" in refusal("mat", [tmp_path / "rig.mat"], options)
+    assert "rig.mat has no variable 'time'; it has t, imu.acc, imu.pos, name" in refusal(
+        "mat", [tmp_path / "rig.mat"], options
+    )
     options = header(tmp_path, time="name", position="imu.pos", x="imu.acc[0]", y="imu.acc[1]", z="imu.acc[2]")
     assert "row 1, column name: 'rig' is not a date and time of ISO 8601; correct it" in refusal(
         "mat", [tmp_path / "rig.mat"], options
@@ -222,7 +224,7 @@ def test_hdf5(tmp_path: Path) -> None:
     said = refusal("hdf5", [tmp_path / "rig.h5"], options)
     assert "rig.h5 has no data set '/time'; it has clock, imu/acc, imu/pos" in said
     (tmp_path / "rig.h5").write_bytes((tmp_path / "rig.h5").read_bytes()[:700])
-    assert "rig.h5 is not an HDF5 file, or it is cut short; copy it again" in refusal(
+    assert "rig.h5 is not an HDF5 file, or it is cut short or damaged; copy it again" in refusal(
         "hdf5", [tmp_path / "rig.h5"], options
     )
 

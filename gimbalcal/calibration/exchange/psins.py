@@ -11,6 +11,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.exchange.matrices import Found, matrices, parameters_of
 from gimbalcal.errors import InputError
+from gimbalcal.importers.apart import matlab_variables
 from gimbalcal.number import Array
 
 HEADING = b"MATLAB 5.0 MAT-file, written by gimbalcal".ljust(116)  # SciPy's has the time: equal content, equal bytes
@@ -47,32 +48,30 @@ def _column(v: Array) -> Array:
 
 def read(path: Path) -> Found:
     """Value and sigma of each parameter in a .mat file."""
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
-    try:
-        found = loadmat(path, struct_as_record=False, squeeze_me=True)
-    except (ValueError, TypeError, EOFError, OSError, NotImplementedError, MatReadError):
-        raise InputError(f"{path} is not a MATLAB file of version 5 to 7, or it is cut short") from None
-    if "clbt" not in found:
-        names = ", ".join(k for k in found if not k.startswith("__"))
-        raise InputError(f"{path} has no structure clbt; it has {names}")
-    clbt = found["clbt"]
+    found = matlab_variables(path)
+    if not any(name.startswith("clbt.") for name in found):
+        raise InputError(f"{path} has no structure clbt; it has {', '.join(found) or 'nothing'}")
 
     def field(name: str, default: Array) -> Array:
-        v = np.asarray(getattr(clbt, name, default), dtype=float)
+        told = found.get(f"clbt.{name}", default)
+        v = np.asarray(told if told.dtype.kind in "biuf" else np.zeros(0), dtype=float)
         if v.shape != default.shape:
             raise InputError(f"{path}: clbt.{name} must have shape {default.shape}, got {v.shape}")
+        if not np.isfinite(v).all():
+            raise InputError(f"{path}: clbt.{name} must hold finite numbers")
         return v
 
     sf = field("sf", np.ones(6))
     Ka, Kg = field("Ka", np.eye(3)), field("Kg", np.eye(3))
-    K = field("Ka2", np.zeros(3)) / np.diag(Ka)
-    b = np.linalg.solve(Ka, field("db", np.zeros(3)))
-    b = b / (1 + K * b)  # db = Ka (b + K b^2), to first order in K
-    Ma = np.linalg.inv(Ka @ np.diag(1 / (1 + 2 * K * b)))
-    Mg = np.linalg.inv(Kg)
-    A = Mg @ field("gSens", np.zeros((3, 3))) @ Ma
-    bg = Mg @ field("eb", np.zeros(3)) + A @ np.linalg.solve(Ma, b)
-    return parameters_of({"Ma": Ma / sf[3:, None], "ba": b / sf[3:], "K": K * sf[3:], "Mg": Mg / sf[:3, None],
-                    "bg": bg / sf[:3], "A": A / sf[:3, None]})  # fmt: skip
+    try:
+        K = field("Ka2", np.zeros(3)) / np.diag(Ka)
+        b = np.linalg.solve(Ka, field("db", np.zeros(3)))
+        b = b / (1 + K * b)  # db = Ka (b + K b^2), to first order in K
+        Ma = np.linalg.inv(Ka @ np.diag(1 / (1 + 2 * K * b)))
+        Mg = np.linalg.inv(Kg)
+        A = Mg @ field("gSens", np.zeros((3, 3))) @ Ma
+        bg = Mg @ field("eb", np.zeros(3)) + A @ np.linalg.solve(Ma, b)
+        return parameters_of({"Ma": Ma / sf[3:, None], "ba": b / sf[3:], "K": K * sf[3:], "Mg": Mg / sf[:3, None],
+                        "bg": bg / sf[:3], "A": A / sf[:3, None]})  # fmt: skip
+    except np.linalg.LinAlgError:
+        raise InputError(f"{path}: clbt.Ka and clbt.Kg must be matrices that have an inverse") from None

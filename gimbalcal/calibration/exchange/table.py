@@ -42,17 +42,26 @@ def content(calibration: Calibration, _: Sequence[str]) -> bytes:
 def read(path: Path) -> tuple[Found, tuple[str, ...]]:
     """Value and sigma of each parameter, and the names of the gimbals that they are counted by."""
     out: Found = {}
-    lines = path.read_text(encoding="utf-8").splitlines()
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except UnicodeDecodeError as problem:
+        raise InputError(f"{path} is not text in UTF-8 (byte {problem.start}): save it as UTF-8") from None
     told = next((line.removeprefix(GIMBALS) for line in lines if line.startswith(GIMBALS)), "")
     start = next((i for i, line in enumerate(lines) if not line.startswith("#")), len(lines))
     rows = csv.DictReader(lines[start:])
     missing = [c for c in ("name", "axis", "value", "unit") if c not in (rows.fieldnames or ())]
     if missing:
         raise InputError(f"{path}, line {start + 1}: the column {missing[0]!r} is missing; write {','.join(HEADER)}")
-    body = list(rows)
+    try:
+        body = list(rows)
+    except csv.Error as problem:
+        raise InputError(f"{path} is not CSV: {problem}") from None
     gimbals = tuple(told.split(", ")) if told else gimbals_of([(row["name"], row["axis"]) for row in body])
     known = {(p.name, p.axis): p for cls in CATALOGUE.values() for p in parameters(cls, gimbals, constants=True)}
     for n, row in enumerate(body, start=start + 2):
+        short = next((c for c in ("name", "axis", "value", "unit") if row[c] is None), "")
+        if short:
+            raise InputError(f"{path}, line {n}: the line ends before its {short}; write {','.join(HEADER)}")
         p = known.get((row["name"], row["axis"]))
         if p is None:
             raise InputError(f"{path}, line {n}: no parameter is called {row['name']}:{row['axis']}")
