@@ -198,14 +198,17 @@ def factor(v: View, without: Model, X: Array, cause: Candidate) -> float:
     return float(bayes_factors(projections(v, without, X), [one])[1][0])
 
 
-def steps_of(v: View, first: Model, taken: Sequence[Taken], standard: Sequence[Taken] = ()) -> Course:
-    """The causes in the order of what each takes away, and the shape of what is left."""
-    steps = ordered(v, first, taken)
+def steps_of(v: View, first: Model, taken: Sequence[Taken], standard: Sequence[Taken] = (), refused: bool = False
+             ) -> Course:  # fmt: skip
+    """The causes in the order of what each takes away, and the shape of what is left.
+
+    Of what a known cause would explain no shape is told, unless causes have been `refused` already.
+    """
+    steps, left = ordered(v, first, taken), list[Candidate]()
     described = steps[-1].model if steps else first
-    left: list[Candidate] = []
     for _ in range(MOST):
-        rest = weigh(v, described, memory=True)
-        if rest.ln_total < CLAIM or rest.named:
+        rest = weigh(v, described, memory=True, shape=refused)
+        if rest.ln_total < CLAIM or rest.named or (left and rest.ln_bayes < CLAIM):
             break
         left += [c for c, _ in rest.found if c.rival]
         described = with_columns(v, described, rest.columns)
@@ -214,8 +217,7 @@ def steps_of(v: View, first: Model, taken: Sequence[Taken], standard: Sequence[T
 
 def ordered(v: View, first: Model, taken: Sequence[Taken]) -> tuple[Step, ...]:
     """One step for each cause, the one that takes away most first."""
-    left = list(taken)
-    steps: list[Step] = []
+    left, steps = list(taken), list[Step]()
     while left:
         models = [take(v, first, [*(s.taken for s in steps), t]) for t in left]
         best = int(np.argmin([m.rms for m in models]))
@@ -273,8 +275,9 @@ def ranked(v: View, model: Model, memory: bool = True) -> Weighed:
     return weighed(Library(known, X), p, bayes_factors(p, known), v.recording.kind)
 
 
-def weigh(v: View, model: Model, memory: bool = False, against: Candidate | None = None) -> Round:
-    """What is likeliest to be missing from a model, in white noise or in noise with memory: causes, or a shape.
+def weigh(v: View, model: Model, memory: bool = False, against: Candidate | None = None, shape: bool = False
+          ) -> Round:  # fmt: skip
+    """What is likeliest to be missing from a model, in white noise or in noise with memory: causes, or a `shape`.
 
     Causes are taken up where by themselves they are likelier than a shape by itself, several of them at the odds of a
     claim: together they may mimic what one shape says. Beside a shape almost any cause seems needed, as it resembles a
@@ -286,7 +289,7 @@ def weigh(v: View, model: Model, memory: bool = False, against: Candidate | None
     known = [
         h for h in s.hypotheses if not h.unknown(every) and len({every[i].effect for i in h.members}) == len(h.members)
     ]
-    named = total(known) > total(shapes) + CLAIM * (len(known[0].members) > 1)
+    named = not (shape and shapes) and total(known) > total(shapes) + CLAIM * (len(known[0].members) > 1)
     best = known[0] if named else shapes[0]
     rival = [h.ln_weight for h in known if against and any(every[i].key == against.key for i in h.members)]
     lead = best.ln_weight - max(rival) if rival and named else 0.0

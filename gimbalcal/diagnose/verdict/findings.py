@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.diagnose import wording
-from gimbalcal.diagnose.evidence.odds import LIKELY
+from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.refit import Model, constants_told
-from gimbalcal.diagnose.search.stepwise import Course, steps_of, take
+from gimbalcal.diagnose.search.stepwise import Course, Key, Taken, steps_of, take, weigh
 from gimbalcal.diagnose.verdict.alternatives import Judgement, judged
 from gimbalcal.diagnose.verdict.decide import capped
 from gimbalcal.effects import CATALOGUE, values
@@ -23,7 +23,14 @@ SHOWN, HIDDEN = 5.0, 3.0  # sigmas of a parameter that differs from zero, and of
 
 
 def confirmed(v: View, c: Course, tell: Tell) -> tuple[Course, list[Judgement]]:
-    """The course without causes that something else is likelier to be; what these explained is left, and its shape."""
+    """The course without causes that something else is likelier to be: that is taken up in their place.
+
+    Where it has been refused as well, what these explained is left, and its shape: a misfit beyond the noise does not
+    vanish with the last name for it.
+    """
+    gone: set[Key] = set()
+    if not c.steps and not c.left:
+        c = _instead(v, c, (), gone, tell)
     while True:
         tell("asking of each cause what else could stand in its place")
         verdicts = judged_in_turn(v, c)
@@ -31,8 +38,18 @@ def confirmed(v: View, c: Course, tell: Tell) -> tuple[Course, list[Judgement]]:
         if least is None or least.probability >= LIKELY:
             return c, verdicts
         tell(f"{least.cause.label} is not named: it is likelier something else")
-        kept = [s.taken for s in c.steps if s.taken[0] is not least.cause]
-        c = steps_of(v, c.start, kept, [t for t in c.standard if t in kept])
+        gone.add(least.cause.key)
+        c = _instead(v, c, [s.taken for s in c.steps if s.taken[0] is not least.cause], gone, tell)
+
+
+def _instead(v: View, c: Course, kept: Sequence[Taken], gone: set[Key], tell: Tell) -> Course:
+    """The course with these causes and what is likeliest beside them, unless that is among those that are gone."""
+    best = weigh(v, take(v, c.start, kept), memory=True)
+    new = best.found if best.ln_total >= CLAIM and best.named else ()
+    if new and not gone & {cause.key for cause, _ in new}:
+        tell(f"taken up: {', '.join(cause.label for cause, _ in new)}; ln Bayes factor {best.ln_bayes:.0f}")
+        kept = [*kept, *new]
+    return steps_of(v, c.start, kept, [t for t in c.standard if t in kept], refused=bool(gone))
 
 
 def judged_in_turn(v: View, c: Course) -> list[Judgement]:

@@ -53,6 +53,28 @@ def test_what_something_else_is_likelier_to_be_is_not_named(monkeypatch: pytest.
     assert {s.taken[0].key for s in kept.steps} == {j.cause.key for j in verdicts} == {tilt.key, bend.key}
 
 
+def test_a_strong_cause_that_is_refused_leaves_its_shape(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A misfit far beyond the noise does not vanish with the last name for it: nothing left would be "adequate"."""
+    v = pointing(telescope(2, north=25.0, east=-9.0, n=40))
+    first = start(v)
+    tilt = next(c for c in causes_of(v, first) if c.label == LABELS[0])
+    monkeypatch.setattr(findings, "judged", lambda v, m, c: Judgement(c, 0.001, 9.0, ()))
+    kept, verdicts = findings.confirmed(v, steps_of(v, first, [(tilt, tilt.variants[0])]), silent)
+    assert (kept.steps, verdicts) == ((), [])
+    assert kept.left
+    assert kept.described.rms < 0.5 * first.rms
+
+
+def test_what_is_likelier_than_a_refused_cause_takes_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    v = pointing(telescope(2, north=25.0, east=-9.0, n=40))
+    first = start(v)
+    like = next(c for c in causes_of(v, first) if c.label == LABELS[2])
+    monkeypatch.setattr(findings, "judged", lambda v, m, c: Judgement(c, 0.001 if c.key == like.key else 0.9, 9.0, ()))
+    kept, verdicts = findings.confirmed(v, steps_of(v, first, [(like, like.variants[0])]), silent)
+    assert [j.cause.label for j in verdicts] == [LABELS[0]]
+    assert kept.end.rms < 0.2 * first.rms
+
+
 def test_a_cause_is_told_with_the_sizes_of_the_last_model() -> None:
     v = pointing(telescope(2, north=25.0, east=-9.0))
     first = start(v)
