@@ -10,7 +10,8 @@ import numpy as np
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY
 from gimbalcal.diagnose.rows.views import View
-from gimbalcal.diagnose.search.refit import Model, constants_told
+from gimbalcal.diagnose.search.ranking import is_usual
+from gimbalcal.diagnose.search.refit import Model, basis, constants_told, weighted
 from gimbalcal.diagnose.search.stepwise import Course, Key, Taken, steps_of, take, weigh
 from gimbalcal.diagnose.verdict.alternatives import Judgement, judged
 from gimbalcal.diagnose.verdict.decide import capped
@@ -19,6 +20,7 @@ from gimbalcal.inference.information import keeps_prior
 from gimbalcal.pipeline import Tell
 from gimbalcal.units import from_si
 
+SERIES = 3.0  # times the whole misfit, that one of several causes may be
 SHOWN, HIDDEN = 5.0, 3.0  # sigmas of a parameter that differs from zero, and of one that may be zero
 
 
@@ -32,6 +34,13 @@ def confirmed(v: View, c: Course, tell: Tell) -> tuple[Course, list[Judgement]]:
     if not c.steps and not c.left:
         c = _instead(v, c, (), gone, tell)
     while True:
+        if series := cancelling(v, c):
+            tell(
+                f"{', '.join(cause.label for cause, _ in series)}: larger than all that is missed; the like of a series"
+            )
+            gone |= {cause.key for cause, _ in series}
+            c = _instead(v, c, [s.taken for s in c.steps if s.taken not in series], gone, tell)
+            continue
         tell("asking of each cause what else could stand in its place")
         verdicts = judged_in_turn(v, c)
         least = min(verdicts, key=lambda j: j.probability, default=None)
@@ -50,6 +59,24 @@ def _instead(v: View, c: Course, kept: Sequence[Taken], gone: set[Key], tell: Te
         tell(f"taken up: {', '.join(cause.label for cause, _ in new)}; ln Bayes factor {best.ln_bayes:.0f}")
         kept = [*kept, *new]
     return steps_of(v, c.start, kept, [t for t in c.standard if t in kept], refused=bool(gone))
+
+
+def cancelling(v: View, c: Course) -> list[Taken]:
+    """Causes that not every rig has, each of them much larger than the misfit that all of them together explain.
+
+    What is a few arcsec of a law that has no name here is also the difference of a hundred of one pattern and of the
+    next like it: terms of a series, not causes. Contributions are beside what the baseline takes of them.
+    """
+    m, Q = c.end, basis(weighted(v, c.start.J))
+    x = values(m.effects, m.fitted)
+    out = []
+    for cause, variant in (s.taken for s in c.steps if not is_usual(s.taken[0], v.recording.kind)):
+        own = {(p.effect, p.field, p.axis) for p in cause.parameters}
+        at = [i for i, p in enumerate(m.fitted) if (p.effect, p.field, p.axis) in own]
+        added = weighted(v, m.J[..., at] @ x[at]).ravel()
+        if np.linalg.norm(added - Q @ (Q.T @ added)) > SERIES * np.linalg.norm(weighted(v, c.start.r)):
+            out.append((cause, variant))
+    return out
 
 
 def judged_in_turn(v: View, c: Course) -> list[Judgement]:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from gimbalcal.diagnose.rows.views import pointing
@@ -9,9 +13,12 @@ from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.stepwise import steps_of
 from gimbalcal.diagnose.verdict import findings
 from gimbalcal.diagnose.verdict.alternatives import Judgement
-from gimbalcal.diagnose.verdict.findings import drifts_as_one, finding, judged_in_turn
+from gimbalcal.diagnose.verdict.findings import cancelling, drifts_as_one, finding, judged_in_turn
+from gimbalcal.number import Array
 from gimbalcal.pipeline import silent
+from gimbalcal.recording import Recording
 from tests.diagnose.small import causes_of, telescope
+from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, run
 
 LABELS = ("base_tilt:north, east", "tube_flexure", "encoder_two_cycle:azimuth")
 
@@ -73,6 +80,32 @@ def test_what_is_likelier_than_a_refused_cause_takes_its_place(monkeypatch: pyte
     kept, verdicts = findings.confirmed(v, steps_of(v, first, [(like, like.variants[0])]), silent)
     assert [j.cause.label for j in verdicts] == [LABELS[0]]
     assert kept.end.rms < 0.2 * first.rms
+
+
+def elevations(law: Callable[[Array], Array]) -> Recording:
+    """A mount whose elevation is read with an error by this law, in arcsec."""
+    rng = np.random.default_rng(11)
+    E, A = np.radians(rng.uniform(10, 85, 60)), rng.uniform(-3, 3, 60)
+    r = run(ALT_AZ, np.stack([E, A], axis=1), (), 1.0)
+    seen = {("true_angle", "elevation"): r.channels["true_angle", "elevation"] - ARCSEC * law(E)}
+    return replace(r, channels=r.channels | seen)
+
+
+@pytest.mark.parametrize(
+    ("law", "series"),
+    [
+        (lambda E: 12 / np.tan(E) - 0.3 / np.tan(E) ** 3, True),  # refraction down to 10 degrees is not R cot E
+        (lambda E: 12 / np.tan(E) + 6 * np.cos(E) + 5 * np.sin(2 * E), False),
+    ],
+)
+def test_terms_of_a_series_are_no_causes(law: Callable[[Array], Array], series: bool) -> None:
+    """-138 arcsec of two cycle and 660 of eccentricity were named beside a law of refraction of a few arcsec."""
+    v = pointing(elevations(law))
+    first = start(v)
+    known = {c.label: c for c in causes_of(v, first)}
+    taken = [known[label] for label in ("refraction", "encoder_two_cycle:elevation", "encoder_eccentricity:elevation")]
+    c = steps_of(v, first, [(cause, cause.variants[0]) for cause in taken])
+    assert {cause.label for cause, _ in cancelling(v, c)} == ({t.label for t in taken[1:]} if series else set())
 
 
 def test_a_cause_is_told_with_the_sizes_of_the_last_model() -> None:
