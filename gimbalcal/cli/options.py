@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,6 +16,7 @@ from gimbalcal import atomic
 from gimbalcal.errors import InputError
 
 F = TypeVar("F", bound=Callable[..., Any])
+SILENCE = 10.0  # s, after which work says that it goes on
 COUNT, SEED = click.IntRange(min=1), click.IntRange(min=0)
 
 
@@ -54,13 +57,31 @@ def listed(words: str) -> tuple[str, ...]:
 
 
 def progress(quiet: bool) -> Callable[[str], None]:
-    """A function that tells what is being done, on stderr."""
+    """A function that tells what is being done, on stderr; in long work it says every so often that it goes on."""
+    doing = ["starting", time.monotonic()]
 
     def tell(sentence: str) -> None:
+        doing[:] = [sentence, time.monotonic()]
         if not quiet:
             print(f"  {sentence}", file=sys.stderr, flush=True)
 
+    context = click.get_current_context(silent=True)
+    if not quiet and context is not None and context.meta.setdefault("gimbalcal.progress", doing) is doing:
+        done = threading.Event()
+        context.call_on_close(done.set)
+        threading.Thread(target=_go_on, args=(doing, done), daemon=True).start()
     return tell
+
+
+def _go_on(doing: list[Any], done: threading.Event, every: float = SILENCE) -> None:
+    """Say what is being done and for how long whenever nothing was said for so many seconds."""
+    said = time.monotonic()
+    while not done.wait(every / 10):
+        sentence, since = doing
+        now = time.monotonic()
+        if now - max(since, said) >= every:
+            said = now
+            print(f"  ... {sentence.partition(' (')[0]}: {now - since:.0f} s so far", file=sys.stderr, flush=True)
 
 
 def show(result: Any, sentence: str, as_json: bool, quiet: bool, page: Path | None = None) -> None:

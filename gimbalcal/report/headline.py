@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from gimbalcal.diagnose.answer import Curves
 
 MOST = 3  # findings that a headline names
+CLEAR = 2.0  # sigmas; less is no size to be told
+CONSTANTS = {"tau": "time constant", "period": "period", "order": "order", "teeth": "teeth", "lines": "lines",
+             "epoch": "at", "m": "times a turn"}  # fmt: skip
 STAMPS = ("time_tag_latency", "gyro_latency", "readout_latency")
 GIMBAL_STAGES = (Stage.ENCODER, Stage.AXIS_TILT)
 
@@ -40,11 +43,12 @@ def headline(content: Entry, curves: Curves | None = None) -> str:
         )
     if verdict == "unexplained":
         return _unexplained(content, curves)
-    said = " ".join(_sentence(_does(f)) for f in found[:MOST])
+    said = " ".join(f"{_sentence(_does(f))}{_or(f)}" for f in found[:MOST])
     more = f" {wording.counted(len(found) - MOST, 'further cause').capitalize()} below." if len(found) > MOST else ""
     if verdict == "not-identifiable":
         return f"Something is missing, and these data cannot tell what. {_either(found)} {_apart(found)}"
-    return f"{said}{more}{_size(curves, content['mismatch'])} {_next(found)}"
+    rest = " Something more is left that no known effect explains." if content["unexplained"] else ""
+    return f"{said}{more}{_size(curves, content['mismatch'])}{rest} {_next(found)}"
 
 
 def does(finding: Entry) -> str:
@@ -80,12 +84,17 @@ def who(cls: type[Effect], axis: str) -> str:
 
     >>> who(CATALOGUE["bias_temperature"], "y"), who(CATALOGUE["gimbal_zero"], "inner")
     ('accelerometer y', 'the inner axis')
+    >>> who(CATALOGUE["gyro_bias"], "x, y, z")
+    'each gyroscope'
     """
+    several = "," in axis
+    if cls.stage in GIMBAL_STAGES and several:
+        return f"each of the axes {wording.listed([a.strip().replace('_', ' ') for a in axis.split(',')])}"
     if cls.stage in GIMBAL_STAGES or axis in ("inner", "middle", "outer", "platform"):
-        return f"the {axis.replace('_', ' ')} axis" if axis else "the axes"
+        return f"the {axis.replace('_', ' ')} axis" if axis else "each axis"
     if cls.stage in GYROSCOPE_STAGES | SENSOR_STAGES:
         sensor = "gyroscope" if cls.stage in GYROSCOPE_STAGES else "accelerometer"
-        return f"{sensor} {axis[0]}" if axis and axis[0] in "xyz" else f"the {sensor}s"
+        return f"{sensor} {axis[0]}" if axis and axis[0] in "xyz" and not several else f"each {sensor}"
     return axis.replace("_", " ") or "it"
 
 
@@ -101,11 +110,15 @@ def size_in_words(f: Entry) -> str:
     linear = [p for p in f["parameters"] if p["name"].rpartition(".")[2] not in fixed]
     behind = [p for p in f["parameters"] if p["name"].rpartition(".")[2] in fixed - {"position", "span"}]
     parts = _amplitudes(linear)
-    ranked = sorted(parts, key=lambda p: -abs(p["value"]))
+    clear = [p for p in parts if abs(p["value"]) > CLEAR * p["sigma"]] or parts[:1]
+    ranked = sorted(clear, key=lambda p: -abs(p["value"]))
     several = len({p["axis"] for p in parts}) > 1
     told = [_one(p) + (f" ({p['axis'].replace('_', ' ')})" if several and p["axis"] else "") for p in ranked[:2]]
-    rest = f" and {len(ranked) - 2} smaller" if len(ranked) > 2 else ""
-    with_ = "".join(f", {p['name'].rpartition('.')[2].replace('_', ' ')} {_one(p)}" for p in behind)
+    rest = f" and {wording.counted(len(parts) - 2, 'smaller', 'smaller')}" if len(ranked) > 2 else ""
+    known = [
+        (CONSTANTS.get(p["name"].rpartition(".")[2], ""), p) for p in behind if abs(p["value"]) > CLEAR * p["sigma"]
+    ]
+    with_ = "".join(f", {words} {_one(p)}" for words, p in known if words)
     return f"{(', ' if rest else ' and ').join(told)}{rest}{with_}" or "of unknown size"
 
 
@@ -147,6 +160,16 @@ def unit_in_words(unit: str) -> str:
 
 def _position(f: Entry) -> int:
     return next((round(p["value"]) for p in f["parameters"] if p["name"].rpartition(".")[2] == "position"), 0)
+
+
+def _or(f: Entry) -> str:
+    """What these data do not tell from a finding; empty for nothing."""
+    names = [wording.named(t) for t in f["twins"]]
+    if not names:
+        return ""
+    return (
+        f" It may as well be {' or '.join(names[:3])}{' or another' if len(names) > 3 else ''}: these data fit alike."
+    )
 
 
 def _either(found: Sequence[Entry]) -> str:

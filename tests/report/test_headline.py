@@ -93,6 +93,18 @@ def test_a_reservation_is_not_hidden_behind_adequate() -> None:
     assert "Nothing is missing" not in told
 
 
+def test_all_axes_at_once_and_what_is_not_told_apart() -> None:
+    each = {"effect": "soft_saturation", "axis": "x, y, z", "twins": ["dead_zone"],
+            "parameters": [{"name": "saturation", "axis": a, "value": v, "sigma": 1.0, "unit": "mg/g^2"}
+                           for a, v in zip("xyz", (-9.0, 5.0, 0.4), strict=True)]
+            + [{"name": "soft_saturation.f_0", "axis": "", "value": 3.0, "sigma": 34.0, "unit": "m/s^2"}]}  # fmt: skip
+    told = headline(content("missing-physics", each))
+    assert told.startswith("Each accelerometer falls short near its full scale, by −9.0 ± 1.0 mg per g² (x) and 5.0")
+    assert "0.4" not in told  # no size, within its sigma
+    assert "34" not in told
+    assert "It may as well be dead zone: these data fit alike." in told
+
+
 def test_a_delay_says_which_way() -> None:
     late = {"effect": "readout_latency", "axis": "", "twins": [],
             "parameters": [{"name": "readout_latency", "axis": "", "value": 3.2, "sigma": 0.1,
@@ -113,5 +125,5 @@ def test_many_sizes_are_told_by_the_largest() -> None:
         for a, v in zip("xyz", (3, -50, 9), strict=True)
     ]
     assert size_in_words({"effect": "base_tilt", "axis": "", "parameters": several}) == (
-        "−50.0 ± 1.0 arcsec (y), 9.0 ± 1.0 arcsec (z) and 1 smaller"
+        "−50.0 ± 1.0 arcsec (y), 9.0 ± 1.0 arcsec (z) and one smaller"
     )

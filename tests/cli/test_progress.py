@@ -1,0 +1,35 @@
+"""Long work says that it goes on, and stops saying so when it is done."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+
+from gimbalcal.cli.options import _go_on
+
+
+def test_silence_is_broken_and_ends_with_the_work(capsys: pytest.CaptureFixture[str]) -> None:
+    done = threading.Event()
+    doing = ["fitting the model (two of three)", time.monotonic()]
+    worker = threading.Thread(target=_go_on, args=(doing, done, 0.02))
+    worker.start()
+    time.sleep(0.15)
+    done.set()
+    worker.join(1.0)
+    assert not worker.is_alive()
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) >= 2
+    assert set(told) == {"  ... fitting the model: 0 s so far"}
+
+
+def test_who_speaks_is_not_spoken_for(capsys: pytest.CaptureFixture[str]) -> None:
+    done = threading.Event()
+    doing: list[object] = ["stage 1", time.monotonic()]
+    worker = threading.Thread(target=_go_on, args=(doing, done, 5.0))
+    worker.start()
+    time.sleep(0.1)
+    done.set()
+    worker.join(1.0)
+    assert capsys.readouterr().err == ""
