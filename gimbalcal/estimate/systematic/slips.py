@@ -16,12 +16,13 @@ import numpy as np
 
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Parameter
-from gimbalcal.effects.grade import grade_of_noise
+from gimbalcal.effects.grade import Grade, grade_of_noise
 from gimbalcal.estimate.systematic.course import Course
 from gimbalcal.estimate.systematic.sensors import read_by
 from gimbalcal.estimate.systematic.settle import Settled
 from gimbalcal.estimate.systematic.smoothing import GATE, in_body
 from gimbalcal.estimate.systematic.turns import GAIN
+from gimbalcal.estimate.systematic.wander import chains
 from gimbalcal.estimate.systematic.whitened import whitened
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
@@ -36,9 +37,7 @@ NOISE = 3.0  # times: a stated noise that is further from what the stops show
 
 def questions(course: Course, wanted: Sequence[Parameter], theta: Array) -> list[str]:
     """Sentences on constants (p,) that no unit as quiet as this one has: what they may be instead."""
-    step = float(np.median(course.dt / course.rows.weight))
-    force, rate = (float(course.sigma[k : k + 3].max()) * np.sqrt(step) for k in (0, 3))
-    grade = grade_of_noise(force, rate)
+    grade = _grade(course)
     times = {p.label: abs(x) / grade.usual(p).sigma for p, x in zip(wanted, theta, strict=True)}
     out = []
     for effect in dict.fromkeys(p.effect for p in wanted):
@@ -101,7 +100,7 @@ def likely(m: Settled) -> str:
     """What a recording that the model does not explain may suffer from: a clause, empty where nothing stands out."""
     sizes = [x for p, x in zip(m.wanted, m.theta, strict=True) if p.effect == "gyro_scale_factor"]
     clock = _whole("gyro_scale_factor", sizes) if sizes and np.abs(sizes).min() > GAIN else ""
-    return _noise(m.course) or clock or _in_turns(m) or _latitude(m)
+    return _noise(m.course) or clock or _in_turns(m) or _latitude(m) or _wandering(m.course)
 
 
 def _noise(course: Course) -> str:
@@ -114,6 +113,24 @@ def _noise(course: Course) -> str:
                 "correct it, or leave it out to have it taken from the stops"
             )
     return ""
+
+
+def _wandering(course: Course) -> str:
+    """Biases of a unit that is no navigation grade, and of which nobody says how they wander."""
+    grade = _grade(course)
+    if grade.name == "navigation" or len(chains(course)):
+        return ""
+    return (
+        f"biases of a unit as noisy as this one ({grade.name} grade) wander, so state accelerometer_flicker and "
+        "gyroscope_flicker (the bias instability of a data sheet) in [noise]; and `gimbalcal diagnose` looks for what "
+        "else is left out"
+    )
+
+
+def _grade(course: Course) -> Grade:
+    step = float(np.median(course.dt / course.rows.weight))
+    force, rate = (float(course.sigma[k : k + 3].max()) * np.sqrt(step) for k in (0, 3))
+    return grade_of_noise(force, rate)
 
 
 def _in_turns(m: Settled) -> str:

@@ -29,7 +29,7 @@ from gimbalcal.inference.beside_constants import Filtered
 from gimbalcal.navigate.error_growth import NAV, transitions
 from gimbalcal.navigate.strapdown import carried
 from gimbalcal.number import Array
-from gimbalcal.rotation import exponential
+from gimbalcal.rotation import cross_matrix, exponential
 
 ROWS = 20_000  # intervals at a time: what a column of them takes stays below 50 MB
 STATE = np.repeat([1e-3, 1e-3, 1e-3], 3)  # rad, m/s, m: scale of the navigation states
@@ -168,7 +168,10 @@ def answering(
             answer(groups), q[few], C[at:end], site.latitude,
             site.height, site.gravity, course.group[few] - groups.start,
         )  # fmt: skip
-        Phi[at:end], Q[at:end] = made.Phi * STATE / STATE[:, None], made.Q / STATE / STATE[:, None]
+        F = made.Phi.copy()  # attitude to velocity and place by what gravity did: noise would seem to show the heading
+        F[:, 3:6, :3] += cross_matrix(made.velocity)
+        F[:, 6:, :3] += cross_matrix(made.displacement)
+        Phi[at:end], Q[at:end] = F * STATE / STATE[:, None], made.Q / STATE / STATE[:, None]
         Psi[at:end] = made.Psi / STATE[:, None]
         d[at:end, :3] = rotation_vector(made.C_bn @ np.swapaxes(C[at + 1 : end + 1], -1, -2))
         d[at:end, 3:6], d[at:end, 6:] = made.velocity, made.displacement
