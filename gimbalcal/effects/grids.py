@@ -35,7 +35,8 @@ def limits(f: Constant, s: Stimulus) -> tuple[float, float]:
         return 0.0, last
     if of in (Grid.LAG, Grid.PERIOD):
         step = float(np.median(np.diff(s.time))) if len(s.time) > 1 else 0.0
-        low, high = max(low, (2 if of is Grid.PERIOD else 1) * step), min(high, 3 * last)
+        least = 2.0 if of is Grid.PERIOD else 0.5  # of a lag of less than half a step only the first row tells
+        low, high = max(low, least * step), min(high, 3 * last)
     if of is Grid.WHOLE:
         high = min(high, highest_order(s))
     return (low, high) if low < high else (low, low)

@@ -172,8 +172,8 @@ class WarmUp(Effect):
 
     .. math:: \delta a_i = w_i e^{-t / \tau}
 
-    Source: IEEE Std 1293, turn-on transient. Magnitude: 10 to 200 ug (quartz flexure), tau 0.3 to 3 h. Seen by: the
-    first hours only. Confounded with: bias_drift in a test shorter than tau.
+    Source: IEEE Std 1293, turn-on transient. Magnitude: 10 to 200 ug (quartz flexure), tau 0.3 to 3 h; MEMS, minutes.
+    Seen by: the first hours only. Confounded with: bias_drift in a test shorter than tau.
     """
 
     id = "warm_up"
@@ -182,7 +182,7 @@ class WarmUp(Effect):
     stage = Stage.ACCELEROMETER
     sources = ("ieee1293",)
     w: Array = parameter(TRIAD, unit="ug", sigma=50, name="warm_up")
-    tau: float = constant(1.0 * HOUR, unit="h", low=0.05 * HOUR, high=12 * HOUR, grid=Grid.LAG)
+    tau: float = constant(1.0 * HOUR, unit="h", low=0.005 * HOUR, high=12 * HOUR, grid=Grid.LAG)
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
