@@ -253,3 +253,14 @@ def test_poses_that_come_again_and_again_leave_no_shape_of_their_own() -> None:
     """Twelve poses five times over: what they tell the model has taken, and the rest of a pattern in them is noise."""
     run = next(r for r in runs() if r.concealed == ("chamber scale T",) and r.sigmas == 40)
     assert answer(run)["judged"] == ["right"]
+
+
+@pytest.mark.parametrize("tau", [60.0, 180.0])  # s; a step of the bias, with certainty, where a minute was not sought
+def test_a_unit_that_warms_up_within_minutes_is_told_as_that(tau: float) -> None:
+    def warming(h: unknown_hand.Hand) -> dict[str, Array]:
+        return {"force": np.outer(np.exp(-h.t / tau), [0.0, 1.0, 0.0])}
+
+    setup = unknown_hand.Setup(unknown_hand.MEMS, rests=32, minutes=30.0)
+    d = diagnose([unknown_hand.record(1, setup, ((warming, 40 / unknown_hand.strength(1, setup, warming)),))])
+    assert d.findings[0]["effect"] == "warm_up"
+    assert len(d.findings) == 1

@@ -70,9 +70,9 @@ def test_few_whole_numbers_are_all_tried_and_many_in_even_ratios() -> None:
     assert np.array_equal(many, np.round(many))
 
 
-def test_a_lag_is_no_shorter_than_the_rows_and_no_longer_than_three_recordings() -> None:
+def test_a_lag_is_no_shorter_than_half_a_row_and_no_longer_than_three_recordings() -> None:
     low, high = limits(FIELDS["lag"], AT_REST)
-    assert (low, high) == (600.0, 3 * AT_REST.time[-1])
+    assert (low, high) == (300.0, 3 * AT_REST.time[-1])
     x = grid(FIELDS["lag"], AT_REST)
     assert np.allclose(x[1:] / x[:-1], x[1] / x[0])
 

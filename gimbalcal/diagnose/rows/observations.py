@@ -18,6 +18,7 @@ import numpy as np
 from gimbalcal.diagnose.rows.baseline import known_effect
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, parameters, values, with_values
 from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.forward import Key, Rows, experienced
 from gimbalcal.inference.information import information, solve
@@ -162,14 +163,19 @@ Sized = tuple[Effect, Sequence[Parameter], Array]  # an effect without size, lin
 def linearised_at(o: Observations, shift: Array, found: Sequence[Sized]) -> Observations:
     """The rows about constants shifted by (q,) prior sigmas and with causes in the model: what the whole model leaves.
 
-    Products of a large cause with itself and with the constants, which are many sigmas, are in these derivatives.
+    Products of a large cause with itself and with the constants, which are many sigmas, are in these derivatives. What
+    a cause adds to a sensor's output is left out of those by the constants: it changes them by its own small size, and
+    where two of them are alike (bias and scale of a sensor in a steady force) their difference would be a copy of it.
     """
     names = o.stimulus.axis_names
     x = values(o.baseline, o.constants) + shift * np.array([p.sigma for p in o.constants])
     effects = with_values(o.baseline, o.constants, x, names)
     made = [with_values((e,), wanted, size, names)[0] for e, wanted, size in _once(found)]
-    rows = replace(readings(o.recording).rows((*effects, *made)).over(o.sigma), effects=effects)
-    return replace(o, rows=rows, Z=rows.jacobian(o.constants) * np.array([p.sigma for p in o.constants]))
+    read = readings(o.recording)
+    rows = replace(read.rows((*effects, *made)).over(o.sigma), effects=effects)
+    moving = [e for e in made if e.stage not in SENSOR_STAGES]
+    about = rows if len(moving) == len(made) else replace(read.rows((*effects, *moving)).over(o.sigma), effects=effects)
+    return replace(o, rows=rows, Z=about.jacobian(o.constants) * np.array([p.sigma for p in o.constants]))
 
 
 def given_back(o: Observations, found: Sequence[Sized]) -> Observations:

@@ -1,0 +1,51 @@
+"""Linearised about a large cause, the constants of the model do not take it up."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.diagnose.evidence.noise import settle
+from gimbalcal.diagnose.rows.observations import (
+    Observations,
+    absent_effect,
+    fit_baseline,
+    given_back,
+    linearised_at,
+)
+from gimbalcal.effects import parameters
+from gimbalcal.effects.thermal import ScaleTemperature
+from gimbalcal.simulate import simulate
+
+UG = 9.80665e-6
+DAY: dict[str, Any] = {
+    "format": 1, "kind": "static-run", "title": "a day at rest", "site": {"latitude": {"value": 40.0, "unit": "deg"}},
+    "schedule": {"duration": {"value": 24.0, "unit": "h"}, "rate": {"value": 1 / 120, "unit": "Hz"}},
+    "environment": {"temperature": {"shape": "random-walk", "mean": 22.0, "walk": 0.5}, "thermometer_sigma": 0.01},
+    "noise": {
+        "accelerometer": {"value": 3.0, "unit": "ug"}, "gimbal_angle": {"value": 1.0, "unit": "arcsec"},
+        "attitude": {"value": 0.3, "unit": "arcsec"},
+    },
+    "truth": {"draw": True, "bias_temperature": {"z": 150.0}},
+}  # fmt: skip
+
+
+def misfit(o: Observations) -> float:
+    Z, y = o.reduce(o.Z), o.reduce(o.y[:, :, None])
+    left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-9)[0]
+    return float((left**2).mean())
+
+
+def test_bias_less_scale_is_no_copy_of_a_scale_factor_in_temperature() -> None:
+    # z lies along the Earth's axis and feels the same force all day: bias and scale factor differ by the cause alone,
+    # which was "adequate" at 4700 sigma
+    o = settle(fit_baseline(simulate(DAY, 1)[0], steps=0))
+    wanted = [p for p in parameters(ScaleTemperature) if p.axis == "z"]
+    effect = absent_effect("scale_temperature", o.stimulus)
+    size = np.array([150 * UG / np.sin(np.radians(40.0)) / 9.80])  # what looks like 150 ug/degC of bias
+    Z, y, taken = o.reduce(o.Z), *(o.reduce(x[:, :, None]) for x in (o.y, o.columns(effect, wanted) @ size))
+    shift = np.linalg.lstsq(Z, y - taken, rcond=1e-9)[0][:, 0]
+    about = linearised_at(o, shift, [(effect, wanted, size)])
+    assert misfit(about) < 1.5
+    assert misfit(given_back(about, [(effect, wanted, size)])) > 0.5 * misfit(o) > 20
