@@ -17,13 +17,13 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
 from gimbalcal.effects import CATALOGUE, Effect, Parameter
-from gimbalcal.effects.effect import SENSOR_STAGES
+from gimbalcal.effects.effect import SENSOR_STAGES, follows
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.account import noise_record, rotations_of_the_triad
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, NormFit, norm_fit, scaled_by_gravity, unknowns
 from gimbalcal.estimate.accelerometers.setting import FORCE
 from gimbalcal.estimate.accelerometers.unsteady import noise_of_a_mean, scatter_in_words
-from gimbalcal.estimate.added import Added, Beside, with_constants, with_told
+from gimbalcal.estimate.added import Added, Beside, unfit, with_constants, with_told
 from gimbalcal.estimate.support import coefficients, needed, refusal
 from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings
 from gimbalcal.recording import Recording, dwell_means
@@ -41,8 +41,8 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     """
     asked = {a.effect for a in more}
     wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or TERMS) if t not in asked)
-    _check(wanted)
-    _check(tuple(asked), "--with")
+    _check(wanted, recording, "--terms")
+    _check(tuple(asked), recording, "--with")
     means = dwell_means(recording)
     means, counts = scaled_by_gravity(means)
     base = tuple(t for t in wanted if t in LINEAR) or ("bias",)
@@ -78,11 +78,18 @@ def _added(
     return (wanted, effects), told
 
 
-def _check(terms: Sequence[str], option: str = "--terms") -> None:
+def _check(terms: Sequence[str], recording: Recording, option: str) -> None:
+    """Raises InputError for a term that these positions cannot show; what it offers instead, they can."""
     for term in terms:
         cls = CATALOGUE.get(term)
-        allowed = [i for i, c in CATALOGUE.items() if _without_angles(c)]
-        if cls is None or not _without_angles(cls):
+        if cls is not None and _without_angles(cls):
+            if why := unfit(cls, recording):
+                raise InputError(f"{option} names {term}, which {why}")
+            if option == "--terms" and follows(cls) == "":
+                raise InputError(f"--terms names {term}, which follows a channel: write --with {term}")
+        else:
+            able = [i for i, c in CATALOGUE.items() if _without_angles(c) and follows(c) != ""]
+            allowed = [i for i in able if not unfit(CATALOGUE[i], recording)]
             raise InputError(
                 f"{option} names {term!r}, which is not an effect that rest positions without angles can show; "
                 f"choose from {', '.join(allowed)}"

@@ -1,0 +1,27 @@
+"""Terms that a person asks for: what a refusal offers can be fitted, what the recording lacks is named."""
+
+from pathlib import Path
+
+import pytest
+
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.recording import read
+
+XSENS = Path(__file__).resolve().parents[3] / "data" / "xsens_positions"
+
+
+def test_each_term_that_a_refusal_offers_is_one_that_the_recording_can_show() -> None:
+    """What the sentence offers is fitted or declined; what it does not offer is refused with what is missing."""
+    recording = read(XSENS)
+    with pytest.raises(InputError, match="choose from") as refused:
+        multiposition(recording, ("nonsense",))
+    offered = str(refused.value).partition("choose from ")[2].split(", ")
+    assert {"bias", "cubic_nonlinearity", "bias_drift"} <= set(offered)
+    assert not {"bias_temperature", "bias_covariate", "pressure", "magnetic_field"} & set(offered)
+    for term in offered[::4]:
+        multiposition(recording, (term,))
+    for term, missing in (("bias_temperature", "temperature"), ("vibration_rectification", "covariate:vibration"),
+                          ("magnetic_field", "attitude"), ("pressure", "covariate:pressure")):  # fmt: skip
+        with pytest.raises(InputError, match=f"--terms names {term}, which needs {missing}"):
+            multiposition(recording, (term,))
