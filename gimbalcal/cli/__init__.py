@@ -128,9 +128,9 @@ def calibrate(
 ) -> None:  # fmt: skip
     """Estimate the sensors' errors, with their uncertainty, and say what the data do not show."""
     from gimbalcal.methods import calibrate_each
+    from gimbalcal.report.answer import answer
     from gimbalcal.report.console import parameters_table
     from gimbalcal.report.files import write_calibration
-    from gimbalcal.report.wording import answer
 
     tell = progress(quiet)
     there = place(out, recordings, "calibration", ("calibration.json", "report.html"), overwrite, as_json)

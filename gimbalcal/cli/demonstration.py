@@ -23,8 +23,8 @@ def shipped() -> Path:
 
 def demonstrate(out: Path, tell: Tell) -> tuple[dict[str, Any], str]:
     """Calibrate and diagnose what ships, a folder each under `out`; returns a summary and the sentence to print."""
+    from gimbalcal.report.answer import answer
     from gimbalcal.report.headline import headline
-    from gimbalcal.report.wording import answer
 
     data = shipped()
     tell("three stages: 18 positions and a static run of a space-stable platform (simulated, truth known)")

@@ -14,7 +14,7 @@ from gimbalcal.effects.card import stated_law
 from gimbalcal.errors import amount
 from gimbalcal.recording import SENSORS, Recording
 from gimbalcal.references import cite
-from gimbalcal.report import wording
+from gimbalcal.report import answer, wording
 from gimbalcal.report.chart import sensible_time
 from gimbalcal.report.html import Picture, formula, picture, render
 from gimbalcal.report.navigation import navigation_facts, navigation_pictures
@@ -39,8 +39,8 @@ def calibration_report(
     context = {
         "title": "; ".join(r.title for r in recordings) or "no recording at hand",
         "remark": " · ".join(filter(None, [f"gimbalcal {gimbalcal.__version__}", _minute(content["provenance"])])),
-        "answer": wording.typeset(wording.answer(content)),
-        "verdict": wording.verdict(content),
+        "answer": wording.typeset(answer.answer(content)),
+        "verdict": answer.verdict(content),
         "facts": _facts(content, recordings),
         "rows": rows(content, truth),
         "with_truth": truth is not None,
@@ -63,17 +63,17 @@ def _facts(content: Mapping[str, Any], recordings: Sequence[Recording]) -> list[
     """The four numbers of the first screen."""
     total, unobservable = len(content["parameters"]), len(wording.unobservable_of(content))
     residual = content["residual"]
-    ratio, p, _ = wording.fit(residual["chi2"], residual["dof"])
+    ratio, p, _ = answer.fit(residual["chi2"], residual["dof"])
     facts = [(f"{total - unobservable} of {total}", "of what was asked is seen")]
     force = [rms for channel, rms in residual["rms"].items() if channel.startswith("specific_force")]
-    if force and wording.scaled_to_residual(content):
+    if force and answer.scaled_to_residual(content):
         rms = float(from_si(np.sqrt(np.mean(np.square(force))), "ug"))
         facts.append((f"{significant(rms, 3)} µg", "rms left in the specific force"))
     star = [rms for channel, rms in residual["rms"].items() if channel.startswith("pointing")]
     if star:
         sky = float(from_si(np.sqrt(np.sum(np.square(star))), "arcsec"))
         facts.append((f"{significant(sky, 3)} arcsec", "rms left of a star on the sky"))
-    if residual["dof"] > 0 and not wording.scaled_to_residual(content):
+    if residual["dof"] > 0 and not answer.scaled_to_residual(content):
         freedom = f"χ² {residual['chi2']:.1f}, {residual['dof']} degrees of freedom"
         facts.append((f"{ratio:.2f} × noise", f"what is left ({freedom}; worse by chance: {_chance(p)})"))
     facts += navigation_facts(content)

@@ -2,16 +2,14 @@ from typing import Any
 
 import pytest
 
+from gimbalcal.report.answer import answer, fit, verdict
 from gimbalcal.report.wording import (
-    answer,
     counted,
     direction_in_words,
-    fit,
     leading,
     listed,
     unit_in_print,
     unobservable_of,
-    verdict,
     why_in_words,
 )
 

@@ -14,7 +14,7 @@ from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.pointing.run import nights
 from gimbalcal.platform import Axis, Platform
 from gimbalcal.recording import Recording
-from gimbalcal.report.wording import answer
+from gimbalcal.report.answer import answer
 from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, EQUATORIAL, effects, run, sky
 
 TELESCOPE = {"gimbal_zero__elevation": 300.0, "gimbal_zero__azimuth": -4000.0, "axis_collimation": 60.0,

@@ -16,7 +16,7 @@ from gimbalcal.estimate.systematic.run import systematic
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.plausibility import refuse_implausible
-from gimbalcal.report import wording
+from gimbalcal.report.answer import answer
 from tests.estimate.systematic.table import NOISE, turning_unit
 
 FORCE, RATE = "specific_force", "angular_rate"
@@ -113,7 +113,7 @@ def test_a_gain_that_no_such_unit_has_is_calibrated_and_asked_about() -> None:
     assert found.values[k] == pytest.approx(1 / 1.1 - 1, abs=4 * found.sigmas[k])
     (question,) = found.provenance["questions"]
     assert question.startswith("gyro scale factor of y -9.09e+04 ppm is some 909 times what is usual")
-    assert "But gyro scale factor of y" in wording.answer(found.to_dict())
+    assert "But gyro scale factor of y" in answer(found.to_dict())
 
 
 def test_three_that_are_off_alike_are_one_slip() -> None:

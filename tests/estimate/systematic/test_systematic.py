@@ -16,7 +16,7 @@ from gimbalcal.estimate.added import Added
 from gimbalcal.estimate.systematic import settle
 from gimbalcal.estimate.systematic.run import systematic
 from gimbalcal.estimate.systematic.states import FIFTY_ONE, states
-from gimbalcal.report.wording import answer
+from gimbalcal.report.answer import answer
 from gimbalcal.rotation import frame_rotation
 from tests.estimate.systematic.table import MOVES, START, turning_unit
 
