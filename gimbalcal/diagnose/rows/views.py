@@ -103,9 +103,7 @@ def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
 
     def ideal(effects: Sequence[Effect]) -> Rows:
         found = rows(effects)
-        off = _beside(found)
-        aimed = None if s.true_angle is None else s.true_angle - calm * off
-        there = s.at(readout=s.readout + ~calm * off, true_angle=aimed)
+        there = s.at(readout=s.readout + ~calm * _beside(found))
         return replace(against_stars(recording, there, effects), residual=found.residual)
 
     return View(
