@@ -118,7 +118,7 @@ def size_in_words(f: Entry) -> str:
     known = [
         (CONSTANTS.get(p["name"].rpartition(".")[2], ""), p) for p in behind if abs(p["value"]) > CLEAR * p["sigma"]
     ]
-    with_ = "".join(f", {words} {_one(p)}" for words, p in known if words)
+    with_ = "".join(f", {words} {_one(p, counted=True)}" for words, p in known if words)
     return f"{(', ' if rest else ' and ').join(told)}{rest}{with_}" or "of unknown size"
 
 
@@ -138,9 +138,12 @@ def _amplitudes(parameters: Sequence[Entry]) -> list[dict[str, Any]]:
     return list(out.values())
 
 
-def _one(p: Entry) -> str:
+def _one(p: Entry, counted: bool = False) -> str:
+    """Value and sigma; a plain number is a share, in per cent, unless it is `counted`, as the teeth of a wheel are."""
     value, sigma, unit = p["value"], p["sigma"], str(p["unit"])
-    if unit == "1":
+    if unit == "1" and counted:
+        unit = ""
+    elif unit == "1":
         value, sigma, unit = 100 * value, 100 * sigma, "%"
     if sigma <= 0 or not np.isfinite(sigma):
         return f"{value:.4g} {unit_in_words(unit)}".strip().replace("-", "−")

@@ -127,3 +127,10 @@ def test_many_sizes_are_told_by_the_largest() -> None:
     assert size_in_words({"effect": "base_tilt", "axis": "", "parameters": several}) == (
         "−50.0 ± 1.0 arcsec (y), 9.0 ± 1.0 arcsec (z) and one smaller"
     )
+
+
+def test_the_teeth_of_a_worm_wheel_are_counted() -> None:
+    """A plain number is told as a share, in per cent: 144 teeth were "14400 %"."""
+    said = does(finding("periodic_worm_error"))
+    assert "7.00 ± 0.10" in said or "7 ± 0.1" in said
+    assert "%" not in said
