@@ -2,15 +2,16 @@
 
 A cause is weighed by its consequence and not by its sigmas. The recordings are calibrated twice more, with everything
 that was found and with everything but this cause, so that the other coefficients take up of it what they can, as they
-would in a calibration that does not know it. Where a static run was diagnosed, it is navigated; of positions alone, a
-still base of 24 h is, whose sensors err as was found while temperature and other logged channels swing once through the
-range that they were recorded in. Where no navigator can be run, nothing is said.
+would in a calibration that does not know it. Where a static run was diagnosed, it is navigated. Of positions and of a
+unit that was turned in its place, a still base of 24 h is, whose sensors err as was found while temperature and other
+logged channels swing once through the range that they were recorded in; with the cause in the calibration there is left
+what its covariance says. Where no navigator can be run, nothing is said.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,40 +19,82 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.design.budget import still_base
 from gimbalcal.diagnose.answer import Diagnosis
-from gimbalcal.earth import SOLAR_DAY
+from gimbalcal.diagnose.rows.in_place import emptied, turned_in_place
+from gimbalcal.earth import EARTH_RATE, SOLAR_DAY
 from gimbalcal.effects import CATALOGUE, Effect
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import constants, follows, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.added import Added
-from gimbalcal.navigate.outcome import NAUTICAL_MILE, Navigated
-from gimbalcal.navigate.run import navigated
+from gimbalcal.estimate.systematic.run import calibrated, settle
+from gimbalcal.navigate.bands import uncertain
+from gimbalcal.navigate.outcome import NAUTICAL_MILE
+from gimbalcal.navigate.run import navigated, usual
 from gimbalcal.pipeline import Tell, silent, three_stage
-from gimbalcal.platform import SPACE_STABLE
-from gimbalcal.recording import Recording
+from gimbalcal.platform import BENCH, SPACE_STABLE
+from gimbalcal.recording import Recording, Site
 
 DAY = 24.0  # h that a still base is navigated
-NOTICEABLE = 1.1  # of the error that is there with the cause in the calibration
+ROW = 600.0  # s between its rows
+NOTICEABLE = 0.1  # of the error that is there with the cause in the calibration
+
+
+@dataclass(frozen=True)
+class _Unit:
+    """What was found, how the unit is calibrated without an effect, and the base that it navigates on."""
+
+    found: Mapping[str, Effect]
+    whole: Calibration
+    without: Callable[[str], Calibration]
+    base: Recording
+    measured: bool  # whether the base is a recording of its own, or made up
 
 
 def with_cost(recordings: Sequence[Recording], d: Diagnosis, tell: Tell = silent) -> Diagnosis:
     """The diagnosis with `cost` in each finding: {hours, with_nmi, without_nmi, in_words}, where it can be told."""
-    fixes = any(r.kind in ("static-run", "multi-position") and r.site.latitude is not None for r in recordings)
-    if not d.findings or d.calibration is None or not fixes or recordings[0].platform.name != SPACE_STABLE.name:
+    if not d.findings or d.calibration is None:
         return d
-    named = list(dict.fromkeys(f["effect"] for f in d.findings))
-    found = {e.id: e for e in d.calibration.effects if e.id in named}
     try:
+        unit = _unit(recordings, d)
+        if unit is None:
+            return d
         tell("navigating with and without what was found")
-        whole = _calibrated(recordings, found, "")
-        out = [_told(f, recordings, whole, found) for f in d.findings]
+        return replace(d, findings=tuple(_told(f, unit) for f in d.findings))
     except InputError:  # two runs of a kind, no readouts, no latitude: no calibration or no navigator
         return d
-    return replace(d, findings=tuple(out))
 
 
-def _calibrated(recordings: Sequence[Recording], found: Mapping[str, Effect], without: str) -> Calibration:
-    """The recordings calibrated with all that was found but one cause, at the constants that were found."""
-    return three_stage(recordings, more=[_as_found(e) for e in found.values() if e.id != without])
+def _unit(recordings: Sequence[Recording], d: Diagnosis) -> _Unit | None:
+    """How the unit of these recordings is calibrated and navigated; None where no navigator can be run."""
+    first, made = recordings[0], d.calibration
+    assert made is not None
+    named = list(dict.fromkeys(f["effect"] for f in d.findings))
+    found = {e.id: e for e in made.effects if e.id in named}
+    if len(recordings) == 1 and turned_in_place(first):
+        return _Unit(
+            found,
+            made,
+            lambda effect: _settled(first, made, effect),
+            _swung(_still_unit(first.site), recordings),
+            False,
+        )
+    fixes = any(r.kind in ("static-run", "multi-position") and r.site.latitude is not None for r in recordings)
+    if not fixes or first.platform.name != SPACE_STABLE.name:
+        return None
+
+    def without(effect: str) -> Calibration:
+        return three_stage(recordings, more=[_as_found(e) for e in found.values() if e.id != effect])
+
+    own = next((r for r in recordings if r.kind == "static-run"), None)
+    base = own or still_base(DAY, next(r.site for r in recordings if r.site.latitude is not None))
+    return _Unit(found, without(""), without, base if own else _swung(base, recordings), own is not None)
+
+
+def _settled(recording: Recording, made: Calibration, effect: str) -> Calibration:
+    """The unit turned in its place calibrated again, with the parameters of `made` but those of an effect."""
+    wanted = tuple(p for p in made.parameters if p.effect != effect)
+    beyond = {p.effect for p in wanted} - set(BASELINE["rotation"])
+    return calibrated(settle(recording, wanted, tuple(emptied(e) for e in made.effects if e.id in beyond)))
 
 
 def _as_found(e: Effect) -> Added:
@@ -59,27 +102,39 @@ def _as_found(e: Effect) -> Added:
     return Added(e.id, (), stated, str(getattr(e, "covariate", "")) if follows(type(e)) == "" else "")
 
 
-def _told(
-    finding: Mapping[str, Any], recordings: Sequence[Recording], whole: Calibration, found: Mapping[str, Effect]
-) -> Mapping[str, Any]:
+def _told(finding: Mapping[str, Any], unit: _Unit) -> Mapping[str, Any]:
     effect = finding["effect"]
-    run = _run(recordings, whole, effect)
-    if effect not in found or run is None:
+    run = _run(unit, effect)
+    if effect not in unit.found or run is None:
         return finding
-    known, left_out = (navigated(run, c) for c in (whole, _calibrated(recordings, found, effect)))
-    miles = [_miles(n) for n in (known, left_out)]
-    hours = float(known.time[-1] / 3600)
-    cost = {"hours": hours, "with_nmi": miles[0], "without_nmi": miles[1], "in_words": in_words(hours, *miles)}
-    return {**finding, "cost": cost}
+    aids = usual(run)
+    without = navigated(run, unit.without(effect), aids)
+    known = navigated(run, unit.whole, aids).position.max() if unit.measured else uncertain(run, unit.whole, aids)
+    hours, miles = float(without.time[-1] / 3600), (known / NAUTICAL_MILE, without.position.max() / NAUTICAL_MILE)
+    cost = {"hours": hours, "with_nmi": float(miles[0]), "without_nmi": float(miles[1])}
+    return {**finding, "cost": {**cost, "in_words": in_words(hours, *miles, unit.measured)}}
 
 
-def in_words(hours: float, known: float, left_out: float) -> str:
+def in_words(hours: float, known: float, left_out: float, measured: bool = True) -> str:
     """One line of a report; below a tenth of what is there anyway it is nothing.
 
     >>> in_words(72.0, 0.021, 1.34)
     'left out, it costs 1.34 n mile of position in 72 h; with it in the calibration the error is 0.021 n mile'
-    """
-    if left_out < NOTICEABLE * known:
+    >>> in_words(24.0, 0.5, 0.01, measured=False)
+    'left out, it costs next to nothing of position: 0.01 n mile in 24 h on a still base, where what the calibration does not know makes 0.5 n mile (one sigma)'
+    """  # noqa: E501
+    if not measured:
+        rest = f"n mile in {hours:.3g} h on a still base"
+        if left_out < NOTICEABLE * known:
+            return (
+                f"left out, it costs next to nothing of position: {left_out:.2g} {rest}, where what the calibration "
+                f"does not know makes {known:.2g} n mile (one sigma)"
+            )
+        return (
+            f"left out, it costs {left_out:.3g} {rest}; with it in the calibration, what that does not know makes "
+            f"{known:.2g} n mile (one sigma)"
+        )
+    if left_out < (1 + NOTICEABLE) * known:
         return f"left out, it costs nothing of position: {known:.2g} n mile in {hours:.3g} h with it or without"
     return (
         f"left out, it costs {left_out:.3g} n mile of position in {hours:.3g} h; with it in the calibration the error "
@@ -87,22 +142,30 @@ def in_words(hours: float, known: float, left_out: float) -> str:
     )
 
 
-def _miles(n: Navigated) -> float:
-    return float(n.position.max() / NAUTICAL_MILE)
+def _still_unit(site: Site) -> Recording:
+    """A perfect strapdown unit at rest, its axes east, north and up."""
+    time = ROW * np.arange(1, round(DAY * 3600 / ROW) + 2)
+    latitude = float(site.latitude or 0.0)
+    felt = {"specific_force": (0.0, 0.0, site.gravity),
+            "angular_rate": (0.0, EARTH_RATE * np.cos(latitude), EARTH_RATE * np.sin(latitude))}  # fmt: skip
+    channels = {(q, a): np.full(len(time), v[i]) for q, v in felt.items() for i, a in enumerate("xyz")}
+    return Recording("rotation", "still base", BENCH, site, {}, time, None, channels)
 
 
-def _run(recordings: Sequence[Recording], whole: Calibration, effect: str) -> Recording | None:
-    """What is navigated: the static run that was diagnosed, or a still base whose sensors err as was found."""
-    own = next((r for r in recordings if r.kind == "static-run"), None)
-    if own is not None:
-        return own
-    (device,) = (r for r in recordings if r.site.latitude is not None)
-    base = still_base(DAY, device.site)
+def _swung(base: Recording, recordings: Sequence[Recording]) -> Recording:
+    """The base with temperature and other logged channels going once a day through the range they were recorded in."""
     turn = np.sin(2 * np.pi * base.time / SOLAR_DAY)
-    around = {k: v for k, v in device.channels.items() if k[0] in ("temperature", "covariate")}
+    around = {k: v for r in recordings for k, v in r.channels.items() if k[0] in ("temperature", "covariate")}
     swung = {k: (v.max() + v.min()) / 2 + (v.max() - v.min()) / 2 * turn for k, v in around.items()}
-    base = replace(base, channels=dict(base.channels) | swung)
-    there = [e for e in whole.effects if "static-run" in e.kinds and not lacking(type(e), base.has)]
-    if effect not in {e.id for e in there} and "static-run" in CATALOGUE[effect].kinds:
+    return replace(base, channels=dict(base.channels) | swung)
+
+
+def _run(unit: _Unit, effect: str) -> Recording | None:
+    """What is navigated: the static run that was diagnosed, or a still base whose sensors err as was found."""
+    if unit.measured:
+        return unit.base
+    kind = unit.base.kind
+    there = [e for e in unit.whole.effects if kind in e.kinds and not lacking(type(e), unit.base.has)]
+    if effect not in {e.id for e in there} and kind in CATALOGUE[effect].kinds:
         return None  # it follows a channel that the still base does not have
-    return replace(whole, effects=tuple(there)).corrupt(base)
+    return replace(unit.whole, effects=tuple(there)).corrupt(unit.base)

@@ -14,11 +14,11 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Effect, Parameter, with_values
 from gimbalcal.forward import jacobian
-from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings
+from gimbalcal.kinematics import required_latitude, stimulus_from_angles, stimulus_from_readings
 from gimbalcal.navigate.outcome import CHANNELS, NONE, Navigated
 from gimbalcal.navigate.run import is_strapdown, navigated
-from gimbalcal.navigate.space_stable import USUAL, Aids
-from gimbalcal.navigate.static_run import ANGLE, FORCE, with_inner
+from gimbalcal.navigate.space_stable import USUAL, Aids, Site
+from gimbalcal.navigate.static_run import ANGLE, FORCE, horizontal, with_inner
 from gimbalcal.navigate.strapdown_run import legs_navigated
 from gimbalcal.navigate.thinned import RATE, Intervals, thinned
 from gimbalcal.number import Array
@@ -62,6 +62,12 @@ def bands(recording: Recording, calibration: Calibration, aids: Aids, samples: i
     few = _few(recording)
     time = few.error(few.rows, aids).time
     return (time, _propagated(few, calibration, aids)), (time, _sampled(few, calibration, aids, samples, seed))
+
+
+def uncertain(recording: Recording, calibration: Calibration, aids: Aids = USUAL) -> float:
+    """Largest one sigma of the horizontal position [m] by what the calibration does not know, propagated."""
+    sigma, place = _propagated(_few(recording), calibration, aids), recording.site
+    return float(horizontal(sigma, Site(required_latitude(place.latitude), place.height, place.gravity, 0.0)).max())
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,10 +8,13 @@ import pytest
 
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.cost import with_cost
+from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.estimate.added import added
+from gimbalcal.estimate.systematic.run import systematic
 from gimbalcal.pipeline import three_stage
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
+from tests.estimate.systematic.table import turning_unit
 
 PLACE = {"latitude": {"value": 40.0, "unit": "deg"}}
 NOISE = {"accelerometer": {"value": 3.0, "unit": "ug"}, "gimbal_angle": {"value": 0.3, "unit": "arcsec"},
@@ -70,3 +73,19 @@ def test_where_no_navigator_can_be_run_nothing_is_said() -> None:
     assert "cost" not in with_cost([run, run], found).findings[0]
     nothing = Diagnosis("adequate", (), (), (), {})
     assert with_cost([run], nothing) is nothing
+
+
+def test_of_a_unit_turned_in_its_place_a_still_unit_is_navigated() -> None:
+    """30 states take a g-sensitivity for a bias, which is wrong as soon as the unit stands still."""
+    wanted = [p for p in parameters(CATALOGUE["gyro_g_sensitivity_rate"]) if p.axis == "yz"]
+    run = turning_unit(parameters=wanted, values=[1e-6], stop=12.0, speed=30.0, ramp=0.5, rate=10.0, seed=3)
+    made = systematic(run, "30", more=added(("gyro_g_sensitivity_rate:yz",), [run], ()))
+    d = Diagnosis(
+        "missing-physics", (), ({"effect": "gyro_g_sensitivity_rate", "axis": "yz"},), (), {}, calibration=made
+    )
+    (found,) = with_cost([run], d).findings
+    cost = found["cost"]
+    assert cost["hours"] == pytest.approx(24, abs=0.2)
+    assert cost["without_nmi"] > 1.0  # 0.2 deg/h
+    assert cost["with_nmi"] > 0
+    assert "on a still base" in cost["in_words"]
