@@ -109,21 +109,30 @@ def _told(finding: Mapping[str, Any], unit: _Unit) -> Mapping[str, Any]:
         return finding
     aids = usual(run)
     without = navigated(run, unit.without(effect), aids)
-    known = navigated(run, unit.whole, aids).position.max() if unit.measured else uncertain(run, unit.whole, aids)
+    raw = None
+    if unit.measured:
+        known, raw = (float(navigated(run, c, aids).position.max()) for c in (unit.whole, None))
+    else:
+        known = uncertain(run, unit.whole, aids)
     hours, miles = float(without.time[-1] / 3600), (known / NAUTICAL_MILE, without.position.max() / NAUTICAL_MILE)
     cost = {"hours": hours, "with_nmi": float(miles[0]), "without_nmi": float(miles[1])}
-    return {**finding, "cost": {**cost, "in_words": in_words(hours, *miles, unit.measured)}}
+    if raw is not None:
+        cost["uncalibrated_nmi"] = raw / NAUTICAL_MILE
+    return {**finding, "cost": {**cost, "in_words": in_words(hours, *miles, cost.get("uncalibrated_nmi"))}}
 
 
-def in_words(hours: float, known: float, left_out: float, measured: bool = True) -> str:
+def in_words(hours: float, known: float, left_out: float, raw: float | None = None) -> str:
     """One line of a report; below a tenth of what is there anyway it is nothing.
 
-    >>> in_words(72.0, 0.021, 1.34)
+    raw: without any calibration; none on a made-up base, where `known` is one sigma of what the calibration does not
+    know.
+
+    >>> in_words(72.0, 0.021, 1.34, 3.5)
     'left out, it costs 1.34 n mile of position in 72 h; with it in the calibration the error is 0.021 n mile'
-    >>> in_words(24.0, 0.5, 0.01, measured=False)
+    >>> in_words(24.0, 0.5, 0.01)
     'left out, it costs next to nothing of position: 0.01 n mile in 24 h on a still base, where what the calibration does not know makes 0.5 n mile (one sigma)'
     """  # noqa: E501
-    if not measured:
+    if raw is None:
         rest = f"n mile in {hours:.3g} h on a still base"
         if left_out < NOTICEABLE * known:
             return (
@@ -136,9 +145,10 @@ def in_words(hours: float, known: float, left_out: float, measured: bool = True)
         )
     if left_out < (1 + NOTICEABLE) * known:
         return f"left out, it costs nothing of position: {known:.2g} n mile in {hours:.3g} h with it or without"
+    worse = f", more than no calibration at all ({raw:.3g})" if left_out > raw else ""
     return (
-        f"left out, it costs {left_out:.3g} n mile of position in {hours:.3g} h; with it in the calibration the error "
-        f"is {known:.2g} n mile"
+        f"left out, it costs {left_out:.3g} n mile of position in {hours:.3g} h{worse}; with it in the calibration the "
+        f"error is {known:.2g} n mile"
     )
 
 

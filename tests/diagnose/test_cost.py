@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from gimbalcal import diagnose
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.cost import with_cost
 from gimbalcal.effects import CATALOGUE, parameters
@@ -89,3 +90,21 @@ def test_of_a_unit_turned_in_its_place_a_still_unit_is_navigated() -> None:
     assert cost["without_nmi"] > 1.0  # 0.2 deg/h
     assert cost["with_nmi"] > 0
     assert "on a still base" in cost["in_words"]
+
+
+def test_a_static_run_from_end_to_end() -> None:
+    """A residue of the case rotation at 8 min: located, named, its size, and what it costs; nothing, as it is fast."""
+    run = simulate({
+        "format": 1, "kind": "static-run", "site": PLACE, "noise": NOISE,
+        "truth": {"draw": True, "factor": 0.2, "case_rotation_residue": {"A": {"polar": 1.5}, "period": 8.0}},
+        "schedule": {"duration": {"value": 10.0, "unit": "h"}, "rate": {"value": 1 / 150, "unit": "Hz"}},
+    }, 5)[0]  # fmt: skip
+    told = with_cost([run], diagnose([run]))
+    assert told.verdict == "missing-physics"
+    assert any("period of 8" in m["in_words"] for m in told.mismatch)
+    (found,) = told.findings
+    assert found["effect"] == "case_rotation_residue"
+    sine = next(p for p in found["parameters"] if (p["name"], p["axis"]) == ("case_rotation_sin", "polar"))
+    assert sine["value"] == pytest.approx(1.5, abs=4 * sine["sigma"])
+    assert found["cost"]["without_nmi"] == pytest.approx(found["cost"]["with_nmi"], rel=0.1)
+    assert found["cost"]["uncalibrated_nmi"] > found["cost"]["with_nmi"]
