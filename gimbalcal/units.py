@@ -260,6 +260,8 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
         "true_angle": Quantity("rad", _ANGLES),
         "attitude_error": Quantity("rad", _ANGLES),
         "attitude": Quantity("rad", (*_ANGLES, "1")),
+        "latitude": Quantity("rad", _ANGLES),
+        "longitude": Quantity("rad", _ANGLES),
         "temperature": Quantity("degC", ("degC", "K", "degF")),
         "gravity": Quantity("m/s^2", _FORCES),
         "specific_force_walk": Quantity("m/s^2/sqrt(s)", ("ug/sqrt(h)", "mg/sqrt(h)", "m/s^2/sqrt(s)")),

@@ -19,7 +19,7 @@ from gimbalcal.navigate.outcome import CHANNELS, NONE, Navigated
 from gimbalcal.navigate.run import is_strapdown, navigated
 from gimbalcal.navigate.space_stable import USUAL, Aids, Site
 from gimbalcal.navigate.static_run import ANGLE, FORCE, horizontal, with_inner
-from gimbalcal.navigate.strapdown_run import legs_navigated
+from gimbalcal.navigate.strapdown_run import block_of, legs_navigated
 from gimbalcal.navigate.thinned import RATE, Intervals, thinned
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -88,7 +88,7 @@ class _Few:
 
 def _few(recording: Recording) -> _Few:
     if is_strapdown(recording):
-        legs = thinned(recording, float(recording.time[-1] - recording.time[0]) / ROWS)
+        legs = thinned(recording, block_of(recording, float(recording.time[-1] - recording.time[0]) / ROWS))
         return _Few(legs.rows, legs, 0.0)
     rows = recording.select(np.arange(0, len(recording.time), max(1, len(recording.time) // ROWS)))
     return _Few(with_inner(rows), None, float(rows.time[0] - recording.time[0]))

@@ -9,12 +9,15 @@ along, the velocity that the force made is gravity's, which turns with the Earth
 then the three angles are corrected until the navigated velocity is as small as it gets. The attitude takes up what it
 can of the sensors' errors, as it does in any navigator: a constant bias east stands against a wrong north, and nothing
 moves at first. From there on it navigates alone; the height is held by an external one, and the swing is damped only
-where that is asked for. Errors are navigator minus true.
+where that is asked for. Errors are navigator minus true. True is the site, or of a vehicle its reference, latitude,
+longitude and height at each row, which also holds the height; it begins with a rest.
 
 Source: Wu and Pan, IEEE Trans. AES 49 (2013) 1006, for the attitude in carried axes.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -31,6 +34,7 @@ from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
 from gimbalcal.rotation import exponential
 
+PLACE = ("latitude", "longitude", "height")
 ROUNDS, TURN = 4, 1e-4  # of the alignment, and the angle [rad] of its slopes
 LOOKED_AT = 10.0  # s between the rows that are told
 SLOW, FLAT = 2.0, 5e-3  # of the Earth's rate and of gravity: what a unit that stands still reads and keeps reading
@@ -39,7 +43,9 @@ SLOW, FLAT = 2.0, 5e-3  # of the Earth's rate and of gravity: what a unit that s
 def unit_navigated(recording: Recording, calibration: Calibration | None, aids: Aids, label: str) -> Navigated:
     """Errors of the navigation of a unit in its place, its readings corrected first where there is a calibration."""
     refuse(recording)
-    legs = thinned(recording, LONGEST)
+    if recording.instant and calibration is not None:  # what bends with a rate bends with that of the instant
+        recording, calibration = calibration.apply(recording), None
+    legs = thinned(recording, block_of(recording, LONGEST))
     return legs_navigated(legs, legs.rows if calibration is None else calibration.apply(legs.rows), aids, label)
 
 
@@ -54,21 +60,25 @@ def legs_navigated(legs: Intervals, rows: Recording, aids: Aids, label: str) -> 
             f"{rows.title!r} lasts {end[-1]:.4g} s and is aligned in the first {aids.alignment:g} s of it; give "
             "--alignment minutes that leave something to navigate, and ten rows or more to align with"
         )
-    site = _site(rows)
+    place = _place(legs)
+    base = place(end[:first]).mean(axis=0)
+    site = Site(base[0], base[2], rows.site.gravity, 0.0)
     at = np.array([site.latitude, 0.0, site.height])
     C = aligned(dt[:first], rate[:first], force[:first], site, aids)
     since = end[first:] - end[first - 1]
     every = np.flatnonzero(np.diff(np.floor(since / LOOKED_AT + 1e-9), prepend=0.0) > 0)
     every = every if len(every) > 2 else np.arange(len(since))
     reference = np.zeros((len(since), 3))
-    reference[:, :2], reference[:, 2] = aids.velocity, site.height + np.asarray(aids.height)
+    reference[:, :2], reference[:, 2] = aids.velocity, place(end[first:])[:, 2] + np.asarray(aids.height)
     made = aided(
         dt[first:], rate[first:], force[first:], C, at, every, 2 * aids.damping * schuler_rate(site), aids.height_s,
         site.gravity, reference=reference,
     )  # fmt: skip
     error = np.full((len(every) + 1, len(CHANNELS)), np.nan)
-    error[:, :2] = made.position[:, :2] - at[:2]
-    error[:, 2:4] = made.velocity[:, :2]
+    true = place(np.append(end[first - 1], end[first:][every])) - [0.0, base[1], 0.0]
+    error[:, :2] = made.position[:, :2] - true[:, :2]
+    if not driven(rows):
+        error[:, 2:4] = made.velocity[:, :2]
     if _still(legs):
         error[:, 4:] = _turned_since(made.C_bn)
     return Navigated(label, np.append(0.0, since[every]), error, horizontal(error, site), mechanisation="strapdown")
@@ -138,5 +148,22 @@ def refuse(recording: Recording) -> None:
         recording.triad(quantity)
 
 
-def _site(rows: Recording) -> Site:
-    return Site(required_latitude(rows.site.latitude), rows.site.height, rows.site.gravity, 0.0)
+def driven(recording: Recording) -> bool:
+    """Whether a reference says where the unit is at each row."""
+    return all(recording.has(quantity) for quantity in PLACE)
+
+
+def block_of(recording: Recording, block: float) -> float:
+    """How long means may be [s]: a unit that is driven goes on moving where it does not turn."""
+    return 0.0 if driven(recording) else block
+
+
+def _place(legs: Intervals) -> Callable[[Array], Array]:
+    """Latitude, longitude and height (n, 3) at times [s] since the start: those of the reference, or of the site."""
+    site, end = legs.rows.site, np.cumsum(legs.dt)
+    if not driven(legs.rows):
+        here = np.array([required_latitude(site.latitude), 0.0, site.height])
+        return lambda t: np.broadcast_to(here, (len(t), 3))
+    told = [legs.rows.channels[quantity, ""] for quantity in PLACE]
+    told[1] = np.unwrap(told[1])
+    return lambda t: np.stack([np.interp(t, end, column) for column in told], axis=-1)

@@ -29,6 +29,9 @@ AXES: Mapping[str, tuple[str, ...] | None] = {
     "covariate": None,
     "sigma": (),
     "attitude": ("qw", "qx", "qy", "qz", "roll", "pitch", "yaw"),
+    "latitude": (),
+    "longitude": (),
+    "height": (),
 }
 """Known quantities of a column and the axes that each may have."""
 

@@ -21,17 +21,19 @@ from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, Platform
 from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.record import Key
+from gimbalcal.schedule.drive import Drive
 from gimbalcal.schedule.trajectory import Path as Course
 from gimbalcal.simulate.environment import course
 from gimbalcal.simulate.motion import Timetable, planned, platform_of, sidereal, timetable
 from gimbalcal.simulate.noise import coloured, noises, of_rates, stated
 from gimbalcal.simulate.scenario import Scenario, check_content, load
 from gimbalcal.simulate.truth import true_effects
-from gimbalcal.simulate.turned import flown, nodes, shaken, stimulus
+from gimbalcal.simulate.turned import flown, nodes, radii, shaken, stimulus
 
 BLOCK = 1 << 17  # rows made at once: some 100 MB of work space; fixed, so that a seed means the same rows everywhere
 PAST_STEP = 60.0  # s between the earlier rows that effects with a memory are given; the lag and integral are exact
 ATTITUDE = ("roll", "pitch", "yaw")
+PLACE = ("latitude", "longitude", "height")
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,7 @@ def prepare(scenario: Scenario, seed: int | None = None) -> Run:
     table = path = None
     read: tuple[str, ...] = ()
     if turns:
-        path = flown(scenario.schedule, sigma, setting_rng)
+        path = flown(scenario.schedule, sigma, setting_rng, site)
     elif scenario.kind != "static-run":
         table = timetable(planned(scenario), scenario.schedule, scenario.faults, scenario.ramp)
         read = tuple(name for name, column in zip(platform.axis_names, table.told.T, strict=True) if np.any(column))
@@ -203,7 +205,7 @@ def _angles(run: Run, out: Mapping[str, Array], time: Array, rng: np.random.Gene
     channels: dict[Key, Array] = {}
     names, noise = run.platform.axis_names, noises(run.scenario)
     if run.path is not None:
-        return channels
+        return _reference(run.path, run.scenario, time, rng)
     if run.table is not None:
         told = run.table.angles(time, run.table.told)
         return {("gimbal_angle", name): told[:, names.index(name)] for name in run.read}
@@ -214,6 +216,16 @@ def _angles(run: Run, out: Mapping[str, Array], time: Array, rng: np.random.Gene
     for i, name in enumerate(ATTITUDE):
         channels["attitude_error", name] = out["attitude_error"][:, i] + attitude * rng.standard_normal(len(time))
     return channels
+
+
+def _reference(path: Course, scenario: Scenario, time: Array, rng: np.random.Generator) -> dict[Key, Array]:
+    """Where a vehicle is, as a satellite receiver tells it at each row; nothing of a unit in its place."""
+    if not isinstance(path, Drive):
+        return {}
+    place, sigma = path.place(time), scenario.noise.place * rng.standard_normal((len(time), 3))
+    M, N = radii(place[:, 0])
+    metres = np.stack([M, N * np.cos(place[:, 0]), np.ones(len(time))], axis=-1)
+    return {(name, ""): column for name, column in zip(PLACE, (place + sigma / metres).T, strict=True)}
 
 
 def _row_times(scenario: Scenario, table: Timetable | None) -> Array:
@@ -269,5 +281,5 @@ def _site(scenario: Scenario) -> Site:
 
 def _units(channels: Mapping[Key, Array]) -> dict[Key, str]:
     unit = {"specific_force": "m/s^2", "gimbal_angle": "deg", "attitude_error": "arcsec", "temperature": "degC",
-            "angular_rate": "rad/s"}  # fmt: skip
+            "angular_rate": "rad/s", "latitude": "deg", "longitude": "deg", "height": "m"}  # fmt: skip
     return {key: unit[key[0]] for key in channels if key[0] in unit}

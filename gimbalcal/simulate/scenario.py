@@ -80,6 +80,15 @@ class Swinging(_Section):
     roll: Oscillation | None = None
 
 
+class Driving(_Section):
+    """[schedule.drive]: legs from crossing to crossing with bends and hills, after a rest."""
+
+    speed: Speed
+    leg: Duration = 240.0
+    pitch: Angle = 0.0
+    rest: Duration = 900.0
+
+
 class Motion(_Section):
     """[schedule]: which holds or turns, how long, how fast between them, how often sampled."""
 
@@ -92,13 +101,14 @@ class Motion(_Section):
     settle: Annotated[float, _measured("time")] = 5.0
     record_slews: bool = False
     sweeps: int = Field(default=1, ge=1, le=1000)
-    duration: Duration = 86400.0  # of a static run, of a swing
+    duration: Duration = 86400.0  # of a static run, of a swing, of a drive with its rest
     start_angle: Angle = 0.4  # S_t of a static run's first sample
     # of turns, in a rotation
     file: str = ""  # a schedule.toml instead of a name
     start: dict[str, str] = {}  # where x, y and z point, as in schedule.toml
     moves: tuple[Turn, ...] = ()
     swing: Swinging | None = None
+    drive: Driving | None = None
     start_sigma: Angle = 0.0  # how far the unit is off its start, one sigma about each axis
     rates: Literal["mean", "instant"] = "mean"  # over the interval that ends at the row, or of the row's time
 
@@ -106,16 +116,16 @@ class Motion(_Section):
     def _known(self) -> Motion:
         if self.name and self.name not in (*SCHEDULES, *ROTATIONS):
             raise ValueError(f"no schedule is called {self.name!r}; known: {', '.join((*SCHEDULES, *ROTATIONS))}")
-        if sum(map(bool, (self.name, self.file, self.holds, self.moves, self.swing))) > 1:
-            raise ValueError("name, file, holds, moves and swing each say where the unit goes; keep one")
+        if sum(map(bool, (self.name, self.file, self.holds, self.moves, self.swing, self.drive))) > 1:
+            raise ValueError("name, file, holds, moves, swing and drive each say where the unit goes; keep one")
         if self.start and set(self.start) != set("xyz"):
             raise ValueError('start: say where x, y and z point, { x = "east", y = "north", z = "up" }')
         return self
 
     @property
     def turns(self) -> bool:
-        """Whether it is a schedule of turns and stops, of a unit that no gimbal holds; of a rest alone, of a swing."""
-        return self.name in ROTATIONS or bool(self.file or self.moves or self.swing or self.start)
+        """Whether it is a schedule of turns and stops, of a unit that no gimbal holds; a rest, swing or drive too."""
+        return self.name in ROTATIONS or bool(self.file or self.moves or self.swing or self.drive or self.start)
 
 
 class Place(_Section):
@@ -186,6 +196,7 @@ class Noise(_Section):
     velocity: Speed = 0.0  # how still the place of a turned unit is
     gimbal_angle: Angle = 0.0  # setting error of a position; of one reading in a static run
     attitude: Angle = 0.0
+    place: Length = 0.0  # of the reference of a drive, in each direction
 
 
 class Blunder(_Section):

@@ -15,14 +15,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gimbalcal.earth import EARTH_RATE, FLATTENING, SEMI_MAJOR_AXIS, normal_gravity
 from gimbalcal.effects import Stimulus
 from gimbalcal.effects.process import GaussMarkov, sample
 from gimbalcal.errors import InputError
 from gimbalcal.kinematics import DOWN, required_latitude, stimulus_from_truth
 from gimbalcal.number import Array, apply_matrix
-from gimbalcal.recording import Recording
+from gimbalcal.recording import Recording, Site
 from gimbalcal.rotation import exponential
 from gimbalcal.schedule import ROTATIONS, Move, RotationSchedule
+from gimbalcal.schedule.drive import Drive
 from gimbalcal.schedule.file import read_rotation
 from gimbalcal.schedule.rotation import standing
 from gimbalcal.schedule.swing import Swing
@@ -85,10 +87,35 @@ def nodes(path: Path, time: Array, interval: float | Array, instant: bool) -> No
 def stimulus(path: Path, like: Recording, time: Array) -> Stimulus:
     """What the unit experiences at `time` (N,) [s] of the recording's clock; `like` holds the environment there."""
     C_bn, own, slope = path.at(time)
+    if isinstance(path, Drive):
+        return _driven(path, like, time)
     earth = earth_rate(C_bn, required_latitude(like.site.latitude))
     force = apply_matrix(np.swapaxes(C_bn, -1, -2), -like.site.gravity * DOWN)
     s = stimulus_from_truth(replace(like, time=time, weight=np.ones(len(time))), force, own + earth)
     return s.at(rate_slope=slope - np.cross(own, earth))  # the Earth's rate turns in the axes of the unit
+
+
+def _driven(path: Drive, like: Recording, time: Array) -> Stimulus:
+    """The same of a vehicle: the frame turns with the Earth and with the way over it, and the way has its forces."""
+    C_bn, own, slope = path.at(time)
+    (v, dv), (L, _, h) = path.motion(time), path.place(time).T
+    M, N = radii(L)
+    zero = np.zeros_like(L)
+    earth = EARTH_RATE * np.stack([np.cos(L), zero, -np.sin(L)], axis=-1)
+    over = np.stack([v[:, 1] / (N + h), -v[:, 0] / (M + h), -v[:, 1] * np.tan(L) / (N + h)], axis=-1)
+    C_nb = np.swapaxes(C_bn, -1, -2)
+    g = like.site.gravity + normal_gravity(L, h) - normal_gravity(path.latitude, path.height)
+    force = apply_matrix(C_nb, dv + np.cross(2 * earth + over, v) - g[:, None] * DOWN)
+    frame = apply_matrix(C_nb, earth + over)
+    s = stimulus_from_truth(replace(like, time=time, weight=np.ones(len(time))), force, own + frame)
+    return s.at(rate_slope=slope - np.cross(own, frame))
+
+
+def radii(latitude: Array) -> tuple[Array, Array]:
+    """Radii of curvature of the ellipsoid [m]: M along the meridian, N across it."""
+    e2 = FLATTENING * (2 - FLATTENING)
+    w = 1 - e2 * np.sin(latitude) ** 2
+    return SEMI_MAJOR_AXIS * (1 - e2) / w**1.5, SEMI_MAJOR_AXIS / np.sqrt(w)
 
 
 def schedule_of(motion: Motion) -> RotationSchedule:
@@ -112,9 +139,13 @@ def schedule_of(motion: Motion) -> RotationSchedule:
     )
 
 
-def flown(motion: Motion, setting: float, rng: np.random.Generator) -> Path:
+def flown(motion: Motion, setting: float, rng: np.random.Generator, site: Site) -> Path:
     """The trajectory as it truly is: the start a little off, and each axis set with an error at every stop."""
     tilt = motion.start_sigma * rng.standard_normal(3)
+    if motion.drive is not None:
+        d = motion.drive
+        latitude = required_latitude(site.latitude)
+        return Drive(d.speed, d.leg, d.pitch, d.rest, motion.duration, latitude, site.height)
     if motion.swing is not None:
         swings = (motion.swing.heading, motion.swing.pitch, motion.swing.roll)
         size, pace = (

@@ -7,6 +7,7 @@ with the height held, x = (r_N, r_E, v_N, v_E, phi_N, phi_E, phi_D); the program
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from gimbalcal.navigate.strapdown import aided, radii
 from gimbalcal.navigate.strapdown_run import aligned
 from gimbalcal.navigate.thinned import thinned
 from gimbalcal.number import Array
-from gimbalcal.recording import Recording
+from gimbalcal.recording import Recording, read, write
 from gimbalcal.rotation import exponential
 from gimbalcal.simulate import simulate
 
@@ -237,4 +238,42 @@ def test_errors_are_told_from_the_end_of_the_alignment() -> None:
     found: Navigated = navigated(made, None, Aids(damping=0.0, alignment=3600.0))
     assert found.time[0] == 0
     assert found.time[-1] == pytest.approx(11 * 3600, abs=20)
-    assert found.position[0] == 0
+    assert found.position[0] < 1e-6  # m
+
+
+def driven(truth: dict[str, Any], **more: Any) -> tuple[Recording, tuple[Effect, ...]]:
+    motion = {"drive": {"speed": {"value": 15, "unit": "m/s"}, "pitch": {"value": 2, "unit": "deg"},
+                        "rest": {"value": 300, "unit": "s"}},
+              "duration": {"value": 0.75, "unit": "h"}, "rate": {"value": 10, "unit": "Hz"}}  # fmt: skip
+    return simulate({"format": 1, "kind": "rotation", "site": PLACE, "truth": truth, "schedule": motion, **more})
+
+
+def test_a_vehicle_is_held_against_its_reference() -> None:
+    """Ten legs with bends and hills: the simulated motion and the navigator know nothing of each other."""
+    made, _ = driven({})
+    found = navigated(made, None, Aids(damping=0.0, alignment=240.0))
+    assert found.position.max() < 0.2  # m, of 20 km
+    assert np.isnan(found.error[:, 2:]).all()
+    made, effects = driven({"bias": {"x": 500.0}, "quadratic_nonlinearity": {"z": 300.0}})
+    before, after = before_and_after(made, [("truth", calibration(effects))], Aids(damping=0.0, alignment=240.0))
+    assert before.position.max() > 100 * after.position.max()
+
+
+def test_the_place_of_a_vehicle_is_written_and_read(tmp_path: Path) -> None:
+    made, _ = driven({}, noise={"accelerometer": {"value": 50.0, "unit": "ug"},
+                                "gyroscope": {"value": 5.0, "unit": "deg/h"}})  # fmt: skip
+    write(made, tmp_path / "drive", "samples.csv")
+    back = read(tmp_path / "drive")
+    for quantity, size in (("latitude", 1e-12), ("longitude", 1e-12), ("height", 1e-6)):
+        np.testing.assert_allclose(back.channels[quantity, ""], made.channels[quantity, ""], atol=size)
+
+
+def test_readings_of_an_instant_are_corrected_before_they_are_means() -> None:
+    """What bends with the square of a rate does so with that of the instant: 0.1 deg/s of a swing are rectified."""
+    fast = {"frequency": {"value": 8.0, "unit": "Hz"}, "amplitude": {"value": 2.0, "unit": "deg"}}
+    made, effects = simulate({
+        "format": 1, "kind": "rotation", "site": PLACE, "truth": {"gyro_scale_nonlinearity": {"x": 2000.0}},
+        "schedule": {"swing": {"roll": fast}, "duration": {"value": 90, "unit": "s"}, "rates": "instant",
+                     "rate": {"value": 200.0, "unit": "Hz"}}})  # fmt: skip
+    before, after = before_and_after(made, [("truth", calibration(effects))], Aids(damping=0.0, alignment=30.0))
+    assert before.position.max() > 1000 * after.position.max()

@@ -48,17 +48,20 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     base = tuple(t for t in wanted if t in LINEAR) or ("bias",)
     beside, constants = _added(means, base, more)
     best = norm_fit(means, base, beside)
-    tried, declined = [(base, best)], []
-    for term in (t for t in wanted if t not in base):
+    tried, declined, left = [(base, best)], dict[str, str](), [t for t in wanted if t not in base]
+    while left:
+        term = left.pop(0)
         candidate = _attempt(means, (*tried[-1][0], term), beside)
         why = _refusal(term, best, candidate, coefficients(wanted) - coefficients(base))
         if why:
-            declined.append((term, why))
-        else:
-            assert candidate is not None
-            best = candidate
-            tried.append(((*tried[-1][0], term), candidate))
-    return with_told(_calibration(recording, best, tried, declined, counts), constants)
+            declined[term] = why
+            continue
+        assert candidate is not None
+        best = candidate
+        tried.append(((*tried[-1][0], term), candidate))
+        left += declined  # a cubic of 600 ug hid a square of 250: what was declined before is asked once more
+        declined = {}
+    return with_told(_calibration(recording, best, tried, tuple(declined.items()), counts), constants)
 
 
 def _added(

@@ -10,6 +10,7 @@ import pytest
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Effect
 from gimbalcal.effects.accelerometer import Bias, Misalignment, ScaleFactor, ScaleNonlinearity
+from gimbalcal.effects.nonlinearity import CubicNonlinearity
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, unknowns
@@ -153,3 +154,14 @@ def test_too_few_positions_are_refused_with_the_remedy() -> None:
 
 def test_the_norm_sees_three_of_six_misalignments() -> None:
     assert len(unknowns(LINEAR)) == 9
+
+
+def test_a_term_that_a_larger_one_hides_is_asked_once_more() -> None:
+    """The nonlinear terms of Table 4 of Wang et al. (2019): cubes of 600 ug/g^3 in the scatter of which a square drowns."""
+    ug = 9.80665e-6
+    square = np.array([60.0, -40.0, 50.0]) * ug / 9.80665**2
+    cube = np.array([406.0, 676.0, 667.0]) * ug / 9.80665**3
+    truth = (ScaleNonlinearity(square), CubicNonlinearity(cube))
+    made = multiposition(rested(truth, scattered(24)))
+    assert {"scale_nonlinearity", "cubic_nonlinearity"} <= {p.effect for p in made.parameters}
+    assert made.outcome == ""

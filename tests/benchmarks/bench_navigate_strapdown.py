@@ -1,0 +1,86 @@
+"""Strapdown units navigated before and after: Cai et al.'s five days, Wei et al.'s 48 h, Wang et al.'s motions.
+
+    python -m tests.benchmarks.bench_navigate_strapdown [cai2016 | wei2022 | drive | swing] ...
+
+Each unit is calibrated from its own scenario and navigates another; seeds 1 to 3. Cai and Wei: 30 and 51 states,
+aligned for an hour. Wang: method 2 has the linear terms alone, fitted to the same rests and revolutions; method 3 all
+of Table 4.
+"truth": every error of the sensors taken off, so that noise and alignment remain.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.calibration.calibration import Residual
+from gimbalcal.effects import Effect
+from gimbalcal.estimate.systematic.run import systematic
+from gimbalcal.methods import calibrate
+from gimbalcal.navigate.bands import bands
+from gimbalcal.navigate.outcome import NAUTICAL_MILE
+from gimbalcal.navigate.run import navigated, usual
+from gimbalcal.recording import Recording
+from gimbalcal.simulate import simulate
+
+SEEDS = (1, 2, 3)
+LINEAR = ("scale_factor", "bias", "misalignment")
+Calibrations = list[tuple[str, Calibration | None]]
+
+
+def perfect(truth: tuple[Effect, ...]) -> Calibration:
+    """The calibration that knows the truth."""
+    return Calibration("truth", truth, (), np.zeros((0, 0)), (), Residual(0, 0, {}))
+
+
+def by_states(scenario: str, seed: int) -> Calibrations:
+    """30 and 51 states of a unit turned in its place."""
+    recording, _ = simulate(scenario, seed)
+    return [("none", None), *((f"{s} states", systematic(recording, s)) for s in ("30", "51"))]
+
+
+def by_methods(seed: int) -> Calibrations:
+    """Methods 2 and 3 of Wang et al.: a linear model, and the full one."""
+    recording, _ = simulate("wang2019-unit", seed)
+    full, _ = calibrate([recording], "multiposition")
+    line, _ = calibrate([recording], "multiposition", terms=LINEAR)
+    gyro = tuple(e for e in full.effects if e.id.startswith("gyro") and e.id != "gyro_scale_nonlinearity")
+    return [("none", None), ("method 2", replace(line, effects=(*line.effects, *gyro))), ("method 3", full)]
+
+
+def told(run: Recording, made: Calibrations, alignment: float) -> list[str]:
+    """One line for each calibration."""
+    aids, out = usual(run, None, alignment), []
+    for label, calibration in made:
+        n = navigated(run, calibration, aids)
+        north, east = np.rad2deg(n.largest[:2]) * 60
+        line = f"  {label:10s} {n.position.max() / NAUTICAL_MILE:10.4g} n mile"
+        line += f"   latitude {north:8.3g}'  longitude {east:8.3g}'"
+        if label.endswith("states"):
+            assert calibration is not None
+            (_, linear), (_, sampled) = bands(run, calibration, aids, 20, 1)
+            one, other = (np.rad2deg(x[:, :2].max(0)) * 60 for x in (linear, sampled))
+            line += f"   one sigma {one[0]:.3g}', {one[1]:.3g}'; sampled {other[0]:.3g}', {other[1]:.3g}'"
+        out.append(line)
+    return out
+
+
+def main() -> None:
+    asked = sys.argv[1:] or ["cai2016", "wei2022", "drive", "swing"]
+    for name in asked:
+        for seed in SEEDS[: 1 if name == "swing" else None]:
+            paper = name in ("cai2016", "wei2022")
+            scenario = f"{name}-static" if paper else f"wang2019-{name}"
+            run, truth = simulate(scenario, seed + 1000)
+            source = {"cai2016": "cai2016-18", "wei2022": "wei2022-30"}.get(name, "")
+            made = [*(by_states(source, seed) if paper else by_methods(seed)), ("truth", perfect(truth))]
+            lines = [f"{scenario}, unit {seed}", *told(run, made, 3600.0 if paper else 600.0)]
+            sys.stdout.write("\n".join(lines) + "\n")
+            sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
