@@ -18,7 +18,7 @@ from derivations import mechanisation as nav
 from derivations.comparison import once
 from derivations.readings import TURN
 
-STEP, SHORT = 1e-3, 1e-8  # s; the second where nothing is taken from one
+STEP, SHORT, LONGER = 1e-3, 1e-8, 1e-2  # s; the second where nothing is taken from one, the last among the stars
 LATITUDE, HEIGHT = 0.6, 300.0
 VELOCITY = np.array([70.0, -40.0, 5.0])  # m/s, east, north, up
 FORCE = np.array([0.4, -0.7, -9.6])  # m/s^2, body
@@ -52,6 +52,32 @@ def mechanised() -> float:
     R = SCALE[-1]
     apart = (rates[0] - C_dot, (rates[1] - v_dot) / SCALE[3], (rates[2] - p_dot) * [1, 1, 1 / R])
     return float(max(np.abs(a).max() for a in apart))
+
+
+def mechanised_among_the_stars() -> float:
+    """The same of the space-stable navigator: rates of the velocity over ground and of the place, without its aids.
+
+    It tells velocity and place in the middle of a step, half of what the step adds; radii are those of the derivation.
+    """
+    from gimbalcal.navigate.space_stable import _march
+
+    at, phase = np.array([*VELOCITY, LATITUDE, 1.1, HEIGHT]), 0.4
+    s, c, S, K = np.sin(LATITUDE), np.cos(LATITUDE), np.sin(phase), np.cos(phase)
+    C = np.array([[-S, K, 0], [-s * K, -s * S, c], [c * K, c * S, s]])  # platform to east, north, up
+    _, v_dot, p_dot = nav.true_rates(at, C, np.zeros(3), FORCE)
+    R_N = nav.radii(LATITUDE)[1]
+    r = np.array([(R_N + HEIGHT) * c * K, (R_N + HEIGHT) * c * S, (R_N * (1 - nav.E2) + HEIGHT) * s])
+    v = C.T @ VELOCITY + nav.OMEGA * np.array([-r[1], r[0], 0])
+    place = np.array([float(nav.gravity(LATITUDE, HEIGHT)), LATITUDE, 0.0, HEIGHT, 0.0])
+    ends, still = [], np.zeros((1, 2))
+    for h in (LONGER, -LONGER):
+        out = np.empty((1, 5))
+        _march(np.array([h]), FORCE[None], r, v, place, 0.0, 0.0, 0.0, still, np.array([HEIGHT]), out)
+        ends.append(out[0])
+    rates = (ends[0] - ends[1]) / LONGER
+    size = np.array([1, 1, SCALE[-1], SCALE[3], SCALE[3]])
+    wanted = np.array([p_dot[0], p_dot[1] + nav.OMEGA, p_dot[2], v_dot[1], v_dot[0]])
+    return float(np.abs((rates - wanted) / size).max())
 
 
 # --- error growth at rest

@@ -8,11 +8,13 @@ axis and to first order; `dead_reckoning` navigates in full, about each of the t
 
 from __future__ import annotations
 
-from math import pi, radians, sin, sqrt
+from math import cos, degrees, pi, radians, sin, sqrt
 
 from derivations.verdict import AGREES, APPROXIMATION, NOT_DETERMINED, WRONG, Verdict
-from derivations.wang2019.dead_reckoning import largest
+from derivations.wang2019.dead_reckoning import LATITUDE, largest
+from derivations.wang2019.navigation import EARTH
 from derivations.wang2019.symbols import SOURCE
+from derivations.wang2019.table_4 import value
 
 SWING = (("heading", 2.0, 3.0), ("pitch", 2.0, 3.0), ("roll", 8.0, 5.0))  # Hz, deg
 TABLE_6 = ((1.452, 1.513, 1.275, 12.19), (1.537, 1.528, 1.389, 9.63), (1.426, 1.448, 1.263, 11.43))  # n mile, %
@@ -64,6 +66,32 @@ def judge_error(number: int, method: int, printed: float) -> Verdict:
     )  # fmt: skip
 
 
+def judge_bends() -> Verdict:
+    """Table 4's second order of the heading gyroscope in the bends of a drive, against what Table 6 says it is worth.
+
+    A bend through a right angle in T s at a rate that rises and falls as 1 - cos has the square 3/2 (pi/2)^2 / T. An
+    error of heading phi lets the Earth's rate in, phi Omega cos L for a gyroscope error east.
+    """
+    K1, K2 = value("K_g1z"), abs(value("K_g2z"))
+    bend = 6.0  # s
+    bent = degrees(1) * K2 / K1**2  # per rad/s
+    heading = bent * 1.5 * (pi / 2) ** 2 / bend
+    leak = heading * EARTH * cos(LATITUDE)
+    rate = degrees(leak) * 3600
+    miles = largest((leak, 0.0, 0.0), (0.0, 0.0, 0.0), HOURS) / MILE
+    slow = bend * miles / 0.18
+    return Verdict(
+        SOURCE, "Tables 4 and 6, K_g2", WRONG,
+        "K_g2z -9.97e-18 deg/s/pulse^2; left out, the drive of 3.2 h is worse by 0.15 to 0.18 n mile",
+        f"{miles:.2f} n mile by one right angle in {bend:g} s", f"a factor of {miles / 0.18:.2g} for each bend one way",
+        f"A bend through a right angle in {bend:g} s turns the heading by {degrees(heading) * 60:.1f} arcmin where the "
+        f"square is left out, which lets {rate:.2f} deg/h of the Earth's rate in: {miles:.2f} n mile in {HOURS:g} h. "
+        "The sign is that of the rate squared, so bends right and left add up, and the text has the vehicle turn; for "
+        f"one of them to be worth the printed 0.18 n mile it would take {slow:.0f} s. K_g2 does not hold, or pulses "
+        "are not per second.",
+    )  # fmt: skip
+
+
 def decrease(one: float, three: float) -> float:
     """In per cent of method 1."""
     return 100 * (one - three) / one
@@ -102,4 +130,4 @@ def verdicts() -> tuple[Verdict, ...]:
     """Table 5, Table 6 and the sentences."""
     errors = (judge_error(i, method, row[method - 1]) for i, row in enumerate(TABLE_6, start=1) for method in (1, 2, 3))
     shares = (judge_experiment(i, a, c, d) for i, (a, _, c, d) in enumerate(TABLE_6, start=1))
-    return (*(judge_swing(*row) for row in SWING), *errors, *shares, *sentences())
+    return (*(judge_swing(*row) for row in SWING), *errors, *shares, judge_bends(), *sentences())

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from derivations.comparison import checks, once
+from derivations.navigator import mechanised_among_the_stars
 from derivations.stimulus import stimulus
 from derivations.wu2018 import frames, separation, static_force, table4
 from derivations.wu2018.attitude_error import (
@@ -253,6 +254,9 @@ def _derived_name(name: str) -> str:
     if name.startswith("x"):
         return f"x_{name[1]}"
     return "d" + name.replace("_0", "_mean")
+
+
+checks(SOURCE, "Eq. (28)", where="navigate.space_stable.navigate")(mechanised_among_the_stars)
 
 
 @dataclass(frozen=True)

@@ -157,7 +157,7 @@ def test_the_norm_sees_three_of_six_misalignments() -> None:
 
 
 def test_a_term_that_a_larger_one_hides_is_asked_once_more() -> None:
-    """The nonlinear terms of Table 4 of Wang et al. (2019): cubes of 600 ug/g^3 in the scatter of which a square drowns."""
+    """Cubes of 600 ug/g^3, as in Table 4 of Wang et al. (2019), in the scatter of which a square drowns."""
     ug = 9.80665e-6
     square = np.array([60.0, -40.0, 50.0]) * ug / 9.80665**2
     cube = np.array([406.0, 676.0, 667.0]) * ug / 9.80665**3
