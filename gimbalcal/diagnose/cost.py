@@ -26,7 +26,8 @@ from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import constants, follows, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.added import Added
-from gimbalcal.estimate.systematic.run import calibrated, settle
+from gimbalcal.estimate.systematic.run import calibrated
+from gimbalcal.estimate.systematic.settle import settle
 from gimbalcal.navigate.bands import uncertain
 from gimbalcal.navigate.outcome import NAUTICAL_MILE
 from gimbalcal.navigate.run import navigated, usual
@@ -93,8 +94,9 @@ def _unit(recordings: Sequence[Recording], d: Diagnosis) -> _Unit | None:
 def _settled(recording: Recording, made: Calibration, effect: str) -> Calibration:
     """The unit turned in its place calibrated again, with the parameters of `made` but those of an effect."""
     wanted = tuple(p for p in made.parameters if p.effect != effect)
-    beyond = {p.effect for p in wanted} - set(BASELINE["rotation"])
-    return calibrated(settle(recording, wanted, tuple(emptied(e) for e in made.effects if e.id in beyond)))
+    fitted, beyond = {p.effect for p in made.parameters}, {p.effect for p in wanted} - set(BASELINE["rotation"])
+    fresh = [emptied(e) for e in made.effects if e.id in beyond]
+    return calibrated(settle(recording, wanted, (*(e for e in made.effects if e.id not in fitted), *fresh)))
 
 
 def _as_found(e: Effect) -> Added:
