@@ -20,6 +20,7 @@ from gimbalcal.cli.files import apply, export, import_
 from gimbalcal.cli.history import compare, remember, stored
 from gimbalcal.cli.navigation import budget, navigate
 from gimbalcal.cli.new import new
+from gimbalcal.cli.noise import noise
 from gimbalcal.cli.options import COUNT, GRADE, RECORDINGS, SEED, example, listed, output_options, progress, show, wrote
 from gimbalcal.cli.placing import OVERWRITE, place, placed
 from gimbalcal.cli.planning import design, observe
@@ -81,6 +82,7 @@ gimbalcal.add_command(export)
 gimbalcal.add_command(import_)
 gimbalcal.add_command(navigate)
 gimbalcal.add_command(new)
+gimbalcal.add_command(noise)
 gimbalcal.add_command(budget)
 gimbalcal.add_command(observe)
 

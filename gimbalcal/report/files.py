@@ -104,3 +104,13 @@ def write_plan(content: Mapping[str, Any], out: Path, question: str = "") -> Non
     with folder(out) as new:
         write_json(new / "observability.json", content)
         write(new / "report.html", marked(page, question))
+
+
+def write_noise(content: Mapping[str, Any], title: str, out: Path, question: str = "") -> None:
+    """noise.json and report.html into `out`."""
+    from gimbalcal.report.noise_page import noise_report
+
+    page = noise_report(content, title)
+    with folder(out) as new:
+        write_json(new / "noise.json", content)
+        write(new / "report.html", marked(page, question))

@@ -1,0 +1,205 @@
+"""The noise of sensors at rest: Allan deviation of each channel, its coefficients, and what a header may state.
+
+Rests are those of the recording; of a static run everything is one, less the Earth's turn under the platform.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.earth import EARTH_RATE
+from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.systematic.course import stops
+from gimbalcal.inference.allan import FEWEST, Curve, Fitted, curve, fit, law, probability
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording, dwells
+from gimbalcal.recording.record import SENSORS, Key
+from gimbalcal.units import from_si, is_raw
+
+PARTS = ("white_noise", "bias_instability", "random_walk")
+UNITS: Mapping[str, tuple[str, str, str]] = {
+    "specific_force": ("ug/sqrt(Hz)", "ug", "ug/sqrt(h)"),
+    "angular_rate": ("deg/sqrt(h)", "deg/h", "deg/h/sqrt(h)"),
+}
+SI = {"specific_force": "m/s^2", "angular_rate": "rad/s"}
+WORDS = {"specific_force": "accelerometer", "angular_rate": "gyroscope"}
+GAP = 1.5  # usual steps of the clock: there a stretch ends
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One sensor at rest: its curve [SI^2], the fitted noise, and how many samples a row is the mean of."""
+
+    key: Key
+    sensor: str
+    raw: str  # the unit of counts or pulses; empty of a reading in SI
+    curve: Curve
+    found: Fitted
+    weight: float
+
+    @property
+    def name(self) -> str:
+        """As a person says it."""
+        return " ".join(filter(None, [WORDS[self.key[0]], self.key[1], self.sensor]))
+
+    @property
+    def units(self) -> tuple[str, str, str]:
+        """Of white noise, bias instability (and the curve), random walk."""
+        return (f"{self.raw}/sqrt(Hz)", self.raw, f"{self.raw}/sqrt(h)") if self.raw else UNITS[self.key[0]]
+
+    def printed(self, value: Array | float, part: int) -> Any:
+        """A value of SI in the unit that coefficients of this kind are told in."""
+        si = np.asarray(value, dtype=float)
+        return si * (60.0 if part == 2 else 1.0) if self.raw else from_si(si, self.units[part])
+
+    def coefficient(self, part: int) -> dict[str, Any]:
+        """Value and sigma of a coefficient; where it does not show, None and what it is below (95 %)."""
+        square, spread = self.found.square[part], np.sqrt(self.found.covariance[part, part])
+        seen, root = bool(spread > 0), float(np.sqrt(square))
+        most = float(np.sqrt(max(self.found.most[part], 0.0)))
+        return {
+            "value": float(self.printed(root, part)) if seen else None,
+            "sigma": float(self.printed(spread / (2 * root), part)) if seen else None,
+            "below": None if seen else float(self.printed(most, part)),
+            "unit": self.units[part],
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """As noise.json has it."""
+        return {
+            "quantity": self.key[0],
+            "axis": self.key[1],
+            "sensor": self.sensor,
+            **{name: self.coefficient(k) for k, name in enumerate(PARTS)},
+            "unit": self.units[1],
+            "tau_s": self.curve.tau.tolist(),
+            "deviation": self.printed(np.sqrt(self.curve.variance), 1).tolist(),
+            "sigma": self.printed(self.found.spread / (2 * np.sqrt(self.model)), 1).tolist(),
+            "model": self.printed(np.sqrt(self.model), 1).tolist(),
+            "fitted_from_s": float(self.curve.tau[self.found.first]),
+            "chi2": self.found.chi2,
+            "dof": self.found.dof,
+            "p_value": probability(self.found),
+        }
+
+    @property
+    def model(self) -> Array:
+        """Allan variance (P,) of the fitted noise."""
+        return np.asarray(law(self.curve.tau) @ self.found.square)
+
+
+def noise_at_rest(recording: Recording) -> tuple[Channel, ...]:
+    """The noise of every accelerometer and gyroscope of a recording. Raises InputError where nothing rests."""
+    if recording.kind == "pointing":
+        raise InputError(f"{recording.title!r} is a pointing run: no inertial sensor rests in it")
+    out = []
+    for each in recording.sensors:
+        stretches, step = _stretches(each)
+        for (quantity, axis), values in each.channels.items():
+            if quantity not in UNITS:
+                continue
+            x = _without_the_earth(each, values) if each.kind == "static-run" else values
+            unit = each.units.get((quantity, axis), "")
+            c = curve(x, stretches, step)
+            if not c.variance.min() > 0:
+                raise InputError(f"{each.title!r}: {quantity} {axis} shows no noise at rest; log it with more digits")
+            raw = unit if is_raw(unit) else ""
+            out.append(Channel((quantity, axis), each.sensor, raw, c, fit(c), float(np.median(each.weight))))
+    if not out:
+        raise InputError(f"{recording.title!r} has no specific_force or angular_rate: no sensor's noise to tell")
+    return tuple(out)
+
+
+def _stretches(recording: Recording) -> tuple[list[slice], float]:
+    """Rows at rest without a gap of the clock, and the step of the clock [s]."""
+    step = float(np.median(np.diff(recording.time))) if len(recording.time) > 1 else 1.0
+    rests = stops(recording) if recording.kind == "rotation" else dwells(recording)
+    cut = np.flatnonzero(np.diff(recording.time) > GAP * step) + 1
+    out = []
+    for d in rests:
+        inside = cut[(cut > d.start) & (cut < d.stop)]
+        ends = [d.start, *map(int, inside), d.stop]
+        out += [slice(a, b) for a, b in pairwise(ends) if b - a >= FEWEST]
+    if not out:
+        longest = max((d.stop - d.start for d in rests), default=0)
+        raise InputError(
+            f"{recording.title!r}: the longest rest has {amount(longest, 'row')}, and noise takes {FEWEST} or more; "
+            "leave the unit alone for an hour while it is logged"
+        )
+    return out, step
+
+
+def _without_the_earth(recording: Recording, x: Array) -> Array:
+    """Readings (n,) less the Earth's turn, which the force does in the axes of a still platform.
+
+    Its second harmonic is what a nonlinear sensor makes of it, and both may change steadily as the platform drifts.
+    """
+    t = (recording.time - recording.time[0]) / (recording.time[-1] - recording.time[0])
+    angle = EARTH_RATE * (recording.time - recording.time[0])
+    waves = [np.ones(len(x)), *(f(k * angle) for k in (1, 2) for f in (np.cos, np.sin))]
+    A = np.stack([*waves, *(t * w for w in waves[:3])], axis=-1)
+    return np.asarray(x - A @ np.linalg.lstsq(A, x, rcond=None)[0])
+
+
+def header(channels: tuple[Channel, ...]) -> dict[str, dict[str, Any]]:
+    """What `[noise]` may state: one sigma of one sample as white noise, the rms of the axes of the first sensors."""
+    out = {}
+    for name, quantity in SENSORS.items():
+        mine = [c for c in channels if c.key[0] == quantity and c.sensor == channels[0].sensor and not c.raw]
+        if mine:
+            squares = [c.found.square[0] * c.weight / c.curve.step for c in mine]
+            out[name] = {"value": float(f"{np.sqrt(np.mean(squares)):.4g}"), "unit": SI[quantity]}
+    return out
+
+
+def content(recording: Recording, channels: tuple[Channel, ...]) -> dict[str, Any]:
+    """noise.json."""
+    first = channels[0].curve
+    seconds = float(first.lengths.sum() * first.step)
+    return {
+        "format": 1,
+        "in_words": in_words(channels),
+        "rests": len(first.lengths),
+        "seconds": seconds,
+        "longest_s": float(first.lengths.max() * first.step),
+        "rate_hz": 1 / first.step,
+        "header": header(channels),
+        "channels": [c.to_dict() for c in channels],
+        "provenance": {"recordings": recording.files},
+    }
+
+
+def in_words(channels: tuple[Channel, ...]) -> str:
+    """The answer: the largest of each kind, and which channels do not follow the law."""
+    parts = []
+    for quantity, word in WORDS.items():
+        mine = [c for c in channels if c.key[0] == quantity]
+        if not mine:
+            continue
+        told = [_largest(mine, k) for k in range(3)]
+        parts.append(f"{word}s: {', '.join(told)}")
+    sentence = "; ".join(parts)
+    odd = [c.name for c in channels if probability(c.found) < 1e-3]
+    if odd:
+        sentence += f"; {', '.join(odd)} follow no such law, sigmas are widened: look at the curve"
+    late = [c.name for c in channels if c.found.first and c.name not in odd]
+    if late:
+        tau = max(c.curve.tau[c.found.first] for c in channels if c.name in late)
+        sentence += f"; {', '.join(late)} only from {tau:.3g} s on, as behind a filter"
+    return sentence
+
+
+def _largest(mine: list[Channel], part: int) -> str:
+    """The largest coefficient of a kind among channels, in words."""
+    names = ("white noise", "bias instability", "random walk")
+    seen = [(c.coefficient(part)["value"], c) for c in mine if c.coefficient(part)["value"] is not None]
+    if seen:
+        value, c = max(seen, key=lambda pair: pair[0])
+        return f"{names[part]} {value:.3g} {c.units[part]} ({c.key[1]})"
+    below = max(c.coefficient(part)["below"] for c in mine)
+    return f"{names[part]} below {below:.2g} {mine[0].units[part]}"

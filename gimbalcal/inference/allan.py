@@ -1,0 +1,194 @@
+r"""Allan variance of readings at rest, and the coefficients of noise that it holds, with honest sigmas.
+
+From means :math:`\bar y` over m neighbouring samples, everywhere in every stretch (overlapping),
+
+.. math:: \sigma^2(\tau) = \tfrac12 \langle (\bar y_{k+m} - \bar y_k)^2 \rangle, \quad \tau = m \tau_0, \qquad
+          \sigma^2(\tau) = \frac{N^2}{\tau} + \frac{2 \ln 2}{\pi} B^2 + \frac{K^2 \tau}{3}
+
+with white noise N, bias instability B (the floor of the curve is 0.664 B) and random walk K, of spectra N^2,
+B^2 / (2 pi f) and (K / 2 pi f)^2. Values at neighbouring tau share their rows: their covariance follows from the
+spectra, with z_m the summands of one tau,
+
+.. math:: \mathrm{cov}(\sigma^2_a, \sigma^2_b) = \frac{2}{M_a M_b} \sum_{j, k} c_{ab}^2(j - k), \qquad
+          c_{ab}(d) = \frac{1}{2 \pi} \int H_a \bar H_b S \, e^{i \theta d} \, d\theta ,
+
+and weighs the fit of N^2, B^2, K^2, none of which is below zero. Source: IEEE Std 952-1997, Annex C; Percival and
+Guttorp, Wavelets in Geophysics (1994) 325, for the covariance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from gimbalcal.number import Array
+
+FEWEST = 32  # rows of a stretch that is worth a look
+LONGEST = 4  # times the longest tau that a stretch must last
+FINE = 8  # samples of the shorter tau, to which its summands are thinned where their covariance is computed
+FAR = 8  # octaves between two tau, from which on they are taken as independent (Parzen's taper keeps C positive)
+PARTS = 3  # white noise, bias instability, random walk
+CLEAR = 9.0  # of -2 ln likelihood: a coefficient stands three sigmas clear of zero, or it is left out
+TURNS = 12  # of weights and solution
+ENOUGH = 4  # values of tau that a fit keeps
+UNLIKELY = 1e-3  # probability below which the short tau do not follow the law, behind a filter for instance
+
+
+class Curve(NamedTuple):
+    """Allan variance at tau (P,) [s], from stretches of so many rows, tau_0 apart."""
+
+    tau: Array  # (P,)
+    variance: Array  # (P,) square of the unit of the readings
+    lengths: Array  # (S,) rows
+    step: float  # s
+
+
+class Fitted(NamedTuple):
+    """N^2, B^2, K^2 (3,) with their covariance (3, 3), zero where one is left out; the most each may be (95 %).
+
+    spread (P,): one sigma of each variance of the curve; first: index of the first tau that was used.
+    """
+
+    square: Array
+    covariance: Array
+    most: Array
+    spread: Array
+    first: int
+    chi2: float
+    dof: int
+
+
+def curve(x: Array, stretches: Sequence[slice], step: float) -> Curve:
+    """Overlapping Allan variance of readings x (n,) `step` [s] apart, pooled over the stretches, at octaves of tau."""
+    lengths = np.array([s.stop - s.start for s in stretches])
+    count = int(np.log2(lengths.max() // LONGEST)) + 1
+    squares, number = np.zeros(count), np.zeros(count)
+    for s in stretches:
+        total = np.concatenate([[0.0], np.cumsum(x[s] - x[s].mean())])
+        for k in range(count):
+            m = 2**k
+            if len(total) <= 2 * m:
+                break
+            z = (total[2 * m :] - 2 * total[m:-m] + total[: -2 * m]) / m
+            squares[k] += z @ z / 2
+            number[k] += len(z)
+    return Curve(step * 2.0 ** np.arange(count), squares / number, lengths, step)
+
+
+def law(tau: Array) -> Array:
+    """Allan variance (P, 3) of white noise, bias instability and random walk of size one."""
+    return np.stack([1 / tau, np.full(len(tau), 2 * np.log(2) / np.pi), tau / 3], axis=-1)
+
+
+def covariance(c: Curve, square: Array) -> Array:
+    """Covariance (P, P) of the curve's variances where the noise is N^2, B^2, K^2 (3,)."""
+    return np.asarray(np.einsum("abij,i,j->ab", _forms(tuple(map(int, c.lengths)), c.step, len(c.tau)), square, square))
+
+
+@lru_cache(maxsize=8)
+def _forms(lengths: tuple[int, ...], step: float, size: int) -> Array:
+    """Covariances (P, P, 3, 3) as forms of the squares of the noise: they hang on the stretches alone."""
+    out = np.zeros((size, size, PARTS, PARTS))
+    known, many = np.unique(lengths, return_counts=True)
+    for i in range(size):
+        for j in range(i, min(size, i + FAR)):
+            d = (j - i) / FAR
+            kept = 1 - 6 * d**2 * (1 - d) if d <= 0.5 else 2 * (1 - d) ** 3
+            out[i, j] = out[j, i] = kept * _form(2**i, 2**j, known, many, step)
+    return out
+
+
+def _form(a: int, b: int, lengths: Array, many: Array, step: float) -> Array:
+    """The form (3, 3) of the covariance of the variances at a and b samples, a up to b."""
+    block = max(1, a // FINE)
+    a, b, step = a // block, b // block, block * step
+    longest = int(lengths.max()) // block
+    n = 1 << int(np.ceil(np.log2(min(16 * b, 2 * longest))))
+    angle = 2 * np.pi * np.arange(n // 2 + 1) / n
+    angle[0] = 1e-4 / n  # the walk has no power at none, but a limit
+    turn = np.exp(-1j * angle)
+    H = [(1 - turn**m) ** 2 / ((1 - turn) * m * np.sqrt(2)) for m in (a, b)]
+    S = np.stack([np.full(len(angle), 1 / step), 1 / angle, step / angle**2])
+    shared = np.fft.irfft(H[0] * H[1].conj() * S, n)
+    lag = np.concatenate([np.arange(n // 2 + 1), np.arange(n // 2 + 1 - n, 0)])
+    Ma, Mb = (np.maximum(lengths // block - 2 * m + 1, 0) for m in (a, b))
+    pairs = np.zeros(n)
+    for count, one, other in zip(many, Ma, Mb, strict=True):
+        pairs += count * np.maximum(np.minimum(one - np.maximum(lag, 0), other + np.minimum(lag, 0)), 0)
+    return np.asarray(2 * (shared * pairs) @ shared.T / (int(many @ Ma) * int(many @ Mb)))
+
+
+def fit(c: Curve) -> Fitted:
+    """The coefficients of a curve; short tau that do not follow the law, behind a filter, are left out."""
+    best: Fitted | None = None
+    for first in range(max(1, len(c.tau) - ENOUGH + 1)):
+        found = _fit(c, first)
+        if probability(found) > UNLIKELY:
+            return found
+        if best is None or found.chi2 / max(found.dof, 1) < best.chi2 / max(best.dof, 1):
+            best = found
+    assert best is not None
+    wide = best.chi2 / max(best.dof, 1)  # nothing fits: sigmas say so
+    return best._replace(covariance=best.covariance * wide)
+
+
+def probability(found: Fitted) -> float:
+    """How likely chance leaves so much."""
+    from scipy.special import gammaincc
+
+    return float(gammaincc(found.dof / 2, found.chi2 / 2)) if found.dof else 1.0
+
+
+def _fit(c: Curve, first: int) -> Fitted:
+    active = [0, 1, 2]
+    square, C, surprise = _weighted(c, first, active)
+    A = _rows(c, first, C, active)[0]
+    most = square + 1.645 * np.sqrt(np.diag(np.linalg.inv(A.T @ A)))
+    while len(active) > 1:
+        without = {k: _weighted(c, first, [i for i in active if i != k]) for k in active}
+        least = min(without, key=lambda k: without[k][2])
+        if without[least][2] > surprise + CLEAR:
+            break
+        active.remove(least)
+        square, C, surprise = without[least]
+    A, y = _rows(c, first, C, active)
+    V = np.zeros((PARTS, PARTS))
+    V[np.ix_(active, active)] = np.linalg.inv(A.T @ A)
+    rest = y - A @ square[active]
+    return Fitted(square, V, most, np.sqrt(np.diag(C)), first, float(rest @ rest), len(y) - len(active))
+
+
+def _weighted(c: Curve, first: int, active: Sequence[int]) -> tuple[Array, Array, float]:
+    """Squares (3,) weighted with the covariance that they themselves imply, that covariance, and -2 ln likelihood."""
+    A = law(c.tau)
+    square = np.zeros(PARTS)
+    square[list(active)] = _positive(A[first:, active] / c.variance[first:, None], np.ones(len(A) - first))[0]
+    for turn in range(TURNS):
+        C = covariance(c, square)
+        rows, y = _rows(c, first, C, active)
+        new = np.zeros(PARTS)
+        new[list(active)], left = _positive(rows, y)
+        moved = np.max(np.abs(A @ (new - square)) / (A @ square))
+        square = new if turn == 0 else (square + new) / 2  # the weights answer late: a step of half swings less
+        if moved < 1e-3:
+            break
+    return square, C, left**2 + float(np.linalg.slogdet(C[first:, first:])[1])
+
+
+def _rows(c: Curve, first: int, C: Array, active: Sequence[int]) -> tuple[Array, Array]:
+    """The law (P, parts) and the curve (P,) whitened by the covariance."""
+    L = np.linalg.cholesky(C[first:, first:])
+    rows = np.linalg.solve(L, law(c.tau)[first:][:, list(active)])
+    return rows, np.linalg.solve(L, c.variance[first:])
+
+
+def _positive(A: Array, y: Array) -> tuple[Array, float]:
+    """Least squares without negative coefficients, columns of any size; and the root of what is left."""
+    from scipy.optimize import nnls
+
+    size = np.linalg.norm(A, axis=0)
+    found, left = nnls(A / size, y)
+    return found / size, float(left)

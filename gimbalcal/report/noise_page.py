@@ -1,0 +1,82 @@
+"""The report of noise at rest: the Allan deviation that engineers read, its coefficients, what to write where."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+import gimbalcal
+from gimbalcal.references import cite
+from gimbalcal.report.chart import COLOURS, SHAPES, Chart, Line, Mark, Points
+from gimbalcal.report.html import picture, render
+from gimbalcal.report.rounding import pdg, significant
+from gimbalcal.report.wording import typeset, unit_in_print
+
+TITLES = {"specific_force": "Accelerometers", "angular_rate": "Gyroscopes"}
+
+
+def noise_report(content: Mapping[str, Any], title: str) -> str:
+    """The page for the content of a noise.json."""
+    words = typeset(content["in_words"])
+    told = [c for c in content["channels"] if c["p_value"] < 1e-3]
+    context = {
+        "title": title,
+        "remark": f"gimbalcal {gimbalcal.__version__}",
+        "answer": f"{words[0].upper()}{words[1:]}.",
+        "verdict": "unexplained" if told else "found",
+        "facts": [
+            (f"{content['rate_hz']:.4g} Hz", "rate"),
+            (str(content["rests"]), "rests"),
+            (f"{content['seconds']:.4g} s", "at rest"),
+            (f"{content['longest_s']:.4g} s", "longest rest"),
+        ],
+        "picture": picture(
+            [_chart(content, quantity) for quantity in TITLES if _of(content, quantity)],
+            "Allan deviation over averaging time, logarithmic, with the fitted noise as lines.",
+            "Overlapping Allan deviation with one sigma, and the fitted noise: falling with the root of time white "
+            "noise, level bias instability (0.664 of it), rising random walk.",
+        ),
+        "rows": [_row(c) for c in content["channels"]],
+        "header": [f'{k} = {{ value = {v["value"]:g}, unit = "{v["unit"]}" }}' for k, v in content["header"].items()],
+        "sources": content["provenance"]["recordings"],
+        "citations": cite("ieee952", "groves2013"),
+    }
+    return render("noise.html", context)
+
+
+def _of(content: Mapping[str, Any], quantity: str) -> list[Mapping[str, Any]]:
+    return [c for c in content["channels"] if c["quantity"] == quantity]
+
+
+def _chart(content: Mapping[str, Any], quantity: str) -> Chart:
+    marks: list[Mark] = []
+    mine = _of(content, quantity)
+    for k, c in enumerate(mine):
+        colour, tau, y = COLOURS[k % 6], np.array(c["tau_s"]), np.array(c["deviation"])
+        label = " ".join(filter(None, [c["axis"], c["sensor"]]))
+        names = [f"{label}, {t:.3g} s: {v:.3g} {unit_in_print(c['unit'])}" for t, v in zip(tau, y, strict=True)]
+        spread = np.array(c["sigma"])
+        marks += [Line(tau, np.array(c["model"]), colour),
+                  Points(tau, y, colour, SHAPES[k % 4], 3.0, spread, names, label)]  # fmt: skip
+    unit = unit_in_print(mine[0]["unit"])
+    return Chart(tuple(marks), TITLES[quantity], "averaging time [s]", f"Allan deviation [{unit}]", log_x=True,
+                 log_y=True, height=300)  # fmt: skip
+
+
+def _row(c: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "name": " ".join(filter(None, [TITLES[c["quantity"]][:-1].lower(), c["axis"], c["sensor"]])),
+        "cells": [_cell(c[part]) for part in ("white_noise", "bias_instability", "random_walk")],
+        "from": f"{c['fitted_from_s']:.3g} s",
+        "p": significant(c["p_value"], 2),
+    }
+
+
+def _cell(part: Mapping[str, Any]) -> str:
+    unit = unit_in_print(part["unit"])
+    if part["value"] is None:
+        return f"below {significant(part['below'], 2)} {unit}"
+    value, sigma = pdg(part["value"], part["sigma"])
+    return f"{value} ± {sigma} {unit}"

@@ -1,0 +1,71 @@
+"""`gimbalcal noise`: units, rests, what a header takes, and what is refused."""
+
+import json
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+
+from gimbalcal import from_arrays
+from gimbalcal.at_rest import header, noise_at_rest
+from gimbalcal.earth import G0
+from gimbalcal.errors import InputError
+from gimbalcal.recording import write
+
+ROOT = Path(__file__).parents[2]
+UG, DEG = 1e-6 * G0, np.pi / 180
+
+
+def unit(n=6000, rate=50.0, seed=1, turns=1, **more):
+    """A unit at rest in `turns` attitudes: 100 ug/sqrt(Hz) and 0.3 deg/sqrt(h)."""
+    rng, step = np.random.default_rng(seed), 1 / rate
+    down = np.repeat(np.eye(3)[np.arange(turns) % 3], n // turns, axis=0)
+    force = G0 * down + 100 * UG / np.sqrt(step) * rng.standard_normal((n, 3))
+    turn = 0.3 * DEG / 60 / np.sqrt(step) * rng.standard_normal((n, 3)) + [0.01, 0, -0.02]
+    position = 1 + np.arange(n) // (n // turns)
+    return from_arrays(np.arange(n) * step, specific_force=force, angular_rate=turn, position=position,
+                       units={"specific_force": "m/s^2", "angular_rate": "rad/s"}, **more)  # fmt: skip
+
+
+@pytest.mark.parametrize("turns", [1, 12])
+def test_density_is_found_in_one_rest_and_in_many(turns):
+    channels = noise_at_rest(unit(turns=turns))
+    assert len(channels) == 6
+    for c in channels:
+        white, size = c.coefficient(0), 100 if c.key[0] == "specific_force" else 0.3
+        assert white["unit"] == ("ug/sqrt(Hz)" if c.key[0] == "specific_force" else "deg/sqrt(h)")
+        assert abs(white["value"] - size) < 4 * white["sigma"] < 0.1 * size
+        assert c.coefficient(1)["value"] is None
+        assert c.coefficient(1)["below"] > 0
+    stated = header(channels)
+    assert stated["accelerometer"] == {"value": pytest.approx(100 * UG * np.sqrt(50), rel=0.03), "unit": "m/s^2"}
+    assert stated["gyroscope"] == {"value": pytest.approx(0.3 * DEG / 60 * np.sqrt(50), rel=0.03), "unit": "rad/s"}
+
+
+def test_command_writes_what_its_schema_says_and_a_page(command, tmp_path, capsys):
+    write(unit(title="bench"), tmp_path / "rec", "samples.csv")
+    assert command("noise", tmp_path / "rec", "--out", tmp_path / "out") == 0
+    written = json.loads((tmp_path / "out" / "noise.json").read_text())
+    jsonschema.validate(written, json.loads((ROOT / "docs" / "schemas" / "noise.schema.json").read_text()))
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "Allan deviation" in page
+    assert "accelerometer = {" in page
+    told = capsys.readouterr().out
+    assert "Accelerometers: white noise" in told
+    assert "[noise]\naccelerometer = { value = 0.006" in told
+
+
+def test_a_platform_that_stands_still_does_not_wander_with_the_earth():
+    from gimbalcal.recording import read
+
+    for c in noise_at_rest(read(ROOT / "data" / "space_stable_static")):
+        assert c.coefficient(1)["value"] is None
+        assert c.coefficient(2)["value"] is None
+    stated = header(noise_at_rest(read(ROOT / "data" / "space_stable_static")))
+    assert stated["accelerometer"]["value"] == pytest.approx(4 * UG, rel=0.03)  # its scenario says 4 ug
+
+
+def test_rests_that_are_too_short_are_refused():
+    with pytest.raises(InputError, match="the longest rest has 20 rows, and noise takes 32 or more"):
+        noise_at_rest(unit(n=240, turns=12))
