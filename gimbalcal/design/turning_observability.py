@@ -209,10 +209,13 @@ def beside_wei(curves: Sequence[Curve]) -> dict[str, Any]:
             groups.setdefault(c.parameter.split(":")[0], []).append(np.log(printed / c.degree))
     factor = {name: float(np.exp(np.mean(x))) for name, x in groups.items()}
     spread = {name: float(np.exp(np.std(x))) for name, x in groups.items()}
-    told = ", ".join(f"{name} {factor[name]:.2g} (within {100 * (spread[name] - 1):.0f} %)" for name in groups)
+    told = ", ".join(
+        f"{name.replace('_', ' ')} {factor[name]:.2g} (give or take a factor of {spread[name]:.2f})" for name in groups
+    )
     words = (
-        "Wei et al. (2022), Table 2, 30 positions, is these degrees times a factor of each group, its own P_0 and "
-        f"noise, which are not printed: {told}; the row of delta A_a yz repeats that of epsilon_x and is a misprint"
+        "What Wei et al. (2022), Table 2, print for 30 positions is these degrees times a factor of each group, its "
+        f"own P0 and noise, which are not printed: {told}; the row of delta A_a yz repeats that of epsilon_x and is a "
+        "misprint"
     )
     return {
         "source": "wei2022",

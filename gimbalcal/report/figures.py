@@ -28,6 +28,7 @@ from gimbalcal.report.rounding import rms
 
 OUTLIER = 3.5  # sigmas; of 54 readings, one in forty sets has one this far out by chance
 FEW = 60  # points that bars of their own do not clutter
+OUTSIDE = 3.0  # times what is left, or the usual sigma: a bar that is longer leaves the picture
 
 
 @dataclass(frozen=True)
@@ -92,12 +93,21 @@ def _before_after(p: Panel) -> Chart:
     size, order = (3.2 if few else 1.8), np.argsort(p.x, kind="stable")
     told = [tuple(f"{n}: {v:+.3g} {p.unit} {when}" for n, v in zip(p.names, y, strict=False))
             for y, when in ((p.before, "before"), (p.after, "after"))]  # fmt: skip
-    band = [Band(p.x[order], -p.sigma[order], p.sigma[order], BLUE, "one σ")] if p.sigma is not None and not few else []
+    sigma = _in_view(p)
+    band = [Band(p.x[order], -sigma[order], sigma[order], BLUE, "one σ")] if sigma is not None and not few else []
     return Chart(
         (*band, Points(p.x, p.before, "grey", "square", size, names=told[0], label="before"), Rule(0.0),
-         Points(p.x, p.after, BLUE, "dot", size, p.sigma if few else None, told[1], "after")),
+         Points(p.x, p.after, BLUE, "dot", size, sigma if few else None, told[1], "after")),
         f"{p.name}: {rms(p.before)} → {rms(p.after)} {p.unit} rms", p.x_label, f"[{p.unit}]",
     )  # fmt: skip
+
+
+def _in_view(p: Panel) -> Array | None:
+    """One sigma, cut where a few are so large that the others, and what is left, would not be seen."""
+    if p.sigma is None:
+        return None
+    left = np.abs(np.concatenate([p.before, p.after]))
+    return np.minimum(p.sigma, max(OUTSIDE * float(left.max(initial=0.0)), OUTSIDE * float(np.median(p.sigma))))
 
 
 def over_time(time: Array, curves: Sequence[Curve], unit: str = "h") -> list[Chart]:

@@ -1,14 +1,16 @@
-"""All derivations once for the tests of this folder, whatever the number of test processes."""
+"""All derivations once for the tests of this folder, and what is asked of those of every paper."""
 
 from __future__ import annotations
 
 import fcntl
 import os
 import pickle
+from dataclasses import replace
 
 import pytest
 
 from derivations import wu2018
+from derivations.verdict import MISPRINT, VERDICTS, WRONG, judge
 
 
 @pytest.fixture(scope="session")
@@ -27,3 +29,33 @@ def wu2018_list(tmp_path_factory):
 @pytest.fixture(scope="session")
 def wu2018_verdicts(wu2018_list):
     return {v.item: v for v in wu2018_list}
+
+
+@pytest.fixture(scope="module")
+def listed(request):
+    """Every verdict on the `PAPER` of a module of tests."""
+    return request.module.PAPER.verdicts()
+
+
+@pytest.fixture(scope="module")
+def found(listed):
+    """The same by item; whatever the paper, each is one of five, has a reason, and the package follows."""
+    for v in listed:
+        assert v.verdict in VERDICTS
+        assert v.why
+        assert v.package is None or v.package.same, v
+    by_item = {v.item: v for v in listed}
+    assert len(by_item) == len(listed)
+    return by_item
+
+
+@pytest.fixture(scope="session")
+def slipped():
+    """Whether a slip in a printed equation is seen: group, item, and what stands for what."""
+
+    def seen(group, item, old, new):
+        printed = group.PRINTED[item]
+        changed = replace(printed, formula=printed.formula.subs(old, new))
+        return judge(changed, group.cases()[item])[0] in (MISPRINT, WRONG)
+
+    return seen

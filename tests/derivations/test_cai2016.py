@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import sympy as sp
@@ -12,8 +9,9 @@ import sympy as sp
 from derivations import cai2016, information, mechanisation, turning
 from derivations.cai2016 import bound, error_model, experiments, sensors, smoother, state_matrix, table_1
 from derivations.cai2016.symbols import b_a, b_g
-from derivations.verdict import AGREES, APPROXIMATION, MISPRINT, NOT_DETERMINED, VERDICTS, WRONG, judge
+from derivations.verdict import AGREES, APPROXIMATION, MISPRINT, NOT_DETERMINED, WRONG
 
+PAPER = cai2016
 KEY = {
     **{f"Eq. ({n})": AGREES for n in (1, 4, 7, 9, 10, 11, *range(13, 18), *range(20, 27))},
     **{f"Eq. ({n})": APPROXIMATION for n in (2, 3, 5, 6, 18)},
@@ -37,23 +35,11 @@ KEY = {
 }
 
 
-@pytest.fixture(scope="module")
-def listed():
-    return cai2016.verdicts()
-
-
-@pytest.fixture(scope="module")
-def found(listed):
-    return {v.item: v for v in listed}
-
-
 def test_key_items(found):
     assert {item: found[item].verdict for item in KEY} == KEY
 
 
-def test_every_equation_and_table_entry_once(listed):
-    items = Counter(v.item for v in listed)
-    assert set(items.values()) == {1}
+def test_every_equation_and_table_entry_once(found):
     expected = {f"Eq. ({n})" for n in range(1, 28)} | {"Eq. (27), navigation"}
     expected |= {f"Eq. (23), F{n}" for n in (11, 12, 13, 14, 16, 21, 22, 23, 25, 27, 28, 29, 32, 33)}
     expected |= {f"Table 1, row {n}" for n in range(19)}
@@ -63,15 +49,8 @@ def test_every_equation_and_table_entry_once(listed):
     expected |= {f"Section 3.4, {name}" for name in ("1 h", "former nine", "latter nine")}
     expected |= {f"Section 4.1, {name}" for name in ("all parameters", "turntable")}
     expected |= {"Section 4.2, 128 h", "Section 4.3, 108 h", "Section 4.3, about 8 %", "Section 4.3, at least 20 %"}
-    assert set(items) == expected
+    assert set(found) == expected
     assert len(experiments.TABLE_3) == 21
-
-
-def test_every_verdict_is_one_of_five_and_the_package_follows(found):
-    for v in found.values():
-        assert v.verdict in VERDICTS
-        assert v.why
-        assert v.package is None or v.package.same, v
 
 
 def test_reasons_name_the_slip(found):
@@ -93,10 +72,8 @@ def test_reasons_name_the_slip(found):
         (smoother, "Eq. (13)", smoother.x_j[0], -smoother.x_j[0]),
     ],
 )
-def test_a_planted_slip_is_no_approximation(group, item, old, new):
-    printed = group.PRINTED[item]
-    changed = replace(printed, formula=printed.formula.subs(old, new))
-    assert judge(changed, group.cases()[item])[0] in (MISPRINT, WRONG)
+def test_a_planted_slip_is_no_approximation(slipped, group, item, old, new):
+    assert slipped(group, item, old, new)
 
 
 def test_feedback_follows_the_signs_of_f():
