@@ -74,6 +74,20 @@ def test_a_clean_one_is_adequate_in_all_views() -> None:
     assert d.fit["views"]["rest rates"]["rms_after"] == pytest.approx(1.8 * np.sqrt(3), rel=0.25)
 
 
+def test_a_table_set_by_hand_to_a_degree_gives_no_alarm() -> None:
+    content = tomllib.loads((SCENARIOS / "turned-unit.toml").read_text())
+    content["truth"] = {k: v for k, v in content["truth"].items() if k in PLAIN}
+    content["schedule"] |= {"dwell": {"value": 6.0, "unit": "s"}, "rate": {"value": 20.0, "unit": "Hz"}}
+    content["schedule"]["holds"] = content["schedule"]["holds"][:24]
+    content["noise"] |= {"gimbal_angle": {"value": 1.0, "unit": "deg"}}
+    made = simulate(content, seed=1)[0]
+    assert made.position is not None
+    still = made.select(made.position > 0)
+    forces = replace(still, channels={k: x for k, x in still.channels.items() if k[0] != "angular_rate"})
+    # half the square of a degree is 150 ug along the force, where 120 samples of 100 ug leave 9
+    assert diagnose([forces]).verdict == "adequate"
+
+
 def test_one_of_each_triad_are_both_named() -> None:
     d = diagnose([gimballed(gyro_g_sensitivity_rate=G_SENSITIVITY, cubic_nonlinearity=CUBIC)])
     assert d.verdict == "missing-physics"

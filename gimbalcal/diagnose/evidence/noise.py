@@ -1,12 +1,13 @@
 r"""The noise of a recording, as a grid of possibilities to integrate over, never one estimate to plug in.
 
-.. math:: V = \sigma_w^2 I + \sigma_\theta^2 K_{setting} + \sigma_{rw}^2 K_{walk}
+.. math:: V = \sigma_w^2 I + \sigma_\theta^2 K_{setting} + \sigma_\theta^4 K_{along} + \sigma_{rw}^2 K_{walk}
 
 Each possibility is a tuple of processes by quantity, in units of one sigma of a row (angles of a setting in rad), and
 V is what these processes make of the reduced rows. The white part is known to a per cent from the scatter inside
 dwells (or at high frequency) and is fixed by it. The setting repeatability, one small turn of each gimbal per visit,
-decides the real size of the sample: it and the random walk are integrated over. In a static run the cosine transform
-makes V diagonal.
+decides the real size of the sample: it and the random walk are integrated over. What it turns across the force is
+missing along it, half its square: a degree takes 150 ug, of variance (sigma_theta^2 g)^2 for two turns across. In a
+static run the cosine transform makes V diagonal.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ WALK_PRIOR = (0.85, 0.07, 0.05, 0.03)
 DEFAULT_SETTING = float(to_si(1.0, "arcsec"))
 SLOW = 160  # cosine modes; the strongest walk of the grid adds 2 % to white noise there
 FEW = 30  # rows inside dwells below which the stated noise is better than what they show
+UNSEEN = 1e-3  # sigmas of a mean: products of setting errors below are none, as those of arcseconds are
 HEAVY = 0.6  # excess kurtosis above which rows are weighted
 NEIGHBOURS = 15  # rows of a static run in which a level is followed: a quarter of an hour of minute means
 
@@ -111,18 +113,17 @@ def nodes(o: Observations) -> tuple[Node, ...]:
 
 
 def _dwell_nodes(o: Observations) -> tuple[Node, ...]:
-    setting, walk = _setting(o), _walk(o)
-    K = setting @ setting.T
+    K, along, walk = _kernel(_setting(o)), _kernel(_along(o)), _walk(o)
     return tuple(
-        _dwell_node(o, K, walk, s, w, ps * pw)
+        _dwell_node(o, K, along, walk, s, w, ps * pw)
         for s, ps in zip(SETTING, SETTING_PRIOR, strict=True)
         for w, pw in zip(WALK, WALK_PRIOR, strict=True)
     )
 
 
-def _dwell_node(o: Observations, setting: Array, walk: Array, s: float, w: float, prior: float) -> Node:
-    """Kernels of the processes of size one grow with the square of their size."""
-    L = np.linalg.cholesky(np.eye(len(setting)) + s**2 * setting + w**2 * walk)
+def _dwell_node(o: Observations, setting: Array, along: Array, walk: Array, s: float, w: float, prior: float) -> Node:
+    """Kernels of the processes of size one grow with the square of their size, that along the force with the fourth."""
+    L = np.linalg.cholesky(np.eye(len(setting)) + s**2 * setting + s**4 * along + w**2 * walk)
     logdet = 2 * float(np.log(np.diag(L)).sum())
     name = (("setting error", s), ("random walk", w))
     return Node(name, dwell_noise(o, s, w), prior, logdet, np.linalg.inv(L))
@@ -156,8 +157,12 @@ def nominal(o: Observations) -> Node:
     """The noise as stated, without a random walk."""
     if o.kind == "static-run":
         return _spectral_nodes(o)[0]
-    setting = _setting(o)
-    return _dwell_node(o, setting @ setting.T, np.zeros((len(setting), len(setting))), 1.0, 0.0, 1.0)
+    K = _kernel(_setting(o))
+    return _dwell_node(o, K, _kernel(_along(o)), 0 * K, 1.0, 0.0, 1.0)
+
+
+def _kernel(X: Array) -> Array:
+    return X @ X.T
 
 
 def _setting(o: Observations) -> Array:
@@ -167,6 +172,15 @@ def _setting(o: Observations) -> Array:
     k = [i for i, a in enumerate(o.stimulus.axis_names) if ("gimbal_angle", a) in o.recording.channels]
     X = np.einsum("ncm,nv->ncvm", S[:, :, k], factor(process, o.stimulus.time, o.stimulus.visit))
     return o.reduce(X.reshape(*X.shape[:2], -1))
+
+
+def _along(o: Observations) -> Array:
+    """Reduced columns (R, visits) of what one stated setting repeatability takes of the force along itself."""
+    (process,) = dwell_noise(o, 1.0, 0.0)["gimbal_angle"]
+    short = SettingError(one_sigma((process,)) ** 2)
+    felt = o.through(Stage.ACCELEROMETER, o.stimulus.force)
+    X = o.reduce(felt[:, :, None] * factor(short, o.stimulus.time, o.stimulus.visit)[:, None])
+    return X if np.abs(X).max(initial=0.0) > UNSEEN else X[:, :0]
 
 
 def _walk(o: Observations) -> Array:
