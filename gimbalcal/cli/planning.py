@@ -96,9 +96,10 @@ def observe(
 @click.option("--separate", default="", help="Comma-separated effects that the schedule should tell apart.")
 @click.option(
     "--criterion",
-    type=click.Choice(["D", "A", "max", "sum"]),
+    type=click.Choice(["D", "A", "position", "max", "sum"]),
     default=None,
-    help="D or A of positions [D]; max or sum of the relative sigmas of turns [max].",
+    help="D, A or position (error of a day's navigation) of positions [D]; max or sum of the relative sigmas of turns "
+    "[max].",
 )
 @TURNING_STATES
 @click.option("--total", default=3870.0, type=POSITIVE, show_default=True, help="Of turns: all the time, s.")
@@ -106,7 +107,7 @@ def observe(
 @click.option("--ramp", default=1.0, type=POSITIVE, show_default=True, help="Of turns: to come to that, s.")
 @click.option("--limit", default=720.0, type=POSITIVE, show_default=True, help="Of turns: of either axis, +- deg.")
 @click.option("--against", default="", help="Comma-separated schedules of turns that it should beat in every group.")
-@click.option("--latitude", default=40.0, show_default=True, help="Of turns: where, deg.")
+@click.option("--latitude", default=40.0, show_default=True, help="Of turns and of --criterion position: where, deg.")
 @RATE_NOISE
 @FORCE_NOISE
 @VELOCITY
@@ -142,9 +143,9 @@ def design(
         from gimbalcal.design.optimal import rig_of
         from gimbalcal.schedule.file import schedule_toml
 
-        _only(criterion, ("D", "A"), kind)
+        _only(criterion, ("D", "A", "position"), kind)
         rig = rig_of(platform, step, angle_sigma, force_sigma)
-        schedule, seen = run(rig, positions, listed(terms), criterion or "D", listed(separate))
+        schedule, seen = run(rig, positions, listed(terms), criterion or "D", listed(separate), latitude=latitude)
         text, drawn = schedule_toml(schedule), schedule
     if there is not None:
         with placed(there.folder, overwrite) as new:
@@ -154,6 +155,6 @@ def design(
     show(seen, seen["in_words"], as_json, quiet, there.page if there else None)
 
 
-def _only(criterion: str | None, known: tuple[str, str], kind: str) -> None:
+def _only(criterion: str | None, known: tuple[str, ...], kind: str) -> None:
     if criterion is not None and criterion not in known:
-        raise InputError(f"--criterion {criterion} is not for --kind {kind}; write {known[0]} or {known[1]}")
+        raise InputError(f"--criterion {criterion} is not for --kind {kind}; write {' or '.join(known)}")

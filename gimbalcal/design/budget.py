@@ -71,7 +71,7 @@ class Budget:
     def in_words(self) -> str:
         """The budget in two sentences."""
         first = int(self.order[0])
-        name, m = self.parameters[first].label.replace(":", " "), self.manoeuvres[first]
+        name, m = self.parameters[first].label.replace(":", " ").replace("_", " "), self.manoeuvres[first]
         most = self.parts[-1, first]
         return (
             f"the calibration leaves {self.whole[-1]:.3g} m of position error (one sigma) in {self.hours[-1]:g} h, "
@@ -114,7 +114,7 @@ def budget(
     run = still_base(max(hours), site)
     besides = [(m, info + extra) for m, extra in _manoeuvres(plans, site, also)]
     every = tuple(dict.fromkeys(p for each in (info, *(i for _, i in besides)) for p in each.parameters))
-    D = dict(zip(every, np.moveaxis(_position(run, every, aids), -1, 0), strict=True))
+    D = dict(zip(every, np.moveaxis(answer_of_position(run, every, aids), -1, 0), strict=True))
     own = _Parts.of(info, D, run.time, hours)
     tried = [(m, _Parts.of(both, D, run.time, hours)) for m, both in besides]
     best = []
@@ -149,7 +149,7 @@ class _Parts:
         return cls(info.parameters, np.sqrt(np.diag(P)), whole, parts)
 
 
-def _position(run: Recording, wanted: Sequence[Parameter], aids: Aids) -> Array:
+def answer_of_position(run: Recording, wanted: Sequence[Parameter], aids: Aids = USUAL) -> Array:
     """Position north and east (n, 2, p) [m] per SI unit of each parameter."""
     step = np.array([p.sigma for p in wanted]) * 0.01  # small: the slope at a perfect unit
     L = float(run.site.latitude or 0.0)

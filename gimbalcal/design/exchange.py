@@ -2,7 +2,8 @@ r"""Which rows of information to take: D- and A-optimal subsets of candidates, b
 
 Candidate c brings rows A_c in units of its noise and of the priors, so that information adds, F = I + sum A_c^T A_c.
 D maximises log det F (the volume of what is left uncertain), A minimises tr F^{-1} (its mean square in units of the
-priors). A greedy start and random ones are improved by exchanging candidates until none helps (Fedorov 1972).
+priors), position minimises tr S F^{-1} S^T, S the answer of a navigator's position to the parameters.
+A greedy start and random ones are improved by exchanging candidates until none helps (Fedorov 1972).
 """
 
 from __future__ import annotations
@@ -11,11 +12,11 @@ import numpy as np
 
 from gimbalcal.number import Array
 
-CRITERIA = ("D", "A")
+CRITERIA = ("D", "A", "position")
 
 
 def optimise(rows: Array, count: int, criterion: str, interest: Array, seed: int, starts: int = 10) -> Array:
-    """Indices (count,) of the candidates (c, 3, p) that are best for the parameters of `interest` (p,)."""
+    """Indices (count,) of the candidates (c, 3, p) that are best; interest: which parameters (p,), or S (q, p)."""
     rng = np.random.default_rng(seed)
     begin = [_greedy(rows, count, criterion, interest), *(rng.integers(0, len(rows), count) for _ in range(starts - 1))]
     found = [_exchange(rows, chosen, criterion, interest) for chosen in begin]
@@ -26,8 +27,13 @@ def optimise(rows: Array, count: int, criterion: str, interest: Array, seed: int
 def value(rows: Array, criterion: str, interest: Array) -> float:
     """The criterion (larger is better) of positions with rows (n, 3, p)."""
     F = np.eye(rows.shape[-1]) + np.einsum("cip,ciq->pq", rows, rows)
-    P = np.linalg.inv(F)[np.ix_(interest, interest)]
+    P = _of(_of(np.linalg.inv(F), interest).T, interest)
     return float(-np.linalg.slogdet(P)[1] if criterion == "D" else -np.trace(P))
+
+
+def _of(x: Array, interest: Array) -> Array:
+    """Columns (..., p) of the parameters of interest, or what they are together."""
+    return np.asarray(x[..., interest] if interest.dtype == bool else x @ interest.T)
 
 
 def gains(rows: Array, F: Array, criterion: str, interest: Array) -> Array:
@@ -35,8 +41,8 @@ def gains(rows: Array, F: Array, criterion: str, interest: Array) -> Array:
     P = np.linalg.inv(F)
     AP = rows @ P
     middle = np.linalg.inv(np.eye(rows.shape[1]) + AP @ np.swapaxes(rows, -1, -2))
-    if criterion == "A":
-        part = AP[..., interest]
+    if criterion != "D":
+        part = _of(AP, interest)
         return np.einsum("cip,cij,cjp->c", part, middle, part)
     full = -np.linalg.slogdet(middle)[1]
     if interest.all():

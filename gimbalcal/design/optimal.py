@@ -18,8 +18,9 @@ from typing import Any
 
 import numpy as np
 
+from gimbalcal.design.budget import answer_of_position, still_base
 from gimbalcal.design.exchange import CRITERIA, optimise, value
-from gimbalcal.earth import G0
+from gimbalcal.earth import G0, normal_gravity
 from gimbalcal.effects import CATALOGUE, Parameter, Stimulus, parameters
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import tied
@@ -30,12 +31,13 @@ from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array, complex_step
-from gimbalcal.platform import KNOWN, Platform, known
+from gimbalcal.platform import KNOWN, SPACE_STABLE, Platform, known
 from gimbalcal.recording import Recording, Site
 from gimbalcal.rotation import cross_matrix
 from gimbalcal.schedule import SCHEDULES, Hold, Schedule
 from gimbalcal.units import from_si, to_si
 
+DAY = 24.0  # h, of the navigation whose position is asked for
 MOST_CANDIDATES = 200_000  # rows of some 18 parameters: 100 MB of work space
 
 
@@ -103,25 +105,49 @@ def design(
     compare: Sequence[Schedule] = (),
     duration: float = 200.0,
     seed: int = 0,
+    latitude: float = 40.0,
 ) -> tuple[Schedule, dict[str, Any]]:
     """The `count` positions of a rig that see most of `terms` (ids of effects), and a report of what they see.
 
     separate: effects whose parameters alone count, against each other and everything else in `terms`.
-    compare: schedules to stand beside (default the published ones that the rig can take). Raises InputError for an
+    compare: schedules to stand beside (default the published ones that the rig can take). criterion: D, A, or position,
+    the rms error of position of a space-stable navigator in a day at rest at `latitude` [deg]. Raises InputError for an
     unknown effect or criterion, or a rig that cannot move.
     """
     if criterion not in CRITERIA:
-        raise InputError(f"criterion {criterion!r} is not known; choose D (volume) or A (mean variance)")
+        raise InputError(
+            f"criterion {criterion!r} is not known; choose D (volume), A (mean variance) or position (of a day's "
+            "navigation)"
+        )
     wanted = design_parameters(rig, (*(terms or _default(rig)), *separate))
     settings, rows = distinct(rig.candidates(), rig, wanted)
     if len(settings) < 2:
         raise InputError(f"the rig {rig.platform.name!r} has no axis that moves gravity: widen its grid of angles")
     interest = np.array([not separate or p.effect in separate for p in wanted])
+    if criterion == "position":
+        interest = positioned(rig, wanted, separate, latitude)
     chosen = optimise(rows, count, criterion, interest, seed)
     order = _visiting_order(settings[chosen])
     holds = tuple(Hold(tuple(float(a) for a in settings[chosen[i]]), duration) for i in order)
     made = Schedule(f"{criterion}-optimal-{count}", rig.platform, holds)
-    return made, report(made, rig, wanted, criterion, compare or _published(rig), len(settings))
+    everything = interest if criterion == "position" else np.ones(len(wanted), dtype=bool)
+    return made, report(made, rig, wanted, criterion, compare or _published(rig), len(settings), everything)
+
+
+def positioned(rig: Rig, wanted: Sequence[Parameter], separate: Sequence[str], latitude: float) -> Array:
+    """S (q, p) [m] of position in a day at rest, by each parameter at its prior sigma; squares add up to a mean square.
+
+    Raises InputError for a rig that is no space-stable platform, or effects that are told apart besides.
+    """
+    if rig.platform.name != SPACE_STABLE.name or separate:
+        raise InputError(
+            "--criterion position is for a space-stable platform, whose navigator it asks, and takes no --separate; "
+            "choose D or A"
+        )
+    L = float(np.deg2rad(latitude))
+    run = still_base(DAY, Site(L, 0.0, float(normal_gravity(L))))
+    S = answer_of_position(run, wanted) * np.array([p.sigma for p in wanted])
+    return np.asarray(S.reshape(-1, len(wanted)) / np.sqrt(len(S)))
 
 
 def _default(rig: Rig) -> tuple[str, ...]:
@@ -214,11 +240,12 @@ def assess(schedule: Schedule, rig: Rig, wanted: Sequence[Parameter]) -> tuple[A
 
 
 def report(
-    made: Schedule, rig: Rig, wanted: Sequence[Parameter], criterion: str, compare: Sequence[Schedule], candidates: int
-) -> dict[str, Any]:
+    made: Schedule, rig: Rig, wanted: Sequence[Parameter], criterion: str, compare: Sequence[Schedule],
+    candidates: int, everything: Array | None = None,
+) -> dict[str, Any]:  # fmt: skip
     """What a schedule sees: sigma per parameter, the same for others, and the terms that it cannot support."""
     sigma, unobservable, rows = assess(made, rig, wanted)
-    everything = np.ones(len(wanted), dtype=bool)
+    everything = np.ones(len(wanted), dtype=bool) if everything is None else everything
     others = {s.name: assess(s, rig, wanted) for s in compare}
     table = []
     for i, p in enumerate(wanted):
@@ -231,6 +258,8 @@ def report(
         for name, (s, _, r) in others.items()
     }
     lines = [f"{amount(len(made.holds), 'position')}, chosen among {amount(candidates, 'attitude')} that differ"]
+    if criterion == "position":
+        lines.append(f"they leave {np.sqrt(-own):.3g} m of position in {DAY:g} h at rest (rms of one sigma)")
     lines += [f"against {name}: {a['in_words']}" for name, a in against.items()]
     lines += [f"not seen: {u.why}" for u in unobservable] + unsupported(wanted, sigma)
     return {
@@ -265,7 +294,10 @@ def _against(own: float, other: float, n: int, m: int, criterion: str, sigma: Ar
     radius = float(np.exp((other - own) / (2 * len(sigma))) if criterion == "D" else np.sqrt(own / other)) * equal
     each = sigma / theirs * equal
     ratio = float(np.exp(np.mean(np.log(each))))
-    meant = "the mean radius of what stays uncertain" if criterion == "D" else "the rms of what stays uncertain"
+    meant = {
+        "D": "the mean radius of what stays uncertain", "A": "the rms of what stays uncertain",
+        "position": "the error of position",
+    }[criterion]  # fmt: skip
     words = (
         f"for equal time {meant} is {radius:.3g} times as much; sigma is {ratio:.3g} of its sigma in the geometric "
         f"mean over parameters, between {each.min():.3g} and {each.max():.3g}"

@@ -62,5 +62,5 @@ def _tornado(made: Budget) -> Chart:
         [wording.label_in_words(made.parameters[i].label) for i in shown],
         np.array([float(made.parts[-1, i]) for i in shown]),
         np.array([float(made.manoeuvres[i]["to_m"]) for i in shown]),
-        f"position error within {made.hours[-1]:g} h [m], one σ",
+        f"position in {made.hours[-1]:g} h [m]",
     )

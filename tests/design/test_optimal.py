@@ -15,9 +15,12 @@ from gimbalcal.design.optimal import (
     design_parameters,
     free_rig,
     grid,
+    positioned,
     report,
     rig_of,
+    whitened_rows,
 )
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import TERMS
 from gimbalcal.platform import KNOWN
@@ -154,3 +157,17 @@ def test_a_noisy_unit_is_told_which_orders_it_cannot_support() -> None:
     quiet, noisy = (design(rig_of("two-axis-table", 45.0, None, ug), 15)[1]["unsupported"] for ug in (1.0, 1000.0))
     assert quiet == []
     assert {words.split(":")[0] for words in noisy} >= {"scale_nonlinearity", "K3"}
+
+
+def test_positions_that_leave_the_smallest_error_of_a_days_navigation() -> None:
+    """Ten positions chosen for the navigator leave less of it than ten that are D-optimal."""
+    rig = rig_of("space-stable", 90.0, 5.0)
+    made, told = design(rig, 10, criterion="position")
+    wanted = design_parameters(rig, BASELINE["multi-position"])
+    S = positioned(rig, wanted, (), 40.0)
+    usual, _ = design(rig, 10)
+    own, other = (value(whitened_rows(s.angles, rig, wanted), "position", S) for s in (made, usual))
+    assert -own < 0.98 * -other
+    assert f"{np.sqrt(-own):.3g} m of position in 24 h" in told["in_words"]
+    with pytest.raises(InputError, match="space-stable"):
+        design(rig_of("three-axis-table", 90.0, 5.0), 6, criterion="position")
