@@ -50,7 +50,8 @@ def printed(command: str, place: Path) -> str:
     )  # fmt: skip
     if done.returncode > 1:
         raise SystemExit(f"{command}\n{done.stdout}")
-    out = "\n".join(line.rstrip() for line in done.stdout.strip("\n").splitlines())
+    lines = (line.rstrip() for line in done.stdout.strip("\n").splitlines())
+    out = "\n".join(line for line in lines if not line.endswith(" s so far"))  # how long it takes is the machine's
     status = "(exit status 1)" if done.returncode else ""
     return "\n".join(filter(None, [out, status]))
 

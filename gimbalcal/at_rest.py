@@ -15,7 +15,7 @@ import numpy as np
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.systematic.course import stops
-from gimbalcal.inference.allan import FEWEST, Curve, Fitted, curve, fit, law, probability
+from gimbalcal.inference.allan import FEWEST, UNLIKELY, Curve, Fitted, curve, fit, law, probability
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwells
 from gimbalcal.recording.record import SENSORS, Key
@@ -147,10 +147,14 @@ def _without_the_earth(recording: Recording, x: Array) -> Array:
 
 
 def header(channels: tuple[Channel, ...]) -> dict[str, dict[str, Any]]:
-    """What `[noise]` may state: one sigma of one sample as white noise, the rms of the axes of the first sensors."""
+    """What `[noise]` may state: one sigma of one sample as white noise, the rms of the axes of the first sensors.
+
+    Axes whose curve is another, or in which no white noise shows, do not count; where none is left nothing is stated.
+    """
     out = {}
     for name, quantity in SENSORS.items():
         mine = [c for c in channels if c.key[0] == quantity and c.sensor == channels[0].sensor and not c.raw]
+        mine = [c for c in mine if c.found.covariance[0, 0] > 0 and probability(c.found) > UNLIKELY]
         if mine:
             squares = [c.found.square[0] * c.weight / c.curve.step for c in mine]
             out[name] = {"value": float(f"{np.sqrt(np.mean(squares)):.4g}"), "unit": SI[quantity]}
@@ -184,7 +188,7 @@ def in_words(channels: tuple[Channel, ...]) -> str:
         told = [_largest(mine, k) for k in range(3)]
         parts.append(f"{word}s: {', '.join(told)}")
     sentence = "; ".join(parts)
-    odd = [c.name for c in channels if probability(c.found) < 1e-3]
+    odd = [c.name for c in channels if probability(c.found) < UNLIKELY]
     if odd:
         sentence += f"; {', '.join(odd)} follow no such law, sigmas are widened: look at the curve"
     late = [c.name for c in channels if c.found.first and c.name not in odd]

@@ -34,6 +34,7 @@ PARTS = 3  # white noise, bias instability, random walk
 CLEAR = 9.0  # of -2 ln likelihood: a coefficient stands three sigmas clear of zero, or it is left out
 TURNS = 12  # of weights and solution
 ENOUGH = 4  # values of tau that a fit keeps
+SHAKES = 3.0  # sigmas above the law, from which on what is left out of it is no filter
 UNLIKELY = 1e-3  # probability below which the short tau do not follow the law, behind a filter for instance
 
 
@@ -122,17 +123,20 @@ def _form(a: int, b: int, lengths: Array, many: Array, step: float) -> Array:
 
 
 def fit(c: Curve) -> Fitted:
-    """The coefficients of a curve; short tau that do not follow the law, behind a filter, are left out."""
-    best: Fitted | None = None
-    for first in range(max(1, len(c.tau) - ENOUGH + 1)):
+    """The coefficients of a curve; short tau that lie below white noise, behind a filter, are left out.
+
+    Where nothing follows the law, the fit is that of all tau, and its sigmas are as wide as what it leaves.
+    """
+    whole = _fit(c, 0)
+    if probability(whole) > UNLIKELY:
+        return whole
+    for first in range(1, len(c.tau) - ENOUGH + 1):
         found = _fit(c, first)
-        if probability(found) > UNLIKELY:
+        over = c.variance - law(c.tau) @ found.square > SHAKES * found.spread
+        filtered = found.covariance[0, 0] > 0 and not over[:first].any()  # a filter makes short times quieter
+        if probability(found) > UNLIKELY and filtered:
             return found
-        if best is None or found.chi2 / max(found.dof, 1) < best.chi2 / max(best.dof, 1):
-            best = found
-    assert best is not None
-    wide = best.chi2 / max(best.dof, 1)  # nothing fits: sigmas say so
-    return best._replace(covariance=best.covariance * wide)
+    return whole._replace(covariance=whole.covariance * whole.chi2 / max(whole.dof, 1))
 
 
 def probability(found: Fitted) -> float:

@@ -1,6 +1,7 @@
 """`gimbalcal noise`: units, rests, what a header takes, and what is refused."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from gimbalcal import from_arrays
-from gimbalcal.at_rest import header, noise_at_rest
+from gimbalcal.at_rest import header, in_words, noise_at_rest
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.recording import write
@@ -69,3 +70,12 @@ def test_a_platform_that_stands_still_does_not_wander_with_the_earth():
 def test_rests_that_are_too_short_are_refused():
     with pytest.raises(InputError, match="the longest rest has 20 rows, and noise takes 32 or more"):
         noise_at_rest(unit(n=240, turns=12))
+
+
+def test_a_header_states_nothing_of_a_curve_that_is_no_white_noise():
+    r = unit()
+    hum = 0.05 * np.sin(2 * np.pi * 0.7 * r.time)  # a table that swings
+    swings = {key: x + hum if key[0] == "specific_force" else x for key, x in r.channels.items()}
+    channels = noise_at_rest(replace(r, channels=swings))
+    assert list(header(channels)) == ["gyroscope"]
+    assert "accelerometer x, accelerometer y, accelerometer z follow no such law" in in_words(channels)
