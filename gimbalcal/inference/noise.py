@@ -1,5 +1,4 @@
-r"""What a noise makes of rows: covariance, factors, whitening, spectrum and states, all from the Phi, Q, H, P_0 of its
-processes.
+r"""What a noise makes of rows: whitening, spectrum and states, all from the Phi, Q, H, P_0 of its processes.
 
 A noise is a tuple of independent processes that add up, :math:`V = \sum_p E[y_p y_p^T]`. A process of one state is a
 chain, whose precision is bidiagonal twice over,
@@ -17,40 +16,14 @@ from typing import NamedTuple
 import numpy as np
 
 from gimbalcal.effects.process import Process, steps
-from gimbalcal.effects.process import covariance as of_process
 from gimbalcal.number import Array
 
 Noise = tuple[Process, ...]
 
 
-def covariance(noise: Sequence[Process], time: Array, visit: Array | None = None) -> Array:
-    """E[y y'] (n, n) of the sum of the processes at time (n,) [s]."""
-    return np.asarray(sum((of_process(p, time, visit) for p in noise), np.zeros((len(time), len(time)))))
-
-
 def one_sigma(noise: Sequence[Process]) -> float:
     """One standard deviation of the first row."""
     return float(np.sqrt(sum(p.output() ** 2 @ p.initial() for p in noise)))
-
-
-def factor(process: Process, time: Array, visit: Array | None = None) -> Array:
-    """F (n, r) with F F^T the covariance of a process of one state: what each of its r independent draws does later.
-
-    A setting repeatability has a draw at every visit, white noise and a walk one at every row.
-    """
-    h, moved = steps(time, visit)
-    (Phi,), (Q,) = process.transition(h, moved).T, process.diffusion(h, moved).T
-    (H,), (Q[0],) = process.output(), process.initial()
-    drawn = np.flatnonzero(Q > 0)
-    F = np.zeros((len(time), len(drawn)))
-    at = 0
-    for k in range(len(time)):
-        if k:
-            F[k] = Phi[k] * F[k - 1]
-        if at < len(drawn) and drawn[at] == k:
-            F[k, at] = H * np.sqrt(Q[k])
-            at += 1
-    return F
 
 
 class Chain(NamedTuple):

@@ -85,12 +85,8 @@ def rows_of(o: Observations) -> tuple[Array, Array]:
 
 def covariance(node: Node, rows: int) -> Array:
     """Dense covariance (R, R) of reduced rows in one noise, in squares of a row's sigma."""
-    root = node.inverse_root
-    coloured = len(root)
-    V = np.eye(rows)
-    inverse = np.diag(1 / root) if root.ndim == 1 else np.linalg.inv(root)
-    V[:coloured, :coloured] = inverse @ inverse.T
-    return V
+    root = np.linalg.inv(node.whiten(np.eye(rows)))
+    return np.asarray(root @ root.T)
 
 
 def gls(A: Array, y: Array, V: Array) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""Whatever reads a process reads the same one: factor, chain, spectrum and filter against its covariance."""
+"""Whatever reads a process reads the same one: chain, spectrum and filter against its covariance."""
 
 from __future__ import annotations
 
@@ -24,13 +24,6 @@ VISIT = np.array([0, 0, 0, 1, 1, 1, 2, 2])
 ONE_STATE: list[Process] = [
     WhiteNoise(2.0), Quantisation(3.0), RandomWalk(0.5), GaussMarkov(1.5, 10.0), SettingError(0.7),
 ]  # fmt: skip
-
-
-@pytest.mark.parametrize("process", ONE_STATE, ids=lambda p: p.id)
-def test_a_factor_squares_to_the_covariance(process: Process) -> None:
-    F = noise.factor(process, TIME, VISIT)
-    np.testing.assert_allclose(F @ F.T, covariance(process, TIME, VISIT), rtol=1e-10, atol=1e-14)
-    assert F.shape[1] == {"setting_error": 3, "random_walk": 7}.get(process.id, 8)
 
 
 @pytest.mark.parametrize("process", ONE_STATE[:4], ids=lambda p: p.id)
@@ -67,7 +60,7 @@ def test_the_spectrum_of_a_walk_is_what_the_cosine_transform_makes_of_it() -> No
 def test_the_spectrum_of_stationary_noise_is_the_variance_of_its_modes() -> None:
     n, step = 2000, 1.0
     every = (WhiteNoise(1.0), GaussMarkov(2.0, 5.0), Flicker(0.5, 8.0, 16.0))
-    V = noise.covariance(every, step * np.arange(n))
+    V = sum(covariance(p, step * np.arange(n)) for p in every)
     k = np.array([400, 1000, 1900])
     modes = dct(np.eye(n), axis=0, norm="ortho")[k]
     # what leaks at the two ends falls as the memory over the length: 64 / 2000
@@ -79,5 +72,5 @@ def test_a_filter_of_the_states_has_the_likelihood_of_the_covariance() -> None:
     y = np.random.default_rng(1).normal(size=len(TIME))
     Phi, Q, H, P = noise.states(every, TIME, VISIT)
     found = kalman.filter(y, H, 0.25, Phi, Q, np.zeros(len(P)), P)
-    V = noise.covariance((*every, WhiteNoise(0.5)), TIME, VISIT)
+    V = sum(covariance(p, TIME, VISIT) for p in (*every, WhiteNoise(0.5)))
     assert found.log_likelihood == pytest.approx(multivariate_normal(cov=V).logpdf(y), abs=1e-10)

@@ -20,8 +20,9 @@ import numpy as np
 from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.effects import Stage
 from gimbalcal.effects.process import GaussMarkov, Process, RandomWalk, SettingError, WhiteNoise
-from gimbalcal.inference.noise import Chain, Noise, chain, covariance, factor, one_sigma, spectrum
+from gimbalcal.inference.noise import Chain, Noise, chain, one_sigma, spectrum
 from gimbalcal.inference.robust import huber
+from gimbalcal.inference.whitening import Whitening, whitening
 from gimbalcal.number import Array
 from gimbalcal.recording.noise import stated
 from gimbalcal.recording.scatter import differences
@@ -51,23 +52,21 @@ class Node:
     noise: Mapping[str, Noise]  # by quantity, per sigma of a row; that of a gimbal setting in rad
     prior: float
     logdet: float
-    inverse_root: Array | Chain  # (R, R) lower triangle inverse, or (R,) diagonal; from row to row of all channels
+    inverse_root: Array | Chain | Whitening  # (R,) of a diagonal; from row to row of each channel; of all together
 
     def whiten(self, rows: Array) -> Array:
         """Reduced rows (R, p) to unit covariance; those beyond the coloured ones have it already."""
-        if isinstance(self.inverse_root, Chain):
-            return self.inverse_root.whiten(rows.reshape(len(self.inverse_root.Q), -1)).reshape(rows.shape)
-        coloured = len(self.inverse_root)
-        if len(rows) > coloured:
-            return np.concatenate([self.whiten(rows[:coloured]), rows[coloured:]])
-        if self.inverse_root.ndim == 1:
-            return np.asarray(self.inverse_root[:, None] * rows)
-        return np.asarray(self.inverse_root @ rows)
+        root = self.inverse_root
+        if isinstance(root, Chain):
+            return root.whiten(rows.reshape(len(root.Q), -1)).reshape(rows.shape)
+        if isinstance(root, Whitening):
+            return np.concatenate([root.whiten(rows[: root.rows]), rows[root.rows :]])
+        return np.concatenate([root[:, None] * rows[: len(root)], rows[len(root) :]])
 
     def colour(self, white: Array) -> Array:
         """Independent rows (R, p) of unit variance to coloured ones of a stated noise: what `whiten` undoes."""
-        root = np.asarray(self.inverse_root)
-        return np.asarray(white / root[:, None] if root.ndim == 1 else np.linalg.solve(root, white))
+        root = self.inverse_root
+        return root.colour(white) if isinstance(root, Whitening) else np.asarray(white / np.asarray(root)[:, None])
 
 
 def settle(o: Observations) -> Observations:
@@ -113,20 +112,34 @@ def nodes(o: Observations) -> tuple[Node, ...]:
 
 
 def _dwell_nodes(o: Observations) -> tuple[Node, ...]:
-    K, along, walk = _kernel(_setting(o)), _kernel(_along(o)), _walk(o)
     return tuple(
-        _dwell_node(o, K, along, walk, s, w, ps * pw)
+        _dwell_node(o, s, w, ps * pw)
         for s, ps in zip(SETTING, SETTING_PRIOR, strict=True)
         for w, pw in zip(WALK, WALK_PRIOR, strict=True)
     )
 
 
-def _dwell_node(o: Observations, setting: Array, along: Array, walk: Array, s: float, w: float, prior: float) -> Node:
-    """Kernels of the processes of size one grow with the square of their size, that along the force with the fourth."""
-    L = np.linalg.cholesky(np.eye(len(setting)) + s**2 * setting + s**4 * along + w**2 * walk)
-    logdet = 2 * float(np.log(np.diag(L)).sum())
-    name = (("setting error", s), ("random walk", w))
-    return Node(name, dwell_noise(o, s, w), prior, logdet, np.linalg.inv(L))
+def _dwell_node(o: Observations, setting: float, walk: float, prior: float) -> Node:
+    """States: a walk of each channel at the mean time of each block; anew at each visit, an angle of each gimbal and
+    what these take of the force along themselves.
+    """
+    noise = dwell_noise(o, setting, walk)
+    (turned,), (wandering,) = noise["gimbal_angle"], noise["specific_force"][1:]
+    short = SettingError(one_sigma((turned,)) ** 2)
+    n, C = len(o.starts), o.y.shape[1]
+    count = np.diff(np.append(o.starts, len(o.y)))
+    k = [i for i, a in enumerate(o.stimulus.axis_names) if ("gimbal_angle", a) in o.recording.channels]
+    angles = o.reduce(o.sensitivity[Stage.ENCODER][:, :, k]).reshape(n, C, len(k))
+    along = o.reduce(o.through(Stage.ACCELEROMETER, o.stimulus.force)[:, :, None]).reshape(n, C, 1)
+    if np.abs(along).max(initial=0.0) * one_sigma((short,)) <= UNSEEN:
+        along = along[:, :, :0]
+    walks = np.sqrt(count)[:, None, None] * np.eye(C)  # as a mean of so many rows is reduced
+    h, moved = np.diff(np.append(0.0, _block_time(o))), np.append(True, np.diff(o.stimulus.visit[o.starts]) != 0)
+    every = [wandering] * C + [turned] * len(k) + [short] * along.shape[-1]
+    Phi, Q = (np.concatenate(parts, axis=1) for parts in zip(
+        *((p.transition(h, moved), p.diffusion(h, moved)) for p in every), strict=True))  # fmt: skip
+    root = whitening(Phi, Q, np.concatenate([walks, angles, along], axis=-1))
+    return Node((("setting error", setting), ("random walk", walk)), noise, prior, root.log_determinant, root)
 
 
 def dwell_noise(o: Observations, setting: float, walk: float) -> Mapping[str, Noise]:
@@ -155,40 +168,7 @@ def first_order(rho: float) -> Process:
 
 def nominal(o: Observations) -> Node:
     """The noise as stated, without a random walk."""
-    if o.kind == "static-run":
-        return _spectral_nodes(o)[0]
-    K = _kernel(_setting(o))
-    return _dwell_node(o, K, _kernel(_along(o)), 0 * K, 1.0, 0.0, 1.0)
-
-
-def _kernel(X: Array) -> Array:
-    return X @ X.T
-
-
-def _setting(o: Observations) -> Array:
-    """Reduced columns (R, visits x gimbals) of one stated setting repeatability of each gimbal at each visit."""
-    S = o.sensitivity[Stage.ENCODER]
-    (process,) = dwell_noise(o, 1.0, 0.0)["gimbal_angle"]
-    k = [i for i, a in enumerate(o.stimulus.axis_names) if ("gimbal_angle", a) in o.recording.channels]
-    X = np.einsum("ncm,nv->ncvm", S[:, :, k], factor(process, o.stimulus.time, o.stimulus.visit))
-    return o.reduce(X.reshape(*X.shape[:2], -1))
-
-
-def _along(o: Observations) -> Array:
-    """Reduced columns (R, visits) of what one stated setting repeatability takes of the force along itself."""
-    (process,) = dwell_noise(o, 1.0, 0.0)["gimbal_angle"]
-    short = SettingError(one_sigma((process,)) ** 2)
-    felt = o.through(Stage.ACCELEROMETER, o.stimulus.force)
-    X = o.reduce(felt[:, :, None] * factor(short, o.stimulus.time, o.stimulus.visit)[:, None])
-    return X if np.abs(X).max(initial=0.0) > UNSEEN else X[:, :0]
-
-
-def _walk(o: Observations) -> Array:
-    """Covariance (R, R) of independent random walks of the channels, each block mean as the walk at its mean time."""
-    walk = dwell_noise(o, 1.0, 1.0)["specific_force"][1:]
-    count = np.diff(np.append(o.starts, len(o.y)))
-    K = covariance(walk, np.append(0.0, _block_time(o)))[1:, 1:] * np.sqrt(np.outer(count, count))
-    return np.asarray(np.kron(K, np.eye(o.y.shape[1])))
+    return _spectral_nodes(o)[0] if o.kind == "static-run" else _dwell_node(o, 1.0, 0.0, 1.0)
 
 
 def _block_time(o: Observations) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,7 +19,10 @@ from gimbalcal.diagnose.library.candidates import (
 from gimbalcal.diagnose.library.rivals import rivals
 from gimbalcal.diagnose.rows.observations import Observations, absent_effect
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
+from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
+
+MOST = 150  # choices of constants that are weighed beside each other; of more, those that explain most
 
 
 def library(o: Observations, baseline: Sequence[str]) -> Library:
@@ -29,10 +33,31 @@ def library(o: Observations, baseline: Sequence[str]) -> Library:
         cls = CATALOGUE[effect_id]
         wanted = tuple(o.recording.grade.usual(p) for p in parameters(cls, o.stimulus.axis_names))
         for source in sources(cls, o.stimulus):
-            tried, columns = choices(cls, o.stimulus), _per_sigma(o, wanted)
-            known += of_effect(cls, source, wanted, tried, o.stimulus, columns, blocks)
+            every, columns = choices(cls, o.stimulus), _per_sigma(o, wanted)
+            many = len(every) > MOST
+            tried = _likeliest(o, cls, source, every, columns) if many else every
+            found = of_effect(cls, source, wanted, tried, o.stimulus, columns, blocks)
+            known += [replace(c, scanned=len(every)) for c in found] if many else found
     unknown = rivals(o, blocks)
     return Library(tuple(known + unknown), np.concatenate(blocks, axis=1))
+
+
+def _likeliest(
+    o: Observations, cls: type[Effect], source: str, every: Sequence[Constants], columns: Callable[[Effect], Array]
+) -> list[Constants]:
+    """The `MOST` choices that take away most of what the calibration leaves of the data, in order.
+
+    All of a thousand positions would be as many columns squared for each noise; what explains least adds nothing to
+    a sum over choices, of which each keeps its share among all.
+    """
+    Q = orthonormal(o.reduce(o.Z))
+    r = o.reduce(o.y[:, :, None])[:, 0]
+    r = r - Q @ (Q.T @ r)
+    taken = []
+    for constants in every:
+        X = columns(absent_effect(cls.id, o.stimulus, source, **dict(constants)))
+        taken.append(float(((orthonormal(X - Q @ (Q.T @ X)).T @ r) ** 2).sum()) if X.any() else 0.0)
+    return [every[i] for i in sorted(np.argsort(taken)[::-1][:MOST])]
 
 
 def available(o: Observations, baseline: Sequence[str]) -> tuple[str, ...]:

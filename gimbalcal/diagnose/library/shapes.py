@@ -9,6 +9,7 @@ from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.number import Array
 
 ROUNDING = 1e-14  # of functions of order one: sines of half turns are 1e-16, cubes of a millidegree more
+PLACES = 150  # with more of them, a smooth function of the direction of gravity says it better
 SETTINGS = 16  # of a gimbal; with more of them, harmonics say it better
 
 
@@ -20,7 +21,8 @@ def shapes(o: Observations) -> dict[str, tuple[str, Array]]:
     out = {"time": ("a smooth function of time", np.cos(np.pi * np.outer(t, np.arange(1, m + 1))))}
     if o.kind == "multi-position":
         places = np.unique(s.position)
-        out["position"] = ("a value of its own at each position", (s.position[:, None] == places).astype(float))
+        if len(places) <= PLACES:
+            out["position"] = ("a value of its own at each position", (s.position[:, None] == places).astype(float))
         out["orientation"] = ("a smooth function of the direction of gravity", polynomials(s.force / s.gravity))
         if s.since_move.max() > 0:
             out["settling"] = ("a course of its own after each move", _settling(o))

@@ -10,9 +10,11 @@ from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.noise import coloured, nodes, settle
 from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.effects import Stage
-from gimbalcal.inference.noise import chain, covariance
+from gimbalcal.effects.process import covariance
+from gimbalcal.inference.noise import chain
 from tests.diagnose.laws import held_before
 from tests.diagnose.plant import UG, on, record
+from tests.diagnose.small import covariance as covariance_of
 from tests.diagnose.static_plant import record as at_rest
 
 TAILS = 4.0  # degrees of freedom of Student's t
@@ -115,7 +117,7 @@ def of_rows(o, node):
     B = o.reduce(np.eye(n * C).reshape(n, C, n * C))  # (R, n C)
     V = B @ B.T
     (setting,) = node.noise["gimbal_angle"]
-    K = covariance([setting], s.time, s.visit)
+    K = covariance(setting, s.time, s.visit)
     for gimbal in range(3):
         S = B * o.sensitivity[Stage.ENCODER][:, :, gimbal].ravel()
         V += S @ np.kron(K, np.ones((C, C))) @ S.T  # one angle turns all channels
@@ -127,7 +129,8 @@ def test_a_node_is_the_covariance_of_its_processes(loose):
     o = fit_baseline(record(np.random.default_rng(5), dwell=12))
     node = next(n for n in nodes(o) if dict(n.name) == {"setting error": loose, "random walk": 0.0})
     V = of_rows(o, node)
-    np.testing.assert_allclose(node.inverse_root @ V @ node.inverse_root.T, np.eye(len(V)), atol=1e-10)
+    np.testing.assert_allclose(node.whiten(node.whiten(V).T), np.eye(len(V)), atol=1e-10)
+    np.testing.assert_allclose(node.colour(node.whiten(V)), V, atol=1e-10)
     assert node.logdet == pytest.approx(np.linalg.slogdet(V)[1], abs=1e-9)
 
 
@@ -135,14 +138,14 @@ def test_the_walk_of_a_node_is_its_process_at_the_middle_of_each_block():
     o = fit_baseline(record(np.random.default_rng(5), dwell=12))
     still, walking = (next(n for n in nodes(o) if dict(n.name) == {"setting error": 1.0, "random walk": w})
                       for w in (0.0, 2.5))  # fmt: skip
-    V, W = (np.linalg.inv(n.inverse_root) @ np.linalg.inv(n.inverse_root).T for n in (still, walking))
+    V, W = (covariance_of(n, 3 * len(o.starts)) for n in (still, walking))
     n, starts = len(o.y), o.starts
     t = np.add.reduceat(o.stimulus.time, starts) / 2  # blocks of two rows
     walk = walking.noise["specific_force"][1]
-    expected = 2 * np.kron(covariance([walk], np.append(0.0, t))[1:, 1:], np.eye(3))
+    expected = 2 * np.kron(covariance(walk, np.append(0.0, t))[1:, 1:], np.eye(3))
     np.testing.assert_allclose(W - V, expected, atol=1e-10 * expected.max())
     # in units of a dwell mean the walk ends at 2.5 sigma; rows inside a block shift it by 1 % of that
-    whole = covariance([walk], o.stimulus.time)
+    whole = covariance(walk, o.stimulus.time)
     B = np.add.reduceat(np.eye(n), starts, axis=0) / np.sqrt(2)
     np.testing.assert_allclose(B @ whole @ B.T, expected[::3, ::3], atol=0.01 * expected.max())
     assert whole[-1, -1] * 12 == pytest.approx(2.5**2, rel=0.01)
@@ -160,5 +163,5 @@ def test_a_static_node_is_the_covariance_of_its_processes():
         diagonal, below = chain(walk, o.stimulus.time).precision
         Lambda = np.diag(diagonal) + np.diag(below, 1) + np.diag(below, -1)
         Lambda[0, 0] -= 1 / (walk.N**2 * 600.0)
-        V = low @ (covariance([white], o.stimulus.time) + np.linalg.pinv(Lambda, hermitian=True)) @ low.T
+        V = low @ (covariance(white, o.stimulus.time) + np.linalg.pinv(Lambda, hermitian=True)) @ low.T
         np.testing.assert_allclose(V, np.diag(variance[:, i]), atol=1e-10 * V.max())

@@ -20,20 +20,22 @@ from gimbalcal.diagnose.evidence.projection import (
 )
 from gimbalcal.diagnose.evidence.scale import SIZE_PRIOR, SIZES
 from gimbalcal.diagnose.library.candidates import Candidate, Variant
+from gimbalcal.inference.whitening import whitening
+from tests.diagnose.small import covariance
 
 
 def example(seed=3, R=40, low=40):
     rng = np.random.default_rng(seed)
     Z, X = rng.standard_normal((R, 3)), rng.standard_normal((R, 5))
     y = X[:, :1] * 0.8 + rng.standard_normal((R, 1))
-    root = np.linalg.inv(np.linalg.cholesky(np.eye(low) + 0.5 * np.ones((low, low))))
+    root = whitening(np.ones((low, 1)), 0.5 * np.eye(low, 1), np.ones((low, 1, 1)))  # white, and a level of its own
     return Node((), {}, 1.0, 0.0, root), Z, X, y
 
 
 def dense_log_bayes(node, Z, X, y, size):
     """The same number from the contrasts that are free of the calibration: a basis of what is orthogonal to Z."""
     free = null_space(Z.T)
-    V = np.linalg.inv(node.inverse_root) @ np.linalg.inv(node.inverse_root).T
+    V = covariance(node, len(y))
     data, none = free.T @ y[:, 0], free.T @ V @ free
     with_it = none + size**2 * free.T @ X @ X.T @ free
     return multivariate_normal(cov=with_it).logpdf(data) - multivariate_normal(cov=none).logpdf(data)
@@ -73,9 +75,7 @@ def test_columns_may_be_appended_to_rows(low):
 def test_rows_that_stay_white_may_be_kept_as_their_gram_matrix():
     _, Z, X, y = example()
     half = 20
-    root = np.linalg.inv(np.linalg.cholesky(np.eye(half) + 0.5 * np.ones((half, half))))
-    whole = np.eye(40)
-    whole[:half, :half] = root
+    root, whole = np.full(half, 0.7), np.r_[np.full(half, 0.7), np.ones(half)]
     a = project(Node((), {}, 1.0, 0.0, root), stack(Z, X, y, half))
     b = project(Node((), {}, 1.0, 0.0, whole), stack(Z, X, y, 40))
     np.testing.assert_allclose(a.G, b.G, rtol=1e-10, atol=1e-10)
@@ -116,7 +116,7 @@ def test_under_no_effect_the_scores_have_their_gram_matrix_as_covariance():
     """With the calibration profiled out under coloured noise, b is N(0, G): what every tail probability rests on."""
     node, Z, X, _ = example()
     draws = 2000
-    y = np.linalg.solve(node.inverse_root, np.random.default_rng(0).standard_normal((40, draws)))
+    y = node.colour(np.random.default_rng(0).standard_normal((40, draws)))
     p = project(node, stack(Z, X, y, 40))
     scale = np.sqrt(np.outer(np.diag(p.G), np.diag(p.G)))
     np.testing.assert_allclose(np.cov(p.b) / scale, p.G / scale, atol=5 * np.sqrt(2 / draws))

@@ -10,6 +10,7 @@ from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.forward import predict
+from tests.diagnose.plant import ARCSEC, UG, turned
 from tests.diagnose.small import observed
 
 O = observed(1, dwell=6)
@@ -50,3 +51,15 @@ def test_every_column_has_an_owner() -> None:
     assert set(shown.tolist()) <= owned
     assert max(owned) < LIBRARY.X.shape[1]
     assert len(LIBRARY.X) == len(O.reduce(O.Z))
+
+
+def test_of_many_places_those_that_explain_most_are_weighed_with_the_share_of_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    o = observed(3, lambda b: turned(2, (b.visit == 6).astype(float)), dwell=6, size=60 * ARCSEC / UG)
+    every = next(c for c in library(o, BASE).candidates if c.effect == "position_blunder")
+    monkeypatch.setattr("gimbalcal.diagnose.library.known_noise.MOST", 5)
+    few = next(c for c in library(o, BASE).candidates if c.effect == "position_blunder")
+    assert len(few.variants) == 5 < len(every.variants)
+    assert few.tried == every.tried == 18
+    assert (("position", 7.0),) in [v.constants for v in few.variants]

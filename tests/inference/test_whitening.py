@@ -1,0 +1,35 @@
+"""Rows made white by a filter of what colours them, against their covariance, formed."""
+
+import numpy as np
+import pytest
+
+from gimbalcal.inference.whitening import whitening
+
+
+def example() -> tuple[np.ndarray, ...]:
+    """Seven rows of three channels: a level that wanders, one that fades, one anew at two rows."""
+    rng = np.random.default_rng(4)
+    Phi, Q = np.tile([1.0, 0.8, 1.0], (7, 1)), rng.uniform(0.1, 2.0, (7, 3))
+    Phi[[0, 4], 2], Q[[1, 2, 3, 5, 6], 2] = 0.0, 0.0
+    return Phi, Q, rng.standard_normal((7, 3, 3))
+
+
+def formed(Phi: np.ndarray, Q: np.ndarray, H: np.ndarray) -> np.ndarray:
+    n, C, m = H.shape
+    V = np.eye(n * C)
+    for k in range(n):  # what enters at row k and what is left of it later
+        x = np.diag(np.sqrt(Q[k]))
+        F = np.zeros((n, C, m))
+        for j in range(k, n):
+            x = x if j == k else Phi[j, :, None] * x
+            F[j] = H[j] @ x
+        V += F.reshape(n * C, m) @ F.reshape(n * C, m).T
+    return V
+
+
+def test_it_is_the_inverse_of_the_cholesky_factor() -> None:
+    V, made = formed(*example()), whitening(*example())
+    np.testing.assert_allclose(made.whiten(np.eye(21)), np.linalg.inv(np.linalg.cholesky(V)), atol=1e-12)
+    np.testing.assert_allclose(made.colour(np.eye(21)), np.linalg.cholesky(V), atol=1e-12)
+    assert made.log_determinant == pytest.approx(np.linalg.slogdet(V)[1], abs=1e-12)
+    assert made.rows == 21
