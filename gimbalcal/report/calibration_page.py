@@ -64,7 +64,7 @@ def _facts(content: Mapping[str, Any], recordings: Sequence[Recording]) -> list[
     total, unobservable = len(content["parameters"]), len(wording.unobservable_of(content))
     residual = content["residual"]
     ratio, p, _ = answer.fit(residual["chi2"], residual["dof"])
-    facts = [(f"{total - unobservable} of {total}", "of what was asked is seen")]
+    facts = [(f"{total - unobservable} of {total}", "combinations of parameters seen")]
     force = [rms for channel, rms in residual["rms"].items() if channel.startswith("specific_force")]
     if force and answer.scaled_to_residual(content):
         rms = float(from_si(np.sqrt(np.mean(np.square(force))), "ug"))

@@ -119,6 +119,15 @@ def thin(n: int) -> slice:
     return slice(None, None, max(1, -(-n // POINTS)))
 
 
+def envelope(x: Array, y: Array) -> tuple[Array, Array]:
+    """A long curve by the least and the largest value of each stretch, so that no spike is lost."""
+    if len(x) <= POINTS:
+        return x, y
+    edges = np.linspace(0, len(x), POINTS // 2 + 1).astype(int)[:-1]
+    low, high = np.minimum.reduceat(y, edges), np.maximum.reduceat(y, edges)
+    return np.repeat(x[edges], 2), np.stack([low, high], axis=1).ravel()
+
+
 def limits(chart: Chart) -> tuple[tuple[float, float], tuple[float, float]]:
     """What both axes span: all marks and a little beyond, the logarithm where an axis is logarithmic."""
     xs: list[Array] = []

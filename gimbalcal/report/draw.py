@@ -179,7 +179,7 @@ def _mark(m: object, px: To, py: To, frame: tuple[float, ...]) -> Iterable[str]:
     elif isinstance(m, Words):
         for x, y, word in zip(px(m.x), m.y, m.words, strict=True):
             at = top - 3 if np.isinf(y) else float(py(np.array(y))) + 4
-            small = ' class="small"' if len(m.words) > 24 else ""
+            small = ' class="small"' if len(m.words) > 14 else ""
             yield f'<text{small} x="{_n(x)}" y="{_n(at)}" text-anchor="middle">{escape(word)}</text>'
     elif isinstance(m, Bars):
         yield from _bars(m, px, py)

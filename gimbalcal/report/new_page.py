@@ -9,7 +9,7 @@ from gimbalcal.errors import amount
 from gimbalcal.importers.log import Proposal
 from gimbalcal.recording import dwells
 from gimbalcal.report import wording
-from gimbalcal.report.chart import COLOURS, Band, Chart, Line, Mark, Words, sensible_time, thin
+from gimbalcal.report.chart import COLOURS, Band, Chart, Line, Mark, Words, envelope, sensible_time
 from gimbalcal.report.html import picture, render
 from gimbalcal.report.rounding import significant
 
@@ -43,7 +43,8 @@ def proposal_page(found: Proposal) -> str:
     context = {
         "title": r.title,
         "remark": f"gimbalcal {gimbalcal.__version__}",
-        "answer": f"{amount(len(stays), 'rest')} found in {significant(float(np.ptp(r.time)), 3)} s.{advice}",
+        "answer": f"{amount(len(stays), 'rest')} found in {significant(float(np.ptp(r.time)), 3)} s.{advice} Next: "
+        "correct recording.toml where a guess below is wrong, then `gimbalcal calibrate` this folder.",
         "verdict": "fits" if enough else "reserved",
         "facts": [(f"{significant(rate, 3)} Hz", "rate"), (str(len(stays)), "rests"),
                   (f"{significant(held, 3)} s", "at rest"), (f"{len(r.time)}", "rows")],
@@ -59,7 +60,6 @@ def proposal_page(found: Proposal) -> str:
 def _rests(found: Proposal) -> list[Chart]:
     """Each triad over time, the rests shaded and numbered."""
     r, stays = found.recording, dwells(found.recording)
-    few = thin(len(r.time))
     t, unit = sensible_time(r.time - r.time[0])
     ends = [(float(t[d.start]), float(t[d.stop - 1])) for d in stays]
     charts = []
@@ -72,6 +72,6 @@ def _rests(found: Proposal) -> list[Chart]:
         if len(stays) <= NUMBERED and stays:
             middle = np.array([sum(e) / 2 for e in ends])
             marks.append(Words(middle, np.full(len(stays), np.inf), [str(d.position) for d in stays], "grey"))
-        marks += [Line(t[few], r.channels[quantity, a][few], COLOURS[i % 6], a) for i, a in enumerate(axes)]
+        marks += [Line(*envelope(t, r.channels[quantity, a]), COLOURS[i % 6], a) for i, a in enumerate(axes)]
         charts.append(Chart(tuple(marks), f"{quantity.replace('_', ' ')}  [{of}]", f"time [{unit}]"))
     return charts

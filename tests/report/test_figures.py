@@ -7,7 +7,18 @@ import numpy as np
 import pytest
 
 from gimbalcal.report import figures
-from gimbalcal.report.chart import Chart, Line, Points, Words, limits, log_ticks, sensible_time, tick_words, ticks
+from gimbalcal.report.chart import (
+    Chart,
+    Line,
+    Points,
+    Words,
+    envelope,
+    limits,
+    log_ticks,
+    sensible_time,
+    tick_words,
+    ticks,
+)
 from gimbalcal.report.draw import svg
 from gimbalcal.report.parameter_figures import correlation
 
@@ -54,6 +65,15 @@ def test_logarithmic_ticks_are_powers_with_parts_between_where_few() -> None:
 @pytest.mark.parametrize(("seconds", "unit"), [(40, "s"), (1000, "min"), (86400, "h"), (30 * 86400, "days")])
 def test_time_is_told_in_a_unit_that_a_person_reads(seconds: float, unit: str) -> None:
     assert sensible_time(np.array([0.0, seconds]))[1] == unit
+
+
+def test_a_spike_of_a_long_curve_is_drawn() -> None:
+    y = np.zeros(100_000)
+    y[31_337] = 5.0
+    x, drawn = envelope(np.arange(100_000.0), y)
+    assert len(drawn) <= 1200
+    assert drawn.max() == 5.0
+    assert abs(x[drawn.argmax()] - 31_337) < 500
 
 
 def test_every_mark_lies_within_its_frame_and_equal_charts_are_equal_text() -> None:
