@@ -55,6 +55,7 @@ def observe(
 ) -> None:  # fmt: skip
     """Say what SCHEDULE can and cannot see, before anything is recorded: a name, a schedule.toml, or static-48h."""
     from gimbalcal.report.files import write_observability, write_plan
+    from gimbalcal.report.wording import spoken
     from gimbalcal.schedule.file import is_rotation
 
     there = place(out, [schedule], "observability", ("observability.json", "report.html"), overwrite, as_json)
@@ -67,7 +68,7 @@ def observe(
         if there is not None:
             write_observability(turned.to_dict(), there.folder, there.question)
             wrote(there.folder, "observability.json", quiet)
-        show(turned.to_dict(), turned.in_words, as_json, quiet, there.page if there else None)
+        show(turned.to_dict(), spoken(turned.in_words), as_json, quiet, there.page if there else None)
         return
     from gimbalcal.design.observability import observe_any
 
@@ -75,7 +76,7 @@ def observe(
     if there is not None:
         write_plan(seen.to_dict(), there.folder, there.question)
         wrote(there.folder, "observability.json", quiet)
-    show(seen.to_dict(), seen.in_words, as_json, quiet, there.page if there else None)
+    show(seen.to_dict(), spoken(seen.in_words), as_json, quiet, there.page if there else None)
 
 
 @click.command(
@@ -125,6 +126,7 @@ def design(
     from gimbalcal.atomic import write
     from gimbalcal.report.html import marked
     from gimbalcal.report.plan_page import design_report
+    from gimbalcal.report.wording import spoken
 
     named = [platform if kind == "positions" else "turns"]
     there = place(out, named, "schedule", ("schedule.toml", "report.html"), overwrite, as_json)
@@ -152,7 +154,7 @@ def design(
             write(new / "schedule.toml", text)
             write(new / "report.html", marked(design_report(seen, drawn), there.question))
         wrote(there.folder, "schedule.toml", quiet)
-    show(seen, seen["in_words"], as_json, quiet, there.page if there else None)
+    show(seen, spoken(seen["in_words"]), as_json, quiet, there.page if there else None)
 
 
 def _only(criterion: str | None, known: tuple[str, ...], kind: str) -> None:

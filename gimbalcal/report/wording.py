@@ -134,6 +134,16 @@ def why_in_words(unobservable: Mapping[str, Any]) -> str:
     return typeset(re.sub(rf"(?<![.\w])({known})(?!\w)", lambda found: named(found[0]), text))
 
 
+def spoken(text: str) -> str:
+    """A text with the labels of parameters as a person says them.
+
+    >>> spoken("changing +1 misalignment:xz -1 K3:y; 10:30 stays")
+    'changing +1 misalignment xz -1 cubic nonlinearity y; 10:30 stays'
+    """
+    labels = r"\b([A-Za-z]\w*):([a-z_]+)\b"
+    return re.sub(labels, lambda m: label_in_words(m[0]) if m[1] in _names() else m[0], text)
+
+
 def typeset(text: str) -> str:
     """Powers, arrows, sigmas and micro-g of a plain sentence as they are printed.
 
