@@ -157,6 +157,7 @@ def _estimated(
         made = pointing_calibration(recordings, terms, more)
     elif method == "multiposition":
         tell("norm of the force at every position, and the gyroscopes where they were logged on the way")
+        recordings = tuple(graded(recordings).of(recordings))
         also = added(more, recordings, (*LINEAR, *BASELINE["rest rates"], *BASELINE["turns"]))
         alone = len(recordings) == 1
         made = inertial_unit(recordings[0], terms, also) if alone else unit_of_sessions(recordings, terms, also)

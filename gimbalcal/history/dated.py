@@ -26,7 +26,9 @@ class Dated:
     def hashes(self) -> frozenset[str]:
         """Of the samples it was made from; headers may well be alike."""
         files = self.calibration.provenance.get("recordings", ())
-        return frozenset(f["sha256"] for f in files if f.get("sha256") and Path(f.get("path", "")).name != HEADER)
+        return frozenset(
+            str(f["sha256"]) for f in files if f.get("sha256") and Path(str(f.get("path", ""))).name != HEADER
+        )
 
 
 def dated_file(path: Path) -> Dated:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.effects import Parameter
+from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
@@ -96,6 +97,11 @@ def solve(info: Information, seen: float = SEEN) -> Solution:
     p = len(info.parameters)
     scale = np.array([q.sigma for q in info.parameters])
     R, z = info.rows[:, :p], info.rows[:, p]
+    if not np.isfinite(info.rows).all():
+        raise InputError(
+            "no constants of this model fit these readings, the fit runs off: check signs, axes and units in "
+            "[columns], and the site"
+        )
     U, S, Vt = np.linalg.svd(R, full_matrices=True)
     S = np.concatenate([S, np.zeros(p - S.size)])
     keep = seen <= S

@@ -195,4 +195,4 @@ def _hold(document: Document, platform: Platform, number: int, hold: Any, durati
         raise InputError(
             f"{document.where('schedule.holds')}: hold {number} has the angle {shortened(repr(bad[0]))}; give degrees"
         )
-    return Hold(tuple(float(np.deg2rad(v)) for v in values), duration)
+    return Hold(tuple(float(np.deg2rad(float(v))) for v in values), duration)

@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from gimbalcal.errors import InputError
+from gimbalcal.recording.document import LARGEST
 from gimbalcal.schedule import ROTATIONS, SCHEDULES
 from gimbalcal.units import check, parse, to_si
 
@@ -21,7 +22,7 @@ def _measured(quantity: str, like: str = "") -> BeforeValidator:
         if not isinstance(given, dict) or set(given) != {"value", "unit"}:
             raise ValueError('give it as { value = ..., unit = "..." }')
         value, unit = given["value"], given["unit"]
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST:
             raise ValueError(f"`value` must be a finite number, got {value!r}")
         if quantity:
             check(str(unit), quantity)

@@ -30,6 +30,7 @@ from gimbalcal.recording.noise import sample_sigma, stated
 
 KINDS = ("multi-position", "static-run")  # whose attitude and noise are known
 BLOCKS_IN_ALL = 108  # block means of a multi-position recording: 6 in each of 18 dwells, at least 2 in each of many
+FORCE, NOISELESS = "specific_force", 1e-11  # of gravity: what a simulation without noise leaves
 STUCK = 1e-15  # one sigma of a channel that always reads the same, SI
 MOST_ROWS = 4000  # of a static run: 48 h come as minute means, and half a gigabyte of columns is enough
 
@@ -243,6 +244,12 @@ def row_sigma(read: Readings, known: Sequence[Effect] = ()) -> Array:
             "position to show it: write it into [noise] of recording.toml"
         )
     one = sample_sigma(read.recording, read.channels, read.residual(known))
+    force = [i for i, (q, _) in enumerate(read.channels) if q == FORCE and q in silent]
+    if force and max(one[i] for i in force) < NOISELESS * read.recording.site.gravity:
+        raise InputError(
+            f"the accelerometers of {read.recording.title!r} do not scatter, and without a noise nothing can be "
+            "weighed: write it into [noise] of recording.toml"
+        )
     return np.maximum(one, STUCK) / np.sqrt(np.median(read.recording.weight))
 
 

@@ -11,6 +11,7 @@ a coefficient must stand clear of its sigma (`support`), and positions left out 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter
 from gimbalcal.effects.effect import SENSOR_STAGES, follows
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.account import noise_record, rotations_of_the_triad
+from gimbalcal.estimate.accelerometers.neglected import in_words, neglected
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, NormFit, norm_fit, scaled_by_gravity, unknowns
 from gimbalcal.estimate.accelerometers.setting import FORCE
 from gimbalcal.estimate.accelerometers.unsteady import noise_of_a_mean, scatter_in_words
@@ -61,7 +63,11 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
         tried.append(((*tried[-1][0], term), candidate))
         left += declined  # a cubic of 600 ug hid a square of 250: what was declined before is asked once more
         declined = {}
-    return with_told(_calibration(recording, best, tried, tuple(declined.items()), counts), constants)
+    more_sigma = neglected(best, means, list(declined))
+    wider = in_words(more_sigma, best.fit.solution.covariance)
+    told = [(term, why + wider) for term, why in declined.items()]
+    made = _calibration(recording, best, tried, told, counts)
+    return with_told(replace(made, covariance=made.covariance + more_sigma), constants)
 
 
 def _added(

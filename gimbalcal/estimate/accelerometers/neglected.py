@@ -1,0 +1,67 @@
+r"""What a fit to the norm of gravity leaves out and the positions do not rule out: how far it may have moved the rest.
+
+A term is declined where its coefficients do not stand clear of chance; that is no proof that they are zero. With J and
+C the whitened rows of what is estimated and of what is not, r the misfit, and c normal with the usual size of such a
+unit, what is known of c after the fit is
+
+.. math:: \Lambda = C^T M C + D^{-2}, \quad M = 1 - J J^+, \qquad
+          \langle c c^T \rangle = \Lambda^{-1} + \bar c \bar c^T, \quad \bar c = \Lambda^{-1} C^T M r
+
+and the estimates, whose covariance is P, err by S c with S = P J^T C besides: their covariance grows by
+S <c c^T> S^T. Source: Bierman, *Factorization Methods for Discrete Sequential Estimation* (1977), chapter 8 (consider
+parameters).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gimbalcal.effects import CATALOGUE, Parameter, parameters
+from gimbalcal.estimate.accelerometers.norm_fit import NormFit
+from gimbalcal.estimate.accelerometers.setting import by_visit, problem, whiten
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording
+
+TOLD = 1.0  # sigmas by which it must move an estimate to be worth a word
+
+
+def neglected(made: NormFit, means: Recording, terms: Sequence[str]) -> Array:
+    """What the covariance (p, p) of a fit grows by for terms that are left out of it; zero for none."""
+    n = len(made.fit.solution.parameters)
+    out = usual(means, terms)
+    if not out:
+        return np.zeros((n, n))
+    p = made.problem
+    both = problem(p.readings.recording, (*p.parameters, *out), p.effects)
+    both = replace(both, readings=p.readings, weight=p.weight)
+    x = np.concatenate([made.fit.solution.x, np.zeros(len(out))])
+    w = whiten(by_visit(both, x, made.fit.setting), made.fit.noise)
+    kept = np.isfinite(w.sigma)
+    rows = np.where(kept[..., None], w.J, 0.0).sum(1)
+    J, C = rows[:, :n], rows[:, n:]
+    r = np.where(kept, w.r, 0.0).sum(1) - J @ made.fit.solution.x
+    Q = np.linalg.qr(J)[0]
+    C_left, r_left = C - Q @ (Q.T @ C), r - Q @ (Q.T @ r)
+    known = np.linalg.inv(C_left.T @ C_left + np.diag([1 / q.sigma**2 for q in out]))
+    mean = known @ C_left.T @ r_left
+    S = made.fit.solution.covariance @ J.T @ C
+    return np.asarray(S @ (known + np.outer(mean, mean)) @ S.T)
+
+
+def usual(means: Recording, terms: Sequence[str]) -> tuple[Parameter, ...]:
+    """Parameters of terms with the sizes that they have in a unit of this grade."""
+    return tuple(means.grade.usual(q) for t in terms for q in parameters(CATALOGUE[t]))
+
+
+def in_words(added: Array, covariance: Array) -> str:
+    """How much wider the widest sigma became, as the end of a sentence; empty where it hardly did."""
+    own, more = np.diag(covariance), np.diag(added)
+    times = float(np.sqrt(np.max(more / own))) if len(own) else 0.0
+    return (
+        ""
+        if times < TOLD
+        else f"; of usual size it moves an estimate by {times:.2g} of its sigma, which is wider for it"
+    )

@@ -1,0 +1,41 @@
+"""A few inputs of the fuzzer, in this process: 0, 1, or one sentence and 2. For more: `python -m tests.fuzz`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.fuzzing import seeds
+from tests.fuzzing.targets import TARGETS
+from tests.fuzzing.worker import run
+
+QUICK = ("csv", "header", "hand", "static", "parquet", "calibration", "schedule", "scenario", "tpoint", "phd2",
+         "rig_csv", "hdf5", "npz")  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("seeds")
+    seeds.make(made)
+    return made
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_what_is_spoilt_is_a_sentence(folder: Path, name: str) -> None:
+    assert name in TARGETS
+    for number in range(8):
+        found = run(name, 11, number, folder)
+        assert not found["wrong"], found
+
+
+# what longer runs found, by target, seed and number
+FOUND = [("schedule", 2, 2930), ("csv", 2, 3752), ("scenario", 2, 3781), ("calibration", 2, 2194),
+         ("schedule", 1, 564), ("exchange", 1, 877), ("exchange", 1, 1724), ("exchange", 1, 1674),
+         ("hdf5", 1, 235), ("csv", 1, 325)]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "seed", "number"), FOUND)
+def test_what_was_wrong_once_is_right(folder: Path, name: str, seed: int, number: int) -> None:
+    found = run(name, seed, number, folder)
+    assert not found["wrong"], found
