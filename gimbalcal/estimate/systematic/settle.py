@@ -70,10 +70,11 @@ def settle(
     before = np.array([start.bias["xyz".index(p.axis)] if p.effect == "gyro_bias" else 0.0 for p in wanted])
     before = before + gained
     theta, settled, done, left_out = before, False, 0, np.zeros(len(legs.stop), dtype=bool)
-    near, usual = None, np.inf
+    near, usual, last = None, np.inf, None
     while not settled and done < PASSES:
         effects = with_values(base, wanted, theta)
         u = truth(legs, effects, u)
+        last = None  # of a day it is half a gigabyte
         last = one_pass(legs, wanted, effects, u, C, start, before - theta, left_out, near)
         if not done:
             refuse_carried(legs, last.drift)
@@ -86,6 +87,7 @@ def settle(
         near, usual = last.about if done > 1 and moved < NEAR * usual else None, moved
         told_off, left_out = left_out, doubtful(last, left_out) if moved < 1.0 else left_out
         settled = moved < SETTLED and done > 1 and np.array_equal(told_off, left_out)
+    assert last is not None  # there is always a first pass
     return Settled(legs, wanted, base, start, before, theta, u, C, left_out, last, done, settled)
 
 

@@ -114,16 +114,15 @@ def linear(course: Course, wanted: Sequence[Parameter], effects: Sequence[Effect
 
     The attitude at the start is a constant too, so that its covariance is known in the end: three more, the last ones.
     """
-    scale, p = np.array([p.sigma for p in wanted]), len(wanted)
+    scale, p = np.array([p.sigma for p in wanted]), len(wanted) + 3
     expected, wander = felt(course, u, C), chains(course)
 
     def answer(groups: slice) -> Array:
-        D = sensitivity(course.groups, effects, wanted, expected, groups)
-        return np.concatenate([D, added(len(D), len(wander))], axis=2)
+        D = sensitivity(course.groups, effects, wanted, expected, groups) * scale
+        return np.concatenate([D, np.zeros((len(D), 6, 3)), added(len(D), len(wander))], axis=2)
 
     Phi, Psi, Q, d = answering(course, u, C, answer, p + added(0, len(wander)).shape[2])
-    constant = np.concatenate([Psi[:, :, :p] * scale, np.zeros((len(Phi), NAV, 3))], axis=2)
-    return Linear(*beside(Phi, constant, Q, d, Psi[:, :, p:], wander))
+    return Linear(*beside(Phi, Psi[:, :, :p], Q, d, Psi[:, :, p:], wander))
 
 
 def added(n: int, chains: int) -> Array:
