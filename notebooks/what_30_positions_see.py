@@ -10,7 +10,7 @@
 # ---
 
 # %% [markdown]
-# # What 30 positions see, and 51 states on one screen
+# # What 30 positions see
 #
 # *A notebook as text: VS Code, PyCharm and Spyder run it cell by cell; for Jupyter see README.md beside it.*
 #
