@@ -26,7 +26,7 @@ from gimbalcal.recording.triads import AXES
 FORCE, RATE = "specific_force", "angular_rate"
 LATE, STEPS = 0.1, 2.5  # s and steps; a latency that belongs to sensors and their electronics is less
 LONGEST = 30.0  # s of lag that is looked for
-BETTER = 4.0  # times: what is left of the force's change falls by more where the lag is another
+BETTER = 2.0  # times: what is left of the force's change falls by more where the lag is another
 ROWS = 100_000  # of the recording, at most: a turn or two tell a lag
 MOST, UNIT = {FORCE: 100.0, RATE: 200.0}, {FORCE: "m/s^2", RATE: "rad/s"}  # ten g; thirty revolutions a second
 GONE = 0.1  # of gravity: accelerometers that read less, all of them, had gravity taken off

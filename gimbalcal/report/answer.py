@@ -56,7 +56,7 @@ def answer(content: Mapping[str, Any]) -> str:
     if content["outcome"]:
         return typeset(sentence(content["outcome"])) + _limits(content)
     told = f"{_left(content)}."
-    asked = f"{_limits(content)}{_questions(content)}"
+    asked = _limits(content)
     return f"{told[0].upper()}{told[1:]}{_far_off(content)}{asked} {_known(content)}{_next(content)}"
 
 
@@ -65,14 +65,9 @@ def _limits(content: Mapping[str, Any]) -> str:
     return "".join(f" {typeset(sentence(text))}" for text in content["provenance"].get("limits", []))
 
 
-def _questions(content: Mapping[str, Any]) -> str:
-    """Sentences on constants that no such unit has; empty for none."""
-    return "".join(f" But {typeset(text)}" for text in content["provenance"].get("questions", [])[:3])
-
-
 def _next(content: Mapping[str, Any]) -> str:
     """What a person does with a calibration that fits; one that does not says so where it says why."""
-    doubted = content["provenance"].get("pattern") or content["provenance"].get("questions")
+    doubted = content["provenance"].get("pattern")
     if doubted or verdict(content) != "fits" or content["residual"]["dof"] <= 0:
         return ""
     return " Next: `gimbalcal apply` corrects recordings with it."

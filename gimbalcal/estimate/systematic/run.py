@@ -19,7 +19,7 @@ from gimbalcal.effects import Parameter, with_values
 from gimbalcal.estimate.added import Added
 from gimbalcal.estimate.systematic.evidence import outcome, told
 from gimbalcal.estimate.systematic.settle import Settled, settle
-from gimbalcal.estimate.systematic.slips import likely, limits, questions
+from gimbalcal.estimate.systematic.slips import likely, limits
 from gimbalcal.estimate.systematic.smoothing import WIDE, Pass
 from gimbalcal.estimate.systematic.states import states
 from gimbalcal.inference.information import Information, Solution, solve
@@ -57,7 +57,6 @@ def calibrated(m: Settled) -> Calibration:
         provenance={
             "options": {"velocity_m_per_s": legs.velocity, "stops": int(legs.stop.max()) + 1},
             "limits": limits(m, found.sigma),
-            "questions": questions(legs, wanted, before + found.x),
         },
     )
 

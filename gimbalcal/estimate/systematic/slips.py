@@ -1,4 +1,4 @@
-r"""Slips that a fit absorbs or cannot: sizes that no such unit has, a latitude that is another, a noise that is not so.
+r"""Slips that no fit absorbs: a clock or a latitude that is another, a noise that is not so; what noise forbids.
 
 A latitude that is off by dL adds to the rates, in the axes of the unit, what no sensor did:
 
@@ -15,7 +15,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE
-from gimbalcal.effects import Parameter
 from gimbalcal.effects.grade import Grade, grade_of_noise
 from gimbalcal.estimate.systematic.course import Course
 from gimbalcal.estimate.systematic.sensors import read_by
@@ -25,9 +24,8 @@ from gimbalcal.estimate.systematic.turns import GAIN
 from gimbalcal.estimate.systematic.wander import chains
 from gimbalcal.estimate.systematic.whitened import whitened
 from gimbalcal.number import Array
-from gimbalcal.units import from_si
 
-BEYOND, ALIKE = 20.0, 0.1  # times what is usual for a unit as quiet; and how far three of a triad are alike
+ALIKE = 0.1  # how far three of a triad are alike
 SHARE = 0.8  # of the misfit: a slip that explains so much of it is the likeliest
 CERTAIN = 10.0  # sigma
 LOST = 10.0  # deg, one sigma of the heading
@@ -35,29 +33,8 @@ UNTOLD = 0.5  # of the size that is usual: a recording that leaves so much has n
 NOISE = 3.0  # times: a stated noise that is further from what the stops show
 
 
-def questions(course: Course, wanted: Sequence[Parameter], theta: Array) -> list[str]:
-    """Sentences on constants (p,) that no unit as quiet as this one has: what they may be instead."""
-    grade = _grade(course)
-    times = {p.label: abs(x) / grade.usual(p).sigma for p, x in zip(wanted, theta, strict=True)}
-    out = []
-    for effect in dict.fromkeys(p.effect for p in wanted):
-        mine = [(p, x) for p, x in zip(wanted, theta, strict=True) if p.effect == effect]
-        far = [(p, x) for p, x in mine if times[p.label] > BEYOND]
-        if not far:
-            continue
-        whole = _whole(effect, [x for _, x in mine])
-        sizes = ", ".join(f"{p.axis} {from_si(x, p.unit):.3g}" for p, x in far)
-        out.append(whole or (
-            f"{effect.replace('_', ' ')} of {sizes} {far[0][0].unit} is some {max(times[p.label] for p, _ in far):.0f} "
-            f"times what is usual in a unit as quiet as this one ({grade.name} grade): are unit and range of the "
-            "column, or what a count of it is, as stated?"
-        ))  # fmt: skip
-    return out
-
-
 WHOLE = {
     "gyro_scale_factor": ("gyroscopes", "is the unit of the rates, or of the time, another?"),
-    "scale_factor": ("accelerometers", "is their unit, or the gravity of [site], another?"),
 }
 
 
