@@ -134,3 +134,10 @@ def test_the_teeth_of_a_worm_wheel_are_counted() -> None:
     said = does(finding("periodic_worm_error"))
     assert "7.00 ± 0.10" in said or "7 ± 0.1" in said
     assert "%" not in said
+
+
+def test_an_odd_constant_does_not_unsay_what_was_found() -> None:
+    told = headline(content("missing-physics", WARM, outcome="bias drift y is far from usual"))
+    assert told.startswith(headline(content("missing-physics", WARM)))
+    assert told.endswith("Bias drift y is far from usual.")
+    assert "No known physics" not in told
