@@ -187,7 +187,10 @@ def _multiply(one: Unit, other: Unit) -> Unit:
 
 def _power(unit: Unit, n: float) -> Unit:
     # 1/x rather than x**-1: a correctly rounded reciprocal.
-    factor = 1.0 / unit.factor if n == -1 else unit.factor**n
+    try:
+        factor = 1.0 / unit.factor if n == -1 else unit.factor**n
+    except OverflowError:  # ug^400
+        raise KeyError(str(n)) from None
     return Unit(factor, _dimension(**{name: e * n for name, e in unit.dimension}))
 
 

@@ -32,7 +32,8 @@ def test_what_is_spoilt_is_a_sentence(folder: Path, name: str) -> None:
 # what longer runs found, by target, seed and number
 FOUND = [("schedule", 2, 2930), ("csv", 2, 3752), ("scenario", 2, 3781), ("calibration", 2, 2194),
          ("schedule", 1, 564), ("exchange", 1, 877), ("exchange", 1, 1724), ("exchange", 1, 1674),
-         ("hdf5", 1, 235), ("csv", 1, 325)]  # fmt: skip
+         ("hdf5", 1, 235), ("csv", 1, 325), ("exchange", 3, 1098),
+         ("calibration", 3, 2438)]  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "seed", "number"), FOUND)
