@@ -45,6 +45,7 @@ UNITS = ("rad/s", "deg/s", "deg/h", "mdeg/s", "rad/h")
 CLOCKS = {1e-3: "ms", 1e3: "s instead of ms", 1e-6: "us", 60.0: "min", 3600.0: "h"}
 COUNTS = np.geomspace(0.2, 20, 40)  # rad that a median turn may have, where nothing says how much a count is
 FACTORS = 1e-2, 1e2, 93  # of all rates, in steps of 10 %
+INSTRUMENT = 3.0  # rates off by less are no slip of a unit: a range that was left, rows that were lost
 REVERSED = Change(signs=(-1, -1, -1))
 FAINT = 0.3  # of what no reading at all would leave: gyroscopes see the Earth where less remains
 UNCHECKED = (
@@ -214,7 +215,7 @@ def _check_factor(recording: Recording, turns: _Turns, stated: int) -> None:
     """Any other factor of all rates: a unit that nobody thought of."""
     n, guesses = len(turns.reading), np.geomspace(*FACTORS)
     agreeing = np.array([_agree(turns, _rotations(turns, f * np.ones(3))) for f in guesses])
-    fits = np.flatnonzero(agreeing >= NEARLY_ALL * n)
+    fits = np.flatnonzero((agreeing >= NEARLY_ALL * n) & (np.abs(np.log(guesses)) > np.log(INSTRUMENT)))
     if not len(fits):
         return
     fits = fits[: 1 + int(np.argmax(np.append(np.diff(fits) > 1, True)))]  # larger ones go round once more
