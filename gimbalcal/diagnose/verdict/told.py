@@ -100,8 +100,9 @@ def _fit(v: View, c: Course, sigma: Array) -> dict[str, Any]:
     if v.noise is not None:
         n = len(before.r)
         for name, m in (("before", before), ("after", after)):
-            seen = [(np.abs(m.J[:, i]).max(axis=0) > 0).sum() for i in range(len(v.channels))]
-            chi2 = ((m.r / v.noise) ** 2).sum(axis=0) / np.maximum(n - np.array(seen), 1)
+            Q = basis(m.J / np.asarray(v.noise)[..., None]).reshape(n, len(v.channels), -1)
+            fitted = (Q**2).sum(axis=(0, 2))  # how many parameters each channel has told
+            chi2 = ((m.r / v.noise) ** 2).sum(axis=0) / np.maximum(n - fitted, 1)
             out[f"chi2_of_samples_{name}"] = dict(zip([a for _, a in v.channels], chi2.tolist(), strict=True))
     return out
 
