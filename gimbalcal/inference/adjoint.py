@@ -18,12 +18,17 @@ from gimbalcal.inference.beside_constants import Filtered
 from gimbalcal.number import Array
 
 
-def smooth(Phi: Array, Psi: Array, index: Array, filtered: Filtered) -> Array:
-    """The first moving states (K + 1, smoothed) from all measurements, from what `beside_constants.filter` left."""
+def smooth(Phi: Array, Psi: Array, index: Array, filtered: Filtered, after: Array | None = None) -> Array:
+    r"""The first moving states (K + 1, smoothed) from all measurements, from what `beside_constants.filter` left.
+
+    after (m + p,): adjoint variables at the end, of what is known beside: :math:`P_{\theta\theta}^{-1}
+    (\hat\theta - \theta^*)` of constants that are held at theta* (default: nothing).
+    """
     out = np.empty(filtered.cross.shape[:2])
+    last = np.zeros(filtered.cross.shape[2]) if after is None else np.array(after, dtype=float)
     _smooth(
         np.ascontiguousarray(Phi), np.ascontiguousarray(Psi), np.asarray(index, dtype=np.int64), filtered.x,
-        filtered.innovation, filtered.variance, filtered.gain, filtered.cross, out,
+        filtered.innovation, filtered.variance, filtered.gain, filtered.cross, last, out,
     )  # fmt: skip
     return out
 
@@ -31,10 +36,10 @@ def smooth(Phi: Array, Psi: Array, index: Array, filtered: Filtered) -> Array:
 @compiled
 def _smooth(
     Phi: Array, Psi: Array, index: Array, x: Array, innovation: Array, variance: Array, gain: Array, cross: Array,
-    out: Array,
+    adjoint: Array, out: Array,
 ) -> None:  # fmt: skip
     K, m, n = Phi.shape[0], Phi.shape[1], cross.shape[2]
-    adjoint, before = np.zeros(n), np.zeros(n)
+    before = np.zeros(n)
     for k in range(K, -1, -1):
         for i in range(cross.shape[1]):
             total = x[k, i]

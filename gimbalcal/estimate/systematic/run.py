@@ -11,19 +11,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.calibration import Residual
-from gimbalcal.effects import Parameter, with_values
+from gimbalcal.effects import with_values
 from gimbalcal.estimate.added import Added
 from gimbalcal.estimate.systematic.evidence import outcome, told
+from gimbalcal.estimate.systematic.seen import informed
 from gimbalcal.estimate.systematic.settle import Settled, settle
 from gimbalcal.estimate.systematic.slips import likely, limits
-from gimbalcal.estimate.systematic.smoothing import WIDE, Pass
 from gimbalcal.estimate.systematic.states import states
-from gimbalcal.inference.information import Information, Solution, solve
-from gimbalcal.number import Array
+from gimbalcal.inference.information import solve
 from gimbalcal.recording import Recording
 
 
@@ -41,8 +38,9 @@ def systematic(
 
 def calibrated(m: Settled) -> Calibration:
     """The calibration that passes ended in, with what the innovations say of it."""
-    legs, wanted, theta, before = m.course, m.wanted, m.theta, m.before
-    found = _solved(wanted, m.last, theta - before)
+    legs, wanted, before = m.course, m.wanted, m.before
+    # what the data alone say, and the directions that they do not see
+    found = solve(informed(wanted, m.last.factor, m.said - before, [p.sigma for p in wanted]))
     navigation = told(legs, wanted, m.last, m.C, m.passes)
     words = outcome(navigation, 9 + len(wanted), m.settled, len(found.unobservable), lambda: likely(m))
     rms = {f"velocity {axis}": float(v) for axis, v in navigation.pop("velocity_rms").items()}
@@ -59,22 +57,3 @@ def calibrated(m: Settled) -> Calibration:
             "limits": limits(m, found.sigma),
         },
     )
-
-
-def _solved(wanted: Sequence[Parameter], last: Pass, x: Array) -> Solution:
-    """The estimate as the house tells it: what the data alone say, and the directions that they do not see."""
-    return solve(informed(wanted, last, x, [p.sigma for p in wanted]))
-
-
-def informed(wanted: Sequence[Parameter], last: Pass, x: Array, scale: Sequence[float]) -> Information:
-    """What the data of a pass that found x (p,) [SI] say; scale (p,): the prior sigmas that the pass worked with.
-
-    P = S S^T holds the prior of width `WIDE`, so S^-1 has the data's singular values s^2 - 1 / WIDE^2.
-    """
-    from scipy.linalg import solve_triangular
-
-    root = solve_triangular(last.factor, np.eye(len(wanted)), lower=True)
-    _, s, Vt = np.linalg.svd(root)
-    s = np.sqrt(np.maximum(s**2 - WIDE**-2, 0.0))
-    J = s[:, None] * Vt * (np.array([p.sigma for p in wanted]) / scale)
-    return Information(tuple(wanted), np.column_stack([J, s * (Vt @ (x / scale))]), len(wanted))

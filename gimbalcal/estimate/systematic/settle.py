@@ -30,8 +30,8 @@ AWAY = 1e4  # times the catalogue's size, five times what a sensor reads: passes
 class Settled:
     """Where the passes ended: states with their values (p,), attitudes C (K + 1, 3, 3), what was there u (n, 6).
 
-    base: effects that are there whatever the states say; before (p,): the states' values at the start; left_out (K,):
-    updates that are not believed.
+    base: effects that are there whatever the states say; before (p,): the states' values at the start; said (p,): what
+    the data alone say, whatever that is of what they do not see; left_out (K,): updates that are not believed.
     """
 
     course: Course
@@ -40,6 +40,7 @@ class Settled:
     start: Alignment
     before: Array
     theta: Array
+    said: Array
     u: Array
     C: Array
     left_out: NDArray[np.bool_]
@@ -69,8 +70,8 @@ def settle(
     wanted = _usual(wanted, legs, start)
     before = np.array([start.bias["xyz".index(p.axis)] if p.effect == "gyro_bias" else 0.0 for p in wanted])
     before = before + gained
-    theta, settled, done, left_out = before, False, 0, np.zeros(len(legs.stop), dtype=bool)
-    near, usual, last = None, np.inf, None
+    theta, said, settled, done, left_out = before, before, False, 0, np.zeros(len(legs.stop), dtype=bool)
+    near, usual, last, went = None, np.inf, None, np.zeros(len(wanted))
     while not settled and done < PASSES:
         effects = with_values(base, wanted, theta)
         u = truth(legs, effects, u)
@@ -78,17 +79,20 @@ def settle(
         last = one_pass(legs, wanted, effects, u, C, start, before - theta, left_out, near)
         if not done:
             refuse_carried(legs, last.drift)
-        if not np.all(np.abs(theta + last.step - before) < AWAY * np.array([p.sigma for p in wanted])):  # or no number
+        if not np.all(np.abs(theta + last.held - before) < AWAY * np.array([p.sigma for p in wanted])):  # or no number
             break
-        C = turned(C, last.smoothed[:, :3])
-        theta, done = theta + last.step, done + 1
-        moved = float(np.max(np.abs(last.step) / (_sigma(last) * np.array([p.sigma for p in wanted]))))
+        # about a bend of the model, as of a heading that one axis hardly tells, whole steps go to and fro
+        part = 0.5 if done > 2 and float(last.held / last.sigma**2 @ went) < 0 else 1.0
+        went = part * last.held
+        C = turned(C, part * last.smoothed[:, :3])
+        theta, said, done = theta + went, theta + last.step, done + 1
+        moved = float(np.max(np.abs(last.held) / last.sigma))
         tell(f"filter and smoother, pass {done}: the estimates moved by up to {moved:.2g} of their sigma")
         near, usual = last.about if done > 1 and moved < NEAR * usual else None, moved
         told_off, left_out = left_out, doubtful(last, left_out) if moved < 1.0 else left_out
         settled = moved < SETTLED and done > 1 and np.array_equal(told_off, left_out)
     assert last is not None  # there is always a first pass
-    return Settled(legs, wanted, base, start, before, theta, u, C, left_out, last, done, settled)
+    return Settled(legs, wanted, base, start, before, theta, said, u, C, left_out, last, done, settled)
 
 
 def _usual(wanted: Sequence[Parameter], course: Course, start: Alignment) -> tuple[Parameter, ...]:
@@ -98,7 +102,3 @@ def _usual(wanted: Sequence[Parameter], course: Course, start: Alignment) -> tup
     grade, size = grade_of_noise(force, rate), float(np.abs(start.bias).max())
     sizes = [max(p.sigma, grade.usual(p).sigma, size / 10 * (p.effect == "gyro_bias")) for p in wanted]
     return tuple(replace(p, sigma=s) for p, s in zip(wanted, sizes, strict=True))
-
-
-def _sigma(last: Pass) -> Array:
-    return np.asarray(np.linalg.norm(last.factor, axis=1))

@@ -22,10 +22,12 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect, Parameter
 from gimbalcal.estimate.systematic.alignment import Alignment
 from gimbalcal.estimate.systematic.course import Course
+from gimbalcal.estimate.systematic.seen import WIDE, informed, inverse
 from gimbalcal.estimate.systematic.sensors import sensitivity
 from gimbalcal.estimate.systematic.wander import beside, chains
 from gimbalcal.inference import adjoint, beside_constants
 from gimbalcal.inference.beside_constants import Filtered
+from gimbalcal.inference.information import solve
 from gimbalcal.navigate.error_growth import NAV, transitions
 from gimbalcal.navigate.strapdown import carried
 from gimbalcal.number import Array
@@ -35,7 +37,6 @@ ROWS = 20_000  # intervals at a time: what a column of them takes stays below 50
 STATE = np.repeat([1e-3, 1e-3, 1e-3], 3)  # rad, m/s, m: scale of the navigation states
 PLACE = 1e-3  # m, one sigma of the place at the start
 UNMOVED = np.radians(0.5 / 3600)  # rad, what the attitude may change while the clock pauses in a stop
-WIDE = 100.0  # times the catalogue's prior: the prior holds nothing back
 VELOCITY = np.arange(3, 6)
 JUMP = 1.0  # m/s, what a knock may do to the velocity: the navigator starts anew with it
 GATE = 50.0  # normalised innovation squared of three components: by chance once in 1e10 updates
@@ -55,9 +56,14 @@ class Linear(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Pass:
-    """What one pass found about its reference: correction and sigma of the parameters (p,), in SI, and the run."""
+    """What one pass found about its reference: correction and sigma of the parameters (p,), in SI, and the run.
+
+    held (p,): the correction in which what is not seen keeps its prior mean; all else goes with it. sigma (p,) of it.
+    """
 
     step: Array
+    held: Array
+    sigma: Array
     factor: Array  # (p, p) lower triangular, of the covariance in units of the parameters' prior sigmas
     attitude: Array  # (3, 3) covariance of the attitude at the start [rad^2]
     drift: Array  # (K, 3) velocity that a reference gains in each stretch, from rest [m/s]
@@ -96,15 +102,24 @@ def one_pass(
     loose[np.ix_(left_out, VELOCITY, VELOCITY)] += (JUMP / STATE[3]) ** 2 * np.eye(3)
     kept = np.where(left_out[:, None], np.nan, z)
     filtered = beside_constants.filter(Phi, Psi, loose, d, kept, VELOCITY, R, x, first, S, smoothed=3)
-    smoothed = adjoint.smooth(Phi, Psi, VELOCITY, filtered) * STATE[:3]
-    # the same navigator with its sensors as they were found, nothing left to learn about them
     found, own = filtered.theta[-1], filtered.factor[m:, m:]
+    step, factor = found[:-3] * scale, np.asarray(np.linalg.qr(own[:-3].T, mode="r")).T
+    held, one = step, np.linalg.norm(factor, axis=1) * scale
+    after = np.zeros(m + len(found))
+    if known is None:
+        solution = solve(informed(wanted, factor, step - prior, scale))
+        held, one = prior + solution.x, solution.sigma
+        root = inverse(factor)
+        after[m:-3] = root.T @ (root @ ((step - held) / scale))
+    smoothed = adjoint.smooth(Phi, Psi, VELOCITY, filtered, after) * STATE[:3]
+    # the same navigator with its sensors as they were found, nothing left to learn about them
+    found = found - own @ (own.T @ after[m:])
     none = np.zeros((len(Phi), m, 0))
     calibrated = beside_constants.filter(
         Phi, none, Q, d + Psi @ found, z, VELOCITY, R, x, found[:0], np.diag(sigma), GATE, JUMP / STATE[3], 0
     )
     return Pass(
-        found[:-3] * scale, np.asarray(np.linalg.qr(own[:-3].T, mode="r")).T, own[-3:] @ own[-3:].T * STATE[0] ** 2,
+        step, held, one, factor, own[-3:] @ own[-3:].T * STATE[0] ** 2,
         d[:, 3:6] * STATE[3], filtered, smoothed, about, calibrated,
     )  # fmt: skip
 

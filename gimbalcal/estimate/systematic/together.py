@@ -22,10 +22,11 @@ from gimbalcal.calibration.calibration import Residual
 from gimbalcal.effects import Parameter, with_values
 from gimbalcal.errors import amount
 from gimbalcal.estimate.added import Added
-from gimbalcal.estimate.systematic.run import calibrated, informed
+from gimbalcal.estimate.systematic.run import calibrated
+from gimbalcal.estimate.systematic.seen import WIDE, informed
 from gimbalcal.estimate.systematic.sensors import truth
 from gimbalcal.estimate.systematic.settle import SETTLED, Settled, settle
-from gimbalcal.estimate.systematic.smoothing import WIDE, one_pass, turned
+from gimbalcal.estimate.systematic.smoothing import one_pass, turned
 from gimbalcal.estimate.systematic.states import states
 from gimbalcal.inference.information import Information, solve
 from gimbalcal.number import Array
@@ -75,7 +76,7 @@ def together(
     off = off[:1] if len(each) == 2 else off  # of two, one is as far off as the other
     words = [f"{amount(len(each), 'recording')} do not share their constants: {'; '.join(off)}"] if off else []
     words += [f"{r.title}: {c.outcome}" for r, c in zip(recordings, made, strict=True) if c.outcome]
-    asks = list(dict.fromkeys(q for c in made for q in c.provenance["questions"]))
+    limits = list(dict.fromkeys(text for c in made for text in c.provenance["limits"]))
     return Calibration(
         method="systematic",
         effects=with_values(each[0].base, wanted, theta),
@@ -85,7 +86,7 @@ def together(
         residual=Residual(sum(n["sum"] for n in nis), sum(n["dof"] for n in nis), worst.residual.rms,
                           worst.residual.navigation),
         outcome=". ".join(words),
-        provenance={"options": {"states": asked, "sessions": told}, "questions": asks},
+        provenance={"options": {"states": asked, "sessions": told}, "limits": limits},
     )  # fmt: skip
 
 
@@ -99,7 +100,7 @@ def _common(each: Sequence[tuple[Parameter, ...]]) -> tuple[Parameter, ...]:
 
 def _said(wanted: Sequence[Parameter], m: Settled, about: Array) -> Information:
     """What one recording says of the constants, about some values (p,) of them."""
-    return informed(wanted, m.last, m.theta - about, [p.sigma for p in m.wanted])
+    return informed(wanted, m.last.factor, m.said - about, [p.sigma for p in m.wanted])
 
 
 def _joint(wanted: Sequence[Parameter], each: Sequence[Settled], about: Array) -> Information:
@@ -129,7 +130,7 @@ def _about(wanted: tuple[Parameter, ...], each: Sequence[Settled], k: int, theta
         last = one_pass(m.course, wanted, effects, u, C, m.start, before - now, m.left_out, known=known)
         if known is not None:
             C, now = turned(C, last.smoothed[:, :3]), now + last.step
-    return replace(m, theta=now + last.step, u=u, C=C, last=last, passes=m.passes + 3)
+    return replace(m, theta=now + last.held, said=now + last.step, u=u, C=C, last=last, passes=m.passes + 3)
 
 
 def _against_the_others(

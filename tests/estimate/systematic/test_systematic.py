@@ -101,6 +101,20 @@ def test_what_a_schedule_does_not_turn_is_unobservable_by_name() -> None:
     assert all(each["why"] for each in found.unobservable)
 
 
+@pytest.mark.parametrize("axis", "xyz")
+def test_turns_about_one_axis_tell_what_they_tell(axis: str) -> None:
+    """What they do not show stays at its prior mean, and carries nothing of what they show along."""
+    moves, z = [m for m in MOVES if m[0] == axis], []
+    for seed in range(4):
+        truth = SCALE * np.random.default_rng(100 + seed).standard_normal(len(THIRTY))
+        found = systematic(turning_unit((), THIRTY, truth, moves=moves, stop=20.0, seed=seed), "30")
+        assert found.outcome == ""
+        assert len(found.unobservable) >= 9
+        z.append(_errors(found, THIRTY, truth))
+    assert np.sqrt(np.mean(np.square(z))) < 1.3  # was 3.1
+    assert np.abs(z).max() < 5  # was 25
+
+
 def test_a_pause_of_the_clock_in_a_stop_costs_nothing() -> None:
     truth = 0.2 * SCALE
     whole = turning_unit((), THIRTY, truth, stop=30.0)
