@@ -74,27 +74,41 @@ def navigate(
     show(made, made["in_words"], as_json, quiet, there.page if there else None)
 
 
-@click.command(epilog=example("gimbalcal budget wu2018-18 wu2018-static --hours 24 --out budget"))
+@click.command(
+    epilog=example(
+        "gimbalcal budget wu2018-18 wu2018-static --hours 24 --out budget",
+        "gimbalcal budget wei2022-30 wei2022-static --states 30 --hours 24 --out budget",
+    )
+)
 @click.argument("scenarios", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "--hours", multiple=True, type=click.FloatRange(min=0.5, max=240), default=(6.0, 24.0, 72.0), show_default=True,
     help="Within how many hours the position error is told; as often as needed.",
 )  # fmt: skip
 @click.option("--with", "more", multiple=True, metavar="EFFECT", help="An effect that the calibration holds too.")
-@click.option("--damping", type=click.FloatRange(min=0, max=5), default=0.5, show_default=True, help=f"{DAMPED}.")
+@click.option(
+    "--states", default="51", show_default=True, help="Of turns: what is calibrated, 30, 51, or EFFECT[:AXIS],..."
+)
+@click.option(
+    "--damping", type=click.FloatRange(min=0, max=5), default=None,
+    help=f"{DAMPED} [0.5 of a platform, 0 of a strapdown unit].",
+)  # fmt: skip
 @OVERWRITE
 @output_options("budget.json and report.html", "NAME-budget, here")
 def budget(
-    scenarios: tuple[Path, ...], hours: tuple[float, ...], more: tuple[str, ...], damping: float, overwrite: bool,
-    out: Path | None, quiet: bool, as_json: bool,
+    scenarios: tuple[Path, ...], hours: tuple[float, ...], more: tuple[str, ...], states: str, damping: float | None,
+    overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
-    """Say what a calibration by these SCENARIOS leaves of position error, parameter by parameter, before it is made."""
+    """Say what a calibration by these SCENARIOS leaves of position error, parameter by parameter, before it is made.
+
+    SCENARIOS: positions and static runs of a space-stable platform; or turns of a strapdown unit in its place, and a
+    rest, which says where and how it stands when it navigates.
+    """
     from gimbalcal.design.budget import budget as run
-    from gimbalcal.navigate.space_stable import Aids
     from gimbalcal.report.files import write_budget
 
     there = place(out, scenarios, "budget", ("budget.json", "report.html"), overwrite, as_json)
-    made = run(scenarios, hours, more, Aids(damping=damping))
+    made = run(scenarios, hours, more, damping, states)
     if there is not None:
         write_budget(made, there.folder, there.question)
         wrote(there.folder, "budget.json", quiet)

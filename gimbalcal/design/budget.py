@@ -8,7 +8,8 @@ is the largest one sigma on the way, and the part of parameter i is what would b
 
 so that two parameters that are only known in their sum, which may be all that position asks for, count for nothing.
 Parts add up to the whole where parameters are uncorrelated, and to more where they are not. A manoeuvre adds its rows
-to the information, and the budget is drawn up again.
+to the information, and the budget is drawn up again. Of a strapdown unit the calibration is by turns in its place
+(`turning_budget`), and the navigator is its own.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.design.observability import static_plan
+from gimbalcal.design.turning_budget import turned
 from gimbalcal.earth import normal_gravity
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.effects.baseline import BASELINE
@@ -31,6 +33,7 @@ from gimbalcal.forward import jacobian
 from gimbalcal.inference.information import Information, information, solve
 from gimbalcal.kinematics import ideal_force, stimulus_from_angles
 from gimbalcal.navigate.bands import sensitivity
+from gimbalcal.navigate.run import is_strapdown, usual
 from gimbalcal.navigate.space_stable import USUAL, Aids, radii
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
@@ -50,7 +53,7 @@ class Budget:
     """Parts of the position error: largest one sigma (h,) [m] within each of `hours`, and that of each parameter.
 
     sigma (p,) in SI is what the calibration leaves, parts (h, p) [m], share (p,) of the variance at the last hour;
-    manoeuvre: of each parameter, what would reduce its part most, and to what [m].
+    manoeuvre: of each parameter, what would reduce its part most, and to what [m]. strapdown: whose navigator it is.
     """
 
     title: str
@@ -61,6 +64,7 @@ class Budget:
     parts: Array
     share: Array
     manoeuvres: tuple[Mapping[str, Any], ...]
+    strapdown: bool = False
 
     @property
     def order(self) -> Array:
@@ -74,8 +78,8 @@ class Budget:
         name, m = self.parameters[first].label.replace(":", " ").replace("_", " "), self.manoeuvres[first]
         most = self.parts[-1, first]
         return (
-            f"the calibration leaves {self.whole[-1]:.3g} m of position error (one sigma) in {self.hours[-1]:g} h, "
-            f"most of it, {most:.3g} m, by {name}; {m['what']} would reduce that most, to {m['to_m']:.3g} m"
+            f"the calibration leaves {length(self.whole[-1])} of position error (one sigma) in {self.hours[-1]:g} h, "
+            f"most of it, {length(most)}, by {name}; {m['what']} would reduce that most, to {length(m['to_m'])}"
         )
 
     def to_list(self) -> list[dict[str, Any]]:
@@ -95,36 +99,64 @@ class Budget:
         ]
 
 
-def budget(
-    scenarios: Sequence[str | Path], hours: Sequence[float] = HOURS, more: Sequence[str] = (), aids: Aids = USUAL
-) -> Budget:
-    """The error budget of a calibration from these scenarios together: 18 positions, a static run, or both.
+def length(metres: float) -> str:
+    """A length as one says it.
 
-    hours: the times [h] within which the position error is told; more: ids of effects of a static run that the
-    calibration holds too, such as gyro_drift. Raises InputError for scenarios of another kind or platform, or without
-    noise or latitude, and for effects that a static run does not show.
+    >>> length(24.31), length(12761.1)
+    ('24.3 m', '12.8 km')
     """
-    hours, also = sorted(hours), _more(more)
-    plans = [load(s) for s in scenarios]
-    for scenario, name in zip(plans, scenarios, strict=True):
-        _refuse(scenario, str(name))
-    site = _site(plans)
-    # what no scenario sees stays at its prior
-    info = sum((_planned(s, site, also) for s in plans), start=Information(also, np.zeros((1, len(also) + 1)), 0))
-    run = still_base(max(hours), site)
-    besides = [(m, info + extra) for m, extra in _manoeuvres(plans, site, also)]
+    return f"{metres:.3g} m" if metres < 1000 else f"{metres / 1000:.3g} km"
+
+
+def budget(
+    scenarios: Sequence[str | Path],
+    hours: Sequence[float] = HOURS,
+    more: Sequence[str] = (),
+    damping: float | None = None,
+    states: str = "51",
+) -> Budget:
+    """The error budget of a calibration from these scenarios together: positions, a static run, or turns in place.
+
+    hours: the times [h] within which the position error is told; more: ids of effects that the calibration holds too,
+    such as gyro_drift; damping of Schuler's swing, of critical (none: what `navigate` has); states: those of turns, as
+    `--states`. Raises InputError for scenarios of another kind or platform, or without noise or latitude, and for
+    effects that they do not show.
+    """
+    hours = sorted(hours)
+    plans = [(str(s), load(s)) for s in scenarios]
+    if any(s.kind == "rotation" for _, s in plans):
+        info, besides, run = turned(plans, states, more, max(hours))
+    else:
+        info, besides, run = _held(plans, more, max(hours))
     every = tuple(dict.fromkeys(p for each in (info, *(i for _, i in besides)) for p in each.parameters))
-    D = dict(zip(every, np.moveaxis(answer_of_position(run, every, aids), -1, 0), strict=True))
-    own = _Parts.of(info, D, run.time, hours)
-    tried = [(m, _Parts.of(both, D, run.time, hours)) for m, both in besides]
+    time, answer = answer_of_position(run, every, usual(run, damping))
+    D = dict(zip(every, np.moveaxis(answer, -1, 0), strict=True))
+    own = _Parts.of(info, D, time, hours)
+    tried = [(m, _Parts.of(both, D, time, hours)) for m, both in besides]
     best = []
     for p in info.parameters:
         after = [(t.parts[-1][t.parameters.index(p)], m) for m, t in tried]
         to, m = min(after, key=lambda each: each[0])
         best.append({**m, "to_m": float(to)})
     share = own.parts[-1] ** 2 / own.whole[-1] ** 2
-    title = " and ".join(s.title for s in plans)
-    return Budget(title, tuple(hours), info.parameters, own.sigma, own.whole, own.parts, share, tuple(best))
+    title = " and ".join(s.title for _, s in plans)
+    return Budget(
+        title, tuple(hours), info.parameters, own.sigma, own.whole, own.parts, share, tuple(best), is_strapdown(run)
+    )
+
+
+def _held(
+    plans: Sequence[tuple[str, Scenario]], more: Sequence[str], hours: float
+) -> tuple[Information, list[tuple[dict[str, Any], Information]], Recording]:
+    """What positions and static runs of a platform tell, the same with each manoeuvre, and the base it navigates on."""
+    also = _more(more)
+    for name, scenario in plans:
+        _refuse(scenario, name)
+    each = [s for _, s in plans]
+    site = _site(each)
+    # what no scenario sees stays at its prior
+    info = sum((_planned(s, site, also) for s in each), start=Information(also, np.zeros((1, len(also) + 1)), 0))
+    return info, [(m, info + extra) for m, extra in _manoeuvres(each, site, also)], still_base(hours, site)
 
 
 @dataclass(frozen=True)
@@ -149,13 +181,15 @@ class _Parts:
         return cls(info.parameters, np.sqrt(np.diag(P)), whole, parts)
 
 
-def answer_of_position(run: Recording, wanted: Sequence[Parameter], aids: Aids = USUAL) -> Array:
-    """Position north and east (n, 2, p) [m] per SI unit of each parameter."""
+def answer_of_position(run: Recording, wanted: Sequence[Parameter], aids: Aids = USUAL) -> tuple[Array, Array]:
+    """Times (n,) [s], ten minutes apart, and position north and east (n, 2, p) [m] per SI unit of each parameter."""
     step = np.array([p.sigma for p in wanted]) * 0.01  # small: the slope at a perfect unit
     L = float(run.site.latitude or 0.0)
     M, N = radii(L)
     metres = np.array([M + run.site.height, (N + run.site.height) * np.cos(L)])
-    return np.asarray(sensitivity(run, (), wanted, step, aids)[:, :2] * metres[:, None] / step)
+    time, D = sensitivity(run, (), wanted, step, aids)
+    few = np.arange(len(time))[:: -max(1, round(ROW / float(np.median(np.diff(time)))))][::-1]
+    return time[few], D[few, :2] * metres[:, None] / step
 
 
 def still_base(hours: float, site: Site) -> Recording:
@@ -229,8 +263,8 @@ def _refuse(s: Scenario, name: str) -> None:
     """Raise InputError for a scenario that no budget can be drawn up for."""
     if s.kind not in ("multi-position", "static-run") or s.platform.name != SPACE_STABLE.name:
         raise InputError(
-            f"{name}: a {s.kind} of {s.platform.name!r} has no budget yet; give positions or a static run of a "
-            "space-stable platform"
+            f"{name}: a {s.kind} of {s.platform.name!r} has no budget; give positions or a static run of a "
+            "space-stable platform, or turns of a strapdown unit in its place, such as wei2022-30"
         )
     if not s.noise.accelerometer > 0:
         raise InputError(f"{name}: noise.accelerometer: without noise everything would be known; state it")

@@ -146,7 +146,7 @@ def positioned(rig: Rig, wanted: Sequence[Parameter], separate: Sequence[str], l
         )
     L = float(np.deg2rad(latitude))
     run = still_base(DAY, Site(L, 0.0, float(normal_gravity(L))))
-    S = answer_of_position(run, wanted) * np.array([p.sigma for p in wanted])
+    S = answer_of_position(run, wanted)[1] * np.array([p.sigma for p in wanted])
     return np.asarray(S.reshape(-1, len(wanted)) / np.sqrt(len(S)))
 
 

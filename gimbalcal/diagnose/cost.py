@@ -18,9 +18,10 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.design.budget import still_base
+from gimbalcal.design.turning_budget import ROW, still_unit
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.rows.in_place import emptied, turned_in_place
-from gimbalcal.earth import EARTH_RATE, SOLAR_DAY
+from gimbalcal.earth import SOLAR_DAY
 from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import constants, follows, lacking
@@ -32,11 +33,12 @@ from gimbalcal.navigate.bands import uncertain
 from gimbalcal.navigate.outcome import NAUTICAL_MILE
 from gimbalcal.navigate.run import navigated, usual
 from gimbalcal.pipeline import Tell, silent, three_stage
-from gimbalcal.platform import BENCH, SPACE_STABLE
-from gimbalcal.recording import Recording, Site
+from gimbalcal.platform import SPACE_STABLE
+from gimbalcal.recording import Recording
+from gimbalcal.schedule.rotation import standing
 
 DAY = 24.0  # h that a still base is navigated
-ROW = 600.0  # s between its rows
+EAST_NORTH_UP = standing(("east", "north", "up"))  # how a unit stands on it
 NOTICEABLE = 0.1  # of the error that is there with the cause in the calibration
 
 
@@ -76,7 +78,7 @@ def _unit(recordings: Sequence[Recording], d: Diagnosis) -> _Unit | None:
             found,
             made,
             lambda effect: _settled(first, made, effect),
-            _swung(_still_unit(first.site), recordings),
+            _swung(still_unit(DAY + ROW / 3600, first.site, EAST_NORTH_UP), recordings),
             False,
         )
     fixes = any(r.kind in ("static-run", "multi-position") and r.site.latitude is not None for r in recordings)
@@ -152,16 +154,6 @@ def in_words(hours: float, known: float, left_out: float, raw: float | None = No
         f"left out, it costs {left_out:.3g} n mile of position in {hours:.3g} h{worse}; with it in the calibration the "
         f"error is {known:.2g} n mile"
     )
-
-
-def _still_unit(site: Site) -> Recording:
-    """A perfect strapdown unit at rest, its axes east, north and up."""
-    time = ROW * np.arange(1, round(DAY * 3600 / ROW) + 2)
-    latitude = float(site.latitude or 0.0)
-    felt = {"specific_force": (0.0, 0.0, site.gravity),
-            "angular_rate": (0.0, EARTH_RATE * np.cos(latitude), EARTH_RATE * np.sin(latitude))}  # fmt: skip
-    channels = {(q, a): np.full(len(time), v[i]) for q, v in felt.items() for i, a in enumerate("xyz")}
-    return Recording("rotation", "still base", BENCH, site, {}, time, None, channels)
 
 
 def _swung(base: Recording, recordings: Sequence[Recording]) -> Recording:

@@ -26,7 +26,7 @@ from gimbalcal.recording import Recording
 from gimbalcal.recording.record import Key
 
 ROWS = 240  # of the run, for bands: what a parameter does follows the day and half of it
-Band = tuple[Array, Array]  # time (m,) and one sigma (m, 7)
+Band = tuple[Array, Array]  # time (m,) [s] and one sigma (m, 7), or what each parameter does (m, 7, p)
 
 
 def before_and_after(
@@ -96,9 +96,10 @@ def _few(recording: Recording) -> _Few:
 
 def sensitivity(
     run: Recording, effects: Sequence[Effect], wanted: Sequence[Parameter], step: Array, aids: Aids = USUAL
-) -> Array:
-    """What each wanted parameter does to the errors (n, 7, p) of a corrected run when it is wrong by its step (p,)."""
-    return _sensitivity(_Few(run, None, 0.0), run, effects, wanted, step, aids)
+) -> Band:
+    """Times (n,) [s], and what each parameter does to the errors (n, 7, p) of a perfect run, wrong by its step (p,)."""
+    few = _few(run) if is_strapdown(run) else _Few(run, None, 0.0)
+    return few.error(few.rows, aids).time, _sensitivity(few, few.rows, effects, wanted, step, aids)
 
 
 def _sensitivity(

@@ -58,6 +58,18 @@ def test_budget_writes_the_contract_and_a_page(command, capsys, tmp_path) -> Non
     assert "would be reduced most by" in page
 
 
+def test_a_budget_of_turns_has_the_same_contract_and_says_whose_navigator_it_is(command, capsys, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    options = ("--states", "30", "--hours", 6, "--out", tmp_path / "out", "--json", "--quiet")
+    assert command("budget", "wei2022-30", "wei2022-static", *options) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert len(told) == 21
+    for row in told:
+        assert {"parameter", "sigma", "unit", "position_error_m_after_h", "share", "reduce_by"} == set(row)
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "The strapdown navigator of" in page
+    assert "platform’s navigator" not in page
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [

@@ -10,12 +10,16 @@ import pytest
 
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.design.budget import Budget, budget, still_base
+from gimbalcal.design.turning_budget import turned
 from gimbalcal.earth import normal_gravity
+from gimbalcal.effects import with_values
 from gimbalcal.errors import InputError
-from gimbalcal.navigate.run import navigated
+from gimbalcal.inference.information import solve
+from gimbalcal.navigate.run import navigated, usual
 from gimbalcal.pipeline import three_stage
 from gimbalcal.recording import Site
-from gimbalcal.simulate import simulate
+from gimbalcal.simulate import load, simulate
+from gimbalcal.simulate.scenario import find
 
 
 @cache
@@ -92,10 +96,75 @@ def test_the_budget_is_what_happens(tmp_path: Path) -> None:
 
 def test_what_has_no_budget_is_refused() -> None:
     for scenarios, sentence in (
-        (["turned-unit"], "has no budget yet"),
+        (["turned-unit"], "has no budget; give positions"),
         (["nowhere"], "nowhere"),
+        (["wei2022-static"], "a unit that only rests is not calibrated"),
+        (["wei2022-30", "wei2022-static", "cai2016-static"], "navigates one unit at rest"),
+        (["wei2022-30", "wang2019-swing"], "a swing has no budget"),
+        (["wei2022-30", "wang2019-drive"], "a drive has no budget"),
+        (["wang2019-unit"], "positions of a table have no budget"),
+        (["wu2018-18", "wei2022-30"], "together with a unit turned in its place"),
     ):
         with pytest.raises(InputError, match=sentence):
             budget(scenarios)
     with pytest.raises(InputError, match="no effect of that name"):
         budget(["wu2018-18"], more=("bias_temperature",))
+
+
+def test_coloured_noise_of_turns_is_refused_and_not_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "s.toml"
+    text = find("wei2022-30").read_text()
+    path.write_text(text.replace("[noise]", '[noise]\ngyroscope_flicker = { value = 0.001, unit = "deg/h" }'))
+    with pytest.raises(InputError, match="gyroscope_flicker: the budget of turns knows white noise alone"):
+        budget([path])
+    path.write_text(text.replace("0.002", "0.0"))
+    with pytest.raises(InputError, match="without noise everything would be known"):
+        budget([path])
+
+
+@cache
+def of_turns(*scenarios: str, hours: float = 12.0) -> Budget:
+    return budget(scenarios, (hours,), states="30")
+
+
+def test_of_turns_drift_about_the_pole_is_all_of_it() -> None:
+    """The Earth turns below an axis that is wrong by what drifts about the pole, which aligning does not take up."""
+    made = of_turns("wei2022-30", "wei2022-static", hours=24.0)
+    sigma = {p.label: s for p, s in zip(made.parameters, made.sigma, strict=True)}
+    L = np.deg2rad(30.0)
+    # y points north and z up; after a day, when what goes round with the Earth is back, on the parallel
+    about = np.hypot(np.cos(L) * sigma["gyro_bias:y"], np.sin(L) * sigma["gyro_bias:z"])
+    assert made.whole[-1] == pytest.approx(about * 24 * 3600 * 6.38e6 * np.cos(L), rel=0.05)
+    assert [r["parameter"] for r in made.to_list()[:2]] == ["gyro_bias:y", "gyro_bias:z"]
+    # x points east: the attitude takes it up, and what it took comes back as it swings
+    assert made.parts[-1][made.order[0]] > 500 * made.parts[-1][[p.label for p in made.parameters].index("gyro_bias:x")]
+
+
+def test_how_the_unit_stands_says_which_bias_counts(tmp_path: Path) -> None:
+    turned = tmp_path / "s.toml"
+    text = find("wei2022-static").read_text()
+    turned.write_text(text.replace('x = "east", y = "north", z = "up"', 'x = "north", y = "west", z = "up"'))
+    assert of_turns("wei2022-30", str(turned)).to_list()[0]["parameter"] == "gyro_bias:x"
+
+
+def test_of_turns_a_second_session_adds_its_information() -> None:
+    one, two = of_turns("wei2022-30"), of_turns("wei2022-30", "wei2022-30")
+    assert two.whole[-1] == pytest.approx(one.whole[-1] / np.sqrt(2), rel=0.02)
+    for part, m in zip(one.parts[-1], one.manoeuvres, strict=True):
+        assert m["to_m"] <= part
+        assert m["hours"] > 0
+
+
+def test_of_turns_it_is_one_sigma_of_navigations_with_that_covariance() -> None:
+    """Sensors wrong by draws from what the turns leave, navigated at rest: their rms, within chance of 20 draws."""
+    made = of_turns("wei2022-30")
+    plan = turned([("wei2022-30", load("wei2022-30"))], "30", (), 12.0)
+    P, run = solve(plan[0]).covariance, plan[2]
+    rng = np.random.default_rng(1)
+    drawn = rng.multivariate_normal(np.zeros(len(P)), P, 20, method="eigh")
+    far = []
+    for x in drawn:
+        effects = with_values((), made.parameters, x)
+        read = Calibration("drawn", effects, (), np.zeros((0, 0)), (), Residual(0, 0, {})).corrupt(run)
+        far.append(navigated(read, None, usual(read)).position ** 2)
+    assert np.sqrt(np.mean(far, axis=0).max()) == pytest.approx(made.whole[-1], rel=0.33)
