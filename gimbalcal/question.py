@@ -16,6 +16,7 @@ from itertools import islice
 import numpy as np
 
 from gimbalcal.calibration import Calibration
+from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.errors import InputError, alternatives
 from gimbalcal.estimate.grade import Graded
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
@@ -23,6 +24,7 @@ from gimbalcal.recording import Recording
 from gimbalcal.recording.plausible_run import latitude_seen
 from gimbalcal.units import from_si, to_si
 
+HOUR = 3600.0
 SURE = 3.0  # sigmas by which a constant has to be beyond
 MOST_TRIED, TOLD = 6, 2
 ALIKE = 0.2  # relative, of a scale factor and a ratio of units
@@ -31,6 +33,7 @@ QUANTITIES = {"scale_factor": ("specific_force", "accelerometer"), "gyro_scale_f
 UNITS = {"specific_force": ("m/s^2", "g", "mg", "ug"), "angular_rate": ("rad/s", "deg/s", "deg/h", "mdeg/s", "rad/h")}
 CLOCKS = {60.0: "min", 3600.0: "h", 1e-3: "ms", 1e-6: "us"}  # seconds that one of the stated seconds really is
 Again = Callable[[Sequence[Recording]], Calibration]
+Limit = Callable[[Parameter], float]
 
 
 @dataclass(frozen=True)
@@ -43,56 +46,65 @@ class Slip:
 
 def questioned(made: Calibration, recordings: Sequence[Recording], unit: Graded, again: Again) -> Calibration:
     """The calibration, whose outcome asks where a constant is none of a unit of this grade; `again` calibrates."""
-    beyond = far(made, unit)
+    limit = partial(most, unit, max(float(np.ptp(r.time)) for r in recordings))
+    beyond = far(made, limit)
     if not beyond:
         return made
-    cause = likeliest(made, recordings, unit, again)
-    question = in_words(made, beyond, unit, cause)
+    cause = likeliest(made, recordings, limit, again)
+    question = in_words(made, beyond, limit, cause, f"{unit.grade.name} grade: {unit.source}")
     options = {**made.provenance.get("options", {}), "question": question}
     outcome = "; ".join(filter(None, [question, made.outcome]))
     return replace(made, outcome=outcome, provenance={**made.provenance, "options": options})
 
 
-def far(made: Calibration, unit: Graded) -> tuple[int, ...]:
+def most(unit: Graded, lasted: float, p: Parameter) -> float:
+    """The size [SI] beyond which a constant is hardly one of this unit, recorded for so many seconds.
+
+    A drift is as fast as the recording is short: what a unit does in its first minutes it does not do for an hour.
+    """
+    fast = max(1.0, HOUR / max(lasted, 1.0)) if CATALOGUE[p.effect].in_time else 1.0
+    return fast * unit.grade.most(p)
+
+
+def far(made: Calibration, limit: Limit) -> tuple[int, ...]:
     """Which parameters are beyond what a unit of this grade has, the farthest first."""
-    most = np.array([unit.grade.most(p) for p in made.parameters])
-    over = (np.abs(made.values) - SURE * made.sigmas) / most
+    over = (np.abs(made.values) - SURE * made.sigmas) / np.array([limit(p) for p in made.parameters])
     return tuple(int(i) for i in np.argsort(-over) if over[i] > 1)
 
 
-def in_words(made: Calibration, beyond: Sequence[int], unit: Graded, cause: str) -> str:
+def in_words(made: Calibration, beyond: Sequence[int], limit: Limit, cause: str, grade: str) -> str:
     """What is far, what would be usual, and what would explain it."""
     told = []
     for i in beyond[:TOLD]:
         p = made.parameters[i]
-        size, sigma, most = (from_si(x, p.unit) for x in (made.values[i], made.sigmas[i], unit.grade.most(p)))
+        size, sigma, usual = (from_si(x, p.unit) for x in (made.values[i], made.sigmas[i], limit(p)))
         told.append(
-            f"{p.name.replace('_', ' ')} {p.axis} is {size:.4g} +- {sigma:.2g} {p.unit}, usual is below {most:.3g}"
+            f"{p.name.replace('_', ' ')} {p.axis} is {size:.4g} +- {sigma:.2g} {p.unit}, usual is below {usual:.3g}"
         )
     more = f", and {len(beyond) - TOLD} more constants are as far off" if len(beyond) > TOLD else ""
     end = cause or "is that so? No slip of unit, sign or place explains it; look at these sensors"
-    return f"{', '.join(told)}{more} ({unit.grade.name} grade: {unit.source}): {end}"
+    return f"{', '.join(told)}{more} ({grade}): {end}"
 
 
-def likeliest(made: Calibration, recordings: Sequence[Recording], unit: Graded, again: Again) -> str:
+def likeliest(made: Calibration, recordings: Sequence[Recording], limit: Limit, again: Again) -> str:
     """In words, the slips without which every constant is usual; empty for none."""
     found = []
-    for slip in islice(slips(made, recordings, unit), MOST_TRIED):
+    for slip in islice(slips(made, recordings, limit), MOST_TRIED):
         try:
             other = again([slip.undone(r) for r in recordings])
         except InputError:
             continue
-        if not far(other, unit) and not (other.outcome and not made.outcome):
+        if not far(other, limit) and not (other.outcome and not made.outcome):
             found.append(slip.words)
     return f"every constant is usual if {alternatives(found)}; correct recording.toml" if found else ""
 
 
-def slips(made: Calibration, recordings: Sequence[Recording], unit: Graded) -> Iterator[Slip]:
+def slips(made: Calibration, recordings: Sequence[Recording], limit: Limit) -> Iterator[Slip]:
     """What may have gone wrong for these constants, the likeliest first."""
     yield from _place(recordings)
     for effect, (quantity, sensor) in QUANTITIES.items():
         sizes = {p.axis: 1 + v for p, v in zip(made.parameters, made.values, strict=True) if p.effect == effect}
-        wrong = [p.axis for p in (made.parameters[i] for i in far(made, unit)) if p.effect == effect]
+        wrong = [p.axis for p in (made.parameters[i] for i in far(made, limit)) if p.effect == effect]
         if not wrong:
             continue
         if quantity == "angular_rate" and len(wrong) == len(sizes):

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.effects import CATALOGUE, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
 from gimbalcal.effects.grade import GRADES
 from gimbalcal.estimate.grade import Graded
 from gimbalcal.methods import calibrate
-from gimbalcal.question import far
+from gimbalcal.question import far, most
 from gimbalcal.recording import Recording, read, write
 
+HOUR = 3600.0
 DATA = Path(__file__).resolve().parent.parent / "data"
 
 
@@ -29,6 +31,10 @@ def device() -> Recording:
 @pytest.fixture(scope="module")
 def run() -> Recording:
     return read(DATA / "space_stable_static")
+
+
+def limit(grade: str, lasted: float = HOUR) -> Callable[[Parameter], float]:
+    return partial(most, Graded(GRADES[grade], ""), lasted)
 
 
 def scaled(r: Recording, axes: str, factor: float, quantity: str = "specific_force") -> Recording:
@@ -67,14 +73,20 @@ def test_what_is_not_of_the_sensors_may_have_any_size() -> None:
     wanted = [p for e in ("gimbal_zero", "bias") for p in parameters(CATALOGUE[e], ("inner",))]
     x = np.array([1.0, 1.0, 0.0, 0.0])  # a gimbal's zero of 57 deg; a bias of a tenth of gravity
     made = Calibration("x", with_values((), wanted, x, ("inner",)), tuple(wanted), 1e-12 * np.eye(4), (), None)  # type: ignore[arg-type]
-    assert [made.parameters[i].label for i in far(made, Graded(GRADES["navigation"], ""))] == ["bias:x"]
-    assert not far(made, Graded(GRADES["consumer"], ""))
+    assert [made.parameters[i].label for i in far(made, limit("navigation"))] == ["bias:x"]
+    assert not far(made, limit("consumer"))
 
 
 def test_unseen_constants_at_their_prior_are_no_question() -> None:
     wanted = parameters(CATALOGUE["bias"])
     made = Calibration("x", with_values((), wanted, np.ones(3)), wanted, np.eye(3), (), None)  # type: ignore[arg-type]
-    assert not far(made, Graded(GRADES["navigation"], ""))
+    assert not far(made, limit("navigation"))
+
+
+def test_a_drift_is_as_fast_as_the_recording_is_short() -> None:
+    for effect, times in (("bias_drift", 12.0), ("bias", 1.0)):
+        p = parameters(CATALOGUE[effect])[0]
+        assert limit("consumer", HOUR / 12)(p) == pytest.approx(times * limit("consumer", 5 * HOUR)(p))
 
 
 # --- gravity ----------------------------------------------------------------------------------------------------------

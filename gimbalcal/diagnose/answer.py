@@ -70,7 +70,7 @@ class Diagnosis:
     in_words: str = ""
     curves: Curves | None = None
     calibration: Calibration | None = None  # the refit: the model with what was found in it
-    outcome: str = ""  # one sentence where the verdict is adequate and yet something speaks against the model
+    outcome: str = ""  # what else speaks against the recording or its model: a fault, a larger noise, an odd constant
 
     def __str__(self) -> str:
         """The answer in words, and each finding with its sizes."""

@@ -67,6 +67,8 @@ def _questioned(found: Diagnosis, recordings: Sequence[Recording], unit: Graded)
     """The diagnosis; where its refit has constants that no unit has, it asks whether that is so."""
     if found.calibration is None:
         return found
+    if found.outcome and found.verdict == "unexplained":  # positions that were not held leave constants of any size
+        return found
     made = with_gravity(found.calibration, recordings)
     asked = questioned(made, recordings, unit, _again)
     question = asked.provenance.get("options", {}).get("question", "") if asked is not made else ""

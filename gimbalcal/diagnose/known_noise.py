@@ -127,10 +127,11 @@ def _report(
         "causes_compared": len([c for c in s.library.candidates if not c.rival]),
         "excess_kurtosis": round(s.o.heavy, 3),
     }
-    words = wording.answer(d.verdict, named, shapes, mismatch, fitted) + _misheld(s, d)
+    words, misheld = wording.answer(d.verdict, named, shapes, mismatch, fitted), _misheld(s, d)
     tell("the model with what was found, as a calibration")
     made = calibrated_alone(s, f, wording.reserve(d.verdict, named, shapes), known)
-    return Diagnosis(d.verdict, mismatch, named, shapes, fitted, provenance, words, curves, made)
+    words += f" {misheld}" if misheld else ""
+    return Diagnosis(d.verdict, mismatch, named, shapes, fitted, provenance, words, curves, made, outcome=misheld)
 
 
 def calibrated_alone(s: Search, f: FittedCauses, outcome: str, known: Calibration | None = None) -> Calibration:
@@ -142,15 +143,15 @@ def calibrated_alone(s: Search, f: FittedCauses, outcome: str, known: Calibratio
 
 
 def _misheld(s: Search, d: Decision) -> str:
-    """A sentence on positions that were not held where the readouts say, which is a fault and no physics."""
+    """Sentences on positions that were not held where the readouts say, which is a fault and no physics."""
     if d.verdict != "unexplained" or s.o.kind != "multi-position":
         return ""
     try:
         faults = trusted_positions(s.o.recording).faults
     except InputError:  # too few positions or accelerometers to tell one that was not held
         return ""
-    leave = " `gimbalcal calibrate` names such positions and leaves them out." if faults else ""
-    return "".join(f" {f.in_words[:1].upper()}{f.in_words[1:].rstrip('.')}." for f in faults) + leave
+    told = [f"{f.in_words[:1].upper()}{f.in_words[1:].rstrip('.')}." for f in faults]
+    return " ".join([*told, "`gimbalcal calibrate` leaves such positions out."]) if told else ""
 
 
 def measured(

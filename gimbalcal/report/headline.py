@@ -34,7 +34,8 @@ def headline(content: Entry, curves: Curves | None = None) -> str:
     """What a diagnosis.json comes to, in two to four plain sentences; `curves` tell how large it is in the readings."""
     verdict, found = content["verdict"], content["findings"]
     if content.get("outcome") and verdict != "adequate":  # what else is odd does not unsay what was found
-        return f"{headline({**content, 'outcome': ''}, curves)} {_sentence(content['outcome'])}"
+        both = [headline({**content, "outcome": ""}, curves), _sentence(content["outcome"])]
+        return " ".join(both[::-1] if verdict == "unexplained" else both)  # a fault of the recording comes first
     if content.get("outcome"):
         return (f"No known physics is missing, but these data scatter more than their noise as stated. "
                 f"{_sentence(content['outcome'])} Next: state the noise as it is in [noise] of recording.toml, "

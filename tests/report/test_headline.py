@@ -141,3 +141,9 @@ def test_an_odd_constant_does_not_unsay_what_was_found() -> None:
     assert told.startswith(headline(content("missing-physics", WARM)))
     assert told.endswith("Bias drift y is far from usual.")
     assert "No known physics" not in told
+
+
+def test_a_fault_of_the_recording_comes_before_what_no_effect_explains() -> None:
+    content = {"verdict": "unexplained", "findings": [], "unexplained": [], "mismatch": [], "fit": {}}
+    words = headline({**content, "outcome": "position 9 is mis-set"})
+    assert words.startswith("Position 9 is mis-set. Something is missing")
