@@ -11,17 +11,24 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.calibration import Residual
 from gimbalcal.effects import with_values
+from gimbalcal.errors import amount
 from gimbalcal.estimate.added import Added
+from gimbalcal.estimate.systematic.bent import bent
 from gimbalcal.estimate.systematic.evidence import outcome, told
 from gimbalcal.estimate.systematic.seen import informed
 from gimbalcal.estimate.systematic.settle import Settled, settle
 from gimbalcal.estimate.systematic.slips import likely, limits
 from gimbalcal.estimate.systematic.states import states
 from gimbalcal.inference.information import solve
+from gimbalcal.number import Array
 from gimbalcal.recording import Recording
+
+ROUGHLY = np.radians(3.0)  # one sigma of a heading beyond which second order counts
 
 
 def systematic(
@@ -33,7 +40,24 @@ def systematic(
     """
     m = settle(recording, states(asked, recording, more), tuple(a.absent((), dict(a.stated)) for a in more), tell)
     found = calibrated(m)
+    if m.settled and (found.unobservable or m.last.attitude[2, 2] > ROUGHLY**2):
+        found = _with_bend(found, bent(m, found.covariance))
     return replace(found, provenance={**found.provenance, "options": {"states": asked, **found.provenance["options"]}})
+
+
+def _with_bend(found: Calibration, bend: Array) -> Calibration:
+    """With what second order does in its covariance, told where it is most of a sigma."""
+    share = np.sqrt(np.diag(bend) / np.diag(found.covariance))
+    worst = int(np.argmax(share))
+    found = replace(found, covariance=found.covariance + bend)
+    if share[worst] < 1.0:
+        return found
+    wider = (
+        f"what these turns do not show makes {found.parameters[worst].label} "
+        f"{np.hypot(1.0, share[worst]):.2g} times as uncertain as the noise does, by products of errors that no linear "
+        f"estimate holds: its sigma says so ({amount(int(np.sum(share >= 1.0)), 'parameter')} like this)"
+    )
+    return replace(found, provenance={**found.provenance, "limits": [*found.provenance["limits"], wider]})
 
 
 def calibrated(m: Settled) -> Calibration:

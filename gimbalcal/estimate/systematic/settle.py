@@ -23,6 +23,7 @@ from gimbalcal.recording import Recording
 PASSES = 12
 SETTLED = 0.03  # sigma
 NEAR = 0.01  # of the step before: a step that shrank by so much shows how little the sensitivities still change
+UNUSUAL = 5.0  # sigma of a bias
 AWAY = 1e4  # times the catalogue's size, five times what a sensor reads: passes that come there do not come back
 
 
@@ -68,9 +69,12 @@ def settle(
     start = align(legs, u)
     C = attitudes(legs, u, start)
     wanted = _usual(wanted, legs, start)
-    before = np.array([start.bias["xyz".index(p.axis)] if p.effect == "gyro_bias" else 0.0 for p in wanted])
-    before = before + gained
-    theta, said, settled, done, left_out = before, before, False, 0, np.zeros(len(legs.stop), dtype=bool)
+    bias = np.array([start.bias["xyz".index(p.axis)] if p.effect == "gyro_bias" else 0.0 for p in wanted])
+    # what no turn shows of a bias is nothing, not what the alignment made of it; one as large as this is not nothing
+    large = np.any(np.abs(bias) > UNUSUAL * np.array([p.sigma for p in wanted]))
+    before = bias + gained if large else gained
+    theta = said = bias + gained
+    settled, done, left_out = False, 0, np.zeros(len(legs.stop), dtype=bool)
     near, usual, last, went = None, np.inf, None, np.zeros(len(wanted))
     while not settled and done < PASSES:
         effects = with_values(base, wanted, theta)

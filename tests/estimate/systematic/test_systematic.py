@@ -111,8 +111,8 @@ def test_turns_about_one_axis_tell_what_they_tell(axis: str) -> None:
         assert found.outcome == ""
         assert len(found.unobservable) >= 9
         z.append(_errors(found, THIRTY, truth))
-    assert np.sqrt(np.mean(np.square(z))) < 1.3  # was 3.1
-    assert np.abs(z).max() < 5  # was 25
+    assert np.sqrt(np.mean(np.square(z))) < 1.2  # was 3.1
+    assert np.abs(z).max() < 4  # was 25
 
 
 def test_a_pause_of_the_clock_in_a_stop_costs_nothing() -> None:
