@@ -39,6 +39,7 @@ from gimbalcal.schedule.rotation import standing
 
 DAY = 24.0  # h that a still base is navigated
 EAST_NORTH_UP = standing(("east", "north", "up"))  # how a unit stands on it
+SHORT = 0.01  # n miles that are told in metres
 NOTICEABLE = 0.1  # of the error that is there with the cause in the calibration
 
 
@@ -126,34 +127,41 @@ def _told(finding: Mapping[str, Any], unit: _Unit) -> Mapping[str, Any]:
 
 
 def in_words(hours: float, known: float, left_out: float, raw: float | None = None) -> str:
-    """One line of a report; below a tenth of what is there anyway it is nothing.
+    """One line of a report, from n miles; below a tenth of what is there anyway it is nothing.
 
     raw: without any calibration; none on a made-up base, where `known` is one sigma of what the calibration does not
     know.
 
-    >>> in_words(72.0, 0.021, 1.34, 3.5)
-    'left out, it costs 1.34 n mile of position in 72 h; with it in the calibration the error is 0.021 n mile'
-    >>> in_words(24.0, 0.5, 0.01)
-    'left out, it costs next to nothing of position: 0.01 n mile in 24 h on a still base, where what the calibration does not know makes 0.5 n mile (one sigma)'
+    >>> in_words(72.0, 0.0211, 1.34, 3.5)
+    'in 72 h the position is off by up to 1.3 n mile if it is left out, 0.021 n mile with it in the calibration, 3.5 n mile without any calibration'
+    >>> in_words(72.0, 0.0304, 0.0312, 3.5)
+    'nothing of position, off by up to 0.03 n mile in 72 h with it or without'
+    >>> in_words(24.0, 4.88, 199.5)
+    'in 24 h at rest the position is off by up to 200 n mile if it is left out; with it in the calibration 4.9 n mile (one sigma) stay open'
+    >>> in_words(24.0, 0.5, 0.003)
+    'next to nothing of position, 5.6 m in 24 h at rest; with it in the calibration 0.5 n mile (one sigma) stay open'
     """  # noqa: E501
+    off, least, rest = _far(left_out), _far(known), "with it in the calibration"
     if raw is None:
-        rest = f"n mile in {hours:.3g} h on a still base"
         if left_out < NOTICEABLE * known:
-            return (
-                f"left out, it costs next to nothing of position: {left_out:.2g} {rest}, where what the calibration "
-                f"does not know makes {known:.2g} n mile (one sigma)"
-            )
-        return (
-            f"left out, it costs {left_out:.3g} {rest}; with it in the calibration, what that does not know makes "
-            f"{known:.2g} n mile (one sigma)"
-        )
+            return f"next to nothing of position, {off} in {hours:.3g} h at rest; {rest} {least} (one sigma) stay open"
+        told = f"in {hours:.3g} h at rest the position is off by up to {off} if it is left out"
+        if left_out < known:
+            return f"{told}, less than the {least} (one sigma) that stay open {rest}"
+        return f"{told}; {rest} {least} (one sigma) stay open"
     if left_out < (1 + NOTICEABLE) * known:
-        return f"left out, it costs nothing of position: {known:.2g} n mile in {hours:.3g} h with it or without"
-    worse = f", more than no calibration at all ({raw:.3g})" if left_out > raw else ""
+        return f"nothing of position, off by up to {least} in {hours:.3g} h with it or without"
     return (
-        f"left out, it costs {left_out:.3g} n mile of position in {hours:.3g} h{worse}; with it in the calibration the "
-        f"error is {known:.2g} n mile"
+        f"in {hours:.3g} h the position is off by up to {off} if it is left out, {least} {rest}, "
+        f"{'only ' if raw < left_out else ''}{_far(raw)} without any calibration"
     )
+
+
+def _far(miles: float) -> str:
+    """Two digits, in metres where n miles have too many zeros."""
+    if miles < SHORT:
+        return f"{miles * NAUTICAL_MILE:.2g} m"
+    return f"{miles:.0f} n mile" if miles >= 10 else f"{miles:.2g} n mile"
 
 
 def _swung(base: Recording, recordings: Sequence[Recording]) -> Recording:

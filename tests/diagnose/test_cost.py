@@ -8,7 +8,7 @@ import pytest
 
 from gimbalcal import diagnose
 from gimbalcal.diagnose.answer import Diagnosis
-from gimbalcal.diagnose.cost import with_cost
+from gimbalcal.diagnose.cost import in_words, with_cost
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.estimate.added import added
 from gimbalcal.estimate.systematic.run import systematic
@@ -46,13 +46,14 @@ def test_a_drift_left_out_costs_what_it_drifts() -> None:
     assert 0.8 < cost["without_nmi"] < 2.4
     assert cost["with_nmi"] < 0.05
     assert cost["hours"] == pytest.approx(24, abs=0.1)
-    assert cost["in_words"].startswith("left out, it costs")
+    assert cost["in_words"].startswith("in 23.9 h the position is off by up to")
+    assert "without any calibration" in cost["in_words"]
 
 
 def test_what_the_others_take_up_costs_nothing() -> None:
     run = static_run({"case_rotation_residue": {"A": {"polar": 1.0}}})
     (found,) = with_cost([run], diagnosed(run, "case_rotation_residue,period=8")).findings
-    assert "costs nothing of position" in found["cost"]["in_words"]
+    assert "nothing of position" in found["cost"]["in_words"]
 
 
 def test_of_positions_a_still_base_is_navigated_through_the_recorded_temperatures() -> None:
@@ -89,7 +90,29 @@ def test_of_a_unit_turned_in_its_place_a_still_unit_is_navigated() -> None:
     assert cost["hours"] == pytest.approx(24, abs=0.2)
     assert cost["without_nmi"] > 1.0  # 0.2 deg/h
     assert cost["with_nmi"] > 0
-    assert "on a still base" in cost["in_words"]
+    assert "at rest the position is off by up to" in cost["in_words"]
+
+
+@pytest.mark.parametrize(
+    ("known", "left_out", "raw", "words"),
+    [
+        (4.9, 1.0, None, "off by up to 1 n mile if it is left out, less than the 4.9 n mile (one sigma)"),
+        (
+            1e-5,
+            2e-3,
+            None,
+            "off by up to 3.7 m if it is left out; with it in the calibration 0.019 m (one sigma) stay open",
+        ),
+        (
+            0.03,
+            20.0,
+            3.5,
+            "20 n mile if it is left out, 0.03 n mile with it in the calibration, only 3.5 n mile without",
+        ),
+    ],
+)
+def test_a_cost_reads_as_what_it_is(known: float, left_out: float, raw: float | None, words: str) -> None:
+    assert words in in_words(24.0, known, left_out, raw)
 
 
 def test_a_static_run_from_end_to_end() -> None:
