@@ -17,7 +17,7 @@ from gimbalcal.references import cite
 from gimbalcal.report import answer, wording
 from gimbalcal.report.chart import sensible_time
 from gimbalcal.report.html import Picture, formula, picture, render
-from gimbalcal.report.navigation import navigation_facts, navigation_pictures
+from gimbalcal.report.navigation import navigation_checks, navigation_facts, navigation_pictures
 from gimbalcal.report.parameter_rows import nominal_in_words, rows
 from gimbalcal.report.pointing import named_terms, night_by_night, pointing_picture
 from gimbalcal.report.rounding import minus, significant
@@ -48,6 +48,7 @@ def calibration_report(
         **_unobservable(content),
         "tpoint": named_terms(content),
         **night_by_night(content),
+        "checks": navigation_checks(content),
         "leading": leading,
         "pictures": others,
         "recordings": [_measured(r) for r in recordings],

@@ -12,9 +12,12 @@ from gimbalcal.number import Array
 from gimbalcal.report.chart import COLOURS, Chart, Mark, Points, Rule, sensible_time
 from gimbalcal.report.figures import curves_by_group
 from gimbalcal.report.html import Picture, picture
-from gimbalcal.report.rounding import significant
+from gimbalcal.report.rounding import minus, significant
 from gimbalcal.report.wording import label_of, unit_in_print
 
+SEEN_BY_CHANCE = 3.0  # sigmas of a check
+USUAL = 5.0  # of a mean of few squares
+REJECTED = 0.01  # share of updates that knocks explain
 BEYOND = 3.5  # sigmas: of a hundred innovations one in twenty sets has one this far out by chance
 DIRECTIONS = ("north", "east", "down")
 
@@ -32,6 +35,59 @@ def navigation_facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
         return []
     updates = f"{amount(n['updates'], 'update')} of the velocity, {n['rejected']} rejected"
     return [(significant(n["nis"]["ratio"], 3), f"innovations squared over their variance, mean ({updates})")]
+
+
+def navigation_checks(content: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Whether the filter was consistent: NIS, NEES, rejected updates and whiteness, a number and a sentence each.
+
+    Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation (2001), section 5.4.
+    """
+    n = content["residual"].get("navigation")
+    if not n:
+        return []
+    nis, went, white = n["nis"], n["nees"]["position"], n["whiteness"]
+    spread = np.sqrt(2 / nis["dof"])
+    share = n["rejected"] / n["updates"]
+    lag = white["lag_one"] / white["sigma"]
+    return [
+        _check(
+            "NIS", f"{nis['ratio']:.3f} ± {spread:.3f}",
+            "Squared velocity innovations over the variance that the filter expects, mean; one is expected, and "
+            + _beside_one(nis["ratio"], SEEN_BY_CHANCE * spread),
+        ),
+        _check(
+            "NEES", significant(went, 2),
+            "How far the navigator believes it went from a place that it never left, squared over its variance, mean; "
+            "of a walk there are few independent numbers in a run, so up to five is usual, and this is "
+            + ("usual." if went <= USUAL else "more: its drift is not in its sigma."),
+        ),
+        _check(
+            "rejected updates", f"{n['rejected']} of {n['updates']}",
+            "Updates of the velocity that no noise explains, so that they were left out; "
+            + ("there are none." if not n["rejected"] else "a knock is one or two." if share <= REJECTED else
+               "so many are no knocks, but a wrong model or a place that moves."),
+        ),
+        _check(
+            "whiteness", f"{white['lag_one']:.3f} ± {white['sigma']:.3f}",
+            "Correlation of an innovation with the one before; none is expected, and this is "
+            + ("none." if abs(lag) < SEEN_BY_CHANCE else f"{abs(lag):.2g} sigma of chance: "
+               + ("what moves the velocity slowly is not in the model." if lag > 0 else
+                  "they go to and fro, as where the place is stiller than stated.")),
+        ),
+    ]  # fmt: skip
+
+
+def _check(name: str, number: str, sentence: str) -> dict[str, str]:
+    return {"name": name, "number": minus(number), "sentence": sentence}
+
+
+def _beside_one(ratio: float, within: float) -> str:
+    """What a mean of squares that should be one says of the noise."""
+    if abs(ratio - 1) <= within:
+        return "this is one."
+    if ratio > 1:
+        return "this is more: the noise is larger than stated, or something is not in the model."
+    return "this is less: sensors or place are quieter than stated, so the sigmas are on the safe side."
 
 
 def _innovations(n: Mapping[str, Any]) -> Picture:

@@ -8,7 +8,13 @@ import numpy as np
 
 from gimbalcal.estimate.systematic.run import systematic
 from gimbalcal.report.calibration_page import calibration_report
-from gimbalcal.report.navigation import innovations_by_leg, navigation_facts, navigation_pictures, sigma_over_time
+from gimbalcal.report.navigation import (
+    innovations_by_leg,
+    navigation_checks,
+    navigation_facts,
+    navigation_pictures,
+    sigma_over_time,
+)
 from tests.estimate.systematic.table import turning_unit
 
 
@@ -23,11 +29,21 @@ def test_the_page_shows_innovations_and_sigmas() -> None:
     page = calibration_report(content, (recording,))
     assert "√P of the filter" in page
     assert "Velocity innovations of the calibrated navigator" in page
+    checks = navigation_checks(content)
+    assert [c["name"] for c in checks] == ["NIS", "NEES", "rejected updates", "whiteness"]
+    assert [c["sentence"].rsplit(maxsplit=1)[-1] for c in checks] == ["one.", "usual.", "none.", "none."]
+    assert all(c["sentence"].split(";")[0] in page for c in checks)
+    n = content["residual"]["navigation"]
+    n["nis"]["ratio"], n["nees"]["position"], n["rejected"], n["whiteness"]["lag_one"] = 4.0, 40.0, 2, 0.5
+    checks = navigation_checks(content)
+    ends = ["something is not in the model.", "not in its sigma.", "a knock is one or two.", "is not in the model."]
+    assert [c["sentence"].endswith(end) for c, end in zip(checks, ends, strict=True)] == [True] * 4
 
 
 def test_what_was_not_navigated_has_none() -> None:
     assert navigation_pictures({"residual": {"chi2": 1.0}}) == []
     assert navigation_facts({"residual": {"chi2": 1.0}}) == []
+    assert navigation_checks({"residual": {"chi2": 1.0}}) == []
 
 
 def test_each_effect_has_a_panel() -> None:
