@@ -86,9 +86,7 @@ def navigate(
     help="Within how many hours the position error is told; as often as needed.",
 )  # fmt: skip
 @click.option("--with", "more", multiple=True, metavar="EFFECT", help="An effect that the calibration holds too.")
-@click.option(
-    "--states", default="51", show_default=True, help="Of turns: what is calibrated, 30, 51, or EFFECT[:AXIS],..."
-)
+@click.option("--states", default="", help="Of turns: what is calibrated, 30, 51, or EFFECT[:AXIS],... [51].")
 @click.option(
     "--damping", type=click.FloatRange(min=0, max=5), default=None,
     help=f"{DAMPED} [0.5 of a platform, 0 of a strapdown unit].",

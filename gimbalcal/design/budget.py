@@ -45,6 +45,7 @@ from gimbalcal.units import from_si
 
 HOURS = (6.0, 24.0, 72.0)
 EXTRA_HOLD, EXTRA_RUN = 600.0, 86400.0  # s: manoeuvres that are tried, ten more minutes in a position or a day at rest
+PRIOR = 0.9  # of the prior sigma: the data then add less than a fifth to its information
 ROW = 600.0  # s between the rows on which the position error is looked at; the navigator's own steps are its own
 
 
@@ -72,14 +73,19 @@ class Budget:
         return np.argsort(-self.parts[-1], kind="stable")
 
     @property
+    def unseen(self) -> tuple[int, ...]:
+        """Indices of the parameters that are known no better than they are expected to be anyway."""
+        return tuple(i for i, p in enumerate(self.parameters) if self.sigma[i] >= PRIOR * p.sigma)
+
+    @property
     def in_words(self) -> str:
         """The budget in two sentences."""
         first = int(self.order[0])
         name, m = self.parameters[first].label.replace(":", " ").replace("_", " "), self.manoeuvres[first]
-        most = self.parts[-1, first]
+        most, unseen = self.parts[-1, first], ", which it does not see" if first in self.unseen else ""
         return (
             f"the calibration leaves {length(self.whole[-1])} of position error (one sigma) in {self.hours[-1]:g} h, "
-            f"most of it, {length(most)}, by {name}; {m['what']} would reduce that most, to {length(m['to_m'])}"
+            f"most of it, {length(most)}, by {name}{unseen}; {m['what']} would reduce that most, to {length(m['to_m'])}"
         )
 
     def to_list(self) -> list[dict[str, Any]]:
@@ -113,20 +119,22 @@ def budget(
     hours: Sequence[float] = HOURS,
     more: Sequence[str] = (),
     damping: float | None = None,
-    states: str = "51",
+    states: str = "",
 ) -> Budget:
     """The error budget of a calibration from these scenarios together: positions, a static run, or turns in place.
 
     hours: the times [h] within which the position error is told; more: ids of effects that the calibration holds too,
-    such as gyro_drift; damping of Schuler's swing, of critical (none: what `navigate` has); states: those of turns, as
-    `--states`. Raises InputError for scenarios of another kind or platform, or without noise or latitude, and for
+    such as gyro_drift; damping of Schuler's swing, of critical (none: what `navigate` has); states: those of turns, 51
+    unless said. Raises InputError for scenarios of another kind or platform, or without noise or latitude, and for
     effects that they do not show.
     """
     hours = sorted(hours)
     plans = [(str(s), load(s)) for s in scenarios]
     if any(s.kind == "rotation" for _, s in plans):
-        info, besides, run = turned(plans, states, more, max(hours))
+        info, besides, run = turned(plans, states or "51", more, max(hours))
     else:
+        if states:
+            raise InputError(f"--states {states}: of turns only; what a platform's calibration holds besides is --with")
         info, besides, run = _held(plans, more, max(hours))
     every = tuple(dict.fromkeys(p for each in (info, *(i for _, i in besides)) for p in each.parameters))
     time, answer = answer_of_position(run, every, usual(run, damping))

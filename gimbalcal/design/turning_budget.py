@@ -3,7 +3,8 @@ r"""What a planned calibration by turns will tell, and the unit at rest that is 
 The velocity of a unit that is turned in its place is known to be zero, so that errors which grow along the turns
 (`design.turning`, after Cai et al. 2016, Eq. (17)) become information about its sensors. Several sessions add up, each
 with an attitude of its own, as `estimate.systematic.together` has them. A scenario without turns says where and how the
-unit stands when it navigates; its attitude is found in the first minutes and takes up what it can.
+unit stands when it navigates, else it stands as its turns begin; its attitude is found in the first minutes and takes
+up what it can.
 """
 
 from __future__ import annotations
@@ -80,7 +81,7 @@ def turned(
         )
     if len(still) > 1:
         raise InputError(f"{plans[-1][0]}: a budget navigates one unit at rest, got {len(still)}; keep one of them")
-    wanted = states(",".join((*LISTS.get(asked.strip(), (asked,)), *more)), plan(*sessions[0].site))
+    wanted = _states(asked, more, plan(*sessions[0].site))
     tell = [s.tells(wanted) for s in sessions]
     whole = _sum(wanted, tell)
     besides: list[tuple[dict[str, Any], Information]] = []
@@ -97,6 +98,16 @@ def turned(
     at = (still or [s for _, s in plans])[0]
     C_bn = standing(schedule_of(at.schedule).start)
     return whole, besides, still_unit(hours + ALONE.alignment / 3600, _site(at), C_bn)
+
+
+def _states(asked: str, more: Sequence[str], like: Recording) -> tuple[Parameter, ...]:
+    """The parameters of `--states`, and those of effects that are asked for with `--with`."""
+    for said in more:
+        try:
+            states(said, like)
+        except InputError as error:
+            raise InputError(str(error).replace("--states", "--with", 1)) from None
+    return states(",".join((*LISTS.get(asked.strip(), (asked,)), *more)), like)
 
 
 def still_unit(hours: float, site: Site, C_bn: Array) -> Recording:

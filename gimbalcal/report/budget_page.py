@@ -52,6 +52,7 @@ def budget_report(made: Budget) -> str:
         ),
         "hours": [f"{h:g} h" for h in made.hours],
         "rows": rows,
+        "unseen": ", ".join(wording.label_in_words(made.parameters[i].label) for i in made.unseen),
         "base": STRAPDOWN if made.strapdown else PLATFORM,
         "citations": cite("cai2016", "wei2022") if made.strapdown else cite("wu2018", "britting1971"),
     }

@@ -109,6 +109,17 @@ def test_what_has_no_budget_is_refused() -> None:
             budget(scenarios)
     with pytest.raises(InputError, match="no effect of that name"):
         budget(["wu2018-18"], more=("bias_temperature",))
+    with pytest.raises(InputError, match="--with bias_temperature: bias_temperature needs temperature"):
+        budget(["wei2022-30"], more=("bias_temperature",))
+    with pytest.raises(InputError, match="--states 30: of turns only"):
+        budget(["wu2018-18"], states="30")
+
+
+def test_what_the_calibration_does_not_see_is_said() -> None:
+    drifting = of("wu2018-18", more=("gyro_drift",))
+    assert "by gyro drift equatorial y, which it does not see;" in drifting.in_words
+    assert {drifting.parameters[i].effect for i in drifting.unseen} == {"gyro_drift"}
+    assert of("wu2018-18").unseen == ()
 
 
 def test_coloured_noise_of_turns_is_refused_and_not_left_out(tmp_path: Path) -> None:
