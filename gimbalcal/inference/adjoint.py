@@ -4,9 +4,20 @@ r"""Smoother to `beside_constants`: adjoint variables run backwards, and no cova
           \hat\lambda_{k-1} = F_k^T \tilde\lambda_k, \qquad x_{k|n} = x_k - P_k \hat\lambda_k
 
 with innovation y, its variance s and gain K of each measured component. It is the smoother of Rauch, Tung and Striebel
-(Cai et al. 2016, Eq. (13)) in another order of the same sums, at the cost of a product of a matrix and a vector a step.
-Of constants the last filtered value and covariance stand; so a state at the start whose covariance is wanted (an
-attitude) is carried as a constant. Source: Bierman (1977), section X (modified Bryson-Frazier smoother).
+(Cai et al. 2016, Eqs. (13) and (15)) in another order of the same sums, at the cost of a product of a matrix and a
+vector a step. Of constants the last filtered value and covariance stand; so a state at the start whose covariance is
+wanted (an attitude) is carried as a constant.
+
+Covariances of the moving states are taken in two parts, because P_k of a wide prior less nearly all of it has no
+digits: with the constants known, where nothing is wide, and what is not known of these,
+
+.. math:: P_{k|n} = P_k - P_k \hat\Lambda_k P_k + T_k P_{\theta\theta} T_k^T, \qquad
+          \tilde\Lambda_k = (1 - K h)^T \hat\Lambda_k (1 - K h) + h^T h / s, \qquad
+          T_k = D_k - P_k \hat\mu_k
+
+with P_k, K and s of the moving states alone; D_k is what the constants do to these as they are filtered, and mu their
+adjoint variables, with what the constants do to y in the place of y.
+Source: Bierman (1977), section X (modified Bryson-Frazier smoother).
 """
 
 from __future__ import annotations
@@ -31,6 +42,122 @@ def smooth(Phi: Array, Psi: Array, index: Array, filtered: Filtered, after: Arra
         filtered.innovation, filtered.variance, filtered.gain, filtered.cross, last, out,
     )  # fmt: skip
     return out
+
+
+def covariance(Phi: Array, Psi: Array, index: Array, known: Filtered, before: Array, constants: Array) -> Array:
+    """Covariance (K + 1, smoothed, smoothed) of the first moving states from all measurements.
+
+    known: what `beside_constants.filter` of the moving states alone left, their covariance that beside known constants;
+    before (m, p): what the constants do to them at the start; constants (p, q): a square root of the constants'
+    covariance after all measurements.
+    """
+    few = known.cross.shape[1]
+    out, answers = np.empty((len(known.cross), few, few)), np.empty((len(known.cross), few, Psi.shape[2]))
+    Phi, Psi = np.ascontiguousarray(Phi), np.ascontiguousarray(Psi)
+    index = np.asarray(index, dtype=np.int64)
+    innovation = np.full((*known.innovation.shape, Psi.shape[2]), np.nan)
+    _answers(Phi, Psi, index, known.innovation, known.gain, np.array(before, dtype=float), innovation, answers)
+    _covariance(Phi, index, innovation, known.variance, known.gain, known.cross, out, answers)
+    T = answers @ constants
+    return out + T @ np.swapaxes(T, -1, -2)
+
+
+@compiled
+def _answers(
+    Phi: Array, Psi: Array, index: Array, measured: Array, gain: Array, D: Array, innovation: Array, answers: Array
+) -> None:
+    """What constants do to each innovation (K, c, p), and to the first moving states as they are filtered."""
+    few, m, p = answers.shape[1], D.shape[0], D.shape[1]
+    F = np.empty((m, p))
+    for k in range(len(Phi) + 1):
+        for a in range(few):
+            for q in range(p):
+                answers[k, a, q] = D[a, q]
+        if k == len(Phi):
+            break
+        for a in range(m):
+            for q in range(p):
+                F[a, q] = Psi[k, a, q]
+            for b in range(m):
+                f = Phi[k, a, b]
+                if f != 0.0:
+                    for q in range(p):
+                        F[a, q] += f * D[b, q]
+        D[:, :] = F
+        for c in range(len(index)):
+            if np.isnan(measured[k, c]):
+                continue
+            for q in range(p):
+                innovation[k, c, q] = -D[index[c], q]
+            for a in range(m):
+                for q in range(p):
+                    D[a, q] += gain[k, c, a] * innovation[k, c, q]
+
+
+@compiled
+def _covariance(
+    Phi: Array, index: Array, innovation: Array, variance: Array, gain: Array, cross: Array, out: Array, answers: Array
+) -> None:
+    """Both parts at once; `answers` D_k in, T_k out."""
+    K, m, p = Phi.shape[0], Phi.shape[1], innovation.shape[2]
+    few, T, went = cross.shape[1], np.zeros((m, m)), np.zeros((m, p))
+    L, mu, row, along = np.zeros((m, m)), np.zeros((m, p)), np.zeros(m), np.zeros(p)
+    for k in range(K, -1, -1):
+        for i in range(few):
+            for a in range(m):
+                row[a] = 0.0
+            for b in range(m):
+                for a in range(m):
+                    row[a] += cross[k, i, b] * L[b, a]
+                for q in range(p):
+                    answers[k, i, q] -= cross[k, i, b] * mu[b, q]
+            for j in range(few):
+                total = cross[k, i, j]
+                for a in range(m):
+                    total -= row[a] * cross[k, j, a]
+                out[k, i, j] = total
+        if k == 0:
+            break
+        for c in range(len(index) - 1, -1, -1):
+            if np.isnan(variance[k - 1, c]):
+                continue
+            h, s, twice = index[c], variance[k - 1, c], 0.0
+            for q in range(p):
+                along[q] = innovation[k - 1, c, q] / s
+            for a in range(m):
+                row[a] = 0.0
+            for b in range(m):
+                g = gain[k - 1, c, b]
+                for q in range(p):
+                    along[q] += g * mu[b, q]
+                for a in range(m):
+                    row[a] += g * L[b, a]
+            for q in range(p):
+                mu[h, q] -= along[q]
+            for a in range(m):
+                twice += row[a] * gain[k - 1, c, a]
+            for a in range(m):
+                L[h, a] -= row[a]
+                L[a, h] -= row[a]
+            L[h, h] += twice + 1 / s
+        for a in range(m):  # F^T mu, and L F
+            for q in range(p):
+                went[a, q] = 0.0
+            for b in range(m):
+                f, total = Phi[k - 1, b, a], 0.0
+                if f != 0.0:
+                    for q in range(p):
+                        went[a, q] += f * mu[b, q]
+                for l in range(m):
+                    total += L[a, l] * Phi[k - 1, l, b]
+                T[a, b] = total
+        mu[:, :] = went
+        for a in range(m):
+            for b in range(m):
+                total = 0.0
+                for l in range(m):
+                    total += Phi[k - 1, l, a] * T[l, b]
+                L[a, b] = total
 
 
 @compiled

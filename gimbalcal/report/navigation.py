@@ -110,11 +110,14 @@ def _sigmas(content: Mapping[str, Any], n: Mapping[str, Any]) -> Picture:
     for p in content["parameters"]:
         of = groups.setdefault((p["name"].replace("_", " "), unit_in_print(p["unit"])), {})
         of[p["axis"]] = n["sigma"][label_of(p)]
+    smoothed = n["attitude"].get("smoothed_arcsec")  # as of the version that first wrote it
+    if smoothed:
+        groups["attitude, smoothed", "arcsec"] = smoothed
     return picture(
         sigma_over_time(np.array(n["time_s"]), groups),
         f"Sigma of {amount(len(content['parameters']), 'parameter')} against time, by effect.",
         "How each parameter's sigma (√P of the filter) fell in the course of the recording: steps are turns that show "
-        "what no stop before did.",
+        "what no stop before did. That of the attitude is the smoother's, from all updates before and after.",
     )
 
 

@@ -34,7 +34,7 @@ def _ours(problem):
 
 
 def _dense(problem):
-    """Means (K + 1, M), constants, and covariance of the constants: one least-squares problem of all unknowns."""
+    """Means (K + 1, M), constants, and the covariance of all unknowns: one least-squares problem."""
     Phi, Psi, Q, d, z, R, x, theta, S = problem
     n = (K + 1) * M + P
     rows, right = [], []
@@ -58,18 +58,31 @@ def _dense(problem):
     T = np.linalg.qr(np.column_stack([np.concatenate(rows), np.concatenate(right)]), mode="r")
     inverse = np.linalg.inv(T[:n, :n])
     best = inverse @ T[:n, n]
-    return best[:-P].reshape(K + 1, M), best[-P:], (inverse @ inverse.T)[-P:, -P:]
+    return best[:-P].reshape(K + 1, M), best[-P:], inverse @ inverse.T
+
+
+def _smoothed_covariance(problem, filtered):
+    Phi, Psi, Q, d, z, R, x, _, S = problem
+    none = np.zeros((K, M, 0))
+    known = beside_constants.filter(Phi, none, Q, d, z, INDEX, R, x, np.zeros(0), S[:M, :M])
+    return adjoint.covariance(Phi, Psi, INDEX, known, S[:M, M:] @ np.linalg.inv(S[M:, M:]), filtered.factor[M:, M:])
 
 
 def test_filter_and_smoother_are_the_dense_joint_solution(problem) -> None:
     filtered, smoothed = _ours(problem)
-    means, theta, covariance = _dense(problem)
+    means, theta, every = _dense(problem)
+    covariance = every[-P:, -P:]
     sigma = np.sqrt(np.diag(covariance))
     own = filtered.factor[M:, M:]
     assert np.abs((filtered.theta[-1] - theta) / sigma).max() < 1e-8
     assert np.abs(own @ own.T / np.outer(sigma, sigma) - covariance / np.outer(sigma, sigma)).max() < 1e-8
     assert np.abs(smoothed - means).max() / sigma.min() < 1e-8
     assert np.allclose(filtered.theta_sigma[-1], sigma, rtol=1e-9)
+    ours = _smoothed_covariance(problem, filtered)
+    for k in range(K + 1):
+        own = every[k * M : (k + 1) * M, k * M : (k + 1) * M]
+        one = np.sqrt(np.diag(own))
+        assert np.abs((ours[k] - own) / np.outer(one, one)).max() < 1e-8
 
 
 def test_filter_and_smoother_are_filterpy_s(problem) -> None:
@@ -100,8 +113,23 @@ def test_filter_and_smoother_are_filterpy_s(problem) -> None:
         x_s[k] += gain @ (x_s[k + 1] - F[k + 1] @ mu[k] - B[k + 1])
         P_s[k] += gain @ (P_s[k + 1] - forecast) @ gain.T
     assert np.abs(x_s[:, :M, 0] - smoothed[1:]).max() < 1e-8
-    plain = f.rts_smoother(mu, P_k, Fs=list(F), Qs=list(N))[0]
+    ours, one = _smoothed_covariance(problem, filtered)[1:], np.sqrt(P_s[:, range(M), range(M)])
+    assert np.abs((ours - P_s[:, :M, :M]) / one[:, :, None] / one[:, None, :]).max() < 1e-8
+    plain, method, *_ = f.rts_smoother(mu, P_k, Fs=list(F), Qs=list(N))
+    assert np.abs((ours - method[:, :M, :M]) / one[:, :, None] / one[:, None, :]).max() < 1e-8  # B is in no covariance
     assert np.abs(plain[:, :M, 0] - smoothed[1:]).max() > 1e-3  # why it is not used
+
+
+def test_covariances_beside_a_wide_prior_keep_their_digits(problem) -> None:
+    """A prior a million times wider: what is smoothed is as it is with one that is wide enough."""
+    Phi, Psi, Q, d, z, R, x, theta, S = problem
+    made = []
+    for wide in (1e4, 1e10):
+        loose = S.copy()
+        loose[:M, M:], loose[M:, M:] = 0.0, wide * np.eye(P)
+        one = (Phi, Psi, Q, d, z, R, x, theta, loose)
+        made.append(_smoothed_covariance(one, _ours(one)[0]))
+    assert np.abs(made[1] / made[0] - 1).max() < 1e-4
 
 
 def test_the_house_s_dense_filter_sees_the_same_innovations(problem) -> None:

@@ -22,8 +22,13 @@ REJECTED = 0.01  # share of updates beyond which the model, not the table, is to
 DIRECTIONS = ("north", "east", "down")
 
 
-def told(course: Course, wanted: Sequence[Parameter], last: Pass, C: Array, passes: int) -> dict[str, Any]:
-    """What stands under `residual.navigation`: NIS, NEES, whiteness, rejected updates, attitude, sigma over time."""
+def told(
+    course: Course, wanted: Sequence[Parameter], last: Pass, C: Array, passes: int, smoothed: Array
+) -> dict[str, Any]:
+    """What stands under `residual.navigation`: NIS, NEES, whiteness, rejected updates, attitude, sigma over time.
+
+    smoothed (K + 1, 3, 3): covariance of the smoothed attitudes [rad^2].
+    """
     f, navigator = last.filtered, last.calibrated
     z = navigator.innovation / np.sqrt(navigator.variance)
     n = int(np.count_nonzero(~np.isnan(z)))
@@ -59,6 +64,10 @@ def told(course: Course, wanted: Sequence[Parameter], last: Pass, C: Array, pass
         "attitude": {
             **_attitude(C[0]),
             "sigma_arcsec": dict(zip(DIRECTIONS, sigma.tolist(), strict=True)),
+            "smoothed_arcsec": {
+                axis: [float(f"{x:.5g}") for x in from_si(1.0, "arcsec") * np.sqrt(smoothed[pick, i, i])]
+                for i, axis in enumerate(DIRECTIONS)
+            },
         },
         "time_s": np.round(course.time[pick] - course.time[0], 3).tolist(),
         "sigma": {

@@ -23,6 +23,7 @@ from gimbalcal.estimate.systematic.evidence import outcome, told
 from gimbalcal.estimate.systematic.seen import informed
 from gimbalcal.estimate.systematic.settle import Settled, settle
 from gimbalcal.estimate.systematic.slips import likely, limits
+from gimbalcal.estimate.systematic.smoothing import attitude_covariance
 from gimbalcal.estimate.systematic.states import states
 from gimbalcal.inference.information import solve
 from gimbalcal.number import Array
@@ -65,7 +66,9 @@ def calibrated(m: Settled) -> Calibration:
     legs, wanted, before = m.course, m.wanted, m.before
     # what the data alone say, and the directions that they do not see
     found = solve(informed(wanted, m.last.factor, m.said - before, [p.sigma for p in wanted]))
-    navigation = told(legs, wanted, m.last, m.C, m.passes)
+    scale = np.array([p.sigma for p in wanted])
+    smoothed = attitude_covariance(legs, m.last, m.left_out, found.covariance / np.outer(scale, scale))
+    navigation = told(legs, wanted, m.last, m.C, m.passes, smoothed)
     words = outcome(navigation, 9 + len(wanted), m.settled, len(found.unobservable), lambda: likely(m))
     rms = {f"velocity {axis}": float(v) for axis, v in navigation.pop("velocity_rms").items()}
     return Calibration(

@@ -124,6 +124,33 @@ def one_pass(
     )  # fmt: skip
 
 
+def attitude_covariance(course: Course, last: Pass, left_out: NDArray[np.bool_], constants: Array) -> Array:
+    """Covariance (K + 1, 3, 3) [rad^2] of the smoothed attitudes (Cai et al. 2016, Eq. (15)), north, east, down.
+
+    constants (p, p): covariance of the parameters in prior sigmas, what is not seen with its prior; the attitude at the
+    start goes with them and has a scatter of its own.
+    """
+    Phi, Psi, Q, d = last.about
+    m, p, wander = Phi.shape[1], len(constants), chains(course)
+    whole = np.asarray(np.linalg.qr(last.filtered.factor[m:, m:].T, mode="r")).T
+    values, vectors = np.linalg.eigh(constants)
+    root = np.zeros((p + 3, p + 3))
+    root[:p, :p] = vectors * np.sqrt(np.maximum(values, 0.0))
+    root[p:, :p] = whole[p:, :p] @ inverse(whole[:p, :p]) @ root[:p, :p]
+    root[p:, p:] = whole[p:, p:]
+    loose = Q.copy()
+    loose[np.ix_(left_out, VELOCITY, VELOCITY)] += (JUMP / STATE[3]) ** 2 * np.eye(3)
+    S = np.concatenate([np.zeros(3), np.full(3, course.velocity), np.full(3, PLACE)]) / STATE
+    S = np.diag(np.concatenate([S, np.sqrt(wander.P_0) / wander.scale]))
+    R = np.full((len(Phi), 3), course.velocity**2) / STATE[VELOCITY] ** 2
+    z = np.where(np.isnan(last.filtered.innovation), np.nan, 0.0)
+    x, none = np.zeros(m), np.zeros((len(Phi), m, 0))
+    known = beside_constants.filter(Phi, none, loose, 0 * d, z, VELOCITY, R, x, x[:0], S, smoothed=3)
+    before = np.zeros((m, p + 3))
+    before[range(3), range(p, p + 3)] = 1.0
+    return adjoint.covariance(Phi, Psi, VELOCITY, known, before, root) * STATE[0] ** 2
+
+
 def linear(course: Course, wanted: Sequence[Parameter], effects: Sequence[Effect], u: Array, C: Array) -> Linear:
     """The error model about the effects, what was there (n, 6) and the attitudes C (K + 1, 3, 3).
 

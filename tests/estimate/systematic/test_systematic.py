@@ -15,6 +15,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.added import Added
 from gimbalcal.estimate.systematic import settle
 from gimbalcal.estimate.systematic.run import systematic
+from gimbalcal.estimate.systematic.smoothing import attitude_covariance, rotation_vector
 from gimbalcal.estimate.systematic.states import FIFTY_ONE, states
 from gimbalcal.report.answer import answer
 from gimbalcal.rotation import frame_rotation
@@ -48,6 +49,22 @@ def test_errors_are_what_the_sigmas_say() -> None:
         z.append(_errors(found, THIRTY, truth))
     rms = float(np.sqrt(np.mean(np.square(z))))
     assert rms == pytest.approx(1.0, abs=0.2)  # 126 numbers, correlated
+
+
+def test_smoothed_attitudes_are_as_good_as_their_sigmas_say() -> None:
+    """Of the first it is what the filter says of the attitude at the start, a constant; of all, what the errors are."""
+    z = []
+    for seed in range(8):
+        truth = 0.3 * SCALE * np.random.default_rng(100 + seed).standard_normal(len(THIRTY))
+        m = settle.settle(turning_unit((), THIRTY, truth, stop=20.0, seed=seed), THIRTY)
+        P = m.last.factor @ m.last.factor.T
+        covariance = attitude_covariance(m.course, m.last, m.left_out, P)
+        assert np.allclose(covariance[0], m.last.attitude, rtol=1e-6, atol=1e-6 * m.last.attitude.max())
+        k = int(m.course.first.searchsorted(m.course.of_stop(0).stop))
+        error = rotation_vector(m.C[[0, k]] @ np.swapaxes(START[None], -1, -2))  # the first stop: it has not turned yet
+        assert np.all(np.diagonal(covariance, axis1=1, axis2=2) > 0)
+        z.append(error / np.sqrt(np.diagonal(covariance[[0, k]], axis1=1, axis2=2)))
+    assert np.sqrt(np.mean(np.square(z))) == pytest.approx(1.0, abs=0.35)  # 24 numbers, twice
 
 
 def test_sensitivities_that_hardly_change_are_kept(monkeypatch) -> None:
