@@ -213,6 +213,21 @@ def adjoint_smoother() -> float:
     return float(np.abs(adjoint.smooth(e["Phi"], e["Psi"], np.array([0]), f) - joint_solution()[0][:, :2]).max())
 
 
+def adjoint_covariance() -> float:
+    """Covariances of the moving states at every epoch, the constants taken apart."""
+    from gimbalcal.inference import adjoint, beside_constants
+
+    e, seen = _example(), np.array([0])
+    d, none = np.zeros((3, 2)), np.zeros((3, 2, 0))
+    f = beside_constants.filter(e["Phi"], e["Psi"], e["Q"], d, e["z"], seen, e["R"], e["x"], e["theta"], e["S"])
+    known = beside_constants.filter(
+        e["Phi"], none, e["Q"], d, e["z"], seen, e["R"], e["x"], np.zeros(0), e["S"][:2, :2]
+    )
+    before = e["S"][:2, 2:] @ np.linalg.inv(e["S"][2:, 2:])
+    found = adjoint.covariance(e["Phi"], e["Psi"], seen, known, before, f.factor[2:, 2:])
+    return float(np.abs(found - joint_solution()[1][:, :2, :2]).max())
+
+
 def dense_smoother() -> float:
     """The dense filter and the smoother (13) to (16): means and covariances at every epoch."""
     from gimbalcal.inference import kalman

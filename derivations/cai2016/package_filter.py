@@ -35,6 +35,7 @@ checks(SOURCE, "Eq. (24)", *(f"Eq. (23), {b}" for b in dict.fromkeys(COLUMNS.val
 checks(SOURCE, "Eq. (24)", where=navigator.GROWTH)(navigator.noise)
 checks(SOURCE, *(f"Eq. ({n})" for n in (13, 14, 15, 16)), where="inference.kalman.smooth")(navigator.dense_smoother)
 checks(SOURCE, "Eq. (13)", "Eq. (14)", "Eq. (16)", where="inference.adjoint.smooth")(navigator.adjoint_smoother)
+checks(SOURCE, "Eq. (15)", where="inference.adjoint.covariance")(navigator.adjoint_covariance)
 
 
 def _recording() -> Any:

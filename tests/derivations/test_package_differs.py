@@ -60,7 +60,7 @@ SLIPS = [
     ("effects.accelerometer", "lean", "yx * fz - yz * fx", "yx * fz + yz * fx", CAI, "3 6 18 20"),
     ("effects.accelerometer", "lean", "yx * fz - yz * fx", "yx * fz + yz * fx", WEI, "5 6 7 8"),
     ("effects.nonlinearity", "CrossCoupling.contribution", "xz * fz", "xz * fy", CAI, "4 6 12 19"),
-    ("effects.motion", "AccelerometerLeverArm.contribution", "+ np.cross(s.rate", "- np.cross(s.rate", CAI, "9 10 12"),
+    ("effects.motion", "AccelerometerLeverArm.contribution", "), s.rate", "), 2 * s.rate", CAI, "9 10 12"),
     ("inversion", "invert", "f = f + step", "f = f - step", CAI, "8"),
     ("estimate.systematic.sensors", "sensitivity", "return -J", "return J", CAI, "18 19"),
     ("inference.kalman", "smooth", "- predicted) @", "+ predicted) @", CAI, "15"),
