@@ -218,5 +218,5 @@ def _before_after(panels: Sequence[Panel], findings: Sequence[Mapping[str, Any]]
         before_after(panels),
         f"Residuals before and after the effect is added, rms {told}.",
         "Measured minus model, as calibrated (grey squares) and with what was left out added (blue dots). Bars and "
-        "band are what the noise alone would do; setting errors of the gimbals come on top.",
+        "band are what the noise alone would do; setting errors of gimbals, where there are any, come on top.",
     )
