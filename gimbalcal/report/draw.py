@@ -2,6 +2,10 @@
 
 The axes' ranges stand in data attributes, from which page.js tells the values under the pointer. Equal charts give
 equal text.
+
+Notebooks, `.plot()` and documents are drawn by matplotlib. A page is not: two thirds of the processor time of
+`gimbalcal calibrate` went into it (3.2 s against 1.0 s, the 18 positions that ship), pages were five times as large
+(507 kB against 99 kB), and its letters neither follow the page nor say what is under the pointer.
 """
 
 from __future__ import annotations
