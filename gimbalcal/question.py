@@ -8,7 +8,7 @@ every constant is usual are named. The result stands, and its outcome says so.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
@@ -44,9 +44,18 @@ class Slip:
     undone: Callable[[Recording], Recording]
 
 
-def questioned(made: Calibration, recordings: Sequence[Recording], unit: Graded, again: Again) -> Calibration:
-    """The calibration, whose outcome asks where a constant is none of a unit of this grade; `again` calibrates."""
-    limit = partial(most, unit, max(float(np.ptp(r.time)) for r in recordings))
+def questioned(
+    made: Calibration, recordings: Sequence[Recording], unit: Graded, again: Again, found: Container[str] = ()
+) -> Calibration:
+    """The calibration, whose outcome asks where a constant is none of a unit of this grade; `again` calibrates.
+
+    found: effects that a diagnosis tells with their size and evidence, which are no question.
+    """
+    lasted = max(float(np.ptp(r.time)) for r in recordings)
+
+    def limit(p: Parameter) -> float:
+        return np.inf if p.effect in found else most(unit, lasted, p)
+
     beyond = far(made, limit)
     if not beyond:
         return made

@@ -70,7 +70,7 @@ def _questioned(found: Diagnosis, recordings: Sequence[Recording], unit: Graded)
     if found.outcome and found.verdict == "unexplained":  # positions that were not held leave constants of any size
         return found
     made = with_gravity(found.calibration, recordings)
-    asked = questioned(made, recordings, unit, _again)
+    asked = questioned(made, recordings, unit, _again, {f["effect"] for f in found.findings})
     question = asked.provenance.get("options", {}).get("question", "") if asked is not made else ""
     if not question:
         return replace(found, calibration=made)

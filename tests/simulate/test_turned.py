@@ -163,7 +163,7 @@ def test_the_papers_simulations_ship(name):
     ("changes", "told"),
     [
         ({"kind": "multi-position"}, "write kind = \"rotation\""),
-        ({"schedule": {"name": "cai2016-18"}}, "name, file, holds and moves each say where"),
+        ({"schedule": {"name": "cai2016-18"}}, "name, file, holds, moves, swing and drive each say where"),
         ({"schedule": {"moves": [], "name": "cai"}}, "no schedule is called 'cai'; known: wu2018-18.*cai2016-18"),
         ({"schedule": {"start": {"x": "north", "y": "up", "z": "north"}}}, "is no attitude of a unit"),
         ({"schedule": {"start": {"x": "north"}}}, "start: say where x, y and z point"),
