@@ -64,10 +64,7 @@ def told(
         "attitude": {
             **_attitude(C[0]),
             "sigma_arcsec": dict(zip(DIRECTIONS, sigma.tolist(), strict=True)),
-            "smoothed_arcsec": {
-                axis: [float(f"{x:.5g}") for x in from_si(1.0, "arcsec") * np.sqrt(smoothed[pick, i, i])]
-                for i, axis in enumerate(DIRECTIONS)
-            },
+            **_smoothed(np.diagonal(smoothed[pick], axis1=1, axis2=2)),
         },
         "time_s": np.round(course.time[pick] - course.time[0], 3).tolist(),
         "sigma": {
@@ -75,6 +72,14 @@ def told(
             for i, p in enumerate(wanted)
         },
     }
+
+
+def _smoothed(variance: Array) -> dict[str, dict[str, list[float]]]:
+    """Sigma of the attitude from all measurements; none where a day of them has cost its variance (n, 3) its digits."""
+    if not np.all(variance > 0):
+        return {}
+    sigma = from_si(1.0, "arcsec") * np.sqrt(variance)
+    return {"smoothed_arcsec": {a: [float(f"{x:.5g}") for x in sigma[:, i]] for i, a in enumerate(DIRECTIONS)}}
 
 
 def doubtful(last: Pass, left_out: NDArray[np.bool_]) -> NDArray[np.bool_]:
