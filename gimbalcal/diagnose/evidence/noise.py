@@ -112,33 +112,54 @@ def nodes(o: Observations) -> tuple[Node, ...]:
 
 
 def _dwell_nodes(o: Observations) -> tuple[Node, ...]:
+    blocks = _blocks(o)
     return tuple(
-        _dwell_node(o, s, w, ps * pw)
+        _dwell_node(o, blocks, s, w, ps * pw)
         for s, ps in zip(SETTING, SETTING_PRIOR, strict=True)
         for w, pw in zip(WALK, WALK_PRIOR, strict=True)
     )
 
 
-def _dwell_node(o: Observations, setting: float, walk: float, prior: float) -> Node:
+@dataclass(frozen=True, eq=False)
+class _Blocks:
+    """How the n blocks of C channels see the states that colour them, of whatever size these are."""
+
+    walks: Array  # (n, C, C) of each channel
+    angles: Array  # (n, C, k) of the gimbals that were read
+    along: Array  # (n, C, 1) of the force along itself
+    since: Array  # (n,) s from the mean time of the block before
+    moved: Array  # (n,) whether a visit begins
+
+
+def _blocks(o: Observations) -> _Blocks:
+    n, C = len(o.starts), o.y.shape[1]
+    count = np.diff(np.append(o.starts, len(o.y)))
+    k = [i for i, a in enumerate(o.stimulus.axis_names) if ("gimbal_angle", a) in o.recording.channels]
+    return _Blocks(
+        walks=np.sqrt(count)[:, None, None] * np.eye(C),  # as a mean of so many rows is reduced
+        angles=o.reduce(o.sensitivity[Stage.ENCODER][:, :, k]).reshape(n, C, len(k)),
+        along=o.reduce(o.through(Stage.ACCELEROMETER, o.stimulus.force)[:, :, None]).reshape(n, C, 1),
+        since=np.diff(np.append(0.0, _block_time(o))),
+        moved=np.append(True, np.diff(o.stimulus.visit[o.starts]) != 0),
+    )
+
+
+def _dwell_node(o: Observations, blocks: _Blocks, setting: float, walk: float, prior: float) -> Node:
     """States: a walk of each channel at the mean time of each block; anew at each visit, an angle of each gimbal and
     what these take of the force along themselves.
     """
     noise = dwell_noise(o, setting, walk)
     (turned,), (wandering,) = noise["gimbal_angle"], noise["specific_force"][1:]
     short = SettingError(one_sigma((turned,)) ** 2)
-    n, C = len(o.starts), o.y.shape[1]
-    count = np.diff(np.append(o.starts, len(o.y)))
-    k = [i for i, a in enumerate(o.stimulus.axis_names) if ("gimbal_angle", a) in o.recording.channels]
-    angles = o.reduce(o.sensitivity[Stage.ENCODER][:, :, k]).reshape(n, C, len(k))
-    along = o.reduce(o.through(Stage.ACCELEROMETER, o.stimulus.force)[:, :, None]).reshape(n, C, 1)
+    along = blocks.along
     if np.abs(along).max(initial=0.0) * one_sigma((short,)) <= UNSEEN:
         along = along[:, :, :0]
-    walks = np.sqrt(count)[:, None, None] * np.eye(C)  # as a mean of so many rows is reduced
-    h, moved = np.diff(np.append(0.0, _block_time(o))), np.append(True, np.diff(o.stimulus.visit[o.starts]) != 0)
-    every = [wandering] * C + [turned] * len(k) + [short] * along.shape[-1]
+    H = np.concatenate([blocks.walks, blocks.angles, along], axis=-1)
+    every = [wandering] * o.y.shape[1] + [turned] * blocks.angles.shape[-1] + [short] * along.shape[-1]
     Phi, Q = (np.concatenate(parts, axis=1) for parts in zip(
-        *((p.transition(h, moved), p.diffusion(h, moved)) for p in every), strict=True))  # fmt: skip
-    root = whitening(Phi, Q, np.concatenate([walks, angles, along], axis=-1))
+        *((p.transition(blocks.since, blocks.moved), p.diffusion(blocks.since, blocks.moved)) for p in every),
+        strict=True))  # fmt: skip
+    root = whitening(Phi, Q, H)
     return Node((("setting error", setting), ("random walk", walk)), noise, prior, root.log_determinant, root)
 
 
@@ -168,7 +189,7 @@ def first_order(rho: float) -> Process:
 
 def nominal(o: Observations) -> Node:
     """The noise as stated, without a random walk."""
-    return _spectral_nodes(o)[0] if o.kind == "static-run" else _dwell_node(o, 1.0, 0.0, 1.0)
+    return _spectral_nodes(o)[0] if o.kind == "static-run" else _dwell_node(o, _blocks(o), 1.0, 0.0, 1.0)
 
 
 def _block_time(o: Observations) -> Array:
