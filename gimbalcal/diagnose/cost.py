@@ -55,7 +55,11 @@ class _Unit:
 
 
 def with_cost(recordings: Sequence[Recording], d: Diagnosis, tell: Tell = silent) -> Diagnosis:
-    """The diagnosis with `cost` in each finding: {hours, with_nmi, without_nmi, in_words}, where it can be told."""
+    """The diagnosis with `cost` in each finding, where it can be told: {hours, with_nmi, without_nmi, in_words}.
+
+    Largest errors of position, in n miles; where the run is one of the recordings, `uncalibrated_nmi` beside them, that
+    without any calibration; where it is made up, `with_nmi` is the one sigma that the calibration leaves open.
+    """
     if not d.findings or d.calibration is None:
         return d
     try:
@@ -63,9 +67,11 @@ def with_cost(recordings: Sequence[Recording], d: Diagnosis, tell: Tell = silent
         if unit is None:
             return d
         tell("navigating with and without what was found")
-        return replace(d, findings=tuple(_told(f, unit) for f in d.findings))
+        costs = _costs(unit)
     except InputError:  # two runs of a kind, no readouts, no latitude: no calibration or no navigator
         return d
+    told = ({**f, "cost": costs[f["effect"]]} if f["effect"] in costs else f for f in d.findings)
+    return replace(d, findings=tuple(told))
 
 
 def _unit(recordings: Sequence[Recording], d: Diagnosis) -> _Unit | None:
@@ -107,23 +113,26 @@ def _as_found(e: Effect) -> Added:
     return Added(e.id, (), stated, str(getattr(e, "covariate", "")) if follows(type(e)) == "" else "")
 
 
-def _told(finding: Mapping[str, Any], unit: _Unit) -> Mapping[str, Any]:
-    effect = finding["effect"]
-    run = _run(unit, effect)
-    if effect not in unit.found or run is None:
-        return finding
+def _costs(unit: _Unit) -> Mapping[str, Mapping[str, Any]]:
+    """The cost of each effect that was found and that the run shows; what all of them leave is navigated once."""
+    run, shown = _run(unit)
+    if not shown:
+        return {}
     aids = usual(run)
-    without = navigated(run, unit.without(effect), aids)
     raw = None
     if unit.measured:
-        known, raw = (float(navigated(run, c, aids).position.max()) for c in (unit.whole, None))
+        known, raw = (float(navigated(run, c, aids).position.max()) / NAUTICAL_MILE for c in (unit.whole, None))
     else:
-        known = uncertain(run, unit.whole, aids)
-    hours, miles = float(without.time[-1] / 3600), (known / NAUTICAL_MILE, without.position.max() / NAUTICAL_MILE)
-    cost = {"hours": hours, "with_nmi": float(miles[0]), "without_nmi": float(miles[1])}
-    if raw is not None:
-        cost["uncalibrated_nmi"] = raw / NAUTICAL_MILE
-    return {**finding, "cost": {**cost, "in_words": in_words(hours, *miles, cost.get("uncalibrated_nmi"))}}
+        known = uncertain(run, unit.whole, aids) / NAUTICAL_MILE
+    out: dict[str, Mapping[str, Any]] = {}
+    for effect in shown:
+        without = navigated(run, unit.without(effect), aids)
+        hours, left_out = float(without.time[-1] / 3600), float(without.position.max() / NAUTICAL_MILE)
+        cost = {"hours": hours, "with_nmi": known, "without_nmi": left_out}
+        if raw is not None:
+            cost["uncalibrated_nmi"] = raw
+        out[effect] = {**cost, "in_words": in_words(hours, known, left_out, raw)}
+    return out
 
 
 def in_words(hours: float, known: float, left_out: float, raw: float | None = None) -> str:
@@ -172,12 +181,15 @@ def _swung(base: Recording, recordings: Sequence[Recording]) -> Recording:
     return replace(base, channels=dict(base.channels) | swung)
 
 
-def _run(unit: _Unit, effect: str) -> Recording | None:
-    """What is navigated: the static run that was diagnosed, or a still base whose sensors err as was found."""
+def _run(unit: _Unit) -> tuple[Recording, tuple[str, ...]]:
+    """What is navigated, and the effects whose cost it shows: not those that follow a channel which it does not have.
+
+    It is the static run that was diagnosed, or a still base whose sensors err as was found.
+    """
     if unit.measured:
-        return unit.base
+        return unit.base, tuple(unit.found)
     kind = unit.base.kind
     there = [e for e in unit.whole.effects if kind in e.kinds and not lacking(type(e), unit.base.has)]
-    if effect not in {e.id for e in there} and kind in CATALOGUE[effect].kinds:
-        return None  # it follows a channel that the still base does not have
-    return replace(unit.whole, effects=tuple(there)).corrupt(unit.base)
+    ids = {e.id for e in there}
+    shown = tuple(effect for effect in unit.found if effect in ids or kind not in CATALOGUE[effect].kinds)
+    return replace(unit.whole, effects=tuple(there)).corrupt(unit.base), shown
