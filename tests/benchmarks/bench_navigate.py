@@ -68,12 +68,16 @@ def unit(seed: int) -> tuple[Recording, Recording, Recording, tuple[Effect, ...]
     return simulate(device, 3 * seed)[0], simulate(run, 3 * seed + 1)[0], *simulate(run, 3 * seed + 2)
 
 
+def perfect(truth: tuple[Effect, ...]) -> Calibration:
+    """The calibration that knows the truth."""
+    return Calibration("truth", truth, (), np.zeros((0, 0)), (), Residual(0, 0, {}))
+
+
 def largest(seed: int, damping: float = 0.5) -> Array:
     """Largest errors (5, 8) before and after each stage: seven channels in SI, and position [m]."""
     device, run, later, truth = unit(seed)
     more = added(("gyro_drift",), (device, run), ())
-    perfect = Calibration("truth", truth, (), np.zeros((0, 0)), (), Residual(0, 0, {}))
-    made = (three_stage([device]), three_stage([device, run]), three_stage([device, run], more=more), perfect)
+    made = (three_stage([device]), three_stage([device, run]), three_stage([device, run], more=more), perfect(truth))
     runs = before_and_after(later, tuple(zip(STAGES, made, strict=True)), Aids(damping=damping))
     return np.array([[*r.largest, r.position.max()] for r in runs])
 

@@ -20,8 +20,6 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.calibration.calibration import Residual
-from gimbalcal.effects import Effect
 from gimbalcal.estimate.systematic.run import systematic
 from gimbalcal.methods import calibrate
 from gimbalcal.navigate.bands import bands
@@ -30,6 +28,7 @@ from gimbalcal.navigate.run import navigated, usual
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
 from gimbalcal.simulate.scenario import find
+from tests.benchmarks.bench_navigate import perfect
 
 SEEDS = (1, 2, 3)
 LINEAR = ("scale_factor", "bias", "misalignment", "gyro_bias", "gyro_scale_factor", "gyro_misalignment")
@@ -43,11 +42,6 @@ LABORATORY = {  # Table 3 of Cai et al. (2016): 1e-5 deg/h/g, ug/g^2 and mm
     "accelerometer_lever_arm": {"xx": -41.0, "yy": 22.0, "zz": -24.0},
 }  # fmt: skip
 Calibrations = list[tuple[str, Calibration | None]]
-
-
-def perfect(truth: tuple[Effect, ...]) -> Calibration:
-    """The calibration that knows the truth."""
-    return Calibration("truth", truth, (), np.zeros((0, 0)), (), Residual(0, 0, {}))
 
 
 def in_the_laboratory(scenario: str) -> dict[str, Any]:

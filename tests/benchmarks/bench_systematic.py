@@ -21,7 +21,7 @@ import numpy as np
 from gimbalcal.design.turning import Noise, plan, stretches
 from gimbalcal.design.turning_search import stretched
 from gimbalcal.earth import G0
-from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.effects import values
 from gimbalcal.estimate.systematic.run import systematic
 from gimbalcal.estimate.systematic.states import states
 from gimbalcal.number import Array
@@ -85,8 +85,6 @@ def content(setting: Setting, seed: int) -> dict[str, Any]:
     rng = np.random.default_rng([11, seed])
     truth: dict[str, dict[str, float]] = {}
     for p in states(setting.asked, plan(np.radians(setting.latitude))):
-        known = parameters(CATALOGUE[p.effect])
-        assert p in known
         truth.setdefault(p.effect, {})[p.axis] = float(from_si(p.sigma * rng.standard_normal(), p.unit))
 
     def measured(value: float, unit: str) -> dict[str, Any]:
@@ -119,13 +117,7 @@ def one(name: str, seed: int) -> tuple[Array, Array, str]:
     setting = SETTINGS[name]
     recording, effects = simulate(check_content(content(setting, seed)))
     found = systematic(recording, setting.asked)
-    there = {e.id: e for e in effects}
-    truth = [np.atleast_1d(getattr(there[p.effect], p.field))[_place(p)] for p in found.parameters]
-    return found.values - np.array(truth), found.sigmas, found.outcome
-
-
-def _place(p: Any) -> int:
-    return [q.axis for q in parameters(CATALOGUE[p.effect]) if q.field == p.field].index(p.axis)
+    return found.values - values(effects, found.parameters), found.sigmas, found.outcome
 
 
 def bound(setting: Setting) -> Array:
