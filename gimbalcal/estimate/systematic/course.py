@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gimbalcal.effects.grade import Grade, grade_of_noise
 from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
@@ -42,9 +43,9 @@ class Course:
     interval continues the one before; first (K + 1,): index of the first interval of each stretch; a stretch without
     intervals is a pause of the clock in a stop. stop (K,): ordinal of the stop, -1 while turning; time (K + 1,) s of
     the updates, the first at the start. group (n,): interval to one of the fewer rows in which the model is linearised;
-    groups: their means. sigma (6,): one sample of each channel, as stated; shown (6,): as
-    the stops scatter; velocity: how still the place is
-    [m/s]; stated: whether the header states the noise of both triads; handled: a hand turned it, and carried it along.
+    groups: their means. sigma (6,): one sample of each channel, as stated; shown (6,): as the stops scatter;
+    velocity: how still the place is [m/s]; stated: whether the header states the noise of both triads; handled: a hand
+    turned it, and carried it along.
     """
 
     rows: Recording
@@ -75,6 +76,13 @@ class Course:
     def believed(self) -> NDArray[np.bool_]:
         """Stretches (K,) at whose end the velocity is known: all, or those of the stops."""
         return ~((self.stop < 0) & self.handled)
+
+    @property
+    def grade(self) -> Grade:
+        """The grade of units whose samples scatter so."""
+        step = float(np.median(self.dt / self.rows.weight))
+        force, rate = (float(self.sigma[k : k + 3].max()) * np.sqrt(step) for k in (0, 3))
+        return grade_of_noise(force, rate)
 
     def of_stop(self, k: int) -> slice:
         """The intervals of one stop."""

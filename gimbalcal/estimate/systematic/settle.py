@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.effects import Effect, Parameter, with_values
-from gimbalcal.effects.grade import grade_of_noise
 from gimbalcal.estimate.systematic.alignment import Alignment, align, attitudes
 from gimbalcal.estimate.systematic.course import Course, course
 from gimbalcal.estimate.systematic.evidence import doubtful
@@ -101,8 +100,6 @@ def settle(
 
 def _usual(wanted: Sequence[Parameter], course: Course, start: Alignment) -> tuple[Parameter, ...]:
     """Parameters as large as they usually are in a unit that scatters so; a bias is as large as it is."""
-    step = float(np.median(course.dt / course.rows.weight))
-    force, rate = (float(course.sigma[k : k + 3].max()) * np.sqrt(step) for k in (0, 3))
-    grade, size = grade_of_noise(force, rate), float(np.abs(start.bias).max())
+    grade, size = course.grade, float(np.abs(start.bias).max())
     sizes = [max(p.sigma, grade.usual(p).sigma, size / 10 * (p.effect == "gyro_bias")) for p in wanted]
     return tuple(replace(p, sigma=s) for p, s in zip(wanted, sizes, strict=True))

@@ -10,12 +10,9 @@ so it is a cause like any other, and least squares on the innovations says wheth
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE
-from gimbalcal.effects.grade import Grade, grade_of_noise
 from gimbalcal.estimate.systematic.course import Course
 from gimbalcal.estimate.systematic.sensors import read_by
 from gimbalcal.estimate.systematic.settle import Settled
@@ -31,25 +28,6 @@ CERTAIN = 10.0  # sigma
 LOST = 10.0  # deg, one sigma of the heading
 UNTOLD = 0.5  # of the size that is usual: a recording that leaves so much has not told it
 NOISE = 3.0  # times: a stated noise that is further from what the stops show
-
-
-WHOLE = {
-    "gyro_scale_factor": ("gyroscopes", "is the unit of the rates, or of the time, another?"),
-}
-
-
-def _whole(effect: str, sizes: Sequence[float]) -> str:
-    """A sentence where all three of a triad are off by the same; else empty."""
-    if effect not in WHOLE or len(sizes) != 3 or np.ptp(sizes) > ALIKE * np.abs(sizes).max():
-        return ""
-    of, cure = WHOLE[effect]
-    return f"all three {of} read {_by(float(np.mean(sizes)))} alike: {cure}"
-
-
-def _by(size: float) -> str:
-    """A scale factor SF - 1 as what the readings are."""
-    off = 100 * (1 / (1 + size) - 1)
-    return f"{abs(off):.3g} % too {'much' if off > 0 else 'little'}"
 
 
 def limits(m: Settled, sigmas: Array) -> list[str]:
@@ -75,9 +53,7 @@ def limits(m: Settled, sigmas: Array) -> list[str]:
 
 def likely(m: Settled) -> str:
     """What a recording that the model does not explain may suffer from: a clause, empty where nothing stands out."""
-    sizes = [x for p, x in zip(m.wanted, m.theta, strict=True) if p.effect == "gyro_scale_factor"]
-    clock = _whole("gyro_scale_factor", sizes) if sizes and np.abs(sizes).min() > GAIN else ""
-    return _noise(m.course) or clock or _in_turns(m) or _latitude(m) or _wandering(m.course)
+    return _noise(m.course) or _clock(m) or _in_turns(m) or _latitude(m) or _wandering(m.course)
 
 
 def _noise(course: Course) -> str:
@@ -92,22 +68,28 @@ def _noise(course: Course) -> str:
     return ""
 
 
-def _wandering(course: Course) -> str:
-    """Biases of a unit that is no navigation grade, and of which nobody says how they wander."""
-    grade = _grade(course)
-    if grade.name == "navigation" or len(chains(course)):
+def _clock(m: Settled) -> str:
+    """Rates, or a clock, in another unit: all three gyroscopes are off by the same."""
+    sizes = np.array([x for p, x in zip(m.wanted, m.theta, strict=True) if p.effect == "gyro_scale_factor"])
+    if len(sizes) != 3 or np.abs(sizes).min() <= GAIN or np.ptp(sizes) > ALIKE * np.abs(sizes).max():
         return ""
+    off = 100 * (1 / (1 + float(np.mean(sizes))) - 1)  # of what they read, where the scale factor is of what was there
     return (
-        f"biases of a unit as noisy as this one ({grade.name} grade) wander, so state accelerometer_flicker and "
-        "gyroscope_flicker (the bias instability of a data sheet) in [noise]; and `gimbalcal diagnose` looks for what "
-        "else is left out"
+        f"all three gyroscopes read {abs(off):.3g} % too {'much' if off > 0 else 'little'} alike: is the unit of the "
+        "rates, or of the time, another?"
     )
 
 
-def _grade(course: Course) -> Grade:
-    step = float(np.median(course.dt / course.rows.weight))
-    force, rate = (float(course.sigma[k : k + 3].max()) * np.sqrt(step) for k in (0, 3))
-    return grade_of_noise(force, rate)
+def _wandering(course: Course) -> str:
+    """Biases of a unit that is no navigation grade, and of which nobody says how they wander."""
+    grade = course.grade.name
+    if grade == "navigation" or len(chains(course)):
+        return ""
+    return (
+        f"biases of a unit as noisy as this one ({grade} grade) wander, so state accelerometer_flicker and "
+        "gyroscope_flicker (the bias instability of a data sheet) in [noise]; and `gimbalcal diagnose` looks for what "
+        "else is left out"
+    )
 
 
 def _in_turns(m: Settled) -> str:
