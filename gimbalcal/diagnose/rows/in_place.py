@@ -17,7 +17,6 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, absent, constants
 from gimbalcal.estimate.systematic.course import stops
 from gimbalcal.estimate.systematic.run import calibrated
-from gimbalcal.estimate.systematic.sensors import read_by
 from gimbalcal.estimate.systematic.settle import Settled, settle
 from gimbalcal.estimate.systematic.states import KEPT, SAME, states
 from gimbalcal.estimate.systematic.whitened import Whitened, whitened
@@ -127,15 +126,7 @@ class _Answers:
         return np.stack(out, axis=-1) if out else np.zeros((*self.whitened.residual.shape, 0))
 
     def _through(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
-        w = self.whitened
-        X = np.nan_to_num(w.rows.columns(effect, wanted))
-        return -w.answers(-np.linalg.solve(self._read(), X))
-
-    def _read(self) -> Array:
-        """d(readings) / d(force and rate) (g, 6, 6) about the settled effects."""
-        if not self.kept:
-            self.kept["read",] = read_by(self.whitened.felt, self.whitened.settled.effects)
-        return self.kept["read",]
+        return -self.whitened.answers(self.whitened.added_by(effect, wanted))
 
     def added(self, quantity: str, axis: str, basis: Array) -> Array:
         """Columns (n, 3, m) of what is added (g, m) to force or rate along an axis."""

@@ -14,7 +14,6 @@ import numpy as np
 
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.estimate.systematic.course import Course
-from gimbalcal.estimate.systematic.sensors import read_by
 from gimbalcal.estimate.systematic.settle import Settled
 from gimbalcal.estimate.systematic.smoothing import GATE, in_body
 from gimbalcal.estimate.systematic.turns import GAIN
@@ -118,14 +117,14 @@ def _latitude(m: Settled) -> str:
     mine = [D]
     for effect_id in dict.fromkeys(p.effect for p in m.wanted):
         effect = next(e for e in m.effects if e.id == effect_id)
-        X = np.nan_to_num(w.rows.columns(effect, [p for p in m.wanted if p.effect == effect_id]))
-        mine.append(-np.linalg.solve(read_by(w.felt, m.effects), X))
+        mine.append(w.added_by(effect, [p for p in m.wanted if p.effect == effect_id]))
     scale = np.array([1.0, *(p.sigma for p in m.wanted)])
     sigma = np.broadcast_to(w.sigma[..., None], (*w.sigma.shape, len(scale)))
     A = (w.answers(np.concatenate(mine, axis=2)) * scale / sigma).reshape(-1, len(scale))
     y = (w.residual / w.sigma).reshape(-1)
-    without, with_it = (float(np.sum((y - B @ np.linalg.lstsq(B, y, rcond=None)[0]) ** 2)) for B in (A[:, 1:], A))
-    off = float(np.linalg.lstsq(A, y, rcond=None)[0][0])
+    fits = [np.linalg.lstsq(B, y, rcond=None)[0] for B in (A[:, 1:], A)]
+    without, with_it = (float(np.sum((y - B @ x) ** 2)) for B, x in zip((A[:, 1:], A), fits, strict=True))
+    off = float(fits[1][0])
     excess = without - (len(y) - len(scale))
     if without - with_it < max(SHARE * excess, CERTAIN**2):
         return ""

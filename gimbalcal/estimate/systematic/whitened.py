@@ -10,14 +10,16 @@ Least squares on them, with the constants free, is what filter and smoother do w
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gimbalcal.effects import Stimulus
+from gimbalcal.effects import Effect, Parameter, Stimulus
 from gimbalcal.estimate.systematic.course import KEYS
-from gimbalcal.estimate.systematic.sensors import KIND, truth
+from gimbalcal.estimate.systematic.sensors import KIND, read_by, truth
 from gimbalcal.estimate.systematic.settle import Settled
 from gimbalcal.estimate.systematic.smoothing import (
     JUMP,
@@ -59,6 +61,15 @@ class Whitened:
     navigator: tuple[Array, Array, Array]  # Phi (K, m, m), gain (K, 3, m), one sigma (K, 3) of an innovation
     u: Array
     block: NDArray[np.int64]  # row of each update, (K,)
+
+    @cached_property
+    def _read(self) -> Array:
+        """How the readings answer force and rate (g, 6, 6), about the settled effects."""
+        return read_by(self.felt, self.settled.effects)
+
+    def added_by(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
+        """What an effect adds to what force and rate seem to be (g, 6, p), in SI per unit of its parameters."""
+        return -np.linalg.solve(self._read, np.nan_to_num(self.rows.columns(effect, wanted)))
 
     def answers(self, D: Array) -> Array:
         """How the rows (n, 3, p) answer additions D (g, 6, p) to what force and rate were, per unit of each."""
