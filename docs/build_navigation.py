@@ -11,10 +11,10 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 
-from gimbalcal.earth import EARTH_RATE, normal_gravity
+from gimbalcal.earth import EARTH_RATE, normal_gravity, radii
 from gimbalcal.navigate.bands import before_and_after
 from gimbalcal.navigate.run import navigated
-from gimbalcal.navigate.space_stable import Aids, Site, radii, schuler_rate
+from gimbalcal.navigate.space_stable import Aids, Site, schuler_rate
 from gimbalcal.pipeline import load, three_stage
 from gimbalcal.report.draw import sheet
 from gimbalcal.report.navigation_page import curves

@@ -21,9 +21,28 @@ SOLAR_RATE = 2 * np.pi / SOLAR_DAY  # rad/s
 
 SEMI_MAJOR_AXIS = 6378137.0  # m, Table 3.1
 FLATTENING = 1 / 298.257223563  # Table 3.1
+E2 = FLATTENING * (2 - FLATTENING)  # first eccentricity squared
 GRAVITY_EQUATOR = 9.7803253359  # m/s^2, Table 3.4
 GRAVITY_POLE = 9.8321849378  # m/s^2, Table 3.4
 GRAVITY_RATIO = 0.00344978650684  # m = omega^2 a^2 b / GM, Table 3.4
+
+
+def radii(latitude: float | NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    r"""Radii of curvature of the ellipsoid [m] at geodetic `latitude` (rad): M along the meridian, N across it.
+
+    .. math:: M = \frac{a (1 - e^2)}{(1 - e^2 \sin^2 L)^{3/2}}, \qquad N = \frac{a}{\sqrt{1 - e^2 \sin^2 L}}
+    """
+    w = 1 - E2 * np.sin(latitude) ** 2
+    return SEMI_MAJOR_AXIS * (1 - E2) / w**1.5, SEMI_MAJOR_AXIS / np.sqrt(w)
+
+
+def rate_at(latitude: float | NDArray[np.float64]) -> NDArray[np.float64]:
+    r"""Rotation of the Earth (..., 3) [rad/s] in north, east, down at geodetic `latitude` (rad).
+
+    .. math:: \omega_{ie} = \Omega \, (\cos L, \; 0, \; -\sin L)
+    """
+    c, s = np.cos(latitude), np.sin(latitude)
+    return EARTH_RATE * np.stack([c, np.zeros_like(c), -s], axis=-1)
 
 
 def normal_gravity(

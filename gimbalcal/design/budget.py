@@ -23,7 +23,7 @@ import numpy as np
 
 from gimbalcal.design.observability import static_plan
 from gimbalcal.design.turning_budget import turned
-from gimbalcal.earth import normal_gravity
+from gimbalcal.earth import normal_gravity, radii
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
@@ -34,7 +34,7 @@ from gimbalcal.inference.information import Information, information, solve
 from gimbalcal.kinematics import ideal_force, stimulus_from_angles
 from gimbalcal.navigate.bands import sensitivity
 from gimbalcal.navigate.run import is_strapdown, usual
-from gimbalcal.navigate.space_stable import USUAL, Aids, radii
+from gimbalcal.navigate.space_stable import USUAL, Aids
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, Site

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.design.turning import Noise, plan, stretches
-from gimbalcal.earth import EARTH_RATE, normal_gravity
+from gimbalcal.earth import normal_gravity, rate_at
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.systematic.course import STILL
@@ -113,10 +113,9 @@ def _states(asked: str, more: Sequence[str], like: Recording) -> tuple[Parameter
 def still_unit(hours: float, site: Site, C_bn: Array) -> Recording:
     """A perfect strapdown unit at rest for so many hours, a row every ten minutes, its axes as C_bn (3, 3) has them."""
     time = ROW * np.arange(1, round(hours * 3600 / ROW) + 1)
-    L = required_latitude(site.latitude)
     felt = {
         "specific_force": C_bn.T @ [0.0, 0.0, -site.gravity],
-        "angular_rate": C_bn.T @ (EARTH_RATE * np.array([np.cos(L), 0.0, -np.sin(L)])),
+        "angular_rate": C_bn.T @ rate_at(required_latitude(site.latitude)),
     }
     channels = {(q, a): np.full(len(time), v[i]) for q, v in felt.items() for i, a in enumerate("xyz")}
     return Recording("rotation", "still base", BENCH, site, {}, time, None, channels)

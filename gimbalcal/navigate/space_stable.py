@@ -31,10 +31,9 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.earth import EARTH_RATE, FLATTENING, SEMI_MAJOR_AXIS, normal_gravity
+from gimbalcal.earth import E2, EARTH_RATE, FLATTENING, SEMI_MAJOR_AXIS, normal_gravity, radii
 from gimbalcal.number import Array
 
-E2 = FLATTENING * (2 - FLATTENING)  # first eccentricity squared
 COARSEST = 0.2  # step over the time constant of the height's loop beyond which it is not followed
 
 
@@ -84,12 +83,6 @@ def schuler_rate(site: Site) -> float:
     r"""Angular frequency :math:`\omega_s = \sqrt{g / \sqrt{(M + h)(N + h)}}` of the swing [rad/s]."""
     M, N = radii(site.latitude)
     return float(np.sqrt(site.gravity / np.sqrt((M + site.height) * (N + site.height))))
-
-
-def radii(latitude: float) -> tuple[float, float]:
-    """Radii of curvature of the ellipsoid [m]: M along the meridian, N across it."""
-    w = 1 - E2 * np.sin(latitude) ** 2
-    return float(SEMI_MAJOR_AXIS * (1 - E2) / w**1.5), float(SEMI_MAJOR_AXIS / np.sqrt(w))
 
 
 USUAL = Aids()

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.earth import EARTH_RATE
+from gimbalcal.earth import EARTH_RATE, radii
 from gimbalcal.errors import InputError
 from gimbalcal.forward import navigator_attitude_error
 from gimbalcal.kinematics import (
@@ -25,7 +25,7 @@ from gimbalcal.kinematics import (
     with_phase_of_force,
 )
 from gimbalcal.navigate.outcome import CHANNELS, Navigated
-from gimbalcal.navigate.space_stable import Aids, Course, Site, navigate, radii
+from gimbalcal.navigate.space_stable import Aids, Course, Site, navigate
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
 from gimbalcal.rotation import frame_rotation

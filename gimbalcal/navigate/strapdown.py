@@ -27,10 +27,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gimbalcal.compiled import compiled
-from gimbalcal.earth import EARTH_RATE, FLATTENING, SEMI_MAJOR_AXIS, normal_gravity
+from gimbalcal.earth import E2, EARTH_RATE, SEMI_MAJOR_AXIS, normal_gravity
 from gimbalcal.number import Array
-
-E2 = FLATTENING * (2 - FLATTENING)
 
 
 class Motion(NamedTuple):

@@ -22,7 +22,7 @@ from collections.abc import Callable
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.earth import EARTH_RATE
+from gimbalcal.earth import EARTH_RATE, rate_at
 from gimbalcal.errors import InputError
 from gimbalcal.kinematics import required_latitude
 from gimbalcal.navigate.outcome import CHANNELS, Navigated
@@ -109,8 +109,8 @@ def _in_carried_axes(dt: Array, rate: Array, force: Array, site: Site) -> Array:
     C = carried(dt, rate)
     made = np.cumsum(apply_matrix((C[1:] + C[:-1]) / 2, force) * dt[:, None], axis=0)
     t = np.cumsum(dt)
-    earth = EARTH_RATE * np.array([np.cos(site.latitude), 0.0, -np.sin(site.latitude)])
-    up = exponential(-(t - dt / 2)[:, None] * earth) @ np.array([0.0, 0.0, -site.gravity])  # turned with the Earth
+    gone = (t - dt / 2)[:, None] * rate_at(site.latitude)
+    up = exponential(-gone) @ np.array([0.0, 0.0, -site.gravity])  # turned with the Earth
     wanted = np.cumsum(up * dt[:, None], axis=0)
     U, _, Vt = np.linalg.svd(wanted.T @ made)
     return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt)

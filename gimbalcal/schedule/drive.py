@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.earth import FLATTENING, SEMI_MAJOR_AXIS
+from gimbalcal.earth import radii
 from gimbalcal.number import Array
 from gimbalcal.rotation import frame_rotation
 
@@ -23,7 +23,6 @@ RAMP, BEND, INTO = 20.0, 6.0, 25.0  # s: to come to speed; of a bend, and when i
 TURNS = np.array([1, 1, -1, 1, -1, -1, 1, -1])  # right and left, over and over: the course closes
 HILL = 600.0  # s, period of the pitch
 STEP = 0.1  # s, of the grid on which the place is integrated
-E2 = FLATTENING * (2 - FLATTENING)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +90,8 @@ class Drive:
     @staticmethod
     def _slope(place: Array, v: Array) -> Array:
         L, _, h = place.T
-        w = 1 - E2 * np.sin(L) ** 2
-        N = SEMI_MAJOR_AXIS / np.sqrt(w)
-        return np.stack([v[:, 0] / (N * (1 - E2) / w + h), v[:, 1] / ((N + h) * np.cos(L)), -v[:, 2]], axis=-1)
+        M, N = radii(L)
+        return np.stack([v[:, 0] / (M + h), v[:, 1] / ((N + h) * np.cos(L)), -v[:, 2]], axis=-1)
 
     def _speed(self, time: Array) -> tuple[Array, Array]:
         u = np.where(time > self.rest, (time - self.rest) % self.leg, 0.0)

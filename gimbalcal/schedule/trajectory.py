@@ -16,7 +16,7 @@ from typing import Protocol
 
 import numpy as np
 
-from gimbalcal.earth import EARTH_RATE
+from gimbalcal.earth import rate_at
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.rotation import exponential
 from gimbalcal.schedule.rotation import RotationSchedule, standing
@@ -110,5 +110,4 @@ def trajectory(schedule: RotationSchedule, tilt: Array | None = None, angle_erro
 
 def earth_rate(C_bn: Array, latitude: float) -> Array:
     """The Earth's rate (n, 3) [rad/s] in the axes of a unit that stands as C_bn (n, 3, 3)."""
-    north = EARTH_RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
-    return apply_matrix(np.swapaxes(C_bn, -1, -2), north)
+    return apply_matrix(np.swapaxes(C_bn, -1, -2), rate_at(latitude))

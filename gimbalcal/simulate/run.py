@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.earth import G0, normal_gravity
+from gimbalcal.earth import G0, normal_gravity, radii
 from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.effects.effect import lacking
 from gimbalcal.effects.process import Quantisation
@@ -28,7 +28,7 @@ from gimbalcal.simulate.motion import Timetable, planned, platform_of, sidereal,
 from gimbalcal.simulate.noise import coloured, noises, of_rates, stated
 from gimbalcal.simulate.scenario import Scenario, check_content, load
 from gimbalcal.simulate.truth import true_effects
-from gimbalcal.simulate.turned import flown, nodes, radii, shaken, stimulus
+from gimbalcal.simulate.turned import flown, nodes, shaken, stimulus
 
 BLOCK = 1 << 17  # rows made at once: some 100 MB of work space; fixed, so that a seed means the same rows everywhere
 PAST_STEP = 60.0  # s between the earlier rows that effects with a memory are given; the lag and integral are exact

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.earth import EARTH_RATE, FLATTENING, SEMI_MAJOR_AXIS, normal_gravity
+from gimbalcal.earth import normal_gravity, radii, rate_at
 from gimbalcal.effects import Stimulus
 from gimbalcal.effects.process import GaussMarkov, sample
 from gimbalcal.errors import InputError
@@ -100,8 +100,7 @@ def _driven(path: Drive, like: Recording, time: Array) -> Stimulus:
     C_bn, own, slope = path.at(time)
     (v, dv), (L, _, h) = path.motion(time), path.place(time).T
     M, N = radii(L)
-    zero = np.zeros_like(L)
-    earth = EARTH_RATE * np.stack([np.cos(L), zero, -np.sin(L)], axis=-1)
+    earth = rate_at(L)
     over = np.stack([v[:, 1] / (N + h), -v[:, 0] / (M + h), -v[:, 1] * np.tan(L) / (N + h)], axis=-1)
     C_nb = np.swapaxes(C_bn, -1, -2)
     g = like.site.gravity + normal_gravity(L, h) - normal_gravity(path.latitude, path.height)
@@ -109,13 +108,6 @@ def _driven(path: Drive, like: Recording, time: Array) -> Stimulus:
     frame = apply_matrix(C_nb, earth + over)
     s = stimulus_from_truth(replace(like, time=time, weight=np.ones(len(time))), force, own + frame)
     return s.at(rate_slope=slope - np.cross(own, frame))
-
-
-def radii(latitude: Array) -> tuple[Array, Array]:
-    """Radii of curvature of the ellipsoid [m]: M along the meridian, N across it."""
-    e2 = FLATTENING * (2 - FLATTENING)
-    w = 1 - e2 * np.sin(latitude) ** 2
-    return SEMI_MAJOR_AXIS * (1 - e2) / w**1.5, SEMI_MAJOR_AXIS / np.sqrt(w)
 
 
 def schedule_of(motion: Motion) -> RotationSchedule:

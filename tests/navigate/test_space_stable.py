@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimbalcal.earth import EARTH_RATE, normal_gravity
-from gimbalcal.navigate.space_stable import Aids, Site, navigate, radii, schuler_rate
+from gimbalcal.earth import EARTH_RATE, normal_gravity, radii
+from gimbalcal.navigate.space_stable import Aids, Site, navigate, schuler_rate
 from gimbalcal.number import Array
 
 L = np.deg2rad(40.0)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.earth import EARTH_RATE
+from gimbalcal.earth import EARTH_RATE, rate_at
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.systematic.course import Course
 from gimbalcal.navigate.strapdown import carried
@@ -121,7 +121,7 @@ def attitudes(course: Course, u: Array, start: Alignment) -> Array:
     """
     latitude = course.rows.site.latitude
     assert latitude is not None
-    earth = EARTH_RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
+    earth = rate_at(latitude)
     dt = _with_pauses(course)
     C = carried(dt, u[:, 3:] - start.bias)
     t = np.concatenate([[0.0], np.cumsum(dt)])

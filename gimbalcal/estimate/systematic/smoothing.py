@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gimbalcal.earth import EARTH_RATE
+from gimbalcal.earth import rate_at
 from gimbalcal.effects import Effect, Parameter
 from gimbalcal.estimate.systematic.alignment import Alignment
 from gimbalcal.estimate.systematic.course import Course
@@ -245,7 +245,7 @@ def _expected(course: Course, u: Array, C: Array) -> Array:
     """
     site = course.rows.site
     assert site.latitude is not None
-    earth = EARTH_RATE * np.array([np.cos(site.latitude), 0.0, -np.sin(site.latitude)])
+    earth = rate_at(site.latitude)
     force, rate = _in_body(course, u, C, np.array([[0.0, 0.0, -site.gravity], earth]))
     at_rest = (course.stop >= 0)[np.repeat(np.arange(len(course.stop)), np.diff(course.first))]
     return np.concatenate([force, np.where(at_rest[:, None], rate, u[:, 3:])], axis=1)
