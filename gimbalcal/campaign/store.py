@@ -68,7 +68,8 @@ class Store:
         self.parts.mkdir(exist_ok=True)
         atomic.write_json(self.parts / "identity.json", {"identity": self.task.identity})
         self._take_over()
-        return [s for s in self.shares() if self._part(s) is None]
+        kept = self._kept()
+        return [s for s in self.shares() if s not in kept]
 
     def _check(self, path: Path) -> None:
         if not path.is_file():
@@ -96,15 +97,20 @@ class Store:
         if json.loads(summary.read_text(encoding="utf-8")).get("sha256") != _digest(table.read_bytes()):
             return
         rows = pl.read_parquet(table.absolute(), glob=False)
-        present = set(rows["run"].unique().to_list())
+        present, kept = set(rows["run"].unique().to_list()), self._kept()
         for share in self.shares():
-            if self._part(share) is None and present.issuperset(share):
+            if share not in kept and present.issuperset(share):
                 self.keep(share, rows.filter(pl.col("run").is_between(share.start, share.stop - 1)).to_dict())
 
-    def _part(self, share: range) -> Path | None:
-        """The file of a share, whose name ends with the digest of what is in it; None where it is not or damaged."""
-        there = [p for p in sorted(self.parts.iterdir()) if p.name.startswith(_name(share)) and p.suffix == ".parquet"]
-        return next((p for p in there if p.stem.endswith(_digest(p.read_bytes())[:DIGITS])), None)
+    def _kept(self) -> dict[range, Path]:
+        """The sound file of each share that has one: its name ends with the digest of what is in it."""
+        shares = {_name(share): share for share in self.shares()}
+        kept: dict[range, Path] = {}
+        for path in sorted(self.parts.glob("*.parquet")):
+            name, _, digest = path.stem.rpartition("-")
+            if name in shares and digest == _digest(path.read_bytes())[:DIGITS]:
+                kept.setdefault(shares[name], path)
+        return kept
 
     def keep(self, share: range, columns: Mapping[str, Any]) -> None:
         """Write one share, whole or not at all."""
@@ -113,20 +119,20 @@ class Store:
         content = io.BytesIO()
         pl.DataFrame({name: columns[name] for name in COLUMNS}, schema=_schema()).write_parquet(content)
         digest = _digest(content.getvalue())[:DIGITS]
-        atomic.write(self.parts / f"{_name(share)}{digest}.parquet", content.getvalue())
+        atomic.write(self.parts / f"{_name(share)}-{digest}.parquet", content.getvalue())
 
     def finish(self, summarise: Any) -> dict[str, Any]:
         """Join all shares into campaign.parquet, write campaign.json, both or neither, and remove the shares."""
         import polars as pl
 
-        parts = [(share, self._part(share)) for share in self.shares()]
-        lost = [share for share, part in parts if part is None]
+        kept = self._kept()
+        lost = [share for share in self.shares() if share not in kept]
         if lost:
             raise InputError(
                 f"{self.parts}: runs {lost[0].start} to {lost[0].stop - 1} were changed or removed while the campaign "
                 "went on; the same command computes them again"
             )
-        rows = pl.concat([pl.read_parquet(part.absolute(), glob=False) for _, part in parts if part is not None])
+        rows = pl.concat([pl.read_parquet(kept[share].absolute(), glob=False) for share in self.shares()])
         with atomic.folder(self.folder, last=SUMMARY) as new:
             rows.write_parquet(new / TABLE)
             digest = _digest((new / TABLE).read_bytes())
@@ -137,7 +143,7 @@ class Store:
 
 
 def _name(share: range) -> str:
-    return f"{share.start:08d}-{share.stop:08d}-"
+    return f"{share.start:08d}-{share.stop:08d}"
 
 
 def _digest(content: bytes) -> str:
