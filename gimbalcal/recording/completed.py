@@ -17,12 +17,18 @@ def completed(recording: Recording) -> Recording:
     A multi-position recording without positions is searched for rests, as `read` does with a file; what a recording
     has already stays. Rows that are means say nothing of the samples, and a channel that never moves has no scatter.
     """
-    if recording.kind == "multi-position" and recording.position is None and recording.has(FORCE):
-        forces, rates = ({a: recording.channels[q, a] for a in recording.axes(q)} for q in (FORCE, RATE))
-        position = detect(recording.time, forces, rates, recording.counted(RATE))
-        recording = replace(recording, position=position)
+    if recording.kind == "multi-position" and recording.has(FORCE):
+        recording = with_rests(recording)
     if recording.scatter or recording.kind == "pointing" or len(recording.time) == 0:
         return recording
     found = pooled(recording.time, recording.position, recording.channels, recording.weight)
     seen = {key: sigma for key, sigma in found.items() if sigma > 0}
     return replace(recording, scatter=seen) if seen else recording
+
+
+def with_rests(recording: Recording) -> Recording:
+    """The recording with its rests as positions, found where its sensors are quiet if nobody numbered them."""
+    if recording.position is not None:
+        return recording
+    forces, rates = ({a: recording.channels[q, a] for a in recording.axes(q)} for q in (FORCE, RATE))
+    return replace(recording, position=detect(recording.time, forces or rates, rates, recording.counted(RATE)))

@@ -19,10 +19,11 @@ import numpy as np
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import COLOURED, SENSORS, Recording, dwell_means, dwells
+from gimbalcal.recording.completed import with_rests
 from gimbalcal.recording.plausible_force import check_each_norm, check_magnitude
 from gimbalcal.recording.plausible_run import check_attitude, check_latitude, check_sidereal, check_turn, named
 from gimbalcal.recording.plausible_turned import check_turned
-from gimbalcal.recording.rates import refuse_implausible_rates, with_rests
+from gimbalcal.recording.rates import refuse_implausible_rates
 from gimbalcal.recording.triads import AXES, CHANGES, CLOSE, NEARLY_ALL, in_words, remedy
 from gimbalcal.units import is_raw
 

@@ -17,7 +17,7 @@ accelerometers, so both are named unless gimbals have vouched for the accelerome
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -25,7 +25,7 @@ import numpy as np
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array, apply_matrix
-from gimbalcal.recording.detection import detect
+from gimbalcal.recording.completed import with_rests
 from gimbalcal.recording.dwell import dwells
 from gimbalcal.recording.plausible_run import named
 from gimbalcal.recording.record import Recording
@@ -73,7 +73,8 @@ def refuse_implausible_rates(recording: Recording) -> tuple[str, ...]:
         return ("the gyroscopes of a static run are not looked at",)
     if recording.kind not in ("multi-position", "rotation") or set(recording.axes(RATE)) != set(AXES):
         return ()
-    recording = with_rests(recording)
+    if recording.kind == "rotation":
+        recording = with_rests(recording)
     turns = _turns(recording)
     if turns is not None:
         _check_turns(recording, turns)
@@ -81,15 +82,6 @@ def refuse_implausible_rates(recording: Recording) -> tuple[str, ...]:
     if turns is not None or seen:
         return ()
     return (UNCHECKED,)
-
-
-def with_rests(recording: Recording) -> Recording:
-    """A rotation has rests too: where its sensors are quiet."""
-    if recording.position is not None or recording.kind != "rotation":
-        return recording
-    forces = {f"{q} {a}": x for (q, a), x in recording.channels.items() if q == FORCE}
-    rates = {a: x for (q, a), x in recording.channels.items() if q == RATE}
-    return replace(recording, position=detect(recording.time, forces or rates, rates, recording.counted(RATE)))
 
 
 # --- turns ------------------------------------------------------------------------------------------------------------
