@@ -32,7 +32,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from gimbalcal.api import calibrate
     from gimbalcal.calibration import Calibration
-    from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
+    from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, load_effects
     from gimbalcal.errors import InputError
     from gimbalcal.forward import jacobian, predict
     from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings, stimulus_from_truth
@@ -62,6 +62,7 @@ __all__ = [
     "from_arrays",
     "from_frame",
     "jacobian",
+    "load_effects",
     "predict",
     "read",
     "stimulus_from_angles",

@@ -198,6 +198,11 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
     gimbals = readout.gimbals or tuple(gimbals) or gimbals_of([(r["name"], r["axis"]) for r in rows])
     known = {(p.name, p.axis): p for cls in CATALOGUE.values() for p in parameters(cls, gimbals, constants=True)}
     missing = [f"{r['name']}:{r['axis']}" for r in rows if (r["name"], r["axis"]) not in known]
+    if unknown := [r["effect"] for r in rows if r.get("effect", "bias") not in CATALOGUE]:
+        raise InputError(
+            f"calibration holds the effect {unknown[0]!r}, which the catalogue does not have; give the file that "
+            "defines it with --effects FILE.py"
+        )
     if missing:
         raise InputError(f"calibration holds parameters that this version does not know: {', '.join(missing)}")
     chosen = tuple(known[r["name"], r["axis"]] for r in rows)

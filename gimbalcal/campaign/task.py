@@ -22,7 +22,10 @@ SHIPPED = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Task:
-    """A campaign without its size: the scenario's text, its seed, the method, and how many runs make a share."""
+    """A campaign without its size: the scenario's text, its seed, the method, and how many runs make a share.
+
+    effects: name and text of each file of a user's effects, since a worker has none of them.
+    """
 
     name: str
     text: str
@@ -30,6 +33,7 @@ class Task:
     seed: int
     method: str
     share: int
+    effects: tuple[tuple[str, str], ...] = ()
 
     @property
     def direction(self) -> str:
@@ -42,7 +46,8 @@ class Task:
         from gimbalcal import __version__
 
         parts = asdict(self) | {"text": sha256(self.text.encode()).hexdigest(), "version": __version__}
-        return {"scenario": parts.pop("text"), **parts}
+        own = [sha256(text.encode()).hexdigest() for _, text in parts.pop("effects")]
+        return {"scenario": parts.pop("text"), **parts, **({"effects": own} if own else {})}
 
 
 def task(scenario: str | Path, method: str = "three-stage", seed: int | None = None) -> Task:
@@ -57,13 +62,15 @@ def task(scenario: str | Path, method: str = "three-stage", seed: int | None = N
     if kind in PULSES:
         _check_pulses(path, content)
     else:
+        from gimbalcal.effects.loading import loaded_texts
         from gimbalcal.simulate import check_content
 
         check_content(content, str(path))
         if method not in METHODS:
             raise InputError(f"method {method!r} is not known; choose {' or '.join(METHODS)}")
     given = int(content.get("seed", 1)) if seed is None else seed
-    return Task(path.stem, text, kind, given, kind if kind in PULSES else method, SHARE.get(kind, 4))
+    return Task(path.stem, text, kind, given, kind if kind in PULSES else method, SHARE.get(kind, 4),
+                loaded_texts() if kind not in PULSES else ())  # fmt: skip
 
 
 def _find(scenario: str | Path) -> Path:
@@ -104,6 +111,11 @@ def compute(what: Task, runs: range) -> dict[str, list[Any]]:
     """Columns (see COLUMNS) of these runs; runs that fail carry a sentence in `outcome` and no estimate."""
     from threadpoolctl import threadpool_limits
 
+    if what.effects:
+        from gimbalcal.effects.loading import load_text
+
+        for name, source in what.effects:
+            load_text(name, source)
     with threadpool_limits(limits=1):  # small matrices: a second thread only waits, and sums in another order
         if what.kind in PULSES:
             return _pulses(what, runs)

@@ -21,7 +21,19 @@ from gimbalcal.cli.history import compare, remember, stored
 from gimbalcal.cli.navigation import budget, navigate
 from gimbalcal.cli.new import new
 from gimbalcal.cli.noise import noise
-from gimbalcal.cli.options import COUNT, GRADE, RECORDINGS, SEED, example, listed, output_options, progress, show, wrote
+from gimbalcal.cli.options import (
+    COUNT,
+    EFFECTS,
+    GRADE,
+    RECORDINGS,
+    SEED,
+    example,
+    listed,
+    output_options,
+    progress,
+    show,
+    wrote,
+)
 from gimbalcal.cli.placing import OVERWRITE, place, placed
 from gimbalcal.cli.planning import design, observe
 from gimbalcal.errors import InputError
@@ -266,6 +278,10 @@ def demo(out: Path | None, quiet: bool, as_json: bool) -> None:
 
     summary, sentence = demonstrate(out or Path("out/demo"), progress(quiet))
     show(summary, sentence, as_json, quiet)
+
+
+for _command in gimbalcal.commands.values():
+    _command.params.append(EFFECTS)
 
 
 if __name__ == "__main__":

@@ -99,6 +99,19 @@ def wrote(folder: Path, first: str, quiet: bool) -> None:
     progress(quiet)(f"wrote {folder / first} and {folder / 'report.html'}")
 
 
+def _load_effects(_context: click.Context, _option: click.Parameter, files: tuple[Path, ...]) -> None:
+    """Enter a user's effects into the catalogue before anything is read."""
+    if files:
+        from gimbalcal.effects import load_effects
+
+        for file in files:
+            load_effects(file)
+
+
+EFFECTS = click.Option(
+    ["--effects"], multiple=True, type=click.Path(path_type=Path), metavar="FILE.py", expose_value=False,
+    callback=_load_effects, help="Effects of your own, beside those of the catalogue (docs/extending.md).",
+)  # fmt: skip
 RECORDINGS = click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
 GRADE = click.option(
     "--grade",

@@ -19,6 +19,7 @@ from gimbalcal.effects.effect import (
     values,
     with_values,
 )
+from gimbalcal.effects.loading import load_effects, load_installed
 
 __all__ = [
     "CATALOGUE",
@@ -27,6 +28,7 @@ __all__ = [
     "Stage",
     "Stimulus",
     "absent",
+    "load_effects",
     "parameters",
     "values",
     "with_values",
@@ -34,3 +36,4 @@ __all__ = [
 
 for _module in pkgutil.iter_modules(__path__):  # every file here is a family: a new effect needs no other edit
     importlib.import_module(f"{__name__}.{_module.name}")
+load_installed()

@@ -1,0 +1,195 @@
+"""Effects that a user wrote: from a file (`--effects FILE.py`), or of an installed package.
+
+What is loaded stands in the catalogue beside the package's own and works as they do. Before that each new effect is
+held against the contract on a made-up stimulus, because a contribution that is not zero when absent, or whose
+derivative is lost, would spoil every fit without a word.
+"""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Callable
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from gimbalcal.effects.effect import CATALOGUE, EVERY_KIND, Effect, Stage, Stimulus, absent, parameters, with_values
+from gimbalcal.errors import InputError
+from gimbalcal.number import STEP, Array
+from gimbalcal.units import parse
+
+GROUP = "gimbalcal.effects"  # of entry points: a package names a module here, whose import defines the effects
+GIMBALS = ("inner", "middle", "outer")
+LARGEST = 1e6  # bytes of a file of effects
+_loaded: dict[str, tuple[str, tuple[str, ...]]] = {}  # by path: the text that was run, and the ids that it defined
+
+
+def load_effects(path: str | Path) -> tuple[str, ...]:
+    """Enter the effects that a Python file defines into the catalogue and return their ids.
+
+    A file that was loaded before is run again if its text is another one. Raises InputError, naming file and line, for
+    what cannot be run, for an id that is taken, and for an effect that breaks the contract; nothing is entered then.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"there is no file {path}; --effects takes a Python file with classes under @effect")
+    if path.stat().st_size > LARGEST:
+        raise InputError(f"{path} has {path.stat().st_size / 1e6:.0f} MB, which no file of effects has")
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise InputError(
+            f"{path} is not UTF-8 text; --effects takes a Python file with classes under @effect"
+        ) from None
+    return load_text(str(path), text)
+
+
+def load_text(name: str, text: str) -> tuple[str, ...]:
+    """The same from the text of a file; `name` is what it is called."""
+    before, ids = _loaded.get(name, ("", ()))
+    if before == text and ids:
+        return ids
+    held = {i: CATALOGUE.pop(i) for i in ids if i in CATALOGUE}  # what its earlier text defined
+    try:
+        new = _entered(name, lambda: _run(name, text))
+    except InputError:
+        CATALOGUE.update(held)
+        raise
+    if not new:
+        CATALOGUE.update(held)
+        raise InputError(f"{name} defines no effect; write a class under @effect as docs/extending.md shows")
+    _loaded[name] = (text, new)
+    return new
+
+
+def loaded_texts() -> tuple[tuple[str, str], ...]:
+    """Name and text of every file that was loaded, for processes that have to load them again."""
+    return tuple((name, text) for name, (text, _) in _loaded.items())
+
+
+def load_installed() -> None:
+    """Import every module that an installed package names under the entry points `gimbalcal.effects`."""
+    for point in entry_points(group=GROUP):
+        _entered(f"the installed package behind {GROUP} / {point.name}", point.load)
+
+
+def _entered(name: str, run: Callable[[], object]) -> tuple[str, ...]:
+    """Ids that a run adds to the catalogue, each held against the contract; none is left there where one breaks it."""
+    before = set(CATALOGUE)
+    broken = ""
+    try:
+        run()
+    except (Exception, SystemExit) as problem:  # noqa: BLE001  whatever a user's file does
+        broken = f"{name}{_line(problem, name)}: {_reason(problem)}"
+    new = tuple(i for i in CATALOGUE if i not in before)
+    if not broken:
+        refused = ((i, breach(CATALOGUE[i])) for i in new)
+        broken = next((f"{name}: the effect {i!r} {why}" for i, why in refused if why), "")
+    if broken:
+        for i in new:
+            del CATALOGUE[i]
+        raise InputError(broken)
+    return new
+
+
+def _run(name: str, text: str) -> None:
+    module = ModuleType(f"gimbalcal_effects_{abs(hash(name)):x}")
+    module.__file__ = name
+    sys.modules[module.__name__] = module  # dataclasses look their annotations up there
+    exec(compile(text, name, "exec"), module.__dict__)  # noqa: S102  a file that the user named
+
+
+def _line(problem: BaseException, name: str) -> str:
+    if isinstance(problem, SyntaxError) and problem.filename == name:
+        return f" line {problem.lineno}"
+    lines = [frame.lineno for frame in traceback.extract_tb(problem.__traceback__) if frame.filename == name]
+    return f" line {lines[-1]}" if lines else ""
+
+
+def _reason(problem: BaseException) -> str:
+    said = problem.msg if isinstance(problem, SyntaxError) else str(problem)
+    ours = isinstance(problem, ValueError)  # sentences of this package
+    return said if ours and said else f"{type(problem).__name__}: {said}".rstrip(": ")
+
+
+def breach(cls: type[Effect]) -> str:
+    """What an effect breaks of the contract, to be said after its id; empty where it keeps it."""
+    try:
+        return _card(cls) or _law(cls)
+    except InputError as problem:
+        return f"cannot be used: {problem}"
+    except Exception as problem:  # noqa: BLE001  whatever a user's contribution does
+        return f"fails on a recording that has everything: {type(problem).__name__}: {problem}"
+
+
+def _card(cls: type[Effect]) -> str:
+    """What its declaration lacks."""
+    if not str(cls.id).isidentifier():
+        return "has an id that is no name; write letters, digits and _"
+    if (cls.__doc__ or "").startswith(f"{cls.__name__}("):
+        return "says nothing of itself; give the class a docstring whose first sentence says what it does"
+    if not isinstance(getattr(cls, "stage", None), Stage):
+        return f"says no stage; write stage = Stage.NAME with one of {', '.join(s.name for s in Stage)}"
+    if wrong := [k for k in cls.kinds if k not in EVERY_KIND]:
+        return f"names a kind of recording {wrong[0]!r}; there are {', '.join(EVERY_KIND)}"
+    own = parameters(cls, GIMBALS, constants=True)
+    if not any("." not in p.name for p in own):
+        return "has no parameter; give it one with parameter(axes, unit=..., sigma=...)"
+    for p in own:
+        parse(p.unit)
+        if not p.sigma > 0:
+            return f"has a parameter {p.name} whose sigma (or range) is {p.sigma:g}; it must be above zero"
+    taken = {p.name: i for i, c in CATALOGUE.items() if i != cls.id for p in parameters(c, GIMBALS, constants=True)}
+    if double := [p.name for p in own if p.name in taken]:
+        return f"calls a parameter {double[0]!r}, as {taken[double[0]]} does; choose another name"
+    return ""
+
+
+def _law(cls: type[Effect]) -> str:
+    """What its contribution does not do: zero when absent, right shape, exact derivative, linear where it says so."""
+    s, made = example(cls), absent(cls, GIMBALS)
+    n, k = s.readout.shape
+    shape = {Stage.ENCODER: (n, k), Stage.AXIS_TILT: (n, k, 3)}.get(cls.stage, (n, 3))
+    none = np.asarray(made.contribution(s))
+    if np.broadcast_shapes(none.shape, shape) != none.shape:
+        return f"adds an array of shape {none.shape}, and at the stage {cls.stage.name} it is {shape}"
+    if np.any(none):
+        return "adds something although its parameters are zero; zero must mean absent"
+    wanted = parameters(cls, GIMBALS)
+    sigma, rng = np.array([p.sigma for p in wanted]), np.random.default_rng(1)
+    x, way = rng.uniform(0.5, 1.5, len(wanted)) * sigma, rng.uniform(0.5, 1.5, len(wanted)) * sigma
+
+    def added(step: complex) -> Array:
+        return np.asarray(with_values([made], wanted, x + step * way, GIMBALS)[0].contribution(s))
+
+    at = added(0.0)
+    if not np.all(np.isfinite(at)):
+        return "adds what is not finite for parameters of its usual size"
+    exact, difference = added(1j * STEP).imag / STEP, (added(1e-5) - added(-1e-5)).real / 2e-5
+    off = np.abs(exact - difference).max()
+    if off > 1e-4 * np.abs(difference).max() + 1e-8 * np.abs(at).max():
+        return "loses its derivative; take absolute, sin, exp, ... from gimbalcal.number instead of numpy or math"
+    if cls.linear and np.abs(added(1.0) - at - exact).max() > 1e-9 * np.abs(at).max():
+        return "is not linear in its parameters; make what enters otherwise a constant, or write linear = False"
+    return ""
+
+
+def example(cls: type[Effect], n: int = 12) -> Stimulus:
+    """A made-up stimulus (n rows, three gimbals) that has everything an effect may ask for."""
+    rng = np.random.default_rng(0)
+    k, visit = len(GIMBALS), np.arange(n) // 3
+    names = {need.partition(":")[2] or "logged" for need in cls.requires if need.startswith("covariate")} or {"logged"}
+    many = (rng.uniform(0.3, 0.9, (n, 3)) for _ in range(8))
+    force, move, earlier, rate, target, slope, one, other = many
+    return Stimulus(
+        time=600.0 * np.arange(n), readout=one, angle=one + 1e-6 * other, force=9.8 * force, gravity=9.8, visit=visit,
+        position=visit + 1, since_move=600.0 * (np.arange(n) % 3), move_force=move, move_angle=other,
+        earlier_move_force=earlier, rate=0.1 * rate, axis_names=GIMBALS, latitude=0.7, target=target,
+        true_angle=one, aimed=rng.uniform(size=(n, 3, 2)), temperature=20 + 5 * rng.uniform(size=n),
+        covariates={name: rng.uniform(1, 2, n) for name in sorted(names)}, axis_directions=("x", "y", "z"),
+        sense=(1,) * k, attitude=np.broadcast_to(np.eye(3), (n, 3, 3)), load=rng.uniform(size=(n, k, 3)),
+        rate_slope=0.01 * slope,
+    )  # fmt: skip

@@ -1,0 +1,174 @@
+"""--effects FILE.py: a user's effects work as those of the catalogue do; what is wrong with them is one sentence."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+
+import gimbalcal
+from gimbalcal.campaign.task import compute, task
+from gimbalcal.effects import CATALOGUE, loading
+from gimbalcal.effects.loading import breach, load_effects, load_installed
+from gimbalcal.errors import InputError
+
+Run = Callable[..., int]
+OWN = '''
+"""An effect of one's own."""
+from gimbalcal.effects.effect import TRIAD, Effect, Stage, Stimulus, effect, parameter
+from gimbalcal.number import Array, absolute
+import numpy as np
+
+@effect
+class TwistedSpring(Effect):
+    r"""The output follows the force times its cube across.
+
+    .. math:: \\\\delta a_i = w_i f_x f_y^3
+    """
+
+    id = "twisted_spring"
+    stage = Stage.ACCELEROMETER
+    w: Array = parameter(TRIAD, unit="ug/g^4", sigma=50, name="twist")
+
+    def contribution(self, s: Stimulus) -> Array:
+        return self.w * (s.force[:, 0] * s.force[:, 1] ** 3)[..., None]
+'''
+SCENARIO = """
+format = 1
+kind = "multi-position"
+seed = 5
+site.latitude = { value = 40.0, unit = "deg" }
+schedule = { name = "wu2018-18", dwell = { value = 1.0, unit = "min" }, rate = { value = 0.1, unit = "Hz" } }
+[noise]
+accelerometer = { value = 10.0, unit = "ug" }
+[truth.twisted_spring]
+z = 200.0
+"""
+
+
+@pytest.fixture(autouse=True)
+def catalogue(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Nothing of these tests stays in the catalogue."""
+    before = dict(CATALOGUE)
+    monkeypatch.setattr(loading, "_loaded", {})
+    yield
+    for i in set(CATALOGUE) - set(before):
+        del CATALOGUE[i]
+    CATALOGUE.update(before)
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> Path:
+    (tmp_path / "own.py").write_text(OWN)
+    (tmp_path / "scenario.toml").write_text(SCENARIO)
+    return tmp_path / "own.py"
+
+
+def test_simulate_calibrate_and_apply_take_it(own: Path, command: Run, capsys: pytest.CaptureFixture[str]) -> None:
+    there = own.parent
+    with_it = ("--effects", own, "--quiet", "--out")
+    assert command("simulate", there / "scenario.toml", *with_it, there / "rec") == 0
+    assert command("calibrate", there / "rec", "--with", "twisted_spring:z", *with_it, there / "made") == 0
+    rows = json.loads((there / "made" / "calibration.json").read_text())["parameters"]
+    twist = next(r for r in rows if r["name"] == "twist")
+    assert abs(twist["value"] - 200) < 4 * twist["sigma"] < 100
+    assert (
+        command("apply", there / "rec", "--calibration", there / "made" / "calibration.json", *with_it, there / "a")
+        == 0
+    )
+    assert command("catalogue", "twisted_spring", "--effects", own) == 0
+    assert "force times its cube" in capsys.readouterr().out
+
+
+def test_a_calibration_says_that_it_needs_the_file(own: Path, command: Run, capsys: pytest.CaptureFixture[str]) -> None:
+    there = own.parent
+    command("simulate", there / "scenario.toml", "--effects", own, "--quiet", "--out", there / "rec")
+    command("calibrate", there / "rec", "--with", "twisted_spring:z", "--quiet", "--out", there / "made")
+    del CATALOGUE["twisted_spring"]
+    capsys.readouterr()
+    assert command("apply", there / "rec", "--calibration", there / "made" / "calibration.json") == 2
+    said = capsys.readouterr().err
+    assert "'twisted_spring', which the catalogue does not have; give the file that defines it with --effects" in said
+
+
+def changed(old: str, new: str) -> str:
+    assert old in OWN
+    return OWN.replace(old, new)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("x = (", "own.py line 1: SyntaxError: '(' was never closed"),
+        ("import nowhere_at_all", "own.py line 1: ModuleNotFoundError: No module named"),
+        ("\nraise SystemExit", "own.py line 2: SystemExit"),
+        ("x = 1", "own.py defines no effect; write a class under @effect"),
+        (changed('"twisted_spring"', '"bias"'), "line 7: two effects are called 'bias': Bias and TwistedSpring"),
+        (changed("self.w *", "1e-6 + self.w *"), "adds something although its parameters are zero"),
+        (changed("self.w *", "np.abs(self.w) *"), "loses its derivative; take absolute"),
+        (changed("self.w *", "self.w * absolute(self.w) *"), "is not linear in its parameters"),
+        (changed("self.w *", "self.w[0] *"), "adds an array of shape (12, 1)"),
+        (changed("self.w *", "self.v *"), "fails on a recording that has everything: AttributeError"),
+        (changed("ug/g^4", "furlong"), "cannot be used: the unit 'furlong' is not known"),
+        (changed('name="twist"', 'name="K3"'), "calls a parameter 'K3', as cubic_nonlinearity does"),
+        (changed("sigma=50", "sigma=0"), "has a parameter twist whose sigma (or range) is 0"),
+        (changed("    stage = Stage.ACCELEROMETER\n", ""), "says no stage; write stage = Stage.NAME"),
+        (changed('id = "twisted_spring"', 'id = "twisted spring"'), "has an id that is no name"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_one_sentence(text: str, said: str, own: Path) -> None:
+    own.write_text(text)
+    before = dict(CATALOGUE)
+    with pytest.raises(InputError) as told:
+        load_effects(own)
+    assert said in str(told.value)
+    assert dict(CATALOGUE) == before
+
+
+def test_a_missing_file_and_one_that_is_no_text_are_refused(
+    own: Path, command: Run, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command("catalogue", "--effects", own.parent / "other.py") == 2
+    assert "there is no file" in capsys.readouterr().err
+    own.write_bytes(b"\xff\xfe\x00")
+    assert command("catalogue", "--effects", own) == 2
+    assert "is not UTF-8 text" in capsys.readouterr().err
+
+
+def test_a_file_is_run_again_when_it_changed(own: Path) -> None:
+    assert gimbalcal.load_effects(own) == ("twisted_spring",) == gimbalcal.load_effects(own)
+    own.write_text(OWN.replace("twisted_spring", "bent_spring"))
+    assert gimbalcal.load_effects(own) == ("bent_spring",)
+    assert "twisted_spring" not in CATALOGUE
+    own.write_text("x = (")
+    with pytest.raises(InputError):
+        gimbalcal.load_effects(own)
+    assert "bent_spring" in CATALOGUE
+
+
+def test_installed_packages_bring_theirs(own: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(own.parent))
+    monkeypatch.setattr(loading, "entry_points", lambda group: [EntryPoint("mine", "own", group)])
+    load_installed()
+    assert "twisted_spring" in CATALOGUE
+    monkeypatch.setattr(loading, "entry_points", lambda group: [EntryPoint("mine", "nowhere_at_all", group)])
+    with pytest.raises(InputError, match=r"gimbalcal.effects / mine: ModuleNotFoundError"):
+        load_installed()
+
+
+def test_workers_of_a_campaign_load_it_themselves(own: Path) -> None:
+    load_effects(own)
+    what = task(own.parent / "scenario.toml")
+    assert what.identity["effects"] != []
+    del CATALOGUE["twisted_spring"]  # as in a new process
+    loading._loaded.clear()
+    assert {"bias:x", "bias:z"} <= set(compute(what, range(1))["parameter"])
+    assert "twisted_spring" in CATALOGUE
+
+
+@pytest.mark.parametrize("effect", sorted(CATALOGUE))
+def test_the_catalogue_keeps_the_contract_that_it_asks_of_others(effect: str) -> None:
+    assert breach(CATALOGUE[effect]) == ""
