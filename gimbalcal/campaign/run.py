@@ -17,6 +17,7 @@ from gimbalcal.campaign.task import Task, task
 from gimbalcal.errors import InputError, amount
 
 Tell = Callable[[str], None]
+Page = Callable[[dict[str, Any]], str]
 
 
 def run_campaign(
@@ -28,11 +29,15 @@ def run_campaign(
     progress: Tell = lambda _: None,
     method: str = "three-stage",
     seed: int | None = None,
+    page: Page | None = None,
+    overwrite: bool = False,
 ) -> dict[str, Any]:
     """Run a scenario n times into `out` (campaign.parquet, campaign.json) and return what campaign.json holds.
 
     workers: processes on this machine (default: its cores; 1 computes in this process). scheduler: address of a Dask
     scheduler to use instead. progress is told after every share. A stopped campaign goes on when it is called again.
+    page: the text of a report.html that is written beside the numbers, from what campaign.json holds. overwrite:
+    another campaign that is in `out` gives way.
     """
     if n < 1:
         raise InputError(f"-n must be at least 1, got {n}")
@@ -43,10 +48,14 @@ def run_campaign(
     store = Store(Path(out), what, n)
     client = connect(scheduler) if scheduler else None
     with store.alone():
-        return _run(what, store, n, workers, client, progress)
+        if overwrite:
+            store.give_way()
+        return _run(what, store, n, workers, client, progress, page)
 
 
-def _run(what: Task, store: Store, n: int, workers: int, client: Any, progress: Tell) -> dict[str, Any]:
+def _run(
+    what: Task, store: Store, n: int, workers: int, client: Any, progress: Tell, page: Page | None
+) -> dict[str, Any]:
     todo = store.open()
     done = n - sum(len(share) for share in todo)
     if done:
@@ -61,7 +70,7 @@ def _run(what: Task, store: Store, n: int, workers: int, client: Any, progress: 
         fresh += len(share)
         left = (n - done - fresh) * (monotonic() - start) / fresh
         progress(f"{done + fresh} of {amount(n, 'run')}, {_spell(left)} left")
-    return store.finish(lambda rows: {"direction": what.direction, **summarise(rows)})
+    return store.finish(lambda rows: {"direction": what.direction, **summarise(rows)}, page)
 
 
 def _spell(seconds: float) -> str:

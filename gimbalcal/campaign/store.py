@@ -10,7 +10,7 @@ import io
 import json
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
@@ -21,7 +21,8 @@ from gimbalcal import atomic
 from gimbalcal.campaign.task import COLUMNS, Task
 from gimbalcal.errors import InputError
 
-TABLE, SUMMARY, PARTS = "campaign.parquet", "campaign.json", "campaign.parts"
+TABLE, SUMMARY, PARTS, PAGE = "campaign.parquet", "campaign.json", "campaign.parts", "report.html"
+IDENTITY = "identity.json"
 DIGITS = 16  # of a digest in the name of a part
 
 
@@ -64,12 +65,22 @@ class Store:
         """The shares still to compute. Raises InputError where the folder holds another campaign."""
         self.folder.mkdir(parents=True, exist_ok=True)
         self._check(self.folder / SUMMARY)
-        self._check(self.parts / "identity.json")
+        self._check(self.parts / IDENTITY)
         self.parts.mkdir(exist_ok=True)
-        atomic.write_json(self.parts / "identity.json", {"identity": self.task.identity})
+        atomic.write_json(self.parts / IDENTITY, {"identity": self.task.identity})
         self._take_over()
         kept = self._kept()
         return [s for s in self.shares() if s not in kept]
+
+    def give_way(self) -> None:
+        """Remove another campaign from the folder; this one's own runs stay, and so does what is no campaign's."""
+        try:
+            self._check(self.folder / SUMMARY)
+            self._check(self.parts / IDENTITY)
+        except InputError:
+            for name in (SUMMARY, TABLE, PAGE):
+                (self.folder / name).unlink(missing_ok=True)
+            shutil.rmtree(self.parts, ignore_errors=True)
 
     def _check(self, path: Path) -> None:
         if not path.is_file():
@@ -79,12 +90,12 @@ class Store:
         except (ValueError, KeyError, TypeError):
             raise InputError(
                 f"{path} is damaged, so that nobody can tell whose campaign is in {self.folder}: give another --out, "
-                f"or remove {TABLE}, {SUMMARY} and {PARTS} there"
+                "or --overwrite to replace"
             ) from None
         if found != self.task.identity:
             raise InputError(
-                f"{self.folder} holds another campaign (other scenario, seed, method or version): give another --out, "
-                f"or remove {TABLE}, {SUMMARY} and {PARTS} there"
+                f"{self.folder} holds another campaign (other scenario, seed, method or version), which would be "
+                "lost; give another --out, or --overwrite to replace"
             )
 
     def _take_over(self) -> None:
@@ -121,8 +132,8 @@ class Store:
         digest = _digest(content.getvalue())[:DIGITS]
         atomic.write(self.parts / f"{_name(share)}-{digest}.parquet", content.getvalue())
 
-    def finish(self, summarise: Any) -> dict[str, Any]:
-        """Join all shares into campaign.parquet, write campaign.json, both or neither, and remove the shares."""
+    def finish(self, summarise: Any, page: Callable[[dict[str, Any]], str] | None = None) -> dict[str, Any]:
+        """Join all shares into campaign.parquet, write campaign.json and a page, all or none; remove the shares."""
         import polars as pl
 
         kept = self._kept()
@@ -138,6 +149,8 @@ class Store:
             digest = _digest((new / TABLE).read_bytes())
             summary: dict[str, Any] = {"format": 1, "identity": self.task.identity, "sha256": digest, **summarise(rows)}
             atomic.write_json(new / SUMMARY, summary)
+            if page is not None:
+                atomic.write(new / PAGE, page(summary))
         shutil.rmtree(self.parts)
         return summary
 

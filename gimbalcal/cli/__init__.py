@@ -252,22 +252,32 @@ def simulate(scenario: Path, seed: int | None, overwrite: bool, out: Path | None
 @click.option("--scheduler", default="", help="Address of a running Dask scheduler, tcp://host:port, instead.")
 @click.option("--method", default="three-stage", show_default=True, help="How each simulated recording is calibrated.")
 @click.option("--seed", type=SEED, default=None, help="Instead of the scenario's own.")
-@output_options("campaign.json and campaign.parquet", "campaign- and the name of SCENARIO, here")
+@OVERWRITE
+@output_options("campaign.json, campaign.parquet and report.html", "SCENARIO-campaign, here")
 def campaign(
     scenario: Path, runs: int, workers: int | None, scheduler: str, method: str, seed: int | None,
-    out: Path | None, quiet: bool, as_json: bool,
+    overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Monte Carlo of SCENARIO: the same digits whatever the number of workers; goes on where it was stopped."""
     from gimbalcal.campaign import run_campaign
+    from gimbalcal.report.campaign_page import campaign_report, headline
+    from gimbalcal.report.html import marked
 
-    folder = out or Path(f"campaign-{scenario.stem}")
+    files = ("campaign.json", "campaign.parquet", "report.html")
+    there = place(out, [scenario], "campaign", files, overwrite, False)  # also with --json: runs are kept on the way
+    if there is None:
+        raise InputError("the current folder cannot be written, where the runs of a campaign are kept; give --out")
     tell = progress(quiet)
     try:
-        summary = run_campaign(scenario, runs, folder, workers, scheduler, tell, method, seed)
+        summary = run_campaign(
+            scenario, runs, there.folder, workers, scheduler, tell, method, seed,
+            lambda made: marked(campaign_report(made), there.question), overwrite,
+        )  # fmt: skip
     except KeyboardInterrupt:
-        tell(f"the runs that are done stay in {folder}; the same command goes on from there")
+        tell(f"the runs that are done stay in {there.folder}; the same command goes on from there")
         raise
-    show(summary, summary["in_words"], as_json, quiet)
+    wrote(there.folder, "campaign.json", quiet)
+    show(summary, headline(summary), as_json, quiet, there.page)
 
 
 @gimbalcal.command(epilog=example("gimbalcal demo --out out/demo"))

@@ -57,6 +57,7 @@ def compare(
     from gimbalcal.history import compare as run
     from gimbalcal.history import dated_file, of_store
     from gimbalcal.report.files import write_comparison
+    from gimbalcal.report.wording import answered
 
     if store is None and not calibrations:
         raise InputError("`compare` takes calibration.json files, or a --store that holds some")
@@ -69,7 +70,7 @@ def compare(
     if there is not None:
         write_comparison(content, diagnoses, there.folder, there.question)
         wrote(there.folder, "compare.json", quiet)
-    show(content, made.in_words, as_json, quiet, there.page if there else None)
+    show(content, answered(made.in_words), as_json, quiet, there.page if there else None)
     sys.exit(0 if made.agree else 1)
 
 

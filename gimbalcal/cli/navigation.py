@@ -53,6 +53,7 @@ def navigate(
     from gimbalcal.navigate.run import usual
     from gimbalcal.pipeline import load
     from gimbalcal.report.files import write_navigation
+    from gimbalcal.report.navigation_page import headline
 
     folder, files = _one_recording(recording, known)
     there = place(out, [folder], "navigation", ("navigation.json", "report.html"), overwrite, as_json)
@@ -71,7 +72,7 @@ def navigate(
     if there is not None:
         write_navigation(made, runs, run.title, there.folder, there.question)
         wrote(there.folder, "navigation.json", quiet)
-    show(made, made["in_words"], as_json, quiet, there.page if there else None)
+    show(made, headline(made), as_json, quiet, there.page if there else None)
 
 
 @click.command(
@@ -104,13 +105,14 @@ def budget(
     """
     from gimbalcal.design.budget import budget as run
     from gimbalcal.report.files import write_budget
+    from gimbalcal.report.wording import answered
 
     there = place(out, scenarios, "budget", ("budget.json", "report.html"), overwrite, as_json)
     made = run(scenarios, hours, more, damping, states)
     if there is not None:
         write_budget(made, there.folder, there.question)
         wrote(there.folder, "budget.json", quiet)
-    show(made.to_list(), made.in_words, as_json, quiet, there.page if there else None)
+    show(made.to_list(), answered(made.in_words), as_json, quiet, there.page if there else None)
 
 
 def _one_recording(given: tuple[Path, ...], known: tuple[Path, ...]) -> tuple[Path, list[Path]]:

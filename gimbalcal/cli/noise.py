@@ -19,6 +19,7 @@ def noise(recording: Path, overwrite: bool, out: Path | None, quiet: bool, as_js
     from gimbalcal.at_rest import content, noise_at_rest
     from gimbalcal.recording import read
     from gimbalcal.report.files import write_noise
+    from gimbalcal.report.noise_page import headline
 
     there = place(out, [recording], "noise", ("noise.json", "report.html"), overwrite, as_json)
     tell = progress(quiet)
@@ -32,7 +33,5 @@ def noise(recording: Path, overwrite: bool, out: Path | None, quiet: bool, as_js
         write_noise(made, r.title, there.folder, there.question)
         wrote(there.folder, "noise.json", quiet)
     stated = [f'{k} = {{ value = {v["value"]:g}, unit = "{v["unit"]}" }}' for k, v in made["header"].items()]
-    words = "\n".join(
-        [f"{made['in_words'][0].upper()}{made['in_words'][1:]}.", *(["[noise]", *stated] if stated else [])]
-    )
+    words = "\n".join([headline(made), *(["[noise]", *stated] if stated else [])])
     show(made, words, as_json, quiet, there.page if there else None)

@@ -26,7 +26,8 @@ from gimbalcal import atomic
 from gimbalcal.errors import InputError
 
 OVERWRITE = click.option("--overwrite", is_flag=True, help="Replace files in --out that differ from what is written.")
-TELLING = {"out", "quiet", "as_json", "overwrite", "store", "unit", "workers"}  # options that change no result
+TELLING = {"out", "quiet", "as_json", "overwrite", "store", "unit", "workers", "scheduler", "runs"}
+# options that change no result; runs of a campaign are added to those that are there
 PAGE = "report.html"
 
 

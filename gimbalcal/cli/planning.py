@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from gimbalcal.cli.options import COUNT, SEED, example, listed, output_options, progress, show, wrote
 from gimbalcal.cli.placing import OVERWRITE, place, placed
 from gimbalcal.errors import InputError
+
+if TYPE_CHECKING:
+    from gimbalcal.schedule import Schedule
+    from gimbalcal.schedule.rotation import RotationSchedule
 
 POSITIVE = click.FloatRange(min=0, min_open=True)
 TURNING_STATES = click.option(
@@ -55,12 +61,12 @@ def observe(
 ) -> None:  # fmt: skip
     """Say what SCHEDULE can and cannot see, before anything is recorded: a name, a schedule.toml, or static-48h."""
     from gimbalcal.report.files import write_observability, write_plan
-    from gimbalcal.report.wording import spoken
     from gimbalcal.schedule.file import is_rotation
 
     there = place(out, [schedule], "observability", ("observability.json", "report.html"), overwrite, as_json)
     if is_rotation(schedule):
         from gimbalcal.design.turning_observability import observe_turning
+        from gimbalcal.report.observability_page import headline as turning_headline
 
         if candidates:
             raise InputError("--candidates is for positions; of a schedule of turns name them among --states")
@@ -68,15 +74,19 @@ def observe(
         if there is not None:
             write_observability(turned.to_dict(), there.folder, there.question)
             wrote(there.folder, "observability.json", quiet)
-        show(turned.to_dict(), spoken(turned.in_words), as_json, quiet, there.page if there else None)
+        seen = turned.to_dict()
+        _table(seen, as_json or quiet)
+        show(seen, turning_headline(seen), as_json, quiet, there.page if there else None)
         return
     from gimbalcal.design.observability import observe_any
+    from gimbalcal.report.plan_page import headline
 
-    seen = observe_any(schedule, angle_sigma, force_sigma, latitude, listed(candidates))
+    seen = observe_any(schedule, angle_sigma, force_sigma, latitude, listed(candidates)).to_dict()
     if there is not None:
-        write_plan(seen.to_dict(), there.folder, there.question)
+        write_plan(seen, there.folder, there.question)
         wrote(there.folder, "observability.json", quiet)
-    show(seen.to_dict(), spoken(seen.in_words), as_json, quiet, there.page if there else None)
+    _table(seen, as_json or quiet)
+    show(seen, headline(seen), as_json, quiet, there.page if there else None)
 
 
 @click.command(
@@ -125,10 +135,10 @@ def design(
     """Choose what sees most under a rig's limits: positions that separate effects, or a sequence of turns."""
     from gimbalcal.atomic import write
     from gimbalcal.report.html import marked
-    from gimbalcal.report.plan_page import design_report
-    from gimbalcal.report.wording import spoken
+    from gimbalcal.report.plan_page import design_headline, design_report
 
     named = [platform if kind == "positions" else "turns"]
+    drawn: Schedule | RotationSchedule
     there = place(out, named, "schedule", ("schedule.toml", "report.html"), overwrite, as_json)
     if kind == "rotation":
         from gimbalcal.design.turning_design import design_turning, table_of
@@ -139,7 +149,7 @@ def design(
             table_of(step, limit, rate, ramp, total), latitude, states, listed(against), criterion or "max",
             (rate_noise, force_noise, velocity_sigma), tries, seed, progress(quiet),
         )  # fmt: skip
-        text, drawn = rotation_toml(turned), None
+        text, drawn = rotation_toml(turned), turned
     else:
         from gimbalcal.design.optimal import design as run
         from gimbalcal.design.optimal import rig_of
@@ -154,7 +164,16 @@ def design(
             write(new / "schedule.toml", text)
             write(new / "report.html", marked(design_report(seen, drawn), there.question))
         wrote(there.folder, "schedule.toml", quiet)
-    show(seen, spoken(seen["in_words"]), as_json, quiet, there.page if there else None)
+    _table(seen, as_json or quiet)
+    show(seen, design_headline(seen), as_json, quiet, there.page if there else None)
+
+
+def _table(seen: Mapping[str, Any], silent: bool) -> None:
+    """What would be known how well, above the answer."""
+    from gimbalcal.report.console import bounds_table
+
+    if not silent:
+        print(bounds_table(seen), end="\n\n")
 
 
 def _only(criterion: str | None, known: tuple[str, ...], kind: str) -> None:

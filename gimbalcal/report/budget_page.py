@@ -24,7 +24,6 @@ LEAST = 0.02  # of the longest bar: shorter ones are in the table
 
 def budget_report(made: Budget) -> str:
     """The page of a budget."""
-    words = wording.typeset(made.in_words)
     rows = [
         {
             "name": wording.label_in_words(made.parameters[i].label),
@@ -41,7 +40,7 @@ def budget_report(made: Budget) -> str:
     context = {
         "title": made.title,
         "remark": f"gimbalcal {gimbalcal.__version__}",
-        "answer": f"{words[0].upper()}{words[1:]}.",
+        "answer": wording.answered(made.in_words),
         "facts": facts,
         "picture": picture(
             _tornado(made),

@@ -1,7 +1,7 @@
 """A chart: what is marked where, on which axes; `draw` makes SVG of it.
 
 Colours are numbers of the palette in style.css, that of Okabe and Ito, which colour-blind readers tell apart; marks
-differ in shape too, so that grey print does.
+differ in shape and lines in dashes too, so that grey print does.
 """
 
 from __future__ import annotations
@@ -13,10 +13,13 @@ from typing import Literal
 import numpy as np
 
 from gimbalcal.number import Array
+from gimbalcal.report.rounding import minus
 
 Colour = Literal["c0", "c1", "c2", "c3", "c4", "c5", "grey", "pale", "ink"]
 Shape = Literal["dot", "square", "diamond", "triangle", "ring"]
 COLOURS: tuple[Colour, ...] = ("c0", "c1", "c2", "c3", "c4", "c5")
+Dash = Literal["", "dashed", "dotted", "dashdot", "long", "sparse"]
+DASHES: tuple[Dash, ...] = ("", "dashed", "dotted", "dashdot", "long", "sparse")
 SHAPES: tuple[Shape, ...] = ("dot", "square", "diamond", "triangle")
 POINTS = 600  # of a curve; more cannot be told apart on a page
 
@@ -39,13 +42,13 @@ class Points:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A curve through x, y (n,); `step` keeps each value until halfway to the next."""
+    """A curve through x, y (n,); `step` keeps each value until halfway to the next; `dash` tells it from others."""
 
     x: Array
     y: Array
     colour: Colour = "c0"
     label: str = ""
-    dashed: bool = False
+    dash: Dash = ""
     step: bool = False
 
 
@@ -179,7 +182,7 @@ def tick_words(values: Sequence[float]) -> list[str]:
     """
     top = max((abs(v) for v in values), default=0.0)
     if top >= 1e6 or 0 < top < 1e-3:
-        return [f"{v:.3g}".replace("-", "−").replace("e−0", "e−").replace("e+0", "e") for v in values]
+        return [minus(f"{v:.3g}") for v in values]
     return [f"{v:,.6g}".replace(",", " ").replace("-", "−") for v in values]
 
 
@@ -194,11 +197,17 @@ def log_ticks(low: float, high: float) -> list[tuple[float, str]]:
 
 
 def _power(v: float) -> str:
-    if 1e-3 <= v < 1e5:
-        return f"{v:g}"
-    mantissa, _, exponent = f"{v:.0e}".partition("e")
-    raised = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return f"10{raised}" if mantissa == "1" else f"{mantissa}·10{raised}"
+    return f"{v:g}" if 1e-3 <= v < 1e5 else minus(f"{v:.0e}")
+
+
+def lasting(seconds: float) -> str:
+    """A stretch of time in the unit a person would say it in.
+
+    >>> lasting(0.02), lasting(300.0), lasting(172800.0), lasting(400000.0)
+    ('0.02 s', '5 min', '48 h', '4.63 days')
+    """
+    value, unit = sensible_time(np.array([0.0, seconds]))
+    return f"{value[1]:.3g} {unit}"
 
 
 def sensible_time(seconds: Array) -> tuple[Array, str]:

@@ -6,39 +6,65 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gimbalcal.report import wording
-from gimbalcal.report.rounding import pdg
+from gimbalcal.report.parameter_rows import rows
+from gimbalcal.report.rounding import minus, pdg, significant
 
 
 def parameters_table(content: Mapping[str, Any]) -> str:
-    """The parameters of a calibration.json, and which of them the data do not tell."""
-    unseen = {label for u in wording.unobservable_of(content) for label in wording.leading(u["direction"])}
-    rows = [_row(p, "*" if wording.label_of(p) in unseen else "") for p in content["parameters"]]
-    labels = {wording.label_of(p) for p in content["parameters"]}
-    held = dict.fromkeys(wording.named(label.partition(":")[0]) for u in content["unobservable"]
-                         for label in u["direction"] if label not in labels)  # fmt: skip
+    """The parameters of a calibration.json as the page has them, and which of them the data do not tell."""
+    told = rows(content, None)
+    unseen, held = any(r["unobservable"] for r in told), _held(content)
     return "\n".join([
-        *_aligned(rows),
+        *_aligned([(r["words"], r["value"], r["sigma"], r["unit"], "*" if r["unobservable"] else "") for r in told]),
         *(["* these data do not tell it alone; the report says with what it moves together"] if unseen else []),
-        *([f"not estimated: {', '.join(held)}"] if held else []),
+        *([f"not estimated: {'; '.join(held)}"] if held else []),
     ])  # fmt: skip
+
+
+def _held(content: Mapping[str, Any]) -> list[str]:
+    """What was held instead of estimated, with its axes where others of the effect were estimated."""
+    labels = {wording.label_of(p) for p in content["parameters"]}
+    estimated = {label.partition(":")[0] for label in labels}
+    axes: dict[str, dict[str, None]] = {}
+    for label in (label for u in content["unobservable"] for label in u["direction"] if label not in labels):
+        name, _, axis = label.partition(":")
+        axes.setdefault(name, {})[axis.replace("_", " ")] = None
+    return [wording.named(n, ", ".join(of) if n in estimated else "") for n, of in axes.items()]
 
 
 def findings_table(content: Mapping[str, Any]) -> str:
     """What a diagnosis.json found: each cause with its sizes, how probable it is, how far above the noise."""
-    rows = [
-        _row({**p, "axis": p.get("axis") or ""},
-             f"{100 * f['probability']:.3g} % probable, {f['sigma']:.3g} sigma")
-        for f in content["findings"] for p in f["parameters"]
+    told = [
+        _row(p, f"{100 * f['probability']:.3g} % probable, {f['sigma']:.3g} σ" if not k else "")
+        for f in content["findings"] for k, p in enumerate(f["parameters"])
     ]  # fmt: skip
-    return "\n".join(_aligned(rows))
+    return "\n".join(_aligned(told))
+
+
+def bounds_table(content: Mapping[str, Any]) -> str:
+    """What a plan would tell of each parameter: the sigma that no estimate beats, and how large it usually is."""
+    if "groups" in content:
+        return "\n".join(_aligned([
+            (wording.named(g["group"]), "", significant(g["sigma"], 3), wording.unit_in_print(g["unit"]), "at worst")
+            for g in content["groups"]
+        ]))  # fmt: skip
+    lost = wording.unobservable_leading(content["unobservable"])
+    told = [
+        (wording.label_in_words(wording.label_of(p)), "", significant(p["sigma"], 3), wording.unit_in_print(p["unit"]),
+         "*" if wording.label_of(p) in lost else f"usual {p['prior_sigma']:.3g}")
+        for p in content["parameters"]
+    ]  # fmt: skip
+    rest = ["* it does not tell this alone; the report says with what it moves together"] if lost else []
+    return "\n".join([*_aligned(told), *rest])
 
 
 def _row(p: Mapping[str, Any], remark: str) -> tuple[str, str, str, str, str]:
     value, sigma = pdg(p["value"], p["sigma"])
-    return wording.named(p["name"], str(p["axis"]).replace("_", " ")), value, sigma, str(p["unit"]), remark
+    name = wording.named(p["name"], str(p.get("axis") or "").replace("_", " "))
+    return name, minus(value), sigma, wording.unit_in_print(str(p["unit"])), remark
 
 
-def _aligned(rows: Sequence[tuple[str, str, str, str, str]]) -> list[str]:
+def _aligned(told: Sequence[tuple[str, str, str, str, str]]) -> list[str]:
     """Lines with names and units to the left and numbers to the right, each column as wide as it takes."""
-    name, value, sigma, unit, _ = (max((len(r[i]) for r in rows), default=0) for i in range(5))
-    return [f"  {r[0]:{name}s}  {r[1]:>{value}s} +- {r[2]:<{sigma}s}  {r[3]:{unit}s}  {r[4]}".rstrip() for r in rows]
+    name, value, sigma, unit, _ = (max((len(r[i]) for r in told), default=0) for i in range(5))
+    return [f"  {r[0]:{name}s}  {r[1]:>{value}s} ± {r[2]:<{sigma}s}  {r[3]:{unit}s}  {r[4]}".rstrip() for r in told]

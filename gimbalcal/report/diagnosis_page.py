@@ -14,8 +14,8 @@ from gimbalcal.errors import alternatives
 from gimbalcal.number import Array
 from gimbalcal.references import cite
 from gimbalcal.report import wording
-from gimbalcal.report.chart import sensible_time
-from gimbalcal.report.figures import Panel, before_after
+from gimbalcal.report.chart import Chart, sensible_time
+from gimbalcal.report.figures import Panel, before_after, sky
 from gimbalcal.report.headline import does, headline
 from gimbalcal.report.html import Picture, formula, picture, render
 from gimbalcal.report.rounding import minus, pdg, rms, significant
@@ -45,15 +45,15 @@ def diagnosis_report(
         "verdict": "reserved" if content.get("outcome") else LOOKS.get(content["verdict"], "misfit"),
         "facts": _facts(content),
         "findings": findings,
-        "picture": _before_after(panels, content["findings"]),
-        "mismatch": [_mismatch(m) for m in content["mismatch"]],
-        "unexplained": [{**u, "channel": str(u["channel"]).replace("_", " ")} for u in content["unexplained"]],
-        "moved": [_moved(m) for m in content["fit"].get("calibration_moved", [])],
-        "provenance": [
-            (str(k).replace("_", " "), text)
-            for k, v in content["provenance"].items()
-            if k not in ("recordings", "grade") and (text := wording.as_text(v))
+        "picture": _before_after(panels, content["findings"], on_the_sky(curves)),
+        "mismatch": (mismatch := [_mismatch(m) for m in content["mismatch"]]),
+        "places": any(m["where"] for m in mismatch),
+        "unexplained": [
+            {"channel": _channel(str(u["channel"]), ""), "shape": wording.sentence(wording.typeset(str(u["shape"])))}
+            for u in content["unexplained"]
         ],
+        "moved": [_moved(m) for m in content["fit"].get("calibration_moved", [])],
+        "provenance": _provenance(content["provenance"]),
         "sources": content["provenance"].get("recordings", []),
         "citations": cite(*keys),
     }
@@ -66,7 +66,7 @@ def panels(curves: Curves, mismatch: Sequence[Mapping[str, Any]]) -> tuple[Panel
     if worst not in curves.channels:
         worst = curves.channels[int(np.argmax((np.nan_to_num(curves.before) ** 2).sum(axis=0)))]
     i = curves.channels.index(worst)
-    name = " ".join(worst).replace("_", " ").strip()
+    name = _channel(*worst)
     scale = np.ones_like(curves.before) if curves.sigma is None else curves.sigma
     unit = wording.unit_in_print(curves.units[i]) if curves.units else "σ"
     ok = np.isfinite(curves.before[:, i]) & np.isfinite(curves.after[:, i])
@@ -128,15 +128,34 @@ def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
         if values:
             facts.append((" → ".join(values) + unit, f"{what}, before → after" if len(values) > 1 else what))
     if (p := fit.get("scan_p_after")) is not None:
-        clean = float(p) >= STILL
-        facts.append(("no" if clean else "yes", f"does a pattern remain? (by chance: {_chance(float(p))})"))
-    if grade := content["provenance"].get("grade"):
-        facts.append((grade["name"], wording.typeset(f"grade of the unit: {grade['from']}")))
+        left = "no pattern left" if float(p) >= STILL else "a pattern left"
+        facts.append((left, f"as strong by chance: {_chance(float(p))}"))
     return facts
 
 
+NAMED = {
+    "ln_bayes_factor": "ln Bayes factor, what was found against nothing",
+    "ln_bayes_factor_needed": "ln Bayes factor that is needed",
+    "false_alarm_rate_simulated": "false alarms of this design, simulated",
+    "probability_unknown": "probability that it is none of the catalogue",
+    "causes_compared": "causes compared",
+    "excess_kurtosis": "excess kurtosis of what is left",
+}
+
+
+def _provenance(given: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Pairs of term and text; what the page says elsewhere is not repeated."""
+    grade = given.get("grade")
+    pairs = [("grade of the unit", wording.typeset(f"{grade['name']}: {grade['from']}"))] if grade else []
+    for key, value in given.items():
+        text = minus(f"{value:.3g}") if isinstance(value, float) else wording.as_text(value)
+        if key not in ("recordings", "grade", "notes") and text:
+            pairs.append((NAMED.get(key, str(key).replace("_", " ")), text))
+    return pairs
+
+
 def _chance(p: float) -> str:
-    return "< 1e−6" if p < 1e-6 else minus(f"{p:.2g}")
+    return "< 10⁻⁶" if p < 1e-6 else minus(f"{p:.2g}")
 
 
 def _probable(p: float) -> str:
@@ -166,7 +185,7 @@ def _finding(f: Mapping[str, Any]) -> dict[str, Any]:
         "does": does(f),
         "probability": _probable(float(f["probability"])),
         "share": max(0.0, min(100.0, 100 * f["probability"])),
-        "sigma": f"{f['sigma']:.1f} σ",
+        "sigma": f"{f['sigma']:.3g} σ",
         "physics": wording.typeset(str(f.get("physics") or sentence)),
         "equation": formula(str(f.get("equation", ""))),
         "latex": str(f.get("equation", "")),
@@ -178,15 +197,26 @@ def _finding(f: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _mismatch(m: Mapping[str, Any]) -> dict[str, str]:
-    p = m.get("p_value")
-    axis = str(m.get("axis", "") or "")
+    p, where = m.get("p_value"), m.get("where") or {}
+    told = wording.sentence(wording.typeset(str(m.get("in_words", "")))) or _channel(m["channel"], m.get("axis") or "")
+    number = "star" if m["channel"] == "pointing" else "position"
+    at = [str(k) for k in where.get("positions", ())] if isinstance(where, Mapping) else []
+    said = not at or f" {at[0]}" in told  # the sentence names them
     return {
-        "channel": f"{m['channel'].replace('_', ' ')} {axis}".strip(),
-        "where": wording.as_text(m.get("where")),
-        "statistic": significant(float(m["statistic"]), 3) if "statistic" in m else "",
+        "where": "" if said else f"{number}{'s' if len(at) > 1 else ''} {wording.listed(at)}",
         "p": "" if p is None else _chance(float(p)),
-        "in_words": wording.typeset(str(m.get("in_words", ""))),
+        "in_words": told,
     }
+
+
+def _channel(quantity: str, axis: str) -> str:
+    """A channel as a person says it.
+
+    >>> _channel("angular_rate", "tilted"), _channel("specific_force", "norm"), _channel("specific_force", "y")
+    ('tilt after a turn', 'norm of the force', 'specific force y')
+    """
+    known = {("angular_rate", "tilted"): "tilt after a turn", ("specific_force", "norm"): "norm of the force"}
+    return known.get((quantity, axis), f"{quantity} {axis}".replace("_", " ").strip())
 
 
 def _telling(p: Panel) -> float:
@@ -209,14 +239,43 @@ def _named_by(p: Panel, findings: Sequence[Mapping[str, Any]]) -> bool:
     )
 
 
-def _before_after(panels: Sequence[Panel], findings: Sequence[Mapping[str, Any]]) -> Picture | None:
+def on_the_sky(curves: Curves | None) -> list[Chart]:
+    """Misfits of stars as arrows on the sky, before and after what was found is added; none for what has no sky."""
+    if curves is None or {("pointing", "across"), ("pointing", "along")} - set(curves.channels):
+        return []
+    axes = next((a for a in (("azimuth [°]", "elevation [°]"), ("hour angle [°]", "declination [°]"))
+                 if a[0] in curves.against and a[1] in curves.against), None)  # fmt: skip
+    if axes is None or curves.sigma is None:
+        return []
+    around, up = (np.asarray(curves.against[a]) for a in axes)
+    i, k = (curves.channels.index(("pointing", c)) for c in ("across", "along"))
+    names = [f"star {int(n)}" for n in curves.position]
+    unit, zenith = wording.unit_in_print(curves.units[i]), axes[0].startswith("azimuth")
+    told = [("before", curves.before), ("after", curves.after)]
+    if np.array_equal(curves.before, curves.after, equal_nan=True):
+        told = [("on the sky", curves.after)]
+    drawn = []
+    for when, left in told:
+        both = left[:, [i, k]] * curves.sigma[:, [i, k]]
+        ok = np.isfinite(both).all(axis=1)
+        at = [n for n, there in zip(names, ok, strict=True) if there]
+        drawn.append(sky(around[ok], up[ok], both[ok, 0], both[ok, 1], unit, at, zenith, when))
+    return drawn
+
+
+def _before_after(
+    panels: Sequence[Panel], findings: Sequence[Mapping[str, Any]], skies: Sequence[Chart]
+) -> Picture | None:
     if not panels:
         return None
-    panels = sorted(panels, key=lambda p: (_named_by(p, findings), _telling(p)), reverse=True)[:MOST]
-    told = "; ".join(f"{p.name} by {p.x_label}: {rms(p.before)} to {rms(p.after)} {p.unit}" for p in panels)
+    panels = sorted(panels, key=lambda p: (_named_by(p, findings), _telling(p)), reverse=True)[: MOST - len(skies)]
+    changed = any(p.changed for p in panels)
+    told = "; ".join(f"{p.name} by {p.x_label}: " + (f"{rms(p.before)} to " if p.changed else "")
+                     + f"{rms(p.after)} {p.unit}" for p in panels)  # fmt: skip
+    what = "as calibrated (grey squares) and with what was left out added (blue dots)" if changed else "as calibrated"
     return picture(
-        before_after(panels),
-        f"Residuals before and after the effect is added, rms {told}.",
-        "Measured minus model, as calibrated (grey squares) and with what was left out added (blue dots). Bars and "
-        "band are what the noise alone would do; setting errors of gimbals, where there are any, come on top.",
+        [*before_after(panels), *skies],
+        f"Residuals{' before and after the effect is added' if changed else ''}, rms {told}.",
+        f"Measured minus model, {what}. Bars and band are what the noise alone would do; setting errors of gimbals, "
+        "where there are any, come on top.",
     )

@@ -34,10 +34,10 @@ from gimbalcal.report.chart import (
 
 WIDTH = 440.0
 LIGHT = (
-    "--ink: #1d2126; --soft: #5b6570; --line: #dfe3e8; --c0: #0072b2; --c1: #d55e00; --c2: #009e73; --c3: #c98500; "
-    "--c4: #b35a8d; --c5: #3d9dd1; --grey: #808890; --pale: #c9ced4;"
+    "--ink: #1d2126; --soft: #5b6570; --line: #dfe3e8; --c0: #0072b2; --c1: #c2461f; --c2: #009e73; --c3: #af8e00; "
+    "--c4: #985890; --c5: #3d9dd1; --grey: #808890; --pale: #c9ced4;"
 )  # fmt: skip  as the page has them
-LETTER = 6.2  # width of a letter of 12 px, about
+LETTER = 6.8  # width of a letter of 12 px, about, in the widest of the page's letters
 
 
 To = Callable[[Array], Array]
@@ -114,7 +114,8 @@ def _ticks(chart: Chart, low: float, high: float, across: bool) -> list[tuple[fl
         return [(float(i), names[i]) for i in range(0, len(names), every)]
     if log:
         return log_ticks(low, high)
-    values = ticks(low, high, 6 if across else max(2, int(chart.height / 36)))
+    most = 6 if across else max(2, int(chart.height / 36))
+    values = next(v for k in range(most, 20) if len(v := ticks(low, high, k)) > 1)  # one alone tells no scale
     return list(zip(values, tick_words(values), strict=True))
 
 
@@ -141,7 +142,9 @@ def _axes(
             where = f'transform="translate({_n(x + 4)} {_n(floor + 6)}) rotate(-90)" text-anchor="end"'
             yield f"<text {where}>{escape(word)}</text>"
         else:
-            yield f'<text x="{_n(x)}" y="{_n(floor + 15)}" text-anchor="middle">{escape(word)}</text>'
+            half = LETTER * len(word) / 2  # the last word ends with the picture
+            at_x, anchor = (x, "middle") if x + half < WIDTH else (WIDTH, "end")
+            yield f'<text x="{_n(at_x)}" y="{_n(floor + 15)}" text-anchor="{anchor}">{escape(word)}</text>'
     if chart.x_label:
         low = floor + (max((len(w) for _, w in across), default=0) * LETTER if crossed else 16) + 15
         yield f'<text x="{_n(left + wide / 2)}" y="{_n(low)}" text-anchor="middle">{escape(chart.x_label)}</text>'
@@ -156,19 +159,19 @@ def _legend(chart: Chart, left: float) -> tuple[list[str], float]:
     parts: list[str] = []
     y, x = (34.0 if chart.title else 16.0), left
     for m in told:
-        long = 24 + LETTER * len(m.label)
+        wide = 22 if isinstance(m, Line) else 14
+        long = wide + 12 + LETTER * len(m.label)
         if x > left and x + long > WIDTH:
             x, y = left, y + 16
         at = f"{_n(x + 7)}", f"{_n(y - 4)}"
         if isinstance(m, Points):
             parts.append(_shape(m.shape, x + 7, y - 4, min(m.size + 0.5, 4), m.colour, ""))
         elif isinstance(m, Line):
-            dash = " dashed" if m.dashed else ""
-            parts.append(f'<path class="line {m.colour}{dash}" d="M{_n(x)} {at[1]}h14"/>')
+            parts.append(f'<path class="{_classes("line", m.colour, m.dash)}" d="M{_n(x)} {at[1]}h22"/>')
         else:
             kind = "band" if isinstance(m, Band) else "column"
             parts.append(f'<rect class="{kind} {m.colour}" x="{_n(x)}" y="{_n(y - 9)}" width="14" height="9"/>')
-        parts.append(f'<text x="{_n(x + 18)}" y="{_n(y)}">{escape(m.label)}</text>')
+        parts.append(f'<text x="{_n(x + wide + 4)}" y="{_n(y)}">{escape(m.label)}</text>')
         x += long
     return parts, (y - (18.0 if chart.title else 0.0) if told else 0.0)
 
@@ -176,10 +179,9 @@ def _legend(chart: Chart, left: float) -> tuple[list[str], float]:
 def _mark(m: object, px: To, py: To, frame: tuple[float, ...]) -> Iterable[str]:
     left, top, wide, high = frame
     if isinstance(m, Rule):
-        dash = " dashed" if m.dashed else ""
         where = f"M{_n(float(px(np.array(m.at))))} {_n(top)}v{_n(high)}" if m.upright else (
             f"M{_n(left)} {_n(float(py(np.array(m.at))))}h{_n(wide)}")  # fmt: skip
-        yield f'<path class="rule {m.colour}{dash}" d="{where}"/>'
+        yield f'<path class="{_classes("rule", m.colour, "dashed" if m.dashed else "")}" d="{where}"/>'
     elif isinstance(m, Words):
         for x, y, word in zip(px(m.x), m.y, m.words, strict=True):
             at = top - 3 if np.isinf(y) else float(py(np.array(y))) + 4
@@ -196,11 +198,14 @@ def _mark(m: object, px: To, py: To, frame: tuple[float, ...]) -> Iterable[str]:
         if m.step and x.size > 1:
             edge = np.concatenate([[x[0]], (x[1:] + x[:-1]) / 2, [x[-1]]])
             x, y = np.repeat(edge, 2)[1:-1], np.repeat(y, 2)
-        dash = " dashed" if m.dashed else ""
         name = f' data-name="{escape(m.label, quote=True)}"' if m.label else ""
-        yield f'<path class="line {m.colour}{dash}"{name} d="{_path(x, y)}"/>'
+        yield f'<path class="{_classes("line", m.colour, m.dash)}"{name} d="{_path(x, y)}"/>'
     elif isinstance(m, Points):
-        yield from _points(m, px, py)
+        yield from _points(m, px, py, frame)
+
+
+def _classes(*names: str) -> str:
+    return " ".join(filter(None, names))
 
 
 def _bars(m: Bars, px: To, py: To) -> Iterable[str]:
@@ -212,10 +217,11 @@ def _bars(m: Bars, px: To, py: To) -> Iterable[str]:
         yield f'<rect class="column {m.colour}" x="{_n(a)}" y="{_n(c)}" width="{_n(b - a)}" height="{_n(d - c)}"/>'
 
 
-def _points(m: Points, px: To, py: To) -> Iterable[str]:
+def _points(m: Points, px: To, py: To, frame: tuple[float, ...]) -> Iterable[str]:
     X, Y = px(m.x), py(m.y)
     if m.spread is not None:
-        low, high = py(m.y - m.spread), py(m.y + m.spread)
+        with np.errstate(invalid="ignore"):
+            low, high = (np.clip(py(v), frame[1], frame[1] + frame[3]) for v in (m.y - m.spread, m.y + m.spread))
         ok = np.isfinite(low) & np.isfinite(high)
         bars = "".join(f"M{_n(x)} {_n(a)}V{_n(b)}" for x, a, b in zip(X[ok], low[ok], high[ok], strict=True))
         yield f'<path class="whisker {m.colour}" d="{bars}"/>'

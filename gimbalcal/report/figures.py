@@ -11,6 +11,7 @@ from gimbalcal.number import Array
 from gimbalcal.report.chart import (
     BLUE,
     COLOURS,
+    DASHES,
     ORANGE,
     SHAPES,
     VERMILION,
@@ -55,6 +56,11 @@ class Panel:
     sigma: Array | None = None
     names: Sequence[str] = field(default=())  # what each point is, where a number does not say it
 
+    @property
+    def changed(self) -> bool:
+        """Whether anything was added; else there is no before and after to draw."""
+        return not np.array_equal(self.before, self.after, equal_nan=True)
+
 
 def residuals_by_position(
     positions: Sequence[str], before: Array, after: Array, sigma: Array | None, axes: Sequence[str], unit: str
@@ -84,21 +90,26 @@ def residuals_by_position(
 
 
 def before_after(panels: Sequence[Panel]) -> list[Chart]:
-    """Residuals before (grey squares) and after (blue dots) over the same x, with sigma as bars or band."""
+    """Residuals before (grey squares) and after (blue dots) over the same x, with sigma as bars or band.
+
+    Where nothing was added there is one residual, and it is drawn once.
+    """
     return [_before_after(p) for p in panels]
 
 
 def _before_after(p: Panel) -> Chart:
     few = p.x.size <= FEW
     size, order = (3.2 if few else 1.8), np.argsort(p.x, kind="stable")
-    told = [tuple(f"{n}: {v:+.3g} {p.unit} {when}" for n, v in zip(p.names, y, strict=False))
-            for y, when in ((p.before, "before"), (p.after, "after"))]  # fmt: skip
+    told = [tuple(f"{n}: {v:+.3g} {p.unit}{when}" for n, v in zip(p.names, y, strict=False))
+            for y, when in ((p.before, " before"), (p.after, " after" if p.changed else ""))]  # fmt: skip
     sigma = _in_view(p)
     band = [Band(p.x[order], -sigma[order], sigma[order], BLUE, "one σ")] if sigma is not None and not few else []
+    first = [Points(p.x, p.before, "grey", "square", size, names=told[0], label="before")] if p.changed else []
+    size_told = f"{rms(p.before)} → {rms(p.after)}" if p.changed else rms(p.after)
     return Chart(
-        (*band, Points(p.x, p.before, "grey", "square", size, names=told[0], label="before"), Rule(0.0),
-         Points(p.x, p.after, BLUE, "dot", size, sigma if few else None, told[1], "after")),
-        f"{p.name}: {rms(p.before)} → {rms(p.after)} {p.unit} rms", p.x_label, f"[{p.unit}]",
+        (*band, *first, Rule(0.0),
+         Points(p.x, p.after, BLUE, "dot", size, sigma if few else None, told[1], "after" if p.changed else "")),
+        f"{p.name}: {size_told} {p.unit} rms", p.x_label, f"[{p.unit}]",
     )  # fmt: skip
 
 
@@ -116,7 +127,7 @@ def over_time(time: Array, curves: Sequence[Curve], unit: str = "h") -> list[Cha
     for c in curves:
         rest = c.measured - c.fitted
         charts.append(Chart(
-            (Points(time, c.measured, "grey", size=1.4, label="measured"), Rule(0.0, "c3", dashed=True),
+            (Points(time, c.measured, "grey", size=1.4, label="measured"), Rule(0.0),
              Line(time, c.fitted, BLUE, "calibrated model")),
             f"{c.name}: data and model", f"time [{unit}]", f"[{c.unit}]", height=170,
         ))  # fmt: skip
@@ -128,18 +139,21 @@ def over_time(time: Array, curves: Sequence[Curve], unit: str = "h") -> list[Cha
     return charts
 
 
-def schedule(labels: Sequence[str], angles: Array, axis_names: Sequence[str], gravity: Array) -> list[Chart]:
-    """What the platform did: gimbal angles (m, k) [deg] by position, and where gravity (m, 3) lay in platform axes."""
+def schedule(
+    labels: Sequence[str], angles: Array, axis_names: Sequence[str], gravity: Array, of: str = "platform",
+    by: str = "position",
+) -> list[Chart]:  # fmt: skip
+    """What the platform did: angles (m, k) [deg] of its axes by position, and where gravity (m, 3) lay in its axes."""
     x = np.arange(len(labels), dtype=float)
     moving = [i for i in range(len(axis_names)) if np.ptp(angles[:, i]) > 0] or list(range(len(axis_names)))
     lines = tuple(
-        Line(x, angles[:, i], COLOURS[k % 6], axis_names[i], dashed=k > 5, step=True) for k, i in enumerate(moving)
+        Line(x, angles[:, i], COLOURS[k % 6], axis_names[i], DASHES[k % 6], step=True) for k, i in enumerate(moving)
     )
-    held = Chart(lines, "gimbal angles", "position", "[°]", x_names=labels)
-    return [held, *(c for side in (1, -1) if (c := _hemisphere(labels, gravity, side)))]
+    held = Chart(lines, "gimbal angles" if of == "platform" else "angles of the axes", by, "[°]", x_names=labels)
+    return [held, *(c for side in (1, -1) if (c := _hemisphere(labels, gravity, side, of, by)))]
 
 
-def _hemisphere(labels: Sequence[str], gravity: Array, side: int) -> Chart | None:
+def _hemisphere(labels: Sequence[str], gravity: Array, side: int, of: str, by: str) -> Chart | None:
     """Gravity directions with z on this side (the equator counts as +z), seen along z; positions as numbers."""
     here = np.flatnonzero(gravity[:, 2] > -1e-6 if side > 0 else gravity[:, 2] <= -1e-6)
     if not here.size:
@@ -153,10 +167,10 @@ def _hemisphere(labels: Sequence[str], gravity: Array, side: int) -> Chart | Non
         places.setdefault((round(gravity[i, 0], 2) + 0.0, round(gravity[i, 1], 2) + 0.0), []).append(labels[int(i)])
     at = np.array(list(places), dtype=float)
     who = [",".join(w[:3]) + ("…" if len(w) > 3 else "") for w in places.values()]
-    every = [f"position {', '.join(w)}" for w in places.values()]
+    every = [f"{by} {', '.join(w)}" for w in places.values()]
     marks = (*rings, Points(at[:, 0], at[:, 1], BLUE, size=4, names=every),
              Words(at[:, 0] + 0.1, at[:, 1] + 0.1, who))  # fmt: skip
-    title = f"gravity in platform axes, {'+' if side > 0 else '−'}z side"
+    title = f"gravity in {of} axes, {'+' if side > 0 else '−'}z side"
     return Chart(marks, title, "x [g]", "y [g]", square=True, height=260)
 
 
@@ -166,7 +180,7 @@ def curves_by_group(
     """A chart for each group (title, lines by name), a colour for each line, over the same x."""
     few = thin(len(x))
     return [
-        Chart(tuple(Line(x[few], np.asarray(y)[few], COLOURS[i % 6], name, dashed=i > 5) for i, (name, y) in
+        Chart(tuple(Line(x[few], np.asarray(y)[few], COLOURS[i % 6], name, DASHES[i % 6]) for i, (name, y) in
                     enumerate(lines)), title, x_label, log_y=log, height=170)
         for title, lines in groups
     ]  # fmt: skip
@@ -184,8 +198,9 @@ def tornado(names: Sequence[str], planned: Array, reduced: Array, x_label: str) 
 
 
 def sky(
-    around: Array, up: Array, across: Array, along: Array, unit: str, names: Sequence[str], zenith: bool = True
-) -> Chart:
+    around: Array, up: Array, across: Array, along: Array, unit: str, names: Sequence[str], zenith: bool = True,
+    when: str = "on the sky",
+) -> Chart:  # fmt: skip
     """Misfits (n,) across and along the innermost axis as arrows on the sky, seen from below.
 
     around, up (n,) [deg]: azimuth and elevation, the zenith in the middle, or hour angle and declination, the pole
@@ -208,7 +223,7 @@ def sky(
         (*rings, Line(np.cos(turn), np.sin(turn), "grey"), Line(tails, heads, VERMILION),
          Points(x, y, BLUE, size=2, names=told),
          Words(np.array([0.0, -1.12, 0.0, 1.12]), np.array([1.1, 0.0, -1.1, 0.0]), words)),
-        f"on the sky, {'zenith' if zenith else 'pole'} in the middle; longest {longest:.3g} {unit}",
+        f"{when}, {'zenith' if zenith else 'pole'} in the middle; longest {longest:.3g} {unit}",
         square=True, height=320, bare=True,
     )  # fmt: skip
 

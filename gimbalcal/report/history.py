@@ -11,7 +11,7 @@ import numpy as np
 import gimbalcal
 from gimbalcal.history.course import YEAR
 from gimbalcal.report import wording
-from gimbalcal.report.chart import BLUE, VERMILION, Chart, Line, Mark, Points, Rule
+from gimbalcal.report.chart import BLUE, VERMILION, Chart, Line, Mark, Points, Rule, lasting
 from gimbalcal.report.html import Picture, picture, render
 from gimbalcal.report.rounding import minus, pdg, significant
 
@@ -23,7 +23,7 @@ def history_report(content: Mapping[str, Any], diagnoses: Sequence[tuple[str, st
     context = {
         "title": content["unit"] or wording.counted(len(calibrations), "calibration"),
         "remark": f"gimbalcal {gimbalcal.__version__}",
-        "answer": wording.typeset(content["in_words"]),
+        "answer": wording.answered(content["in_words"]),
         "verdict": "fits" if content["agree"] else "misfit",
         "facts": _facts(content),
         "pictures": _pictures(parameters, calibrations),
@@ -49,11 +49,12 @@ def _names(calibrations: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
     dates = [datetime.fromisoformat(c["date"]) for c in content["calibrations"]]
-    days = (dates[-1] - dates[0]).total_seconds() / 86400
+    seconds = (dates[-1] - dates[0]).total_seconds()
+    days = seconds / 86400
     told = [s["p_value"] for s in content["steps"] if s["p_value"] is not None]
     facts = [
         (str(len(dates)), "calibrations"),
-        (f"{significant(days / 365.25, 2)} years" if days > 365 else f"{significant(days, 2)} days", "apart"),
+        (f"{significant(days / 365.25, 2)} years" if days > 365 else lasting(seconds), "apart"),
         (f"{sum(bool(p['jumps']) for p in content['parameters'])} of {len(content['parameters'])}",
          "parameters that jumped"),
     ]  # fmt: skip
@@ -129,5 +130,6 @@ def _course(p: Mapping[str, Any], dates: Sequence[datetime], words: str) -> Char
 def _dates(first: float, last: float) -> list[tuple[float, str]]:
     """A few days between two, counted since 1970, as a person reads them."""
     days = np.linspace(first, last, 4 if last - first >= 3 else 2)
-    form = "%Y-%m" if last - first > 300 else "%Y-%m-%d"
+    form = next(f for least, f in ((300, "%Y-%m"), (3, "%Y-%m-%d"), (0.05, "%m-%d %H:%M"), (-1, "%H:%M:%S"))
+                if last - first > least)  # fmt: skip
     return [(float(d), datetime.fromtimestamp(86400 * float(d), UTC).strftime(form)) for d in days]

@@ -10,7 +10,8 @@ import numpy as np
 import gimbalcal
 from gimbalcal.navigate.outcome import CHANNELS, NAUTICAL_MILE, NONE, Navigated
 from gimbalcal.references import cite
-from gimbalcal.report.chart import COLOURS, Band, Chart, Line, Mark, Rule, sensible_time, thin
+from gimbalcal.report import wording
+from gimbalcal.report.chart import COLOURS, DASHES, Band, Chart, Line, Mark, Rule, sensible_time, thin
 from gimbalcal.report.html import picture, render
 from gimbalcal.report.rounding import minus, significant
 from gimbalcal.units import from_si
@@ -24,7 +25,8 @@ def navigation_report(content: Mapping[str, Any], runs: Sequence[Navigated], tit
     context = {
         "title": title,
         "remark": f"gimbalcal {gimbalcal.__version__}",
-        "answer": f"{content['in_words'][0].upper()}{content['in_words'][1:]}.",
+        "answer": headline(content),
+        "verdict": "found" if _helps(content) else "misfit",
         "facts": _facts(content),
         "picture": picture(
             curves(runs),
@@ -45,6 +47,20 @@ def navigation_report(content: Mapping[str, Any], runs: Sequence[Navigated], tit
         ),
     }
     return render("navigation.html", context)
+
+
+def headline(content: Mapping[str, Any]) -> str:
+    """What a navigation.json comes to: the largest error of position without and with each calibration."""
+    text = wording.answered(content["in_words"])
+    if _helps(content):
+        return text
+    return f"{text} A calibration makes it worse: is it of this unit, and of these days? See `gimbalcal compare`."
+
+
+def _helps(content: Mapping[str, Any]) -> bool:
+    """Whether no calibration makes the position worse."""
+    first, *others = (float(p["max_nmi"]) for p in content["position"])
+    return all(x <= first for x in others)
 
 
 def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -101,12 +117,12 @@ def _channel(runs: Sequence[Navigated], i: int) -> Chart:
     name, unit = (*CHANNELS, ("horizontal position", "n mile"))[i]
     marks: list[Mark] = [Rule(0.0)]
     hours = ""
-    for run, colour in zip(runs, ("grey", *COLOURS), strict=False):
+    for run, colour, dash in zip(runs, ("grey", *COLOURS), ("dashed", *DASHES[:1], *DASHES[2:]), strict=False):
         few = thin(len(run.time))
         t, hours = sensible_time(run.time[few])
         y = np.asarray(run.position[few] / NAUTICAL_MILE if i < 0 else from_si(run.error[few, i], unit))
         if i >= 0 and run.linear is not None:
             band = np.asarray(from_si(run.linear[few, i], unit))
             marks.append(Band(t, y - band, y + band, colour))
-        marks.append(Line(t, y, colour, "without calibration" if run.label == NONE else run.label))
+        marks.append(Line(t, y, colour, "without calibration" if run.label == NONE else run.label, dash))
     return Chart(tuple(marks), f"{name}  [{IN_PRINT.get(unit, unit)}]", f"time [{hours}]", height=170)

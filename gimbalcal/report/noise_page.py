@@ -9,28 +9,28 @@ import numpy as np
 
 import gimbalcal
 from gimbalcal.references import cite
-from gimbalcal.report.chart import COLOURS, SHAPES, Chart, Line, Mark, Points
+from gimbalcal.report import wording
+from gimbalcal.report.chart import COLOURS, DASHES, SHAPES, Chart, Line, Mark, Points, lasting
 from gimbalcal.report.html import picture, render
 from gimbalcal.report.rounding import pdg, significant
-from gimbalcal.report.wording import typeset, unit_in_print
+from gimbalcal.report.wording import unit_in_print
 
+HOUR = 3600.0
 TITLES = {"specific_force": "Accelerometers", "angular_rate": "Gyroscopes"}
 
 
 def noise_report(content: Mapping[str, Any], title: str) -> str:
     """The page for the content of a noise.json."""
-    words = typeset(content["in_words"])
     told = [c for c in content["channels"] if c["p_value"] < 1e-3]
     context = {
         "title": title,
         "remark": f"gimbalcal {gimbalcal.__version__}",
-        "answer": f"{words[0].upper()}{words[1:]}.",
+        "answer": headline(content),
         "verdict": "unexplained" if told else "found",
         "facts": [
-            (f"{content['rate_hz']:.4g} Hz", "rate"),
-            (str(content["rests"]), "rests"),
-            (f"{content['seconds']:.4g} s", "at rest"),
-            (f"{content['longest_s']:.4g} s", "longest rest"),
+            (lasting(content["seconds"]), f"at rest, in {wording.counted(content['rests'], 'stretch', 'stretches')}"),
+            *([(lasting(content["longest_s"]), "longest rest")] if content["rests"] > 1 else []),
+            (_rate(content["rate_hz"]), "logged"),
         ],
         "picture": picture(
             [_chart(content, quantity) for quantity in TITLES if _of(content, quantity)],
@@ -46,6 +46,19 @@ def noise_report(content: Mapping[str, Any], title: str) -> str:
     return render("noise.html", context)
 
 
+def headline(content: Mapping[str, Any]) -> str:
+    """What a noise.json comes to: how large the noise is, and what to do with it."""
+    told = [wording.sentence(wording.typeset(part)) for part in content["in_words"].split("; ")]
+    short = content["longest_s"] < HOUR and "below" in content["in_words"]
+    steps = ["copy the lines of [noise] below into recording.toml"] if content["header"] else []
+    steps += ["leave it alone for some hours to see what is only bounded here"] if short else []
+    return " ".join([*told, *([f"Next: {', or '.join(steps)}."] if steps else [])])
+
+
+def _rate(hertz: float) -> str:
+    return f"{hertz:.4g} Hz" if hertz >= 0.1 else f"every {lasting(1 / hertz)}"
+
+
 def _of(content: Mapping[str, Any], quantity: str) -> list[Mapping[str, Any]]:
     return [c for c in content["channels"] if c["quantity"] == quantity]
 
@@ -58,7 +71,7 @@ def _chart(content: Mapping[str, Any], quantity: str) -> Chart:
         label = " ".join(filter(None, [c["axis"], c["sensor"]]))
         names = [f"{label}, {t:.3g} s: {v:.3g} {unit_in_print(c['unit'])}" for t, v in zip(tau, y, strict=True)]
         spread = np.array(c["sigma"])
-        marks += [Line(tau, np.array(c["model"]), colour),
+        marks += [Line(tau, np.array(c["model"]), colour, dash=DASHES[k % 6]),
                   Points(tau, y, colour, SHAPES[k % 4], 3.0, spread, names, label)]  # fmt: skip
     unit = unit_in_print(mine[0]["unit"])
     return Chart(tuple(marks), TITLES[quantity], "averaging time [s]", f"Allan deviation [{unit}]", log_x=True,
@@ -69,8 +82,8 @@ def _row(c: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "name": " ".join(filter(None, [TITLES[c["quantity"]][:-1].lower(), c["axis"], c["sensor"]])),
         "cells": [_cell(c[part]) for part in ("white_noise", "bias_instability", "random_walk")],
-        "from": f"{c['fitted_from_s']:.3g} s",
-        "p": significant(c["p_value"], 2),
+        "from": lasting(c["fitted_from_s"]),
+        "p": significant(c["p_value"], 2) if c["p_value"] >= 1e-4 else "< 0.0001",
     }
 
 

@@ -11,41 +11,52 @@ import gimbalcal
 from gimbalcal.errors import amount
 from gimbalcal.number import Array
 from gimbalcal.references import cite
-from gimbalcal.report.chart import Chart, sensible_time
+from gimbalcal.report.chart import Chart, lasting, sensible_time
 from gimbalcal.report.figures import curves_by_group
 from gimbalcal.report.html import picture as inside
 from gimbalcal.report.html import render
+from gimbalcal.report.reach import reach
 from gimbalcal.report.rounding import significant
-from gimbalcal.report.wording import direction_in_words, label_in_words, unit_in_print
+from gimbalcal.report.wording import (
+    counted,
+    direction_in_words,
+    label_in_words,
+    sentence,
+    typeset,
+    unit_in_print,
+    unobservable_leading,
+    why_in_words,
+)
+
+MOST = 4  # states that a headline names
 
 
 def observability_report(content: Mapping[str, Any]) -> str:
     """The page for the content of the observability.json of a schedule of turns."""
     states = content["states"]
-    named = [s for s in states if not s["parameter"].startswith(("attitude:", "velocity:", "place:"))]
+    named = _errors(content)
     worst = min(named, key=lambda s: float(s["degree"]))
     high = sum(s["observability"] == "high" for s in named)
-    unseen = [{"direction": direction_in_words(u["direction"]), "why": u["why"]} for u in content["unobservable"]]
-    hours = named[0]["time_s"][-1] / 3600
+    unseen = [
+        {"direction": direction_in_words(u["direction"]), "why": why_in_words(u)} for u in content["unobservable"]
+    ]
+    last = float(named[0]["time_s"][-1])
     noise = content["noise"]
-    answer = (
-        f"{content['schedule']} sees {len(named) - len(unseen)} of {amount(len(named), 'combination')} of errors; "
-        f"the observability of {high} of {len(named)} is high"
-    )
     return render("observability.html", {
         "title": content["schedule"],
         "remark": f"gimbalcal {gimbalcal.__version__}",
-        "answer": answer,
+        "answer": headline(content),
         "verdict": "fits" if not unseen and high == len(named) else "reserved",
         "facts": [
-            (f"{hours:.2f} h", "long"),
-            (significant(float(worst["degree"]), 3), f"lowest degree, of {label_in_words(worst['parameter'])}"),
-            (f"{noise['gyroscope_deg_per_sqrt_h']:g} deg/√h", "noise of the gyroscopes"),
+            (lasting(last), "all turns and stops"),
+            (f"{significant(float(worst['degree']), 3)} times",
+             f"better known at least: {label_in_words(worst['parameter'])}"),
+            (f"{noise['gyroscope_deg_per_sqrt_h']:g} °/√h", "noise of the gyroscopes"),
             (f"{noise['accelerometer_ug_per_sqrt_Hz']:g} µg/√Hz", "noise of the accelerometers"),
         ],
         "curves": inside(
             _curves(named),
-            f"Sigma of {amount(len(named), 'state')} over {hours:.2f} h, on a logarithmic scale.",
+            f"Sigma of {amount(len(named), 'state')} over {lasting(last)}, on a logarithmic scale.",
             "One sigma of each state against time, from its usual size on; each step down is a turn.",
         ),
         "unobservable": unseen,
@@ -60,6 +71,28 @@ def observability_report(content: Mapping[str, Any]) -> str:
         "published": _published(content["published"]),
         "citations": cite("wei2022", "yan2018", "friedland1969"),
     })  # fmt: skip
+
+
+def headline(content: Mapping[str, Any]) -> str:
+    """What the observability.json of a schedule of turns comes to: what it tells, how well, what next."""
+    named = _errors(content)
+    lost, unseen = unobservable_leading(content["unobservable"]), len(content["unobservable"])
+    low = [s for s in named if s["observability"] != "high" and s["parameter"] not in lost]
+    seen = f"{len(named) - unseen} of {len(named)} combinations" if unseen else f"all {counted(len(named), 'error')}"
+    text = f"{content['schedule']} tells {seen} of the unit in {lasting(float(named[0]['time_s'][-1]))}."
+    told = [(s["parameter"].partition(":")[0], s) for s in named if s["parameter"] not in lost]
+    text += reach((kind, float(s["sigma"][-1]), s["unit"]) for kind, s in told)
+    if unseen:
+        text += f" {counted(unseen, 'combination').capitalize()} cannot be seen: turn about another axis as well."
+    if low:
+        text += f" Hardly better known than before: {', '.join(label_in_words(s['parameter']) for s in low[:MOST])}"
+        text += f" and {len(low) - MOST} more." if len(low) > MOST else "."
+    return text if unseen or low else f"{text} Next: record it, then `gimbalcal calibrate` the recording."
+
+
+def _errors(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The states that are errors of the unit, not of where and how it stands."""
+    return [s for s in content["states"] if not s["parameter"].startswith(("attitude:", "velocity:", "place:"))]
 
 
 def _row(state: Mapping[str, Any]) -> dict[str, str]:
@@ -84,7 +117,7 @@ def _published(table: Mapping[str, Any]) -> dict[str, Any]:
         }
         for r in table["rows"]
     ]
-    return {"rows": rows, "in_words": table["in_words"]}
+    return {"rows": rows, "in_words": sentence(typeset(table["in_words"]))}
 
 
 def _curves(states: Sequence[Mapping[str, Any]]) -> list[Chart]:

@@ -17,7 +17,7 @@ Row = Mapping[str, Any]
 
 def rows(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> list[dict[str, Any]]:
     """The rows of the calibration table; `group` opens a line, `below` opens those that the data do not tell alone."""
-    in_unobservable = {label for u in wording.unobservable_of(content) for label in wording.leading(u["direction"])}
+    in_unobservable = wording.unobservable_leading(wording.unobservable_of(content))
     told = [p for p in content["parameters"] if label_of(p) not in in_unobservable]
     rest = [p for p in content["parameters"] if label_of(p) in in_unobservable]
     nominal = from_content(content).accelerometers

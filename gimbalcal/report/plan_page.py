@@ -9,31 +9,32 @@ import numpy as np
 
 import gimbalcal
 from gimbalcal.report import wording
-from gimbalcal.report.chart import Chart, Points, Rule
+from gimbalcal.report.chart import Chart, Points, Rule, lasting
 from gimbalcal.report.figures import schedule as schedule_charts
 from gimbalcal.report.html import Picture, picture, render
+from gimbalcal.report.reach import reach
 from gimbalcal.report.rounding import minus, significant
 from gimbalcal.schedule import Schedule
+from gimbalcal.schedule.rotation import RotationSchedule
 
+CRITERIA = {"D": "volume of what stays uncertain", "A": "mean square of what stays uncertain",
+            "position": "error of a day's navigation"}  # fmt: skip
 LEAST = 0.9  # of what is known before: less is no news
 
 
 def plan_report(content: Mapping[str, Any]) -> str:
     """The page for the observability.json of a schedule of positions or a static run."""
     rows, unseen = content["parameters"], content["unobservable"]
-    told = f"{content['schedule']} tells {_share(len(rows) - len(unseen), len(rows))} of what is to be calibrated."
-    if unseen:
-        told += f" {wording.counted(len(unseen), 'combination').capitalize()} cannot be seen, and no longer recording "
-        told += "helps: another attitude or another instrument does."
     noise = content["noise"]
     facts = [(f"{significant(float(v), 3)} {_unit(k)}", f"noise: {k.rpartition('_')[0].replace('_', ' ')}")
              for k, v in noise.items() if isinstance(v, (int, float)) and _unit(k)]  # fmt: skip
     hidden = [c for c in content["candidates"] if c["strength"] < 1]
     remarks = [f"At its usual size {wording.named(c['effect'])} would not show." for c in hidden]
     return render("plan.html", {
-        **_shared("What a schedule sees", content["schedule"], told, bool(unseen)),
+        **_shared("What a schedule sees", wording.typeset(content["schedule"]), headline(content), bool(unseen)),
         "facts": [(f"{len(rows) - len(unseen)} of {len(rows)}", "combinations seen"), *facts],
         "picture": _sigmas(rows),
+        "beside": True,
         "unobservable": _unobservable(unseen),
         "remarks": remarks,
         "rows": _rows(rows, ()),
@@ -45,37 +46,74 @@ def plan_report(content: Mapping[str, Any]) -> str:
     })  # fmt: skip
 
 
-def design_report(seen: Mapping[str, Any], made: Schedule | None) -> str:
-    """The page of a designed schedule: of positions with `made` drawn, or of turns."""
+def headline(content: Mapping[str, Any]) -> str:
+    """What the observability.json of positions or a static run comes to: what it tells, how well, what next."""
+    rows, unseen = content["parameters"], content["unobservable"]
+    text = f"{content['schedule']} tells {_share(len(rows) - len(unseen), len(rows))} of what is to be calibrated."
+    text = wording.sentence(wording.typeset(text)) + _reach(rows, unseen)
+    if unseen:
+        text += f" {wording.counted(len(unseen), 'combination').capitalize()} cannot be seen, and no longer recording "
+        text += "helps: another attitude or another instrument does."
+    return text
+
+
+def design_headline(seen: Mapping[str, Any]) -> str:
+    """What a designed schedule comes to: what it tells, how well, beside which, what next."""
     first, *others = seen["in_words"].split("\n")
-    if made is None:
+    if "groups" in seen:
+        turns, stop, whole = wording.counted(seen["turns"], "turn"), seen["stop_s"], lasting(seen["total_s"])
+        text = f"{turns.capitalize()} with stops of {stop:.3g} s take {whole}." + reach(
+            (g["group"], g["sigma"], g["unit"]) for g in seen["groups"]
+        )
+        beside = others[len(seen["groups"]) :]
+    else:
+        rows, unseen = seen["parameters"], seen["unobservable"]
+        told = f"{first}, tell {_share(len(rows) - len(unseen), len(rows))} of what is to be calibrated"
+        text = wording.sentence(told) + _reach(rows, unseen)
+        ratios = {name: a["sigma_ratio_equal_time"] for name, a in seen["against"].items()}
+        beside = [
+            f"In as much time as {n} takes σ is {x:.2f} of what that leaves, in the mean" for n, x in ratios.items()
+        ]
+
+    return " ".join([text, *map(wording.answered, beside), "Next: turn the rig through schedule.toml while it logs."])
+
+
+def _reach(rows: Sequence[Mapping[str, Any]], unseen: Sequence[Mapping[str, Any]]) -> str:
+    lost = wording.unobservable_leading(unseen)
+    return reach((p["name"], p["sigma"], p["unit"]) for p in rows if wording.label_of(p) not in lost)
+
+
+def design_report(seen: Mapping[str, Any], made: Schedule | RotationSchedule) -> str:
+    """The page of a designed schedule, of positions or of turns."""
+    _, *others = seen["in_words"].split("\n")
+    if isinstance(made, RotationSchedule):
         rows = [{"words": wording.named(g["group"]), "sigma": significant(g["sigma"], 3), "first": True, "prior": "",
                  "unit": wording.unit_in_print(g["unit"]), "better": _better(g["ratio"]),
                  "others": [significant(v, 3) for v in g["against"].values()]} for g in seen["groups"]]  # fmt: skip
         names = list(seen["groups"][0]["against"]) if seen["groups"] else []
-        facts = [(str(seen["turns"]), "turns"), (f"{seen['total_s']:.0f} s", "altogether"),
-                 (f"{seen['stop_s']:.0f} s", "each stop")]  # fmt: skip
-        drawn, unseen = None, []
+        facts = [(str(seen["turns"]), "turns"), (lasting(seen["total_s"]), "altogether"),
+                 (lasting(seen["stop_s"]), "each stop")]  # fmt: skip
+        drawn, unseen, others = _turns(made), [], []
     else:
         names = list(seen["against"])
         rows, unseen = _rows(seen["parameters"], names), seen["unobservable"]
         facts = [
             (str(seen["positions"]), "positions"),
             (seen["angles"], "angles known to"),
-            (seen["criterion"], "criterion"),
+            (CRITERIA.get(seen["criterion"], seen["criterion"]), "made smallest"),
         ]
         drawn = _drawn(made)
         others = [o for o in others if not o.startswith("not seen")]
     return render("plan.html", {
-        **_shared("Designed schedule", "turns" if made is None else made.name, f"{first}.", bool(unseen)),
-        "facts": facts, "picture": drawn, "unobservable": _unobservable(unseen),
-        "remarks": [wording.typeset(f"{o[0].upper()}{o[1:]}.") for o in others if made is not None],
+        **_shared("Designed schedule", made.name, design_headline(seen), bool(unseen)),
+        "facts": facts, "picture": drawn, "beside": False, "unobservable": _unobservable(unseen),
+        "remarks": [wording.answered(o) for o in others],
         "rows": rows, "others": names, "confounded": [], "candidates": [],
     })  # fmt: skip
 
 
 def _shared(kind: str, title: str, answer: str, doubtful: bool) -> dict[str, Any]:
-    return {"kind": kind, "title": title, "answer": wording.typeset(f"{answer[0].upper()}{answer[1:]}"),
+    return {"kind": kind, "title": title, "answer": answer,
             "verdict": "reserved" if doubtful else "fits", "remark": f"gimbalcal {gimbalcal.__version__}"}  # fmt: skip
 
 
@@ -98,10 +136,10 @@ def _rows(parameters: Sequence[Mapping[str, Any]], others: Sequence[str]) -> lis
             "first": not i or p["name"] != parameters[i - 1]["name"],
             "sigma": significant(p["sigma"], 3),
             "unit": wording.unit_in_print(p["unit"]),
-            "prior": significant(p["prior_sigma"], 3),
+            "prior": f"{p['prior_sigma']:.3g}",
             "better": "not better"
             if p["sigma"] >= LEAST * p["prior_sigma"]
-            else f"{p['prior_sigma'] / p['sigma']:.3g} times",
+            else f"{significant(p['prior_sigma'] / p['sigma'], 3)} times",
             "others": [significant(p["others"][n], 3) for n in others],
         }
         for i, p in enumerate(parameters)
@@ -109,7 +147,7 @@ def _rows(parameters: Sequence[Mapping[str, Any]], others: Sequence[str]) -> lis
 
 
 def _better(ratio: float) -> str:
-    return "not better" if ratio >= LEAST or ratio <= 0 else f"{1 / ratio:.3g} times"
+    return "not better" if ratio >= LEAST or ratio <= 0 else f"{significant(1 / ratio, 3)} times"
 
 
 def _sigmas(rows: Sequence[Mapping[str, Any]]) -> Picture:
@@ -134,6 +172,21 @@ def _drawn(made: Schedule) -> Picture:
         charts,
         f"Gimbal angles at {wording.counted(len(labels), 'position')}, and where gravity lies in platform axes.",
         "What the platform is to do: gimbal angles by position, and the direction of gravity in its axes, along z.",
+    )
+
+
+def _turns(made: RotationSchedule) -> Picture:
+    """How far the unit is turned about each axis of the table, and where gravity lies in it at each stop."""
+    axes = list(dict.fromkeys(m.axis for m in made.moves))
+    each = np.array([[m.angle * (m.axis == a) for a in axes] for m in made.moves])
+    angles = np.rad2deg(np.concatenate([np.zeros((1, len(axes))), np.cumsum(each, axis=0)]))
+    down = made.attitudes().transpose(0, 2, 1) @ np.array([0.0, 0.0, 1.0])
+    labels = [str(k) for k in range(len(angles))]
+    return picture(
+        schedule_charts(labels, angles, axes, down, "unit", "stop"),
+        f"Angles of the axes through {wording.counted(len(made.moves), 'turn')}, and where gravity lies in the unit.",
+        "What the table is to do: how far it has turned about each axis at each stop, and the direction of gravity in "
+        "the unit, along z.",
     )
 
 

@@ -55,19 +55,32 @@ def significant(x: float, digits: int = 3) -> str:
     """X with so many significant digits, plainly between 1e-4 and 1e6 and with a power of ten outside.
 
     >>> significant(0.0123456), significant(123456.0, 2), significant(3.2e-9)
-    ('0.0123', '123456', '3.20e-09')
+    ('0.0123', '123456', '3.20·10⁻⁹')
     """
     if x == 0 or not isfinite(x):
         return f"{x:g}"
     exponent = int(f"{x:e}".split("e")[1])
     if not -5 < exponent < 6:
-        return f"{x:.{digits - 1}e}"
+        return _raised(f"{x:.{digits - 1}e}")
     return f"{x:.{max(digits - 1 - exponent, 0)}f}"
 
 
 def minus(text: str) -> str:
-    """The hyphen of ASCII as the minus sign that lines up with figures."""
-    return text.replace("-", "−")
+    """A number as it is printed: with the minus sign that lines up with figures, a power of ten raised.
+
+    >>> minus("-0.5"), minus("3.20e-09"), minus("1e+06")
+    ('−0.5', '3.20·10⁻⁹', '10⁶')
+    """
+    return _raised(text).replace("-", "−")
+
+
+def _raised(text: str) -> str:
+    """A number whose power of ten follows an e, with the power raised; any other text as it is."""
+    mantissa, e, power = text.partition("e")
+    if not e or not power.lstrip("+-").isdigit():
+        return text
+    raised = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"10{raised}" if mantissa == "1" else f"{mantissa}·10{raised}"
 
 
 def rms(x: Array) -> str:

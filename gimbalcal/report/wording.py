@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
+from gimbalcal.report.rounding import minus
+
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
 
@@ -55,11 +57,11 @@ def label_in_words(label: str) -> str:
 def unit_in_print(unit: str) -> str:
     """A unit as it is printed.
 
-    >>> unit_in_print("ug/g^2"), unit_in_print("deg/h")
-    ('µg/g²', '°/h')
+    >>> unit_in_print("ug/g^2"), unit_in_print("deg/sqrt(h)")
+    ('µg/g²', '°/√h')
     """
     text = unit.replace("ug", "µg").replace("urad", "µrad").replace("degC", "°C").replace("deg", "°")
-    return text.replace("^2", "²").replace("^3", "³").replace("sqrt(h)", "√h")
+    return text.replace("^2", "²").replace("^3", "³").replace("sqrt(h)", "√h").replace("sqrt(Hz)", "√Hz")
 
 
 def counted(n: int, noun: str, plural: str = "") -> str:
@@ -90,13 +92,29 @@ def unobservable_of(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [u for u in content["unobservable"] if labels.issuperset(u["direction"])]
 
 
-def sentence(words: str) -> str:
-    """Words as a sentence.
+def unobservable_leading(unobservable: Sequence[Mapping[str, Any]]) -> set[str]:
+    """Labels that carry most of what the data do not see."""
+    return {label for u in unobservable for label in leading(u["direction"])}
 
-    >>> sentence("it is so")
-    'It is so.'
+
+def sentence(words: str) -> str:
+    """Words as a sentence; a name with a digit, which is something to type, stays as it is.
+
+    >>> sentence("it is so"), sentence("wu2018-18 sees it"), sentence("")
+    ('It is so.', 'wu2018-18 sees it.', '')
     """
-    return words[:1].upper() + words[1:].rstrip(".") + "."
+    name = any(c.isdigit() for c in words.partition(" ")[0])
+    first = words[:1] if name else words[:1].upper()
+    return first + words[1:].rstrip(".") + "." if words else ""
+
+
+def answered(in_words: str) -> str:
+    """The `in_words` of a result as a person is told it, on the console and at the head of the page.
+
+    >>> answered("changing +1 misalignment:xz -1 bias:y by 3 ug^2 does nothing")
+    'Changing +1 misalignment xz −1 bias y by 3 µg² does nothing.'
+    """
+    return "\n".join(sentence(typeset(spoken(line))) for line in in_words.split("\n"))
 
 
 def leading(direction: Mapping[str, float], least: float = 0.1) -> list[str]:
@@ -131,7 +149,7 @@ def why_in_words(unobservable: Mapping[str, Any]) -> str:
     for label in sorted(unobservable["direction"], key=len, reverse=True):
         text = text.replace(label, label_in_words(label))
     known = "|".join(sorted(CATALOGUE, key=len, reverse=True))
-    return typeset(re.sub(rf"(?<![.\w])({known})(?!\w)", lambda found: named(found[0]), text))
+    return sentence(typeset(re.sub(rf"(?<![.\w])({known})(?!\w)", lambda found: named(found[0]), text)))
 
 
 def spoken(text: str) -> str:
@@ -145,15 +163,19 @@ def spoken(text: str) -> str:
 
 
 def typeset(text: str) -> str:
-    """Powers, arrows, sigmas and micro-g of a plain sentence as they are printed.
+    """Powers, arrows, sigmas, signs and units of a plain sentence as they are printed.
 
-    >>> typeset("0.0016 -> 0.0059 m/s^2"), typeset("by +3 +- 0.2 ug")
-    ('0.0016 → 0.0059 m/s²', 'by +3 ± 0.2 µg')
+    >>> typeset("0.0016 -> 0.0059 m/s^2"), typeset("by -3 +- 0.2 ug on 2026-11-22")
+    ('0.0016 → 0.0059 m/s²', 'by −3 ± 0.2 µg on 2026-11-22')
+    >>> typeset("0.05 deg/sqrt(h) at 40 deg")
+    '0.05 °/√h at 40°'
     """
-    text = (
-        text.replace(" +- ", " ± ").replace("^2", "²").replace("^3", "³").replace(" -> ", " → ").replace(" degC", " °C")
-    )
-    return re.sub(r"\bug\b", "µg", text)
+    text = text.replace(" +- ", " ± ").replace(" -> ", " → ")
+    text = re.sub(r"(\d) deg\b(?![/\w])", r"\1°", text)
+    text = re.sub(r"(?<![\w.=])-(?=\d)", "−", text)
+    text = re.sub(r"\b(\d(?:\.\d+)?)e([+-]\d+)\b", lambda m: minus(m[0]), text)
+    units = r"\b(?:ug|urad|degC)\b|\bdeg(?=/)|\^[23]|sqrt\((?:h|Hz)\)"
+    return re.sub(units, lambda m: unit_in_print(m[0]), text)
 
 
 def as_text(value: Any) -> str:

@@ -296,5 +296,19 @@ def test_another_campaign_in_the_same_folder_is_refused(tmp_path: Path) -> None:
         run_campaign(PULSES, 0, tmp_path / "c")
 
 
+def test_another_campaign_gives_way_when_asked_and_nothing_else_does(tmp_path: Path) -> None:
+    run_campaign(PULSES, 2, tmp_path / "c", workers=1)
+    (tmp_path / "c" / "mine.txt").write_text("stays")
+    told: list[str] = []
+    run_campaign(PULSES, 2, tmp_path / "c", workers=1, progress=told.append, overwrite=True)
+    assert told[0] == "2 of 2 runs were there already"  # its own runs are no others
+    made = run_campaign(PULSES, 2, tmp_path / "c", workers=1, seed=7, overwrite=True)
+    assert made["identity"]["seed"] == 7
+    assert (tmp_path / "c" / "mine.txt").read_text() == "stays"
+    (tmp_path / "c" / "campaign.json").write_text("{")
+    run_campaign(PULSES, 2, tmp_path / "c", workers=1, seed=7, overwrite=True)
+    assert json.loads((tmp_path / "c" / "campaign.json").read_text())["runs"] == 2
+
+
 def test_seeds_of_runs_do_not_repeat() -> None:
     assert len({seed_of(s, r) for s in range(20) for r in range(500)}) == 10000

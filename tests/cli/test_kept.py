@@ -12,6 +12,8 @@ ROOT = Path(__file__).resolve().parents[2]
 DEVICE = ROOT / "data" / "space_stable_18"
 XSENS = ROOT / "data" / "xsens_positions"
 
+PULSES = "wang2019-accelerometers-3arcmin"
+
 Command = Callable[..., int]
 
 SCHEDULES = [
@@ -19,6 +21,7 @@ SCHEDULES = [
     (("observe", "static-24h"), "static-24h-observability", "observability.json"),
     (("budget", "wu2018-18"), "wu2018-18-budget", "budget.json"),
     (("design", "-n", 6, "--step", 90, "--terms", "bias"), "space-stable-schedule", "schedule.toml"),
+    (("campaign", PULSES, "-n", 2, "--workers", 1), f"{PULSES}-campaign", "campaign.json"),
 ]
 
 
@@ -32,6 +35,24 @@ def test_a_result_without_out_is_in_a_folder_that_is_named(
     assert (Path(folder) / "report.html").is_file()
     assert command(*arguments, "--quiet") == 0  # the same question takes the place of its own answer
     assert [p.name for p in Path().iterdir()] == [folder]
+
+
+def test_a_campaign_is_added_to_and_gives_way_as_every_result_does(
+    command: Command, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    asked = ("campaign", PULSES, "--workers", 1, "--out", tmp_path / "c")
+    assert command(*asked, "-n", 2) == 0
+    assert command(*asked, "-n", 3) == 0  # more runs are no other question
+    assert json.loads((tmp_path / "c" / "campaign.json").read_text())["runs"] == 3
+    capsys.readouterr()
+    assert command(*asked, "-n", 2, "--seed", 5) == 2
+    told = capsys.readouterr().err
+    assert "already holds campaign.json, campaign.parquet and report.html of another question" in told
+    assert command(*asked, "-n", 2, "--seed", 5, "--overwrite") == 0
+    assert json.loads((tmp_path / "c" / "campaign.json").read_text())["identity"]["seed"] == 5
+    assert command("campaign", PULSES, "--workers", 1, "-n", 2, "--seed", 6, "--quiet") == 0
+    assert command("campaign", PULSES, "--workers", 1, "-n", 2, "--seed", 7, "--quiet") == 0
+    assert capsys.readouterr().out.endswith(f"report: {PULSES}-campaign-2/report.html\n")
 
 
 def test_another_question_takes_another_folder(command: Command, capsys: pytest.CaptureFixture[str]) -> None:
@@ -77,5 +98,5 @@ def test_json_on_stdout_is_the_result_and_leaves_no_folder(
 def test_the_console_ends_with_table_answer_and_report(command: Command, capsys: pytest.CaptureFixture[str]) -> None:
     assert command("calibrate", DEVICE) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert any("bias x" in line and "+-" in line and line.rstrip().endswith("ug") for line in lines)
+    assert any("bias x" in line and "±" in line and line.rstrip().endswith("µg") for line in lines)
     assert lines[-1] == "report: space_stable_18-calibration/report.html"

@@ -47,7 +47,7 @@ def test_rounding_moves_neither_by_more_than_half_a_last_place(value: float, sig
 
 @pytest.mark.parametrize(
     ("x", "text"),
-    [(0.0, "0"), (4.736, "4.74"), (280.4, "280"), (1e-7, "1.00e-07"), (2.5e7, "2.50e+07"), (-0.5, "-0.500")],
+    [(0.0, "0"), (4.736, "4.74"), (280.4, "280"), (1e-7, "1.00·10⁻⁷"), (2.5e7, "2.50·10⁷"), (-0.5, "-0.500")],
 )
 def test_significant_digits(x: float, text: str) -> None:
     assert significant(x, 3) == text

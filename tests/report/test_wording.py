@@ -117,7 +117,7 @@ def test_noise_from_the_residual_proves_nothing(provenance: dict[str, Any]) -> N
 
 def test_reasons_say_labels_in_words() -> None:
     told = {"direction": {"bias:x": 1.0, "misalignment:xy": 0.3}, "why": "+1 bias:x +0.3 misalignment:xy leave it"}
-    assert why_in_words(told) == "+1 bias x +0.3 misalignment xy leave it"
+    assert why_in_words(told) == "+1 bias x +0.3 misalignment xy leave it."
 
 
 def test_reasons_say_effects_and_micro_g_in_words() -> None:
@@ -125,4 +125,4 @@ def test_reasons_say_effects_and_micro_g_in_words() -> None:
         "direction": {"K3:x": 1.0},
         "why": "cubic_nonlinearity is left out: its sigma is 3 ug/g^3 (a.inter_triad)",
     }
-    assert why_in_words(left_out) == "cubic nonlinearity is left out: its sigma is 3 µg/g³ (a.inter_triad)"
+    assert why_in_words(left_out) == "Cubic nonlinearity is left out: its sigma is 3 µg/g³ (a.inter_triad)."

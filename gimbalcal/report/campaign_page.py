@@ -1,0 +1,185 @@
+"""The report of a campaign: whether errors are as large as the sigmas say, parameter by parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from math import sqrt
+from typing import Any
+
+import numpy as np
+
+import gimbalcal
+from gimbalcal.errors import amount
+from gimbalcal.report import wording
+from gimbalcal.report.chart import Band, Chart, Points, Rule
+from gimbalcal.report.html import Picture, picture, render
+from gimbalcal.report.rounding import minus, significant
+from gimbalcal.units import from_si
+
+SURPRISE = 1e-3  # probability, over all parameters together, below which chance is not believed
+NEGLIGIBLE = 0.1  # relative excess of errors over sigmas that nobody would act on, however significant
+NAMED = 3  # parameters that a headline names
+
+Row = Mapping[str, Any]
+
+
+def headline(content: Mapping[str, Any]) -> str:
+    """What a campaign.json comes to: are the sigmas honest, is anything off on average, what next."""
+    rows = _told(content)
+    runs = amount(content["runs"], "run")
+    if not rows:
+        return f"{runs}, none with an estimate: {_reasons(content)}. Next: look at the scenario."
+    low, high = chance(min(int(r["runs"]) for r in rows), len(rows))
+    ratios = [float(r["ratio"]) for r in rows]
+    large, off = _larger(rows), _off(rows)
+    seen = f"{min(ratios):.2f} to {max(ratios):.2f} times their σ over {amount(len(rows), 'parameter')}"
+    text = f"In {runs} errors are {seen}; chance alone makes {low:.2f} to {high:.2f}."
+    if large:
+        text += f" {_names(large)} err more than their σ says." if len(large) > 1 else (
+            f" {_names(large)} errs more than its σ says.")  # fmt: skip
+    if off:
+        text += f" Off on average: {_names(off)}."
+    if content["failed"]:
+        text += f" {amount(content['failed'], 'run')} ended with a reservation: {_reasons(content)}."
+    if large or off:
+        return f"{text} Next: `gimbalcal diagnose` a simulated recording of this scenario."
+    small = min(int(r["runs"]) for r in rows) < 50
+    return f"{text} The σ are honest" + (" as far as so few runs tell. Next: more of them, -n 200." if small else ".")
+
+
+def campaign_report(content: Mapping[str, Any]) -> str:
+    """The page for the content of a campaign.json."""
+    rows = _told(content)
+    doubtful = bool(not rows or content["failed"] or _larger(rows) or _off(rows))
+    identity = content["identity"]
+    context = {
+        "title": f"{identity['name']}, {amount(content['runs'], 'run')}",
+        "remark": f"gimbalcal {gimbalcal.__version__}",
+        "answer": headline(content),
+        "verdict": "reserved" if doubtful else "fits",
+        "facts": _facts(content, rows),
+        "picture": _picture(rows) if rows else None,
+        "rows": [_row(r, before) for r, before in zip(rows, [None, *rows], strict=False)],
+        "reasons": [(words, amount(count, "run")) for words, count in content["outcomes"].items()],
+        "provenance": [
+            ("method", str(identity["method"])), ("seed", str(identity["seed"])), ("kind", str(identity["kind"])),
+            ("the numbers turn", str(content["direction"])), ("version", str(identity["version"])),
+            ("SHA-256 of the scenario", str(identity["scenario"])),
+        ],
+    }  # fmt: skip
+    return render("campaign.html", context)
+
+
+def chance(runs: int, parameters: int) -> tuple[float, float]:
+    """Between what the ratio of RMS error and sigma lies by chance, over so many parameters together.
+
+    n ratio^2 is chi^2 with n degrees of freedom.
+
+    >>> tuple(round(x, 2) for x in chance(200, 18))
+    (0.8, 1.21)
+    """
+    from scipy.special import chdtri
+
+    tail = SURPRISE / parameters / 2
+    return sqrt(float(chdtri(runs, 1 - tail)) / runs), sqrt(float(chdtri(runs, tail)) / runs)
+
+
+def _told(content: Mapping[str, Any]) -> list[Row]:
+    return [r for r in content["parameters"] if r["ratio"] is not None]
+
+
+def _larger(rows: Sequence[Row]) -> list[Row]:
+    """Parameters whose errors exceed their sigmas by more than chance and by what one would act on, worst first."""
+    over = [r for r in rows if r["ratio"] > max(chance(int(r["runs"]), len(rows))[1], 1 + NEGLIGIBLE)]
+    return sorted(over, key=lambda r: -float(r["ratio"]))
+
+
+def _off(rows: Sequence[Row]) -> list[Row]:
+    """Parameters whose errors do not have a mean of zero."""
+    return [r for r in rows if abs(_offset(r)) > _far(len(rows))]
+
+
+def _offset(r: Row) -> float:
+    """The mean error in its own sigmas."""
+    return float(r["mean"] / r["sigma"] * sqrt(r["runs"]))
+
+
+def _far(parameters: int) -> float:
+    """Sigmas of a mean that chance does not reach in any of so many parameters."""
+    from scipy.special import ndtri
+
+    return float(-ndtri(SURPRISE / parameters / 2))
+
+
+def _names(rows: Sequence[Row]) -> str:
+    names = [wording.label_in_words(r["parameter"]) for r in rows[:NAMED]]
+    more = len(rows) - NAMED
+    return wording.listed([*names, f"{more} more"] if more > 0 else names)
+
+
+def _reasons(content: Mapping[str, Any]) -> str:
+    worst = next(iter(content["outcomes"]), "")
+    return wording.typeset(worst.rstrip(".")) or "no reason was given"
+
+
+def _facts(content: Mapping[str, Any], rows: Sequence[Row]) -> list[tuple[str, str]]:
+    facts = [(str(content["runs"]), "runs"), (str(content["failed"]), "with a reservation")]
+    if rows:
+        middle = sqrt(float(np.mean([float(r["ratio"]) ** 2 for r in rows])))
+        worst = max(rows, key=lambda r: float(r["ratio"]))
+        facts += [(f"{middle:.2f}", "RMS error over σ, all parameters"),
+                  (f"{worst['ratio']:.2f}", f"the largest, {wording.label_in_words(worst['parameter'])}")]  # fmt: skip
+    return facts
+
+
+def _row(r: Row, before: Row | None) -> dict[str, Any]:
+    rms, sigma, unit = _printed(r)
+    return {
+        "words": wording.label_in_words(r["parameter"]),
+        "first": before is None or before["parameter"].partition(":")[0] != r["parameter"].partition(":")[0],
+        "mean": minus(f"{_offset(r):+.1f} σ"),
+        "rms": significant(rms, 3),
+        "sigma": significant(sigma, 3),
+        "unit": unit,
+        "ratio": f"{r['ratio']:.2f}",
+    }
+
+
+def _printed(r: Row) -> tuple[float, float, str]:
+    """RMS error and sigma in the unit that the parameter is printed in everywhere."""
+    stated = r["unit"] != "SI"  # of pulses: no parameter of the catalogue
+    unit = str(r["unit"]) if stated else _units().get(r["parameter"].partition(":")[0], "1")
+    rms, sigma = (float(r[k]) if stated else float(from_si(r[k], unit)) for k in ("rms", "sigma"))
+    return rms, sigma, wording.unit_in_print(unit)
+
+
+@cache
+def _units() -> dict[str, str]:
+    from gimbalcal.effects import CATALOGUE, parameters
+
+    return {p.label.partition(":")[0]: p.unit for e in CATALOGUE.values() for p in parameters(e, ("inner",))}
+
+
+def _picture(rows: Sequence[Row]) -> Picture:
+    """The ratio of every parameter, and where chance leaves it."""
+    words = [wording.label_in_words(r["parameter"]) for r in rows][::-1]
+    ratio = np.array([float(r["ratio"]) for r in rows])[::-1]
+    y, ends = np.arange(len(words), dtype=float), np.array([-0.5, len(words) - 0.5])
+    low, high = chance(min(int(r["runs"]) for r in rows), len(rows))
+    odd = ratio > high
+    told = [f"{w}: errors {x:.2f} times σ" for w, x in zip(words, ratio, strict=True)]
+    chart = Chart(
+        (Band(np.array([low, high]), ends[[0, 0]], ends[[1, 1]], "grey", "chance"), Rule(1.0, "ink", upright=True),
+         Points(ratio[~odd], y[~odd], size=3.6, names=[t for t, o in zip(told, odd, strict=True) if not o]),
+         *([Points(ratio[odd], y[odd], "c1", "diamond", 4.2, names=[t for t, o in zip(told, odd, strict=True) if o],
+                   label="more than chance")] if odd.any() else [])),
+        x_label="RMS error / σ", y_names=words, height=14.0 * len(words) + 14,
+    )  # fmt: skip
+    return picture(
+        chart,
+        f"Error over sigma of {amount(len(words), 'parameter')}, from {ratio.min():.2f} to {ratio.max():.2f}; chance "
+        f"leaves {low:.2f} to {high:.2f}.",
+        "How large the errors were, in units of the σ that each run stated. Right of the band: σ promises too much. "
+        "Left of it: σ is larger than it need be, as where it is partly the prior’s.",
+    )
