@@ -6,7 +6,7 @@
     calibration = gimbalcal.calibrate(r)
     print(calibration)                       # a table; .to_frame(), .plot(), .write(path)
     found = gimbalcal.diagnose(r)
-    f_true = calibration.apply({"time": t, "specific_force": f})["specific_force"]
+    true = calibration.apply({"time": t, "specific_force": f, "angular_rate": w}, units=units)  # in g and deg/s too
 
 What a file would be refused for, arrays are refused for, by an InputError with the same sentence.
 """

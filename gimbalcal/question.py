@@ -17,6 +17,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, Parameter
+from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.errors import InputError, alternatives
 from gimbalcal.estimate.grade import Graded
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
@@ -53,8 +54,11 @@ def questioned(
     """
     lasted = max(float(np.ptp(r.time)) for r in recordings)
 
+    counted = made.readout.gyroscopes is not None  # where zero is and what a count is, and so of which grade, is open
+
     def limit(p: Parameter) -> float:
-        return np.inf if p.effect in found else most(unit, lasted, p)
+        open_size = p.effect in found or (counted and CATALOGUE[p.effect].stage in GYROSCOPE_STAGES)
+        return np.inf if open_size else most(unit, lasted, p)
 
     beyond = far(made, limit)
     if not beyond:

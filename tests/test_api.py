@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import gimbalcal
+from gimbalcal import CATALOGUE
 from gimbalcal.cli import main  # noqa: F401  the command line loads beside it
 
 DATA = Path(__file__).resolve().parents[1] / "data"
@@ -53,6 +54,39 @@ def test_arrays_are_corrected_as_a_recording_is() -> None:
     np.testing.assert_allclose(out["specific_force"], sensors.apply(r).triad("specific_force"), rtol=1e-14)
     with pytest.raises(gimbalcal.InputError, match=r"specific_force must be \(\d+, 3\)"):
         sensors.apply({"time": r.time, "specific_force": f[:, :2]})
+
+
+def test_arrays_are_corrected_in_their_own_units() -> None:
+    """1 g is 1 m/s^2 to whoever does not ask: a bias of 5 mg would be taken off ten times too small."""
+    rng = np.random.default_rng(3)
+    unit = rng.standard_normal((40, 3))
+    f = 9.8 * unit / np.linalg.norm(unit, axis=1)[:, None]
+    w, t, warm = 0.1 * rng.standard_normal((40, 3)), np.arange(40.0), 20 + rng.random(40)
+    effects = (
+        CATALOGUE["bias"](b=np.full(3, 0.05)),
+        CATALOGUE["gyro_bias"](epsilon=np.full(3, 1e-3)),
+        CATALOGUE["bias_temperature"](b_T=np.full(3, 1e-3)),
+    )
+    residual = gimbalcal.calibrate(XSENS, terms=["bias"]).residual
+    made = gimbalcal.Calibration("t", effects, (), np.zeros((0, 0)), (), residual)
+    want = made.apply({"time": t, "specific_force": f, "angular_rate": w, "temperature": warm})
+    units = {"time": "ms", "specific_force": "mg", "angular_rate": "deg/s", "temperature": "K"}
+    given = {
+        "time": 1e3 * t, "specific_force": f / 9.80665e-3, "angular_rate": np.degrees(w), "temperature": warm + 273.15,
+    }  # fmt: skip
+    got = made.apply(given, units=units)
+    np.testing.assert_allclose(got["specific_force"] * 9.80665e-3, want["specific_force"], rtol=1e-12)
+    np.testing.assert_allclose(np.radians(got["angular_rate"]), want["angular_rate"], rtol=1e-12)
+    for unit_name, factor in (("g", 9.80665), ("mg", 9.80665e-3), ("Gal", 1e-2)):
+        with pytest.raises(gimbalcal.InputError, match=f"gravity in {unit_name} and not in m/s"):
+            made.apply({"specific_force": f / factor, "temperature": warm})
+    free = {"time": t, "specific_force": f / 9.80665, "temperature": warm}  # nearly falling, and said to be so
+    little = made.apply(free, units={"specific_force": "m/s^2"})
+    np.testing.assert_allclose(np.linalg.norm(little["specific_force"] + 0.05, axis=1), 0.9993, rtol=0.01)
+    with pytest.raises(gimbalcal.InputError, match="units names 'angular_rate', and there is no such array"):
+        made.apply({"specific_force": f}, units={"angular_rate": "deg/s"})
+    with pytest.raises(gimbalcal.InputError, match="'deg' is not a unit of specific_force"):
+        made.apply({"specific_force": f}, units={"specific_force": "deg"})
 
 
 def test_diagnose_is_a_function_and_a_package() -> None:

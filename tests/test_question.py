@@ -11,11 +11,14 @@ import numpy as np
 import pytest
 
 from gimbalcal.calibration import Calibration
+from gimbalcal.calibration.calibration import Residual
+from gimbalcal.calibration.readout import Counts, Readout
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
 from gimbalcal.effects.grade import GRADES
+from gimbalcal.errors import InputError
 from gimbalcal.estimate.grade import Graded
 from gimbalcal.methods import calibrate
-from gimbalcal.question import far, most
+from gimbalcal.question import far, most, questioned
 from gimbalcal.recording import Recording, read, write
 
 HOUR = 3600.0
@@ -67,6 +70,21 @@ def test_a_sound_unit_is_not_asked_about(device: Recording, method: str) -> None
 
 def test_a_real_unit_is_not_asked_about() -> None:
     assert calibrate([DATA / "xsens_positions"])[0].outcome == ""
+
+
+def test_the_zero_of_gyroscopes_that_count_is_no_question() -> None:
+    """Raw counts stand about 32768 whatever the grade; the same numbers in SI are asked about."""
+    p = next(p for p in parameters(CATALOGUE["gyro_bias"]) if p.axis == "x")
+    bias, cov = with_values((), (p,), np.array([7.0])), np.array([[1e-12]])
+    unit = Graded(GRADES["tactical"], "")
+    r = read(DATA / "xsens_positions")
+
+    def never(_: Sequence[Recording]) -> Calibration:
+        raise InputError("no slip")
+
+    for readout, asked in ((Readout(gyroscopes=Counts((1e-4,) * 3)), False), (Readout(), True)):
+        made = Calibration("x", bias, (p,), cov, (), Residual(0.0, 1, {}), readout=readout)
+        assert questioned(made, [r], unit, never).outcome.startswith("gyro bias x is 1.444e+06") is asked
 
 
 def test_what_is_not_of_the_sensors_may_have_any_size() -> None:

@@ -12,7 +12,8 @@ import numpy as np
 
 from gimbalcal.atomic import write_json
 from gimbalcal.calibration import earlier
-from gimbalcal.calibration.correction import correct, correct_arrays, corrupt
+from gimbalcal.calibration.arrays import correct_arrays
+from gimbalcal.calibration.correction import correct, corrupt
 from gimbalcal.calibration.drawing import parameters_drawn
 from gimbalcal.calibration.readout import DRAWING, Readout, from_content
 from gimbalcal.calibration.sound import refuse_unsound
@@ -109,14 +110,19 @@ class Calibration:
     @overload
     def apply(self, recording: Recording) -> Recording: ...
     @overload
-    def apply(self, recording: Mapping[str, Array]) -> dict[str, Array]: ...
-    def apply(self, recording: Recording | Mapping[str, Array]) -> Recording | dict[str, Array]:
+    def apply(self, recording: Mapping[str, Array], units: Mapping[str, str] | None = None) -> dict[str, Array]: ...
+    def apply(
+        self, recording: Recording | Mapping[str, Array], units: Mapping[str, str] | None = None
+    ) -> Recording | dict[str, Array]:
         """The recording corrected, readings to physics: force [m/s^2], rate [rad/s] and gimbal angles as they were.
 
-        A mapping of arrays in SI, {"time": (n,), "specific_force": (n, 3), "angular_rate": (n, 3), ...}, comes back as
-        one; what it holds besides (temperature (n,), a gimbal_angle by axis) is taken where an effect needs it.
+        A mapping of arrays, {"time": (n,), "specific_force": (n, 3), "angular_rate": (n, 3), ...}, comes back as one
+        and in its units: SI, or `units` by quantity as `from_arrays` takes them. What it holds besides (temperature
+        (n,), a gimbal_angle by axis) is taken where an effect needs it.
         """
-        return correct(self, recording) if isinstance(recording, Recording) else correct_arrays(self, recording)
+        if isinstance(recording, Recording):
+            return correct(self, recording)
+        return correct_arrays(self, recording, units)
 
     def corrupt(self, recording: Recording) -> Recording:
         """What this unit would have read, physics to readings: the exact inverse of `apply`."""

@@ -30,9 +30,7 @@ from gimbalcal.forward import accelerometers, gyroscopes
 from gimbalcal.inversion import invert
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array, apply_matrix, complex_step
-from gimbalcal.platform import BENCH, KNOWN
-from gimbalcal.recording import Recording, Site
-from gimbalcal.recording.frames import by_axis
+from gimbalcal.recording import Recording
 from gimbalcal.recording.record import Key
 
 ANGLE = "gimbal_angle"
@@ -90,26 +88,6 @@ def correct(calibration: Calibrated, recording: Recording) -> Recording:
         channels |= _columns(RATE, _turned(s.rate, stood, 1.0))
         made = with_noise(made, RATE, rate_gain)
     return replace(made, channels=_added(channels, stood, 1.0))
-
-
-def correct_arrays(calibration: Calibrated, readings: Mapping[str, Any]) -> dict[str, Array]:
-    """`correct` for arrays in SI: time (n,), specific_force and angular_rate (n, 3), others (n,) or by axis.
-
-    Returns the triads that were given, (n, 3). Raises InputError for another shape.
-    """
-    given = {quantity: x for quantity, x in readings.items() if quantity != "time"}
-    n = len(next(iter(readings.values()), ()))
-    time = np.asarray(readings.get("time", np.arange(n)), dtype=float)
-    each = ((q, axis, x) for q, values in given.items() for axis, x in by_axis(q, values, str(n)))
-    channels: dict[Key, Array] = {(q, axis): np.asarray(x, dtype=float) for q, axis, x in each}
-    short = next((q for (q, _), x in channels.items() if len(x) != len(time)), "")
-    if short:
-        raise InputError(f"{short} must have one row for each of the {len(time)} of time")
-    gimbals = {axis for quantity, axis in channels if quantity == ANGLE}
-    holding = (p for p in KNOWN.values() if gimbals <= set(p.axis_names))
-    platform = next(holding, BENCH) if gimbals else BENCH
-    made = correct(calibration, Recording("rotation", "arrays", platform, Site(), {}, time, None, channels))
-    return {q: made.triad(q) for q in (FORCE, RATE) if made.has(q)}
 
 
 def _undone(h: Callable[[Array], Array], y: Array, quantity: str) -> tuple[Array, Array]:

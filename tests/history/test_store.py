@@ -8,6 +8,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -55,7 +56,7 @@ def test_what_is_kept_comes_back_in_order(tmp_path: Path) -> None:
     assert [e.date for e in kept(path)] == sorted(e.date for e in made)
     assert [e.unit for e in kept(path, "v")] == ["v"]
     assert kept(path, kind="diagnosis")[0].content == made[3].content
-    with sqlite3.connect(path) as base:
+    with closing(sqlite3.connect(path)) as base, base:
         rows = base.execute("select name, axis, value, sigma, unit from parameters").fetchall()
         assert base.execute("pragma journal_mode").fetchone() == ("wal",)
     assert len(rows) == 3 * 6
@@ -88,7 +89,7 @@ def test_units_and_strange_files_are_told_apart(tmp_path: Path) -> None:
         kept(tmp_path / "none.db")
     text, other = tmp_path / "text.db", tmp_path / "other.db"
     text.write_text("no database at all, but long enough to be one" * 20)
-    with sqlite3.connect(other) as base:
+    with closing(sqlite3.connect(other)) as base, base:
         base.execute("create table mine (x)")
     for bad, words in ((text, "cannot be used as a store"), (other, "is a database another program's")):
         before = bad.read_bytes()
@@ -117,7 +118,7 @@ def test_a_writer_that_is_killed_leaves_what_it_had_kept(tmp_path: Path) -> None
         time.sleep(wait)
         p.send_signal(signal.SIGKILL)
         done |= {int(line) for line in p.communicate()[0].split()}
-        with sqlite3.connect(path) as base:
+        with closing(sqlite3.connect(path)) as base, base:
             assert base.execute("pragma integrity_check").fetchone() == ("ok",)
     there = {round((np.datetime64(e.date[:19]) - np.datetime64(START.replace(tzinfo=None))) / np.timedelta64(90, "D"))
              for e in kept(path)}  # fmt: skip
