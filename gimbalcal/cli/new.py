@@ -12,32 +12,46 @@ from gimbalcal.cli.placing import OVERWRITE, placed
 from gimbalcal.errors import amount
 
 if TYPE_CHECKING:
-    from gimbalcal.importers.guess import Guess
+    from gimbalcal.importers.names import Guess
 
 
 @click.command(
-    epilog=example("gimbalcal new imu.csv --out imu", "gimbalcal new accelerometers.csv gyroscopes.csv --out unit")
+    epilog=example(
+        "gimbalcal new imu.csv --out imu",
+        "gimbalcal new accelerometers.csv gyroscopes.csv --out unit",
+        "gimbalcal new stars.csv --latitude 48.1",
+    )
 )
 @click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "--rate",
     type=click.FloatRange(min=0, min_open=True),
     default=None,
-    help="Rows in a second, where no column is a clock.",
+    help="Rows in a second: they are counted, and no column is the clock.",
 )
+@click.option(
+    "--latitude",
+    type=click.FloatRange(-90, 90),
+    default=None,
+    metavar="DEG",
+    help="Of the place: gravity is known by it, and the pole of an equatorial mount.",
+)
+@click.option("--height", type=float, default=None, metavar="M", help="Of the place, above the sea.")
 @click.option("--title", default="", help="What the recording is called.  [default: the name of the first of LOGS]")
 @OVERWRITE
 @output_options("the recording and a page with its rests", "the name of the first of LOGS without its ending, here")
 def new(
     logs: tuple[Path, ...],
     rate: float | None,
+    latitude: float | None,
+    height: float | None,
     title: str,
     overwrite: bool,
     out: Path | None,
     quiet: bool,
     as_json: bool,
 ) -> None:
-    """Look at LOGS of a unit, one or several with one clock, and propose a recording: columns, units, rests."""
+    """Look at LOGS of a unit, a rig or a mount and propose a recording: columns, units, rests, platform."""
     from gimbalcal.atomic import write as write_text
     from gimbalcal.importers.log import propose
     from gimbalcal.recording import dwells, write
@@ -45,25 +59,31 @@ def new(
 
     tell = progress(quiet)
     tell(f"reading {amount(len(logs), 'log')}")
-    found = propose(logs, title, rate or 0.0)
+    found = propose(logs, title, rate or 0.0, latitude, height)
     r, folder = found.recording, out or Path(logs[0].stem)
+    page = "stars.html" if r.kind == "pointing" else "rests.html"
     with placed(folder, overwrite) as made:
         write(r, made, "samples.parquet" if len(r.time) > 1_000_000 else "samples.csv")
         header = made / "recording.toml"
         write_text(header, commented(header.read_text(encoding="utf-8"), found))
-        write_text(made / "rests.html", proposal_page(found))
+        write_text(made / page, proposal_page(found))
     for name, g in found.guesses.items():
         tell(f"{name.strip()}: {_held(g)}, by {g.why}")
+    for what, note in found.notes.items():
+        tell(f"{what}: {note}")
     for remark in r.remarks:
         tell(f"note: {remark}")
-    rests = len(dwells(r))
-    what = f"a {r.kind} recording of {amount(rests, 'rest')} and {amount(len(r.time), 'row')}"
-    correct = f"look at {folder / 'rests.html'} and correct {folder / 'recording.toml'} where a guess is wrong"
+    stars = r.kind == "pointing"
+    rests = 0 if stars else len(dwells(r))
+    size = amount(len(r.time), "star") if stars else f"{amount(rests, 'rest')} and {amount(len(r.time), 'row')}"
+    made_of = f"a {r.kind} recording of {size}"
+    correct = f"look at {folder / page} and correct {folder / 'recording.toml'} where a guess is wrong"
     columns = {n: {"quantity": g.quantity, "axis": g.axis, "unit": g.unit, "why": g.why}
                for n, g in found.guesses.items()}  # fmt: skip
     result = {"folder": str(folder), "kind": r.kind, "rests": rests, "rows": len(r.time), "columns": columns,
-              "left_out": list(found.left_out)}  # fmt: skip
-    words = f"wrote {folder}, {what}; {correct}, then: gimbalcal calibrate {folder}"
+              "left_out": list(found.left_out), "notes": dict(found.notes)}  # fmt: skip
+    after = "calibrate" if stars or rests > 1 else "noise"
+    words = f"wrote {folder}, {made_of}; {correct}, then: gimbalcal {after} {folder}"
     show(result, words, as_json, quiet)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from codecs import getincrementaldecoder
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 from gimbalcal.errors import InputError
 from gimbalcal.importers.table import COMMON, header_for, number, one_file, only, recording_of
 from gimbalcal.number import Array
-from gimbalcal.recording.dates import Dates, is_date
+from gimbalcal.recording.dates import is_date
 from gimbalcal.recording.record import Recording
 from gimbalcal.recording.samples import EMPTY, names_above, numbered
 
@@ -39,8 +40,8 @@ def import_csv(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     if len(separator) != 1:
         raise InputError(f"the separator {separator!r} is not one character; write comma, semicolon, tab or space")
     wanted = [c.name for c in header.columns]
-    named = not _holds_numbers(path, skip, separator)
-    frame = _frame(path, separator, skip, named)
+    named = not holds_numbers(path, skip, separator)
+    frame = frame_of(path, separator, skip, named)
     if numbered(wanted) and not set(wanted) <= set(frame.columns):
         frame.columns = [str(i) for i in range(1, frame.width + 1)]
     elif not named:
@@ -65,63 +66,17 @@ def import_csv(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     return recording_of(replace(header, named=named), options, fetch)
 
 
-def table_of(path: Path) -> dict[str, Array]:
-    """Every column of numbers of a text table that nobody described, by its name; dates of ISO 8601 are seconds.
-
-    Lines before the table are skipped, the separator is the one that most lines share, and a table without names has
-    its columns called by number. Cells that hold no number are NaN. Raises InputError for a file without a table.
-    """
-    import polars as pl
-
-    if not path.is_file():
-        raise InputError(f"{path} does not exist or is not a file; give the log of a unit")
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        head = [line.rstrip("\r\n") for line, _ in zip(file, range(HEAD), strict=False)]
-    skip, separator = _begins(path, head)
-    named = not _holds_numbers(path, skip, separator)
-    frame = _frame(path, separator, skip, named)
-    if not named:
-        above = names_above(path, frame.width, skip)
-        frame.columns = above or [str(i) for i in range(1, frame.width + 1)]
-    out = {}
-    for name in frame.columns:
-        text = frame[name].str.strip_chars().str.strip_chars('"')
-        seen = text.drop_nulls()
-        if len(seen) and is_date(seen[0]):
-            out[name] = Dates().seconds(text)
-            continue
-        values = text.str.replace(",", ".", literal=True) if separator == ";" else text
-        numbers = values.cast(pl.Float64, strict=False).to_numpy()
-        if np.count_nonzero(np.isfinite(numbers)) > len(numbers) / 2:
-            out[name] = numbers
-    if len(out) < LEAST_COLUMNS:
-        raise InputError(f"{path} holds {len(out)} columns of numbers: no log of a unit, or in a form that is not text")
-    return out
-
-
-def _begins(path: Path, head: Sequence[str]) -> tuple[int, str]:
-    """How many lines stand before a table, and its separator."""
-    best = (0, 0, 0, ",")
-    for mark in (";", "\t", ",", " "):
-        counts = [len(line.split()) if mark == " " else line.count(mark) + 1 for line in head if line.strip()]
-        usual = max(set(counts), key=counts.count, default=0)
-        begins = next((i for i, line in enumerate(head) if line.strip() and not line.startswith("#")
-                       and (len(line.split()) if mark == " " else line.count(mark) + 1) == usual), 0)  # fmt: skip
-        if usual >= LEAST_COLUMNS:
-            best = max(best, (counts.count(usual), usual, begins, mark))
-    if not best[1]:
-        raise InputError(f"{path} holds no table of {LEAST_COLUMNS} columns or more; give a text log of a unit")
-    return best[2], best[3]
-
-
-def _frame(path: Path, separator: str, skip: int, named: bool) -> pl.DataFrame:
+def frame_of(path: Path, separator: str, skip: int, named: bool) -> pl.DataFrame:
     """Every cell as text, the blanks around names gone."""
     import polars as pl
 
     source: Path | bytes = path.absolute()  # as it stands: `~` and `*` are letters like others
+    encoding = encoding_of(path)
     if separator == " ":  # columns are often lined up by more than one blank
-        lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()[skip:]
+        lines = path.read_text(encoding=encoding).splitlines()[skip:]
         source, skip = "\n".join(" ".join(line.split()) for line in lines if line.split()).encode(), 0
+    elif encoding != "utf-8-sig":
+        source = path.read_text(encoding=encoding).encode()
     try:
         frame = pl.read_csv(
             source, separator=separator, skip_lines=skip, comment_prefix="#", infer_schema=False, has_header=named,
@@ -147,8 +102,24 @@ def _numbers(path: Path, name: str, text: pl.Series, named: bool) -> Array:
     return values.set(empty, None).to_numpy()
 
 
+def encoding_of(path: Path) -> str:
+    """How a text file is encoded: UTF-8, UTF-16 where a mark says so, else as Windows writes western letters."""
+    with path.open("rb") as file:
+        start = file.read(2)
+        if start in (b"\xff\xfe", b"\xfe\xff"):
+            return "utf-16"
+        file.seek(0)
+        decoder = getincrementaldecoder("utf-8")()
+        try:
+            while block := file.read(1 << 20):
+                decoder.decode(block)
+        except UnicodeDecodeError:
+            return "latin-1"  # of which no byte is undefined
+    return "utf-8-sig"
+
+
 def _first_line(path: Path, skip: int) -> str:
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
+    with path.open(encoding=encoding_of(path)) as file:
         lines = (line for i, line in enumerate(file) if i >= skip and line.strip() and not line.startswith("#"))
         return next(lines, "").strip("\r\n")
 
@@ -160,7 +131,7 @@ def _guessed(path: Path, skip: int) -> str:
     return shown[0] if shown else (" " if " " in first.strip() else ",")
 
 
-def _holds_numbers(path: Path, skip: int, separator: str) -> bool:
+def holds_numbers(path: Path, skip: int, separator: str) -> bool:
     """Whether the first line is numbers or dates, not names."""
     first = _first_line(path, skip)
     cells = first.split() if separator == " " else [cell.strip() for cell in first.split(separator)]

@@ -41,6 +41,7 @@ from gimbalcal.recording.record import Recording, Site
 
 _NUMBER = re.compile(r"[-+]?\d+(\.\d*)?$")
 _BY_STARS, _BY_ANGLES = 14, 4  # numbers of an observation: two stars and a sidereal time; two pairs of angles
+_SITE, _SEXAGESIMAL, _ANY_DAY = 6, 3, ("2000", "1", "1")  # latitude and date; latitude alone
 _AUXILIARY = 3  # readings that may follow a pair of angles
 _AZIMUTH = {"south": 180.0, "north": 0.0}  # zero of the azimuths in a file; from south they run through east
 
@@ -164,7 +165,7 @@ def _joined(words: Array) -> Array:
 
 
 def _read(path: Path) -> _File:
-    site, air, upright, rows = None, 0.0, False, []
+    site, air, upright, titled, rows = None, 0.0, False, False, []
     for line, text in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
         words = text.replace(",", " ").split()
         if words and words[0] == "END":
@@ -176,9 +177,11 @@ def _read(path: Path) -> _File:
             continue
         numbers = _leading(words)
         if site is None:
-            if len(numbers) < 6:  # a caption, though it may begin with a number
+            alone = titled and len(words) == len(numbers) == _SEXAGESIMAL  # the latitude, without a date
+            if len(numbers) < _SITE and not alone:
+                titled = True  # a caption, though it may begin with a number
                 continue
-            site, air = _site(path, line, numbers), _air(numbers)
+            site, air = _site(path, line, [*numbers, *_ANY_DAY] if alone else numbers), _air(numbers)
             continue
         if not numbers:
             raise InputError(

@@ -27,7 +27,7 @@ Entry = str | Mapping[str, Any]
 
 
 def from_frame(
-    frame: Any, columns: Mapping[str, Entry], *, kind: str = "multi-position", platform: str = "bench",
+    frame: Any, columns: Mapping[str, Entry], *, kind: str = "multi-position", platform: Entry = "bench",
     title: str = "arrays", site: Mapping[str, tuple[float, str]] | None = None,
     noise: Mapping[str, tuple[float, str]] | None = None, instant: bool = False, average_s: float | None = None,
     called: str = "arrays",
@@ -36,12 +36,14 @@ def from_frame(
 
     columns: for each name what it holds, ``"specific_force x [g]"``, ``"time [s]"``, ``"position"`` (without a unit:
     SI), or as a table of recording.toml, ``{"quantity": "time", "unit": "s"}``. site and noise: numbers with their
-    units, ``{"latitude": (40.0, "deg")}``, ``{"accelerometer": (20.0, "ug")}``. `average_s` as in `read`. Dates of a
+    units, ``{"latitude": (40.0, "deg")}``, ``{"accelerometer": (20.0, "ug")}``. platform: a name, or axes as in a
+    recording.toml, ``{"axes": [{"name": "roll", "direction": "x"}]}``. `average_s` as in `read`. Dates of a
     time column count as seconds from midnight of the first. called: how sentences name the rows. Raises InputError
     with the row and the column of what is wrong.
     """
     content: dict[str, Any] = {
-        "format": 1, "kind": kind, "title": title, "platform": {"name": platform},
+        "format": 1, "kind": kind, "title": title,
+        "platform": {"name": platform} if isinstance(platform, str) else dict(platform),
         "site": {key: _stated(key, entry) for key, entry in (site or {}).items()},
         "noise": {key: _stated(key, entry) for key, entry in (noise or {}).items()},
         "columns": {name: _entry(name, entry) for name, entry in columns.items()},
@@ -64,7 +66,7 @@ def from_frame(
 
 
 def from_arrays(
-    time: ArrayLike, *, units: Mapping[str, str] | None = None, kind: str = "multi-position", platform: str = "bench",
+    time: ArrayLike, *, units: Mapping[str, str] | None = None, kind: str = "multi-position", platform: Entry = "bench",
     title: str = "arrays", site: Mapping[str, tuple[float, str]] | None = None,
     noise: Mapping[str, tuple[float, str]] | None = None, instant: bool = False, average_s: float | None = None,
     **quantities: Any,

@@ -11,7 +11,7 @@ from gimbalcal.recording.plausible_run import named
 from gimbalcal.recording.record import Recording
 from gimbalcal.recording.triads import AXES
 
-FORCE_UNITS = {"m/s^2": 1.0, "g": G0, "mg": 1e-3 * G0, "ug": 1e-6 * G0}
+FORCE_UNITS = {"m/s^2": 1.0, "g": G0, "mg": 1e-3 * G0, "ug": 1e-6 * G0, "ft/s^2": 0.3048, "Gal": 1e-2}
 FAR_OFF, NORM_SHARE = 0.3, 0.25  # of gravity, rms: no low-cost unit is; and what another unit has to leave of it
 ALIKE = 0.8, 1.25  # ratios that are one, give or take what a unit can be off
 

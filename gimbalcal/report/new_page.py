@@ -2,28 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 import gimbalcal
 from gimbalcal.errors import amount
 from gimbalcal.importers.log import Proposal
-from gimbalcal.recording import dwells
+from gimbalcal.recording import Dwell, Recording, dwells
 from gimbalcal.report import wording
-from gimbalcal.report.chart import COLOURS, Band, Chart, Line, Mark, Words, envelope, sensible_time
+from gimbalcal.report.chart import COLOURS, Band, Chart, Line, Mark, Points, Words, envelope, sensible_time
 from gimbalcal.report.html import picture, render
 from gimbalcal.report.rounding import significant
+from gimbalcal.units import from_si
 
+# lines of the header before which a guess about the whole is said
+HEADED = {"kind": ("kind", "order", "hours", "sky", "sign", "unit"), "[site]": ("site",), "[platform]": ("platform",),
+          "[noise]": ("noise", "sigma")}  # fmt: skip
 NUMBERED = 60  # rests; the numbers of more would stand on each other
 
 
 def commented(header: str, found: Proposal) -> str:
-    """The text of recording.toml with the reason beside each column that was guessed."""
+    """The text of recording.toml with the reason beside each column that was guessed, and above it of what else was."""
     by_key = {(g.quantity, g.axis): (name, g) for name, g in found.guesses.items()}
     lines = [
         "# Proposed by gimbalcal new. Correct what is wrong: a unit, an axis, sign = -1; then calibrate.",
-        "# The place is not known from a log: with latitude and height gravity is exact, and the Earth's rate known.",
-    ]
+        *([] if found.recording.site.latitude is not None or found.recording.kind == "pointing" else [
+            "# The place is not known from a log: --latitude and --height, or both in [site], tell gravity to 100 ppm",
+            '# and the rate of the Earth: latitude = { value = 48.1, unit = "deg" }',
+        ]),
+    ]  # fmt: skip
     for line in header.splitlines():
+        lines += [f"# {found.notes[key]}" for key in HEADED.get(line.partition(" =")[0], ()) if key in found.notes]
         hit = next((found for (q, a), found in by_key.items() if f'quantity = "{q}"' in line
                     and (f'axis = "{a}"' in line if a else "axis" not in line)), None)  # fmt: skip
         lines.append(line if hit is None else f"{line}  # {hit[0].strip()}: by {hit[1].why}")
@@ -33,28 +43,56 @@ def commented(header: str, found: Proposal) -> str:
 
 
 def proposal_page(found: Proposal) -> str:
-    """The page: what each column is taken for, and the forces with the rests marked."""
+    """The page: what each column is taken for, and the forces with the rests marked, or what the stars are off by."""
     r = found.recording
-    stays = dwells(r)
-    held = sum(float(r.time[d.stop - 1] - r.time[d.start]) for d in stays)
-    rate = 1 / float(np.median(np.diff(r.time)))
-    enough = len(stays) >= 9
-    advice = "" if enough else " Nine or more in different attitudes are needed for all errors of three accelerometers."
+    stars, stays = r.kind == "pointing", () if r.kind == "pointing" else dwells(r)
+    enough = len(r.time) >= 9 if stars else len(stays) >= 9
     context = {
         "title": r.title,
         "remark": f"gimbalcal {gimbalcal.__version__}",
-        "answer": f"{amount(len(stays), 'rest')} found in {significant(float(np.ptp(r.time)), 3)} s.{advice} Next: "
-        "correct recording.toml where a guess below is wrong, then `gimbalcal calibrate` this folder.",
+        "answer": f"{amount(len(r.time), 'star')} found." if stars else _answer(found, len(stays)),
         "verdict": "fits" if enough else "reserved",
-        "facts": [(f"{significant(rate, 3)} Hz", "rate"), (str(len(stays)), "rests"),
-                  (f"{significant(held, 3)} s", "at rest"), (f"{len(r.time)}", "rows")],
-        "picture": picture(_rests(found), f"Forces over time; {amount(len(stays), 'rest')} marked."),
-        "rows": [{"name": n.strip(), "quantity": g.quantity.replace("_", " "), "axis": g.axis,
+        "facts": [(str(len(r.time)), "stars")] if stars else _facts(found, stays),
+        "picture": picture(_offsets(r), "What the readouts of each axis are off by, before any model.")
+        if stars else picture(_rests(found), f"Forces over time; {amount(len(stays), 'rest')} marked."),
+        "rows": [{"name": n.strip(), "quantity": g.quantity.replace("_", " "), "axis": g.axis.replace("_", " "),
                   "unit": wording.unit_in_print(g.unit), "why": g.why} for n, g in found.guesses.items()],
         "left_out": ", ".join(name.strip() for name in found.left_out),
-        "remarks": list(r.remarks),
+        "remarks": [*found.notes.values(), *r.remarks],
     }  # fmt: skip
     return render("new.html", context)
+
+
+def _answer(found: Proposal, rests: int) -> str:
+    r = found.recording
+    few = " Nine or more in different attitudes are needed for all errors of three accelerometers." if rests < 9 else ""
+    after = "`gimbalcal noise` this folder" if rests < 2 else "`gimbalcal calibrate` this folder"
+    return (
+        f"{amount(rests, 'rest')} found in {significant(float(np.ptp(r.time)), 3)} s.{few} Next: correct "
+        f"recording.toml where a guess below is wrong, then {after}."
+    )
+
+
+def _facts(found: Proposal, stays: Sequence[Dwell]) -> list[tuple[str, str]]:
+    r = found.recording
+    facts = [(str(len(stays)), "rests"), (f"{len(r.time)}", "rows")]
+    if len(r.time) > len(stays):  # a row for each rest has no rate
+        held = sum(float(r.time[d.stop - 1] - r.time[d.start]) for d in stays)
+        rate = 1 / float(np.median(np.diff(r.time)))
+        facts = [(f"{significant(rate, 3)} Hz", "rate"), facts[0], (f"{significant(held, 3)} s", "at rest"), facts[1]]
+    return facts
+
+
+def _offsets(r: Recording) -> list[Chart]:
+    """Readout minus true angle of each axis, against the angle of the outer one."""
+    inner, outer = r.axes("true_angle")[:2]
+    charts = []
+    for axis in (inner, outer):
+        off = from_si(r.channels["gimbal_angle", axis] - r.channels["true_angle", axis], "arcsec")
+        around = np.degrees(r.channels["true_angle", outer])
+        charts.append(Chart((Points(around, off, COLOURS[0]),), f"{axis.replace('_', ' ')} read minus true  [arcsec]",
+                            f"{outer.replace('_', ' ')} [deg]"))  # fmt: skip
+    return charts
 
 
 def _rests(found: Proposal) -> list[Chart]:

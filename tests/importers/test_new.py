@@ -12,8 +12,8 @@ import polars as pl
 import pytest
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.guess import by_name, plain
 from gimbalcal.importers.log import propose
+from gimbalcal.importers.names import by_name, plain
 from gimbalcal.number import Array
 from gimbalcal.recording import dwells, read
 from gimbalcal.rotation import exponential
@@ -63,7 +63,7 @@ def test_names_with_units(tmp_path: Path) -> None:
     columns = {"Time (ms)": t * 1e3, **{f"Acc{a} [g]": f[:, i] / G for i, a in enumerate("XYZ")},
                **{f"Gyro{a}(dps)": w[:, i] * D for i, a in enumerate("XYZ")}, "note": ["x"] * len(t)}  # fmt: skip
     right(table(tmp_path / "a.csv", columns))
-    assert propose([tmp_path / "a.csv"]).left_out == ()
+    assert propose([tmp_path / "a.csv"]).left_out == ("note",)
 
 
 def test_names_without_units_semicolons_and_dates(tmp_path: Path) -> None:
@@ -127,8 +127,8 @@ def test_a_log_without_a_clock_is_asked_for_its_rate(tmp_path: Path) -> None:
         ("a,b\n1,2\n", "holds no table of 3 columns or more"),
         ("t,ax,ay\n" + "".join(f"{k},1,2\n" for k in range(50)), "no column is an accelerometer along z by its name"),
         (
-            "t,ax,ay,az\n" + "".join(f"{k / 50},0,0,9.8\n" for k in range(900)),
-            "1 rest found, and a calibration takes six",
+            "t,pos,ax,ay,az\n" + "".join(f"{k / 50},0,0,0,9.8\n" for k in range(900)),
+            "the unit is never at rest for a second",
         ),
     ],
 )

@@ -1,0 +1,194 @@
+"""What the name of a column says, in the ways that loggers, laboratories and people write names."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from dataclasses import dataclass
+
+FORCE, RATE = "specific_force", "angular_rate"
+AXIS = {"x": "x", "y": "y", "z": "z", "0": "x", "1": "y", "2": "z"}
+
+# Words of English, German and French, as `plain` leaves them.
+_TIME = re.compile(
+    r"^(time|times|timestamp|timestamps|stamp|clock|date_time|date|datetime|utc|zeit|zeitstempel|messzeit|temps|epoch|t|ts"
+    r"|sec|secs|seconds|millis|micros|ms|us|s|elapsed|seconds_elapsed)(_|$)"
+)
+_FORCE_WORDS = (
+    "linear_acceleration|lin_acc|linacc|accelerometer_acceleration|accelerometer|acceleration|accelero|accel|accl|acc"
+    "|beschleunigung|beschl|specific_force|spezifische_kraft|force|kraft|fs|f|a"
+)
+_RATE_WORDS = (
+    "angular_velocity|angular_rate|ang_vel|angvel|ang_rate|gyro_rotation|rotation_rate|rot_rate|gyroscope|gyro|gyr|omega"
+    "|drehrate|winkelgeschwindigkeit|vitesse_angulaire|rate|om|w|g"
+)
+_TRIADS = tuple(
+    (quantity, re.compile(rf"^({words})_?(axis_|achse_)?([xyz012])(_|$)"))
+    for quantity, words in ((FORCE, _FORCE_WORDS), (RATE, _RATE_WORDS))
+)
+_BARE = re.compile(r"^(?:(?:axis|achse)_)?([xyz])(?:_(?:axis|achse))?(_|$)")
+_BODY = {"p": "x", "q": "y", "r": "z"}  # roll, pitch and yaw rate of a vehicle
+_TEMPERATURE = re.compile(r"^(temperature|temperatur|temp|tmp)(_|$)")
+_POSITION = re.compile(
+    r"^(position|pos|posture|station|rest|segment|lage|stellung|nr|no|number|nummer|orientation_no)(_(no|nr|number|id))?$"
+)
+_COUNTS = re.compile(r"^(n|samples|count|counts|anzahl|nsamples|n_samples|nobs)$")
+_SCATTER = re.compile(r"^(s|sd|std|stdev|stddev|std_dev|sigma|sig|stabw|standardabweichung|rms|err|error)_(.+)$")
+_SCATTER_BEHIND = re.compile(r"^(.+?)_(sd|std|stdev|stddev|sigma|stabw|standardabweichung|err|error)((?:_.*)?)$")
+_GIMBAL = {
+    "platform": "platform", "plattform": "platform", "inner": "inner", "innen": "inner", "innere": "inner",
+    "innerer": "inner", "middle": "middle", "mid": "middle", "mitte": "middle", "mittlere": "middle",
+    "mittlerer": "middle", "outer": "outer", "aussen": "outer", "aeussere": "outer", "aussere": "outer",
+    "ausserer": "outer", "table": "table", "tisch": "table", "drehtisch": "table", "turntable": "table",
+}  # fmt: skip
+_OTHER = frozenset(  # no reading of a triad, whatever stands beside it
+    [
+        "cov",
+        "covariance",
+        "orientation",
+        "quat",
+        "quaternion",
+        "mag",
+        "magnetometer",
+        "magnetic",
+        "std",
+        "sd",
+        "sigma",
+        "stdev",
+        "var",
+        "variance",
+        "bias",
+        "user",
+        "status",
+        "quality",
+        "euler",
+        "attitude",
+        "setpoint",
+        "command",
+        "cmd",
+        "saturation",
+        "clip",
+        "clipping",
+    ]
+)
+_SPELLINGS = {  # how people write units into names
+    "m/s^2": "m_s2 ms2 mps2 m_s_2 m_s_s", "g": "g gs", "mg": "mg", "ug": "ug", "Gal": "gal cm_s2",
+    "mGal": "mgal", "ft/s^2": "ft_s2 fts2 fps2 ft_s_2 ft_sec2 ft_s_s ft_sec_2",
+    "deg/s": "dps deg_s degs deg_per_s deg_sec deg_second", "deg/h": "deg_h dph deg_hr deg_hour",
+    "rad/s": "rad_s rads rad_sec rps", "count": "lsb count counts raw adc digits",
+    "s": "s sec seconds secs sekunden", "ms": "ms msec millis milliseconds", "us": "us usec micros microseconds",
+    "ns": "ns nsec nanos nanoseconds", "min": "min", "h": "h hours hour hrs", "degC": "degc c celsius grad_c", "K": "k",
+    "degF": "degf f", "deg": "deg degrees degree grad", "rad": "rad radians", "arcsec": "arcsec as asec arcseconds",
+    "arcmin": "arcmin amin", "mrad": "mrad",
+}  # fmt: skip
+_UNITS = {spelling: unit for unit, all_of_it in _SPELLINGS.items() for spelling in all_of_it.split()}
+_LETTERS = {"ß": "ss", "°": " deg ", "″": " arcsec ", "′": " arcmin ", "µ": "u", "μ": "u", "^": ""}
+
+
+@dataclass(frozen=True)
+class Guess:
+    """What one column holds, in words of recording.toml, and why; the unit may be left open."""
+
+    quantity: str
+    axis: str
+    unit: str
+    why: str
+
+
+def plain(name: str) -> str:
+    """A name as it is compared: lower case, no accents, one underscore for whatever stands between words.
+
+    >>> plain("Acc_X [m/s^2]"), plain(" linear_acceleration.x"), plain("GyroX(dps)"), plain("Außen [°]")
+    ('acc_x_m_s2', 'linear_acceleration_x', 'gyro_x_dps', 'aussen_deg')
+    """
+    name = re.sub("°\\s*([CFK])\\b", r" deg\1", name)
+    for letter, spelt in _LETTERS.items():
+        name = name.replace(letter, spelt)
+    name = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
+    name = re.sub(r"([a-z]{2})([A-Z])", r"\1_\2", name.strip())  # GyroX, accelerationX, TimeUS
+    return re.sub(r"_+", "_", re.sub(r"[^a-z0-9]+", "_", name.lower())).strip("_")
+
+
+def unit_written(words: str) -> str:
+    """The unit that the last words of a plain name spell, or the empty string."""
+    parts = words.split("_")
+    return next((u for k in range(len(parts)) if (u := _UNITS.get("_".join(parts[k:])))), "")
+
+
+def by_name(name: str, hint: str = "") -> Guess | None:
+    """What a column's name says, or None; hint is the quantity of a log whose columns are called x, y and z."""
+    words, why = plain(name), f"its name {name.strip()!r}"
+    if _COUNTS.match(words):
+        return Guess("weight", "", "", why)
+    if scattered := _SCATTER.match(words) or _SCATTER_BEHIND.match(words):
+        of = scattered[2] if _SCATTER.match(words) else scattered[1] + scattered[3]
+        inner = by_name(of)
+        if inner and inner.quantity in (FORCE, RATE):
+            return Guess("sigma", inner.axis, inner.unit, why) if inner.quantity == FORCE else None
+    if (timed := _time(words)) is not None:
+        return Guess("time", "", timed, why)
+    if warm := _TEMPERATURE.match(words):
+        return Guess("temperature", "", unit_written(_rest(words, warm)) or "degC", why)
+    if _POSITION.match(words):
+        return Guess("position", "", "", why)
+    triad = _triad(words)
+    if triad:
+        return Guess(*triad, why)
+    gimbals = {_GIMBAL[w] for w in words.split("_") if w in _GIMBAL}
+    if len(gimbals) == 1:
+        return Guess("gimbal_angle", gimbals.pop(), unit_written(words) or "deg", why)
+    bare = _BARE.match(words)
+    if hint and bare:
+        why = f"{why} in a log that is called after the {'accelerometer' if hint == FORCE else 'gyroscope'}"
+        return Guess(hint, bare[1], _UNITS.get(_rest(words, bare), ""), why)
+    return None
+
+
+def _triad(words: str) -> tuple[str, str, str] | None:
+    """Quantity, axis and unit of a column of a triad; words before it (the name of a topic, a device) do not count."""
+    parts = words.split("_")
+    if _OTHER.intersection(parts):
+        return None
+    for k in range(len(parts)):
+        rest = "_".join(parts[k:])
+        for quantity, pattern in _TRIADS:
+            found = pattern.match(rest)
+            if found:
+                return quantity, AXIS[found[3]], _UNITS.get(_rest(rest, found), "")
+    return None
+
+
+def body_rates(names: dict[str, str]) -> dict[str, Guess]:
+    """Columns p, q and r of a vehicle's log, where all three are there; names: each as `plain` has it."""
+    found = {name: words.split("_") for name, words in names.items() if words.split("_")[0] in _BODY}
+    if sorted(parts[0] for parts in found.values()) != sorted(_BODY):
+        return {}
+    why = "of roll, pitch and yaw rate"
+    return {n: Guess(RATE, _BODY[p[0]], _UNITS.get("_".join(p[1:]), ""), f"its name {n.strip()!r}, {why}")
+            for n, p in found.items()}  # fmt: skip
+
+
+def hinted(stem: str) -> str:
+    """The quantity that a log is called after: "Gyroscope.csv" holds rates, whatever its columns are called."""
+    words = plain(stem)
+    if re.search(r"gyr|drehrate|angular", words):
+        return RATE
+    return FORCE if re.search(r"acc|beschl|gravity|force", words) else ""
+
+
+def _time(words: str) -> str | None:
+    """The unit of a clock, empty where the name tells none; None where it is no clock."""
+    parts = words.split("_")
+    for k in range(len(parts)):  # a topic or a device may stand before it
+        found = _TIME.match("_".join(parts[k:]))
+        if not found:
+            continue
+        rest = _rest("_".join(parts[k:]), found)
+        if len(found[1]) <= 2 and (k or (rest and rest not in _UNITS)):
+            return None  # s_x is something of x
+        return _UNITS.get(rest, "") or _UNITS.get(found[1], "")
+    return None
+
+
+def _rest(words: str, found: re.Match[str]) -> str:
+    return words[found.end() :].strip("_")

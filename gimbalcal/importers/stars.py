@@ -1,0 +1,226 @@
+"""A pointing run in a table that nobody described: pairs of angles, or angles and offsets, of any telescope or antenna.
+
+What numbers cannot tell is the sign: offsets turned round are another mount that fits as well. So the words of the file
+are looked at, and where they are silent the usual sense, measured minus commanded, is taken and said.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from gimbalcal.errors import InputError
+from gimbalcal.importers.names import Guess, by_name, plain, unit_written
+from gimbalcal.importers.pointing import in_order, pointing_run
+from gimbalcal.importers.tpoint import equatorial
+from gimbalcal.importers.undescribed import Table
+from gimbalcal.number import Array
+from gimbalcal.platform import KNOWN
+from gimbalcal.recording.gravity import not_stated
+from gimbalcal.recording.record import Recording
+from gimbalcal.units import to_si
+
+_AXES = {
+    "azimuth": "az azi azimuth azimut azim", "elevation": "el ele elev elevation alt altitude hoehe hohe",
+    "hour_angle": "ha hourangle stundenwinkel hour", "declination": "dec decl declination deklination de",
+}  # fmt: skip
+_AXIS = {word: axis for axis, words in _AXES.items() for word in words.split()}
+_PAIRS = (("azimuth", "elevation"), ("hour_angle", "declination"))
+_ROLES = {
+    "true": "true cmd command commanded cat catalog catalogue target star soll ref reference nominal expected calc "
+    "calculated model requested demand demanded source ideal apparent topo sky computed comp",
+    "read": "enc encoder meas measured obs observed raw ist actual act read reading readout mount reported tel "
+    "telescope measure scope encoders",
+    "offset": "d delta diff off offset offs err error corr correction residual ablage abweichung dev deviation",
+    "sigma": "sig sigma sd std stdev unc uncertainty rms",
+}  # fmt: skip
+_ROLE = {word: role for role, words in _ROLES.items() for word in words.split()}
+_SKY = frozenset(["cos", "cosel", "cosdec", "cosalt", "x", "cross", "xel", "sky", "onsky"])
+_FUSED = re.compile(rf"^(?:(d|delta|off|err)|(x|dx|crs|cross))({'|'.join(sorted(_AXIS, key=len, reverse=True))})$")
+_MINUS = re.compile(r"(\w+)\s*(?:minus|[-−–])\s*(\w+)")
+_LATITUDE = re.compile(r"\blat(?:itude)?\b\W*([-+]?\d+(?:\.\d+)?)", re.IGNORECASE)
+LARGE = 1.0  # deg; offsets beyond are arcseconds
+USUAL = "measured minus commanded, as most write it: nothing in the file says so"
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A column of angles: its axis, what of it, its unit as far as the name tells, and whether it is on the sky."""
+
+    name: str
+    axis: str
+    role: str
+    unit: str
+    on_sky: bool
+
+
+@dataclass(frozen=True)
+class Run:
+    """A pointing run, why each channel is what it is, by (quantity, axis), and what was assumed of the whole."""
+
+    recording: Recording
+    guesses: Mapping[tuple[str, str], tuple[str, str]]
+    notes: Mapping[str, str]
+    left_out: tuple[str, ...]
+
+
+def angles_in(table: Table) -> tuple[Seen, ...]:
+    """The columns of two axes of a mount; none where the table holds no such pair."""
+    found = [seen for name in table.columns if (seen := _seen(name)) is not None]
+    for pair in _PAIRS:
+        own = [s for s in found if s.axis in pair]
+        if all(sum(s.axis == axis and s.role != "sigma" for s in own) >= 2 for axis in pair):
+            return tuple(own)
+    return ()
+
+
+def _seen(name: str) -> Seen | None:
+    words = plain(re.sub(r"[\[(].*", "", name)).split("_")
+    unit = unit_written(plain(name)) if re.search(r"[\[(_ ]", name) else ""
+    on_sky, role, axis = bool(_SKY.intersection(words)), "", ""
+    for word in words:
+        fused = _FUSED.match(word)
+        if fused and not axis:
+            role, axis, on_sky = "offset", _AXIS[fused[3]], on_sky or bool(fused[2])
+        elif word in _AXIS and not axis:
+            axis = _AXIS[word]
+        elif word in _ROLE:
+            role = "sigma" if "sigma" in (role, _ROLE[word]) else _ROLE[word] if role != "offset" else role
+    if "xel" in words:
+        axis, role, on_sky = "azimuth", "offset", True
+    return Seen(name, axis, role, unit, on_sky) if axis else None
+
+
+def pointing_proposal(path: Path, table: Table, columns: tuple[Seen, ...], title: str, latitude: float | None,
+                      height: float | None) -> Run:  # fmt: skip
+    """The run whose angles are `columns`; latitude [rad] and height [m] where they are known.
+
+    Raises InputError for an equatorial mount whose latitude nobody says, and where readouts are not told from angles.
+    """
+    axes = next(pair for pair in _PAIRS if all(any(s.axis == a for s in columns) for a in pair))
+    notes: dict[str, str] = {}
+    latitude = latitude if latitude is not None else _latitude(table, notes)
+    if axes[0] == "hour_angle" and latitude is None:
+        raise InputError(f"{path}: hour angle and declination are those of an equatorial mount, whose polar axis leans "
+                         "by the latitude; give --latitude DEG")  # fmt: skip
+    platform = KNOWN["alt-az"] if axes[0] == "azimuth" else equatorial(float(latitude or 0.0))
+    read: dict[str, Array] = {}
+    true: dict[str, Array] = {}
+    why: dict[tuple[str, str], tuple[str, str]] = {}
+    for axis in axes[::-1]:  # the lower one first: offsets on the sky are divided by its cosine
+        _channels(
+            path, table, axis, [s for s in columns if s.axis == axis and s.role != "sigma"], (read, true), why, notes
+        )
+    for s in (s for s in columns if s.on_sky and s.role == "offset" and s.axis == axes[0]):
+        lower = true[axes[1]]
+        # the axis above turns further than the line of sight
+        read[axes[0]] = true[axes[0]] + (read[axes[0]] - true[axes[0]]) / np.cos(lower)
+        notes["sky"] = f"{s.name} is on the sky by its name: divided by the cosine of the {axes[1].replace('_', ' ')}"
+    order = {axis.name: axis for axis in platform.axes if axis.name in axes}
+    site = not_stated(latitude, height)
+    clock = next((n for n, x in table.columns.items() if (g := by_name(n)) and g.quantity == "time"
+                  and np.all(np.diff(x) >= 0)), "")  # fmt: skip
+    rows = len(read[axes[0]])
+    time, remarks = (_seconds(clock, table.columns[clock]), ()) if clock else in_order(path, rows)
+    if clock:
+        why["time", ""] = (clock, f"its name {clock.strip()!r}")
+    whole = np.all(np.isfinite([time, *read.values(), *true.values()]), axis=0)
+    made = pointing_run(path, platform, site, time, {a: read[a] for a in order}, {a: true[a] for a in order})
+    if not whole.all():
+        made = made.select(np.flatnonzero(whole))
+        remarks = (*remarks, f"{path}: {int(np.sum(~whole))} of {rows} rows lack an angle and are left out")
+    notes["kind"] = f"two axes of a mount, {axes[0].replace('_', ' ')} and {axes[1]}, each twice"
+    used = {name for name, _ in why.values()} | {s.name for s in columns if s.role == "offset"}
+    left = tuple(n for n in (*table.columns, *table.others) if n not in used)
+    return Run(replace(made, title=title, remarks=remarks), why, notes, left)
+
+
+def _channels(path: Path, table: Table, axis: str, columns: list[Seen], out: tuple[dict[str, Array], dict[str, Array]],
+              why: dict[tuple[str, str], tuple[str, str]], notes: dict[str, str]) -> None:  # fmt: skip
+    """Readout and true angle [rad] of one axis, put into `out`."""
+    read, true = out
+    offset = next((s for s in columns if s.role == "offset"), None)
+    plain_ones = [s for s in columns if s.role != "offset"]
+    by_role = {role: next((s for s in plain_ones if s.role == role), None) for role in ("true", "read", "")}
+    a, b = by_role["true"], by_role["read"]
+    if a and b:
+        reason = "its name"
+    elif (a or b) and by_role[""]:
+        a, b, reason = a or by_role[""], b or by_role[""], "its name, and that of the other"
+    elif len(plain_ones) >= 2:
+        a, b, reason = plain_ones[0], plain_ones[1], "its place: the first of two is taken for the true one"
+        notes["order"] = f"{a.name} is taken for where the star was and {b.name} for the readout, by their order alone"
+    if a and b:
+        true[axis], read[axis] = (_angle(table, s, axis, notes) for s in (a, b))
+        why["true_angle", axis], why["gimbal_angle", axis] = (a.name, reason), (b.name, reason)
+        return
+    one = a or b or (plain_ones[0] if plain_ones else None)
+    if one is None or offset is None:
+        there = ", ".join(s.name for s in columns)
+        raise InputError(
+            f"{path}: of {axis} there is no readout beside the true angle ({there}); name its columns as in az_true "
+            "and az_encoder, or write a header and use `gimbalcal import csv`"
+        )
+    sign, said = _sense(table, offset)
+    notes["sign"] = f"offsets are {said}"
+    off = sign * _offset(table, offset, axis, notes)
+    where = _angle(table, one, axis, notes)
+    true[axis], read[axis] = (where - off, where) if b else (where, where + off)
+    given, made = ("gimbal_angle", "true_angle") if b else ("true_angle", "gimbal_angle")
+    why[given, axis] = one.name, "its name"
+    why[made, axis] = f"{one.name} and {offset.name}", f"{said}; to turn it round, exchange gimbal_angle and true_angle"
+
+
+def _angle(table: Table, s: Seen, axis: str, notes: dict[str, str]) -> Array:
+    """An angle in rad: degrees, or hours where the name or hours, minutes and seconds say so."""
+    x, unit = table.columns[s.name], s.unit
+    hours = axis == "hour_angle" and (unit in ("h", "s", "min") or (not unit and s.name in table.sexagesimal))
+    if axis == "hour_angle" and not unit and not hours and np.nanmax(np.abs(x)) <= 12.0:
+        hours = True
+        notes["hours"] = f"{s.name} is taken in hours: it stays within 12 (degrees if it is not so)"
+    if hours:
+        return np.radians(15 * x)
+    return np.asarray(to_si(x, unit if unit in ("rad", "mrad", "arcmin", "arcsec") else "deg"))
+
+
+def _offset(table: Table, s: Seen, axis: str, notes: dict[str, str]) -> Array:
+    """An offset in rad, in the unit that its name tells, else arcsec where it is beyond a degree."""
+    x = table.columns[s.name]
+    if s.unit in ("arcsec", "arcmin", "deg", "rad", "mrad"):
+        return np.asarray(to_si(x, s.unit))
+    if axis == "hour_angle" and s.unit == "s":
+        return np.radians(x / 240)
+    size = float(np.nanmax(np.abs(x)))
+    unit = "arcsec" if size > LARGE else "deg"
+    notes["unit"] = f"offsets are taken in {unit}: they go up to {size:.3g} and no name tells their unit"
+    return np.asarray(to_si(x, unit))
+
+
+def _sense(table: Table, offset: Seen) -> tuple[int, str]:
+    """1 where offsets are readout minus truth, -1 where they are the reverse, and by what."""
+    for text in (*table.above, offset.name):
+        for left, right in _MINUS.findall(text.lower()):
+            roles = _ROLE.get(left), _ROLE.get(right)
+            if roles == ("read", "true"):
+                return 1, f"{left} minus {right}, as the file says"
+            if roles == ("true", "read"):
+                return -1, f"{left} minus {right}, as the file says"
+    return 1, USUAL
+
+
+def _seconds(name: str, x: Array) -> Array:
+    guess = by_name(name) or Guess("time", "", "", "")
+    return np.asarray(to_si(x, guess.unit)) if guess.unit else np.asarray(x)
+
+
+def _latitude(table: Table, notes: dict[str, str]) -> float | None:
+    """The latitude [rad] that a comment above the table tells in degrees."""
+    for line in table.above:
+        if (found := _LATITUDE.search(line)) and abs(float(found[1])) <= 90:
+            notes["site"] = f"latitude {found[1]} deg, as {line.strip()!r} says"
+            return float(np.radians(float(found[1])))
+    return None
