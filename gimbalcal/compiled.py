@@ -3,9 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import update_wrapper
 from typing import Any
 
-from numba import njit
+
+class Compiled:
+    """A loop as machine code from its first call on: numba is loaded then, which takes longer than many a command."""
+
+    def __init__(self, loop: Callable[..., Any]) -> None:
+        self.loop = loop
+        self.machine: Callable[..., Any] | None = None
+        update_wrapper(self, loop)
+
+    def __call__(self, *given: Any) -> Any:
+        return (self.machine or self.made())(*given)
+
+    def made(self) -> Callable[..., Any]:
+        """The machine code, and that of the loops it calls in place of them: numba knows its own functions alone."""
+        if self.machine is None:
+            from numba import njit
+
+            self.machine = njit(cache=True)(self.loop)
+            known = self.loop.__globals__
+            for name in self.loop.__code__.co_names:
+                if isinstance(known.get(name), Compiled):
+                    known[name] = known[name].made()
+        return self.machine
 
 
 def compiled(loop: Callable[..., Any]) -> Callable[..., Any]:
@@ -14,5 +37,4 @@ def compiled(loop: Callable[..., Any]) -> Callable[..., Any]:
     A kernel stands in one file with its helpers, because the cache does not see changes in another, and in plain
     loops, which compile in a fifth of the time that products of matrices take.
     """
-    made: Callable[..., Any] = njit(cache=True)(loop)
-    return made
+    return Compiled(loop)

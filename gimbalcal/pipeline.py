@@ -60,8 +60,9 @@ def load(recordings: Sequence[Source], tell: Tell = silent) -> tuple[Recording, 
 
 
 def three_stage(
-    recordings: Sequence[Recording], tell: Tell = silent, more: Sequence[Added] = (), grade: str = ""
-) -> Calibration:
+    recordings: Sequence[Recording], tell: Tell = silent, more: Sequence[Added] = (), grade: str = "",
+    judged: bool = True,
+) -> Calibration:  # fmt: skip
     """Calibrate the accelerometers of a space-stable platform from a multi-position recording, a static run, or both.
 
     1. coarse: faces give scale factors and biases, tilted positions gimbal zeros and misalignments (section 3);
@@ -70,17 +71,17 @@ def three_stage(
     3. system level: force, gimbals and attitude error of the static run (section 5), added as information.
 
     `more` joins the fits of stage 2 and 3; `grade` is that of the unit, by which sizes are expected (else its noise
-    tells it). Raises InputError when there is neither kind of recording, or two of a kind.
+    tells it); not `judged`, its outcome does not say which larger noise would explain a misfit. Raises InputError when there is neither kind of recording, or two of a kind.
     """
     recordings = [completed(r) for r in recordings]
     unit = graded(recordings, grade)
     tell(unit.in_words)
-    made = _three_stages(unit.of(recordings), tell, more)
+    made = _three_stages(unit.of(recordings), tell, more, judged)
     options = {**made.provenance.get("options", {}), "grade": unit.to_dict()}
     return replace(made, provenance={**made.provenance, "options": options})
 
 
-def _three_stages(recordings: Sequence[Recording], tell: Tell, more: Sequence[Added]) -> Calibration:
+def _three_stages(recordings: Sequence[Recording], tell: Tell, more: Sequence[Added], judged: bool) -> Calibration:
     device, run = _one_of_each(recordings)
     if device is None and run is not None:
         tell("system level: static run alone")
@@ -97,7 +98,7 @@ def _three_stages(recordings: Sequence[Recording], tell: Tell, more: Sequence[Ad
     tell("stage 2: all 18 coefficients jointly, with the setting error of each position")
     also = asked(more, positions, run) if more else Asked((), (), {})
     positions = trusted_positions(device, *also.of(device)) if more else positions
-    both = joint(positions, second)
+    both = joint(positions, second, judged)
     stages = (*first.stages, *second.stages, *both.stages)
     if run is None:
         return with_told(replace(both, method="three-stage", stages=stages), also.constants)

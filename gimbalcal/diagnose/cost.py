@@ -93,7 +93,7 @@ def _unit(recordings: Sequence[Recording], d: Diagnosis) -> _Unit | None:
         return None
 
     def without(effect: str) -> Calibration:
-        return three_stage(recordings, more=[_as_found(e) for e in found.values() if e.id != effect])
+        return three_stage(recordings, more=[_as_found(e) for e in found.values() if e.id != effect], judged=False)
 
     own = next((r for r in recordings if r.kind == "static-run"), None)
     base = own or still_base(DAY, next(r.site for r in recordings if r.site.latitude is not None))

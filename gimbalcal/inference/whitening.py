@@ -9,11 +9,14 @@ m C a row instead of n C. Source: Sarkka (2013), Eqs. (4.20) to (4.22).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from gimbalcal.number import Array
+
+PART = 2_000_000  # numbers, 16 MB
 
 
 class Whitening(NamedTuple):
@@ -27,15 +30,27 @@ class Whitening(NamedTuple):
 
     def whiten(self, rows: Array) -> Array:
         """Rows (n C, p) of this covariance to independent ones of unit variance."""
-        n, m, C = self.gain.shape
-        y, out = rows.reshape(n, C, -1), np.empty((n, C, rows.size // (n * C)))
-        x = np.zeros((m, out.shape[-1]))
-        for k in range(n):
-            x *= self.Phi[k, :, None]
-            left = y[k] - self.H[k] @ x
-            x += self.gain[k] @ left
-            np.matmul(self.inverse[k], left, out=out[k])
+        out = np.empty((len(rows), rows.size // len(rows)))
+        at = 0
+        for part in self.parts(rows):
+            out[at : at + len(part)] = part
+            at += len(part)
         return out.reshape(rows.shape)
+
+    def parts(self, rows: Array) -> Iterator[Array]:
+        """The same in pieces of some `PART` numbers, one after the other."""
+        n, m, C = self.gain.shape
+        y = rows.reshape(n, C, -1)
+        p = y.shape[-1]
+        x, step = np.zeros((m, p)), max(1, PART // max(C * p, 1))
+        for start in range(0, n, step):
+            out = np.empty((min(step, n - start), C, p))
+            for k in range(start, start + len(out)):
+                x *= self.Phi[k, :, None]
+                left = y[k] - self.H[k] @ x
+                x += self.gain[k] @ left
+                np.matmul(self.inverse[k], left, out=out[k - start])
+            yield out.reshape(len(out) * C, p)
 
     def colour(self, white: Array) -> Array:
         """Independent rows (n C, p) of unit variance to ones of this covariance."""

@@ -60,8 +60,20 @@ class Node:
         if isinstance(root, Chain):
             return root.whiten(rows.reshape(len(root.Q), -1)).reshape(rows.shape)
         if isinstance(root, Whitening):
-            return np.concatenate([root.whiten(rows[: root.rows]), rows[root.rows :]])
+            white = root.whiten(rows[: root.rows])
+            return white if root.rows == len(rows) else np.concatenate([white, rows[root.rows :]])
         return np.concatenate([root[:, None] * rows[: len(root)], rows[len(root) :]])
+
+    def products(self, rows: Array) -> Array:
+        """W^T W (p, p) of whitened rows (R, p), which are never all there where they are many."""
+        root = self.inverse_root
+        if isinstance(root, Whitening) and root.rows == len(rows):
+            total = np.zeros((rows.shape[1], rows.shape[1]))
+            for W in root.parts(rows):
+                total += W.T @ W
+            return total
+        W = self.whiten(rows)
+        return np.asarray(W.T @ W)
 
     def colour(self, white: Array) -> Array:
         """Independent rows (R, p) of unit variance to coloured ones of a stated noise: what `whiten` undoes."""

@@ -11,14 +11,15 @@ Mixed over s, over the variants of a candidate and, with the weight that the dat
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from gimbalcal.diagnose.evidence.gram import Gram, size
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.evidence.scale import STATED, Free, Stated
-from gimbalcal.diagnose.library.candidates import Candidate
+from gimbalcal.diagnose.library.candidates import Layout
 from gimbalcal.inference.algebra import eigh, logsumexp, orthonormal
 from gimbalcal.number import Array
 
@@ -47,7 +48,7 @@ class Projection:
     """One noise node with the calibration projected out: Gram matrix, scores, misfit."""
 
     node: Node
-    G: Array  # (P, P)
+    G: Gram  # of P columns
     b: Array  # (P, m) one column per data vector
     misfit: Array  # (m,) y^T V^-1 y after projection
     penalty: float  # ln |V| + ln |Z^T V^-1 Z|
@@ -64,7 +65,7 @@ class Projection:
 
     def _taken(self, at: Array) -> float:
         b = self.b[at, 0]
-        return float(b @ np.linalg.pinv(self.G[np.ix_(at, at)], rcond=1e-10, hermitian=True) @ b)
+        return float(b @ np.linalg.pinv(self.G.block(at), rcond=1e-10, hermitian=True) @ b)
 
 
 def stack(Z: Array, X: Array, y: Array, low: int) -> ReducedRows:
@@ -78,6 +79,8 @@ def stack(Z: Array, X: Array, y: Array, low: int) -> ReducedRows:
         part = X[:, k : k + CHUNK]
         A[:, q + k : q + k + part.shape[1]] = _cleared(Q, part)
     tail = A[low:]
+    if not len(tail):
+        return ReducedRows(A, np.broadcast_to(0.0, (A.shape[1], A.shape[1])), q, P, Q, y)
     return ReducedRows(A[:low].copy(), tail.T @ tail, q, P, Q, y)
 
 
@@ -106,10 +109,17 @@ def _cleared(Q: Array, X: Array) -> Array:
     return np.asarray(np.where(seen, left, 0.0))
 
 
-def project(node: Node, rows: ReducedRows, scale: Stated | Free = STATED) -> Projection:
-    """Whiten by a node, profile the calibration out, and form the Gram matrix and scores."""
-    W = node.whiten(rows.low)
-    A = W.T @ W  # some MB each: in place
+def projected(nodes: Sequence[Node], rows: ReducedRows) -> tuple[Projection, ...]:
+    """One projection per noise, their Gram matrices in one piece of memory: some hundred MB, with nothing between."""
+    room = np.empty((len(nodes), size(rows.P)))
+    return tuple(project(node, rows, STATED, own) for node, own in zip(nodes, room, strict=True))
+
+
+def project(
+    node: Node, rows: ReducedRows, scale: Stated | Free = STATED, room: Array | None = None
+) -> Projection:
+    """Whiten by a node, profile the calibration out, and form the Gram matrix (in `room`) and scores."""
+    A = node.products(rows.low)  # some MB each: in place
     A += rows.high
     q, P = rows.q, rows.P
     L = np.linalg.cholesky(A[:q, :q])
@@ -117,7 +127,7 @@ def project(node: Node, rows: ReducedRows, scale: Stated | Free = STATED) -> Pro
     B = K.T @ K
     np.subtract(A[q:, q:], B, out=B)
     logdet = 2 * float(np.log(np.diag(L)).sum())
-    return Projection(node, B[:P, :P], B[:P, P:], np.diag(B)[P:].copy(), node.logdet + logdet, scale)
+    return Projection(node, Gram.of(B[:P, :P], room), B[:P, P:].copy(), np.diag(B)[P:].copy(), node.logdet + logdet, scale)
 
 
 def extended(p: Projection, rows: ReducedRows, X: Array) -> Projection:
@@ -153,7 +163,7 @@ def each_size(p: Projection, index: Array) -> Array:
 
 def _by_size(p: Projection, index: Array, sizes: Array) -> tuple[Array, Array]:
     """Misfit that columns `index` (..., w) of each prior size take away, and ln |I + s^2 G| / 2, both (..., sizes)."""
-    G, b = p.G[index[..., :, None], index[..., None, :]], p.b[index, 0]
+    G, b = p.G.block(index), p.b[index, 0]
     if G.shape[-1] == 1:
         lam, c = G[..., 0], b
     else:
@@ -165,38 +175,21 @@ def _by_size(p: Projection, index: Array, sizes: Array) -> tuple[Array, Array]:
     return np.asarray(gain), np.asarray(0.5 * np.log1p(s2 * lam).sum(axis=-1))
 
 
-def gather(projections: Sequence[Projection], candidates: Sequence[Candidate]) -> Array:
+def gather(projections: Sequence[Projection], layout: Layout) -> Array:
     """ln BF (nodes, candidates) of every single candidate at every noise, sizes and variants mixed; b (P, 1)."""
-    starts, share = variant_shares(candidates)
-    ln = np.empty((len(projections), len(share)))
-    for members, index in by_width(candidates):
+    ln = np.empty((len(projections), len(layout.log_share)))
+    for members, index in layout.widths:
         for k, p in enumerate(projections):
             ln[k, members] = any_size(p, index)
-    return np.asarray(np.logaddexp.reduceat(ln + np.log(share), starts, axis=1))
-
-
-def variant_shares(candidates: Sequence[Candidate]) -> tuple[Array, Array]:
-    """Where each candidate's variants start (candidates,) in a row of all, and the prior share (variants,) of each."""
-    starts = np.cumsum([0, *(len(c.variants) for c in candidates)])[:-1]
-    return starts, np.concatenate([np.array([v.weight for v in c.variants]) / c.tried for c in candidates])
-
-
-def by_width(candidates: Sequence[Candidate]) -> Iterator[tuple[Array, Array]]:
-    """Variants with as many columns as each other: their ordinals (m,) among all, and each one's columns (m, width)."""
-    spans = [v.index for c in candidates for v in c.variants]
-    widths = np.array([len(span) for span in spans])
-    for width in np.unique(widths):
-        members = np.flatnonzero(widths == width)
-        yield members, np.array([spans[m] for m in members])
+    return np.asarray(np.logaddexp.reduceat(ln + layout.log_share, layout.starts, axis=1))
 
 
 def condition(p: Projection, columns: Array, size: float) -> Projection:
     """The same projection given that these columns are in the model with prior size s."""
-    a = columns
-    M = np.linalg.inv(p.G[np.ix_(a, a)] + np.eye(len(a)) / size**2)
-    Ga, ba = p.G[:, a], p.b[a]
-    penalty = float(np.linalg.slogdet(np.eye(len(a)) + size**2 * p.G[np.ix_(a, a)])[1])
-    misfit = p.misfit - (ba * (M @ ba)).sum(axis=0)
-    G = Ga @ M @ Ga.T
-    np.subtract(p.G, G, out=G)
-    return Projection(p.node, G, p.b - Ga @ (M @ ba), misfit, p.penalty + penalty, p.scale)
+    lam, V = eigh(p.G.block(columns))
+    lam = np.maximum(lam, 0.0)  # of columns that are alike
+    root = V / np.sqrt(lam + 1 / size**2)
+    U, z = p.G.beside(columns) @ root, root.T @ p.b[columns]
+    penalty = float(np.log1p(size**2 * lam).sum())
+    misfit = p.misfit - (z**2).sum(axis=0)
+    return Projection(p.node, p.G.without(U), p.b - U @ z, misfit, p.penalty + penalty, p.scale)

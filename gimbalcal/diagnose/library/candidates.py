@@ -12,6 +12,7 @@ import itertools
 import re
 from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -75,6 +76,33 @@ class Library:
 
     candidates: tuple[Candidate, ...]
     X: Array
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Where the variants of the candidates stand."""
+        return layout_of(self.candidates)
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Variants of several candidates in a row of all: where each candidate's start, the ln prior share of each, and
+
+    of each width the ordinals (m,) of the variants that have so many columns, and these columns (m, width).
+    """
+
+    starts: Array
+    log_share: Array
+    widths: tuple[tuple[Array, Array], ...]
+
+
+def layout_of(candidates: Sequence[Candidate]) -> Layout:
+    """Where the variants of candidates stand."""
+    starts = np.cumsum([0, *(len(c.variants) for c in candidates)])[:-1]
+    share = [np.array([v.weight for v in c.variants]) / c.tried for c in candidates]
+    spans = [v.index for c in candidates for v in c.variants]
+    width = np.array([len(span) for span in spans])
+    members = [np.flatnonzero(width == w) for w in np.unique(width)]
+    return Layout(starts, np.log(np.concatenate(share)), tuple((m, np.array([spans[i] for i in m])) for m in members))
 
 
 def eligible(

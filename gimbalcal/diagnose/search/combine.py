@@ -112,7 +112,7 @@ def _with_second(
         if known := own[k].get(mine):
             ln[list(known)] = list(known.values())
         else:
-            ln[asked] = beside(s.projections, s.library.candidates, s.null, s.joint, mine, asked, keep)
+            ln[asked] = beside(s.projections, s.library, s.null, s.joint, mine, asked, keep)
         values.append(ln)
         without.append(np.asarray(_alone(s, mine, keep)))
     return c.summed(values, without)
@@ -133,4 +133,4 @@ def _alone(s: Search, members: tuple[int, ...], keep: int) -> float:
     """ln BF of these members in one recording."""
     if len(members) == 1:
         return float(s.singles[members[0]])
-    return float(beside(s.projections, s.library.candidates, s.null, s.joint, members[:-1], members[-1:], keep)[0])
+    return float(beside(s.projections, s.library, s.null, s.joint, members[:-1], members[-1:], keep)[0])

@@ -22,10 +22,10 @@ from gimbalcal.diagnose.evidence.projection import (
     condition,
     each_size,
     gather,
-    project,
+    projected,
     stack,
 )
-from gimbalcal.diagnose.library.candidates import Candidate, Library
+from gimbalcal.diagnose.library.candidates import Candidate, Layout, Library
 from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.diagnose.search.refine import refine
 from gimbalcal.effects import CATALOGUE
@@ -135,22 +135,23 @@ def needed(s: Ranking, best: Hypothesis) -> Hypothesis:
     return best
 
 
-def projected(o: Observations, library: Library, nodes: Sequence[Node]) -> tuple[ReducedRows, tuple[Projection, ...]]:
-    """Rows and one projection per noise node."""
-    rows = stack(o.reduce(o.Z), library.X, o.reduce(o.y[:, :, None]), coloured(o))
-    return rows, tuple(project(n, rows) for n in nodes)
+def reduced(o: Observations, library: Library) -> ReducedRows:
+    """Calibration, causes and data as rows."""
+    return stack(o.reduce(o.Z), library.X, o.reduce(o.y[:, :, None]), coloured(o))
 
 
 def search(o: Observations, library: Library, nodes: Sequence[Node]) -> Search:
     """Singles, refinement, then pairs where a single cause is found wanting or none is found."""
-    rows, projections = projected(o, library, nodes)
+    rows = reduced(o, library)
+    projections = projected(nodes, rows)
     library = _visible(library, projections[0])  # the least noise of the grid: what it hides, they all hide
-    factors = bayes_factors(projections, library.candidates)
+    factors = bayes_factors(projections, library.layout)
     finer = refine(o, library, projections, *factors[1:], rows)
     if finer is not library:
         rows = appended(rows, library.X, finer.X[:, library.X.shape[1] :])
-        projections, library = tuple(project(n, rows) for n in nodes), finer
-        factors = bayes_factors(projections, library.candidates)
+        projections = ()  # two of them would be twice the memory
+        projections, library = projected(nodes, rows), finer
+        factors = bayes_factors(projections, library.layout)
     w = weighed(library, projections, factors, o.kind)
     return Search(library, w.hypotheses, projections, w.null, w.joint, w.singles, w.share, o, rows)
 
@@ -164,7 +165,7 @@ def weighed(library: Library, projections: tuple[Projection, ...], factors: Fact
     found = [Hypothesis((i,), float(ln[i]), float(ln[i] + share[i])) for i in range(len(ln))]
 
     def gained(members: tuple[int, ...], seconds: Sequence[int], keep: int) -> Array:
-        return beside(projections, library.candidates, null, joint, members, seconds, keep)
+        return beside(projections, library, null, joint, members, seconds, keep)
 
     floor = float(joint.max() - logsumexp(null)) + float(prior.min())
     found += pairs(library.candidates, ln, prior, floor, gained)
@@ -174,15 +175,15 @@ def weighed(library: Library, projections: tuple[Projection, ...], factors: Fact
 
 def _visible(library: Library, p: Projection) -> Library:
     """Only candidates of which the calibration leaves something at ten times their plausible size."""
-    left = np.sqrt(np.diag(p.G))
+    left = np.sqrt(p.G.diagonal)
     kept = [c for c in library.candidates if max(left[list(v.index)].max() for v in c.variants) > VISIBLE]
     return Library(tuple(kept), library.X)
 
 
-def bayes_factors(projections: Sequence[Projection], candidates: Sequence[Candidate]) -> Factors:
+def bayes_factors(projections: Sequence[Projection], layout: Layout) -> Factors:
     """ln weight of no effect per node, ln BF of each candidate, and ln weight per node and candidate."""
     null = np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in projections])
-    joint = gather(projections, candidates) + null[:, None]
+    joint = gather(projections, layout) + null[:, None]
     return null, logsumexp(joint, axis=0) - logsumexp(null), joint
 
 
@@ -232,20 +233,19 @@ def _thirds(
 
 
 def beside(
-    projections: Sequence[Projection], candidates: Sequence[Candidate], null: Array, joint: Array,
+    projections: Sequence[Projection], library: Library, null: Array, joint: Array,
     members: tuple[int, ...], seconds: Sequence[int], keep: int,
 ) -> Array:  # fmt: skip
     """ln BF against nothing of `members` with each of `seconds` in turn, over the `keep` weightiest noises."""
     nominal = int(np.argmax([p.node.prior for p in projections]))
     weighty = set(np.argsort(-joint[:, members[0]])[: keep - 1].tolist()) | {nominal}
-    chosen = [candidates[j] for j in seconds]
     rows = []
     for k, looser in itertools.product(sorted(weighty), projections[0].scale.looser):
         p, ln = projections[k], float(null[k])
         for i in members:
-            p, gained = given(p, candidates[i], looser)
+            p, gained = given(p, library.candidates[i], looser)
             ln += gained
-        rows.append(gather([p], chosen)[0] + ln)
+        rows.append(gather([p], library.layout)[0, seconds] + ln)
     return np.asarray(logsumexp(np.stack(rows), axis=0) - logsumexp(null))
 
 

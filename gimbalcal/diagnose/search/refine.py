@@ -105,7 +105,7 @@ def _relinearised(o: Observations, c: Candidate, p: Projection) -> list[tuple[Va
         return []
     Z, y = (p.node.whiten(o.reduce(A)) for A in (o.Z, o.y[:, :, None]))
     at = c.variants[0].index[0]
-    tangent = float(p.b[at, 0] / max(p.G[at, at], 1e-12)) * c.parameters[0].sigma
+    tangent = float(p.b[at, 0] / max(p.G.diagonal[at], 1e-12)) * c.parameters[0].sigma
     if tangent == 0.0:
         return []
     best = _bent(o, c, p, Z, y, tangent, frozenset())

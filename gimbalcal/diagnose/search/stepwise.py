@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.odds import CLAIM, OFTEN, SINGLE
-from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
+from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant, layout_of
 from gimbalcal.diagnose.library.unknown_noise import causes, constants_of
 from gimbalcal.diagnose.rows.observations import absent_effect, refuse_too_little
 from gimbalcal.diagnose.rows.views import View
@@ -195,7 +195,7 @@ def alone(v: View, without: Model, this: Taken) -> float:
 def factor(v: View, without: Model, X: Array, cause: Candidate) -> float:
     """ln Bayes factor of columns X (n, C, p) of a cause beside a model, noise with memory."""
     one = replace(cause, variants=(Variant((), tuple(range(X.shape[-1]))),), scanned=0)
-    return float(bayes_factors(projections(v, without, X), [one])[1][0])
+    return float(bayes_factors(projections(v, without, X), layout_of([one]))[1][0])
 
 
 def steps_of(v: View, first: Model, taken: Sequence[Taken], standard: Sequence[Taken] = (), refused: bool = False
@@ -272,7 +272,8 @@ def ranked(v: View, model: Model, memory: bool = True) -> Weighed:
     """Everything that could be missing from a model, alone and beside others."""
     known, X = causes(v, model.effects, model.fitted)
     p = projections(v, model, X, memory)
-    return weighed(Library(known, X), p, bayes_factors(p, known), v.recording.kind)
+    library = Library(known, X)
+    return weighed(library, p, bayes_factors(p, library.layout), v.recording.kind)
 
 
 def weigh(v: View, model: Model, memory: bool = False, against: Candidate | None = None, shape: bool = False

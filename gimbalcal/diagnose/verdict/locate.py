@@ -7,34 +7,35 @@ most extreme cell of a clean recording of this very design (Westfall and Young's
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from gimbalcal.diagnose.evidence.noise import Node
-from gimbalcal.diagnose.evidence.projection import ReducedRows, project, rows_like
+from gimbalcal.diagnose.evidence.projection import ReducedRows
 from gimbalcal.diagnose.rows.observations import Observations
-from gimbalcal.inference.algebra import eigh, orthonormal
+from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 
 DRAWS = 400
 LISTED = 6  # cells that are listed, strongest first
 WEAK = 0.25  # of the strongest statistic: weaker cells see the same mismatch from further away
 HELD = 1e-8  # of a column's square that the calibration leaves of it: less is rounding of what the model holds
+RANK = 1e-8  # of a cell's largest eigenvalue: less is a direction that it does not have
+CHUNK = 256  # columns that are scanned at a time
 WINDOWS = 12  # stretches of time of a static run
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One place to look: channel, axis, where in words and numbers, and the columns it occupies in the scan."""
+    """One place to look: channel, axis, where in words and numbers."""
 
     channel: str
     axis: str
     where: Mapping[str, Any]
     words: str
-    index: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -55,18 +56,20 @@ def scan(
     o: Observations, rows: ReducedRows, node: Node, rng: np.random.Generator, explained: Array | None = None
 ) -> Scan:
     """Scan the data (or what is left beside `explained` columns (R, p)) in one noise."""
-    cells, X = _cells(o)
-    if explained is not None and explained.shape[1]:
-        rows = _beside(rows, explained)
-    p = project(node, rows_like(rows, X))
-    shown = np.diag(p.G) > HELD * (node.whiten(X) ** 2).sum(axis=0)
-    G = p.G * np.outer(shown, shown)
-    statistic = np.array([_score(G, p.b[:, :1], c.index)[0] for c in cells])
-    dof = np.array([_rank(G, c.index) for c in cells])
-    lam, V = eigh(G)
-    drawn = V @ (np.sqrt(np.maximum(lam, 0.0))[:, None] * rng.standard_normal((len(lam), DRAWS)))
-    clean = np.stack([_score(G, drawn, c.index) for c in cells])
-    tails, clean_tails = _tail(statistic, dof), _tail(clean, dof[:, None])
+    Q = rows.Q if explained is None or not explained.shape[1] else _beside(rows.Q, explained)
+    fitted = np.linalg.qr(node.whiten(Q))[0]
+    data = np.concatenate([node.whiten(rows.y[:, :1]), rng.standard_normal((len(Q), DRAWS))], axis=1)
+    data -= fitted @ (fitted.T @ data)
+    cells: list[Cell] = []
+    scores, ranks = [np.zeros((0, 1 + DRAWS))], [np.zeros(0)]
+    for found, X in _cells(o):
+        score, rank = _scores(_left(node.whiten(X), fitted), data, len(found))
+        cells += found
+        scores.append(score)
+        ranks.append(rank)
+    all_scores, dof = np.concatenate(scores), np.concatenate(ranks)
+    statistic = all_scores[:, 0]
+    tails, clean_tails = _tail(statistic, dof), _tail(all_scores[:, 1:], dof[:, None])
     least = clean_tails.min(axis=0)
     family = (1 + (least[None, :] <= tails[:, None]).sum(axis=1)) / (1 + DRAWS)
     # beyond the draws: Sidak's bound over as many independent cells as the simulated minimum behaves like
@@ -75,11 +78,17 @@ def scan(
     return Scan(tuple(cells), statistic, np.where(family <= 2 / (1 + DRAWS), np.minimum(bound, family), family))
 
 
-def _beside(rows: ReducedRows, X: Array) -> ReducedRows:
-    """Rows whose calibration also holds these columns."""
-    Q = np.concatenate([rows.Q, orthonormal((X - rows.Q @ (rows.Q.T @ X)) / np.abs(X).max())], axis=1)
-    y = rows.y - Q @ (Q.T @ rows.y)
-    return ReducedRows(rows.low, rows.high, Q.shape[1], rows.P, Q, y)
+def _beside(Q: Array, X: Array) -> Array:
+    """Calibration columns Q (R, q) and these as well."""
+    return np.concatenate([Q, orthonormal((X - Q @ (Q.T @ X)) / np.abs(X).max())], axis=1)
+
+
+def _left(X: Array, fitted: Array) -> Array:
+    """Whitened X (R, p) cleared of orthonormal columns, and zero where nothing but rounding is left."""
+    size = (X**2).sum(axis=0)
+    for _ in range(2):  # once more for what rounding left
+        X = X - fitted @ (fitted.T @ X)
+    return np.asarray(X * ((X**2).sum(axis=0) > HELD * size))
 
 
 def _tail(statistic: Array, dof: Array) -> Array:
@@ -88,59 +97,58 @@ def _tail(statistic: Array, dof: Array) -> Array:
     return np.asarray(np.where(dof > 0, gammaincc(np.maximum(dof, 1) / 2, statistic / 2), 1.0))
 
 
-def _score(G: Array, b: Array, index: Sequence[int]) -> Array:
-    at = np.array(index)
-    C = np.linalg.pinv(G[np.ix_(at, at)], rcond=1e-8, hermitian=True)
-    return np.asarray(np.einsum("im,ij,jm->m", b[at], C, b[at]))
+def _scores(X: Array, data: Array, cells: int) -> tuple[Array, Array]:
+    """Misfit (cells, m) of white data (R, m) that each cell's columns, equal parts of X (R, p), take away; ranks."""
+    X = X.reshape(len(X), cells, -1)
+    G = np.einsum("rci,rcj->cij", X, X)
+    b = (X.reshape(len(X), -1).T @ data).reshape(cells, X.shape[-1], -1)
+    lam = np.linalg.eigvalsh(G)
+    rank = (lam > RANK * np.maximum(lam.max(axis=-1, keepdims=True), 1e-12)).sum(axis=-1)
+    return np.asarray((b * (np.linalg.pinv(G, rcond=RANK, hermitian=True) @ b)).sum(axis=1)), rank
 
 
-def _rank(G: Array, index: Sequence[int]) -> int:
-    at = np.array(index)
-    lam = np.linalg.eigvalsh(G[np.ix_(at, at)])
-    return int((lam > 1e-8 * max(float(lam.max(initial=0.0)), 1e-12)).sum())
-
-
-def _cells(o: Observations) -> tuple[list[Cell], Array]:
+def _cells(o: Observations) -> Iterator[tuple[list[Cell], Array]]:
+    """Cells, and in equal parts their reduced columns (R, p): a few at a time, as of positions there may be many."""
     cells: list[Cell] = []
     columns: list[Array] = []
     for where, words, basis in _patterns(o):
+        w = basis.shape[1]
+        if columns and (w != columns[0].shape[1] // len(o.channels) or w * len(cells) >= CHUNK):
+            yield cells, np.concatenate(columns, axis=1)
+            cells, columns = [], []
+        X = np.zeros((*o.y.shape, w * len(o.channels)))
         for k, (channel, axis) in enumerate(o.channels):
-            X = np.zeros((*o.y.shape, basis.shape[1]))
-            X[:, k] = basis
-            at = tuple(range(len(columns), len(columns) + basis.shape[1]))
-            columns += list(o.reduce(X).T)
-            cells.append(Cell(channel, axis, where, words, at))
-    return cells, np.stack(columns, axis=-1)
+            X[:, k, w * k : w * (k + 1)] = basis
+            cells.append(Cell(channel, axis, where, words))
+        columns.append(o.reduce(X))
+    yield cells, np.concatenate(columns, axis=1)
 
 
-def _patterns(o: Observations) -> list[tuple[dict[str, Any], str, Array]]:
+def _patterns(o: Observations) -> Iterator[tuple[dict[str, Any], str, Array]]:
     """Functions (n, m) of row to be scanned in every channel."""
     s = o.stimulus
     t = s.time / s.time[-1]
-    out: list[tuple[dict[str, Any], str, Array]] = []
     if o.kind == "multi-position":
-        out += [({"positions": [int(p)]}, f"at position {p}", _column(s.position == p)) for p in np.unique(s.position)]
+        for p in np.unique(s.position):
+            yield {"positions": [int(p)]}, f"at position {p}", _column(s.position == p)
         start = np.exp(-s.since_move / max(1.0, 0.3 * float(s.since_move.max())))
-        out.append(({"dwell": "start"}, "at the start of each dwell", _column(start)))
+        yield {"dwell": "start"}, "at the start of each dwell", _column(start)
     else:
         for k in range(WINDOWS):
             low, high = k / WINDOWS, (k + 1) / WINDOWS
             hours = [round(low * s.time[-1] / 3600, 1), round(high * s.time[-1] / 3600, 1)]
-            window = _column((t >= low) & (t < high))
-            out.append(({"hours": hours}, f"between {hours[0]:g} and {hours[1]:g} h", window))
+            yield {"hours": hours}, f"between {hours[0]:g} and {hours[1]:g} h", _column((t >= low) & (t < high))
         phase = np.arctan2(s.force[:, 1], s.force[:, 0])
         for n in (1, 2, 3):
             basis = np.stack([np.cos(n * phase), np.sin(n * phase)], axis=-1)
-            out.append(({"harmonic": n}, f"at the {_ordinal(n)} harmonic of the sidereal turn", basis))
-        out += _lines(o)
-    out.append(({"time": "trend"}, "as a trend in time", _column(t)))
-    out.append(({"time": "slow"}, "slowly in time", np.cos(np.pi * np.outer(t, np.arange(1, 6)))))
+            yield {"harmonic": n}, f"at the {_ordinal(n)} harmonic of the sidereal turn", basis
+        yield from _lines(o)
+    yield {"time": "trend"}, "as a trend in time", _column(t)
+    yield {"time": "slow"}, "slowly in time", np.cos(np.pi * np.outer(t, np.arange(1, 6)))
     if s.temperature is not None:
-        warmth = _column(s.temperature - s.temperature.mean())
-        out.append(({"covariate": "temperature"}, "with the temperature", warmth))
+        yield {"covariate": "temperature"}, "with the temperature", _column(s.temperature - s.temperature.mean())
     for name, x in s.covariates.items():
-        out.append(({"covariate": name}, f"with {name}", _column(x - x.mean())))
-    return out
+        yield {"covariate": name}, f"with {name}", _column(x - x.mean())
 
 
 def _lines(o: Observations) -> list[tuple[dict[str, Any], str, Array]]:

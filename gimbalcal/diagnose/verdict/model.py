@@ -39,7 +39,7 @@ def fit_causes(s: Search, members: Sequence[int]) -> FittedCauses:
     weights = _weights(s, at)
     xs, Cs = [], []
     for p in s.projections:
-        C = np.linalg.pinv(p.G[np.ix_(at, at)], rcond=1e-10, hermitian=True)
+        C = np.linalg.pinv(p.G.block(at), rcond=1e-10, hermitian=True)
         xs.append(C @ p.b[at, 0])
         Cs.append(C)
     x = np.einsum("k,kp->p", weights, np.array(xs))

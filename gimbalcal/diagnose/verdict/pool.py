@@ -16,11 +16,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.projection import project, rows_like
+from gimbalcal.diagnose.evidence.projection import project, projected, rows_like
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
 from gimbalcal.diagnose.library.known_noise import columns_at
 from gimbalcal.diagnose.search.combine import CombinedRanking
-from gimbalcal.diagnose.search.ranking import Search, projected
+from gimbalcal.diagnose.search.ranking import Search, reduced
 from gimbalcal.diagnose.verdict.model import FittedCauses, constant_value, fit_causes
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
@@ -124,7 +124,8 @@ def _only(s: Search, chosen: Sequence[tuple[Candidate, Variant, Array]]) -> Sear
         candidates.append(replace(found, variants=(here,)))
         at += X.shape[1]
     few = Library(tuple(candidates), np.concatenate([X for *_, X in chosen], axis=1))
-    rows, projections = projected(s.o, few, [p.node for p in s.projections])
+    rows = reduced(s.o, few)
+    projections = projected([p.node for p in s.projections], rows)
     none = np.zeros(len(candidates))
     return replace(
         s, library=few, rows=rows, projections=projections, hypotheses=(),

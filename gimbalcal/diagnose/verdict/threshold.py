@@ -10,9 +10,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.projection import Projection, ReducedRows, by_width, variant_shares
+from gimbalcal.diagnose.evidence.gram import Gram
+from gimbalcal.diagnose.evidence.projection import Projection, ReducedRows
 from gimbalcal.diagnose.evidence.scale import SIZE_PRIOR, SIZES
-from gimbalcal.diagnose.library.candidates import Candidate
+from gimbalcal.diagnose.library.candidates import Layout
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.inference.algebra import eigh, logsumexp
 from gimbalcal.number import Array
@@ -42,7 +43,7 @@ def clean_singles(s: Search, rng: np.random.Generator) -> Array:
         b, misfit = _scores(s.rows, p, low, tail)
         ln = np.log(p.node.prior) - 0.5 * (misfit + p.penalty)
         empty.append(ln)
-        full.append(ln + _each(p.G, b, s.library.candidates))
+        full.append(ln + _each(p.G, b, s.library.layout))
     return logsumexp(np.array(full), axis=0) - logsumexp(np.array(empty), axis=0)
 
 
@@ -58,15 +59,17 @@ def _draw(
         mine = picked == k
         if mine.any():
             low[:, mine] = p.node.colour(noise[:, mine])
+    white = rng.standard_normal((m, DRAWS))
+    if not rows.high.any():  # as those of positions
+        return low, 0 * white
     lam, V = eigh(rows.high[:m, :m])
-    tail = V @ (np.sqrt(np.maximum(lam, 0.0))[:, None] * rng.standard_normal((m, DRAWS)))
-    return low, tail
+    return low, V @ (np.sqrt(np.maximum(lam, 0.0))[:, None] * white)
 
 
 def _scores(rows: ReducedRows, p: Projection, low: Array, tail: Array) -> tuple[Array, Array]:
     """Scores (P, draws) and misfits (draws,) up to a constant, the calibration profiled out."""
     q, P = rows.q, rows.P
-    W = p.node.whiten(rows.low[:, : q + P])
+    W = p.node.whiten(rows.low)[:, : q + P]
     y = p.node.whiten(low)
     v = W.T @ y + tail
     A = W[:, :q].T @ W + rows.high[:q, : q + P]
@@ -76,15 +79,14 @@ def _scores(rows: ReducedRows, p: Projection, low: Array, tail: Array) -> tuple[
     return v[q:] - K.T @ z, (y**2).sum(axis=0) - (z**2).sum(axis=0)
 
 
-def _each(G: Array, b: Array, candidates: Sequence[Candidate]) -> Array:
+def _each(G: Gram, b: Array, layout: Layout) -> Array:
     """ln Bayes factor (candidates, draws) of every single candidate, sizes and variants mixed, in one noise."""
-    starts, share = variant_shares(candidates)
-    ln = np.full((len(share), b.shape[1]), -np.inf)
-    for members, index in by_width(candidates):
-        lam, V = eigh(G[index[:, :, None], index[:, None, :]])
+    ln = np.full((len(layout.log_share), b.shape[1]), -np.inf)
+    for members, index in layout.widths:
+        lam, V = eigh(G.block(index))
         c2 = (np.swapaxes(V, -1, -2) @ b[index]) ** 2
         for size, prior in zip(SIZES, SIZE_PRIOR, strict=True):
             s2l = size**2 * np.maximum(lam, 0.0)
             gain = ((size**2 / (1 + s2l))[:, None] @ c2)[:, 0] - np.log1p(s2l).sum(axis=1)[:, None]
             ln[members] = np.logaddexp(ln[members], 0.5 * gain + np.log(prior))
-    return np.asarray(np.logaddexp.reduceat(ln + np.log(share)[:, None], starts, axis=0))
+    return np.asarray(np.logaddexp.reduceat(ln + layout.log_share[:, None], layout.starts, axis=0))

@@ -6,6 +6,7 @@ from scipy.integrate import dblquad, quad
 from scipy.linalg import null_space
 from scipy.stats import multivariate_normal
 
+from gimbalcal.diagnose.evidence.gram import Gram
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.evidence.projection import (
     Projection,
@@ -19,7 +20,7 @@ from gimbalcal.diagnose.evidence.projection import (
     stack,
 )
 from gimbalcal.diagnose.evidence.scale import SIZE_PRIOR, SIZES
-from gimbalcal.diagnose.library.candidates import Candidate, Variant
+from gimbalcal.diagnose.library.candidates import Candidate, Variant, layout_of
 from gimbalcal.inference.whitening import whitening
 from tests.diagnose.small import covariance
 
@@ -58,7 +59,7 @@ def test_evidence_is_the_integral_over_the_coefficients():
         return np.exp(b @ x - x @ G @ x / 2 - x @ x / 2) / (2 * np.pi)
 
     value, _ = dblquad(integrand, -8, 8, -8, 8)
-    p = Projection(Node((), {}, 1.0, 0.0, np.eye(2)), G, b[:, None], np.zeros(1), 0.0)
+    p = Projection(Node((), {}, 1.0, 0.0, np.eye(2)), Gram.of(G), b[:, None], np.zeros(1), 0.0)
     assert log_bayes(p, np.arange(2), np.ones(1)) == pytest.approx(np.log(value), abs=1e-6)
 
 
@@ -78,7 +79,7 @@ def test_rows_that_stay_white_may_be_kept_as_their_gram_matrix():
     root, whole = np.full(half, 0.7), np.r_[np.full(half, 0.7), np.ones(half)]
     a = project(Node((), {}, 1.0, 0.0, root), stack(Z, X, y, half))
     b = project(Node((), {}, 1.0, 0.0, whole), stack(Z, X, y, 40))
-    np.testing.assert_allclose(a.G, b.G, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(a.G.whole, b.G.whole, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(a.b, b.b, rtol=1e-10, atol=1e-10)
     assert a.misfit == pytest.approx(b.misfit)
 
@@ -100,7 +101,7 @@ def test_columns_that_are_not_in_the_library_are_scored_alike():
     rows = stack(Z, X, y, len(y))
     p = project(node, rows)
     made = extended(p, rows, X[:, 1:3])
-    np.testing.assert_allclose(made.G, p.G[1:3, 1:3], atol=1e-10)
+    np.testing.assert_allclose(made.G.whole, p.G.whole[1:3, 1:3], atol=1e-10)
     np.testing.assert_allclose(made.b, p.b[1:3], atol=1e-10)
 
 
@@ -109,7 +110,7 @@ def test_variants_share_the_prior_by_their_weights():
     p = project(node, stack(Z, X, y, len(y)))
     c = Candidate("", "", (), (Variant((), (0,), 1.0), Variant((), (1,), 3.0)))
     one, two = (any_size(p, np.array([k])) for k in (0, 1))
-    assert gather([p], [c])[0, 0] == pytest.approx(np.log(0.25 * np.exp(one) + 0.75 * np.exp(two)))
+    assert gather([p], layout_of([c]))[0, 0] == pytest.approx(np.log(0.25 * np.exp(one) + 0.75 * np.exp(two)))
 
 
 def test_under_no_effect_the_scores_have_their_gram_matrix_as_covariance():
@@ -118,9 +119,9 @@ def test_under_no_effect_the_scores_have_their_gram_matrix_as_covariance():
     draws = 2000
     y = node.colour(np.random.default_rng(0).standard_normal((40, draws)))
     p = project(node, stack(Z, X, y, 40))
-    scale = np.sqrt(np.outer(np.diag(p.G), np.diag(p.G)))
-    np.testing.assert_allclose(np.cov(p.b) / scale, p.G / scale, atol=5 * np.sqrt(2 / draws))
-    np.testing.assert_allclose(p.b.mean(axis=1) / np.sqrt(np.diag(p.G)), 0, atol=5 / np.sqrt(draws))
+    scale = np.sqrt(np.outer(p.G.diagonal, p.G.diagonal))
+    np.testing.assert_allclose(np.cov(p.b) / scale, p.G.whole / scale, atol=5 * np.sqrt(2 / draws))
+    np.testing.assert_allclose(p.b.mean(axis=1) / np.sqrt(p.G.diagonal), 0, atol=5 / np.sqrt(draws))
 
 
 @pytest.mark.parametrize("G", [0.01, 1.0, 50.0])
@@ -132,7 +133,7 @@ def test_under_no_effect_the_bayes_factor_averages_to_one(G):
         return np.log(SIZE_PRIOR @ np.exp(0.5 * (s2 * b**2 / (1 + s2 * G) - np.log1p(s2 * G))))
 
     def weighed(b):
-        p = Projection(Node((), {}, 1.0, 0.0, np.eye(1)), np.array([[G]]), np.array([[b]]), np.zeros(1), 0.0)
+        p = Projection(Node((), {}, 1.0, 0.0, np.eye(1)), Gram.of(np.array([[G]])), np.array([[b]]), np.zeros(1), 0.0)
         ln = float(any_size(p, np.arange(1)))
         return np.exp(ln - b**2 / G / 2) / np.sqrt(2 * np.pi * G)
 

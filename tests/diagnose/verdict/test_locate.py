@@ -11,7 +11,7 @@ from scipy.stats import chi2, kstest
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.evidence.projection import ReducedRows
 from gimbalcal.diagnose.rows.observations import Observations
-from gimbalcal.diagnose.search.ranking import projected
+from gimbalcal.diagnose.search.ranking import reduced
 from gimbalcal.diagnose.verdict import locate
 from gimbalcal.diagnose.verdict.locate import LISTED, Cell, Scan, mismatches, scan
 from gimbalcal.number import Array
@@ -26,7 +26,7 @@ LIBRARY = few(TABLE, "scale_factor_asymmetry:y")
 def prepared(o: Observations) -> tuple[ReducedRows, Node]:
     (node,) = noises(o, 1)
     label = "scale_factor_asymmetry:y" if o.kind == "multi-position" else "bias_drift:x"
-    return projected(o, few(o, label), [node])[0], node
+    return reduced(o, few(o, label)), node
 
 
 def scanned(o: Observations, seed: int = 1, explained: Array | None = None) -> Scan:
@@ -104,7 +104,7 @@ def test_beside_its_cause_nothing_is_off() -> None:
 
 
 def cell(axis: str, position: int) -> Cell:
-    return Cell("specific_force", axis, {"positions": [position]}, f"at position {position}", ())
+    return Cell("specific_force", axis, {"positions": [position]}, f"at position {position}")
 
 
 def test_positions_of_one_channel_are_told_together() -> None:
@@ -119,5 +119,5 @@ def test_positions_of_one_channel_are_told_together() -> None:
     nothing = replace(s, p_values=np.full(5, 0.5))
     assert mismatches(nothing) == ()
     assert [m["axis"] for m in mismatches(nothing, at_least=1)] == ["x"]
-    many = tuple(Cell("specific_force", "x", {"n": k}, f"there {k}", ()) for k in range(LISTED + 3))
+    many = tuple(Cell("specific_force", "x", {"n": k}, f"there {k}") for k in range(LISTED + 3))
     assert len(mismatches(Scan(many, np.ones(len(many)), np.full(len(many), 1e-3)))) == LISTED

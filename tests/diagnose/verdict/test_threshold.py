@@ -39,7 +39,7 @@ def drawn_one_by_one(s: Search, draws: int, rng: np.random.Generator) -> Array:
     out = []
     for j in range(draws):
         one = [replace(p, b=p.b[:, j : j + 1]) for p in made]
-        out.append(logsumexp(gather(one, s.library.candidates) + null[:, j : j + 1], axis=0) - logsumexp(null[:, j]))
+        out.append(logsumexp(gather(one, s.library.layout) + null[:, j : j + 1], axis=0) - logsumexp(null[:, j]))
     return np.stack(out, axis=-1)
 
 
