@@ -71,7 +71,8 @@ def three_stage(
     3. system level: force, gimbals and attitude error of the static run (section 5), added as information.
 
     `more` joins the fits of stage 2 and 3; `grade` is that of the unit, by which sizes are expected (else its noise
-    tells it); not `judged`, its outcome does not say which larger noise would explain a misfit. Raises InputError when there is neither kind of recording, or two of a kind.
+    tells it); not `judged`, its outcome does not say which larger noise would explain a misfit. Raises InputError when
+    there is neither kind of recording, or two of a kind.
     """
     recordings = [completed(r) for r in recordings]
     unit = graded(recordings, grade)

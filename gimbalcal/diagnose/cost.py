@@ -17,8 +17,6 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.design.budget import still_base
-from gimbalcal.design.turning_budget import ROW, still_unit
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.rows.in_place import emptied, turned_in_place
 from gimbalcal.earth import SOLAR_DAY
@@ -76,11 +74,14 @@ def with_cost(recordings: Sequence[Recording], d: Diagnosis, tell: Tell = silent
 
 def _unit(recordings: Sequence[Recording], d: Diagnosis) -> _Unit | None:
     """How the unit of these recordings is calibrated and navigated; None where no navigator can be run."""
+    # loaded here, as planning takes longer to load than a short diagnosis takes, and most need none of it
     first, made = recordings[0], d.calibration
     assert made is not None
     named = list(dict.fromkeys(f["effect"] for f in d.findings))
     found = {e.id: e for e in made.effects if e.id in named}
     if len(recordings) == 1 and turned_in_place(first):
+        from gimbalcal.design.turning_budget import ROW, still_unit
+
         return _Unit(
             found,
             made,
@@ -94,6 +95,8 @@ def _unit(recordings: Sequence[Recording], d: Diagnosis) -> _Unit | None:
 
     def without(effect: str) -> Calibration:
         return three_stage(recordings, more=[_as_found(e) for e in found.values() if e.id != effect], judged=False)
+
+    from gimbalcal.design.budget import still_base
 
     own = next((r for r in recordings if r.kind == "static-run"), None)
     base = own or still_base(DAY, next(r.site for r in recordings if r.site.latitude is not None))

@@ -115,9 +115,7 @@ def projected(nodes: Sequence[Node], rows: ReducedRows) -> tuple[Projection, ...
     return tuple(project(node, rows, STATED, own) for node, own in zip(nodes, room, strict=True))
 
 
-def project(
-    node: Node, rows: ReducedRows, scale: Stated | Free = STATED, room: Array | None = None
-) -> Projection:
+def project(node: Node, rows: ReducedRows, scale: Stated | Free = STATED, room: Array | None = None) -> Projection:
     """Whiten by a node, profile the calibration out, and form the Gram matrix (in `room`) and scores."""
     A = node.products(rows.low)  # some MB each: in place
     A += rows.high
@@ -127,7 +125,8 @@ def project(
     B = K.T @ K
     np.subtract(A[q:, q:], B, out=B)
     logdet = 2 * float(np.log(np.diag(L)).sum())
-    return Projection(node, Gram.of(B[:P, :P], room), B[:P, P:].copy(), np.diag(B)[P:].copy(), node.logdet + logdet, scale)
+    G, misfit = Gram.of(B[:P, :P], room), np.diag(B)[P:].copy()
+    return Projection(node, G, B[:P, P:].copy(), misfit, node.logdet + logdet, scale)
 
 
 def extended(p: Projection, rows: ReducedRows, X: Array) -> Projection:
