@@ -233,6 +233,8 @@ def step_rows(d: Diagnosis) -> list[str]:
     for s in fit["steps"]:
         axis = f" ({s['axis'].replace('_', ' ')})" if s["axis"] else ""
         rows.append(f"| + {named(s['effect'])}{axis} | {digits(s['rms'])} {unit} |")
+    if d.unexplained:
+        rows.append(f"| + a shape that has no cause | {digits(fit['rms_after'])} {unit} |")
     outside = f"{digits(fit['heldout_rms_before'])} → {digits(fit['heldout_rms_after'])} {unit}"
     rows.append(f"| what the fit has not seen, before → after | {outside} |")
     if "chi2_of_samples_after" in fit:

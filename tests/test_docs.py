@@ -9,6 +9,8 @@ from pathlib import Path
 import jsonschema
 import pytest
 
+from gimbalcal.cli import gimbalcal
+
 DOCS = Path(__file__).parents[1] / "docs"
 
 
@@ -40,12 +42,46 @@ def test_links_that_lead_nowhere_and_files_from_elsewhere_are_told(tmp_path: Pat
     ]
 
 
+CALL = re.compile(r"(?:`|\$ |^|\| )gimbalcal ([a-z]+)(?= |`|$)((?:\\\n|[^`\n|#])*)", re.MULTILINE)
+OPTION = re.compile(r"(?<![\w-])--?[a-z][a-z-]*")
+MODULE = re.compile(r"python -m ((?:gimbalcal|derivations|tests)[\w.]*)")
+FILE = re.compile(r"`((?:gimbalcal|tests|docs|data|notebooks|derivations)/[\w./-]+)`")
+
+
+def slips(page: str) -> list[str]:
+    """Commands, options, modules and files of the project that a page names and that do not exist."""
+    known = {name: {o for p in c.params for o in p.opts} | {"--help", "-h"} for name, c in gimbalcal.commands.items()}
+    out = [f"gimbalcal {name}" for name, _ in CALL.findall(page) if name not in known]
+    out += [f"{name} {o}" for name, rest in CALL.findall(page) for o in OPTION.findall(rest)
+            if name in known and o not in known[name]]  # fmt: skip
+    out += [o for o in re.findall(r"`(--[a-z][a-z-]*)", page) if not any(o in opts for opts in known.values())]
+    for module in MODULE.findall(page):
+        path = DOCS.parent.joinpath(*module.split("."))
+        if not (path.with_suffix(".py").exists() or (path / "__main__.py").exists()):
+            out.append(module)
+    return out + [f for f in FILE.findall(page) if not (DOCS.parent / f).exists()]
+
+
+def test_what_a_page_names_is_there() -> None:
+    pages = [p for p in DOCS.rglob("*.md") if "_build" not in p.parts]
+    told = [f"{p.name}: {slip}" for p in [*pages, *DOCS.parent.glob("*/README.md"), DOCS.parent / "README.md"]
+            for slip in slips(p.read_text())]  # fmt: skip
+    assert told == []
+
+
+def test_what_is_not_there_is_told() -> None:
+    page = "`gimbalcal calibrate REC --metod x` and `gimbalcal calibrat`, `--nothing`, `docs/no.md`, python -m tests.no"
+    assert slips(page) == ["gimbalcal calibrat", "calibrate --metod", "--nothing", "tests.no", "docs/no.md"]
+
+
 DATA = DOCS.parent / "data"
 WRITTEN = {
     "observability": [["observe", "wu2018-18"], ["observe", "wei2022-30", "--states", "30"]],
     "calibration": [["calibrate", str(DATA / "xsens_positions")]],
     "diagnosis": [["diagnose", str(DATA / "xsens_positions")]],
     "budget": [["budget", "wu2018-18", "--hours", "6"]],
+    "truth": [["simulate", "demo"]],
+    "campaign": [["campaign", "demo", "-n", "2", "--workers", "1"]],
 }
 
 

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import jsonschema
 import pytest
 
 from gimbalcal.pipeline import load, three_stage
@@ -29,6 +30,7 @@ def test_navigate_writes_the_contract_and_a_page(command, capsys, tmp_path, cali
     assert command("navigate", STATIC, "--calibration", *calibrations, *options) == 0
     told = json.loads(capsys.readouterr().out)
     assert told == json.loads((out / "navigation.json").read_text())
+    jsonschema.validate(told, json.loads((ROOT / "docs" / "schemas" / "navigation.schema.json").read_text()))
     rows = {(c["calibration"], c["name"]): c for c in told["channels"]}
     assert list(dict.fromkeys(c for c, _ in rows)) == ["none", "two-stage", "fused"]
     assert {c["name"] for c in told["channels"]} == {
