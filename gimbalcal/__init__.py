@@ -30,7 +30,7 @@ __version__ = "0.1.0"
 
 # Loaded on first use, so that `gimbalcal --help` answers at once.
 if TYPE_CHECKING:
-    from gimbalcal.api import calibrate
+    from gimbalcal.api import calibrate, read_calibration
     from gimbalcal.calibration import Calibration
     from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, load_effects
     from gimbalcal.errors import InputError
@@ -65,6 +65,7 @@ __all__ = [
     "load_effects",
     "predict",
     "read",
+    "read_calibration",
     "stimulus_from_angles",
     "stimulus_from_readings",
     "stimulus_from_truth",

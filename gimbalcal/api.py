@@ -17,12 +17,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gimbalcal import methods
-from gimbalcal.calibration import Calibration
+from gimbalcal.calibration import Calibration, exchange
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.entry import diagnose as run_diagnosis
 from gimbalcal.errors import InputError
 from gimbalcal.pipeline import Source, Tell, load, silent
 from gimbalcal.recording import Recording
+
+__all__ = ["calibrate", "diagnose", "read_calibration"]
 
 
 def calibrate(
@@ -44,6 +46,11 @@ def diagnose(
 ) -> Diagnosis:  # fmt: skip
     """What the model of one recording or several of one unit misses, as `gimbalcal diagnose` says it."""
     return run_diagnosis(load(_listed(recordings), tell), calibration, baseline, seed, tell, grade)
+
+
+def read_calibration(path: str | Path) -> Calibration:
+    """The calibration in a calibration.json, or another program's file: Kalibr .yaml, PSINS .mat, TPOINT .mod, .csv."""
+    return exchange.read_calibration(Path(path))
 
 
 def _listed(recordings: Source | Sequence[Source]) -> Sequence[Source]:

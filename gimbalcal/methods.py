@@ -50,7 +50,7 @@ def usual_method(recordings: Sequence[Recording]) -> str:
     A unit that turns on and on is held against an attitude that was logged, else against its own navigation.
     """
     if all(r.kind == "rotation" and r.has("angular_rate") for r in recordings):
-        return "attitude" if all(r.has("attitude") for r in recordings) else "systematic"
+        return "attitude" if all(r.axes("attitude") for r in recordings) else "systematic"
     without = all(r.kind == "multi-position" and not r.platform.axes for r in recordings)
     return "multiposition" if without else "three-stage"
 
@@ -86,7 +86,8 @@ def calibrate_each(
     groups = by_sensor(load(recordings, tell))
     if not method:
         method = usual_method(groups[0])
-        tell(f"method: {method} (another: --method)")
+        stars = any(r.kind == "pointing" for r in groups[0])
+        tell("method: the terms of the mount, by least squares" if stars else f"method: {method} (another: --method)")
     made = []
     for group in groups:
         if len(groups) > 1:
@@ -153,7 +154,6 @@ def _estimated(
     if any(r.kind == "pointing" for r in recordings):
         if method != "three-stage":
             raise InputError(f"--method {method} is for inertial sensors; leave it out for a pointing run")
-        tell("least squares on the terms of the mount")
         made = pointing_calibration(recordings, terms, more)
     elif method == "multiposition":
         tell("norm of the force at every position, and the gyroscopes where they were logged on the way")
@@ -213,9 +213,10 @@ def _modelled(recordings: Sequence[Recording]) -> tuple[str, ...]:
 def _left_out(made: Calibration) -> list[str]:
     """What was asked for and not taken up, and why."""
     options = made.provenance["options"]
-    declined = {**options.get("declined", {}), **options.get("gyro_declined", {})}
+    declined = ", ".join({**options.get("declined", {}), **options.get("gyro_declined", {})}).replace("_", " ")
+    told = [f"these data do not show {declined}, so they are left out; why, and how large each may be, says the report"]
     gyroscopes = [f"the gyroscopes stay out: {options['gyroscopes']}"] if "gyroscopes" in options else []
-    return [*declined.values(), *gyroscopes]
+    return [*(told if declined else []), *gyroscopes]
 
 
 def provenance(

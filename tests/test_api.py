@@ -98,3 +98,22 @@ def test_diagnose_is_a_function_and_a_package() -> None:
     assert frame["effect"][0] == found.findings[0]["effect"]
     assert len(found.plot().axes) == len(found.curves.channels)
     assert gimbalcal.diagnose.Diagnosis is type(found)
+
+
+def test_recordings_and_results_print_themselves_and_calibrations_are_read_again(tmp_path: Path) -> None:
+    r = gimbalcal.read(XSENS)
+    assert str(r).startswith("multi-position recording 'Xsens")
+    assert f"{len(r.time)} rows" in str(r)
+    assert "specific_force x y z" in repr(r)
+    assert len(str(r)) < 2000
+    made = gimbalcal.calibrate(r, terms=["bias", "scale_factor"])
+    made.write(tmp_path / "calibration.json")
+    again = gimbalcal.read_calibration(str(tmp_path / "calibration.json"))
+    assert str(again) == str(made)
+    with pytest.raises(gimbalcal.InputError, match="read_calibration reads a calibration"):
+        gimbalcal.read(tmp_path / "calibration.json")
+    (tmp_path / "log.csv").write_text("t,ax\n")
+    with pytest.raises(gimbalcal.InputError, match=r"`gimbalcal new .*` makes one of a log"):
+        gimbalcal.calibrate(tmp_path / "log.csv")
+    with pytest.raises(gimbalcal.InputError, match="arrays by name"):
+        made.apply(np.zeros((3, 3)))  # type: ignore[call-overload]

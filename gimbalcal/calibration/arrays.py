@@ -30,6 +30,10 @@ def correct_arrays(
     in SI. Raises InputError for another shape or unit, and for forces that are as long as gravity in another unit where
     none is said.
     """
+    if not isinstance(readings, Mapping):
+        raise InputError(
+            f"apply takes a recording, or arrays by name as in {{'specific_force': f}}, got {type(readings).__name__}"
+        )
     given = {quantity: x for quantity, x in readings.items() if quantity != "time"}
     said = dict(units or {})
     unknown = set(said) - set(readings)

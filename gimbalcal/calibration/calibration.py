@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -81,19 +82,23 @@ class Calibration:
         return np.sqrt(np.diag(self.covariance))
 
     def __str__(self) -> str:
-        """A table of parameters with their sigmas, and what the data did not show; `unobservable` says why."""
+        """A table of parameters, rounded as their sigmas, what the data did not show, and what speaks against it."""
         rows = self.to_dict()["parameters"]
         names = [f"{r['name']} {r['axis']}".strip() for r in rows]
         wide = max(map(len, names), default=0)
-        table = [f"{n:{wide}s} {r['value']:14.6g} +- {r['sigma']:<10.3g} {r['unit']}"
-                 for n, r in zip(names, rows, strict=True)]  # fmt: skip
+        table = [
+            f"{n:{wide}s} {_rounded(r['value'], r['sigma'])} {r['unit']}" for n, r in zip(names, rows, strict=True)
+        ]
         labels = {p.label for p in self.parameters}
         unseen = [u["direction"] for u in self.unobservable if labels.issuperset(u["direction"])]
-        held = dict.fromkeys(label.partition(":")[0] for u in self.unobservable for label in u["direction"]
-                             if not labels.issuperset(u["direction"]) and label not in labels)  # fmt: skip
+        held: dict[str, list[str]] = {}
+        for label in (label for u in self.unobservable for label in u["direction"] if label not in labels):
+            held.setdefault(label.partition(":")[0], []).append(label.partition(":")[2])
+        some = {p.label.partition(":")[0] for p in self.parameters}
+        named = [f"{name} {', '.join(axes)}" if name in some else name for name, axes in held.items()]
         remarks = [f"not seen together: {', '.join(d)}" for d in unseen]
-        remarks += [f"not estimated: {', '.join(held)}"] if held else []
-        return "\n".join([f"{self.method} calibration", *table, *remarks])
+        remarks += [f"not estimated: {'; '.join(named)}"] if held else []
+        return "\n".join([f"{self.method} calibration", *table, *remarks, *filter(None, [self.outcome])])
 
     def to_frame(self) -> pl.DataFrame:
         """One row a parameter: effect, name, axis, value, sigma and prior_sigma in `unit`."""
@@ -176,6 +181,13 @@ class Calibration:
     def write(self, path: Path) -> None:
         """Write calibration.json whole or not at all."""
         write_json(path, self.to_dict())
+
+
+def _rounded(value: float, sigma: float) -> str:
+    """A number and its sigma to two digits of the sigma, in columns."""
+    digits = 1 - math.floor(math.log10(sigma)) if 0 < sigma < math.inf else 6
+    shown = [f"{round(x, digits):.{max(digits, 0)}f}" for x in (value, sigma)]
+    return f"{shown[0]:>14s} +- {shown[1]:<10s}"
 
 
 def reads(p: Parameter, value: float) -> str:

@@ -76,7 +76,9 @@ def export(kind: str, known: Path, overwrite: bool, out: Path | None, quiet: boo
 @click.command(
     "import",
     epilog=example(
-        "gimbalcal import mikoff imu0.log --set rate=100 --out imu0", "gimbalcal import tpoint run.dat --out monday"
+        "gimbalcal import mikoff imu0.log --set rate=100 --out imu0",
+        "gimbalcal import tpoint run.dat --out monday",
+        "gimbalcal import csv log.csv --set header=columns.toml --set skip=2",
     ),
 )
 @click.argument("kind")
@@ -88,7 +90,12 @@ def import_(
     kind: str, files: tuple[Path, ...], settings: tuple[str, ...], overwrite: bool,
     out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
-    """Turn another rig's FILES into a recording folder; KIND is the rig or file type."""
+    """Turn another rig's FILES into a recording folder; KIND is the rig or file type.
+
+    KIND: csv, mat, hdf5 (--set header=FILE.toml, whose [columns] say what the columns hold, rate=HZ where none is a
+    clock, skip=LINES), imu-tk, mikoff (rate), tpoint (azimuth, refraction), mmt, phd2 (latitude), tilt-table; all take
+    title and means=yes. docs/recording-format.md has each; `gimbalcal new` guesses what nobody described.
+    """
     from gimbalcal.importers import import_files
     from gimbalcal.recording import write
 

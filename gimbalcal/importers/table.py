@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
+from gimbalcal.importers.pointing import SPACED
 from gimbalcal.number import Array
-from gimbalcal.recording.columns import Column
+from gimbalcal.recording.columns import COUNTED, Column
 from gimbalcal.recording.dates import Dates, NoDateError
 from gimbalcal.recording.header import Header, foreign_header
 from gimbalcal.recording.reading import assemble, dates_told
@@ -54,7 +55,11 @@ def header_for(path: Path, options: Mapping[str, str], skip: int = 0) -> Header:
             f"what do the columns of {path} hold? Write it down as in recording.toml, with [columns], and name that "
             "file in the option header"
         )
-    return foreign_header(Path(options["header"]), path, skip, clock_needed="rate" not in options)
+    header = foreign_header(Path(options["header"]), path, skip, clock_needed=False)
+    ordered = header.kind == "pointing" or (header.kind == "multi-position" and header.column("position") is not None)
+    if ordered or "rate" in options:
+        return header  # of stars and of rests the order may stand in for a clock
+    return foreign_header(Path(options["header"]), path, skip)
 
 
 def sources(files: Sequence[Path]) -> tuple[Source, ...]:
@@ -68,7 +73,7 @@ def recording_of(header: Header, options: Mapping[str, str], fetch: Callable[[st
     With the option ``rate`` (Hz) the time column is made from the number of the row, for files without a clock.
     """
     clock = header.column("time")
-    names = [c.name for c in header.columns]
+    names = [c.name for c in header.columns if c is not COUNTED]
     rate = number(options, "rate", 0.0)
     dates = Dates()
     own = {}
@@ -81,10 +86,27 @@ def recording_of(header: Header, options: Mapping[str, str], fetch: Callable[[st
     if len(set(sizes.values())) > 1:
         listed = ", ".join(f"{name} {n}" for name, n in sizes.items())
         raise InputError(f"{header.samples}: the columns differ in length ({listed}); they must have one value per row")
-    if rate and clock:
-        own[clock.name] = from_si(np.arange(next(iter(sizes.values()), 0)) / rate, clock.unit)
+    told: tuple[str, ...] = ()
+    if clock and (rate or clock is COUNTED):
+        rows = np.arange(float(next(iter(sizes.values()), 0)))
+        own[clock.name] = from_si(rows / rate if rate else SPACED * rows, clock.unit)
+        if not rate:
+            _refuse_samples(header, own)
+            told = (
+                f"{header.samples} has no clock: its rows are {SPACED:g} s apart in order, so that rates mean nothing",
+            )
     made = assemble(header, [own] if own and len(own[names[0]]) else [], lambda name: own[name])
-    return replace(made, remarks=(*made.remarks, *dates_told(header, dates)))
+    return replace(made, remarks=(*made.remarks, *told, *dates_told(header, dates)))
+
+
+def _refuse_samples(header: Header, columns: Mapping[str, Array]) -> None:
+    """Raise InputError where several rows in a row are of one position: samples have a rate, means need none."""
+    position = header.column("position")
+    if position is not None and np.any(np.diff(columns[position.name]) == 0):
+        raise InputError(
+            f"{header.samples}: no column is the time, and rows follow each other in one position; name the clock in "
+            f"{header.path.name}, or give --set rate=HZ"
+        )
 
 
 def _clock(header: Header, clock: Column, values: Array, dates: Dates) -> Array:

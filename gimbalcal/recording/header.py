@@ -49,7 +49,12 @@ def read_header(folder: Path) -> Header:
     """Read and check ``folder/recording.toml``; every refusal is an `InputError` that names the line."""
     path = folder / NAME
     if not folder.is_dir():
-        raise InputError(f"{folder} is not a folder: a recording is a folder with a {NAME} in it")
+        made = (
+            "" if not folder.is_file()
+            else "; gimbalcal.read_calibration reads a calibration" if folder.suffix == ".json"
+            else f"; `gimbalcal new {folder}` makes one of a log"
+        )  # fmt: skip
+        raise InputError(f"{folder} is not a folder: a recording is a folder with a {NAME} in it{made}")
     if not path.is_file():
         raise InputError(f"{folder} has no {NAME}: a recording is a folder with a {NAME} that says what is in it")
     document = Document(path)
@@ -66,7 +71,9 @@ def foreign_header(path: Path, samples: Path, skip: int = 0, clock_needed: bool 
         raise InputError(
             f"{path} does not exist; it must say what the columns of {samples} hold, as recording.toml does"
         )
-    return replace(_header(Document(path), samples, clock_needed), skip=skip)
+    document = Document(path)
+    title = str(document.content.get("title", samples.stem))
+    return replace(_header(document, samples, clock_needed), skip=skip, title=title)
 
 
 def header_of(content: Mapping[str, Any], name: Path) -> Header:
@@ -85,6 +92,7 @@ def _header(document: Document, samples: Path, clock_needed: bool = True) -> Hea
     platform = _platform(document, kind)
     columns = columns_of(document, platform, clock_needed)
     site, remarks = _site(document, kind)
+    remarks = () if kind == "pointing" else remarks  # no star feels gravity
     return Header(
         path=path,
         kind=kind,

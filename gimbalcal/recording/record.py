@@ -112,6 +112,21 @@ class Recording:
             if size != n:
                 raise ValueError(f"`{name}` must have one value per row of `time` ({n}), got {size}")
 
+    def __str__(self) -> str:
+        """What it holds, in a few lines: kind, rows, rests, channels with their units, remarks."""
+        p = self.position
+        visits = 0 if p is None else int(np.count_nonzero((np.diff(p, prepend=0) != 0) & (p > 0)))
+        span = float(np.ptp(self.time)) if len(self.time) else 0.0
+        held = []
+        for q in dict.fromkeys(q for q, _ in self.channels):
+            axes = self.axes(q)
+            held.append(f"  {q} {' '.join(axes)}".rstrip() + f"  [{self.units.get((q, axes[0]), 'SI')}]")
+        rows = f"{len(self.time)} rows in {span:.6g} s" + (f", {visits} rests" if visits else "")
+        head = f"{self.kind} recording {self.title!r} on {self.platform.name}: {rows}"
+        return "\n".join([head, *held, *(f"  note: {remark}" for remark in self.remarks)])
+
+    __repr__ = __str__
+
     @property
     def files(self) -> list[dict[str, str]]:
         """The files behind it and their SHA-256, as a provenance tells them."""

@@ -423,3 +423,19 @@ def test_mikoff_log(tmp_path: Path) -> None:
     assert recording.units["angular_rate", "x"] == "rad/s"
     np.testing.assert_allclose(recording.triad("angular_rate"), rows[:, 3:], atol=5.1e-6)  # five decimals
     assert len(dwells(recording)) == len(dwell_means(recording).time)
+
+
+def test_stars_and_means_need_no_clock_and_samples_do(tmp_path: Path) -> None:
+    header = tmp_path / "h.toml"
+    header.write_text(
+        'format = 1\nkind = "multi-position"\n[columns]\nNr = { quantity = "position" }\n'
+        + "".join(f'f{a} = {{ quantity = "specific_force", axis = "{a}", unit = "g" }}\n' for a in "xyz")
+    )
+    (tmp_path / "means.csv").write_text("Nr,fx,fy,fz\n1,0,0,1\n2,0,1,0\n3,1,0,0\n")
+    made = import_files("csv", [tmp_path / "means.csv"], {"header": str(header)})
+    assert made.title == "means"
+    assert np.all(np.diff(made.time) == 60)
+    assert any("no clock" in remark for remark in made.remarks)
+    (tmp_path / "log.csv").write_text("Nr,fx,fy,fz\n1,0,0,1\n1,0,0,1.001\n2,1,0,0\n")
+    with pytest.raises(InputError, match="give --set rate=HZ"):
+        import_files("csv", [tmp_path / "log.csv"], {"header": str(header)})
