@@ -31,6 +31,7 @@ from gimbalcal.recording.plausibility import refuse_implausible
 Tell = Callable[[str], None]
 Source = str | Path | Recording  # a folder, or what was read from one or made from arrays
 FEWEST_POSITIONS = 6
+MOST_ROWS = 10_000_000  # of a recording of positions, 1.3 GB; of more, rests are read as means
 STATIC_BLOCK = 60.0  # s; a static run is read as minute means: no effect of the catalogue lives below 3 min
 
 
@@ -41,7 +42,7 @@ def silent(_: str) -> None:
 def load(recordings: Sequence[Source], tell: Tell = silent) -> tuple[Recording, ...]:
     """Read recordings from their folders, or take them as they are, and refuse those that cannot be what they say.
 
-    A static run that is read comes as minute means.
+    A static run that is read comes as minute means, and rests of more than `MOST_ROWS` rows of positions as means.
     """
     loaded = []
     for each in recordings:
@@ -50,7 +51,7 @@ def load(recordings: Sequence[Source], tell: Tell = silent) -> tuple[Recording, 
         else:
             tell(f"reading {Path(each).name}")
             static_run = read_header(Path(each)).kind == "static-run"
-            recording = read(Path(each), average_s=STATIC_BLOCK if static_run else None)
+            recording = read(Path(each), average_s=STATIC_BLOCK if static_run else None, most=MOST_ROWS)
         unchecked = [remark for sensor in recording.sensors for remark in refuse_implausible(sensor)]
         recording = replace(recording, remarks=(*recording.remarks, *unchecked))
         for remark in recording.remarks:

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from math import pi
+from math import ceil, pi
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +21,9 @@ from gimbalcal.recording.holes import SPARSE, Holes
 from gimbalcal.recording.increments import Increments
 from gimbalcal.recording.jitter import SMOOTHER, jitter_of, regular
 from gimbalcal.recording.record import ANGLES, Recording, Source
+from gimbalcal.recording.room import rows_in
 from gimbalcal.recording.row_sigma import by_sigma
-from gimbalcal.recording.rows import AllRows, Blocks
+from gimbalcal.recording.rows import AllRows, Blocks, Rests
 from gimbalcal.recording.samples import Batch, batches, column
 from gimbalcal.recording.scatter import Scatter
 from gimbalcal.recording.screening import Screen
@@ -31,20 +32,39 @@ from gimbalcal.units import celsius, from_si, is_raw, to_si
 _DETECTED = Column(" position", "position", "", "1")  # a name that no header can hold
 
 
-def read(folder: str | Path, average_s: float | None = None) -> Recording:
+def read(folder: str | Path, average_s: float | None = None, most: int | None = None) -> Recording:
     """The recording in `folder`, in SI; with `average_s`, means over blocks of that many seconds.
 
-    Blocks never reach across a gap or a change of position; `weight` says how many samples each row stands for. A
-    multi-position recording without a position column is searched for dwells (see `detection`). `InputError` says
-    in one sentence what is wrong with the folder, and where.
+    Blocks never reach across a gap or a change of position; `weight` says how many samples each row stands for. The
+    rests of a multi-position recording of more than `most` rows come as means over so many rows that `LEFT` of `most`
+    are left, in bounded memory; what is on the way between them stays as it is. A multi-position recording without a
+    position column is searched for dwells (see `detection`). `InputError` says in one sentence what is wrong with the
+    folder, and where.
     """
     if average_s is not None and not average_s > 0:
         raise InputError(f"the time to average over must be positive, got {average_s} s")
     header, dates = read_header(Path(folder)), Dates()
     clock = header.column("time")
     stream = batches(header.samples, [c.name for c in header.columns], clock, dates)
-    made = assemble(header, stream, lambda name: column(header.samples, name, clock), average_s)
-    return replace(made, remarks=(*made.remarks, *dates_told(header, dates)))
+    rests = 1 if average_s or not most else rows_of_a_mean(header, most)
+    made = assemble(header, stream, lambda name: column(header.samples, name, clock), average_s, rests=rests)
+    told = (RESTS.format(path=header.samples, rows=rests),) if rests > 1 else ()
+    return replace(made, remarks=(*made.remarks, *told, *dates_told(header, dates)))
+
+
+LEFT = 0.01  # of the most rows that are kept as they are: a diagnosis holds a hundred numbers for each
+RESTS = "{path}: so many rows that each rest is kept as means over {rows} rows; what is on the way stays as it is"
+
+
+def rows_of_a_mean(header: Header, most: int) -> int:
+    """Rows over which rests are averaged so that a recording of more than `most` rows fits; 1 where it need not be.
+
+    Rests that are still to be found need every row.
+    """
+    if header.kind != "multi-position" or not header.column("position"):
+        return 1
+    rows = rows_in(header.samples)
+    return 1 if rows <= most else ceil(rows / (LEFT * most))
 
 
 def dates_told(header: Header, dates: Dates) -> tuple[str, ...]:
@@ -61,19 +81,20 @@ def assemble(
     whole: Callable[[str], Array],
     average_s: float | None = None,
     made_from: tuple[Source, ...] | None = None,
+    rests: int = 1,
 ) -> Recording:
     """The recording whose rows are `stream`, checked; `whole` gives one complete column for a second look.
 
-    made_from: what the rows came from, if not from the files of the header.
+    made_from: what the rows came from, if not from the files of the header; rests: rows in a mean of a rest.
     """
     with ThreadPoolExecutor(1) as pool:  # hashing leaves the interpreter free
         digests = pool.map(_source, (header.path, header.samples)) if made_from is None else made_from
         holes = Holes(header)
         header, stream = by_sigma(header, holes.filled(stream), holes)
         increments = Increments(header, holes)
-        columns, table, scatter, remarks = _rows(increments, increments.rates(stream), whole, average_s, holes)
+        columns, table, scatter, remarks = _rows(increments, increments.rates(stream), whole, average_s, holes, rests)
         source = tuple(digests)
-    position = next((table[c.name].astype(np.int64) for c in columns if c.quantity == "position"), None)
+    position = next((np.rint(table[c.name]).astype(np.int64) for c in columns if c.quantity == "position"), None)
     measured = [c for c in columns if c.quantity not in ("time", *UNITLESS)]
     clock = next(c for c in columns if c.quantity == "time")
     time, values = _si(clock, table[clock.name]), {c.name: _si(c, table[c.name]) for c in measured}
@@ -120,13 +141,14 @@ def _rows(
     whole: Callable[[str], Array],
     average_s: float | None,
     holes: Holes,
+    rests: int,
 ) -> tuple[tuple[Column, ...], dict[str, Array], dict[str, float], tuple[str, ...]]:
     """Columns, rows and scatter in the units of the file, and what to tell the user."""
     header, whole = increments.header, increments.whole(whole)
     screen = Screen(header, whole, holes)
     if header.kind != "multi-position" or header.column("position"):
-        table, scatter = _gather(stream, header.columns, screen, average_s)
-        told = () if average_s else _on_a_regular_clock(increments, table, holes)
+        table, scatter = _gather(stream, header.columns, screen, average_s, rests)
+        told = () if average_s or rests > 1 else _on_a_regular_clock(increments, table, holes)
         return header.columns, table, scatter, (*holes.remarks(), *screen.remarks(), *told)
     columns = (*header.columns, _DETECTED)
     table, _ = _gather(stream, header.columns, screen, None)
@@ -181,7 +203,7 @@ def _on_a_regular_clock(increments: Increments, table: dict[str, Array], holes: 
 
 
 def _gather(
-    stream: Iterable[Batch], columns: tuple[Column, ...], screen: Screen, average_s: float | None
+    stream: Iterable[Batch], columns: tuple[Column, ...], screen: Screen, average_s: float | None, rests: int = 1
 ) -> tuple[dict[str, Array], dict[str, float]]:
     """Every row past the screen and into what is kept of it."""
     weight = next((c.name for c in columns if c.quantity == "weight"), None)
@@ -190,6 +212,8 @@ def _gather(
     turns = {c.name: from_si(2 * pi, c.unit) for c in columns if c.quantity in ANGLES}
     if average_s is not None:
         kept = Blocks(from_si(average_s, screen.clock.unit), screen.clock.name, weight, turns)
+    elif rests > 1 and position:
+        kept = Rests(rests, position, weight, turns)
     scatter = Scatter(tuple(c.name for c in columns if c.quantity not in ("time", *UNITLESS, *SPARSE)), turns)
     for batch in stream:
         begins = screen.see(batch)

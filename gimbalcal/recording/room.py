@@ -1,4 +1,4 @@
-"""How much a file may become when it is unpacked: what memory holds, and what readings of sensors can be packed to."""
+"""How much is in a file: its rows, and what it may become when it is unpacked, by memory and by what readings pack."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from gimbalcal.errors import InputError
 
 HALF = 0.5  # of the memory of this machine for one file
+START = 1 << 20  # bytes of a text that tell how long its lines are
 PACKED, LARGE = 50, 500_000_000  # times its file, and bytes: readings of sensors are noise and do not pack so well
 
 
@@ -27,3 +28,17 @@ def refuse_bomb(path: Path, needed: int, streamed: bool = False) -> None:
             f"{path} has {size / 1e6:.3g} MB and would take {needed / 1e9:.3g} GB when it is unpacked, which no "
             "readings of sensors do; correct it, or cut it into parts"
         )
+
+
+def rows_in(path: Path) -> int:
+    """How many rows a samples file has: of text by its size and its first lines, 0 where it cannot be read."""
+    import polars as pl
+
+    try:
+        if path.suffix == ".parquet":
+            return int(pl.scan_parquet(path.absolute(), glob=False).select(pl.len()).collect().item())
+        with path.open("rb") as file:
+            start = file.read(START)
+        return int(path.stat().st_size / len(start) * start.count(b"\n")) if start else 0
+    except (pl.exceptions.PolarsError, OSError):
+        return 0  # what is wrong with it is told where it is read

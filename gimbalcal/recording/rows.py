@@ -1,4 +1,4 @@
-"""What reading keeps of the streamed rows: all of them, or the mean of each block of time."""
+"""What reading keeps of the streamed rows: all of them, the mean of each block of time, or means over rests."""
 
 from __future__ import annotations
 
@@ -46,14 +46,9 @@ class Blocks:
 
     def add(self, batch: Mapping[str, Array], begins: Array) -> None:
         """Take in a batch."""
-        t = batch[self.time]
-        if not len(t):
+        if not len(begins):
             return
-        index = np.floor((t - self._starts(t, begins)) / self.length)
-        new = begins.copy()
-        new[0] |= index[0] != self.index
-        new[1:] |= index[1:] != index[:-1]
-        self.index = float(index[-1])
+        new = self._new(batch, begins)
         edges = np.flatnonzero(new)
         joined = not new[0] and bool(self.sums)
         edges = edges if new[0] else np.concatenate([[0], edges])
@@ -62,8 +57,21 @@ class Blocks:
             self._sum(name, self._unwrapped(name, x), edges, weight, joined)
             if name in self.turns:
                 self._append(f"first {name}", x[edges], joined, lambda old, _new: old)
-        total = np.add.reduceat(weight, edges) if weight is not None else np.diff(np.append(edges, len(t)))
+        total = np.add.reduceat(weight, edges) if weight is not None else np.diff(np.append(edges, len(begins)))
         self._append("", total.astype(float), joined, lambda old, new: old + new)
+
+    def _new(self, batch: Mapping[str, Array], begins: Array) -> Array:
+        """Which rows of a batch begin a block."""
+        return self._changes(batch[self.time], begins)
+
+    def _changes(self, t: Array, begins: Array) -> Array:
+        """Where the next block begins by a clock t that is anything that grows, or where a row begins anew."""
+        index = np.floor((t - self._starts(t, begins)) / self.length)
+        new = begins.copy()
+        new[0] |= index[0] != self.index
+        new[1:] |= index[1:] != index[:-1]
+        self.index = float(index[-1])
+        return new
 
     def _starts(self, t: Array, begins: Array) -> Array:
         """Time of the last row that began anew, for each row."""
@@ -109,3 +117,18 @@ class Blocks:
         if self.weight:
             means[self.weight] = weight
         return means | {"": weight}
+
+
+class Rests(Blocks):
+    """Means over `rows` consecutive rows of each rest, and every row on the way, where the position is 0."""
+
+    def __init__(self, rows: int, position: str, weight: str | None, turns: Mapping[str, float]) -> None:
+        super().__init__(rows, "", weight, turns)
+        self.position = position
+        self.rows = 0  # so far
+
+    def _new(self, batch: Mapping[str, Array], begins: Array) -> Array:
+        row = np.arange(self.rows, self.rows + len(begins), dtype=float)
+        self.rows += len(begins)
+        moving = batch[self.position] == 0
+        return self._changes(row, begins) | moving

@@ -72,9 +72,14 @@ def batches(
 
 def column(path: Path, name: str, clock: Column | None = None) -> Array:
     """One whole column."""
-    if clock is None or name != clock.name:
-        return np.concatenate([batch[name] for batch in batches(path, [name])])
-    return np.concatenate([batch[name] for batch in batches(path, [name], clock)])
+    parts = [batch[name] for batch in batches(path, [name], clock if clock and name == clock.name else None)]
+    at = sum(map(len, parts))
+    out = np.empty(at)
+    while parts:  # each is let go of once it is there: of 1e8 rows there are 0.8 GB, not twice as much
+        part = parts.pop()
+        out[at - len(part) : at] = part
+        at -= len(part)
+    return out
 
 
 def has_names(path: Path, names: Sequence[str]) -> bool:

@@ -34,6 +34,7 @@ BEYOND = {"specific_force": 1e7, "angular_rate": 1e4, "attitude_error": 1e3}  # 
 GAP = 10.0  # times the usual step: longer ones end a run of rows
 LONGEST_STEP = 86400.0  # s; no run that goes on and on pauses for longer, and others say so
 STEADY = ("static-run", "rotation")  # kinds in which the time that passes between rows is part of the physics
+PIECE = 10_000_000  # rows that are looked at again at a time: a longer recording is judged part by part
 FEWEST = 20  # equal rows that can be called frozen or clipped at all
 MOST_POSITIONS = 1_000_000
 FURTHEST = 2e4 * np.pi  # rad; ten thousand turns
@@ -190,13 +191,16 @@ class Screen:
         self._angle_units()
         self._spikes()
         for each in (*self.sensors, *self.turning):
-            piled = [k for (name, _), (_, k) in self.peaks.items() if name == each.name and k >= self._many()]
+            many = self._many(min(self.n, PIECE))
+            piled = [k for (name, _), (_, k) in self.peaks.items() if name == each.name and k >= many]
             if each.name in self.stuck or piled:
                 sigma = self._sigma(each, scatter)
-                self._alive(each, self.whole(each.name), sigma, bool(piled))
+                x = self.whole(each.name)
+                for start in range(0, len(x), PIECE):
+                    self._alive(each, x[start : start + PIECE], sigma, bool(piled), start)
 
-    def _many(self) -> float:
-        return max(FEWEST, 0.01 * self.n)
+    def _many(self, n: int) -> float:
+        return max(FEWEST, 0.01 * n)
 
     def _sigma(self, each: Column, scatter: Mapping[str, float]) -> float:
         """What the triad scatters by, or the header's noise where that is less or nothing scatters at all."""
@@ -211,7 +215,8 @@ class Screen:
         stated = self.header.noise.get(sensor, seen)
         return from_si(min(stated, seen) if seen else stated, each.unit)
 
-    def _alive(self, each: Column, x: Array, sigma: float, piled: bool) -> None:
+    def _alive(self, each: Column, x: Array, sigma: float, piled: bool, first: int) -> None:
+        """Refuse a piece of a sensor, from row `first` on, in which it is clipped or frozen."""
         levels, counts = np.unique(x, return_counts=True)
         others = len(x) - int(np.sort(counts)[-2:].sum())  # rows that are neither stuck nor at one of two stops
         coarse = len(levels) - 2 < DISTINCT * others  # no two readings alike: no steps to be seen
@@ -220,9 +225,9 @@ class Screen:
             return
         for sign, word in ((1, "largest"), (-1, "smallest")) if piled else ():
             rows = piled_up(sign * x)
-            if len(rows) >= self._many():
+            if len(rows) >= self._many(len(x)):
                 raise InputError(
-                    f"{self._place(int(rows[0]))}, column {each.name}: {x[rows[0]]:.10g} {each.unit} "
+                    f"{self._place(first + int(rows[0]))}, column {each.name}: {x[rows[0]]:.10g} {each.unit} "
                     f"is the {word} value of the channel and stands in {len(rows)} of its {len(x)} rows, so it is "
                     "clipped; raise the range of the sensor, or leave those rows out"
                 )
@@ -231,7 +236,7 @@ class Screen:
         needed = 1 + log(CHANCE / len(x)) / log(chance) if chance else 0.0
         if stop - start >= usual * max(FEWEST, needed):
             raise InputError(
-                f"{self._place(start, stop)}, column {each.name}: all {stop - start} rows read "
+                f"{self._place(first + start, first + stop)}, column {each.name}: all {stop - start} rows read "
                 f"{x[start]:.10g} {each.unit} although the noise is {sigma:.2g} {each.unit}, so the channel is "
                 f"{'dead; leave its column' if stop - start == len(x) else 'frozen; leave those rows'} out, or correct "
                 "[noise]"

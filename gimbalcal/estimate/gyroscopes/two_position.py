@@ -41,8 +41,13 @@ def two_position(recording: Recording) -> Calibration:
     _refuse(recording)
     means, stays = dwell_means(recording), dwells(recording)
     y, C = means.triad(RATE), means.platform.attitude(means.angles())
-    rows = recording.triad(RATE)
-    spread = np.array([rows[d.rows].std(axis=0, ddof=1) if d.stop - d.start > 1 else np.full(3, np.nan) for d in stays])
+    rows, weight = recording.triad(RATE), recording.weight[:, None]  # rows may be means themselves
+
+    def scatter(x: Array, w: Array) -> Array:
+        return np.asarray(np.sqrt((w * (x - x.mean(axis=0)) ** 2).sum(axis=0) / (len(x) - 1)))
+
+    several = [d for d in stays if d.stop - d.start > 1]
+    spread = np.array([scatter(rows[d.rows], weight[d.rows]) for d in several] or [np.full(3, np.nan)])
     sample = recording.noise.get("gyroscope") or float(np.sqrt(np.nanmean(spread**2)))
     if not sample > 0:
         raise InputError(

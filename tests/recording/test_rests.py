@@ -1,0 +1,118 @@
+"""Long rests come as means while they are read, what is on the way stays as it is, and an estimate is the same."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from gimbalcal.diagnose.rows.slews import view_of_slews
+from gimbalcal.estimate.gyroscopes.rests import rests
+from gimbalcal.methods import calibrate
+from gimbalcal.recording import Recording, read, write
+from gimbalcal.recording.room import rows_in
+from tests.diagnose.rows.test_slews import IDEAL, QUICK, unit
+from tests.diagnose.turned_plant import gimballed
+from tests.recording.test_recording import HEADER, folder, text
+
+CASE = Path(__file__).parents[2] / "data" / "space_stable_18"
+
+
+@pytest.fixture(autouse=True)
+def _a_tenth(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gimbalcal.recording.reading.LEFT", 0.1)
+
+
+def turned_twice(seed: int = 0, rest: int = 95, way: int = 7) -> np.ndarray:
+    """Position 1, on the way, position 2, on the way, position 1 again; the angle goes through north on its way."""
+    rng = np.random.default_rng(seed)
+    position = np.concatenate([np.full(rest, 1), np.zeros(way), np.full(rest, 2), np.zeros(way), np.full(rest, 1)])
+    angle = np.concatenate([
+        np.where(np.arange(rest) % 2, 359.9, 0.1), np.linspace(0, 90, way), np.full(rest, 90.0),
+        np.linspace(90, 0, way), np.full(rest, 0.0),
+    ])  # fmt: skip
+    turn = np.deg2rad(angle)
+    force = np.stack([np.sin(turn), 0 * turn, -np.cos(turn)], axis=-1) + 1e-4 * rng.standard_normal((len(turn), 3))
+    return np.column_stack([np.arange(len(turn)), position, force, angle, np.full(len(turn), 295.0)])
+
+
+@pytest.mark.parametrize("batch", [6, 50_000])
+def test_rests_are_means_and_the_way_is_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, batch: int) -> None:
+    monkeypatch.setattr("gimbalcal.recording.samples.ROWS", batch)
+    table = turned_twice()
+    target = folder(tmp_path, samples=text(table))
+    r = read(target, most=100)  # 299 rows, of which a tenth of 100 are to be left: means over 30
+    assert r.position is not None
+    assert r.weight.tolist() == [30, 30, 30, 5, *[1] * 7, 30, 30, 30, 5, *[1] * 7, 30, 30, 30, 5]
+    assert r.position.tolist() == [1] * 4 + [0] * 7 + [2] * 4 + [0] * 7 + [1] * 4
+    np.testing.assert_allclose(r.time[:5], [14.5, 44.5, 74.5, 92.0, 95.0])
+    whole = read(target)
+    np.testing.assert_array_equal(r.triad("specific_force")[4:11], whole.triad("specific_force")[95:102])
+    np.testing.assert_allclose(
+        r.triad("specific_force")[11], whole.triad("specific_force")[102:132].mean(0), rtol=1e-13
+    )
+    assert abs((r.angles()[0, 2] + 1) % (2 * np.pi) - 1) < 1e-12  # 359.9 and 0.1 deg are 0
+    assert r.scatter == whole.scatter  # of the rows, not of their means
+    assert "means over 30 rows" in r.remarks[-1]
+
+
+def test_rows_that_fit_stay(tmp_path: Path) -> None:
+    target = folder(tmp_path, samples=text(turned_twice()))
+    r = read(target, most=400)
+    assert len(r.time) == 299
+    assert not any("means over" in remark for remark in r.remarks)
+
+
+def test_rests_that_are_to_be_found_need_every_row(tmp_path: Path) -> None:
+    header = HEADER.replace('position = { quantity = "position" }\n', "")
+    assert len(read(folder(tmp_path, header, text(turned_twice())), most=100).time) == 299
+
+
+def test_a_weight_that_is_no_whole_number_leaves_positions_what_they_are(tmp_path: Path) -> None:
+    table = turned_twice()
+    weight = np.random.default_rng(1).uniform(0.1, 3.0, len(table))
+    names = ["time_s", "position", "accel_x", "accel_y", "accel_z", "middle", "temp", "n"]
+    samples = text(np.column_stack([table, weight]), names)
+    r = read(folder(tmp_path, HEADER + 'n = { quantity = "weight" }\n', samples), most=100)
+    assert r.position is not None
+    assert r.position.tolist() == [1] * 4 + [0] * 7 + [2] * 4 + [0] * 7 + [1] * 4
+    assert r.weight.sum() == pytest.approx(weight.sum())
+
+
+def test_rows_of_a_file_are_counted_or_told_by_its_size(tmp_path: Path) -> None:
+    table = pl.DataFrame({"a": np.random.default_rng(0).standard_normal(200_000)})
+    table.write_parquet(tmp_path / "t.parquet")
+    table.write_csv(tmp_path / "t.csv")
+    assert rows_in(tmp_path / "t.parquet") == 200_000
+    assert rows_in(tmp_path / "t.csv") == pytest.approx(200_000, rel=0.01)
+    (tmp_path / "no.parquet").write_bytes(b"PAR1 and then nothing")
+    assert rows_in(tmp_path / "no.parquet") == rows_in(tmp_path / "none.csv") == 0
+
+
+@pytest.mark.parametrize("method", ["three-stage", "multiposition"])
+def test_a_calibration_of_means_is_that_of_every_row(monkeypatch: pytest.MonkeyPatch, method: str) -> None:
+    whole, _ = calibrate([CASE], method)
+    monkeypatch.setattr("gimbalcal.pipeline.MOST_ROWS", 1000)
+    made, _ = calibrate([CASE], method)
+    np.testing.assert_allclose((made.values - whole.values) / whole.sigmas, 0, atol=1e-6)
+    np.testing.assert_allclose(made.sigmas, whole.sigmas, rtol=1e-6)
+
+
+def test_gyroscopes_at_rest_know_what_their_rows_are_means_of(tmp_path: Path) -> None:
+    r = gimballed(3, unit(), **QUICK)
+    target = write(r, tmp_path / "rec")
+    whole, means = read(target), read(target, most=len(r.time) // 2)
+    every, fewer = rests(whole, IDEAL), rests(means, IDEAL)
+    np.testing.assert_allclose(fewer.rate, every.rate, atol=1e-12)
+    np.testing.assert_allclose(np.median(fewer.sigma), np.median(every.sigma), rtol=0.15)
+
+
+def test_a_delay_is_not_looked_for_beside_means(tmp_path: Path) -> None:
+    def seen(recording: Recording) -> object:
+        return view_of_slews(recording, IDEAL)
+
+    target = write(gimballed(6, unit(), **QUICK), tmp_path / "rec")
+    assert not isinstance(seen(read(target)), str)
+    assert "come as means over" in str(seen(read(target, most=2000)))
