@@ -108,7 +108,8 @@ def _three_stages(recordings: Sequence[Recording], tell: Tell, more: Sequence[Ad
     tell("stage 3: system level, force, gimbals and attitude error of the static run")
     wanted = (*static_parameters(static_readings(run)), *also.of(run)[1]) if more else None
     start = (*both.effects, *(e for e in also.effects if e.id not in {o.id for o in both.effects}))
-    third = fuse(information_of(positions, both.effects), static_information(run, start, wanted), both)
+    device_level = information_of(positions, both.effects)
+    third = fuse(device_level, static_information(run, start, wanted, device_level), both)
     alone = static(run).stages
     return with_told(replace(third, method="three-stage", stages=(*stages, *alone, *third.stages)), also.constants)
 

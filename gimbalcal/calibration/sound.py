@@ -15,9 +15,10 @@ import numpy as np
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
-from gimbalcal.units import from_si, parse
+from gimbalcal.units import from_si, parse, to_si
 
 AGREE = 1e-3  # relative, of a sigma and its variance: files are written with all digits, people round to three
+FARTHEST = 1e6  # usual sizes; raw units differ by thousands
 ROUNDING = 1e-6  # of a correlation matrix: eigenvalues above minus this, and symmetry
 
 
@@ -35,12 +36,37 @@ def refuse_unsound(rows: Sequence[Mapping[str, Any]], known: Sequence[Parameter]
         if parse(str(unit)).dimension != parse(p.unit).dimension:
             raise InputError(f"parameter {i}, {p.label}, is in {unit!r}, which is no unit of it; give it in {p.unit}")
         for name in ("value", "sigma"):
-            number = row[name]
-            if isinstance(number, bool) or not isinstance(number, (int, float)) or not isfinite(number):
-                raise InputError(f"parameter {i}, {p.label}: its {name} must be a finite number, got {number!r}")
+            if not _finite(row[name]):
+                raise InputError(
+                    f"parameter {i}, {p.label}: its {name} must be a finite number, got {_short(row[name])}"
+                )
         if row["sigma"] < 0:
             raise InputError(f"parameter {i}, {p.label}: its sigma is negative, {row['sigma']:g} {unit}")
+        if abs(float(to_si(float(row["value"]), str(unit)))) > FARTHEST * p.sigma:
+            raise InputError(
+                f"parameter {i}, {p.label}: {float(row['value']):g} {unit} is beyond anything that is built"
+            )
+        prior = row.get("prior_sigma")
+        if prior is not None and not (_finite(prior) and prior > 0):
+            raise InputError(f"parameter {i}, {p.label}: its prior_sigma must be above zero, got {_short(prior)}")
+        if row.get("effect", p.effect) != p.effect:
+            raise InputError(f"parameter {i}, {p.label}, is of the effect {p.effect}, not of {_short(row['effect'])}")
     _refuse_covariance(rows, known, covariance)
+
+
+def _finite(number: Any) -> bool:
+    """Whether it is a number that a float can hold."""
+    if isinstance(number, bool) or not isinstance(number, (int, float)):
+        return False
+    try:
+        return isfinite(number)
+    except OverflowError:
+        return False
+
+
+def _short(given: Any) -> str:
+    text = str(given) if isinstance(given, int) and not isinstance(given, bool) else repr(given)
+    return text if len(text) < 40 else f"{text[:30]}..."
 
 
 def refuse_not_finite(content: Mapping[str, Any], title: str) -> None:

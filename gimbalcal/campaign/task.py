@@ -160,14 +160,17 @@ def seed_of(seed: int, run: int) -> int:
 
 
 def _simulated(what: Task, run: int) -> dict[str, list[Any]]:
-    from gimbalcal.simulate import simulate
+    from gimbalcal.simulate import check_content, simulate
 
-    recording, effects = simulate(tomllib.loads(what.text), seed_of(what.seed, run))
+    content = tomllib.loads(what.text)
+    recording, effects = simulate(content, seed_of(what.seed, run))
     try:
         made = _calibrated(what.method, recording)
     except InputError as problem:
         return _failed(run, str(problem))
     truth = _comparable(effects, made.parameters, what.method)
+    if recording.kind == "static-run":
+        truth = _on_the_clock(truth, made.parameters, recording, check_content(content, what.name).schedule.start_angle)
     n = len(made.parameters)
     return {
         "run": [run] * n,
@@ -197,6 +200,24 @@ def _failed(run: int, why: str) -> dict[str, list[Any]]:
     row = {"run": run, "parameter": "", "unit": "SI", "truth": nan, "estimate": nan, "sigma": nan, "chi2": nan,
            "dof": 0, "outcome": why}  # fmt: skip
     return {name: [value] for name, value in row.items()}
+
+
+def _on_the_clock(truth: Any, wanted: Sequence[Any], recording: Any, start: float) -> Any:
+    """Truth (p,) counted from S_t as an estimate counts it: its constant is what the platform gimbal reads on average.
+
+    A platform that is turned by phi_0 against the true S_t is turned by R(phi_0) R_z(delta) against this one.
+    """
+    from gimbalcal.kinematics import sidereal_phase
+    from gimbalcal.rotation import tilt_rotation
+
+    at = [k for k, p in enumerate(wanted) if p.effect == "polar_axis_misalignment"]
+    if len(at) != 3 or ("gimbal_angle", "platform") not in recording.channels:
+        return truth
+    delta = np.angle(np.exp(1j * (sidereal_phase(recording, recording.angles())[0] - start)))
+    C = tilt_rotation(truth[at]) @ tilt_rotation([0.0, 0.0, delta])
+    out = np.array(truth)
+    out[at] = np.arctan2(-C[2, 1], C[2, 2]), np.arcsin(C[2, 0]), np.arctan2(-C[1, 0], C[0, 0])
+    return out
 
 
 def _comparable(effects: Sequence[Any], wanted: Sequence[Any], method: str) -> Any:

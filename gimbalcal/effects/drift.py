@@ -35,9 +35,11 @@ class PolarAxisMisalignment(Effect):
 
     .. math:: \varphi = \varphi_0, \qquad f^p = R(\varphi) f^p_{ideal}
 
-    Source: Britting (1971), initial alignment of a space-stabilised platform. Magnitude: 5 to 300 arcsec. Seen by:
-    gimbals and force together in a static run; a turn of the encoders alone is a gimbal zero. Confounded with:
-    nothing there; in a multi-position recording it is invisible.
+    counted from S_t, whose constant is what the platform gimbal reads on average: a turn about the pole that the zero
+    of this gimbal and the tilt of the base make is in phi_0:polar of an estimate. Source: Britting (1971), initial
+    alignment of a space-stabilised platform. Magnitude: 5 to 300 arcsec. Seen by: gimbals and force together in a
+    static run; a turn of the encoders alone is a gimbal zero. Confounded with: nothing there; in a multi-position
+    recording it is invisible.
     """
 
     id = "polar_axis_misalignment"

@@ -46,6 +46,7 @@ DEG_ROOT_H = np.pi / 180 / 60  # rad/sqrt(s) of one deg/sqrt(h)
 
 FAR = 10.0  # usual sizes: rigs and raw units differ by some, a slip makes it hundreds
 BY_HAND = np.radians(3.0)  # how far mounts of raw triads lie; a real one by Xsens is 1.2 deg off
+GAIN = 0.08  # of a scale factor: data sheets of the cheapest units promise 3 %, and a tenth is a slip or a fault
 DEG_H = np.pi / 180 / 3600
 TURN_ON: Mapping[str, float] = MappingProxyType({  # rad/s; of gyroscopes, whose bias at power-on noise does not tell
     "navigation": 30 * DEG_H, "tactical": 1000 * DEG_H, "industrial": 1e4 * DEG_H, "consumer": 2e5 * DEG_H,
@@ -93,7 +94,8 @@ class Grade:
         if not of_sensors or stated["kind"] != "parameter":
             return np.inf
         least = {"arcsec": BY_HAND, "deg/h": TURN_ON[self.name] if p.effect == "gyro_bias" else 0.0}
-        return max(FAR * self.factor(p) * float(to_si(stated["sigma"], p.unit)), least.get(p.unit, 0.0))
+        size = max(FAR * self.factor(p) * float(to_si(stated["sigma"], p.unit)), least.get(p.unit, 0.0))
+        return min(size, GAIN) if QUANTITIES.get(p.unit) == "scale" else size
 
     def usual(self, p: Parameter) -> Parameter:
         """The parameter with the prior sigma that it has in a unit of this grade."""

@@ -21,6 +21,8 @@ from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import COLOURED, SENSORS, Recording, dwell_means, dwells
 from gimbalcal.recording.completed import with_rests
 from gimbalcal.recording.plausible_force import check_each_norm, check_magnitude
+from gimbalcal.recording.plausible_log import check_clock, check_temperature
+from gimbalcal.recording.plausible_pointing import check_pointing
 from gimbalcal.recording.plausible_run import check_attitude, check_latitude, check_sidereal, check_turn, named
 from gimbalcal.recording.plausible_turned import check_turned
 from gimbalcal.recording.rates import refuse_implausible_rates
@@ -40,9 +42,12 @@ WRONG_SIGN = " (f = a - g: one whose axis points down reads -9.8 m/s^2 at rest)"
 def refuse_implausible(recording: Recording) -> tuple[str, ...]:
     """`InputError` with one sentence where units, axes, signs or the clock of `recording` cannot be right.
 
-    Returns a sentence on each triad that nothing in the recording could check.
+    Returns a sentence on each triad that nothing in the recording could check, and on what is odd and may be so.
     """
     _check_noise(recording)
+    odd = (*check_temperature(recording), *check_clock(recording))
+    if recording.kind == "pointing":
+        return (*odd, *check_pointing(recording))
     if recording.kind == "static-run":
         check_turn(recording)
         check_attitude(recording)
@@ -53,7 +58,7 @@ def refuse_implausible(recording: Recording) -> tuple[str, ...]:
     told = _check_forces(recording) if at_rest else True
     rates = refuse_implausible_rates(recording)
     told |= recording.kind == "multi-position" and recording.has("angular_rate") and not rates  # they fit gravity
-    return rates if told else (UNCHECKED, *rates)
+    return (*odd, *rates) if told else (UNCHECKED, *odd, *rates)
 
 
 def _check_forces(recording: Recording) -> bool:

@@ -145,6 +145,11 @@ def test_foreign_yaml_in_block_style_is_read(tmp_path: Path) -> None:
     [
         ("kalibr", "cam0:\n  x: 1\n", "not a Kalibr scale-misalignment file"),
         ("kalibr", "imu0:\n  accelerometers:\n    M: [1, 2, 3]\n", "accelerometers / M must hold 3 x 3 numbers, got 3"),
+        (
+            "kalibr",
+            "imu0:\n  accelerometers:\n    M: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n  gyroscope:\n    M: [1]\n",
+            "has a section 'gyroscope' that is not known; did you mean gyroscopes?",
+        ),
         ("kalibr", "imu0:\n  accelerometers:\n    N: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n", "has a key 'N' that is not known"),
         (
             "kalibr",

@@ -23,7 +23,7 @@ from gimbalcal.campaign import run_campaign
 from gimbalcal.campaign.cluster import connect
 from gimbalcal.campaign.local import here, processes
 from gimbalcal.campaign.store import Store
-from gimbalcal.campaign.task import Task, _comparable, seed_of, task
+from gimbalcal.campaign.task import Task, _comparable, compute, seed_of, task
 from gimbalcal.effects import parameters
 from gimbalcal.effects.accelerometer import Misalignment, angles_of
 from gimbalcal.effects.effect import MISALIGNMENT_AXES, tied
@@ -247,6 +247,35 @@ def test_a_simulated_scenario_is_calibrated_run_by_run(tmp_path: Path) -> None:
     by_name = {row["parameter"]: row for row in summary["parameters"]}
     # three runs: an rms of three normal errors exceeds 3 sigma once in 1e5
     assert all(row["ratio"] < 3 for name, row in by_name.items() if name.startswith(("bias", "scale_factor")))
+
+
+def test_errors_of_a_static_run_from_all_of_the_prior_are_as_large_as_their_sigmas() -> None:
+    """Also where the platform was turned by hundreds of arcsec: 2.5 to 10 sigmas, counted from another S_t."""
+    text = """
+format = 1
+kind = "static-run"
+[site]
+latitude = { value = 40.0, unit = "deg" }
+[platform]
+name = "space-stable"
+[schedule]
+duration = { value = 30.0, unit = "h" }
+rate = { value = 0.0008333333333333334, unit = "Hz" }
+start_angle = { value = 25.0, unit = "deg" }
+[noise]
+accelerometer = { value = 4.0, unit = "ug" }
+gimbal_angle = { value = 0.5, unit = "arcsec" }
+attitude = { value = 0.5, unit = "arcsec" }
+[truth]
+draw = true
+"""
+    made = compute(Task("turned", text, "static-run", 5, "three-stage", 4), range(8))
+    assert not any(made["outcome"])
+    z = (np.array(made["estimate"]) - np.array(made["truth"])) / np.array(made["sigma"])
+    names = np.array(made["parameter"])
+    assert 0.8 < np.sqrt(np.mean(z**2)) < 1.2  # 200 errors, correlated by their null directions
+    for name in ("phi_0:polar", "phi_0:equatorial_x", "phi_0:equatorial_y", "misalignment:xz"):
+        assert np.sqrt(np.mean(z[names == name] ** 2)) < 1.8  # of eight, once in two thousand
 
 
 def test_truth_is_turned_into_the_frame_of_the_estimate() -> None:

@@ -263,3 +263,30 @@ def test_running_motors_are_no_motion_and_a_turn_is() -> None:
     force[100:200] *= -1
     with pytest.raises(InputError, match=r"within position 1, .* so this is no rest"):
         refuse_implausible(made(force))
+
+
+@pytest.mark.parametrize(("degc", "unit", "words"), [(295.0, "degC", 'write unit = "K"'), (600.0, "K", "correct it")])
+def test_temperatures_at_which_no_sensor_works_are_refused(degc: float, unit: str, words: str) -> None:
+    r = multi_position()
+    key = ("temperature", "")
+    hot = replace(r, channels={**r.channels, key: degc + 0 * r.time}, units={**r.units, key: unit})
+    assert words in said(hot)
+
+
+def test_degrees_called_kelvin_are_asked_about() -> None:
+    r = multi_position()
+    key = ("temperature", "")
+    cold = replace(r, channels={**r.channels, key: 22.0 - 273.15 + 0 * r.time}, units={**r.units, key: "K"})
+    assert any("the numbers look like degC" in told for told in refuse_implausible(cold))
+
+
+def test_positions_held_for_days_by_the_clock_are_asked_about() -> None:
+    r = multi_position()
+    rows = np.repeat(np.arange(14), 30)
+    channels = {k: x[rows] for k, x in r.channels.items()}
+    long = replace(r, time=1e5 * np.arange(420), position=rows + 1, channels=channels, weight=np.ones(420))
+    assert any("is that so? if the time is in ms" in told for told in refuse_implausible(long))
+    assert not refuse_implausible(replace(long, time=long.time / 1e4))
+    assert any(
+        "if the time is in s, or in min" in said for said in refuse_implausible(replace(long, time=long.time / 1e8))
+    )

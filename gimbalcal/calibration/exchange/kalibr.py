@@ -102,7 +102,11 @@ def read(path: Path) -> Found:
 
 
 def _refuse_unknown(path: Path, unit: Mapping[str, Any]) -> None:
-    """Raise InputError for a key in the sections of numbers that Kalibr does not write."""
+    """Raise InputError for a key in the sections of numbers that Kalibr does not write, and for a section like them."""
+    for name in (name for name, held in unit.items() if isinstance(held, dict) and name not in KEYS):
+        near = get_close_matches(str(name), KEYS, 1)
+        if near:
+            raise InputError(f"{path} has a section {name!r} that is not known; did you mean {near[0]}?")
     for section, known in KEYS.items():
         held = unit.get(section) or {}
         if not isinstance(held, dict):

@@ -17,6 +17,8 @@ from gimbalcal.readings import Readings, readings
 from gimbalcal.recording import Recording
 from gimbalcal.recording.noise import sample_sigma, stated
 
+PHASE, ANY_PHASE = "phi_0:polar", np.radians(1.0)  # many times what zeros and tilts make of it
+
 
 def static_readings(recording: Recording) -> Readings:
     """The readings of a static run with their noise. Raises InputError where there is nothing to fit.
@@ -47,11 +49,19 @@ def _sigmas(run: Readings) -> Array:
 
 
 def static_parameters(run: Readings, ids: Sequence[str] = BASELINE["static-run"]) -> tuple[Parameter, ...]:
-    """Parameters of the named effects; a gimbal that was not read has no zero, but the inner one is servoed to its."""
+    """Parameters of the named effects; a gimbal that was not read has no zero, but the inner one is servoed to its.
+
+    Of the platform's turn about the pole nothing is known beforehand: it is counted from S_t, whose constant is what
+    the platform gimbal reads on average, zero and tilts included. Its size tells nothing of these.
+    """
     r = run.recording
-    wanted = [r.grade.usual(p) for i in ids for p in parameters(CATALOGUE[i], r.platform.axis_names)]
+    wanted = [_free(r.grade.usual(p)) for i in ids for p in parameters(CATALOGUE[i], r.platform.axis_names)]
     zeros = {axis for quantity, axis in run.channels if quantity == "gimbal_angle"} | {"inner"}
     return tuple(p for p in wanted if p.effect != "gimbal_zero" or p.axis in zeros)
+
+
+def _free(p: Parameter) -> Parameter:
+    return replace(p, sigma=ANY_PHASE) if p.label == PHASE else p
 
 
 def information_of_rows(

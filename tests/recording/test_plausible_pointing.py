@@ -1,0 +1,75 @@
+"""Readouts and stars of a mount along other axes, of other signs, in other units: named before a term is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.platform import Platform
+from gimbalcal.recording import Recording
+from gimbalcal.recording.plausibility import refuse_implausible
+from tests.estimate.pointing.mounts import ALT_AZ, EQUATORIAL, effects, run, sky
+
+DEG = np.pi / 180
+Change = Callable[[Array], Array]
+
+
+def mount(platform: Platform) -> Recording:
+    """A mount with errors of a degree and a zero of 40 deg, in deg."""
+    inner, outer = platform.axis_names[:2]
+    sizes = {f"gimbal_zero__{outer}": 144000.0, f"gimbal_zero__{inner}": 3600.0, "axis_collimation": -1600.0}
+    made = run(platform, sky(platform), effects(platform, **sizes), noise=20.0)
+    return replace(made, units=dict.fromkeys(made.channels, "deg"))
+
+
+def changed(recording: Recording, quantity: str, axes: tuple[int, ...], change: Change) -> Recording:
+    keys = [(quantity, recording.platform.axis_names[i]) for i in axes]
+    return replace(recording, channels={**recording.channels, **{k: change(recording.channels[k]) for k in keys}})
+
+
+@pytest.mark.parametrize("platform", [ALT_AZ, EQUATORIAL], ids=lambda p: p.name)
+def test_terms_of_a_degree_and_zeros_of_any_size_are_taken(platform: Platform) -> None:
+    assert refuse_implausible(mount(platform)) == ()
+
+
+@pytest.mark.parametrize("platform", [ALT_AZ, EQUATORIAL], ids=lambda p: p.name)
+@pytest.mark.parametrize(
+    ("quantity", "axes", "change", "said"),
+    [
+        ("gimbal_angle", (1,), lambda x: -x, "the {outer} runs the other way"),
+        ("true_angle", (0,), lambda x: np.pi / 2 - x, "the {inner} runs the other way"),
+        ("gimbal_angle", (0, 1), lambda x: -x, "both axes run the other way"),
+        ("gimbal_angle", (0, 1), lambda x: DEG * x, "the readouts of {inner} and {outer} are in rad, not in deg"),
+        ("true_angle", (0, 1), lambda x: DEG * x, "the true angles of {inner} and {outer} are in rad, not in deg"),
+        ("gimbal_angle", (1,), lambda x: x / 15, "the readout of {outer} is in hours of 15 deg, not in deg"),
+        ("true_angle", (0, 1), lambda x: x / DEG, "turns, read in the unit"),
+        ("gimbal_angle", (0, 1), lambda x: np.roll(x, 7), "no other unit, sign or order"),
+    ],
+)
+def test_a_slip_is_named(platform: Platform, quantity: str, axes: tuple[int, ...], change: Change, said: str) -> None:
+    inner, outer = platform.axis_names[:2]
+    with pytest.raises(InputError) as refused:
+        refuse_implausible(changed(mount(platform), quantity, axes, change))
+    assert said.format(inner=inner, outer=outer) in str(refused.value)
+
+
+@pytest.mark.parametrize("quantity", ["gimbal_angle", "true_angle"])
+def test_interchanged_axes_are_named(quantity: str) -> None:
+    r = mount(ALT_AZ)
+    a, b = ((quantity, axis) for axis in ALT_AZ.axis_names)
+    with pytest.raises(InputError, match="of elevation and azimuth are interchanged"):
+        refuse_implausible(replace(r, channels={**r.channels, a: r.channels[b], b: r.channels[a]}))
+
+
+def test_a_log_that_is_in_radians_altogether_is_asked_about() -> None:
+    r = changed(
+        changed(mount(ALT_AZ), "gimbal_angle", (0, 1), lambda x: DEG * x), "true_angle", (0, 1), lambda x: DEG * x
+    )
+    (said,) = refuse_implausible(r)
+    assert "is that so?" in said
+    assert "radians" in said
