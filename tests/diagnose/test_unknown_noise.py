@@ -264,3 +264,18 @@ def test_a_unit_that_warms_up_within_minutes_is_told_as_that(tau: float) -> None
     d = diagnose([unknown_hand.record(1, setup, ((warming, 40 / unknown_hand.strength(1, setup, warming)),))])
     assert d.findings[0]["effect"] == "warm_up"
     assert len(d.findings) == 1
+
+
+@pytest.mark.parametrize("step", [0.0, 0.5])
+def test_readings_without_noise_or_of_few_levels_lack_nothing(step: float) -> None:
+    """Rounding of numbers is no pattern, and samples that do not scatter are no noise of zero."""
+    u = np.random.default_rng(3).standard_normal((20, 3))
+    f = np.repeat(G * u / np.linalg.norm(u, axis=1, keepdims=True) * [1.001, 0.998, 1.003] + [0.02, -0.01, 0.03], 5, 0)
+    f = np.round(f / step) * step if step else f
+    n = len(f)
+    channels = {("specific_force", a): f[:, i] for i, a in enumerate("xyz")}
+    r = Recording("multi-position", "made", BENCH, Site(None, 0.0, G), {}, np.arange(n) * 0.1,
+                  np.repeat(np.arange(1, 21), 5), channels)  # fmt: skip
+    found = diagnose(r)
+    assert found.verdict == "adequate"
+    assert not found.findings

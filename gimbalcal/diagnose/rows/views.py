@@ -159,7 +159,7 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
         return replace(along, residual=(length - g)[:, None])
 
     sample = means.sigma("accelerometer")
-    noise = None if sample is None else (sample / np.sqrt(means.weight))[:, None]
+    noise = (sample / np.sqrt(means.weight))[:, None] if sample else None  # a channel of few levels may not scatter
     ids = tuple(baseline) or BASELINE["norm"]
     return View(
         "norm", means, s, ((FORCE, "norm"),), "mg", None, SENSOR_STAGES, ids, rows, gauges(SENSOR_STAGES), noise=noise,

@@ -21,6 +21,7 @@ from gimbalcal.number import Array
 
 RANK = 1e-7  # relative singular value of a modelled column below which it is one of the others again
 SETTLED = 1e-7  # step in prior sigmas at which a fit has arrived
+EXACT = 1e-12  # m/s^2, rad/s or rad; below it no instrument reads anything
 GAIN = 1e-6  # share of the misfit that a last step takes away: 1e-4 nats in a hundred rows
 
 
@@ -38,6 +39,11 @@ class Model:
     def rms(self) -> float:
         """Root mean square length of a row's misfit, SI."""
         return float(np.sqrt((self.r**2).sum() / len(self.r)))
+
+    @property
+    def exact(self) -> bool:
+        """Whether the misfit is the rounding of numbers that were made without noise."""
+        return self.rms < EXACT
 
 
 def refit(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Model:

@@ -65,8 +65,11 @@ def course(v: View, tell: Tell) -> Course:
 
     Several causes that share their patterns are not found one after the other: of four terms of a mount, two others
     may explain more than any two of them. What every textbook of such a rig names is therefore tried at once too.
+    Nothing is looked for in what is left of numbers without noise.
     """
     first = start(v)
+    if first.exact:
+        return Course(first, (), (), first)
     refuse_too_little(v.recording, first.J.reshape(first.r.size, -1))
     taken = climbed(v, first, (), tell)
     if not taken:

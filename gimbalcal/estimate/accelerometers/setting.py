@@ -33,6 +33,7 @@ TURN = 1e-9  # relative singular value of dh/de below which a turn does not reac
 ROUNDS = 30  # Gauss-Newton steps; 1 arcsec takes 3, 3 degrees 5
 AIMS = 2  # the second leaves 10 arcsec of 6 degrees
 POOR = 1e-3  # rad; below, the square of a setting error is less than 1 ug
+ROUNDING = 1e-15  # of what is read: smaller steps are the rounding of numbers without noise
 FAR = 1e3  # prior sigmas beyond which the linearisation means nothing: 0.5 g of bias, 50 % of scale, 33 deg
 
 
@@ -272,7 +273,7 @@ class PositionFit:
 
 def gauss_newton(p: Problem, noise: Noise, start: Array | None = None) -> PositionFit:
     """Iterate the whitened linear solution until a step is below 1e-3 of the noise; give up where it runs away."""
-    far = FAR * np.array([q.sigma for q in p.parameters])
+    far, least = FAR * np.array([q.sigma for q in p.parameters]), ROUNDING * p.stimulus.gravity
     x = start if start is not None and np.all(np.abs(start) <= far) else np.zeros(len(p.parameters))
     e = aim(p, x, noise)
     for step in range(1, ROUNDS + 1):
@@ -283,7 +284,7 @@ def gauss_newton(p: Problem, noise: Noise, start: Array | None = None) -> Positi
         moved_x, moved_e = np.abs(solution.x - x), np.abs(apply_matrix(linear.G, e_new - e))
         x, e = solution.x, e_new
         quiet = noise.accelerometer / np.sqrt(linear.weight)[:, None]
-        if np.all(moved_x <= 1e-3 * solution.sigma) and np.all(moved_e <= 1e-2 * quiet):
+        if np.all(moved_x <= 1e-3 * solution.sigma + ROUNDING * far) and np.all(moved_e <= 1e-2 * quiet + least):
             return PositionFit(solution, e, linear, w, noise, step)
         if not np.all(np.abs(x) <= far):  # nor where it is no number any more
             break

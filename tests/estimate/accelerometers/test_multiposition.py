@@ -165,3 +165,9 @@ def test_a_term_that_a_larger_one_hides_is_asked_once_more() -> None:
     made = multiposition(rested(truth, scattered(24)))
     assert {"scale_nonlinearity", "cubic_nonlinearity"} <= {p.effect for p in made.parameters}
     assert made.outcome == ""
+
+
+def test_noise_at_the_rounding_of_numbers_settles() -> None:
+    made = multiposition(rested(TRUTH, scattered(20), noise=1e-8), LINEAR)
+    assert "settle" not in made.outcome
+    assert np.abs(made.values - truth_of(TRUTH, made)).max() < 1e-10
