@@ -226,8 +226,9 @@ def diagnose(
 def _said(d: Diagnosis) -> str:
     """The headline of a diagnosis, and its numbers."""
     from gimbalcal.report.headline import headline
+    from gimbalcal.report.wording import typeset
 
-    return f"{headline(d.to_dict(), d.curves)}\nIn numbers: {d.in_words}"
+    return f"{headline(d.to_dict(), d.curves)}\nIn numbers: {typeset(d.in_words)}"
 
 
 @gimbalcal.command(epilog=example("gimbalcal simulate wu2018-18 --seed 7 --out my-rig"))

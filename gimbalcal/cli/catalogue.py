@@ -17,18 +17,19 @@ def catalogue(effect: str | None) -> None:
 
     from gimbalcal.effects import CATALOGUE, parameters
     from gimbalcal.effects.grade import GRADES
+    from gimbalcal.report.wording import unit_in_print
     from gimbalcal.units import from_si
 
     if effect is None:
         _list(sorted(CATALOGUE))
     elif effect in CATALOGUE:
-        print(inspect.getdoc(CATALOGUE[effect]))
+        print(_card(inspect.getdoc(CATALOGUE[effect]) or ""))
         print()
         for f in dataclasses.fields(CATALOGUE[effect]):
             m = f.metadata
             if m.get("kind") == "parameter":
                 axes = ", ".join(a for a in m["axes"] if a)
-                print(f"  {m['name'] or f.name} [{m['unit']}] {axes}: usually {m['sigma']:g}")
+                print(f"  {m['name'] or f.name} [{unit_in_print(m['unit'])}] {axes}: usually {m['sigma']:g}")
         for p in {p.name: p for p in parameters(CATALOGUE[effect])}.values():
             sizes = {name: from_si(grade.usual(p).sigma, p.unit) for name, grade in GRADES.items()}
             if len(set(sizes.values())) > 1:
@@ -38,14 +39,28 @@ def catalogue(effect: str | None) -> None:
         _list(speaking_of(effect))
 
 
+def _card(text: str) -> str:
+    """A card as a console can show it: formulas in letters."""
+    import re
+
+    from gimbalcal.report.plain_formula import plain_formula
+    from gimbalcal.report.wording import typeset
+
+    text = re.sub(
+        r"^\.\. math::((?:.+\n?)(?:[ \t]+.*\n?)*)", lambda m: f"  {plain_formula(m[1].strip())}\n", text, flags=re.M
+    )
+    return typeset(re.sub(r":math:`([^`]*)`", lambda m: plain_formula(m[1]), text).replace("``", "`"))
+
+
 def _list(names: list[str]) -> None:
     """A line each: name and first sentence of the card."""
     import inspect
 
     from gimbalcal.effects import CATALOGUE
 
+    wide = max(map(len, names))
     for name in names:
-        print(f"{name:28s} {(inspect.getdoc(CATALOGUE[name]) or '').splitlines()[0].lstrip('r')}")
+        print(f"{name:{wide}s}  {(inspect.getdoc(CATALOGUE[name]) or '').splitlines()[0].lstrip('r')}")
 
 
 def speaking_of(words: str) -> list[str]:

@@ -10,7 +10,7 @@ import click
 
 from gimbalcal.cli.options import COUNT, SEED, example, listed, output_options, progress, show, wrote
 from gimbalcal.cli.placing import OVERWRITE, place, placed
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 
 if TYPE_CHECKING:
     from gimbalcal.schedule import Schedule
@@ -145,9 +145,11 @@ def design(
         from gimbalcal.schedule.file import rotation_toml
 
         _only(criterion, ("max", "sum"), kind)
+        tell = progress(quiet)
+        tell(f"looking at {amount(tries, 'sequence')} of turns")
         turned, seen = design_turning(
             table_of(step, limit, rate, ramp, total), latitude, states, listed(against), criterion or "max",
-            (rate_noise, force_noise, velocity_sigma), tries, seed, progress(quiet),
+            (rate_noise, force_noise, velocity_sigma), tries, seed, tell,
         )  # fmt: skip
         text, drawn = rotation_toml(turned), turned
     else:

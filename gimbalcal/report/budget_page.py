@@ -30,7 +30,7 @@ def budget_report(made: Budget) -> str:
             "sigma": significant(float(from_si(made.sigma[i], made.parameters[i].unit)), 2),
             "unit": wording.unit_in_print(made.parameters[i].unit),
             "parts": [significant(float(m), 3) for m in made.parts[:, i]],
-            "share": f"{100 * made.share[i]:.1f} %",
+            "share": f"{100 * made.share[i]:.1f} %" if made.share[i] >= 5e-4 else "< 0.1 %",
             "what": made.manoeuvres[i]["what"],
             "to": significant(float(made.manoeuvres[i]["to_m"]), 3),
         }

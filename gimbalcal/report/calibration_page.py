@@ -75,8 +75,8 @@ def _facts(content: Mapping[str, Any], recordings: Sequence[Recording]) -> list[
         sky = float(from_si(np.sqrt(np.sum(np.square(star))), "arcsec"))
         facts.append((f"{significant(sky, 3)} arcsec", "rms left of a star on the sky"))
     if residual["dof"] > 0 and not answer.scaled_to_residual(content):
-        freedom = f"χ² {residual['chi2']:.1f}, {residual['dof']} degrees of freedom"
-        facts.append((f"{ratio:.2f} × noise", f"what is left ({freedom}; worse by chance: {_chance(p)})"))
+        freedom = f"χ² {residual['chi2']:.4g} with {residual['dof']} degrees of freedom"
+        facts.append((f"{ratio:.2f} × noise", f"is left; as much by chance: {_chance(p)} ({freedom})"))
     facts += navigation_facts(content)
     rows = sum(int(r.weight.sum()) for r in recordings)
     if rows:
@@ -122,7 +122,7 @@ def _evidence(content: Mapping[str, Any], recordings: Iterable[Recording]) -> tu
             leading.append(first)
             others += more
         elif r.kind == "static-run":
-            others.append(_run_picture(r, made.effects))
+            others += _run_pictures(r, made.effects)
     others += navigation_pictures(content)
     if not leading:
         leading, others = others[:1], others[1:]
@@ -155,19 +155,28 @@ def _position_pictures(r: Recording, made: Calibration) -> tuple[Picture, list[P
     return residuals, [held]
 
 
-def _run_picture(r: Recording, effects: Sequence[Effect]) -> Picture:
+def _run_pictures(r: Recording, effects: Sequence[Effect]) -> list[Picture]:
+    """What the model leaves of a static run, and the model through the data."""
     from gimbalcal.report import figures
     from gimbalcal.report.evidence import over_time
 
     hours, curves = over_time(r, effects)
     time, unit = sensible_time(3600 * hours)
     left = ", ".join(f"{c.name} {significant(float(np.std(c.measured - c.fitted)), 2)} {c.unit}" for c in curves)
-    return picture(
-        figures.over_time(time, curves, unit),
-        f"Static run of {hours[-1] - hours[0]:.1f} h with the calibrated model through it; scatter left: {left}.",
-        f"“{r.title}”: the harmonics of the Earth's rotation in attitude and force, less what perfect sensors would "
-        "read. The band is one sigma of the noise, averaged as the points are.",
-    )
+    charts = figures.over_time(time, curves, unit)
+    return [
+        picture(
+            charts[1::2],
+            f"Static run of {hours[-1] - hours[0]:.1f} h, what the calibrated model leaves of it: {left}.",
+            f"“{r.title}”, measured minus model. The band is one σ of the noise, averaged as the points are.",
+        ),
+        picture(
+            charts[::2],
+            f"Static run of {hours[-1] - hours[0]:.1f} h with the calibrated model through it.",
+            f"“{r.title}”: the harmonics of the Earth's rotation in attitude and force, less what perfect sensors "
+            "would read, and the calibrated model through them.",
+        ),
+    ]
 
 
 def _correlations(content: Mapping[str, Any]) -> dict[str, Any]:
@@ -236,7 +245,7 @@ def _measured(r: Recording) -> dict[str, Any]:
         ("site", "; ".join(where)),
         ("noise, one sigma", _noise(r) or "not stated and not seen"),
     ]
-    return {"title": r.title, "facts": facts + [("remark", text) for text in r.remarks]}
+    return {"title": r.title, "facts": facts + [("remark", wording.typeset(text)) for text in r.remarks]}
 
 
 def _noise(r: Recording) -> str:
@@ -253,10 +262,28 @@ def _noise(r: Recording) -> str:
     return "; ".join(told)
 
 
+SAID = {"header": "as recording.toml states", "samples": "as the samples scatter", "residual": "as the residual tells"}
+
+
+def _noise_in_words(noise: Mapping[str, Any]) -> str:
+    """With what noise of each sensor it was calibrated, and where that comes from."""
+    told = []
+    for sensor in (key.removesuffix("_from") for key in noise if key.endswith("_from")):
+        sizes = (
+            f" {significant(float(noise[key]), 3)} {wording.unit_in_print(unit)}"
+            for unit in ("ug", "arcsec") if noise.get(key := f"{sensor}_{unit}") is not None
+        )  # fmt: skip
+        said = str(noise[f"{sensor}_from"])
+        told.append(f"{sensor.replace('_', ' ')}{next(sizes, '')}, {SAID.get(said, said)}")
+    return "; ".join(told) or wording.as_text(noise)
+
+
 def _provenance(content: Mapping[str, Any], recordings: Sequence[Recording]) -> dict[str, Any]:
     """Pairs of term and text; long ones fold."""
     given = {k: v for k, v in content["provenance"].items() if k not in ("recordings", "lost")}
     sources = content["provenance"].get("recordings") or [file for r in recordings for file in r.files]
     pairs = [("method", content["method"])]
+    if noise := _noise_in_words(given.pop("noise", {})):
+        pairs.append(("noise", noise))
     pairs += [(str(key).replace("_", " "), text) for key, value in given.items() if (text := wording.as_text(value))]
     return {"provenance": pairs, "sources": sources}

@@ -51,7 +51,7 @@ def bounds_table(content: Mapping[str, Any]) -> str:
     lost = wording.unobservable_leading(content["unobservable"])
     told = [
         (wording.label_in_words(wording.label_of(p)), "", significant(p["sigma"], 3), wording.unit_in_print(p["unit"]),
-         "*" if wording.label_of(p) in lost else f"usual {p['prior_sigma']:.3g}")
+         "*" if wording.label_of(p) in lost else f"usual {significant(p['prior_sigma'], 2)}")
         for p in content["parameters"]
     ]  # fmt: skip
     rest = ["* it does not tell this alone; the report says with what it moves together"] if lost else []

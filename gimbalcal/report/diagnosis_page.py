@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 MOST = 6  # panels
 STILL = 0.01  # probability by chance below which what is left is said to have a pattern
+ARROWS = " On the sky: from each star, an arrow to where it was seen, as from below (east on the left)."
 POINTS = 240  # points of a panel; more cannot be told apart on a page
 
 LOOKS = {"adequate": "fits", "missing-physics": "found", "unexplained": "misfit", "not-identifiable": "misfit"}
@@ -277,5 +278,5 @@ def _before_after(
         [*before_after(panels), *skies],
         f"Residuals{' before and after the effect is added' if changed else ''}, rms {told}.",
         f"Measured minus model, {what}. Bars and band are what the noise alone would do; setting errors of gimbals, "
-        "where there are any, come on top.",
+        f"where there are any, come on top.{ARROWS if skies else ''}",
     )

@@ -69,7 +69,7 @@ def residuals_by_position(
     x = np.arange(len(positions), dtype=float)
     charts = []
     for i, axis in enumerate(axes):
-        height = 150.0 if len(axes) > 1 else 210.0
+        height = 118.0 if len(axes) > 1 else 210.0
         named = [f"position {p}, {axis}: {b:+.3g} {unit}" for p, b in zip(positions, before[:, i], strict=True)]
         still = [f"position {p}, {axis}: {a:+.3g} {unit}" for p, a in zip(positions, after[:, i], strict=True)]
         charts.append(Chart(

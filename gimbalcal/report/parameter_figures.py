@@ -43,5 +43,5 @@ def correlation(labels: Sequence[str], matrix: Array) -> Markup:
                          f'text-anchor="middle">{text}</text>')  # fmt: skip
     whole = edge + p * cell + 4
     frame = f'<path class="axis" d="M{edge:.1f} {edge:.1f}h{p * cell:.1f}v{p * cell:.1f}h{-p * cell:.1f}z"/>'
-    return Markup(f'<svg class="matrix" viewBox="0 0 {whole:.0f} {whole:.0f}" aria-hidden="true">'  # noqa: S704  escaped above
-                  f"{frame}{''.join(parts)}</svg>")  # fmt: skip
+    wide = f'style="max-width:{min(whole, 640):.0f}px" viewBox="0 0 {whole:.0f} {whole:.0f}"'
+    return Markup(f'<svg class="matrix" {wide} aria-hidden="true">{frame}{"".join(parts)}</svg>')  # noqa: S704  escaped above

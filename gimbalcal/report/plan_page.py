@@ -90,12 +90,12 @@ def design_report(seen: Mapping[str, Any], made: Schedule | RotationSchedule) ->
         rows = [{"words": wording.named(g["group"]), "sigma": significant(g["sigma"], 3), "first": True, "prior": "",
                  "unit": wording.unit_in_print(g["unit"]), "better": _better(g["ratio"]),
                  "others": [significant(v, 3) for v in g["against"].values()]} for g in seen["groups"]]  # fmt: skip
-        names = list(seen["groups"][0]["against"]) if seen["groups"] else []
+        title, names = f"{len(made.moves)} turns", list(seen["groups"][0]["against"]) if seen["groups"] else []
         facts = [(str(seen["turns"]), "turns"), (lasting(seen["total_s"]), "altogether"),
                  (lasting(seen["stop_s"]), "each stop")]  # fmt: skip
         drawn, unseen, others = _turns(made), [], []
     else:
-        names = list(seen["against"])
+        title, names = made.name, list(seen["against"])
         rows, unseen = _rows(seen["parameters"], names), seen["unobservable"]
         facts = [
             (str(seen["positions"]), "positions"),
@@ -105,7 +105,7 @@ def design_report(seen: Mapping[str, Any], made: Schedule | RotationSchedule) ->
         drawn = _drawn(made)
         others = [o for o in others if not o.startswith("not seen")]
     return render("plan.html", {
-        **_shared("Designed schedule", made.name, design_headline(seen), bool(unseen)),
+        **_shared("Designed schedule", title, design_headline(seen), bool(unseen)),
         "facts": facts, "picture": drawn, "beside": False, "unobservable": _unobservable(unseen),
         "remarks": [wording.answered(o) for o in others],
         "rows": rows, "others": names, "confounded": [], "candidates": [],
@@ -136,7 +136,7 @@ def _rows(parameters: Sequence[Mapping[str, Any]], others: Sequence[str]) -> lis
             "first": not i or p["name"] != parameters[i - 1]["name"],
             "sigma": significant(p["sigma"], 3),
             "unit": wording.unit_in_print(p["unit"]),
-            "prior": f"{p['prior_sigma']:.3g}",
+            "prior": significant(p["prior_sigma"], 2),
             "better": "not better"
             if p["sigma"] >= LEAST * p["prior_sigma"]
             else f"{significant(p['prior_sigma'] / p['sigma'], 3)} times",

@@ -23,4 +23,5 @@ def reach(sigmas: Iterable[tuple[str, float, str]]) -> str:
         return ""
     told = [f"{wording.named(kind)} {significant(sigma, 2)} {wording.unit_in_print(unit)}"
             for kind, (sigma, unit) in list(worst.items())[:TOLD]]  # fmt: skip
-    return f" One σ at worst: {', '.join(told)}{', …' if len(worst) > TOLD else ''}."
+    more = f"; {len(worst) - TOLD} more in the report" if len(worst) > TOLD else ""
+    return f" One σ at worst: {', '.join(told)}{more}."

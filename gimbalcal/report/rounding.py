@@ -55,14 +55,14 @@ def significant(x: float, digits: int = 3) -> str:
     """X with so many significant digits, plainly between 1e-4 and 1e6 and with a power of ten outside.
 
     >>> significant(0.0123456), significant(123456.0, 2), significant(3.2e-9)
-    ('0.0123', '123456', '3.20·10⁻⁹')
+    ('0.0123', '120000', '3.20·10⁻⁹')
     """
     if x == 0 or not isfinite(x):
         return f"{x:g}"
     exponent = int(f"{x:e}".split("e")[1])
     if not -5 < exponent < 6:
         return _raised(f"{x:.{digits - 1}e}")
-    return f"{x:.{max(digits - 1 - exponent, 0)}f}"
+    return f"{float(f'{x:.{digits - 1}e}'):.{max(digits - 1 - exponent, 0)}f}"
 
 
 def minus(text: str) -> str:

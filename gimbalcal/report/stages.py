@@ -77,7 +77,7 @@ def _stage(s: Mapping[str, Any], parameters: Sequence[Mapping[str, Any]]) -> dic
     turned = effects and all(CATALOGUE[e].stage in GYROSCOPE_STAGES for e in effects)
     rms = float(from_si(s["rms"], "arcsec" if turned else "ug"))
     text = f"{significant(rms, 3)} {'arcsec' if turned else 'µg'}" if np.isfinite(rms) else "–"
-    words = wording.typeset(s["in_words"])
+    words = wording.sentence(wording.typeset(s["in_words"]))
     return {"name": _short(s["name"]), "count": str(len(s["values"])), "rms": text, "in_words": words}
 
 

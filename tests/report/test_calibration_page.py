@@ -81,7 +81,9 @@ def test_every_picture_says_what_it_shows(page: str) -> None:
     attributes = Page(page).attributes
     pictures = sum(tag == "figure" for tag in re.findall(r"<(figure)\b", page))
     alts = [v for tag, name, v in attributes if (tag, name) == ("div", "aria-label")]
-    assert pictures == len(alts) == 5  # residuals, stages, correlations, schedule, static run
+    assert (
+        pictures == len(alts) == 6
+    )  # residuals, stages, correlations, schedule, static run: what is left, and the data
     assert all(len(alt) > 30 for alt in alts)
 
 
