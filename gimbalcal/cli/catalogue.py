@@ -47,7 +47,10 @@ def _card(text: str) -> str:
     from gimbalcal.report.wording import typeset
 
     text = re.sub(
-        r"^\.\. math::((?:.+\n?)(?:[ \t]+.*\n?)*)", lambda m: f"  {plain_formula(m[1].strip())}\n", text, flags=re.M
+        r"^\.\. math::((?:.+\n?)(?:[ \t]+.*\n?)*)",
+        lambda m: f"  {plain_formula(m[1].strip())}\n",
+        text,
+        flags=re.MULTILINE,
     )
     return typeset(re.sub(r":math:`([^`]*)`", lambda m: plain_formula(m[1]), text).replace("``", "`"))
 

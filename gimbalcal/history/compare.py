@@ -188,6 +188,16 @@ def _limits(allowed: Mapping[str, str], known: Iterable[Parameter]) -> dict[str,
     return out
 
 
+def _rounded(size: float, sigma: float) -> str:
+    """A signed size to the second digit of its sigma.
+
+    >>> _rounded(-11.4412, 0.7032), _rounded(1234.5, 432.1)
+    ('-11.44 +- 0.70', '+1234 +- 432')
+    """
+    places = max(0, 1 - int(np.floor(np.log10(sigma)))) if sigma > 0 else 3
+    return f"{size:+.{places}f} +- {sigma:.{places}f}"
+
+
 def _moved(c: Course, made: Sequence[Dated]) -> str:
     """What one parameter did."""
     unit = c.parameter.unit
@@ -196,12 +206,10 @@ def _moved(c: Course, made: Sequence[Dated]) -> str:
         size, sigma = (
             float(from_si(v, unit)) for v in (c.value[k] - c.value[k - 1], np.hypot(*c.sigma[k - 1 : k + 1]))
         )
-        return (
-            f"{_called(c.parameter)} moved by {size:+.4g} +- {sigma:.2g} {unit} by {day_of(made[c.at[k]].date, made)}"
-        )
+        return f"{_called(c.parameter)} moved by {_rounded(size, sigma)} {unit} by {day_of(made[c.at[k]].date, made)}"
     if c.drifts:
         rate, sigma = (float(from_si(v * YEAR, unit)) for v in (c.rate, c.rate_sigma))
-        return f"{_called(c.parameter)} drifts by {rate:+.3g} +- {sigma:.2g} {unit} a year"
+        return f"{_called(c.parameter)} drifts by {_rounded(rate, sigma)} {unit} a year"
     if not c.outliers:
         size, sigma = (float(from_si(v, unit)) for v in (c.scatter, float(np.median(c.sigma))))
         return f"{_called(c.parameter)} scatters by {size:.3g} {unit} beyond its sigma of {sigma:.2g}"

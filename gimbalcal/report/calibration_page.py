@@ -75,7 +75,9 @@ def _facts(content: Mapping[str, Any], recordings: Sequence[Recording]) -> list[
         sky = float(from_si(np.sqrt(np.sum(np.square(star))), "arcsec"))
         facts.append((f"{significant(sky, 3)} arcsec", "rms left of a star on the sky"))
     if residual["dof"] > 0 and not answer.scaled_to_residual(content):
-        freedom = f"χ² {residual['chi2']:.4g} with {residual['dof']} degrees of freedom"
+        freedom = (
+            f"χ² {residual['chi2']:.{0 if residual['chi2'] > 100 else 1}f} with {residual['dof']} degrees of freedom"
+        )
         facts.append((f"{ratio:.2f} × noise", f"is left; as much by chance: {_chance(p)} ({freedom})"))
     facts += navigation_facts(content)
     rows = sum(int(r.weight.sum()) for r in recordings)

@@ -207,7 +207,7 @@ def lasting(seconds: float) -> str:
     ('0.02 s', '5 min', '48 h', '4.63 days')
     """
     value, unit = sensible_time(np.array([0.0, seconds]))
-    return f"{value[1]:.3g} {unit}"
+    return f"{value[1]:.3g} {unit}" if value[1] < 1000 else f"{value[1]:.0f} {unit}"
 
 
 def sensible_time(seconds: Array) -> tuple[Array, str]:

@@ -35,7 +35,7 @@ def _held(content: Mapping[str, Any]) -> list[str]:
 def findings_table(content: Mapping[str, Any]) -> str:
     """What a diagnosis.json found: each cause with its sizes, how probable it is, how far above the noise."""
     told = [
-        _row(p, f"{100 * f['probability']:.3g} % probable, {f['sigma']:.3g} σ" if not k else "")
+        _row(p, f"{100 * f['probability']:.3g} % probable, {significant(f['sigma'])} σ" if not k else "")
         for f in content["findings"] for k, p in enumerate(f["parameters"])
     ]  # fmt: skip
     return "\n".join(_aligned(told))

@@ -186,7 +186,7 @@ def _finding(f: Mapping[str, Any]) -> dict[str, Any]:
         "does": does(f),
         "probability": _probable(float(f["probability"])),
         "share": max(0.0, min(100.0, 100 * f["probability"])),
-        "sigma": f"{f['sigma']:.3g} σ",
+        "sigma": f"{significant(f['sigma'])} σ",
         "physics": wording.typeset(str(f.get("physics") or sentence)),
         "equation": formula(str(f.get("equation", ""))),
         "latex": str(f.get("equation", "")),

@@ -66,7 +66,11 @@ def svg(chart: Chart) -> str:
 
     frame = (left, top, wide, high)
     parts = [
-        *([f'<text class="title" x="{_n(left)}" y="14">{escape(chart.title)}</text>'] if chart.title else []),
+        *(
+            [f'<text class="title" x="{_n(left)}" y="14">{escape(_shortened(chart.title, WIDTH - left, 7.4))}</text>']
+            if chart.title
+            else []
+        ),
         *legend[0],
         *([] if chart.bare else _axes(chart, frame, across, up, crossed, (x0, x1, y0, y1))),
         *(part for m in chart.marks for part in _mark(m, px, py, frame)),
@@ -124,6 +128,12 @@ def _crossed(across: Sequence[tuple[float, str]], wide: float) -> bool:
     return sum(len(w) + 1.5 for _, w in across) * LETTER > wide
 
 
+def _shortened(words: str, room: float, letter: float = LETTER) -> str:
+    """Words that would leave the picture, cut where it ends."""
+    most = int(room / letter)
+    return words if len(words) <= most else f"{words[: most - 1].rstrip()}…"
+
+
 def _axes(
     chart: Chart, frame: tuple[float, ...], across: Sequence[tuple[float, str]], up: Sequence[tuple[float, str]],
     crossed: bool, span: tuple[float, ...],
@@ -160,7 +170,8 @@ def _legend(chart: Chart, left: float) -> tuple[list[str], float]:
     y, x = (34.0 if chart.title else 16.0), left
     for m in told:
         wide = 22 if isinstance(m, Line) else 14
-        long = wide + 12 + LETTER * len(m.label)
+        label = _shortened(m.label, WIDTH - left - wide - 12)
+        long = wide + 12 + LETTER * len(label)
         if x > left and x + long > WIDTH:
             x, y = left, y + 16
         at = f"{_n(x + 7)}", f"{_n(y - 4)}"
@@ -171,7 +182,7 @@ def _legend(chart: Chart, left: float) -> tuple[list[str], float]:
         else:
             kind = "band" if isinstance(m, Band) else "column"
             parts.append(f'<rect class="{kind} {m.colour}" x="{_n(x)}" y="{_n(y - 9)}" width="14" height="9"/>')
-        parts.append(f'<text x="{_n(x + wide + 4)}" y="{_n(y)}">{escape(m.label)}</text>')
+        parts.append(f'<text x="{_n(x + wide + 4)}" y="{_n(y)}">{escape(label)}</text>')
         x += long
     return parts, (y - (18.0 if chart.title else 0.0) if told else 0.0)
 
@@ -183,7 +194,11 @@ def _mark(m: object, px: To, py: To, frame: tuple[float, ...]) -> Iterable[str]:
             f"M{_n(left)} {_n(float(py(np.array(m.at))))}h{_n(wide)}")  # fmt: skip
         yield f'<path class="{_classes("rule", m.colour, "dashed" if m.dashed else "")}" d="{where}"/>'
     elif isinstance(m, Words):
+        free = -np.inf
         for x, y, word in zip(px(m.x), m.y, m.words, strict=True):
+            if np.isinf(y) and x - LETTER * len(word) / 2 < free:
+                continue  # above the chart they stand in a line: what has no room is left out
+            free = x + LETTER * (len(word) / 2 + 0.5) if np.isinf(y) else free
             at = top - 3 if np.isinf(y) else float(py(np.array(y))) + 4
             small = ' class="small"' if len(m.words) > 14 else ""
             yield f'<text{small} x="{_n(x)}" y="{_n(at)}" text-anchor="middle">{escape(word)}</text>'

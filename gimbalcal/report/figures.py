@@ -25,7 +25,7 @@ from gimbalcal.report.chart import (
     Words,
     thin,
 )
-from gimbalcal.report.rounding import rms
+from gimbalcal.report.rounding import rms, signed, significant
 
 OUTLIER = 3.5  # sigmas; of 54 readings, one in forty sets has one this far out by chance
 FEW = 60  # points that bars of their own do not clutter
@@ -70,8 +70,8 @@ def residuals_by_position(
     charts = []
     for i, axis in enumerate(axes):
         height = 118.0 if len(axes) > 1 else 210.0
-        named = [f"position {p}, {axis}: {b:+.3g} {unit}" for p, b in zip(positions, before[:, i], strict=True)]
-        still = [f"position {p}, {axis}: {a:+.3g} {unit}" for p, a in zip(positions, after[:, i], strict=True)]
+        named = [f"position {p}, {axis}: {signed(b)} {unit}" for p, b in zip(positions, before[:, i], strict=True)]
+        still = [f"position {p}, {axis}: {signed(a)} {unit}" for p, a in zip(positions, after[:, i], strict=True)]
         charts.append(Chart(
             (Bars(x, np.minimum(before[:, i], 0), np.maximum(before[:, i], 0), "pale"), Rule(0.0),
              Points(x, before[:, i], "grey", "square", 2.0, names=named)),
@@ -100,7 +100,7 @@ def before_after(panels: Sequence[Panel]) -> list[Chart]:
 def _before_after(p: Panel) -> Chart:
     few = p.x.size <= FEW
     size, order = (3.2 if few else 1.8), np.argsort(p.x, kind="stable")
-    told = [tuple(f"{n}: {v:+.3g} {p.unit}{when}" for n, v in zip(p.names, y, strict=False))
+    told = [tuple(f"{n}: {signed(v)} {p.unit}{when}" for n, v in zip(p.names, y, strict=False))
             for y, when in ((p.before, " before"), (p.after, " after" if p.changed else ""))]  # fmt: skip
     sigma = _in_view(p)
     band = [Band(p.x[order], -sigma[order], sigma[order], BLUE, "one σ")] if sigma is not None and not few else []
@@ -218,12 +218,12 @@ def sky(
     heads = np.stack([y, y + dy, np.full_like(y, np.nan)], axis=1).ravel()
     rings = [Line(k * np.cos(turn), k * np.sin(turn), "pale") for k in (1 / 3, 2 / 3)]
     words = ("N", "E", "S", "W") if zenith else ("0°", "90°", "180°", "270°")
-    told = [f"{n}: {v:.3g} {unit}" for n, v in zip(names, np.hypot(across, along), strict=True)]
+    told = [f"{n}: {significant(v)} {unit}" for n, v in zip(names, np.hypot(across, along), strict=True)]
     return Chart(
         (*rings, Line(np.cos(turn), np.sin(turn), "grey"), Line(tails, heads, VERMILION),
          Points(x, y, BLUE, size=2, names=told),
          Words(np.array([0.0, -1.12, 0.0, 1.12]), np.array([1.1, 0.0, -1.1, 0.0]), words)),
-        f"{when}, {'zenith' if zenith else 'pole'} in the middle; longest {longest:.3g} {unit}",
+        f"{when}, {'zenith' if zenith else 'pole'} in the middle; longest {significant(longest)} {unit}",
         square=True, height=320, bare=True,
     )  # fmt: skip
 

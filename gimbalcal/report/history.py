@@ -112,7 +112,7 @@ def _course(p: Mapping[str, Any], dates: Sequence[datetime], words: str) -> Char
     t, x, sigma = days[list(p["calibrations"])], np.array(p["values"]), np.array(p["sigmas"])
     odd = np.isin(p["calibrations"], [*p["jumps"], *p["outliers"]])
     unit = wording.unit_in_print(p["unit"])
-    names = [f"{dates[k]:%Y-%m-%d}: {v:.5g} ± {s:.2g} {unit}"
+    names = [f"{dates[k]:%Y-%m-%d}: {' ± '.join(map(minus, pdg(v, s)))} {unit}"
              for k, v, s in zip(p["calibrations"], x, sigma, strict=True)]  # fmt: skip
     marks: list[Mark] = [Rule(float(x[0]), "pale")]
     for chosen, colour, shape in ((~odd, BLUE, "dot"), (odd, VERMILION, "diamond")):

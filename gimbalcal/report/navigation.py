@@ -9,11 +9,11 @@ import numpy as np
 
 from gimbalcal.errors import amount
 from gimbalcal.number import Array
-from gimbalcal.report.chart import COLOURS, Chart, Mark, Points, Rule, sensible_time
+from gimbalcal.report.chart import COLOURS, SHAPES, Chart, Mark, Points, Rule, sensible_time
 from gimbalcal.report.figures import curves_by_group
 from gimbalcal.report.html import Picture, picture
 from gimbalcal.report.rounding import minus, significant
-from gimbalcal.report.wording import label_of, unit_in_print
+from gimbalcal.report.wording import label_of, named, unit_in_print
 
 SEEN_BY_CHANCE = 3.0  # sigmas of a check
 USUAL = 5.0  # of a mean of few squares
@@ -99,8 +99,8 @@ def _innovations(n: Mapping[str, Any]) -> Picture:
     return picture(
         drawn,
         f"Sums of normalised velocity innovations over {amount(len(z), 'stop and turn', 'stops and turns')}: {told}.",
-        f"Velocity innovations of the calibrated navigator, summed over each stop (dots) and turn (rings) in units of "
-        f"their sigma; {told}. From one update to the next they correlate by {significant(white['lag_one'], 2)} "
+        f"Velocity innovations of the calibrated navigator, summed over each stop (filled) and turn (rings) in units "
+        f"of their sigma; {told}. From one update to the next they correlate by {significant(white['lag_one'], 2)} "
         f"(sigma {significant(white['sigma'], 2)}).",
     )
 
@@ -108,7 +108,7 @@ def _innovations(n: Mapping[str, Any]) -> Picture:
 def _sigmas(content: Mapping[str, Any], n: Mapping[str, Any]) -> Picture:
     groups: dict[tuple[str, str], dict[str, Sequence[float]]] = {}
     for p in content["parameters"]:
-        of = groups.setdefault((p["name"].replace("_", " "), unit_in_print(p["unit"])), {})
+        of = groups.setdefault((named(p["name"]), unit_in_print(p["unit"])), {})
         of[p["axis"]] = n["sigma"][label_of(p)]
     smoothed = n["attitude"].get("smoothed_arcsec")  # as of the version that first wrote it
     if smoothed:
@@ -128,9 +128,9 @@ def innovations_by_leg(names: Sequence[str], z: Array) -> Chart:
     marks: list[Mark] = [Rule(level, "grey", dashed=True) for level in (-BEYOND, BEYOND)]
     for i, colour in enumerate(COLOURS[:3]):
         at = x + 0.2 * (i - 1)
-        for chosen, shape, label in ((stop, "dot", DIRECTIONS[i]), (~stop, "ring", "")):
+        for chosen, shape, label in ((stop, SHAPES[i], DIRECTIONS[i]), (~stop, "ring", "")):
             told = [f"{n}, {DIRECTIONS[i]}: {v:+.1f} σ" for n, v, c in zip(names, z[:, i], chosen, strict=True) if c]
-            marks.append(Points(at[chosen], z[chosen, i], colour, shape, 3, names=told, label=label))  # type: ignore[arg-type]
+            marks.append(Points(at[chosen], z[chosen, i], colour, shape, 3, names=told, label=label))
     words = [name.removeprefix("stop ") if name.startswith("stop") else "" for name in names]
     return Chart((*marks, Rule(0.0)), x_label="stop, and the turn after it", y_label="innovation [σ]", x_names=words)
 

@@ -11,7 +11,7 @@ from gimbalcal.errors import amount
 from gimbalcal.importers.log import Proposal
 from gimbalcal.recording import Dwell, Recording, dwells
 from gimbalcal.report import wording
-from gimbalcal.report.chart import COLOURS, Band, Chart, Line, Mark, Points, Words, envelope, sensible_time
+from gimbalcal.report.chart import COLOURS, Band, Chart, Line, Mark, Points, Words, envelope, lasting, sensible_time
 from gimbalcal.report.html import picture, render
 from gimbalcal.report.rounding import significant
 from gimbalcal.units import from_si
@@ -19,6 +19,7 @@ from gimbalcal.units import from_si
 # lines of the header before which a guess about the whole is said
 HEADED = {"kind": ("kind", "order", "hours", "sky", "sign", "unit"), "[site]": ("site",), "[platform]": ("platform",),
           "[noise]": ("noise", "sigma")}  # fmt: skip
+NEXT = "Next: correct recording.toml where a guess below is wrong, then `gimbalcal calibrate` this folder."
 NUMBERED = 60  # rests; the numbers of more would stand on each other
 
 
@@ -50,15 +51,16 @@ def proposal_page(found: Proposal) -> str:
     context = {
         "title": r.title,
         "remark": f"gimbalcal {gimbalcal.__version__}",
-        "answer": f"{amount(len(r.time), 'star')} found." if stars else _answer(found, len(stays)),
+        "answer": f"{amount(len(r.time), 'star')} found. {NEXT}" if stars else _answer(found, len(stays)),
         "verdict": "fits" if enough else "reserved",
         "facts": [(str(len(r.time)), "stars")] if stars else _facts(found, stays),
         "picture": picture(_offsets(r), "What the readouts of each axis are off by, before any model.")
         if stars else picture(_rests(found), f"Forces over time; {amount(len(stays), 'rest')} marked."),
         "rows": [{"name": n.strip(), "quantity": g.quantity.replace("_", " "), "axis": g.axis.replace("_", " "),
-                  "unit": wording.unit_in_print(g.unit), "why": g.why} for n, g in found.guesses.items()],
+                  "unit": wording.unit_in_print(g.unit), "why": wording.typeset(g.why)}
+                 for n, g in found.guesses.items()],
         "left_out": ", ".join(name.strip() for name in found.left_out),
-        "remarks": [*found.notes.values(), *r.remarks],
+        "remarks": [wording.sentence(wording.typeset(text)) for text in (*found.notes.values(), *r.remarks)],
     }  # fmt: skip
     return render("new.html", context)
 
@@ -68,18 +70,18 @@ def _answer(found: Proposal, rests: int) -> str:
     few = " Nine or more in different attitudes are needed for all errors of three accelerometers." if rests < 9 else ""
     after = "`gimbalcal noise` this folder" if rests < 2 else "`gimbalcal calibrate` this folder"
     return (
-        f"{amount(rests, 'rest')} found in {significant(float(np.ptp(r.time)), 3)} s.{few} Next: correct "
+        f"{amount(rests, 'rest')} found in {lasting(float(np.ptp(r.time)))}.{few} Next: correct "
         f"recording.toml where a guess below is wrong, then {after}."
     )
 
 
 def _facts(found: Proposal, stays: Sequence[Dwell]) -> list[tuple[str, str]]:
     r = found.recording
-    facts = [(str(len(stays)), "rests"), (f"{len(r.time)}", "rows")]
+    facts = [(str(len(stays)), "rests"), (f"{len(r.time):,}".replace(",", " "), "rows")]
     if len(r.time) > len(stays):  # a row for each rest has no rate
         held = sum(float(r.time[d.stop - 1] - r.time[d.start]) for d in stays)
         rate = 1 / float(np.median(np.diff(r.time)))
-        facts = [(f"{significant(rate, 3)} Hz", "rate"), facts[0], (f"{significant(held, 3)} s", "at rest"), facts[1]]
+        facts = [(f"{significant(rate, 3)} Hz", "logged"), facts[0], (lasting(held), "at rest"), facts[1]]
     return facts
 
 
@@ -91,7 +93,7 @@ def _offsets(r: Recording) -> list[Chart]:
         off = from_si(r.channels["gimbal_angle", axis] - r.channels["true_angle", axis], "arcsec")
         around = np.degrees(r.channels["true_angle", outer])
         charts.append(Chart((Points(around, off, COLOURS[0]),), f"{axis.replace('_', ' ')} read minus true  [arcsec]",
-                            f"{outer.replace('_', ' ')} [deg]"))  # fmt: skip
+                            f"{outer.replace('_', ' ')} [°]"))  # fmt: skip
     return charts
 
 

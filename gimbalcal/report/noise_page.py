@@ -69,7 +69,9 @@ def _chart(content: Mapping[str, Any], quantity: str) -> Chart:
     for k, c in enumerate(mine):
         colour, tau, y = COLOURS[k % 6], np.array(c["tau_s"]), np.array(c["deviation"])
         label = " ".join(filter(None, [c["axis"], c["sensor"]]))
-        names = [f"{label}, {t:.3g} s: {v:.3g} {unit_in_print(c['unit'])}" for t, v in zip(tau, y, strict=True)]
+        names = [
+            f"{label}, {lasting(t)}: {significant(v)} {unit_in_print(c['unit'])}" for t, v in zip(tau, y, strict=True)
+        ]
         spread = np.array(c["sigma"])
         marks += [Line(tau, np.array(c["model"]), colour, dash=DASHES[k % 6]),
                   Points(tau, y, colour, SHAPES[k % 4], 3.0, spread, names, label)]  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from unicodedata import normalize
 
 LETTERS = {
     "delta": "δ", "theta": "θ", "omega": "ω", "varphi": "φ", "phi": "φ", "beta": "β", "kappa": "κ", "pi": "π",
@@ -34,7 +35,7 @@ def plain_formula(latex: str) -> str:
     text = re.sub(rf"\\({'|'.join(ACCENTS)})\s*(\\?\w[a-z]*|\w)", lambda m: _accented(m[1], m[2]), text)
     text = re.sub(r"\\([A-Za-z]+)", lambda m: LETTERS.get(m[1], m[1]), text)
     text = re.sub(r"[{}]|(?<=[δΔ]) (?=\w)|\\", "", text)
-    return re.sub(r" *\t *", "  ", re.sub(r"[ \n]+", " ", text)).strip()
+    return normalize("NFC", re.sub(r" *\t *", "  ", re.sub(r"[ \n]+", " ", text)).strip())
 
 
 def _rows(found: re.Match[str]) -> str:

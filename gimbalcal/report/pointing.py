@@ -17,7 +17,7 @@ from gimbalcal.report import wording
 from gimbalcal.report.chart import BLUE, Chart, Points, Rule
 from gimbalcal.report.figures import sky
 from gimbalcal.report.html import Picture, picture
-from gimbalcal.report.rounding import minus, pdg, rms, significant
+from gimbalcal.report.rounding import minus, pdg, rms, signed, significant
 from gimbalcal.units import from_si
 
 UNIT = "arcsec"
@@ -52,7 +52,7 @@ def _over_axes(at: Array, before: Array, after: Array, names: Sequence[str], tit
     charts = [sky(at[:, 1], at[:, 0], after[:, 0], after[:, 1], UNIT, titles, "azimuth" in names)]
     for i, across in enumerate(("across", "along")):
         for k, name in enumerate(names):
-            told = [f"{t}: {a:+.3g} {UNIT}" for t, a in zip(titles, after[:, i], strict=True)]
+            told = [f"{t}: {signed(a)} {UNIT}" for t, a in zip(titles, after[:, i], strict=True)]
             charts.append(Chart(
                 (Points(at[:, k], before[:, i], "pale", "square", size, label="zeros alone"),
                  Points(at[:, k], after[:, i], BLUE, "dot", size, names=told, label="all terms"), Rule(0.0)),

@@ -83,6 +83,15 @@ def _raised(text: str) -> str:
     return f"10{raised}" if mantissa == "1" else f"{mantissa}·10{raised}"
 
 
+def signed(x: float, digits: int = 3) -> str:
+    """X with its sign and so many significant digits.
+
+    >>> signed(-1234.5), signed(0.5, 2)
+    ('−1230', '+0.50')
+    """
+    return f"{'−' if x < 0 else '+'}{significant(abs(x), digits)}"
+
+
 def rms(x: Array) -> str:
     """Root mean square with three significant digits."""
     return significant(float(np.sqrt(np.mean(x**2))), 3)

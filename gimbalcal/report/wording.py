@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
-from gimbalcal.report.rounding import minus
+from gimbalcal.report.rounding import significant
 
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
@@ -173,9 +173,14 @@ def typeset(text: str) -> str:
     text = text.replace(" +- ", " ± ").replace(" -> ", " → ")
     text = re.sub(r"(\d) deg\b(?![/\w])", r"\1°", text)
     text = re.sub(r"(?<![\w.=])-(?=\d)", "−", text)
-    text = re.sub(r"\b(\d(?:\.\d+)?)e([+-]\d+)\b", lambda m: minus(m[0]), text)
+    text = re.sub(r"\b(\d(?:\.\d+)?)e([+-]\d+)\b", _plainly, text)
     units = r"\b(?:ug|urad|degC)\b|\bdeg(?=/)|\^[23]|sqrt\((?:h|Hz)\)"
     return re.sub(units, lambda m: unit_in_print(m[0]), text)
+
+
+def _plainly(found: re.Match[str]) -> str:
+    """A number with a power of ten: without it where it need not be."""
+    return significant(float(found[0]), sum(c.isdigit() for c in found[1]))
 
 
 def as_text(value: Any) -> str:

@@ -37,7 +37,7 @@ def test_residuals_have_units_on_every_chart_and_circle_what_is_far() -> None:
     assert [c.y_label for c in charts] == ["[µg]"] * 6
     circled = [m.x.tolist() for c in charts for m in points(c) if m.shape == "ring"]
     assert circled == [[4.0]]
-    assert points(charts[3])[0].names[4] == "position 5, y: +20 µg"
+    assert points(charts[3])[0].names[4] == "position 5, y: +20.0 µg"
 
 
 def test_titles_give_the_rms() -> None:

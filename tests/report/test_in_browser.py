@@ -9,25 +9,15 @@ import json
 import re
 import shutil
 import subprocess
-from dataclasses import replace
-from functools import cache
 from html import unescape
+from typing import Any
 
-import numpy as np
 import pytest
 
-from gimbalcal.design.observability import observe
-from gimbalcal.design.optimal import design, rig_of
-from gimbalcal.report import calibration_report
-from gimbalcal.report.diagnosis_page import diagnosis_report, panels
-from gimbalcal.report.history import history_report
-from gimbalcal.report.plan_page import design_report, plan_report
-from tests.report.example import example
-from tests.report.test_diagnosis_page import CUBIC, curves, diagnosis
+from tests.report.pages import pages
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
 WIDTHS = (390, 800, 1400)
-LONG = "Bench_4-of-the-laboratory_with-a-title-that-nobody-broke_" * 4
 
 ASK = """<!doctype html><title>asked</title><body>{frames}<script>
 addEventListener("load", () => {{
@@ -39,49 +29,28 @@ addEventListener("load", () => {{
     svg?.dispatchEvent(new f.contentWindow.PointerEvent("pointermove", {{clientX: 0, clientY: 0}}));
     svg?.dispatchEvent(new f.contentWindow.MouseEvent("click"));
     const opened = page.querySelectorAll("dialog[open] svg").length;
+    page.querySelector("dialog")?.close();
     const beyond = root.scrollWidth - root.clientWidth;
-    return [f.dataset.page, +f.dataset.width, beyond, +root.dataset.charts, opened, wide.slice(0, 3)];
+    const cut = [...page.querySelectorAll("figure svg text")].filter((t) => {{
+      const box = t.getBoundingClientRect(), whole = t.ownerSVGElement.getBoundingClientRect();
+      return box.left < whole.left - 1 || box.right > whole.right + 1 || box.bottom > whole.bottom + 1;
+    }}).map((t) => t.textContent);
+    const hidden = [...page.querySelectorAll("section.first .scroll")].filter((e) => e.scrollWidth > e.clientWidth + 1);
+    const narrow = [...page.querySelectorAll("td, th")].filter((e) => {{
+      const box = e.getBoundingClientRect();
+      return box.width > 0 && box.height > 12 * Math.max(box.width, 40);
+    }}).map((e) => e.textContent.slice(0, 40));
+    const words = page.querySelector("main").cloneNode(true);
+    words.querySelectorAll("code, pre, details").forEach((e) => e.remove());
+    return {{page: f.dataset.page, width: +f.dataset.width, beyond, charts: +root.dataset.charts, opened,
+            wide: wide.slice(0, 3), cut: cut.slice(0, 5), hidden: hidden.length, narrow, text: words.textContent}};
   }});
   document.body.textContent = "@@" + JSON.stringify(told) + "@@";
 }});</script>"""
 
 
-@cache
-def pages() -> dict[str, str]:
-    """A page of every kind."""
-    content, recordings, truth = example()
-    seen = curves()
-    warm = {"temperature [°C]": np.linspace(15, 25, 360)}
-    known = replace(seen, sigma=np.full((360, 2), 5.0), units=("ug", "ug"), against=warm)
-    twin = CUBIC | {"twins": ["odd_quadratic"], "separate_by": "Tilt by 30 and 60 degrees."}
-    unknown = diagnosis("unexplained", findings=[], unexplained=[{"channel": "x", "shape": "grows with time"}])
-    parts = (panels(known, [{"channel": "specific_force", "axis": "y"}]), LONG, known)
-    schedule, report = design(rig_of("space-stable", 90, None), 6, ("bias",))
-    return {
-        "calibration": calibration_report(content, recordings, truth),
-        "diagnosis": diagnosis_report(diagnosis(), *parts),
-        "open": diagnosis_report(diagnosis("not-identifiable", findings=[twin]), *parts),
-        "unexplained": diagnosis_report(unknown, *parts),
-        "observe": plan_report(observe("wu2018-18", candidates=["cross_coupling"]).to_dict()),
-        "design": design_report(report, schedule),
-        "history": history_report(HISTORY),
-    }
-
-
-HISTORY = {
-    "unit": LONG, "in_words": "bias y jumped by 3 mg.", "agree": False, "due": "2027-01-01",
-    "calibrations": [{"date": f"2026-0{k}-01T00:00:00+00:00", "name": LONG, "method": "three-stage", "outcome": ""}
-                     for k in (1, 2, 3)],
-    "steps": [{"before": k, "after": k + 1, "chi2": 3.0, "dof": 2, "p_value": 0.2, "same_recording": False}
-              for k in (0, 1)],
-    "parameters": [{"name": n, "axis": "y", "unit": "ug", "calibrations": [0, 1, 2], "values": [1.0, 2.0, 300.0],
-                    "sigmas": [1.0, 1.0, 1.0], "jumps": [2], "outliers": [], "due": "2027-01-01", "scatter": 0.0,
-                    "drift_per_year": 3.0, "drift_sigma": 1.0} for n in ("bias", "scale_factor")],
-}  # fmt: skip
-
-
 @pytest.fixture(scope="module")
-def asked(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[list[object]], str]:
+def asked(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[dict[str, Any]], str]:
     if CHROMIUM is None:
         pytest.skip("no Chromium here")
     folder = tmp_path_factory.mktemp("pages")
@@ -100,17 +69,37 @@ def asked(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[list[object]],
     return json.loads(unescape(found[-1])), ran.stderr
 
 
-def test_no_page_is_wider_than_its_window(asked: tuple[list[list[object]], str]) -> None:
+def test_no_page_is_wider_than_its_window(asked: tuple[list[dict[str, Any]], str]) -> None:
     told, _ = asked
     assert len(told) == 3 * len(pages())
-    assert [row for row in told if row[2]] == []
+    assert [row for row in told if row["beyond"]] == []
 
 
-def test_charts_are_there_and_open_large(asked: tuple[list[list[object]], str]) -> None:
-    for page, width, _, charts, opened, _ in asked[0]:
-        assert int(str(charts)) >= 1, page
-        assert opened == 1, (page, width)
+def test_charts_are_there_and_open_large(asked: tuple[list[dict[str, Any]], str]) -> None:
+    for row in asked[0]:
+        assert row["charts"] >= 1, row["page"]
+        assert row["opened"] == 1, (row["page"], row["width"])
 
 
-def test_no_page_complains(asked: tuple[list[list[object]], str]) -> None:
+def test_no_word_of_a_chart_is_cut(asked: tuple[list[dict[str, Any]], str]) -> None:
+    assert {(row["page"], *row["cut"]) for row in asked[0] if row["cut"]} == set()
+
+
+def test_the_table_of_the_first_screen_fits_a_phone(asked: tuple[list[dict[str, Any]], str]) -> None:
+    assert [(row["page"], row["width"]) for row in asked[0] if row["hidden"]] == []
+
+
+def test_no_sentence_of_a_table_is_a_word_wide(asked: tuple[list[dict[str, Any]], str]) -> None:
+    assert [(row["page"], row["width"], row["narrow"]) for row in asked[0] if row["narrow"]] == []
+
+
+def test_a_page_is_in_words(asked: tuple[list[dict[str, Any]], str]) -> None:
+    """No LaTeX, no label such as `bias:x`, no number such as 1e-05, no unit as a program writes it."""
+    words = r"\\[a-z]{2,}|[_^]\{|\b[a-z]+(?:_[a-z]+)*:[xyz]\b|\bug\b|\^[23]|sqrt\(|\bdeg/|\bnan\b"
+    odd = words + r"|\d(?:\.\d+)?e[+-]?\d+\b| \+- "
+    found = {(row["page"], *re.findall(odd, row["text"])[:4]) for row in asked[0] if re.search(odd, row["text"])}
+    assert found == set()
+
+
+def test_no_page_complains(asked: tuple[list[dict[str, Any]], str]) -> None:
     assert [line for line in asked[1].splitlines() if "CONSOLE" in line] == []

@@ -1,0 +1,127 @@
+"""A page of every kind, with names that nobody broke into lines."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from gimbalcal import from_arrays
+from gimbalcal.at_rest import content as noise_content
+from gimbalcal.at_rest import noise_at_rest
+from gimbalcal.design.budget import budget
+from gimbalcal.design.observability import observe
+from gimbalcal.design.optimal import design, rig_of
+from gimbalcal.design.turning_observability import observe_turning
+from gimbalcal.diagnose.answer import Curves
+from gimbalcal.earth import G0
+from gimbalcal.importers.guess import Guess
+from gimbalcal.importers.log import Proposal
+from gimbalcal.navigate.answer import content as navigation_content
+from gimbalcal.navigate.outcome import Navigated
+from gimbalcal.navigate.space_stable import Aids
+from gimbalcal.recording import Recording
+from gimbalcal.report import calibration_report
+from gimbalcal.report.budget_page import budget_report
+from gimbalcal.report.campaign_page import campaign_report
+from gimbalcal.report.diagnosis_page import diagnosis_report, panels
+from gimbalcal.report.history import history_report
+from gimbalcal.report.navigation_page import navigation_report
+from gimbalcal.report.new_page import proposal_page
+from gimbalcal.report.noise_page import noise_report
+from gimbalcal.report.observability_page import observability_report
+from gimbalcal.report.plan_page import design_report, plan_report
+from gimbalcal.schedule.rotations import ROTATIONS
+from tests.report.example import example
+from tests.report.test_campaign_page import campaign
+from tests.report.test_diagnosis_page import CUBIC, curves, diagnosis
+
+LONG = "Bench_4-of-the-laboratory_with-a-title-that-nobody-broke_" * 4
+
+HISTORY = {
+    "unit": LONG, "in_words": "bias y jumped by 3 mg.", "agree": False, "due": "2027-01-01",
+    "calibrations": [{"date": f"2026-0{k}-01T00:00:00+00:00", "name": LONG, "method": "three-stage", "outcome": ""}
+                     for k in (1, 2, 3)],
+    "steps": [{"before": k, "after": k + 1, "chi2": 3.0, "dof": 2, "p_value": 0.2, "same_recording": False}
+              for k in (0, 1)],
+    "parameters": [{"name": n, "axis": "y", "unit": "ug", "calibrations": [0, 1, 2], "values": [1.0, 2.0, 300.0],
+                    "sigmas": [1.0, 1.0, 1.0], "jumps": [2], "outliers": [], "due": "2027-01-01", "scatter": 0.0,
+                    "drift_per_year": 3.0, "drift_sigma": 1.0} for n in ("bias", "scale_factor")],
+}  # fmt: skip
+
+TURNS = {
+    "turns": 30, "stop_s": 50.06, "total_s": 3870.0, "in_words": "30 turns\nbias: 0.14 ug\nbetter than wei2022-30",
+    "groups": [{"group": g, "sigma": s, "unit": u, "against": {"wei2022-30": 2 * s}, "ratio": 3e-4}
+               for g, s, u in (("bias", 0.144, "ug"), ("gyro_bias", 0.0025, "deg/h"))],
+}  # fmt: skip
+
+
+@cache
+def pages() -> dict[str, str]:
+    """The pages by name."""
+    content, recordings, truth = example()
+    seen = curves()
+    warm = {"temperature [°C]": np.linspace(15, 25, 360)}
+    known = replace(seen, sigma=np.full((360, 2), 5.0), units=("ug", "ug"), against=warm)
+    twin = CUBIC | {"twins": ["odd_quadratic"], "separate_by": "Tilt by 30 and 60 degrees."}
+    unknown = diagnosis("unexplained", findings=[], unexplained=[{"channel": "x", "shape": "grows with time"}])
+    fits = replace(known, after=known.before)
+    parts = (panels(known, [{"channel": "specific_force", "axis": "y"}]), LONG, known)
+    schedule, report = design(rig_of("space-stable", 90, None), 6, ("bias",))
+    still, stars, runs = bench(), mount(), navigated()
+    return {
+        "calibration": calibration_report(content, recordings, truth),
+        "diagnosis": diagnosis_report(diagnosis(), *parts),
+        "open": diagnosis_report(diagnosis("not-identifiable", findings=[twin]), *parts),
+        "unexplained": diagnosis_report(unknown, *parts),
+        "adequate": diagnosis_report(diagnosis("adequate", findings=[], mismatch=[]), panels(fits, []), LONG, fits),
+        "mount": diagnosis_report(diagnosis(), panels(stars, []), LONG, stars),
+        "noise": noise_report(noise_content(still, noise_at_rest(still)), LONG),
+        "observe": plan_report(observe("wu2018-18", candidates=["cross_coupling"]).to_dict()),
+        "turns": observability_report(observe_turning("jia2014-9", 40.0, "bias,gyro_bias").to_dict()),
+        "design": design_report(report, schedule),
+        "designed turns": design_report(TURNS, ROTATIONS["wei2022-30"]),
+        "budget": budget_report(budget(["wu2018-18"], (6.0, 24.0))),
+        "navigation": navigation_report(navigation_content(runs, Aids(), {"samples": 5}), runs, LONG),
+        "history": history_report(HISTORY),
+        "campaign": campaign_report(campaign(ratio=1.7, failed=2)),
+        "new": proposal_page(log()),
+    }
+
+
+def bench() -> Recording:
+    """A unit at rest, logged for a minute."""
+    rng = np.random.default_rng(1)
+    force = G0 * np.array([0.0, 0.0, 1.0]) + 0.01 * rng.standard_normal((3000, 3))
+    return from_arrays(np.arange(3000) / 50, specific_force=force, title=LONG, units={"specific_force": "m/s^2"})
+
+
+def log() -> Proposal:
+    """What `new` proposes of four rests that follow close on each other."""
+    at = np.repeat(np.array([[0, 0, 1.0], [0, 1.0, 0], [1.0, 0, 0], [0, 0, -1.0]]), 200, axis=0)
+    rng = np.random.default_rng(1)
+    force = G0 * at + 0.01 * rng.standard_normal(at.shape)
+    r = from_arrays(np.arange(800) / 50, specific_force=force, position=1 + np.arange(800) // 200, title=LONG,
+                    units={"specific_force": "m/s^2"})  # fmt: skip
+    why = f"its name '{LONG}'; at rest the three together are 9.823, and gravity is 9.807 m/s^2"
+    return Proposal(r, {f"acc_{a}": Guess("specific_force", a, "m/s^2", why) for a in "xyz"}, (LONG,))
+
+
+def mount() -> Curves:
+    """Ninety stars, tilted before and scattered after."""
+    rng = np.random.default_rng(1)
+    around, up = rng.uniform(0, 360, 90), rng.uniform(20, 85, 90)
+    tilt = 20 * np.stack([np.sin(np.deg2rad(around)), np.cos(np.deg2rad(around))], axis=1)
+    left = rng.standard_normal((90, 2))
+    return Curves(np.arange(90.0), np.arange(1, 91), (("pointing", "across"), ("pointing", "along")), tilt + left, left,
+                  np.ones((90, 2)), ("arcsec", "arcsec"), {"azimuth [°]": around, "elevation [°]": up})  # fmt: skip
+
+
+def navigated() -> list[Navigated]:
+    """A day without a calibration and with two."""
+    t = np.linspace(0, 86400, 300)
+    swing = np.sin(t[:, None] / 806 + np.arange(7)) * [1e-4, 2e-4, 0.1, 0.1, 1e-4, 1e-4, 2e-4]
+    return [Navigated(name, t, size * swing, size * 400 * np.abs(np.sin(t / 806)), *bands)
+            for name, size, bands in (("none", 1.0, ()), ("monday", 0.1, (0.1 * np.abs(swing),) * 2),
+                                      (LONG, 0.2, ()))]  # fmt: skip
