@@ -25,6 +25,7 @@ FILES = {
     "imu0.log": "mikoff_mpu9150/imu0.log",
     "point_20210821.dat": "mmt_pointing/point_20210821.dat",
     "warp-astron.dat": "gem_mount_pointing/warp-astron.dat",
+    "tilt_table_200hz.npz": "tilt_table/tilt_table_200hz.npz",
 }
 
 
