@@ -58,6 +58,14 @@ def plotted_against(s: Stimulus) -> dict[str, Array]:
 
 
 @dataclass(frozen=True)
+class FoundLaw:
+    """A law that no catalogue holds: its entry in diagnosis.json, and the class that states it in law.py."""
+
+    entry: Mapping[str, Any]
+    effect: str
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The content of diagnosis.json (interfaces.md section 4), and the residuals behind its picture."""
 
@@ -71,6 +79,8 @@ class Diagnosis:
     curves: Curves | None = None
     calibration: Calibration | None = None  # the refit: the model with what was found in it
     outcome: str = ""  # what else speaks against the recording or its model: a fault, a larger noise, an odd constant
+    laws: tuple[FoundLaw, ...] = ()  # where nothing known explains it
+    recommend: str = ""  # what would determine a law, where these data do not
 
     def __str__(self) -> str:
         """The answer in words, and each finding with its sizes."""
@@ -125,6 +135,11 @@ class Diagnosis:
             "mismatch": [dict(m) for m in self.mismatch],
             "findings": [dict(f) for f in self.findings],
             "unexplained": [dict(u) for u in self.unexplained],
+            **(
+                {"laws": [dict(law.entry) for law in self.laws], "recommend": self.recommend}
+                if self.verdict == "unexplained"
+                else {}
+            ),
             "fit": dict(self.fit),
             "provenance": dict(self.provenance),
         }

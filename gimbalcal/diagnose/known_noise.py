@@ -7,6 +7,7 @@ observe ──> noise ──> library ──> search ──> decide ──> mode
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ from gimbalcal.diagnose.rows.observations import (
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.verdict.calibrated import calibrated, found_of
 from gimbalcal.diagnose.verdict.decide import Decision, bar, capped, decide
+from gimbalcal.diagnose.verdict.laws import Lawful, law_of_search
 from gimbalcal.diagnose.verdict.locate import Scan, mismatches, scan
 from gimbalcal.diagnose.verdict.model import FittedCauses, calibration_fit, constant_value, fit_causes
 from gimbalcal.diagnose.verdict.recommend import advise, sentence
@@ -44,6 +46,7 @@ from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 
+AGAIN = "record the positions again that were not held where the readouts say: a law is sought when they are"
 DRAGGED = 100.0  # reduced chi^2 of the model from which its constants are not to be linearised at
 
 
@@ -128,10 +131,17 @@ def _report(
         "excess_kurtosis": round(s.o.heavy, 3),
     }
     words, misheld = wording.answer(d.verdict, named, shapes, mismatch, fitted), _misheld(s, d)
+    lawful = Lawful(recommend=AGAIN if misheld else "")
+    if d.verdict == "unexplained" and not misheld:
+        tell("nothing known explains it: looking for a formula in what was recorded")
+        lawful = law_of_search(s, seen.projection.node, rng)
+        fitted |= lawful.fit
+        curves = curves if lawful.added is None else replace(curves, after=residual_rows(s.o, lawful.added)[1])
     tell("the model with what was found, as a calibration")
     made = calibrated_alone(s, f, wording.reserve(d.verdict, named, shapes), known)
     words += f" {misheld}" if misheld else ""
-    return Diagnosis(d.verdict, mismatch, named, shapes, fitted, provenance, words, curves, made, outcome=misheld)
+    return Diagnosis(d.verdict, mismatch, named, shapes, fitted, provenance, words, curves, made, outcome=misheld,
+                     laws=lawful.laws, recommend=lawful.recommend)  # fmt: skip
 
 
 def calibrated_alone(s: Search, f: FittedCauses, outcome: str, known: Calibration | None = None) -> Calibration:
@@ -171,7 +181,7 @@ def measured(
         "noise": dict(node.name),
         "calibration_moved": moved(s, f) if f.index else [],
     }
-    left, rest = residual_rows(s.o, physical, f.x)
+    left, rest = residual_rows(s.o, physical @ f.x)
     sigma, units = in_print(s.o.channels, np.broadcast_to(s.o.sigma, left.shape))
     return (
         before,

@@ -76,6 +76,10 @@ class Rows:
         S = self.sensitivity[stage]
         return np.asarray(np.einsum("ncm,nm->nc", S, added.reshape(len(S), -1)))
 
+    def added(self, stage: Stage, index: int, basis: Array) -> Array:
+        """What each column of a basis (n, p), added to one of the numbers of a stage, does to the channels."""
+        return self._mapped(self.sensitivity[stage][:, :, index, None] * basis[:, None, :])
+
     def columns(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
         """Derivative (n, C, p) of the channels by the wanted parameters of one effect, at its present values."""
         s, names = self.seen[effect.stage], self.stimulus.axis_names

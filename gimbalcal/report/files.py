@@ -35,7 +35,8 @@ def write_calibration(
 
 
 def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "", question: str = "") -> None:
-    """diagnosis.json, the calibration.json of its refit and report.html into `out`; `title` says of which recording."""
+    """diagnosis.json, calibration.json of its refit, law.py of a law and report.html; `title`: of which recording."""
+    from gimbalcal.diagnose.verdict.law_file import source
     from gimbalcal.report.diagnosis_page import diagnosis_report, panels
 
     drawn = panels(diagnosis.curves, diagnosis.mismatch) if diagnosis.curves else ()
@@ -44,6 +45,8 @@ def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "", question: 
         write_json(new / "diagnosis.json", diagnosis.to_dict())
         if diagnosis.calibration is not None:
             diagnosis.calibration.write(new / "calibration.json")
+        if diagnosis.laws:
+            write(new / "law.py", source(diagnosis.laws))
         write(new / "report.html", marked(page, question))
 
 

@@ -132,6 +132,17 @@ def with_columns(v: View, m: Model, X: Array) -> Model:
     return replace(m, r=m.r - J @ x, J=J)
 
 
+def fitted_columns(v: View, m: Model, X: Array) -> tuple[Model, Array, Array]:
+    """The same, the sizes x (q,) of the columns, and their covariance (q, q) from the scatter of what is left."""
+    made = with_columns(v, m, X)
+    Q = basis(weighted(v, m.J))
+    A = weighted(v, X).reshape(m.r.size, -1)
+    left = A - Q @ (Q.T @ A)
+    x = np.linalg.lstsq(left, weighted(v, m.r).ravel(), rcond=1e-9)[0]
+    variance = float((weighted(v, made.r) ** 2).sum()) / max(m.r.size - Q.shape[1] - X.shape[-1], 1)
+    return made, x, np.linalg.pinv(left.T @ left, rcond=1e-12, hermitian=True) * variance
+
+
 def with_constants(v: View, m: Model, ids: Container[str]) -> Model:
     """The model with the continuous constants of these effects fitted with all else, from where they are."""
     smooth = {(e.id, f.name) for e in m.effects if e.id in ids for f in constants(type(e)) if kind(f).smooth}

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from gimbalcal.diagnose import wording
-from gimbalcal.diagnose.answer import Curves, plotted_against
+from gimbalcal.diagnose.answer import Curves, FoundLaw, plotted_against
 from gimbalcal.diagnose.rows.slews import lateness
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.refit import Model, basis, weighted
 from gimbalcal.diagnose.search.stepwise import Course, refined
 from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding, sizes
+from gimbalcal.diagnose.verdict.laws import Lawful, laws_of_view, told_heldout
 from gimbalcal.diagnose.verdict.locate_unknown_noise import mismatches
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
@@ -36,6 +37,8 @@ class Told:
     after: Array
     sigma: Array  # (n, C) of a row, SI
     model: Model
+    laws: tuple[FoundLaw, ...] = ()
+    recommend: str = ""
 
 
 def told_of(v: View, c: Course, tell: Tell) -> Told:
@@ -55,14 +58,23 @@ def told_of(v: View, c: Course, tell: Tell) -> Told:
     elif shapes:
         verdict = "unexplained"
     sigma = _sigma(v, c.described)
-    fit = _fit(v, c, sigma)
+    fit, lawful = _fit(v, c, sigma), Lawful()
+    if verdict == "unexplained":
+        tell("nothing known explains it: looking for a formula in what was recorded")
+        lawful, with_law = laws_of_view(v, c.end, sigma)
+        c_law = replace(c, described=with_law)
+        fit_law = _fit(v, c_law, _sigma(v, with_law)) if lawful.laws else fit
+        lawful = told_heldout(lawful, fit_law)
+        if lawful.laws:
+            c, fit, sigma = c_law, fit_law, _sigma(v, with_law)
     if verdict == "missing-physics" and fit["heldout_rms_after"] > max(
         fit["heldout_rms_before"], wording.MISSED * fit["rms_after"]
     ):
         verdict = "not-identifiable"  # what was named makes rows that took no part worse
     mismatch = () if verdict == "adequate" else mismatches(v, c.start, sigma)
     before, after = c.start.r / sigma, c.described.r / sigma
-    return Told(v, verdict, mismatch, found, shapes, fit, before, after, sigma, c.end)
+    return Told(v, verdict, mismatch, found, shapes, fit, before, after, sigma, c.end, lawful.laws,
+                lawful.recommend)  # fmt: skip
 
 
 def _sigma(v: View, end: Model) -> Array:

@@ -123,11 +123,10 @@ def physical_columns(s: Search, f: FittedCauses) -> Array:
     return np.concatenate(out, axis=-1)
 
 
-def residual_rows(o: Observations, physical: Array, x: Array) -> tuple[Array, Array]:
-    """Residuals (n, C) in sigma without and with what was found, the calibration refitted each time."""
+def residual_rows(o: Observations, added: Array) -> tuple[Array, Array]:
+    """Residuals (n, C) in sigma without and with what was `added` (n, C), the calibration refitted each time."""
     Z = o.single(o.Z).reshape(o.y.size, -1)
-    after = o.y - physical @ x
-    return _refitted(o, Z, o.y), _refitted(o, Z, after)
+    return _refitted(o, Z, o.y), _refitted(o, Z, o.y - added)
 
 
 def _refitted(o: Observations, Z: Array, y: Array) -> Array:

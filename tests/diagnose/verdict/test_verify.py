@@ -119,7 +119,7 @@ def test_residual_rows_are_what_calibration_cannot_follow() -> None:
     s = searched(PLANTED, LABEL)
     f = fit_causes(s, (0,))
     X = physical_columns(s, f)
-    before, after = residual_rows(s.o, X, f.x)
+    before, after = residual_rows(s.o, X @ f.x)
     Z = s.o.Z.reshape(before.size, -1)
     scale = np.linalg.norm(Z, axis=0) * np.linalg.norm(before)
     assert np.abs(Z.T @ before.ravel() / scale).max() < 1e-9

@@ -1,0 +1,265 @@
+"""The small expressions of which a law that no catalogue holds may consist, in what was recorded.
+
+A term is a function of one variable: a power, a size, waves, a decay, a saturation, a threshold. A law is one term or
+the product of two in different variables, each column of it with a coefficient that is fitted beside the calibration.
+Constants inside a term (an order, a time constant, a limit) start from a grid.
+"""
+
+from __future__ import annotations
+
+import itertools
+import keyword
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gimbalcal.effects import Stimulus
+from gimbalcal.effects.grids import highest_order
+from gimbalcal.effects.history import smoothed_rate
+from gimbalcal.number import Array
+from gimbalcal.units import from_si, to_si
+
+LEAST = {"force": 0.1, "angle": 1e-2, "rate": 1e-2}  # SI: what varies less stands still
+LEVELS, STEPS = 12, 25  # thresholds of a variable at the most, and about one of them
+INSTANTS = 40  # of a threshold in time
+CYCLES, FAST = 30, 150  # waves over the recording, in half turns: in products, and alone
+ORDERS = 8  # harmonics of an angle at the most
+RESERVED = frozenset(("S", "N", "I", "E", "O", "Q", "pi", "beta", "gamma", "zeta"))  # names that sympy reads otherwise
+
+
+LETTER = re.compile("([a-z]|tau|x0)[0-9]?")  # what coefficients and constants are called
+
+
+@dataclass(frozen=True, eq=False)
+class Variable:
+    """What a law may follow: its name and unit in print, values (n,) in SI, how law.py takes it from a stimulus `s`."""
+
+    name: str
+    unit: str
+    x: Array
+    code: str
+    group: str  # force, angle, rate, time, since or logged
+    origin: float = 0.0  # SI; powers are of the difference
+    needs: str = ""  # the channel that a recording has to have
+
+    def printed(self, x: Array | float) -> Array | float:
+        """Values in SI as they are printed."""
+        return from_si(np.asarray(x, dtype=float), self.unit) if self.unit else x
+
+
+@dataclass(frozen=True)
+class Form:
+    """A function of one variable: of x, its columns (n, m) by constant; in print and as code, {x} being the variable.
+
+    power: of x, which the unit of a coefficient is divided by; constant: its letter and which unit it has ("" none,
+    "x" that of the variable, "1/x", or a whole number).
+    """
+
+    key: str
+    columns: Callable[[Array, float], list[Array]]
+    words: tuple[str, ...]
+    power: int = 0
+    constant: str = ""
+    of: str = ""
+
+    @property
+    def smooth(self) -> bool:
+        """Whether the constant can be refined between the values of its grid."""
+        return bool(self.constant) and self.of != "whole" and self.key != "above"
+
+
+WAVES = ("cos({c}*{x})", "sin({c}*{x})")
+FORMS = {
+    form.key: form
+    for form in (
+        Form("x", lambda x, _: [x], ("{x}",), 1),
+        Form("x^2", lambda x, _: [x**2], ("{x}**2",), 2),
+        Form("x^3", lambda x, _: [x**3], ("{x}**3",), 3),
+        Form("|x|", lambda x, _: [np.abs(x)], ("Abs({x})",), 1),
+        Form("harmonic", lambda x, n: [np.cos(n * x), np.sin(n * x)], WAVES, 0, "n", "whole"),
+        Form("wave", lambda x, k: [np.cos(k * x), np.sin(k * x)], WAVES, 0, "k", "1/x"),
+        Form("fade", lambda x, tau: [np.exp(-x / tau)], ("exp(-{x}/{c})",), 0, "tau", "x"),
+        Form("bounded", lambda x, b: [x / (1 + np.abs(x) / b)], ("{x}/(1 + Abs({x})/{c})",), 1, "b", "x"),
+        Form("above", lambda x, c: [(x > c).astype(float)], ("Heaviside({x} - {c})",), 0, "x0", "x"),
+    )
+}
+OF = {
+    "force": ("x", "x^2", "x^3", "|x|", "wave", "bounded", "above"),
+    "angle": ("harmonic",),
+    "rate": ("x", "x^2", "x^3", "|x|", "bounded", "above"),
+    "time": ("x", "x^2", "x^3", "wave", "fade", "above"),
+    "since": ("x", "fade"),
+    "logged": ("x", "x^2", "x^3", "|x|", "above"),
+    "course": ("x", "x^2", "x^3", "|x|", "above"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """A form of a variable with its constant (SI), its columns (n, m), and on how long a grid it stands."""
+
+    variable: Variable
+    form: Form
+    constant: float
+    columns: Array
+    tried: int
+
+    @property
+    def family(self) -> str:
+        """The term whatever its constant."""
+        return f"{self.form.key} of {self.variable.name}"
+
+    def at(self, constant: float) -> Term:
+        """The same form with another constant."""
+        return replace(self, constant=constant, columns=_columns(self.variable, self.form, constant))
+
+    def printed(self, x: float) -> float:
+        """A value of the constant, or its sigma, in its unit."""
+        return x / float(to_si(1.0, self.unit_of_constant())) if self.unit_of_constant() else x
+
+    def unit_of_constant(self) -> str:
+        """In print."""
+        unit = self.variable.unit
+        return "" if self.form.of == "whole" or not unit else unit if self.form.of == "x" else f"1/{whole(unit)}"
+
+
+@dataclass(frozen=True, eq=False)
+class Expression:
+    """A law: one term, or the product of two."""
+
+    terms: tuple[Term, ...]
+
+    @property
+    def family(self) -> str:
+        """The law whatever its constants."""
+        return " * ".join(t.family for t in self.terms)
+
+    @property
+    def columns(self) -> Array:
+        """Columns (n, m) of which each has a coefficient."""
+        return multiplied(*(t.columns for t in self.terms))
+
+    @property
+    def tried(self) -> int:
+        """Among how many choices of its constants it was chosen."""
+        return int(np.prod([t.tried for t in self.terms]))
+
+    @property
+    def variables(self) -> tuple[Variable, ...]:
+        """What it follows."""
+        return tuple(t.variable for t in self.terms)
+
+
+def multiplied(A: Array, B: Array | None = None) -> Array:
+    """Products (n, a b) of each column of A (n, a) with each of B (n, b)."""
+    return A if B is None else np.asarray((A[:, :, None] * B[:, None, :]).reshape(len(A), -1))
+
+
+def variables(s: Stimulus, still: bool = False) -> tuple[Variable, ...]:
+    """What varies in a recording, or stands `still` too, and may be the argument of a law."""
+    return tuple(v for v in _every(s) if still or np.ptp(v.x) > LEAST.get(v.group, 0.0))
+
+
+def _every(s: Stimulus) -> list[Variable]:
+    out = list[Variable]()
+    if s.true_angle is None:  # of a mount the angles say it
+        out += [Variable(f"force_{a}", "g", s.force[:, i], f"s.force[:, {i}]", "force") for i, a in enumerate("xyz")]
+    out += [Variable(_plain(name), "rad", s.angle[:, i], f"angle(s, {name!r})", "angle")
+            for i, name in enumerate(s.axis_names)]  # fmt: skip
+    out += [Variable(f"rate_{a}", "deg/s", s.rate[:, i], f"s.rate[:, {i}]", "rate") for i, a in enumerate("xyz")]
+    out += [Variable("time", "s", s.time, "s.time", "time")]
+    out += [Variable("since_move", "s", s.since_move, "s.since_move", "since")]
+    if s.temperature is not None:
+        needs, code = "temperature", "smoothed_rate(s.temperature, s.time, s.time[-1] / 100)"
+        origin, course = s.reference_temperature, smoothed_rate(s.temperature, s.time, float(s.time[-1]) / 100)
+        out.append(Variable("temperature", "degC", s.temperature, "s.temperature", "logged", origin, needs))
+        out.append(Variable("temperature_rate", "degC/h", course, code, "course", 0.0, needs))
+    out += [Variable(_plain(name), "", x, f"s.covariates[{name!r}]", "logged", float(x.mean()), f"covariate:{name}")
+            for name, x in s.covariates.items()]  # fmt: skip
+    return out
+
+
+def _plain(name: str) -> str:
+    """A name that Python and sympy read as a symbol."""
+    plain = "".join(c if c.isalnum() else "_" for c in name)
+    bad = not plain.isidentifier() or keyword.iskeyword(plain) or plain in RESERVED or LETTER.fullmatch(plain)
+    return f"x_{plain}" if bad else plain
+
+
+def terms(v: Variable, s: Stimulus) -> list[Term]:
+    """Every term of a variable, with every constant of its grid."""
+    out = []
+    for key in OF[v.group]:
+        form = FORMS[key]
+        grid = _grid(v, form, s) if form.constant else [0.0]
+        made = [Term(v, form, c, _columns(v, form, c), len(grid)) for c in grid]
+        out += [t for t in made if np.ptp(t.columns, axis=0).max() > 1e-9 * np.abs(t.columns).max()]
+    return out
+
+
+def _columns(v: Variable, form: Form, constant: float) -> Array:
+    x = v.x - v.origin if form.power else v.x
+    return np.stack(form.columns(x, constant), axis=-1)
+
+
+def _grid(v: Variable, form: Form, s: Stimulus) -> list[float]:
+    """Constants from which a search starts, SI."""
+    low, high = float(v.x.min()), float(v.x.max())
+    size = max(abs(low - v.origin), abs(high - v.origin))
+    if form.key == "harmonic":
+        return [float(n) for n in range(1, max(1, min(ORDERS, int(highest_order(s)))) + 1)]
+    if form.key == "wave":
+        span = high - low
+        return [
+            np.pi * k / span for k in range(1, (min(FAST, len(v.x) // 4) if v.group == "time" else CYCLES // 4) + 1)
+        ]
+    if form.key == "fade":
+        step = float(np.median(np.diff(np.unique(v.x))))
+        return list(np.geomspace(max(2 * step, (high - low) / 50), 1.5 * (high - low), 7))
+    if form.key == "bounded":
+        return list(size * np.array([0.1, 0.3, 1.0, 3.0]))
+    return _levels(v, s)
+
+
+def _levels(v: Variable, s: Stimulus) -> list[float]:
+    """Thresholds: between the levels that a variable takes, or between visits."""
+    if v.group == "time":
+        starts = s.time[np.flatnonzero(np.diff(s.visit)) + 1]
+        every = starts - 1e-3 if len(starts) else np.linspace(v.x[0], v.x[-1], INSTANTS + 2)[1:-1]
+        return list(every[np.unique(np.linspace(0, len(every) - 1, min(len(every), INSTANTS)).round().astype(int))])
+    if v.group == "course":
+        return [0.0]
+    seen = np.unique(np.round((v.x - v.x.min()) / max(float(np.ptp(v.x)), 1e-300), 2)) * float(np.ptp(v.x)) + v.x.min()
+    middle = (seen[1:] + seen[:-1]) / 2
+    return list(middle[np.unique(np.linspace(0, len(middle) - 1, min(len(middle), LEVELS)).round().astype(int))])
+
+
+def singles(every: Sequence[Sequence[Term]]) -> list[Expression]:
+    """Laws of one term."""
+    return [Expression((t,)) for own in every for t in own]
+
+
+def partners(every: Sequence[Sequence[Term]]) -> list[tuple[Term, list[Term]]]:
+    """Each term with all terms of the variables behind its own: products of two, each once; fast waves stand alone."""
+    slow = [[t for t in own if not _fast(t)] for own in every]
+    return [(t, list(itertools.chain(*slow[i + 1 :]))) for i, own in enumerate(slow) for t in own]
+
+
+def _fast(t: Term) -> bool:
+    return t.form.key == "wave" and t.constant * float(np.ptp(t.variable.x)) > (CYCLES + 0.5) * np.pi
+
+
+def between(t: Term) -> list[Term]:
+    """A threshold moved as far as the next ones of its grid, in steps; no others."""
+    if t.form.key != "above" or t.variable.group in ("time", "course"):
+        return []
+    step = float(np.ptp(t.variable.x)) / LEVELS
+    made = (t.at(c) for c in t.constant + step * np.linspace(-1, 1, STEPS))
+    return [m for m in made if np.ptp(m.columns) > 0]
+
+
+def whole(unit: str) -> str:
+    """A unit as one factor."""
+    return f"({unit})" if "/" in unit else unit

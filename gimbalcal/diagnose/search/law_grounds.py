@@ -1,0 +1,103 @@
+"""Where a law is sought: the outputs and gimbals of a recording of known noise, or what a view's rows are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.evidence.projection import project, rows_like
+from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant, layout_of
+from gimbalcal.diagnose.library.rivals import RIVAL_SIGMA
+from gimbalcal.diagnose.rows.views import View
+from gimbalcal.diagnose.search.laws import Ground, Place
+from gimbalcal.diagnose.search.ranking import Search, bayes_factors
+from gimbalcal.diagnose.search.refit import Model, basis, projections, weighted
+from gimbalcal.effects import Stage
+from gimbalcal.forward import Rows
+from gimbalcal.inference.algebra import orthonormal
+from gimbalcal.number import Array
+
+STRETCHES = 300  # in which a run, or a table, is looked at first
+SEEN = {"norm": Stage.ACCELEROMETER, "table": Stage.ACCELEROMETER, "rest rates": Stage.GYROSCOPE,
+        "turns": Stage.GYROSCOPE, "pointing": Stage.ENCODER}  # fmt: skip
+CHANNEL = {Stage.ACCELEROMETER: "specific_force", Stage.GYROSCOPE: "angular_rate", Stage.ENCODER: "gimbal_angle"}
+MOVES = 1e-2  # rad
+
+
+def _places(rows: Rows, stage: Stage, axes: Sequence[tuple[int, str]], block: Array) -> list[Place]:
+    """One place for each of these numbers of a stage."""
+    made = ((axis, partial(rows.added, stage, i)) for i, axis in axes)
+    return [Place(CHANNEL[stage], axis, rows.seen[stage], block, columns) for axis, columns in made]
+
+
+def stretches(n: int) -> Array:
+    """Ordinals (n,) of at most so many equal stretches."""
+    return np.arange(n) * min(n, STRETCHES) // n
+
+
+def ground_of_search(s: Search, node: Node) -> Ground:
+    """Outputs of the accelerometers and gimbals that move, in the likeliest noise of a recording of known attitude."""
+    o, names = s.o, s.o.stimulus.axis_names
+    outputs = [("xyz".index(a), a) for q, a in o.channels if q == "specific_force"]
+    moving = [(i, a) for i, a in enumerate(names) if np.ptp(o.stimulus.readout[:, i]) > MOVES]
+    block = stretches(len(o.y)) if o.kind == "static-run" else o.block
+    every = _places(o.rows, Stage.ACCELEROMETER, outputs, block)
+    if o.kind != "static-run":
+        every += _places(o.rows, Stage.ENCODER, moving, block)
+    Q, y = orthonormal(node.whiten(o.reduce(o.Z))), node.whiten(o.reduce(o.y[:, :, None]))[:, 0]
+
+    def evidence(sets: Sequence[Array]) -> Array:
+        X, of = _side_by_side([o.reduce(RIVAL_SIGMA * unit(X)) for X in sets])
+        rows = rows_like(s.rows, X)
+        return bayes_factors([project(p.node, rows, p.scale) for p in s.projections], layout_of(of))[1]
+
+    return Ground(every, lambda X: node.whiten(o.reduce(X)), Q, y - Q @ (Q.T @ y), evidence)
+
+
+def unit(X: Array) -> Array:
+    """Columns (n, C, m) of rms one in the channel that shows them most; none where nothing does."""
+    rms = np.sqrt((X**2).mean(axis=0)).max(axis=0)
+    return np.asarray(X / np.where(rms > 0, rms, np.inf))
+
+
+def _side_by_side(sets: Sequence[Array]) -> tuple[Array, list[Candidate]]:
+    """Columns of all sets (..., P), and each set as what may be missing."""
+    ends = np.cumsum([X.shape[-1] for X in sets])
+    spans = [tuple(range(int(end) - X.shape[-1], int(end))) for end, X in zip(ends, sets, strict=True)]
+    laws = [Candidate("unknown law", "", (), (Variant((), span),), "a law") for span in spans]
+    return np.concatenate(sets, axis=-1), laws
+
+
+def with_law(s: Search, columns: Array) -> tuple[Search, Array, Array]:
+    """The search with one law in the place of the library, its columns (n, C, m) as scaled, and their scale (m,)."""
+    scaled = RIVAL_SIGMA * unit(columns)
+    reduced = s.o.reduce(scaled)
+    _, (law,) = _side_by_side([reduced])
+    rows = rows_like(s.rows, reduced)
+    each = tuple(project(p.node, rows, p.scale) for p in s.projections)
+    size = np.abs(columns).max(axis=(0, 1))
+    scale = np.abs(scaled).max(axis=(0, 1)) / np.where(size > 0, size, np.inf)
+    return Search(Library((law,), reduced), (), each, s.null, s.joint, s.singles, s.share, s.o, rows), scaled, scale
+
+
+def ground_of_view(v: View, m: Model, sigma: Array) -> Ground | None:
+    """Sensors or gimbals whose additions a view shows, beside a model in white noise of `sigma` (n, C); or none."""
+    stage, rows = SEEN.get(v.name), v.about(m.effects)
+    if stage is None or stage not in rows.sensitivity or v.added is not None:
+        return None
+    names = list(enumerate(v.stimulus.axis_names if stage is Stage.ENCODER else "xyz"))
+    shown = {a for q, a in v.channels if q == "angular_rate"} or {a for _, a in names}
+    every = _places(rows, stage, [(i, a) for i, a in names if a in shown], stretches(len(rows.seen[stage].time)))
+    n, C = m.r.shape
+    one = float(np.sqrt(np.mean(weighted(v, sigma) ** 2)))
+    Q = basis(weighted(v, m.J))
+    y = weighted(v, m.r).ravel() / one
+
+    def evidence(sets: Sequence[Array]) -> Array:
+        X, of = _side_by_side([m.rms / np.sqrt(C) * unit(X) for X in sets])
+        return bayes_factors(projections(v, m, X), layout_of(of))[1]
+
+    return Ground(every, lambda X: weighted(v, X).reshape(n * C, -1) / one, Q, y - Q @ (Q.T @ y), evidence)

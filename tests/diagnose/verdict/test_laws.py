@@ -1,0 +1,118 @@
+"""Laws that no catalogue holds: found, written as effects, and these explain the recording."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+import sympy
+
+from gimbalcal import calibrate, load_effects
+from gimbalcal.diagnose.answer import Diagnosis
+from gimbalcal.diagnose.entry import diagnose
+from gimbalcal.diagnose.verdict.law_file import source
+from gimbalcal.effects import CATALOGUE, loading
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording, write
+from tests.benchmarks import unknown_mount
+from tests.diagnose import plant, static_plant
+
+SCHEMA = Path(__file__).parents[3] / "docs" / "schemas" / "diagnosis.schema.json"
+
+
+@pytest.fixture(autouse=True)
+def catalogue(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Nothing of these tests stays in the catalogue."""
+    before = dict(CATALOGUE)
+    monkeypatch.setattr(loading, "_loaded", {})
+    yield
+    for i in set(CATALOGUE) - set(before):
+        del CATALOGUE[i]
+
+
+def sky(error: unknown_mount.Error, arcsec: float) -> Recording:
+    """A run of 90 stars on an alt-azimuth mount."""
+    return unknown_mount.record(5, unknown_mount.Setup(stars=90), ((error, arcsec * unknown_mount.ARCSEC),))
+
+
+def explained(d: Diagnosis, r: Recording, there: Path) -> float:
+    """chi^2 over its degrees of freedom of the calibration with the laws, whose outcome has to be empty."""
+    (there / "law.py").write_text(source(d.laws))
+    made = calibrate(r, more=load_effects(there / "law.py"))
+    assert made.outcome == ""
+    return made.residual.chi2 / made.residual.dof
+
+
+def evaluated(d: Diagnosis, n: int = 200) -> tuple[sympy.Expr, dict[str, Array], Array]:
+    """The expression of the first law, random values of its variables within the domain, and its values there."""
+    law = d.laws[0].entry
+    e = sympy.sympify(law["expression"])
+    assert {str(v) for v in e.free_symbols} == set(law["variables"]) == set(law["domain"]) == set(law["units"])
+    rng = np.random.default_rng(0)
+    at = {v: rng.uniform(*law["domain"][v], n) for v in law["variables"]}
+    return e, at, np.asarray(sympy.lambdify(law["variables"], e)(*at.values()))
+
+
+def test_a_law_of_a_mount_is_found_written_and_explains_the_run(tmp_path: Path, command: Callable[..., int]) -> None:
+    r = sky(lambda k: {"readout": np.column_stack([np.cos(2 * k.inner) * np.sin(3 * k.outer), 0 * k.t])}, 40.0)
+    write(r, tmp_path / "run")
+    assert command("diagnose", tmp_path / "run", "--quiet", "--out", tmp_path / "d") == 1
+    content = json.loads((tmp_path / "d" / "diagnosis.json").read_text())
+    jsonschema.validate(content, json.loads(SCHEMA.read_text()))
+    (law,) = content["laws"]
+    assert (law["channel"], law["axis"]) == ("gimbal_angle", "azimuth")
+    assert "cos(2*elevation)*sin(3*azimuth)" in law["form"]
+    assert content["recommend"] == ""
+    assert law["heldout_after"] == content["fit"]["heldout_after"] < 1.2 < law["heldout_before"]
+    with_it = ("--effects", tmp_path / "d" / "law.py", "--with", law["effect"])
+    assert command("calibrate", tmp_path / "run", *with_it, "--quiet", "--out", tmp_path / "c") == 0
+    page = (tmp_path / "d" / "report.html").read_text()
+    assert "law.py" in page
+
+
+def test_what_acts_on_two_axes_is_two_laws(tmp_path: Path) -> None:
+    r = sky(lambda k: {"tilt": np.column_stack([np.cos(3 * k.azimuth), np.sin(3 * k.azimuth)])}, 10.0)
+    d = diagnose([r])
+    assert [law.entry["axis"] for law in d.laws] == ["elevation", "azimuth"]
+    assert explained(d, r, tmp_path) < 1.2
+
+
+def test_a_wave_and_its_period_are_found_in_18_positions(tmp_path: Path) -> None:
+    r = plant.record(np.random.default_rng(3), lambda b: plant.on(1, np.sin(2 * np.pi * b.t / 660.0 + 1)), 4e-4)
+    d = diagnose([r])
+    assert d.verdict == "unexplained"
+    law = d.laws[0].entry
+    k = next(p for p in law["parameters"] if p["name"] == "k")
+    assert law["axis"] == "y"
+    assert abs(k["value"] - 2 * np.pi / 660) < 4 * k["sigma"] < 4e-4
+    _, at, found = evaluated(d)
+    truth = 4e-4 / plant.UG * np.sin(2 * np.pi * at["time"] / 660 + 1)
+    assert np.abs(found - truth).max() < 0.15 * np.abs(truth).max()
+    assert d.fit["chi2_reduced_after"] < 1.1 < d.fit["chi2_reduced_before"]
+    assert explained(d, r, tmp_path) < 1.1
+
+
+def test_a_threshold_is_found_in_a_static_run(tmp_path: Path) -> None:
+    r = static_plant.record(np.random.default_rng(3), lambda r: np.outer(r.T > 23, [1.0, 0, 0]), 17 * plant.UG)
+    d = diagnose([replace(r, title='a "day" \\ """ with\nquotes {x}')])
+    e, _, _ = evaluated(d)
+    (step,) = e.atoms(sympy.Heaviside)
+    T = next(iter(e.free_symbols))
+    assert str(T) == "temperature"
+    assert sympy.solve(step.args[0], T)[0] == pytest.approx(23.0, abs=0.05)
+    assert explained(d, r, tmp_path) < 1.1
+
+
+def test_none_is_named_where_nothing_small_fits() -> None:
+    rng = np.random.default_rng(2)
+    steps = rng.standard_normal(18)
+    d = diagnose([plant.record(rng, lambda b: plant.on(0, steps[b.visit]), 3e-4)])
+    assert d.verdict == "unexplained"
+    assert not d.laws
+    assert d.recommend
+    assert d.to_dict()["laws"] == []
