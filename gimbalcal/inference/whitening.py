@@ -64,6 +64,10 @@ class Whitening(NamedTuple):
             x += self.gain[k] @ left
         return out.reshape(white.shape)
 
+    def of_scale(self, sigma: float) -> Whitening:
+        """The same for rows that are `sigma` times as large."""
+        return self._replace(root=self.root * sigma, inverse=self.inverse / sigma)
+
     @property
     def rows(self) -> int:
         """How many there are, of all channels."""

@@ -42,6 +42,9 @@ NEIGHBOURS = 15  # rows of a static run in which a level is followed: a quarter 
 
 MEMORY = (0.0, 0.3, 0.6, 0.8, 0.9, 0.96)  # from row to row, where nobody states the noise
 MEMORY_PRIOR = (0.5, 0.1, 0.1, 0.1, 0.1, 0.1)
+WANDER = (0.8, 0.95, 0.99)  # memory of what sensors wander from row to row; the last is next to a walk
+WANDER_SHARE = (0.4, 0.9)  # of the variance, beside what is new in each row
+WANDERS = 0.5  # prior probability that sensors wander beside white noise, where rows say how that shows
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,7 @@ class Node:
     prior: float
     logdet: float
     inverse_root: Array | Chain | Whitening  # (R,) of a diagonal; from row to row of each channel; of all together
+    fresh: float = 1.0  # share of the variance of a row that the rows before do not hold
 
     def whiten(self, rows: Array) -> Array:
         """Reduced rows (R, p) to unit covariance; those beyond the coloured ones have it already."""
@@ -185,13 +189,27 @@ def dwell_noise(o: Observations, setting: float, walk: float) -> Mapping[str, No
     }
 
 
-def memories(n: int, C: int) -> tuple[Node, ...]:
-    """Noises of unit variance in n rows of C channels that nobody states: each row remembers the one before."""
-    out = []
+def memories(n: int, C: int, seen: Array | None = None) -> tuple[Node, ...]:
+    """Noises of unit variance in n rows of C channels that nobody states: each row remembers the one before.
+
+    Where sensors wander that are `seen` (n, C, m) in rows of white noise, either part may be the larger one.
+    """
+    out, others = [], 1.0 if seen is None else 1 - WANDERS
     for rho, prior in zip(MEMORY, MEMORY_PRIOR, strict=True):
         root = chain(first_order(rho), np.arange(float(n)))
-        out.append(Node((("memory", rho),), {}, prior, C * root.log_determinant, root))
-    return tuple(out)
+        out.append(Node((("memory", rho),), {}, others * prior, C * root.log_determinant, root, 1 - rho**2))
+    return (*out, *(_wandering(seen, rho, share) for rho in WANDER for share in WANDER_SHARE if seen is not None))
+
+
+def _wandering(seen: Array, rho: float, share: float) -> Node:
+    r"""Sensors that wander, seen (n, C, m) in rows: :math:`V = (1 - a) I + a \, H K_\rho H^T`, a their share."""
+    n, _, m = seen.shape
+    process = first_order(rho)
+    h, still = np.append(np.inf, np.ones(n - 1)), np.zeros(n, dtype=bool)  # all of it is new in the first row
+    Phi, Q = (np.repeat(x, m, axis=1) for x in (process.transition(h, still), process.diffusion(h, still)))
+    root = whitening(Phi, Q, np.sqrt(share / (1 - share)) * seen).of_scale(np.sqrt(1 - share))
+    prior = WANDERS / len(WANDER) / len(WANDER_SHARE)
+    return Node((("memory", rho), ("share", share)), {}, prior, root.log_determinant, root, 1 - share * rho**2)
 
 
 def first_order(rho: float) -> Process:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.diagnose.rows.views import RATE, View
+from gimbalcal.diagnose.rows.views import RATE, View, of_channels
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect
 from gimbalcal.effects.baseline import BASELINE
@@ -64,7 +64,7 @@ def rest_rates(
     return View(
         "rest rates", dwell_means(recording), s, channels, "deg/h", told,
         GYROSCOPE_STAGES, tuple(baseline) or BASELINE["rest rates"], rows, frozenset(), noise=told,
-        turns=missed if moving else None,
+        turns=missed if moving else None, wander=of_channels(len(y), 3),
     )  # fmt: skip
 
 

@@ -55,6 +55,7 @@ class View:
     rows: Callable[[Sequence[Effect]], Rows]
     unobservable: frozenset[tuple[str, str]] = frozenset()  # (effect, axis) that these rows cannot show by convention
     wide: float = 1.0  # times the sizes of the unit's grade
+    wander: Array | None = None  # (n, C, m) how what m sensors wander from row to row shows in it, of unit length
     noise: Array | None = None  # (n, C) what the samples' scatter alone makes of a row, where it is known
     finer: Callable[[], View] | None = None  # the same rows from physics in finer steps, for the last fit
     ideal: Callable[[Sequence[Effect]], Rows] | None = None  # rows at what is known to be felt: see `about`
@@ -88,6 +89,11 @@ class View:
         return rows.residual, rows.jacobian(wanted)
 
 
+def of_channels(n: int, C: int) -> Array:
+    """How a wander of each channel by itself shows in n rows, (n, C, C)."""
+    return np.asarray(np.broadcast_to(np.eye(C), (n, C, C)))
+
+
 def gauges(stages: Container[Stage]) -> frozenset[tuple[str, str]]:
     """Parameters (effect, axis) that only turn a frame for which these rows hold no reference."""
     return frozenset((i, axis) for i, cls in CATALOGUE.items() if cls.stage in stages for axis in cls.gauge)
@@ -118,6 +124,7 @@ def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
         rows,
         gauges({Stage.BASE}),
         ideal=ideal,
+        wander=of_channels(len(recording.time), len(CHANNELS)),
     )
 
 
@@ -163,7 +170,7 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
     ids = tuple(baseline) or BASELINE["norm"]
     return View(
         "norm", means, s, ((FORCE, "norm"),), "mg", None, SENSOR_STAGES, ids, rows, gauges(SENSOR_STAGES), noise=noise,
-        ideal=lambda effects: rows(effects, ideal=True),
+        ideal=lambda effects: rows(effects, ideal=True), wander=(y / np.linalg.norm(y, axis=1)[:, None])[:, None],
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.noise import MEMORY, memories
+from gimbalcal.diagnose.evidence.noise import memories
 from gimbalcal.diagnose.evidence.projection import Projection, project, stack
 from gimbalcal.diagnose.evidence.scale import Free
 from gimbalcal.diagnose.library.unknown_noise import unknowns
@@ -190,7 +190,6 @@ def projections(v: View, m: Model, X: Array, memory: bool = True, unit: float = 
     sample = 0.0 if v.noise is None else float(np.sqrt(np.mean(weighted(v, v.noise) ** 2))) / unit
     Q = basis(weighted(v, m.J))
     rows = stack(Q, weighted(v, X).reshape(n * C, -1) / unit, r.reshape(-1, 1) / unit, n * C)
-    fresh = np.sqrt(1 - np.array(MEMORY) ** 2)
-    noises = list(zip(memories(n, C), fresh.tolist(), strict=True))
+    noises = memories(n, C, v.wander)[: None if memory else 1]
     dof = n * C - Q.shape[1]
-    return tuple(project(node, rows, Free(dof, sample, new)) for node, new in noises[: None if memory else 1])
+    return tuple(project(node, rows, Free(dof, sample, float(np.sqrt(node.fresh)))) for node in noises)

@@ -10,7 +10,7 @@ from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.ranking import likeliest_variants
 from gimbalcal.diagnose.search.refit import Model, projections, refit, weighted
-from gimbalcal.diagnose.search.stepwise import ranked
+from gimbalcal.diagnose.search.stepwise import bar, ranked
 from gimbalcal.diagnose.verdict.decide import likeliest, together
 from gimbalcal.effects import with_values
 from gimbalcal.number import Array
@@ -29,7 +29,9 @@ class Judgement:
 def judged(v: View, end: Model, taken: Candidate) -> Judgement:
     """Take one cause out, the others kept, and ask again which cause belongs there.
 
-    What another cause would explain beside this one as well does not speak against this one: the two are a pair.
+    What another cause would explain beside this one as well does not speak against this one: the two are a pair. Where
+    nothing at all is claimed in its place, in noise with a memory, its probability is none: of a hundred causes one
+    follows such a noise.
     """
     own = {(p.effect, p.field, p.axis) for p in taken.parameters}
     wanted = [p for p in end.fitted if (p.effect, p.field, p.axis) not in own]
@@ -39,6 +41,8 @@ def judged(v: View, end: Model, taken: Candidate) -> Judgement:
     known = s.library.candidates
     at = next(i for i, c in enumerate(known) if c.key == taken.key)
     alike, probability = together(s, at, (), likeliest(s), s.unknown > 0.5)
+    if s.ln_total < bar(v, taken):
+        probability = 0.0
     (variant,) = likeliest_variants(s, (at,))
     sigma = _sigmas(v, without, end, s.library.X[..., list(known[at].variants[variant].index)])
     return Judgement(taken, probability, sigma, tuple(known[i].effect for i in alike))

@@ -48,7 +48,7 @@ def confirmed(v: View, c: Course, tell: Tell) -> tuple[Course, list[Judgement]]:
         least = min(verdicts, key=lambda j: j.probability, default=None)
         if least is None or least.probability >= LIKELY:
             return c, verdicts
-        tell(f"{least.cause.label} is not named: it is likelier something else")
+        tell(f"{least.cause.label} is not named: it is likelier something else, or noise with a memory")
         gone.add(least.cause.key)
         c = _instead(v, c, [s.taken for s in c.steps if s.taken[0] is not least.cause], gone, tell)
 

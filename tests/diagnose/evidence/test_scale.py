@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.stats import multivariate_normal
 
-from gimbalcal.diagnose.evidence.noise import MEMORY, MEMORY_PRIOR, first_order, memories
+from gimbalcal.diagnose.evidence.noise import MEMORY, MEMORY_PRIOR, Node, first_order, memories
 from gimbalcal.diagnose.evidence.projection import Projection, any_size, condition, log_bayes, project, stack
 from gimbalcal.diagnose.evidence.scale import _DENSITY, SIZES, STATED, Free
 from gimbalcal.effects.process import covariance
@@ -139,3 +139,51 @@ def test_memory_from_row_to_row_is_a_gauss_markov_process(rho: float) -> None:
     L = chain(noise, time).whiten(np.eye(m))
     np.testing.assert_allclose(L @ V @ L.T, np.eye(m), atol=1e-10)
     assert chain(noise, time).log_determinant == pytest.approx((m - 1) * np.log(1 - rho**2), abs=1e-10)
+
+
+def seen_by_turning() -> tuple[Array, tuple[Node, ...]]:
+    """How three sensors that wander show in the norm of 14 attitudes, and the noises of it."""
+    H = np.random.default_rng(3).standard_normal((14, 1, 3))
+    H /= np.linalg.norm(H, axis=2, keepdims=True)
+    return H, memories(14, 1, H)
+
+
+def test_sensors_that_wander_show_in_a_norm_as_each_attitude_turns_them() -> None:
+    """A bias that lasts changes sign with the attitude: the norm does not remember what its sensors do."""
+    H, made = seen_by_turning()
+    assert sum(node.prior for node in made) == pytest.approx(1.0)
+    apart = np.abs(np.subtract.outer(np.arange(14), np.arange(14)))
+    for node in made[len(MEMORY) :]:
+        told = dict(node.name)
+        a, rho = told["share"], told["memory"]
+        V = (1 - a) * np.eye(14) + a * rho**apart * (H[:, 0] @ H[:, 0].T)
+        L = node.whiten(np.eye(14))
+        np.testing.assert_allclose(L @ V @ L.T, np.eye(14), atol=1e-9)
+        np.testing.assert_allclose(node.colour(np.eye(14)) @ L, np.eye(14), atol=1e-9)
+        assert node.logdet == pytest.approx(np.linalg.slogdet(V)[1])
+        assert node.fresh == pytest.approx(1 - a * rho**2)
+
+
+def test_a_noise_half_white_and_half_with_a_memory_is_no_drift() -> None:
+    """40 rests of three gyroscopes: no single memory is like it, and one in seven was a cause where it has to be."""
+    rng = np.random.default_rng(8)
+    m = 40
+    V = np.linalg.cholesky(0.5 * stationary_of(m, 0.0) + 0.5 * stationary_of(m, 0.8))
+    drift = (np.arange(m) / m - 0.5)[:, None] * np.eye(3)[0]
+    seen = np.broadcast_to(np.eye(3), (m, 3, 3))
+    claims = np.zeros(2)
+    for _ in range(60):
+        r = (V @ rng.standard_normal((m, 3))).ravel()
+        rows = stack(np.kron(np.ones((m, 1)), np.eye(3)) / np.sqrt(m), 10 * drift.reshape(-1, 1), r[:, None], 3 * m)
+        for i, nodes in enumerate((memories(m, 3), memories(m, 3, seen))):
+            p = [project(node, rows, Free(3 * m - 3)) for node in nodes]
+            null = np.array([np.log(q.node.prior) + q.log_likelihood()[0] for q in p])
+            each = np.array([float(any_size(q, np.array([0]))) for q in p])
+            claims[i] += logsumexp(null + each) - logsumexp(null) > np.log(20)
+    assert claims[1] < claims[0] / 2
+    assert claims[1] <= 3
+
+
+def stationary_of(m: int, rho: float) -> Array:
+    """Covariance (m, m) of a first-order process of unit variance."""
+    return np.asarray(toeplitz(rho ** np.arange(m)))
