@@ -52,8 +52,8 @@ def navigate(
     from gimbalcal.navigate.outcome import labels
     from gimbalcal.navigate.run import usual
     from gimbalcal.pipeline import load
-    from gimbalcal.report.files import write_navigation
-    from gimbalcal.report.navigation_page import headline
+    from gimbalcal.report.files import write_report
+    from gimbalcal.report.navigation_page import headline, navigation_report
 
     folder, files = _one_recording(recording, known)
     there = place(out, [folder], "navigation", ("navigation.json", "report.html"), overwrite, as_json)
@@ -70,7 +70,8 @@ def navigate(
     }
     made = content(runs, aids, provenance)
     if there is not None:
-        write_navigation(made, runs, run.title, there.folder, there.question)
+        page = navigation_report(made, runs, run.title)
+        write_report("navigation.json", made, page, there.folder, there.question)
         wrote(there.folder, "navigation.json", quiet)
     show(made, headline(made), as_json, quiet, there.page if there else None)
 
@@ -104,13 +105,14 @@ def budget(
     rest, which says where and how it stands when it navigates.
     """
     from gimbalcal.design.budget import budget as run
-    from gimbalcal.report.files import write_budget
+    from gimbalcal.report.budget_page import budget_report
+    from gimbalcal.report.files import write_report
     from gimbalcal.report.wording import answered
 
     there = place(out, scenarios, "budget", ("budget.json", "report.html"), overwrite, as_json)
     made = run(scenarios, hours, more, damping, states)
     if there is not None:
-        write_budget(made, there.folder, there.question)
+        write_report("budget.json", made.to_list(), budget_report(made), there.folder, there.question)
         wrote(there.folder, "budget.json", quiet)
     show(made.to_list(), answered(made.in_words), as_json, quiet, there.page if there else None)
 

@@ -18,8 +18,8 @@ def noise(recording: Path, overwrite: bool, out: Path | None, quiet: bool, as_js
     """White noise, bias instability and random walk of every sensor of RECORDING, from its rests."""
     from gimbalcal.at_rest import content, noise_at_rest
     from gimbalcal.recording import read
-    from gimbalcal.report.files import write_noise
-    from gimbalcal.report.noise_page import headline
+    from gimbalcal.report.files import write_report
+    from gimbalcal.report.noise_page import headline, noise_report
 
     there = place(out, [recording], "noise", ("noise.json", "report.html"), overwrite, as_json)
     tell = progress(quiet)
@@ -30,7 +30,7 @@ def noise(recording: Path, overwrite: bool, out: Path | None, quiet: bool, as_js
     channels = noise_at_rest(r)
     made = content(r, channels)
     if there is not None:
-        write_noise(made, r.title, there.folder, there.question)
+        write_report("noise.json", made, noise_report(made, r.title), there.folder, there.question)
         wrote(there.folder, "noise.json", quiet)
     stated = [f'{k} = {{ value = {v["value"]:g}, unit = "{v["unit"]}" }}' for k, v in made["header"].items()]
     words = "\n".join([headline(made), *(["[noise]", *stated] if stated else [])])

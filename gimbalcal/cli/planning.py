@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from gimbalcal.schedule import Schedule
     from gimbalcal.schedule.rotation import RotationSchedule
 
+OBSERVABILITY = "observability.json"
 POSITIVE = click.FloatRange(min=0, min_open=True)
 TURNING_STATES = click.option(
     "--states", default="51", show_default=True, help="Of turns: what is estimated, 30, 51, or EFFECT[:AXIS],..."
@@ -60,31 +61,32 @@ def observe(
     out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Say what SCHEDULE can and cannot see, before anything is recorded: a name, a schedule.toml, or static-48h."""
-    from gimbalcal.report.files import write_observability, write_plan
+    from gimbalcal.report.files import write_report
     from gimbalcal.schedule.file import is_rotation
 
-    there = place(out, [schedule], "observability", ("observability.json", "report.html"), overwrite, as_json)
+    there = place(out, [schedule], "observability", (OBSERVABILITY, "report.html"), overwrite, as_json)
     if is_rotation(schedule):
         from gimbalcal.design.turning_observability import observe_turning
         from gimbalcal.report.observability_page import headline as turning_headline
+        from gimbalcal.report.observability_page import observability_report
 
         if candidates:
             raise InputError("--candidates is for positions; of a schedule of turns name them among --states")
         turned = observe_turning(schedule, latitude, states, rate_noise, force_noise, velocity_sigma)
-        if there is not None:
-            write_observability(turned.to_dict(), there.folder, there.question)
-            wrote(there.folder, "observability.json", quiet)
         seen = turned.to_dict()
+        if there is not None:
+            write_report(OBSERVABILITY, seen, observability_report(seen), there.folder, there.question)
+            wrote(there.folder, OBSERVABILITY, quiet)
         _table(seen, as_json or quiet)
         show(seen, turning_headline(seen), as_json, quiet, there.page if there else None)
         return
     from gimbalcal.design.observability import observe_any
-    from gimbalcal.report.plan_page import headline
+    from gimbalcal.report.plan_page import headline, plan_report
 
     seen = observe_any(schedule, angle_sigma, force_sigma, latitude, listed(candidates)).to_dict()
     if there is not None:
-        write_plan(seen, there.folder, there.question)
-        wrote(there.folder, "observability.json", quiet)
+        write_report(OBSERVABILITY, seen, plan_report(seen), there.folder, there.question)
+        wrote(there.folder, OBSERVABILITY, quiet)
     _table(seen, as_json or quiet)
     show(seen, headline(seen), as_json, quiet, there.page if there else None)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-import gimbalcal
 from gimbalcal.design.budget import Budget, length
 from gimbalcal.references import cite
 from gimbalcal.report import wording
@@ -39,8 +38,8 @@ def budget_report(made: Budget) -> str:
     facts = [(length(m), f"position error in {h:g} h, one sigma") for h, m in zip(made.hours, made.whole, strict=True)]
     context = {
         "title": made.title,
-        "remark": f"gimbalcal {gimbalcal.__version__}",
         "answer": wording.answered(made.in_words),
+        "verdict": "found",
         "facts": facts,
         "picture": picture(
             _tornado(made),

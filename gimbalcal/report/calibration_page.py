@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-import gimbalcal
 from gimbalcal.calibration import Calibration, from_dict
 from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.card import stated_law
@@ -38,7 +37,7 @@ def calibration_report(
     leading, others = _evidence(content, recordings)
     context = {
         "title": "; ".join(r.title for r in recordings) or "no recording at hand",
-        "remark": " · ".join(filter(None, [f"gimbalcal {gimbalcal.__version__}", _minute(content["provenance"])])),
+        "date": _minute(content["provenance"]),
         "answer": wording.typeset(answer.answer(content)),
         "verdict": answer.verdict(content),
         "facts": _facts(content, recordings),

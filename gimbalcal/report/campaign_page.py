@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-import gimbalcal
 from gimbalcal.errors import amount
 from gimbalcal.report import wording
 from gimbalcal.report.chart import Band, Chart, Points, Rule
@@ -55,7 +54,6 @@ def campaign_report(content: Mapping[str, Any]) -> str:
     identity = content["identity"]
     context = {
         "title": f"{identity['name']}, {amount(content['runs'], 'run')}",
-        "remark": f"gimbalcal {gimbalcal.__version__}",
         "answer": headline(content),
         "verdict": "reserved" if doubtful else "fits",
         "facts": _facts(content, rows),

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import gimbalcal
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.errors import alternatives
 from gimbalcal.number import Array
@@ -40,7 +39,6 @@ def diagnosis_report(
     keys = dict.fromkeys(key for card in cards for key in card.sources)
     context = {
         "title": title or "a recording",
-        "remark": f"gimbalcal {gimbalcal.__version__}",
         "answer": headline(content, curves),
         "in_words": wording.typeset(content["in_words"]),
         "verdict": "reserved" if content.get("outcome") else LOOKS.get(content["verdict"], "misfit"),

@@ -166,6 +166,8 @@ def _axes(
 def _legend(chart: Chart, left: float) -> tuple[list[str], float]:
     """The names of marks beside each other under the title, in as many lines as they take, and how high that is."""
     told = [m for m in chart.marks if not isinstance(m, (Rule, Words)) and m.label]
+    if any(left + 34 + LETTER * len(m.label) > WIDTH for m in told):
+        left = 4.0  # beside long names of an axis there is no room for long ones
     parts: list[str] = []
     y, x = (34.0 if chart.title else 16.0), left
     for m in told:

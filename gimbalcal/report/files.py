@@ -11,9 +11,7 @@ from gimbalcal.report.html import marked
 
 if TYPE_CHECKING:
     from gimbalcal.calibration import Calibration
-    from gimbalcal.design.budget import Budget
     from gimbalcal.diagnose import Diagnosis
-    from gimbalcal.navigate.outcome import Navigated
     from gimbalcal.recording import Recording
 
 
@@ -28,10 +26,7 @@ def write_calibration(
     from gimbalcal.report.calibration_page import calibration_report
 
     content = calibration.to_dict()
-    page = calibration_report(content, recordings, truth)
-    with folder(out) as new:
-        write_json(new / "calibration.json", content)
-        write(new / "report.html", marked(page, question))
+    write_report("calibration.json", content, calibration_report(content, recordings, truth), out, question)
 
 
 def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "", question: str = "") -> None:
@@ -50,25 +45,12 @@ def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "", question: 
         write(new / "report.html", marked(page, question))
 
 
-def write_observability(content: Mapping[str, Any], out: Path, question: str = "") -> None:
-    """observability.json and report.html of a schedule of turns into `out`."""
-    from gimbalcal.report.observability_page import observability_report
-
-    page = observability_report(content)
-    with folder(out) as new:
-        write_json(new / "observability.json", content)
-        write(new / "report.html", marked(page, question))
-
-
-def write_navigation(
-    content: Mapping[str, Any], runs: Sequence[Navigated], title: str, out: Path, question: str = ""
+def write_report(
+    name: str, content: Mapping[str, Any] | Sequence[Any], page: str, out: Path, question: str = ""
 ) -> None:
-    """navigation.json and report.html into `out`."""
-    from gimbalcal.report.navigation_page import navigation_report
-
-    page = navigation_report(content, runs, title)
+    """A result as the JSON `name` and its page as report.html into `out`."""
     with folder(out) as new:
-        write_json(new / "navigation.json", content)
+        write_json(new / name, content)
         write(new / "report.html", marked(page, question))
 
 
@@ -86,34 +68,4 @@ def write_comparison(
         write_json(new / "compare.json", content)
         write(new / "history.csv", rows.write_csv())
         rows.write_parquet(new / "history.parquet")
-        write(new / "report.html", marked(page, question))
-
-
-def write_budget(made: Budget, out: Path, question: str = "") -> None:
-    """budget.json and report.html into `out`."""
-    from gimbalcal.report.budget_page import budget_report
-
-    page = budget_report(made)
-    with folder(out) as new:
-        write_json(new / "budget.json", made.to_list())
-        write(new / "report.html", marked(page, question))
-
-
-def write_plan(content: Mapping[str, Any], out: Path, question: str = "") -> None:
-    """observability.json and report.html of a schedule of positions or a static run into `out`."""
-    from gimbalcal.report.plan_page import plan_report
-
-    page = plan_report(content)
-    with folder(out) as new:
-        write_json(new / "observability.json", content)
-        write(new / "report.html", marked(page, question))
-
-
-def write_noise(content: Mapping[str, Any], title: str, out: Path, question: str = "") -> None:
-    """noise.json and report.html into `out`."""
-    from gimbalcal.report.noise_page import noise_report
-
-    page = noise_report(content, title)
-    with folder(out) as new:
-        write_json(new / "noise.json", content)
         write(new / "report.html", marked(page, question))

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-import gimbalcal
 from gimbalcal.history.course import YEAR
 from gimbalcal.report import wording
 from gimbalcal.report.chart import BLUE, VERMILION, Chart, Line, Mark, Points, Rule, lasting
@@ -22,7 +21,6 @@ def history_report(content: Mapping[str, Any], diagnoses: Sequence[tuple[str, st
     names = _names(calibrations)
     context = {
         "title": content["unit"] or wording.counted(len(calibrations), "calibration"),
-        "remark": f"gimbalcal {gimbalcal.__version__}",
         "answer": wording.answered(content["in_words"]),
         "verdict": "fits" if content["agree"] else "misfit",
         "facts": _facts(content),

@@ -61,8 +61,8 @@ def render(template: str, context: Mapping[str, Any]) -> str:
         lstrip_blocks=True,
     )
     environment.filters["coded"] = coded
-    told = {"version": gimbalcal.__version__, "script": Markup(_script()), "script_hash": _script_hash()}  # noqa: S704  our own
-    return environment.get_template(template).render(**told, **context)
+    told = {"version": gimbalcal.__version__, "script": Markup(_script()), "script_hash": _script_hash(), "date": ""}  # noqa: S704  our own
+    return environment.get_template(template).render({**told, **context})
 
 
 def coded(text: str) -> Markup:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-import gimbalcal
 from gimbalcal.navigate.outcome import CHANNELS, NAUTICAL_MILE, NONE, Navigated
 from gimbalcal.references import cite
 from gimbalcal.report import wording
@@ -24,7 +23,6 @@ def navigation_report(content: Mapping[str, Any], runs: Sequence[Navigated], tit
     names = [run.label for run in runs]
     context = {
         "title": title,
-        "remark": f"gimbalcal {gimbalcal.__version__}",
         "answer": headline(content),
         "verdict": "found" if _helps(content) else "misfit",
         "facts": _facts(content),

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-import gimbalcal
 from gimbalcal.errors import amount
 from gimbalcal.importers.log import Proposal
 from gimbalcal.recording import Dwell, Recording, dwells
@@ -50,7 +49,6 @@ def proposal_page(found: Proposal) -> str:
     enough = len(r.time) >= 9 if stars else len(stays) >= 9
     context = {
         "title": r.title,
-        "remark": f"gimbalcal {gimbalcal.__version__}",
         "answer": f"{amount(len(r.time), 'star')} found. {NEXT}" if stars else _answer(found, len(stays)),
         "verdict": "fits" if enough else "reserved",
         "facts": [(str(len(r.time)), "stars")] if stars else _facts(found, stays),

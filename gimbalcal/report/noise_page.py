@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-import gimbalcal
 from gimbalcal.references import cite
 from gimbalcal.report import wording
 from gimbalcal.report.chart import COLOURS, DASHES, SHAPES, Chart, Line, Mark, Points, lasting
@@ -24,7 +23,6 @@ def noise_report(content: Mapping[str, Any], title: str) -> str:
     told = [c for c in content["channels"] if c["p_value"] < 1e-3]
     context = {
         "title": title,
-        "remark": f"gimbalcal {gimbalcal.__version__}",
         "answer": headline(content),
         "verdict": "unexplained" if told else "found",
         "facts": [

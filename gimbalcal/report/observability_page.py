@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-import gimbalcal
 from gimbalcal.errors import amount
 from gimbalcal.number import Array
 from gimbalcal.references import cite
@@ -44,7 +43,6 @@ def observability_report(content: Mapping[str, Any]) -> str:
     noise = content["noise"]
     return render("observability.html", {
         "title": content["schedule"],
-        "remark": f"gimbalcal {gimbalcal.__version__}",
         "answer": headline(content),
         "verdict": "fits" if not unseen and high == len(named) else "reserved",
         "facts": [

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-import gimbalcal
 from gimbalcal.report import wording
 from gimbalcal.report.chart import Chart, Points, Rule, lasting
 from gimbalcal.report.figures import schedule as schedule_charts
@@ -114,7 +113,7 @@ def design_report(seen: Mapping[str, Any], made: Schedule | RotationSchedule) ->
 
 def _shared(kind: str, title: str, answer: str, doubtful: bool) -> dict[str, Any]:
     return {"kind": kind, "title": title, "answer": answer,
-            "verdict": "reserved" if doubtful else "fits", "remark": f"gimbalcal {gimbalcal.__version__}"}  # fmt: skip
+            "verdict": "reserved" if doubtful else "fits"}  # fmt: skip
 
 
 def _share(seen: int, every: int) -> str:

@@ -94,7 +94,7 @@ def _stage_row(
         if label in s["values"]:
             own, spread = (float(from_si(s[key][label], unit)) for key in ("values", "sigmas"))
             value, sigma, printed = as_printed(p, own, spread, nominal)
-            cells.append(f"{value} ± {sigma}")
+            cells.append(f"{value}\u00a0±\u00a0{sigma}")
         else:
             cells.append("–")
     places = max(0, -last_place(p["sigma"])) if p["sigma"] > 0 else 2

@@ -57,7 +57,7 @@ def test_budget_writes_the_contract_and_a_page(command, capsys, tmp_path) -> Non
         assert {"parameter", "sigma", "unit", "position_error_m_after_h", "share", "reduce_by"} == set(row)
         assert list(row["position_error_m_after_h"]) == ["12"]
     page = (tmp_path / "out" / "report.html").read_text()
-    assert "would be reduced most by" in page
+    assert "reduced to, m" in page
 
 
 def test_a_budget_of_turns_has_the_same_contract_and_says_whose_navigator_it_is(command, capsys, tmp_path) -> None:  # type: ignore[no-untyped-def]
