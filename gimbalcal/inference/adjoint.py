@@ -25,7 +25,7 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.compiled import compiled
-from gimbalcal.inference.beside_constants import Filtered
+from gimbalcal.inference.beside_constants import AT_ONCE, Filtered
 from gimbalcal.number import Array
 
 
@@ -58,8 +58,11 @@ def covariance(Phi: Array, Psi: Array, index: Array, known: Filtered, before: Ar
     innovation = np.full((*known.innovation.shape, Psi.shape[2]), np.nan)
     _answers(Phi, Psi, index, known.innovation, known.gain, np.array(before, dtype=float), innovation, answers)
     _covariance(Phi, index, innovation, known.variance, known.gain, known.cross, out, answers)
-    T = answers @ constants
-    return out + T @ np.swapaxes(T, -1, -2)
+    del innovation  # as large as the answers
+    for start in range(0, len(out), AT_ONCE):
+        T = answers[start : start + AT_ONCE] @ constants
+        out[start : start + AT_ONCE] += T @ np.swapaxes(T, -1, -2)
+    return out
 
 
 @compiled

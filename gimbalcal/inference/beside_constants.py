@@ -25,6 +25,8 @@ import numpy as np
 from gimbalcal.compiled import compiled
 from gimbalcal.number import Array
 
+AT_ONCE = 10_000  # steps of which products are formed at a time
+
 
 class Filtered(NamedTuple):
     """K steps of m moving states, p constants and c measured components (NaN in z: not measured, nor in the others)."""
@@ -71,14 +73,16 @@ def _roots(Q: Array) -> Array:
 
     The last states may have noise of their own each (chains of a process): nothing has to be decomposed for them.
     """
-    scale = np.sqrt(np.maximum(np.einsum("kii->ki", Q), 1e-300))
     together = np.any(Q != 0, axis=0) & ~np.eye(Q.shape[1], dtype=bool)
     m = 1 + int(np.max(np.flatnonzero(together.any(axis=0)), initial=0))
     out = np.zeros_like(Q)
-    out[:, range(m, Q.shape[1]), range(m, Q.shape[1])] = np.where(scale[:, m:] > 1e-150, scale[:, m:], 0.0)
-    scale = scale[:, :m]
-    values, vectors = np.linalg.eigh(Q[:, :m, :m] / scale[:, :, None] / scale[:, None, :])
-    out[:, :m, :m] = scale[:, :, None] * vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    for start in range(0, len(Q), AT_ONCE):
+        here = slice(start, start + AT_ONCE)
+        scale = np.sqrt(np.maximum(np.einsum("kii->ki", Q[here]), 1e-300))
+        out[here, range(m, Q.shape[1]), range(m, Q.shape[1])] = np.where(scale[:, m:] > 1e-150, scale[:, m:], 0.0)
+        scale = scale[:, :m]
+        values, vectors = np.linalg.eigh(Q[here, :m, :m] / scale[:, :, None] / scale[:, None, :])
+        out[here, :m, :m] = scale[:, :, None] * vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
     return out
 
 

@@ -30,6 +30,7 @@ PAUSE = 60.0  # s; rows on both sides of a longer gap are not one rest (a unit t
 FLOOR = 0.10  # quantile
 SHAKEN = 20.0  # times the usual scatter of a gyroscope at rest: in the hand half of all rests reach ten
 SUMMED = 2  # windows in one sum: next to a turn, gyroscopes of 1e-4 deg/h are at the end of a double
+PIECES = 1000  # of them at a time: the sums of a day would take a gigabyte
 TURNING = np.radians(1.0)  # rad/s off the usual level, more than the Earth's rate and any drift of a bias
 
 
@@ -47,8 +48,9 @@ def detect(
     m = max(5, round(WINDOW / step)) | 1  # odd: the window has a middle
     if n < 4 * m or not channels:
         return np.ones(n, dtype=np.int64)
-    restless = np.max([_restlessness(x, m) for x in channels.values()], axis=0)
-    still = restless < _threshold(m)
+    still = np.ones(n, dtype=bool)
+    for x in channels.values():
+        still &= _restlessness(x, m) < _threshold(m)
     if rates:
         still &= ~_turned(rates, _eroded(still, m), m, raw)
     quiet = _eroded(still, m)
@@ -98,23 +100,32 @@ def _windows(x: Array, m: int) -> tuple[Array, Array]:
     """
     count = len(x) - m + 1
     of = -(-count // (SUMMED * m))  # pieces, each overlapping the next by a window
-    padded = np.pad(x, (0, of * SUMMED * m + m - 1 - len(x)), mode="edge")
-    pieces = np.lib.stride_tricks.sliding_window_view(padded, (SUMMED + 1) * m - 1)[:: SUMMED * m]
-    level = pieces.mean(axis=1, keepdims=True)
-    y = np.zeros((of, pieces.shape[1] + 1))
-    y[:, 1:] = pieces - level
-    square = np.cumsum(y * y, axis=1)
-    np.cumsum(y, axis=1, out=y)
-    mean = (y[:, m:] - y[:, :-m]) / m
-    variance = np.maximum((square[:, m:] - square[:, :-m]) / m - mean * mean, 0.0)
-    return (mean + level).ravel()[:count], variance.ravel()[:count]
+    mean, variance = np.empty((of, SUMMED * m)), np.empty((of, SUMMED * m))
+    for first in range(0, of, PIECES):
+        stop = min(first + PIECES, of)
+        part = x[first * SUMMED * m : stop * SUMMED * m + m - 1]
+        padded = np.pad(part, (0, (stop - first) * SUMMED * m + m - 1 - len(part)), mode="edge")
+        pieces = np.lib.stride_tricks.sliding_window_view(padded, (SUMMED + 1) * m - 1)[:: SUMMED * m]
+        level = pieces.mean(axis=1, keepdims=True)
+        y = np.zeros((stop - first, pieces.shape[1] + 1))
+        y[:, 1:] = pieces - level
+        square = np.cumsum(y * y, axis=1)
+        np.cumsum(y, axis=1, out=y)
+        about = (y[:, m:] - y[:, :-m]) / m
+        variance[first:stop] = np.maximum((square[:, m:] - square[:, :-m]) / m - about * about, 0.0)
+        mean[first:stop] = about + level
+    return mean.ravel()[:count], variance.ravel()[:count]
 
 
 def _eroded(quiet: NDArray[np.bool_], m: int) -> NDArray[np.bool_]:
     """Quiet samples that have only quiet ones within half a window; the ends of the recording are no move."""
-    loud = np.concatenate([[0], np.cumsum(~quiet)])
-    i = np.arange(len(quiet))
-    eroded: NDArray[np.bool_] = loud[np.minimum(i + m // 2 + 1, len(quiet))] == loud[np.maximum(i - m // 2, 0)]
+    n, half = len(quiet), m // 2
+    loud = np.zeros(n + 1, dtype=np.int64)
+    np.cumsum(~quiet, out=loud[1:])
+    eroded = np.empty(n, dtype=bool)
+    eroded[half : n - half] = loud[2 * half + 1 :] == loud[: n - 2 * half]
+    eroded[:half] = loud[half + 1 : 2 * half + 1] == 0
+    eroded[n - half :] = loud[n - 2 * half : n - half] == loud[n]
     return eroded
 
 

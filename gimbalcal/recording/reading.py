@@ -208,7 +208,7 @@ def _gather(
     """Every row past the screen and into what is kept of it."""
     weight = next((c.name for c in columns if c.quantity == "weight"), None)
     position = next((c.name for c in columns if c.quantity == "position"), None)
-    kept: AllRows | Blocks = AllRows()
+    kept: AllRows | Blocks = AllRows(rows_in(screen.header.samples))
     turns = {c.name: from_si(2 * pi, c.unit) for c in columns if c.quantity in ANGLES}
     if average_s is not None:
         kept = Blocks(from_si(average_s, screen.clock.unit), screen.clock.name, weight, turns)

@@ -10,22 +10,28 @@ from gimbalcal.number import Array
 
 
 class AllRows:
-    """Keeps every row of the stream."""
+    """Keeps every row of the stream in one array of each column: `expected` rows, or as many more as come."""
 
-    def __init__(self) -> None:
-        self.parts: list[Mapping[str, Array]] = []
+    def __init__(self, expected: int = 0) -> None:
+        self.expected = expected
+        self.columns: dict[str, Array] = {}
+        self.rows = 0
 
     def add(self, batch: Mapping[str, Array], begins: Array) -> None:
-        """Take in a batch; `begins` is not needed here."""
-        del begins
-        self.parts.append(batch)
+        """Take in a batch; its memory, of which the reader keeps more than the rows, is let go of."""
+        after = self.rows + len(begins)
+        for name, x in batch.items():
+            if name not in self.columns:
+                self.columns[name] = np.empty(max(self.expected, after))
+            column = self.columns[name]
+            if len(column) < after:
+                column.resize(after + after // 2, refcheck=False)
+            column[self.rows : after] = x
+        self.rows = after
 
     def table(self) -> dict[str, Array]:
-        """All columns, whole; the batches are let go of one column at a time."""
-        names = list(self.parts[0]) if self.parts else []
-        parts = [dict(part) for part in self.parts]
-        self.parts.clear()
-        return {name: np.concatenate([part.pop(name) for part in parts]) for name in names}
+        """All columns, whole."""
+        return {name: column[: self.rows] for name, column in self.columns.items()}
 
 
 class Blocks:

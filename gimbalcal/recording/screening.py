@@ -13,7 +13,7 @@ suspicious there is judged at the end on the whole column:
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import erf, log, sqrt
 
 import numpy as np
@@ -26,7 +26,7 @@ from gimbalcal.recording.header import Header
 from gimbalcal.recording.holes import SPARSE, Holes
 from gimbalcal.recording.record import SENSORS
 from gimbalcal.recording.samples import Batch
-from gimbalcal.recording.stuck import longest_run, piled_up
+from gimbalcal.recording.stuck import longest_run, piled_up, steps
 from gimbalcal.units import from_si, is_raw, to_si
 
 IMPOSSIBLE = {"specific_force": 100.0, "angular_rate": 1.0}  # m/s^2, some ten g; rad/s, beyond any bias: at rest
@@ -38,7 +38,6 @@ PIECE = 10_000_000  # rows that are looked at again at a time: a longer recordin
 FEWEST = 20  # equal rows that can be called frozen or clipped at all
 MOST_POSITIONS = 1_000_000
 FURTHEST = 2e4 * np.pi  # rad; ten thousand turns
-DISTINCT = 0.9
 STRIDE = 5  # every run of FEWEST rows holds four neighbours of every fifth row
 CHANCE = 1e-6
 SMOOTH = 1e-7  # of the largest value: what third differences leave of a sidereal wave sampled each minute is 2e-8
@@ -196,8 +195,7 @@ class Screen:
             if each.name in self.stuck or piled:
                 sigma = self._sigma(each, scatter)
                 x = self.whole(each.name)
-                for start in range(0, len(x), PIECE):
-                    self._alive(each, x[start : start + PIECE], sigma, bool(piled), start)
+                self._alive(each, [x[start : start + PIECE] for start in range(0, len(x), PIECE)], sigma, bool(piled))
 
     def _many(self, n: int) -> float:
         return max(FEWEST, 0.01 * n)
@@ -215,15 +213,29 @@ class Screen:
         stated = self.header.noise.get(sensor, seen)
         return from_si(min(stated, seen) if seen else stated, each.unit)
 
-    def _alive(self, each: Column, x: Array, sigma: float, piled: bool, first: int) -> None:
-        """Refuse a piece of a sensor, from row `first` on, in which it is clipped or frozen."""
-        levels, counts = np.unique(x, return_counts=True)
-        others = len(x) - int(np.sort(counts)[-2:].sum())  # rows that are neither stuck nor at one of two stops
-        coarse = len(levels) - 2 < DISTINCT * others  # no two readings alike: no steps to be seen
-        quantum = float(np.diff(levels).min()) if len(levels) > 1 and coarse else 0.0
-        if sigma <= quantum or (each in self.turning and len(levels) == 1):
+    def _alive(self, each: Column, pieces: Sequence[Array], sigma: float, piled: bool) -> None:
+        quantum, levels = steps(pieces)
+        if sigma <= quantum or (each in self.turning and levels == 1):
             return
-        for sign, word in ((1, "largest"), (-1, "smallest")) if piled else ():
+        first = 0
+        for x in pieces if piled else ():
+            self._free(each, x, first)
+            first += len(x)
+        start, stop, usual = longest_run(pieces)
+        n = sum(map(len, pieces))
+        chance = erf(quantum / (2 * sqrt(2) * sigma))
+        needed = 1 + log(CHANCE / n) / log(chance) if chance else 0.0
+        if stop - start >= usual * max(FEWEST, needed):
+            raise InputError(
+                f"{self._place(start, stop)}, column {each.name}: all {stop - start} rows read "
+                f"{self.whole(each.name)[start]:.10g} {each.unit} although the noise is {sigma:.2g} {each.unit}, so "
+                f"the channel is {'dead; leave its column' if stop - start == n else 'frozen; leave those rows'} out, "
+                "or correct [noise]"
+            )
+
+    def _free(self, each: Column, x: Array, first: int) -> None:
+        """Refuse rows of a sensor, from `first` on, that pile up at the largest or smallest value."""
+        for sign, word in (1, "largest"), (-1, "smallest"):
             rows = piled_up(sign * x)
             if len(rows) >= self._many(len(x)):
                 raise InputError(
@@ -231,16 +243,6 @@ class Screen:
                     f"is the {word} value of the channel and stands in {len(rows)} of its {len(x)} rows, so it is "
                     "clipped; raise the range of the sensor, or leave those rows out"
                 )
-        start, stop, usual = longest_run(x)
-        chance = erf(quantum / (2 * sqrt(2) * sigma))
-        needed = 1 + log(CHANCE / len(x)) / log(chance) if chance else 0.0
-        if stop - start >= usual * max(FEWEST, needed):
-            raise InputError(
-                f"{self._place(first + start, first + stop)}, column {each.name}: all {stop - start} rows read "
-                f"{x[start]:.10g} {each.unit} although the noise is {sigma:.2g} {each.unit}, so the channel is "
-                f"{'dead; leave its column' if stop - start == len(x) else 'frozen; leave those rows'} out, or correct "
-                "[noise]"
-            )
 
     def _clock_inside_dwells(self) -> None:
         if self.header.kind != "multi-position" or self.position is None:

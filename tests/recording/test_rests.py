@@ -9,10 +9,12 @@ import polars as pl
 import pytest
 
 from gimbalcal.diagnose.rows.slews import view_of_slews
+from gimbalcal.errors import InputError
 from gimbalcal.estimate.gyroscopes.rests import rests
 from gimbalcal.methods import calibrate
 from gimbalcal.recording import Recording, read, write
 from gimbalcal.recording.room import rows_in
+from gimbalcal.recording.rows import AllRows
 from tests.diagnose.rows.test_slews import IDEAL, QUICK, unit
 from tests.diagnose.turned_plant import gimballed
 from tests.recording.test_recording import HEADER, folder, text
@@ -116,3 +118,33 @@ def test_a_delay_is_not_looked_for_beside_means(tmp_path: Path) -> None:
     target = write(gimballed(6, unit(), **QUICK), tmp_path / "rec")
     assert not isinstance(seen(read(target)), str)
     assert "come as means over" in str(seen(read(target, most=2000)))
+
+
+@pytest.mark.parametrize("expected", [0, 7, 1000])
+def test_rows_are_kept_however_many_were_expected(expected: int) -> None:
+    rng = np.random.default_rng(expected)
+    kept, parts = AllRows(expected), [rng.standard_normal((n, 2)) for n in (3, 1, 400, 0, 50)]
+    for part in parts:
+        kept.add({"a": part[:, 0], "b": part[:, 1]}, np.zeros(len(part), dtype=bool))
+    table, whole = kept.table(), np.concatenate(parts)
+    np.testing.assert_array_equal(table["a"], whole[:, 0])
+    np.testing.assert_array_equal(table["b"], whole[:, 1])
+
+
+@pytest.mark.parametrize("piece", [25, 10_000_000])
+def test_a_frozen_channel_is_named_by_its_line_in_whatever_piece(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, piece: int
+) -> None:
+    monkeypatch.setattr("gimbalcal.recording.screening.PIECE", piece)
+    table = turned_twice()
+    table[125:150, 3] = table[125, 3]
+    with pytest.raises(InputError, match=r"lines 127 to 151, column accel_y: all 25 rows read"):
+        read(folder(tmp_path, samples=text(table)))
+
+
+def test_readings_in_coarse_steps_are_not_frozen_in_any_piece(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gimbalcal.recording.screening.PIECE", 40)
+    table = turned_twice()
+    table[:, 3] += 0.004 * (table[:, 1] == 2)  # it stands still in each rest, and is alive
+    table[:, 2:5] = np.round(table[:, 2:5] * 500) / 500
+    assert len(read(folder(tmp_path, samples=text(table))).time) == len(table)

@@ -39,7 +39,8 @@ def truth(course: Course, effects: Sequence[Effect], start: Array | None = None)
     size = np.abs(y).max(axis=0)
     nearest, best = np.inf, u
     for _ in range(ROUNDS):
-        step = y - _read(s, effects, u)
+        step = _read(s, effects, u)
+        np.subtract(y, step, out=step)
         off = float((np.abs(step).max(axis=0) / np.where(size > 0, size, 1.0)).max())
         if not off < AWAY * nearest:
             return best

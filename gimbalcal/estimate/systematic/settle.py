@@ -77,8 +77,8 @@ def settle(
     near, usual, last, went = None, np.inf, None, np.zeros(len(wanted))
     while not settled and done < PASSES:
         effects = with_values(base, wanted, theta)
-        u = truth(legs, effects, u)
         last = None  # of a day it is half a gigabyte
+        u = truth(legs, effects, u)
         last = one_pass(legs, wanted, effects, u, C, start, before - theta, left_out, near)
         if not done:
             refuse_carried(legs, last.drift)

@@ -67,7 +67,7 @@ class Pass:
     factor: Array  # (p, p) lower triangular, of the covariance in units of the parameters' prior sigmas
     attitude: Array  # (3, 3) covariance of the attitude at the start [rad^2]
     drift: Array  # (K, 3) velocity that a reference gains in each stretch, from rest [m/s]
-    filtered: Filtered
+    filtered: Filtered  # without gains and covariances, which the smoother has used, and with the last constants alone
     smoothed: Array  # (K + 1, 3) errors of the attitude [rad]
     about: Linear
     calibrated: Filtered  # of the navigator whose sensors are corrected: its innovations are what evidence goes by
@@ -98,10 +98,10 @@ def one_pass(
     S[range(3), range(3)], S[range(3), range(-3, 0)] = 0.0, sigma[:3]
     R = np.full((len(Phi), 3), course.velocity**2) / STATE[VELOCITY] ** 2
     z = np.where(course.believed[:, None], 0.0, np.full((len(Phi), 3), np.nan))
-    loose = Q.copy()
-    loose[np.ix_(left_out, VELOCITY, VELOCITY)] += (JUMP / STATE[3]) ** 2 * np.eye(3)
+    loose = _knocked(Q, left_out)
     kept = np.where(left_out[:, None], np.nan, z)
     filtered = beside_constants.filter(Phi, Psi, loose, d, kept, VELOCITY, R, x, first, S, smoothed=3)
+    del loose  # of a day 60 MB
     found, own = filtered.theta[-1], filtered.factor[m:, m:]
     step, factor = found[:-3] * scale, np.asarray(np.linalg.qr(own[:-3].T, mode="r")).T
     held, one = step, np.linalg.norm(factor, axis=1) * scale
@@ -112,6 +112,8 @@ def one_pass(
         root = inverse(factor)
         after[m:-3] = root.T @ (root @ ((step - held) / scale))
     smoothed = adjoint.smooth(Phi, Psi, VELOCITY, filtered, after) * STATE[:3]
+    gone = np.empty((0, *filtered.gain.shape[1:]))  # what a smoother alone needs is a quarter of a gigabyte of a day
+    filtered = filtered._replace(gain=gone, cross=gone, theta=filtered.theta[-1:].copy())
     # the same navigator with its sensors as they were found, nothing left to learn about them
     found = found - own @ (own.T @ after[m:])
     none = np.zeros((len(Phi), m, 0))
@@ -138,8 +140,7 @@ def attitude_covariance(course: Course, last: Pass, left_out: NDArray[np.bool_],
     root[:p, :p] = vectors * np.sqrt(np.maximum(values, 0.0))
     root[p:, :p] = whole[p:, :p] @ inverse(whole[:p, :p]) @ root[:p, :p]
     root[p:, p:] = whole[p:, p:]
-    loose = Q.copy()
-    loose[np.ix_(left_out, VELOCITY, VELOCITY)] += (JUMP / STATE[3]) ** 2 * np.eye(3)
+    loose = _knocked(Q, left_out)
     S = np.concatenate([np.zeros(3), np.full(3, course.velocity), np.full(3, PLACE)]) / STATE
     S = np.diag(np.concatenate([S, np.sqrt(wander.P_0) / wander.scale]))
     R = np.full((len(Phi), 3), course.velocity**2) / STATE[VELOCITY] ** 2
@@ -149,6 +150,15 @@ def attitude_covariance(course: Course, last: Pass, left_out: NDArray[np.bool_],
     before = np.zeros((m, p + 3))
     before[range(3), range(p, p + 3)] = 1.0
     return adjoint.covariance(Phi, Psi, VELOCITY, known, before, root) * STATE[0] ** 2
+
+
+def _knocked(Q: Array, left_out: NDArray[np.bool_]) -> Array:
+    """Q with what a knock may do to the velocity where an update is not believed."""
+    if not left_out.any():
+        return Q
+    loose = Q.copy()
+    loose[np.ix_(left_out, VELOCITY, VELOCITY)] += (JUMP / STATE[3]) ** 2 * np.eye(3)
+    return loose
 
 
 def linear(course: Course, wanted: Sequence[Parameter], effects: Sequence[Effect], u: Array, C: Array) -> Linear:
