@@ -48,6 +48,7 @@ WRITTEN = {  # pages whose text is somewhere else
     "changes": lambda: (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").replace("](docs/", "]("),
     "commands": build_commands.page,
     "json": build_schemas.page,
+    "notebooks": lambda: (ROOT / "notebooks" / "README.md").read_text(encoding="utf-8"),
 }
 
 

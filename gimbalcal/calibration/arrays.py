@@ -19,6 +19,7 @@ from gimbalcal.recording.record import Key
 from gimbalcal.units import QUANTITIES, celsius, check, from_si, is_raw, to_si
 
 ANGLE = "gimbal_angle"
+FASTEST = 35.0  # rad/s, 2000 deg/s: the range of ordinary gyroscopes; numbers beyond are likelier deg/s
 
 
 def correct_arrays(
@@ -27,8 +28,8 @@ def correct_arrays(
     """`correct` for arrays: time (n,), specific_force and angular_rate (n, 3), others (n,) or by axis.
 
     units: by quantity, SI and degC where absent. Returns the triads that were given, (n, 3), in their units; of counts
-    in SI. Raises InputError for another shape or unit, and for forces that are as long as gravity in another unit where
-    none is said.
+    in SI. Raises InputError for another shape or unit and, where no unit is said, for forces as long as gravity
+    in another one and for rates beyond 2000 deg/s.
     """
     if not isinstance(readings, Mapping):
         raise InputError(
@@ -53,8 +54,15 @@ def correct_arrays(
     platform = next(holding, BENCH) if gimbals else BENCH
     logged = {key: said[key[0]] for key in channels if key[0] in said}
     recording = Recording("rotation", "arrays", platform, Site(), {}, time, None, channels, units=logged)
-    if FORCE not in said and calibration.readout.accelerometers is None:
+    counted = next((q for q in calibration.readout.counts if recording.has(q) and q not in said), "")
+    if counted:
+        raise InputError(
+            f"the calibration is of a unit that counts: say units={{'{counted}': 'count'}} if these arrays do"
+        )
+    if FORCE not in said:
         _refuse_forces_of_another_unit(recording)
+    if RATE not in said:
+        _refuse_rates_of_another_unit(recording)
     made = correct(calibration, recording)
     return {q: _out(made.triad(q), said.get(q, "")) for q in (FORCE, RATE) if made.has(q)}
 
@@ -83,4 +91,16 @@ def _refuse_forces_of_another_unit(recording: Recording) -> None:
         raise InputError(
             f"specific_force is {norm:.4g} long in the median, which is gravity in {unit} and not in m/s^2: "
             f"say units={{'{FORCE}': '{unit}'}}, or 'm/s^2' if it is so"
+        )
+
+
+def _refuse_rates_of_another_unit(recording: Recording) -> None:
+    """Rates that nobody gave a unit, and that no ordinary gyroscope could read in rad/s."""
+    if not recording.has(RATE) or not len(recording.time):
+        return
+    most = float(np.abs(recording.triad(RATE)).max())
+    if most > FASTEST:
+        raise InputError(
+            f"angular_rate reaches {most:.4g}, more than gyroscopes read in rad/s: "
+            f"say units={{'{RATE}': 'deg/s'}} or whatever it is in, 'rad/s' included"
         )
