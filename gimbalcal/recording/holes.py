@@ -1,8 +1,8 @@
-"""Rows in which a value is missing: they are left out, counted, and told of, and never stand for anything."""
+"""Rows in which a value is missing or leaps away: left out, counted, and told of, they never stand for anything."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -12,11 +12,14 @@ from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import Column
 from gimbalcal.recording.header import Header
+from gimbalcal.recording.lone import FASTEST, lone
 from gimbalcal.recording.samples import Batch, place
+from gimbalcal.units import from_si, is_raw, to_si
 
 BOOKKEEPING = ("time", "position", "weight")  # a row that lacks one of these cannot be placed, so it is refused
 SPARSE = ("attitude",)  # logged less often than the rest: its rows stay without it
 MOST = 0.5  # of all rows: beyond, the rows are not what they are taken for
+LEAPING = {"specific_force": 100.0, "angular_rate": 35.0}  # SI; a reading beyond is no reading at all
 SHOWN = 3  # places that the remark names
 
 
@@ -29,6 +32,8 @@ class Holes:
         self.rows = 0  # of the file, so far
         self.left_out: list[Array] = []
         self.empty = {c.name: 0 for c in header.columns}
+        self.leaps = {c.name: 0 for c in header.columns if c.quantity in LEAPING}
+        self.leapt: list[Array] = []
 
     def filled(self, stream: Iterable[Batch]) -> Iterator[Batch]:
         """The batches without their rows that lack a value; `InputError` where most rows do."""
@@ -63,7 +68,13 @@ class Holes:
 
     def remarks(self) -> tuple[str, ...]:
         """How many rows are left out, where they are and which columns lack a value; nothing where none are."""
-        gone = self.missing
+        leapt = np.concatenate(self.leapt) if self.leapt else np.zeros(0)
+        empty = np.setdiff1d(self.missing, leapt)
+        jump = f"where {self._culprits(self.leaps)} leaps away for a single row and back"
+        return (*self._told(empty, f"empty in {self._culprits(self.empty)}"), *self._told(leapt, jump))
+
+    def _told(self, gone: Array, why: str) -> tuple[str, ...]:
+        """A sentence on rows of the file that are left out."""
         if not len(gone):
             return ()
         edges = [0, *(np.flatnonzero(np.diff(gone) > 1) + 1), len(gone)]
@@ -74,10 +85,10 @@ class Holes:
             f" and {amount(len(runs) - SHOWN, 'more place')}" if len(runs) > SHOWN else ""
         )
         is_are = "is" if len(gone) == 1 else "are"
-        return (f"{where}: {amount(len(gone), 'row')} of {self.rows} {is_are} left out, empty in {self._culprits()}",)
+        return (f"{where}: {amount(len(gone), 'row')} of {self.rows} {is_are} left out, {why}",)
 
-    def _culprits(self) -> str:
-        empty = {name: n for name, n in self.empty.items() if n}
+    def _culprits(self, counted: Mapping[str, int]) -> str:
+        empty = {name: n for name, n in counted.items() if n}
         words = [f"{name} ({n})" if len(empty) > 1 else name for name, n in list(empty.items())[:6]]
         return ", ".join(words) + (f" and {len(empty) - 6} more columns" if len(empty) > 6 else "")
 
@@ -100,13 +111,44 @@ class Holes:
         for c in self.columns:
             if c.name in empty and c.quantity not in (*BOOKKEEPING, *SPARSE):
                 lacking |= empty[c.name]
+        leaping = self._leaping(batch, ~lacking)
         start, self.rows = self.rows, self.rows + n
+        if leaping.any():
+            self.leapt.append(start + np.flatnonzero(leaping))
+            lacking |= leaping
         if not lacking.any():
             return batch
         self.left_out.append(start + np.flatnonzero(lacking))
         for name, each in empty.items():
             self.empty[name] += int(each[lacking].sum())
         return {name: x[~lacking] for name, x in batch.items()}
+
+    def _leaping(self, batch: Batch, full: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Rows of a multi-position recording in which a sensor leaps away for this row alone, in one position."""
+        out = np.zeros(len(full), dtype=bool)
+        if self.header.kind != "multi-position" or not self.leaps:
+            return out
+        rows = np.flatnonzero(full)
+        same = np.ones(len(rows), dtype=bool)
+        position, clock = self.header.column("position"), self.header.column("time")
+        if position is not None and len(rows) > 2:  # a rest may be a single row
+            p = batch[position.name][rows]
+            same[1:-1] = (p[1:-1] == p[:-2]) & (p[1:-1] == p[2:])
+        step = np.median(np.diff(batch[clock.name][rows])) if clock is not None and len(rows) > 1 else np.inf
+        slow = clock is None or float(to_si(float(step), clock.unit)) > FASTEST
+        triads: dict[tuple[str, str], list[str]] = {}
+        for c in self.columns:
+            if c.name in self.leaps:
+                triads.setdefault((c.quantity, c.sensor), []).append(c.name)
+        leaping = {n: x for names in triads.values() for n, x in lone({n: batch[n][rows] for n in names}).items()}
+        for c in self.columns:
+            if c.name in self.leaps and not (slow and c.quantity == "angular_rate"):
+                limit = np.inf if is_raw(c.unit) else from_si(LEAPING[c.quantity], c.unit)
+                within = np.abs(batch[c.name][rows]) < limit  # what is beyond anything is refused, not left out
+                found = rows[leaping[c.name] & same & within]
+                self.leaps[c.name] += len(found)
+                out[found] = True
+        return out
 
     def _in_file(self, row: int) -> int:
         gone = self.missing

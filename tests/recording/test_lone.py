@@ -1,0 +1,77 @@
+"""Single rows that leap away and back are left out and told; knocks, turns, steps and noise are not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gimbalcal import from_arrays
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.recording.lone import lone
+
+N = 4000
+
+
+def still(seed: int, n: int = N) -> Array:
+    return np.asarray([0, 0, 9.81] + 0.01 * np.random.default_rng(seed).standard_normal((n, 3)))
+
+
+def test_noise_steps_knocks_and_turns_do_not_leap() -> None:
+    rng = np.random.default_rng(1)
+    t = np.arange(200_000) / 100
+    white, heavy = rng.standard_normal(len(t)), rng.standard_t(5, len(t))
+    turning = 3 * np.sin(t) + 0.01 * white
+    knocks = 0.01 * white + sum(
+        5 * np.exp(-(((t - at) / 0.03) ** 2)) * np.cos(200 * (t - at)) for at in range(5, 1990, 50)
+    )
+    steps = np.repeat(rng.standard_normal(200), 1000) + 1e-3 * white
+    coarse = np.round(0.6 * white)
+    for x in (white, heavy, turning, knocks, steps, coarse, np.zeros(1000), np.arange(5.0)):
+        assert not lone({"x": x})["x"].any()
+
+
+def test_leaps_are_found_at_rest_and_in_turns_and_few_of_them_only() -> None:
+    rng = np.random.default_rng(2)
+    x = np.sin(np.arange(20_000) / 100) + 0.001 * rng.standard_normal(20_000)
+    at = np.arange(100, 19_000, 700)
+    x[at] += rng.choice([-1, 1], len(at)) * rng.uniform(0.2, 3, len(at))
+    np.testing.assert_array_equal(np.flatnonzero(lone({"x": x})["x"]), at)
+    x[::20] += 5.0
+    assert not lone({"x": x})["x"].any()
+
+
+def test_a_knock_is_felt_by_several_channels() -> None:
+    f = still(9)
+    f[500] += [4.0, 0.3, -2.0]
+    assert not any(found.any() for found in lone(dict(zip("xyz", f.T, strict=True))).values())
+    f[900, 1] += 4.0
+    np.testing.assert_array_equal(np.flatnonzero(lone(dict(zip("xyz", f.T, strict=True)))["y"]), [900])
+
+
+def test_rows_that_leap_are_left_out_and_said() -> None:
+    f, w = still(3), 0.001 * np.random.default_rng(4).standard_normal((N, 3))
+    f[[700, 1500, 3000], [0, 2, 1]] += [7.0, -20.0, 3.0]
+    w[2100, 1] += 0.9
+    r = from_arrays(np.arange(N) / 100, specific_force=f, angular_rate=w)
+    assert len(r.time) == N - 4
+    told = next(remark for remark in r.remarks if "leaps away" in remark)
+    assert "4 rows of 4000 are left out" in told
+    assert "row 701, row 1501, row 2101 and 1 more place" in told
+    assert np.ptp(r.triad("specific_force"), axis=0).max() < 0.2
+
+
+def test_a_rest_may_be_one_row_and_a_slow_turn_too() -> None:
+    f, position = still(5), np.ones(N)
+    f[2000], position[2000], position[2001:] = [9.81, 0, 0], 2, 3
+    assert len(from_arrays(np.arange(N) / 100, specific_force=f, position=position).time) == N
+    w = 1e-4 * np.random.default_rng(6).standard_normal((N, 3))
+    w[2000, 2] = 0.5  # rad in the second that it takes
+    assert len(from_arrays(1.0 * np.arange(N), specific_force=still(7), angular_rate=w).time) == N
+
+
+def test_what_no_sensor_reads_is_refused_as_before() -> None:
+    f = still(8)
+    f[100, 0] = 1e9
+    with pytest.raises(InputError, match=r"row 101, column specific_force_x: 1e.09 m/s.2 is beyond anything"):
+        from_arrays(np.arange(N) / 100, specific_force=f)
