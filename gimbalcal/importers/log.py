@@ -16,9 +16,10 @@ from gimbalcal.errors import InputError
 from gimbalcal.importers import rig
 from gimbalcal.importers.guess import by_order, sound_unit, unit_of_force, unit_of_rate, unit_of_time
 from gimbalcal.importers.mmt import import_mmt
-from gimbalcal.importers.names import FORCE, RATE, Guess, body_rates, by_name, hinted, plain
+from gimbalcal.importers.names import FORCE, RATE, Guess, body_rates, by_name, by_turn, hinted, plain
 from gimbalcal.importers.pointing import SPACED
 from gimbalcal.importers.stars import angles_in, pointing_proposal
+from gimbalcal.importers.together import Columns, on_one_clock, one_each
 from gimbalcal.importers.tpoint import import_tpoint
 from gimbalcal.importers.undescribed import Table, table_of
 from gimbalcal.number import Array
@@ -26,7 +27,6 @@ from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwell_means, dwells, from_frame
 from gimbalcal.recording.dates import Dates
 from gimbalcal.recording.plausibility import refuse_implausible
-from gimbalcal.units import from_si, to_si
 
 BESIDE = ("rad/s", "deg/s", "deg/h")  # units of rate that are tried where the guessed one cannot be
 EACH_A_REST = 0.05  # of the norm, from row to row: no log is so slow, but a table with a row for each position
@@ -51,9 +51,6 @@ class Proposal:
     notes: Mapping[str, str] = field(default_factory=dict)
 
 
-Columns = tuple[dict[str, Array], dict[str, Guess]]
-
-
 def propose(
     logs: Sequence[Path], title: str = "", rate: float = 0.0, latitude: float | None = None, height: float | None = None
 ) -> Proposal:
@@ -75,7 +72,7 @@ def propose(
     read = [_guessed(path, table, rate) for path, table in zip(logs, tables, strict=True)]
     columns, guesses, left, notes = read[0]
     for path, (other, theirs, unknown, _) in zip(logs[1:], read[1:], strict=True):
-        columns, guesses = _on_one_clock(path, (columns, guesses), (other, theirs))
+        columns, guesses = on_one_clock(path, (columns, guesses), (other, theirs))
         left += unknown
     missing = [a for a in "xyz" if not any((g.quantity, g.axis) == (FORCE, a) for g in guesses.values())]
     if missing:
@@ -119,6 +116,7 @@ def _made(
     columns, guesses = log
     gimbals = {g.axis: name for name, g in guesses.items() if g.quantity == "gimbal_angle"}
     told, platform = dict(notes), None
+    reverse: tuple[str, ...] = ()
     outside: tuple[str, ...] = ()
     turned: tuple[str, ...] = ()
     if gimbals:
@@ -126,11 +124,17 @@ def _made(
         still = dwell_means(from_frame(columns, _entries(guesses), title=title, platform=chain, called=title))
         found = rig.rig_of({a: still.channels["gimbal_angle", a] for a in gimbals}, still.triad(FORCE))
         told["platform"], turned, platform = found.why, found.backwards, found.platform
+        reverse = tuple(n for n, g in guesses.items() if g.quantity == FORCE) if found.reversed else ()
         if platform is None:
             outside = tuple(gimbals.values())
     kept = {name: g for name, g in guesses.items() if name not in outside}
-    made = from_frame(columns, _entries(kept, tuple(gimbals[a] for a in turned)), title=title, called=title,
+    made = from_frame(columns, _entries(kept, (*(gimbals[a] for a in turned), *reverse)), title=title, called=title,
                       platform=_spelt(platform), site=site)  # fmt: skip
+    if platform is None:
+        told["signs"] = (
+            "an axis that points up is taken to read +g, as accelerometers do; where a log holds gravity itself, write "
+            "sign = -1 at all three: no rest tells it"
+        )
     rests = len(dwells(made))
     if not rests:
         raise InputError(
@@ -188,10 +192,14 @@ def _guessed(
         named = {name: g for name, g in guesses.items() if g.quantity in ("time", "temperature")}
         rest = {name: x for name, x in columns.items() if name not in named}
         guesses = {**by_order(rest), **named} if rest else named
-    columns, guesses = _one_each(columns, guesses)
+    columns, guesses = one_each(columns, guesses)
     seen = {g.quantity for g in guesses.values()}
     force = [columns[name] for name, g in guesses.items() if g.quantity == FORCE]
-    each_a_rest = len(force) == 3 and _jumps(force)
+    numbered = next((columns[n] for n, g in guesses.items() if g.quantity == "position"), np.zeros(2))
+    distinct = len(numbered) <= MOST_RESTS and len(np.unique(numbered)) == len(numbered)
+    each_a_rest = len(force) == 3 and (distinct or _jumps(force))
+    if each_a_rest:  # beside samples these are what a unit makes of itself
+        guesses |= {n: g for n in columns if n not in guesses and (g := by_turn(n))}
     if each_a_rest and "position" not in seen:
         columns = {"position": np.arange(1.0, len(force[0]) + 1), **columns}
         guesses = {"position": Guess("position", "", "", "the rows: the force turns from each to the next"), **guesses}
@@ -224,26 +232,6 @@ def _guessed(
     )
     left = [name for name in (*table.columns, *table.others) if name not in used]
     return {name: columns[name] for name in guesses}, _with_units(columns, guesses), left, notes
-
-
-def _one_each(columns: Mapping[str, Array], guesses: Mapping[str, Guess]) -> tuple[dict[str, Array], dict[str, Guess]]:
-    """The first of columns that say the same; of clocks the first that grows; one sigma for three."""
-    out, kept = dict(columns), {}
-    grows = [n for n, g in guesses.items() if g.quantity == "time" and np.all(np.diff(columns[n]) > 0)]
-    sigmas = [n for n, g in guesses.items() if g.quantity == "sigma"]
-    seen: set[tuple[str, str]] = set()
-    for name, g in guesses.items():
-        key = (g.quantity, "" if g.quantity in ("time", "sigma") else g.axis)
-        if key in seen or (g.quantity == "time" and grows and name != grows[0]):
-            continue
-        seen.add(key)
-        kept[name] = g
-    if len(sigmas) > 1:
-        del kept[next(n for n in sigmas if n in kept)]
-        together = "sigma of the force"
-        out[together] = np.sqrt(np.mean([columns[n] ** 2 for n in sigmas], axis=0))
-        kept[together] = replace(guesses[sigmas[0]], why=f"the root of the mean square of {', '.join(sigmas)}")
-    return out, kept
 
 
 def _jumps(force: Sequence[Array]) -> bool:
@@ -285,22 +273,3 @@ def _rate_is_open(guesses: Mapping[str, Guess]) -> bool:
 def _in_other_unit(guesses: Mapping[str, Guess], unit: str) -> dict[str, Guess]:
     why = f"the turns between rests fit gravity in {unit}"
     return {n: replace(g, unit=unit, why=why) if g.quantity == RATE else g for n, g in guesses.items()}
-
-
-def _on_one_clock(path: Path, first: Columns, other: Columns) -> Columns:
-    """Both logs at the first one's times, where they overlap; the other's readings lie between its own."""
-    (columns, guesses), (more, theirs) = first, other
-    clock, clock2 = (next(n for n, g in each.items() if g.quantity == "time") for each in (guesses, theirs))
-    t = np.asarray(columns[clock])
-    t2 = np.asarray(from_si(to_si(more[clock2], theirs[clock2].unit), guesses[clock].unit))
-    inside = (t >= t2[0]) & (t <= t2[-1])
-    if np.count_nonzero(inside) < 2:
-        raise InputError(f"{path} and the first log do not overlap in time; give logs of one run, with one clock")
-    known = {(g.quantity, g.axis) for g in guesses.values()}
-    out, said = {n: x[inside] for n, x in columns.items()}, dict(guesses)
-    for name, g in theirs.items():
-        if g.quantity != "time" and (g.quantity, g.axis) not in known:
-            mine = name if name not in out else f"{path.stem}_{name}"
-            out[mine] = np.interp(t[inside], t2, more[name])
-            said[mine] = replace(g, why=f"{g.why}; {path.name}, at the times of the first log")
-    return out, said

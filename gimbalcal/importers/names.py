@@ -41,6 +41,11 @@ _GIMBAL = {
     "mittlerer": "middle", "outer": "outer", "aussen": "outer", "aeussere": "outer", "aussere": "outer",
     "ausserer": "outer", "table": "table", "tisch": "table", "drehtisch": "table", "turntable": "table",
 }  # fmt: skip
+_TURN = {
+    "roll": "roll", "rollwinkel": "roll", "pitch": "pitch", "nick": "pitch", "nickwinkel": "pitch", "tilt": "tilt",
+    "kippwinkel": "tilt", "neigung": "tilt", "yaw": "yaw", "gier": "yaw", "gierwinkel": "yaw", "heading": "yaw",
+    "drehwinkel": "table",
+}  # fmt: skip
 _OTHER = frozenset(  # no reading of a triad, whatever stands beside it
     [
         "cov",
@@ -166,6 +171,13 @@ def body_rates(names: dict[str, str]) -> dict[str, Guess]:
     why = "of roll, pitch and yaw rate"
     return {n: Guess(RATE, _BODY[p[0]], _UNITS.get("_".join(p[1:]), ""), f"its name {n.strip()!r}, {why}")
             for n, p in found.items()}  # fmt: skip
+
+
+def by_turn(name: str) -> Guess | None:
+    """A gimbal angle called after the turn that it makes, roll, pitch, yaw; in a log it may be an estimate instead."""
+    words = plain(name)
+    axis = next((_TURN[w] for w in words.split("_") if w in _TURN), "")
+    return Guess("gimbal_angle", axis, unit_written(words) or "deg", f"its name {name.strip()!r}") if axis else None
 
 
 def hinted(stem: str) -> str:

@@ -30,6 +30,7 @@ class Rig:
     platform: Platform | None
     backwards: tuple[str, ...]
     why: str
+    reversed: bool = False  # whether the forces are: the log holds gravity
 
 
 def usual(names: frozenset[str]) -> Platform | None:
@@ -44,39 +45,49 @@ def rig_of(angles: Mapping[str, Array], force: Array) -> Rig:
     first = usual(frozenset(angles))
     if m < FEWEST and first is not None:
         return Rig(first, (), f"by the names of its axes; {m} rests do not tell whether gravity agrees")
-    best = 0
-    for platform, backwards in _candidates(tuple(angles), first):
-        agreeing = _agreeing(platform, backwards, angles, force)
+    best, told = 0, ""
+    for sign in (1.0, -1.0):
+        for platform, backwards in _known(tuple(angles), first):
+            agreeing = _agreeing(platform, backwards, angles, sign * force)
+            best = max(best, agreeing if sign > 0 else 0)
+            if agreeing >= NEARLY_ALL * m:
+                told = f", the {' and the '.join(backwards)} readout backwards" if backwards else ""
+                told += "" if sign > 0 else ", all three accelerometers reversed (the log holds gravity)"
+                why = f"gravity at {agreeing} of {m} rests is where these axes turn it{told}"
+                return Rig(platform, backwards, why, sign < 0)
+    for platform in _chains(tuple(angles)):
+        agreeing = _agreeing(platform, (), angles, force)
         best = max(best, agreeing)
         if agreeing >= NEARLY_ALL * m:
-            turned = f", the {' and the '.join(backwards)} readout backwards" if backwards else ""
-            return Rig(platform, backwards, f"gravity at {agreeing} of {m} rests is where these axes turn it{turned}")
+            why = f"gravity at {agreeing} of {m} rests is where this chain turns it, found among all chains of its axes"
+            return Rig(platform, (), why)
     why = f"no chain of these axes turns gravity as it was felt (the best at {best} of {m} rests)"
-    why = f"gimbal angles are left out: {why}"
-    return Rig(None, (), why)
+    return Rig(None, (), f"gimbal angles are left out: {why}")
 
 
-def _candidates(names: tuple[str, ...], first: Platform | None) -> Iterator[tuple[Platform, tuple[str, ...]]]:
-    """Platforms and readouts that run backwards, the likeliest first."""
+def _known(names: tuple[str, ...], first: Platform | None) -> Iterator[tuple[Platform, tuple[str, ...]]]:
+    """Platforms that are known by name, and readouts that run backwards, the likeliest first."""
     known = [KNOWN[name] for name in TABLES if set(names) <= set(KNOWN[name].axis_names)]
     known = sorted(known, key=lambda p: p is not first)
     flips = [tuple(n for n, f in zip(names, each, strict=True) if f) for each in product((0, 1), repeat=len(names))]
     for backwards in sorted(flips, key=len):
         yield from ((p, backwards) for p in known)
+
+
+def _chains(names: tuple[str, ...]) -> Iterator[Platform]:
+    """Any chain of a few axes, each about another direction than the next."""
     if len(names) > MOST_AXES:
         return
     offsets = (0.0, pi / 2, pi, -pi / 2) if len(names) < MOST_AXES else (0.0, pi)
-    for order in permutations(names) if len(names) < MOST_AXES else (names, names[::-1]):
-        for directions in product("zxy", repeat=len(names)):
-            if any(a == b for a, b in pairwise(directions)):
-                continue
-            for signs, zeros in product(product((1, -1), repeat=len(names)), product(offsets, repeat=len(names))):
-                axes = tuple(Axis(n, d, s, z) for n, d, s, z in zip(order, directions, signs, zeros, strict=True))
-                yield Platform("own", axes), ()
-                if len(axes) == 1:  # what it stands on is fixed, and may be upright, lie, or be turned over
-                    yield from (
-                        (Platform("own", (*axes, Axis("base", t, 1, z))), ()) for t in "xy" for z in offsets[1:]
-                    )
+    orders = permutations(names) if len(names) < MOST_AXES else (names, names[::-1])
+    for order, directions in product(orders, product("zxy", repeat=len(names))):
+        if any(a == b for a, b in pairwise(directions)):
+            continue
+        for signs, zeros in product(product((1, -1), repeat=len(names)), product(offsets, repeat=len(names))):
+            axes = tuple(Axis(n, d, s, z) for n, d, s, z in zip(order, directions, signs, zeros, strict=True))
+            yield Platform("own", axes)
+            if len(axes) == 1:  # what it stands on is fixed, and may be upright, lie, or be turned over
+                yield from (Platform("own", (*axes, Axis("base", t, 1, z))) for t in "xy" for z in offsets[1:])
 
 
 def _agreeing(platform: Platform, backwards: tuple[str, ...], angles: Mapping[str, Array], force: Array) -> int:

@@ -13,6 +13,7 @@ from gimbalcal.recording.triads import AXES
 
 FORCE_UNITS = {"m/s^2": 1.0, "g": G0, "mg": 1e-3 * G0, "ug": 1e-6 * G0, "ft/s^2": 0.3048, "Gal": 1e-2}
 FAR_OFF, NORM_SHARE = 0.3, 0.25  # of gravity, rms: no low-cost unit is; and what another unit has to leave of it
+GONE = 0.1  # of gravity: accelerometers that read less, all of them, had gravity taken off
 ALIKE = 0.8, 1.25  # ratios that are one, give or take what a unit can be off
 
 
@@ -28,14 +29,20 @@ def check_magnitude(rests: Recording, force: Array, step: float = 0.0) -> None:
     factor = FORCE_UNITS.get(unit, 1.0)
     likely = [name for name, size in FORCE_UNITS.items() if ALIKE[0] < ratio * size / factor < ALIKE[1]]
     remedy = f'the numbers look like {likely[0]}: write unit = "{likely[0]}"' if likely else "correct the unit"
+    remedy += " of its columns"
     if step and not likely and ALIKE[0] < ratio / factor / step < ALIKE[1]:
         remedy = (
             f"the numbers look like what each step of {step:.3g} s adds to the velocity: write quantity = "
             '"velocity_increment", unit = "m/s"'
         )
+    if not likely and ratio < GONE:
+        remedy = (
+            "gravity was taken off (a telephone's linear acceleration: log the accelerometers themselves), or these "
+            'are increments: write quantity = "velocity_increment", unit = "m/s"'
+        )
     raise InputError(
         f"{named(rests)}: at rest the specific force is {ratio * rests.site.gravity:.4g} m/s^2 where gravity is "
-        f"{rests.site.gravity:.4g} m/s^2, read in the unit {unit!r}; {remedy} of its columns"
+        f"{rests.site.gravity:.4g} m/s^2, read in the unit {unit!r}; {remedy}"
     )
 
 

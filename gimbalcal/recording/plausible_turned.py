@@ -18,7 +18,7 @@ import numpy as np
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording.dwell import dwell_means
-from gimbalcal.recording.plausible_force import ALIKE, FAR_OFF, FORCE_UNITS, check_each_norm, check_magnitude
+from gimbalcal.recording.plausible_force import ALIKE, FAR_OFF, FORCE_UNITS, GONE, check_each_norm, check_magnitude
 from gimbalcal.recording.plausible_run import named
 from gimbalcal.recording.record import Recording
 from gimbalcal.recording.triads import AXES
@@ -29,7 +29,6 @@ LONGEST = 30.0  # s of lag that is looked for
 BETTER = 2.0  # times: what is left of the force's change falls by more where the lag is another
 ROWS = 100_000  # of the recording, at most: a turn or two tell a lag
 MOST, UNIT = {FORCE: 100.0, RATE: 200.0}, {FORCE: "m/s^2", RATE: "rad/s"}  # ten g; thirty revolutions a second
-GONE = 0.1  # of gravity: accelerometers that read less, all of them, had gravity taken off
 
 
 def check_turned(recording: Recording) -> None:

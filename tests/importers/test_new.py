@@ -120,6 +120,16 @@ def test_a_log_without_a_clock_is_asked_for_its_rate(tmp_path: Path) -> None:
     right(path, rate=50.0, gyro=False)
 
 
+def test_a_log_without_gravity_and_its_sign_are_said(tmp_path: Path) -> None:
+    t, f, w = turned()
+    columns = {"t": t, **{f"w{a}": w[:, i] for i, a in enumerate("xyz")}}
+    linear = {f"Linear Acceleration {a} (m/s^2)": 0.01 * f[:, i] for i, a in enumerate("xyz")}
+    with pytest.raises(InputError, match="gravity was taken off"):
+        propose([table(tmp_path / "phone.csv", {**columns, **linear})])
+    whole = {f"a{a}": f[:, i] for i, a in enumerate("xyz")}
+    assert "sign = -1 at all three" in propose([table(tmp_path / "unit.csv", {**columns, **whole})]).notes["signs"]
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -73,6 +73,27 @@ def test_readouts_that_run_backwards_and_axes_of_ones_own(tmp_path: Path) -> Non
     np.testing.assert_allclose(turned, felt(lying, angles), atol=1e-6)
 
 
+def test_a_log_of_gravity_and_a_table_called_after_its_turns(tmp_path: Path) -> None:
+    force = laboratory(tmp_path / "g.csv", KNOWN["two-axis-table"], "utf-8")
+    text = (tmp_path / "g.csv").read_text().splitlines()
+    rows = [line.split(";") for line in text[3:]]
+    turned = [";".join(str(c).replace("--", "") for c in [*r[:4], *("-" + v for v in r[4:7]), *r[7:]]) for r in rows]
+    (tmp_path / "g.csv").write_text("\n".join([*text[:3], *turned]))
+    found = propose([tmp_path / "g.csv"])
+    assert "the log holds gravity" in found.notes["platform"]
+    np.testing.assert_allclose(found.recording.triad("specific_force"), force, atol=1e-7)
+    chain = Platform("three", (Axis("roll", "x"), Axis("pitch", "y"), Axis("yaw", "z")))
+    angles = np.array([(r, p, y) for r in (0, 90, 180, 270) for p in (0, 60, -90) for y in (0, 120)], dtype=float)
+    columns = [np.arange(1.0, len(angles) + 1), *angles.T, *(felt(chain, angles) / G).T]
+    lines = ["Position\tRoll angle\tPitch angle\tYaw angle\tAcc_X\tAcc_Y\tAcc_Z", "-\tdeg\tdeg\tdeg\tg\tg\tg"]
+    lines += ["\t".join(german(x) for x in row) for row in zip(*columns, strict=True)]
+    (tmp_path / "rpy.txt").write_text("\n".join(lines))
+    r = propose([tmp_path / "rpy.txt"]).recording
+    again = apply_matrix(r.platform.attitude(r.angles()), np.array([0.0, 0.0, -G]))
+    np.testing.assert_allclose(again, r.triad("specific_force"), atol=1e-4)
+    assert set(r.platform.axis_names) == {"roll", "pitch", "yaw"}
+
+
 def test_angles_that_no_platform_explains_are_left_out_and_said(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     laboratory(tmp_path / "d.csv", Platform("odd", (Axis("inner", "z", 1, 0.6), Axis("outer", "x", 1, 0.5))))
