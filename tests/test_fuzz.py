@@ -11,7 +11,8 @@ from tests.fuzzing.targets import TARGETS
 from tests.fuzzing.worker import run
 
 QUICK = ("csv", "header", "hand", "static", "parquet", "calibration", "schedule", "scenario", "tpoint", "phd2",
-         "rig_csv", "hdf5", "npz")  # fmt: skip
+         "rig_csv", "hdf5", "npz", "meant_files", "saved", "deep", "store", "history", "mount", "law",
+         "texts")  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +34,9 @@ def test_what_is_spoilt_is_a_sentence(folder: Path, name: str) -> None:
 FOUND = [("schedule", 2, 2930), ("csv", 2, 3752), ("scenario", 2, 3781), ("calibration", 2, 2194),
          ("schedule", 1, 564), ("exchange", 1, 877), ("exchange", 1, 1724), ("exchange", 1, 1674),
          ("hdf5", 1, 235), ("csv", 1, 325), ("exchange", 3, 1098),
-         ("calibration", 3, 2438)]  # fmt: skip
+         ("calibration", 3, 2438), ("parquet", 5002, 7436), ("phd2", 5002, 41), ("exchange", 5002, 2430),
+         ("diagnose", 5002, 5909), ("hand", 5002, 8113), ("scenario", 5002, 6764), ("scenario", 77, 12),
+         ("deep", 6000, 59), ("deep", 6000, 1366), ("mount", 6000, 978), ("texts", 6000, 98)]  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "seed", "number"), FOUND)

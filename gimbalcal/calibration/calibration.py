@@ -17,7 +17,7 @@ from gimbalcal.calibration.arrays import correct_arrays
 from gimbalcal.calibration.correction import correct, corrupt
 from gimbalcal.calibration.drawing import parameters_drawn
 from gimbalcal.calibration.readout import DRAWING, Readout, from_content
-from gimbalcal.calibration.sound import refuse_unsound
+from gimbalcal.calibration.sound import refuse_misfit, refuse_unsound
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.card import stated_law
 from gimbalcal.errors import InputError
@@ -225,6 +225,7 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
         raise InputError(f"calibration holds parameters that this version does not know: {', '.join(missing)}")
     chosen = tuple(known[r["name"], r["axis"]] for r in rows)
     refuse_unsound(rows, chosen, content["covariance"])
+    refuse_misfit(content["residual"])
     files = content["provenance"].get("recordings", [])
     if not isinstance(files, list) or not all(isinstance(f, dict) for f in files):
         raise InputError("provenance / recordings must be a list of files, each with its path and sha256")
@@ -293,7 +294,7 @@ def read(path: Path) -> Calibration:
         return from_dict(json.loads(path.read_text(encoding="utf-8")))
     except InputError as problem:
         raise InputError(f"{path}: {problem}") from None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as problem:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as problem:
         raise InputError(
             f"{path} is not a calibration.json written by `gimbalcal calibrate` ({type(problem).__name__}: {problem})"
         ) from None

@@ -7,7 +7,6 @@ otherwise correct recordings, silently, by a unit of another dimension or with a
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.units import from_si, parse, to_si
 
+LARGEST = 1e100  # of any number: its square is one too
 AGREE = 1e-3  # relative, of a sigma and its variance: files are written with all digits, people round to three
 FARTHEST = 1e6  # usual sizes; raw units differ by thousands
 ROUNDING = 1e-6  # of a correlation matrix: eigenvalues above minus this, and symmetry
@@ -69,6 +69,14 @@ def _short(given: Any) -> str:
     return text if len(text) < 40 else f"{text[:30]}..."
 
 
+def refuse_misfit(residual: Mapping[str, Any]) -> None:
+    """Raise InputError where what a calibration.json says of its residual are no numbers of zero or more."""
+    named = {"chi2": residual["chi2"], "dof": residual["dof"], **residual["rms"]}
+    for name, number in named.items():
+        if not (_finite(number) and 0 <= number < LARGEST):
+            raise InputError(f"residual / {name} must be a finite number of zero or more, got {_short(number)}")
+
+
 def refuse_not_finite(content: Mapping[str, Any], title: str) -> None:
     """Raise InputError where a calibration of the recordings called `title` has a number that is none."""
     named: list[tuple[str, Any]] = [
@@ -79,22 +87,27 @@ def refuse_not_finite(content: Mapping[str, Any], title: str) -> None:
     named += [("the covariance", np.ravel(np.asarray(content["covariance"], dtype=float)))]
     for name, numbers in named:
         if not np.isfinite(np.asarray(numbers, dtype=float)).all():
-            raise InputError(
-                f"no constants of this model fit {title}: {name} comes out as no number; check signs, axes and units "
-                "in [columns], and the site"
-            )
+            raise no_number(title, name)
+
+
+def no_number(title: str, name: str) -> InputError:
+    """What is said where `name` of an estimate from the recordings called `title` is no number."""
+    return InputError(
+        f"no constants of this model fit {title}: {name} comes out as no number; check signs, axes and units in "
+        "[columns], single readings far from their neighbours, and the site"
+    )
 
 
 def _refuse_covariance(rows: Sequence[Mapping[str, Any]], known: Sequence[Parameter], covariance: Any) -> None:
     n = len(rows)
     try:
         P: Array = np.array(covariance, dtype=float).reshape((n, n) if np.size(covariance) == n * n else (-1,))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"the covariance must be {n} rows of {n} numbers, one of each for every parameter") from None
     if P.shape != (n, n) or np.shape(covariance) not in ((n, n), (0,)):
         raise InputError(f"the covariance has shape {np.shape(covariance)}, and {n} parameters need ({n}, {n})")
-    if not np.isfinite(P).all():
-        i, j = np.argwhere(~np.isfinite(P))[0]
+    if not (np.abs(P) < LARGEST).all():
+        i, j = np.argwhere(~(np.abs(P) < LARGEST))[0]
         raise InputError(f"the covariance of {known[i].label} and {known[j].label} is not a finite number")
     for p, variance, row in zip(known, np.diag(P), rows, strict=True):
         if variance < 0:

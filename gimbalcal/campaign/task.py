@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.errors import InputError
+from gimbalcal.recording.document import Document
 
 COLUMNS = ("run", "parameter", "unit", "truth", "estimate", "sigma", "chi2", "dof", "outcome")
 PULSES = ("accelerometer-pulses", "gyroscope-pulses")
@@ -53,11 +54,8 @@ class Task:
 def task(scenario: str | Path, method: str = "three-stage", seed: int | None = None) -> Task:
     """Read and check a scenario: one of `simulate`, or one of pulses (kind accelerometer-pulses, gyroscope-pulses)."""
     path = _find(scenario)
-    text = path.read_text(encoding="utf-8")
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
-        raise InputError(f"{path} is not TOML: {problem}") from None
+    document = Document(path)
+    text, content = "\n".join(document.lines), document.content
     kind = str(content.get("kind"))
     if kind in PULSES:
         _check_pulses(path, content)

@@ -34,9 +34,10 @@ def main() -> None:
     import scipy.io
 
     source, into, most = sys.argv[1], sys.argv[2], int(sys.argv[3])
-    resource.setrlimit(resource.RLIMIT_AS, (most, most))
-    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    for what, wanted in ((resource.RLIMIT_AS, most), (resource.RLIMIT_CPU, SECONDS), (resource.RLIMIT_CORE, 0)):
+        allowed = resource.getrlimit(what)[1]  # a limit of the caller's cannot be raised
+        at = wanted if allowed == resource.RLIM_INFINITY else min(wanted, allowed)
+        resource.setrlimit(what, (at, at))
     try:
         variables = scipy.io.loadmat(source, struct_as_record=False, squeeze_me=True)
         found: dict[str, Any] = {}

@@ -19,6 +19,7 @@ from gimbalcal.recording.record import Recording, Site
 
 LATITUDE = np.radians(31 + 41 / 60 + 19.6 / 3600)  # pytelpoint, constants.py
 HEIGHT = 2600.0  # m, ibid.
+FEWEST, MOST = {"RAA": 2, "TAA": 2, "LST": 1}, {"RAA": 720.0, "TAA": 720.0, "LST": 24.0}  # numbers; deg and h
 AXES = ("elevation", "azimuth")
 
 
@@ -35,7 +36,10 @@ def import_mmt(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
             numbers = [sexagesimal(rest.split(":"))] if name == "LST" else [float(word) for word in rest.split()]
         except ValueError:
             raise InputError(f"{path}, line {line}: {text.strip()[:60]!r} does not hold numbers") from None
-        found[name].append(numbers)
+        if len(numbers) < FEWEST[name] or not all(abs(x) <= MOST[name] for x in numbers[:2]):
+            wanted = "hours, minutes and seconds" if name == "LST" else "an altitude and an azimuth in degrees"
+            raise InputError(f"{path}, line {line}: {text.strip()[:60]!r} does not hold {wanted}")
+        found[name].append(numbers[: FEWEST[name]])
     counts = {name: len(rows) for name, rows in found.items()}
     if len(set(counts.values())) != 1 or not counts["RAA"]:
         listed = ", ".join(f"{n} {name}" for name, n in counts.items())

@@ -30,17 +30,22 @@ from gimbalcal.recording.record import Recording, Site
 from gimbalcal.units import to_si
 
 _BEGINS, _HEADING, _MOVED = "Guiding Begins", "Frame,Time", ("INFO: DITHER", "INFO: SET LOCK POS")
-_NUMBER = r"\s*=\s*([-+]?\d+(?:\.\d+)?)"
+_NUMBER = r"\s*=\s*([-+]?\d+(?:\.\d+)?)(?=,?(?:\s|$))"  # 1,50 is no number
 _WESTWARD, _NORTHWARD = {"W": 1.0, "E": -1.0}, {"N": 1.0, "S": -1.0}
+_KINDS = ("Mount", "AO", "DROP")  # of frames: DROP has lost its star
 FEWEST = 10  # frames
 
 
 @dataclass(frozen=True)
 class _Stretch:
-    """Header lines of a guiding session and the frames (columns by name) of a stretch with one lock position."""
+    """Header lines of a guiding session and the frames (columns by name) of a stretch with one lock position.
+
+    lines: where in the file each frame stands.
+    """
 
     header: str
     frames: list[dict[str, str]]
+    lines: list[int]
 
 
 def import_phd2(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
@@ -57,7 +62,14 @@ def import_phd2(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     pointed = next((line for line in one.header.splitlines() if line.startswith("RA = ")), "")
     declination = float(np.radians(_told(path, pointed, "Dec", "where the mount pointed")))
     hour = _hour_angle(path, pointed, latitude)
+    if scale <= 0 or abs(declination) >= np.pi / 2 or abs(hour) > 2 * np.pi:
+        raise InputError(
+            f"{path}: the session says a pixel scale of {np.degrees(scale) * 3600:.4g} arcsec, a declination of "
+            f"{np.degrees(declination):.4g} deg and an hour angle of {np.degrees(hour) / 15:.4g} h, which cannot be"
+        )
     time = _column(path, one, "Time")
+    if (back := np.flatnonzero(np.diff(time) <= 0)).size:
+        raise InputError(f"{path}, line {one.lines[back[0] + 1]}: the time does not go on; correct or remove the frame")
     west = scale * (_column(path, one, "RARawDistance") + _pulsed(path, one, "RA", "xRate", _WESTWARD))
     north = scale * (_column(path, one, "DECRawDistance") - _pulsed(path, one, "DEC", "yRate", _NORTHWARD))
     drive = hour + EARTH_RATE * (time - time[0])
@@ -103,22 +115,25 @@ def _stretches(path: Path) -> list[_Stretch]:
     out: list[_Stretch] = []
     header: list[str] = []
     names: list[str] = []
-    for text in path.read_text(encoding="utf-8", errors="replace").splitlines():
+    for number, text in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
         if text.startswith(_BEGINS):
             header, names = [], []
         elif text.startswith(_HEADING):
             names = [name.strip() for name in text.split(",")]
-            out.append(_Stretch("\n".join(header), []))
+            out.append(_Stretch("\n".join(header), [], []))
         elif text.startswith(_MOVED) and names:
-            out.append(_Stretch(out[-1].header, []))
+            out.append(_Stretch(out[-1].header, [], []))
         elif text.startswith("Guiding Ends"):
             names = []
         elif not names:
             header.append(text)
-        elif text[:1].isdigit():
+        elif text[:1].isdigit() or '"Mount"' in text:
             frame = dict(zip(names, (cell.strip().strip('"') for cell in text.split(",")), strict=False))
-            if frame.get("mount") == "Mount" and frame.get("RARawDistance"):
+            if not frame[names[0]].isdigit() or frame.get("mount") not in _KINDS:
+                raise InputError(f"{path}, line {number} is no frame as PHD2 writes them; correct or remove it")
+            if frame["mount"] == "Mount":
                 out[-1].frames.append(frame)
+                out[-1].lines.append(number)
     return out
 
 
@@ -129,18 +144,33 @@ def _told(path: Path, header: str, name: str, what: str) -> float:
     return float(found[1])
 
 
-def _column(path: Path, one: _Stretch, name: str) -> Array:
-    try:
-        return np.array([float(frame[name] or 0) for frame in one.frames])
-    except (KeyError, ValueError):
-        raise InputError(f"{path}: a frame has no number under {name}; the log seems to be cut short") from None
+def _column(path: Path, one: _Stretch, name: str, absent: str = "") -> Array:
+    """The numbers (n,) of a column; `absent` stands where a cell is empty."""
+    out = np.zeros(len(one.frames))
+    for i, (frame, line) in enumerate(zip(one.frames, one.lines, strict=True)):
+        text = frame.get(name, "") or absent
+        try:
+            out[i] = float(text)
+        except ValueError:
+            out[i] = np.nan
+        if not np.isfinite(out[i]):
+            raise InputError(f"{path}, line {line}: {text!r} under {name} is no number; correct or remove the frame")
+    return out
 
 
 def _pulsed(path: Path, one: _Stretch, axis: str, rate: str, sense: Mapping[str, float]) -> Array:
     """Pixels by which pulses before each frame had moved the mount."""
-    if not any(frame.get(f"{axis}Duration", "0") not in ("", "0") for frame in one.frames):
-        return np.zeros(len(one.frames))
+    length, towards = _column(path, one, f"{axis}Duration", "0"), [f.get(f"{axis}Direction", "") for f in one.frames]
+    for ms, where, frame, line in zip(length, towards, one.frames, one.lines, strict=True):
+        told = frame.get(f"{axis}Duration", "")
+        if ms < 0 or where not in ("", *sense) or bool(where) > bool(told) or (ms and not where):
+            raise InputError(
+                f"{path}, line {line}: a pulse of {told or 'no'} ms to {where or 'no side'!r} in {axis}, where PHD2 "
+                f"writes a duration and {' or '.join(sense)}; correct or remove the frame"
+            )
+    if not length.any():
+        return length
     speed = _told(path, one.header, rate, "the guide rate in pixels a second")
-    signs = np.array([sense.get(frame.get(f"{axis}Direction", ""), 0.0) for frame in one.frames])
-    moved = np.cumsum(signs * _column(path, one, f"{axis}Duration") / 1000) * speed
+    signs = np.array([sense.get(where, 0.0) for where in towards])
+    moved = np.cumsum(signs * length / 1000) * speed
     return np.concatenate([[0.0], moved[:-1]])

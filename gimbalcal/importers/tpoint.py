@@ -43,6 +43,10 @@ _NUMBER = re.compile(r"[-+]?\d+(\.\d*)?$")
 _BY_STARS, _BY_ANGLES = 14, 4  # numbers of an observation: two stars and a sidereal time; two pairs of angles
 _SITE, _SEXAGESIMAL, _ANY_DAY = 6, 3, ("2000", "1", "1")  # latitude and date; latitude alone
 _AUXILIARY = 3  # readings that may follow a pair of angles
+_SIXTY = 60.0
+_STAR = (24.0, _SIXTY, _SIXTY, 360.0, _SIXTY, _SIXTY)  # a declination beyond 90 deg is the other side of the pier
+_MOST = {_BY_STARS: (*_STAR, *_STAR, 24.0, _SIXTY), _BY_ANGLES: (720.0, 360.0, 720.0, 360.0)}
+_WEATHER = ((-100.0, 70.0), (-1.0, 1200.0), (-1000.0, 9000.0))  # degC, hPa, m; without a pressure it is zero
 _AZIMUTH = {"south": 180.0, "north": 0.0}  # zero of the azimuths in a file; from south they run through east
 
 
@@ -203,10 +207,17 @@ def _leading(words: Sequence[str]) -> list[str]:
 
 
 def _observation(path: Path, line: int, text: str, numbers: Sequence[str]) -> list[float]:
+    n = _BY_STARS if len(numbers) >= _BY_STARS else _BY_ANGLES
+    values = [float(word) for word in numbers[:n]]
+    for word, value, most in zip(numbers, values, _MOST[n], strict=False):
+        if not (abs(value) <= most and (most != _SIXTY or value >= 0)):
+            raise InputError(
+                f"{path}, line {line}: {word[:20]} cannot be there, where {most:g} is the most; correct it"
+            )
     if len(numbers) >= _BY_STARS:
-        return [float(word) for word in numbers[:_BY_STARS]]
+        return values
     if _BY_ANGLES <= len(numbers) <= _BY_ANGLES + _AUXILIARY and "." in numbers[1]:
-        return [float(word) for word in numbers[:_BY_ANGLES]]
+        return values
     rest = text.split()[len(numbers) :]
     if rest:
         raise InputError(f"{path}, line {line}: {text.strip()[:60]!r} is not a row of numbers")
@@ -229,6 +240,12 @@ def _site(path: Path, line: int, numbers: Sequence[str]) -> Site:
         raise InputError(
             f"{path}, line {line}: the first line of numbers tells the site, its latitude in degrees, minutes and "
             f"seconds and then year, month and day; got {' '.join(numbers[:6])}"
+        )
+    air = [float(word) for word in numbers[6:9]]
+    if any(not low < x < high for x, (low, high) in zip(air, _WEATHER, strict=False)):
+        raise InputError(
+            f"{path}, line {line}: temperature [degC], pressure [hPa] and height [m] of the site cannot be "
+            f"{' '.join(numbers[6:9])}"
         )
     latitude = float(np.radians(sexagesimal(numbers[:3])))
     height = float(numbers[8]) if len(numbers) > 8 else 0.0

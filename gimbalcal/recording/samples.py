@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import csv
+import os
 import re
+import sys
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -47,13 +50,15 @@ def batches(
     try:
         _check_bytes(path)
         named, lazy = has_names(path, names), _scan(path, names)
-        present = lazy.collect_schema()
+        with quiet():
+            present = lazy.collect_schema()
         _check_names(path, names, present)
         dated = clock is not None and clock.name in names and _dated(path, clock, present[clock.name], named)
         plain = [name for name in names if not (dated and clock and name == clock.name)]
         _check_types(path, plain, present)
         columns = [_numbers(name, present[name], path) if name in plain else pl.col(name) for name in names]
-        for frame in lazy.select(columns).collect_batches(chunk_size=ROWS, maintain_order=True):
+        frames = lazy.select(columns).collect_batches(chunk_size=ROWS, maintain_order=True)
+        while (frame := _next(frames)) is not None:
             batch = _without_blank_end(frame)
             if dated and clock:
                 seconds = dates.seconds(frame[clock.name][: len(batch[names[0]])])
@@ -61,13 +66,48 @@ def batches(
             rows += frame.height
             if len(batch[names[0]]):
                 yield batch
+        _check_whole(path, rows)
     except NoDateError as problem:
         where = place(path, rows + problem.row, named=named)
         raise InputError(f"{where}, column {clock.name if clock else ''}: {problem}; correct it") from None
     except pl.exceptions.NoDataError:
         raise InputError(f"{path} is empty; it must hold a line of column names and the rows") from None
-    except (pl.exceptions.PolarsError, OSError) as error:
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
         raise _explained(path, plain, error) from None
+
+
+def _next(frames: Iterator[pl.DataFrame]) -> pl.DataFrame | None:
+    """The next of the frames. What the engine prints of a panic of its own goes nowhere: the user has a sentence."""
+    with quiet():
+        return next(frames, None)
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Nothing that compiled code writes to stderr is seen."""
+    sys.stderr.flush()
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
+def _check_whole(path: Path, rows: int) -> None:
+    """An engine that panics at a damaged page ends the rows there and raises nothing: the file says how many it has."""
+    import polars as pl
+
+    if path.suffix != ".parquet":
+        return
+    told = pl.scan_parquet(path.absolute(), glob=False).select(pl.len()).collect().item()
+    if rows != told:
+        raise InputError(
+            f"{path} says that it has {amount(told, 'row')} and {rows} can be read: it seems to be cut short or "
+            "damaged; copy it again"
+        )
 
 
 def column(path: Path, name: str, clock: Column | None = None) -> Array:
@@ -125,7 +165,8 @@ def _scan(path: Path, names: Sequence[str]) -> pl.LazyFrame:
 
     if path.suffix == ".parquet":
         lazy = pl.scan_parquet(path.absolute(), glob=False)
-        rows = lazy.select(pl.len()).collect().item()
+        with quiet():
+            rows = lazy.select(pl.len()).collect().item()
         refuse_bomb(path, 8 * rows * len(names), streamed=True)
         return lazy
     if path.stat().st_size == 0:
@@ -254,7 +295,7 @@ def _without_blank_end(frame: pl.DataFrame) -> Batch:
     return {name: frame[name][:n].to_numpy() for name in frame.columns}
 
 
-def _explained(path: Path, names: Sequence[str], error: Exception) -> InputError:
+def _explained(path: Path, names: Sequence[str], error: BaseException) -> InputError:
     if path.suffix == ".parquet":
         reason = shortened(str(error).splitlines()[0].removeprefix("parquet: "), 150)
         text = re.search(r"conversion from `str`.* in column '(.*?)'.*?\[(\".*?\")", reason)

@@ -27,10 +27,12 @@ from gimbalcal.recording.holes import SPARSE, Holes
 from gimbalcal.recording.record import SENSORS
 from gimbalcal.recording.samples import Batch
 from gimbalcal.recording.stuck import longest_run, piled_up, steps
-from gimbalcal.units import from_si, is_raw, to_si
+from gimbalcal.units import celsius, from_si, is_raw, to_si
 
+COUNTED = 1e12  # samples behind a row at most, and one over it at least: next to the others it is all, or nothing
 IMPOSSIBLE = {"specific_force": 100.0, "angular_rate": 1.0}  # m/s^2, some ten g; rad/s, beyond any bias: at rest
 BEYOND = {"specific_force": 1e7, "angular_rate": 1e4, "attitude_error": 1e3}  # SI; no sensor reads so much anywhere
+COLDEST, HOTTEST = -273.15, 2000.0  # degC
 GAP = 10.0  # times the usual step: longer ones end a run of rows
 LONGEST_STEP = 86400.0  # s; no run that goes on and on pauses for longer, and others say so
 STEADY = ("static-run", "rotation")  # kinds in which the time that passes between rows is part of the physics
@@ -56,6 +58,7 @@ class Screen:
         self.sensors = [c for c in header.columns if c.quantity in ("specific_force", "angular_rate")]
         self.angles = [c for c in header.columns if c.quantity == "gimbal_angle"]
         self.weights = [c for c in header.columns if c.quantity == "weight"]
+        self.thermometers = [c for c in header.columns if c.quantity == "temperature" and not is_raw(c.unit)]
         if header.kind == "static-run":  # the readings of the run go on and on; at a position they may well stand still
             self.sensors += [c for c in header.columns if c.quantity == "attitude_error"]
         # gimbals that must not stand still once they have moved
@@ -83,6 +86,8 @@ class Screen:
                 self._finite(name, x)
         for each in self.weights:
             self._positive(each.name, batch[each.name])
+        for each in self.thermometers:
+            self._bearable(each, batch[each.name])
         begins = self._time(batch[self.clock.name])
         if self.position is not None:
             begins |= self._positions(batch[self.position.name])
@@ -113,11 +118,20 @@ class Screen:
             )
 
     def _positive(self, name: str, x: Array) -> None:
-        none = np.flatnonzero(~(x > 0))
+        none = np.flatnonzero(~((x > 1 / COUNTED) & (x < COUNTED)))
         if len(none):
             raise InputError(
                 f"{self._place(self.n + int(none[0]))}, column {name}: a weight says of how many samples a row is the "
-                f"mean, and is more than 0; got {x[none[0]]:g}, so leave such rows out"
+                f"mean, and is more than 0 and below {COUNTED:g}; got {x[none[0]]:g}, so leave such rows out"
+            )
+
+    def _bearable(self, each: Column, x: Array) -> None:
+        degrees = celsius(x, each.unit)
+        far = np.flatnonzero((degrees < COLDEST) | (degrees > HOTTEST))
+        if len(far):
+            raise InputError(
+                f"{self._place(self.n + int(far[0]))}, column {each.name}: {x[far[0]]:g} {each.unit} is no temperature "
+                "of a sensor; correct it or its unit, or leave such rows out"
             )
 
     def _time(self, t: Array) -> Array:

@@ -21,6 +21,7 @@ from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, Platform
 from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.record import Key
+from gimbalcal.recording.room import room
 from gimbalcal.schedule.drive import Drive
 from gimbalcal.schedule.trajectory import Path as Course
 from gimbalcal.simulate.environment import course
@@ -32,6 +33,7 @@ from gimbalcal.simulate.turned import flown, nodes, shaken, stimulus
 
 BLOCK = 1 << 17  # rows made at once: some 100 MB of work space; fixed, so that a seed means the same rows everywhere
 PAST_STEP = 60.0  # s between the earlier rows that effects with a memory are given; the lag and integral are exact
+ROW = 40  # bytes of memory that a row takes while all are counted
 ATTITUDE = ("roll", "pitch", "yaw")
 PLACE = ("latitude", "longitude", "height")
 
@@ -138,6 +140,9 @@ def _block(
     for key, history in run.environment.items():
         sigma = run.scenario.environment.thermometer_sigma if key[0] == "temperature" else 0.0
         channels[key] = history(time) + sigma * rng.standard_normal(len(time))
+    for (quantity, axis), y in channels.items():
+        if not np.isfinite(y).all():
+            raise InputError(f"truth: {quantity} {axis} comes out as no number; a value of it is far beyond any sensor")
     position = None if nominal.position is None else nominal.position[past.size :]
     return replace(
         nominal, time=time, position=position, channels=channels, weight=np.ones(len(time)), units=_units(channels)
@@ -228,8 +233,18 @@ def _reference(path: Course, scenario: Scenario, time: Array, rng: np.random.Gen
     return {(name, ""): column for name, column in zip(PLACE, (place + sigma / metres).T, strict=True)}
 
 
+def _refuse_many(seconds: float, rate: float) -> None:
+    """Raise InputError where the rows of a time [s] at a rate [Hz] would not go into memory."""
+    if not seconds * rate * ROW < room():
+        raise InputError(
+            f"schedule: {seconds:.4g} s at {rate:.4g} Hz are {seconds * rate:.3g} rows, more than memory holds; lower "
+            "`rate` or make it shorter"
+        )
+
+
 def _row_times(scenario: Scenario, table: Timetable | None) -> Array:
     motion = scenario.schedule
+    _refuse_many(motion.duration if table is None else float(table.stop[-1]), motion.rate)
     if table is None:
         return np.arange(round(motion.duration * motion.rate)) / motion.rate
     time = np.arange(int(np.floor(table.stop[-1] * motion.rate + 1e-9)) + 1) / motion.rate
@@ -246,6 +261,7 @@ def _row_times(scenario: Scenario, table: Timetable | None) -> Array:
 def _turned_times(scenario: Scenario, path: Course) -> Array:
     """The ends of the sampling intervals (n,) [s]."""
     rate = scenario.schedule.rate
+    _refuse_many(path.duration, rate)
     n = int(np.floor(path.duration * rate + 1e-9))
     if not n:
         raise InputError("schedule: no row is left; raise `rate`")

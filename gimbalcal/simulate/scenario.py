@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -10,7 +9,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from gimbalcal.errors import InputError
-from gimbalcal.recording.document import LARGEST
+from gimbalcal.recording.document import LARGEST, Document
 from gimbalcal.schedule import ROTATIONS, SCHEDULES
 from gimbalcal.units import check, parse, to_si
 
@@ -273,10 +272,7 @@ def find(scenario: str | Path) -> Path:
 def load(scenario: str | Path) -> Scenario:
     """Read and check a scenario. Raises InputError with the file and the first field that is wrong."""
     path = find(scenario)
-    try:
-        return check_content(tomllib.loads(path.read_text(encoding="utf-8")), str(path))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
-        raise InputError(f"{path} is not TOML: {problem}") from None
+    return check_content(Document(path).content, str(path))
 
 
 def check_content(content: dict[str, Any], where: str = "scenario") -> Scenario:

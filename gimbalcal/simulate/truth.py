@@ -10,6 +10,7 @@ import numpy as np
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
+from gimbalcal.recording.document import LARGEST
 from gimbalcal.units import from_si, to_si
 
 RESERVED = ("draw", "factor")
@@ -98,6 +99,6 @@ def _one(match: Sequence[Parameter], known: Sequence[Parameter], value: Any, whe
 
 
 def _number(value: Any, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise InputError(f"{where}: must be a finite number, got {value!r}")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST:
+        raise InputError(f"{where}: must be a finite number, got {value!r:.40}")
     return float(value)

@@ -165,6 +165,18 @@ def test_foreign_yaml_in_block_style_is_read(tmp_path: Path) -> None:
         ("csv", "name,axis,value,unit\nspin,x,1,ug\n", "line 2: no parameter is called spin:x"),
         ("csv", "name,axis,value,unit\nbias,x,many,ug\n", "line 2: could not convert"),
         ("csv", "name,axis,value,unit\nbias,x,nan,ug\n", "line 2: bias:x must be finite"),
+        ("csv", "name,axis,value,sigma,unit\nbias,x,1,-1,ug\n", "bias:x must be finite, with a sigma of zero or more"),
+        ("csv", "name,axis,value,unit\nbias,x,1,ug\nbias,x,2,ug\n", "line 3: bias:x is there twice"),
+        ("tpoint", "mount\nIH 1 1e400\nEND\n", "line 2: 'IH 1 1e400' is no term, value and sigma"),
+        ("tpoint", "mount\nIH 1 1\nID 1,5 2\nEND\n", "line 3: 'ID 1,5 2' is no term"),
+        ("tpoint", "mount\nIH 1 1\nid 1 2\nEND\n", "line 3: 'id 1 2' is no term"),
+        ("tpoint", "mount\nIH 1 1\nIH 2 1\nEND\n", "line 3: IH is there twice"),
+        ("tpoint", "mount\nIH 1 1e308\nEND\n", "beyond anything that can be measured"),
+        (
+            "kalibr",
+            f"imu0:\n  gyroscopes:\n    M: [{'9' * 400}, 0, 0, 0, 1, 0, 0, 0, 1]\n",
+            "M must hold numbers alone",
+        ),
     ],
 )
 def test_a_file_that_cannot_be_read_is_one_sentence(kind: str, text: str, words: str, tmp_path: Path) -> None:

@@ -305,7 +305,7 @@ def test_truth_is_turned_into_the_frame_of_the_estimate() -> None:
         ('kind = "gyroscope-pulses"\nspeed = 1\n', "'speed' is not known; a scenario of pulses has"),
         ('kind = "gyroscope-pulses"\nturntable = { value = 3.0, unit = "kg" }\n', "the unit 'kg' is not known"),
         ('kind = "gyroscope-pulses"\nseed = -1\n', "seed must be a whole number from 0, got -1"),
-        ("kind = \n", "is not TOML"),
+        ("kind = \n", "this line is not valid TOML"),
     ],
 )
 def test_a_wrong_scenario_is_refused_and_nothing_written(text: str, words: str, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -10,8 +11,11 @@ import h5py
 import numpy as np
 import scipy.io
 
+from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.exchange import FILES, export
+from gimbalcal.campaign.run import run_campaign
 from gimbalcal.earth import EARTH_RATE
+from gimbalcal.history.store import Entry, keep
 from gimbalcal.methods import calibrate
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Recording, read, write
@@ -49,11 +53,52 @@ def make(folder: Path) -> None:
     for kind, name in FILES.items():
         if kind != "tpoint":
             export(calibration, kind, folder / name)
+    _kept(folder, calibration)
     scenario = (DATA / "space_stable_18" / "scenario.toml").read_text()
     (folder / "scenario.toml").write_text(scenario.replace("rate = { value = 0.1", "rate = { value = 0.01"))
     (folder / "schedule.toml").write_text(schedule_toml(SCHEDULES["wu2018-18"]))
     (folder / "turns.toml").write_text(rotation_toml(ROTATIONS["cai2016-18"]))
+    run_campaign(folder / "scenario.toml", 2, folder / "camp", workers=1)
     _foreign(folder, few)
+
+
+LAW = '''
+"""An effect of one's own."""
+import numpy as np
+from gimbalcal.effects.effect import TRIAD, Effect, Stage, Stimulus, effect, parameter
+from gimbalcal.number import Array
+
+@effect
+class TwistedSpring(Effect):
+    r"""The output follows the force times its cube across.
+
+    .. math:: \\delta a_i = w_i f_x f_y^3
+    """
+
+    id = "twisted_spring"
+    stage = Stage.ACCELEROMETER
+    w: Array = parameter(TRIAD, unit="ug/g^4", sigma=50, name="twist")
+
+    def contribution(self, s: Stimulus) -> Array:
+        return self.w * (s.force[:, 0] * s.force[:, 1] ** 3)[..., None]
+'''
+
+
+def _kept(folder: Path, calibration: Calibration) -> None:
+    """What a unit leaves over the months: calibrations, a store, a campaign, a mount's terms, a law."""
+    content = calibration.to_dict()
+    rng = np.random.default_rng(6)
+    for month in range(1, 5):
+        moved = json.loads(json.dumps(content))
+        for row in moved["parameters"]:
+            row["value"] += row["sigma"] * rng.standard_normal()
+        moved["provenance"]["created"] = f"2026-0{month}-01T12:00:00+00:00"
+        moved["provenance"]["recordings"] = [{"path": f"{month}", "sha256": f"{month}" * 64}]
+        keep(folder / "unit.sqlite", Entry("a", moved["provenance"]["created"], "calibration", moved))
+        (folder / f"month{month}.json").write_text(json.dumps(moved))
+    mount, _ = calibrate([folder / "stars"])
+    (folder / "mount.json").write_text(json.dumps(mount.to_dict()))
+    (folder / "law.py").write_text(LAW)
 
 
 def _foreign(folder: Path, few: Recording) -> None:
@@ -66,9 +111,15 @@ def _foreign(folder: Path, few: Recording) -> None:
     table = np.column_stack([few.time, f])
     lines = ["t,a[0],a[1],a[2]", *(",".join(f"{x:.8g}" for x in row) for row in table)]
     (folder / "rig.csv").write_text("\n".join(lines) + "\n")
-    log = ["timestamp,ax,ay,az,gx,gy,gz"]
-    log += [",".join(f"{x:.6g}" for x in row) for row in _log()]
-    (folder / "log.csv").write_text("\n".join(log) + "\n")
+    logged = _log()
+    (folder / "log.csv").write_text(_text("timestamp,ax,ay,az,gx,gy,gz", logged))
+    (folder / "acc.csv").write_text(_text("time,x,y,z", logged[:, :4]))
+    (folder / "gyr.csv").write_text(_text("time,x,y,z", logged[1::2][:, [0, 4, 5, 6]]))
+    still = np.repeat(logged[:, 1:4] * 9.80665, 10, axis=0) + 1e-3 * np.random.default_rng(7).standard_normal((2400, 3))
+    turn = np.radians(np.repeat(logged[:, 4:], 10, axis=0))
+    (folder / "unit.log").write_text(_text("", np.column_stack([still, turn]), " "))
+    for name, columns in (("tk_acc.txt", still), ("tk_gyr.txt", turn)):
+        (folder / name).write_text(_text("", np.column_stack([np.arange(2400) * 0.02, columns]), " "))
     rng = np.random.default_rng(1)
     stars = ["a telescope", ":ALTAZ", "35 0 0 2024 1 1 10 900 1000"]
     for i in range(30):
@@ -81,12 +132,24 @@ def _foreign(folder: Path, few: Recording) -> None:
         words = f"{int(h):02d} {30:02d} {i:05.2f} {'+' if d > 0 else '-'}{int(abs(d)):02d} {20:02d} {i:04.1f}"
         scope.append(f"{words}  {words}  {lst:02d} {i:04.1f}")
     (folder / "scope.dat").write_text("\n".join(scope) + "\nEND\n")
+    telescope = [
+        f"CAT: {i}\nRAA: {el:.6f} {az:.6f}\nTAA: {el + 0.001:.6f} {az:.6f}\nLST: {i:02d}:00:00"
+        for i, (az, el) in enumerate(rng.uniform(20, 80, (20, 2)))
+    ]
+    (folder / "telescope.dat").write_text("\n".join(telescope) + "\n")
     (folder / "model.mod").write_text(
-        "a mount\nT 30 10.0 0.5\n= 5 0\n  IH +10.5 1.0\n  ID -20.1 2.0\n  CH 5 1\n  NP 3 1\nEND\n"
+        "a mount\nT 30 10.0 0.5\n  IH +10.5 1.0\n  ID -20.1 2.0\n  CH 5 1\n  NP 3 1\nEND\n"
+    )
+    (folder / "az.mod").write_text(
+        "an alt-az mount\nT 30 10.0 0.5\n  IA +10.5 1.0\n  IE -20 2\n  CA 5 1\n  AN 3 1\nEND\n"
     )
     (folder / "guide.txt").write_text(_guide())
     np.savez(folder / "tilt.npz", fs=200.0, **{k: np.zeros(100) for k in ("vel_HHN", "vel_HHE", "vel_HHZ")},
              **{k: np.zeros(100) for k in ("rate_HJN", "rate_HJE", "rate_HJZ")})  # fmt: skip
+
+
+def _text(head: str, rows: np.ndarray, between: str = ",") -> str:
+    return "\n".join(filter(None, [head, *(between.join(f"{x:.6g}" for x in row) for row in rows)])) + "\n"
 
 
 def _log() -> np.ndarray:

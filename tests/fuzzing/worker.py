@@ -18,11 +18,13 @@ import tempfile
 import traceback
 import warnings
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from gimbalcal.effects import CATALOGUE, loading
 from tests.fuzzing.targets import prepare
 
 MEMORY = 6_000_000_000  # bytes of address space: what wants more is a bomb
@@ -32,14 +34,18 @@ def run(name: str, seed: int, number: int, seeds: Path, keep: Path | None = None
     """One input: exit status, what was wrong ("" for nothing), the arguments, and the last line of stderr."""
     rng = np.random.default_rng([seed, zlib.crc32(name.encode()), number])
     place = Path(tempfile.mkdtemp(prefix="fuzz-"))
-    before = Path.cwd()
+    before, known = Path.cwd(), dict(CATALOGUE)
     try:
         arguments = prepare(name, seeds, place, rng)
         if keep is not None:
             shutil.copytree(place, keep, dirs_exist_ok=True)
         os.chdir(place)
-        return {"arguments": arguments, **_judged(*_called(arguments), place)}
+        given = _files(place)
+        return {"arguments": arguments, **_judged(*_called(arguments), place, given)}
     finally:
+        CATALOGUE.clear()
+        CATALOGUE.update(known)
+        loading._loaded.clear()
         os.chdir(before)
         shutil.rmtree(place, ignore_errors=True)
 
@@ -49,7 +55,7 @@ def _called(arguments: list[str]) -> tuple[int, str, str]:
 
     out, err, status = io.StringIO(), io.StringIO(), 0
     sys.argv = ["gimbalcal", *arguments]
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), warnings.catch_warnings():
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), _of_engines(err), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
             cli.main()
@@ -61,7 +67,26 @@ def _called(arguments: list[str]) -> tuple[int, str, str]:
     return status, out.getvalue(), err.getvalue()
 
 
-def _judged(status: int, out: str, err: str, place: Path) -> dict[str, Any]:
+@contextlib.contextmanager
+def _of_engines(err: io.StringIO) -> Iterator[None]:
+    """What compiled code writes to the real stderr is seen by the user too."""
+    kept = os.dup(2)
+    with tempfile.TemporaryFile() as written:
+        os.dup2(written.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            written.seek(0)
+            err.write(written.read().decode(errors="replace"))
+
+
+def _files(place: Path) -> set[Path]:
+    return {path for path in place.rglob("*") if path.is_file()}
+
+
+def _judged(status: int, out: str, err: str, place: Path, given: set[Path]) -> dict[str, Any]:
     lines = [line for line in err.strip().splitlines() if line.strip()]
     last = next((line.strip() for line in reversed(lines) if not line.startswith("gimbalcal: this is a")), "")
     wrong = ""
@@ -75,16 +100,27 @@ def _judged(status: int, out: str, err: str, place: Path) -> dict[str, Any]:
         wrong = "traceback"
     elif status == 2 and len(lines) != 1:
         wrong = "not one sentence"
-    elif status == 2 and (place / "made").exists():
+    elif status == 2 and ((place / "made").exists() or _files(place) - given):
         wrong = "written at exit 2"
     elif status in (0, 1):
-        wrong = _not_a_number(out)
+        written = _files(place) - given
+        wrong = next((w for w in map(_not_a_number, [out, *map(_content, written)]) if w), "")
     where = [line.strip() for line in lines if "/gimbalcal/" in line]
     return {"status": status, "wrong": wrong, "last": last[:300], "where": where[-1] if where else ""}
 
 
+def _content(path: Path) -> str:
+    """What was written as JSON or as a table, a table as the JSON list of its cells."""
+    if path.suffix == ".json":
+        return path.read_text()
+    if path.suffix != ".csv":
+        return ""
+    words = (word.strip().lower() for line in path.read_text().splitlines()[1:] for word in line.split(","))
+    return "[NaN]" if any(word in ("nan", "inf", "-inf", "infinity", "-infinity") for word in words) else ""
+
+
 def _not_a_number(out: str) -> str:
-    """Whether a result on stdout has a NaN or an infinity anywhere."""
+    """Whether a result on stdout or in a file has a NaN or an infinity anywhere."""
     try:
         found = json.loads(out)
     except ValueError:

@@ -81,6 +81,8 @@ def test_tpoint_faults(tmp_path: Path) -> None:
     for old, new, sentence in [
         ("+30 00", "+3O 00", "bad.dat, line 6: '22 00 0.0000 +3O 00 0.0000"),
         ("23 30.00000", "", "bad.dat, line 6: an observation has 14 numbers, got 12"),
+        ("+30 00", "+30 70", "bad.dat, line 6: 70 cannot be there, where 60 is the most"),
+        ("23 30.00000", "233 30.00000", "bad.dat, line 6: 233 cannot be there, where 24 is the most"),
         (
             "23 54.00000",
             "22 54.00000",
@@ -265,6 +267,26 @@ def test_phd2_faults(tmp_path: Path) -> None:
         import_files("phd2", [log], {"latitude": "51"})
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('3,2.000,"Mount",0,0,', '3,2.000,"Mount",0,0,nan', r"line 12: 'nan.*' under RARawDistance is no number"),
+        ('3,2.000,"Mount"', '3,2.000,"Moumt"', "line 12 is no frame as PHD2 writes them"),
+        ('3,2.000,"Mount"', 'e,2.000,"Mount"', "line 12 is no frame as PHD2 writes them"),
+        ("3,2.000,", "3,0.500,", "line 12: the time does not go on"),
+        (",E,", ",Q,", "line 10: a pulse of 0 ms to 'Q' in RA, where PHD2 writes a duration and W or E"),
+        ("Pixel scale = 2.00", "Pixel scale = 2,00", "does not tell its Pixel scale"),
+        ("Dec = 60.0 deg", "Dec = 160.0 deg", "a declination of 160 deg"),
+    ],
+)
+def test_a_slip_in_a_phd2_log_drops_no_frame_and_no_pulse(tmp_path: Path, old: str, new: str, words: str) -> None:
+    log = guided(tmp_path / "log.txt", np.zeros(30), np.ones(30))
+    assert old in log.read_text()
+    log.write_text(log.read_text().replace(old, new, 1))
+    with pytest.raises(InputError, match=words):
+        import_files("phd2", [log], {"latitude": "51"})
+
+
 def test_phd2_ends_a_stretch_where_the_lock_position_is_moved(tmp_path: Path) -> None:
     row = '{},{}.0,"Mount",0,0,0.1,0.2,0,0,0,,0,'
     tail = "\n".join(["INFO: DITHER by 1.0, -2.0, new lock pos = 3, 4", *(row.format(k, k) for k in range(40, 60))])
@@ -306,6 +328,9 @@ def test_mmt_faults(tmp_path: Path) -> None:
         import_files("mmt", [path])
     path.write_text(MMT.replace("17.50", "----"))
     with pytest.raises(InputError, match=r"run\.dat, line 7: 'RAA:   ----  200\.00' does not hold numbers"):
+        import_files("mmt", [path])
+    path.write_text(MMT.replace("-159.25", ""))
+    with pytest.raises(InputError, match="does not hold an altitude and an azimuth in degrees"):
         import_files("mmt", [path])
 
 

@@ -237,7 +237,7 @@ def test_a_scenario_that_is_not_there_is_told_with_those_that_are(tmp_path: Path
     with pytest.raises(InputError, match="those are cai2016-18, cai2016-static, demo, revolutions"):
         simulate_to("nothing", tmp_path / "run")
     (tmp_path / "bad.toml").write_text("kind = ")
-    with pytest.raises(InputError, match=r"bad\.toml is not TOML"):
+    with pytest.raises(InputError, match=r"bad\.toml, line 1: .* not valid TOML"):
         simulate_to(tmp_path / "bad.toml", tmp_path / "run")
     assert not (tmp_path / "run").exists()
 

@@ -27,6 +27,7 @@ from gimbalcal.atomic import write
 from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.calibration.exchange import kalibr, psins, table, tpoint
 from gimbalcal.calibration.exchange.matrices import LINEAR, QUADRATIC
+from gimbalcal.calibration.sound import LARGEST
 from gimbalcal.effects import with_values
 from gimbalcal.errors import InputError
 
@@ -62,6 +63,9 @@ def read_exchange(kind: str, path: Path) -> Calibration:
         found, gimbals, mount = tpoint.read(path)
     else:
         found, gimbals = table.read(path) if kind == "csv" else (FORMATS[kind].read(path), ())
+    for p, (value, s) in found.items():
+        if not (abs(value) < LARGEST and s < LARGEST):
+            raise InputError(f"{path}: {p.label} is beyond anything that can be measured; correct it")
     wanted = tuple(found)
     x = np.array([v for v, _ in found.values()])
     sigma = np.array([s for _, s in found.values()])

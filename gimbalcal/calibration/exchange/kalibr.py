@@ -80,7 +80,7 @@ def read(path: Path) -> Found:
             return default
         try:
             v = np.array(given, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise InputError(f"{path}: {section} / {name} must hold numbers alone") from None
         if v.size != default.size or not np.isfinite(v).all():
             size = " x ".join(map(str, default.shape))

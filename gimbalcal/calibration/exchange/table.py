@@ -69,8 +69,13 @@ def read(path: Path) -> tuple[Found, tuple[str, ...]]:
             value, sigma = (float(to_si(float(x), row["unit"])) for x in (row["value"], row.get("sigma") or "0"))
         except ValueError as problem:
             raise InputError(f"{path}, line {n}: {problem}") from None
-        if not (np.isfinite(value) and np.isfinite(sigma)):
-            raise InputError(f"{path}, line {n}: {p.label} must be finite, got {row['value']} and {row.get('sigma')}")
+        if not (np.isfinite(value) and 0 <= sigma < np.inf):
+            raise InputError(
+                f"{path}, line {n}: {p.label} must be finite, with a sigma of zero or more, got "
+                f"{row['value']} and {row.get('sigma')}"
+            )
+        if p in out:
+            raise InputError(f"{path}, line {n}: {p.label} is there twice; keep one of them")
         out[p] = (value, sigma)
     ours = any(line.startswith(DIRECTION) for line in lines)
     return _as_now(out) if ours and FORMAT not in lines else out, gimbals

@@ -229,12 +229,18 @@ def _terms(path: Path) -> tuple[dict[str, Term], str]:
             break
         found = _TERM.match(line.strip())
         caption = number == 1 and (not found or found[1] not in NAMES)
-        if line.startswith("!") or caption or not found or _is_method(line):
+        if line.startswith("!") or caption or not line.strip() or _is_method(line):
             continue
         try:
-            value, sigma = (float(to_si(float(x or 0), UNIT)) for x in found.groups()[1:])
+            value, sigma = (float(to_si(float(x or 0), UNIT)) for x in found.groups()[1:]) if found else (0.0, -1.0)
         except ValueError:
-            raise InputError(f"{path}, line {number}: {line.strip()[:60]!r} is no term, value and sigma") from None
+            value, sigma = 0.0, -1.0
+        if found is None or not np.isfinite(value) or not 0 <= sigma < np.inf:
+            raise InputError(
+                f"{path}, line {number}: {line.strip()[:60]!r} is no term, value and sigma, as in `IH  -12.3  0.4`"
+            )
+        if found[1] in out:
+            raise InputError(f"{path}, line {number}: {found[1]} is there twice; keep one of them")
         out[found[1]] = Term(found[1], value, sigma)
     if not out:
         raise InputError(f"{path} is not a TPOINT model: a line for each term is wanted, as in `IH  -12.3  0.4`")

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gimbalcal.calibration.sound import no_number
 from gimbalcal.earth import rate_at
 from gimbalcal.effects import Effect, Parameter
 from gimbalcal.estimate.systematic.alignment import Alignment
@@ -31,6 +32,7 @@ from gimbalcal.inference.information import solve
 from gimbalcal.navigate.error_growth import NAV, transitions
 from gimbalcal.navigate.strapdown import carried
 from gimbalcal.number import Array
+from gimbalcal.recording.plausible_run import named
 from gimbalcal.rotation import cross_matrix, exponential
 
 ROWS = 20_000  # intervals at a time: what a column of them takes stays below 50 MB
@@ -83,7 +85,10 @@ def one_pass(
     near: an error model about values so near that only the defects are another's; known (p, p): upper triangular
     factor of what their covariance was before, in prior sigmas (default: nothing was known).
     """
-    about = linear(course, wanted, effects, u, C) if near is None else near._replace(d=defects(course, u, C, near))
+    try:
+        about = linear(course, wanted, effects, u, C) if near is None else near._replace(d=defects(course, u, C, near))
+    except np.linalg.LinAlgError:  # constants so far away that a reading no longer tells what it was of
+        raise no_number(named(course.rows), "what a reading tells of the constants") from None
     Phi, Psi, Q, d = about
     m = Phi.shape[1]
     scale, wander = np.array([p.sigma for p in wanted]), chains(course)
@@ -103,6 +108,8 @@ def one_pass(
     filtered = beside_constants.filter(Phi, Psi, loose, d, kept, VELOCITY, R, x, first, S, smoothed=3)
     del loose  # of a day 60 MB
     found, own = filtered.theta[-1], filtered.factor[m:, m:]
+    if not (np.isfinite(found).all() and np.isfinite(own).all()):
+        raise no_number(named(course.rows), "what the filter holds of the constants")
     step, factor = found[:-3] * scale, np.asarray(np.linalg.qr(own[:-3].T, mode="r")).T
     held, one = step, np.linalg.norm(factor, axis=1) * scale
     after = np.zeros(m + len(found))

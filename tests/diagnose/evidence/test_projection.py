@@ -96,6 +96,15 @@ def test_a_second_cause_given_the_first_is_the_pair():
     assert first + second == pytest.approx(both)
 
 
+def test_columns_that_are_one_column_and_huge_are_given_as_one():
+    node, Z, X, y = example()
+    X[:, :2] = 1e10 * X[:, :1]
+    p = project(node, stack(Z, X, y, len(y)))
+    both, one = condition(p, np.array([0, 1]), 1.0), condition(p, np.array([0]), 1.0)
+    assert both.misfit == pytest.approx(one.misfit)
+    assert np.isfinite(both.b).all()
+
+
 def test_columns_that_are_not_in_the_library_are_scored_alike():
     node, Z, X, y = example()
     rows = stack(Z, X, y, len(y))
