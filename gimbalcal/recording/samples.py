@@ -6,6 +6,7 @@ import csv
 import os
 import re
 import sys
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -31,6 +32,7 @@ Batch = Mapping[str, Array]
 ROWS = 50_000
 """Rows of one batch: ten columns are 4 MB, so that a pass over them stays in the cache."""
 
+AFTERWARDS = 0.2  # s in which threads of an engine that panicked say so, one after the other
 EMPTY = ("NA", "N/A", "n/a", "null", "NULL", "None", "nan", "NaN", "NAN")
 """What programs write where they have no value."""
 
@@ -58,7 +60,7 @@ def batches(
         _check_types(path, plain, present)
         columns = [_numbers(name, present[name], path) if name in plain else pl.col(name) for name in names]
         frames = lazy.select(columns).collect_batches(chunk_size=ROWS, maintain_order=True)
-        while (frame := _next(frames)) is not None:
+        while (frame := _next(frames, path, rows)) is not None:
             batch = _without_blank_end(frame)
             if dated and clock:
                 seconds = dates.seconds(frame[clock.name][: len(batch[names[0]])])
@@ -66,7 +68,6 @@ def batches(
             rows += frame.height
             if len(batch[names[0]]):
                 yield batch
-        _check_whole(path, rows)
     except NoDateError as problem:
         where = place(path, rows + problem.row, named=named)
         raise InputError(f"{where}, column {clock.name if clock else ''}: {problem}; correct it") from None
@@ -76,10 +77,26 @@ def batches(
         raise _explained(path, plain, error) from None
 
 
-def _next(frames: Iterator[pl.DataFrame]) -> pl.DataFrame | None:
-    """The next of the frames. What the engine prints of a panic of its own goes nowhere: the user has a sentence."""
+def _next(frames: Iterator[pl.DataFrame], path: Path, rows: int) -> pl.DataFrame | None:
+    """The next of the frames after these rows. What the engine prints of a panic of its own goes nowhere: the user has
+
+    a sentence. An engine that panics at a damaged page ends the rows there and raises nothing; a file of Parquet says
+    how many it has.
+    """
+    import polars as pl
+
     with quiet():
-        return next(frames, None)
+        frame = next(frames, None)
+        if frame is not None or path.suffix != ".parquet":
+            return frame
+        told = pl.scan_parquet(path.absolute(), glob=False).select(pl.len()).collect().item()
+        if rows == told:
+            return None
+        time.sleep(AFTERWARDS)
+    raise InputError(
+        f"{path} says that it has {amount(told, 'row')} and {rows} can be read: it seems to be cut short or damaged; "
+        "copy it again"
+    )
 
 
 @contextmanager
@@ -94,20 +111,6 @@ def quiet() -> Iterator[None]:
         os.dup2(kept, 2)
         os.close(kept)
         os.close(nowhere)
-
-
-def _check_whole(path: Path, rows: int) -> None:
-    """An engine that panics at a damaged page ends the rows there and raises nothing: the file says how many it has."""
-    import polars as pl
-
-    if path.suffix != ".parquet":
-        return
-    told = pl.scan_parquet(path.absolute(), glob=False).select(pl.len()).collect().item()
-    if rows != told:
-        raise InputError(
-            f"{path} says that it has {amount(told, 'row')} and {rows} can be read: it seems to be cut short or "
-            "damaged; copy it again"
-        )
 
 
 def column(path: Path, name: str, clock: Column | None = None) -> Array:

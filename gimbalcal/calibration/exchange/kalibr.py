@@ -63,7 +63,7 @@ def read(path: Path) -> Found:
 
     try:
         told = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as problem:
+    except (yaml.YAMLError, ValueError, RecursionError) as problem:  # no UTF-8, integers of thousands of digits
         raise InputError(f"{path} is not YAML: {' '.join(str(problem).split())}") from None
     units = [u for u in (told.values() if isinstance(told, dict) else ()) if isinstance(u, dict) and KEYS.keys() & u]
     if not any({"accelerometers", "gyroscopes"} & u.keys() for u in units):
