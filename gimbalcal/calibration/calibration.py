@@ -17,7 +17,7 @@ from gimbalcal.calibration.arrays import correct_arrays
 from gimbalcal.calibration.correction import correct, corrupt
 from gimbalcal.calibration.drawing import parameters_drawn
 from gimbalcal.calibration.readout import DRAWING, Readout, from_content
-from gimbalcal.calibration.sound import refuse_misfit, refuse_unsound
+from gimbalcal.calibration.sound import refuse_misfit, refuse_origin, refuse_unsound
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.card import stated_law
 from gimbalcal.errors import InputError
@@ -226,9 +226,7 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
     chosen = tuple(known[r["name"], r["axis"]] for r in rows)
     refuse_unsound(rows, chosen, content["covariance"])
     refuse_misfit(content["residual"])
-    files = content["provenance"].get("recordings", [])
-    if not isinstance(files, list) or not all(isinstance(f, dict) for f in files):
-        raise InputError("provenance / recordings must be a list of files, each with its path and sha256")
+    refuse_origin(content["provenance"])
     x = np.array([to_si(r["value"], r["unit"]) for r in rows], dtype=float)
     sense = {p.label: 1.0 if readout.angles == DRAWING else _sense(p) for p in chosen}
     sign = np.array([sense[p.label] for p in chosen])

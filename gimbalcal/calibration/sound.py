@@ -7,6 +7,7 @@ otherwise correct recordings, silently, by a unit of another dimension or with a
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from gimbalcal.number import Array
 from gimbalcal.units import from_si, parse, to_si
 
 LARGEST = 1e100  # of any number: its square is one too
+MOUNTED = {"alt-az": ("elevation", "azimuth"), "equatorial": ("declination", "hour_angle", "polar")}
 AGREE = 1e-3  # relative, of a sigma and its variance: files are written with all digits, people round to three
 FARTHEST = 1e6  # usual sizes; raw units differ by thousands
 ROUNDING = 1e-6  # of a correlation matrix: eigenvalues above minus this, and symmetry
@@ -75,6 +77,24 @@ def refuse_misfit(residual: Mapping[str, Any]) -> None:
     for name, number in named.items():
         if not (_finite(number) and 0 <= number < LARGEST):
             raise InputError(f"residual / {name} must be a finite number of zero or more, got {_short(number)}")
+
+
+def refuse_origin(provenance: Mapping[str, Any]) -> None:
+    """Raise InputError where what a calibration.json says of its recordings and its mount is not of their kind."""
+    files = provenance.get("recordings", [])
+    sound = isinstance(files, list) and all(isinstance(f, dict) for f in files)
+    if not sound or not all(isinstance(f.get(key, ""), str) for f in files for key in ("path", "sha256")):
+        raise InputError("provenance / recordings must be a list of files, each with its path and sha256")
+    for name, kind in (("options", dict), ("mount", dict), ("stars", int), ("created", str)):
+        if not isinstance(provenance.get(name, kind()), kind):
+            raise InputError(f"provenance / {name} cannot be {_short(provenance[name])}")
+    mount = provenance.get("mount", {})
+    axes, latitude = mount.get("axes", []), mount.get("latitude_deg", 0.0)
+    named = isinstance(axes, list) and all(isinstance(a, str) for a in axes)
+    if not named or len(axes) != len(MOUNTED.get(mount.get("kind", "") if axes else "", axes)):
+        raise InputError(f"provenance / mount / axes cannot be {_short(axes)} on a mount {_short(mount.get('kind'))}")
+    if not (_finite(latitude) and abs(latitude) <= 90):
+        raise InputError(f"provenance / mount / latitude_deg must lie between -90 and 90, got {_short(latitude)}")
 
 
 def refuse_not_finite(content: Mapping[str, Any], title: str) -> None:

@@ -81,13 +81,26 @@ def keep(path: Path, entry: Entry) -> bool:
 
 
 def kept(path: Path, unit: str = "", kind: str = "") -> tuple[Entry, ...]:
-    """Entries in order of their dates; of one unit or one kind if these are named. Raises InputError for no store."""
+    """Entries in order of their dates; of one unit or one kind if these are named.
+
+    Raises InputError for no store, and for an entry that is not what was kept.
+    """
     with _open(path, make=False) as base:
-        rows = base.execute("select unit, date, kind, content from entries order by date, id").fetchall()
-    try:
-        entries = [Entry(u, d, k, json.loads(content)) for u, d, k, content in rows]
-    except ValueError:
-        raise InputError(f"{path} holds an entry that is no JSON: it was changed by another program") from None
+        rows = base.execute("select unit, date, kind, content, digest from entries order by date, id").fetchall()
+    entries = []
+    for *named, text, digest in rows:
+        try:
+            content = json.loads(text)
+            sound = all(isinstance(word, str) for word in named) and _digest(content) == digest
+        except (ValueError, TypeError, AttributeError, RecursionError):
+            sound = False
+        if not sound:
+            raise InputError(
+                f"{path} holds an entry of {named[1]!r:.40} that is not what was kept: changed by another program, or "
+                "damaged; take the file from a copy, or compare the calibration.json files themselves"
+            )
+        unit_, date, kind_ = named
+        entries.append(Entry(unit_, date, kind_, content))
     return tuple(e for e in entries if unit in ("", e.unit) and kind in ("", e.kind))
 
 

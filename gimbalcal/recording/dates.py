@@ -63,6 +63,7 @@ class Dates:
 
         if cells.dtype.is_temporal():
             return self._of_numbers(cells)
+        cells = cells.cast(pl.String) if cells.dtype == pl.Null else cells  # no cell, or none with anything in it
         groups = cells.str.extract_groups(_PARTS).struct.unnest()
         hour = groups["hour"]
         odd = (hour.is_null() & cells.is_not_null() & (cells.str.strip_chars() != "")).arg_true()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,15 @@ _NUMPY_SCALAR = re.compile(r"np\.float64\(\s*([-+0-9.eE]+)\s*\)")
 
 LONGEST = 20_000_000  # bytes
 LARGEST = 1e100  # nothing that is measured comes near; its square is still a number
+
+
+def _too_long(content: Any, key: str = "") -> Iterator[str]:
+    """Keys of whole numbers that TOML does not have; some have so many digits that nobody can print them."""
+    if isinstance(content, dict | list):
+        for name, value in content.items() if isinstance(content, dict) else enumerate(content, start=1):
+            yield from _too_long(value, f"{key}.{name}".lstrip("."))
+    elif isinstance(content, int) and not -(2**63) <= content < 2**63:
+        yield key
 
 
 class Document:
@@ -43,6 +52,10 @@ class Document:
 
         except (ValueError, RecursionError) as error:  # integers of thousands of digits, thousands of brackets
             raise InputError(f"{path} is beyond what TOML is for: {shortened(str(error), 100)}; correct it") from None
+        if key := next(_too_long(self.content), ""):
+            raise InputError(
+                f"{path}: {shortened(key)} is a whole number of more than 64 bits, which TOML does not have"
+            )
 
     @classmethod
     def of(cls, content: Mapping[str, Any], path: Path) -> Document:

@@ -655,7 +655,8 @@ def recordings(draw: st.DrawFn) -> Recording:
     keys |= {("covariate", "coil (north)"): "V"} | {("gimbal_angle", a): "deg" for a in platform.axis_names}
     angle = st.lists(st.floats(-6.0, 6.0), min_size=n, max_size=n).map(np.array)
     force = st.lists(st.floats(-90.0, 90.0), min_size=n, max_size=n).map(np.array)  # what a unit at rest may read
-    of = {"gimbal_angle": angle, "specific_force": force}
+    warmth = st.lists(st.floats(-270.0, 1900.0), min_size=n, max_size=n).map(np.array)
+    of = {"gimbal_angle": angle, "specific_force": force, "temperature": warmth}
     channels = {key: draw(of.get(key[0], column)) for key in keys}
     steps = draw(st.lists(st.floats(10.0, 90.0), min_size=n, max_size=n))  # no pause that would be a jump of the clock
     weight = draw(st.lists(st.integers(1, 500), min_size=n, max_size=n))
@@ -766,3 +767,10 @@ def test_a_weight_is_of_some_samples(tmp_path: Path, value: str) -> None:
     lines[7] = lines[7].rpartition(",")[0] + f",{value}"
     words = refusal(tmp_path, header, "\n".join(lines) + "\n")
     assert words.startswith("samples.csv, line 8, column n: a weight says of how many samples a row is the mean")
+
+
+@pytest.mark.parametrize("reading", [-3.0, 9e9])
+def test_a_temperature_of_no_sensor_is_refused_with_its_row(tmp_path: Path, reading: float) -> None:
+    table = rows()
+    table[3, NAMES.index("temp")] = reading
+    assert f"line 5, column temp: {reading:g} K is no temperature of a sensor" in refusal(tmp_path, samples=text(table))

@@ -46,13 +46,14 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.exchange.matrices import Found
+from gimbalcal.calibration.sound import MOUNTED
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.platform import Platform
 from gimbalcal.units import from_si, to_si
 
 ALT_AZ, EQUATORIAL = "alt-az", "equatorial"
-AXES = {ALT_AZ: ("elevation", "azimuth"), EQUATORIAL: ("declination", "hour_angle", "polar")}
+AXES = MOUNTED
 UNIT = "arcsec"
 _PLACE = re.compile(r"latitude\s*[:=]?\s*([-+]?\d+(?:\.\d+)?)", re.IGNORECASE)
 _TERM = re.compile(r"^[&=]*\s*([A-Z][A-Z0-9]*)\s+(\S+)(?:\s+(\S+))?\s*$")
