@@ -147,8 +147,16 @@ def _report(
     words += [f["agreement"]["in_words"] for f in named if f["agreement"]["in_words"]]
     words.append(_each_alone(c, shares))
     made = _calibrated(c, d, shares, wording.reserve(d.verdict, named, unexplained), known)
+    between = made.provenance["agreement"]
+    fitted["constants"] = between
+    verdict, differ = d.verdict, str(between["in_words"])
+    if differ:
+        words.insert(0, differ)
+        unexplained += ({"channel": "all", "shape": "constants that differ between the recordings"},)
+        verdict = "unexplained" if verdict == "adequate" else verdict
     return Diagnosis(
-        d.verdict, mismatch, named, unexplained, fitted, provenance, " ".join(words), shares[lead].curves, made
+        verdict, mismatch, named, unexplained, fitted, provenance, " ".join(words), shares[lead].curves, made,
+        differ.rstrip("."),
     )  # fmt: skip
 
 

@@ -20,6 +20,7 @@ from gimbalcal.report.rounding import pdg, significant
 if TYPE_CHECKING:
     from gimbalcal.diagnose.answer import Curves
 
+APART = ("constants that differ", "terms that differ")  # between recordings of what should be one unit
 MOST = 3  # findings that a headline names
 CLEAR = 2.0  # sigmas; less is no size to be told
 CONSTANTS = {"tau": "time constant", "period": "period", "order": "order", "teeth": "teeth", "lines": "lines",
@@ -33,6 +34,12 @@ Entry = Mapping[str, Any]
 def headline(content: Entry, curves: Curves | None = None) -> str:
     """What a diagnosis.json comes to, in two to four plain sentences; `curves` tell how large it is in the readings."""
     verdict, found = content["verdict"], content["findings"]
+    if (
+        content.get("outcome")
+        and verdict == "unexplained"
+        and all(u["shape"].startswith(APART) for u in content["unexplained"])
+    ):
+        return f"{_sentence(content['outcome'])} Otherwise no known physics is missing."
     if content.get("outcome") and verdict != "adequate":  # what else is odd does not unsay what was found
         both = [headline({**content, "outcome": ""}, curves), _sentence(content["outcome"])]
         return " ".join(both[::-1] if verdict == "unexplained" else both)  # a fault of the recording comes first

@@ -276,6 +276,6 @@ def test_readings_without_noise_or_of_few_levels_lack_nothing(step: float) -> No
     channels = {("specific_force", a): f[:, i] for i, a in enumerate("xyz")}
     r = Recording("multi-position", "made", BENCH, Site(None, 0.0, G), {}, np.arange(n) * 0.1,
                   np.repeat(np.arange(1, 21), 5), channels)  # fmt: skip
-    found = diagnose(r)
+    found = diagnose([r])
     assert found.verdict == "adequate"
     assert not found.findings

@@ -24,9 +24,9 @@ from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.rows.observations import Observations, absent_effect
+from gimbalcal.diagnose.verdict.disagreement import Disagreement, disagreement
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters, values, with_values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
-from gimbalcal.estimate.fusion import CONTRADICTION
 from gimbalcal.inference.information import Information, Solution, information, solve
 from gimbalcal.number import Array
 from gimbalcal.readings import readings
@@ -95,7 +95,7 @@ def calibrated(
     diagnosis started from, for what it holds and these recordings do not.
     """
     here = [_Share(o, node, found, tuple(which), alone=len(seen) == 1) for o, node, which in seen]
-    solution, made, differ = _refitted(here, found)
+    solution, made, between = _refitted(here, found)
     mine = solution.parameters
     held = found.held(mine)
     kept = [p for p in (known.parameters if known else ()) if p not in mine and p not in held]
@@ -115,8 +115,11 @@ def calibrated(
         covariance=P,
         unobservable=tuple(u.to_dict() for u in solution.unobservable),
         residual=Residual(solution.chi2, solution.dof, _rms(here, made)),
-        outcome=" ".join(filter(None, (outcome, differ))),
-        provenance=origin(recordings, [c.label for c in found.causes]),
+        outcome=" ".join(filter(None, (outcome, between.in_words if between else ""))),
+        provenance={
+            **origin(recordings, [c.label for c in found.causes]),
+            **({"agreement": between.to_dict()} if between else {}),
+        },
         readout=Readout(gimbals=recordings[0].platform.axis_names),
     )
 
@@ -178,11 +181,8 @@ class _Share:
         return told if self.alone else told.without([wide.get(p, p) for p in self.own])
 
 
-def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Effect, ...], str]:
-    """Constants and causes from all recordings, the effects of all of them with these values, and whether they differ.
-
-    The last is a sentence, empty where the recordings agree.
-    """
+def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Effect, ...], Disagreement | None]:
+    """Constants and causes from all recordings, the effects of all of them with these values, and how they agree."""
     models = [s.model() for s in here]
     told = dict(zip(found.parameters, values(_union(models), found.parameters), strict=True))
     before: Array | float = np.inf
@@ -204,27 +204,14 @@ def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Eff
         if np.all(np.abs(solution.x - before) <= SETTLED * solution.sigma):
             break
         before = solution.x
-    return solution, with_values(_union(models), solution.parameters, solution.x, names), _differ(total, infos)
+    made = with_values(_union(models), solution.parameters, solution.x, names)
+    return solution, made, disagreement(infos) if len(infos) > 1 else None
 
 
 def _near(solution: Solution, start: Array) -> Solution:
     """The solution, or as much of the way to it from `start` (p,) as a linear model can be trusted over."""
     farthest = float((np.abs(solution.x - start) / [p.sigma for p in solution.parameters]).max(initial=0.0))
     return solution if farthest <= FAR else replace(solution, x=start + FAR / farthest * (solution.x - start))
-
-
-def _differ(total: Information, each: Sequence[Information]) -> str:
-    """A sentence where recordings of one unit ask for different constants: chi^2 rises as they are joined."""
-    from scipy.special import chdtrc
-
-    together, alone = solve(total), [solve(info) for info in each]
-    rise, shared = together.chi2 - sum(s.chi2 for s in alone), together.dof - sum(s.dof for s in alone)
-    if shared <= 0 or (p := float(chdtrc(shared, max(rise, 0.0)))) >= CONTRADICTION:
-        return ""
-    return (
-        f"The recordings do not agree on the constants of the unit: chi^2 of {rise:.0f} for the {shared} combinations "
-        f"that several see (probability {p:.1g}); it changed in between, so calibrate each by itself"
-    )
 
 
 def values_of(solution: Solution, wanted: Sequence[Parameter]) -> Array:

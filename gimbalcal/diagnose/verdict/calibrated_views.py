@@ -103,7 +103,7 @@ def _unseen(seen: Sequence[Seen]) -> list[dict[str, Any]]:
     """Parameters of which these rows say nothing: they keep their prior; and what turns a triad as a whole."""
     out = []
     for s in seen:
-        sigma = np.sqrt(np.diag(s.model.covariance))
+        sigma = np.sqrt(np.maximum(np.diag(s.model.covariance), 0.0))  # without noise there is rounding alone
         silent = keeps_prior(s.model.fitted, values(s.model.effects, s.model.fitted), sigma)
         labels = [p.label for p, at_prior in zip(s.model.fitted, silent, strict=True) if at_prior]
         out += [{"direction": {one: 1.0}, "why": f"{one} does not show in {s.view.name}"} for one in labels]

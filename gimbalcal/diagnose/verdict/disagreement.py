@@ -1,0 +1,122 @@
+r"""Whether recordings of one unit ask for the same constants: of two units, or of one that changed, they do not.
+
+What each says of the constants is joined, and chi^2 rises by as much as they contradict each other,
+
+.. math:: \Delta\chi^2 = \chi^2(\sum_k I_k) - \sum_k \chi^2(I_k) ,
+
+chi^2-distributed with as many degrees of freedom as combinations of constants several of them see. Noise and models
+that do not fit are in both terms, and cancel. One constant that moved by itself shows in its own difference before it
+shows among twenty: the chance is that of the rarer of the two, both paid for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.diagnose import wording
+from gimbalcal.effects import Parameter
+from gimbalcal.estimate.fusion import CONTRADICTION
+from gimbalcal.inference.information import Information, Solution, solve
+from gimbalcal.number import Array
+from gimbalcal.units import from_si
+
+NAMED = 3  # constants
+CLEAR = 3.0  # sigmas by which a constant that is named differs
+KNOWN = 0.5  # of its prior: a constant of less certainty is what the prior said
+
+
+@dataclass(frozen=True, eq=False)
+class Disagreement:
+    """The rise of chi^2 over `dof` combinations, and the chance of this, or of the clearest of all differences.
+
+    odd: which recording is off most among more than two, else -1; difference and sigma (p,) [SI] of `parameters`, the
+    clearest first.
+    """
+
+    chi2: float
+    dof: int
+    p_value: float
+    odd: int
+    parameters: tuple[Parameter, ...]
+    difference: Array
+    sigma: Array
+
+    @property
+    def in_words(self) -> str:
+        """Empty where they agree."""
+        if self.p_value >= CONTRADICTION:
+            return ""
+        told = [
+            f"{wording.spoken(f'{p.name} {p.axis}')} by {from_si(d, p.unit):+.4g} ± {from_si(s, p.unit):.2g} {p.unit}"
+            for p, d, s in zip(self.parameters, self.difference, self.sigma, strict=True)
+        ]
+        who = f"recording {self.odd + 1} differs most from the others" if self.odd >= 0 else "the second differs"
+        most = f"; {who}, in {', '.join(told)}" if told else ""
+        return (
+            f"The recordings do not agree on the constants of the unit (chi² of {self.chi2:.0f} for the {self.dof} "
+            f"combinations that several see, p = {self.p_value:.1g}){most}. They are of two units, or it changed in "
+            "between: calibrate each by itself."
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """As it stands in the fit of a diagnosis; numbers in printed units."""
+        rows = zip(self.parameters, self.difference, self.sigma, strict=True)
+        return {
+            "in_words": self.in_words, "chi2": round(self.chi2, 3), "dof": self.dof, "p_value": self.p_value,
+            "agree": self.p_value >= CONTRADICTION, "recording": self.odd + 1 if self.odd >= 0 else None,
+            "differences": [
+                {"name": p.name, "axis": p.axis, "value": float(from_si(d, p.unit)),
+                 "sigma": float(from_si(s, p.unit)), "unit": p.unit} for p, d, s in rows
+            ],
+        }  # fmt: skip
+
+
+def disagreement(each: Sequence[Information]) -> Disagreement:
+    """How well what several recordings say of the constants goes together."""
+    alone = [solve(info) for info in each]
+    chi2, dof = _rise(solve(_sum(each)), alone)
+    p = _chance(chi2, dof)
+    others = [solve(_sum([i for j, i in enumerate(each) if j != k])) for k in range(len(each))]
+    rises = [_rise(solve(_sum(each)), (alone[k], others[k])) for k in range(len(each))]
+    odd = int(np.argmax([rise / max(shared, 1) for rise, shared in rises])) if len(each) > 2 else 1
+    parameters, difference, sigma, rarest = _differences(others[odd], alone[odd])
+    p = min(1.0, 2 * min(p, rarest * (len(each) if len(each) > 2 else 1)))
+    return Disagreement(chi2, dof, p, odd if len(each) > 2 else -1, parameters, difference, sigma)
+
+
+def _sum(each: Sequence[Information]) -> Information:
+    total = each[0]
+    for more in each[1:]:
+        total = total + more
+    return total
+
+
+def _rise(together: Solution, parts: Sequence[Solution]) -> tuple[float, int]:
+    return max(together.chi2 - sum(s.chi2 for s in parts), 0.0), together.dof - sum(s.dof for s in parts)
+
+
+def _chance(chi2: float, dof: int) -> float:
+    from scipy.special import chdtrc
+
+    return float(chdtrc(dof, chi2)) if dof > 0 else 1.0
+
+
+def _differences(before: Solution, after: Solution) -> tuple[tuple[Parameter, ...], Array, Array, float]:
+    """Constants that both know and that differ, the clearest first: after minus before, with one sigma [SI].
+
+    And the chance that any of those that both know differs by as much as the clearest.
+    """
+    from scipy.special import ndtr
+
+    both = [p for p in after.parameters if p in before.parameters]
+    i, j = ([s.parameters.index(p) for p in both] for s in (before, after))
+    d, sigma = after.x[j] - before.x[i], np.hypot(after.sigma[j], before.sigma[i])
+    known = np.maximum(after.sigma[j], before.sigma[i]) < KNOWN * np.array([p.sigma for p in both])
+    clearest = float(np.max(np.abs(d / sigma)[known], initial=0.0))
+    chance = min(1.0, 2 * float(ndtr(-clearest)) * max(int(known.sum()), 1))
+    order = [k for k in np.argsort(-np.abs(d) / sigma) if known[k] and abs(d[k]) > CLEAR * sigma[k]][:NAMED]
+    return tuple(both[k] for k in order), d[order], sigma[order], chance
