@@ -108,11 +108,17 @@ def _naming(path: Callable[[], Path]) -> Iterator[None]:
     try:
         yield
     except OSError as problem:
-        if problem.errno not in FULL:
+        number = problem.errno or _told(problem)  # an engine may raise one without its number
+        if number not in FULL:
             raise
-        raise OSError(problem.errno, os.strerror(problem.errno), str(path())) from None
-    except Exception as problem:
-        if type(problem).__module__.partition(".")[0] != "polars" or ENGINE_FULL not in str(problem):
-            raise
-        number = int(re.findall(r"os error (\d+)", str(problem))[0])
         raise OSError(number, os.strerror(number), str(path())) from None
+    except Exception as problem:
+        if type(problem).__module__.partition(".")[0] != "polars" or not (number := _told(problem)):
+            raise
+        raise OSError(number, os.strerror(number), str(path())) from None
+
+
+def _told(problem: Exception) -> int:
+    """The system's number of an error in the words of an engine that is no Python's; zero for none."""
+    found = re.findall(rf"{ENGINE_FULL} (\d+)", str(problem))
+    return int(found[0]) if found else 0

@@ -81,8 +81,10 @@ from gimbalcal import atomic
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 out = Path({str(tmp_path)!r}) / "out"
 def text(new): (new / "report.html").write_text(100_000 * "x")
-def table(new): pl.DataFrame({{"a": np.random.default_rng(1).normal(size=20_000)}}).write_parquet(new / "rows.parquet")
-for name, make in (("report.html", text), ("rows.parquet", table)):
+rows = pl.DataFrame({{"a": np.random.default_rng(1).normal(size=20_000)}})
+def table(new): rows.write_parquet(new / "rows.parquet")
+def lines(new): rows.write_csv(new / "rows.csv")
+for name, make in (("report.html", text), ("rows.parquet", table), ("rows.csv", lines)):
     atomic.write(out / "old", "old")
     try:
         with atomic.folder(out) as new:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gimbalcal import __version__
+from gimbalcal.atomic import FULL
 from gimbalcal.cli.catalogue import catalogue
 from gimbalcal.cli.files import apply, export, import_
 from gimbalcal.cli.history import compare, remember, stored
@@ -64,8 +65,8 @@ def main() -> None:
         sys.exit(0)
     except OSError as problem:
         name, why = problem.filename or "a file", problem.strerror or problem
-        _stop(f"gimbalcal: {name} cannot be read or written ({why}); correct its name or its permissions", 2)
-
+        remedy = "make room on the disk" if problem.errno in FULL else "correct its name or its permissions"
+        _stop(f"gimbalcal: {name} cannot be read or written ({why}); {remedy}", 2)
     except MemoryError:
         _stop("gimbalcal: there is not enough memory for this input; give it in parts, or as means", 2)
     except SystemExit:

@@ -74,6 +74,7 @@ def calibrated_views(
         P = np.block([[P, np.zeros((len(P), len(new)))],
                       [np.zeros((len(new), len(P))), covariance[np.ix_(new, new)]]])  # fmt: skip
         wanted = (*wanted, *mine)
+    P[np.diag_indices_from(P)] = np.maximum(np.diag(P), 0.0)  # of numbers without noise variances are their rounding
     return Calibration(
         method="diagnosis",
         effects=tuple(e for e in effects if e.id in {p.effect for p in wanted}),
@@ -103,7 +104,7 @@ def _unseen(seen: Sequence[Seen]) -> list[dict[str, Any]]:
     """Parameters of which these rows say nothing: they keep their prior; and what turns a triad as a whole."""
     out = []
     for s in seen:
-        sigma = np.sqrt(np.maximum(np.diag(s.model.covariance), 0.0))  # without noise there is rounding alone
+        sigma = np.sqrt(np.maximum(np.diag(s.model.covariance), 0.0))
         silent = keeps_prior(s.model.fitted, values(s.model.effects, s.model.fitted), sigma)
         labels = [p.label for p, at_prior in zip(s.model.fitted, silent, strict=True) if at_prior]
         out += [{"direction": {one: 1.0}, "why": f"{one} does not show in {s.view.name}"} for one in labels]
