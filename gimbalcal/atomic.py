@@ -98,8 +98,9 @@ def _moved(made: Path, path: Path, last: str) -> None:
 
 
 def _latest(made: Path) -> Path:
-    """The file that was written to last."""
-    return max((p for p in made.rglob("*") if p.is_file()), key=lambda p: p.stat().st_mtime_ns, default=made)
+    """The file that was written to last; of several within a tick of the clock the largest."""
+    told = [(p.stat().st_mtime_ns, p.stat().st_size, p) for p in made.rglob("*") if p.is_file()]
+    return max(told, default=(0, 0, made))[2]
 
 
 @contextmanager

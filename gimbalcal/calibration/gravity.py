@@ -10,24 +10,55 @@ so the covariance grows by :math:`\sigma_e^2 u u^T` with u the scale factors SF 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from gimbalcal.calibration.calibration import Calibration
+from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 
 SCALED = "scale_factor"
+GRAVITY, SHARE = "gravity", "gravity_sigma_ppm"  # options of a calibration: m/s^2, and its sigma as a share
+ALIKE = 1e-9  # of gravity: the same place as written down
 
 
 def with_gravity(made: Calibration, recordings: Sequence[Recording]) -> Calibration:
     """The calibration with the uncertainty of the gravity of these recordings, one place, in its covariance."""
-    e = max((r.site.gravity_sigma / r.site.gravity for r in recordings), default=0.0)
-    u = np.array([1 + x if p.effect == SCALED else 0.0 for p, x in zip(made.parameters, made.values, strict=True)])
+    e, g = max(((r.site.gravity_sigma / r.site.gravity, r.site.gravity) for r in recordings), default=(0.0, 0.0))
+    u = scaled(made)
     if e == 0.0 or not u.any():
         return made
-    options = {**made.provenance.get("options", {}), "gravity_sigma_ppm": 1e6 * e}
+    options = {**made.provenance.get("options", {}), GRAVITY: g, SHARE: 1e6 * e}
     return replace(
         made, covariance=made.covariance + e**2 * np.outer(u, u), provenance={**made.provenance, "options": options}
     )
+
+
+def scaled(made: Calibration) -> Array:
+    """u (p,): the scale factors SF, which follow gravity, and zero elsewhere."""
+    return np.array([1 + x if p.effect == SCALED else 0.0 for p, x in zip(made.parameters, made.values, strict=True)])
+
+
+def common_gravity(a: Calibration, b: Calibration) -> float:
+    """One sigma of the error of gravity, as a share of it, that both calibrations have in common; zero for none.
+
+    Calibrations that took the same gravity to be as uncertain stood in the same place, and are wrong alike: what they
+    differ by does not hold it.
+    """
+    told = [c.provenance.get("options", {}) for c in (a, b)]
+    if any(not isinstance(t, Mapping) or not {GRAVITY, SHARE} <= t.keys() for t in told):
+        return 0.0
+    pairs = [(t[GRAVITY], t[SHARE]) for t in told]
+    if any(isinstance(x, bool) or not isinstance(x, (int, float)) or not np.isfinite(x) for p in pairs for x in p):
+        return 0.0
+    same = all(abs(x - y) <= ALIKE * abs(x) for x, y in zip(*pairs, strict=True))
+    return 1e-6 * float(pairs[0][1]) if same and pairs[0][1] > 0 else 0.0
+
+
+def without_gravity(made: Calibration, e: float) -> Array:
+    """The covariance (p, p) without the common error e of gravity; as it is where its scale factors do not hold one."""
+    u = scaled(made)
+    held = np.diag(made.covariance)[u != 0] - (e * u[u != 0]) ** 2
+    return made.covariance if np.any(held <= 0) else np.asarray(made.covariance - e**2 * np.outer(u, u))

@@ -3,6 +3,9 @@ r"""How the parameters of a unit move from calibration to calibration: jumps, dr
 Two calibrations with estimates x_k and covariances C_k of their common parameters, from different recordings, differ by
 
 .. math:: \chi^2 = (x_2 - x_1)^T (C_1 + C_2)^{-1} (x_2 - x_1).
+
+Made in one place they share the error of its gravity, which is in every scale factor and in no difference: it is taken
+out of both covariances.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from gimbalcal.calibration.gravity import common_gravity, without_gravity
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError
 from gimbalcal.history.course import SURPRISE, YEAR, Course, course
@@ -44,6 +48,7 @@ class Comparison:
     calibrations: tuple[Dated, ...]
     steps: tuple[Step, ...]
     courses: tuple[Course, ...]
+    gravity: float = 0.0  # one sigma of gravity, as a share of it, that all of them have in common
 
     @property
     def agree(self) -> bool:
@@ -83,6 +88,11 @@ class Comparison:
             said = f"{start} do not agree: {'; '.join(_moved(c, self.calibrations) for c in moved[:3])}{more}."
         if any(s.shared for s in self.steps):
             said += " Some were made from the same recording and are not held against each other."
+        if self.gravity:
+            said += (
+                f" All took the same gravity, good to {1e6 * self.gravity:.3g} ppm: that is in each scale factor, and "
+                "not in how they differ."
+            )
         if self.due is not None:
             said += f" The next calibration is due by {self.due:%Y-%m-%d}."
         return said
@@ -94,6 +104,7 @@ class Comparison:
             "unit": self.unit,
             "in_words": self.in_words,
             "agree": self.agree,
+            "common_gravity_sigma_ppm": 1e6 * self.gravity,
             "due": None if self.due is None else self.due.date().isoformat(),
             "calibrations": [
                 {"name": d.name, "date": d.date.isoformat(), "method": d.calibration.method,
@@ -133,15 +144,18 @@ def compare(calibrations: Sequence[Dated], unit: str = "", allowed: Mapping[str,
     time = np.array([d.date.timestamp() for d in made])
     independent = [not (made[i].hashes & made[i + 1].hashes) for i in range(len(made) - 1)]
     tried = sum(len(at) - 1 for at in common.values())
+    alike = min((common_gravity(made[0].calibration, d.calibration) for d in made[1:]), default=0.0)
+    own = [np.sqrt(np.diag(without_gravity(d.calibration, alike))) for d in made]
     courses = []
     for label, at in common.items():
         p = named[label]
-        there = [(made[k].calibration, made[k].calibration.parameters.index(p)) for k in at]
-        x, sigma = np.array([c.values[i] for c, i in there]), np.array([c.sigmas[i] for c, i in there])
+        there = [(k, made[k].calibration.parameters.index(p)) for k in at]
+        x = np.array([made[k].calibration.values[i] for k, i in there])
+        sigma = np.array([own[k][i] for k, i in there])
         limit = limits.get(label, limits.get(p.name, np.inf))
         courses.append(course(p, at, time[at], x, sigma, tried, independent, limit))
     steps = tuple(_step(made, k, not told) for k, told in enumerate(independent))
-    return Comparison(unit, made, steps, tuple(courses))
+    return Comparison(unit, made, steps, tuple(courses), alike)
 
 
 def _date(seconds: float) -> datetime:
@@ -158,7 +172,8 @@ def _step(made: Sequence[Dated], k: int, shared: bool) -> Step:
         return Step(k, k + 1, 0.0, 0, 1.0, shared)
     i, j = ([c.parameters.index(p) for p in both] for c in (a, b))
     difference = b.values[j] - a.values[i]
-    C = a.covariance[np.ix_(i, i)] + b.covariance[np.ix_(j, j)]
+    alike = common_gravity(a, b)
+    C = without_gravity(a, alike)[np.ix_(i, i)] + without_gravity(b, alike)[np.ix_(j, j)]
     size = np.sqrt(np.diag(C))
     lam, V = np.linalg.eigh(C / np.outer(size, size))
     seen = lam > len(lam) * np.finfo(float).eps * lam[-1]  # a direction that both hold exactly has no difference

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from gimbalcal.history import Dated, compare, dated_file
 from gimbalcal.history.compare import flat
 from gimbalcal.history.course import YEAR
 from gimbalcal.report.history import history_report
-from tests.history.calibrations import LABELS, SIGMA, START, calibration, history
+from tests.history.calibrations import LABELS, SIGMA, START, R, calibration, history
 
 QUARTER = 90 * 86400.0 / YEAR
 
@@ -124,3 +125,31 @@ def test_files_and_the_page(tmp_path: Path) -> None:
     rows = flat(content)
     assert len(rows["value"]) == 18
     assert rows["value"][:3] == content["parameters"][0]["values"]
+
+
+def placed(k: int, moved: float, gravity: float = 9.8, seed: int = 3, last: int = 3) -> Dated:
+    """A calibration in a place whose gravity is known to 500 ppm; scale factors up to `last` moved by some sigmas."""
+    rng = np.random.default_rng(seed + k)
+    x = 100 + np.linalg.cholesky(R) @ rng.standard_normal(6) + moved * np.isin(np.arange(6), range(3, last + 1))
+    made = calibration(x, k)
+    u = np.where(np.arange(6) < 3, 0.0, 1 + made.values)
+    options = {"gravity": gravity, "gravity_sigma_ppm": 500.0}
+    P = made.covariance + 5e-4**2 * np.outer(u, u)
+    made = replace(made, covariance=P, provenance={**made.provenance, "options": options})
+    return Dated(f"{k}.json", START + timedelta(days=90 * k), made)
+
+
+def test_the_gravity_of_one_place_is_in_no_difference() -> None:
+    made = compare([placed(0, 0.0), placed(1, 30.0)])
+    assert "scale factor x moved by +" in made.in_words
+    assert "the same gravity, good to 500 ppm" in made.in_words
+    assert compare([placed(0, 0.0), placed(1, 0.0)]).agree
+    p = [compare([placed(0, 0.0, seed=s), placed(1, 0.0, seed=s)]).steps[0].chance for s in range(0, 200, 2)]
+    assert np.mean(np.array(p) < 0.2) == pytest.approx(0.2, abs=0.1)
+
+
+def test_gravities_of_two_places_are_not_in_common() -> None:
+    made = compare([placed(0, 0.0), placed(1, 30.0, gravity=9.81, last=5)])
+    assert made.agree
+    assert "gravity" not in made.in_words
+    assert made.to_dict()["common_gravity_sigma_ppm"] == 0.0
