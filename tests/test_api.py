@@ -36,6 +36,7 @@ def test_a_calibration_shows_itself() -> None:
     assert frame.columns == ["effect", "name", "axis", "value", "sigma", "prior_sigma", "unit"]
     assert len(frame) == len(made.parameters)
     figure = made.plot()
+    assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined]  # what a notebook asks for
     drawn = [ax for ax in figure.axes if ax.get_visible()]
     assert [ax.get_title(loc="left") for ax in drawn][:1] == [
         f"{frame['name'][0].replace('_', ' ')} [{frame['unit'][0]}]"
@@ -112,6 +113,7 @@ def test_diagnose_is_a_function_and_a_package() -> None:
     frame = found.to_frame()
     assert frame["effect"][0] == found.findings[0]["effect"]
     assert len(found.plot().axes) == len(found.curves.channels)
+    assert found.plot()._repr_png_().startswith(b"\x89PNG")
     assert gimbalcal.diagnose.Diagnosis is type(found)
 
 

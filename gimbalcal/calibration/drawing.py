@@ -13,21 +13,24 @@ if TYPE_CHECKING:
 
 def parameters_drawn(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """One panel for each effect of the content of calibration.json: its parameters with two sigmas, in their unit."""
-    from matplotlib.figure import Figure
+    from gimbalcal.calibration.shown import Shown
 
     groups: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
     for row in rows:
         groups.setdefault((row["name"], row["unit"]), []).append(row)
     n = max(len(groups), 1)
     across = min(n, 3)
-    figure = Figure(figsize=(3.2 * across, 2.1 * -(-n // across)), layout="constrained")
+    figure = Shown(figsize=(3.2 * across, 2.1 * -(-n // across)), layout="constrained")
     panels = figure.subplots(-(-n // across), across, squeeze=False).ravel()
     for ax, ((name, unit), own) in zip(panels, groups.items(), strict=False):
         at = np.arange(len(own))
         ax.errorbar(at, [r["value"] for r in own], [2 * r["sigma"] for r in own], fmt="o", ms=4, capsize=2)
         ax.axhline(0, color="0.7", lw=0.8, zorder=0)
         ax.set_xticks(at, [r["axis"] or name for r in own])
-        ax.set_title(f"{name.replace('_', ' ')} [{unit}]", fontsize=9, loc="left")
+        effect = own[0]["effect"]
+        alone = sum(first[0]["effect"] == effect for first in groups.values()) == 1
+        title = effect if alone or name == effect else f"{effect}, {name}"
+        ax.set_title(f"{title.replace('_', ' ')} [{unit}]", fontsize=9, loc="left")
         ax.margins(x=0.15)
     for ax in panels[len(groups) :]:
         ax.set_visible(False)
