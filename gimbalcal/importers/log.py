@@ -124,6 +124,8 @@ def _made(
         still = dwell_means(from_frame(columns, _entries(guesses), title=title, platform=chain, called=title))
         found = rig.rig_of({a: still.channels["gimbal_angle", a] for a in gimbals}, still.triad(FORCE))
         told["platform"], turned, platform = found.why, found.backwards, found.platform
+        if len(gimbals) == 1:
+            told["platform"] += "; turns about one axis show few errors: mount the unit otherwise too for the others"
         reverse = tuple(n for n, g in guesses.items() if g.quantity == FORCE) if found.reversed else ()
         if platform is None:
             outside = tuple(gimbals.values())

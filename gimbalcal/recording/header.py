@@ -89,7 +89,7 @@ def _header(document: Document, samples: Path, clock_needed: bool = True) -> Hea
     kind = content.get("kind")
     if kind not in KINDS:
         raise InputError(f"{document.where('', 'kind')}: kind must be one of {alternatives(KINDS)}, got {kind!r}")
-    platform = _platform(document, kind)
+    platform = platform_of(document, kind)
     columns = columns_of(document, platform, clock_needed)
     site, remarks = _site(document, kind)
     remarks = () if kind == "pointing" else remarks  # no star feels gravity
@@ -233,7 +233,8 @@ def _odd_gravity(document: Document, site: Site) -> tuple[str, ...]:
     return (f"{document.where('site', 'gravity')}: {told} {after}",)
 
 
-def _platform(document: Document, kind: str) -> Platform:
+def platform_of(document: Document, kind: str) -> Platform:
+    """The platform that [platform] names, or spells out."""
     table = document.table("platform")
     document.only("platform", ("name", "axes"), table)
     if "axes" in table:

@@ -85,23 +85,23 @@ def _unit(recording: Recording, key: Key) -> str:
 
 def _header(recording: Recording, samples: str, names: dict[str, _Written]) -> list[str]:
     title = recording.title.removesuffix(f" ({recording.sensor})") if recording.beside else recording.title
-    lines = ["format = 1", f"kind = {_text(recording.kind)}", f"title = {_text(title)}"]
-    lines += [*([] if recording.instant else [f"samples = {_text(samples)}"]), "", *_site(recording.site), ""]
-    lines += [*_platform(recording.platform, recording.kind), "", "[noise]", *_noise(recording)]
+    lines = ["format = 1", f"kind = {toml_text(recording.kind)}", f"title = {toml_text(title)}"]
+    lines += [*([] if recording.instant else [f"samples = {toml_text(samples)}"]), "", *_site(recording.site), ""]
+    lines += [*platform_toml(recording.platform, recording.kind), "", "[noise]", *_noise(recording)]
     named = [r for r in recording.sensors if r.sensor and r.noise and recording.beside]
     for r in named:
         lines += ["", f"[noise.{r.sensor}]", *_noise(r)]
     if recording.instant:
-        lines += ["", "[samples]", f"file = {_text(samples)}", 'rates = "instant"']
+        lines += ["", "[samples]", f"file = {toml_text(samples)}", 'rates = "instant"']
     lines += ["", "[columns]", 'time_s = { quantity = "time", unit = "s" }']
     if recording.position is not None:
         lines.append('position = { quantity = "position" }')
     for name, each in names.items():
         quantity, axis = each.key
-        where = f", axis = {_text(axis)}" if axis else ""
-        where += f", sensor = {_text(each.sensor)}" if each.sensor and recording.beside else ""
-        unit = _text(_unit(each.recording, each.key))
-        lines.append(f"{_key(name)} = {{ quantity = {_text(quantity)}{where}, unit = {unit} }}")
+        where = f", axis = {toml_text(axis)}" if axis else ""
+        where += f", sensor = {toml_text(each.sensor)}" if each.sensor and recording.beside else ""
+        unit = toml_text(_unit(each.recording, each.key))
+        lines.append(f"{_key(name)} = {{ quantity = {toml_text(quantity)}{where}, unit = {unit} }}")
     if _is_averaged(recording):
         lines.append('weight = { quantity = "weight" }')
     return lines
@@ -128,27 +128,29 @@ def _site(site: Site) -> list[str]:
     return lines
 
 
-def _platform(platform: Platform, kind: str) -> list[str]:
+def platform_toml(platform: Platform, kind: str = "multi-position") -> list[str]:
+    """The lines of [platform]: a name, and its axes where it is not known by that name."""
     if known(platform.name, kind) == platform:
-        return ["[platform]", f"name = {_text(platform.name)}"]
-    lines = ["[platform]", f"name = {_text(platform.name)}"]
+        return ["[platform]", f"name = {toml_text(platform.name)}"]
+    lines = ["[platform]", f"name = {toml_text(platform.name)}"]
     for axis in platform.axes:
-        lines += ["", "[[platform.axes]]", f"name = {_text(axis.name)}", f"direction = {_text(axis.direction)}"]
+        lines += ["", "[[platform.axes]]", f"name = {toml_text(axis.name)}", f"direction = {toml_text(axis.direction)}"]
         lines += [f"sign = {axis.sign}", f"offset = {_number(axis.offset, 'rad')}"]
     return lines
 
 
 def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _text(name)
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else toml_text(name)
 
 
-def _text(text: str) -> str:
+def toml_text(text: str) -> str:
+    """A text as TOML has it, in quotes."""
     # A JSON string is a TOML basic string, but for surrogate pairs (so not in ASCII) and DEL (to be escaped).
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _number(value: float, unit: str) -> str:
-    return f"{{ value = {float(value)!r}, unit = {_text(unit)} }}"
+    return f"{{ value = {float(value)!r}, unit = {toml_text(unit)} }}"
 
 
 def _is_averaged(recording: Recording) -> bool:

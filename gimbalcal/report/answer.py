@@ -70,7 +70,14 @@ def _next(content: Mapping[str, Any]) -> str:
     doubted = content["provenance"].get("pattern")
     if doubted or verdict(content) != "fits" or content["residual"]["dof"] <= 0:
         return ""
+    if 0 < len(content["parameters"]) <= len(_tied(content)):
+        return " Next: record more attitudes; `gimbalcal observe` says beforehand which see what."
     return " Next: `gimbalcal apply` corrects recordings with it."
+
+
+def _tied(content: Mapping[str, Any]) -> list[str]:
+    """Labels of the parameters that the data do not tell alone."""
+    return list(dict.fromkeys(label for u in unobservable_of(content) for label in leading(u["direction"])))
 
 
 def _known(content: Mapping[str, Any]) -> str:
@@ -78,7 +85,7 @@ def _known(content: Mapping[str, Any]) -> str:
     every, unobservable = content["parameters"], unobservable_of(content)
     if not unobservable:
         return f"All {counted(len(every), 'parameter')} are known."
-    tied = list(dict.fromkeys(label for u in unobservable for label in leading(u["direction"])))
+    tied = _tied(content)
     names = listed([*map(label_in_words, tied[:4]), *([f"{len(tied) - 4} more"] if len(tied) > 4 else [])])
     apart = " from each other" if len(tied) > 1 else ""
     known = f"{len(every) - len(tied)} of {len(every)} parameters are known"

@@ -14,6 +14,8 @@ import numpy as np
 from gimbalcal.errors import InputError, alternatives, amount
 from gimbalcal.platform import KNOWN, Platform
 from gimbalcal.recording.document import LARGEST, Document, shortened
+from gimbalcal.recording.header import platform_of
+from gimbalcal.recording.writing import platform_toml, toml_text
 from gimbalcal.schedule.published import SCHEDULES
 from gimbalcal.schedule.rotation import BODY, DIRECTIONS, TABLE, Move, RotationSchedule
 from gimbalcal.schedule.rotations import ROTATIONS
@@ -29,10 +31,9 @@ def schedule_toml(schedule: Schedule) -> str:
     lines = [
         f"# {amount(len(schedule.holds), 'hold')}; angles in degrees",
         "format = 1",
-        f'title = "{schedule.name}"',
+        f"title = {toml_text(schedule.name)}",
         "",
-        "[platform]",
-        f'name = "{schedule.platform.name}"',
+        *platform_toml(schedule.platform),
         "",
         "[schedule]",
         f'dwell = {{ value = {seconds!r}, unit = "s" }}',
@@ -88,7 +89,7 @@ def rotation_toml(schedule: RotationSchedule) -> str:
         return f'{{ value = {round(float(from_si(value, unit)), 9) + 0.0!r}, unit = "{unit}" }}'
 
     x, y, z = schedule.start
-    lines = ["format = 1", 'kind = "rotation"', f'title = "{schedule.name}"']
+    lines = ["format = 1", 'kind = "rotation"', f"title = {toml_text(schedule.name)}"]
     lines += [f'start = {{ x = "{x}", y = "{y}", z = "{z}" }}', f"rate = {number(schedule.rate, 'deg/s')}"]
     lines += [f"ramp = {number(schedule.ramp, 's')}", f"stop = {number(schedule.stop, 's')}"]
     lines += [f'outer = "{schedule.outer}"'] if schedule.outer else []
@@ -168,10 +169,13 @@ def _above_zero(
 
 
 def _platform(document: Document) -> Platform:
+    if "axes" in document.table("platform"):
+        return platform_of(document, "multi-position")
     name = document.table("platform").get("name", "space-stable")
     if not isinstance(name, str) or name not in KNOWN:
         where = document.where("platform", "name")
-        raise InputError(f"{where}: no platform is called {name!r}; known are {', '.join(KNOWN)}")
+        known = ", ".join(KNOWN)
+        raise InputError(f"{where}: no platform is called {name!r}; known are {known}, or spell its axes out")
     return KNOWN[name]
 
 

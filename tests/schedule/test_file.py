@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from gimbalcal.errors import InputError
-from gimbalcal.schedule import SCHEDULES
+from gimbalcal.platform import Axis, Platform
+from gimbalcal.schedule import SCHEDULES, Hold, Schedule
 from gimbalcal.schedule.file import read_schedule, schedule_toml
 
 
@@ -42,3 +43,14 @@ def test_a_wrong_file_is_refused_with_the_place(text: str, words: str, tmp_path:
 def test_an_unknown_name_lists_the_known_ones() -> None:
     with pytest.raises(InputError, match="is no file and no published schedule; those are wu2018-18, wang2019-15"):
         read_schedule("nobody-7")
+
+
+def test_a_platform_of_ones_own_and_a_title_with_quotes_are_kept(tmp_path: Path) -> None:
+    own = Platform("tilt table", (Axis("roll", "x"), Axis("pitch", "y", -1, np.pi / 2)))
+    made = Schedule('bench "4"', own, (Hold((0.0, 0.5)), Hold((1.0, -0.5))))
+    path = tmp_path / "schedule.toml"
+    path.write_text(schedule_toml(made))
+    again = read_schedule(path)
+    assert (again.name, again.platform.axis_names) == (made.name, ("roll", "pitch"))
+    assert again.platform.axes[1].sign == -1
+    np.testing.assert_allclose(again.platform.attitude([0.3, 0.4]), own.attitude([0.3, 0.4]), atol=1e-12)
