@@ -20,6 +20,7 @@ from gimbalcal.effects.grade import DEG_ROOT_H, GRADES, UG, Grade, grade_named, 
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.norm_fit import scaled_by_gravity
 from gimbalcal.recording import SENSORS, Recording, dwell_means, dwells
+from gimbalcal.recording.dwell import rests_are_means, whole_means
 from gimbalcal.recording.noise import resolution
 
 SECOND = 1.0  # s of a mean; data sheets print the noise at this time
@@ -84,6 +85,7 @@ def walk(recording: Recording, sensor: str) -> float | None:
     Gyroscopes that count say nothing; accelerometers that count have gravity for a scale.
     """
     quantity = SENSORS[sensor]
+    recording = whole_means(recording) if rests_are_means(recording) else recording
     step = _step(recording)
     if step is None or not recording.has(quantity):
         return None

@@ -13,6 +13,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording.record import ANGLES, Recording
 
+MEANS = 1.5  # times the samples of a row on the way: a row of a rest is a longer mean
 MISSED = 1.5  # times the usual step: a row is missing, and rows on both sides have no common middle
 
 
@@ -41,6 +42,29 @@ def dwells(recording: Recording) -> tuple[Dwell, ...]:
     p = recording.position
     edges = np.concatenate([[0], np.flatnonzero(p[1:] != p[:-1]) + 1, [n]])
     return tuple(Dwell(int(p[start]), int(start), int(stop)) for start, stop in pairwise(edges) if p[start] > 0)
+
+
+def rests_are_means(recording: Recording) -> bool:
+    """Whether rows of rests are means and those on the way between them are not."""
+    p = recording.position
+    if p is None or np.all(p > 0) or not np.any(p > 0):
+        return False
+    return bool(np.median(recording.weight[p > 0]) > MEANS * np.median(recording.weight[p == 0]))
+
+
+def whole_means(recording: Recording) -> Recording:
+    """The rows of rests that stand for as many samples as most of their rest do: these all weigh alike."""
+    kept = np.zeros(len(recording.time), dtype=bool)
+    for d in dwells(recording):
+        weight = recording.weight[d.rows]
+        kept[d.rows] = weight > weight.max() / 2
+    return recording.select(kept)
+
+
+def usual_step(recording: Recording) -> float:
+    """The usual time from row to row [s]: on the way, where the rows of rests are means."""
+    way = recording.position == 0 if recording.position is not None and rests_are_means(recording) else slice(None)
+    return float(np.median(np.diff(recording.time[way])))
 
 
 def dwell_means(recording: Recording) -> Recording:

@@ -26,7 +26,7 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording.completed import with_rests
-from gimbalcal.recording.dwell import dwells
+from gimbalcal.recording.dwell import dwells, usual_step
 from gimbalcal.recording.plausible_run import named
 from gimbalcal.recording.record import Recording
 from gimbalcal.recording.triads import AXES, CHANGES, CLOSE, NEARLY_ALL, Change, in_words, remedy, without_scale
@@ -91,7 +91,7 @@ def _turns(recording: Recording) -> _Turns | None:
     """The turns that move the reference most, gravity's direction or else the gimbals; None where too few do."""
     stays = dwells(recording)
     y = recording.triad(RATE)
-    usual = float(np.median(np.diff(recording.time))) if len(recording.time) > 1 else 0.0
+    usual = usual_step(recording) if len(recording.time) > 1 else 0.0
     logged = [
         k for k, (a, b) in enumerate(pairwise(stays))
         if b.start > a.stop and np.diff(recording.time[a.stop - 1 : b.start + 1]).max() <= PAUSED * usual

@@ -126,15 +126,42 @@ class Blocks:
 
 
 class Rests(Blocks):
-    """Means over `rows` consecutive rows of each rest, and every row on the way, where the position is 0."""
+    """Means over `rows` consecutive rows of each rest; its first and last row, and each on the way, as they are.
+
+    On the way the position is 0; a turn goes from the last row of a rest to the first of the next.
+    """
 
     def __init__(self, rows: int, position: str, weight: str | None, turns: Mapping[str, float]) -> None:
         super().__init__(rows, "", weight, turns)
         self.position = position
-        self.rows = 0  # so far
+        self.rows, self.alone = 0, False  # rows so far, and whether the last of them stands by itself
+        self.held: Mapping[str, Array] = {}  # the last row, which is that of a rest or not
+        self.held_begins = np.zeros(0, dtype=bool)
+
+    def add(self, batch: Mapping[str, Array], begins: Array) -> None:
+        """Take in a batch."""
+        if not len(begins):
+            return
+        begins = np.concatenate([self.held_begins, begins])
+        batch = {name: np.concatenate([self.held[name], x]) for name, x in batch.items()} if self.held else batch
+        self.held, self.held_begins = {name: x[-1:] for name, x in batch.items()}, begins[-1:]
+        self._take({name: x[:-1] for name, x in batch.items()}, begins[:-1], begins[1:])
+
+    def table(self) -> dict[str, Array]:
+        """One row per block; the key ``""`` holds the weight."""
+        if self.held:
+            self._take(self.held, self.held_begins, np.ones(1, dtype=bool))
+            self.held = {}
+        return super().table()
+
+    def _take(self, batch: Mapping[str, Array], begins: Array, ends: Array) -> None:
+        self.ends = ends  # which rows are followed by one that begins anew
+        super().add(batch, begins)
 
     def _new(self, batch: Mapping[str, Array], begins: Array) -> Array:
         row = np.arange(self.rows, self.rows + len(begins), dtype=float)
         self.rows += len(begins)
-        moving = batch[self.position] == 0
-        return self._changes(row, begins) | moving
+        alone = begins | self.ends | (batch[self.position] == 0)
+        after = np.concatenate([[self.alone], alone[:-1]])
+        self.alone = bool(alone[-1])
+        return self._changes(row, begins) | alone | after

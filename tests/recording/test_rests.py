@@ -16,10 +16,11 @@ from gimbalcal.recording import Recording, read, write
 from gimbalcal.recording.room import rows_in
 from gimbalcal.recording.rows import AllRows
 from tests.diagnose.rows.test_slews import IDEAL, QUICK, unit
-from tests.diagnose.turned_plant import gimballed
+from tests.diagnose.turned_plant import gimballed, turned
 from tests.recording.test_recording import HEADER, folder, text
 
 CASE = Path(__file__).parents[2] / "data" / "space_stable_18"
+REST = [1, 29, 30, 30, 4, 1]  # its first and last row, by which turns begin and end, are as they were
 
 
 @pytest.fixture(autouse=True)
@@ -47,15 +48,14 @@ def test_rests_are_means_and_the_way_is_not(tmp_path: Path, monkeypatch: pytest.
     target = folder(tmp_path, samples=text(table))
     r = read(target, most=100)  # 299 rows, of which a tenth of 100 are to be left: means over 30
     assert r.position is not None
-    assert r.weight.tolist() == [30, 30, 30, 5, *[1] * 7, 30, 30, 30, 5, *[1] * 7, 30, 30, 30, 5]
-    assert r.position.tolist() == [1] * 4 + [0] * 7 + [2] * 4 + [0] * 7 + [1] * 4
-    np.testing.assert_allclose(r.time[:5], [14.5, 44.5, 74.5, 92.0, 95.0])
+    assert r.weight.tolist() == [*REST, *[1] * 7, *REST, *[1] * 7, *REST]
+    assert r.position.tolist() == [1] * 6 + [0] * 7 + [2] * 6 + [0] * 7 + [1] * 6
+    np.testing.assert_allclose(r.time[:7], [0.0, 15.0, 44.5, 74.5, 91.5, 94.0, 95.0])
     whole = read(target)
-    np.testing.assert_array_equal(r.triad("specific_force")[4:11], whole.triad("specific_force")[95:102])
-    np.testing.assert_allclose(
-        r.triad("specific_force")[11], whole.triad("specific_force")[102:132].mean(0), rtol=1e-13
-    )
-    assert abs((r.angles()[0, 2] + 1) % (2 * np.pi) - 1) < 1e-12  # 359.9 and 0.1 deg are 0
+    np.testing.assert_array_equal(r.triad("specific_force")[5:14], whole.triad("specific_force")[94:103])
+    mean = whole.triad("specific_force")[103:132].mean(axis=0)
+    np.testing.assert_allclose(r.triad("specific_force")[14], mean, rtol=1e-13)
+    assert abs((r.angles()[2, 2] + 1) % (2 * np.pi) - 1) < 1e-12  # 359.9 and 0.1 deg are 0
     assert r.scatter == whole.scatter  # of the rows, not of their means
     assert "means over 30 rows" in r.remarks[-1]
 
@@ -79,7 +79,7 @@ def test_a_weight_that_is_no_whole_number_leaves_positions_what_they_are(tmp_pat
     samples = text(np.column_stack([table, weight]), names)
     r = read(folder(tmp_path, HEADER + 'n = { quantity = "weight" }\n', samples), most=100)
     assert r.position is not None
-    assert r.position.tolist() == [1] * 4 + [0] * 7 + [2] * 4 + [0] * 7 + [1] * 4
+    assert r.position.tolist() == [1] * 6 + [0] * 7 + [2] * 6 + [0] * 7 + [1] * 6
     assert r.weight.sum() == pytest.approx(weight.sum())
 
 
@@ -117,7 +117,7 @@ def test_a_delay_is_not_looked_for_beside_means(tmp_path: Path) -> None:
 
     target = write(gimballed(6, unit(), **QUICK), tmp_path / "rec")
     assert not isinstance(seen(read(target)), str)
-    assert "come as means over" in str(seen(read(target, most=2000)))
+    assert "come as means" in str(seen(read(target, most=2000)))
 
 
 @pytest.mark.parametrize("expected", [0, 7, 1000])
@@ -148,3 +148,17 @@ def test_readings_in_coarse_steps_are_not_frozen_in_any_piece(tmp_path: Path, mo
     table[:, 3] += 0.004 * (table[:, 1] == 2)  # it stands still in each rest, and is alive
     table[:, 2:5] = np.round(table[:, 2:5] * 500) / 500
     assert len(read(folder(tmp_path, samples=text(table))).time) == len(table)
+
+
+def test_a_unit_turned_by_hand_is_the_same_from_means(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Turns go from the last row of a rest to the first of the next, and the noise of its grade is that of samples."""
+    r = turned(6, unit())
+    target = write(r, tmp_path / "rec")
+    whole, _ = calibrate([target], "multiposition")
+    monkeypatch.setattr("gimbalcal.pipeline.MOST_ROWS", len(r.time) // 2)
+    made, (means,) = calibrate([target], "multiposition")
+    assert len(means.time) < 0.8 * len(r.time)
+    assert [p.label for p in made.parameters] == [p.label for p in whole.parameters]
+    assert any(p.effect == "gyro_scale_factor" for p in made.parameters)
+    np.testing.assert_allclose((made.values - whole.values) / whole.sigmas, 0, atol=0.2)
+    np.testing.assert_allclose(made.sigmas, whole.sigmas, rtol=0.15)

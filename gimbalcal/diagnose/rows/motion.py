@@ -17,12 +17,12 @@ from gimbalcal.kinematics import ideal_force, stimulus_from_truth
 from gimbalcal.number import STEP, Array
 from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwells
+from gimbalcal.recording.dwell import rests_are_means
 from gimbalcal.rotation import exponential, mean_rates
 
 FEWEST = 6  # slews: their scatter tells how well a delay is known
 ROWS = 6  # on the way: fewer do not tell how a slew goes
 BESIDE = 0.5  # of the slew's rows, from the rest at each end: a delay shows there too
-MEANS = 1.5  # times the samples of a row on the way: a row of a rest is a longer mean
 SMOOTH = 9  # rows of readouts that a parabola smooths at most, and an eighth of the slew
 
 Slew = tuple[NDArray[np.int64], int]
@@ -52,9 +52,8 @@ def slews(recording: Recording) -> list[Slew] | str:
     stays = dwells(recording)
     if recording.position is None or not np.any(recording.position == 0):
         return "none were logged"
-    still, way = (float(np.median(recording.weight[p])) for p in (recording.position > 0, recording.position == 0))
-    if still > MEANS * way:
-        return f"the rests come as means over {still:.0f} rows, and a delay shows where they end"
+    if rests_are_means(recording):
+        return "the rests come as means, and a delay shows where they end"
     out = []
     for k, (a, b) in enumerate(pairwise(stays), start=1):
         n = b.start - a.stop

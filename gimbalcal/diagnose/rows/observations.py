@@ -26,6 +26,7 @@ from gimbalcal.kinematics import refuse_other_platform
 from gimbalcal.number import Array
 from gimbalcal.readings import SENSOR_OF, Readings, readings
 from gimbalcal.recording import Recording, block_means, dwells
+from gimbalcal.recording.dwell import rests_are_means, whole_means
 from gimbalcal.recording.noise import sample_sigma, stated
 
 KINDS = ("multi-position", "static-run")  # whose attitude and noise are known
@@ -203,7 +204,7 @@ def _at_rest(recording: Recording) -> Recording:
     if recording.kind == "static-run":
         refuse_other_platform(recording)
     if recording.position is not None and np.any(recording.position == 0):
-        recording = recording.select(recording.position > 0)
+        recording = whole_means(recording) if rests_are_means(recording) else recording.select(recording.position > 0)
     if not len(recording.time):
         raise InputError(f"{recording.title!r} has no dwell: every row has position 0, so nothing in it is at rest")
     if recording.kind == "static-run" and len(recording.time) > MOST_ROWS:

@@ -71,8 +71,8 @@ def rests(recording: Recording, accelerometers: Calibration, scale: float = 1.0,
     means = dwell_means(accelerometers.apply(recording))
     rows = dwell_means(recording)
     y = recording.triad(RATE)
-    root = np.sqrt(recording.weight)[:, None]  # rows may be means themselves
-    inside = np.concatenate([(y[d.rows] - y[d.rows].mean(0)) * root[d.rows] for d in dwells(recording)])
+    root, stays = np.sqrt(recording.weight)[:, None], dwells(recording)  # rows may be means themselves
+    inside = np.concatenate([(y[d.rows] - m) * root[d.rows] for d, m in zip(stays, rows.triad(RATE), strict=True)])
     sigma = np.sqrt((inside**2).mean(0)) / np.sqrt(rows.weight)[:, None]
     force, latitude = means.triad(FORCE), recording.site.latitude
     earth = 0.0 if latitude is None else EARTH_RATE * np.sin(latitude) * force / recording.site.gravity

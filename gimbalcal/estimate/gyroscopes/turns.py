@@ -21,6 +21,7 @@ from gimbalcal.inversion import invert
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwells
+from gimbalcal.recording.dwell import usual_step
 from gimbalcal.rotation import exponential, mean_rates
 
 RATE, FORCE = "angular_rate", "specific_force"
@@ -59,8 +60,9 @@ def turns_between_rests(
         )
     there = accelerometers.apply(recording)
     y, f = recording.triad(RATE), there.triad(FORCE)
-    level = np.array([y[d.rows].mean(0) for d in stays])
-    down = np.array([f[d.rows].mean(0) for d in stays])
+    level, down = (
+        np.array([np.average(x[d.rows], axis=0, weights=recording.weight[d.rows]) for d in stays]) for x in (y, f)
+    )
     down /= np.linalg.norm(down, axis=1, keepdims=True)
     every = [slice(a.stop - 1, b.start + 1) for a, b in pairwise(stays)]
     ends = np.flatnonzero([not paused(recording, span) for span in every]) + 1
@@ -97,8 +99,7 @@ def logged_turns(recording: Recording) -> bool:
 
 def paused(recording: Recording, span: slice) -> bool:
     """Whether the clock pauses between two rests, so that nobody knows how the unit turned meanwhile."""
-    usual = float(np.median(np.diff(recording.time)))
-    return bool(np.any(np.diff(recording.time[span]) > PAUSED * usual))
+    return bool(np.any(np.diff(recording.time[span]) > PAUSED * usual_step(recording)))
 
 
 def _relevelled(turns: Turns, level: Array, scale: float, at_rest: Sequence[Effect]) -> Array:

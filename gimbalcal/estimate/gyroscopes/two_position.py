@@ -44,7 +44,7 @@ def two_position(recording: Recording) -> Calibration:
     rows, weight = recording.triad(RATE), recording.weight[:, None]  # rows may be means themselves
 
     def scatter(x: Array, w: Array) -> Array:
-        return np.asarray(np.sqrt((w * (x - x.mean(axis=0)) ** 2).sum(axis=0) / (len(x) - 1)))
+        return np.asarray(np.sqrt((w * (x - (w * x).sum(axis=0) / w.sum()) ** 2).sum(axis=0) / (len(x) - 1)))
 
     several = [d for d in stays if d.stop - d.start > 1]
     spread = np.array([scatter(rows[d.rows], weight[d.rows]) for d in several] or [np.full(3, np.nan)])
