@@ -28,6 +28,7 @@ from gimbalcal.diagnose.rows.observations import (
     given_back,
     linearised_at,
 )
+from gimbalcal.diagnose.search.about_settings import about_settings
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.verdict.calibrated import calibrated, found_of
 from gimbalcal.diagnose.verdict.decide import Decision, bar, capped, decide
@@ -71,6 +72,7 @@ def searched(recording: Recording, calibration: Calibration | None, baseline: tu
     dragged = o.kind == "static-run" and _misfit(o) > DRAGGED
     if dragged:
         o = settle(fit_baseline(recording, baseline, start, steps=0))
+    o = about_settings(o)
     tell("comparing every cause of the catalogue, alone and in pairs")
     s = search(o, library(o, baseline), nodes(o))
     if dragged:

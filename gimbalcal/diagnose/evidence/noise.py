@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.rows.observations import Observations
+from gimbalcal.diagnose.rows.observations import Observations, read_gimbals
 from gimbalcal.effects import Stage
 from gimbalcal.effects.process import GaussMarkov, Process, RandomWalk, SettingError, WhiteNoise
 from gimbalcal.inference.noise import Chain, Noise, chain, one_sigma, spectrum
@@ -150,7 +150,7 @@ class _Blocks:
 def _blocks(o: Observations) -> _Blocks:
     n, C = len(o.starts), o.y.shape[1]
     count = np.diff(np.append(o.starts, len(o.y)))
-    k = [i for i, a in enumerate(o.stimulus.axis_names) if ("gimbal_angle", a) in o.recording.channels]
+    k = read_gimbals(o)
     return _Blocks(
         walks=np.sqrt(count)[:, None, None] * np.eye(C),  # as a mean of so many rows is reduced
         angles=o.reduce(o.sensitivity[Stage.ENCODER][:, :, k]).reshape(n, C, len(k)),
@@ -166,10 +166,8 @@ def _dwell_node(o: Observations, blocks: _Blocks, setting: float, walk: float, p
     """
     noise = dwell_noise(o, setting, walk)
     (turned,), (wandering,) = noise["gimbal_angle"], noise["specific_force"][1:]
-    short = SettingError(one_sigma((turned,)) ** 2)
-    along = blocks.along
-    if np.abs(along).max(initial=0.0) * one_sigma((short,)) <= UNSEEN:
-        along = along[:, :, :0]
+    short = SettingError(o.told * one_sigma((turned,)) ** 2)
+    along = blocks.along if _shows(blocks.along, short) else blocks.along[:, :, :0]
     H = np.concatenate([blocks.walks, blocks.angles, along], axis=-1)
     every = [wandering] * o.y.shape[1] + [turned] * blocks.angles.shape[-1] + [short] * along.shape[-1]
     Phi, Q = (np.concatenate(parts, axis=1) for parts in zip(
@@ -179,9 +177,23 @@ def _dwell_node(o: Observations, blocks: _Blocks, setting: float, walk: float, p
     return Node((("setting error", setting), ("random walk", walk)), noise, prior, root.log_determinant, root)
 
 
+def setting_of(o: Observations) -> float:
+    """One sigma [rad] of a gimbal that is set, as stated."""
+    return one_sigma(stated(o.recording).get("gimbal_angle", (SettingError(DEFAULT_SETTING),)))
+
+
+def curved(o: Observations) -> bool:
+    """Whether gimbals are set so loosely that it shows along the force, of second order."""
+    return _shows(_blocks(o).along, SettingError((max(SETTING) * setting_of(o)) ** 2))
+
+
+def _shows(along: Array, short: SettingError) -> bool:
+    return bool(np.abs(along).max(initial=0.0) * one_sigma((short,)) > UNSEEN)
+
+
 def dwell_noise(o: Observations, setting: float, walk: float) -> Mapping[str, Noise]:
     """`setting` times the stated repeatability, and a walk that reaches `walk` sigmas of a dwell mean at the end."""
-    repeatability = setting * one_sigma(stated(o.recording).get("gimbal_angle", (SettingError(DEFAULT_SETTING),)))
+    repeatability = setting * setting_of(o)
     rows, end = len(o.y) / len(np.unique(o.stimulus.visit)), float(_block_time(o)[-1])
     return {
         "specific_force": (WhiteNoise(1.0), RandomWalk(walk / float(np.sqrt(rows * end)))),

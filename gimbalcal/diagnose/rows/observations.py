@@ -42,7 +42,8 @@ class Observations:
 
     Z (n, C, q): derivatives by the calibration constants, each times its prior sigma; block (n,): ordinal of the block
     of each row, empty for a static run; heavy: excess kurtosis of the samples; weight (n, C): of mean one where the
-    tails are heavy, None where all rows weigh alike.
+    tails are heavy, None where all rows weigh alike. turned: the readings at the angles that each visit really had,
+    where these count, and told: the variance of what is not known of them, over that of a setting.
     """
 
     recording: Recording
@@ -52,6 +53,13 @@ class Observations:
     block: Array
     heavy: float = 0.0
     weight: Array | None = None
+    turned: Readings | None = None
+    told: float = 1.0
+
+    @property
+    def read(self) -> Readings:
+        """What was read, at the angles that it is linearised about."""
+        return self.turned or readings(self.recording)
 
     @property
     def kind(self) -> str:
@@ -252,6 +260,11 @@ def row_sigma(read: Readings, known: Sequence[Effect] = ()) -> Array:
             "weighed: write it into [noise] of recording.toml"
         )
     return np.maximum(one, STUCK) / np.sqrt(np.median(read.recording.weight))
+
+
+def read_gimbals(o: Observations) -> list[int]:
+    """Ordinals of the gimbals whose angles were read."""
+    return [i for i, a in enumerate(o.stimulus.axis_names) if ("gimbal_angle", a) in o.recording.channels]
 
 
 def _blocks(recording: Recording) -> Array:

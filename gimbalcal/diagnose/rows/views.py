@@ -34,6 +34,7 @@ from gimbalcal.units import is_raw
 FORCE, RATE = "specific_force", "angular_rate"
 BLOCK = 1.0  # s; a table is tilted over seconds, what is faster shakes building and floor
 POLE = 0.02  # cosine of the inner angle beyond which a mount points along its outer axis
+MANY = 1000  # rows of a pointing run, a log of guiding: noises that are filtered row by row would take half of the time
 FEWEST = 3  # means of a table that can differ from one another in more than a trend
 BY_HAND = 3.0  # times the sizes of one unit: sensors of different makers, bolted together
 COARSE, FINE = 0.04, 0.01  # s; steps at which the physics of a tilting table is evaluated, for search and last fit
@@ -124,7 +125,7 @@ def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
         rows,
         gauges({Stage.BASE}),
         ideal=ideal,
-        wander=of_channels(len(recording.time), len(CHANNELS)),
+        wander=of_channels(len(recording.time), len(CHANNELS)) if len(recording.time) <= MANY else None,
     )
 
 

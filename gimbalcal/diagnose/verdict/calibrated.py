@@ -173,7 +173,7 @@ class _Share:
     def information(self, effects: Sequence[Effect]) -> Information:
         """What the rows say of the wanted parameters, linearised at effects; without what is this recording's own."""
         stages = dict.fromkeys(CATALOGUE[p.effect].stage for p in self.wanted)
-        rows = readings(self.o.recording).rows(effects, stages).over(self.o.sigma)
+        rows = self.o.read.rows(effects, stages).over(self.o.sigma)
         A = self.node.whiten(self.o.reduce(rows.jacobian(self.wanted)))
         r = self.node.whiten(self.o.reduce(rows.residual[:, :, None]))[:, 0]
         wide = self.found.wide()

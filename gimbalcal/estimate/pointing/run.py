@@ -24,6 +24,7 @@ from gimbalcal.recording import Recording
 STAGES = frozenset({Stage.ENCODER, Stage.AXIS_TILT, Stage.BASE, Stage.LINE_OF_SIGHT})
 CHANNELS = tuple(("pointing", axis) for axis in AXES["pointing"])
 CALM = 0.5  # of the roughness of where the stars are
+CABLES = 3 * np.pi  # rad that a mount turns, from one stop to the other
 NIGHT = 6 * 3600.0  # s; a longer pause ends a night
 
 
@@ -67,9 +68,12 @@ def without_jumps(angle: Array, readout: Array) -> Array:
     """Angles (n, k) [rad] that go on where a log starts anew after a full turn.
 
     A readout that is logged over more than a turn says how many turns there were; else the mount went the shorter way.
+    Where these add up to more than its cables let it turn, it never went past where its log starts anew.
     """
     turns = 2 * np.pi * np.round((readout - angle) / (2 * np.pi))
-    return np.where(np.ptp(readout, axis=0) > 2 * np.pi, angle + turns, np.unwrap(angle, axis=0))
+    shorter = np.unwrap(angle, axis=0)
+    told = (np.ptp(readout, axis=0) > 2 * np.pi) | (np.ptp(shorter, axis=0) > CABLES)
+    return np.where(told, angle + turns, shorter)
 
 
 def since_turning(angle: Array) -> Array:

@@ -41,6 +41,16 @@ def test_a_readout_of_several_turns_says_which_way_its_mount_went() -> None:
     assert np.allclose(np.diff(without_jumps(np.mod(readout[:2], TURN), readout[:2]), axis=0), 4.0 - TURN)
 
 
+@pytest.mark.parametrize("low", [0.0, -np.pi])
+def test_a_mount_that_stops_at_its_wrap_went_the_long_way_round(low: float) -> None:
+    """From 350 to 10 degrees the shorter way, again and again in one sense, would wind up its cables."""
+    azimuth = np.radians(np.tile([20.0, 110.0, 200.0, 290.0, 350.0], 8) + np.arange(40)) % TURN
+    azimuth = np.mod(azimuth - low, TURN) + low
+    r = run(ALT_AZ, np.stack([np.full(40, 0.8), azimuth], axis=1), effects(ALT_AZ, base_tilt__east=20.0))
+    told = on_stars(r).move_angle[:, 1]
+    assert np.array_equal(np.sign(told[1:]), np.sign(np.diff(azimuth)))
+
+
 def test_an_axis_that_creeps_goes_on_as_it_went_whatever_its_noise() -> None:
     rng = np.random.default_rng(1)
     there = np.concatenate([np.linspace(0, 0.1, 400), np.linspace(0.1, 0.05, 200)])

@@ -1,0 +1,56 @@
+"""Gimbals that are set to a degree: what they take of the force along itself is told, and hides nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gimbalcal.diagnose import diagnose
+from gimbalcal.diagnose.evidence.noise import curved, nominal, settle
+from gimbalcal.diagnose.rows.observations import Observations, fit_baseline
+from gimbalcal.diagnose.search.about_settings import about_settings
+from gimbalcal.estimate.grade import graded
+from gimbalcal.number import Array
+from tests.diagnose.grade_plant import PATTERNS, Rests, of_force, on_gimbals
+
+DEGREE = 3600.0
+
+
+def observed(setting: float) -> Observations:
+    """A clean unit in 18 positions of a table that sets its angles to so many arcsec."""
+    r = on_gimbals(3, "tactical", setting=setting)
+    return settle(fit_baseline(graded([r], "").of([r])[0]))
+
+
+def misfit(o: Observations) -> float:
+    """What the calibration leaves in the nominal noise, per row."""
+    node = nominal(o)
+    Z, y = (node.whiten(o.reduce(x)) for x in (o.Z, o.y[:, :, None]))
+    left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-9)[0]
+    return float((left**2).sum()) / (len(y) - Z.shape[1])
+
+
+def test_about_the_angles_of_each_visit_nothing_is_curved() -> None:
+    loose = observed(DEGREE)
+    about = about_settings(loose)
+    assert about.told < 0.01
+    assert 0.8 < misfit(about) < 1.3
+    assert misfit(replace(loose, told=about.told)) > 20  # the same noise about the angles that were read
+
+
+def test_settings_of_arcseconds_are_left_alone() -> None:
+    tight = observed(1.0)
+    assert not curved(tight)
+    assert about_settings(tight) is tight
+
+
+def test_a_step_of_300_ug_shows_although_the_settings_take_as_much() -> None:
+    def law(r: Rests) -> Array:
+        return PATTERNS["bias_step"](r, 1)
+
+    d = diagnose([on_gimbals(4, "tactical", of_force(1, law), 300.0, setting=DEGREE)])
+    (found,) = d.findings
+    assert (found["effect"], found["axis"]) == ("bias_step", "y")
+    step = next(p for p in found["parameters"] if p["name"] == "bias_step")
+    assert abs(step["value"] - 300.0) < 3 * step["sigma"]
