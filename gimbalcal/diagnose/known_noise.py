@@ -31,7 +31,7 @@ from gimbalcal.diagnose.rows.observations import (
 from gimbalcal.diagnose.search.about_settings import about_settings
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.verdict.calibrated import calibrated, found_of
-from gimbalcal.diagnose.verdict.decide import Decision, bar, capped, decide
+from gimbalcal.diagnose.verdict.decide import Decision, bar, capped, decide, strained, unnamed
 from gimbalcal.diagnose.verdict.laws import Lawful, law_of_search
 from gimbalcal.diagnose.verdict.locate import Scan, mismatches, scan
 from gimbalcal.diagnose.verdict.model import FittedCauses, calibration_fit, constant_value, fit_causes
@@ -48,6 +48,7 @@ from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 
 AGAIN = "record the positions again that were not held where the readouts say: a law is sought when they are"
+LEFT = 1e-4  # probability that a clean recording looks as bad as what the named causes leave
 DRAGGED = 100.0  # reduced chi^2 of the model from which its constants are not to be linearised at
 
 
@@ -61,7 +62,21 @@ def diagnose_known_noise(
     tell("sending simulated clean recordings of this design through the same comparison")
     clean = clean_evidence(s, rng)
     d = decide(s, bar(clean))
-    return _report(s, d, clean, rng, {"baseline": list(ids), "seed": seed}, tell, calibration)
+    options = {"baseline": list(ids), "seed": seed}
+    made = _report(s, d, clean, rng, options, tell, calibration)
+    if d.hypothesis is None or (made.fit["scan_p_after"] >= LEFT and strained(s, d.hypothesis.members) < CLAIM):
+        return made
+    tell("what was named leaves a rest: looking for a formula that leaves none")
+    law = _lawful(s, unnamed(s), seed, instead=True)
+    return _report(s, unnamed(s), clean, rng, options, tell, calibration, law) if law.laws else made
+
+
+def _lawful(s: Search, d: Decision, seed: int, instead: bool = False) -> Lawful:
+    """A formula for what no cause explains, unless positions were not held: that is a fault and no law."""
+    if _misheld(s, d):
+        return Lawful(recommend=AGAIN)
+    node = fit_causes(s, tuple(d.shapes[:1])).projection.node
+    return law_of_search(s, node, np.random.default_rng(seed), instead)
 
 
 def searched(recording: Recording, calibration: Calibration | None, baseline: tuple[str, ...], tell: Tell) -> Search:
@@ -111,7 +126,7 @@ def _about_found(s: Search) -> Observations:
 
 def _report(
     s: Search, d: Decision, clean: Array, rng: np.random.Generator, options: Mapping[str, Any], tell: Tell,
-    known: Calibration | None = None,
+    known: Calibration | None = None, law: Lawful | None = None,
 ) -> Diagnosis:  # fmt: skip
     members = d.hypothesis.members if d.hypothesis else ()
     f = fit_causes(s, members)
@@ -133,17 +148,18 @@ def _report(
         "excess_kurtosis": round(s.o.heavy, 3),
     }
     words, misheld = wording.answer(d.verdict, named, shapes, mismatch, fitted), _misheld(s, d)
-    lawful = Lawful(recommend=AGAIN if misheld else "")
-    if d.verdict == "unexplained" and not misheld:
-        tell("nothing known explains it: looking for a formula in what was recorded")
-        lawful = law_of_search(s, seen.projection.node, rng)
-        fitted |= lawful.fit
-        curves = curves if lawful.added is None else replace(curves, after=residual_rows(s.o, lawful.added)[1])
+    if law is None:
+        law = Lawful()
+        if d.verdict == "unexplained":
+            tell("nothing known explains it: looking for a formula in what was recorded")
+            law = _lawful(s, d, int(options["seed"]))
+    fitted |= law.fit
+    curves = curves if law.added is None else replace(curves, after=residual_rows(s.o, law.added)[1])
     tell("the model with what was found, as a calibration")
     made = calibrated_alone(s, f, wording.reserve(d.verdict, named, shapes), known)
     words += f" {misheld}" if misheld else ""
     return Diagnosis(d.verdict, mismatch, named, shapes, fitted, provenance, words, curves, made, outcome=misheld,
-                     laws=lawful.laws, recommend=lawful.recommend)  # fmt: skip
+                     laws=law.laws, recommend=law.recommend)  # fmt: skip
 
 
 def calibrated_alone(s: Search, f: FittedCauses, outcome: str, known: Calibration | None = None) -> Calibration:

@@ -44,6 +44,7 @@ def diagnosis_report(
         "verdict": "reserved" if content.get("outcome") else LOOKS.get(content["verdict"], "misfit"),
         "facts": _facts(content),
         "findings": findings,
+        "laws": [_law(law) for law in content.get("laws", ())],
         "picture": _before_after(panels, content["findings"], on_the_sky(curves)),
         "mismatch": (mismatch := [_mismatch(m) for m in content["mismatch"]]),
         "places": any(m["where"] for m in mismatch),
@@ -112,6 +113,22 @@ def _moved(m: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+def _law(law: Mapping[str, Any]) -> dict[str, Any]:
+    """A formula that no catalogue holds: as it is written, its numbers, and how far it was seen."""
+    rows = []
+    for r in law["parameters"]:
+        value, sigma = pdg(r["value"], r["sigma"])
+        unit = wording.unit_in_print(r["unit"])
+        rows.append({"words": r["name"], "value": minus(value), "sigma": sigma, "unit": unit})
+    seen = (f"{v.replace('_', ' ')} from {significant(low, 3)} to {significant(high, 3)} {law['units'][v]}"
+            for v, (low, high) in law["domain"].items())  # fmt: skip
+    return {
+        "where": f"{law['channel']} {law['axis']}".replace("_", " "),
+        "equation": formula(law["latex"]), "form": law["form"], "rows": rows, "domain": minus("; ".join(seen)),
+        "alternatives": "; ".join(law["alternatives"]), "effect": law["effect"],
+    }  # fmt: skip
+
+
 def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What is left before and after, in units of the noise or in its own, and whether anything more shows."""
     fit = content["fit"]
@@ -120,7 +137,7 @@ def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
     unit, keys, power = " × noise", ("chi2_reduced", "heldout"), 0.5
     if "rms_before" in fit:  # the noise is what the last model leaves, so its chi^2 says nothing
         unit, keys, power = " " + wording.unit_in_print(fit["noise"]["unit"]), ("rms", "heldout_rms"), 1.0
-    changed = bool(content["findings"])
+    changed = bool(content["findings"] or content.get("laws"))
     for key, what in zip(keys, ("misfit", "misfit of readings kept aside"), strict=True):
         known = [fit[f"{key}_{when}"] for when in ("before", "after") if fit.get(f"{key}_{when}") is not None]
         values = [significant(max(float(value), 0.0) ** power, 3) for value in (known if changed else known[:1])]

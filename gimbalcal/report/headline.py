@@ -220,10 +220,15 @@ def _plain(f: Entry) -> bool:
 def _unexplained(content: Entry, curves: Curves | None) -> str:
     shape = next(iter(content["unexplained"]), None)
     follows = f" It {_follows(str(shape['shape']))}, in {str(shape['channel']).replace('_', ' ')}." if shape else ""
-    law = " A formula that fits it is in law.py." if content.get("laws") else ""
-    recommend = (
-        content.get("recommend") or "look at the picture below, and record again with that quantity varied on purpose"
-    )
+    laws = content.get("laws", ())
+    told = (f"{law['expression']} {wording.unit_in_print(str(law['unit']))} in {law['channel']} {law['axis']}"
+            for law in laws)  # fmt: skip
+    law = f" A formula fits it, in law.py: {'; '.join(told).replace('_', ' ')}." if laws else ""
+    asked = " ".join(f"--with {law['effect']}" for law in laws)
+    recommend = content.get("recommend") or (
+        f"calibrate with it, `{asked} --effects law.py`, and look for what is behind it" if laws
+        else "look at the picture below, and record again with that quantity varied on purpose"
+    )  # fmt: skip
     return (f"Something is missing that no known effect explains.{_size(curves, content['mismatch'])}{follows}{law} "
             f"Next: {recommend}; do not trust the calibration beyond that.")  # fmt: skip
 

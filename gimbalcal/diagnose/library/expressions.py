@@ -170,7 +170,8 @@ def _every(s: Stimulus) -> list[Variable]:
             for i, name in enumerate(s.axis_names)]  # fmt: skip
     out += [Variable(f"rate_{a}", "deg/s", s.rate[:, i], f"s.rate[:, {i}]", "rate") for i, a in enumerate("xyz")]
     out += [Variable("time", "s", s.time, "s.time", "time")]
-    out += [Variable("since_move", "s", s.since_move, "s.since_move", "since")]
+    if s.visit[-1] > s.visit[0]:
+        out += [Variable("since_move", "s", s.since_move, "s.since_move", "since")]
     if s.temperature is not None:
         needs, code = "temperature", "smoothed_rate(s.temperature, s.time, s.time[-1] / 100)"
         origin, course = s.reference_temperature, smoothed_rate(s.temperature, s.time, float(s.time[-1]) / 100)
@@ -242,9 +243,16 @@ def singles(every: Sequence[Sequence[Term]]) -> list[Expression]:
 
 
 def partners(every: Sequence[Sequence[Term]]) -> list[tuple[Term, list[Term]]]:
-    """Each term with all terms of the variables behind its own: products of two, each once; fast waves stand alone."""
+    """Each term with all terms of the variables behind its own: products of two, each once.
+
+    Fast waves are multiplied by the variables themselves alone.
+    """
     slow = [[t for t in own if not _fast(t)] for own in every]
-    return [(t, list(itertools.chain(*slow[i + 1 :]))) for i, own in enumerate(slow) for t in own]
+    out = [(t, list(itertools.chain(*slow[i + 1 :]))) for i, own in enumerate(slow) for t in own]
+    for i, own in enumerate(every):
+        plain = [t for k, other in enumerate(slow) if k != i for t in other if t.form.key == "x"]
+        out += [(t, plain) for t in own if _fast(t)]
+    return out
 
 
 def _fast(t: Term) -> bool:

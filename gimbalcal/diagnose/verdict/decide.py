@@ -44,6 +44,11 @@ def decide(s: Search, threshold: float = CLAIM) -> Decision:
     return replace(d, probability=tuple(UNSURE * p for p in d.probability))
 
 
+def unnamed(s: Search) -> Decision:
+    """The verdict that no cause of the catalogue explains it, with the shapes that are likeliest."""
+    return Decision("unexplained", None, (), (), _shapes(s), s.unknown)
+
+
 def bar(clean: Array) -> float:
     """ln Bayes factor for a claim: 20 to one, and what 99 % of clean recordings (draws,) of the design stay below."""
     return max(float(CLAIM), float(np.quantile(clean, 0.99)))

@@ -161,7 +161,9 @@ def _parameters(law: Law, told: Stated, x: Array, covariance: Array) -> list[dic
 def _latex(text: str, names: Sequence[str]) -> str:
     import sympy
 
-    return str(sympy.latex(sympy.sympify(text, locals={n: sympy.Symbol(n, real=True) for n in names})))
+    symbols = {n: sympy.Symbol(n, real=True) for n in names}
+    upright = {s: rf"\mathrm{{{n.replace('_', ' ')}}}" for n, s in symbols.items() if len(n) > 3}
+    return str(sympy.latex(sympy.sympify(text, locals=symbols), symbol_names=upright))
 
 
 def _identity(law: Law, number: int) -> str:

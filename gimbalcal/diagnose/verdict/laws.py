@@ -31,12 +31,13 @@ from gimbalcal.number import Array
 
 MOST = 3  # laws of one view
 MANY = 4  # laws that fit as well and are others: with more of them none is named
-REST = 0.05  # probability that a clean recording looks as bad as what a law leaves
-LEAVES = "The formula that fits best leaves a rest ({law}): what is missing is none of those that were tried"
+REST = 0.005  # probability that a clean recording looks as bad as what a law leaves
+LEAVES = "log what else varies: the formula that fits best, {law}, leaves a rest"
 NONE = (
-    "No small formula in what was recorded explains it: log what may be behind it ({lacking}), or take further "
-    "{places} that spread angles, time and temperature independently of each other"
+    "log what may be behind it ({lacking}), or take {more} that spread angles, time and temperature independently of "
+    "each other: no small formula in what was recorded explains it"
 )
+ALIKE = "take {more} in which {names} vary independently of each other: several formulas fit alike, {alike}"
 
 
 @dataclass(frozen=True)
@@ -75,29 +76,24 @@ def undetermined(laws: Sequence[Law], others: Sequence[Law], g: Ground, kind: st
         alike = "; ".join(dict.fromkeys(printed(law) for law in [laws[0], *others][:3]))
         names = list(dict.fromkeys(v.name for law in [laws[0], *others] for v in law.expression.variables))
         spread = ", ".join(n.replace("_", " ") for n in names[:5])
-        return (
-            f"Several formulas fit alike ({alike}): take {_more(kind)} in which {spread} vary independently of each "
-            "other"
-        )
-    lacking = [
-        w
-        for w, there in (("temperature", s.temperature is not None), ("supply voltage, pressure", bool(s.covariates)))
-        if not there
-    ]
-    return NONE.format(
-        lacking=" and ".join(lacking) or "another channel", places=_more(kind), varied="angles, time and temperature"
-    )
+        return ALIKE.format(more=_more(kind), names=spread, alike=alike)
+    asked = (("temperature", s.temperature is not None), ("supply voltage, pressure", bool(s.covariates)))
+    lacking = [words for words, there in asked if not there]
+    return NONE.format(lacking=" and ".join(lacking) or "another channel", more=_more(kind))
 
 
 def _more(kind: str) -> str:
-    return {"pointing": "stars", "static-run": "hours", "multi-position": "positions"}.get(kind, "rows")
+    return "further " + {"pointing": "stars", "static-run": "hours"}.get(kind, "positions")
 
 
-def law_of_search(s: Search, node: Node, rng: np.random.Generator) -> Lawful:
-    """What is told of a recording of known attitude that nothing known explains, `node` being its likeliest noise."""
+def law_of_search(s: Search, node: Node, rng: np.random.Generator, instead: bool = False) -> Lawful:
+    """What is told of a recording of known attitude that nothing known explains, `node` being its likeliest noise.
+
+    instead: of causes that leave a rest; the law then has to be 20 times as likely as the best of all hypotheses.
+    """
     g = ground_of_search(s, node)
     every = laws_of(g)
-    best, others = chosen(g, every, max(h.ln_weight for h in s.hypotheses))
+    best, others = chosen(g, every, max(h.ln_weight for h in s.hypotheses) + (TOGETHER + CLAIM) * instead)
     if best is None:
         return Lawful((), undetermined(every, others, g, s.o.kind))
     made, physical, scale = with_law(s, best.columns)
@@ -106,8 +102,7 @@ def law_of_search(s: Search, node: Node, rng: np.random.Generator) -> Lawful:
     if left.p_value < REST or strained(made, (0,)) >= CLAIM or checked.heldout_after >= checked.heldout_before:
         return Lawful((), LEAVES.format(law=printed(best)))
     law = found(best, f.x * scale, f.covariance * np.outer(scale, scale),
-                (checked.heldout_before, checked.heldout_after), others,
-                s.o.recording.title)  # fmt: skip
+                (checked.heldout_before, checked.heldout_after), others, s.o.recording.title)  # fmt: skip
     fit = {**checked.to_dict(), "scan_p_after": left.p_value, "noise": dict(f.projection.node.name)}
     return Lawful((law,), "", fit, physical @ f.x)
 

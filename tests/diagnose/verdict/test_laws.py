@@ -108,6 +108,20 @@ def test_a_threshold_is_found_in_a_static_run(tmp_path: Path) -> None:
     assert explained(d, r, tmp_path) < 1.1
 
 
+def test_a_law_that_leaves_no_rest_takes_the_place_of_a_cause_that_does(tmp_path: Path) -> None:
+    r = static_plant.record(
+        np.random.default_rng(18), lambda r: np.outer(r.ideal[:, 1] * np.exp(-r.t / 15000), [1.0, 0, 0]), 76 * plant.UG
+    )
+    d = diagnose([r])  # much like a warm-up, which leaves a rest
+    assert d.verdict == "unexplained"
+    assert not d.findings
+    law = d.laws[0].entry
+    tau = next(p for p in law["parameters"] if p["name"] == "tau2")
+    assert law["form"] == "a*force_y*exp(-time/tau2)"
+    assert abs(tau["value"] - 15000) < 4 * tau["sigma"] < 9000
+    assert explained(d, r, tmp_path) < 1.1
+
+
 def test_none_is_named_where_nothing_small_fits() -> None:
     rng = np.random.default_rng(2)
     steps = rng.standard_normal(18)
