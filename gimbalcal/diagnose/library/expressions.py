@@ -87,7 +87,7 @@ FORMS = {
 }
 OF = {
     "force": ("x", "x^2", "x^3", "|x|", "wave", "bounded", "above"),
-    "angle": ("harmonic",),
+    "angle": ("harmonic", "above"),
     "rate": ("x", "x^2", "x^3", "|x|", "bounded", "above"),
     "time": ("x", "x^2", "x^3", "wave", "fade", "above"),
     "since": ("x", "fade"),
@@ -127,7 +127,7 @@ class Term:
 
 @dataclass(frozen=True, eq=False)
 class Expression:
-    """A law: one term, or the product of two."""
+    """A law: one term, or the product of two or three."""
 
     terms: tuple[Term, ...]
 
@@ -152,9 +152,11 @@ class Expression:
         return tuple(t.variable for t in self.terms)
 
 
-def multiplied(A: Array, B: Array | None = None) -> Array:
-    """Products (n, a b) of each column of A (n, a) with each of B (n, b)."""
-    return A if B is None else np.asarray((A[:, :, None] * B[:, None, :]).reshape(len(A), -1))
+def multiplied(A: Array, *others: Array) -> Array:
+    """Products (n, a b ...) of each column of A (n, a) with each of the others (n, b)."""
+    for B in others:
+        A = (A[:, :, None] * B[:, None, :]).reshape(len(A), -1)
+    return A
 
 
 def variables(s: Stimulus, still: bool = False) -> tuple[Variable, ...]:
@@ -253,6 +255,12 @@ def partners(every: Sequence[Sequence[Term]]) -> list[tuple[Term, list[Term]]]:
         plain = [t for k, other in enumerate(slow) if k != i for t in other if t.form.key == "x"]
         out += [(t, plain) for t in own if _fast(t)]
     return out
+
+
+def triples(every: Sequence[Sequence[Term]]) -> list[Expression]:
+    """Products of three variables as they are, of angles the first harmonic."""
+    plain = [t for own in every for t in own if t.form.key == "x" or (t.form.key == "harmonic" and t.constant == 1)]
+    return [Expression(three) for three in itertools.combinations(plain, 3)]
 
 
 def _fast(t: Term) -> bool:

@@ -1,11 +1,11 @@
 r"""A law that nobody has written down: every small expression of what was recorded, by its evidence.
 
-All terms and all products of two are looked at by what they take away of the misfit, calibration profiled out, in the
-likeliest noise; those that take away most are refined in their constants and weighed over all noises and sizes, as
-every cause is. An expression pays for its number: half of the prior is for single terms and half for products, alike
-in each; and a constant pays for its grid.
+All terms, all products of two and plain products of three are looked at by what they take away of the misfit,
+calibration profiled out, in the likeliest noise; those that take away most are refined in their constants and weighed
+over all noises and sizes, as every cause is. An expression pays for its number: a third of the prior is for single
+terms, for products of two and of three, alike in each; and a constant pays for its grid.
 
-.. math:: \ln E = \ln BF - \ln n_{grid} - \ln (2 n_{expressions})
+.. math:: \ln E = \ln BF - \ln n_{grid} - \ln (3 n_{expressions})
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from gimbalcal.diagnose.library.expressions import (
     partners,
     singles,
     terms,
+    triples,
     variables,
 )
 from gimbalcal.effects import Stimulus
@@ -130,20 +131,23 @@ class Law:
 def laws_of(g: Ground) -> list[Law]:
     """Expressions by evidence, best first; of those that are one in this recording each is there."""
     found: list[tuple[float, Place, Expression]] = []
-    number, screens = [0, 0], dict[int, Screen]()
+    number, screens = [0, 0, 0], dict[int, Screen]()
     for place in g.places:
         every = [terms(v, place.stimulus) for v in variables(place.stimulus)]
-        ones, pairs = singles(every), partners(every)
+        ones, pairs, threes = singles(every), partners(every), triples(every)
         number[0] += len({e.family for e in ones})
         number[1] += len({f"{t.family}{o.family}" for t, others in pairs for o in others})
+        number[2] += len(threes)
         seen = screen(g, place)
-        found += _best(place, _screened(seen, ones), _paired(seen, pairs))
+        found += _best(place, _screened(seen, [*ones, *threes]), _paired(seen, pairs))
         screens[id(place)] = seen
     found.sort(key=lambda f: -f[0])
     refined = [_refined(screens[id(place)], place, e) for _, place, e in found[:REFINED]]
     chosen = [*refined, *((place, e) for _, place, e in found[REFINED:WEIGHED])]
     ln = g.evidence([place.columns(e.columns) for place, e in chosen])
-    costs = [np.log(2 * number[len(e.terms) - 1]) + np.log(e.tried) + _unusual(place, e) for place, e in chosen]
+    costs = [
+        np.log(len(number) * number[len(e.terms) - 1]) + np.log(e.tried) + _unusual(place, e) for place, e in chosen
+    ]
     made = [Law(place, e, float(b - c), screens[id(place)]) for (place, e), b, c in zip(chosen, ln, costs, strict=True)]
     return sorted(made, key=lambda law: -law.evidence)
 

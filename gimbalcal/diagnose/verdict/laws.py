@@ -114,7 +114,7 @@ def laws_of_view(v: View, m: Model, sigma: Array) -> tuple[Lawful, Model]:
     has the numbers of the view.
     """
     laws, with_them, left = list[FoundLaw](), m, ranked(v, m)
-    while left.ln_total >= CLAIM:
+    while left.ln_total >= (1 + bool(laws)) * CLAIM:
         g = ground_of_view(v, with_them, sigma)
         if g is None:
             return Lawful(), m
