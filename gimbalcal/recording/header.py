@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import pi
 from pathlib import Path, PureWindowsPath
@@ -158,7 +159,8 @@ def _samples(document: Document, folder: Path) -> Path:
 def _inside(path: Path, folder: Path) -> bool | None:
     """Whether `path`, links followed, lies in `folder`; None if it is no path: too long, a link to itself, a NUL."""
     try:
-        path.exists()
+        with suppress(FileNotFoundError, NotADirectoryError):
+            path.stat()  # since Python 3.13 neither `exists` nor `resolve` minds a link to itself
         return path.resolve().is_relative_to(folder.resolve())
     except (OSError, RuntimeError, ValueError):
         return None
