@@ -48,6 +48,8 @@ def verdict(content: Mapping[str, Any]) -> Verdict:
     """What the fit says of the model, from the content of calibration.json."""
     if content["outcome"]:
         return "reserved"
+    if content["provenance"].get("pattern"):
+        return "misfit"  # what is left is no noise, whatever its size
     return fit(content["residual"]["chi2"], content["residual"]["dof"])[2]
 
 

@@ -86,6 +86,8 @@ def _facts(content: Mapping[str, Any], recordings: Sequence[Recording]) -> list[
 
 
 def _chance(p: float) -> str:
+    if p > 0.99:
+        return "more than 99 %"
     return f"{100 * p:.2g} %" if p >= 1e-4 else "less than 0.01 %"
 
 
@@ -286,5 +288,9 @@ def _provenance(content: Mapping[str, Any], recordings: Sequence[Recording]) -> 
     pairs = [("method", content["method"])]
     if noise := _noise_in_words(given.pop("noise", {})):
         pairs.append(("noise", noise))
-    pairs += [(str(key).replace("_", " "), text) for key, value in given.items() if (text := wording.as_text(value))]
+    pairs += [
+        (str(key).replace("_", " "), wording.typeset(text))
+        for key, value in given.items()
+        if (text := wording.as_text(value))
+    ]
     return {"provenance": pairs, "sources": sources}

@@ -13,7 +13,8 @@ from gimbalcal.errors import amount
 from gimbalcal.report import wording
 from gimbalcal.report.chart import Band, Chart, Points, Rule
 from gimbalcal.report.html import Picture, picture, render
-from gimbalcal.report.rounding import minus, significant
+from gimbalcal.report.parameter_rows import in_sigmas
+from gimbalcal.report.rounding import significant
 from gimbalcal.units import from_si
 
 SURPRISE = 1e-3  # probability, over all parameters together, below which chance is not believed
@@ -136,7 +137,7 @@ def _row(r: Row, before: Row | None) -> dict[str, Any]:
     return {
         "words": wording.label_in_words(r["parameter"]),
         "first": before is None or before["parameter"].partition(":")[0] != r["parameter"].partition(":")[0],
-        "mean": minus(f"{_offset(r):+.1f} σ"),
+        "mean": in_sigmas(_offset(r), 1),
         "rms": significant(rms, 3),
         "sigma": significant(sigma, 3),
         "unit": unit,

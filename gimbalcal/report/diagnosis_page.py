@@ -17,6 +17,7 @@ from gimbalcal.report.chart import Chart, sensible_time
 from gimbalcal.report.figures import Panel, before_after, sky
 from gimbalcal.report.headline import does, headline
 from gimbalcal.report.html import Picture, formula, picture, render
+from gimbalcal.report.parameter_rows import in_sigmas
 from gimbalcal.report.rounding import minus, pdg, rms, significant
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ def _moved(m: Mapping[str, Any]) -> dict[str, Any]:
         "sigma": sigma,
         "unit": wording.unit_in_print(m["unit"]),
         "in_sigmas": m["in_sigmas"],
-        "text": minus(f"{m['in_sigmas']:+.1f} σ"),
+        "text": in_sigmas(m["in_sigmas"], 1),
     }
 
 

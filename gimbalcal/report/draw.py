@@ -157,7 +157,8 @@ def _axes(
             yield f'<text x="{_n(at_x)}" y="{_n(floor + 15)}" text-anchor="{anchor}">{escape(word)}</text>'
     if chart.x_label:
         low = floor + (max((len(w) for _, w in across), default=0) * LETTER if crossed else 16) + 15
-        yield f'<text x="{_n(left + wide / 2)}" y="{_n(low)}" text-anchor="middle">{escape(chart.x_label)}</text>'
+        middle = min(left + wide / 2, WIDTH - LETTER * len(chart.x_label) / 2)
+        yield f'<text x="{_n(middle)}" y="{_n(low)}" text-anchor="middle">{escape(chart.x_label)}</text>'
     if chart.y_label:
         where = f'transform="translate(12 {_n(top + high / 2)}) rotate(-90)" text-anchor="middle"'
         yield f"<text {where}>{escape(chart.y_label)}</text>"

@@ -84,7 +84,7 @@ def _row(p: Mapping[str, Any], names: Sequence[str]) -> dict[str, str]:
 
 
 def _step(s: Mapping[str, Any], names: Sequence[str]) -> dict[str, str]:
-    p = "the same recording" if s["same_recording"] else f"{s['p_value']:.2g}"
+    p = "the same recording" if s["same_recording"] else f"{s['p_value']:.2g}" if s["p_value"] >= 1e-4 else "< 0.0001"
     return {"before": names[s["before"]], "after": names[s["after"]], "chi2": significant(s["chi2"], 3),
             "dof": str(s["dof"]), "p": p}  # fmt: skip
 

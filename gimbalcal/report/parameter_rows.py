@@ -36,22 +36,27 @@ def _row(p: Row, nominal: Counts | None, truth: Mapping[str, float] | None) -> d
     moved = p["value"] / p["prior_sigma"] if p["prior_sigma"] else 0.0
     error = ""
     if truth is not None and label_of(p) in truth and p["sigma"] > 0:
-        error = _sigmas((p["value"] - float(from_si(truth[label_of(p)], p["unit"]))) / p["sigma"], 1)
+        error = in_sigmas((p["value"] - float(from_si(truth[label_of(p)], p["unit"]))) / p["sigma"], 1)
     own = unit == wording.unit_in_print(p["unit"])  # else counted from a nominal value that the same data gave
     return {
         "words": wording.named(p["name"], p["axis"].replace("_", " ")),
-        "means": p.get("in_words", "") if own else "",
+        "means": wording.typeset(p.get("in_words", "")) if own else "",
         "value": value,
         "sigma": sigma,
         "unit": unit,
         "prior": significant(p["prior_sigma"], 2) if own else "",
         "moved": moved,
-        "moved_text": _sigmas(moved, 2 if abs(moved) < 1000 else 0) if own else "",
+        "moved_text": in_sigmas(moved, 2 if abs(moved) < 1000 else 0) if own else "",
         "error": error,
     }
 
 
-def _sigmas(x: float, places: int) -> str:
+def in_sigmas(x: float, places: int) -> str:
+    """A signed number of sigmas as printed; zero has no sign.
+
+    >>> in_sigmas(-1.26, 1), in_sigmas(-0.01, 1)
+    ('−1.3 σ', '0.0 σ')
+    """
     text = f"{x:+.{places}f}"
     return minus(text if text.strip("+-0.") else text[1:]) + " σ"
 

@@ -55,11 +55,13 @@ def label_in_words(label: str) -> str:
 
 
 def unit_in_print(unit: str) -> str:
-    """A unit as it is printed.
+    """A unit as it is printed; a plain number has none.
 
-    >>> unit_in_print("ug/g^2"), unit_in_print("deg/sqrt(h)")
-    ('µg/g²', '°/√h')
+    >>> unit_in_print("ug/g^2"), unit_in_print("deg/sqrt(h)"), unit_in_print("1")
+    ('µg/g²', '°/√h', '')
     """
+    if unit == "1":
+        return ""
     text = unit.replace("ug", "µg").replace("urad", "µrad").replace("degC", "°C").replace("deg", "°")
     return text.replace("^2", "²").replace("^3", "³").replace("sqrt(h)", "√h").replace("sqrt(Hz)", "√Hz")
 

@@ -11,7 +11,7 @@ from gimbalcal import from_arrays
 from gimbalcal.at_rest import content as noise_content
 from gimbalcal.at_rest import noise_at_rest
 from gimbalcal.design.budget import budget
-from gimbalcal.design.observability import observe
+from gimbalcal.design.observability import observe, observe_any
 from gimbalcal.design.optimal import design, rig_of
 from gimbalcal.design.turning_observability import observe_turning
 from gimbalcal.diagnose.answer import Curves
@@ -79,6 +79,7 @@ def pages() -> dict[str, str]:
         "mount": diagnosis_report(diagnosis(), panels(stars, []), LONG, stars),
         "noise": noise_report(noise_content(still, noise_at_rest(still)), LONG),
         "observe": plan_report(observe("wu2018-18", candidates=["cross_coupling"]).to_dict()),
+        "observe static": plan_report(observe_any("static-24h", 1.0, 2.0, 40.0).to_dict()),
         "turns": observability_report(observe_turning("jia2014-9", 40.0, "bias,gyro_bias").to_dict()),
         "design": design_report(report, schedule),
         "designed turns": design_report(TURNS, ROTATIONS["wei2022-30"]),

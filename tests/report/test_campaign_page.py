@@ -28,7 +28,7 @@ def test_honest_sigmas_are_said_to_be() -> None:
     assert told.endswith("The σ are honest.")
     page = campaign_report(campaign())
     assert 'class="answer fits"' in page
-    assert '<td>0.970</td><td>1.00</td><td class="unit">µg</td>' in page
+    assert '<td>0.970</td><td class="extra">1.00</td><td class="unit">µg</td>' in page
 
 
 def test_few_runs_prove_little() -> None:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.answer import Curves
-from gimbalcal.report.diagnosis_page import diagnosis_report, panels
+from gimbalcal.report.diagnosis_page import diagnosis_report, on_the_sky, panels
 from gimbalcal.report.figures import Panel
 from gimbalcal.report.html import formula
 
@@ -137,3 +137,24 @@ def test_residuals_stand_in_their_unit_over_what_they_may_follow() -> None:
 def test_without_a_located_mismatch_the_largest_channel_is_drawn() -> None:
     assert panels(curves(), [])[0].name == "specific force x"
     assert len(panels(curves(positions=1), [])) == 1
+
+
+def test_where_nothing_was_added_the_residual_is_drawn_once() -> None:
+    fits = replace(curves(), after=curves().before)
+    (first, *_) = panels(fits, [])
+    assert not first.changed
+    page = diagnosis_report(diagnosis("adequate", findings=[]), (first,))
+    assert "Measured minus model, as calibrated. Bars" in page
+    assert " → " not in page[page.index("<figure") : page.index("<figcaption")]
+
+
+def test_stars_are_drawn_on_the_sky_before_and_after() -> None:
+    around, up = np.linspace(0, 350, 36), np.linspace(20, 80, 36)
+    left = np.stack([np.sin(around), np.cos(around)], axis=1)
+    at = (("pointing", "across"), ("pointing", "along"))
+    seen = Curves(np.arange(36.0), np.arange(36), at, 9 * left, left, np.ones((36, 2)), ("arcsec", "arcsec"),
+                  {"azimuth [°]": around, "elevation [°]": up})  # fmt: skip
+    before, after = on_the_sky(seen)
+    assert before.title.startswith("before, zenith in the middle; longest 9")
+    assert after.title.startswith("after, zenith in the middle; longest 1")
+    assert on_the_sky(replace(seen, against={})) == on_the_sky(curves()) == on_the_sky(None) == []

@@ -115,6 +115,11 @@ def test_noise_from_the_residual_proves_nothing(provenance: dict[str, Any]) -> N
     )
 
 
+def test_what_is_no_noise_is_no_success() -> None:
+    star = content() | {"provenance": {"pattern": {"channel": "across", "axis": "hour_angle"}}}
+    assert verdict(star) == "misfit"
+
+
 def test_reasons_say_labels_in_words() -> None:
     told = {"direction": {"bias:x": 1.0, "misalignment:xy": 0.3}, "why": "+1 bias:x +0.3 misalignment:xy leave it"}
     assert why_in_words(told) == "+1 bias x +0.3 misalignment xy leave it."
