@@ -174,7 +174,7 @@ def _legend(chart: Chart, left: float) -> tuple[list[str], float]:
     for m in told:
         wide = 22 if isinstance(m, Line) else 14
         label = _shortened(m.label, WIDTH - left - wide - 12)
-        long = wide + 12 + LETTER * len(label)
+        long = wide + 12 + LETTER * (len(label) + 1)
         if x > left and x + long > WIDTH:
             x, y = left, y + 16
         at = f"{_n(x + 7)}", f"{_n(y - 4)}"
