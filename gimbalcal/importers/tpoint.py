@@ -44,6 +44,7 @@ _BY_STARS, _BY_ANGLES = 14, 4  # numbers of an observation: two stars and a side
 _SITE, _SEXAGESIMAL, _ANY_DAY = 6, 3, ("2000", "1", "1")  # latitude and date; latitude alone
 _AUXILIARY = 3  # readings that may follow a pair of angles
 _SIXTY = 60.0
+_WHOLE = (0, 1, 3, 4, 6, 7, 9, 10, 12)  # hours, degrees and minutes before what they are divided into
 _STAR = (24.0, _SIXTY, _SIXTY, 360.0, _SIXTY, _SIXTY)  # a declination beyond 90 deg is the other side of the pier
 _MOST = {_BY_STARS: (*_STAR, *_STAR, 24.0, _SIXTY), _BY_ANGLES: (720.0, 360.0, 720.0, 360.0)}
 _WEATHER = ((-100.0, 70.0), (-1.0, 1200.0), (-1000.0, 9000.0))  # degC, hPa, m; without a pressure it is zero
@@ -215,6 +216,8 @@ def _observation(path: Path, line: int, text: str, numbers: Sequence[str]) -> li
                 f"{path}, line {line}: {word[:20]} cannot be there, where {most:g} is the most; correct it"
             )
     if len(numbers) >= _BY_STARS:
+        if broken := [numbers[i] for i in _WHOLE if not float(numbers[i]).is_integer()]:
+            raise InputError(f"{path}, line {line}: {broken[0]} cannot stand before minutes or seconds; correct it")
         return values
     if _BY_ANGLES <= len(numbers) <= _BY_ANGLES + _AUXILIARY and "." in numbers[1]:
         return values

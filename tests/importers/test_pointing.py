@@ -81,6 +81,7 @@ def test_tpoint_faults(tmp_path: Path) -> None:
     for old, new, sentence in [
         ("+30 00", "+3O 00", "bad.dat, line 6: '22 00 0.0000 +3O 00 0.0000"),
         ("23 30.00000", "", "bad.dat, line 6: an observation has 14 numbers, got 12"),
+        ("+30 00", "+30.5 00", "bad.dat, line 6: +30.5 cannot stand before minutes or seconds"),
         ("+30 00", "+30 70", "bad.dat, line 6: 70 cannot be there, where 60 is the most"),
         ("23 30.00000", "233 30.00000", "bad.dat, line 6: 233 cannot be there, where 24 is the most"),
         (

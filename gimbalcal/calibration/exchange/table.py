@@ -16,7 +16,7 @@ from gimbalcal.calibration.exchange.matrices import Found
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.number import complex_step
-from gimbalcal.units import from_si, to_si
+from gimbalcal.units import from_si, parse, to_si
 
 DIRECTION = "# Direction: physics to reading"
 FORMAT = "# Format: 2 (both triads: true = SF x reading)"
@@ -65,10 +65,14 @@ def read(path: Path) -> tuple[Found, tuple[str, ...]]:
         p = known.get((row["name"], row["axis"]))
         if p is None:
             raise InputError(f"{path}, line {n}: no parameter is called {row['name']}:{row['axis']}")
+        if None in row:
+            raise InputError(f"{path}, line {n}: more values than columns; write {','.join(HEADER)}")
         try:
             value, sigma = (float(to_si(float(x), row["unit"])) for x in (row["value"], row.get("sigma") or "0"))
         except ValueError as problem:
             raise InputError(f"{path}, line {n}: {problem}") from None
+        if parse(row["unit"]).dimension != parse(p.unit).dimension:
+            raise InputError(f"{path}, line {n}: {row['unit']!r} is no unit of {p.label}; give it in {p.unit}")
         if not (np.isfinite(value) and 0 <= sigma < np.inf):
             raise InputError(
                 f"{path}, line {n}: {p.label} must be finite, with a sigma of zero or more, got "

@@ -56,6 +56,7 @@ ALT_AZ, EQUATORIAL = "alt-az", "equatorial"
 AXES = MOUNTED
 UNIT = "arcsec"
 _PLACE = re.compile(r"latitude\s*[:=]?\s*([-+]?\d+(?:\.\d+)?)", re.IGNORECASE)
+_NUMBER = re.compile(r"[-+]?\d+(\.\d*)?$")
 _TERM = re.compile(r"^[&=]*\s*([A-Z][A-Z0-9]*)\s+(\S+)(?:\s+(\S+))?\s*$")
 
 
@@ -245,12 +246,15 @@ def _terms(path: Path) -> tuple[dict[str, Term], str]:
         out[found[1]] = Term(found[1], value, sigma)
     if not out:
         raise InputError(f"{path} is not a TPOINT model: a line for each term is wanted, as in `IH  -12.3  0.4`")
+    if "END" not in (line.strip() for line in lines):
+        raise InputError(f"{path} has no END, so it may be cut short; write END below its last term")
     return out, lines[0]
 
 
 def _is_method(line: str) -> bool:
     """Whether it is the line of method (S or T), number of stars and sky rms."""
-    return bool(re.match(r"^[ST]\s*\d", line.strip()))
+    first, *numbers = line.split() or [""]
+    return first in ("S", "T") and bool(numbers) and all(_NUMBER.match(word) for word in numbers)
 
 
 def as_record(terms: Sequence[Term]) -> list[dict[str, object]]:
