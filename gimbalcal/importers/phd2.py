@@ -40,12 +40,13 @@ FEWEST = 10  # frames
 class _Stretch:
     """Header lines of a guiding session and the frames (columns by name) of a stretch with one lock position.
 
-    lines: where in the file each frame stands.
+    lines: where in the file each frame stands; gaps: those before which the numbers of frames leave some out.
     """
 
     header: str
     frames: list[dict[str, str]]
     lines: list[int]
+    gaps: list[int]
 
 
 def import_phd2(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
@@ -79,7 +80,12 @@ def import_phd2(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     told = (
         f"{path}: stretch {number} of {len(stretches)}, {amount(len(time), 'frame')} without a dither, guiding undone"
     )
-    return replace(pointing_run(path, equatorial(latitude), site, time - time[0], read, looked_at), remarks=(told,))
+    missing = [
+        f"{path}, line {n}: frames before it are missing, so that their pulses are not undone" for n in one.gaps[:3]
+    ]
+    return replace(
+        pointing_run(path, equatorial(latitude), site, time - time[0], read, looked_at), remarks=(told, *missing)
+    )
 
 
 def _latitude(options: Mapping[str, str]) -> float:
@@ -115,14 +121,16 @@ def _stretches(path: Path) -> list[_Stretch]:
     out: list[_Stretch] = []
     header: list[str] = []
     names: list[str] = []
+    before = 0  # number of the last frame
     for number, text in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
         if text.startswith(_BEGINS):
             header, names = [], []
         elif text.startswith(_HEADING):
             names = [name.strip() for name in text.split(",")]
-            out.append(_Stretch("\n".join(header), [], []))
+            out.append(_Stretch("\n".join(header), [], [], []))
+            before = 0
         elif text.startswith(_MOVED) and names:
-            out.append(_Stretch(out[-1].header, [], []))
+            out.append(_Stretch(out[-1].header, [], [], []))
         elif text.startswith("Guiding Ends"):
             names = []
         elif not names:
@@ -131,6 +139,9 @@ def _stretches(path: Path) -> list[_Stretch]:
             frame = dict(zip(names, (cell.strip().strip('"') for cell in text.split(",")), strict=False))
             if not frame[names[0]].isdigit() or frame.get("mount") not in _KINDS:
                 raise InputError(f"{path}, line {number} is no frame as PHD2 writes them; correct or remove it")
+            if before and int(frame[names[0]]) != before + 1:
+                out[-1].gaps.append(number)
+            before = int(frame[names[0]])
             if frame["mount"] == "Mount":
                 out[-1].frames.append(frame)
                 out[-1].lines.append(number)

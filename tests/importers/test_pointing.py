@@ -288,6 +288,15 @@ def test_a_slip_in_a_phd2_log_drops_no_frame_and_no_pulse(tmp_path: Path, old: s
         import_files("phd2", [log], {"latitude": "51"})
 
 
+def test_frames_missing_from_a_phd2_log_are_told(tmp_path: Path) -> None:
+    log = guided(tmp_path / "log.txt", np.zeros(30), np.ones(30))
+    lines = log.read_text().splitlines(keepends=True)
+    log.write_text("".join(line for line in lines if not line.startswith("7,")))
+    run = import_files("phd2", [log], {"latitude": "51"})
+    assert len(run.time) == 29
+    assert "line 16: frames before it are missing, so that their pulses are not undone" in run.remarks[1]
+
+
 def test_phd2_ends_a_stretch_where_the_lock_position_is_moved(tmp_path: Path) -> None:
     row = '{},{}.0,"Mount",0,0,0.1,0.2,0,0,0,,0,'
     tail = "\n".join(["INFO: DITHER by 1.0, -2.0, new lock pos = 3, 4", *(row.format(k, k) for k in range(40, 60))])
