@@ -91,7 +91,7 @@ def refuse_origin(provenance: Mapping[str, Any]) -> None:
     mount = provenance.get("mount", {})
     axes, latitude = mount.get("axes", []), mount.get("latitude_deg", 0.0)
     named = isinstance(axes, list) and all(isinstance(a, str) for a in axes)
-    if not named or len(axes) != len(MOUNTED.get(mount.get("kind", "") if axes else "", axes)):
+    if not named or len(axes) != len(MOUNTED.get(mount.get("kind", ""), axes)):
         raise InputError(f"provenance / mount / axes cannot be {_short(axes)} on a mount {_short(mount.get('kind'))}")
     if not (_finite(latitude) and abs(latitude) <= 90):
         raise InputError(f"provenance / mount / latitude_deg must lie between -90 and 90, got {_short(latitude)}")
