@@ -13,6 +13,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.gyroscopes.rests import rests
 from gimbalcal.methods import calibrate
 from gimbalcal.recording import Recording, read, write
+from gimbalcal.recording.dwell import whole_means
 from gimbalcal.recording.room import rows_in
 from gimbalcal.recording.rows import AllRows
 from tests.diagnose.rows.test_slews import IDEAL, QUICK, unit
@@ -162,3 +163,11 @@ def test_a_unit_turned_by_hand_is_the_same_from_means(tmp_path: Path, monkeypatc
     assert any(p.effect == "gyro_scale_factor" for p in made.parameters)
     np.testing.assert_allclose((made.values - whole.values) / whole.sigmas, 0, atol=0.2)
     np.testing.assert_allclose(made.sigmas, whole.sigmas, rtol=0.15)
+
+
+def test_rows_that_are_to_weigh_alike_are_those_of_whole_means(tmp_path: Path) -> None:
+    """The ends of a rest, of one sample each, would pass for noise many times what a mean over a thousand has."""
+    kept = whole_means(read(folder(tmp_path, samples=text(turned_twice())), most=100))
+    assert kept.weight.tolist() == [29, 30, 30] * 3
+    assert kept.position is not None
+    assert kept.position.tolist() == [1, 1, 1, 2, 2, 2, 1, 1, 1]
