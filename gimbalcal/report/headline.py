@@ -34,11 +34,8 @@ Entry = Mapping[str, Any]
 def headline(content: Entry, curves: Curves | None = None) -> str:
     """What a diagnosis.json comes to, in two to four plain sentences; `curves` tell how large it is in the readings."""
     verdict, found = content["verdict"], content["findings"]
-    if (
-        content.get("outcome")
-        and verdict == "unexplained"
-        and all(u["shape"].startswith(APART) for u in content["unexplained"])
-    ):
+    apart = [u["shape"].startswith(APART) for u in content["unexplained"]]
+    if content.get("outcome") and verdict == "unexplained" and apart and all(apart):
         return f"{_sentence(content['outcome'])} Otherwise no known physics is missing."
     if content.get("outcome") and verdict != "adequate":  # what else is odd does not unsay what was found
         both = [headline({**content, "outcome": ""}, curves), _sentence(content["outcome"])]
