@@ -23,10 +23,10 @@ from gimbalcal.cli.navigation import budget, navigate
 from gimbalcal.cli.new import new
 from gimbalcal.cli.noise import noise
 from gimbalcal.cli.options import (
-    COUNT,
     EFFECTS,
     GRADE,
     RECORDINGS,
+    RUNS,
     SEED,
     example,
     listed,
@@ -249,7 +249,7 @@ def simulate(scenario: Path, seed: int | None, overwrite: bool, out: Path | None
 
 @gimbalcal.command(epilog=example("gimbalcal campaign wu2018-18 -n 100 --out campaign"))
 @click.argument("scenario", type=click.Path(path_type=Path))
-@click.option("-n", "--runs", type=COUNT, default=200, show_default=True, help="How many runs.")
+@click.option("-n", "--runs", type=RUNS, default=200, show_default=True, help="How many runs.")
 @click.option("--workers", type=int, default=None, help="Processes on this machine (default: its cores).")
 @click.option("--scheduler", default="", help="Address of a running Dask scheduler, tcp://host:port, instead.")
 @click.option("--method", default="three-stage", show_default=True, help="How each simulated recording is calibrated.")

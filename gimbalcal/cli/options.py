@@ -18,6 +18,7 @@ from gimbalcal.errors import InputError
 F = TypeVar("F", bound=Callable[..., Any])
 SILENCE = 10.0  # s, after which work says that it goes on
 COUNT, SEED = click.IntRange(min=1), click.IntRange(min=0)
+RUNS = click.IntRange(1, 10_000_000)  # of a campaign: a list of shares of more takes longer than anybody waits
 
 
 def example(*commands: str) -> str:

@@ -44,17 +44,18 @@ class Document:
         self.remarks = self._repair()
         try:
             self.content: dict[str, Any] = tomllib.loads("\n".join(self.lines))
+            beyond = next(_too_long(self.content), "")
         except tomllib.TOMLDecodeError as error:
             where = re.search(r"at line (\d+), column (\d+)", str(error))
             line = f"line {where[1]}, column {where[2]}" if where else f"line {len(self.lines)}"
             what = re.sub(r"\s*\(at .*\)$", "", str(error))
             raise InputError(f"{path}, {line}: {what}; this line is not valid TOML, correct it") from None
 
-        except (ValueError, RecursionError) as error:  # integers of thousands of digits, thousands of brackets
+        except (ValueError, RecursionError) as error:  # integers of thousands of digits, brackets and dots
             raise InputError(f"{path} is beyond what TOML is for: {shortened(str(error), 100)}; correct it") from None
-        if key := next(_too_long(self.content), ""):
+        if beyond:
             raise InputError(
-                f"{path}: {shortened(key)} is a whole number of more than 64 bits, which TOML does not have"
+                f"{path}: {shortened(beyond)} is a whole number of more than 64 bits, which TOML does not have"
             )
 
     @classmethod

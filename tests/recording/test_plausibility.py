@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import BENCH, SPACE_STABLE, SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording, Site
+from gimbalcal.recording.document import Document
 from gimbalcal.recording.plausibility import refuse_implausible
 
 GRAVITY = 9.80146
@@ -290,3 +292,10 @@ def test_positions_held_for_days_by_the_clock_are_asked_about() -> None:
     assert any(
         "if the time is in s, or in min" in said for said in refuse_implausible(replace(long, time=long.time / 1e8))
     )
+
+
+def test_thousands_of_dots_in_a_description_are_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "recording.toml"
+    path.write_text(f"format = 1\n[{'.'.join('a' * 3000)}]\n")
+    with pytest.raises(InputError, match="beyond what TOML is for"):
+        Document(path)
