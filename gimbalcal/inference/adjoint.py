@@ -34,7 +34,10 @@ def smooth(Phi: Array, Psi: Array, index: Array, filtered: Filtered, after: Arra
 
     after (m + p,): adjoint variables at the end, of what is known beside: :math:`P_{\theta\theta}^{-1}
     (\hat\theta - \theta^*)` of constants that are held at theta* (default: nothing).
+    Raises ValueError for a `filtered` that has let go of its gains: the loop below reads them without looking.
     """
+    if len(filtered.gain) != len(Phi) or len(filtered.cross) != len(Phi) + 1:
+        raise ValueError(f"the filter's {len(filtered.gain)} gains do not belong to {len(Phi)} steps")
     out = np.empty(filtered.cross.shape[:2])
     last = np.zeros(filtered.cross.shape[2]) if after is None else np.array(after, dtype=float)
     _smooth(

@@ -35,7 +35,7 @@ def check_magnitude(rests: Recording, force: Array, step: float = 0.0) -> None:
             f"the numbers look like what each step of {step:.3g} s adds to the velocity: write quantity = "
             '"velocity_increment", unit = "m/s"'
         )
-    if not likely and ratio < GONE:
+    elif not likely and ratio < GONE:
         remedy = (
             "gravity was taken off (a telephone's linear acceleration: log the accelerometers themselves), or these "
             'are increments: write quantity = "velocity_increment", unit = "m/s"'

@@ -76,20 +76,22 @@ def bench(rng: np.random.Generator, dwell: int = 120, sweeps: int = 1) -> Bench:
 def record(
     rng: np.random.Generator, error: Error | None = None, size: float = 0.0, *, white: float = 20.0, tails: float = 0.0,
     walk: float = 0.0, loose: float = 1.0, dwell: int = 120, sweeps: int = 1, hide: tuple[str, ...] = (),
+    unit: np.random.Generator | None = None,
 ) -> Recording:  # fmt: skip
     """One recording. `white` ug per sample; `tails` degrees of freedom of Student's t (0: normal); `walk` ug over the
-    whole test; `loose` times the 1 arcsec setting error that the header states."""
+    whole test; `loose` times the 1 arcsec setting error that the header states; `unit` draws the constants."""
+    unit = rng if unit is None else unit
     b = bench(rng, dwell, sweeps)
     n, visits = len(b.t), int(b.visit.max()) + 1
     extra = error(b) if error else {}
     setting = loose * ARCSEC * rng.standard_normal((visits, 3))[b.visit]
-    zero = rng.uniform(-50, 50, 3) * ARCSEC
+    zero = unit.uniform(-50, 50, 3) * ARCSEC
     angle = b.read + zero + setting + size * extra.get("angle", 0.0)
     bent = size * extra.get("lean", np.zeros((n, 3, 3)))
     f = specific_force(angle, size * extra.get("tilt", np.zeros((n, 2))), bent) * G
-    lean = np.eye(3) + rng.uniform(-40, 40, (3, 3)) * ARCSEC * (1 - np.eye(3))
-    u = f @ lean.T / (1 + rng.uniform(-4e-4, 4e-4, 3))
-    K, bias = rng.uniform(-2e-6, 2e-6, 3), rng.uniform(-300, 300, 3) * UG
+    lean = np.eye(3) + unit.uniform(-40, 40, (3, 3)) * ARCSEC * (1 - np.eye(3))
+    u = f @ lean.T / (1 + unit.uniform(-4e-4, 4e-4, 3))
+    K, bias = unit.uniform(-2e-6, 2e-6, 3), unit.uniform(-300, 300, 3) * UG
     u = u - np.sign(u) * np.minimum(np.abs(u), size * extra.get("dead", 0.0))
     w = u + K * u**2 + 2 * K**2 * u**3
     noise = rng.standard_t(tails, (n, 3)) * np.sqrt((tails - 2) / tails) if tails else rng.standard_normal((n, 3))

@@ -17,8 +17,9 @@ from gimbalcal.effects import with_values
 from gimbalcal.estimate.systematic.seen import informed, inverse
 from gimbalcal.estimate.systematic.sensors import truth
 from gimbalcal.estimate.systematic.settle import Settled
-from gimbalcal.estimate.systematic.smoothing import STATE, VELOCITY, one_pass, turned
+from gimbalcal.estimate.systematic.smoothing import STATE, VELOCITY, for_smoother, one_pass, turned
 from gimbalcal.inference import adjoint
+from gimbalcal.inference.beside_constants import Filtered
 from gimbalcal.inference.information import SEEN
 from gimbalcal.number import Array
 
@@ -36,15 +37,16 @@ def bent(m: Settled, covariance: Array) -> Array:
     _, s, Vt = np.linalg.svd(rows)
     seen = Vt[s >= SEEN].T @ Vt[s >= SEEN]
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    filtered = for_smoother(m.course, last, m.start, m.left_out)
     e = np.empty((DRAWS, p))
     for k in range(DRAWS):
         w = vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(p))
-        other = _about(m, w, rng.standard_normal(p + 3))
+        other = _about(m, filtered, w, rng.standard_normal(p + 3))
         e[k] = seen @ other / scale
     return np.asarray(e.T @ e / DRAWS * np.outer(scale, scale))
 
 
-def _about(m: Settled, w: Array, noise: Array) -> Array:
+def _about(m: Settled, filtered: Filtered, w: Array, noise: Array) -> Array:
     """How far (p,) [SI] a pass ends whose reference has constants that are off by w (p,) prior sigmas.
 
     The attitudes go with them, that at the start with a scatter of its own, from noise (p + 3,).
@@ -58,8 +60,7 @@ def _about(m: Settled, w: Array, noise: Array) -> Array:
     start = to_attitude @ (w - any_[:p]) + any_[p:]
     whole = np.asarray(np.linalg.inv(own))  # triangular, of states of order one
     after = np.concatenate([np.zeros(states), -whole.T @ (whole @ np.concatenate([w, start]))])
-    went = [adjoint.smooth(Phi, Psi, VELOCITY, last.filtered, a) for a in (after, 0 * after)]
-    C = turned(m.C, (went[0] - went[1]) * STATE[:3])
+    C = turned(m.C, adjoint.smooth(Phi, Psi, VELOCITY, filtered, after) * STATE[:3])
     theta = m.theta + w * scale
     effects = with_values(m.base, m.wanted, theta)
     u = truth(m.course, effects, m.u)

@@ -92,16 +92,10 @@ def one_pass(
     Phi, Psi, Q, d = about
     m = Phi.shape[1]
     scale, wander = np.array([p.sigma for p in wanted]), chains(course)
-    before = np.concatenate([start.sigma, np.full(3, course.velocity), np.full(3, PLACE)]) / STATE
-    sigma = np.concatenate([before, np.sqrt(wander.P_0) / wander.scale])
     x = np.concatenate([rotation_vector(start.C_bn @ C[0].T), np.zeros(6)]) / STATE
     x = np.concatenate([x, np.zeros(len(wander))])
     first = np.concatenate([prior / scale, x[:3]])
-    S = np.diag(np.concatenate([sigma, np.full(len(wanted), WIDE), sigma[:3]]))
-    if known is not None:
-        S[m:-3, m:-3] = known
-    S[range(3), range(3)], S[range(3), range(-3, 0)] = 0.0, sigma[:3]
-    R = np.full((len(Phi), 3), course.velocity**2) / STATE[VELOCITY] ** 2
+    S, R = _scatter(course, start.sigma, len(wanted), known), _of_rest(course, len(Phi))
     z = np.where(course.believed[:, None], 0.0, np.full((len(Phi), 3), np.nan))
     loose = _knocked(Q, left_out)
     kept = np.where(left_out[:, None], np.nan, z)
@@ -123,9 +117,9 @@ def one_pass(
     filtered = filtered._replace(gain=gone, cross=gone, theta=filtered.theta[-1:].copy())
     # the same navigator with its sensors as they were found, nothing left to learn about them
     found = found - own @ (own.T @ after[m:])
-    none = np.zeros((len(Phi), m, 0))
+    none, S0 = np.zeros((len(Phi), m, 0)), np.diag(_sigma(course, start.sigma))
     calibrated = beside_constants.filter(
-        Phi, none, Q, d + Psi @ found, z, VELOCITY, R, x, found[:0], np.diag(sigma), GATE, JUMP / STATE[3], 0
+        Phi, none, Q, d + Psi @ found, z, VELOCITY, R, x, found[:0], S0, GATE, JUMP / STATE[3], 0
     )
     return Pass(
         step, held, one, factor, own[-3:] @ own[-3:].T * STATE[0] ** 2,
@@ -140,7 +134,7 @@ def attitude_covariance(course: Course, last: Pass, left_out: NDArray[np.bool_],
     start goes with them and has a scatter of its own.
     """
     Phi, Psi, Q, d = last.about
-    m, p, wander = Phi.shape[1], len(constants), chains(course)
+    m, p = Phi.shape[1], len(constants)
     whole = np.asarray(np.linalg.qr(last.filtered.factor[m:, m:].T, mode="r")).T
     values, vectors = np.linalg.eigh(constants)
     root = np.zeros((p + 3, p + 3))
@@ -148,15 +142,48 @@ def attitude_covariance(course: Course, last: Pass, left_out: NDArray[np.bool_],
     root[p:, :p] = whole[p:, :p] @ inverse(whole[:p, :p]) @ root[:p, :p]
     root[p:, p:] = whole[p:, p:]
     loose = _knocked(Q, left_out)
-    S = np.concatenate([np.zeros(3), np.full(3, course.velocity), np.full(3, PLACE)]) / STATE
-    S = np.diag(np.concatenate([S, np.sqrt(wander.P_0) / wander.scale]))
-    R = np.full((len(Phi), 3), course.velocity**2) / STATE[VELOCITY] ** 2
-    z = np.where(np.isnan(last.filtered.innovation), np.nan, 0.0)
+    S = np.diag(_sigma(course, np.zeros(3)))
+    R, z = _of_rest(course, len(Phi)), np.where(np.isnan(last.filtered.innovation), np.nan, 0.0)
     x, none = np.zeros(m), np.zeros((len(Phi), m, 0))
     known = beside_constants.filter(Phi, none, loose, 0 * d, z, VELOCITY, R, x, x[:0], S, smoothed=3)
     before = np.zeros((m, p + 3))
     before[range(3), range(p, p + 3)] = 1.0
     return adjoint.covariance(Phi, Psi, VELOCITY, known, before, root) * STATE[0] ** 2
+
+
+def for_smoother(course: Course, last: Pass, start: Alignment, left_out: NDArray[np.bool_]) -> Filtered:
+    """What a pass that began with no knowledge of the constants lets go of: its gains and covariances, errors zero."""
+    Phi, Psi, Q, d = last.about
+    S, R = _scatter(course, start.sigma, len(last.step)), _of_rest(course, len(Phi))
+    z = np.where(np.isnan(last.filtered.innovation), np.nan, 0.0)
+    x, theta = np.zeros(Phi.shape[1]), np.zeros(Psi.shape[2])
+    return beside_constants.filter(Phi, Psi, _knocked(Q, left_out), 0 * d, z, VELOCITY, R, x, theta, S, smoothed=3)
+
+
+def _sigma(course: Course, attitude: Array) -> Array:
+    """One sigma (m,) of the moving states at the start in units of the states, that of the attitude (3,) in rad."""
+    wander = chains(course)
+    before = np.concatenate([attitude, np.full(3, course.velocity), np.full(3, PLACE)]) / STATE
+    return np.concatenate([before, np.sqrt(wander.P_0) / wander.scale])
+
+
+def _scatter(course: Course, attitude: Array, p: int, known: Array | None = None) -> Array:
+    """Upper triangular factor of the covariance at the start: moving states, p constants, and the attitude as it was.
+
+    known (p, p): that of the constants (default: nothing is known). The attitude at the start is a constant too.
+    """
+    sigma = _sigma(course, attitude)
+    m = len(sigma)
+    S = np.diag(np.concatenate([sigma, np.full(p, WIDE), sigma[:3]]))
+    if known is not None:
+        S[m:-3, m:-3] = known
+    S[range(3), range(3)], S[range(3), range(-3, 0)] = 0.0, sigma[:3]
+    return S
+
+
+def _of_rest(course: Course, K: int) -> Array:
+    """Variances (K, 3) of the velocity, which is zero, in units of the states."""
+    return np.full((K, 3), course.velocity**2) / STATE[VELOCITY] ** 2
 
 
 def _knocked(Q: Array, left_out: NDArray[np.bool_]) -> Array:

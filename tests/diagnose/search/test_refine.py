@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from gimbalcal.diagnose.evidence.projection import any_size, extended, variant_shares
+from gimbalcal.diagnose.evidence.projection import any_size, extended
+from gimbalcal.diagnose.library.candidates import layout_of
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.diagnose.verdict.model import constant_value, fit_causes
 from gimbalcal.effects import CATALOGUE, parameters
@@ -45,8 +46,9 @@ def test_finer_values_fit_better_and_share_the_prior_of_the_cause() -> None:
     coarse, (fine,) = few(FOUND.o, LAGGED).candidates[0], FOUND.library.candidates
     added = fine.variants[len(coarse.variants) :]
     assert [v.constants for v in fine.variants[: len(coarse.variants)]] == [v.constants for v in coarse.variants]
-    starts, share = variant_shares([fine])
-    assert np.add.reduceat(share, starts) == pytest.approx([1.0])
+    layout = layout_of([fine])
+    share = np.exp(layout.log_share)
+    assert np.add.reduceat(share, layout.starts) == pytest.approx([1.0])
     each = np.array([
         [float(any_size(p, np.array(v.index))) for v in fine.variants]
         for p in FOUND.projections
