@@ -68,9 +68,9 @@ def course(v: View, tell: Tell) -> Course:
     Nothing is looked for in what is left of numbers without noise.
     """
     first = start(v)
+    refuse_too_little(v.recording, first.J.reshape(first.r.size, -1))
     if first.exact:
         return Course(first, (), (), first)
-    refuse_too_little(v.recording, first.J.reshape(first.r.size, -1))
     taken = climbed(v, first, (), tell)
     if not taken:
         return steps_of(v, first, taken)
