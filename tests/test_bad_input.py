@@ -440,7 +440,7 @@ FILES: dict[str, tuple[Path, Change, str]] = {
     "latitude in radians": (STATIC, header("value = 40.0", "value = 0.698"),
         "says 0.698 deg; correct the latitude, its sign o"),
     "endless latitude": (DEVICE, header("value = 40.0", "value = " + "9" * 400),
-        r"line 7: the value of .* got 9+\.\.\.9+"),
+        r"recording.toml: site.latitude.value is a whole number of more than 64 bits, which TOML does not have"),
     "negative gravity": (DEVICE, header("value = 9.8", "value = -9.8"),
         r"line 9: gravity -9.80\d* m/s\^2 is not found on the"),
     "gravity 98": (DEVICE, header("value = 9.8015", "value = 98.015"),
@@ -498,7 +498,7 @@ def test_a_fault_is_one_sentence_and_nothing_is_written(run: Run, tmp_path: Path
         (["calibrate", DEVICE, "--method", "magic"], "'magic' is not one of 'three-stage', "),
         (["calibrate", DEVICE, "--frobnicate"], "No such option"),
         (["design", "-n", "0"], "0 is not in the range x>=1; see `gimbalcal design --help`"),
-        (["campaign", "wu2018-18", "-n", "-3"], "-3 is not in the range x>=1"),
+        (["campaign", "wu2018-18", "-n", "-3"], "-3 is not in the range 1<=x<=10000000"),
         (["simulate", "demo", "--seed", "-1"], "-1 is not in the range x>=0"),
         (["calibrate", DEVICE, "--terms", "nonsense"], "--terms nonsense goes with --method multiposition"),
         (

@@ -59,6 +59,8 @@ def propose(
     Raises InputError where neither accelerometers nor the axes of a mount are found, where logs do not overlap, or
     where nothing that is guessed makes a recording, with what to write into a header by hand.
     """
+    if absent := [path for path in logs if not path.is_file()]:
+        raise InputError(f"{absent[0]} does not exist or is not a file; give the log of a unit")
     title, place = title or logs[0].stem, None if latitude is None else float(np.radians(latitude))
     if len(logs) == 1 and (known := _foreign(logs[0], title)):
         return known

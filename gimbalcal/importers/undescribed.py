@@ -36,8 +36,6 @@ def table_of(path: Path, dates: Dates | None = None) -> Table:
     beside semicolons and tabs, a line of units below the names goes to the names, and a table without names has its
     columns called by number. Cells that hold no number are NaN. Raises InputError for a file without a table.
     """
-    if not path.is_file():
-        raise InputError(f"{path} does not exist or is not a file; give the log of a unit")
     with path.open(encoding=encoding_of(path)) as file:
         head = [line.rstrip("\r\n") for line, _ in zip(file, range(HEAD), strict=False)]
     skip, separator = _begins(path, head)
