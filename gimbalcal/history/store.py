@@ -128,8 +128,9 @@ def _open(path: Path, make: bool) -> Iterator[sqlite3.Connection]:
             what = f"of format {version}, and this version reads {FORMAT}" if mark == MARK else "another program's"
             raise InputError(f"{path} is a database {what}; give another --store")
         yield base
-    except sqlite3.DatabaseError as problem:
-        raise InputError(f"{path} cannot be used as a store ({problem}); give another --store") from None
+    except (sqlite3.DatabaseError, UnicodeDecodeError) as problem:  # a damaged byte of a text is no database error
+        told = " ".join(str(problem).split())
+        raise InputError(f"{path} cannot be used as a store ({told}); give another --store") from None
     finally:
         base.close()
 
