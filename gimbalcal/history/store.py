@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sqlite3
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -137,7 +138,15 @@ def _open(path: Path, make: bool) -> Iterator[sqlite3.Connection]:
 
 def _make(base: sqlite3.Connection) -> None:
     """The tables, by whichever of several processes comes first."""
-    base.execute("pragma journal_mode = wal")
+    until = time.monotonic() + WAIT
+    while True:  # whoever makes the store at the same time: sqlite does not wait by itself where the mode changes
+        try:
+            base.execute("pragma journal_mode = wal")
+            break
+        except sqlite3.OperationalError:
+            if time.monotonic() > until:
+                raise
+            time.sleep(0.01)
     base.execute("begin immediate")
     if not base.execute("select * from sqlite_master").fetchone():
         for statement in TABLES.split(";"):
