@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 
 from gimbalcal import cli
+from gimbalcal.effects import CATALOGUE, loading
 
 
 @pytest.fixture
@@ -25,3 +26,14 @@ def command(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFa
         return 0
 
     return run
+
+
+@pytest.fixture
+def own_catalogue(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Nothing that a test loads stays in the catalogue, and nothing that it takes out is lost."""
+    before = dict(CATALOGUE)
+    monkeypatch.setattr(loading, "_loaded", {})
+    yield
+    for i in set(CATALOGUE) - set(before):
+        del CATALOGUE[i]
+    CATALOGUE.update(before)

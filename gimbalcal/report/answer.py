@@ -56,15 +56,15 @@ def verdict(content: Mapping[str, Any]) -> Verdict:
 def answer(content: Mapping[str, Any]) -> str:
     """A few plain sentences from the content of calibration.json: did it work, what is not known, what next."""
     if content["outcome"]:
-        return typeset(sentence(content["outcome"])) + _limits(content)
+        return typeset(sentence(content["outcome"]) + _limits(content))
     told = f"{_left(content)}."
     asked = _limits(content)
-    return f"{told[0].upper()}{told[1:]}{_far_off(content)}{asked} {_known(content)}{_next(content)}"
+    return typeset(f"{told[0].upper()}{told[1:]}{_far_off(content)}{asked} {_known(content)}{_next(content)}")
 
 
 def _limits(content: Mapping[str, Any]) -> str:
     """What noise and hands did not allow, a sentence each."""
-    return "".join(f" {typeset(sentence(text))}" for text in content["provenance"].get("limits", []))
+    return "".join(f" {sentence(text)}" for text in content["provenance"].get("limits", []))
 
 
 def _next(content: Mapping[str, Any]) -> str:

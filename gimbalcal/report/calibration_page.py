@@ -38,7 +38,7 @@ def calibration_report(
     context = {
         "title": "; ".join(r.title for r in recordings) or "no recording at hand",
         "date": _minute(content["provenance"]),
-        "answer": wording.typeset(answer.answer(content)),
+        "answer": answer.answer(content),
         "verdict": answer.verdict(content),
         "facts": _facts(content, recordings),
         "rows": rows(content, truth),

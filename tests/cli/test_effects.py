@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -49,15 +49,7 @@ z = 200.0
 """
 
 
-@pytest.fixture(autouse=True)
-def catalogue(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Nothing of these tests stays in the catalogue."""
-    before = dict(CATALOGUE)
-    monkeypatch.setattr(loading, "_loaded", {})
-    yield
-    for i in set(CATALOGUE) - set(before):
-        del CATALOGUE[i]
-    CATALOGUE.update(before)
+pytestmark = pytest.mark.usefixtures("own_catalogue")
 
 
 @pytest.fixture

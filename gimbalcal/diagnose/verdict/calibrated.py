@@ -15,6 +15,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import reduce
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -188,10 +190,7 @@ def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Eff
     before: Array | float = np.inf
     for _ in range(ROUNDS):
         infos = [s.information(m) for s, m in zip(here, models, strict=True)]
-        total = infos[0]
-        for more in infos[1:]:
-            total = total + more
-        solution = solve(total)
+        solution = solve(reduce(add, infos))
         narrow = {w: p for p, w in found.wide().items()}
         solution = replace(solution, parameters=tuple(narrow.get(p, p) for p in solution.parameters))
         solution = _near(_with_sizes(solution, found, told), values(_union(models), solution.parameters))

@@ -13,6 +13,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -77,22 +79,15 @@ class Disagreement:
 
 def disagreement(each: Sequence[Information]) -> Disagreement:
     """How well what several recordings say of the constants goes together."""
-    alone = [solve(info) for info in each]
-    chi2, dof = _rise(solve(_sum(each)), alone)
+    alone, together = [solve(info) for info in each], solve(reduce(add, each))
+    chi2, dof = _rise(together, alone)
     p = _chance(chi2, dof)
-    others = [solve(_sum([i for j, i in enumerate(each) if j != k])) for k in range(len(each))]
-    rises = [_rise(solve(_sum(each)), (alone[k], others[k])) for k in range(len(each))]
+    others = [solve(reduce(add, [i for j, i in enumerate(each) if j != k])) for k in range(len(each))]
+    rises = [_rise(together, (alone[k], others[k])) for k in range(len(each))]
     odd = int(np.argmax([rise / max(shared, 1) for rise, shared in rises])) if len(each) > 2 else 1
     parameters, difference, sigma, rarest = _differences(others[odd], alone[odd])
     p = min(1.0, 2 * min(p, rarest * (len(each) if len(each) > 2 else 1)))
     return Disagreement(chi2, dof, p, odd if len(each) > 2 else -1, parameters, difference, sigma)
-
-
-def _sum(each: Sequence[Information]) -> Information:
-    total = each[0]
-    for more in each[1:]:
-        total = total + more
-    return total
 
 
 def _rise(together: Solution, parts: Sequence[Solution]) -> tuple[float, int]:

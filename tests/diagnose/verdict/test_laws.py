@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +16,6 @@ from gimbalcal import calibrate, load_effects
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.entry import diagnose
 from gimbalcal.diagnose.verdict.law_file import source
-from gimbalcal.effects import CATALOGUE, loading
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, write
 from tests.benchmarks import unknown_mount
@@ -24,15 +23,7 @@ from tests.diagnose import plant, static_plant
 
 SCHEMA = Path(__file__).parents[3] / "docs" / "schemas" / "diagnosis.schema.json"
 
-
-@pytest.fixture(autouse=True)
-def catalogue(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Nothing of these tests stays in the catalogue."""
-    before = dict(CATALOGUE)
-    monkeypatch.setattr(loading, "_loaded", {})
-    yield
-    for i in set(CATALOGUE) - set(before):
-        del CATALOGUE[i]
+pytestmark = pytest.mark.usefixtures("own_catalogue")
 
 
 def sky(error: unknown_mount.Error, arcsec: float) -> Recording:
