@@ -15,8 +15,8 @@ from gimbalcal.errors import InputError
 from gimbalcal.importers.table import COMMON, header_for, number, one_file, only, recording_of
 from gimbalcal.number import Array
 from gimbalcal.recording.dates import is_date
+from gimbalcal.recording.lines import EMPTY, names_above, numbered
 from gimbalcal.recording.record import Recording
-from gimbalcal.recording.samples import EMPTY, names_above, numbered
 
 if TYPE_CHECKING:
     import polars as pl

@@ -14,8 +14,8 @@ from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording.detection import detect
 from gimbalcal.recording.dwell import dwells
+from gimbalcal.recording.lines import EMPTY
 from gimbalcal.recording.record import ANYWHERE, Key, Recording, Source
-from gimbalcal.recording.samples import EMPTY
 from gimbalcal.recording.scatter import pooled
 from gimbalcal.units import is_raw
 

@@ -15,8 +15,8 @@ from gimbalcal.platform import BENCH, KNOWN, Axis, Platform, known
 from gimbalcal.recording import gravity
 from gimbalcal.recording.columns import RATE_OF, Column, columns_of
 from gimbalcal.recording.document import Document, shortened
+from gimbalcal.recording.lines import has_names
 from gimbalcal.recording.record import COLOURED, KINDS, SENSORS, Site
-from gimbalcal.recording.samples import has_names
 from gimbalcal.units import is_raw
 
 NAME = "recording.toml"

@@ -12,8 +12,9 @@ from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import Column
 from gimbalcal.recording.header import Header
+from gimbalcal.recording.lines import place
 from gimbalcal.recording.lone import FASTEST, lone
-from gimbalcal.recording.samples import Batch, place
+from gimbalcal.recording.samples import Batch
 from gimbalcal.units import from_si, is_raw, to_si
 
 BOOKKEEPING = ("time", "position", "weight")  # a row that lacks one of these cannot be placed, so it is refused

@@ -1,0 +1,94 @@
+"""A text file of rows, line by line: where its rows begin, what its columns are called, and which line a row is."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from gimbalcal.recording.dates import is_date
+
+EMPTY = ("NA", "N/A", "n/a", "null", "NULL", "None", "nan", "NaN", "NAN")
+"""What programs write where they have no value."""
+
+
+def has_names(path: Path, names: Sequence[str]) -> bool:
+    """Whether a file begins with a line of names.
+
+    It always does, but where it begins with numbers and the columns are numbered, or named by the last comment above.
+    A first line 0, 1, 2, ... or 1, 2, 3, ... is names, made up.
+    """
+    return path.suffix == ".parquet" or heading(path, names)[0]
+
+
+def heading(path: Path, names: Sequence[str]) -> tuple[bool, list[str]]:
+    """Whether the first line without ``#`` names the columns of a CSV, and what they are called."""
+    first = [cell.strip() for cell in next((cells for _, cells in lines(path)), [])]
+    counted = [str(i) for i in range(1, len(first) + 1)]
+    made_up = len(first) > 1 and first in (counted, [str(i) for i in range(len(first))])
+    numbers = bool(first) and not made_up and all(is_number(cell) or is_date(cell) for cell in first)
+    if numbered(names):
+        return not numbers, first if not numbers and set(names) <= set(first) else counted
+    above = [] if set(names) <= set(first) else names_above(path, len(first))
+    return (False, above) if names and set(names) <= set(above) else (True, first)
+
+
+def names_above(path: Path, columns: int, skip: int = 0) -> list[str]:
+    """The words of the last comment above the rows, if there is one for each column: many logs name them there."""
+    last = ""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        for i, line in enumerate(file):
+            if i >= skip and not line.startswith("#"):
+                break
+            last = line if i >= skip else ""
+    words = [word for word in re.split(r"[\s,;]+", last.lstrip("# ").strip()) if word]
+    return words if len(words) == columns else []
+
+
+def numbered(names: Sequence[str]) -> bool:
+    """Whether columns are called by number, counted from 1, not by name."""
+    return bool(names) and all(re.fullmatch(r"[1-9]\d{0,3}", name) for name in names)
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number, or says that there is none."""
+    try:
+        float("nan" if cell.strip() in ("", *EMPTY) else cell)
+    except ValueError:
+        return False
+    return True
+
+
+def first_line(path: Path) -> int:
+    """The line with the column names."""
+    return next((line for line, _ in lines(path)), 1)
+
+
+def lines(path: Path, skip: int = 0) -> Iterator[tuple[int, list[str]]]:
+    """Number and cells of each line that is no comment, after the first `skip`."""
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        for line, text in enumerate(file, start=1):
+            if line > skip and not text.startswith("#"):
+                yield line, _cells(text)
+
+
+def _cells(text: str) -> list[str]:
+    try:
+        return next(csv.reader([text]), [])
+    except csv.Error:  # a line without an end, of some binary file
+        return [text]
+
+
+def place(path: Path, start: int, stop: int | None = None, skip: int = 0, named: bool = True) -> str:
+    """Rows `start` up to `stop` (from 0) in words: the lines of a CSV, the rows of others counted from 1.
+
+    `skip` lines stand before the line of column names, which is not there unless `named`.
+    """
+    word, first, last = "row", start + 1, (stop or start + 1)
+    if path.suffix == ".csv":
+        # the first line without '#' is the header
+        word, wanted = "line", {start + named, last - 1 + named}
+        found = {row: line for row, (line, _) in zip(range(last + 1), lines(path, skip), strict=False) if row in wanted}
+        first, last = found[start + named], found[last - 1 + named]
+    return f"{path}, {word} {first}" if last <= first else f"{path}, {word}s {first} to {last}"
