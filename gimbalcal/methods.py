@@ -14,6 +14,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.gravity import with_gravity
 from gimbalcal.calibration.sound import refuse_not_finite
 from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.loading import outside
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
 from gimbalcal.estimate.added import added
@@ -223,9 +224,11 @@ def provenance(
     recordings: Sequence[Recording], made: Calibration, terms: Sequence[str], more: Sequence[str] = ()
 ) -> dict[str, object]:
     """Where a calibration came from: files with their hashes, version, options, time, and remarks made on the way."""
+    defined = outside({p.effect for p in made.parameters})
     return {
         **made.provenance,
         "recordings": [file for r in recordings for file in r.files],
+        **({"effects": defined} if defined else {}),
         "version": gimbalcal.__version__,
         "seed": None,  # nothing in a calibration is drawn
         "options": {

@@ -32,7 +32,8 @@ def command(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFa
 def own_catalogue(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Nothing that a test loads stays in the catalogue, and nothing that it takes out is lost."""
     before = dict(CATALOGUE)
-    monkeypatch.setattr(loading, "_loaded", {})
+    for loaded in ("_loaded", "_installed"):
+        monkeypatch.setattr(loading, loaded, {})
     yield
     for i in set(CATALOGUE) - set(before):
         del CATALOGUE[i]

@@ -15,6 +15,7 @@ from gimbalcal.atomic import write_json
 from gimbalcal.calibration import earlier
 from gimbalcal.calibration.arrays import correct_arrays
 from gimbalcal.calibration.correction import correct, corrupt
+from gimbalcal.calibration.definitions import refuse_other_definitions
 from gimbalcal.calibration.drawing import parameters_drawn
 from gimbalcal.calibration.readout import DRAWING, Readout, from_content
 from gimbalcal.calibration.sound import refuse_misfit, refuse_origin, refuse_unsound
@@ -216,17 +217,13 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
     gimbals = readout.gimbals or tuple(gimbals) or gimbals_of([(r["name"], r["axis"]) for r in rows])
     known = {(p.name, p.axis): p for cls in CATALOGUE.values() for p in parameters(cls, gimbals, constants=True)}
     missing = [f"{r['name']}:{r['axis']}" for r in rows if (r["name"], r["axis"]) not in known]
-    if unknown := [r["effect"] for r in rows if r.get("effect", "bias") not in CATALOGUE]:
-        raise InputError(
-            f"calibration holds the effect {unknown[0]!r}, which the catalogue does not have; give the file that "
-            "defines it with --effects FILE.py"
-        )
+    refuse_origin(content["provenance"])
+    refuse_other_definitions([r["effect"] for r in rows if "effect" in r], content["provenance"])
     if missing:
         raise InputError(f"calibration holds parameters that this version does not know: {', '.join(missing)}")
     chosen = tuple(known[r["name"], r["axis"]] for r in rows)
     refuse_unsound(rows, chosen, content["covariance"])
     refuse_misfit(content["residual"])
-    refuse_origin(content["provenance"])
     x = np.array([to_si(r["value"], r["unit"]) for r in rows], dtype=float)
     sense = {p.label: 1.0 if readout.angles == DRAWING else _sense(p) for p in chosen}
     sign = np.array([sense[p.label] for p in chosen])

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from gimbalcal.calibration.definitions import refuse_unsound_definitions
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
@@ -81,6 +82,7 @@ def refuse_misfit(residual: Mapping[str, Any]) -> None:
 
 def refuse_origin(provenance: Mapping[str, Any]) -> None:
     """Raise InputError where what a calibration.json says of its recordings and its mount is not of their kind."""
+    refuse_unsound_definitions(provenance)
     files = provenance.get("recordings", [])
     sound = isinstance(files, list) and all(isinstance(f, dict) for f in files)
     if not sound or not all(isinstance(f.get(key, ""), str) for f in files for key in ("path", "sha256")):

@@ -19,6 +19,7 @@ from gimbalcal.diagnose.unknown_noise import applies, diagnose_unknown_noise
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import constants
+from gimbalcal.effects.loading import outside
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.grade import Graded, graded, refuse_for_mounts
 from gimbalcal.estimate.pointing.mount import pointing_calibration
@@ -55,12 +56,22 @@ def diagnose(
     recordings = [made[id(r)] for r in recordings]
     if all(r.kind == "pointing" for r in recordings):
         refuse_for_mounts(grade)
-        return _judged(recordings, calibration, tuple(baseline), seed, tell)
+        return _defined(_judged(recordings, calibration, tuple(baseline), seed, tell))
     unit = graded(recordings, grade)
     tell(unit.in_words)
     found = _judged(unit.of(recordings), calibration, tuple(baseline), seed, tell)
     found = _questioned(found, recordings, unit)
-    return replace(found, provenance={**found.provenance, "grade": unit.to_dict()})
+    return _defined(replace(found, provenance={**found.provenance, "grade": unit.to_dict()}))
+
+
+def _defined(found: Diagnosis) -> Diagnosis:
+    """The diagnosis with the files of effects that were compared beside the catalogue's, and those that it holds."""
+    if not (compared := outside()):
+        return found
+    made = found.calibration
+    if made is not None and (held := outside({p.effect for p in made.parameters})):
+        made = replace(made, provenance={**made.provenance, "effects": held})
+    return replace(found, calibration=made, provenance={**found.provenance, "effects": compared})
 
 
 def _questioned(found: Diagnosis, recordings: Sequence[Recording], unit: Graded) -> Diagnosis:

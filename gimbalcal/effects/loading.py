@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from hashlib import sha256
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +27,7 @@ GROUP = "gimbalcal.effects"  # of entry points: a package names a module here, w
 GIMBALS = ("inner", "middle", "outer")
 LARGEST = 1e6  # bytes of a file of effects
 _loaded: dict[str, tuple[str, tuple[str, ...]]] = {}  # by path: the text that was run, and the ids that it defined
+_installed: dict[str, tuple[str, tuple[str, ...]]] = {}  # the same of modules that installed packages name
 
 
 def load_effects(path: str | Path) -> tuple[str, ...]:
@@ -73,7 +76,22 @@ def loaded_texts() -> tuple[tuple[str, str], ...]:
 def load_installed() -> None:
     """Import every module that an installed package names under the entry points `gimbalcal.effects`."""
     for point in entry_points(group=GROUP):
-        _entered(f"the installed package behind {GROUP} / {point.name}", point.load)
+        if new := _entered(f"the installed package behind {GROUP} / {point.name}", point.load):
+            file = Path(getattr(sys.modules.get(point.module), "__file__", None) or point.module)
+            _installed[str(file)] = file.read_text(encoding="utf-8") if file.is_file() else point.value, new
+
+
+def outside(ids: Collection[str] | None = None) -> list[dict[str, Any]]:
+    """Files that define effects which are not of this package: path, SHA-256 of the text that was run, ids.
+
+    ids: those that are asked for; all that are loaded where none are named.
+    """
+    rows = []
+    for path, (text, defined) in (_loaded | _installed).items():
+        wanted = [i for i in defined if i in CATALOGUE and (ids is None or i in ids)]
+        if wanted:
+            rows.append({"path": path, "sha256": sha256(text.encode()).hexdigest(), "effects": wanted})
+    return rows
 
 
 def _entered(name: str, run: Callable[[], object]) -> tuple[str, ...]:

@@ -283,8 +283,8 @@ def _noise_in_words(noise: Mapping[str, Any]) -> str:
 
 def _provenance(content: Mapping[str, Any], recordings: Sequence[Recording]) -> dict[str, Any]:
     """Pairs of term and text; long ones fold."""
-    given = {k: v for k, v in content["provenance"].items() if k not in ("recordings", "lost")}
-    sources = content["provenance"].get("recordings") or [file for r in recordings for file in r.files]
+    given = {k: v for k, v in content["provenance"].items() if k not in ("recordings", "effects", "lost")}
+    sources = wording.files(content["provenance"], [file for r in recordings for file in r.files])
     pairs = [("method", content["method"])]
     if noise := _noise_in_words(given.pop("noise", {})):
         pairs.append(("noise", noise))

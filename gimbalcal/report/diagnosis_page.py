@@ -55,7 +55,7 @@ def diagnosis_report(
         ],
         "moved": [_moved(m) for m in content["fit"].get("calibration_moved", [])],
         "provenance": _provenance(content["provenance"]),
-        "sources": content["provenance"].get("recordings", []),
+        "sources": wording.files(content["provenance"]),
         "citations": cite(*keys),
     }
     return render("diagnosis.html", context)
@@ -166,7 +166,7 @@ def _provenance(given: Mapping[str, Any]) -> list[tuple[str, str]]:
     pairs = [("grade of the unit", wording.typeset(f"{grade['name']}: {grade['from']}"))] if grade else []
     for key, value in given.items():
         text = minus(f"{value:.3g}") if isinstance(value, float) else wording.as_text(value)
-        if key not in ("recordings", "grade", "notes") and text:
+        if key not in ("recordings", "effects", "grade", "notes") and text:
             pairs.append((NAMED.get(key, str(key).replace("_", " ")), text))
     return pairs
 

@@ -201,3 +201,10 @@ def as_text(value: Any) -> str:
         between = " | " if any(isinstance(v, Mapping) for v in value) else ", "
         return between.join(filter(None, map(as_text, value)))
     return str(value)
+
+
+def files(provenance: Mapping[str, Any], read: Sequence[Mapping[str, Any]] = ()) -> list[dict[str, str]]:
+    """The files behind a result, path and SHA-256: recordings (or those `read`), then those of effects, with names."""
+    rows = [{"path": str(f["path"]), "sha256": str(f["sha256"])} for f in provenance.get("recordings") or read]
+    return rows + [{"path": f"{f['path']}, which defines {', '.join(f['effects'])}", "sha256": str(f["sha256"])}
+                   for f in provenance.get("effects", ())]  # fmt: skip

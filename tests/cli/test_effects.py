@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from hashlib import sha256
 from importlib.metadata import EntryPoint
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import gimbalcal
+from gimbalcal.calibration.sound import refuse_origin
 from gimbalcal.campaign.task import compute, task
 from gimbalcal.effects import CATALOGUE, loading
 from gimbalcal.effects.loading import breach, load_effects, load_installed
@@ -84,6 +87,38 @@ def test_a_calibration_says_that_it_needs_the_file(own: Path, command: Run, caps
     assert command("apply", there / "rec", "--calibration", there / "made" / "calibration.json") == 2
     said = capsys.readouterr().err
     assert "'twisted_spring', which the catalogue does not have; give the file that defines it with --effects" in said
+
+
+def test_a_result_says_which_definitions_it_was_made_with(
+    own: Path, command: Run, capsys: pytest.CaptureFixture[str]
+) -> None:
+    there, file = own.parent, {"path": str(own), "sha256": sha256(OWN.encode()).hexdigest()}
+    rec, made = there / "rec", there / "made" / "calibration.json"
+    command("simulate", there / "scenario.toml", "--effects", own, "--quiet", "--out", rec)
+    assert command("calibrate", rec, "--with", "twisted_spring:z", "--effects", own, "--out", there / "made") == 0
+    command("calibrate", rec, "--quiet", "--out", there / "without")
+    command("diagnose", rec, "--quiet", "--out", there / "found")
+    results = ("made/calibration", "without/calibration", "found/diagnosis", "found/calibration")
+    told = [json.loads((there / f"{name}.json").read_text())["provenance"].get("effects") for name in results]
+    assert told == [[file | {"effects": ["twisted_spring"]}], None, *2 * told[:1]]
+    for page in ("made", "found"):
+        text = (there / page / "report.html").read_text()
+        assert f"{own}, which defines twisted_spring" in text
+        assert file["sha256"] in text
+    own.write_text(OWN.replace("** 3", "** 2"))
+    capsys.readouterr()
+    for what in (("apply", rec, "--calibration", made), ("compare", made, there / "without" / "calibration.json")):
+        assert command(*what, "--effects", own, "--out", there / "a") == 2
+        assert "defines it in another text" in capsys.readouterr().err
+    del CATALOGUE["twisted_spring"]
+    assert command("compare", made, there / "without" / "calibration.json", "--out", there / "a") == 2
+    assert f"--effects {own} (its SHA-256 was {file['sha256'][:12]}...)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("rows", [3, [3], [{"path": "a"}], [{"path": "a", "sha256": 1, "effects": []}]])
+def test_files_of_effects_that_are_none_are_refused(rows: Any) -> None:
+    with pytest.raises(InputError, match="provenance / effects must be a list of files"):
+        refuse_origin({"effects": rows})
 
 
 def changed(old: str, new: str) -> str:
