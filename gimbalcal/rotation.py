@@ -78,6 +78,14 @@ def exponential(phi: Array) -> Array:
     return np.asarray(np.eye(3) - s * X + c * (X @ X))
 
 
+def rotation_vector(R: Array) -> Array:
+    """phi (..., 3) [rad] of exp([phi x]) (..., 3, 3), which turns vectors by phi, less than half a turn."""
+    v = np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], -1) / 2
+    sine = np.linalg.norm(v, axis=-1, keepdims=True)
+    angle = np.arctan2(sine, (np.trace(R, axis1=-2, axis2=-1)[..., None] - 1) / 2)
+    return np.asarray(np.where(sine > 1e-9, v * angle / np.where(sine > 1e-9, sine, 1.0), v))
+
+
 def left_jacobian(phi: Array) -> Array:
     """Derivative of the rotation vector at the end by phi (..., 3, 3): left Jacobian of SO(3) at -phi."""
     a2 = (phi**2).sum(-1)[..., None, None]

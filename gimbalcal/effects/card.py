@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from gimbalcal.effects.effect import REFERENCE_TEMPERATURE, Effect, constants
+from gimbalcal.effects.effect import Effect, constants
+from gimbalcal.effects.stimulus import REFERENCE_TEMPERATURE
 
 
 def equation(cls: type[Effect]) -> str:

@@ -5,22 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from math import pi
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
-from gimbalcal.earth import G0
 from gimbalcal.errors import InputError, alternatives
 from gimbalcal.platform import BENCH, KNOWN, Axis, Platform, known
-from gimbalcal.recording import gravity
 from gimbalcal.recording.columns import RATE_OF, Column, columns_of
 from gimbalcal.recording.document import Document, shortened
 from gimbalcal.recording.lines import has_names
 from gimbalcal.recording.record import COLOURED, KINDS, SENSORS, Site
+from gimbalcal.recording.site import site_of
 from gimbalcal.units import is_raw
 
 NAME = "recording.toml"
-LOWEST, HIGHEST = -12e3, 100e3  # m, from the deepest trench to the edge of space
 
 
 @dataclass(frozen=True)
@@ -92,7 +89,7 @@ def _header(document: Document, samples: Path, clock_needed: bool = True) -> Hea
         raise InputError(f"{document.where('', 'kind')}: kind must be one of {alternatives(KINDS)}, got {kind!r}")
     platform = platform_of(document, kind)
     columns = columns_of(document, platform, clock_needed)
-    site, remarks = _site(document, kind)
+    site, remarks = site_of(document, kind)
     remarks = () if kind == "pointing" else remarks  # no star feels gravity
     return Header(
         path=path,
@@ -164,75 +161,6 @@ def _inside(path: Path, folder: Path) -> bool | None:
         return path.resolve().is_relative_to(folder.resolve())
     except (OSError, RuntimeError, ValueError):
         return None
-
-
-def _site(document: Document, kind: str) -> tuple[Site, tuple[str, ...]]:
-    table = document.table("site")
-    document.only("site", ("latitude", "height", "gravity"), table)
-    quantities = {"latitude": "angle", "height": "height", "gravity": "gravity"}
-    table, sigma = _gravity_sigma(document, table)
-    given = {key: document.number("site", key, entry, quantities[key]) for key, entry in table.items()}
-    latitude, height = given.get("latitude"), given.get("height", 0.0)
-    if latitude is not None and abs(latitude) > pi / 2 * (1 + 1e-12):
-        written = table["latitude"]
-        raise InputError(
-            f"{document.where('site', 'latitude')}: latitude {written['value']} {written['unit']} is beyond "
-            "90 deg; give it between -90 and 90 deg, or correct its unit"
-        )
-    if not LOWEST <= height <= HIGHEST:
-        written = table["height"]
-        raise InputError(
-            f"{document.where('site', 'height')}: height {written['value']} {written['unit']} is no place for a rig; "
-            "give it above the sea, or correct its unit"
-        )
-    if kind == "static-run" and latitude is None:
-        raise InputError(
-            f"{document.where('site')}: a static run needs the latitude, because the Earth turns under the "
-            'platform; write latitude = { value = ..., unit = "deg" } in [site]'
-        )
-    if "gravity" in given and not 9.7 < given["gravity"] < 9.9:  # m/s^2; extremes on the Earth are 9.76 and 9.84
-        written = table["gravity"]
-        raise InputError(
-            f"{document.where('site', 'gravity')}: gravity {written['value']} {written['unit']} is not found on "
-            "the Earth (9.76 to 9.84 m/s^2); correct the value or its unit"
-        )
-    if "gravity" in given:
-        site = gravity.stated(latitude, given.get("height"), given["gravity"], sigma)
-        return site, _odd_gravity(document, site) if kind != "pointing" else ()
-    site = gravity.not_stated(latitude, given.get("height"))
-    if latitude is not None:
-        return site, ()
-    off = 1e6 * site.gravity_sigma / G0
-    remark = f"{document.path}: neither gravity nor latitude is given in [site]; standard gravity {G0} m/s^2 is used"
-    return site, (f"{remark}, good to {off:.0f} ppm, which every scale factor takes over",)
-
-
-def _gravity_sigma(document: Document, table: dict[str, Any]) -> tuple[dict[str, Any], float | None]:
-    """[site] without the sigma that may stand beside its gravity, and this sigma [m/s^2]."""
-    entry = table.get("gravity")
-    if not isinstance(entry, dict) or "sigma" not in entry:
-        return table, None
-    known = {**entry, "value": entry["sigma"]}
-    sigma = document.number("site", "gravity", {k: v for k, v in known.items() if k != "sigma"}, "gravity")
-    if sigma < 0:
-        raise InputError(
-            f"{document.where('site', 'gravity')}: the sigma of gravity is {sigma:g} m/s^2; give 0 or more"
-        )
-    return {**table, "gravity": {k: v for k, v in entry.items() if k != "sigma"}}, sigma
-
-
-def _odd_gravity(document: Document, site: Site) -> tuple[str, ...]:
-    """A remark where the stated gravity is not that of the stated place: it goes straight into the scale factors."""
-    off = gravity.odd(site)
-    if not off:
-        return ()
-    normal = site.gravity - off
-    told = f"gravity {site.gravity:.6g} m/s^2 is {1e6 * off / normal:+.0f} ppm off the {normal:.6g} m/s^2 of this"
-    held = "so is their sigma; if it was measured, write its sigma beside its unit"
-    after = (
-        f"latitude and height; the scale factors follow it{f', and {held}' if site.gravity_sigma >= abs(off) else ''}"
-    )
-    return (f"{document.where('site', 'gravity')}: {told} {after}",)
 
 
 def platform_of(document: Document, kind: str) -> Platform:

@@ -16,29 +16,19 @@ accelerometers, so both are named unless gimbals have vouched for the accelerome
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from itertools import pairwise
-
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording.completed import with_rests
-from gimbalcal.recording.dwell import dwells, usual_step
+from gimbalcal.recording.dwell import dwells
 from gimbalcal.recording.plausible_run import named
 from gimbalcal.recording.record import Recording
-from gimbalcal.recording.triads import AXES, CHANGES, CLOSE, NEARLY_ALL, Change, in_words, remedy, without_scale
-from gimbalcal.rotation import exponential
+from gimbalcal.recording.triads import AXES, CHANGES, NEARLY_ALL, Change, in_words, remedy
+from gimbalcal.recording.turns import RATE, Turns, agree, down, rotations, turns_of
 from gimbalcal.units import to_si
 
-RATE, FORCE = "angular_rate", "specific_force"
-MOVED = 0.5  # rad; a turn that moves the reference less cannot fail by `CLOSE` and does not tell signs
-PAUSED = 10.0  # usual steps: nobody knows how a unit turned while the clock paused for longer
-FEWEST = 3  # turns that tell
-MOST_TURNS = 40  # those that move the reference most: enough to tell 48 readings apart
-LONGEST = 4000  # steps of a turn; longer ones are taken in means
 FEWEST_RESTS = 8  # three of them go into the bias
 UNITS = ("rad/s", "deg/s", "deg/h", "mdeg/s", "rad/h")
 # seconds that a second of the stated unit really is
@@ -54,19 +44,6 @@ UNCHECKED = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class _Turns:
-    """Readings (n, 3) of each turn less their level at rest, steps (n,) [s], and the reference before and after.
-
-    The reference is a direction (3,) or, from gimbals, an attitude (3, 3) whose columns turn alike.
-    """
-
-    reading: list[Array]
-    step: list[Array]
-    before: Array  # (m, 3, k)
-    after: Array  # (m, 3, k)
-
-
 def refuse_implausible_rates(recording: Recording) -> tuple[str, ...]:
     """Raise `InputError` where axes, signs or unit of the gyroscopes cannot be right; else what was not checked."""
     if recording.kind == "static-run" and recording.has(RATE):
@@ -75,7 +52,7 @@ def refuse_implausible_rates(recording: Recording) -> tuple[str, ...]:
         return ()
     if recording.kind == "rotation":
         recording = with_rests(recording)
-    turns = _turns(recording)
+    turns = turns_of(recording)
     if turns is not None:
         _check_turns(recording, turns)
     seen = _check_earth(recording, turns is not None)
@@ -87,93 +64,11 @@ def refuse_implausible_rates(recording: Recording) -> tuple[str, ...]:
 # --- turns ------------------------------------------------------------------------------------------------------------
 
 
-def _turns(recording: Recording) -> _Turns | None:
-    """The turns that move the reference most, gravity's direction or else the gimbals; None where too few do."""
-    stays = dwells(recording)
-    y = recording.triad(RATE)
-    usual = usual_step(recording) if len(recording.time) > 1 else 0.0
-    logged = [
-        k for k, (a, b) in enumerate(pairwise(stays))
-        if b.start > a.stop and np.diff(recording.time[a.stop - 1 : b.start + 1]).max() <= PAUSED * usual
-    ]  # fmt: skip
-    for reference in _references(recording):
-        at_rest = reference()
-        if at_rest is None:
-            continue
-        moved = np.linalg.norm(at_rest[1:] - at_rest[:-1], axis=(1, 2))
-        order = sorted((k for k in logged if moved[k] > MOVED), key=lambda k: -moved[k])[:MOST_TURNS]
-        if len(order) < FEWEST:
-            continue
-        level = np.array([y[d.rows].mean(0) for d in stays])
-        spans = [slice(stays[k].stop - 1, stays[k + 1].start + 1) for k in order]
-        taken = [_means(recording.time[s], y[s] - (level[k] + level[k + 1]) / 2)
-                 for k, s in zip(order, spans, strict=True)]  # fmt: skip
-        after = [k + 1 for k in order]
-        return _Turns([r for r, _ in taken], [t for _, t in taken], at_rest[order], at_rest[after])
-    return None
-
-
-def _references(recording: Recording) -> Iterable[Callable[[], Array | None]]:
-    return (lambda: _down(recording), lambda: _attitude(recording))
-
-
-def _down(recording: Recording) -> Array | None:
-    """Direction of the force at each rest (m, 3, 1); counts are centred first, where every axis went both ways."""
-    if set(recording.axes(FORCE)) != set(AXES):
-        return None
-    y = recording.triad(FORCE)
-    f = np.array([y[d.rows].mean(0) for d in dwells(recording)]).reshape(-1, 3)
-    if recording.counted(FORCE):
-        centred = without_scale(f)
-        if centred is None:
-            return None
-        f = centred
-    length = np.linalg.norm(f, axis=1, keepdims=True)
-    return None if not len(f) or np.any(length == 0) else (f / length)[..., None]
-
-
-def _attitude(recording: Recording) -> Array | None:
-    """C_bp (m, 3, 3) at each rest as the gimbals tell it."""
-    if not recording.platform.axes or not recording.has("gimbal_angle"):
-        return None
-    angles = recording.angles()
-    return np.asarray(recording.platform.attitude(np.array([angles[d.start] for d in dwells(recording)])))
-
-
-def _means(time: Array, y: Array) -> tuple[Array, Array]:
-    """Mean rate (n, 3) and step (n,) from row to row, or over several rows of a very long turn."""
-    dt, mean = np.diff(time), (y[1:] + y[:-1]) / 2
-    size = -(-len(dt) // LONGEST)
-    if size > 1:
-        starts = np.arange(0, len(dt), size)
-        total = np.add.reduceat(dt, starts)
-        mean, dt = np.add.reduceat(mean * dt[:, None], starts) / total[:, None], total
-    return mean, dt
-
-
-def _rotations(turns: _Turns, factor: Array) -> Array:
-    """C (m, 3, 3) of every turn for readings times `factor` (3,)."""
-    out = np.empty((len(turns.reading), 3, 3))
-    for i, (w, dt) in enumerate(zip(turns.reading, turns.step, strict=True)):
-        C = exponential(factor * w * dt[:, None])
-        while len(C) > 1:  # in pairs: later ones stand on the left
-            tail = C[-1:] if len(C) % 2 else C[:0]
-            C = np.concatenate([C[1::2] @ C[: len(C) - len(C) % 2 : 2], tail])
-        out[i] = C[0]
-    return out
-
-
-def _agree(turns: _Turns, C: Array) -> int:
-    """How many turns end where the reference does."""
-    off = np.linalg.norm(C @ turns.before - turns.after, axis=(1, 2)) / np.sqrt(turns.before.shape[-1])
-    return int(np.count_nonzero(off < 2 * np.sin(CLOSE / 2)))
-
-
-def _check_turns(recording: Recording, turns: _Turns) -> None:
+def _check_turns(recording: Recording, turns: Turns) -> None:
     """Another reading of the columns that fits nearly every turn, while the stated one does not, is the right one."""
     n = len(turns.reading)
     factors = [(1.0, "")] if not recording.counted(RATE) else _scales(turns)
-    stated = max(_agree(turns, _rotations(turns, f * np.ones(3))) for f, _ in factors)
+    stated = max(agree(turns, rotations(turns, f * np.ones(3))) for f, _ in factors)
     if stated >= NEARLY_ALL * n:
         return
     units = [] if recording.counted(RATE) else _units(recording)
@@ -181,17 +76,17 @@ def _check_turns(recording: Recording, turns: _Turns) -> None:
     alone = [(f, u, CHANGES[:1]) for f, u in units] + [(f, u, CHANGES[1:]) for f, u in factors]
     for stage in (alone, [(f, u, CHANGES[1:]) for f, u in units]):  # one slip before two
         for factor, unit, changes in stage if best < NEARLY_ALL * n else []:
-            both = {sign: _rotations(turns, sign * factor * np.ones(3)) for sign in (1, -1)}
+            both = {sign: rotations(turns, sign * factor * np.ones(3)) for sign in (1, -1)}
             for change in changes:
                 M = change.matrix
-                agreeing = _agree(turns, M @ both[change.handed] @ M.T)
+                agreeing = agree(turns, M @ both[change.handed] @ M.T)
                 if agreeing > best:
                     best, words = agreeing, _both_in_words(recording, turns, change, unit)
         if best < NEARLY_ALL * n and units and stage is alone:
             _check_factor(recording, turns, stated)
     for factor, unit in units if best < NEARLY_ALL * n else []:
         for few in (f for f in np.ndindex(2, 2, 2) if 0 < sum(f) < 3):
-            agreeing = _agree(turns, _rotations(turns, np.where(few, factor, 1.0)))
+            agreeing = agree(turns, rotations(turns, np.where(few, factor, 1.0)))
             if agreeing > best:
                 one = " and ".join(a for a, wrong in zip(AXES, few, strict=True) if wrong)
                 best, words = agreeing, f"{unit} in {one} alone"
@@ -203,11 +98,13 @@ def _check_turns(recording: Recording, turns: _Turns) -> None:
         )
 
 
-def _check_factor(recording: Recording, turns: _Turns, stated: int) -> None:
+def _check_factor(recording: Recording, turns: Turns, stated: int) -> None:
     """Any other factor of all rates: a unit that nobody thought of."""
     n, guesses = len(turns.reading), np.geomspace(*FACTORS)
-    agreeing = np.array([_agree(turns, _rotations(turns, f * np.ones(3))) for f in guesses])
-    fits = np.flatnonzero((agreeing >= NEARLY_ALL * n) & (np.abs(np.log(guesses)) > np.log(INSTRUMENT)))
+    agreeing = np.zeros(len(guesses), dtype=int)
+    for i in np.flatnonzero(np.abs(np.log(guesses)) > np.log(INSTRUMENT)):
+        agreeing[i] = agree(turns, rotations(turns, guesses[i] * np.ones(3)))
+    fits = np.flatnonzero(agreeing >= NEARLY_ALL * n)
     if not len(fits):
         return
     fits = fits[: 1 + int(np.argmax(np.append(np.diff(fits) > 1, True)))]  # larger ones go round once more
@@ -232,7 +129,7 @@ def _units(recording: Recording) -> list[tuple[float, str]]:
     return [(f, words) for f, words in (added, *ratios, *clocks) if abs(f - 1) > 1e-6]
 
 
-def _scales(turns: _Turns) -> list[tuple[float, str]]:
+def _scales(turns: Turns) -> list[tuple[float, str]]:
     """Guesses of the rad/s of a count."""
     median = np.median(
         [(np.linalg.norm(w, axis=1) * dt).sum() for w, dt in zip(turns.reading, turns.step, strict=True)]
@@ -240,7 +137,7 @@ def _scales(turns: _Turns) -> list[tuple[float, str]]:
     return [(float(g), "") for g in COUNTS / median]
 
 
-def _both_in_words(recording: Recording, turns: _Turns, change: Change, unit: str) -> str:
+def _both_in_words(recording: Recording, turns: Turns, change: Change, unit: str) -> str:
     """A change of the gyroscopes and, where gravity alone tells, the same as one of the accelerometers; the cure."""
     told = [(change, "gyroscope")]
     vouched = recording.platform.axes and recording.has("gimbal_angle")
@@ -266,7 +163,7 @@ def _check_earth(recording: Recording, turned: bool) -> bool:
 
     turned: turns have vouched for the gyroscopes beside the accelerometers, so that only all signs together are open.
     """
-    latitude, up = recording.site.latitude, _down(recording)
+    latitude, up = recording.site.latitude, down(recording)
     stays = dwells(recording)
     if latitude is None or up is None or len(stays) < FEWEST_RESTS or recording.counted(RATE):
         return False

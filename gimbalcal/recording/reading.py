@@ -20,6 +20,7 @@ from gimbalcal.recording.header import Header, read_header
 from gimbalcal.recording.holes import SPARSE, Holes
 from gimbalcal.recording.increments import Increments
 from gimbalcal.recording.jitter import SMOOTHER, jitter_of, regular
+from gimbalcal.recording.judging import judge
 from gimbalcal.recording.record import ANGLES, Recording, Source
 from gimbalcal.recording.room import rows_in
 from gimbalcal.recording.row_sigma import by_sigma
@@ -220,7 +221,7 @@ def _gather(
         still = batch[position] > 0 if position else np.ones(len(begins), dtype=bool)
         scatter.add(batch, begins, batch[weight] if weight else np.ones(len(begins)), still)
         kept.add(batch, begins)
-    screen.finish(scatter.sigma())
+    judge(screen, scatter.sigma())
     return kept.table(), scatter.sigma()
 
 

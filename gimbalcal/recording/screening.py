@@ -1,20 +1,13 @@
-r"""Is every row a number, does time go forward, is every sensor alive?
+"""Is every row a number, does time go forward, is every sensor alive?
 
 `Screen` looks at each batch as it streams by, at the cost of a few passes over data that is in the cache. What looks
-suspicious there is judged at the end on the whole column:
-
-* a frozen channel repeats one value for longer than chance allows. With noise sigma and resolution q (the smallest
-  step that occurs) neighbours are equal with probability :math:`p \le \mathrm{erf}(q / 2\sqrt{2}\sigma)`, so a run of
-  L in n rows is expected :math:`n p^{L-1}` times; a run is refused below 1e-6. Where sigma <= q nothing can be said:
-  a quiet channel with coarse steps may well stand still.
-* a clipped channel reads exactly its largest (or smallest) value far more often than any value close to it.
+suspicious there is judged at the end on the whole column, see `judging`.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from math import erf, log, sqrt
+from collections.abc import Callable
 
 import numpy as np
 
@@ -24,25 +17,16 @@ from gimbalcal.recording.columns import Column
 from gimbalcal.recording.document import LARGEST
 from gimbalcal.recording.header import Header
 from gimbalcal.recording.holes import SPARSE, Holes
-from gimbalcal.recording.record import SENSORS
 from gimbalcal.recording.samples import Batch
-from gimbalcal.recording.stuck import longest_run, piled_up, steps
-from gimbalcal.units import celsius, from_si, is_raw, to_si
+from gimbalcal.units import celsius, is_raw, to_si
 
 COUNTED = 1e12  # samples behind a row at most, and one over it at least: next to the others it is all, or nothing
-IMPOSSIBLE = {"specific_force": 100.0, "angular_rate": 1.0}  # m/s^2, some ten g; rad/s, beyond any bias: at rest
-BEYOND = {"specific_force": 1e7, "angular_rate": 1e4, "attitude_error": 1e3}  # SI; no sensor reads so much anywhere
 COLDEST, HOTTEST = -273.15, 2000.0  # degC
 GAP = 10.0  # times the usual step: longer ones end a run of rows
 LONGEST_STEP = 86400.0  # s; no run that goes on and on pauses for longer, and others say so
 STEADY = ("static-run", "rotation")  # kinds in which the time that passes between rows is part of the physics
-PIECE = 10_000_000  # rows that are looked at again at a time: a longer recording is judged part by part
-FEWEST = 20  # equal rows that can be called frozen or clipped at all
 MOST_POSITIONS = 1_000_000
-FURTHEST = 2e4 * np.pi  # rad; ten thousand turns
 STRIDE = 5  # every run of FEWEST rows holds four neighbours of every fifth row
-CHANCE = 1e-6
-SMOOTH = 1e-7  # of the largest value: what third differences leave of a sidereal wave sampled each minute is 2e-8
 
 
 class Screen:
@@ -98,7 +82,8 @@ class Screen:
         self.n += len(begins)
         return begins
 
-    def _place(self, start: int, stop: int | None = None) -> str:
+    def place(self, start: int, stop: int | None = None) -> str:
+        """Where rows `start` up to `stop` stand in the file."""
         return self.holes.place(start, stop)
 
     def _finite(self, name: str, x: Array) -> None:
@@ -106,13 +91,13 @@ class Screen:
         huge = np.flatnonzero(np.abs(x) >= LARGEST)
         if not len(bad) and len(huge):
             raise InputError(
-                f"{self._place(self.n + int(huge[0]))}, column {name}: {x[huge[0]]:g} is beyond anything that can be "
+                f"{self.place(self.n + int(huge[0]))}, column {name}: {x[huge[0]]:g} is beyond anything that can be "
                 "measured; correct it, or leave such rows out"
             )
         if len(bad):
             run = int(np.argmax(np.append(np.diff(bad), 2) > 1)) + 1
             more = f", nor are the {run - 1} below it" if run > 1 else ""
-            where = self._place(self.n + int(bad[0]))
+            where = self.place(self.n + int(bad[0]))
             raise InputError(
                 f"{where}, column {name}: the value is empty or not a finite number{more}; leave such rows out"
             )
@@ -121,7 +106,7 @@ class Screen:
         none = np.flatnonzero(~((x > 1 / COUNTED) & (x < COUNTED)))
         if len(none):
             raise InputError(
-                f"{self._place(self.n + int(none[0]))}, column {name}: a weight says of how many samples a row is the "
+                f"{self.place(self.n + int(none[0]))}, column {name}: a weight says of how many samples a row is the "
                 f"mean, and is more than 0 and below {COUNTED:g}; got {x[none[0]]:g}, so leave such rows out"
             )
 
@@ -130,7 +115,7 @@ class Screen:
         far = np.flatnonzero((degrees < COLDEST) | (degrees > HOTTEST))
         if len(far):
             raise InputError(
-                f"{self._place(self.n + int(far[0]))}, column {each.name}: {x[far[0]]:g} {each.unit} is no temperature "
+                f"{self.place(self.n + int(far[0]))}, column {each.name}: {x[far[0]]:g} {each.unit} is no temperature "
                 "of a sensor; correct it or its unit, or leave such rows out"
             )
 
@@ -151,7 +136,7 @@ class Screen:
         return begins
 
     def _refuse_time(self, i: int, t: Array, dt: float) -> None:
-        where = f"{self._place(self.n + i)}, column {self.clock.name}"
+        where = f"{self.place(self.n + i)}, column {self.clock.name}"
         unit = self.clock.unit
         if dt > 0:
             raise InputError(
@@ -169,7 +154,7 @@ class Screen:
         odd = np.flatnonzero((p != np.floor(p)) | (p < 0) | (p > MOST_POSITIONS))
         if self.position is not None and len(odd):
             raise InputError(
-                f"{self._place(self.n + int(odd[0]))}, column {self.position.name}: a position is a "
+                f"{self.place(self.n + int(odd[0]))}, column {self.position.name}: a position is a "
                 f"whole number, 1, 2, ... or 0 while moving, got {p[odd[0]]:g}"
             )
         changed: Array = np.diff(p, prepend=self.last_position) != 0
@@ -195,88 +180,6 @@ class Screen:
         if bool((same[2:] & same[1:-1] & same[:-2]).any()):
             self.stuck.add(name)
 
-    def finish(self, scatter: Mapping[str, float]) -> None:
-        """The verdict on the whole; `scatter` is one sigma by column name, in the unit of the file."""
-        if self.n == 0:
-            what = "a line of column names" if self.header.samples.suffix == ".csv" else "columns"
-            raise InputError(f"{self.header.samples} has {what} and no rows")
-        self._clock_inside_dwells()
-        self._angle_units()
-        self._spikes()
-        for each in (*self.sensors, *self.turning):
-            many = self._many(min(self.n, PIECE))
-            piled = [k for (name, _), (_, k) in self.peaks.items() if name == each.name and k >= many]
-            if each.name in self.stuck or piled:
-                sigma = self._sigma(each, scatter)
-                x = self.whole(each.name)
-                self._alive(each, [x[start : start + PIECE] for start in range(0, len(x), PIECE)], sigma, bool(piled))
-
-    def _many(self, n: int) -> float:
-        return max(FEWEST, 0.01 * n)
-
-    def _sigma(self, each: Column, scatter: Mapping[str, float]) -> float:
-        """What the triad scatters by, or the header's noise where that is less or nothing scatters at all."""
-        sensor = next(name for name, quantity in SENSORS.items() if quantity == each.quantity)
-        own = [c for c in self.sensors if c.sensor == each.sensor]
-        alike = [c for c in own if c.quantity == each.quantity] or [each]  # a gimbal stands for itself
-        if self.header.kind == "rotation" and all(0.5 < STRIDE * self.repeats[c.name] / self.n < 0.95 for c in alike):
-            return 0.0  # a simulation without noise: what scatters is the motion
-        triad = [to_si(scatter.get(c.name, 0.0), c.unit) for c in alike]
-        largest = max(abs(to_si(self.peaks[c.name, k][0], c.unit)) for c in alike for k in (1, -1))
-        seen = max(triad) if max(triad) > SMOOTH * largest else 0.0
-        stated = self.header.noise.get(sensor, seen)
-        return from_si(min(stated, seen) if seen else stated, each.unit)
-
-    def _alive(self, each: Column, pieces: Sequence[Array], sigma: float, piled: bool) -> None:
-        quantum, levels = steps(pieces)
-        if sigma <= quantum or (each in self.turning and levels == 1):
-            return
-        first = 0
-        for x in pieces if piled else ():
-            self._free(each, x, first)
-            first += len(x)
-        start, stop, usual = longest_run(pieces)
-        n = sum(map(len, pieces))
-        chance = erf(quantum / (2 * sqrt(2) * sigma))
-        needed = 1 + log(CHANCE / n) / log(chance) if chance else 0.0
-        if stop - start >= usual * max(FEWEST, needed):
-            raise InputError(
-                f"{self._place(start, stop)}, column {each.name}: all {stop - start} rows read "
-                f"{self.whole(each.name)[start]:.10g} {each.unit} although the noise is {sigma:.2g} {each.unit}, so "
-                f"the channel is {'dead; leave its column' if stop - start == n else 'frozen; leave those rows'} out, "
-                "or correct [noise]"
-            )
-
-    def _free(self, each: Column, x: Array, first: int) -> None:
-        """Refuse rows of a sensor, from `first` on, that pile up at the largest or smallest value."""
-        for sign, word in (1, "largest"), (-1, "smallest"):
-            rows = piled_up(sign * x)
-            if len(rows) >= self._many(len(x)):
-                raise InputError(
-                    f"{self._place(first + int(rows[0]))}, column {each.name}: {x[rows[0]]:.10g} {each.unit} "
-                    f"is the {word} value of the channel and stands in {len(rows)} of its {len(x)} rows, so it is "
-                    "clipped; raise the range of the sensor, or leave those rows out"
-                )
-
-    def _clock_inside_dwells(self) -> None:
-        if self.header.kind != "multi-position" or self.position is None:
-            return
-        edges = np.array([*self.turns, self.n])
-        changed = set(self.turns)
-        inside = [(row, dt) for row, dt in self.gaps if row not in changed]
-        steps = np.diff(self.whole(self.clock.name), prepend=np.nan) if inside else np.zeros(0)
-        for row, dt in inside:
-            k = int(np.searchsorted(edges, row, side="right"))
-            within = steps[edges[k - 1] + 1 : edges[k]]  # a logger may be slower at rest than between
-            rest = float(within.sum()) - dt
-            if len(within) > 2 and dt > rest and dt > GAP * np.median(within):
-                where, unit = self._place(row), self.clock.unit
-                raise InputError(
-                    f"{where}, column {self.clock.name}: the clock jumps forward by {dt:.6g} {unit} "
-                    f"within one position, whose other rows span {rest:.6g} {unit}; correct the clock, or give the "
-                    "second visit its own position number"
-                )
-
     def remarks(self) -> tuple[str, ...]:
         """Rows of one stamp, and pauses of more than a day: parts of one recording all the same."""
         unit, column = self.clock.unit, f"column {self.clock.name}"
@@ -288,47 +191,4 @@ class Screen:
         row, dt = max(long, key=lambda gap: gap[1])
         what = "the clock pauses" if len(long) == 1 else f"the clock pauses {len(long)} times for more than a day, here"
         days = to_si(dt, unit) / LONGEST_STEP
-        return (*told, f"{self._place(row)}, {column}: {what} for {days:.3g} d; both sides are one recording")
-
-    def _angle_units(self) -> None:
-        """An angle beyond two turns in radians was most likely logged in degrees; a run may turn on and on."""
-        if self.header.kind == "rotation":
-            return
-        for each in self.angles:
-            largest = max((abs(self.peaks[each.name, sign][0]) for sign in (1, -1)), default=0.0)
-            if to_si(largest, each.unit) > FURTHEST:
-                raise InputError(
-                    f"{self.header.samples}, column {each.name}: angles up to {largest:g} {each.unit} are no readout "
-                    f"of a gimbal; correct them, or the unit in {self.header.path}"
-                )
-            goes_on = self.header.kind == "static-run" and each.axis == "platform"
-            if not goes_on and "rad" in each.unit and to_si(largest, each.unit) > 4 * np.pi:
-                raise InputError(
-                    f"{self.header.samples}, column {each.name}: angles up to {largest:g} {each.unit} look like "
-                    f'degrees; write unit = "deg" for it in {self.header.path}'
-                )
-
-    def _spikes(self) -> None:
-        """A few rows at rest that read many g are faults of the logger; if most rows do, the unit is wrong instead."""
-        for each in self.sensors:
-            self._few_beyond(each, BEYOND[each.quantity], "any sensor can read", everywhere=True)
-        if self.header.kind != "static-run" and (self.header.kind != "multi-position" or self.position is None):
-            return  # on the move, a knock may be anything
-        for each in self.sensors:
-            if each.quantity in IMPOSSIBLE:
-                self._few_beyond(each, IMPOSSIBLE[each.quantity], "a unit at rest can read")
-
-    def _few_beyond(self, each: Column, most: float, what: str, everywhere: bool = False) -> None:
-        """Refuse a few rows of a sensor, at rest or everywhere, that read more than `most` in SI."""
-        limit = from_si(most, each.unit)
-        if is_raw(each.unit) or max(abs(self.peaks[each.name, sign][0]) for sign in (1, -1)) <= limit:
-            return
-        x = self.whole(each.name)
-        still = self.whole(self.position.name) > 0 if self.position and not everywhere else np.ones(len(x), dtype=bool)
-        rows = np.flatnonzero(still & (np.abs(x) > limit))
-        if 0 < len(rows) < 0.5 * len(x):
-            others = f" (one of {len(rows)} such rows)" if len(rows) > 1 else ""
-            raise InputError(
-                f"{self._place(int(rows[0]))}, column {each.name}: {x[rows[0]]:.6g} {each.unit} is beyond anything "
-                f"that {what}{others}; leave such rows out"
-            )
+        return (*told, f"{self.place(row)}, {column}: {what} for {days:.3g} d; both sides are one recording")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,6 @@ import numpy as np
 
 from gimbalcal.earth import G0, normal_gravity, radii
 from gimbalcal.effects import Effect, Stimulus
-from gimbalcal.effects.effect import lacking
 from gimbalcal.effects.process import Quantisation
 from gimbalcal.errors import InputError
 from gimbalcal.forward import predict, turning
@@ -21,19 +20,18 @@ from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, Platform
 from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.record import Key
-from gimbalcal.recording.room import room
 from gimbalcal.schedule.drive import Drive
 from gimbalcal.schedule.trajectory import Path as Course
 from gimbalcal.simulate.environment import course
 from gimbalcal.simulate.motion import Timetable, planned, platform_of, sidereal, timetable
 from gimbalcal.simulate.noise import coloured, noises, of_rates, stated
 from gimbalcal.simulate.scenario import Scenario, check_content, load
-from gimbalcal.simulate.truth import true_effects
+from gimbalcal.simulate.times import row_times, turned_times
+from gimbalcal.simulate.truth import check_shown, true_effects
 from gimbalcal.simulate.turned import flown, nodes, shaken, stimulus
 
 BLOCK = 1 << 17  # rows made at once: some 100 MB of work space; fixed, so that a seed means the same rows everywhere
 PAST_STEP = 60.0  # s between the earlier rows that effects with a memory are given; the lag and integral are exact
-ROW = 40  # bytes of memory that a row takes while all are counted
 ATTITUDE = ("roll", "pitch", "yaw")
 PLACE = ("latitude", "longitude", "height")
 
@@ -74,12 +72,12 @@ def prepare(scenario: Scenario, seed: int | None = None) -> Run:
     effects = true_effects(scenario.truth, scenario.kind, platform.axis_names, read, truth_rng)
     visits = (0 if table is None else len(table.start), len(platform.axes))
     setting = sigma * setting_rng.standard_normal(visits)
-    time = _row_times(scenario, table) if path is None else _turned_times(scenario, path)
+    time = row_times(scenario, table) if path is None else turned_times(scenario, path)
     around = {("covariate", name): history for name, history in scenario.environment.covariates.items()}
     if scenario.environment.temperature is not None:
         around["temperature", ""] = scenario.environment.temperature
     environment = {key: course(history, float(time[-1]), weather_rng) for key, history in around.items()}
-    _check_needs(effects, scenario, environment)
+    check_shown(effects, scenario, environment)
     return Run(scenario, platform, site, effects, table, time, setting, environment, read, seed, path)
 
 
@@ -231,60 +229,6 @@ def _reference(path: Course, scenario: Scenario, time: Array, rng: np.random.Gen
     M, N = radii(place[:, 0])
     metres = np.stack([M, N * np.cos(place[:, 0]), np.ones(len(time))], axis=-1)
     return {(name, ""): column for name, column in zip(PLACE, (place + sigma / metres).T, strict=True)}
-
-
-def _refuse_many(seconds: float, rate: float) -> None:
-    """Raise InputError where the rows of a time [s] at a rate [Hz] would not go into memory."""
-    if not seconds * rate * ROW < room():
-        raise InputError(
-            f"schedule: {seconds:.4g} s at {rate:.4g} Hz are {seconds * rate:.3g} rows, more than memory holds; lower "
-            "`rate` or make it shorter"
-        )
-
-
-def _row_times(scenario: Scenario, table: Timetable | None) -> Array:
-    motion = scenario.schedule
-    _refuse_many(motion.duration if table is None else float(table.stop[-1]), motion.rate)
-    if table is None:
-        return np.arange(round(motion.duration * motion.rate)) / motion.rate
-    time = np.arange(int(np.floor(table.stop[-1] * motion.rate + 1e-9)) + 1) / motion.rate
-    time = time[time < table.stop[-1]]
-    if not (motion.record_slews or scenario.turning):
-        time = time[~table.moving(time)]
-    dropped = np.isin(table.position[table.visit(time)], scenario.faults.drop)
-    time = time[~dropped]
-    if time.size == 0:
-        raise InputError("schedule: no row is left; lengthen `dwell`, raise `rate` or drop fewer positions")
-    return time
-
-
-def _turned_times(scenario: Scenario, path: Course) -> Array:
-    """The ends of the sampling intervals (n,) [s]."""
-    rate = scenario.schedule.rate
-    _refuse_many(path.duration, rate)
-    n = int(np.floor(path.duration * rate + 1e-9))
-    if not n:
-        raise InputError("schedule: no row is left; raise `rate`")
-    return np.arange(1, n + 1) / rate
-
-
-def _check_needs(effects: Sequence[Effect], scenario: Scenario, environment: Mapping[Key, object]) -> None:
-    """Refuse a truth that this scenario cannot show."""
-    kind, logged = scenario.kind, set() if scenario.schedule.turns else {"position", "attitude"}
-    logged |= {"temperature"} if ("temperature", "") in environment else set()
-    logged |= {"angular_rate"} if scenario.turning else set()
-    names = {name for quantity, name in environment if quantity == "covariate"}
-    logged |= {f"covariate:{name}" for name in names} | ({"covariate"} if names else set())
-    for each in effects:
-        if kind not in each.kinds:
-            raise InputError(f"truth.{each.id}: it shows in {' and '.join(each.kinds)} recordings, not in a {kind}")
-        need = lacking(type(each), logged.__contains__)
-        if "angular_rate" in (need, each.channel) and "angular_rate" not in logged:
-            raise InputError(f"truth.{each.id}: it shows in angular_rate; write gyroscopes = true")
-        if need:
-            quantity, _, name = need.partition(":")
-            where = f"[environment.covariates.{name or '...'}]" if quantity == "covariate" else f"[environment] {need}"
-            raise InputError(f"truth.{each.id}: it needs {need} to act on; give {where}")
 
 
 def _site(scenario: Scenario) -> Site:

@@ -9,8 +9,11 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.effect import lacking
 from gimbalcal.errors import InputError
 from gimbalcal.recording.document import LARGEST
+from gimbalcal.recording.record import Key
+from gimbalcal.simulate.scenario import Scenario
 from gimbalcal.units import from_si, to_si
 
 RESERVED = ("draw", "factor")
@@ -33,6 +36,25 @@ def true_effects(
         if name not in RESERVED:
             wanted |= _effect(name, given, gimbals, read, factor, rng)
     return with_values((), list(wanted), np.array(list(wanted.values())), gimbals)
+
+
+def check_shown(effects: Sequence[Effect], scenario: Scenario, environment: Mapping[Key, object]) -> None:
+    """Raise InputError for a true effect that a recording of this scenario cannot show."""
+    kind, logged = scenario.kind, set() if scenario.schedule.turns else {"position", "attitude"}
+    logged |= {"temperature"} if ("temperature", "") in environment else set()
+    logged |= {"angular_rate"} if scenario.turning else set()
+    names = {name for quantity, name in environment if quantity == "covariate"}
+    logged |= {f"covariate:{name}" for name in names} | ({"covariate"} if names else set())
+    for each in effects:
+        if kind not in each.kinds:
+            raise InputError(f"truth.{each.id}: it shows in {' and '.join(each.kinds)} recordings, not in a {kind}")
+        need = lacking(type(each), logged.__contains__)
+        if "angular_rate" in (need, each.channel) and "angular_rate" not in logged:
+            raise InputError(f"truth.{each.id}: it shows in angular_rate; write gyroscopes = true")
+        if need:
+            quantity, _, name = need.partition(":")
+            where = f"[environment.covariates.{name or '...'}]" if quantity == "covariate" else f"[environment] {need}"
+            raise InputError(f"truth.{each.id}: it needs {need} to act on; give {where}")
 
 
 def described(effects: Sequence[Effect], gimbals: Sequence[str]) -> list[dict[str, Any]]:

@@ -8,18 +8,8 @@ import numpy as np
 import pytest
 
 from gimbalcal.design.exchange import gains, optimise, value
-from gimbalcal.design.optimal import (
-    Rig,
-    assess,
-    design,
-    design_parameters,
-    free_rig,
-    grid,
-    positioned,
-    report,
-    rig_of,
-    whitened_rows,
-)
+from gimbalcal.design.optimal import assess, design, design_parameters, positioned, report, whitened_rows
+from gimbalcal.design.rig import Rig, free_rig, grid, rig_of
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import TERMS

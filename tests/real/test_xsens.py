@@ -11,8 +11,8 @@ import pytest
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.rows.views import norm
+from gimbalcal.diagnose.search.likeliest import weigh
 from gimbalcal.diagnose.search.refit import start
-from gimbalcal.diagnose.search.stepwise import weigh
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.grade import graded
 from gimbalcal.recording import Recording, read

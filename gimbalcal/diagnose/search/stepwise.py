@@ -8,19 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.odds import CLAIM, OFTEN, SINGLE
-from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant, layout_of
+from gimbalcal.diagnose.library.candidates import Candidate, Variant, layout_of
 from gimbalcal.diagnose.library.unknown_noise import causes, constants_of
 from gimbalcal.diagnose.rows.observations import absent_effect, refuse_too_little
 from gimbalcal.diagnose.rows.views import View
-from gimbalcal.diagnose.search.ranking import (
-    Weighed,
-    bayes_factors,
-    is_usual,
-    likeliest_variants,
-    log_priors,
-    total,
-    weighed,
-)
+from gimbalcal.diagnose.search.likeliest import Taken, weigh
+from gimbalcal.diagnose.search.ranking import bayes_factors, is_usual, log_priors
 from gimbalcal.diagnose.search.refit import Model, projections, refit, start, with_columns, with_constants
 from gimbalcal.effects import Effect
 from gimbalcal.number import Array
@@ -28,7 +21,6 @@ from gimbalcal.pipeline import Tell
 
 MOST = 8  # rounds
 EXCHANGE = 1.0  # ln of odds by which another cause must be likelier to take a place
-Taken = tuple[Candidate, Variant]
 Key = tuple[str, str, str, str]
 
 
@@ -257,47 +249,3 @@ def _made(v: View, this: Taken) -> Effect:
     """The effect that a cause is, with its constants and of no size yet."""
     cause, variant = this
     return absent_effect(cause.effect, v.stimulus, cause.source, **dict(variant.constants))
-
-
-@dataclass(frozen=True)
-class Round:
-    """What is likeliest to be missing from a model: one cause or two, or a shape."""
-
-    found: tuple[Taken, ...]
-    ln_bayes: float  # of these
-    ln_total: float  # of anything at all
-    named: bool  # whether these are known causes
-    columns: Array  # (n, C, q) of these
-    lead: float  # ln odds of these to the cause they were held against
-
-
-def ranked(v: View, model: Model, memory: bool = True) -> Weighed:
-    """Everything that could be missing from a model, alone and beside others."""
-    known, X = causes(v, model.effects, model.fitted)
-    p = projections(v, model, X, memory)
-    library = Library(known, X)
-    return weighed(library, p, bayes_factors(p, library.layout), v.recording.kind)
-
-
-def weigh(v: View, model: Model, memory: bool = False, against: Candidate | None = None, shape: bool = False
-          ) -> Round:  # fmt: skip
-    """What is likeliest to be missing from a model, in white noise or in noise with memory: causes, or a `shape`.
-
-    Causes are taken up where by themselves they are likelier than a shape by itself, several of them at the odds of a
-    claim: together they may mimic what one shape says. Beside a shape almost any cause seems needed, as it resembles a
-    part of what the shape only sketches.
-    """
-    s = ranked(v, model, memory)
-    every = s.library.candidates
-    shapes = [h for h in s.hypotheses if all(every[i].rival for i in h.members)]
-    known = [
-        h for h in s.hypotheses if not h.unknown(every) and len({every[i].effect for i in h.members}) == len(h.members)
-    ]
-    named = not (shape and shapes) and total(known) > total(shapes) + CLAIM * (len(known[0].members) > 1)
-    best = known[0] if named else shapes[0]
-    rival = [h.ln_weight for h in known if against and any(every[i].key == against.key for i in h.members)]
-    lead = best.ln_weight - max(rival) if rival and named else 0.0
-    variants = [every[i].variants[n] for i, n in zip(best.members, likeliest_variants(s, best.members), strict=True)]
-    found = tuple((every[i], variant) for i, variant in zip(best.members, variants, strict=True))
-    columns = s.library.X[..., [k for variant in variants for k in variant.index]]
-    return Round(found, best.ln_bayes, s.ln_total, named, columns, lead)

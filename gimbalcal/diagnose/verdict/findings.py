@@ -10,9 +10,10 @@ import numpy as np
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY
 from gimbalcal.diagnose.rows.views import View
+from gimbalcal.diagnose.search.likeliest import Taken, weigh
 from gimbalcal.diagnose.search.ranking import is_usual
 from gimbalcal.diagnose.search.refit import Model, basis, constants_told, weighted
-from gimbalcal.diagnose.search.stepwise import Course, Key, Taken, steps_of, take, weigh
+from gimbalcal.diagnose.search.stepwise import Course, Key, steps_of, take
 from gimbalcal.diagnose.verdict.alternatives import Judgement, judged
 from gimbalcal.diagnose.verdict.decide import capped
 from gimbalcal.effects import CATALOGUE, values

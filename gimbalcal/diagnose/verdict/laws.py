@@ -19,9 +19,9 @@ from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.law_grounds import ground_of_search, ground_of_view, with_law
 from gimbalcal.diagnose.search.laws import Ground, Law, laws_of, same
+from gimbalcal.diagnose.search.likeliest import ranked
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.diagnose.search.refit import Model, fitted_columns
-from gimbalcal.diagnose.search.stepwise import ranked
 from gimbalcal.diagnose.verdict.decide import strained
 from gimbalcal.diagnose.verdict.law_file import found, printed
 from gimbalcal.diagnose.verdict.locate import scan

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.effects import Effect, Stage, Stimulus
-from gimbalcal.effects.gimbal import SMALLEST_TURN
+from gimbalcal.effects.gimbal_mechanics import SMALLEST_TURN
 from gimbalcal.errors import InputError
 from gimbalcal.forward import AXES, Rows, linearise
 from gimbalcal.kinematics import stimulus_from_angles

@@ -14,10 +14,11 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.effects import with_values
+from gimbalcal.estimate.systematic.error_model import STATE, turned
 from gimbalcal.estimate.systematic.seen import informed, inverse
 from gimbalcal.estimate.systematic.sensors import truth
 from gimbalcal.estimate.systematic.settle import Settled
-from gimbalcal.estimate.systematic.smoothing import STATE, VELOCITY, for_smoother, one_pass, turned
+from gimbalcal.estimate.systematic.smoothing import VELOCITY, for_smoother, one_pass
 from gimbalcal.inference import adjoint
 from gimbalcal.inference.beside_constants import Filtered
 from gimbalcal.inference.information import SEEN

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import amount
 from gimbalcal.estimate.systematic.course import Course
-from gimbalcal.estimate.systematic.smoothing import GATE, STATE, Pass
+from gimbalcal.estimate.systematic.error_model import STATE
+from gimbalcal.estimate.systematic.smoothing import GATE, Pass
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 

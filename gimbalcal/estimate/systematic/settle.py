@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from gimbalcal.effects import Effect, Parameter, with_values
 from gimbalcal.estimate.systematic.alignment import Alignment, align, attitudes
 from gimbalcal.estimate.systematic.course import Course, course
+from gimbalcal.estimate.systematic.error_model import turned
 from gimbalcal.estimate.systematic.evidence import doubtful
 from gimbalcal.estimate.systematic.place import refuse_carried
 from gimbalcal.estimate.systematic.sensors import truth
-from gimbalcal.estimate.systematic.smoothing import Pass, one_pass, turned
+from gimbalcal.estimate.systematic.smoothing import Pass, one_pass
 from gimbalcal.estimate.systematic.turns import gains
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording

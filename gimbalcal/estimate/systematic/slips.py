@@ -14,8 +14,9 @@ import numpy as np
 
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.estimate.systematic.course import Course
+from gimbalcal.estimate.systematic.error_model import in_body
 from gimbalcal.estimate.systematic.settle import Settled
-from gimbalcal.estimate.systematic.smoothing import GATE, in_body
+from gimbalcal.estimate.systematic.smoothing import GATE
 from gimbalcal.estimate.systematic.turns import GAIN
 from gimbalcal.estimate.systematic.wander import chains
 from gimbalcal.estimate.systematic.whitened import whitened

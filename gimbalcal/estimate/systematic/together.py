@@ -22,11 +22,12 @@ from gimbalcal.calibration.calibration import Residual
 from gimbalcal.effects import Parameter, with_values
 from gimbalcal.errors import amount
 from gimbalcal.estimate.added import Added
+from gimbalcal.estimate.systematic.error_model import turned
 from gimbalcal.estimate.systematic.run import calibrated
 from gimbalcal.estimate.systematic.seen import WIDE, informed
 from gimbalcal.estimate.systematic.sensors import truth
 from gimbalcal.estimate.systematic.settle import SETTLED, Settled, settle
-from gimbalcal.estimate.systematic.smoothing import one_pass, turned
+from gimbalcal.estimate.systematic.smoothing import one_pass
 from gimbalcal.estimate.systematic.states import states
 from gimbalcal.inference.information import Information, solve
 from gimbalcal.number import Array

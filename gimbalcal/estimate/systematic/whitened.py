@@ -19,18 +19,10 @@ from numpy.typing import NDArray
 
 from gimbalcal.effects import Effect, Parameter, Stimulus
 from gimbalcal.estimate.systematic.course import KEYS
+from gimbalcal.estimate.systematic.error_model import STATE, added, answering, felt
 from gimbalcal.estimate.systematic.sensors import KIND, read_by, truth
 from gimbalcal.estimate.systematic.settle import Settled
-from gimbalcal.estimate.systematic.smoothing import (
-    JUMP,
-    PLACE,
-    STATE,
-    VELOCITY,
-    added,
-    answering,
-    felt,
-    rotation_vector,
-)
+from gimbalcal.estimate.systematic.smoothing import JUMP, PLACE, VELOCITY
 from gimbalcal.estimate.systematic.wander import beside, chains
 from gimbalcal.forward import Rows, linearise
 from gimbalcal.inference import beside_constants
@@ -38,6 +30,7 @@ from gimbalcal.kinematics import stimulus_from_truth
 from gimbalcal.navigate.error_growth import NAV
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
+from gimbalcal.rotation import rotation_vector
 
 EACH = 20  # updates after a turn that stand for themselves: later ones change as slowly as the stop is long
 JOINED = 10  # of the later ones in one row

@@ -10,9 +10,10 @@ import pytest
 from scipy.optimize import least_squares
 
 from gimbalcal.diagnose.rows.views import View, norm, pointing
+from gimbalcal.diagnose.search.likeliest import weigh
 from gimbalcal.diagnose.search.ranking import log_priors
 from gimbalcal.diagnose.search.refit import refit, start, weighted
-from gimbalcal.diagnose.search.stepwise import Course, alone, course, pruned, refined, sharpened, take, weigh
+from gimbalcal.diagnose.search.stepwise import Course, alone, course, pruned, refined, sharpened, take
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.number import Array
 from gimbalcal.pipeline import silent

@@ -7,8 +7,8 @@ import pytest
 
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.rows.views import pointing
+from gimbalcal.diagnose.search.likeliest import ranked
 from gimbalcal.diagnose.search.refit import start
-from gimbalcal.diagnose.search.stepwise import ranked
 from gimbalcal.estimate.pointing.run import calmer, on_stars, since_turning, without_jumps
 from gimbalcal.recording import Recording
 from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, EQUATORIAL, effects, run, sky

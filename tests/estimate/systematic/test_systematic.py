@@ -15,10 +15,10 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.added import Added
 from gimbalcal.estimate.systematic import settle
 from gimbalcal.estimate.systematic.run import systematic
-from gimbalcal.estimate.systematic.smoothing import attitude_covariance, rotation_vector
+from gimbalcal.estimate.systematic.smoothing import attitude_covariance
 from gimbalcal.estimate.systematic.states import FIFTY_ONE, states
 from gimbalcal.report.answer import answer
-from gimbalcal.rotation import frame_rotation
+from gimbalcal.rotation import frame_rotation, rotation_vector
 from tests.estimate.systematic.table import MOVES, START, turning_unit
 
 ANY = turning_unit(moves=MOVES[:2], stop=8.0, rate=10.0)

@@ -1,0 +1,82 @@
+"""What the hardware truly experiences: all that an effect is given."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.effects.history import slope
+from gimbalcal.number import Array
+
+REFERENCE_TEMPERATURE = 20.0  # degC, T0 of the cards
+
+
+@dataclass(frozen=True)
+class Stimulus:
+    """What the hardware truly experiences at n instants; immutable, SI. Every array has time first.
+
+    What sensors read stands in the recording; `kinematics` says where a reading has to serve for the truth, and the
+    readouts of the gimbals stand here because the encoders' errors are a function of them. Temperature and covariates
+    are as logged. `force` is the specific force as it arrives at the stage that is being evaluated, `angle` the true
+    gimbal angle as far as it is known there. Move quantities describe the last slew before the dwell of each row (zero
+    in the first dwell): the changes of ideal platform force and of readout, and the same one slew earlier.
+    """
+
+    time: Array  # (n,) s since the first sample
+    readout: Array  # (n, k) rad, platform axis order
+    angle: Array  # (n, k) rad
+    force: Array  # (n, 3) m/s^2
+    gravity: float  # m/s^2, magnitude at the site
+    visit: Array  # (n,) int, ordinal of the dwell, 0 first
+    position: Array  # (n,) int, name of the position held
+    since_move: Array  # (n,) s since the dwell began
+    move_force: Array  # (n, 3) m/s^2
+    move_angle: Array  # (n, k) rad
+    earlier_move_force: Array  # (n, 3) m/s^2
+    rate: Array  # (n, 3) rad/s, true angular rate of the sensor block against the inertial frame, in its axes
+    axis_names: tuple[str, ...]
+    latitude: float | None = None  # rad
+    target: Array | None = None  # (n, 3) unit vector to the true direction, in north, east, down (pointing only)
+    true_angle: Array | None = None  # (n, k) rad, gimbal angles at which a perfect mount would point there
+    aimed: Array | None = None  # (n, 3, 2) across and along of that mount, in the frame of its base
+    temperature: Array | None = None  # (n,) degC
+    reference_temperature: float = REFERENCE_TEMPERATURE  # degC, where temperature coefficients are referred to
+    covariates: Mapping[str, Array] = dataclasses.field(default_factory=dict)
+    axis_directions: tuple[str, ...] = ()  # "x", "y" or "z" of each gimbal axis
+    sense: tuple[int, ...] = ()  # of each readout against the platform's drawing, 1 or -1; all 1 where it is not said
+    attitude: Array | None = None  # C_np (n, 3, 3) of the perfect platform
+    load: Array | None = None  # (n, k, 3) unit gravity in the frame that turns with gimbal i
+    rate_slope: Array | None = None  # (n, 3) rad/s^2, d(rate)/dt where it is known; else the rows' differences tell it
+
+    def at(self, **changes: Any) -> Stimulus:
+        """The same stimulus with some arrays replaced."""
+        return dataclasses.replace(self, **changes)
+
+    def select(self, rows: Any) -> Stimulus:
+        """The stimulus at some rows only."""
+        n = len(self.time)
+        cut = {k: v[rows] for k, v in vars(self).items() if isinstance(v, np.ndarray) and v.ndim and len(v) == n}
+        return self.at(**cut, covariates={k: v[rows] for k, v in self.covariates.items()})
+
+    def carries(self, quantity: str) -> bool:
+        """Whether an effect that needs a quantity ("temperature", "covariate:pressure") finds it here."""
+        quantity, _, name = quantity.partition(":")
+        if quantity == "covariate":
+            return name in self.covariates if name else bool(self.covariates)
+        if quantity == "angular_rate":
+            return bool(np.any(self.rate))
+        return getattr(self, quantity) is not None
+
+    def turning_faster(self) -> Array:
+        """Angular acceleration (n, 3) [rad/s^2] of the sensor block."""
+        return slope(self.rate, self.time, self.visit) if self.rate_slope is None else self.rate_slope
+
+    def temperature_excess(self) -> Array:
+        """T - T0 (n,) [degC]. Raises ValueError where temperature was not recorded."""
+        if self.temperature is None:
+            raise ValueError("this effect needs a temperature channel and the recording has none")
+        return np.asarray(self.temperature - self.reference_temperature)
