@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.design.observability import static_plan
 from gimbalcal.design.turning_budget import turned
 from gimbalcal.earth import normal_gravity, radii
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
@@ -31,10 +30,11 @@ from gimbalcal.estimate.accelerometers.expected import planned
 from gimbalcal.estimate.accelerometers.setting import Noise, by_visit, position_parameters, problem, whiten
 from gimbalcal.forward import jacobian
 from gimbalcal.inference.information import Information, information, solve
-from gimbalcal.kinematics import ideal_force, stimulus_from_angles
+from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.navigate.bands import sensitivity
 from gimbalcal.navigate.run import is_strapdown, usual
 from gimbalcal.navigate.space_stable import USUAL, Aids
+from gimbalcal.navigate.still import ROW, static_plan, still_base
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, Site
@@ -46,7 +46,6 @@ from gimbalcal.units import from_si
 HOURS = (6.0, 24.0, 72.0)
 EXTRA_HOLD, EXTRA_RUN = 600.0, 86400.0  # s: manoeuvres that are tried, ten more minutes in a position or a day at rest
 PRIOR = 0.9  # of the prior sigma: the data then add less than a fifth to its information
-ROW = 600.0  # s between the rows on which the position error is looked at; the navigator's own steps are its own
 
 
 @dataclass(frozen=True)
@@ -198,15 +197,6 @@ def answer_of_position(run: Recording, wanted: Sequence[Parameter], aids: Aids =
     time, D = sensitivity(run, (), wanted, step, aids)
     few = np.arange(len(time))[:: -max(1, round(ROW / float(np.median(np.diff(time)))))][::-1]
     return time[few], D[few, :2] * metres[:, None] / step
-
-
-def still_base(hours: float, site: Site) -> Recording:
-    """A perfect static run of so many hours, a row every ten minutes."""
-    plan = static_plan(hours, float(site.latitude or 0.0), ROW, rows=round(3600 * hours / ROW) + 1)
-    plan = Recording("static-run", "still base", plan.platform, site, {}, plan.time, None, plan.channels)
-    force = ideal_force(plan, plan.angles())
-    felt = {("specific_force", a): force[:, i] for i, a in enumerate("xyz")}
-    return Recording("static-run", "still base", plan.platform, site, {}, plan.time, None, {**plan.channels, **felt})
 
 
 def _more(ids: Sequence[str]) -> tuple[Parameter, ...]:

@@ -22,7 +22,6 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.earth import EARTH_RATE, normal_gravity
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError, amount
@@ -31,16 +30,15 @@ from gimbalcal.estimate.accelerometers.setting import Noise, by_visit, position_
 from gimbalcal.forward import jacobian
 from gimbalcal.inference.information import SEEN, Information, Solution, information, solve
 from gimbalcal.kinematics import stimulus_from_angles
+from gimbalcal.navigate.still import static_plan
 from gimbalcal.number import Array
-from gimbalcal.platform import SPACE_STABLE_INERTIAL
-from gimbalcal.recording import Recording, Site
+from gimbalcal.recording import Recording
 from gimbalcal.schedule import Schedule
 from gimbalcal.schedule.file import read_schedule
 from gimbalcal.units import from_si, to_si
 
 PARALLEL = 0.99  # |cos| above which two are confounded: telling them apart takes 7 times the signal of seeing one
 HELD = 600.0  # s, a position of Wu et al. (2018): what the noise of a mean is told for
-STATIC_ROWS = 289  # 10 min apart over 48 h: thinning, with the weight kept, leaves the information of slow signals
 
 
 @dataclass(frozen=True)
@@ -178,16 +176,6 @@ def observe_any(
     angle = to_si(angle_sigma, "arcsec")
     noise = {"accelerometer": to_si(force_sigma, "ug"), "gimbal_angle": angle, "attitude": angle}
     return observe_static(float(run[1]), np.deg2rad(latitude), noise, candidates=candidates, sample_s=HELD)
-
-
-def static_plan(hours: float, latitude: float, sample_s: float, rows: int = STATIC_ROWS) -> Recording:
-    """Ideal gimbal readouts of a static run, thinned to so many rows that carry the weight of all samples."""
-    platform, time = SPACE_STABLE_INERTIAL, np.linspace(0.0, hours * 3600, rows)
-    readings = {"platform": EARTH_RATE * time, "middle": np.full_like(time, latitude)}
-    channels = {("gimbal_angle", a): readings.get(a, np.zeros_like(time)) for a in platform.axis_names}
-    weight = np.full(len(time), max(hours * 3600 / sample_s / len(time), 1.0))
-    site = Site(latitude=latitude, gravity=float(normal_gravity(latitude)))
-    return Recording("static-run", "plan", platform, site, {}, time, None, channels, weight=weight)
 
 
 def _known(effects: Sequence[str]) -> Sequence[str]:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.design.budget import answer_of_position, still_base
+from gimbalcal.design.budget import answer_of_position
 from gimbalcal.design.exchange import CRITERIA, optimise, value
 from gimbalcal.design.rig import Rig
 from gimbalcal.earth import normal_gravity
@@ -30,6 +30,7 @@ from gimbalcal.estimate.accelerometers.setting import Noise, VisitRows, position
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
 from gimbalcal.kinematics import stimulus_from_angles
+from gimbalcal.navigate.still import still_base
 from gimbalcal.number import Array, complex_step
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, Site

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.design.turning import Noise, plan, stretches
-from gimbalcal.earth import normal_gravity, rate_at
+from gimbalcal.earth import normal_gravity
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.systematic.course import STILL
@@ -24,8 +24,7 @@ from gimbalcal.estimate.systematic.states import LISTS, states
 from gimbalcal.inference.information import Information, information
 from gimbalcal.kinematics import required_latitude
 from gimbalcal.navigate.space_stable import ALONE
-from gimbalcal.number import Array
-from gimbalcal.platform import BENCH
+from gimbalcal.navigate.still import still_unit
 from gimbalcal.recording import Recording, Site
 from gimbalcal.schedule import ROTATIONS, RotationSchedule
 from gimbalcal.schedule.rotation import standing
@@ -33,7 +32,6 @@ from gimbalcal.schedule.trajectory import trajectory
 from gimbalcal.simulate import Scenario
 from gimbalcal.simulate.turned import schedule_of
 
-ROW = 600.0  # s between the rows of a unit at rest
 COLOURED = (
     "accelerometer_random_walk", "accelerometer_flicker", "accelerometer_gauss_markov", "gyroscope_random_walk",
     "gyroscope_flicker", "gyroscope_gauss_markov",
@@ -108,17 +106,6 @@ def _states(asked: str, more: Sequence[str], like: Recording) -> tuple[Parameter
         except InputError as error:
             raise InputError(str(error).replace("--states", "--with", 1)) from None
     return states(",".join((*LISTS.get(asked.strip(), (asked,)), *more)), like)
-
-
-def still_unit(hours: float, site: Site, C_bn: Array) -> Recording:
-    """A perfect strapdown unit at rest for so many hours, a row every ten minutes, its axes as C_bn (3, 3) has them."""
-    time = ROW * np.arange(1, round(hours * 3600 / ROW) + 1)
-    felt = {
-        "specific_force": C_bn.T @ [0.0, 0.0, -site.gravity],
-        "angular_rate": C_bn.T @ rate_at(required_latitude(site.latitude)),
-    }
-    channels = {(q, a): np.full(len(time), v[i]) for q, v in felt.items() for i, a in enumerate("xyz")}
-    return Recording("rotation", "still base", BENCH, site, {}, time, None, channels)
 
 
 def _sum(wanted: Sequence[Parameter], each: Sequence[Information]) -> Information:

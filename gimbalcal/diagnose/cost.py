@@ -30,6 +30,7 @@ from gimbalcal.estimate.systematic.settle import settle
 from gimbalcal.navigate.bands import uncertain
 from gimbalcal.navigate.outcome import NAUTICAL_MILE
 from gimbalcal.navigate.run import navigated, usual
+from gimbalcal.navigate.still import ROW, still_base, still_unit
 from gimbalcal.pipeline import Tell, silent, three_stage
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording
@@ -74,14 +75,11 @@ def with_cost(recordings: Sequence[Recording], d: Diagnosis, tell: Tell = silent
 
 def _unit(recordings: Sequence[Recording], d: Diagnosis) -> _Unit | None:
     """How the unit of these recordings is calibrated and navigated; None where no navigator can be run."""
-    # loaded here, as planning takes longer to load than a short diagnosis takes, and most need none of it
     first, made = recordings[0], d.calibration
     assert made is not None
     named = list(dict.fromkeys(f["effect"] for f in d.findings))
     found = {e.id: e for e in made.effects if e.id in named}
     if len(recordings) == 1 and turned_in_place(first):
-        from gimbalcal.design.turning_budget import ROW, still_unit
-
         return _Unit(
             found,
             made,
@@ -96,11 +94,9 @@ def _unit(recordings: Sequence[Recording], d: Diagnosis) -> _Unit | None:
     def without(effect: str) -> Calibration:
         return three_stage(recordings, more=[_as_found(e) for e in found.values() if e.id != effect], judged=False)
 
-    from gimbalcal.design.budget import still_base
-
     own = next((r for r in recordings if r.kind == "static-run"), None)
     base = own or still_base(DAY, next(r.site for r in recordings if r.site.latitude is not None))
-    return _Unit(found, without(""), without, base if own else _swung(base, recordings), own is not None)
+    return _Unit(found, made, without, base if own else _swung(base, recordings), own is not None)
 
 
 def _settled(recording: Recording, made: Calibration, effect: str) -> Calibration:

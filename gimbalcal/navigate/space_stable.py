@@ -24,13 +24,11 @@ Source: Britting (1971), chapter 6; Wu et al. (2018), section 5.2; constants of 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
 
 import numpy as np
 
+from gimbalcal.compiled import compiled
 from gimbalcal.earth import E2, EARTH_RATE, FLATTENING, SEMI_MAJOR_AXIS, normal_gravity, radii
 from gimbalcal.number import Array
 
@@ -113,7 +111,7 @@ def navigate(
     v += _north_east(site.latitude, first).T @ np.asarray(start)
     gravity = np.array([site.gravity, site.latitude, towards_pole, site.height, upwards])
     out = np.empty((n, 5))
-    _compiled()(step, force, r, v, gravity, 2 * aids.damping * omega, c1, c2, v_ref, h_ref, out)
+    _march(step, force, r, v, gravity, 2 * aids.damping * omega, c1, c2, v_ref, h_ref, out)
     return Course(time, out[:, 0], np.unwrap(out[:, 1]), out[:, 2], out[:, 3:])
 
 
@@ -146,6 +144,7 @@ def _north_east(latitude: float, phase: float) -> Array:
     return np.array([[-s * np.cos(phase), -s * np.sin(phase), c], [-np.sin(phase), np.cos(phase), 0.0]])
 
 
+@compiled
 def _march(
     step: Array, force: Array, r: Array, v: Array, gravity: Array, damping: float, c1: float, c2: float, v_ref: Array,
     h_ref: Array, out: Array,
@@ -184,10 +183,3 @@ def _march(
         vz += az * h + cL * dn
         out[k, 0], out[k, 1], out[k, 2], out[k, 3], out[k, 4] = L, S, height, north + dn / 2, east + de / 2
         x, y, z = x + vx * h / 2 - fall * cL * cS, y + vy * h / 2 - fall * cL * sS, z + vz * h / 2 - fall * sL
-
-
-@cache
-def _compiled() -> Callable[..., Any]:
-    from numba import njit
-
-    return njit(cache=True)(_march)

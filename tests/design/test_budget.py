@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from gimbalcal.calibration import Calibration, Residual
-from gimbalcal.design.budget import Budget, budget, still_base
+from gimbalcal.design.budget import Budget, budget
 from gimbalcal.design.turning_budget import turned
 from gimbalcal.earth import normal_gravity
 from gimbalcal.effects import with_values
 from gimbalcal.errors import InputError
 from gimbalcal.inference.information import solve
 from gimbalcal.navigate.run import navigated, usual
+from gimbalcal.navigate.still import still_base
 from gimbalcal.pipeline import three_stage
 from gimbalcal.recording import Site
 from gimbalcal.simulate import load, simulate
