@@ -18,7 +18,7 @@ from gimbalcal.recording.room import rows_in
 from gimbalcal.recording.rows import AllRows
 from tests.diagnose.rows.test_slews import IDEAL, QUICK, unit
 from tests.diagnose.turned_plant import gimballed, turned
-from tests.recording.test_recording import HEADER, folder, text
+from tests.recording.folders import HEADER, folder, text
 
 CASE = Path(__file__).parents[2] / "data" / "space_stable_18"
 REST = [1, 29, 30, 30, 4, 1]  # its first and last row, by which turns begin and end, are as they were

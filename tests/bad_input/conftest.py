@@ -1,0 +1,21 @@
+"""The command line in this process, and what it makes of the untouched recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def run(command: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> Run:
+    """The command line in this process: status, stdout and stderr."""
+
+    def go(*arguments: object) -> tuple[int, str, str]:
+        status = command(*arguments)
+        shown = capsys.readouterr()
+        return status, shown.out, shown.err
+
+    return go

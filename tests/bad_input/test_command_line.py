@@ -1,0 +1,116 @@
+"""Slips on the command line, results that cannot be written, and an interruption."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.bad_input.conftest import Run
+from tests.bad_input.spoil import DATA, DEVICE, STATIC, cell, copy
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["calibrate"], "Missing argument 'RECORDINGS...'; see `gimbalcal calibrate --help`"),
+        (["frobnicate"], "No such command 'frobnicate'; see `gimbalcal --help`"),
+        (["calibrate", DEVICE, "--method", "magic"], "'magic' is not one of 'three-stage', "),
+        (["calibrate", DEVICE, "--frobnicate"], "No such option"),
+        (["design", "-n", "0"], "0 is not in the range x>=1; see `gimbalcal design --help`"),
+        (["campaign", "wu2018-18", "-n", "-3"], "-3 is not in the range 1<=x<=10000000"),
+        (["simulate", "demo", "--seed", "-1"], "-1 is not in the range x>=0"),
+        (["calibrate", DEVICE, "--terms", "nonsense"], "--terms nonsense goes with --method multiposition"),
+        (
+            ["calibrate", DEVICE, "--method", "multiposition", "--terms", "nonsense"],
+            "--terms names 'nonsense', which is not",
+        ),
+        (["calibrate", STATIC, "--method", "multiposition"], "holds 1 rest position for 9 parameters ("),
+        (["calibrate", DATA / "README.md"], "README.md is not a folder: a recording is a folder with a recording.toml"),
+        (
+            ["calibrate", DEVICE / "samples.csv"],
+            "samples.csv is not a folder: a recording is a folder with a recording.tom",
+        ),
+        (
+            ["calibrate", DATA],
+            "data has no recording.toml: a recording is a folder with a recording.toml that says what",
+        ),
+        (["calibrate", DEVICE, DEVICE], "are both multi-position recordings; give one of each kind"),
+        (["diagnose", DATA / "README.md"], "README.md is not a folder: a recording is a folder with a recording.toml"),
+        (
+            ["diagnose", DEVICE, "--calibration", "nowhere.json"],
+            "there is no nowhere.json; give a calibration.json that",
+        ),
+        (["diagnose", DEVICE, "--calibration", DATA / "README.md"], "README.md is not a calibration.json written by"),
+        (["diagnose", DEVICE, "--baseline", "nonsense"], "the baseline names 'nonsense', which is no effect"),
+        (["diagnose", DEVICE, "--seed", "one"], "'one' is not a valid integer"),
+    ],
+)
+def test_a_slip_on_the_command_line(run: Run, tmp_path: Path, arguments: list[object], sentence: str) -> None:
+    extra = [] if arguments in (["calibrate"], ["frobnicate"]) else ["--out", tmp_path / "out", "--quiet"]
+    status, out, err = run(*arguments, *extra)
+    assert status == 2
+    assert sentence in err
+    assert err.startswith("gimbalcal: ")
+    assert (err.count("\n"), out) == (1, "")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("below", ["", "below", "far/below"])
+def test_results_do_not_go_into_a_file(run: Run, tmp_path: Path, below: str) -> None:
+    (tmp_path / "file").write_text("mine")
+    status, _, err = run("calibrate", DEVICE, "--out", tmp_path / "file" / below)
+    assert status == 2
+    why = f"cannot be a folder, because {tmp_path / 'file'} is a file; give another name"
+    assert err == f"gimbalcal: --out {tmp_path / 'file' / below} {why}\n"
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_results_do_not_go_where_nobody_may_write(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "access", lambda *_: False)  # root, who runs tests in containers, may write anywhere
+    status, _, err = run("calibrate", DEVICE, "--out", tmp_path / "out")
+    assert (status, err.count("\n")) == (2, 1)
+    assert f"{tmp_path} does not permit it; give another folder" in err
+
+
+def test_a_disk_that_fails_is_a_sentence(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "out" / "calibration.json").mkdir(parents=True)
+    status, _, err = run("calibrate", DEVICE, "--out", tmp_path / "out", "--overwrite", "--quiet")
+    assert status == 2
+    assert "calibration.json" in err
+    assert "cannot be read or written" in err
+    assert err.count("\n") == 1
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["calibration.json"]  # no temporary file either
+
+
+def test_an_earlier_result_outlives_a_failed_run(run: Run, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "calibration.json").write_text("earlier")
+    folder = copy(DEVICE, tmp_path / "rec", cell(500, "accel_z", "off"))
+    assert run("calibrate", folder, "--out", out)[0] == 2
+    assert [(p.name, p.read_text()) for p in out.iterdir()] == [("calibration.json", "earlier")]
+
+
+def test_ctrl_c_in_the_middle_leaves_nothing(tmp_path: Path) -> None:
+    """A real process, a real signal, sent once the first stage has been announced."""
+    program = [sys.executable, "-m", "gimbalcal", "calibrate", str(DEVICE), str(STATIC), "--out", str(tmp_path / "out")]
+    with subprocess.Popen(program, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        said: list[str] = []
+        while "stage 1" not in "".join(said):
+            said.append(process.stderr.readline())
+            assert said[-1], "".join(said)
+        time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        rest = process.stderr.read()
+        # struck while a module is being made, the interpreter ends itself by the signal; a shell calls both 130
+        assert process.wait(timeout=30) in (130, -signal.SIGINT)
+    assert rest.splitlines()[-1] == "gimbalcal: interrupted; nothing half-written is left behind"
+    assert "Traceback" not in rest
+    assert not list(tmp_path.iterdir())

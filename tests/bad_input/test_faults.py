@@ -1,0 +1,34 @@
+"""What a hostile or unlucky user hands to the command line: each fault is one sentence, status 2, nothing written.
+
+Every case is a copy of a recording that ships with the project, with one thing wrong. The sentence says what, where
+(file, line or row, column) and what to do instead.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.bad_input.conftest import Run
+from tests.bad_input.files import FILES
+from tests.bad_input.rows import ROWS
+from tests.bad_input.spoil import copy
+
+
+@pytest.mark.parametrize("fault", [*ROWS, *FILES])
+def test_a_fault_is_one_sentence_and_nothing_is_written(run: Run, tmp_path: Path, fault: str) -> None:
+    source, change, sentence = (ROWS | FILES)[fault]
+    folder = copy(source, tmp_path / "rec", change)
+    before = sorted(tmp_path.rglob("*"))
+    status, out, err = run("calibrate", folder, "--out", tmp_path / "out", "--quiet", "--json")
+    err = err.replace(f"{tmp_path}/", "")
+    assert status == 2, err
+    assert re.search(sentence, err), err
+    assert err.startswith("gimbalcal: ")
+    assert err.endswith("\n")
+    assert err.count("\n") == 1
+    assert len(err) < 700  # a screen, not a dump of the file
+    assert out == ""
+    assert sorted(tmp_path.rglob("*")) == before

@@ -1,0 +1,173 @@
+"""Rows that are refused, and in which words."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.recording import read, write
+from tests.recording.folders import HEADER, NAMES, changed, folder, refusal, rows, text
+
+
+def stuck(table: Array) -> None:
+    table[10:35, 3] = table[10, 3]
+
+
+def dead(table: Array) -> None:
+    table[:, 3] = 0.0
+
+
+def stopped_clock(table: Array) -> None:
+    table[12, 0] = table[11, 0]
+
+
+def clock_back(table: Array) -> None:
+    table[20:, 0] -= 100.0
+
+
+def clock_forward(table: Array) -> None:
+    table[20:, 0] += 3600.0
+
+
+def inf_run(table: Array) -> None:
+    table[5:9, 2] = np.inf
+
+
+def spike(table: Array) -> None:
+    table[[6, 50], 2] = 4000.0
+
+
+def half_position(table: Array) -> None:
+    table[3, 1] = 1.5
+
+
+ROW_FAULTS: list[tuple[Callable[[Array], object], str]] = [
+    (inf_run, "samples.csv, line 7, column accel_x: the value is empty or not a finite number, nor are the 3 below it"),
+    (
+        stopped_clock,
+        "samples.csv, line 14, column time_s: the clock stands still at 11 s; time must grow from row to row",
+    ),
+    (clock_back, "samples.csv, line 22, column time_s: the clock jumps back by 99 s at -80 s; time must grow"),
+    (
+        clock_forward,
+        "samples.csv, line 22, column time_s: the clock jumps forward by 3601 s within one position, whose",
+    ),
+    (
+        spike,
+        "samples.csv, line 8, column accel_x: 4000 g is beyond anything that a unit at rest can read (one of 2 such",
+    ),
+    (half_position, "samples.csv, line 5, column position: a position is a whole number, 1, 2, ... or 0 while moving"),
+    (stuck, "samples.csv, lines 12 to 36, column accel_y: all 25 rows read "),
+    (stuck, "although the noise is 8.9e-05 g, so the channel is frozen; leave those rows out, or correct [noise]"),
+    (
+        dead,
+        "column accel_y: all 80 rows read 0 g although the noise is 8.9e-05 g, so the channel is dead; leave its",
+    ),
+    (
+        lambda table: table[:, 4].clip(-0.99995, out=table[:, 4]),
+        "column accel_z: -0.99995 g is the smallest value of the",
+    ),
+]
+
+
+@pytest.mark.parametrize(("fault", "sentence"), ROW_FAULTS, ids=[fault[1][:70] for fault in ROW_FAULTS])
+def test_row_fault_is_refused(tmp_path: Path, fault: Callable[[Array], object], sentence: str) -> None:
+    table = rows()
+    fault(table)
+    said = refusal(tmp_path, samples=text(table))
+    assert sentence in said
+    assert "\n" not in said
+
+
+@pytest.mark.parametrize("batch", [11, 50_000])
+def test_row_numbers_hold_across_batches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, batch: int) -> None:
+    monkeypatch.setattr("gimbalcal.recording.samples.ROWS", batch)
+    table = rows()
+    inf_run(table[30:])
+    assert "samples.csv, line 37, column accel_x" in refusal(tmp_path, samples=text(table))
+
+
+def test_cells_that_are_not_numbers(tmp_path: Path) -> None:
+    said = refusal(tmp_path, samples=changed(7, "accel_z", "off"))
+    assert said == "samples.csv, line 9, column accel_z: 'off' is not a number; write a number there"
+    assert "line 3, column time_s: the value is empty" in refusal(tmp_path, samples=changed(1, "time_s", ""))
+    assert "line 4: 8 values where the first line names 7 columns" in refusal(
+        tmp_path, samples=changed(2, "accel_y", "0,1")
+    )
+    units = text(rows()).replace("\n", "\ns,,g,g,g,deg,K\n", 1)
+    assert "line 2, column time_s: 's' is not a number" in refusal(tmp_path, samples=units)
+
+
+def test_line_numbers_count_comments(tmp_path: Path) -> None:
+    said = refusal(tmp_path, samples="# a\n# b\n" + changed(7, "accel_z", "inf"))
+    assert said.startswith("samples.csv, line 11, column accel_z: the value is empty or not a finite number;")
+
+
+def test_other_separators_are_named(tmp_path: Path) -> None:
+    assert "separate its columns by commas, not ';'" in refusal(tmp_path, samples=text(rows()).replace(",", ";"))
+
+
+def test_empty_files(tmp_path: Path) -> None:
+    assert refusal(tmp_path, samples="").startswith("samples.csv is empty; it must hold a line of column names and")
+    assert refusal(tmp_path, samples=",".join(NAMES) + "\n") == "samples.csv has a line of column names and no rows"
+
+
+@pytest.mark.parametrize("keep", [0.0, 0.3, 0.999])
+def test_truncated_parquet(tmp_path: Path, keep: float) -> None:
+    target = write(read(folder(tmp_path)), tmp_path / "cut", samples="samples.parquet")
+    whole = (target / "samples.parquet").read_bytes()
+    (target / "samples.parquet").write_bytes(whole[: int(keep * len(whole))])
+    with pytest.raises(InputError, match=r"samples\.parquet cannot be read as Parquet, it seems to be cut short or"):
+        read(target)
+
+
+def test_rows_of_parquet_are_counted_from_one(tmp_path: Path) -> None:
+    import polars as pl
+
+    target = write(read(folder(tmp_path)), tmp_path / "rec2", samples="samples.parquet")
+    frame = pl.read_parquet(target / "samples.parquet")
+    values = frame["accel_x"].to_numpy().copy()
+    values[5] = np.inf
+    frame.with_columns(accel_x=values).write_parquet(target / "samples.parquet")
+    with pytest.raises(
+        InputError, match=r"samples\.parquet, row 6, column accel_x: the value is empty or not a finite"
+    ):
+        read(target)
+
+
+def test_degrees_called_radians(tmp_path: Path) -> None:
+    said = refusal(tmp_path, HEADER.replace('axis = "middle", unit = "deg"', 'axis = "middle", unit = "rad"'))
+    assert said.startswith('samples.csv, column middle: angles up to 90 rad look like degrees; write unit = "deg"')
+
+
+def test_a_dead_channel_is_seen_without_stated_noise(tmp_path: Path) -> None:
+    table = rows()
+    dead(table)
+    said = refusal(tmp_path, re.sub(r"accelerometer .*\n", "", HEADER), text(table))
+    assert "samples.csv, lines 2 to 81, column accel_y: all 80 rows read 0 g although the noise is" in said
+
+
+def test_a_line_without_an_end_is_no_defect(tmp_path: Path) -> None:
+    assert "numbers stand where the column names belong" in refusal(tmp_path, samples="7" * 200_000)
+
+
+@pytest.mark.parametrize("value", ["0", "-3"])
+def test_a_weight_is_of_some_samples(tmp_path: Path, value: str) -> None:
+    header = HEADER + 'n = { quantity = "weight" }\n'
+    lines = [f"{line},{'n' if k == 0 else 5}" for k, line in enumerate(text(rows()).splitlines())]
+    lines[7] = lines[7].rpartition(",")[0] + f",{value}"
+    words = refusal(tmp_path, header, "\n".join(lines) + "\n")
+    assert words.startswith("samples.csv, line 8, column n: a weight says of how many samples a row is the mean")
+
+
+@pytest.mark.parametrize("reading", [-3.0, 9e9])
+def test_a_temperature_of_no_sensor_is_refused_with_its_row(tmp_path: Path, reading: float) -> None:
+    table = rows()
+    table[3, NAMES.index("temp")] = reading
+    assert f"line 5, column temp: {reading:g} K is no temperature of a sensor" in refusal(tmp_path, samples=text(table))
