@@ -100,8 +100,9 @@ def _others(folder: Path, files: Sequence[str], question: str) -> list[str]:
 
 def _name(names: Sequence[str | Path]) -> str:
     """A folder's name after what is read: its first name, and how many others there are."""
-    plain = [re.sub(r"[^\w.+-]+", "-", Path(n).resolve().stem if Path(n).suffix == ".toml" else Path(n).resolve().name)
-             for n in names]  # fmt: skip
+    paths = [Path(n).resolve() for n in names]
+    paths = [p.parent if p.name == "recording.toml" else p for p in paths]  # the header stands for its folder
+    plain = [re.sub(r"[^\w.+-]+", "-", p.stem if p.suffix == ".toml" else p.name) for p in paths]
     first = plain[0].strip("-.") or "result"
     return f"{first}-and-{plain[1] if len(plain) == 2 else f'{len(plain) - 1}-more'}" if len(plain) > 1 else first
 

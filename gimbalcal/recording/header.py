@@ -44,7 +44,11 @@ class Header:
 
 
 def read_header(folder: Path) -> Header:
-    """Read and check ``folder/recording.toml``; every refusal is an `InputError` that names the line."""
+    """Read and check ``folder/recording.toml``; every refusal is an `InputError` that names the line.
+
+    The header itself stands for its folder.
+    """
+    folder = folder.parent if folder.name == NAME and folder.is_file() else folder
     path = folder / NAME
     if not folder.is_dir():
         made = (

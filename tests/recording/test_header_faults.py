@@ -107,6 +107,11 @@ def test_static_run_without_latitude_is_refused(tmp_path: Path) -> None:
     assert "line 6: a static run needs the latitude, because the Earth turns" in refusal(tmp_path, header)
 
 
+def test_a_header_stands_for_its_folder(tmp_path: Path) -> None:
+    made = folder(tmp_path)
+    assert read(made / "recording.toml").files == read(made).files
+
+
 def test_no_folder_no_header(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"is not a folder: a recording is a folder with a recording\.toml in it"):
         read(tmp_path / "nowhere")
