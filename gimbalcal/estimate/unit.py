@@ -26,7 +26,7 @@ from gimbalcal.estimate.added import Added
 from gimbalcal.estimate.gyroscopes.between_rests import gyroscopes_between_rests
 from gimbalcal.estimate.gyroscopes.inter_triad import InterTriad, from_turns, triad_rotation
 from gimbalcal.estimate.gyroscopes.revolutions import EFFECTS, gyroscopes_from_revolutions
-from gimbalcal.estimate.gyroscopes.turns import FORCE, RATE, paused
+from gimbalcal.estimate.gyroscopes.turns import FORCE, RATE, paused, turns_on_record
 from gimbalcal.number import Array, complex_step
 from gimbalcal.recording import Recording, completed, dwells
 from gimbalcal.rotation import exponential, mean_rates
@@ -84,7 +84,7 @@ def with_gyroscopes(
     Revolutions both ways are taken where there are six pairs of them, the direction of gravity elsewhere. Without
     rates, or without rows between the rests, it is the accelerometers' calibration as it came.
     """
-    if not recording.has(RATE) or recording.position is None or not np.any(recording.position == 0):
+    if not recording.has(RATE) or not turns_on_record(recording):
         if more:
             raise InputError(f"--with {more[0].effect}: {recording.title!r} logged no turns between its rests")
         return accelerometers

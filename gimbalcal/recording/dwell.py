@@ -63,7 +63,9 @@ def whole_means(recording: Recording) -> Recording:
 
 def usual_step(recording: Recording) -> float:
     """The usual time from row to row [s]: on the way, where the rows of rests are means."""
-    way = recording.position == 0 if recording.position is not None and rests_are_means(recording) else slice(None)
+    p = recording.position
+    several = p is not None and np.count_nonzero(p == 0) > 1
+    way = p == 0 if p is not None and several and rests_are_means(recording) else slice(None)
     return float(np.median(np.diff(recording.time[way])))
 
 

@@ -21,7 +21,7 @@ from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import COLOURED, SENSORS, Recording, dwell_means, dwells
 from gimbalcal.recording.completed import with_rests
 from gimbalcal.recording.plausible_force import check_each_norm, check_magnitude
-from gimbalcal.recording.plausible_log import check_clock, check_temperature
+from gimbalcal.recording.plausible_log import check_clock, check_marked, check_temperature
 from gimbalcal.recording.plausible_pointing import check_pointing
 from gimbalcal.recording.plausible_run import check_attitude, check_latitude, check_sidereal, check_turn, named
 from gimbalcal.recording.plausible_turned import check_turned
@@ -45,7 +45,7 @@ def refuse_implausible(recording: Recording) -> tuple[str, ...]:
     Returns a sentence on each triad that nothing in the recording could check, and on what is odd and may be so.
     """
     _check_noise(recording)
-    odd = (*check_temperature(recording), *check_clock(recording))
+    odd = (*check_temperature(recording), *check_clock(recording), *check_marked(recording))
     if recording.kind == "pointing":
         return (*odd, *check_pointing(recording))
     if recording.kind == "static-run":

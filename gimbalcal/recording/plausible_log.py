@@ -14,6 +14,7 @@ TEMPERATURE = ("temperature", "")
 WARMEST, COLDEST = 200.0, -100.0  # degC; sensors of oil wells, and of no place on Earth
 KELVIN = 273.15
 LONGEST, SHORTEST = 5 * 86400.0, 0.2  # s that positions are held, the middle one of them
+FEW, SHOWN = 0.1, 3  # of the rows; more were on the way. Times that are told
 ENOUGH = 20  # rows of a position that tell how long it was held
 
 
@@ -56,3 +57,16 @@ def check_clock(recording: Recording) -> tuple[str, ...]:
         likely = "if the time is in s, or in min, correct the unit of its column"
         return (f"each position is held for {middle:.2g} s by the clock: is that so? {likely}",)
     return ()
+
+
+def check_marked(recording: Recording) -> tuple[str, ...]:
+    """A sentence where a table that holds each rest in a row has rows that are marked 0, as if on the way."""
+    if recording.kind != "multi-position" or recording.position is None:
+        return ()
+    gone = np.flatnonzero(recording.position == 0)
+    if not len(gone) or any(d.stop - d.start > 1 for d in dwells(recording)) or len(gone) > FEW * len(recording.time):
+        return ()
+    at = ", ".join(f"{t:.10g}" for t in recording.time[gone[:SHOWN]])
+    is_are = "row is" if len(gone) == 1 else "rows are"
+    where = at if len(gone) <= SHOWN else f"{at} and so on"
+    return (f"{len(gone)} {is_are} marked 0, as on the way, where each rest is one row (at {where} s): left out",)

@@ -1,9 +1,15 @@
 r"""Rests that do not belong among the others where no angle is known: a number off by one, a reading wrong, a knock.
 
-A rest k is left out, the others are fitted, and what they say of its norm is held against what they leave, s, and how
-well they can tell it at all, h_k being its leverage:
+Rests are left out, one or two of them in every possible way, and an ellipsoid is laid through the others without
+iteration, so that nothing is dragged by what is wrong:
 
-.. math:: \frac{|\,|h^{-1}(y_k)| - g\,| \sqrt{1 - h_k}}{s_{(k)}} > t
+.. math:: u^T Q u + q^T u = 1 + \rho, \qquad |h^{-1}(u)| = \sqrt{1 + s \rho}, \quad
+          s = 1 / (1 + \tfrac14 q^T Q^{-1} q)
+
+What it says of the norm of a rest k is held against what the others leave, s_(k), and how well they can tell it at
+all, G being their normal matrix and d the row of the point of the ellipsoid in the direction of k:
+
+.. math:: \frac{|\,|h^{-1}(u_k)| - 1\,|}{s_{(k)} \sqrt{1 + d^T G^{-1} d}} > t
 
 (the deleted residual, studentised), t of Student's distribution, and never less than `FAR`.
 One that is off by so much tells nothing of the sensors, and would scale every sigma. A misfit that several rests share
@@ -14,25 +20,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
+from math import comb
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gimbalcal.errors import InputError, alternatives
-from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, norm_fit, scaled_by_gravity, unknowns
+from gimbalcal.errors import alternatives
 from gimbalcal.estimate.accelerometers.setting import FORCE
-from gimbalcal.forward import accelerometers
-from gimbalcal.inversion import invert
-from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
-from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means, dwells
 from gimbalcal.units import from_si
 
 FAR = 10.0  # sigmas; heavy tails reach half of it in a hundred recordings
-SURPRISE = 1e-6  # probability, rests paid, by which chance is not believed
+SURPRISE = 1e-6  # probability, choices of rests paid, by which chance is not believed
 MOST = 2  # of more, one could not say which rests are the reference
-SUSPECTS = 3  # the fit with a stray in it may blame its neighbour
+SUSPECTS = 40  # rests, those that fit worst with all others: where there are more, two strays drag a fit little
+TERMS = 9  # of an ellipsoid
 SPARE = 4  # rests beyond the parameters: with fewer, leaving one out tests nothing
+LOOSE = 0.01  # noise of 1e-3 over a prior of 0.1: what turns do not show of a unit, as six faces do not, is small
+SPHERE = np.array([1.0, 1, 1, 0, 0, 0, 0, 0, 0])
 
 
 @dataclass(frozen=True)
@@ -64,46 +72,106 @@ def without_strays(recording: Recording) -> tuple[Recording, tuple[Stray, ...]]:
 def strays(recording: Recording) -> tuple[Stray, ...]:
     """The rests that are no rests, `MOST` at most; none where the others do not fit each other without them either."""
     every = dwell_means(recording)
-    if not np.isfinite(every.triad(FORCE)).all():
+    if every.position is None or not np.isfinite(every.triad(FORCE)).all():
         return ()
-    left, found = np.arange(len(every.time)), list[Stray]()
+    left, found = np.arange(len(every.time)), dict[int, float]()
     while len(found) <= MOST:
-        worst = _worst(every, left)
-        if worst is None:
-            return tuple(sorted(found, key=lambda s: s.dwell))
-        found.append(worst)
-        left = left[left != worst.dwell]
+        more = _odd(every, left, 1) or _odd(every, left, 2)  # two together hide each other
+        if not more:
+            g, position = every.site.gravity, every.position
+            return tuple(Stray(k, int(position[k]), g * off) for k, off in sorted(found.items()))
+        found |= more
+        left = np.setdiff1d(left, list(more))
     return ()
 
 
-def _worst(every: Recording, left: Array) -> Stray | None:
-    """The rest among those left that is furthest off what the others say; None where none is."""
-    if len(left) < len(unknowns(LINEAR)) + SPARE or every.position is None:
-        return None
-    try:
-        fit = norm_fit(scaled_by_gravity(every.select(left))[0], LINEAR)
-        order = np.argsort(-np.abs(fit.misfit / fit.slack))[:SUSPECTS]
-        tried = [(*_against_others(every, left, int(left[k])), float(fit.slack[k]), int(left[k])) for k in order]
-    except InputError:  # nothing to fit here, and the calibration says why
-        return None
-    off, usual, untied, k = min(tried, key=lambda t: t[1])  # the stray is the one without which the others agree best
+def _odd(every: Recording, left: NDArray[np.int64], several: int) -> dict[int, float]:
+    """The rests without which the others agree best, and how far they are off [g]; empty where one of them is not."""
+    m = len(left)
+    if m < TERMS + SPARE + several - 1:
+        return {}
+    rests = every.select(left)
+    everyone = _ellipsoids(rests, np.ones((1, m)))
+    suspects = np.sort(np.argsort(-np.abs(everyone.rho[0]))[:SUSPECTS])
+    choices = np.array(list(combinations(suspects, several)))
+    kept = np.ones((len(choices), m))
+    np.put_along_axis(kept, choices, 0.0, axis=1)
+    through = _ellipsoids(rests, kept)
+    best = int(np.argmin(through.usual))
+    if not np.isfinite(through.usual[best]):
+        return {}
+    gone = choices[best]
+    off, tied = _against_others(through, best, gone)
+    noise = (rests.sigma("accelerometer") or 0.0) / np.sqrt(rests.weight[gone]) / through.size[best]
     from scipy.special import stdtrit
 
-    least = max(FAR, -float(stdtrit(len(left) - 1 - len(unknowns(LINEAR)), SURPRISE / len(left))))
-    return Stray(k, int(every.position[k]), off) if abs(off) * np.sqrt(untied) > least * usual else None
+    least = max(FAR, -float(stdtrit(m - several - TERMS, SURPRISE / comb(m, several))))
+    sigmas = np.abs(off) / np.hypot(through.usual[best] * np.sqrt(1 + tied), noise)
+    return dict(zip(left[gone].tolist(), off.tolist(), strict=True)) if np.all(sigmas > least) else {}
 
 
-def _against_others(every: Recording, left: Array, k: int) -> tuple[float, float]:
-    """Misfit of the norm of rest k to the fit of the others, and what these leave of one another [m/s^2]."""
-    scaled, counts = scaled_by_gravity(every.select(left[left != k]))
-    fit = norm_fit(scaled, LINEAR)
-    one = every.select(np.array([k]))
-    y = one.triad(FORCE) if counts is None else counts.to_si(one.triad(FORCE))
-    bench = replace(one, platform=BENCH, channels={(FORCE, a): y[:, i] for i, a in enumerate("xyz")})
-    s, effects = stimulus_from_readings(bench), fit.effects
-    f = invert(lambda f: accelerometers(f, s, effects), y)[0]
-    left_over = float(np.sqrt((fit.misfit**2).sum() / max(len(fit.misfit) - len(unknowns(LINEAR)), 1)))
-    return float(np.linalg.norm(f)) - every.site.gravity, left_over
+class _Ellipsoids(NamedTuple):
+    """Ellipsoids through r choices of m rests: points u (r, m, 3), what 1 is in the unit of the readings (r,),
+
+    coefficients (r, 9) with their normal matrices (r, 9, 9), rho (r, m) and s (r,), and what the rests that were
+    chosen leave of the norm (r,), infinite where they lie on no ellipsoid.
+    """
+
+    u: Array
+    size: Array
+    c: Array
+    normal: Array
+    rho: Array
+    s: Array
+    usual: Array
+
+
+def _ellipsoids(rests: Recording, kept: Array) -> _Ellipsoids:
+    """Through the rests that are kept (r, m)."""
+    u, size = _points(rests, kept)
+    A = _design(u)
+    G = np.swapaxes(A * kept[..., None], -1, -2) @ A + LOOSE**2 * np.eye(TERMS)
+    lacks = (1 - A @ SPHERE) * kept
+    c = SPHERE + np.linalg.solve(G, (lacks[:, None] @ A)[:, 0, :, None])[..., 0]
+    rho = (A @ c[..., None])[..., 0] - 1
+    Q, q = c[:, [0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(-1, 3, 3), c[:, 6:]
+    closed = np.linalg.eigvalsh(Q)[:, 0] > LOOSE
+    Q = np.where(closed[:, None, None], Q, np.eye(3))
+    s = 1 / (1 + (q * np.linalg.solve(Q, q[..., None])[..., 0]).sum(-1) / 4)
+    norm = np.sqrt(np.maximum(1 + s[:, None] * rho, 0.0))
+    square = (kept * (norm - 1) ** 2).sum(-1) / (kept.sum(-1) - TERMS)
+    return _Ellipsoids(u, size, c, G, rho, s, np.where(closed, np.sqrt(square), np.inf))
+
+
+def _points(rests: Recording, kept: Array) -> tuple[Array, Array]:
+    """Readings (r, m, 3) as points about the unit sphere, and what 1 is in their unit (r,).
+
+    Counts have their middle and size from the rests that are kept (r, m).
+    """
+    y, r = rests.triad(FORCE)[None], len(kept)
+    if not rests.counted(FORCE):
+        g = rests.site.gravity
+        return np.repeat(y / g, r, axis=0), np.full(r, g)
+    there = kept[..., None] > 0
+    high, low = np.where(there, y, -np.inf).max(1), np.where(there, y, np.inf).min(1)
+    size = (high - low).mean(-1) / 2
+    return (y - (high + low)[:, None] / 2) / size[:, None, None], size
+
+
+def _design(u: Array) -> Array:
+    """Rows (..., 9) of points u (..., 3): those of Q, mixed ones twice, and of q."""
+    x, y, z = np.moveaxis(u, -1, 0)
+    return np.stack([x * x, y * y, z * z, 2 * x * y, 2 * x * z, 2 * y * z, x, y, z], axis=-1)
+
+
+def _against_others(through: _Ellipsoids, i: int, rests: NDArray[np.int64]) -> tuple[Array, Array]:
+    """How far the norm of rests (k,) is off choice i, over the norm, and how well that tells it: d^T G^-1 d."""
+    c = through.c[i]
+    middle = -np.linalg.solve(c[[0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(3, 3), c[6:]) / 2
+    norm = np.sqrt(np.maximum(1 + through.s[i] * through.rho[i, rests], 0.0))
+    # a wrong reading tells nothing of its own leverage: it stands where no rest is
+    d = _design(middle + (through.u[i, rests] - middle) / np.maximum(norm, LOOSE)[:, None])
+    return norm - 1, (d * np.linalg.solve(through.normal[i], d.T).T).sum(-1)
 
 
 def strays_in_words(found: Sequence[Stray]) -> list[str]:

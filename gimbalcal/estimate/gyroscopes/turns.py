@@ -90,9 +90,16 @@ def turns_between_rests(
     return replace(made, reading=scale * (made.reading + bend) + scale**2 * swing), scale * level, scale
 
 
+def turns_on_record(recording: Recording) -> bool:
+    """Whether there is a row for each turn on the way; a row of a table of rests that is marked 0 is none."""
+    if recording.position is None:
+        return False
+    return bool(np.count_nonzero(recording.position == 0) >= max(len(dwells(recording)) - 1, 1))
+
+
 def logged_turns(recording: Recording) -> bool:
     """Whether a turn between two rests was logged from end to end."""
-    if recording.position is None or not np.any(recording.position == 0):
+    if not turns_on_record(recording):
         return False
     return any(not paused(recording, slice(a.stop - 1, b.start + 1)) for a, b in pairwise(dwells(recording)))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ from gimbalcal.estimate.accelerometers.strays import strays, without_strays
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
-from gimbalcal.recording import Recording, Site
+from gimbalcal.recording import Recording, Site, read
+from gimbalcal.recording.plausibility import refuse_implausible
 
 G = 9.8
 SIGMA = 2e-3  # m/s^2 of the mean of a rest
@@ -93,3 +95,58 @@ def test_rows_on_the_way_stay_on_the_way() -> None:
     assert len(kept.time) == 60
     assert kept.position is not None
     assert kept.position[20] == 0
+
+
+XSENS = Path(__file__).parents[3] / "data" / "xsens_positions"
+
+
+def changed(row: int, axis: str, factor: float) -> Recording:
+    r = read(XSENS)
+    y = r.channels["specific_force", axis].copy()
+    y[row] *= factor
+    return replace(r, channels={**r.channels, ("specific_force", axis): y})
+
+
+@pytest.mark.parametrize("axis", "xyz")
+def test_any_reading_that_is_off_by_a_tenth_is_named(axis: str) -> None:
+    """Beside many of them no ellipsoid fits the rests of the Xsens at all."""
+    for row in range(38):
+        assert [s.position for s in strays(changed(row, axis, 1.1))] == [row + 1]
+
+
+def test_a_rest_that_got_the_number_of_the_next_is_named() -> None:
+    r = read(XSENS)
+    assert r.position is not None
+    for row in range(37):
+        numbered = replace(r, position=np.where(np.arange(38) == row, r.position + 1, r.position))
+        assert [s.position for s in strays(numbered)] == [row + 2]
+
+
+def test_two_strays_that_hide_each_other_are_both_named() -> None:
+    r = read(XSENS)
+    x = r.channels["specific_force", "x"].copy()
+    x[[14, 15]] = x[[15, 14]]
+    assert [s.position for s in strays(replace(r, channels={**r.channels, ("specific_force", "x"): x}))] == [15, 16]
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.02])
+def test_six_faces_name_their_stray(tilt: float) -> None:
+    """No turn of theirs shows a misalignment."""
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        u = np.concatenate([np.eye(3), -np.eye(3)] * 4) + tilt * rng.standard_normal((24, 3))
+        y = G * u / np.linalg.norm(u, axis=1, keepdims=True) @ (np.eye(3) + 0.02 * rng.standard_normal((3, 3))).T
+        y += 0.3 * rng.standard_normal(3) + SIGMA * rng.standard_normal(y.shape)
+        assert strays(table(y)) == ()
+        y[seed, seed % 3] *= 1.1
+        assert [s.position for s in strays(table(y))] == [seed + 1]
+
+
+def test_a_row_of_a_table_that_is_marked_0_is_told_and_no_turn() -> None:
+    r = read(XSENS)
+    assert r.position is not None
+    marked = replace(r, position=np.where(r.position == 19, 0, r.position))
+    (remark,) = [w for w in refuse_implausible(marked) if "marked 0" in w]
+    assert "at 258.374 s" in remark
+    assert not any("marked 0" in w for w in refuse_implausible(r))
+    assert "gyroscopes" not in inertial_unit(marked, LINEAR).outcome
