@@ -10,12 +10,13 @@ import shutil
 import signal
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+AT_HERE, EXCHANGE = -100, 2  # AT_FDCWD and RENAME_EXCHANGE of renameat2(2)
 ENGINE_FULL = "os error"  # how an engine that is no Python's tells of the system
 
 
@@ -63,19 +64,25 @@ def _with_nulls(content: Any) -> Any:
 def folder(path: Path, last: str = "") -> Iterator[Path]:
     """A new folder to write files into, which becomes `path` when the block ends; nothing is left where it fails.
 
-    Where `path` is a folder already its files of the same names are replaced together, one renaming after the other,
-    the one called `last` after all others; other files stay.
+    Where `path` is a folder already its files of the same names are replaced and others stay. A folder of nothing but
+    files is exchanged as one for its renewed copy, so that a kill at any moment leaves all old or all new ones. Where
+    that cannot be (a system or disk without it, folders within, the folder that we stand in) they are replaced
+    together, one renaming after the other, the one called `last` after all others.
     """
     # on the same disk, so that moving is renaming; no folder is left behind by what fails
-    near = next(p for p in (path, *path.absolute().parents) if p.is_dir())
-    private = Path(tempfile.mkdtemp(prefix=f".{path.name or 'gimbalcal'}-", dir=near))
+    home = path.resolve()
+    near = next(p for p in (home, *home.parents) if p.is_dir())
+    private = Path(tempfile.mkdtemp(prefix=f".{home.name}-", dir=near))
     try:
+        if near == home and _exchangeable(home):
+            with suppress(OSError):  # else it is mounted there, or the folder around it is another's
+                private = private.rename(home.parent / private.name)
         made = private / "new"
         made.mkdir()  # as the mask lets others read it, which mkdtemp does not
         with _naming(lambda: path / _latest(made).relative_to(made)):
             yield made
         if path.is_dir():
-            _moved(made, path, last)
+            _taken(made, path, last)
         else:
             path.parent.mkdir(parents=True, exist_ok=True)
             made.rename(path)
@@ -83,18 +90,61 @@ def folder(path: Path, last: str = "") -> Iterator[Path]:
         shutil.rmtree(private, ignore_errors=True)
 
 
-def _moved(made: Path, path: Path, last: str) -> None:
-    """Files into `path`, all of them: no signal comes between, and nothing is moved where something cannot be."""
+def _taken(made: Path, path: Path, last: str) -> None:
+    """Files into the folder `path`, all of them: no signal comes between; nothing is done where something cannot be."""
     files = sorted(made.iterdir(), key=lambda f: (f.name == last, f.name))
     for each in files:
         if (path / each.name).is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path / each.name))
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
     try:
-        for each in files:
-            each.replace(path / each.name)
+        if len(files) == 1 or not _exchanged(made, path.resolve()):
+            for each in files:
+                each.replace(path / each.name)
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _exchanged(made: Path, path: Path) -> bool:
+    """Whether `made`, with what else is in `path`, took its place in one step; if not, all is as it was."""
+    if made.parent.parent != path.parent or not _exchangeable(path):
+        return False
+    whole = made.with_name("whole")
+    try:
+        whole.mkdir()
+        shutil.copystat(path, whole)
+        if whole.stat()[4:6] != path.stat()[4:6]:  # of another owner or group
+            return False
+        ours = {each.name for each in made.iterdir()}
+        for each in (*made.iterdir(), *(e for e in path.iterdir() if e.name not in ours and not e.is_dir())):
+            os.link(each, whole / each.name, follow_symlinks=False)  # a second name of the file, which takes no room
+        os.utime(whole)
+        if not _exchange(whole, path):
+            return False
+    except OSError:
+        return False
+    for each in whole.iterdir():  # which is the old one now
+        if each.name not in ours:
+            each.replace(path / each.name)  # of the same file it does nothing; another may just have saved a new one
+    return True
+
+
+def _exchangeable(path: Path) -> bool:
+    """Whether a folder holds files only, beside what a kill left of a folder above, and we do not stand in it."""
+    with os.scandir(path) as each:
+        within = [e.name for e in each if e.is_dir() and not e.name.startswith(f".{path.name}-")]
+    return not within and not Path().samefile(path)
+
+
+def _exchange(one: Path, other: Path) -> bool:
+    """Two folders under each other's name in one step of the system; False where there is no such step."""
+    import ctypes  # not before: most of what is written needs none
+
+    try:
+        call = ctypes.CDLL(None).renameat2  # of Linux
+    except (AttributeError, OSError):
+        return False
+    return bool(call(AT_HERE, os.fsencode(one), AT_HERE, os.fsencode(other), ctypes.c_uint(EXCHANGE)) == 0)
 
 
 def _latest(made: Path) -> Path:

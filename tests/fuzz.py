@@ -29,8 +29,10 @@ import numpy as np
 
 from tests.fuzzing import seeds
 from tests.fuzzing.targets import TARGETS
+from tests.fuzzing.worker import PROGRESS
 
 HANG = 60.0  # s of processor time: on a busy machine a sound answer waits longer
+AT_WORK = "at work"  # after so long, of which so much is done as it tells: no hang
 STILL = 600.0  # s of waiting
 RENEWED = 2000  # inputs of one worker
 
@@ -39,17 +41,19 @@ class Worker:
     """A process that runs inputs; it is replaced when it dies or hangs."""
 
     def __init__(self, folder: Path) -> None:
+        self.folder = folder
         environment = {**os.environ, "MPLBACKEND": "Agg", "OPENBLAS_NUM_THREADS": "1", "POLARS_MAX_THREADS": "1"}
         self.process = subprocess.Popen(
             [sys.executable, "-m", "tests.fuzzing.worker", str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL, text=True, env=environment,
         )  # fmt: skip
 
-    def ask(self, name: str, seed: int, number: int) -> dict[str, Any]:
-        """What came of one input."""
+    def ask(self, name: str, seed: int, number: int, keep: Path | None = None) -> dict[str, Any]:
+        """What came of one input; its files are kept in `keep`."""
         assert self.process.stdin
         assert self.process.stdout
-        self.process.stdin.write(json.dumps({"name": name, "seed": seed, "number": number}) + "\n")
+        kept = None if keep is None else str(keep.absolute())
+        self.process.stdin.write(json.dumps({"name": name, "seed": seed, "number": number, "keep": kept}) + "\n")
         self.process.stdin.flush()
         began, spent = time.monotonic(), self.spent()
         with selectors.DefaultSelector() as waiting:
@@ -58,6 +62,8 @@ class Worker:
                 worked, waited = self.spent() - spent, time.monotonic() - began
                 if worked > HANG or waited > STILL:
                     self.end()
+                    if (self.folder / PROGRESS).is_file():
+                        return {"status": AT_WORK, "wrong": "", "last": (self.folder / PROGRESS).read_text()}
                     last = f"no answer within {worked:.0f} s of processor time, {waited:.0f} s in all"
                     return {"status": None, "wrong": "hang", "last": last, "where": ""}
         line = self.process.stdout.readline()
@@ -99,11 +105,13 @@ def fuzz(n: int, seed: int, names: list[str], tell: Any = print) -> tuple[dict[s
             for number, k in enumerate(drawn):
                 answer = worker.ask(names[k], seed, number)
                 asked += 1
-                counts[names[k]][answer["wrong"] or f"exit {answer['status']}"] += 1
+                at_work = answer["status"] == AT_WORK
+                counts[names[k]][answer["wrong"] or (AT_WORK if at_work else f"exit {answer['status']}")] += 1
                 if answer["wrong"]:
-                    finds.append({"target": names[k], "seed": seed, "number": number, **answer})
+                    again = f"python -m tests.fuzz --target {names[k]} --seed {seed} --only {number}"
+                    finds.append({"target": names[k], "seed": seed, "number": number, **answer, "again": again})
                     tell(json.dumps(finds[-1]))
-                if answer["wrong"] in ("hang", "killed") or asked >= RENEWED:
+                if at_work or answer["wrong"] in ("hang", "killed") or asked >= RENEWED:
                     worker.end()
                     worker, asked = Worker(Path(folder)), 0
         worker.end()
@@ -116,18 +124,18 @@ def main() -> int:
     reader.add_argument("--n", type=int, default=10_000, help="how many inputs")
     reader.add_argument("--seed", type=int, default=1)
     reader.add_argument("--target", default="", help=f"comma-separated: {', '.join(TARGETS)}")
-    reader.add_argument("--only", type=int, default=None, help="one input of one target, in this process")
+    reader.add_argument("--only", type=int, default=None, help="one input of one target, as found")
     reader.add_argument("--keep", type=Path, default=None, help="folder for the files of that input")
     given = reader.parse_args()
     names = [name for name in given.target.split(",") if name] or list(TARGETS)
     if unknown := set(names) - set(TARGETS):
         reader.error(f"{', '.join(sorted(unknown))}: the targets are {', '.join(TARGETS)}")
     if given.only is not None:
-        from tests.fuzzing.worker import run
-
         with tempfile.TemporaryDirectory(prefix="fuzz-seeds-") as folder:
             seeds.make(Path(folder))
-            print(json.dumps(run(names[0], given.seed, given.only, Path(folder), given.keep), indent=1))
+            worker = Worker(Path(folder))
+            print(json.dumps(worker.ask(names[0], given.seed, given.only, given.keep), indent=1))
+            worker.end()
         return 0
     if Path("/dev/shm").is_dir():  # thousands of small folders: a disk would be what is waited for
         tempfile.tempdir = os.environ["TMPDIR"] = "/dev/shm"

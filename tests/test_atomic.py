@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -60,6 +63,7 @@ def test_a_folder_whose_making_fails_is_not_seen(tmp_path: Path, there: bool) ->
 
 
 def test_a_folder_takes_its_files_in_order_and_keeps_strangers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(atomic, "_exchange", lambda one, other: False)  # a system that has no such step
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine").write_text("kept")
     moved: list[str] = []
@@ -112,3 +116,141 @@ def test_nothing_is_replaced_where_one_file_cannot_be(tmp_path: Path) -> None:
     with pytest.raises(IsADirectoryError, match=r"z\.html"):
         make()
     assert (tmp_path / "out" / "a.json").read_text() == "old"
+
+
+NAMES = ("a.json", "b.csv", "c.html")
+
+
+def replaced(out: Path, age: str) -> None:
+    with atomic.folder(out, last="a.json") as new:
+        for name in NAMES:
+            atomic.write(new / name, age)
+
+
+def shown(folder: Path) -> list[str]:
+    """What one sees in a folder: a kill may leave something hidden."""
+    return [name for name in names(folder) if not name.startswith(".")]
+
+
+def ages(out: Path) -> set[str]:
+    return {(out / name).read_text() for name in NAMES}
+
+
+@contextmanager
+def cut_at(n: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
+    """After n steps that change what is on the disk the process is dead: no step does anything any more."""
+    taken = [0]
+
+    def dying(step):  # type: ignore[no-untyped-def]
+        def one(*arguments, **named):  # type: ignore[no-untyped-def]
+            taken[0] += 1
+            if taken[0] > n:
+                raise PowerCut
+            return step(*arguments, **named)
+
+        return one
+
+    with monkeypatch.context() as m:
+        for name in ("mkdir", "link", "rename", "replace", "unlink", "rmdir", "utime", "chmod"):
+            m.setattr(os, name, dying(getattr(os, name)))
+        for name in ("rename", "replace", "mkdir"):
+            m.setattr(Path, name, dying(getattr(Path, name)))
+        m.setattr(atomic, "_exchange", dying(atomic._exchange))
+        m.setattr("shutil.rmtree", dying(atomic.shutil.rmtree))
+        yield taken
+
+
+def test_a_kill_at_any_step_leaves_all_files_of_one_age(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out, seen = tmp_path / "out", set()
+    for n in range(100):
+        replaced(out, "old")
+        (out / "mine").write_text(str(n))
+        try:
+            with cut_at(n, monkeypatch) as taken:
+                replaced(out, "new")
+        except PowerCut:
+            pass
+        assert len(ages(out)) == 1, f"step {n}"
+        assert shown(out) == [*NAMES, "mine"], f"step {n}"
+        assert (out / "mine").read_text() == str(n)
+        seen |= ages(out)
+        if taken[0] <= n:
+            break
+    assert seen == {"old", "new"}
+    assert n > 10
+
+
+KILLS = """
+import os, random, signal, sys, time
+from pathlib import Path
+from gimbalcal import atomic
+out, names, wait = Path(sys.argv[1]), sys.argv[2:], random.Random(12)
+for k in range(60):
+    ready, told = os.pipe()
+    child = os.fork()
+    if not child:
+        for age in range(10**9):
+            with atomic.folder(out) as new:
+                for name in names:
+                    (new / name).write_text(f"{k} {age}")
+            os.write(told, b"1")
+    os.read(ready, 1)  # it is at work
+    time.sleep(wait.uniform(0, 0.01))
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    ages = {(out / name).read_text() for name in names}
+    assert len(ages) == 1, (k, ages)
+    assert sorted(n for n in os.listdir(out) if n[0] != ".") == sorted([*names, "mine"]), os.listdir(out)
+"""
+
+
+def test_kills_while_replacing_leave_all_files_of_one_age(tmp_path: Path) -> None:
+    """60 of them by the system itself."""
+    out = tmp_path / "out"
+    replaced(out, "0")
+    (out / "mine").write_text("mine")
+    subprocess.run([sys.executable, "-c", KILLS, str(out), *NAMES], check=True)
+    assert ages(out) != {"0"}
+
+
+@pytest.mark.parametrize("why", ["folders within", "where we stand", "one file", "a link"])
+def test_what_is_exchanged_and_what_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, why: str) -> None:
+    out = tmp_path / "out"
+    replaced(out, "old")
+    before, exchanged = out.stat(), why == "a link"
+    if why == "folders within":
+        (out / "sub").mkdir()
+    elif why == "where we stand":
+        monkeypatch.chdir(out)
+    elif why == "one file":
+        with atomic.folder(out) as new:
+            (new / "a.json").write_text("one")
+        assert (out / "a.json").read_text() == "one"
+    elif why == "a link":
+        (tmp_path / "short").symlink_to(out)
+    out.chmod(0o751)
+    if why != "one file":
+        replaced(Path() if why == "where we stand" else tmp_path / "short" if exchanged else out, "new")
+        assert ages(out) == {"new"}
+    assert (out.stat().st_ino != before.st_ino) == exchanged
+    assert out.stat().st_mode & 0o777 == 0o751
+    assert names(tmp_path) == ["out", *(["short"] if exchanged else [])]
+    assert [n for n in names(out) if n != "sub"] == list(NAMES)
+
+
+def test_what_another_saves_meanwhile_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "out"
+    replaced(out, "old")
+    (out / "mine").write_text("draft")
+    exchange = atomic._exchange
+
+    def slow(one: Path, other: Path) -> bool:
+        atomic.write(out / "mine", "saved")
+        (out / "more").write_text("more")
+        return exchange(one, other)
+
+    monkeypatch.setattr(atomic, "_exchange", slow)
+    replaced(out, "new")
+    assert ages(out) == {"new"}
+    assert (out / "mine").read_text() == "saved"
+    assert (out / "more").read_text() == "more"

@@ -38,7 +38,9 @@ FOUND = [("schedule", 2, 2930), ("csv", 2, 3752), ("scenario", 2, 3781), ("calib
          ("diagnose", 5002, 5909), ("hand", 5002, 8113), ("scenario", 5002, 6764), ("scenario", 77, 12),
          ("deep", 6000, 59), ("deep", 6000, 1366), ("mount", 6000, 978), ("texts", 6000, 98),
          ("hdf5", 8001, 1149), ("store", 8001, 3507), ("mount", 8001, 4360), ("mount", 8001, 7724),
-         ("mount", 8001, 8409), ("deep", 8001, 8872), ("deep", 7001, 7073), ("meant_files", 9001, 9028)]  # fmt: skip
+         ("mount", 8001, 8409), ("deep", 8001, 8872), ("deep", 7001, 7073), ("meant_files", 9001, 9028),
+         ("planning", 14001, 1637), ("diagnose", 14001, 2119), ("meant_files", 12002, 5621),
+         ("arguments", 12001, 4616)]  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "seed", "number"), FOUND)

@@ -16,6 +16,7 @@ from gimbalcal.campaign.store import Store
 from gimbalcal.campaign.task import Task, task
 from gimbalcal.errors import InputError, amount
 
+MOST_WORKERS = 1000
 Tell = Callable[[str], None]
 Page = Callable[[dict[str, Any]], str]
 
@@ -44,6 +45,8 @@ def run_campaign(
     workers = len(os.sched_getaffinity(0)) if workers is None else workers
     if workers < 1:
         raise InputError(f"--workers must be at least 1, got {workers}")
+    if workers > MOST_WORKERS:
+        raise InputError(f"--workers {workers}: more than {MOST_WORKERS} processes no machine has room for")
     what = task(scenario, method, seed)
     store = Store(Path(out), what, n)
     client = connect(scheduler) if scheduler else None

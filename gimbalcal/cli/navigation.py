@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from gimbalcal.cli.options import COUNT, SEED, example, output_options, progress, show, wrote
+from gimbalcal.cli.options import DRAWS, SEED, Number, example, output_options, progress, show, wrote
 from gimbalcal.cli.placing import OVERWRITE, place
 from gimbalcal.errors import InputError
 
@@ -24,17 +24,17 @@ DAMPED = "Damping of Schuler's swing by the velocity reference, of critical; 0: 
     help="calibration.json, as many as are to be compared, in order.",
 )  # fmt: skip
 @click.option(
-    "--damping", type=click.FloatRange(min=0, max=5), default=None,
+    "--damping", type=Number(min=0, max=5), default=None,
     help=f"{DAMPED} [0.5 of a platform, 0 of a strapdown unit].",
 )  # fmt: skip
 @click.option(
     "--alignment",
-    type=click.FloatRange(min=0.1, max=1440),
+    type=Number(min=0.1, max=1440),
     default=10.0,
     show_default=True,
     help="Minutes at the beginning in which the attitude is found.",
 )
-@click.option("--samples", type=COUNT, default=50, show_default=True, help="Draws behind the sampled bands.")
+@click.option("--samples", type=DRAWS, default=50, show_default=True, help="Draws behind the sampled bands.")
 @click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the draws.")
 @OVERWRITE
 @output_options("navigation.json and report.html", "NAME-navigation, here")
@@ -84,13 +84,13 @@ def navigate(
 )
 @click.argument("scenarios", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
-    "--hours", multiple=True, type=click.FloatRange(min=0.5, max=240), default=(6.0, 24.0, 72.0), show_default=True,
+    "--hours", multiple=True, type=Number(min=0.5, max=240), default=(6.0, 24.0, 72.0), show_default=True,
     help="Within how many hours the position error is told; as often as needed.",
 )  # fmt: skip
 @click.option("--with", "more", multiple=True, metavar="EFFECT", help="An effect that the calibration holds too.")
 @click.option("--states", default="", help="Of turns: what is calibrated, 30, 51, or EFFECT[:AXIS],... [51].")
 @click.option(
-    "--damping", type=click.FloatRange(min=0, max=5), default=None,
+    "--damping", type=Number(min=0, max=5), default=None,
     help=f"{DAMPED} [0.5 of a platform, 0 of a strapdown unit].",
 )  # fmt: skip
 @OVERWRITE

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gimbalcal.cli.options import example, output_options, progress, show
+from gimbalcal.cli.options import LATITUDE, POSITIVE, Number, example, output_options, progress, show
 from gimbalcal.cli.placing import OVERWRITE, placed
 from gimbalcal.errors import amount
 
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
 @click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "--rate",
-    type=click.FloatRange(min=0, min_open=True),
+    type=POSITIVE,
     default=None,
     help="Rows in a second: they are counted, and no column is the clock.",
 )
 @click.option(
     "--latitude",
-    type=click.FloatRange(-90, 90),
+    type=LATITUDE,
     default=None,
     metavar="DEG",
     help="Of the place: gravity is known by it, and the pole of an equatorial mount.",
 )
-@click.option("--height", type=float, default=None, metavar="M", help="Of the place, above the sea.")
+@click.option("--height", type=Number(), default=None, metavar="M", help="Of the place, above the sea.")
 @click.option("--title", default="", help="What the recording is called.  [default: the name of the first of LOGS]")
 @OVERWRITE
 @output_options("the recording and a page with its rests", "the name of the first of LOGS without its ending, here")

@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from math import isfinite
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,8 +18,23 @@ from gimbalcal.errors import InputError
 
 F = TypeVar("F", bound=Callable[..., Any])
 SILENCE = 10.0  # s, after which work says that it goes on
-COUNT, SEED = click.IntRange(min=1), click.IntRange(min=0)
-RUNS = click.IntRange(1, 10_000_000)  # of a campaign: a list of shares of more takes longer than anybody waits
+SEED = click.IntRange(min=0)
+RUNS = click.IntRange(1, 10_000_000)  # of a campaign, tries of a search: of more a list takes longer than anybody waits
+DRAWS = click.IntRange(1, 10_000)  # behind a sigma, which these tell to 0.7 % already
+
+
+class Number(click.FloatRange):
+    """A number of a range: nan and inf, which no range of its own refuses, are none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number; a wrong option otherwise."""
+        number = float(super().convert(value, param, ctx))
+        if not isfinite(number):
+            self.fail(f"{value!r} is not a finite number.", param, ctx)
+        return number
+
+
+POSITIVE, LATITUDE = Number(min=0, min_open=True), Number(-90, 90)
 
 
 def example(*commands: str) -> str:

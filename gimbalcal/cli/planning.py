@@ -8,7 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gimbalcal.cli.options import COUNT, SEED, example, listed, output_options, progress, show, wrote
+from gimbalcal.cli.options import (
+    LATITUDE,
+    POSITIVE,
+    RUNS,
+    SEED,
+    Number,
+    example,
+    listed,
+    output_options,
+    progress,
+    show,
+    wrote,
+)
 from gimbalcal.cli.placing import OVERWRITE, place, placed
 from gimbalcal.errors import InputError, amount
 
@@ -17,7 +29,6 @@ if TYPE_CHECKING:
     from gimbalcal.schedule.rotation import RotationSchedule
 
 OBSERVABILITY = "observability.json"
-POSITIVE = click.FloatRange(min=0, min_open=True)
 TURNING_STATES = click.option(
     "--states", default="51", show_default=True, help="Of turns: what is estimated, 30, 51, or EFFECT[:AXIS],..."
 )
@@ -47,7 +58,9 @@ FORCE_SIGMA = click.option(
     "--angle-sigma", default=1.0, type=POSITIVE, show_default=True, help="Setting error of a position, arcsec."
 )
 @FORCE_SIGMA
-@click.option("--latitude", default=40.0, show_default=True, help="Static runs and schedules of turns: where, deg.")
+@click.option(
+    "--latitude", default=40.0, type=LATITUDE, show_default=True, help="Static runs and schedules of turns: where, deg."
+)
 @click.option("--candidates", default="", help="Comma-separated effects that may be there besides: would they show?")
 @TURNING_STATES
 @RATE_NOISE
@@ -100,10 +113,15 @@ def observe(
 @click.option("--kind", type=click.Choice(["positions", "rotation"]), default="positions", show_default=True)
 @click.option("--platform", default="space-stable", show_default=True, help="Name of the rig's gimbal chain.")
 @click.option(
-    "-n", "--positions", type=click.IntRange(min=1), default=18, show_default=True, help="How many positions to hold."
+    "-n",
+    "--positions",
+    type=click.IntRange(1, 1000),
+    default=18,
+    show_default=True,
+    help="How many positions to hold.",
 )
 @click.option("--step", default=45.0, type=POSITIVE, show_default=True, help="Angles of an axis: multiples, deg.")
-@click.option("--angle-sigma", type=float, default=None, help="Setting error, arcsec; left out: no angle is known.")
+@click.option("--angle-sigma", type=Number(), default=None, help="Setting error, arcsec; left out: no angle is known.")
 @FORCE_SIGMA
 @click.option("--terms", default="", help="Comma-separated effects to estimate (default: the baseline).")
 @click.option("--separate", default="", help="Comma-separated effects that the schedule should tell apart.")
@@ -120,11 +138,17 @@ def observe(
 @click.option("--ramp", default=1.0, type=POSITIVE, show_default=True, help="Of turns: to come to that, s.")
 @click.option("--limit", default=720.0, type=POSITIVE, show_default=True, help="Of turns: of either axis, +- deg.")
 @click.option("--against", default="", help="Comma-separated schedules of turns that it should beat in every group.")
-@click.option("--latitude", default=40.0, show_default=True, help="Of turns and of --criterion position: where, deg.")
+@click.option(
+    "--latitude",
+    default=40.0,
+    type=LATITUDE,
+    show_default=True,
+    help="Of turns and of --criterion position: where, deg.",
+)
 @RATE_NOISE
 @FORCE_NOISE
 @VELOCITY
-@click.option("--tries", default=4000, type=COUNT, show_default=True, help="Of turns: candidates to look at.")
+@click.option("--tries", default=4000, type=RUNS, show_default=True, help="Of turns: candidates to look at.")
 @click.option("--seed", type=SEED, default=1, show_default=True, help="Of turns: of the search.")
 @OVERWRITE
 @output_options("schedule.toml and report.html", "PLATFORM-schedule, here")

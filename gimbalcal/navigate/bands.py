@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import Key
 
+TOLD = 100  # draws
 ROWS = 240  # of the run, for bands: what a parameter does follows the day and half of it
 Band = tuple[Array, Array]  # time (m,) [s] and one sigma (m, 7), or what each parameter does (m, 7, p)
 
@@ -46,22 +48,31 @@ def before_and_after(
         tell(f"navigating with {label}")
         made = navigated(recording, calibration, aids, label)
         if samples:
-            linear, sampled = bands(recording, calibration, aids, samples, seed)
+            drawn = partial(_told, tell, label, samples)
+            linear, sampled = bands(recording, calibration, aids, samples, seed, drawn)
             made = replace(made, linear=_at(made.time, *linear), sampled=_at(made.time, *sampled))
         out.append(made)
     return tuple(out)
 
 
-def bands(recording: Recording, calibration: Calibration, aids: Aids, samples: int, seed: int) -> tuple[Band, Band]:
+def _told(tell: Callable[[str], None], label: str, samples: int, k: int) -> None:
+    if k % TOLD == 0:
+        tell(f"navigating with {label}: draw {k} of {samples}")
+
+
+def bands(
+    recording: Recording, calibration: Calibration, aids: Aids, samples: int, seed: int,
+    drawn: Callable[[int], None] = lambda _: None,
+) -> tuple[Band, Band]:  # fmt: skip
     r"""One sigma of each error by what the calibration does not know: propagated, and sampled.
 
     .. math:: \sigma^2 = \mathrm{diag}(J P J^T), \qquad J = \partial \text{error} / \partial \text{parameters}
 
-    A thinned run serves, as noise cancels.
+    A thinned run serves, as noise cancels. `drawn` is told how many samples are done.
     """
     few = _few(recording)
     time = few.error(few.rows, aids).time
-    return (time, _propagated(few, calibration, aids)), (time, _sampled(few, calibration, aids, samples, seed))
+    return (time, _propagated(few, calibration, aids)), (time, _sampled(few, calibration, aids, samples, seed, drawn))
 
 
 def uncertain(recording: Recording, calibration: Calibration, aids: Aids = USUAL) -> float:
@@ -138,7 +149,9 @@ def _propagated(few: _Few, calibration: Calibration, aids: Aids) -> Array:
     return np.asarray(np.sqrt(np.maximum(np.einsum("ncp,pq,ncq->nc", D, correlation, D), 0.0)))
 
 
-def _sampled(few: _Few, calibration: Calibration, aids: Aids, samples: int, seed: int) -> Array:
+def _sampled(
+    few: _Few, calibration: Calibration, aids: Aids, samples: int, seed: int, drawn: Callable[[int], None]
+) -> Array:
     """One sigma (m, 7) of errors with drawn parameters about that with the estimated ones."""
     x, names = calibration.values, few.rows.platform.axis_names
     w, V = np.linalg.eigh(np.asarray(calibration.covariance))
@@ -149,8 +162,11 @@ def _sampled(few: _Few, calibration: Calibration, aids: Aids, samples: int, seed
         return few.error(replace(calibration, effects=effects).apply(few.rows), aids).error
 
     middle = error(x)
-    drawn = [error(x + root @ rng.standard_normal(len(x))) - middle for _ in range(samples)]
-    return np.asarray(np.sqrt(np.mean(np.square(drawn), axis=0)))
+    squares = np.zeros_like(middle)
+    for k in range(samples):
+        squares += (error(x + root @ rng.standard_normal(len(x))) - middle) ** 2
+        drawn(k + 1)
+    return np.asarray(np.sqrt(squares / samples))
 
 
 def _at(time: Array, t: Array, sigma: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +18,7 @@ from gimbalcal.simulate.scenario import find, load
 from gimbalcal.simulate.truth import described
 
 MANY = 400_000  # rows from which samples are written as Parquet
+ROW = 2 * 24  # bytes that a row of noise takes there at least, in its part and in the whole
 
 
 def simulate_to(
@@ -24,6 +26,8 @@ def simulate_to(
 ) -> dict[str, Any]:
     """Simulate into a recording folder with truth.json beside it, whole or not at all; returns the truth."""
     path, folder = find(scenario), Path(folder)
+    if tell is not None:
+        tell(f"preparing {path.name}")
     run = prepare(load(path), seed)
     truth = truth_of(run, path.name)
     samples = "samples.parquet" if len(run.time) > MANY else "samples.csv"
@@ -54,6 +58,12 @@ def _write_blocks(run: Run, made: Path, samples: str, tell: Callable[[str], None
     """Each block as a Parquet file of its own, then joined without loading them."""
     import polars as pl
 
+    needed, free = ROW * len(run.time), shutil.disk_usage(made).free
+    if needed > free:
+        raise InputError(
+            f"schedule: {len(run.time):.3g} rows take {needed / 1e9:.2g} GB while they are written, and the disk has "
+            f"{free / 1e9:.2g} GB left; lower `rate`, make it shorter, or write to another disk"
+        )
     with tempfile.TemporaryDirectory(dir=made) as parts:
         names, rows = [], 0
         for i, block in enumerate(blocks(run)):

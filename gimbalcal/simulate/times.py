@@ -11,6 +11,8 @@ from gimbalcal.schedule.trajectory import Path as Course
 from gimbalcal.simulate.motion import Timetable
 from gimbalcal.simulate.scenario import Scenario
 
+YEAR = 365.25 * 86400.0  # s
+LONGEST = 10 * YEAR
 ROW = 40  # bytes of memory that a row takes while all are counted
 
 
@@ -42,7 +44,9 @@ def turned_times(scenario: Scenario, path: Course) -> Array:
 
 
 def _refuse_many(seconds: float, rate: float) -> None:
-    """Raise InputError where the rows of a time [s] at a rate [Hz] would not go into memory."""
+    """Raise InputError where a time [s] is none of a measurement, or its rows at a rate [Hz] do not go into memory."""
+    if seconds > LONGEST:
+        raise InputError(f"schedule: it takes {seconds / YEAR:.4g} years; check the numbers and units of its times")
     if not seconds * rate * ROW < room():
         raise InputError(
             f"schedule: {seconds:.4g} s at {rate:.4g} Hz are {seconds * rate:.3g} rows, more than memory holds; lower "

@@ -5,9 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 
+from gimbalcal.cli import gimbalcal
 from gimbalcal.recording import dwell_means, read
 from gimbalcal.simulate import simulate_to
 
@@ -136,11 +138,28 @@ def test_a_calibration_brings_its_sensors_along_and_not_how_the_rig_stood(tmp_pa
         (("diagnose", XSENS, "--baseline", "bias,nonsense"), "'nonsense', which is no effect of the catalogue"),
         (("observe", "wu2018-18", "--force-sigma", "0"), "not in the range x>0"),
         (("observe", "wu2018-18", "--angle-sigma", "-1"), "not in the range x>0"),
+        (("navigate", STATIC, "--calibration", "no.json", "--samples", 10**12), "not in the range 1<=x<=10000"),
+        (("budget", "wu2018-18", "--hours", "nan"), "'nan' is not a finite number"),
+        (("campaign", "wu2018-18", "--workers", 10**6), "more than 1000 processes no machine has room for"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(arguments, says, command, capsys):
     assert command(*arguments, "--quiet") == 2
     assert says in capsys.readouterr().err
+
+
+def test_no_option_takes_nan_or_a_number_without_end() -> None:
+    """nan passes every range of click's, and a count without end is work without end."""
+    for name, each in gimbalcal.commands.items():
+        for option in each.params:
+            kind, where = option.type, f"{name} {option.name}"
+            if isinstance(kind, click.types.FloatParamType):
+                for value in ("nan", "inf", "-inf"):
+                    with pytest.raises(click.BadParameter):
+                        kind.convert(value, option, None)
+            elif isinstance(kind, click.types.IntParamType) and option.name not in ("seed", "workers"):
+                assert isinstance(kind, click.IntRange), where
+                assert kind.max, where
 
 
 def test_a_defect_does_not_look_like_a_verdict(command, capsys, monkeypatch):

@@ -193,7 +193,7 @@ def prepare(name: str, seeds: Path, place: Path, rng: Rng) -> list[str]:
             continue
     if rng.random() < target.odd:
         arguments = _odd(rng, arguments)
-    return [*arguments, *([] if arguments[0] == "catalogue" else ["--json", "--quiet"])]
+    return [*arguments, *([] if arguments[0] == "catalogue" else ["--json"])]
 
 
 def _odd(rng: Rng, arguments: list[str]) -> list[str]:

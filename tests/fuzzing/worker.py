@@ -11,6 +11,7 @@ import io
 import json
 import math
 import os
+import re
 import resource
 import shutil
 import sys
@@ -27,6 +28,8 @@ import numpy as np
 from gimbalcal.effects import CATALOGUE, loading
 from tests.fuzzing.targets import prepare
 
+PROGRESS = "progress"  # a file beside the seeds
+TOLD = re.compile(r"  .*\b\d+ of \d+\b")
 MEMORY = 6_000_000_000  # bytes of address space: what wants more is a bomb
 
 
@@ -35,13 +38,14 @@ def run(name: str, seed: int, number: int, seeds: Path, keep: Path | None = None
     rng = np.random.default_rng([seed, zlib.crc32(name.encode()), number])
     place = Path(tempfile.mkdtemp(prefix="fuzz-"))
     before, known = Path.cwd(), dict(CATALOGUE)
+    (seeds / PROGRESS).unlink(missing_ok=True)
     try:
         arguments = prepare(name, seeds, place, rng)
         if keep is not None:
             shutil.copytree(place, keep, dirs_exist_ok=True)
         os.chdir(place)
         given = _files(place)
-        return {"arguments": arguments, **_judged(*_called(arguments), place, given)}
+        return {"arguments": arguments, **_judged(*_called(arguments, seeds / PROGRESS), place, given)}
     finally:
         CATALOGUE.clear()
         CATALOGUE.update(known)
@@ -50,10 +54,23 @@ def run(name: str, seed: int, number: int, seeds: Path, keep: Path | None = None
         shutil.rmtree(place, ignore_errors=True)
 
 
-def _called(arguments: list[str]) -> tuple[int, str, str]:
+class _Said(io.StringIO):
+    """stderr; that work tells how much of it is done stands in a file, for the parent."""
+
+    def __init__(self, progress: Path) -> None:
+        super().__init__()
+        self.progress = progress
+
+    def write(self, text: str) -> int:
+        if not self.closed and TOLD.match(text):
+            self.progress.write_text(text)
+        return super().write(text)
+
+
+def _called(arguments: list[str], progress: Path) -> tuple[int, str, str]:
     from gimbalcal import cli
 
-    out, err, status = io.StringIO(), io.StringIO(), 0
+    out, err, status = io.StringIO(), _Said(progress), 0
     sys.argv = ["gimbalcal", *arguments]
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), _of_engines(err), warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -87,7 +104,7 @@ def _files(place: Path) -> set[Path]:
 
 
 def _judged(status: int, out: str, err: str, place: Path, given: set[Path]) -> dict[str, Any]:
-    lines = [line for line in err.strip().splitlines() if line.strip()]
+    lines = [line for line in err.splitlines() if line.strip() and not line.startswith("  ")]
     last = next((line.strip() for line in reversed(lines) if not line.startswith("gimbalcal: this is a")), "")
     wrong = ""
     if status == 3:
@@ -105,7 +122,7 @@ def _judged(status: int, out: str, err: str, place: Path, given: set[Path]) -> d
     elif status in (0, 1):
         written = _files(place) - given
         wrong = next((w for w in map(_not_a_number, [out, *map(_content, written)]) if w), "")
-    where = [line.strip() for line in lines if "/gimbalcal/" in line]
+    where = [line.strip() for line in err.splitlines() if "/gimbalcal/" in line]
     return {"status": status, "wrong": wrong, "last": last[:300], "where": where[-1] if where else ""}
 
 
@@ -146,7 +163,8 @@ def main() -> None:
     seeds = Path(sys.argv[1])
     for line in sys.stdin:
         asked = json.loads(line)
-        print(json.dumps(run(asked["name"], asked["seed"], asked["number"], seeds)), file=answers, flush=True)
+        keep = None if asked["keep"] is None else Path(asked["keep"])
+        print(json.dumps(run(asked["name"], asked["seed"], asked["number"], seeds, keep)), file=answers, flush=True)
 
 
 if __name__ == "__main__":

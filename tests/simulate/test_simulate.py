@@ -196,6 +196,8 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     (device(truth={"gyro_drift": {"polar": 1.0}}), "truth.gyro_drift: it shows in static-run recordings"),
     (device(truth={"pressure": {"x": 1.0}}), "give [environment.covariates.pressure]"),
     (device(faults={"interchange": [[1, 19]]}), "faults.interchange: the schedule has no position 19, it has 1 to 18"),
+    (device(schedule={"name": "wu2018-18", "dwell": {"value": 1e7, "unit": "min"}}), "schedule: it takes 342.2 years"),
+    (static(schedule={"duration": {"value": 11 * 8766.0, "unit": "h"}}), "schedule: it takes 11 years; check"),
     (device(environment={"temperature": {"shape": "table", "time_h": [0.0]}}), "a table needs as many `value`"),
     (device(platform={"name": "bench"}), "is for the platform 'space-stable', not 'bench'"),
 ]
@@ -279,3 +281,12 @@ def test_a_static_run_that_ships_is_what_its_scenario_says_now() -> None:
         close = (made.channels[key] - values_there + np.pi) % (2 * np.pi) - np.pi if key[0] == "gimbal_angle" else None
         left = made.channels[key] - values_there if close is None else close
         np.testing.assert_allclose(left, 0, atol=1e-12, err_msg=str(key))  # rounding of days of radians
+
+
+def test_a_disk_without_room_is_told_before_the_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    free = folder_module.shutil.disk_usage(tmp_path)._replace(free=1000)
+    monkeypatch.setattr(folder_module, "MANY", 100)
+    monkeypatch.setattr(folder_module.shutil, "disk_usage", lambda path: free)
+    with pytest.raises(InputError, match=r"rows take .* GB while they are written, and the disk has"):
+        simulate_to("demo", tmp_path / "made")
+    assert not list(tmp_path.iterdir())

@@ -109,9 +109,12 @@ def _relinearised(o: Observations, c: Candidate, p: Projection) -> list[tuple[Va
     if tangent == 0.0:
         return []
     best = _bent(o, c, p, Z, y, tangent, frozenset())
+    if best is None:
+        return []
     tried = [best]
     for _ in range(BRANCHES):
-        more = [_bent(o, c, p, Z, y, best.size, best.flipped | {i}) for i in best.doubtful - best.flipped]
+        bent = [_bent(o, c, p, Z, y, best.size, best.flipped | {i}) for i in best.doubtful - best.flipped]
+        more = [b for b in bent if b is not None]
         tried += more
         better = min(more, key=lambda b: b.misfit, default=best)
         if better.misfit > best.misfit - 1.0:
@@ -133,12 +136,17 @@ class _Bent:
 
 def _bent(
     o: Observations, c: Candidate, p: Projection, Z: Array, y: Array, size: float, flipped: frozenset[int]
-) -> _Bent:
-    """Size and calibration fitted together by secants, the force at some positions held on the other side of null."""
+) -> _Bent | None:
+    """Size and calibration fitted together by secants, the force at some positions held on the other side of null.
+
+    None where the size runs off to where the law has no numbers.
+    """
     sigma, stage = c.parameters[0].sigma, CATALOGUE[c.effect].stage
     s = o.seen[stage]
     for _ in range(SECANTS):
         column = _secant(o, c, size, _other_side(s, c.axis, flipped, size))
+        if not np.isfinite(column).all():
+            return None
         A = np.concatenate([Z, p.node.whiten(o.reduce(column[:, :, None]))], axis=1)
         x = np.linalg.lstsq(A, y[:, 0], rcond=1e-9)[0]
         found = float(x[-1]) * sigma
