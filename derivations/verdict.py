@@ -26,6 +26,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import ModuleType
 from typing import Any
 
 import sympy as sp
@@ -262,6 +263,12 @@ def decide(source: str, printed: Printed, case: Case) -> Verdict:
         why += f" The scan is garbled here: {printed.garbled}."
     derived = "a definition" if case.derived is None else sp.sstr(case.derived)
     return with_package(Verdict(source, printed.item, verdict, printed.scan, derived, size, why))
+
+
+def decide_group(source: str, group: ModuleType, printed: Mapping[str, Printed] | None = None) -> tuple[Verdict, ...]:
+    """Verdicts of one file of a paper; `printed` replaces what the paper prints, item by item."""
+    formulas = {**group.PRINTED, **(printed or {})}
+    return tuple(decide(source, formulas[item], case) for item, case in group.cases().items())
 
 
 def with_package(found: Verdict) -> Verdict:

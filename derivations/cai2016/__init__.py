@@ -4,8 +4,7 @@ measurement units, Sensors 16, 940: every numbered equation, Tables 1 to 3 and w
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import ModuleType
+from functools import partial
 
 from derivations.cai2016 import (
     error_model,
@@ -18,18 +17,12 @@ from derivations.cai2016 import (
     table_1,
 )
 from derivations.cai2016.symbols import SOURCE
-from derivations.verdict import Printed, Verdict, decide
+from derivations.verdict import Verdict, decide_group
 
 GROUPS = (sensors, smoother, error_model, state_matrix)  # in the order of the paper
 TABLES = (table_1, experiments)
 COMPARED = (package, package_filter)  # register how far the package is from the derivations
-
-
-def judge_group(group: ModuleType, printed: Mapping[str, Printed] | None = None) -> tuple[Verdict, ...]:
-    """Verdicts of one file; `printed` replaces what the paper prints, item by item."""
-    formulas = {**group.PRINTED, **(printed or {})}
-    cases = group.cases()
-    return tuple(decide(SOURCE, formulas[item], cases[item]) for item in cases)
+judge_group = partial(decide_group, SOURCE)  # verdicts of one file
 
 
 def verdicts() -> tuple[Verdict, ...]:

@@ -4,10 +4,9 @@ measurement units, Sensors 19, 3568: every numbered equation, Tables 2 to 6 and 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import ModuleType
+from functools import partial
 
-from derivations.verdict import Printed, Verdict, decide
+from derivations.verdict import Verdict, decide_group
 from derivations.wang2019 import (
     accelerometer,
     experiments,
@@ -27,13 +26,7 @@ from derivations.wang2019.symbols import SOURCE
 GROUPS = (models, navigation, accelerometer, gyroscope, optimisation, frames)  # in the order of the paper
 TABLES = (monte_carlo, table_4, experiments)
 COMPARED = (package, package_navigation, package_rows)  # register how far the package is from the derivations
-
-
-def judge_group(group: ModuleType, printed: Mapping[str, Printed] | None = None) -> tuple[Verdict, ...]:
-    """Verdicts of one file; `printed` replaces what the paper prints, item by item."""
-    formulas = {**group.PRINTED, **(printed or {})}
-    cases = group.cases()
-    return tuple(decide(SOURCE, formulas[item], cases[item]) for item in cases)
+judge_group = partial(decide_group, SOURCE)  # verdicts of one file
 
 
 def verdicts() -> tuple[Verdict, ...]:

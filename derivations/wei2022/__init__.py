@@ -4,22 +4,15 @@ Sensors 22, 7610: every numbered equation, Tables 1 to 4 and what the text says 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import ModuleType
+from functools import partial
 
-from derivations.verdict import Printed, Verdict, decide
+from derivations.verdict import Verdict, decide_group
 from derivations.wei2022 import bound, kalman, package, sensors, static_run, table_1, tables
 from derivations.wei2022.symbols import SOURCE
 
 GROUPS = (sensors, kalman)  # in the order of the paper
 COMPARED = (package,)  # registers how far the package is from the derivations
-
-
-def judge_group(group: ModuleType, printed: Mapping[str, Printed] | None = None) -> tuple[Verdict, ...]:
-    """Verdicts of one file; `printed` replaces what the paper prints, item by item."""
-    formulas = {**group.PRINTED, **(printed or {})}
-    cases = group.cases()
-    return tuple(decide(SOURCE, formulas[item], cases[item]) for item in cases)
+judge_group = partial(decide_group, SOURCE)  # verdicts of one file
 
 
 def verdicts() -> tuple[Verdict, ...]:

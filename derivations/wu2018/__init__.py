@@ -4,10 +4,9 @@ navigation systems, Sensors 18, 2888: every numbered equation, Tables 1, 4 and 5
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import ModuleType
+from functools import partial
 
-from derivations.verdict import Printed, Verdict, decide
+from derivations.verdict import Verdict, decide_group
 from derivations.wu2018 import (
     attitude_error,
     fine_norm,
@@ -26,13 +25,7 @@ from derivations.wu2018.symbols import SOURCE
 
 GROUPS = (frames, sensor, table1, fine_norm, static_force, attitude_error, separation)  # in the order of the paper
 COMPARED = (package, package_rows, package_static)  # register how far the package is from the derivations
-
-
-def judge_group(group: ModuleType, printed: Mapping[str, Printed] | None = None) -> tuple[Verdict, ...]:
-    """Verdicts of one file; `printed` replaces what the paper prints, item by item."""
-    formulas = {**group.PRINTED, **(printed or {})}
-    cases = group.cases()
-    return tuple(decide(SOURCE, formulas[item], cases[item]) for item in cases)
+judge_group = partial(decide_group, SOURCE)  # verdicts of one file
 
 
 def verdicts() -> tuple[Verdict, ...]:

@@ -12,9 +12,9 @@ import numpy as np
 from gimbalcal.errors import InputError
 from gimbalcal.importers.apart import matlab_variables
 from gimbalcal.importers.hdf5 import dataset, dataset_names
-from gimbalcal.importers.table import COMMON, component, header_for, only, recording_of, sources, without_index
+from gimbalcal.importers.table import COMMON, component, header_for, only, recording_of, without_index
 from gimbalcal.number import Array
-from gimbalcal.recording.record import Recording
+from gimbalcal.recording.record import Recording, Source
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
@@ -43,7 +43,7 @@ def import_matlab(files: Sequence[Path], options: Mapping[str, str]) -> Recordin
         return component(name, np.asarray(found), where)
 
     made = recording_of(header, options, fetch)
-    return replace(made, source=(*made.source, *sources(files[1:])))
+    return replace(made, source=(*made.source, *map(Source.of, files[1:])))
 
 
 def _found(held: Sequence[_Variables], name: str) -> tuple[Path, Any]:

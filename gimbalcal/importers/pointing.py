@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -71,6 +70,6 @@ def pointing_run(
         time=time,
         position=None,
         channels=channels,
-        source=(Source(path.name, hashlib.sha256(path.read_bytes()).hexdigest()),),
+        source=(Source.of(path),),
         units=dict.fromkeys(channels, "deg"),
     )

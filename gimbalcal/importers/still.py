@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -68,7 +67,7 @@ def still_positions(
         time=time,
         position=position,
         channels=channels,
-        source=tuple(Source(path.name, hashlib.sha256(path.read_bytes()).hexdigest()) for path in files),
+        source=tuple(map(Source.of, files)),
         units=units,
         scatter=pooled(time, position, channels),
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -17,7 +16,7 @@ from gimbalcal.recording.columns import COUNTED, Column
 from gimbalcal.recording.dates import Dates, NoDateError
 from gimbalcal.recording.header import Header, foreign_header
 from gimbalcal.recording.reading import assemble, dates_told
-from gimbalcal.recording.record import Recording, Source
+from gimbalcal.recording.record import Recording
 from gimbalcal.units import from_si
 
 COMMON = ("header", "rate")
@@ -60,11 +59,6 @@ def header_for(path: Path, options: Mapping[str, str], skip: int = 0) -> Header:
     if ordered or "rate" in options:
         return header  # of stars and of rests the order may stand in for a clock
     return foreign_header(Path(options["header"]), path, skip)
-
-
-def sources(files: Sequence[Path]) -> tuple[Source, ...]:
-    """The files that numbers came from, with their digests."""
-    return tuple(Source(path.name, hashlib.sha256(path.read_bytes()).hexdigest()) for path in files)
 
 
 def recording_of(header: Header, options: Mapping[str, str], fetch: Callable[[str], Array]) -> Recording:

@@ -8,7 +8,6 @@ east, z down.
 
 from __future__ import annotations
 
-import hashlib
 import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
@@ -65,7 +64,7 @@ def import_tilt_table(files: Sequence[Path], options: Mapping[str, str]) -> Reco
         time=time,
         position=None,
         channels=channels,
-        source=(Source(path.name, hashlib.sha256(path.read_bytes()).hexdigest()),),
+        source=(Source.of(path),),
         units={key: "m/s^2" if key[0] == "specific_force" else "rad/s" for key in channels},
         scatter=pooled(time, None, channels),
         remarks=("accelerations are differentiated velocities of a seismometer: their mean is not specific force",),

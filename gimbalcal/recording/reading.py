@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -89,7 +88,8 @@ def assemble(
     made_from: what the rows came from, if not from the files of the header; rests: rows in a mean of a rest.
     """
     with ThreadPoolExecutor(1) as pool:  # hashing leaves the interpreter free
-        digests = pool.map(_source, (header.path, header.samples)) if made_from is None else made_from
+        files = (header.path, header.samples)
+        digests = pool.map(Source.of, files, map(str, files)) if made_from is None else made_from
         holes = Holes(header)
         header, stream = by_sigma(header, holes.filled(stream), holes)
         increments = Increments(header, holes)
@@ -235,8 +235,3 @@ def _si(each: Column, values: Array) -> Array:
         return celsius(values, each.unit)
     factor = each.sign * to_si(1.0, each.unit)
     return values if factor == 1.0 else np.multiply(values, factor, out=values)
-
-
-def _source(path: Path) -> Source:
-    with path.open("rb") as file:
-        return Source(str(path), hashlib.file_digest(file, "sha256").hexdigest())

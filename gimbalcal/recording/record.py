@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -67,6 +69,12 @@ class Source:
 
     path: str
     sha256: str
+
+    @classmethod
+    def of(cls, path: Path, called: str = "") -> Source:
+        """The file at `path` as it is now, called by its name if not otherwise."""
+        with path.open("rb") as file:
+            return cls(called or path.name, hashlib.file_digest(file, "sha256").hexdigest())
 
 
 @dataclass(frozen=True, eq=False)

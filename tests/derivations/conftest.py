@@ -5,12 +5,13 @@ from __future__ import annotations
 import fcntl
 import os
 import pickle
+import re
 from dataclasses import replace
 
 import pytest
 
 from derivations import wu2018
-from derivations.verdict import MISPRINT, VERDICTS, WRONG, judge
+from derivations.verdict import AGREES, MISPRINT, VERDICTS, WRONG, judge
 
 
 @pytest.fixture(scope="session")
@@ -28,7 +29,22 @@ def wu2018_list(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def wu2018_verdicts(wu2018_list):
-    return {v.item: v for v in wu2018_list}
+    return by_item(wu2018_list)
+
+
+def by_item(listed):
+    """Verdicts by item; of every paper each is one of five and says why, and the package follows the derivation."""
+    for v in listed:
+        assert v.verdict in VERDICTS
+        assert v.printed, v.item
+        assert v.derived, v.item
+        assert len(v.why) > 10, v.item
+        assert not re.search(r"\{\w+\}", v.why), v.item
+        assert (v.size == "0") == (v.verdict == AGREES), v.item
+        assert v.package is None or v.package.same, v
+    found = {v.item: v for v in listed}
+    assert len(found) == len(listed)
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -39,14 +55,8 @@ def listed(request):
 
 @pytest.fixture(scope="module")
 def found(listed):
-    """The same by item; whatever the paper, each is one of five, has a reason, and the package follows."""
-    for v in listed:
-        assert v.verdict in VERDICTS
-        assert v.why
-        assert v.package is None or v.package.same, v
-    by_item = {v.item: v for v in listed}
-    assert len(by_item) == len(listed)
-    return by_item
+    """The same by item."""
+    return by_item(listed)
 
 
 @pytest.fixture(scope="session")

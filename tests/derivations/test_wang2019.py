@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from dataclasses import replace
 
@@ -11,7 +10,7 @@ import pytest
 import sympy as sp
 
 from derivations import comparison, wang2019
-from derivations.verdict import AGREES, APPROXIMATION, MISPRINT, NOT_DETERMINED, VERDICTS, WRONG, judge
+from derivations.verdict import AGREES, APPROXIMATION, MISPRINT, NOT_DETERMINED, WRONG, judge
 from derivations.wang2019 import (
     accelerometer,
     dead_reckoning,
@@ -28,6 +27,7 @@ from derivations.wang2019 import (
 )
 from derivations.wang2019.symbols import K1, E_yx, fa, fp
 
+PAPER = wang2019
 KEY = {
     **{f"Eq. ({n})": AGREES for n in (1, 2, 3, 4, 6, 7, 9, 10, 11, 17, 19, 25, *range(26, 32), 34, 35, 36)},
     **{f"Eq. ({n})": AGREES for n in (38, 39, 40, 41, 42, 43)},
@@ -54,11 +54,6 @@ KEY = {
 }
 
 
-@pytest.fixture(scope="module")
-def found():
-    return {v.item: v for v in wang2019.verdicts()}
-
-
 def test_key_items(found):
     assert {item: found[item].verdict for item in KEY} == KEY
 
@@ -78,19 +73,7 @@ def test_every_equation_and_table_entry_once(found):
     assert (len(monte_carlo.ROWS), len(table_4.ENTRIES)) == (27, 36)
 
 
-def test_every_verdict_is_one_of_five_and_says_why(found):
-    for v in found.values():
-        assert v.verdict in VERDICTS
-        assert v.source == "000"
-        assert v.printed
-        assert v.derived
-        assert len(v.why) > 10
-        assert not re.search(r"\{\w+\}", v.why), v.item
-        assert (v.size == "0") == (v.verdict == AGREES), v.item
-
-
 def test_the_package_computes_the_derived_forms(found):
-    assert not [v.item for v in found.values() if v.package and not v.package.same]
     same = {v.item for v in found.values() if v.package}
     without = (1, 37, 38, 39, 44, 45)  # the problem in general, three lists of names, two rotations that are none
     assert same == {f"Eq. ({n})" for n in range(1, 46) if n not in without} | {"Eq. (30), K_g2"}
