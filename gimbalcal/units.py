@@ -68,6 +68,7 @@ ATOMS: Mapping[str, Unit] = MappingProxyType(
         "nrad": Unit(1e-9, _ANGLE),
         "deg": Unit(pi / 180, _ANGLE),
         "mdeg": Unit(pi / 180e3, _ANGLE),
+        "gon": Unit(pi / 200, _ANGLE),
         "arcmin": Unit(pi / 10800, _ANGLE),
         "arcsec": Unit(pi / 648000, _ANGLE),
         "mas": Unit(pi / 648e6, _ANGLE),
@@ -248,7 +249,7 @@ class Quantity:
 _FORCES = ("m/s^2", "g", "mg", "ug", "Gal", "mGal")
 _RATES = ("rad/s", "mrad/s", "urad/s", "deg/s", "deg/h", "rad/h", "arcsec/s", "arcsec/h", "rev/min")
 _VELOCITIES = ("m/s", "cm/s", "mm/s", "um/s", "ft/s")
-_ANGLES = ("rad", "mrad", "urad", "deg", "arcmin", "arcsec", "rev")
+_ANGLES = ("rad", "mrad", "urad", "deg", "mdeg", "gon", "arcmin", "arcsec", "rev")
 
 QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
     {

@@ -55,7 +55,7 @@ def new(
     from gimbalcal.atomic import write as write_text
     from gimbalcal.importers.log import propose
     from gimbalcal.recording import dwells, write
-    from gimbalcal.report.new_page import commented, proposal_page
+    from gimbalcal.report.new_page import clocked, commented, proposal_page
 
     tell = progress(quiet)
     tell(f"reading {amount(len(logs), 'log')}")
@@ -71,18 +71,23 @@ def new(
         tell(f"{name.strip()}: {_held(g)}, by {g.why}")
     for what, note in found.notes.items():
         tell(f"{what}: {note}")
+    if found.left_out:
+        tell(f"left out: {', '.join(name.strip() for name in found.left_out)}")
     for remark in r.remarks:
         tell(f"note: {remark}")
     stars = r.kind == "pointing"
     rests = 0 if stars else len(dwells(r))
     size = amount(len(r.time), "star") if stars else f"{amount(rests, 'rest')} and {amount(len(r.time), 'row')}"
+    size = amount(len(r.time), "row") if r.kind == "static-run" else size
+    if len(r.time) > max(rests, 1) and not stars:  # a clock in another unit is seen at once
+        size += f" over {clocked(r)}"
     made_of = f"a {r.kind} recording of {size}"
     correct = f"look at {folder / page} and correct {folder / 'recording.toml'} where a guess is wrong"
     columns = {n: {"quantity": g.quantity, "axis": g.axis, "unit": g.unit, "why": g.why}
                for n, g in found.guesses.items()}  # fmt: skip
     result = {"folder": str(folder), "kind": r.kind, "rests": rests, "rows": len(r.time), "columns": columns,
               "left_out": list(found.left_out), "notes": dict(found.notes)}  # fmt: skip
-    after = "calibrate" if stars or rests > 1 else "noise"
+    after = "calibrate" if stars or rests > 1 or r.kind == "static-run" else "noise"
     words = f"wrote {folder}, {made_of}; {correct}, then: gimbalcal {after} {folder}"
     show(result, words, as_json, quiet)
 

@@ -66,8 +66,8 @@ def import_csv(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     return recording_of(replace(header, named=named), options, fetch)
 
 
-def frame_of(path: Path, separator: str, skip: int, named: bool) -> pl.DataFrame:
-    """Every cell as text, the blanks around names gone."""
+def frame_of(path: Path, separator: str, skip: int, named: bool, quoted: bool = True) -> pl.DataFrame:
+    """Every cell as text, the blanks around names gone; not `quoted`: quotation marks are letters like others."""
     import polars as pl
 
     source: Path | bytes = path.absolute()  # as it stands: `~` and `*` are letters like others
@@ -80,7 +80,7 @@ def frame_of(path: Path, separator: str, skip: int, named: bool) -> pl.DataFrame
     try:
         frame = pl.read_csv(
             source, separator=separator, skip_lines=skip, comment_prefix="#", infer_schema=False, has_header=named,
-            glob=False,
+            glob=False, quote_char='"' if quoted else None,
         )  # fmt: skip
     except pl.exceptions.PolarsError as error:
         raise InputError(f"{path} cannot be read as a table: {str(error).splitlines()[0]}") from None

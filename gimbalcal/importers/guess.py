@@ -11,7 +11,8 @@ import numpy as np
 
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
-from gimbalcal.importers.names import FORCE, RATE, Guess
+from gimbalcal.importers.names import FORCE, RATE, Guess, plain, unit_written
+from gimbalcal.importers.names import OTHER as _OTHER
 from gimbalcal.number import Array
 from gimbalcal.units import check
 
@@ -32,12 +33,61 @@ def by_order(columns: Mapping[str, Array]) -> dict[str, Guess]:
         out[growing[0]] = Guess("time", "", "", f"the {which} column, which grows from row to row")
     triples = [names[k : k + 3] for k in range(0, len(names) - 2, 3)]
     forces = [t for t in triples if _turns_about_a_constant([columns[n] for n in t])]
+    if not forces:  # something else stands before them
+        windows = [names[k : k + 3] for k in range(len(names) - 2)]
+        forces = [t for t in windows if _turns_about_a_constant([columns[n] for n in t]) and
+                  _changes([columns[n] for n in t])]  # fmt: skip
     for quantity, group in ((FORCE, forces[:1]), (RATE, [t for t in triples if t not in forces[:1]][:1])):
         for triple in group:
             for axis, name in zip("xyz", triple, strict=True):
                 what = "whose length hardly changes" if quantity == FORCE else "beside the forces"
                 out[name] = Guess(quantity, axis, "", f"three columns {what}")
     return out
+
+
+def alike(columns: Mapping[str, Array]) -> dict[str, Guess]:
+    """Triads of neighbouring columns whose names differ in one letter, N_X N_Y N_Z or S1 S2 S3.
+
+    The one whose length hardly changes holds the forces; the first that comes back to one level at rest the rates.
+    """
+    names, out = list(columns), {}
+    triples = [t for t in zip(names, names[1:], names[2:], strict=False) if _one_letter(t)]
+    whole = {t: [columns[n][np.isfinite(np.stack([columns[m] for m in t])).all(axis=0)] for n in t] for t in triples}
+    forces = [t for t in triples if len(whole[t][0]) and _turns_about_a_constant(whole[t]) and _changes(whole[t])]
+    rates = [t for t in triples if t not in forces and len(whole[t][0]) and all(map(_comes_back, whole[t]))]
+    for quantity, group in ((FORCE, forces[:1]), (RATE, rates[:1] if forces else [])):
+        for triple in group:
+            for axis, name in zip("xyz", triple, strict=True):
+                what = "whose length hardly changes" if quantity == FORCE else "that come back to one level"
+                out[name] = Guess(quantity, axis, unit_written(plain(name)), f"three columns called alike, {what}")
+    return out
+
+
+def _one_letter(triple: Sequence[str]) -> bool:
+    """Whether names differ in one letter or digit that counts on."""
+    a, b, c = (name.lower() for name in triple)
+    if not len(a) == len(b) == len(c):
+        return False
+    at = [i for i, letters in enumerate(zip(a, b, c, strict=True)) if len(set(letters)) > 1]
+    return (
+        bool(at)
+        and {a[i] + b[i] + c[i] for i in at} <= {"xyz", "012", "123", "abc"}
+        and not _OTHER.intersection(plain(triple[0]).split("_"))
+    )
+
+
+def _changes(triple: Sequence[Array]) -> bool:
+    """Whether a vector points elsewhere now and then."""
+    f = np.stack(triple, axis=-1)
+    f = f / np.maximum(np.linalg.norm(f, axis=1, keepdims=True), 1e-300)
+    return bool(np.max(np.ptp(f, axis=0)) > NEAR)
+
+
+def _comes_back(x: Array) -> bool:
+    """Whether most of a column stays near one level that it leaves both ways."""
+    level, low, high = np.median(x), np.min(x), np.max(x)
+    near = np.abs(x - level) < 0.05 * (high - low)
+    return bool(high > level > low and np.mean(near) > 0.5)
 
 
 def _turns_about_a_constant(triple: Sequence[Array]) -> bool:

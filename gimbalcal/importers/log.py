@@ -6,20 +6,23 @@ them in another, that one is proposed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from gimbalcal.errors import InputError
+from gimbalcal.importers import clock as clocks
 from gimbalcal.importers import rig
-from gimbalcal.importers.guess import by_order, sound_unit, unit_of_force, unit_of_rate, unit_of_time
+from gimbalcal.importers.among_stars import as_static_run
+from gimbalcal.importers.guessed import guessed
 from gimbalcal.importers.mmt import import_mmt
-from gimbalcal.importers.names import FORCE, RATE, Guess, body_rates, by_name, by_turn, hinted, plain
-from gimbalcal.importers.pointing import SPACED
+from gimbalcal.importers.names import FORCE, RATE, Guess, by_name, hinted
+from gimbalcal.importers.said import in_physical_units
+from gimbalcal.importers.sky import of_the_axes
 from gimbalcal.importers.stars import angles_in, pointing_proposal
-from gimbalcal.importers.together import Columns, on_one_clock, one_each
+from gimbalcal.importers.together import Columns, on_one_clock
 from gimbalcal.importers.tpoint import import_tpoint
 from gimbalcal.importers.undescribed import Table, table_of
 from gimbalcal.number import Array
@@ -27,11 +30,12 @@ from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwell_means, dwells, from_frame
 from gimbalcal.recording.dates import Dates
 from gimbalcal.recording.plausibility import refuse_implausible
+from gimbalcal.recording.rates import turns_explained
+from gimbalcal.recording.triads import NEARLY_ALL
+from gimbalcal.units import to_si
 
 BESIDE = ("rad/s", "deg/s", "deg/h")  # units of rate that are tried where the guessed one cannot be
-EACH_A_REST = 0.05  # of the norm, from row to row: no log is so slow, but a table with a row for each position
-ONE_LENGTH = 0.1  # that all but a few rests agree to in the norm of the force
-MOST_RESTS = 2000  # rows of such a table
+SLOWEST, FASTEST = 0.02, 20_000.0  # Hz; clocks in other units are tried within
 FOREIGN = {
     "TPOINT's observations": import_tpoint,
     "a pointing run of the MMT": import_mmt,
@@ -61,42 +65,94 @@ def propose(
     """
     if absent := [path for path in logs if not path.is_file()]:
         raise InputError(f"{absent[0]} does not exist or is not a file; give the log of a unit")
-    title, place = title or logs[0].stem, None if latitude is None else float(np.radians(latitude))
+    title = title or logs[0].stem
     if len(logs) == 1 and (known := _foreign(logs[0], title)):
         return known
     dates = Dates()
     tables = [table_of(path, dates) for path in logs]
-    if len(logs) == 1 and (angles := angles_in(tables[0])):
-        run = pointing_proposal(logs[0], tables[0], angles, title, place, height)
+    return of_tables(dict(zip(logs, tables, strict=True)), title, rate, latitude, height)
+
+
+def of_tables(logs: Mapping[Path, Table], title: str, rate: float = 0.0, latitude: float | None = None,
+              height: float | None = None) -> Proposal:  # fmt: skip
+    """As `propose`, of tables by the path, or the name, of their logs."""
+    paths, place = list(logs), None if latitude is None else float(np.radians(latitude))
+    if len(logs) == 1 and (angles := angles_in(stars := of_the_axes(logs[paths[0]]))):
+        run = pointing_proposal(paths[0], stars, angles, title, place, height)
         guesses = {name: Guess(q, axis, run.recording.units.get((q, axis), "s"), why)
                    for (q, axis), (name, why) in run.guesses.items()}  # fmt: skip
         return Proposal(run.recording, guesses, run.left_out, run.notes)
-    read = [_guessed(path, table, rate) for path, table in zip(logs, tables, strict=True)]
+    named = {g.quantity for path, table in logs.items() for n in table.columns if (g := by_name(n, hinted(path.stem)))}
+    read = [guessed(path, table, rate, named) for path, table in logs.items()]
     columns, guesses, left, notes = read[0]
-    for path, (other, theirs, unknown, _) in zip(logs[1:], read[1:], strict=True):
+    for path, (other, theirs, unknown, _) in zip(paths[1:], read[1:], strict=True):
         columns, guesses = on_one_clock(path, (columns, guesses), (other, theirs))
         left += unknown
     missing = [a for a in "xyz" if not any((g.quantity, g.axis) == (FORCE, a) for g in guesses.values())]
     if missing:
         raise InputError(
-            f"{logs[0]}: no column is an accelerometer along {' and '.join(missing)} by its name "
-            f"({', '.join(tables[0].columns)}); name the columns acc_x, acc_y, acc_z, gyro_x, ..., time, or those of a "
-            "mount az_true, el_true, az_encoder, el_encoder, or write a header and use `gimbalcal import csv`"
+            f"{paths[0]}: no column is an accelerometer along {' and '.join(missing)} by its name "
+            f"({', '.join(logs[paths[0]].columns)}); name the columns acc_x, acc_y, acc_z, gyro_x, ..., time, or those "
+            "of a mount az_true, el_true, az_encoder, el_encoder, or write a header and use `gimbalcal import csv`"
         )
     site = {} if latitude is None else {"latitude": (latitude, "deg"), **({"height": (height, "m")} if height else {})}
-    tried = [guesses, *(_in_other_unit(guesses, unit) for unit in BESIDE if _rate_is_open(guesses))]
+    if alone := as_static_run(columns, guesses, latitude):
+        return _static_run((columns, alone[0]), title, site, {"kind": alone[1], **notes}, left)
+    above = [line for table in logs.values() for line in table.above]
+    fallback: Proposal | None = None
     refused: InputError | None = None
-    for g in tried:
+    for log in _readings(columns, guesses, above):
         try:
-            made, told, outside = _made((columns, g), title, site, notes)
-            held = {n: x for n, x in g.items() if n not in outside}
-            return Proposal(made, held, (*left, *outside), told)
+            made, told, (gimbals, outside) = _made(log, title, site, notes)
         except InputError as problem:
             refused = refused or problem
+            continue
+        held = {n: x for n, x in {**log[1], **gimbals}.items() if n not in outside}
+        unused = (*(n for n in left if n not in gimbals), *outside)
+        proposal = Proposal(made, held, unused, told)
+        explained = turns_explained(made)
+        if explained is None or explained[0] >= NEARLY_ALL * explained[1]:
+            return proposal
+        fallback = proposal if refused is None and fallback is None else fallback  # another unit has to be told
+    if fallback is not None:
+        return fallback
+    assert refused is not None
     if "the clock jumps back" in str(refused) or "the clock stands still" in str(refused):
         raise InputError(f"{refused}; or --rate HZ counts the rows, where none are missing") from None
-    assert refused is not None
     raise refused
+
+
+def _static_run(log: Columns, title: str, site: Mapping[str, tuple[float, str]], notes: Mapping[str, str],
+                left: Sequence[str]) -> Proposal:  # fmt: skip
+    """The recording of a platform that was left alone among the stars."""
+    columns, guesses = log
+    made = from_frame(columns, _entries(guesses), title=title, called=title, kind="static-run", site=site,
+                      platform="space-stable")  # fmt: skip
+    told = {**notes, "noise": "taken from the rows, where nothing is stated"}
+    made = replace(made, remarks=(*made.remarks, *refuse_implausible(made)))
+    unused = (*left, *(n for n in columns if n not in guesses and n not in left))
+    return Proposal(made, guesses, unused, told)
+
+
+def _readings(columns: Mapping[str, Array], guesses: Mapping[str, Guess], above: Sequence[str]) -> Iterator[Columns]:
+    """The log as it most likely is, and then in other units of rate and time where nobody named them."""
+    clock = next(n for n, g in guesses.items() if g.quantity == "time")
+    step = float(np.median(np.diff(columns[clock]))) * float(to_si(1.0, guesses[clock].unit))
+    first = in_physical_units(columns, guesses, above, step)
+    units = [unit for unit in BESIDE if _rate_is_open(first[1])]
+    yield first
+    if first[1] != dict(guesses):
+        yield dict(columns), dict(guesses)
+    yield from ((first[0], _in_other_unit(first[1], unit)) for unit in units)
+    if "steps of" not in guesses[clock].why:
+        return
+    for unit, size in clocks.UNITS.items():
+        rate = float(to_si(1.0, guesses[clock].unit)) / (step * size)
+        if unit == guesses[clock].unit or not SLOWEST <= rate <= FASTEST:
+            continue
+        other = clocks.in_unit(first[0], first[1], unit)
+        yield other
+        yield from ((other[0], _in_other_unit(other[1], u)) for u in units)
 
 
 def _foreign(path: Path, title: str) -> Proposal | None:
@@ -113,24 +169,20 @@ def _foreign(path: Path, title: str) -> Proposal | None:
 
 def _made(
     log: Columns, title: str, site: Mapping[str, tuple[float, str]], notes: Mapping[str, str]
-) -> tuple[Recording, dict[str, str], tuple[str, ...]]:
-    """The recording, what was guessed of the whole, and gimbal columns left out because no platform has them."""
+) -> tuple[Recording, dict[str, str], tuple[dict[str, Guess], tuple[str, ...]]]:
+    """The recording, what was guessed of the whole, gimbals found by what they hold, and gimbal columns left out."""
     columns, guesses = log
     gimbals = {g.axis: name for name, g in guesses.items() if g.quantity == "gimbal_angle"}
     told, platform = dict(notes), None
+    found, theirs, outside = _rig(columns, guesses, gimbals, title)
     reverse: tuple[str, ...] = ()
-    outside: tuple[str, ...] = ()
     turned: tuple[str, ...] = ()
-    if gimbals:
-        chain = {"axes": [{"name": axis, "direction": "zxy"[k % 3]} for k, axis in enumerate(gimbals)]}
-        still = dwell_means(from_frame(columns, _entries(guesses), title=title, platform=chain, called=title))
-        found = rig.rig_of({a: still.channels["gimbal_angle", a] for a in gimbals}, still.triad(FORCE))
+    if found is not None:
+        guesses, gimbals = {**guesses, **theirs}, {**gimbals, **{g.axis: name for name, g in theirs.items()}}
         told["platform"], turned, platform = found.why, found.backwards, found.platform
         if len(gimbals) == 1:
             told["platform"] += "; turns about one axis show few errors: mount the unit otherwise too for the others"
         reverse = tuple(n for n, g in guesses.items() if g.quantity == FORCE) if found.reversed else ()
-        if platform is None:
-            outside = tuple(gimbals.values())
     kept = {name: g for name, g in guesses.items() if name not in outside}
     made = from_frame(columns, _entries(kept, (*(gimbals[a] for a in turned), *reverse)), title=title, called=title,
                       platform=_spelt(platform), site=site)  # fmt: skip
@@ -153,13 +205,45 @@ def _made(
         "kind",
         f"multi-position, for {rests} rests are found; rotation is for turns that are navigated sample by sample",
     )
-    told["noise"] = "taken from the rows, where nothing is stated" + (
+    alone = rests == len(made.time) and not any(g.quantity == "sigma" for g in guesses.values())
+    told["noise"] = (
+        'a row for each rest shows no noise: state it, accelerometer = { value = 10, unit = "ug" } of such a row'
+        if alone
+        else "taken from the rows, where nothing is stated"
+    ) + (
         '; state how well positions are set: gimbal_angle = { value = 1, unit = "arcsec" }, no row shows it'
         if gimbals
         else ""
     )
     remarks = refuse_implausible(made)
-    return replace(made, remarks=(*made.remarks, *remarks)), told, outside
+    return replace(made, remarks=(*made.remarks, *remarks)), told, (theirs, outside)
+
+
+def _rig(columns: Mapping[str, Array], guesses: Mapping[str, Guess], gimbals: Mapping[str, str], title: str
+         ) -> tuple[rig.Rig | None, dict[str, Guess], tuple[str, ...]]:  # fmt: skip
+    """The rig, gimbals that are found by what they hold, and columns called gimbals that no platform has."""
+    chain = {"axes": [{"name": axis, "direction": "zxy"[k % 3]} for k, axis in enumerate(gimbals)]}
+    unknown = {n: x for n, x in columns.items() if n not in guesses and np.all(np.isfinite(x))}
+    found = None
+    if gimbals:
+        still = dwell_means(from_frame(columns, _entries(guesses), title=title, platform=chain, called=title))
+        found = rig.rig_of({a: still.channels["gimbal_angle", a] for a in gimbals}, still.triad(FORCE))
+        if found.platform is not None or not unknown:
+            return found, {}, () if found.platform is not None else tuple(gimbals.values())
+        unknown |= {n: columns[n] for n in gimbals.values()}
+    if not unknown:
+        return None, {}, ()
+    bare = _entries({n: g for n, g in guesses.items() if g.quantity != "gimbal_angle"})
+    others = {n: {"quantity": "covariate", "axis": f"u{i}", "unit": "1"} for i, n in enumerate(unknown)}
+    free = from_frame(columns, {**bare, **others}, title=title, called=title)
+    at = {n: free.channels["covariate", f"u{i}"] for i, n in enumerate(unknown)}
+    among = rig.rig_among(at, [d.rows for d in dwells(free)], dwell_means(free).triad(FORCE))
+    if among is None:
+        return found, {}, tuple(gimbals.values())
+    other, theirs = among
+    called = {n: Guess("gimbal_angle", axis, unit, "standing still at rests, and gravity goes as it says")
+              for n, (axis, unit) in theirs.items()}  # fmt: skip
+    return other, called, tuple(n for n in gimbals.values() if n not in called)
 
 
 def _entries(guesses: Mapping[str, Guess], backwards: tuple[str, ...] = ()) -> dict[str, dict[str, object]]:
@@ -182,91 +266,6 @@ def _spelt(platform: Platform | None) -> str | dict[str, object]:
         return platform.name if platform else "bench"
     return {"name": "own", "axes": [{"name": a.name, "direction": a.direction, "sign": a.sign,
             "offset": {"value": float(np.degrees(a.offset)), "unit": "deg"}} for a in platform.axes]}  # fmt: skip
-
-
-def _guessed(
-    path: Path, table: Table, rate: float
-) -> tuple[dict[str, Array], dict[str, Guess], list[str], dict[str, str]]:
-    """Columns of a log that are known, what they are, the names of the others, and what was guessed of the whole."""
-    columns, hint, notes = dict(table.columns), hinted(path.stem), {}
-    guesses = {name: g for name in columns if (g := by_name(name, hint)) is not None}
-    if not any(g.quantity == RATE for g in guesses.values()):
-        guesses |= body_rates({name: plain(name) for name in columns if name not in guesses})
-    if not any(g.quantity in (FORCE, RATE) for g in guesses.values()):
-        named = {name: g for name, g in guesses.items() if g.quantity in ("time", "temperature")}
-        rest = {name: x for name, x in columns.items() if name not in named}
-        guesses = {**by_order(rest), **named} if rest else named
-    columns, guesses = one_each(columns, guesses)
-    seen = {g.quantity for g in guesses.values()}
-    force = [columns[name] for name, g in guesses.items() if g.quantity == FORCE]
-    numbered = next((columns[n] for n, g in guesses.items() if g.quantity == "position"), np.zeros(2))
-    distinct = len(numbered) <= MOST_RESTS and len(np.unique(numbered)) == len(numbered)
-    each_a_rest = len(force) == 3 and (distinct or _jumps(force))
-    if each_a_rest:  # beside samples these are what a unit makes of itself
-        guesses |= {n: g for n in columns if n not in guesses and (g := by_turn(n))}
-    if each_a_rest and "position" not in seen:
-        columns = {"position": np.arange(1.0, len(force[0]) + 1), **columns}
-        guesses = {"position": Guess("position", "", "", "the rows: the force turns from each to the next"), **guesses}
-    if rate > 0:
-        guesses = {name: g for name, g in guesses.items() if g.quantity != "time"}
-    if rate > 0 or "time" not in seen:
-        if rate <= 0 and not each_a_rest:
-            raise InputError(f"{path}: no column is a clock by its name ({', '.join(columns)}); give --rate HZ")
-        rows = np.arange(len(next(iter(columns.values()))))
-        columns = {"time": rows / rate if rate > 0 else SPACED * rows, **columns}
-        why = (
-            f"--rate {rate:g}"
-            if rate > 0
-            else f"its rows, counted {SPACED:g} s apart since no column is a clock: rates of drift mean nothing"
-        )
-        guesses = {"time": Guess("time", "", "s", why), **guesses}
-    if not each_a_rest:  # a standard deviation of single samples is what the rows show
-        guesses = {name: g for name, g in guesses.items() if g.quantity not in ("sigma", "weight")}
-    elif any(g.quantity == "sigma" for g in guesses.values()):
-        counted = any(g.quantity == "weight" for g in guesses.values())
-        notes["sigma"] = (
-            "standard deviations are of single samples, and a mean of N is better by sqrt(N)" if counted else
-            "standard deviations are taken for those of the means; of single samples, add a column with their number, "
-            'quantity = "weight"'
-        )  # fmt: skip
-    used = (
-        {*guesses, *(name for name in columns if (g := by_name(name)) and g.quantity == "sigma")}
-        if each_a_rest
-        else guesses
-    )
-    left = [name for name in (*table.columns, *table.others) if name not in used]
-    return {name: columns[name] for name in guesses}, _with_units(columns, guesses), left, notes
-
-
-def _jumps(force: Sequence[Array]) -> bool:
-    """Whether forces (n,) along three axes turn from each row to the next, as means of positions do."""
-    f = np.stack(force, axis=-1)
-    f = f[np.isfinite(f).all(axis=1)]
-    if not 2 < len(f) <= MOST_RESTS:
-        return False
-    step, norm = np.linalg.norm(np.diff(f, axis=0), axis=1), np.linalg.norm(f, axis=1)
-    alike = np.quantile(np.abs(norm / np.median(norm) - 1), 0.9) < ONE_LENGTH
-    return bool(alike and np.mean(step > EACH_A_REST * np.median(norm)) > 0.5)
-
-
-def _with_units(columns: Mapping[str, Array], guesses: Mapping[str, Guess]) -> dict[str, Guess]:
-    """Units that no name tells, from the numbers."""
-    out = dict(guesses)
-    for quantity, of in ((FORCE, unit_of_force), (RATE, unit_of_rate)):
-        own = [name for name, g in guesses.items() if g.quantity == quantity]
-        if own and not all(sound_unit(guesses[n].unit, quantity) for n in own):
-            full = np.isfinite(np.stack([columns[n] for n in own])).all(axis=0)
-            unit, why = of([columns[n][full] for n in own])
-            out |= {n: replace(guesses[n], unit=unit, why=f"{guesses[n].why}; {why}") for n in own}
-    force = next((g.unit for g in out.values() if g.quantity == FORCE), "m/s^2")
-    for name, g in out.items():
-        if g.quantity == "sigma" and not sound_unit(g.unit, FORCE):
-            out[name] = replace(g, unit=force, why=f"{g.why}; the unit is that of the forces")
-    (clock,) = [name for name, g in guesses.items() if g.quantity == "time"]
-    if not sound_unit(out[clock].unit, "time"):
-        unit, why = unit_of_time(columns[clock])
-        out[clock] = replace(out[clock], unit=unit, why=f"{out[clock].why}; {why}")
-    return out
 
 
 def _rate_is_open(guesses: Mapping[str, Guess]) -> bool:

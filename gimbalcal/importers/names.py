@@ -11,8 +11,8 @@ AXIS = {"x": "x", "y": "y", "z": "z", "0": "x", "1": "y", "2": "z"}
 
 # Words of English, German and French, as `plain` leaves them.
 _TIME = re.compile(
-    r"^(time|times|timestamp|timestamps|stamp|clock|date_time|date|datetime|utc|zeit|zeitstempel|messzeit|temps|epoch|t|ts"
-    r"|sec|secs|seconds|millis|micros|ms|us|s|elapsed|seconds_elapsed)(_|$)"
+    r"^(time|times|timestamp|timestamps|stamp|clock|date_time|date|datetime|utc|zeit|zeitstempel|messzeit|uhrzeit|temps|heure|hora"
+    r"|tiempo|ora|tijd|tid|epoch|mjd|jd|gps_sow|gps_tow|sow|tow|itow|t|ts|sec|secs|seconds|millis|micros|ms|us|s|elapsed|seconds_elapsed)(_|$)"
 )
 _FORCE_WORDS = (
     "linear_acceleration|lin_acc|linacc|accelerometer_acceleration|accelerometer|acceleration|accelero|accel|accl|acc"
@@ -22,19 +22,24 @@ _RATE_WORDS = (
     "angular_velocity|angular_rate|ang_vel|angvel|ang_rate|gyro_rotation|rotation_rate|rot_rate|gyroscope|gyro|gyr|omega"
     "|drehrate|winkelgeschwindigkeit|vitesse_angulaire|rate|om|w|g"
 )
+_AS = "smooth|adc|raw|filtered|filt|unfilt|lpf|data|out|output|mean|avg|average|mittel|sensor|val|value|meas|imu"
 _TRIADS = tuple(
-    (quantity, re.compile(rf"^({words})_?(axis_|achse_)?([xyz012])(_|$)"))
+    (quantity, re.compile(rf"^({words})_?(?:(?:{_AS})_)?(axis_|achse_)?([xyz012])(_|$)"))
     for quantity, words in ((FORCE, _FORCE_WORDS), (RATE, _RATE_WORDS))
 )
 _BARE = re.compile(r"^(?:(?:axis|achse)_)?([xyz])(?:_(?:axis|achse))?(_|$)")
 _BODY = {"p": "x", "q": "y", "r": "z"}  # roll, pitch and yaw rate of a vehicle
 _TEMPERATURE = re.compile(r"^(temperature|temperatur|temp|tmp)(_|$)")
 _POSITION = re.compile(
-    r"^(position|pos|posture|station|rest|segment|lage|stellung|nr|no|number|nummer|orientation_no)(_(no|nr|number|id))?$"
+    r"^(position|pos|posture|station|rest|segment|lage|stellung|nr|no|number|nummer|orientation_no|pt|point|punkt|pose"
+    r"|attitude_no|face|setup)(_(no|nr|number|id))?$"
 )
 _COUNTS = re.compile(r"^(n|samples|count|counts|anzahl|nsamples|n_samples|nobs)$")
-_SCATTER = re.compile(r"^(s|sd|std|stdev|stddev|std_dev|sigma|sig|stabw|standardabweichung|rms|err|error)_(.+)$")
+_SCATTER = re.compile(
+    r"^(s|u|sd|std|stdev|stddev|std_dev|sigma|sig|stabw|standardabweichung|unsicherheit|uncertainty|unc|rms|err|error)_(.+)$"
+)
 _SCATTER_BEHIND = re.compile(r"^(.+?)_(sd|std|stdev|stddev|sigma|stabw|standardabweichung|err|error)((?:_.*)?)$")
+_ALL_OF_IT = re.compile(r"^(f|a|acc|accel|force|kraft|beschleunigung|specific_force)(_|$)")  # of a triad
 _GIMBAL = {
     "platform": "platform", "plattform": "platform", "inner": "inner", "innen": "inner", "innere": "inner",
     "innerer": "inner", "middle": "middle", "mid": "middle", "mitte": "middle", "mittlere": "middle",
@@ -46,7 +51,7 @@ _TURN = {
     "kippwinkel": "tilt", "neigung": "tilt", "yaw": "yaw", "gier": "yaw", "gierwinkel": "yaw", "heading": "yaw",
     "drehwinkel": "table",
 }  # fmt: skip
-_OTHER = frozenset(  # no reading of a triad, whatever stands beside it
+OTHER = frozenset(  # no reading of a triad, whatever stands beside it
     [
         "cov",
         "covariance",
@@ -80,14 +85,16 @@ _SPELLINGS = {  # how people write units into names
     "m/s^2": "m_s2 ms2 mps2 m_s_2 m_s_s", "g": "g gs", "mg": "mg", "ug": "ug", "Gal": "gal cm_s2",
     "mGal": "mgal", "ft/s^2": "ft_s2 fts2 fps2 ft_s_2 ft_sec2 ft_s_s ft_sec_2",
     "deg/s": "dps deg_s degs deg_per_s deg_sec deg_second", "deg/h": "deg_h dph deg_hr deg_hour",
-    "rad/s": "rad_s rads rad_sec rps", "count": "lsb count counts raw adc digits",
+    "rad/s": "rad_s rads rad_sec rps", "count": "lsb count counts raw adc digits", "mdeg/s": "mdps mdeg_s",
     "s": "s sec seconds secs sekunden", "ms": "ms msec millis milliseconds", "us": "us usec micros microseconds",
     "ns": "ns nsec nanos nanoseconds", "min": "min", "h": "h hours hour hrs", "degC": "degc c celsius grad_c", "K": "k",
     "degF": "degf f", "deg": "deg degrees degree grad", "rad": "rad radians", "arcsec": "arcsec as asec arcseconds",
-    "arcmin": "arcmin amin", "mrad": "mrad",
+    "arcmin": "arcmin amin arcminutes", "mrad": "mrad", "mdeg": "mdeg", "gon": "gon", "d": "mjd jd days",
 }  # fmt: skip
 _UNITS = {spelling: unit for unit, all_of_it in _SPELLINGS.items() for spelling in all_of_it.split()}
-_LETTERS = {"ß": "ss", "°": " deg ", "″": " arcsec ", "′": " arcmin ", "µ": "u", "μ": "u", "^": ""}
+_LETTERS = {"ß": "ss", "°": " deg ", "″": " arcsec ", "′": " arcmin ", "µ": "u", "μ": "u", "^": "",
+            "α": " alpha ", "β": " beta ", "γ": " gamma ", "θ": " theta ", "ϑ": " theta ", "φ": " phi ", "ϕ": " phi ",
+            "ψ": " psi ", "ω": " omega ", "Ω": " omega ", "δ": " delta "}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -107,6 +114,7 @@ def plain(name: str) -> str:
     ('acc_x_m_s2', 'linear_acceleration_x', 'gyro_x_dps', 'aussen_deg')
     """
     name = re.sub("°\\s*([CFK])\\b", r" deg\1", name)
+    name = re.sub(r"[\[(]\s*'\s*[\])]", " arcmin ", re.sub(r"[\[(]\s*(\"|'')\s*[\])]", " arcsec ", name))
     for letter, spelt in _LETTERS.items():
         name = name.replace(letter, spelt)
     name = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
@@ -130,10 +138,14 @@ def by_name(name: str, hint: str = "") -> Guess | None:
         inner = by_name(of)
         if inner and inner.quantity in (FORCE, RATE):
             return Guess("sigma", inner.axis, inner.unit, why) if inner.quantity == FORCE else None
+        if whole := _ALL_OF_IT.match(of):
+            return Guess("sigma", "", unit_written(_rest(of, whole)), why)
     if (timed := _time(words)) is not None:
         return Guess("time", "", timed, why)
     if warm := _TEMPERATURE.match(words):
         return Guess("temperature", "", unit_written(_rest(words, warm)) or "degC", why)
+    if re.fullmatch(r"t_(deg_)?[cfk]|t_(degc|celsius|degf)", words):
+        return Guess("temperature", "", unit_written(words) or "degC", why)
     if _POSITION.match(words):
         return Guess("position", "", "", why)
     triad = _triad(words)
@@ -152,7 +164,7 @@ def by_name(name: str, hint: str = "") -> Guess | None:
 def _triad(words: str) -> tuple[str, str, str] | None:
     """Quantity, axis and unit of a column of a triad; words before it (the name of a topic, a device) do not count."""
     parts = words.split("_")
-    if _OTHER.intersection(parts):
+    if OTHER.intersection(parts):
         return None
     for k in range(len(parts)):
         rest = "_".join(parts[k:])

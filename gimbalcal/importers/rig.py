@@ -7,20 +7,26 @@ rests is proposed. Turns about the vertical are not felt, and stay as the first 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise, permutations, product
+from itertools import combinations, pairwise, permutations, product
 from math import pi
 
 import numpy as np
 
+from gimbalcal.importers.names import plain, unit_written
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.recording.triads import CLOSE, NEARLY_ALL
+from gimbalcal.units import to_si
 
 FEWEST = 4  # rests that tell a platform
 TABLES = ("rate-table", "two-axis-table", "three-axis-table", "space-stable")
 MOST_AXES = 3  # of a chain that is looked for
+LETTERS = {"psi": "platform", "theta": "inner", "phi": "middle"}  # Table 1 of Wu et al. (2018)
+MOST_COLUMNS = 6  # that may be its angles
+ANGLES = ("deg", "rad", "mrad", "mdeg", "arcmin", "arcsec", "gon")
 
 
 @dataclass(frozen=True)
@@ -63,6 +69,53 @@ def rig_of(angles: Mapping[str, Array], force: Array) -> Rig:
             return Rig(platform, (), why)
     why = f"no chain of these axes turns gravity as it was felt (the best at {best} of {m} rests)"
     return Rig(None, (), f"gimbal angles are left out: {why}")
+
+
+def rig_among(columns: Mapping[str, Array], rests: Sequence[slice], force: Array
+              ) -> tuple[Rig, dict[str, tuple[str, str]]] | None:  # fmt: skip
+    """The rig whose angles are among columns (n,) that nobody named so: still at rests, and gravity goes as they say.
+
+    Returns it with axis and unit of each of its columns; axes are called as `plain` has the columns' names. None where
+    no chain of them turns gravity as it was felt.
+    """
+    at_rest: dict[str, tuple[Array, str]] = {}
+    for name, x in columns.items():
+        still = np.array([np.std(x[s]) for s in rests])
+        mean = np.array([np.mean(x[s]) for s in rests])
+        moved = float(np.ptp(mean))
+        if not np.all(np.isfinite(mean)) or not moved > 0 or np.median(still) > 1e-3 * moved:
+            continue
+        unit = _unit(x, name)
+        at_rest[name] = np.asarray(to_si(mean, unit)), unit
+    letters = {plain(re.sub(r"[\[(/].*", "", n)): n for n in columns}
+    if set(LETTERS) <= set(letters):  # one that is never turned belongs to them too
+        three = {LETTERS[word]: letters[word] for word in LETTERS}
+        whole = _unit(np.concatenate([columns[n] for n in three.values()]), next(iter(three.values())))
+        level = {a: np.array([np.mean(columns[n][s]) for s in rests]) for a, n in three.items()}
+        found = rig_of({a: np.asarray(to_si(x, whole)) for a, x in level.items()}, force)
+        if found.platform == KNOWN["space-stable"] and len(force) >= FEWEST:
+            return found, {n: (axis, whole) for axis, n in three.items()}
+    names = list(at_rest)[:MOST_COLUMNS]
+    called = {n: _without_unit(plain(re.sub(r"[\[(/].*", "", n))) or f"axis{i + 1}" for i, n in enumerate(names)}
+    if len(set(called.values())) < len(called):
+        called = {n: plain(n) or f"axis{i + 1}" for i, n in enumerate(names)}
+    for several in range(1, MOST_AXES + 1):
+        for group in combinations(names, several):
+            found = rig_of({called[n]: at_rest[n][0] for n in group}, force)
+            if found.platform is not None and len(force) >= FEWEST:
+                return found, {n: (called[n], at_rest[n][1]) for n in group}
+    return None
+
+
+def _unit(x: Array, name: str) -> str:
+    """The unit of an angle as its name tells it, else by how far it goes."""
+    written = unit_written(plain(name))
+    return written if written in ANGLES else "deg" if float(np.ptp(x)) > 2 * pi else "rad"
+
+
+def _without_unit(words: str) -> str:
+    first, _, last = words.rpartition("_")
+    return first if first and unit_written(last) else words
 
 
 def _known(names: tuple[str, ...], first: Platform | None) -> Iterator[tuple[Platform, tuple[str, ...]]]:

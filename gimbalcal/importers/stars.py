@@ -15,7 +15,8 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.importers.names import Guess, by_name, plain, unit_written
-from gimbalcal.importers.pointing import in_order, pointing_run
+from gimbalcal.importers.pointing import elapsed, in_order, pointing_run
+from gimbalcal.importers.sky import latitude_column, sidereal, sidereal_hours
 from gimbalcal.importers.tpoint import equatorial
 from gimbalcal.importers.undescribed import Table
 from gimbalcal.number import Array
@@ -32,9 +33,10 @@ _AXIS = {word: axis for axis, words in _AXES.items() for word in words.split()}
 _PAIRS = (("azimuth", "elevation"), ("hour_angle", "declination"))
 _ROLES = {
     "true": "true cmd command commanded cat catalog catalogue target star soll ref reference nominal expected calc "
-    "calculated model requested demand demanded source ideal apparent topo sky computed comp",
+    "calculated model requested demand demanded source ideal apparent topo sky computed comp solved plate astrometric "
+    "solution setpoint goto",
     "read": "enc encoder meas measured obs observed raw ist actual act read reading readout mount reported tel "
-    "telescope measure scope encoders",
+    "telescope measure scope encoders current position",
     "offset": "d delta diff off offset offs err error corr correction residual ablage abweichung dev deviation",
     "sigma": "sig sigma sd std stdev unc uncertainty rms",
 }  # fmt: skip
@@ -43,6 +45,7 @@ _SKY = frozenset(["cos", "cosel", "cosdec", "cosalt", "x", "cross", "xel", "sky"
 _FUSED = re.compile(rf"^(?:(d|delta|off|err)|(x|dx|crs|cross))({'|'.join(sorted(_AXIS, key=len, reverse=True))})$")
 _MINUS = re.compile(r"(\w+)\s*(?:minus|[-−–])\s*(\w+)")
 _LATITUDE = re.compile(r"\blat(?:itude)?\b\W*([-+]?\d+(?:\.\d+)?)", re.IGNORECASE)
+ANGLES = ("rad", "mrad", "deg", "mdeg", "gon", "arcmin", "arcsec")
 LARGE = 1.0  # deg; offsets beyond are arcseconds
 USUAL = "measured minus commanded, as most write it: nothing in the file says so"
 
@@ -70,7 +73,7 @@ class Run:
 
 def angles_in(table: Table) -> tuple[Seen, ...]:
     """The columns of two axes of a mount; none where the table holds no such pair."""
-    found = [seen for name in table.columns if (seen := _seen(name)) is not None]
+    found = [seen for name in table.columns if (seen := _seen(name)) is not None]  # as `of_the_axes` has them
     for pair in _PAIRS:
         own = [s for s in found if s.axis in pair]
         if all(sum(s.axis == axis and s.role != "sigma" for s in own) >= 2 for axis in pair):
@@ -125,9 +128,11 @@ def pointing_proposal(path: Path, table: Table, columns: tuple[Seen, ...], title
     clock = next((n for n, x in table.columns.items() if (g := by_name(n)) and g.quantity == "time"
                   and np.all(np.diff(x) >= 0)), "")  # fmt: skip
     rows = len(read[axes[0]])
-    time, remarks = (_seconds(clock, table.columns[clock]), ()) if clock else in_order(path, rows)
+    time, remarks = (_seconds(clock, table), ()) if clock else _sidereal_seconds(path, table, rows)
     if clock:
         why["time", ""] = (clock, f"its name {clock.strip()!r}")
+    elif not remarks and (by := sidereal(table)):
+        why["time", ""] = (by, "the sidereal time, since no column is another clock")
     whole = np.all(np.isfinite([time, *read.values(), *true.values()]), axis=0)
     made = pointing_run(path, platform, site, time, {a: read[a] for a in order}, {a: true[a] for a in order})
     if not whole.all():
@@ -184,13 +189,13 @@ def _angle(table: Table, s: Seen, axis: str, notes: dict[str, str]) -> Array:
         notes["hours"] = f"{s.name} is taken in hours: it stays within 12 (degrees if it is not so)"
     if hours:
         return np.radians(15 * x)
-    return np.asarray(to_si(x, unit if unit in ("rad", "mrad", "arcmin", "arcsec") else "deg"))
+    return np.asarray(to_si(x, unit if unit in ANGLES else "deg"))
 
 
 def _offset(table: Table, s: Seen, axis: str, notes: dict[str, str]) -> Array:
     """An offset in rad, in the unit that its name tells, else arcsec where it is beyond a degree."""
     x = table.columns[s.name]
-    if s.unit in ("arcsec", "arcmin", "deg", "rad", "mrad"):
+    if s.unit in ANGLES:
         return np.asarray(to_si(x, s.unit))
     if axis == "hour_angle" and s.unit == "s":
         return np.radians(x / 240)
@@ -212,15 +217,29 @@ def _sense(table: Table, offset: Seen) -> tuple[int, str]:
     return 1, USUAL
 
 
-def _seconds(name: str, x: Array) -> Array:
-    guess = by_name(name) or Guess("time", "", "", "")
+def _sidereal_seconds(path: Path, table: Table, rows: int) -> tuple[Array, tuple[str, ...]]:
+    """Seconds by the sidereal time where it is logged and grows, else by the number of the row."""
+    try:
+        return elapsed(path, sidereal_hours(table, clock)) if (clock := sidereal(table)) else in_order(path, rows)
+    except InputError:
+        return in_order(path, rows)
+
+
+def _seconds(name: str, table: Table) -> Array:
+    x, guess = table.columns[name], by_name(name) or Guess("time", "", "", "")
+    if name in table.dates or name in table.sexagesimal:
+        return np.asarray(x if name in table.dates else 3600 * x)
     return np.asarray(to_si(x, guess.unit)) if guess.unit else np.asarray(x)
 
 
 def _latitude(table: Table, notes: dict[str, str]) -> float | None:
     """The latitude [rad] that a comment above the table tells in degrees."""
+    if told := latitude_column(table):
+        notes["site"] = f"latitude {told[1]:.6g} deg, as the column {told[0]} says"
+        return float(np.radians(told[1]))
     for line in table.above:
         if (found := _LATITUDE.search(line)) and abs(float(found[1])) <= 90:
             notes["site"] = f"latitude {found[1]} deg, as {line.strip()!r} says"
-            return float(np.radians(float(found[1])))
+            south = re.match(r"\s*(deg|°)?\s*S\b", line[found.end() :]) is not None
+            return float(np.radians(float(found[1]) * (-1 if south else 1)))
     return None

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
+from gimbalcal.importers.clock import best_clock
 from gimbalcal.importers.names import Guess
 from gimbalcal.number import Array
 from gimbalcal.units import from_si, to_si
@@ -17,14 +18,14 @@ Columns = tuple[dict[str, Array], dict[str, Guess]]
 
 
 def one_each(columns: Mapping[str, Array], guesses: Mapping[str, Guess]) -> tuple[dict[str, Array], dict[str, Guess]]:
-    """The first of columns that say the same; of clocks the first that grows; one sigma for three."""
+    """The first of columns that say the same; of clocks the best; one sigma for three."""
     out, kept = dict(columns), {}
-    grows = [n for n, g in guesses.items() if g.quantity == "time" and np.all(np.diff(columns[n]) > 0)]
+    clock = best_clock(columns, guesses)
     sigmas = [n for n, g in guesses.items() if g.quantity == "sigma"]
     seen: set[tuple[str, str]] = set()
     for name, g in guesses.items():
         key = (g.quantity, "" if g.quantity in ("time", "sigma") else g.axis)
-        if key in seen or (g.quantity == "time" and grows and name != grows[0]):
+        if key in seen or (g.quantity == "time" and name != clock):
             continue
         seen.add(key)
         kept[name] = g
@@ -47,6 +48,8 @@ def on_one_clock(path: Path, first: Columns, other: Columns) -> Columns:
         raise InputError(f"{path} and the first log do not overlap in time; give logs of one run, with one clock")
     known = {(g.quantity, g.axis) for g in guesses.values()}
     out, said = {n: x[inside] for n, x in columns.items()}, dict(guesses)
+    for name in (n for n in more if n not in theirs and n not in out):  # what nobody knows yet: angles of a rig
+        out[name] = np.interp(t[inside], t2, more[name])
     for name, g in theirs.items():
         if g.quantity != "time" and (g.quantity, g.axis) not in known:
             mine = name if name not in out else f"{path.stem}_{name}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -10,13 +11,29 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.delimited import encoding_of, frame_of, holds_numbers
+from gimbalcal.importers.delimited import encoding_of, frame_of
 from gimbalcal.importers.names import by_name, plain, unit_written
 from gimbalcal.number import Array
 from gimbalcal.recording.dates import Dates, NoDateError, is_date
 
 HEAD, LEAST_COLUMNS = 200, 3  # lines that tell how a log is written, and columns of one that holds a triad
-SEXAGESIMAL = re.compile(r"\s*[-+]?\d{1,3}\s*[:°hd ]\s*\d{1,2}\s*[:'′m ]\s*\d{1,2}(\.\d*)?\s*[\"″s]?\s*")
+SEXAGESIMAL = re.compile(
+    r"\s*[-+]?\d{1,3}\s*[°hd]\s*\d{1,2}(\.\d*)?\s*['′m]\s*|"
+    r"\s*[-+]?\d{1,3}\s*[:°hd ]\s*\d{1,2}\s*[:'′m ]\s*\d{1,2}(\.\d*)?\s*[\"″s]?\s*"
+)
+
+
+_MOVING = re.compile(r"^(move|moving|slew|slewing|turn|turning|transit|none|drehen|fahrt|bewegung)$", re.IGNORECASE)
+_NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?|[-+]?(nan|inf|NaN|NA|null)")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Lines before a table (its line of names belongs to it), its separator, and whether it has names."""
+
+    skip: int
+    separator: str
+    named: bool
 
 
 @dataclass(frozen=True)
@@ -27,6 +44,7 @@ class Table:
     sexagesimal: frozenset[str] = frozenset()
     above: tuple[str, ...] = ()
     others: tuple[str, ...] = field(default=())  # columns that hold no numbers
+    dates: frozenset[str] = frozenset()  # columns of dates and times of day, in seconds
 
 
 def table_of(path: Path, dates: Dates | None = None) -> Table:
@@ -38,25 +56,30 @@ def table_of(path: Path, dates: Dates | None = None) -> Table:
     """
     with path.open(encoding=encoding_of(path)) as file:
         head = [line.rstrip("\r\n") for line, _ in zip(file, range(HEAD), strict=False)]
-    skip, separator = _begins(path, head)
-    named = not holds_numbers(path, skip, separator)
-    frame = frame_of(path, separator, skip, named)
+    found = _begins(head)
+    if found is None:
+        raise InputError(f"{path} holds no table of {LEAST_COLUMNS} columns or more; give a text log of a unit")
+    skip, separator, named = found.skip, found.separator, found.named
+    marked = separator != " " and any(_seconds_marked(line, separator) for line in head[skip:])
+    frame = frame_of(path, separator, skip, named, quoted=not marked)
     if not named:
         frame.columns = _names_above(head[:skip], frame.width) or [str(i) for i in range(1, frame.width + 1)]
     elif frame.height:
-        below = [str(cell or "").strip(" []()\"'") for cell in frame.row(0)]
-        if sum(bool(unit_written(plain(cell))) for cell in below) > len(below) / 2:  # a line of units
-            names = [f"{n} [{u}]" if u not in ("", "-") else n for n, u in zip(frame.columns, below, strict=True)]
+        below = [str(cell or "") for cell in frame.row(0)]
+        if not _numbers(below) and _units(below):
+            units = [cell.strip(" []()\"'") for cell in below]
+            names = [f"{n} [{u}]" if u not in ("", "-") else n for n, u in zip(frame.columns, units, strict=True)]
             frame = frame[1:]
             frame.columns = names
     columns: dict[str, Array] = {}
-    angles, others = set(), []
+    angles, stamped, others = set(), set(), []
     for name in frame.columns:
         text = frame[name].str.strip_chars().str.strip_chars("\"'").str.strip_chars()
-        values, sexagesimal = _values(name, text, separator, dates or Dates())
+        values, form = _values(name, text, separator, dates or Dates())
         if np.count_nonzero(np.isfinite(values)) > len(values) / 2:
             columns[name] = values
-            angles |= {name} if sexagesimal else set()
+            angles |= {name} if form == "angle" else set()
+            stamped |= {name} if form == "date" else set()
         else:
             others.append(name)
     if len(columns) < LEAST_COLUMNS:
@@ -64,11 +87,11 @@ def table_of(path: Path, dates: Dates | None = None) -> Table:
             f"{path} holds {len(columns)} columns of numbers: no log of a unit, or in a form that is not text"
         )
     above = tuple(line for line in (*head[:skip], *(line for line in head[skip:] if line.startswith("#"))))
-    return Table(columns, frozenset(angles), above, tuple(others))
+    return Table(columns, frozenset(angles), above, tuple(others), frozenset(stamped))
 
 
-def _values(name: str, text: object, separator: str, dates: Dates) -> tuple[Array, bool]:
-    """The numbers of a column, and whether they were written as degrees or hours, minutes and seconds."""
+def _values(name: str, text: object, separator: str, dates: Dates) -> tuple[Array, str]:
+    """The numbers of a column, and whether they were a "date" or an "angle" of degrees or hours, minutes, seconds."""
     import polars as pl
 
     assert isinstance(text, pl.Series)
@@ -80,13 +103,22 @@ def _values(name: str, text: object, separator: str, dates: Dates) -> tuple[Arra
         "-" in first[1:] or (guess and guess.quantity == "time") or not SEXAGESIMAL.fullmatch(first)
     ):
         try:
-            return np.asarray(dates.seconds(text)), False
+            return np.asarray(dates.seconds(text)), "date"
         except NoDateError:
             pass
     if SEXAGESIMAL.fullmatch(first):
-        return np.array([_in_first_unit(cell) for cell in text.to_list()]), True
+        return np.array([_in_first_unit(cell) for cell in text.to_list()]), "angle"
+    if guess and guess.quantity == "position" and not _NUMBER.fullmatch(first):
+        return _labels([str(cell or "") for cell in text.to_list()]), ""
     plain_text = text.str.replace(",", ".", literal=True) if separator in ";\t" else text
-    return plain_text.cast(pl.Float64, strict=False).to_numpy().astype(float), False
+    return plain_text.cast(pl.Float64, strict=False).to_numpy().astype(float), ""
+
+
+def _labels(cells: Sequence[str]) -> Array:
+    """Positions that are called "P01", "A", "face up": numbered as they come; 0 where a row has no such word."""
+    seen: dict[str, int] = {}
+    return np.array([float(seen.setdefault(c, len(seen) + 1)) if re.search(r"\w", c) and not _MOVING.search(c) else 0.0
+                     for c in cells])  # fmt: skip
 
 
 def _in_first_unit(cell: str | None) -> float:
@@ -97,33 +129,85 @@ def _in_first_unit(cell: str | None) -> float:
     return (-1.0 if cell.lstrip().startswith("-") else 1.0) * sum(x / 60**i for i, x in enumerate(parts[:3]))
 
 
-def _begins(path: Path, head: Sequence[str]) -> tuple[int, str]:
-    """How many lines stand before a table, and its separator."""
-    best = (0, 0, 0, ",")
-    for mark in (";", "\t", ",", " "):
-        counts = [len(line.split()) if mark == " " else line.count(mark) + 1 for line in head if _counts(line)]
-        usual = max(set(counts), key=counts.count, default=0)
-        begins = next((i for i, line in enumerate(head) if _counts(line)
-                       and (len(line.split()) if mark == " " else line.count(mark) + 1) == usual), 0)  # fmt: skip
-        if usual >= LEAST_COLUMNS:
-            best = max(best, (counts.count(usual), usual, begins, mark), key=lambda b: (b[0], b[1]))
-    if not best[1]:
-        raise InputError(f"{path} holds no table of {LEAST_COLUMNS} columns or more; give a text log of a unit")
-    return best[2], best[3]
+def _begins(head: Sequence[str]) -> Layout | None:
+    """Where the table in the first lines of a file begins, and its separator.
+
+    Most lines of one width in which most cells are numbers are the table; its names stand in the line above, or above a
+    line of units. What stands higher, cells of a form included, is no part of it.
+    """
+    best: tuple[int, int, int, str] = (0, 0, 0, ",")
+    cells = {mark: [_cells(line, mark) for line in head] for mark in (";", "\t", ",", " ")}
+    for mark, rows in cells.items():
+        begins: dict[int, list[int]] = {}  # lines of numbers by their width
+        for i, row in enumerate(rows):
+            if len(row) >= LEAST_COLUMNS and _numbers(row):
+                begins.setdefault(len(row), []).append(i)
+        for width, lines in begins.items():
+            best = max(best, (len(lines), width, lines[0], mark), key=lambda b: b[:2])
+    length, width, first, mark = best
+    if not length:
+        return None
+    above = [(i, row) for i, row in enumerate(cells[mark][:first]) if row]
+    if not above or len(above[-1][1]) != width or head[above[-1][0]].startswith(("#", "!", "//")):
+        return Layout(first, mark, False)
+    names, row = above[-1]
+    if len(above) > 1 and len(above[-2][1]) == width and _units(row) and any(map(_wordy, above[-2][1])):
+        names, row = above[-2]
+    return Layout(names, mark, True) if any(map(_wordy, row)) else Layout(first, mark, False)
 
 
-def _counts(line: str) -> bool:
-    return bool(line.strip()) and not line.startswith("#")
+def _cells(line: str, mark: str) -> list[str]:
+    """The cells of a line, empty of a comment or a line without any; a separator within quotes is none."""
+    if not line.strip() or line.startswith("#"):
+        return []
+    if mark == " ":
+        return line.split()
+    if line.count('"') >= 2 and not _seconds_marked(line, mark):
+        return next(csv.reader([line], delimiter=mark, skipinitialspace=True))
+    return line.split(mark)
+
+
+def _seconds_marked(line: str, mark: str) -> bool:
+    """Whether quotation marks stand for seconds of arc: behind a digit, and none before."""
+    return any(re.fullmatch(r'[^"]*\d\s*"\s*', cell) for cell in line.split(mark))
+
+
+def _numbers(row: Sequence[str]) -> bool:
+    """Whether half of the cells that are filled are numbers, angles or dates, and three are."""
+    filled = [text for cell in row if (text := cell.strip(" \"'"))]
+    known = sum(bool(_NUMBER.fullmatch(text) or SEXAGESIMAL.fullmatch(text) or is_date(text)) for text in filled)
+    return known >= LEAST_COLUMNS - 1 and 2 * known > len(filled)
+
+
+def _wordy(cell: str) -> bool:
+    return bool(re.search(r"[^\W\d_]", cell))
+
+
+def _units(row: Sequence[str]) -> bool:
+    """Whether a line below the names holds units: most of its cells do, or nothing."""
+    below = [cell.strip(" []()\"'") for cell in row]
+    known = sum(bool(unit_written(plain(cell))) for cell in below)
+    return known > 0 and sum(bool(unit_written(plain(c))) or not _wordy(c) for c in below) > len(below) / 2
 
 
 def _names_above(above: Sequence[str], columns: int) -> list[str]:
-    """The words of the last comment above the numbers, if there is one for each column: many logs name them there."""
-    for line in reversed(above):
+    """The words of the comment above the numbers that names most of them, many logs have one; the last of equals.
+
+    Words before the names ("22 GHz pointing, source AZ(deg) ...") do not count where the others are known.
+    """
+    best: tuple[int, list[str]] = (-1, [])
+    for line in above:
         if not line.startswith(("#", "%", "!", "//")):
             continue
         text = re.sub(r"\s+([\[(])", r"\1", line.lstrip("#%!/ ").strip())
         for pattern in (r"\s*[;,\t|]\s*", r"[\s,;|]+"):
             words = [word for word in re.split(pattern, text) if word]
-            if len(words) == columns and len(set(words)) == columns:
-                return words
-    return []
+            tail = words[-columns:]
+            if len(tail) < columns or len(set(tail)) < columns:
+                continue
+            known = sum(bool(by_name(word)) or bool(re.search(r"[\[(]", word) and unit_written(plain(word)))
+                        for word in tail)  # fmt: skip
+            if (len(words) == columns or 2 * known >= columns) and known >= best[0]:
+                best = known, tail
+                break
+    return best[1]

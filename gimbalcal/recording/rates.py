@@ -61,7 +61,15 @@ def refuse_implausible_rates(recording: Recording) -> tuple[str, ...]:
     return (UNCHECKED,)
 
 
-# --- turns ------------------------------------------------------------------------------------------------------------
+def turns_explained(recording: Recording) -> tuple[int, int] | None:
+    """Turns at which the gyroscopes say where gravity went, and how many could tell; None where none can."""
+    if recording.kind != "multi-position" or set(recording.axes(RATE)) != set(AXES):
+        return None
+    turns = turns_of(recording)
+    if turns is None:
+        return None
+    factors = _scales(turns) if recording.counted(RATE) else [(1.0, "")]
+    return max(agree(turns, rotations(turns, f * np.ones(3))) for f, _ in factors), len(turns.reading)
 
 
 def _check_turns(recording: Recording, turns: Turns) -> None:

@@ -63,8 +63,18 @@ def proposal_page(found: Proposal) -> str:
     return render("new.html", context)
 
 
+def clocked(r: Recording) -> str:
+    """How long a recording lasts and how often it was logged, as its clock was understood."""
+    rate = 1 / float(np.median(np.diff(r.time)))
+    often = f"at {significant(rate, 3)} Hz" if rate >= 0.5 else f"a row every {lasting(1 / rate)}"
+    return f"{lasting(float(np.ptp(r.time)))} {often}"
+
+
 def _answer(found: Proposal, rests: int) -> str:
     r = found.recording
+    if r.kind == "static-run":
+        return (f"A static run of {clocked(r)}. Next: correct recording.toml where a guess below is wrong, then "
+                "`gimbalcal calibrate` this folder, best together with positions of the same unit.")  # fmt: skip
     few = " Nine or more in different attitudes are needed for all errors of three accelerometers." if rests < 9 else ""
     after = "`gimbalcal noise` this folder" if rests < 2 else "`gimbalcal calibrate` this folder"
     return (

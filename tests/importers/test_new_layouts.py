@@ -1,0 +1,218 @@
+"""Logs as further loggers write them: clocks that wrap or tick, scales in remarks, rigs and skies of any names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gimbalcal.errors import InputError
+from gimbalcal.importers.clock import unwrapped
+from gimbalcal.importers.log import Proposal, propose
+from gimbalcal.importers.names import by_name, plain
+from gimbalcal.importers.said import scales
+from gimbalcal.number import Array, apply_matrix
+from gimbalcal.platform import KNOWN, Axis, Platform
+from gimbalcal.recording import dwells
+from tests.importers.test_new import D, G, turned
+
+LATITUDE = 40.0
+EARTH = 7.292115e-5
+
+
+def rows(path: Path, head: str, *columns: Any, mark: str = ",", cell: str = "{:.7g}") -> Path:
+    body = [mark.join(x if isinstance(x, str) else cell.format(x) for x in r) for r in zip(*columns, strict=True)]
+    path.write_text("\n".join([head, *body]) + "\n", encoding="utf-8")
+    return path
+
+
+def same(found: Proposal, t: Array, f: Array, w: Array, atol: float = 1e-3) -> None:
+    """The proposal is the recording that was logged."""
+    r = found.recording
+    np.testing.assert_allclose(r.time - r.time[0], t - t[0], atol=1e-5)
+    np.testing.assert_allclose(r.triad("specific_force"), f, atol=atol)
+    np.testing.assert_allclose(r.triad("angular_rate"), w, atol=atol)
+    assert len(dwells(r)) == 10
+
+
+def test_a_scale_that_a_remark_tells_is_taken_where_gravity_and_the_turns_agree(tmp_path: Path) -> None:
+    t, f, w = turned()
+    counts = [np.round(x * 16384 / G) for x in f.T] + [np.round(x * D * 65.5) for x in w.T]
+    for said, unit in (("LSB 16384/g, 65.5 LSB/dps", ("g", "deg/s")), ("65.5 LSB/dps", ("count", "deg/s")),
+                       ("2048 LSB/g", ("count", "count"))):  # fmt: skip
+        path = rows(tmp_path / "a.txt", f"# {said}\n# millis,ax,ay,az,gx,gy,gz", 1000 * t, *counts)
+        found = propose([path])
+        units = {g.quantity: g.unit for g in found.guesses.values()}
+        assert (units["specific_force"], units["angular_rate"]) == unit
+    found = propose([rows(tmp_path / "a.txt", "# LSB 16384/g, 65.5 LSB/dps\n# millis,ax,ay,az,gx,gy,gz", 1000 * t,
+                          *counts)])  # fmt: skip
+    same(found, t, f, w, atol=2e-3)
+    assert "16384 counts per g, as the log says" in found.guesses["ax"].why
+    told = scales(["0.061 mg/digit; 8.75 mdps per LSB", '"acc_1G","2048"'])
+    assert [size for size, _ in told["specific_force"]] == pytest.approx([61e-6 * G, G / 2048])
+    assert [size for size, _ in told["angular_rate"]] == pytest.approx([8.75e-3 / D])
+
+
+def test_a_named_clock_comes_before_a_count_and_an_even_one_before_times_of_arrival(tmp_path: Path) -> None:
+    t, f, w = turned()
+    head = 'loopIteration,time,gyroADC[0],gyroADC[1],gyroADC[2],"accSmooth[0]","accSmooth[1]","accSmooth[2]"'
+    path = rows(tmp_path / "b.csv", '"firmware","Betaflight"\n' + head, np.arange(len(t)), np.round(1e6 * t), *w.T * D,
+                *f.T / G, cell="{:.10g}")  # fmt: skip
+    same(propose([path]), t, f, w)
+    late = t + 0.005 * np.random.default_rng(2).random(len(t))
+    columns = (np.round(1e9 * late), np.round(1e9 * t), *w.T, *f.T)
+    head = (
+        "%time,field.header.stamp,field.angular_velocity.x,field.angular_velocity.y,field.angular_velocity.z,"
+        "field.linear_acceleration.x,field.linear_acceleration.y,field.linear_acceleration.z"
+    )
+    found = propose([rows(tmp_path / "ros.csv", head, *columns, cell="{:.12g}")])
+    assert "field.header.stamp" in found.guesses
+    same(found, t, f, w)
+
+
+def test_ticks_and_minutes_are_told_by_the_turns_and_the_rests(tmp_path: Path) -> None:
+    t, f, w = turned()
+    path = rows(tmp_path / "c.txt", "N\tSampleTimeFine\tAcc_X\tAcc_Y\tAcc_Z\tGyr_X\tGyr_Y\tGyr_Z", np.arange(len(t)),
+                np.round(1e4 * t) + 777, *f.T, *w.T, mark="\t")  # fmt: skip
+    found = propose([path])
+    same(found, t, f, w)
+    assert "0.1 ms" in found.guesses["SampleTimeFine"].why
+    assert {g.unit for g in found.guesses.values() if g.quantity == "angular_rate"} == {"rad/s"}
+    found = propose([rows(tmp_path / "d.csv", "t,ax,ay,az", t / 60, *f.T, cell="{:.9g}")])
+    assert found.guesses["t"].unit == "min"
+
+
+def test_clocks_go_on_where_they_begin_again(tmp_path: Path) -> None:
+    t, f, w = turned()
+    ms = (86_400_000 - 9000 + np.round(1000 * t).astype(int)) % 86_400_000
+    stamp = [f"{x // 3600000:02d}:{x // 60000 % 60:02d}:{x // 1000 % 60:02d}.{x % 1000:03d}" for x in ms]
+    head = '"Time [hh:mm:ss.ms]";"A_X [mg]";"A_Y [mg]";"A_Z [mg]";"G_X [mdps]";"G_Y [mdps]";"G_Z [mdps]"'
+    found = propose([rows(tmp_path / "e.csv", head, stamp, *f.T / G * 1000, *w.T * D * 1000, mark=";")])
+    same(found, t, f, w)
+    assert "begins again at midnight" in found.guesses["Time [hh:mm:ss.ms]"].why
+    for period in (2.0**16, 2.0**32, 604800.0):
+        x = np.arange(0, 5000.0, 10) + period - 2500
+        whole, at = unwrapped(np.mod(x, period))
+        np.testing.assert_allclose(np.diff(whole), 10.0)
+        assert at
+    assert unwrapped(np.array([0.0, 1, 2, 0.5, 1.5, 2.5]))[1] == ""  # no period: a fault
+
+
+def felt(platform: Platform, *angles: Array) -> Array:
+    return -G * apply_matrix(platform.attitude(np.radians(np.stack(angles, axis=-1))), np.array([0.0, 0.0, 1.0]))
+
+
+FACES = np.array([(a, b) for b in (0, 45, 90, 135, 180, 270) for a in (0, 90, 180, 270)], dtype=float)
+
+
+def test_a_rig_of_ones_own_names_is_found_by_how_gravity_goes(tmp_path: Path) -> None:
+    a, b = FACES.T
+    f = felt(KNOWN["two-axis-table"], a, b)
+    label = [f"P{k + 1:02d}" for k in range(24) for _ in range(8)]
+    each = [np.repeat(x, 8) for x in (a, b, *f.T)]
+    second = 9 * 3600 + 20 * np.arange(192)
+    clock = [f"{s // 3600:02d}:{s // 60 % 60:02d}:{s % 60:02d}.0" for s in second]
+    each[2:] = [x / G + 1e-6 * np.random.default_rng(3).standard_normal(192) for x in each[2:]]
+    found = propose([rows(tmp_path / "f.dat", "UTC_hms PT ALPHA BETA NX NY NZ", clock, label, *each, mark="  ")])
+    r = found.recording
+    assert (r.time[1] - r.time[0], len(dwells(r))) == (20.0, 24)
+    assert {(g.axis, g.unit) for g in found.guesses.values() if g.quantity == "gimbal_angle"} == {
+        ("alpha", "deg"), ("beta", "deg")}  # fmt: skip
+    turned_to = apply_matrix(r.platform.attitude(r.angles()), np.array([0.0, 0.0, -G]))
+    np.testing.assert_allclose(turned_to, r.triad("specific_force"), atol=1e-3)
+    assert "names alike" not in found.guesses["NX"].why
+    assert "called alike" in found.guesses["NX"].why
+
+
+def test_degrees_minutes_and_seconds_gon_and_a_form_above_the_table(tmp_path: Path) -> None:
+    psi, theta = FACES.T
+    f = felt(Platform("w", (Axis("platform", "z"), Axis("inner", "x"), Axis("middle", "y"))), psi, theta, 0 * psi)
+    dms = [[f"{int(x)}°{int(x * 60) % 60:02d}'{0:04.1f}\"" for x in y] for y in (psi, theta, 0 * psi)]
+    head = "Institute; no. 7\n\nNo.\tψ\tθ\tφ\tf_x / mGal\tf_y / mGal\tf_z / mGal\tu(f) / mGal"
+    found = propose([rows(tmp_path / "g.csv", head, np.arange(1, 25), *dms, *f.T * 1e5, np.full(24, 1.5), mark="\t")])
+    r = found.recording
+    assert r.platform.name == "space-stable"  # the letters of the paper, one of them never turned
+    np.testing.assert_allclose(r.triad("specific_force"), f, atol=1e-5)
+    np.testing.assert_allclose(np.degrees(r.channels["gimbal_angle", "inner"]), theta, atol=1e-9)
+    f = felt(KNOWN["two-axis-table"], psi, theta)
+    head = "Protokoll;B;;;;;\nDatum;7.5.;;;;;\n;;;;;;\nMesszeit;Stellung;Drehtisch;Kipptisch;b_x;b_y;b_z\n"
+    head += "[min];[-];[gon];[gon];[m/s²];[m/s²];[m/s²]"
+    path = rows(tmp_path / "h.csv", head, np.arange(24) / 3, np.arange(1, 25), psi / 0.9, theta / 0.9, *f.T, mark=";")
+    path.write_text(path.read_text(encoding="utf-8").replace(".", ","), encoding="latin-1")
+    r = propose([path]).recording
+    assert r.time[3] == pytest.approx(60.0)
+    turned_to = apply_matrix(r.platform.attitude(r.angles()), np.array([0.0, 0.0, -G]))
+    np.testing.assert_allclose(turned_to, r.triad("specific_force"), atol=1e-4)
+
+
+def test_angles_of_a_second_log_are_those_of_the_rig(tmp_path: Path) -> None:
+    a, b = (np.repeat(x, 100) for x in FACES.T)
+    f = felt(KNOWN["two-axis-table"], a, b) + 1e-4 * np.random.default_rng(5).standard_normal((2400, 3))
+    t = 345600 + 0.1 * np.arange(2400)
+    daq = rows(tmp_path / "daq.csv", "GPS_SOW [s];K1: AX [mg];K2: AY [mg];K3: AZ [mg]", t, *f.T / G * 1e3, mark=";",
+               cell="{:.10g}")  # fmt: skip
+    table = rows(tmp_path / "rig.csv", "GPS_SOW [s],Axis1 [deg],Axis2 [deg],status", t[::10], a[::10], b[::10],
+                 ["OK"] * 240, cell="{:.10g}")  # fmt: skip
+    found = propose([daq, table])
+    assert {g.axis for g in found.guesses.values() if g.quantity == "gimbal_angle"} == {"axis1", "axis2"}
+    assert len(dwells(found.recording)) == 18  # turns about the vertical are not felt
+
+
+def test_a_platform_left_alone_among_the_stars_is_a_static_run(tmp_path: Path) -> None:
+    t = np.arange(0, 43200, 60.0)
+    s, la = EARTH * t + 0.7, np.radians(LATITUDE)
+    f = G * np.stack([np.cos(la) * np.cos(s), np.cos(la) * np.sin(s), np.sin(la) + 0 * s], axis=-1)
+    f += 1e-5 * np.random.default_rng(4).standard_normal(f.shape)
+    head = '"t/h","ax (m/s2)","ay (m/s2)","az (m/s2)","platform (deg)","middle (deg)","outer (deg)"'
+    path = rows(tmp_path / "i.csv", head, t / 3600, *f.T, np.degrees(s), np.full(len(t), LATITUDE) + 1e-5 * s, 1e-5 * s,
+                cell="{:.10g}")  # fmt: skip
+    with pytest.raises(InputError, match=r"once in a sidereal day.*--latitude"):
+        propose([path])
+    r = propose([path], latitude=LATITUDE, height=60.0).recording
+    assert (r.kind, r.platform.name, set(r.axes("gimbal_angle"))) == (
+        "static-run", "space-stable", {"platform", "middle", "outer"})  # fmt: skip
+
+
+def test_places_on_the_sky_with_sidereal_time_zenith_distances_and_remarks_in_front(tmp_path: Path) -> None:
+    rng = np.random.default_rng(6)
+    hour, dec, off = rng.uniform(-70, 70, 30), rng.uniform(-10, 70, 30), rng.uniform(-300, 300, (2, 30)) / 3600
+    lst = np.mod(22 + 0.1 * np.arange(30), 24)
+    columns = [lst, *(np.mod(lst - x / 15, 24) for x in (hour, hour + off[0])), dec, dec + off[1]]
+    head = "time,SITE.LAT,LST,TARGET.RA,MOUNT.RA,TARGET.DEC,MOUNT.DEC"
+    path = rows(tmp_path / "j.csv", head, 1.77e9 + 180 * np.arange(30), np.full(30, 48.0), *columns, cell="{:.12g}")
+    r = propose([path]).recording
+    assert r.platform.name == "equatorial"
+    assert r.site.latitude == pytest.approx(np.radians(48.0))
+    read, true = (np.degrees(r.channels[q, "hour_angle"]) for q in ("gimbal_angle", "true_angle"))
+    np.testing.assert_allclose(read - true, off[0], atol=1e-7)
+    np.testing.assert_allclose(true, hour, atol=1e-7)
+    path.write_text(path.read_text().replace("LST", "note"))
+    with pytest.raises(InputError, match="local sidereal time"):
+        propose([path])
+    az, el = rng.uniform(0, 360, 30), rng.uniform(20, 80, 30)
+    head = "Nr\tUhrzeit\tAzimut\tZenitdistanz\tAblage Az [']\tAblage ZD [']"
+    clock = [f"18:{2 * k % 60:02d}" for k in range(30)]
+    r = propose([rows(tmp_path / "k.txt", head, range(30), clock, az, 90 - el, 60 * off[0], -60 * off[1], mark="\t",
+                      cell="{:.10g}")]).recording  # fmt: skip
+    np.testing.assert_allclose(np.degrees(r.channels["true_angle", "elevation"]), el, atol=1e-7)
+    np.testing.assert_allclose(np.degrees(r.channels["gimbal_angle", "elevation"]), el + off[1], atol=1e-7)
+    assert r.time[1] - r.time[0] == pytest.approx(120.0)
+    head = "! 22 GHz, source MJD AZ(deg) EL(deg) XEL_OFF(mdeg) EL_OFF(mdeg)\n! offsets are measured - commanded"
+    sky = off[0] * np.cos(np.radians(el)) * 1000
+    r = propose([rows(tmp_path / "l.txt", head, ["J0318"] * 30, 61000 + 0.002 * np.arange(30), az, el, sky,
+                      off[1] * 1000, mark=" ", cell="{:.12g}")]).recording  # fmt: skip
+    np.testing.assert_allclose(np.degrees(r.channels["gimbal_angle", "azimuth"]) - az, off[0], atol=1e-6)
+
+
+def test_words_and_letters_of_names() -> None:
+    assert plain("ψ [°]") == "psi_deg"
+    assert plain("Ablage ZD [']") == "ablage_zd_arcmin"
+    said = {"G_X [mdps]": ("angular_rate", "x", "mdeg/s"), "gyroADC[1]": ("angular_rate", "y", ""),
+            "accSmooth[2]": ("specific_force", "z", ""), "T / °C": ("temperature", "", "degC"),
+            "MJD": ("time", "", "d"), "u(f) / mGal": ("sigma", "", "mGal"), "Pose": ("position", "", "")}  # fmt: skip
+    for name, wanted in said.items():
+        g = by_name(name)
+        assert g is not None, name
+        assert (g.quantity, g.axis, g.unit) == wanted, name
