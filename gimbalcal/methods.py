@@ -27,7 +27,7 @@ from gimbalcal.estimate.sessions import unit_of_sessions
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.pipeline import Source, Tell, load, silent, three_stage
 from gimbalcal.question import questioned
-from gimbalcal.recording import Recording
+from gimbalcal.recording import Recording, when_recorded
 
 ALONE = {"attitude": gyroscopes_against_attitude, "two-position": two_position}  # methods for gyroscopes alone
 
@@ -239,6 +239,7 @@ def provenance(
             "terms": list(terms),
             **({"with": list(more)} if more else {}),
         },
+        **when_recorded(recordings),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "remarks": [remark for r in recordings for remark in r.remarks],
     }

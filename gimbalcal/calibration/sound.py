@@ -87,7 +87,7 @@ def refuse_origin(provenance: Mapping[str, Any]) -> None:
     sound = isinstance(files, list) and all(isinstance(f, dict) for f in files)
     if not sound or not all(isinstance(f.get(key, ""), str) for f in files for key in ("path", "sha256")):
         raise InputError("provenance / recordings must be a list of files, each with its path and sha256")
-    for name, kind in (("options", dict), ("mount", dict), ("stars", int), ("created", str)):
+    for name, kind in (("options", dict), ("mount", dict), ("stars", int), ("created", str), ("recorded", str)):
         if not isinstance(provenance.get(name, kind()), kind):
             raise InputError(f"provenance / {name} cannot be {_short(provenance[name])}")
     mount = provenance.get("mount", {})

@@ -29,10 +29,11 @@ def remember(store: Path | None, unit: str, kind: str, content: Mapping[str, Any
     """Keep a result in the store, if one is named; of a sensor beside others under its own name."""
     if store is None:
         return
-    from gimbalcal.history import Entry, keep
+    from gimbalcal.history import Entry, date_in, keep
 
-    sensor = content.get("provenance", {}).get("options", {}).get("sensor", "")
-    date = content.get("provenance", {}).get("created") or datetime.now(UTC).isoformat(timespec="seconds")
+    origin = content.get("provenance", {})
+    sensor = origin.get("options", {}).get("sensor", "")
+    date = date_in(origin) or datetime.now(UTC).isoformat(timespec="seconds")
     keep(store, Entry(" ".join(filter(None, [unit, sensor])), date, kind, content))
 
 

@@ -84,7 +84,8 @@ class Budget:
         most, unseen = self.parts[-1, first], ", which it does not see" if first in self.unseen else ""
         return (
             f"the calibration leaves {length(self.whole[-1])} of position error (one sigma) in {self.hours[-1]:g} h, "
-            f"most of it, {length(most)}, by {name}{unseen}; {m['what']} would reduce that most, to {length(m['to_m'])}"
+            f"the largest part, {length(most)}, by {name}{unseen}; {m['what']} would reduce that most, to "
+            f"{length(m['to_m'])}"
         )
 
     def to_list(self) -> list[dict[str, Any]]:

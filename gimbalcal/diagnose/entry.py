@@ -28,7 +28,7 @@ from gimbalcal.estimate.sessions import unit_of_sessions
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.pipeline import Tell, silent, three_stage
 from gimbalcal.question import questioned
-from gimbalcal.recording import Recording, completed, join
+from gimbalcal.recording import Recording, completed, join, when_recorded
 
 
 def diagnose(
@@ -56,12 +56,15 @@ def diagnose(
     recordings = [made[id(r)] for r in recordings]
     if all(r.kind == "pointing" for r in recordings):
         refuse_for_mounts(grade)
-        return _defined(_judged(recordings, calibration, tuple(baseline), seed, tell))
+        found = _judged(recordings, calibration, tuple(baseline), seed, tell)
+        return _defined(replace(found, provenance={**found.provenance, **when_recorded(recordings)}))
     unit = graded(recordings, grade)
     tell(unit.in_words)
     found = _judged(unit.of(recordings), calibration, tuple(baseline), seed, tell)
     found = _questioned(found, recordings, unit)
-    return _defined(replace(found, provenance={**found.provenance, "grade": unit.to_dict()}))
+    return _defined(
+        replace(found, provenance={**found.provenance, **when_recorded(recordings), "grade": unit.to_dict()})
+    )
 
 
 def _defined(found: Diagnosis) -> Diagnosis:

@@ -17,7 +17,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, StageResult
 from gimbalcal.calibration.readout import in_si
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.account import joined
 from gimbalcal.estimate.added import Added
 from gimbalcal.estimate.unit import inertial_unit
@@ -114,7 +114,7 @@ def _outcome(sessions: Sequence[Recording], judged: Sequence[Session], off: Sequ
     off = off[:1] if len(sessions) == 2 else off  # of two, one is as far off as the other
     words = "; ".join(f"session {k + 1} ({sessions[k].title}) {judged[k].in_words}" for k in off)
     return (
-        f"{amount(len(sessions), 'session')} share their constants no better than this: {words}; calibrate each alone, "
+        f"the {len(sessions)} sessions do not share their constants: {words}; calibrate each alone, "
         "or take the constants that differ as changing from one switching-on to the next"
     )
 

@@ -20,7 +20,7 @@ import numpy as np
 from gimbalcal.calibration.gravity import common_gravity, without_gravity
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError
-from gimbalcal.history.course import SURPRISE, YEAR, Course, course
+from gimbalcal.history.course import DAY, SURPRISE, YEAR, Course, course
 from gimbalcal.history.dated import Dated, day_of
 from gimbalcal.units import from_si, parse, to_si
 
@@ -86,6 +86,7 @@ class Comparison:
         else:
             more = f", and {len(moved) - 3} more" if len(moved) > 3 else ""
             said = f"{start} do not agree: {'; '.join(_moved(c, self.calibrations) for c in moved[:3])}{more}."
+            said += f" Next: {_next(moved[0], self.calibrations)}."
         if any(s.shared for s in self.steps):
             said += " Some were made from the same recording and are not held against each other."
         if self.gravity:
@@ -93,9 +94,24 @@ class Comparison:
                 f" All took the same gravity, good to {1e6 * self.gravity:.3g} ppm: that is in each scale factor, and "
                 "not in how they differ."
             )
+        said += self._dates_in_words
         if self.due is not None:
             said += f" The next calibration is due by {self.due:%Y-%m-%d}."
         return said
+
+    @property
+    def _dates_in_words(self) -> str:
+        """What is to be said of dates that are not those of the recordings; empty where nothing hangs on them."""
+        told = [d for d in self.calibrations if "recorded" in d.calibration.provenance]
+        write = "write date = 2026-11-18, say, into each recording.toml and calibrate again."
+        if told and len(told) < len(self.calibrations):
+            return f" {len(self.calibrations) - len(told)} of them stand at the day they were computed: {write}"
+        one_day = np.ptp([d.date.timestamp() for d in self.calibrations]) < DAY
+        if not told and one_day:
+            return (
+                f" When they were recorded is not said, and all were computed within a day: no drift is told; {write}"
+            )
+        return ""
 
     def to_dict(self) -> dict[str, Any]:
         """The content of compare.json; numbers in printed units."""
@@ -146,10 +162,11 @@ def compare(calibrations: Sequence[Dated], unit: str = "", allowed: Mapping[str,
     tried = sum(len(at) - 1 for at in common.values())
     alike = min((common_gravity(made[0].calibration, d.calibration) for d in made[1:]), default=0.0)
     own = [np.sqrt(np.diag(without_gravity(d.calibration, alike))) for d in made]
+    places = [{p.label: i for i, p in enumerate(d.calibration.parameters)} for d in made]
     courses = []
     for label, at in common.items():
         p = named[label]
-        there = [(k, made[k].calibration.parameters.index(p)) for k in at]
+        there = [(k, places[k][label]) for k in at]
         x = np.array([made[k].calibration.values[i] for k, i in there])
         sigma = np.array([own[k][i] for k, i in there])
         limit = limits.get(label, limits.get(p.name, np.inf))
@@ -166,11 +183,12 @@ def _step(made: Sequence[Dated], k: int, shared: bool) -> Step:
     from scipy.special import chdtrc
 
     a, b = made[k].calibration, made[k + 1].calibration
-    both = [p for p, s in zip(a.parameters, a.sigmas, strict=True) if p in b.parameters and s > 0]
-    both = [p for p in both if b.sigmas[b.parameters.index(p)] > 0]
+    # by their names: what is usual of a parameter, and so the rest of it, may differ from one recording to the next
+    of_a, of_b = ({p.label: i for i, p in enumerate(c.parameters) if c.sigmas[i] > 0} for c in (a, b))
+    both = [label for label in of_a if label in of_b]
     if not both:
         return Step(k, k + 1, 0.0, 0, 1.0, shared)
-    i, j = ([c.parameters.index(p) for p in both] for c in (a, b))
+    i, j = ([of[label] for label in both] for of in (of_a, of_b))
     difference = b.values[j] - a.values[i]
     alike = common_gravity(a, b)
     C = without_gravity(a, alike)[np.ix_(i, i)] + without_gravity(b, alike)[np.ix_(j, j)]
@@ -215,21 +233,33 @@ def _rounded(size: float, sigma: float) -> str:
 
 def _moved(c: Course, made: Sequence[Dated]) -> str:
     """What one parameter did."""
-    unit = c.parameter.unit
+    unit, called = c.parameter.unit, _called(c.parameter)
     if c.jumps:
-        k = max(c.jumps, key=lambda k: abs(c.value[k] - c.value[k - 1]) / np.hypot(c.sigma[k], c.sigma[k - 1]))
-        size, sigma = (
-            float(from_si(v, unit)) for v in (c.value[k] - c.value[k - 1], np.hypot(*c.sigma[k - 1 : k + 1]))
-        )
-        return f"{_called(c.parameter)} moved by {_rounded(size, sigma)} {unit} by {day_of(made[c.at[k]].date, made)}"
+        k, jump = max(zip(c.jumps, c.sizes, strict=False), key=lambda both: abs(both[1][0]) / both[1][1])
+        before, after = (day_of(made[c.at[i]].date, made) for i in (k - 1, k))
+        return f"{called} jumped by {_sized(jump, unit)} between {before} and {after}"
     if c.drifts:
-        rate, sigma = (float(from_si(v * YEAR, unit)) for v in (c.rate, c.rate_sigma))
-        return f"{_called(c.parameter)} drifts by {_rounded(rate, sigma)} {unit} a year"
+        return f"{called} drifts by {_sized((c.rate * YEAR, c.rate_sigma * YEAR), unit)} a year"
     if not c.outliers:
         size, sigma = (float(from_si(v, unit)) for v in (c.scatter, float(np.median(c.sigma))))
-        return f"{_called(c.parameter)} scatters by {size:.3g} {unit} beyond its sigma of {sigma:.2g}"
-    k = c.outliers[0]
-    return f"{_called(c.parameter)} of {day_of(made[c.at[k]].date, made)} is off the others"
+        return f"{called} scatters by {size:.3g} {unit} beyond its sigma of {sigma:.2g}"
+    return f"{called} of {day_of(made[c.at[c.outliers[0]]].date, made)} is off the others by {_sized(c.sizes[0], unit)}"
+
+
+def _sized(size: tuple[float, float], unit: str) -> str:
+    return f"{_rounded(*(float(from_si(v, unit)) for v in size))} {unit}"
+
+
+def _next(c: Course, made: Sequence[Dated]) -> str:
+    """What to do about a parameter that moved."""
+    if c.jumps:
+        after = day_of(made[c.at[c.jumps[-1]]].date, made)
+        return f"use the calibration of {after} and later for what was recorded since, and look for what happened then"
+    if c.drifts:
+        return "use the last one, as long as it holds"
+    if c.outliers:
+        return f"look at the report of {day_of(made[c.at[c.outliers[0]]].date, made)}, and leave it out"
+    return "count on this scatter from one switching-on to the next, not on the sigmas"
 
 
 def _called(p: Parameter) -> str:

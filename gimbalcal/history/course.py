@@ -5,6 +5,9 @@ jump explains more than a drift), and a scatter tau beyond the stated sigmas, as
 was switched off, found so that
 
 .. math:: \sum_k \frac{(x_k - \hat x(t_k))^2}{\sigma_k^2 + \tau^2} = K - q .
+
+Where one thing explains the whole course, a line, a step or one value that is off, it is the one that leaves least, at
+2 ln of the places where it could be; each of them takes all values, where a change from one to the next takes two.
 """
 
 from __future__ import annotations
@@ -22,7 +25,7 @@ YEAR, DAY = 365.25 * 86400.0, 86400.0  # s; within a day no drift is told
 SURPRISE = 0.01  # chance, over all parameters and steps together, that a difference is called a jump where none is
 MOST_JUMPS = 2  # of one parameter
 FEWEST = 4  # values, of which one can be off the others
-CLEAR = 3.0  # sigmas by which a drift is called one, and a change that a new calibration would show
+CLEAR = 3.0  # sigmas: a change that a new calibration would show
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +33,9 @@ class Course:
     """One parameter over the calibrations that hold it: times (k,) [s] since the first, values and sigmas (k,) in SI.
 
     rate and rate_sigma [SI per s] are NaN where fewer than three calibrations, or no time between them, tell a drift;
-    scatter is tau; jumps and outliers are places in `at`, which counts the calibrations; due is when it will have
-    moved by what is allowed, on the clock of `time`, NaN without a drift.
+    scatter is tau; jumps and outliers are places in `at`, which counts the calibrations, and `sizes` how large each of
+    both is, with its sigma; drifts: whether the rate is more than chance makes of so many parameters; due is when it
+    will have moved by what is allowed, on the clock of `time`, NaN without a drift.
     """
 
     parameter: Parameter
@@ -44,12 +48,9 @@ class Course:
     rate_sigma: float
     jumps: tuple[int, ...]
     outliers: tuple[int, ...]
+    sizes: tuple[tuple[float, float], ...]
+    drifts: bool
     due: float
-
-    @property
-    def drifts(self) -> bool:
-        """Whether the drift stands clear of its sigma."""
-        return bool(abs(self.rate) > CLEAR * self.rate_sigma)
 
     @property
     def moved(self) -> bool:
@@ -81,26 +82,80 @@ def course(
     from scipy.special import ndtri
 
     t = time - time[0]
-    clear = -float(ndtri(SURPRISE / 2 / tried))
+    clear, sure = (-float(ndtri(SURPRISE / 2 / n)) for n in (tried, max(1.0, tried / (len(at) - 1))))
     step = np.abs(np.diff(x)) / np.hypot(sigma[1:], sigma[:-1])
     apart = [all(independent[a:b]) for a, b in pairwise(at)]
     jumps = tuple(k for k, (s, ok) in enumerate(zip(step, apart, strict=True), start=1) if ok and s > clear)
     line = len(at) > 2 and np.ptp(t) > DAY
-    design = np.stack([np.ones(len(t)), t / YEAR], axis=1) if line else np.ones((len(t), 1))
+    constant = np.ones((len(t), 1))
+    design = np.concatenate([constant, t[:, None] / YEAR], axis=1) if line else constant
     off = _outliers(design, x, sigma, clear)
     back = {k + 1 for k in jumps if k in off and k + 1 in jumps and (x[k] - x[k - 1]) * (x[k + 1] - x[k]) < 0}
     jumps = tuple(k for k in jumps if not {k, k + 1} & back)  # there and back again is one value that is off
-    design = _with_step(design, x, sigma, jumps)
+    alone = _alone(design, x, sigma, clear, apart) if len(at) >= FEWEST else None
+    if alone is not None:
+        jumps, off, shape = alone
+        design = np.concatenate([design, shape], axis=1)
+    else:
+        design = _with_step(design, x, sigma, jumps)
     tau, beta, C = _fitted(design, x, sigma)
     rate, rate_sigma = (beta[1] / YEAR, float(np.sqrt(C[1, 1])) / YEAR) if line else (np.nan, np.nan)
-    if line and abs(rate) > CLEAR * rate_sigma:  # what is drift is no jump
+    drifts = bool(abs(rate) > max(CLEAR, sure) * rate_sigma)
+    if drifts:  # what is drift is no jump
         still = np.abs(np.diff(x) - rate * np.diff(t)) / np.hypot(sigma[1:], sigma[:-1])
         jumps = tuple(k for k in jumps if still[k - 1] > clear)
     if len(jumps) > MOST_JUMPS:  # what jumps each time scatters
         jumps = ()
     allowed = allowed if np.isfinite(allowed) else CLEAR * float(sigma[-1])
-    due = float(time[-1] + allowed / abs(rate)) if line and abs(rate) > CLEAR * rate_sigma else np.nan
-    return Course(p, tuple(at), t, x, sigma, tau, rate, rate_sigma, jumps, off, due)
+    due = float(time[-1] + allowed / abs(rate)) if drifts else np.nan
+    sizes = _sizes(x, sigma, jumps, off, alone is not None)
+    return Course(p, tuple(at), t, x, sigma, tau, rate, rate_sigma, jumps, off, sizes, drifts, due)
+
+
+def _alone(
+    A: Array, x: Array, sigma: Array, clear: float, apart: Sequence[bool]
+) -> tuple[tuple[int, ...], tuple[int, ...], Array] | None:
+    """The jump or the outlier, and its column, where it or a line explains all by itself; None where none of them does.
+
+    A (k, q) are a constant and, where time tells one, a line. A step or a value counts from `clear` sigmas on.
+    """
+    from scipy.special import chdtri
+
+    none, K = np.zeros((len(x), 0)), np.arange(len(x))
+    found: list[tuple[float, tuple[int, ...], tuple[int, ...], Array]] = [(_chi2(A, x, sigma), (), (), none)]
+    constant = A[:, :1]
+    least = _chi2(constant, x, sigma) - clear**2
+    steps: list[tuple[tuple[int, ...], tuple[int, ...], Array]]
+    steps = [((k,), (), K >= k) for k, ok in enumerate(apart, start=1) if ok]
+    values = [((), (k,), K == k) for k in K.tolist()]
+    for jumps, off, shape in [*steps, *values]:
+        column = shape[:, None].astype(float)
+        left = _chi2(np.concatenate([constant, column], axis=1), x, sigma)
+        if left < least:
+            found.append((left + 2 * np.log(len(steps if jumps else values)), jumps, off, column))
+    left, jumps, off, column = min(found, key=lambda f: f[0])
+    return (jumps, off, column) if left < chdtri(len(x) - 2, SURPRISE) else None
+
+
+def _sizes(
+    x: Array, sigma: Array, jumps: Sequence[int], off: Sequence[int], alone: bool
+) -> tuple[tuple[float, float], ...]:
+    """How large jumps and outliers are, with sigma.
+
+    A jump that explains all is the difference of what is before and after, else the last change; an outlier is held
+    against all others.
+    """
+    before = [slice(0, k) if alone else slice(k - 1, k) for k in jumps]
+    after = [slice(k, len(x)) if alone else slice(k, k + 1) for k in jumps]
+    pairs = [(_mean(x[b], sigma[b]), _mean(x[a], sigma[a])) for b, a in zip(before, after, strict=True)]
+    pairs += [(_mean(np.delete(x, k), np.delete(sigma, k)), (float(x[k]), float(sigma[k]))) for k in off]
+    return tuple((after - before, float(np.hypot(s, t))) for (before, s), (after, t) in pairs)
+
+
+def _mean(x: Array, sigma: Array) -> tuple[float, float]:
+    """The weighted mean of values x (k,) and its sigma."""
+    w = sigma**-2
+    return float(w @ x / w.sum()), float(1 / np.sqrt(w.sum()))
 
 
 def _with_step(A: Array, x: Array, sigma: Array, jumps: Sequence[int]) -> Array:

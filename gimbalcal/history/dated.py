@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from gimbalcal.calibration import Calibration, from_dict
 from gimbalcal.calibration import read as read_calibration
@@ -34,14 +35,19 @@ class Dated:
 def dated_file(path: Path) -> Dated:
     """A calibration.json with the date it was made at, else that of the file. Raises InputError."""
     calibration = read_calibration(path)
-    return Dated(str(path), when(str(calibration.provenance.get("created", "")), path), calibration)
+    return Dated(str(path), when(date_in(calibration.provenance), path), calibration)
+
+
+def date_in(provenance: Mapping[str, Any]) -> str:
+    """When its recordings were made, else when it was computed; empty where neither is told."""
+    return str(provenance.get("recorded") or provenance.get("created") or "")
 
 
 def of_store(path: Path, unit: str = "") -> tuple[tuple[Dated, ...], tuple[tuple[str, str], ...]]:
-    """The calibrations of a unit in a store, and date and answer of its diagnoses.
+    """The calibrations of a unit in a store, and date and answer of its diagnoses, in order of their dates.
 
-    Of the same recordings the last one counts, and one that a diagnosis ended in only where there is no other. Raises
-    InputError where the store holds several units and none is named, or none of this name.
+    Of the same recordings the one that was computed last counts, and one that a diagnosis ended in only where there is
+    no other. Raises InputError where the store holds several units and none is named, or none of this name.
     """
     entries = kept(path, unit)
     units = sorted({e.unit for e in entries})
@@ -52,13 +58,14 @@ def of_store(path: Path, unit: str = "") -> tuple[tuple[Dated, ...], tuple[tuple
     if not entries:
         raise InputError(f"{path} holds nothing{f' of {unit}' if unit else ''}")
     last: dict[tuple[str, ...], Dated] = {}
-    for e in (e for e in entries if e.kind == CALIBRATION):
+    computed = sorted(entries, key=lambda e: str(e.content.get("provenance", {}).get("created") or e.date))
+    for e in (e for e in computed if e.kind == CALIBRATION):
         made = Dated(e.date, when(e.date), from_dict(e.content))
         key = tuple(sorted(made.hashes)) or (e.date,)
         if key not in last or made.calibration.method != "diagnosis" or last[key].calibration.method == "diagnosis":
             last[key] = made
     told = tuple((e.date, str(e.content.get("in_words", ""))) for e in entries if e.kind == DIAGNOSIS)
-    return tuple(last.values()), told
+    return tuple(sorted(last.values(), key=lambda d: d.date)), told
 
 
 def when(text: str, path: Path | None = None) -> datetime:

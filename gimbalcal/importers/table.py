@@ -15,7 +15,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording.columns import COUNTED, Column
 from gimbalcal.recording.dates import Dates, NoDateError
 from gimbalcal.recording.header import Header, foreign_header
-from gimbalcal.recording.reading import assemble, dates_told
+from gimbalcal.recording.reading import assemble, dated
 from gimbalcal.recording.record import Recording
 from gimbalcal.units import from_si
 
@@ -90,7 +90,7 @@ def recording_of(header: Header, options: Mapping[str, str], fetch: Callable[[st
                 f"{header.samples} has no clock: its rows are {SPACED:g} s apart in order, so that rates mean nothing",
             )
     made = assemble(header, [own] if own and len(own[names[0]]) else [], lambda name: own[name])
-    return replace(made, remarks=(*made.remarks, *told, *dates_told(header, dates)))
+    return dated(replace(made, remarks=(*made.remarks, *told)), header, dates)
 
 
 def _refuse_samples(header: Header, columns: Mapping[str, Array]) -> None:

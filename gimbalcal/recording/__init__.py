@@ -13,7 +13,7 @@ from gimbalcal.recording.dwell import Dwell, block_means, dwell_means, dwells
 from gimbalcal.recording.frames import from_arrays, from_frame
 from gimbalcal.recording.joining import join
 from gimbalcal.recording.reading import read
-from gimbalcal.recording.record import COLOURED, SENSORS, Recording, Site, Source
+from gimbalcal.recording.record import COLOURED, SENSORS, Recording, Site, Source, when_recorded
 from gimbalcal.recording.writing import write
 
 __all__ = [
@@ -31,5 +31,6 @@ __all__ = [
     "from_frame",
     "join",
     "read",
+    "when_recorded",
     "write",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import date, datetime
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -57,6 +58,11 @@ class Dates:
             return "midnight"  # cells without a date
         return f"{np.datetime64(self.midnight, 'D')} 00:00{' UTC' if self.zoned else ', no zone named'}"
 
+    @property
+    def day(self) -> str:
+        """That day, ISO 8601; empty where the cells are times of a day that they do not name."""
+        return str(np.datetime64(self.midnight, "D")) if self.midnight else ""
+
     def seconds(self, cells: pl.Series) -> Array:
         """Seconds (n,); NaN where a cell is empty. Raises InputError for a cell that is no date, with its number."""
         import polars as pl
@@ -105,6 +111,21 @@ class Dates:
         if self.midnight is None and len(sound):
             self.midnight = int(days[sound[0]])
         return np.asarray((days - (self.midnight or 0)) * 86400.0 + of_day)
+
+
+def recorded_on(given: object, where: str) -> str:
+    """When something was recorded, as recording.toml says it: a date of TOML or of ISO 8601, with a time or without.
+
+    >>> recorded_on("2026-11-18", ""), recorded_on(datetime(2026, 11, 18, 5, 33), ""), recorded_on("", "")
+    ('2026-11-18', '2026-11-18T05:33:00', '')
+    """
+    text = given.isoformat() if isinstance(given, date) else given
+    try:
+        if isinstance(text, str) and (not text or 1900 <= datetime.fromisoformat(text).year):
+            return text
+    except ValueError:
+        pass
+    raise InputError(f"{where}: date says when it was recorded, as in date = 2026-11-18, got {str(given)[:40]!r}")
 
 
 class NoDateError(InputError):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording.columns import UNITLESS
 from gimbalcal.recording.dates import Dates, NoDateError
 from gimbalcal.recording.header import Header, header_of
-from gimbalcal.recording.reading import assemble, dates_told
+from gimbalcal.recording.reading import assemble, dated
 from gimbalcal.recording.record import Recording, Source
 from gimbalcal.units import QUANTITIES
 
@@ -62,7 +61,7 @@ def from_frame(
         digest.update(name.encode() + x.tobytes())
     stream = [rows] if next(iter(lengths.values()), 0) else []
     made = assemble(header, stream, rows.__getitem__, average_s, (Source(called, digest.hexdigest()),))
-    return replace(made, remarks=(*made.remarks, *dates_told(header, dates)))
+    return dated(made, header, dates)
 
 
 def from_arrays(

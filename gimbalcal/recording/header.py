@@ -11,6 +11,7 @@ from typing import Any
 from gimbalcal.errors import InputError, alternatives
 from gimbalcal.platform import BENCH, KNOWN, Axis, Platform, known
 from gimbalcal.recording.columns import RATE_OF, Column, columns_of
+from gimbalcal.recording.dates import recorded_on
 from gimbalcal.recording.document import Document, shortened
 from gimbalcal.recording.lines import has_names
 from gimbalcal.recording.record import COLOURED, KINDS, SENSORS, Site
@@ -36,6 +37,7 @@ class Header:
     remarks: tuple[str, ...]
     skip: int = 0  # lines of the samples file before its line of column names
     named: bool = True  # whether there is a line of column names
+    date: str = ""  # when it was recorded, ISO 8601
     instant: bool = False  # whether forces and rates are those of the row's time, not means over the interval before it
 
     def column(self, quantity: str) -> Column | None:
@@ -85,7 +87,7 @@ def header_of(content: Mapping[str, Any], name: Path) -> Header:
 
 def _header(document: Document, samples: Path, clock_needed: bool = True) -> Header:
     content, path = document.content, document.path
-    document.only("", ("format", "kind", "title", "samples", "site", "platform", "noise", "columns"), content)
+    document.only("", ("format", "kind", "title", "date", "samples", "site", "platform", "noise", "columns"), content)
     if content.get("format") != 1:
         raise InputError(f"{document.where('', 'format')}: format must be 1, got {content.get('format')!r}")
     kind = content.get("kind")
@@ -100,6 +102,7 @@ def _header(document: Document, samples: Path, clock_needed: bool = True) -> Hea
         kind=kind,
         title=str(content.get("title", path.resolve().parent.name)),
         samples=samples,
+        date=recorded_on(content.get("date", ""), document.where("", "date")),
         site=site,
         platform=platform,
         noise=_noise(document, columns),

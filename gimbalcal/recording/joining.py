@@ -37,6 +37,7 @@ def join(sessions: Sequence[Recording]) -> Recording:
     return replace(
         first,
         title=" and ".join(dict.fromkeys(r.title for r in sessions)),
+        date=max(r.date for r in sessions),
         noise=noise,
         time=_clock(sessions),
         position=_numbered_on(sessions),

@@ -49,7 +49,7 @@ def read(folder: str | Path, average_s: float | None = None, most: int | None = 
     rests = 1 if average_s or not most else rows_of_a_mean(header, most)
     made = assemble(header, stream, lambda name: column(header.samples, name, clock), average_s, rests=rests)
     told = (RESTS.format(path=header.samples, rows=rests),) if rests > 1 else ()
-    return replace(made, remarks=(*made.remarks, *told, *dates_told(header, dates)))
+    return dated(replace(made, remarks=(*made.remarks, *told)), header, dates)
 
 
 LEFT = 0.01  # of the most rows that are kept as they are: a diagnosis holds a hundred numbers for each
@@ -67,12 +67,15 @@ def rows_of_a_mean(header: Header, most: int) -> int:
     return 1 if rows <= most else ceil(rows / (LEFT * most))
 
 
-def dates_told(header: Header, dates: Dates) -> tuple[str, ...]:
-    """A remark where the clock held dates: what its seconds are counted from."""
+def dated(recording: Recording, header: Header, dates: Dates) -> Recording:
+    """The recording with its day, and with a remark, where the clock held dates: what its seconds are counted from."""
     clock = header.column("time")
     if clock is None or dates.zoned is None:
-        return ()
-    return (f"{header.samples}, column {clock.name}: dates, taken as seconds since {dates.start}",)
+        return recording
+    told = f"{header.samples}, column {clock.name}: dates, taken as seconds since {dates.start}"
+    day = recording.date or dates.day
+    beside = tuple(replace(other, date=day) for other in recording.beside)
+    return replace(recording, remarks=(*recording.remarks, told), date=day, beside=beside)
 
 
 def assemble(
@@ -116,6 +119,7 @@ def assemble(
             remarks=header.remarks + remarks,
             sensor=sensor,
             instant=header.instant,
+            date=header.date,
         )
         for sensor, own in _by_sensor(measured).items()
     ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -88,7 +88,8 @@ class Recording:
     numbers are left as they are, because their scale is not known. `remarks` are sentences for the user.
     `sensor` is the name of the sensors where a recording holds several triads; the others are `beside`, a recording
     each, in the same rows. `instant`: forces and rates are those of the row's time; else, where it matters, they are
-    means over the interval that ends there. `grade` says how large the usual imperfections of such sensors are.
+    means over the interval that ends there. `grade` says how large the usual imperfections of such sensors are. `date`
+    is when it was recorded, ISO 8601, empty where nobody says.
     """
 
     kind: str
@@ -108,6 +109,7 @@ class Recording:
     beside: tuple[Recording, ...] = ()
     instant: bool = False
     grade: Grade = GRADES["navigation"]
+    date: str = ""
 
     def __post_init__(self) -> None:
         n = len(self.time)
@@ -202,3 +204,9 @@ class Recording:
     def sensors(self) -> tuple[Recording, ...]:
         """Itself and those beside it, each alone."""
         return (replace(self, beside=()), *self.beside)
+
+
+def when_recorded(recordings: Iterable[Recording]) -> dict[str, str]:
+    """When the last of some recordings was made, as a provenance tells it; nothing where none says."""
+    last = max((r.date for r in recordings), default="")
+    return {"recorded": last} if last else {}

@@ -38,8 +38,9 @@ def headline(content: Entry, curves: Curves | None = None) -> str:
     if content.get("outcome") and verdict == "unexplained" and apart and all(apart):
         return f"{_sentence(content['outcome'])} Otherwise no known physics is missing."
     if content.get("outcome") and verdict != "adequate":  # what else is odd does not unsay what was found
-        both = [headline({**content, "outcome": ""}, curves), _sentence(content["outcome"])]
-        return " ".join(both[::-1] if verdict == "unexplained" else both)  # a fault of the recording comes first
+        both = [headline({**content, "outcome": ""}, curves), _beside(content["outcome"])]
+        first = verdict == "unexplained" or content.get("provenance", {}).get("sessions")
+        return " ".join(both[::-1] if first else both)  # a fault of the recording, or that it is two, comes first
     if content.get("outcome"):
         return (f"No known physics is missing, but these data scatter more than their noise as stated. "
                 f"{_sentence(content['outcome'])} Next: state the noise as it is in [noise] of recording.toml, "
@@ -56,6 +57,12 @@ def headline(content: Entry, curves: Curves | None = None) -> str:
         return f"Something is missing, and these data cannot tell what. {_either(found)} {_apart(found)}"
     rest = " Something more is left that no known effect explains." if content["unexplained"] else ""
     return f"{said}{more}{_size(curves, content['mismatch'])}{rest} {_next(found)}"
+
+
+def _beside(outcome: str) -> str:
+    """What a calibration says against itself, without what it says of diagnoses: this is one."""
+    told = re.split(r"(?<=\.) (?=[A-Z])", wording.spoken(outcome))
+    return " ".join(_sentence(s) for s in told if "`gimbalcal diagnose`" not in s) or _sentence(outcome)
 
 
 def does(finding: Entry) -> str:
@@ -117,7 +124,9 @@ def size_in_words(f: Entry) -> str:
     linear = [p for p in f["parameters"] if p["name"].rpartition(".")[2] not in fixed]
     behind = [p for p in f["parameters"] if p["name"].rpartition(".")[2] in fixed - {"position", "span"}]
     parts = _amplitudes(linear)
-    clear = [p for p in parts if abs(p["value"]) > CLEAR * p["sigma"]] or parts[:1]
+    clear = [p for p in parts if abs(p["value"]) > CLEAR * p["sigma"]]
+    if parts and not clear:
+        return _at_most(max(parts, key=_bound))
     ranked = sorted(clear, key=lambda p: -abs(p["value"]))
     several = len({p["axis"] for p in parts}) > 1
     told = [_one(p) + (f" ({p['axis'].replace('_', ' ')})" if several and p["axis"] else "") for p in ranked[:2]]
@@ -127,6 +136,20 @@ def size_in_words(f: Entry) -> str:
     ]
     with_ = "".join(f", {words} {_one(p, counted=True)}" for words, p in known if words)
     return f"{(', ' if rest else ' and ').join(told)}{rest}{with_}" or "of unknown size"
+
+
+def _bound(p: Entry) -> float:
+    return float(abs(p["value"]) + CLEAR * p["sigma"])
+
+
+def _at_most(p: Entry) -> str:
+    """What a size may be that is not told from zero: "-1 +- 18" is no size.
+
+    >>> _at_most({"value": -1.2, "sigma": 18.0, "unit": "mg/g^2"})
+    'at most 37 mg per g²'
+    """
+    share = p["unit"] == "1"
+    return f"at most {significant(_bound(p) * (100 if share else 1), 2)} {'%' if share else unit_in_words(p['unit'])}"
 
 
 def _amplitudes(parameters: Sequence[Entry]) -> list[dict[str, Any]]:

@@ -28,11 +28,11 @@ def history_report(content: Mapping[str, Any], diagnoses: Sequence[tuple[str, st
         "rows": [_row(p, names) for p in parameters],
         "steps": [_step(s, names) for s in steps],
         "calibrations": [
-            {"date": c["date"][:16].replace("T", " "), "name": c["name"], "method": c["method"],
+            {"date": _day(c["date"]), "name": c["name"], "method": c["method"],
              "outcome": wording.typeset(c["outcome"])}
             for c in calibrations
         ],
-        "diagnoses": [{"date": date[:16].replace("T", " "), "words": wording.typeset(words)}
+        "diagnoses": [{"date": _day(date), "words": wording.typeset(words)}
                       for date, words in diagnoses],
     }  # fmt: skip
     return render("compare.html", context)
@@ -41,8 +41,16 @@ def history_report(content: Mapping[str, Any], diagnoses: Sequence[tuple[str, st
 def _names(calibrations: Sequence[Mapping[str, Any]]) -> list[str]:
     """Dates, with the time of the day where two calibrations are of one day."""
     days = [c["date"][:10] for c in calibrations]
-    return [d if days.count(d) == 1 else c["date"][:16].replace("T", " ")
-            for d, c in zip(days, calibrations, strict=True)]  # fmt: skip
+    return [d if days.count(d) == 1 else _day(c["date"]) for d, c in zip(days, calibrations, strict=True)]
+
+
+def _day(date: str) -> str:
+    """A date of ISO 8601 as it is read; midnight is no time that anybody noted.
+
+    >>> _day("2026-02-03T00:00:00+00:00"), _day("2026-02-03T14:05:00+00:00")
+    ('2026-02-03', '2026-02-03 14:05')
+    """
+    return date[:16].replace("T", " ").removesuffix(" 00:00")
 
 
 def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:

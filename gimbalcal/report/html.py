@@ -68,10 +68,15 @@ def render(template: str, context: Mapping[str, Any]) -> str:
 def coded(text: str) -> Markup:
     """A sentence with what stands between backticks as something to type; all else is escaped.
 
-    >>> coded("see `gimbalcal apply`, <b>")
-    Markup('see <code>gimbalcal apply</code>, &lt;b&gt;')
+    >>> coded("see `gimbalcal apply`, `--with bias:y`, <b>")
+    Markup('see <code>gimbalcal apply</code>, <code><span>--with</span> bias:y</code>, &lt;b&gt;')
     """
-    return Markup(re.sub(r"`([^`]*)`", r"<code>\1</code>", str(escape(text))))  # noqa: S704  escaped before
+
+    def typed(found: re.Match[str]) -> str:
+        options = re.sub(r"(?<!\S)-+[a-z]+", r"<span>\g<0></span>", found[1])
+        return f"<code>{options}</code>"
+
+    return Markup(re.sub(r"`([^`]*)`", typed, str(escape(text))))  # noqa: S704  escaped before
 
 
 @cache

@@ -15,8 +15,6 @@ from gimbalcal.report.html import picture, render
 from gimbalcal.report.rounding import minus, significant
 from gimbalcal.units import from_si
 
-IN_PRINT = {"arcmin": "′", "arcsec": "″", "m/s": "m/s"}
-
 
 def navigation_report(content: Mapping[str, Any], runs: Sequence[Navigated], title: str) -> str:
     """The page for the content of a navigation.json and the runs behind it."""
@@ -75,7 +73,7 @@ def _row(content: Mapping[str, Any], names: Sequence[str], i: int) -> dict[str, 
     mine = {c["calibration"]: c for c in content["channels"] if c["name"] == name}
     if not mine:
         return None
-    return {"name": name, "unit": IN_PRINT[unit], "cells": [_cell(mine[label]) for label in names]}
+    return {"name": name, "unit": unit, "cells": [_cell(mine[label]) for label in names]}
 
 
 def _cell(c: Mapping[str, Any]) -> dict[str, str]:
@@ -123,4 +121,4 @@ def _channel(runs: Sequence[Navigated], i: int) -> Chart:
             band = np.asarray(from_si(run.linear[few, i], unit))
             marks.append(Band(t, y - band, y + band, colour))
         marks.append(Line(t, y, colour, "without calibration" if run.label == NONE else run.label, dash))
-    return Chart(tuple(marks), f"{name}  [{IN_PRINT.get(unit, unit)}]", f"time [{hours}]", height=170)
+    return Chart(tuple(marks), f"{name}  [{unit}]", f"time [{hours}]", height=170)

@@ -14,6 +14,8 @@ from gimbalcal.units import from_si, to_si
 
 Row = Mapping[str, Any]
 
+CLEAR = 2.0  # sigmas; less is no size to be told in words
+
 
 def rows(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> list[dict[str, Any]]:
     """The rows of the calibration table; `group` opens a line, `below` opens those that the data do not tell alone."""
@@ -40,7 +42,7 @@ def _row(p: Row, nominal: Counts | None, truth: Mapping[str, float] | None) -> d
     own = unit == wording.unit_in_print(p["unit"])  # else counted from a nominal value that the same data gave
     return {
         "words": wording.named(p["name"], p["axis"].replace("_", " ")),
-        "means": wording.typeset(p.get("in_words", "")) if own else "",
+        "means": wording.typeset(p.get("in_words", "")) if own and abs(p["value"]) > CLEAR * p["sigma"] else "",
         "value": value,
         "sigma": sigma,
         "unit": unit,

@@ -69,10 +69,13 @@ def design_headline(seen: Mapping[str, Any]) -> str:
         rows, unseen = seen["parameters"], seen["unobservable"]
         told = f"{first}, tell {_share(len(rows) - len(unseen), len(rows))} of what is to be calibrated"
         text = wording.sentence(told) + _reach(rows, unseen)
-        ratios = {name: a["sigma_ratio_equal_time"] for name, a in seen["against"].items()}
-        beside = [
-            f"In as much time as {n} takes σ is {x:.2f} of what that leaves, in the mean" for n, x in ratios.items()
-        ]
+        position = seen["criterion"] == "position"
+        ratios = {name: a["criterion_ratio_equal_time" if position else "sigma_ratio_equal_time"]
+                  for name, a in seen["against"].items()}  # fmt: skip
+        what, which = ("that error", "") if position else ("σ", ", in the mean")
+        text += wording.sentence(f" {others[0]}") if position else ""
+        beside = [f"In as much time as {n} takes {what} is {x:.2f} of what that leaves{which}"
+                  for n, x in ratios.items()]  # fmt: skip
 
     return " ".join([text, *map(wording.answered, beside), "Next: turn the rig through schedule.toml while it logs."])
 

@@ -188,8 +188,8 @@ def _plainly(found: re.Match[str]) -> str:
 def as_text(value: Any) -> str:
     """A value of provenance as text; empty for nothing.
 
-    >>> as_text({"seed": 1, "names": ["a", "b"], "none": None, "x": 0.123456789})
-    'seed 1; names a, b; x 0.123457'
+    >>> as_text({"seed": 1, "names": ["a", "b"], "none": None, "x": 0.123456789, "of each": [["a"], ["a", "b"]]})
+    'seed 1; names a, b; x 0.123457; of each a | a, b'
     """
     if value is None:
         return ""
@@ -198,7 +198,7 @@ def as_text(value: Any) -> str:
     if isinstance(value, Mapping):
         return "; ".join(f"{str(k).replace('_', ' ')} {text}" for k, v in value.items() if (text := as_text(v)))
     if isinstance(value, (list, tuple)):
-        between = " | " if any(isinstance(v, Mapping) for v in value) else ", "
+        between = " | " if any(isinstance(v, (Mapping, list, tuple)) for v in value) else ", "
         return between.join(filter(None, map(as_text, value)))
     return str(value)
 

@@ -19,7 +19,13 @@ HEADER_FAULTS: list[tuple[str, str, str]] = [
         "recording.toml, line 2: kind must be one of multi-position, static-run, rotation or",
     ),
     ('"two positions"', '"two positions', "recording.toml, line 3, column"),
-    ("[site]", "[sites]", "'sites' is not known; write one of format, kind, title, samples, site, platform, noise"),
+    ("[site]", "[sites]", "'sites' is not known; write one of format, kind, title, date, samples, site"),
+    (
+        "format = 1",
+        "format = 1\ndate = 18",
+        "recording.toml, line 2: date says when it was recorded, as in date = 2026-11",
+    ),
+    ("format = 1", 'format = 1\ndate = "last week"', "line 2: date says when it was recorded"),
     ("latitude = {", "latitud = {", "recording.toml, line 7: 'latitud' in [site] is not known; write one of latitude,"),
     (
         '{ value = 40.0, unit = "deg" }',

@@ -91,6 +91,7 @@ def test_dates_across_a_zone_and_midnight(tmp_path: Path) -> None:
     read_back = read(folder(tmp_path, header, "\n".join(dated)))
     np.testing.assert_array_equal(np.diff(read_back.time)[[0, 39, 40]], [0.5, 60.75, 0.5])
     assert read_back.remarks[0].endswith("column time_s: dates, taken as seconds since 2026-12-31 00:00 UTC")
+    assert read_back.date == "2026-12-31"
     said = refusal(tmp_path, header, "\n".join([*dated[:9], dated[9].replace("+02:00", ""), *dated[10:]]))
     assert "line 10, column time_s: '2026-12-31T23:59:44.0' names no zone, others do; correct it" in said
     said = refusal(tmp_path, header)

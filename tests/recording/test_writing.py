@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,8 @@ from hypothesis import strategies as st
 
 from gimbalcal.errors import InputError
 from gimbalcal.platform import BENCH, SPACE_STABLE, SPACE_STABLE_INERTIAL, Axis, Platform
-from gimbalcal.recording import Recording, Site, read, write
-from tests.recording.folders import folder
+from gimbalcal.recording import Recording, Site, join, read, write
+from tests.recording.folders import HEADER, folder
 
 FINITE = st.floats(-1e6, 1e6)
 
@@ -98,3 +99,13 @@ def test_writing_refuses_a_name_outside(tmp_path: Path) -> None:
     recording = read(folder(tmp_path))
     with pytest.raises(InputError, match=r"samples = '\.\./x\.csv' must be a plain file name"):
         write(recording, tmp_path / "out", samples="../x.csv")
+
+
+def test_when_it_was_recorded_goes_with_it(tmp_path: Path) -> None:
+    for said, told in (("2024-03-01", "2024-03-01"), ('"2024-03-01"', "2024-03-01"),
+                       ("2024-03-01T05:00:00+01:00", "2024-03-01T05:00:00+01:00"), ('""', "")):  # fmt: skip
+        made = read(folder(tmp_path, HEADER.replace("format = 1", f"format = 1\ndate = {said}")))
+        assert made.date == told
+        assert read(write(made, tmp_path / "again")).date == told
+    assert read(folder(tmp_path)).date == ""
+    assert join([made, replace(made, date="2025-01-01", source=())]).date == "2025-01-01"

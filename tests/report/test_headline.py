@@ -147,3 +147,19 @@ def test_a_fault_of_the_recording_comes_before_what_no_effect_explains() -> None
     content = {"verdict": "unexplained", "findings": [], "unexplained": [], "mismatch": [], "fit": {}}
     words = headline({**content, "outcome": "position 9 is mis-set"})
     assert words.startswith("Position 9 is mis-set. Something is missing")
+
+
+def test_that_two_sessions_are_two_units_comes_first_and_shortly() -> None:
+    outcome = (
+        "the 2 sessions do not share their constants: a does not agree (bias:z by +35 mg). The positions scatter by "
+        "0.11 m/s^2, and `gimbalcal diagnose` looks for what the model misses"
+    )
+    told = headline(content("missing-physics", WARM, outcome=outcome, provenance={"sessions": [{}, {}]}))
+    assert told.startswith("The 2 sessions do not share their constants: a does not agree (bias z by")
+    assert "gimbalcal diagnose" not in told
+
+
+def test_a_size_that_is_not_told_from_zero_is_a_bound() -> None:
+    small = finding("bias_temperature")
+    small["parameters"] = [{"name": "b_T", "axis": "y", "value": -1.0, "sigma": 18.0, "unit": "ug/degC"}]
+    assert "by at most 37 µg per °C" in does(small)

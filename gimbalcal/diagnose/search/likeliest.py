@@ -49,7 +49,8 @@ def weigh(v: View, model: Model, memory: bool = False, against: Candidate | None
     known = [
         h for h in s.hypotheses if not h.unknown(every) and len({every[i].effect for i in h.members}) == len(h.members)
     ]
-    named = not (shape and shapes) and total(known) > total(shapes) + CLAIM * (len(known[0].members) > 1)
+    several = bool(known) and len(known[0].members) > 1  # none is left where everything that could be is taken up
+    named = not (shape and shapes) and total(known) > total(shapes) + CLAIM * several
     best = known[0] if named else shapes[0]
     rival = [h.ln_weight for h in known if against and any(every[i].key == against.key for i in h.members)]
     lead = best.ln_weight - max(rival) if rival and named else 0.0

@@ -32,7 +32,7 @@ from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.inference.information import Information, Solution, information, solve
 from gimbalcal.number import Array
 from gimbalcal.readings import readings
-from gimbalcal.recording import Recording
+from gimbalcal.recording import Recording, when_recorded
 
 ROUNDS = 4  # linearisations at most: each leaves a product of two errors of what is left
 FAR = 20.0  # prior sigmas of one step: interchanged positions ask for nonlinearities that no force could be read with
@@ -132,6 +132,7 @@ def origin(recordings: Sequence[Recording], causes: Sequence[str]) -> dict[str, 
         "recordings": [file for r in recordings for file in r.files],
         "version": gimbalcal.__version__,
         "options": {"direction": "physics to reading", "method": "diagnosis", "causes": list(causes)},
+        **when_recorded(recordings),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 
