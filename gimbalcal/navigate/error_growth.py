@@ -26,9 +26,10 @@ NAV = 9  # attitude, velocity, position
 
 
 class Transitions(NamedTuple):
-    """K stretches of intervals: transition Phi (K, 9, 9), response Psi (K, 9, p) to parameters, noise Q (K, 9, 9),
+    """What K stretches of intervals do to errors, and where the reference of each ends.
 
-    and where the reference ends: C_bn (K, 3, 3), velocity (K, 3), displacement (K, 3) north, east, down [m].
+    Transition Phi (K, 9, 9), response Psi (K, 9, p) to parameters, noise Q (K, 9, 9); C_bn (K, 3, 3), velocity (K, 3)
+    [m/s] and displacement (K, 3) [m] north, east, down at the end.
     """
 
     Phi: Array

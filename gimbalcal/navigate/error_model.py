@@ -26,9 +26,10 @@ RADIUS = SEMI_MAJOR_AXIS  # m; one radius for both directions: 0.7 % of the feed
 
 @dataclass(frozen=True)
 class Trajectory:
-    """True motion at n instants: time (n,) s; C_bn (n, 3, 3) body to navigation; velocity (n, 3) m/s north, east, down;
+    """True motion at n instants.
 
-    force and rate (n, 3) in the body [m/s^2, rad/s], against the inertial frame; latitude (n,) rad.
+    time (n,) [s]; C_bn (n, 3, 3) body to navigation; velocity (n, 3) [m/s] north, east, down; force and rate (n, 3) in
+    the body [m/s^2, rad/s], against the inertial frame; latitude (n,) [rad].
     """
 
     time: Array

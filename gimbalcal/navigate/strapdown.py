@@ -32,9 +32,10 @@ from gimbalcal.number import Array
 
 
 class Motion(NamedTuple):
-    """States before the first and after each of n intervals: C_bn (n + 1, 3, 3) body to navigation, velocity (n + 1, 3)
+    """States before the first and after each of n intervals.
 
-    north, east, down [m/s], position (n + 1, 3): latitude, longitude [rad], height [m].
+    C_bn (n + 1, 3, 3) body to navigation, velocity (n + 1, 3) north, east, down [m/s], position (n + 1, 3): latitude,
+    longitude [rad], height [m].
     """
 
     C_bn: Array
@@ -91,6 +92,7 @@ def carried(dt: Array, rate: Array) -> Array:
 
 
 def contiguous(*arrays: Array) -> list[Array]:
+    """Arrays as the kernels want them: of float64, without gaps."""
     return [np.ascontiguousarray(x, dtype=float) for x in arrays]
 
 
@@ -247,6 +249,7 @@ def _turn_left(C: Array, x: float, y: float, z: float, s1: float, s2: float) -> 
 
 @compiled
 def radii(sL: float, height: float) -> tuple[float, float]:
+    """Radii of curvature [m], with the height, in the meridian and across it, where sL is the sine of the latitude."""
     w2 = 1 - E2 * sL * sL
     RN = SEMI_MAJOR_AXIS / np.sqrt(w2)
     return RN * (1 - E2) / w2 + height, RN + height

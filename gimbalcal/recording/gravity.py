@@ -2,7 +2,7 @@
 
 Every accelerometer is scaled by it, so its uncertainty is one of the scale factors'. Sources: Rapp, "The determination
 of geoid undulations and gravity anomalies", J. Geophys. Res. 86 (1981), for free-air anomalies of some 30 mGal rms;
-0.3086 mGal come with each meter of height.
+0.3086 mGal come with each metre of height.
 """
 
 from __future__ import annotations

@@ -51,9 +51,9 @@ def piled_up(y: Array) -> Array:
 
 
 def longest_run(pieces: Sequence[Array]) -> tuple[int, int, float]:
-    """First row and end of the longest run of equal values in pieces that follow each other, and the mean length of
+    """First row and end of the longest run of equal values, and the mean length of the other runs.
 
-    the other runs.
+    The values come in pieces that follow each other; a run may go on from one to the next.
     """
     first, stop, runs, n, begun, last = 0, 0, 0, 0, 0, np.nan
     for x in pieces:

@@ -11,7 +11,6 @@ asserts the same on fewer runs. RMS over bound scatters by 1 / sqrt(2 RUNS): 5 %
 from __future__ import annotations
 
 import argparse
-import sys
 from dataclasses import dataclass
 from time import perf_counter
 
@@ -26,6 +25,7 @@ from gimbalcal.estimate.accelerometers.joint import joint
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.estimate.accelerometers.setting import Noise, by_visit, problem, starting_values, whiten
 from gimbalcal.inference.information import SEEN
+from tests.benchmarks.collecting import say
 from tests.estimate.device import ARCSEC, PARAMETERS, SAMPLE, draw, effects, measured
 
 LABELS = [q.label for q in PARAMETERS]
@@ -145,10 +145,6 @@ def degradation(runs: int) -> list[tuple[str, float, float, float, float, int]]:
 
 
 def main() -> None:
-    def say(line: str) -> None:
-        sys.stdout.write(line + "\n")
-        sys.stdout.flush()
-
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-n", "--runs", type=int, default=RUNS)
     runs = parser.parse_args().runs

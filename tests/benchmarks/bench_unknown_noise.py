@@ -9,14 +9,11 @@ again it goes on where it was. About 15 minutes on one core, 3 with --quick.
 
 from __future__ import annotations
 
-import argparse
-import hashlib
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import gimbalcal
-from tests.benchmarks.bench_diagnose import OUT, collect, say
+from tests.benchmarks.collecting import asked, collect, results_file, say
 from tests.benchmarks.unknown_runs import answer, runs
 from tests.benchmarks.unknown_tables import report
 
@@ -28,22 +25,9 @@ def sources() -> Iterator[Path]:
     yield from (here / f"unknown_{name}.py" for name in ("hand", "mount", "table", "laws", "runs"))
 
 
-def results_file() -> Path:
-    """Where the rows of these very sources are kept."""
-    digest = hashlib.sha256(b"".join(p.read_bytes() for p in sources())).hexdigest()[:12]
-    return OUT / f"bench_unknown_noise-{digest}.jsonl"
-
-
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("arms", nargs="*", metavar="ARM")
-    parser.add_argument("--quick", action="store_true", help="a fifth of the runs")
-    parser.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1))
-    options = parser.parse_args()
-    wanted = [r for r in runs(options.quick) if not options.arms or any(r.arm.startswith(a) for a in options.arms)]
-    if not wanted:
-        parser.error(f"no arm begins with {' or '.join(options.arms)}")
-    rows = collect(wanted, results_file(), options.jobs, answer)
+    wanted, jobs, _ = asked(__doc__, "a fifth of the runs", runs)
+    rows = collect(wanted, results_file("bench_unknown_noise", sources()), jobs, answer)
     say(f"{len(rows)} recordings of unknown noise; intervals are 95 % (Wilson)")
     report(rows, say)
 

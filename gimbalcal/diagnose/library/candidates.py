@@ -85,9 +85,10 @@ class Library:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Variants of several candidates in a row of all: where each candidate's start, the ln prior share of each, and
+    """Variants of several candidates in a row of all.
 
-    of each width the ordinals (m,) of the variants that have so many columns, and these columns (m, width).
+    starts: where each candidate's begin; log_share: ln prior share of each variant; widths: of each width the ordinals
+    (m,) of the variants that have so many columns, and these columns (m, width).
     """
 
     starts: Array

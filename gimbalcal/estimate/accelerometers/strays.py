@@ -111,10 +111,11 @@ def _odd(every: Recording, left: NDArray[np.int64], several: int) -> dict[int, f
 
 
 class _Ellipsoids(NamedTuple):
-    """Ellipsoids through r choices of m rests: points u (r, m, 3), what 1 is in the unit of the readings (r,),
+    """Ellipsoids through r choices of m rests.
 
-    coefficients (r, 9) with their normal matrices (r, 9, 9), rho (r, m) and s (r,), and what the rests that were
-    chosen leave of the norm (r,), infinite where they lie on no ellipsoid.
+    Points u (r, m, 3), what 1 is in the unit of the readings (r,), coefficients (r, 9) with their normal matrices
+    (r, 9, 9), rho (r, m) and s (r,), and what the rests that were chosen leave of the norm (r,), infinite where they
+    lie on no ellipsoid.
     """
 
     u: Array

@@ -30,10 +30,10 @@ PAUSED = 10.0  # usual steps: rates are not carried across a longer gap
 
 @dataclass(frozen=True, eq=False)
 class Turns:
-    """Turns between rests: readings (m, n, 3) [rad/s] at rest level zero, steps (m, n) [s] (0 beyond the end),
+    """Turns between rests, and what the hardware felt at their rows.
 
-    unit force before and after (m, 3), and what the hardware felt at those rows; `ends` (m,) is the index of the rest
-    after each turn, as turns in which the clock paused are left out.
+    Readings (m, n, 3) [rad/s] at rest level zero, steps (m, n) [s] (0 beyond the end), unit force before and after
+    (m, 3); `ends` (m,) is the index of the rest after each turn, as turns in which the clock paused are left out.
     """
 
     reading: Array

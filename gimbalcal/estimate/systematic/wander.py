@@ -23,9 +23,10 @@ SHORTEST = 2.0  # s; flicker of shorter periods is below the white noise of any 
 
 @dataclass(frozen=True, eq=False)
 class Chains:
-    """c chains beside the navigation states: the channel that each adds to, (c,); Phi, Q (K, c) over each stretch;
+    """c chains beside the navigation states, in SI.
 
-    P_0 (c,) of the first; scale (c,): their size by the end of the recording. In SI.
+    channel (c,): what each adds to; Phi, Q (K, c) over each stretch; P_0 (c,) of the first; scale (c,): their size by
+    the end of the recording.
     """
 
     channel: Array
