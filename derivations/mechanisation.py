@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from derivations.wang2019.navigation import R_M, R_N, V, earth_rate, h, skew, transport_rate
+from derivations.cross import cross, cross_of_numbers
+from derivations.wang2019.navigation import R_M, R_N, V, earth_rate, h, transport_rate
 from derivations.wang2019.navigation import e as step
 from derivations.wang2019.symbols import L
 
@@ -56,8 +57,8 @@ def _linear(expr: Any) -> Any:
 def attitude_rate() -> Any:
     """phi_dot, linear in the errors."""
     w_in = earth_rate() + transport_rate(h)
-    D = sp.eye(3) - step * skew(PHI)
-    D_dot = D * step * skew(DW) - skew(_computed(w_in)) * D + D * skew(w_in)
+    D = sp.eye(3) - step * cross(PHI)
+    D_dot = D * step * cross(DW) - cross(_computed(w_in)) * D + D * cross(w_in)
     rate = -_linear(D_dot)
     return sp.Matrix([rate[2, 1], rate[0, 2], rate[1, 0]]).applyfunc(sp.expand)
 
@@ -67,7 +68,7 @@ def velocity_rate() -> Any:
     """dV_dot, linear in the errors."""
     V_true, f = sp.Matrix(V), sp.Matrix(F_N)
     turning = 2 * earth_rate() + transport_rate(h)
-    force = (sp.eye(3) - step * skew(PHI)) * f + step * sp.Matrix(DF)
+    force = (sp.eye(3) - step * cross(PHI)) * f + step * sp.Matrix(DF)
     return _linear(force - _computed(turning).cross(V_true + step * sp.Matrix(DV)) + step * sp.Matrix(DG))
 
 
@@ -99,11 +100,6 @@ def gravity(latitude: Any, height: Any) -> Any:
     return g * (1 - 2 * (1 + FLATTENING + M_RATIO - 2 * FLATTENING * s2) * height / A + 3 * height**2 / A**2)
 
 
-def _cross(v: Any) -> Any:
-    zero = 0 * v[0]
-    return np.array([[zero, -v[2], v[1]], [v[2], zero, -v[0]], [-v[1], v[0], zero]])
-
-
 def earth_in_n(latitude: Any) -> Any:
     """Rate of the Earth [rad/s] in east, north, up."""
     return OMEGA * np.array([0 * latitude, np.cos(latitude), np.sin(latitude)])
@@ -120,8 +116,8 @@ def _rates(x: Any, at: Any, force: Any, held: bool) -> Any:
     R = radii(at[3] if held else p[0])
     w_in = earth_in_n(p[0]) + _transport(v, p[0], p[2], R)
     true = earth_in_n(at[3]) + _transport(at[:3], at[3], at[5], radii(at[3]))
-    D = np.eye(3) - _cross(phi)
-    D_dot = D @ _cross(x[9:12]) - _cross(w_in) @ D + D @ _cross(true)
+    D = np.eye(3) - cross_of_numbers(phi)
+    D_dot = D @ cross_of_numbers(x[9:12]) - cross_of_numbers(w_in) @ D + D @ cross_of_numbers(true)
     g = gravity(at[3], at[5]) if held else gravity(p[0], p[2])
     a = D @ force + x[12:] - np.cross(w_in + earth_in_n(p[0]), v) + np.array([0 * g, 0 * g, -g])
     ground = np.array([v[1] / (R[0] + p[2]), v[0] / ((R[1] + p[2]) * np.cos(p[0])), v[2]])
@@ -148,6 +144,6 @@ def true_rates(at: Any, C: Any, rate: Any, force: Any) -> tuple[Any, Any, Any]:
     w_en = _transport(v, p[0], p[2], R)
     w_in = earth_in_n(p[0]) + w_en
     fall = np.array([0, 0, -float(gravity(p[0], p[2]))])
-    C_dot = C @ _cross(np.asarray(rate, float)) - _cross(w_in) @ C
+    C_dot = C @ cross_of_numbers(np.asarray(rate, float)) - cross_of_numbers(w_in) @ C
     V_dot = C @ force - np.cross(w_in + earth_in_n(p[0]), v) + fall
     return C_dot, V_dot, np.array([v[1] / (R[0] + p[2]), v[0] / ((R[1] + p[2]) * np.cos(p[0])), v[2]])

@@ -17,6 +17,7 @@ import numpy as np
 from derivations import mechanisation as nav
 from derivations.comparison import once
 from derivations.readings import TURN
+from derivations.stimulus import attitude
 
 STEP, SHORT, LONGER = 1e-3, 1e-8, 1e-2  # s; the second where nothing is taken from one, the last among the stars
 LATITUDE, HEIGHT = 0.6, 300.0
@@ -26,12 +27,6 @@ FORCE = np.array([0.4, -0.7, -9.6])  # m/s^2, body
 SCALE = np.repeat([1.0, 1e3, 6.4e6], 3)
 UNIT = "navigate.strapdown.strapdown"
 GROWTH = "navigate.error_growth.transitions"
-
-
-def attitude() -> Any:
-    """C_b^n to east, north, up: a generic rotation."""
-    q, _ = np.linalg.qr(np.array([[1.0, 0.2, -0.3], [-0.4, 1.0, 0.5], [0.3, -0.6, 1.0]]))
-    return q * np.linalg.det(q)
 
 
 # --- the mechanisation itself

@@ -34,3 +34,9 @@ def stimulus(force: Any, site: tuple[float, float], readout: Any = None, axis_na
         axis_names=axis_names,
         latitude=site[1],
     )
+
+
+def attitude() -> Any:
+    """C_b^n, a generic rotation (3, 3)."""
+    q, _ = np.linalg.qr(np.array([[1.0, 0.2, -0.3], [-0.4, 1.0, 0.5], [0.3, -0.6, 1.0]]))
+    return q * np.linalg.det(q)

@@ -265,6 +265,12 @@ def decide(source: str, printed: Printed, case: Case) -> Verdict:
     return with_package(Verdict(source, printed.item, verdict, printed.scan, derived, size, why))
 
 
+def last_digit(text: str) -> float:
+    """One unit of the last printed digit."""
+    mantissa, exponent = text.split("e")
+    return float(10.0 ** (int(exponent) - len(mantissa.partition(".")[2])))
+
+
 def decide_group(source: str, group: ModuleType, printed: Mapping[str, Printed] | None = None) -> tuple[Verdict, ...]:
     """Verdicts of one file of a paper; `printed` replaces what the paper prints, item by item."""
     formulas = {**group.PRINTED, **(printed or {})}

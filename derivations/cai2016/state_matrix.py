@@ -21,8 +21,9 @@ from derivations import mechanisation as nav
 from derivations.cai2016 import error_model as model
 from derivations.cai2016.sensors import e_f
 from derivations.cai2016.symbols import G_matrix, b_g, crossed, f, omega, squared, triad
+from derivations.cross import cross
 from derivations.verdict import Case, Printed
-from derivations.wang2019.navigation import R_M, R_N, V, e, h, skew
+from derivations.wang2019.navigation import R_M, R_N, V, e, h
 from derivations.wang2019.symbols import L, omega_ie
 
 C = sp.Matrix(3, 3, sp.symbols("c_:3:3", real=True))
@@ -189,9 +190,9 @@ PRINTED = {
 
 def fed_back_navigation() -> Any:
     """(5,) signs: D = 1 - [phi x] is undone by 1 + [phi x] to first order; the others are computed minus true."""
-    D = sp.eye(3) - e * skew(nav.PHI)
+    D = sp.eye(3) - e * cross(nav.PHI)
     for sign in (1, -1):
-        if ((sp.eye(3) + sign * e * skew(nav.PHI)) * D).diff(e).subs(e, 0) == sp.zeros(3):
+        if ((sp.eye(3) + sign * e * cross(nav.PHI)) * D).diff(e).subs(e, 0) == sp.zeros(3):
             return sp.Matrix([sign, -1, -1, -1, -1])
     raise ArithmeticError("no sign undoes the attitude error")
 

@@ -17,14 +17,11 @@ from typing import Any
 
 import numpy as np
 
+from derivations.cross import cross_of_numbers
 from derivations.wang2019.navigation import EARTH, GRAVITY, RADIUS
 
 LATITUDE = radians(32.0)
 STEP = 40.0  # s; half of it changes a position by 3e-5 of itself
-
-
-def _cross(v: Any) -> Any:
-    return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
 
 
 def _earth(L: float) -> Any:
@@ -37,7 +34,7 @@ def _rates(x: Any, rate: Any, force: Any) -> Any:
     w_en = np.array([-N, E, E * tan(L)]) / RADIUS
     w_ie = _earth(L)
     V_dot = C @ force - np.cross(2 * w_ie + w_en, [E, N, 0.0])
-    C_dot = C @ _cross(rate) - _cross(w_ie + w_en) @ C
+    C_dot = C @ cross_of_numbers(rate) - cross_of_numbers(w_ie + w_en) @ C
     return np.concatenate([C_dot.ravel(), V_dot[:2], [N / RADIUS, E / RADIUS / cos(L)]])
 
 

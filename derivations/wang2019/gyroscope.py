@@ -15,6 +15,7 @@ from typing import Any
 
 import sympy as sp
 
+from derivations.cross import cross
 from derivations.verdict import Case, Printed
 from derivations.wang2019 import differences
 from derivations.wang2019.symbols import (
@@ -93,11 +94,6 @@ def _vee(skew: Any) -> Any:
     return sp.Matrix([skew[2, 1], skew[0, 2], skew[1, 0]])
 
 
-def _cross(v: Any) -> Any:
-    x, y, z = v
-    return sp.Matrix([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-
-
 def rates_of_a_product() -> Any:
     """w_iq^q of C_i^q = C_e^q C_i^e, from C_dot = -[w x] C of each factor: the rates, not assumed to add.
 
@@ -105,7 +101,7 @@ def rates_of_a_product() -> Any:
     """
     C_eq = rotation()
     rate_in_e = C_eq.T * w_e
-    C_dot = -_cross(w_r) * C_eq - C_eq * _cross(rate_in_e)
+    C_dot = -cross(w_r) * C_eq - C_eq * cross(rate_in_e)
     return _vee(-C_dot * C_eq.T).applyfunc(lambda x: sp.cancel(sp.together(x)))
 
 

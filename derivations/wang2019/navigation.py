@@ -20,6 +20,7 @@ from typing import Any
 
 import sympy as sp
 
+from derivations.cross import cross
 from derivations.verdict import Case, Printed, truncate
 from derivations.wang2019.symbols import K2, K3, E, L, N, omega_ie, triangle
 
@@ -39,11 +40,6 @@ EARTH, RADIUS, GRAVITY = 7.292115e-5, 6.371e6, 9.8
 ERRORS = (*phi, *dV, *K2, *K3, dL)
 
 
-def skew(v: Any) -> Any:
-    x, y, z = v
-    return sp.Matrix([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-
-
 def first_order(expr: Any) -> Any:
     """Coefficient of e."""
     return expr.applyfunc(lambda x: sp.expand(sp.diff(sp.expand(x), e).subs(e, 0)))
@@ -54,7 +50,7 @@ def velocity_error() -> Any:
     """dV_dot of the computed equation less the true one."""
 
     def acceleration(s: Any) -> Any:
-        force = (sp.eye(3) - s * skew(phi)) * (f + s * df)
+        force = (sp.eye(3) - s * cross(phi)) * (f + s * df)
         turn = 2 * (w_ie + s * dw_ie) + w_en + s * dw_en
         return force - turn.cross(V + s * dV)
 
@@ -65,11 +61,11 @@ def velocity_error() -> Any:
 def attitude_error() -> Any:
     """phi_dot from C' = (1 - e [phi x]) C at an instant at which b and n coincide."""
     w_ib, w_in = sp.Matrix(sp.symbols("w_x w_y w_z", real=True)), w_ie + w_en
-    C_dot = skew(w_ib) - skew(w_in)
-    C_of = sp.eye(3) - e * skew(phi)
-    computed = C_of * skew(w_ib + e * dw_ib) - skew(w_in + e * (dw_ie + dw_en)) * C_of
+    C_dot = cross(w_ib) - cross(w_in)
+    C_of = sp.eye(3) - e * cross(phi)
+    computed = C_of * cross(w_ib + e * dw_ib) - cross(w_in + e * (dw_ie + dw_en)) * C_of
     # e-part of d/dt[(1 - e [phi x]) C] = -[phi_dot x] - [phi x] C_dot
-    S = -(first_order(computed) + skew(phi) * C_dot)
+    S = -(first_order(computed) + cross(phi) * C_dot)
     return sp.Matrix([S[2, 1], S[0, 2], S[1, 0]]).applyfunc(sp.expand)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import sympy as sp
 
 from derivations.comparison import checks
+from derivations.stimulus import attitude
 from derivations.wang2019 import navigation as nav
 from derivations.wang2019.package import numbers, vector
 from derivations.wang2019.symbols import K2, K3, SOURCE, E, L, N, omega_ie, triangle
@@ -34,18 +35,12 @@ def _path(velocity: Any, times: Any) -> Any:
     from gimbalcal.navigate.error_model import Trajectory
 
     n = len(times)
-    C = _attitude()
+    C = attitude()
 
     def still(v: Any) -> Any:
         return np.broadcast_to(v, (n, *np.shape(v)))
 
     return Trajectory(np.array(times), still(C), still(velocity), still(FORCE), still(RATE), np.full(n, LATITUDE))
-
-
-def _attitude() -> Any:
-    """C_b^n, a generic rotation matrix."""
-    q, _ = np.linalg.qr(np.array([[1.0, 0.2, -0.3], [-0.4, 1.0, 0.5], [0.3, -0.6, 1.0]]))
-    return q * np.linalg.det(q)
 
 
 def _errors() -> tuple[Any, dict[Any, Any]]:
@@ -72,7 +67,7 @@ def _derived() -> tuple[Any, Any]:
     from gimbalcal.earth import EARTH_RATE
 
     x, errors = _errors()
-    C = _attitude()
+    C = attitude()
     values = {omega_ie: EARTH_RATE, L: LATITUDE}
     values |= dict(zip(nav.V, TURN @ VELOCITY, strict=True))
     values |= dict(zip(nav.f, TURN @ C @ FORCE, strict=True))
@@ -122,7 +117,7 @@ def at_rest(rows: slice) -> float:
     still = np.zeros(3)
     R = error_model.RADIUS
     values = {omega_ie: EARTH_RATE, L: LATITUDE, nav.R_M: R, nav.R_N: R}
-    values |= dict(zip(nav.f, TURN @ _attitude() @ FORCE, strict=True))
+    values |= dict(zip(nav.f, TURN @ attitude() @ FORCE, strict=True))
     unknowns = (nav.dL, nav.dV[1], nav.dV[0], nav.phi[1], nav.phi[0], nav.phi[2])
     to_state = np.diag([1 / R, 1.0, 1.0, 1.0, 1.0, -1.0])
     zero = dict.fromkeys((*nav.dV, *nav.phi, nav.dL), 0)

@@ -10,6 +10,8 @@ from typing import Any
 
 import sympy as sp
 
+from derivations.cross import cross
+
 SOURCE = "000"  # of errata.json
 
 AXES = ("x", "y", "z")
@@ -57,10 +59,9 @@ def integral(of: Any, first: Any, second: Any, duration: Any) -> Any:
 
 def rotation() -> Any:
     """Any rotation matrix but half a turn, rational in three parameters (Cayley)."""
-    a, b, c = p = sp.symbols("p_1:4", real=True)
+    p = sp.symbols("p_1:4", real=True)
     v = sp.Matrix(p)
-    cross = sp.Matrix([[0, -c, b], [c, 0, -a], [-b, a, 0]])
-    return ((1 - square(v)) * sp.eye(3) + 2 * v * v.T - 2 * cross) / (1 + square(v))
+    return ((1 - square(v)) * sp.eye(3) + 2 * v * v.T - 2 * cross(p)) / (1 + square(v))
 
 
 def norm_after_rotation(v: Any) -> Any:

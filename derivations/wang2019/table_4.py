@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from derivations.verdict import AGREES, APPROXIMATION, NOT_DETERMINED, WRONG, Verdict
+from derivations.verdict import AGREES, APPROXIMATION, NOT_DETERMINED, WRONG, Verdict, last_digit
 from derivations.wang2019.accelerometer import faces_and_edges
 from derivations.wang2019.symbols import SOURCE
 
@@ -73,12 +73,6 @@ ARCMIN = pi / 10800
 
 def value(name: str, method: int = 3) -> float:
     return float(ENTRIES[name][method - 1])
-
-
-def last_digit(text: str) -> float:
-    """One unit of the last printed digit."""
-    mantissa, exponent = text.split("e")
-    return float(10.0 ** (int(exponent) - len(mantissa.partition(".")[2])))
 
 
 def unit(name: str) -> str:

@@ -20,6 +20,7 @@ from typing import Any
 
 import sympy as sp
 
+from derivations.cross import cross
 from derivations.verdict import Case, Printed
 from derivations.wu2018.static_force import force, force_error
 from derivations.wu2018.symbols import (
@@ -33,7 +34,6 @@ from derivations.wu2018.symbols import (
     Ry,
     Rz,
     S_t,
-    cross,
     g,
     harmonics,
     psi,

@@ -59,12 +59,6 @@ def Rz(a: Any) -> Any:
     return sp.Matrix([[sp.cos(a), sp.sin(a), 0], [-sp.sin(a), sp.cos(a), 0], [0, 0, 1]])
 
 
-def cross(v: Any) -> Any:
-    """The matrix of the cross product, cross(v) w = v x w."""
-    x, y, z = v
-    return sp.Matrix([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-
-
 def harmonics(expr: Any) -> dict[str, Any]:
     """Fourier coefficients over one turn of S_t: "mean", "1c", "1s", "2c", "2s".
 

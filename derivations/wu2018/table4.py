@@ -23,7 +23,7 @@ from typing import Any
 
 import sympy as sp
 
-from derivations.verdict import AGREES, MISPRINT, WRONG, Verdict, in_unit, with_package
+from derivations.verdict import AGREES, MISPRINT, WRONG, Verdict, in_unit, last_digit, with_package
 from derivations.wu2018.separation import coefficients
 from derivations.wu2018.symbols import BETA, BIAS, G_NORMAL, NUMBERS, SCALE, SOURCE, L, g
 
@@ -57,12 +57,6 @@ ROWS = (
     Row("delta_theta_2s", "dtheta_2s", "(33)", "-5.97e-6", "-5.76e-6", "2.1e-7"),
     Row("delta_theta_2c", "dtheta_2c", "(32)", "-2.462e-5", "-2.484e-5", "-2.2e-7"),
 )
-
-
-def last_digit(text: str) -> float:
-    """Value of one unit in the last printed digit."""
-    mantissa, exponent = text.split("e")
-    return float(10.0 ** (int(exponent) - len(mantissa.partition(".")[2])))
 
 
 def fits(value: float, printed: str) -> bool:

@@ -63,7 +63,7 @@ def _list(names: list[str]) -> None:
 
     wide = max(map(len, names))
     for name in names:
-        print(f"{name:{wide}s}  {(inspect.getdoc(CATALOGUE[name]) or '').splitlines()[0].lstrip('r')}")
+        print(f"{name:{wide}s}  {(inspect.getdoc(CATALOGUE[name]) or '').splitlines()[0]}")
 
 
 def speaking_of(words: str) -> list[str]:

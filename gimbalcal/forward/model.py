@@ -48,10 +48,10 @@ def _rotation(effects: Sequence[Effect], stage: Stage, s: Stimulus) -> Array:
 
 def _encoder_referenced(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
     """f^p (n, 3) where the encoders say where the platform points; without gimbals the stimulus says it."""
-    tilt = _total(effects, Stage.PLATFORM, s)
     if not platform.axes:
+        tilt = _total(effects, Stage.PLATFORM, s)
         return s.force if isinstance(tilt, float) else apply_matrix(tilt_rotation(tilt), s.force)
-    rotation = np.eye(3) if isinstance(tilt, float) else tilt_rotation(tilt)
+    rotation = _rotation(effects, Stage.PLATFORM, s)
     C_np, s = _mount(platform, s, effects)
     gravity = s.gravity * DOWN + _total(effects, Stage.GRAVITY, s)
     return -apply_matrix(rotation @ C_np, np.broadcast_to(gravity, s.force.shape))

@@ -249,7 +249,7 @@ def _turn_left(C: Array, x: float, y: float, z: float, s1: float, s2: float) -> 
 
 @compiled
 def radii(sL: float, height: float) -> tuple[float, float]:
-    """`earth.radii` plus the height [m], for kernels, which keep their helpers in one file; sL: sine of the latitude."""
+    """`earth.radii` plus the height [m], for kernels, which keep their helpers with them; sL: sine of the latitude."""
     w2 = 1 - E2 * sL * sL
     RN = SEMI_MAJOR_AXIS / np.sqrt(w2)
     return RN * (1 - E2) / w2 + height, RN + height

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording.plausible_run import named
 from gimbalcal.recording.record import Recording
 from gimbalcal.recording.triads import AXES
+from gimbalcal.units import to_si
 
-FORCE_UNITS = {"m/s^2": 1.0, "g": G0, "mg": 1e-3 * G0, "ug": 1e-6 * G0, "ft/s^2": 0.3048, "Gal": 1e-2}
+FORCE_UNITS = {unit: to_si(1.0, unit) for unit in ("m/s^2", "g", "mg", "ug", "ft/s^2", "Gal")}
 FAR_OFF, NORM_SHARE = 0.3, 0.25  # of gravity, rms: no low-cost unit is; and what another unit has to leave of it
 GONE = 0.1  # of gravity: accelerometers that read less, all of them, had gravity taken off
 ALIKE = 0.8, 1.25  # ratios that are one, give or take what a unit can be off

@@ -110,7 +110,7 @@ def _sigmas(content: Mapping[str, Any], n: Mapping[str, Any]) -> Picture:
     for p in content["parameters"]:
         of = groups.setdefault((named(p["name"]), unit_in_print(p["unit"])), {})
         of[p["axis"]] = n["sigma"][label_of(p)]
-    smoothed = n["attitude"].get("smoothed_arcsec")  # as of the version that first wrote it
+    smoothed = n["attitude"].get("smoothed_arcsec")  # some calibration.json have none
     if smoothed:
         groups["attitude, smoothed", "arcsec"] = smoothed
     return picture(

@@ -60,9 +60,7 @@ class Found:
         """Effects that were found twice with other constants: one effect has one, so their sizes are fitted anew."""
         first: dict[str, tuple[float, ...]] = {}
         values = [tuple(value for _, value, _ in told) for told in self.constants]
-        return {
-            c.effect for c, v in zip(self.causes, values, strict=True) if v != first.setdefault(c.effect, v)
-        }  # fmt: skip
+        return {c.effect for c, v in zip(self.causes, values, strict=True) if v != first.setdefault(c.effect, v)}
 
     def wide(self) -> dict[Parameter, Parameter]:
         """The parameters with a prior as wide as what was found: a prior that is narrower would hold them back."""

@@ -57,11 +57,13 @@ def two_position(recording: Recording) -> Calibration:
     sigma = sample / np.sqrt(means.weight)[:, None] * np.ones((1, 3))
     latitude = float(recording.site.latitude or 0.0)
     x, J, r = _fit(y, C, sigma, latitude)
-    inverse = np.linalg.pinv(J.T @ J, hermitian=True)
-    told = np.linalg.matrix_rank(J * np.where((n := np.linalg.norm(J, axis=0)) > 0, 1 / n, 1.0), tol=1e-6) == 4
+    scale = np.linalg.norm(J, axis=0) + 1e-300
+    unit = J / scale
+    told = np.linalg.matrix_rank(unit, tol=1e-6) == 4
+    inverse = np.linalg.inv(unit.T @ unit) / np.outer(scale, scale) if told else np.full((4, 4), np.inf)
     dof = r.size - 4
     chi2 = float(r @ r)
-    if not told or np.sqrt(inverse[3, 3]) > UNTOLD:
+    if np.sqrt(inverse[3, 3]) > UNTOLD:
         raise InputError(
             f"the {amount(len(y), 'rest')} of {recording.title!r} do not tell the Earth's rate from the bias: reverse "
             "the unit by 180 deg about the vertical, or about east, and stay longer"
