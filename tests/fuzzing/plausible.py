@@ -8,6 +8,9 @@ import re
 import sqlite3
 from pathlib import Path
 
+import numpy as np
+import polars as pl
+
 from tests.fuzzing.change import VALUES, Rng, Spoil, one_of, spoil_bytes
 
 FACTORS = (-1.0, 0.0, 0.01, 0.1, 0.5, 0.9, 0.99, 1.01, 1.1, 2.0, 10.0, 57.29577951308232, 60.0, 1e3, 9.80665, 1e6)
@@ -35,6 +38,47 @@ def spoil_meaning(rng: Rng, path: Path) -> None:
             continue
         text = text[:start] + new + text[stop:]
     path.write_text(text)
+
+
+def spoil_readings(rng: Rng, path: Path) -> None:
+    """Readings as a worse rig, sensor or logger would have made them: sound rows all, so that all is computed."""
+    frame = pl.read_csv(path)
+    for _ in range(int(rng.integers(1, 4))):
+        frame = _worse(rng, frame)
+    frame.write_csv(path)
+
+
+def _worse(rng: Rng, frame: pl.DataFrame) -> pl.DataFrame:
+    n, way = frame.height, int(rng.integers(12))
+    name = one_of(rng, [c for c in frame.columns if c not in ("t", "time", "time_s", "position")])
+    x = frame[name].cast(pl.Float64).to_numpy().copy()
+    size = float(one_of(rng, (1e-9, 1e-6, 1e-4, 1e-3, 1e-2, 0.1, 0.5))) * (float(np.ptp(x)) or 1.0)
+    i, k = int(rng.integers(n)), int(rng.integers(1, max(2, n // 4)))
+    if way == 0:
+        x += size * rng.standard_normal()
+    elif way == 1:
+        x *= 1 + size
+    elif way == 2:
+        x += size * rng.standard_normal(n)
+    elif way == 3:
+        return frame.filter(pl.Series(rng.random(n) < one_of(rng, (0.2, 0.5, 0.9, 0.99))))
+    elif way == 4:
+        return pl.concat([frame[:i], frame[i + k :]])
+    elif way == 5:
+        return frame[:i] if rng.random() < 0.5 else frame[i:]
+    elif way == 6:
+        x = np.round(x / size) * size
+    elif way == 7:
+        x[i : i + k] += size
+    elif way == 8:
+        x = np.clip(x, x.min() + size, x.max() - size / 2)
+    elif way == 9:
+        x += size * np.sin(np.arange(n) * 10.0 ** rng.uniform(-4, 0))
+    elif way == 10:
+        x[i : i + k] *= -1
+    else:
+        x = np.roll(x, int(rng.integers(-3, 4)))
+    return frame.with_columns(pl.Series(name, x))
 
 
 def spoil_encoding(rng: Rng, path: Path) -> None:
@@ -98,5 +142,6 @@ def spoil_base(rng: Rng, path: Path) -> None:
 
 
 MEANT: tuple[Spoil, ...] = (spoil_meaning,)
+ROUGH: tuple[Spoil, ...] = (spoil_readings,)
 SAVED: tuple[Spoil, ...] = (spoil_encoding,)
 DEEP: tuple[Spoil, ...] = (spoil_depth,)

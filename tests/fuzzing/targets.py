@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tests.fuzzing.change import BINARY, JSON, TABLE, TEXT, Rng, Spoil, one_of, spoil_columns, spoil_hdf5, spoil_mat
-from tests.fuzzing.plausible import DEEP, MEANT, SAVED, spoil_base
+from tests.fuzzing.plausible import DEEP, MEANT, ROUGH, SAVED, spoil_base
 
 ODD_ARGUMENTS = ("", "-1", "0", "nan", "inf", "1e400", "x", "9" * 30, "../..", "/dev/null", "bias", "bias:x", "bias:w",
                  "warm_up,tau=nan", "warm_up,tau=-1", "51", "tcp://nowhere", "~", "*", "a\x01b", "K3", "--help", "30",
@@ -61,6 +61,7 @@ def _recording(name: str, samples: str = "samples.csv") -> tuple[str, ...]:
 
 DEVICE, PARQUET = _recording("device"), _recording("device_parquet", "samples.parquet")
 STATIC, HAND, TURNING, STARS = (_recording(n) for n in ("static", "hand", "turning", "stars"))
+FOUR = ("device", "hand", "static", "stars")
 CSV_HEADER = ("import", "csv", "rig.csv", "--set", "header=header.toml", "--out", "made")
 CALIBRATION = ("--calibration", "calibration.json")
 MONTHS = tuple(f"month{i}.json" for i in range(1, 5))
@@ -114,6 +115,16 @@ TARGETS: Mapping[str, Target] = {
     "diagnose": Target(DEVICE, {DEVICE[0]: TEXT, DEVICE[1]: TABLE}, _one("diagnose", "device"), weight=0.5),
     "diagnose_hand": Target(HAND, {HAND[0]: TEXT, HAND[1]: TABLE}, _one("diagnose", "hand"), weight=0.3),
     "diagnose_static": Target(STATIC, {STATIC[1]: TABLE}, _one("diagnose", "static"), weight=0.2),
+    "rough": Target(
+        (*DEVICE, *HAND, *STATIC, *STARS), dict.fromkeys((DEVICE[1], HAND[1], STATIC[1], STARS[1]), ROUGH),
+        _any(*(("calibrate", name) for name in (*FOUR, *FOUR)), ("noise", "static"), ("noise", "hand"))),
+    "rough_turning": Target(
+        (*TURNING, *STATIC, "calibration.json"), {TURNING[1]: ROUGH, STATIC[1]: ROUGH},
+        _any(("calibrate", "turning"), ("calibrate", "turning", "--states", "30"), ("navigate", "static", *CALIBRATION),
+             ("navigate", "turning", *CALIBRATION)), weight=0.3),
+    "rough_diagnose": Target(
+        (*DEVICE, *HAND, *STATIC, *STARS), dict.fromkeys((DEVICE[1], HAND[1], STATIC[1], STARS[1]), ROUGH),
+        _any(*(("diagnose", name) for name in FOUR)), weight=0.7),
     "meant": Target(DEVICE, {DEVICE[0]: MEANT}, _one("calibrate", "device")),
     "meant_hand": Target(HAND, {HAND[0]: MEANT}, _one("calibrate", "hand")),
     "meant_static": Target(STATIC, {STATIC[0]: MEANT}, _one("calibrate", "static"), weight=0.5),

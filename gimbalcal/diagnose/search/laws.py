@@ -129,7 +129,7 @@ class Law:
 
 
 def laws_of(g: Ground) -> list[Law]:
-    """Expressions by evidence, best first; of those that are one in this recording each is there."""
+    """Expressions that explain something, by evidence, best first; of those that are one in this recording each."""
     found: list[tuple[float, Place, Expression]] = []
     number, screens = [0, 0, 0], dict[int, Screen]()
     for place in g.places:
@@ -141,6 +141,8 @@ def laws_of(g: Ground) -> list[Law]:
         seen = screen(g, place)
         found += _best(place, _screened(seen, [*ones, *threes]), _paired(seen, pairs))
         screens[id(place)] = seen
+    if not found:
+        return []  # nothing is left that any would take away
     found.sort(key=lambda f: -f[0])
     refined = [_refined(screens[id(place)], place, e) for _, place, e in found[:REFINED]]
     chosen = [*refined, *((place, e) for _, place, e in found[REFINED:WEIGHED])]
