@@ -61,28 +61,27 @@ def _with_nulls(content: Any) -> Any:
 
 
 @contextmanager
-def folder(path: Path, last: str = "") -> Iterator[Path]:
+def folder(path: Path, last: str = "", belonging: Sequence[str] = ()) -> Iterator[Path]:
     """A new folder to write files into, which becomes `path` when the block ends; nothing is left where it fails.
 
-    Where `path` is a folder already its files of the same names are replaced and others stay. A folder of nothing but
-    files is exchanged as one for its renewed copy, so that a kill at any moment leaves all old or all new ones. Where
-    that cannot be (a system or disk without it, folders within, the folder that we stand in) they are replaced
-    together, one renaming after the other, the one called `last` after all others.
+    Where `path` is a folder already its files of the same names are replaced, those `belonging` to them go where no new
+    one was made, and others stay. A folder of nothing but files is exchanged as one for its renewed copy, so that a
+    kill at any moment leaves all old or all new ones. Where that cannot be (a system or disk without it, folders
+    within, the folder that we stand in) they are replaced together, one renaming after the other, the one called `last`
+    after all others.
     """
-    # on the same disk, so that moving is renaming; no folder is left behind by what fails
     home = path.resolve()
-    near = next(p for p in (home, *home.parents) if p.is_dir())
+    # on the same disk, so that moving is renaming; no folder is left behind by what fails
+    near = home.parent if home.is_dir() and _exchangeable(home) else home
+    near = next(p for p in (near, *near.parents) if p.is_dir())
     private = Path(tempfile.mkdtemp(prefix=f".{home.name}-", dir=near))
     try:
-        if near == home and _exchangeable(home):
-            with suppress(OSError):  # else it is mounted there, or the folder around it is another's
-                private = private.rename(home.parent / private.name)
         made = private / "new"
         made.mkdir()  # as the mask lets others read it, which mkdtemp does not
         with _naming(lambda: path / _latest(made).relative_to(made)):
             yield made
         if path.is_dir():
-            _taken(made, path, last)
+            _taken(made, path, last, belonging)
         else:
             path.parent.mkdir(parents=True, exist_ok=True)
             made.rename(path)
@@ -90,23 +89,26 @@ def folder(path: Path, last: str = "") -> Iterator[Path]:
         shutil.rmtree(private, ignore_errors=True)
 
 
-def _taken(made: Path, path: Path, last: str) -> None:
+def _taken(made: Path, path: Path, last: str, belonging: Sequence[str]) -> None:
     """Files into the folder `path`, all of them: no signal comes between; nothing is done where something cannot be."""
     files = sorted(made.iterdir(), key=lambda f: (f.name == last, f.name))
     for each in files:
         if (path / each.name).is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path / each.name))
+    gone = [path / name for name in belonging if (path / name).is_file() and not (made / name).exists()]
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
     try:
-        if len(files) == 1 or not _exchanged(made, path.resolve()):
+        if len(files) + len(gone) == 1 or not _exchanged(made, path.resolve(), [each.name for each in gone]):
+            for each in gone:
+                each.unlink()
             for each in files:
                 each.replace(path / each.name)
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _exchanged(made: Path, path: Path) -> bool:
-    """Whether `made`, with what else is in `path`, took its place in one step; if not, all is as it was."""
+def _exchanged(made: Path, path: Path, gone: Sequence[str]) -> bool:
+    """Whether `made` and what else is in `path`, but for those `gone`, took its place in one step; if not, nothing."""
     if made.parent.parent != path.parent or not _exchangeable(path):
         return False
     whole = made.with_name("whole")
@@ -115,7 +117,7 @@ def _exchanged(made: Path, path: Path) -> bool:
         shutil.copystat(path, whole)
         if whole.stat()[4:6] != path.stat()[4:6]:  # of another owner or group
             return False
-        ours = {each.name for each in made.iterdir()}
+        ours = {*gone, *(each.name for each in made.iterdir())}
         for each in (*made.iterdir(), *(e for e in path.iterdir() if e.name not in ours and not e.is_dir())):
             os.link(each, whole / each.name, follow_symlinks=False)  # a second name of the file, which takes no room
         os.utime(whole)
@@ -130,10 +132,19 @@ def _exchanged(made: Path, path: Path) -> bool:
 
 
 def _exchangeable(path: Path) -> bool:
-    """Whether a folder holds files only, beside what a kill left of a folder above, and we do not stand in it."""
+    """Whether another folder can take the place of this one: of files only, but for what a kill left of `folder`."""
     with os.scandir(path) as each:
         within = [e.name for e in each if e.is_dir() and not e.name.startswith(f".{path.name}-")]
-    return not within and not Path().samefile(path)
+    ours = os.access(path.parent, os.W_OK | os.X_OK)
+    return ours and not within and not _mounted(path) and not Path().samefile(path)
+
+
+def _mounted(path: Path) -> bool:
+    """Whether a disk, or a folder of this one, is mounted at that place."""
+    with suppress(OSError):
+        if f" {path} " in Path("/proc/self/mountinfo").read_text(errors="replace"):
+            return True
+    return path.is_mount()
 
 
 def _exchange(one: Path, other: Path) -> bool:

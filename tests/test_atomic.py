@@ -238,6 +238,56 @@ def test_what_is_exchanged_and_what_not(tmp_path: Path, monkeypatch: pytest.Monk
     assert [n for n in names(out) if n != "sub"] == list(NAMES)
 
 
+@pytest.mark.parametrize("as_one", [True, False])
+def test_what_belongs_to_earlier_files_goes_with_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, as_one: bool
+) -> None:
+    if not as_one:
+        monkeypatch.setattr(atomic, "_exchange", lambda one, other: False)
+    for name in (*NAMES, "law.py", "mine"):
+        atomic.write(tmp_path / "out" / name, "old")
+    with atomic.folder(tmp_path / "out", belonging=("law.py", "c.html", "never")) as new:
+        for name in NAMES:
+            (new / name).write_text("new")
+    assert names(tmp_path / "out") == [*NAMES, "mine"]
+    assert ages(tmp_path / "out") == {"new"}
+
+
+TWO = """
+import sys
+from pathlib import Path
+from gimbalcal import atomic
+for n in range(100):
+    with atomic.folder(Path(sys.argv[1])) as new:
+        for name in sys.argv[3:]:
+            (new / name).write_text(f"{sys.argv[2]} {n}")
+"""
+
+
+def test_two_that_replace_at_once_are_never_mixed(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    replaced(out, "0")
+    both = [subprocess.Popen([sys.executable, "-c", TWO, str(out), who, *NAMES]) for who in "AB"]
+    while any(process.poll() is None for process in both):
+        assert len(at_a_look(out)) <= 1
+    assert [process.returncode for process in both] == [0, 0]
+    assert names(tmp_path) == ["out"]
+
+
+def at_a_look(out: Path) -> set[str]:
+    """Ages in a folder that is held open; none where it was exchanged and removed meanwhile."""
+    folder, found = os.open(out, os.O_RDONLY), set[str]()
+    try:
+        for name in NAMES:
+            with open(name, opener=lambda each, flags: os.open(each, flags, dir_fd=folder)) as file:
+                found.add(file.read())
+    except FileNotFoundError:
+        return set()
+    finally:
+        os.close(folder)
+    return found
+
+
 def test_what_another_saves_meanwhile_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out = tmp_path / "out"
     replaced(out, "old")

@@ -192,7 +192,7 @@ def diagnose(
     from gimbalcal.report.files import write_diagnosis
 
     tell = progress(quiet)
-    files = ("diagnosis.json", "calibration.json", "report.html")
+    files = ("diagnosis.json", "calibration.json", "law.py", "report.html")
     there = place(out, recordings, "diagnosis", files, overwrite, as_json)
     start = read_calibration(known) if known else None
     groups = by_sensor(load(recordings, tell))

@@ -17,6 +17,7 @@ from gimbalcal import atomic
 from gimbalcal.errors import InputError
 
 F = TypeVar("F", bound=Callable[..., Any])
+OWN_EFFECTS = "gimbalcal.effects"  # under which a run's context has the files of --effects
 SILENCE = 10.0  # s, after which work says that it goes on
 SEED = click.IntRange(min=0)
 RUNS = click.IntRange(1, 10_000_000)  # of a campaign, tries of a search: of more a list takes longer than anybody waits
@@ -116,11 +117,12 @@ def wrote(folder: Path, first: str, quiet: bool) -> None:
     progress(quiet)(f"wrote {folder / first} and {folder / 'report.html'}")
 
 
-def _load_effects(_context: click.Context, _option: click.Parameter, files: tuple[Path, ...]) -> None:
+def _load_effects(context: click.Context, _option: click.Parameter, files: tuple[Path, ...]) -> None:
     """Enter a user's effects into the catalogue before anything is read."""
     if files:
         from gimbalcal.effects import load_effects
 
+        context.meta[OWN_EFFECTS] = files
         for file in files:
             load_effects(file)
 

@@ -23,12 +23,13 @@ from typing import Any
 import click
 
 from gimbalcal import atomic
+from gimbalcal.cli.options import OWN_EFFECTS
 from gimbalcal.errors import InputError
 
 OVERWRITE = click.option("--overwrite", is_flag=True, help="Replace files in --out that differ from what is written.")
 TELLING = {"out", "quiet", "as_json", "overwrite", "store", "unit", "workers", "scheduler", "runs"}
 # options that change no result; runs of a campaign are added to those that are there
-PAGE = "report.html"
+PAGE, TRUTH = "report.html", "truth.json"
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,8 @@ def place(
     """
     question = _question()
     if out is not None:
+        if read := _effects_files() & {(out / name).resolve() for name in files}:
+            raise InputError(f"{read.pop()} is read and would be written over; give another --out")
         other = _others(out, files, question)
         if other and not overwrite:
             from gimbalcal.report.wording import listed
@@ -80,8 +83,15 @@ def _question() -> str:
     """What this run of the command line asks, as a name: the command and a digest of everything that decides."""
     context = click.get_current_context()
     asked = {k: _plain(v) for k, v in sorted(context.params.items()) if k not in TELLING}
+    if effects := _effects_files():
+        asked["effects"] = sorted(map(str, effects))
     digest = hashlib.sha256(json.dumps([context.info_name, asked], sort_keys=True).encode()).hexdigest()
     return f"{context.info_name} {digest[:16]}"
+
+
+def _effects_files() -> set[Path]:
+    """The files of effects of one's own that this run was given."""
+    return {file.resolve() for file in click.get_current_context().meta.get(OWN_EFFECTS, ())}
 
 
 def _plain(value: Any) -> Any:
@@ -118,8 +128,11 @@ def placed(folder: Path, overwrite: bool = False) -> Iterator[Path]:
 
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file and cannot be a folder; give another --out")
-    with atomic.folder(folder, last=NAME) as new:  # the header last: it is what makes a folder a recording
+    belonging: list[str] = []
+    with atomic.folder(folder, NAME, belonging) as new:  # the header last: it is what makes a folder a recording
         yield new
+        if overwrite and (new / NAME).is_file():
+            belonging.append(TRUTH)  # of the simulation that was there
         if not overwrite:
             _refuse_other(sorted(new.iterdir(), key=lambda file: (file.name == NAME, file.name)), folder)
 

@@ -31,12 +31,12 @@ def write_calibration(
 
 def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "", question: str = "") -> None:
     """diagnosis.json, calibration.json of its refit, law.py of a law and report.html; `title`: of which recording."""
-    from gimbalcal.diagnose.verdict.law_file import source
+    from gimbalcal.diagnose.verdict.law_file import is_found, source
     from gimbalcal.report.diagnosis_page import diagnosis_report, panels
 
     drawn = panels(diagnosis.curves, diagnosis.mismatch) if diagnosis.curves else ()
     page = diagnosis_report(diagnosis.to_dict(), drawn, title, diagnosis.curves)
-    with folder(out) as new:
+    with folder(out, belonging=("law.py",) if is_found(out / "law.py") else ()) as new:
         write_json(new / "diagnosis.json", diagnosis.to_dict())
         if diagnosis.calibration is not None:
             diagnosis.calibration.write(new / "calibration.json")

@@ -10,7 +10,9 @@ import pytest
 
 from gimbalcal import cli
 from gimbalcal.cli.placing import placed
+from gimbalcal.diagnose.verdict.law_file import HEAD
 from gimbalcal.errors import InputError
+from tests.fuzzing.seeds import LAW
 
 ROOT = Path(__file__).resolve().parents[2]
 DEVICE = ROOT / "data" / "space_stable_18"
@@ -173,3 +175,46 @@ def test_the_help_of_each_command_says_where_results_go(command: Command, capsys
             assert command(name, "--help") == 0
             text = " ".join(capsys.readouterr().out.split())
             assert "[default: " in text[text.index("--out PATH Folder for") : text.index("--quiet")], name
+
+
+def test_the_truth_of_a_simulation_goes_with_it(command: Command, tmp_path: Path) -> None:
+    """Beside another recording it would be taken for the truth of that one."""
+    assert command("calibrate", DEVICE, "--out", tmp_path, "--quiet") == 0
+    known, out = ("--calibration", tmp_path / "calibration.json", "--quiet"), tmp_path / "rec"
+    assert command("simulate", "demo", "--out", out, "--quiet") == 0
+    assert command("export", "csv", *known, "--out", out, "--overwrite") == 0
+    assert set(contents(out)) == {"recording.toml", "samples.csv", "truth.json", "calibration.csv"}
+    assert command("apply", DEVICE, *known, "--out", out, "--overwrite") == 0
+    assert set(contents(out)) == {"recording.toml", "samples.csv", "calibration.csv"}
+
+
+def test_an_earlier_law_goes_with_its_diagnosis_and_one_of_ones_own_stays(
+    command: Command, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    out, asked = tmp_path / "out", ("diagnose", DEVICE, "--quiet")
+    out.mkdir()
+    (out / "law.py").write_text("mine")
+    assert command(*asked, "--out", out) == 2
+    assert "already holds law.py of another question, which would be lost" in capsys.readouterr().err
+    assert contents(out) == {"law.py": b"mine"}
+    assert command(*asked, "--out", out, "--overwrite") == 0
+    assert command(*asked, "--out", out) == 0
+    assert (out / "law.py").read_text() == "mine"  # none was found that would take its place
+    (out / "law.py").write_text(HEAD + "earlier")
+    assert command(*asked, "--out", out) == 0
+    assert set(contents(out)) == {"diagnosis.json", "calibration.json", "report.html"}
+
+
+@pytest.mark.usefixtures("own_catalogue")
+def test_effects_of_ones_own_are_another_question_and_are_not_written_over(
+    command: Command, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    law = tmp_path / "law.py"
+    law.write_text(LAW)
+    asked, with_it = ("noise", DEVICE, "--quiet", "--out", tmp_path / "noise"), ("--effects", law)
+    assert command(*asked) == 0
+    assert command(*asked, *with_it) == 2
+    assert "of another question" in capsys.readouterr().err
+    assert command("diagnose", DEVICE, *with_it, "--out", tmp_path, "--overwrite") == 2
+    assert f"{law} is read and would be written over; give another --out" in capsys.readouterr().err
+    assert law.read_text() == LAW

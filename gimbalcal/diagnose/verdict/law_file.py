@@ -6,6 +6,7 @@ import itertools
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -197,6 +198,14 @@ def _class(law: Law, told: Stated, entry: Mapping[str, Any], title: str) -> str:
         needs=tuple(dict.fromkeys(v.needs for v in law.expression.variables if v.needs)), fields="\n".join(fields),
         form=entry["form"], code=told.code, to=of_gimbal if law.place.channel == "gimbal_angle" else of_sensor,
     )  # fmt: skip
+
+
+def is_found(path: Path) -> bool:
+    """Whether a file is the law.py of a diagnosis as it was written, and nobody's own."""
+    try:
+        return path.read_bytes().startswith(HEAD.encode())
+    except OSError:
+        return False
 
 
 def source(laws: Sequence[FoundLaw]) -> str:
