@@ -137,7 +137,7 @@ class Diagnosis:
             "unexplained": [dict(u) for u in self.unexplained],
             **(
                 {"laws": [dict(law.entry) for law in self.laws], "recommend": self.recommend}
-                if self.verdict == "unexplained"
+                if self.verdict == "unexplained" or self.laws
                 else {}
             ),
             "fit": dict(self.fit),

@@ -221,8 +221,9 @@ def _together(
     drawn = curves_of(lead.said) if isinstance(lead.said, Told) else lead.said.curves
     held = None if forces is None else forces.calibration
     made = calibration_of(recording, told, wording.reserve(verdict, found, shapes), held)
+    recommend = next(filter(None, (p.said.recommend for p in parts_by_weight)), "")
     return Diagnosis(verdict, mismatch, found, shapes, fitted, provenance, words, drawn, made,
-                     laws=tuple(law for p in parts for law in p.said.laws), recommend=lead.said.recommend)  # fmt: skip
+                     laws=tuple(law for p in parts for law in p.said.laws), recommend=recommend)  # fmt: skip
 
 
 def _ids(options: Mapping[str, Any]) -> list[str]:

@@ -32,23 +32,19 @@ from gimbalcal.diagnose.search.about_settings import about_settings
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.verdict.calibrated import calibrated, found_of
 from gimbalcal.diagnose.verdict.decide import Decision, bar, capped, decide, strained, unnamed
-from gimbalcal.diagnose.verdict.laws import Lawful, law_of_search
-from gimbalcal.diagnose.verdict.locate import Scan, mismatches, scan
+from gimbalcal.diagnose.verdict.laws import Lawful, lawful, misheld
+from gimbalcal.diagnose.verdict.locate import LEFT, Scan, mismatches, scan
 from gimbalcal.diagnose.verdict.model import FittedCauses, calibration_fit, constant_value, fit_causes
 from gimbalcal.diagnose.verdict.recommend import advise, sentence
 from gimbalcal.diagnose.verdict.threshold import clean_evidence
 from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.baseline import BASELINE
-from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 
-AGAIN = "record the positions again that were not held where the readouts say: a law is sought when they are"
-LEFT = 1e-4  # probability that a clean recording looks as bad as what the named causes leave
 DRAGGED = 100.0  # reduced chi^2 of the model from which its constants are not to be linearised at
 
 
@@ -66,17 +62,9 @@ def diagnose_known_noise(
     made = _report(s, d, clean, rng, options, tell, calibration)
     if d.hypothesis is None or (made.fit["scan_p_after"] >= LEFT and strained(s, d.hypothesis.members) < CLAIM):
         return made
-    tell("what was named leaves a rest: looking for a formula that leaves none")
-    law = _lawful(s, unnamed(s), seed, instead=True)
-    return _report(s, unnamed(s), clean, rng, options, tell, calibration, law) if law.laws else made
-
-
-def _lawful(s: Search, d: Decision, seed: int, instead: bool = False) -> Lawful:
-    """A formula for what no cause explains, unless positions were not held: that is a fault and no law."""
-    if _misheld(s, d):
-        return Lawful(recommend=AGAIN)
-    node = fit_causes(s, tuple(d.shapes[:1])).projection.node
-    return law_of_search(s, node, np.random.default_rng(seed), instead)
+    none = unnamed(s)
+    law = lawful([s], [none.shapes[:1]], s, none.verdict, seed, tell, instead=True)
+    return _report(s, none, clean, rng, options, tell, calibration, law) if law.laws else made
 
 
 def searched(recording: Recording, calibration: Calibration | None, baseline: tuple[str, ...], tell: Tell) -> Search:
@@ -147,18 +135,15 @@ def _report(
         "causes_compared": len([c for c in s.library.candidates if not c.rival]),
         "excess_kurtosis": round(s.o.heavy, 3),
     }
-    words, misheld = wording.answer(d.verdict, named, shapes, mismatch, fitted), _misheld(s, d)
-    if law is None:
-        law = Lawful()
-        if d.verdict == "unexplained":
-            tell("nothing known explains it: looking for a formula in what was recorded")
-            law = _lawful(s, d, int(options["seed"]))
-    fitted |= law.fit
-    curves = curves if law.added is None else replace(curves, after=residual_rows(s.o, law.added)[1])
+    words, fault = wording.answer(d.verdict, named, shapes, mismatch, fitted), misheld(s, d.verdict)
+    law = law or lawful([s], [d.shapes[:1]], s, d.verdict, int(options["seed"]), tell)
+    for numbers, added in law.each:
+        fitted |= numbers
+        curves = replace(curves, after=residual_rows(s.o, added)[1])
     tell("the model with what was found, as a calibration")
     made = calibrated_alone(s, f, wording.reserve(d.verdict, named, shapes), known)
-    words += f" {misheld}" if misheld else ""
-    return Diagnosis(d.verdict, mismatch, named, shapes, fitted, provenance, words, curves, made, outcome=misheld,
+    words += f" {fault}" if fault else ""
+    return Diagnosis(d.verdict, mismatch, named, shapes, fitted, provenance, words, curves, made, outcome=fault,
                      laws=law.laws, recommend=law.recommend)  # fmt: skip
 
 
@@ -168,18 +153,6 @@ def calibrated_alone(s: Search, f: FittedCauses, outcome: str, known: Calibratio
     told = [constant_value(s, f, j) for j in range(len(causes))]
     found = found_of(causes, told, f.x, f.covariance)
     return calibrated([(s.o, f.projection.node, range(len(causes)))], found, outcome, known)
-
-
-def _misheld(s: Search, d: Decision) -> str:
-    """Sentences on positions that were not held where the readouts say, which is a fault and no physics."""
-    if d.verdict != "unexplained" or s.o.kind != "multi-position":
-        return ""
-    try:
-        faults = trusted_positions(s.o.recording).faults
-    except InputError:  # too few positions or accelerometers to tell one that was not held
-        return ""
-    told = [f"{f.in_words[:1].upper()}{f.in_words[1:].rstrip('.')}." for f in faults]
-    return " ".join([*told, "`gimbalcal calibrate` leaves such positions out."]) if told else ""
 
 
 def measured(

@@ -7,7 +7,7 @@ recording 2 ──> search ─┴─> combine ──> decide ─┴─> fit, ver
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,10 +26,12 @@ from gimbalcal.diagnose.unknown_noise import applies
 from gimbalcal.diagnose.verdict.calibrated import calibrated, found_of
 from gimbalcal.diagnose.verdict.decide import Decision, bar, decide
 from gimbalcal.diagnose.verdict.decide_together import clean_together, decide_together
+from gimbalcal.diagnose.verdict.laws import APART, Lawful, lawful
 from gimbalcal.diagnose.verdict.locate import LISTED, Scan, mismatches
 from gimbalcal.diagnose.verdict.model import fit_causes
 from gimbalcal.diagnose.verdict.pool import Part, agreement, common_constants, parts, pooled
 from gimbalcal.diagnose.verdict.recommend import advise, sentence
+from gimbalcal.diagnose.verdict.verify import residual_rows
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES
@@ -38,7 +40,6 @@ from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording
 
-DIFFER = 1e-3  # p-value of agreement below which a size is said to differ between recordings
 AVERAGED = ("chi2_reduced", "heldout")  # numbers of a fit that are averages over its rows
 
 
@@ -73,10 +74,20 @@ def diagnose_several(
     clean, alone = clean_together(c, rng)
     d = decide_together(c, bar(clean))
     tell("locating the mismatch and checking held-out data")
-    shares = _shares(c, d, alone, rng)
+    law = lawful(c.searches, [c.within(d.shapes, k)[:1] for k in range(len(searches))], c, d.verdict, seed, tell)
+    shares = _with_law(_shares(c, d, alone, rng), law)
     options = {"baseline": [list(i) for i in ids], "seed": seed}
     tell("the model with what was found, as a calibration")
-    return _report(c, d, clean, shares, options, calibration)
+    return _report(c, d, clean, shares, options, calibration, law)
+
+
+def _with_law(shares: tuple[Share, ...], law: Lawful) -> tuple[Share, ...]:
+    """The shares with what a law that no catalogue holds, if there is one, makes of their numbers."""
+    after = [residual_rows(x.part.search.o, added)[1] for x, (_, added) in zip(shares, law.each, strict=False)]
+    each = zip(shares, law.each, after, strict=True) if after else ()
+    return (
+        tuple(replace(x, fit={**x.fit, **fit}, curves=replace(x.curves, after=r)) for x, (fit, _), r in each) or shares
+    )
 
 
 def _check(recordings: Sequence[Recording]) -> None:
@@ -125,7 +136,7 @@ def _shares(c: CombinedRanking, d: Decision, clean: Sequence[Array], rng: np.ran
 
 def _report(
     c: CombinedRanking, d: Decision, clean: Array, shares: tuple[Share, ...], options: dict[str, Any],
-    known: Calibration | None,
+    known: Calibration | None, law: Lawful,
 ) -> Diagnosis:  # fmt: skip
     lead = min(range(len(shares)), key=lambda k: (shares[k].before.p_value, -shares[k].before.statistic.max()))
     mismatch = () if d.verdict == "adequate" else _mismatch(shares, lead)
@@ -149,14 +160,15 @@ def _report(
     made = _calibrated(c, d, shares, wording.reserve(d.verdict, named, unexplained), known)
     between = made.provenance["agreement"]
     fitted["constants"] = between
-    verdict, differ = d.verdict, str(between["in_words"])
+    verdict, differ, recommend = d.verdict, str(between["in_words"]), law.recommend
     if differ:
+        recommend = recommend or APART
         words.insert(0, differ)
         unexplained += ({"channel": "all", "shape": "constants that differ between the recordings"},)
         verdict = "unexplained" if verdict == "adequate" else verdict
     return Diagnosis(
         verdict, mismatch, named, unexplained, fitted, provenance, " ".join(words), shares[lead].curves, made,
-        differ.rstrip("."),
+        differ.rstrip("."), laws=law.laws, recommend=recommend,
     )  # fmt: skip
 
 
@@ -214,13 +226,7 @@ def _sizes(shares: Sequence[Part], slot: int) -> list[dict[str, Any]]:
 
 def _agreement(shares: Sequence[Part], slot: int, found: dict[str, Any]) -> dict[str, Any]:
     a = agreement(shares, slot)
-    words = ""
-    if a.dof and a.p_value < DIFFER:
-        name = wording.named({**found, "twins": []})
-        words = (
-            f"The recordings do not agree on the size of {name}: it differs between them "
-            f"(chi^2 {a.chi2:.3g} on {a.dof}, p = {a.p_value:.1g}); the mean stands for none of them."
-        )
+    words = a.against(wording.named({**found, "twins": []}))
     return {"chi2": round(a.chi2, 3), "dof": a.dof, "p_value": a.p_value, "in_words": words}
 
 

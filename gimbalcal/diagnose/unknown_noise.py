@@ -141,8 +141,9 @@ def _together(
     words = wording.answer_of_views(verdict, [(t.view, t.fit, t.findings) for t in told], shapes, mismatch)
     words = " ".join(filter(None, [words, wording.delayed(found), *notes]))
     made = calibration_of(recording, told, wording.reserve(verdict, found, shapes))
+    recommend = next(filter(None, (t.recommend for t in (lead, *told))), "")
     return Diagnosis(verdict, mismatch, found, shapes, fit, provenance, words, curves_of(lead), made,
-                     laws=tuple(law for t in told for law in t.laws), recommend=lead.recommend)  # fmt: skip
+                     laws=tuple(law for t in told for law in t.laws), recommend=recommend)  # fmt: skip
 
 
 def calibration_of(

@@ -126,7 +126,7 @@ def _law(law: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "where": f"{law['channel']} {law['axis']}".replace("_", " "),
         "equation": formula(law["latex"]), "form": law["form"], "rows": rows, "domain": minus("; ".join(seen)),
-        "alternatives": "; ".join(law["alternatives"]), "effect": law["effect"],
+        "alternatives": "; ".join(law["alternatives"]), "with": law["with"],
     }  # fmt: skip
 
 

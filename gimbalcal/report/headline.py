@@ -244,7 +244,7 @@ def _unexplained(content: Entry, curves: Curves | None) -> str:
     told = (f"{law['expression']} {wording.unit_in_print(str(law['unit']))} in {law['channel']} {law['axis']}"
             for law in laws)  # fmt: skip
     law = f" A formula fits it, in law.py: {'; '.join(told).replace('_', ' ')}." if laws else ""
-    asked = " ".join(f"--with {law['effect']}" for law in laws)
+    asked = " ".join(f"--with {law['with']}" for law in laws)
     recommend = content.get("recommend") or (
         f"calibrate with it, `{asked} --effects law.py`, and look for what is behind it" if laws
         else "look at the picture below, and record again with that quantity varied on purpose"

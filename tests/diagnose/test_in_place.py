@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from gimbalcal import diagnose
+from gimbalcal import calibrate, diagnose, load_effects
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.diagnose.rows.in_place import turned_in_place
+from gimbalcal.diagnose.verdict.law_file import source
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.units import from_si
 from tests.estimate.systematic.table import turning_unit
@@ -69,14 +70,24 @@ def test_a_noise_larger_than_stated_is_no_physics():
     assert "30 states do not explain" in d.outcome
 
 
-def test_a_law_of_no_catalogue():
-    def half_waves(t):
-        wave = np.maximum(np.sin(2 * np.pi * t / 60), 0)
-        return 3e-3 * np.stack([wave, 0 * t, 0 * t], axis=-1)
+@pytest.mark.usefixtures("own_catalogue")
+def test_a_law_of_no_catalogue_is_found_and_carried_by_the_filter(tmp_path):
+    def wave(t):
+        return 2e-3 * np.stack([0 * t, np.sin(2 * np.pi * t / 47), 0 * t], axis=-1)
 
-    d = diagnose([turning_unit(drift=half_waves, **SHORT)])
+    r = turning_unit(drift=wave, **SHORT)
+    d = diagnose([r])
     assert d.verdict == "unexplained"
-    assert d.unexplained[0]["channel"] == "specific_force x"
+    assert d.unexplained[0]["channel"] == "specific_force y"
+    (law,) = (law.entry for law in d.laws)
+    assert (law["channel"], law["axis"], law["variables"]) == ("specific_force", "y", ["time"])
+    k = next(p for p in law["parameters"] if p["name"] == "k")
+    assert abs(k["value"] - 2 * np.pi / 47) < 4 * k["sigma"] < 1e-2
+    assert law["with"] == f"law_specific_force_y,k={k['value']:.9g}"
+    assert d.fit["heldout_after"] < 1.2
+    (tmp_path / "law.py").write_text(source(d.laws))
+    load_effects(tmp_path / "law.py")
+    assert calibrate(r, more=[law["with"]]).outcome == ""
 
 
 def test_a_table_that_goes_on_tilting_is_none():

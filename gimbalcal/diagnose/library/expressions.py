@@ -8,45 +8,22 @@ Constants inside a term (an order, a time constant, a limit) start from a grid.
 from __future__ import annotations
 
 import itertools
-import keyword
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gimbalcal.diagnose.library.variables import Variable, variables
 from gimbalcal.effects import Stimulus
 from gimbalcal.effects.grids import highest_order
-from gimbalcal.effects.history import smoothed_rate
 from gimbalcal.number import Array
-from gimbalcal.units import from_si, to_si
+from gimbalcal.units import to_si
 
-LEAST = {"force": 0.1, "angle": 1e-2, "rate": 1e-2}  # SI: what varies less stands still
 LEVELS, STEPS = 12, 25  # thresholds of a variable at the most, and about one of them
 INSTANTS = 40  # of a threshold in time
 CYCLES, FAST = 30, 150  # waves over the recording, in half turns: in products, and alone
 ORDERS = 8  # harmonics of an angle at the most
-RESERVED = frozenset(("S", "N", "I", "E", "O", "Q", "pi", "beta", "gamma", "zeta"))  # names that sympy reads otherwise
-
-
-LETTER = re.compile("([a-z]|tau|x0)[0-9]?")  # what coefficients and constants are called
-
-
-@dataclass(frozen=True, eq=False)
-class Variable:
-    """What a law may follow: its name and unit in print, values (n,) in SI, how law.py takes it from a stimulus `s`."""
-
-    name: str
-    unit: str
-    x: Array
-    code: str
-    group: str  # force, angle, rate, time, since or logged
-    origin: float = 0.0  # SI; powers are of the difference
-    needs: str = ""  # the channel that a recording has to have
-
-    def printed(self, x: Array | float) -> Array | float:
-        """Values in SI as they are printed."""
-        return from_si(np.asarray(x, dtype=float), self.unit) if self.unit else x
+VARIED = (0.25, 0.5, 0.8, 1.25, 2.0, 4.0)  # times a constant: where else a law may be
 
 
 @dataclass(frozen=True)
@@ -151,44 +128,27 @@ class Expression:
         """What it follows."""
         return tuple(t.variable for t in self.terms)
 
+    def on(self, s: Stimulus) -> Expression:
+        """The same law where something else is felt. Raises KeyError for what is not logged there."""
+        there = {v.name: v for v in variables(s, still=True)}
+        moved = ((t, replace(t.variable, x=there[t.variable.name].x)) for t in self.terms)
+        return Expression(tuple(replace(t, variable=v, columns=_columns(v, t.form, t.constant)) for t, v in moved))
+
+    def varied(self) -> list[Expression]:
+        """The law, and with each of its smooth constants a quarter to four times as large."""
+        out = [self]
+        for i, t in enumerate(self.terms):
+            if t.form.smooth:
+                moved = (t.at(t.constant * by) for by in VARIED)
+                out += [Expression((*self.terms[:i], m, *self.terms[i + 1 :])) for m in moved]
+        return out
+
 
 def multiplied(A: Array, *others: Array) -> Array:
     """Products (n, a b ...) of each column of A (n, a) with each of the others (n, b)."""
     for B in others:
         A = (A[:, :, None] * B[:, None, :]).reshape(len(A), -1)
     return A
-
-
-def variables(s: Stimulus, still: bool = False) -> tuple[Variable, ...]:
-    """What varies in a recording, or stands `still` too, and may be the argument of a law."""
-    return tuple(v for v in _every(s) if still or np.ptp(v.x) > LEAST.get(v.group, 0.0))
-
-
-def _every(s: Stimulus) -> list[Variable]:
-    out = list[Variable]()
-    if s.true_angle is None:  # of a mount the angles say it
-        out += [Variable(f"force_{a}", "g", s.force[:, i], f"s.force[:, {i}]", "force") for i, a in enumerate("xyz")]
-    out += [Variable(_plain(name), "rad", s.angle[:, i], f"angle(s, {name!r})", "angle")
-            for i, name in enumerate(s.axis_names)]  # fmt: skip
-    out += [Variable(f"rate_{a}", "deg/s", s.rate[:, i], f"s.rate[:, {i}]", "rate") for i, a in enumerate("xyz")]
-    out += [Variable("time", "s", s.time, "s.time", "time")]
-    if s.visit[-1] > s.visit[0]:
-        out += [Variable("since_move", "s", s.since_move, "s.since_move", "since")]
-    if s.temperature is not None:
-        needs, code = "temperature", "smoothed_rate(s.temperature, s.time, s.time[-1] / 100)"
-        origin, course = s.reference_temperature, smoothed_rate(s.temperature, s.time, float(s.time[-1]) / 100)
-        out.append(Variable("temperature", "degC", s.temperature, "s.temperature", "logged", origin, needs))
-        out.append(Variable("temperature_rate", "degC/h", course, code, "course", 0.0, needs))
-    out += [Variable(_plain(name), "", x, f"s.covariates[{name!r}]", "logged", float(x.mean()), f"covariate:{name}")
-            for name, x in s.covariates.items()]  # fmt: skip
-    return out
-
-
-def _plain(name: str) -> str:
-    """A name that Python and sympy read as a symbol."""
-    plain = "".join(c if c.isalnum() else "_" for c in name)
-    bad = not plain.isidentifier() or keyword.iskeyword(plain) or plain in RESERVED or LETTER.fullmatch(plain)
-    return f"x_{plain}" if bad else plain
 
 
 def terms(v: Variable, s: Stimulus) -> list[Term]:
@@ -269,9 +229,9 @@ def _fast(t: Term) -> bool:
 
 def between(t: Term) -> list[Term]:
     """A threshold moved as far as the next ones of its grid, in steps; no others."""
-    if t.form.key != "above" or t.variable.group in ("time", "course"):
+    if t.form.key != "above" or t.variable.group == "course":
         return []
-    step = float(np.ptp(t.variable.x)) / LEVELS
+    step = float(np.ptp(t.variable.x)) / (INSTANTS if t.variable.group == "time" else LEVELS)
     made = (t.at(c) for c in t.constant + step * np.linspace(-1, 1, STEPS))
     return [m for m in made if np.ptp(m.columns) > 0]
 

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.evidence.projection import project, rows_like
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant, layout_of
 from gimbalcal.diagnose.library.rivals import RIVAL_SIGMA
-from gimbalcal.diagnose.rows.views import View
+from gimbalcal.diagnose.library.variables import joined, variables
+from gimbalcal.diagnose.rows.views import FORCE, RATE, View
 from gimbalcal.diagnose.search.laws import Ground, Place
 from gimbalcal.diagnose.search.ranking import Search, bayes_factors
 from gimbalcal.diagnose.search.refit import Model, basis, projections, weighted
@@ -21,21 +24,24 @@ from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 
 STRETCHES = 300  # in which a run, or a table, is looked at first
+FEWER = 150  # the same of six sensors at once
 SEEN = {"norm": Stage.ACCELEROMETER, "table": Stage.ACCELEROMETER, "rest rates": Stage.GYROSCOPE,
         "turns": Stage.GYROSCOPE, "pointing": Stage.ENCODER}  # fmt: skip
+FED = {"navigation": (FORCE, RATE)}  # sensors that a view's channels are worked out from
 CHANNEL = {Stage.ACCELEROMETER: "specific_force", Stage.GYROSCOPE: "angular_rate", Stage.ENCODER: "gimbal_angle"}
 MOVES = 1e-2  # rad
 
 
 def _places(rows: Rows, stage: Stage, axes: Sequence[tuple[int, str]], block: Array) -> list[Place]:
     """One place for each of these numbers of a stage."""
+    s = rows.seen[stage]
     made = ((axis, partial(rows.added, stage, i)) for i, axis in axes)
-    return [Place(CHANNEL[stage], axis, rows.seen[stage], block, columns) for axis, columns in made]
+    return [Place(CHANNEL[stage], axis, variables(s), s, block, columns) for axis, columns in made]
 
 
-def stretches(n: int) -> Array:
+def stretches(n: int, most: int = STRETCHES) -> Array:
     """Ordinals (n,) of at most so many equal stretches."""
-    return np.arange(n) * min(n, STRETCHES) // n
+    return np.arange(n) * min(n, most) // n
 
 
 def ground_of_search(s: Search, node: Node) -> Ground:
@@ -54,7 +60,52 @@ def ground_of_search(s: Search, node: Node) -> Ground:
         rows = rows_like(s.rows, X)
         return bayes_factors([project(p.node, rows, p.scale) for p in s.projections], layout_of(of))[1]
 
-    return Ground(every, lambda X: node.whiten(o.reduce(X)), Q, y - Q @ (Q.T @ y), evidence)
+    return Ground(every, lambda X: node.whiten(o.reduce(X)), Q, y - Q @ (Q.T @ y), evidence, o.y.shape)
+
+
+def together(each: Sequence[Ground]) -> Ground:
+    """Several recordings of one unit as one: a law has one form and one set of constants in all of them.
+
+    Calibration and noise are each recording's own, so rows stand one after the other and Bayes factors multiply. A
+    recording that has no such output, or in which such a gimbal stands still, says nothing of a law there.
+    """
+    if len(each) == 1:
+        return each[0]
+    at = list(itertools.accumulate((g.shape[0] * g.shape[1] for g in each), initial=0))
+    keys = dict.fromkeys((p.channel, p.axis) for g in each for p in g.places)
+    places = [_joined_place(each, channel, axis) for channel, axis in keys]
+
+    def parts(X: Array) -> list[Array]:
+        own = zip(each, itertools.pairwise(at), strict=True)
+        return [X[i:j].reshape(*g.shape, X.shape[-1]) for g, (i, j) in own]
+
+    def whiten(X: Array) -> Array:
+        return np.concatenate([g.whiten(own) for g, own in zip(each, parts(X), strict=True)])
+
+    def evidence(sets: Sequence[Array]) -> Array:
+        own = zip(*map(parts, sets), strict=True)
+        return np.asarray(sum(g.evidence(list(X)) for g, X in zip(each, own, strict=True)))
+
+    Q = block_diag(*(g.Q for g in each))
+    return Ground(places, whiten, Q, np.concatenate([g.y for g in each]), evidence, (at[-1], 1), parts)
+
+
+def _joined_place(each: Sequence[Ground], channel: str, axis: str) -> Place:
+    """One output or gimbal of all recordings that have it."""
+    own = {k: p for k, g in enumerate(each) for p in g.places if (p.channel, p.axis) == (channel, axis)}
+    first = next(iter(own.values()))
+    ends = list(itertools.accumulate((len(p.block) for p in own.values()), initial=0))
+    span = dict(zip(own, itertools.pairwise(ends), strict=True))
+    last = list(itertools.accumulate((int(p.block[-1]) + 1 for p in own.values()), initial=0))
+    block = np.concatenate([p.block + offset for p, offset in zip(own.values(), last, strict=False)])
+
+    def columns(X: Array) -> Array:
+        made = [own[k].columns(X[slice(*span[k])]) if k in own else np.zeros((*g.shape, X.shape[1]))
+                for k, g in enumerate(each)]  # fmt: skip
+        return np.concatenate([A.reshape(-1, 1, X.shape[1]) for A in made])
+
+    shared = joined([variables(p.stimulus, still=True) for p in own.values()])
+    return Place(channel, axis, shared, first.stimulus, block, columns)
 
 
 def unit(X: Array) -> Array:
@@ -83,14 +134,25 @@ def with_law(s: Search, columns: Array) -> tuple[Search, Array, Array]:
     return Search(Library((law,), reduced), (), each, s.null, s.joint, s.singles, s.share, s.o, rows), scaled, scale
 
 
+def _places_of_view(v: View, m: Model) -> list[Place]:
+    """Sensors or gimbals whose additions a view shows: in its channels, or in those of a navigator behind them."""
+    if v.added is not None:
+        s, block = v.stimulus, stretches(len(v.stimulus.time), FEWER)
+        sensors = [(q, a, partial(v.added, q, a)) for q in FED.get(v.name, ()) for a in "xyz"]
+        return [Place(q, a, variables(s), s, block, columns) for q, a, columns in sensors]
+    stage, rows = SEEN.get(v.name), v.about(m.effects)
+    if stage is None or stage not in rows.sensitivity:
+        return []
+    names = list(enumerate(v.stimulus.axis_names if stage is Stage.ENCODER else "xyz"))
+    shown = {a for q, a in v.channels if q == RATE} or {a for _, a in names}
+    return _places(rows, stage, [(i, a) for i, a in names if a in shown], stretches(len(rows.seen[stage].time)))
+
+
 def ground_of_view(v: View, m: Model, sigma: Array) -> Ground | None:
     """Sensors or gimbals whose additions a view shows, beside a model in white noise of `sigma` (n, C); or none."""
-    stage, rows = SEEN.get(v.name), v.about(m.effects)
-    if stage is None or stage not in rows.sensitivity or v.added is not None:
+    every = _places_of_view(v, m)
+    if not every:
         return None
-    names = list(enumerate(v.stimulus.axis_names if stage is Stage.ENCODER else "xyz"))
-    shown = {a for q, a in v.channels if q == "angular_rate"} or {a for _, a in names}
-    every = _places(rows, stage, [(i, a) for i, a in names if a in shown], stretches(len(rows.seen[stage].time)))
     n, C = m.r.shape
     one = float(np.sqrt(np.mean(weighted(v, sigma) ** 2)))
     Q = basis(weighted(v, m.J))
@@ -100,4 +162,4 @@ def ground_of_view(v: View, m: Model, sigma: Array) -> Ground | None:
         X, of = _side_by_side([m.rms / np.sqrt(C) * unit(X) for X in sets])
         return bayes_factors(projections(v, m, X), layout_of(of))[1]
 
-    return Ground(every, lambda X: weighted(v, X).reshape(n * C, -1) / one, Q, y - Q @ (Q.T @ y), evidence)
+    return Ground(every, lambda X: weighted(v, X).reshape(n * C, -1) / one, Q, y - Q @ (Q.T @ y), evidence, (n, C))

@@ -24,8 +24,8 @@ from gimbalcal.diagnose.library.expressions import (
     singles,
     terms,
     triples,
-    variables,
 )
+from gimbalcal.diagnose.library.variables import Variable
 from gimbalcal.effects import Stimulus
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
@@ -42,14 +42,16 @@ UNUSUAL = 1.5  # nats against a law of an output in gimbal angles, or of a gimba
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Where a law may be added: channel, axis and index of it, what is felt there, and what an addition does.
+    """Where a law may be added: channel, axis, what it may follow there, what is felt, and what an addition does.
 
-    columns: (n, m) added there to (n', C, m) rows; block (n,): ordinals of the stretches over which
-    an addition is taken as even for a first look.
+    columns: (n, m) added there to (n', C, m) rows; block (n,): ordinals of the stretches over which an addition is
+    taken as even for a first look. stimulus: of several recordings that of the first; the variables have the rows of
+    all.
     """
 
     channel: str
     axis: str
+    variables: tuple[Variable, ...]
     stimulus: Stimulus
     block: Array
     columns: Callable[[Array], Array]
@@ -60,7 +62,8 @@ class Ground:
     """In what a law is sought: places, the likeliest noise, calibration and data in it, and the full evidence.
 
     whiten: (n', C, m) to rows (R, m) of unit variance; Q (R, q) orthonormal calibration and y (R,) data so whitened;
-    evidence: sets of columns (n', C, m) to their ln Bayes factors over all noises and sizes.
+    evidence: sets of columns (n', C, m) to their ln Bayes factors over all noises and sizes; shape: (n', C); parts:
+    columns to those of each recording, where the rows of several stand in one channel.
     """
 
     places: Sequence[Place]
@@ -68,6 +71,8 @@ class Ground:
     Q: Array
     y: Array
     evidence: Callable[[Sequence[Array]], Array]
+    shape: tuple[int, int]
+    parts: Callable[[Array], Sequence[Array]] = lambda X: (X,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +138,7 @@ def laws_of(g: Ground) -> list[Law]:
     found: list[tuple[float, Place, Expression]] = []
     number, screens = [0, 0, 0], dict[int, Screen]()
     for place in g.places:
-        every = [terms(v, place.stimulus) for v in variables(place.stimulus)]
+        every = [terms(v, place.stimulus) for v in place.variables]
         ones, pairs, threes = singles(every), partners(every), triples(every)
         number[0] += len({e.family for e in ones})
         number[1] += len({f"{t.family}{o.family}" for t, others in pairs for o in others})

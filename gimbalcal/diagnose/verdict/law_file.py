@@ -13,6 +13,7 @@ import numpy as np
 
 from gimbalcal.diagnose.answer import PRINTED, FoundLaw
 from gimbalcal.diagnose.library.expressions import Expression, Term, whole
+from gimbalcal.diagnose.search.law_grounds import FED
 from gimbalcal.diagnose.search.laws import Law
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
@@ -125,14 +126,17 @@ def _with(text: str, values: Mapping[str, float]) -> str:
 
 def found(
     law: Law, x: Array, covariance: Array, heldout: tuple[float, float], others: Sequence[Law], title: str,
-    number: int = 1,
+    number: int = 1, view: str = "",
 ) -> FoundLaw:  # fmt: skip
     """A law with its coefficients x (m,) and their covariance (m, m) in SI, and those that fit as well.
 
-    number: which one it is of those of its axis.
+    number: which one it is of those of its axis, in a `view`; what is fed to a navigator is calibrated by a filter, and
+    that has to be given the constants.
     """
     told, e, place = stated(law.expression), law.expression, law.place
     rows = _parameters(law, told, x, covariance)
+    effect, stating = _identity(law, number, view), {letter for letter, _ in told.constants if view in FED}
+    asked = ",".join([effect, *(f"{r['name']}={r['value']:.9g}" for r in rows if r["name"] in stating)])
     units = {v.name: v.unit or "as logged" for v in e.variables}
     entry = {
         "channel": place.channel, "axis": place.axis, "variables": list(units),
@@ -141,7 +145,7 @@ def found(
         "parameters": rows,
         "domain": {v.name: [float(v.printed(v.x.min())), float(v.printed(v.x.max()))] for v in e.variables},
         "units": units, "evidence": round(law.evidence, 2), "heldout_before": heldout[0], "heldout_after": heldout[1],
-        "alternatives": list(dict.fromkeys(printed(o) for o in others))[:TOLD], "effect": _identity(law, number),
+        "alternatives": list(dict.fromkeys(printed(o) for o in others))[:TOLD], "effect": effect, "with": asked,
     }  # fmt: skip
     return FoundLaw(entry, _class(law, told, entry, title))
 
@@ -167,9 +171,9 @@ def _latex(text: str, names: Sequence[str]) -> str:
     return str(sympy.latex(sympy.sympify(text, locals=symbols), symbol_names=upright))
 
 
-def _identity(law: Law, number: int) -> str:
+def _identity(law: Law, number: int, view: str) -> str:
     """An id for the law as an effect that the catalogue does not have yet."""
-    plain = re.sub(r"\W", "_", f"law_{law.place.channel}_{law.place.axis}")
+    plain = re.sub(r"\W", "_", f"law_{law.place.channel}_{law.place.axis}" + "_turning" * (view == "turns"))
     free = (i for i in (plain, *(f"{plain}_{n}" for n in range(2, 1000))) if i not in CATALOGUE)
     return next(itertools.islice(free, number - 1, None))
 

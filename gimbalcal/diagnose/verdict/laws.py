@@ -8,7 +8,7 @@ that `calibrate --with` and every other command take it by `--effects law.py`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,37 +17,54 @@ from gimbalcal.diagnose.answer import FoundLaw
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER
 from gimbalcal.diagnose.rows.views import View
-from gimbalcal.diagnose.search.law_grounds import ground_of_search, ground_of_view, with_law
+from gimbalcal.diagnose.search.law_grounds import ground_of_search, ground_of_view, together, with_law
 from gimbalcal.diagnose.search.laws import Ground, Law, laws_of, same
 from gimbalcal.diagnose.search.likeliest import ranked
-from gimbalcal.diagnose.search.ranking import Search
+from gimbalcal.diagnose.search.ranking import Ranking, Search
 from gimbalcal.diagnose.search.refit import Model, fitted_columns
 from gimbalcal.diagnose.verdict.decide import strained
+from gimbalcal.diagnose.verdict.law_advice import to_tell
 from gimbalcal.diagnose.verdict.law_file import found, printed
-from gimbalcal.diagnose.verdict.locate import scan
+from gimbalcal.diagnose.verdict.locate import LEFT, scan
 from gimbalcal.diagnose.verdict.model import fit_causes
-from gimbalcal.diagnose.verdict.verify import verify
+from gimbalcal.diagnose.verdict.pool import inverse_of, mean_of
+from gimbalcal.diagnose.verdict.verify import Verification, verify
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.number import Array
+from gimbalcal.pipeline import Tell
 
 MOST = 3  # laws of one view
 MANY = 4  # laws that fit as well and are others: with more of them none is named
-REST = 0.005  # probability that a clean recording looks as bad as what a law leaves
+SOUGHT = "nothing known explains it: looking for a formula in what was recorded"
+INSTEAD = "what was named leaves a rest: looking for a formula that leaves none"
+AGAIN = "record the positions again that were not held where the readouts say: a law is sought when they are"
+APART = (
+    "diagnose each recording alone, and look for what was changed between them: no formula in what was recorded stands "
+    "for constants that differ"
+)
+NOWHERE = (
+    "make the same turns again, slower and faster, with whole minutes of rest between them: of what shows only while "
+    "the unit turns no formula is sought"
+)
 LEAVES = "log what else varies: the formula that fits best, {law}, leaves a rest"
 NONE = (
     "log what may be behind it ({lacking}), or take {more} that spread angles, time and temperature independently of "
     "each other: no small formula in what was recorded explains it"
+)
+DIFFERENT = (
+    "look for what differed between the recordings: the formula that fits best, {law}, has other sizes in each of them"
 )
 ALIKE = "take {more} in which {names} vary independently of each other: several formulas fit alike, {alike}"
 
 
 @dataclass(frozen=True)
 class Lawful:
-    """Laws that were found, or what would determine one; numbers of the fit with them and what they add (n, C)."""
+    """Laws that were found, or what would determine one; of each recording the fit with them, what they add (n, C)."""
 
     laws: tuple[FoundLaw, ...] = ()
     recommend: str = ""
-    fit: Mapping[str, Any] = field(default_factory=dict)
-    added: Array | None = None
+    each: tuple[tuple[Mapping[str, Any], Array], ...] = ()
 
 
 def chosen(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, list[Law]]:
@@ -86,25 +103,93 @@ def _more(kind: str) -> str:
     return "further " + {"pointing": "stars", "static-run": "hours"}.get(kind, "positions")
 
 
-def law_of_search(s: Search, node: Node, rng: np.random.Generator, instead: bool = False) -> Lawful:
-    """What is told of a recording of known attitude that nothing known explains, `node` being its likeliest noise.
+def lawful(
+    searches: Sequence[Search], shapes: Sequence[Sequence[int]], ranked: Ranking, verdict: str, seed: int, tell: Tell,
+    instead: bool = False,
+) -> Lawful:  # fmt: skip
+    """A formula for what no cause explains; where positions of one recording were not held, that is a fault and no law.
 
-    instead: of causes that leave a rest; the law then has to be 20 times as likely as the best of all hypotheses.
+    shapes: of each recording the likeliest, whose noise counts; ranked: all that was weighed; instead: of causes that
+    leave a rest.
     """
-    g = ground_of_search(s, node)
+    if verdict != "unexplained":
+        return Lawful()
+    tell(INSTEAD if instead else SOUGHT)
+    fault = any(misheld(s, verdict) for s in searches)
+    if fault and len(searches) == 1:
+        return Lawful(recommend=AGAIN)
+    nodes = [fit_causes(s, tuple(own)).projection.node for s, own in zip(searches, shapes, strict=True)]
+    best, rng = max(h.ln_weight for h in ranked.hypotheses), np.random.default_rng(seed)
+    law = law_of_searches(searches, nodes, best, rng, instead)
+    return law if law.laws or not fault else Lawful(recommend=AGAIN)  # no position is held wrongly twice by chance
+
+
+def misheld(s: Search, verdict: str) -> str:
+    """Sentences on positions that were not held where the readouts say, which is a fault and no physics."""
+    if verdict != "unexplained" or s.o.kind != "multi-position":
+        return ""
+    try:
+        faults = trusted_positions(s.o.recording).faults
+    except InputError:  # too few positions or accelerometers to tell one that was not held
+        return ""
+    told = [f"{f.in_words[:1].upper()}{f.in_words[1:].rstrip('.')}." for f in faults]
+    return " ".join([*told, "`gimbalcal calibrate` leaves such positions out."]) if told else ""
+
+
+def law_of_searches(
+    searches: Sequence[Search], nodes: Sequence[Node], best_else: float, rng: np.random.Generator, instead: bool = False
+) -> Lawful:
+    """What is told of recordings of known attitude of one unit that nothing known explains.
+
+    nodes: the likeliest noise of each; best_else: ln evidence of the best of all other hypotheses. instead: of causes
+    that leave a rest; the law then has to be 20 times as likely as these.
+    """
+    g = together([ground_of_search(s, node) for s, node in zip(searches, nodes, strict=True)])
     every = laws_of(g)
-    best, others = chosen(g, every, max(h.ln_weight for h in s.hypotheses) + (TOGETHER + CLAIM) * instead)
+    best, others = chosen(g, every, best_else + (TOGETHER + CLAIM) * instead)
+    likely = best or next(iter(others and every), None)
+    if likely is None:
+        return Lawful((), undetermined(every, others, g, searches[0].o.kind))
+    held = [_held(s, columns, rng) for s, columns in zip(searches, g.parts(likely.columns), strict=True)]
+    x, C, agree = mean_of([(h.x, h.weight) for h in held])
+    lead = max(range(len(held)), key=lambda k: float(x @ held[k].weight @ x))
+    advice = to_tell(searches[lead].o, likely, x, others[0]) if others else ""
     if best is None:
-        return Lawful((), undetermined(every, others, g, s.o.kind))
-    made, physical, scale = with_law(s, best.columns)
-    f = fit_causes(made, (0,))
-    left, checked = scan(s.o, s.rows, f.projection.node, rng, made.library.X), verify(made, f, physical)
-    if left.p_value < REST or strained(made, (0,)) >= CLAIM or checked.heldout_after >= checked.heldout_before:
+        return Lawful((), f"{undetermined(every, others, g, searches[0].o.kind)}. {advice}")
+    if agree.against(""):
+        return Lawful((), DIFFERENT.format(law=printed(best)))
+    before, after = (float(np.average([getattr(h.checked, w) for h in held], weights=[len(s.rows.Q) for s in searches]))
+                     for w in ("heldout_before", "heldout_after"))  # fmt: skip
+    # once in 1 / LEFT by chance, of the scan as of another noise; in the place of causes no more than these may leave
+    most = CLAIM if instead else -np.log(LEFT)
+    if any(h.left < LEFT or h.strained >= most for h in held) or after >= before:
         return Lawful((), LEAVES.format(law=printed(best)))
-    law = found(best, f.x * scale, f.covariance * np.outer(scale, scale),
-                (checked.heldout_before, checked.heldout_after), others, s.o.recording.title)  # fmt: skip
+    law = found(best, x, C, (before, after), others, " and ".join(s.o.recording.title for s in searches))
+    added = (columns @ x for columns in g.parts(best.columns))
+    return Lawful((law,), advice, tuple((h.fit, a) for h, a in zip(held, added, strict=True)))
+
+
+@dataclass(frozen=True)
+class _Held:
+    """A law in one recording: its sizes (m,) [SI] and their weight (m, m), what it leaves, and the fit with it."""
+
+    x: Array
+    weight: Array
+    left: float
+    strained: float
+    checked: Verification
+    fit: Mapping[str, Any]
+
+
+def _held(s: Search, columns: Array, rng: np.random.Generator) -> _Held:
+    """The law with these columns (n, C, m), fitted to one recording."""
+    made, physical, scale = with_law(s, columns)
+    f = fit_causes(made, (0,))
+    explained = made.library.X if columns.any() else None
+    left, checked = scan(s.o, s.rows, f.projection.node, rng, explained), verify(made, f, physical)
     fit = {**checked.to_dict(), "scan_p_after": left.p_value, "noise": dict(f.projection.node.name)}
-    return Lawful((law,), "", fit, physical @ f.x)
+    weight = inverse_of(f.covariance * np.outer(scale, scale))
+    return _Held(f.x * scale, weight, left.p_value, strained(made, (0,)), checked, fit)
 
 
 def laws_of_view(v: View, m: Model, sigma: Array) -> tuple[Lawful, Model]:
@@ -117,7 +202,7 @@ def laws_of_view(v: View, m: Model, sigma: Array) -> tuple[Lawful, Model]:
     while left.ln_total >= (1 + bool(laws)) * CLAIM:
         g = ground_of_view(v, with_them, sigma)
         if g is None:
-            return Lawful(), m
+            return Lawful((), NOWHERE), m
         every = laws_of(g)
         best, others = chosen(g, every, max(h.ln_weight for h in left.hypotheses))
         if laws and (best is None or len(laws) == MOST):
@@ -126,7 +211,7 @@ def laws_of_view(v: View, m: Model, sigma: Array) -> tuple[Lawful, Model]:
             return Lawful((), undetermined(every, others, g, v.recording.kind)), m
         with_them, x, covariance = fitted_columns(v, with_them, best.columns)
         number = sum(o.entry["axis"] == best.place.axis for o in laws) + 1
-        laws.append(found(best, x, covariance, (0.0, 0.0), others, v.recording.title, number))
+        laws.append(found(best, x, covariance, (0.0, 0.0), others, v.recording.title, number, v.name))
         left = ranked(v, with_them)
     return Lawful(tuple(laws)), with_them
 

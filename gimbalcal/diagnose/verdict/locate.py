@@ -20,6 +20,7 @@ from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 
 DRAWS = 400
+LEFT = 1e-4  # probability that a clean recording looks as bad: what leaves less does not explain the data
 LISTED = 6  # cells that are listed, strongest first
 WEAK = 0.25  # of the strongest statistic: weaker cells see the same mismatch from further away
 HELD = 1e-8  # of a column's square that the calibration leaves of it: less is rounding of what the model holds

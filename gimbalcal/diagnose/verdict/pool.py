@@ -25,6 +25,7 @@ from gimbalcal.diagnose.verdict.model import FittedCauses, constant_value, fit_c
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
 
+DIFFER = 1e-3  # p-value of agreement below which a size is said to differ between recordings
 UNOBSERVABLE = 1e-13  # of the largest eigenvalue of a covariance: exact zeros left by a direction without information
 Constants = tuple[tuple[str, float], ...]
 
@@ -54,6 +55,15 @@ class Agreement:
     chi2: float
     dof: int
     p_value: float
+
+    def against(self, name: str) -> str:
+        """What speaks against one size of what is called `name`, a sentence; empty for nothing."""
+        if not self.dof or self.p_value >= DIFFER:
+            return ""
+        return (
+            f"The recordings do not agree on the size of {name}: it differs between them "
+            f"(chi^2 {self.chi2:.3g} on {self.dof}, p = {self.p_value:.1g}); the mean stands for none of them."
+        )
 
 
 def parts(c: CombinedRanking, members: Sequence[int]) -> tuple[Part, ...]:
@@ -155,16 +165,22 @@ def inverse_of(covariance: Array) -> Array:
 
 def agreement(shares: Sequence[Part], slot: int) -> Agreement:
     """Whether the recordings that see a member agree on its size."""
-    from scipy.special import gammaincc
-
     seen = [(p.fit.x[p.span(slot)], inverse_of(p.fit.covariance[p.span(slot), p.span(slot)]))
             for p in shares if slot in p.slots]  # fmt: skip
+    return mean_of(seen)[2]
+
+
+def mean_of(seen: Sequence[tuple[Array, Array]]) -> tuple[Array, Array, Agreement]:
+    """The mean (p,) of sizes (p,) that each have a weight (p, p), its covariance (p, p), and how well they agree."""
+    from scipy.special import gammaincc
+
     N = np.sum([weight for _, weight in seen], axis=0)
-    mean = np.linalg.pinv(N, rcond=UNOBSERVABLE, hermitian=True) @ np.sum([weight @ x for x, weight in seen], axis=0)
+    C = np.linalg.pinv(N, rcond=UNOBSERVABLE, hermitian=True)
+    mean = C @ np.sum([weight @ x for x, weight in seen], axis=0)
     chi2 = float(sum((x - mean) @ weight @ (x - mean) for x, weight in seen))
     rank = [int(np.linalg.matrix_rank(weight, hermitian=True)) for weight in (*(w for _, w in seen), N)]
     dof = sum(rank[:-1]) - rank[-1]
-    return Agreement(chi2, dof, float(gammaincc(dof / 2, chi2 / 2)) if dof > 0 else 1.0)
+    return mean, C, Agreement(chi2, dof, float(gammaincc(dof / 2, chi2 / 2)) if dof > 0 else 1.0)
 
 
 def common_constants(

@@ -9,7 +9,7 @@ the calibration profiled out of both. Each manoeuvre of the menu is laid out as 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -49,19 +49,28 @@ class Advice:
 
 def advise(o: Observations, found: Candidate, variant: int, size: Array, other: Candidate) -> Advice:
     """The manoeuvre that separates `found`, at its fitted size in prior sigmas, from `other` fastest."""
+    return fastest(o, lambda planned: separation(planned, found, variant, size, other))
+
+
+def fastest(o: Observations, gained: Callable[[Observations], float]) -> Advice:
+    """The manoeuvre of the menu that brings most per hour; `gained`: ln Bayes factor of the planned rows."""
     step = max(1, len(o.recording.time) // ENOUGH) if o.kind == "static-run" else 1
     thin = o.recording.select(slice(None, None, step))
     best = Advice("", 0.0, 0.0)
     for m in menu(thin):
-        gained = step * separation(planned_rows(m.apply(thin), o), found, variant, size, other)
-        if gained > SETTLED and (not best.words or gained / m.hours > best.ln_bayes / best.hours):
-            best = Advice(m.words, gained, m.hours)
+        ln_bayes = step * gained(planned_rows(m.apply(thin), o))
+        if ln_bayes > SETTLED and (not best.words or ln_bayes / m.hours > best.ln_bayes / best.hours):
+            best = Advice(m.words, ln_bayes, m.hours)
     return best
 
 
 def sentence(a: Advice, found: Candidate, other: Candidate) -> str:
     """The advice as one sentence."""
-    names = f"{spoken(found.effect)} from {spoken(other.effect)}"
+    return told_apart(a, f"{spoken(found.effect)} from {spoken(other.effect)}")
+
+
+def told_apart(a: Advice, names: str) -> str:
+    """The same of anything: `names` are one "from" the other."""
     if a.words:
         return f"To tell {names}: {a.words}, {a.hours:.2g} h, with an expected log Bayes factor of {a.ln_bayes:.0f}."
     return f"No manoeuvre of the menu would tell {names} at this size: it takes another kind of input."
@@ -69,15 +78,21 @@ def sentence(a: Advice, found: Candidate, other: Candidate) -> str:
 
 def separation(o: Observations, found: Candidate, variant: int, size: Array, other: Candidate) -> float:
     """Expected log Bayes factor between the two causes in the nominal noise."""
+    signal = columns_at(o, found, found.variants[variant].constants) @ size[:, None]
+    return apart(o, signal, [columns_at(o, other, v.constants) for v in other.variants[:TRIED]])
+
+
+def apart(o: Observations, signal: Array, others: Iterable[Array]) -> float:
+    """Expected log Bayes factor of a signal (R, 1) against the best of other columns (R, p), in the nominal noise."""
     node = nominal(o)
     Q = orthonormal(node.whiten(o.reduce(o.Z)))
-    signal = node.whiten(columns_at(o, found, found.variants[variant].constants) @ size[:, None])[:, 0]
-    signal = signal - Q @ (Q.T @ signal)
-    least = float(signal @ signal)
-    for v in other.variants[:TRIED]:
-        X = node.whiten(columns_at(o, other, v.constants))
+    y = node.whiten(signal)[:, 0]
+    y = y - Q @ (Q.T @ y)
+    least = float(y @ y)
+    for columns in others:
+        X = node.whiten(columns)
         X = X - Q @ (Q.T @ X)
-        left = signal - X @ np.linalg.lstsq(X, signal, rcond=1e-9)[0]
+        left = y - X @ np.linalg.lstsq(X, y, rcond=1e-9)[0]
         least = min(least, float(left @ left))
     return least / 2
 

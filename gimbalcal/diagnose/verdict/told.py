@@ -14,7 +14,7 @@ from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.refit import Model, basis, weighted
 from gimbalcal.diagnose.search.stepwise import Course, refined
 from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding, sizes
-from gimbalcal.diagnose.verdict.laws import Lawful, laws_of_view, told_heldout
+from gimbalcal.diagnose.verdict.laws import SOUGHT, Lawful, laws_of_view, told_heldout
 from gimbalcal.diagnose.verdict.locate_unknown_noise import mismatches
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
@@ -60,7 +60,7 @@ def told_of(v: View, c: Course, tell: Tell) -> Told:
     sigma = _sigma(v, c.described)
     fit, lawful = _fit(v, c, sigma), Lawful()
     if verdict == "unexplained":
-        tell("nothing known explains it: looking for a formula in what was recorded")
+        tell(SOUGHT)
         lawful, with_law = laws_of_view(v, c.end, sigma)
         c_law = replace(c, described=with_law)
         fit_law = _fit(v, c_law, _sigma(v, with_law)) if lawful.laws else fit

@@ -15,7 +15,13 @@ import sympy
 from gimbalcal import calibrate, load_effects
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.entry import diagnose
+from gimbalcal.diagnose.library.expressions import Expression, terms
+from gimbalcal.diagnose.library.variables import Variable, variables
+from gimbalcal.diagnose.rows.observations import fit_baseline
+from gimbalcal.diagnose.search.laws import Law, Place
+from gimbalcal.diagnose.verdict.law_advice import to_tell
 from gimbalcal.diagnose.verdict.law_file import source
+from gimbalcal.effects import Stage
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, write
 from tests.benchmarks import unknown_mount
@@ -97,6 +103,63 @@ def test_a_threshold_is_found_in_a_static_run(tmp_path: Path) -> None:
     assert str(T) == "temperature"
     assert sympy.solve(step.args[0], T)[0] == pytest.approx(23.0, abs=0.05)
     assert explained(d, r, tmp_path) < 1.1
+
+
+def test_an_instant_is_told_to_a_row() -> None:
+    r = static_plant.record(
+        np.random.default_rng(106), lambda r: np.outer((r.t > 100000) * r.ideal[:, 0], [0, 0, 1.0]), 19 * plant.UG
+    )
+    law = diagnose([r]).laws[0].entry
+    (step,) = sympy.sympify(law["expression"]).atoms(sympy.Heaviside)
+    assert law["form"] == f"a*force_x*{step}"
+    assert sympy.solve(step.args[0])[0] == pytest.approx(100000, abs=600)
+
+
+def test_recordings_of_one_unit_have_one_law() -> None:
+    def error(r: static_plant.Rest) -> Array:
+        return np.outer(np.abs(r.ideal[:, 0]) * (r.T - 20), [0, 1.0, 0])
+
+    r = static_plant.record(np.random.default_rng(16), error, 14 * plant.UG)
+    first = np.arange(len(r.time)) < len(r.time) // 2
+    d = diagnose([r.select(first), r.select(~first)])
+    assert d.verdict == "unexplained"
+    (law,) = (law.entry for law in d.laws)
+    assert law["form"] == "a*Abs(force_x)*(temperature - 20)"
+    (size,) = law["parameters"]
+    assert abs(size["value"] - 14 / (9.80146 / 9.80665)) < 4 * size["sigma"] < 3
+    assert d.fit["chi2_reduced_after"] < 1.1 < d.fit["chi2_reduced_before"]
+    assert [row["heldout_after"] < row["heldout_before"] for row in d.fit["recordings"]] == [True, True]
+
+
+def test_a_law_of_another_size_in_each_recording_is_none() -> None:
+    r = static_plant.record(
+        np.random.default_rng(16),
+        lambda r: np.outer(np.abs(r.ideal[:, 0]) * (r.T - 20) * np.where(r.t < 86400, 1, 0.4), [0, 1.0, 0]),
+        14 * plant.UG,
+    )
+    first = np.arange(len(r.time)) < len(r.time) // 2
+    d = diagnose([r.select(first), r.select(~first)])
+    assert d.verdict == "unexplained"
+    assert d.laws == ()
+    assert "has other sizes in each of them" in d.recommend
+
+
+def test_what_tells_a_law_from_the_next_is_taken_from_the_menu() -> None:
+    r = plant.record(np.random.default_rng(4), dwell=20)
+    o = fit_baseline(r)
+    place = Place("specific_force", "z", variables(o.seen[Stage.ACCELEROMETER]), o.stimulus, o.block, lambda X: X)
+    x, *follows = (next(v for v in place.variables if v.name == n) for n in ("force_x", "time", "temperature"))
+
+    def law(v: Variable) -> Law:
+        plain = [next(t for t in terms(v, o.stimulus) if t.form.key == "x") for v in (x, v)]
+        return Law(place, Expression(tuple(plain)), 50.0, None)  # type: ignore[arg-type]
+
+    time, warm = map(law, follows)
+    told = to_tell(o, warm, np.array([30 * plant.UG / plant.G]), time)
+    assert told.startswith("To tell a*force_x*(temperature - 20) from a*force_x*time: ")
+    assert "repeat the positions in reversed order" in told
+    assert "expected log Bayes factor" in told
+    assert to_tell(o, warm, np.array([1e-3 * plant.UG / plant.G]), time).startswith("No manoeuvre of the menu")
 
 
 def test_a_law_that_leaves_no_rest_takes_the_place_of_a_cause_that_does(tmp_path: Path) -> None:

@@ -1,0 +1,84 @@
+"""What a law that no catalogue holds may follow: the variables of a recording, or of several, by name."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gimbalcal.effects import Stimulus
+from gimbalcal.effects.history import smoothed_rate
+from gimbalcal.number import Array
+from gimbalcal.units import from_si
+
+LEAST = {"force": 0.1, "angle": 1e-2, "rate": 1e-2}  # SI: what varies less stands still
+RESERVED = frozenset(("S", "N", "I", "E", "O", "Q", "pi", "beta", "gamma", "zeta"))  # names that sympy reads otherwise
+LETTER = re.compile("([a-z]|tau|x0)[0-9]?")  # what coefficients and constants are called
+
+
+@dataclass(frozen=True, eq=False)
+class Variable:
+    """What a law may follow: its name and unit in print, values (n,) in SI, how law.py takes it from a stimulus `s`."""
+
+    name: str
+    unit: str
+    x: Array
+    code: str
+    group: str  # force, angle, rate, time, since or logged
+    origin: float = 0.0  # SI; powers are of the difference
+    needs: str = ""  # the channel that a recording has to have
+
+    def printed(self, x: Array | float) -> Array | float:
+        """Values in SI as they are printed."""
+        return from_si(np.asarray(x, dtype=float), self.unit) if self.unit else x
+
+
+def variables(s: Stimulus, still: bool = False) -> tuple[Variable, ...]:
+    """What varies in a recording, or stands `still` too, and may be the argument of a law."""
+    return tuple(v for v in _every(s) if still or varies(v))
+
+
+def varies(v: Variable) -> bool:
+    """Whether a variable is more than a constant in its rows."""
+    return bool(np.ptp(v.x) > LEAST.get(v.group, 0.0))
+
+
+def joined(each: Sequence[Sequence[Variable]]) -> tuple[Variable, ...]:
+    """What several recordings have in common, their rows one after the other; a channel's origin is that of all."""
+    by_name = [{v.name: v for v in own} for own in each]
+    shared = [[own[name] for own in by_name] for name in by_name[0] if all(name in own for own in by_name)]
+    out = []
+    for vs in (vs for vs in shared if len({(v.unit, v.group) for v in vs}) == 1):
+        x = np.concatenate([v.x for v in vs])
+        out.append(replace(vs[0], x=x, origin=vs[0].origin if len({v.origin for v in vs}) == 1 else float(x.mean())))
+    return tuple(v for v in out if varies(v))
+
+
+def _every(s: Stimulus) -> list[Variable]:
+    out = list[Variable]()
+    if s.true_angle is None:  # of a mount the angles say it
+        out += [Variable(f"force_{a}", "g", s.force[:, i], f"s.force[:, {i}]", "force") for i, a in enumerate("xyz")]
+    out += [Variable(_plain(name), "rad", s.angle[:, i], f"angle(s, {name!r})", "angle")
+            for i, name in enumerate(s.axis_names)]  # fmt: skip
+    out += [Variable(f"rate_{a}", "deg/s", s.rate[:, i], f"s.rate[:, {i}]", "rate") for i, a in enumerate("xyz")]
+    out += [Variable("time", "s", s.time, "s.time", "time")]
+    if s.visit[-1] > s.visit[0]:
+        out += [Variable("since_move", "s", s.since_move, "s.since_move", "since")]
+    if s.temperature is not None:
+        needs, code = "temperature", "smoothed_rate(s.temperature, s.time, s.time[-1] / 100)"
+        origin, course = s.reference_temperature, smoothed_rate(s.temperature, s.time, float(s.time[-1]) / 100)
+        out.append(Variable("temperature", "degC", s.temperature, "s.temperature", "logged", origin, needs))
+        out.append(Variable("temperature_rate", "degC/h", course, code, "course", 0.0, needs))
+    out += [Variable(_plain(name), "", x, f"s.covariates[{name!r}]", "logged", float(x.mean()), f"covariate:{name}")
+            for name, x in s.covariates.items()]  # fmt: skip
+    return out
+
+
+def _plain(name: str) -> str:
+    """A name that Python and sympy read as a symbol."""
+    plain = "".join(c if c.isalnum() else "_" for c in name)
+    bad = not plain.isidentifier() or keyword.iskeyword(plain) or plain in RESERVED or LETTER.fullmatch(plain)
+    return f"x_{plain}" if bad else plain

@@ -1,0 +1,36 @@
+"""Which further recording tells a law from the formula that comes next: the menu of manoeuvres, laid out for both."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from gimbalcal.diagnose.library.expressions import Expression
+from gimbalcal.diagnose.rows.observations import Observations
+from gimbalcal.diagnose.search.laws import Law
+from gimbalcal.diagnose.verdict.law_file import STAGES, printed
+from gimbalcal.diagnose.verdict.recommend import apart, fastest, told_apart
+from gimbalcal.effects import Stage
+from gimbalcal.number import Array
+
+
+def to_tell(o: Observations, law: Law, size: Array, other: Law) -> str:
+    """The manoeuvre that tells a law with coefficients `size` (m,) [SI] from another fastest, as one sentence."""
+
+    def gained(planned: Observations) -> float:
+        signal = _columns(planned, law, law.expression) @ size[:, None]
+        return apart(planned, signal, _varied(planned, other))
+
+    return told_apart(fastest(o, gained), f"{printed(law)} from {printed(other)}")
+
+
+def _varied(o: Observations, law: Law) -> Iterator[Array]:
+    return (_columns(o, law, e) for e in law.expression.varied())
+
+
+def _columns(o: Observations, law: Law, e: Expression) -> Array:
+    """What a unit of each coefficient does to the reduced rows of a recording, (R, m)."""
+    stage = Stage[STAGES[law.place.channel]]
+    names = o.stimulus.axis_names if stage is Stage.ENCODER else "xyz"
+    return np.asarray(o.reduce(o.rows.added(stage, names.index(law.place.axis), e.on(o.rows.seen[stage]).columns)))
