@@ -13,7 +13,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording.columns import Column
 from gimbalcal.recording.header import Header
 from gimbalcal.recording.lines import place
-from gimbalcal.recording.lone import FASTEST, lone
+from gimbalcal.recording.lone import FASTEST, lone, surely_told, told_by_neighbours
 from gimbalcal.recording.samples import Batch
 from gimbalcal.units import from_si, is_raw, to_si
 
@@ -21,6 +21,7 @@ BOOKKEEPING = ("time", "position", "weight")  # a row that lacks one of these ca
 SPARSE = ("attitude",)  # logged less often than the rest: its rows stay without it
 MOST = 0.5  # of all rows: beyond, the rows are not what they are taken for
 LEAPING = {"specific_force": 100.0, "angular_rate": 35.0}  # SI; a reading beyond is no reading at all
+STEADY = {"gimbal_angle": np.inf, "attitude_error": np.inf}  # of a static run, where these go on and on as well
 SHOWN = 3  # places that the remark names
 
 
@@ -33,8 +34,10 @@ class Holes:
         self.rows = 0  # of the file, so far
         self.left_out: list[Array] = []
         self.empty = {c.name: 0 for c in header.columns}
-        self.leaps = {c.name: 0 for c in header.columns if c.quantity in LEAPING}
+        self.limits = LEAPING | STEADY if header.kind == "static-run" else LEAPING
+        self.leaps = {c.name: 0 for c in header.columns if c.quantity in self.limits}
         self.leapt: list[Array] = []
+        self.filled_in: list[Array] = []
 
     def filled(self, stream: Iterable[Batch]) -> Iterator[Batch]:
         """The batches without their rows that lack a value; `InputError` where most rows do."""
@@ -72,10 +75,15 @@ class Holes:
         leapt = np.concatenate(self.leapt) if self.leapt else np.zeros(0)
         empty = np.setdiff1d(self.missing, leapt)
         jump = f"where {self._culprits(self.leaps)} leaps away for a single row and back"
-        return (*self._told(empty, f"empty in {self._culprits(self.empty)}"), *self._told(leapt, jump))
+        filled = np.concatenate(self.filled_in) if self.filled_in else np.zeros(0)
+        return (
+            *self._told(empty, f"left out, empty in {self._culprits(self.empty)}"),
+            *self._told(leapt, f"left out, {jump}"),
+            *self._told(filled, f"taken from neighbours, {jump}"),
+        )
 
     def _told(self, gone: Array, why: str) -> tuple[str, ...]:
-        """A sentence on rows of the file that are left out."""
+        """A sentence on rows of the file that are not taken as they are."""
         if not len(gone):
             return ()
         edges = [0, *(np.flatnonzero(np.diff(gone) > 1) + 1), len(gone)]
@@ -86,7 +94,7 @@ class Holes:
             f" and {amount(len(runs) - SHOWN, 'more place')}" if len(runs) > SHOWN else ""
         )
         is_are = "is" if len(gone) == 1 else "are"
-        return (f"{where}: {amount(len(gone), 'row')} of {self.rows} {is_are} left out, {why}",)
+        return (f"{where}: {amount(len(gone), 'row')} of {self.rows} {is_are} {why}",)
 
     def _culprits(self, counted: Mapping[str, int]) -> str:
         empty = {name: n for name, n in counted.items() if n}
@@ -114,9 +122,13 @@ class Holes:
                 lacking |= empty[c.name]
         leaping = self._leaping(batch, ~lacking)
         start, self.rows = self.rows, self.rows + n
-        if leaping.any():
-            self.leapt.append(start + np.flatnonzero(leaping))
-            lacking |= leaping
+        leapt = np.logical_or.reduce([np.zeros(n, dtype=bool), *leaping.values()])
+        if leapt.any() and self.header.kind == "rotation":  # a navigator has to know every step
+            self.filled_in.append(start + np.flatnonzero(leapt))
+            batch = dict(batch) | {n: self._bridged(batch, n, ~lacking, found) for n, found in leaping.items()}
+        elif leapt.any():
+            self.leapt.append(start + np.flatnonzero(leapt))
+            lacking |= leapt
         if not lacking.any():
             return batch
         self.left_out.append(start + np.flatnonzero(lacking))
@@ -124,31 +136,52 @@ class Holes:
             self.empty[name] += int(each[lacking].sum())
         return {name: x[~lacking] for name, x in batch.items()}
 
-    def _leaping(self, batch: Batch, full: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Rows of a multi-position recording in which a sensor leaps away for this row alone, in one position."""
-        out = np.zeros(len(full), dtype=bool)
-        if self.header.kind != "multi-position" or not self.leaps:
-            return out
+    def _leaping(self, batch: Batch, full: NDArray[np.bool_]) -> dict[str, NDArray[np.bool_]]:
+        """Rows by column in which a sensor leaps away for this row alone, within one position."""
+        if self.header.kind == "pointing" or not self.leaps:
+            return {}
         rows = np.flatnonzero(full)
-        same = np.ones(len(rows), dtype=bool)
+        same, held = np.ones(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
         position, clock = self.header.column("position"), self.header.column("time")
-        if position is not None and len(rows) > 2:  # a rest may be a single row
+        if position is not None and self.header.kind == "multi-position" and len(rows) > 2:  # a rest may be a row
             p = batch[position.name][rows]
             same[1:-1] = (p[1:-1] == p[:-2]) & (p[1:-1] == p[2:])
+            held = p > 0
         step = np.median(np.diff(batch[clock.name][rows])) if clock is not None and len(rows) > 1 else np.inf
         slow = clock is None or float(to_si(float(step), clock.unit)) > FASTEST
+        over = slow & ~held if self.header.kind == "multi-position" else np.zeros(len(rows), dtype=bool)
         triads: dict[tuple[str, str], list[str]] = {}
         for c in self.columns:
             if c.name in self.leaps:
                 triads.setdefault((c.quantity, c.sensor), []).append(c.name)
-        leaping = {n: x for names in triads.values() for n, x in lone({n: batch[n][rows] for n in names}).items()}
+        still = slow and self.header.kind in ("static-run", "multi-position")
+        leaping = {
+            n: x for names in triads.values() for n, x in lone({n: batch[n][rows] for n in names}, still).items()
+        }
+        out = dict[str, NDArray[np.bool_]]()
         for c in self.columns:
-            if c.name in self.leaps and not (slow and c.quantity == "angular_rate"):
-                limit = np.inf if is_raw(c.unit) else from_si(LEAPING[c.quantity], c.unit)
+            if c.name in self.leaps:
+                limit = np.inf if is_raw(c.unit) else from_si(self.limits[c.quantity], c.unit)
                 within = np.abs(batch[c.name][rows]) < limit  # what is beyond anything is refused, not left out
-                found = rows[leaping[c.name] & same & within]
-                self.leaps[c.name] += len(found)
-                out[found] = True
+                found = leaping[c.name] & same & within & ~(over & (c.quantity == "angular_rate"))
+                self.leaps[c.name] += int(np.count_nonzero(found))
+                out[c.name] = np.zeros(len(full), dtype=bool)
+                out[c.name][rows[found]] = True
+        return out
+
+    def _bridged(self, batch: Batch, name: str, full: NDArray[np.bool_], leapt: NDArray[np.bool_]) -> Array:
+        """A column with the rows that leapt as their neighbours tell them; `InputError` where these do not agree."""
+        rows = np.flatnonzero(leapt[full])
+        out, kept = batch[name].copy(), batch[name][full]
+        untold = rows[~surely_told(kept, rows)] if len(rows) else rows
+        if len(untold):
+            row = self.rows - len(full) + int(np.flatnonzero(full)[untold[0]])
+            raise InputError(
+                f"{place(self.header.samples, row, None, self.header.skip, self.header.named)}, column {name}: "
+                f"{kept[untold[0]]:.6g} leaps away for a single row and back while the motion changes, so that its "
+                "neighbours do not tell what it was; correct it, or cut the recording there"
+            )
+        out[leapt] = told_by_neighbours(kept, rows)
         return out
 
     def _in_file(self, row: int) -> int:

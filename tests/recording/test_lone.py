@@ -75,3 +75,66 @@ def test_what_no_sensor_reads_is_refused_as_before() -> None:
     f[100, 0] = 1e9
     with pytest.raises(InputError, match=r"row 101, column specific_force_x: 1e.09 m/s.2 is beyond anything"):
         from_arrays(np.arange(N) / 100, specific_force=f)
+
+
+def test_a_leap_along_several_axes_is_found_and_a_knock_that_rings_is_none() -> None:
+    f = still(10)
+    f[500, :2] += [4.0, -3.0]
+    f[900] = 0.0
+    ringing = np.exp(-np.arange(40) / 6) * np.cos(np.arange(40))
+    f[1500:1540] += ringing[:, None] * [4.0, 0.3, -2.0]
+    found = lone(dict(zip("xyz", f.T, strict=True)))
+    np.testing.assert_array_equal(np.flatnonzero(found["x"]), [500])
+    np.testing.assert_array_equal(np.flatnonzero(found["y"]), [500])
+    np.testing.assert_array_equal(np.flatnonzero(found["z"]), [900])
+
+
+def test_a_leap_in_a_turn_that_speeds_up_is_found() -> None:
+    t = np.arange(20_000) / 100
+    x = 5 * np.sin(2 * np.pi * t) + 0.002 * np.random.default_rng(11).standard_normal(len(t))
+    x[[4025, 9000]] += [0.5, -0.5]  # where it turns fastest, and where it speeds up most
+    np.testing.assert_array_equal(np.flatnonzero(lone({"x": x})["x"]), [4025, 9000])
+
+
+def test_rows_of_a_navigator_are_filled_and_said() -> None:
+    f, w = still(12), 0.001 * np.random.default_rng(13).standard_normal((N, 3))
+    w[2000:2400, 2] += 0.3 * np.sin(np.pi * np.arange(400) / 400) ** 2
+    true = w[2150].copy()
+    w[2150, 2], f[700, 0] = 0.0, -3.0
+    r = from_arrays(np.arange(N) / 100, specific_force=f, angular_rate=w, kind="rotation")
+    assert len(r.time) == N
+    assert abs(r.triad("angular_rate") - w)[2150].max() == pytest.approx(true[2], abs=0.006)
+    assert abs(r.triad("specific_force")[700, 0]) < 0.06
+    assert any("row 701, row 2151: 2 rows of 4000 are taken from neighbours" in remark for remark in r.remarks)
+
+
+AXES = ("platform", "inner", "middle", "outer")
+
+
+def test_a_static_run_leaves_out_any_channel_that_leaps() -> None:
+    n, rng = 600, np.random.default_rng(14)
+    t = 300.0 * np.arange(n)
+    angle = np.degrees(7.292115e-5 * t)[:, None] * [1.0, 0, 0, 0] + 1e-4 * rng.standard_normal((n, 4))
+    angle[[100, 200], [0, 2]] += [0.05, -0.02]
+    f = [0, 0, 9.8] + 1e-4 * rng.standard_normal((n, 3))
+    f[300] *= 1.1
+    r = from_arrays(
+        t,
+        specific_force=f,
+        gimbal_angle=dict(zip(AXES, np.radians(angle).T, strict=True)),
+        kind="static-run",
+        platform="space-stable",
+        site={"latitude": (40.0, "deg")},
+    )
+    assert len(r.time) == n - 3
+    assert any("row 101, row 201, row 301" in remark and "leaps away" in remark for remark in r.remarks)
+
+
+def test_a_row_of_a_navigator_where_a_turn_begins_is_refused_by_name() -> None:
+    w = 1e-6 * np.random.default_rng(15).standard_normal((N, 3))
+    w[2000:, 1] += np.clip(np.arange(N - 2000) * 0.01, 0, 0.2)
+    sound = from_arrays(np.arange(N) / 10, specific_force=still(16), angular_rate=w, kind="rotation")
+    assert not any("leaps" in remark for remark in sound.remarks)
+    w[2001, 1] = -2.0
+    with pytest.raises(InputError, match="row 2002, column angular_rate_y: -2 leaps away for a single row"):
+        from_arrays(np.arange(N) / 10, specific_force=still(16), angular_rate=w, kind="rotation")

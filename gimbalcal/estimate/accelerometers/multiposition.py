@@ -45,7 +45,7 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or TERMS) if t not in asked)
     _check(wanted, recording, "--terms")
     _check(tuple(asked), recording, "--with")
-    means = dwell_means(recording)
+    means = dwell_means(dwell_means(recording))  # a rest that a row on the way cuts in two is one
     means, counts = scaled_by_gravity(means)
     base = tuple(t for t in wanted if t in LINEAR) or ("bias",)
     beside, constants = _added(means, base, more)

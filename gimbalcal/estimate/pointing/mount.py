@@ -36,7 +36,9 @@ def pointing_calibration(
     InputError for recordings of several mounts, without true angles, or with fewer readings than unknowns.
     """
     join(recordings)  # refuses runs of different mounts, and one that is given twice
-    runs = tuple(night for r in recordings for night in nights(r))
+    each = [nights(r) for r in recordings]
+    runs = tuple(night for own in each for night in own)
+    before = [sum(len(n.time) for n in own[:k]) for own in each for k in range(len(own))]
     held, platform, axes = terms or USUAL, recordings[0].platform, read_axes(recordings[0])
     stated = _stated(recordings)
     also = added(more, recordings, held)
@@ -64,7 +66,9 @@ def pointing_calibration(
                 "gimbal_angle_from": "residual" if stated is None else "recording.toml",
             },
             "pattern": asdict(left) if left else {},
-            "far_off": [{"title": t, "star": n, "arcsec": float(from_si(d, "arcsec"))} for t, n, d in far_off(found)],
+            "far_off": [
+                {"title": t, "star": n, "arcsec": float(from_si(d, "arcsec"))} for t, n, d in far_off(found, before)
+            ],
             "stars": sum(len(r.time) for r in runs),
             "mount": mount_record(recordings[0].platform, latitude),
         },

@@ -35,11 +35,14 @@ class Pattern:
     probability: float
 
 
-def far_off(found: Fit) -> tuple[tuple[str, int, float], ...]:
-    """Title of the run, number of the star from 1 and its distance [rad] of stars far off the others, worst first."""
+def far_off(found: Fit, before: Sequence[int]) -> tuple[tuple[str, int, float], ...]:
+    """Title of the run, number of the star from 1 and its distance [rad] of stars far off the others, worst first.
+
+    before: how many stars of the same recording come before each run, which is one night of it.
+    """
     length = [np.linalg.norm(r, axis=1) for r in found.weighted]
     limit = FAR * float(np.median(np.concatenate(length))) / MEDIAN_LENGTH
-    out = [(run.title, int(i) + 1, float(d[i])) for run, d in zip(found.runs, length, strict=True)
+    out = [(run.title, k + int(i) + 1, float(d[i])) for run, k, d in zip(found.runs, before, length, strict=True)
            for i in np.flatnonzero(d > limit)]  # fmt: skip
     return tuple(sorted(out, key=lambda star: -star[2])) if sum(map(len, length)) >= FEWEST else ()
 

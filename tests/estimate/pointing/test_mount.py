@@ -103,6 +103,9 @@ def test_a_mistaken_star_is_named() -> None:
     words = answer({**made.to_dict(), "provenance": dict(made.provenance)})
     assert "A star is far off the others, number 17 of “made” by" in words
     assert pointing_calibration([night]).provenance["far_off"] == []
+    later = np.where(np.arange(60) < 10, 0.0, 86400.0)  # a second night in one file, whose rows go on counting
+    two = replace(night, time=night.time + later, channels={**night.channels, ("true_angle", "elevation"): elevation})
+    assert [s["star"] for s in pointing_calibration([two]).provenance["far_off"]] == [17]
 
 
 def test_noise_alone_makes_no_pattern() -> None:
