@@ -30,14 +30,14 @@ __version__ = "0.1.0"
 
 # Loaded on first use, so that `gimbalcal --help` answers at once.
 if TYPE_CHECKING:
-    from gimbalcal.api import calibrate, read_calibration
+    from gimbalcal.api import calibrate, from_frame, read_calibration
     from gimbalcal.calibration import Calibration
     from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, load_effects
     from gimbalcal.errors import InputError
     from gimbalcal.forward import jacobian, predict
     from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings, stimulus_from_truth
     from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL, Axis, Platform
-    from gimbalcal.recording import Recording, from_arrays, from_frame, read
+    from gimbalcal.recording import Recording, from_arrays, read
     from gimbalcal.schedule import EIGHTEEN_POSITIONS, Hold, Schedule
 
 __all__ = [

@@ -13,8 +13,10 @@ What a file would be refused for, arrays are refused for, by an InputError with 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from gimbalcal import methods
 from gimbalcal.calibration import Calibration, exchange
@@ -23,8 +25,10 @@ from gimbalcal.diagnose.entry import diagnose as run_diagnosis
 from gimbalcal.errors import InputError
 from gimbalcal.pipeline import Source, Tell, load, silent
 from gimbalcal.recording import Recording
+from gimbalcal.recording.frames import Entry
+from gimbalcal.recording.frames import from_frame as from_described_frame
 
-__all__ = ["calibrate", "diagnose", "read_calibration"]
+__all__ = ["calibrate", "diagnose", "from_frame", "read_calibration"]
 
 
 def calibrate(
@@ -37,7 +41,7 @@ def calibrate(
     more, states, grade: as `--terms`, `--with`, `--states`, `--grade`. Raises InputError as the command does; of
     several sensors logged side by side the first is returned.
     """
-    return methods.calibrate(_listed(recordings), method, terms, tell, more, states, grade)[0]
+    return _calibration_told(methods.calibrate(_listed(recordings), method, terms, tell, more, states, grade)[0])
 
 
 def diagnose(
@@ -45,17 +49,46 @@ def diagnose(
     seed: int = 1, grade: str = "", tell: Tell = silent,
 ) -> Diagnosis:  # fmt: skip
     """What the model of one recording or several of one unit misses, as `gimbalcal diagnose` says it."""
-    return run_diagnosis(load(_listed(recordings), tell), calibration, baseline, seed, tell, grade)
+    from gimbalcal.report.console import diagnosis_in_words
+
+    made = run_diagnosis(load(_listed(recordings), tell), calibration, baseline, seed, tell, grade)
+    refit = made.calibration and _calibration_told(made.calibration)
+    return replace(made, words=diagnosis_in_words(made), calibration=refit)
+
+
+def from_frame(frame: Any, columns: Mapping[str, Entry] | None = None, **options: Any) -> Recording:
+    """A recording whose rows are those of a data frame (pandas, polars), or of any mapping of names to columns.
+
+    columns: for each name what it holds, ``"specific_force x [g]"``, ``"time [s]"``; all options are those of
+    `recording.from_frame`. Without columns they are guessed as `gimbalcal new` guesses those of a log, by names,
+    numbers and what gravity does; what each was taken for stands in `remarks`. Then the options are title and site.
+    """
+    if columns is not None:
+        return from_described_frame(frame, columns, **options)
+    from gimbalcal.importers.frame import guessed_frame
+
+    if unknown := set(options) - {"title", "site"}:
+        raise InputError(f"{min(unknown)} needs columns, which say what the frame holds; without, give title and site")
+    return guessed_frame(frame, **options)
 
 
 def read_calibration(path: str | Path) -> Calibration:
     """The calibration in a calibration.json, or another program's file: Kalibr .yaml, PSINS .mat, TPOINT .mod, .csv."""
-    return exchange.read_calibration(Path(path))
+    return _calibration_told(exchange.read_calibration(Path(path)))
+
+
+def _calibration_told(made: Calibration) -> Calibration:
+    """The same, which prints itself as the console prints it."""
+    from gimbalcal.report.console import calibration_in_words
+
+    return replace(made, words=calibration_in_words(made))
 
 
 def _listed(recordings: Source | Sequence[Source]) -> Sequence[Source]:
     if isinstance(recordings, (str, Path, Recording)):
         return [recordings]
+    if isinstance(recordings, Mapping) or hasattr(recordings, "columns"):
+        raise InputError("a table is no recording yet: gimbalcal.from_frame(table) makes one and guesses what it holds")
     if not recordings:
         raise InputError("give at least one recording: a folder, or what from_arrays, from_frame or read returns")
     return recordings

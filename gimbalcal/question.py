@@ -94,7 +94,9 @@ def in_words(made: Calibration, beyond: Sequence[int], limit: Limit, cause: str,
         told.append(
             f"{p.name.replace('_', ' ')} {p.axis} is {size:.4g} +- {sigma:.2g} {p.unit}, usual is below {usual:.3g}"
         )
-    more = f", and {len(beyond) - TOLD} more constants are as far off" if len(beyond) > TOLD else ""
+    rest = len(beyond) - TOLD
+    others = "one more constant is" if rest == 1 else f"{rest} more constants are"
+    more = f", and {others} as far off" if rest > 0 else ""
     end = cause or "is that so? No slip of unit, sign or place explains it; look at these sensors"
     return f"{', '.join(told)}{more} ({grade}): {end}"
 

@@ -6,11 +6,13 @@ import json
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 
 import gimbalcal
 from gimbalcal import CATALOGUE
 from gimbalcal.cli import main  # noqa: F401  the command line loads beside it
+from tests.importers.test_new import turned
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 XSENS = DATA / "xsens_positions"
@@ -31,7 +33,7 @@ def test_calibrate_is_the_command(command, capsys) -> None:  # type: ignore[no-u
 def test_a_calibration_shows_itself() -> None:
     made = gimbalcal.calibrate(XSENS, terms=["bias", "scale_factor"])
     assert "bias x" in str(made)
-    assert " +- " in str(made)
+    assert " ± " in str(made)
     frame = made.to_frame()
     assert frame.columns == ["effect", "name", "axis", "value", "sigma", "prior_sigma", "unit"]
     assert len(frame) == len(made.parameters)
@@ -108,13 +110,41 @@ def test_arrays_of_a_unit_that_counts() -> None:
 def test_diagnose_is_a_function_and_a_package() -> None:
     found = gimbalcal.diagnose(DATA / "space_stable_concealed")  # type: ignore[operator]
     assert found.verdict == "missing-physics"
-    assert found.findings[0]["effect"] in str(found)
-    assert found.in_words in str(found)
+    told = str(found).splitlines()
+    assert "Next: use the calibration.json" in str(found)
+    assert f"{100 * found.findings[0]['probability']:.3g} % probable" in told[0]
+    assert told[-1].startswith("In numbers: ")
+    assert repr(found) == str(found)
+    assert "_" not in str(found.calibration).partition("\n\n")[0]  # names as the page has them, no ids
     frame = found.to_frame()
     assert frame["effect"][0] == found.findings[0]["effect"]
     assert len(found.plot().axes) == len(found.curves.channels)
     assert found.plot()._repr_png_().startswith(b"\x89PNG")
     assert gimbalcal.diagnose.Diagnosis is type(found)
+
+
+def test_a_frame_without_words_is_guessed_as_a_log_is() -> None:
+    t, f, w = turned()
+    forces = {f"a{a} (g)": f[:, i] / 9.80665 for i, a in enumerate("xyz")}
+    rates = {f"gyro_{a}": np.degrees(w[:, i]) for i, a in enumerate("xyz")}
+    frame = {"timestamp_ms": 1e3 * t, **forces, **rates, "note": ["no number"] * len(t)}
+    for given in (frame, pl.DataFrame(frame)):
+        r = gimbalcal.from_frame(given, title="imu", site={"latitude": (48.0, "deg")})
+        np.testing.assert_allclose(r.triad("angular_rate"), w, atol=1e-9)
+        np.testing.assert_allclose(r.triad("specific_force"), f, atol=1e-9)
+        assert r.site.latitude == pytest.approx(np.radians(48.0))
+        assert "gyro_x is taken for angular rate x [deg/s]" in str(r)
+        assert "left out: note" in str(r)
+    dated = pl.DataFrame(frame).with_columns(
+        timestamp_ms=(np.datetime64("2026-11-18T05:00") + np.round(1e9 * t).astype("timedelta64[ns]"))
+    )
+    np.testing.assert_allclose(np.diff(gimbalcal.from_frame(dated).time), np.diff(t), atol=1e-6)
+    with pytest.raises(gimbalcal.InputError, match="noise needs columns"):
+        gimbalcal.from_frame(frame, noise={"accelerometer": (1.0, "ug")})
+    with pytest.raises(gimbalcal.InputError, match="from_frame"):
+        gimbalcal.calibrate(pl.DataFrame(frame))  # type: ignore[arg-type]
+    with pytest.raises(gimbalcal.InputError, match="no column is an accelerometer"):
+        gimbalcal.from_frame({"time": t, "price": f[:, 0], "rain": w[:, 0]})
 
 
 def test_recordings_and_results_print_themselves_and_calibrations_are_read_again(tmp_path: Path) -> None:

@@ -33,7 +33,8 @@ def correct_arrays(
     """
     if not isinstance(readings, Mapping):
         raise InputError(
-            f"apply takes a recording, or arrays by name as in {{'specific_force': f}}, got {type(readings).__name__}"
+            f"apply takes a recording, or arrays by name as in {{'specific_force': f}}, got {type(readings).__name__}; "
+            "of a table gimbalcal.from_frame makes a recording"
         )
     given = {quantity: x for quantity, x in readings.items() if quantity != "time"}
     said = dict(units or {})

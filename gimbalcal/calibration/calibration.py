@@ -57,7 +57,7 @@ class StageResult:
     in_words: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Calibration:
     """Result of an estimator. A failed estimate is one whose `outcome` is a sentence; success is the empty string."""
 
@@ -71,6 +71,7 @@ class Calibration:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     stages: tuple[StageResult, ...] = ()
     readout: Readout = field(default_factory=Readout)
+    words: str = field(default="", compare=False, repr=False)  # the answer as a person reads it, if written
 
     @property
     def values(self) -> Array:
@@ -83,7 +84,9 @@ class Calibration:
         return np.sqrt(np.diag(self.covariance))
 
     def __str__(self) -> str:
-        """A table of parameters, rounded as their sigmas, what the data did not show, and what speaks against it."""
+        """The answer as the console has it; else parameters, rounded as their sigmas, and what speaks against them."""
+        if self.words:
+            return self.words
         rows = self.to_dict()["parameters"]
         names = [f"{r['name']} {r['axis']}".strip() for r in rows]
         wide = max(map(len, names), default=0)
@@ -100,6 +103,8 @@ class Calibration:
         remarks = [f"not seen together: {', '.join(d)}" for d in unseen]
         remarks += [f"not estimated: {'; '.join(named)}"] if held else []
         return "\n".join([f"{self.method} calibration", *table, *remarks, *filter(None, [self.outcome])])
+
+    __repr__ = __str__
 
     def to_frame(self) -> pl.DataFrame:
         """One row a parameter: effect, name, axis, value, sigma and prior_sigma in `unit`."""

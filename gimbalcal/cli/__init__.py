@@ -10,7 +10,6 @@ from __future__ import annotations
 import sys
 import traceback
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -38,9 +37,6 @@ from gimbalcal.cli.options import (
 from gimbalcal.cli.placing import OVERWRITE, place, placed
 from gimbalcal.cli.planning import design, observe
 from gimbalcal.errors import InputError
-
-if TYPE_CHECKING:
-    from gimbalcal.diagnose import Diagnosis
 
 CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 
@@ -188,7 +184,7 @@ def diagnose(
     from gimbalcal.diagnose.cost import with_cost
     from gimbalcal.methods import by_sensor, held_together
     from gimbalcal.pipeline import load
-    from gimbalcal.report.console import findings_table
+    from gimbalcal.report.console import findings_table, headline_and_numbers
     from gimbalcal.report.files import write_diagnosis
 
     tell = progress(quiet)
@@ -209,10 +205,10 @@ def diagnose(
         remember(store, unit, "diagnosis", diagnosis.to_dict())
         if diagnosis.calibration is not None:
             remember(store, unit, "calibration", diagnosis.calibration.to_dict())
-    content, sentences, checks = told[0].to_dict(), [_said(told[0])], []
+    content, sentences, checks = told[0].to_dict(), [headline_and_numbers(told[0])], []
     if len(told) > 1:
         content["beside"] = {group[0].sensor: d.to_dict() for group, d in zip(groups[1:], told[1:], strict=True)}
-        sentences = [f"{group[0].title}: {_said(d)}" for group, d in zip(groups, told, strict=True)]
+        sentences = [f"{group[0].title}: {headline_and_numbers(d)}" for group, d in zip(groups, told, strict=True)]
         refits = [(d.calibration, group) for d, group in zip(told, groups, strict=True) if d.calibration]
         checks = held_together(refits, tell) if len(refits) == len(told) else []
         content["cross_check"] = [check.in_words for check in checks]
@@ -222,14 +218,6 @@ def diagnose(
     show(content, "\n".join(sentences), as_json, quiet, there.page if there else None)
     explained = all(d.verdict == "adequate" and not d.outcome for d in told)
     sys.exit(0 if explained and all(c.agree for c in checks) else 1)
-
-
-def _said(d: Diagnosis) -> str:
-    """The headline of a diagnosis, and its numbers."""
-    from gimbalcal.report.headline import headline
-    from gimbalcal.report.wording import typeset
-
-    return f"{headline(d.to_dict(), d.curves)}\nIn numbers: {typeset(d.in_words)}"
 
 
 @gimbalcal.command(epilog=example("gimbalcal simulate wu2018-18 --seed 7 --out my-rig"))

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from gimbalcal.cli.options import LATITUDE, POSITIVE, Number, example, output_options, progress, show
 from gimbalcal.cli.placing import OVERWRITE, placed
 from gimbalcal.errors import amount
-
-if TYPE_CHECKING:
-    from gimbalcal.importers.names import Guess
 
 
 @click.command(
@@ -53,6 +49,7 @@ def new(
 ) -> None:
     """Look at LOGS of a unit, a rig or a mount and propose a recording: columns, units, rests, platform."""
     from gimbalcal.atomic import write as write_text
+    from gimbalcal.importers.frame import held
     from gimbalcal.importers.log import propose
     from gimbalcal.recording import dwells, write
     from gimbalcal.report.new_page import clocked, commented, proposal_page
@@ -68,7 +65,7 @@ def new(
         write_text(header, commented(header.read_text(encoding="utf-8"), found))
         write_text(made / page, proposal_page(found))
     for name, g in found.guesses.items():
-        tell(f"{name.strip()}: {_held(g)}, by {g.why}")
+        tell(f"{name.strip()}: {held(g)}, by {g.why}")
     for what, note in found.notes.items():
         tell(f"{what}: {note}")
     if found.left_out:
@@ -90,8 +87,3 @@ def new(
     after = "calibrate" if stars or rests > 1 or r.kind == "static-run" else "noise"
     words = f"wrote {folder}, {made_of}; {correct}, then: gimbalcal {after} {folder}"
     show(result, words, as_json, quiet)
-
-
-def _held(g: Guess) -> str:
-    """What a column is taken for, in a few words."""
-    return " ".join(filter(None, [g.quantity.replace("_", " "), g.axis, f"[{g.unit}]" if g.unit else ""]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 import threading
 import time
@@ -79,9 +80,10 @@ def progress(quiet: bool) -> Callable[[str], None]:
     doing = ["starting", time.monotonic()]
 
     def tell(sentence: str) -> None:
+        again = sentence == doing[0]  # the same work once more is no news
         doing[:] = [sentence, time.monotonic()]
-        if not quiet:
-            print(f"  {sentence}", file=sys.stderr, flush=True)
+        if not (quiet or again):
+            print(f"  {_as_printed(sentence)}", file=sys.stderr, flush=True)
 
     context = click.get_current_context(silent=True)
     if not quiet and context is not None and context.meta.setdefault("gimbalcal.progress", doing) is doing:
@@ -89,6 +91,16 @@ def progress(quiet: bool) -> Callable[[str], None]:
         context.call_on_close(done.set)
         threading.Thread(target=_go_on, args=(doing, done), daemon=True).start()
     return tell
+
+
+def _as_printed(sentence: str) -> str:
+    """Units and signs as the answer has them; what is to be typed, in quotes, backticks or brackets, stays as it is."""
+    from gimbalcal.report.wording import typeset
+
+    if sentence.startswith(("wrote ", "reading ")):
+        return sentence  # names of files
+    parts = re.split(r"""(`[^`]*`|"[^"]*"|\[[^\]]*\]|\{[^}]*\}|\b\w+ = \S+)""", sentence)
+    return "".join(part if i % 2 else typeset(part) for i, part in enumerate(parts))
 
 
 def _go_on(doing: list[Any], done: threading.Event, every: float = SILENCE) -> None:
@@ -99,7 +111,8 @@ def _go_on(doing: list[Any], done: threading.Event, every: float = SILENCE) -> N
         now = time.monotonic()
         if now - max(since, said) >= every:
             said = now
-            print(f"  ... {sentence.partition(' (')[0]}: {now - since:.0f} s so far", file=sys.stderr, flush=True)
+            going_on = _as_printed(sentence.partition(" (")[0])
+            print(f"  ... {going_on}: {now - since:.0f} s so far", file=sys.stderr, flush=True)
 
 
 def show(result: Any, sentence: str, as_json: bool, quiet: bool, page: Path | None = None) -> None:

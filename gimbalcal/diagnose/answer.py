@@ -65,7 +65,7 @@ class FoundLaw:
     effect: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Diagnosis:
     """The content of diagnosis.json (interfaces.md section 4), and the residuals behind its picture."""
 
@@ -81,9 +81,12 @@ class Diagnosis:
     outcome: str = ""  # what else speaks against the recording or its model: a fault, a larger noise, an odd constant
     laws: tuple[FoundLaw, ...] = ()  # where nothing known explains it
     recommend: str = ""  # what would determine a law, where these data do not
+    words: str = field(default="", compare=False)  # the answer as a person reads it, where somebody wrote it
 
     def __str__(self) -> str:
-        """The answer in words, and each finding with its sizes."""
+        """The answer as the console has it; else its numbers, and each finding with its sizes."""
+        if self.words:
+            return self.words
         lines = [self.in_words, *filter(None, [self.outcome])]
         for f in self.findings:
             sizes = "; ".join(f"{p['name']} {p['axis']} {p['value']:.4g} +- {p['sigma']:.2g} {p['unit']}"
@@ -92,6 +95,8 @@ class Diagnosis:
                 f"{f['effect']} {f['axis']}: probability {f['probability']:.2g}, {f['sigma']:.3g} sigma; {sizes}"
             )
         return "\n".join(lines)
+
+    __repr__ = __str__
 
     def to_frame(self) -> pl.DataFrame:
         """One row for each parameter of each finding: effect, axis, probability, significance, value and sigma."""
@@ -104,7 +109,8 @@ class Diagnosis:
             for f in self.findings for p in f["parameters"]
         ]  # fmt: skip
         names = ("effect", "axis", "probability", "in_sigmas", "parameter", "value", "sigma", "unit")
-        return pl.DataFrame(rows) if rows else pl.DataFrame({n: [] for n in names})
+        kinds = {n: pl.String if n in ("effect", "axis", "parameter", "unit") else pl.Float64 for n in names}
+        return pl.DataFrame(rows, schema=kinds)
 
     def plot(self) -> Figure:
         """Residuals in sigma over time, before and after what was found, as a matplotlib figure."""

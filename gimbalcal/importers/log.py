@@ -22,7 +22,7 @@ from gimbalcal.importers.names import FORCE, RATE, Guess, by_name, hinted
 from gimbalcal.importers.said import in_physical_units
 from gimbalcal.importers.sky import of_the_axes
 from gimbalcal.importers.stars import angles_in, pointing_proposal
-from gimbalcal.importers.together import Columns, on_one_clock
+from gimbalcal.importers.together import Columns, on_one_clock, slowest_first
 from gimbalcal.importers.tpoint import import_tpoint
 from gimbalcal.importers.undescribed import Table, table_of
 from gimbalcal.number import Array
@@ -83,11 +83,11 @@ def of_tables(logs: Mapping[Path, Table], title: str, rate: float = 0.0, latitud
                    for (q, axis), (name, why) in run.guesses.items()}  # fmt: skip
         return Proposal(run.recording, guesses, run.left_out, run.notes)
     named = {g.quantity for path, table in logs.items() for n in table.columns if (g := by_name(n, hinted(path.stem)))}
-    read = [guessed(path, table, rate, named) for path, table in logs.items()]
-    columns, guesses, left, notes = read[0]
-    for path, (other, theirs, unknown, _) in zip(paths[1:], read[1:], strict=True):
-        columns, guesses = on_one_clock(path, (columns, guesses), (other, theirs))
-        left += unknown
+    read = {path: guessed(path, table, rate, named) for path, table in logs.items()}
+    (_, (columns, guesses)), *others = slowest_first([(path, each[:2]) for path, each in read.items()])
+    left, notes = [name for each in read.values() for name in each[2]], read[paths[0]][3]
+    for path, other in others:
+        columns, guesses = on_one_clock(path, (columns, guesses), other)
     missing = [a for a in "xyz" if not any((g.quantity, g.axis) == (FORCE, a) for g in guesses.values())]
     if missing:
         raise InputError(

@@ -75,7 +75,7 @@ def table_of(path: Path, dates: Dates | None = None) -> Table:
     angles, stamped, others = set(), set(), []
     for name in frame.columns:
         text = frame[name].str.strip_chars().str.strip_chars("\"'").str.strip_chars()
-        values, form = _values(name, text, separator, dates or Dates())
+        values, form = values_of(name, text, separator, dates or Dates())
         if np.count_nonzero(np.isfinite(values)) > len(values) / 2:
             columns[name] = values
             angles |= {name} if form == "angle" else set()
@@ -90,7 +90,7 @@ def table_of(path: Path, dates: Dates | None = None) -> Table:
     return Table(columns, frozenset(angles), above, tuple(others), frozenset(stamped))
 
 
-def _values(name: str, text: object, separator: str, dates: Dates) -> tuple[Array, str]:
+def values_of(name: str, text: object, separator: str, dates: Dates) -> tuple[Array, str]:
     """The numbers of a column, and whether they were a "date" or an "angle" of degrees or hours, minutes, seconds."""
     import polars as pl
 

@@ -5,7 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from gimbalcal.calibration import Calibration
+from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.report import wording
+from gimbalcal.report.answer import answer
+from gimbalcal.report.headline import headline
 from gimbalcal.report.parameter_rows import rows
 from gimbalcal.report.rounding import minus, pdg, significant
 
@@ -19,6 +23,24 @@ def parameters_table(content: Mapping[str, Any]) -> str:
         *(["* these data do not tell it alone; the report says with what it moves together"] if unseen else []),
         *([f"not estimated: {'; '.join(held)}"] if held else []),
     ])  # fmt: skip
+
+
+def calibration_in_words(made: Calibration) -> str:
+    """The table of a calibration and its answer, as `gimbalcal calibrate` ends."""
+    content = made.to_dict()
+    return f"{parameters_table(content)}\n\n{answer(content)}"
+
+
+def diagnosis_in_words(made: Diagnosis) -> str:
+    """What a diagnosis found, its headline and its numbers, as `gimbalcal diagnose` ends."""
+    content = made.to_dict()
+    table = [findings_table(content), ""] if made.findings else []
+    return "\n".join([*table, headline_and_numbers(made)])
+
+
+def headline_and_numbers(made: Diagnosis) -> str:
+    """The headline of a diagnosis, and its numbers."""
+    return f"{headline(made.to_dict(), made.curves)}\nIn numbers: {wording.typeset(made.in_words)}"
 
 
 def _held(content: Mapping[str, Any]) -> list[str]:

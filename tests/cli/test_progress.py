@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from gimbalcal.cli.options import _go_on
+from gimbalcal.cli.options import _go_on, progress
 
 
 def test_silence_is_broken_and_ends_with_the_work(capsys: pytest.CaptureFixture[str]) -> None:
@@ -33,3 +33,14 @@ def test_who_speaks_is_not_spoken_for(capsys: pytest.CaptureFixture[str]) -> Non
     done.set()
     worker.join(1.0)
     assert capsys.readouterr().err == ""
+
+
+def test_progress_has_the_units_of_the_answer_and_leaves_what_is_typed(capsys) -> None:  # type: ignore[no-untyped-def]
+    tell = progress(False)
+    for _ in range(2):
+        tell('they scatter by 170 ug, 0.3 deg/sqrt(h): write sign = -1, `x -3 deg/s`, unit = "ug" in [deg/s]')
+    tell("wrote ug/a -1/report.html")
+    assert capsys.readouterr().err.splitlines() == [
+        '  they scatter by 170 µg, 0.3 °/√h: write sign = -1, `x -3 deg/s`, unit = "ug" in [deg/s]',
+        "  wrote ug/a -1/report.html",
+    ]

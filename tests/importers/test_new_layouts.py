@@ -13,6 +13,7 @@ from gimbalcal.importers.clock import unwrapped
 from gimbalcal.importers.log import Proposal, propose
 from gimbalcal.importers.names import by_name, plain
 from gimbalcal.importers.said import scales
+from gimbalcal.importers.together import resampled
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.recording import dwells
@@ -216,3 +217,22 @@ def test_words_and_letters_of_names() -> None:
         g = by_name(name)
         assert g is not None, name
         assert (g.quantity, g.axis, g.unit) == wanted, name
+
+
+def test_readings_of_a_second_log_keep_their_noise_and_are_not_made_up(tmp_path: Path) -> None:
+    """On a line between neighbours half-way noise is 0.71 of what it is, and sigmas of turns with it."""
+    rng = np.random.default_rng(8)
+    t, x = 0.01 * np.arange(20_000), rng.standard_normal(20_000)
+    inner = t[100:-100] + 0.005
+    assert np.std(resampled(inner, t, x)) == pytest.approx(1.0, abs=0.05)
+    slow = 0.02 * np.arange(1, 9_999)  # two rows in one: white noise is smaller by the root of two
+    assert np.std(resampled(slow, t, x)) == pytest.approx(np.sqrt(0.5), abs=0.15)
+    smooth = np.sin(2 * np.pi * t)
+    np.testing.assert_allclose(resampled(inner, t, smooth), np.sin(2 * np.pi * inner), atol=1e-3)
+    np.testing.assert_allclose(resampled(slow, t, smooth), np.sin(2 * np.pi * slow), atol=2e-3)
+    t, f, w = turned()
+    force = rows(tmp_path / "acc.csv", "t,ax,ay,az", t, *f.T, cell="{:.9g}")
+    gyro = rows(tmp_path / "gyr.csv", "t,gx,gy,gz", t[::2], *w[::2].T, cell="{:.9g}")
+    r = propose([force, gyro]).recording  # at the times of the slower one
+    assert np.median(np.diff(r.time)) == pytest.approx(0.04)
+    assert r.title == "acc"

@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from gimbalcal.diagnose.rows.observations import absent_effect
+from gimbalcal.diagnose.wording import spoken
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
 from gimbalcal.effects.effect import constants, follows, lacking
 from gimbalcal.effects.grids import grid, kind
@@ -58,6 +59,11 @@ class Candidate:
     def label(self) -> str:
         """Readable name, "bias_drift:x"."""
         return f"{self.effect}:{self.axis}" if self.axis else self.effect
+
+    @property
+    def in_words(self) -> str:
+        """The same for a person, "bias drift (x)"."""
+        return f"{spoken(self.effect)} ({spoken(self.axis)})" if self.axis else spoken(self.effect)
 
     @property
     def key(self) -> tuple[str, str, str, str]:

@@ -20,7 +20,7 @@ def about_found(v: View, c: Course, tell: Tell) -> tuple[View, Course]:
     if v.beside is None or not c.steps or not far:
         return v, c
     cause, variant = c.steps[0].taken
-    tell(f"again, about the constants that belong to {cause.label}")
+    tell(f"again, about the constants that belong to {cause.in_words}")
     try:
         v = v.beside(absent_effect(cause.effect, v.stimulus, cause.source, **dict(variant.constants)), cause.parameters)
     except InputError as problem:

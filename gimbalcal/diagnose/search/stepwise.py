@@ -91,7 +91,7 @@ def climbed(v: View, first: Model, begun: Sequence[Taken], tell: Tell) -> list[T
         best = weigh(v, model)
         if best.ln_total < CLAIM or not best.named:
             break
-        tell(f"taken up: {', '.join(c.label for c, _ in best.found)}; ln Bayes factor {best.ln_bayes:.0f}")
+        tell(f"taken up: {', '.join(c.in_words for c, _ in best.found)}")
         taken = sharpened(v, first, exchanged(v, first, [*taken, *best.found], tell, keep_usual=keep_usual))
         model = take(v, first, taken)
     taken = pruned(v, first, taken, tell)
@@ -153,7 +153,7 @@ def exchanged(
         others = [t for t in out if t[0] != cause]
         best = weigh(v, take(v, first, others), memory, cause)
         if best.lead > EXCHANGE:
-            tell(f"{cause.label} gives way to {', '.join(c.label for c, _ in best.found)}")
+            tell(f"{cause.in_words} gives way to {', '.join(c.in_words for c, _ in best.found)}")
             out = [*others, *best.found]
     return out
 
@@ -169,7 +169,7 @@ def pruned(v: View, first: Model, taken: Sequence[Taken], tell: Tell) -> list[Ta
             break
         usual = [is_usual(c, v.recording.kind) for c, _ in out]
         weakest = min((support[i] > 0, usual[i], support[i], i) for i in range(len(out)))[-1]
-        tell(f"{out[weakest][0].label} is not kept: noise with a memory explains it")
+        tell(f"{out[weakest][0].in_words} is not kept: noise with a memory explains it")
         out = left[weakest]
     return out
 

@@ -49,7 +49,7 @@ def confirmed(v: View, c: Course, tell: Tell) -> tuple[Course, list[Judgement]]:
         least = min(verdicts, key=lambda j: j.probability, default=None)
         if least is None or least.probability >= LIKELY:
             return c, verdicts
-        tell(f"{least.cause.label} is not named: it is likelier something else, or noise with a memory")
+        tell(f"{least.cause.in_words} is not named: it is likelier something else, or noise with a memory")
         gone.add(least.cause.key)
         c = _instead(v, c, [s.taken for s in c.steps if s.taken[0] is not least.cause], gone, tell)
 
@@ -59,7 +59,7 @@ def _instead(v: View, c: Course, kept: Sequence[Taken], gone: set[Key], tell: Te
     best = weigh(v, take(v, c.start, kept), memory=True)
     new = best.found if best.ln_total >= CLAIM and best.named else ()
     if new and not gone & {cause.key for cause, _ in new}:
-        tell(f"taken up: {', '.join(cause.label for cause, _ in new)}; ln Bayes factor {best.ln_bayes:.0f}")
+        tell(f"taken up: {', '.join(cause.in_words for cause, _ in new)}")
         kept = [*kept, *new]
     return steps_of(v, c.start, kept, [t for t in c.standard if t in kept], refused=bool(gone))
 
