@@ -116,14 +116,14 @@ def _digest(content: Mapping[str, Any]) -> str:
 def _open(path: Path, make: bool) -> Iterator[sqlite3.Connection]:
     if path.is_dir() or not (path.is_file() or make):
         raise InputError(f"there is no store {path}; `--store {path}` of calibrate and diagnose makes one")
-    new = not path.exists()
     path.parent.mkdir(parents=True, exist_ok=True)
     base = sqlite3.connect(path.absolute(), timeout=WAIT, isolation_level=None)
     try:
+        base.execute("begin")  # one look at all of it: another process may be making the tables just now
         mark, version = (base.execute(f"pragma {name}").fetchone()[0] for name in ("application_id", "user_version"))
-        if not new and mark == 0 and version == 0 and not base.execute("select * from sqlite_master").fetchone():
-            new = True  # another process has just begun, or was stopped before it made a table
-        if new and make:
+        empty = mark == 0 and version == 0 and not base.execute("select * from sqlite_master").fetchone()
+        base.execute("commit")
+        if empty and make:
             _make(base)
         elif mark != MARK or version != FORMAT:
             what = f"of format {version}, and this version reads {FORMAT}" if mark == MARK else "another program's"

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sqlite3
 import subprocess
 import sys
 import time
-from contextlib import closing
+from contextlib import closing, suppress
+from functools import partial
 from pathlib import Path
+from threading import Timer
+from typing import Any
 
 import numpy as np
 import pytest
@@ -96,6 +100,62 @@ def test_units_and_strange_files_are_told_apart(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=words):
             keep(bad, entry(0))
         assert bad.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "content = replace(content, '\"ug\"', '\"mg\"')",
+        "content = 'x'",
+        "content = '[]'",
+        "digest = ''",
+        "unit = x'75'",
+    ],
+)
+def test_an_entry_that_is_not_what_was_kept_is_refused(tmp_path: Path, damage: str) -> None:
+    path = tmp_path / "units.db"
+    keep(path, entry(0))
+    keep(path, entry(1))
+    with closing(sqlite3.connect(path)) as base, base:
+        assert base.execute(f"update entries set {damage} where id = 1").rowcount == 1
+    with pytest.raises(InputError, match=re.escape(f"holds an entry of '{entry(0).date}' that is not what was kept")):
+        kept(path)
+
+
+def test_who_makes_a_store_waits_for_another_who_makes_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "units.db"
+    other = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+    with closing(other):
+        other.execute("begin immediate")  # it reads as empty, and nobody else may change its mode
+        monkeypatch.setattr("gimbalcal.history.store.WAIT", 0.0)
+        with pytest.raises(InputError, match=r"cannot be used as a store .*locked"):
+            keep(path, entry(0))
+        monkeypatch.setattr("gimbalcal.history.store.WAIT", 30.0)
+        done = Timer(0.3, other.rollback)
+        done.start()
+        assert keep(path, entry(0))
+        done.join()
+    assert len(kept(path)) == 1
+
+
+def test_a_store_that_another_makes_while_it_is_looked_at_is_no_other_programs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, connect, others = tmp_path / "units.db", sqlite3.connect, [entry(1)]
+    path.touch()  # the other has begun
+
+    class Interrupted(sqlite3.Connection):
+        def execute(self, sql: str, *values: Any) -> sqlite3.Cursor:
+            if others and "sqlite_master" in sql:
+                with suppress(InputError):  # who looks holds a lock, so that the other has to wait
+                    keep(path, others.pop())
+            return super().execute(sql, *values)
+
+    monkeypatch.setattr("gimbalcal.history.store.WAIT", 0.0)
+    monkeypatch.setattr(sqlite3, "connect", partial(connect, factory=Interrupted))
+    assert keep(path, entry(0))
+    assert others == []
+    assert entry(0).date in {e.date for e in kept(path)}
 
 
 def test_two_writers_at_once_lose_nothing(tmp_path: Path) -> None:
