@@ -179,18 +179,20 @@ def content(recording: Recording, channels: tuple[Channel, ...]) -> dict[str, An
 
 
 def in_words(channels: tuple[Channel, ...]) -> str:
-    """The answer: the largest of each kind, and which channels do not follow the law."""
+    """The answer: the largest of each kind among channels that follow the law, and which do not."""
+    odd = [c.name for c in channels if probability(c.found) < UNLIKELY]
     parts = []
     for quantity, word in WORDS.items():
-        mine = [c for c in channels if c.key[0] == quantity]
+        every = [c for c in channels if c.key[0] == quantity]
+        mine = [c for c in every if c.name not in odd] or every  # numbers of a law that does not hold say nothing
         if not mine:
             continue
         told = [_largest(mine, k) for k in range(3)]
         parts.append(f"{word}s: {', '.join(told)}")
     sentence = "; ".join(parts)
-    odd = [c.name for c in channels if probability(c.found) < UNLIKELY]
     if odd:
-        sentence += f"; {', '.join(odd)} follow no such law, sigmas are widened: look at the curve"
+        one = "s" if len(odd) == 1 else ""
+        sentence += f"; {', '.join(odd)} follow{one} no such law, sigmas are widened: look at the curve"
     late = [c.name for c in channels if c.found.first and c.name not in odd]
     if late:
         tau = max(c.curve.tau[c.found.first] for c in channels if c.name in late)

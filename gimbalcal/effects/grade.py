@@ -101,6 +101,11 @@ class Grade:
         """The parameter with the prior sigma that it has in a unit of this grade."""
         return replace(p, sigma=self.factor(p) * p.sigma)
 
+    def at_power_on(self, p: Parameter) -> Parameter:
+        """The same of a raw unit: its gyroscopes' zero is another after each switching-on, and as large as that."""
+        least = TURN_ON[self.name] / FAR if p.effect == "gyro_bias" else 0.0
+        return replace(p, sigma=max(self.usual(p).sigma, least))
+
 
 def _grade(
     name: str, force_noise: float, rate_noise: float, accelerometer: tuple[float, ...], gyroscope: tuple[float, ...]

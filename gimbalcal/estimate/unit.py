@@ -90,6 +90,7 @@ def with_gyroscopes(
         return accelerometers
     g = None if more else _from_revolutions(recording, accelerometers, terms)
     g = gyroscopes_between_rests(recording, accelerometers, terms, more) if g is None else g
+    g = replace(g, parameters=tuple(recording.grade.at_power_on(p) for p in g.parameters))  # no fit here has a prior
     n = len(accelerometers.parameters)
     covariance = np.zeros((n + len(g.parameters),) * 2)
     covariance[:n, :n], covariance[n:, n:] = accelerometers.covariance, g.covariance

@@ -1,17 +1,17 @@
 r"""Find the dwells of a rig that was moved by hand or without a position channel: where its sensors are quiet.
 
 Variance detector of Tedaldi, Pretto and Menegatti (ICRA 2014), with a noise floor taken from the
-recording itself instead of from a known initial rest. In a sliding window of m samples each channel has variance v_c;
-its floor F_c is the 10 % quantile of v_c, which lies within the rests as long as they fill a tenth of the time. A
-sample rests where
+recording itself instead of from a known initial rest. In a sliding window of one second, m samples, each channel has
+variance :math:`v_c`; its floor :math:`F_c` is the 10 % quantile of :math:`v_c`, which lies within the rests as long as
+they fill a tenth of the time. A sample rests where
 
-.. math:: \max_c \; v_c / F_c < T .
+.. math:: \max_c \; v_c / F_c < T = 10 .
 
-For white noise v_c / F_c scatters by :math:`\sqrt{2/m}` about little more than 1; T leaves room for a table that
-shakes a little and for the slow part of the noise. Gyroscopes, where they were logged, can only take away from that:
-what the accelerometers call a rest is none where a gyroscope scatters by more than `SHAKEN` times what it usually does
+For white noise :math:`v_c / F_c` scatters by :math:`\sqrt{2/m}` about little more than 1; T leaves room for a table
+that shakes a little and for the slow part of the noise. Gyroscopes, where they were logged, can only take away from
+that: what the accelerometers call a rest is none where a gyroscope scatters by more than 20 times what it usually does
 at rest, or turns on and on (about the vertical, which no accelerometer sees). Each rest loses a window at both ends,
-where the move has begun or still rings, and must then last `SHORTEST` to count.
+where the move has begun or still rings, and must then last a second to count.
 """
 
 from __future__ import annotations

@@ -72,8 +72,10 @@ def _next(content: Mapping[str, Any]) -> str:
     doubted = content["provenance"].get("pattern")
     if doubted or verdict(content) != "fits" or content["residual"]["dof"] <= 0:
         return ""
-    if 0 < len(content["parameters"]) <= len(_tied(content)):
-        return " Next: record more attitudes; `gimbalcal observe` says beforehand which see what."
+    every, tied = len(content["parameters"]), len(_tied(content))
+    if 0 < every < 2 * tied:
+        both = " and calibrate them together with this" if tied < every else ""
+        return f" Next: record more attitudes{both}; `gimbalcal observe` says beforehand which see what."
     return " Next: `gimbalcal apply` corrects recordings with it."
 
 
@@ -144,7 +146,7 @@ def _pattern(pattern: Mapping[str, Any]) -> str:
     """What is left of stars that is no noise, in words; empty for none."""
     if not pattern:
         return ""
-    where = f"{pattern['channel']} it follows the {pattern['axis'].replace('_', ' ')}"
+    where = f"what is left {pattern['channel']} follows the {pattern['axis'].replace('_', ' ')}"
     return f"; but it is no noise: {where}, and `gimbalcal diagnose` looks for the cause"
 
 

@@ -113,13 +113,14 @@ def _rests(found: Proposal) -> list[Chart]:
     charts = []
     for quantity in [q for q in ("specific_force", "angular_rate") if r.has(q)]:
         axes = r.axes(quantity)
-        of = "count" if r.counted(quantity) else {"specific_force": "m/s²", "angular_rate": "rad/s"}[quantity]
-        every = np.concatenate([r.channels[quantity, a] for a in axes])
+        of = "count" if r.counted(quantity) else {"specific_force": "m/s²", "angular_rate": "°/s"}[quantity]
+        size = float(np.degrees(1.0)) if of == "°/s" else 1.0
+        every = size * np.concatenate([r.channels[quantity, a] for a in axes])
         low, high = np.full(2, every.min()), np.full(2, every.max())
         marks: list[Mark] = [Band(np.array(e), low, high, "grey", "" if k else "at rest") for k, e in enumerate(ends)]
         if len(stays) <= NUMBERED and stays:
             middle = np.array([sum(e) / 2 for e in ends])
             marks.append(Words(middle, np.full(len(stays), np.inf), [str(d.position) for d in stays], "grey"))
-        marks += [Line(*envelope(t, r.channels[quantity, a]), COLOURS[i % 6], a) for i, a in enumerate(axes)]
+        marks += [Line(*envelope(t, size * r.channels[quantity, a]), COLOURS[i % 6], a) for i, a in enumerate(axes)]
         charts.append(Chart(tuple(marks), f"{quantity.replace('_', ' ')}  [{of}]", f"time [{unit}]"))
     return charts

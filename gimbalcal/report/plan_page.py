@@ -73,7 +73,7 @@ def design_headline(seen: Mapping[str, Any]) -> str:
         ratios = {name: a["criterion_ratio_equal_time" if position else "sigma_ratio_equal_time"]
                   for name, a in seen["against"].items()}  # fmt: skip
         what, which = ("that error", "") if position else ("σ", ", in the mean")
-        text += wording.sentence(f" {others[0]}") if position else ""
+        text += f" {wording.sentence(others[0])}" if position else ""
         beside = [f"In as much time as {n} takes {what} is {x:.2f} of what that leaves{which}"
                   for n, x in ratios.items()]  # fmt: skip
 

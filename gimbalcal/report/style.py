@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
 BLUE, VERMILION, GREEN, ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
 INK, GREY, PALE = "#222222", "#7a7a7a", "#d9d9d9"
-HALF, FULL = 5.9, 9.2  # inches: the widths of a column and of the page, so that letters come out as large as text
-SERIES = (BLUE, VERMILION, GREEN, ORANGE, "#CC79A7", "#56B4E9")
 
 STYLE: Any = {
     "font.size": 8.5,

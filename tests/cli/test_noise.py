@@ -18,6 +18,9 @@ ROOT = Path(__file__).parents[2]
 UG, DEG = 1e-6 * G0, np.pi / 180
 
 
+FORCE_X = ("specific_force", "x")
+
+
 def unit(n=6000, rate=50.0, seed=1, turns=1, **more):
     """A unit at rest in `turns` attitudes: 100 ug/sqrt(Hz) and 0.3 deg/sqrt(h)."""
     rng, step = np.random.default_rng(seed), 1 / rate
@@ -79,3 +82,7 @@ def test_a_header_states_nothing_of_a_curve_that_is_no_white_noise():
     channels = noise_at_rest(replace(r, channels=swings))
     assert list(header(channels)) == ["gyroscope"]
     assert "accelerometer x, accelerometer y, accelerometer z follow no such law" in in_words(channels)
+    channels = noise_at_rest(replace(r, channels={**r.channels, FORCE_X: swings[FORCE_X]}))
+    words = in_words(channels)
+    assert "accelerometer x follows no such law" in words
+    assert "(x)" not in words.partition("accelerometers: ")[2].partition(";")[0]  # its numbers are of no law

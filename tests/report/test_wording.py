@@ -42,6 +42,14 @@ def test_what_cannot_be_seen_is_named() -> None:
     assert "17 of 18 parameters are known; these data cannot tell misalignment xz: the report" in answer(alone)
 
 
+def test_what_tells_less_than_half_is_not_applied_but_joined() -> None:
+    few = {"parameters": [{"name": "bias", "axis": a} for a in "xyz"]}
+    direction = {"bias:x": 1.0, "bias:y": -1.0}
+    told = answer(content() | few | {"unobservable": [{"direction": direction, "why": ""}]})
+    assert "Next: record more attitudes and calibrate them together with this; `gimbalcal observe`" in told
+    assert "Next: `gimbalcal apply`" in answer(content(unobservable=1))
+
+
 def test_a_misfit_says_so() -> None:
     assert "3.00 times the stated noise, more than chance allows" in answer(content(chi2=9 * 37))
     assert verdict(content(chi2=9 * 37)) == "misfit"

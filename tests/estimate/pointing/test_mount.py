@@ -89,7 +89,10 @@ def test_a_pattern_of_what_is_left_is_told_where_no_noise_is_stated() -> None:
     assert bent.provenance["pattern"]["axis"] == "azimuth"
     assert bent.outcome == ""  # whose noise nobody states
     words = answer({**bent.to_dict(), "provenance": dict(bent.provenance)})
-    assert "but it is no noise: along it follows the azimuth, and `gimbalcal diagnose` looks for the cause" in words
+    assert (
+        "but it is no noise: what is left along follows the azimuth, and `gimbalcal diagnose` looks for the cause"
+        in words
+    )
 
 
 def test_a_mistaken_star_is_named() -> None:
