@@ -1,0 +1,73 @@
+"""The course of one parameter, on numbers small enough to be worked out by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.history.course import YEAR, Course, course
+
+BIAS = parameters(CATALOGUE["bias"])[0]
+TRIED = 42  # steps of six parameters over eight calibrations: one counts from 3.7 sigmas on
+
+
+def of(
+    x: Sequence[float], sigma: float | Sequence[float] = 1.0, *, at: Sequence[int] = (), begin: float = 0.0,
+    independent: Sequence[bool] = (), allowed: float = np.inf,
+) -> Course:  # fmt: skip
+    """A value a quarter of a year."""
+    k = np.arange(len(x))
+    return course(
+        BIAS, at or k.tolist(), YEAR * (begin + k / 4), np.array(x, dtype=float), np.broadcast_to(sigma, k.shape) * 1.0,
+        TRIED, independent or [True] * (max(at, default=len(x) - 1)), allowed,
+    )  # fmt: skip
+
+
+def test_what_stands_clearest_is_counted_in_its_sigmas() -> None:
+    assert of([0, 6], [3, 4]).clear == pytest.approx(6 / 5)
+    assert of([0, 2, 4, 6]).clear == pytest.approx(2 * np.sqrt(5))  # a line through -3, -1, 1, 3 halves
+
+
+def test_a_drift_is_due_on_the_clock_of_the_calibrations() -> None:
+    drift = of([0, 10, 20, 30], 0.5, begin=50.0)
+    assert drift.drifts
+    assert drift.time.tolist() == pytest.approx((YEAR * np.arange(4) / 4).tolist())
+    assert drift.rate * YEAR == pytest.approx(40.0)
+    assert drift.rate_sigma * YEAR == pytest.approx(4 * 0.5 / np.sqrt(5))
+    assert drift.due == pytest.approx(YEAR * (50.75 + 3 * 0.5 / 40))  # three sigmas of the last
+    assert of([0, 10, 20, 30], 0.5, begin=50.0, allowed=8.0).due == pytest.approx(YEAR * (50.75 + 8 / 40))
+
+
+@pytest.mark.parametrize(("independent", "jumps"), [((True, True), (1,)), ((False, True), ()), ((True, False), ())])
+def test_calibrations_that_share_a_recording_show_no_jump_across_another(
+    independent: Sequence[bool], jumps: tuple[int, ...]
+) -> None:
+    assert of([0, 50], at=(0, 2), independent=independent).jumps == jumps
+
+
+def test_there_and_back_is_one_value_and_what_comes_later_a_jump() -> None:
+    found = of([0, 0, 400, 0, 0, 0, 8, 8])
+    assert (found.jumps, found.outliers) == ((6,), (2,))
+    assert found.sizes[0] == pytest.approx((8.0, np.sqrt(2)))  # of two things, the change itself
+
+
+def test_what_is_drift_is_no_jump() -> None:
+    drift = of([0, 1000, 2030], 10.0)  # each change is seventy sigmas, and one off the line
+    assert drift.drifts
+    assert drift.jumps == ()
+
+
+def test_a_step_counts_by_the_sigmas_of_both_sides() -> None:
+    (size,) = (found := of([100, 100, 100, 130, 130, 130], [1, 2, 1, 2, 1, 2])).sizes
+    assert found.jumps == (3,)
+    assert size == pytest.approx((30.0, np.sqrt(1 / 2.25 + 1 / 1.5)))
+
+
+def test_a_step_pays_for_the_places_where_it_could_be() -> None:
+    """A line leaves 7.2 and the best of five steps 4.9, which is less, but by no more than 2 ln 5 of places."""
+    found = of([0, 1, 2.2, 7.8, 9, 10])
+    assert found.jumps == ()
+    assert found.drifts
