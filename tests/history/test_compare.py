@@ -89,6 +89,16 @@ def test_what_stands_little_clear_is_called_what_it_is(shape: list[float], told:
         assert np.mean(((sizes[:, 0] - 6 * SIGMA[1]) / sizes[:, 1]) ** 2) < 1.6
 
 
+def test_what_moved_most_is_told_first_and_a_slow_drift_is_no_agreement() -> None:
+    slow = course("bias:y", [0, 2, 4, 6, 8, 10])
+    said = compare(history(1, 6, slow + course("scale_factor:z", [0, 0, 0, 60, 60, 60]))).in_words
+    assert said.startswith("6 calibrations from 2024-03-01 to 2025-05-25 do not agree: scale factor z jumped by +")
+    assert said.index("jumped") < said.index("bias y drifts by +")
+    quiet = [made for made in (compare(history(seed, 6, slow)) for seed in range(4)) if not made.odd]
+    assert quiet  # no step by itself is more than chance
+    assert not any(made.agree for made in quiet)
+
+
 def test_calibrations_stand_at_the_day_of_their_recordings() -> None:
     made = [replace(d, date=START) for d in history(3, 4)]
     assert "all were computed within a day: no drift is told; write date = " in compare(made).in_words
