@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.correction import refuse_other_gimbals
@@ -31,6 +32,15 @@ from gimbalcal.question import questioned
 from gimbalcal.recording import Recording, completed, join, when_recorded
 
 
+class _Asked(NamedTuple):
+    """Where a diagnosis starts: values, ids of the effects that the model holds, and a seed; and who is told of it."""
+
+    calibration: Calibration | None
+    baseline: tuple[str, ...]
+    seed: int
+    tell: Tell
+
+
 def diagnose(
     recordings: Sequence[Recording],
     calibration: Calibration | None = None,
@@ -54,13 +64,14 @@ def diagnose(
             refuse_other_gimbals(calibration.effects, r)
     made = {id(r): completed(r) for r in recordings}  # one that is given twice stays one
     recordings = [made[id(r)] for r in recordings]
+    asked = _Asked(calibration, tuple(baseline), seed, tell)
     if all(r.kind == "pointing" for r in recordings):
         refuse_for_mounts(grade)
-        found = _judged(recordings, calibration, tuple(baseline), seed, tell)
+        found = _judged(recordings, asked)
         return _defined(replace(found, provenance={**found.provenance, **when_recorded(recordings)}))
     unit = graded(recordings, grade)
     tell(unit.in_words)
-    found = _judged(unit.of(recordings), calibration, tuple(baseline), seed, tell)
+    found = _judged(unit.of(recordings), asked)
     found = _questioned(found, recordings, unit)
     return _defined(
         replace(found, provenance={**found.provenance, **when_recorded(recordings), "grade": unit.to_dict()})
@@ -104,65 +115,41 @@ def _again(recordings: Sequence[Recording]) -> Calibration:
     return three_stage(recordings) if gimbals else inertial_unit(recordings[0])
 
 
-def _judged(
-    recordings: Sequence[Recording],
-    calibration: Calibration | None,
-    baseline: tuple[str, ...],
-    seed: int,
-    tell: Tell,
-) -> Diagnosis:
+def _judged(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):  # many small matrices: threads only get into each other's way
-        found = _of_all(recordings, calibration, baseline, seed, tell)
-        return found if calibration else with_reservation(found, recordings, baseline)
+        found = _of_all(recordings, asked)
+        return found if asked.calibration else with_reservation(found, recordings, asked.baseline)
 
 
-def _of_all(
-    recordings: Sequence[Recording],
-    calibration: Calibration | None,
-    baseline: tuple[str, ...],
-    seed: int,
-    tell: Tell,
-) -> Diagnosis:
+def _of_all(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
     if all(r.kind == "pointing" for r in recordings):
-        return _nights(recordings, calibration, baseline, seed, tell)
+        return _nights(recordings, asked)
     if len(recordings) > 1 and all(applies(r) and r.kind == "multi-position" for r in recordings):
-        return _sessions(recordings, calibration, baseline, seed, tell)
+        return _sessions(recordings, asked)
     if len(recordings) > 1:
-        return diagnose_several(recordings, calibration, baseline, seed, tell)
-    return _diagnose(recordings[0], calibration, baseline, seed, tell)
+        return diagnose_several(recordings, *asked)
+    return _diagnose(recordings[0], asked)
 
 
-def _sessions(
-    recordings: Sequence[Recording],
-    calibration: Calibration | None,
-    baseline: tuple[str, ...],
-    seed: int,
-    tell: Tell,
-) -> Diagnosis:
+def _sessions(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
     """Sessions of one unit turned by hand: their rests together, and whether they share their constants at all."""
-    made = _diagnose(join(recordings), calibration, baseline, seed, tell)
-    terms = by_triad(baseline)[0] or BASELINE["norm"]
+    made = _diagnose(join(recordings), asked)
+    terms = by_triad(asked.baseline)[0] or BASELINE["norm"]
     ask = partial(unit_of_sessions, recordings, terms)
-    return _held_together(made, "session", "agree on their constants", ask, tell)
+    return _held_together(made, "session", "agree on their constants", ask, asked.tell)
 
 
-def _nights(
-    recordings: Sequence[Recording],
-    calibration: Calibration | None,
-    baseline: tuple[str, ...],
-    seed: int,
-    tell: Tell,
-) -> Diagnosis:
+def _nights(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
     """Pointing runs of one mount: all nights together, and whether they share their terms at all."""
-    made = _diagnose(join(recordings), calibration, baseline, seed, tell)
+    made = _diagnose(join(recordings), asked)
     if made.calibration is None or sum(len(nights(r)) for r in recordings) == 1:
         return made
     held = dict.fromkeys(p.effect for p in made.calibration.parameters)
     terms = tuple(e for e in held if not constants(CATALOGUE[e]))  # the same constants would be sought in every night
     ask = partial(pointing_calibration, [replace(r, noise={}) for r in recordings], terms)
-    made = _held_together(made, "night", "share their terms", ask, tell)
+    made = _held_together(made, "night", "share their terms", ask, asked.tell)
     if not made.outcome:
         return made
     shape = {"channel": "pointing", "shape": "terms that differ from night to night"}
@@ -187,11 +174,9 @@ def _held_together(made: Diagnosis, each: str, alike: str, ask: Callable[[], Cal
     )
 
 
-def _diagnose(
-    recording: Recording, calibration: Calibration | None, baseline: tuple[str, ...], seed: int, tell: Tell
-) -> Diagnosis:
+def _diagnose(recording: Recording, asked: _Asked) -> Diagnosis:
     if applies(recording):
-        return diagnose_unknown_noise(recording, calibration, baseline, seed, tell)
+        return diagnose_unknown_noise(recording, *asked)
     if has_gyroscopes(recording) or recording.kind == "multi-position":
-        return diagnose_both_triads(recording, calibration, baseline, seed, tell)
-    return diagnose_known_noise(recording, calibration, baseline, seed, tell)
+        return diagnose_both_triads(recording, *asked)
+    return diagnose_known_noise(recording, *asked)
