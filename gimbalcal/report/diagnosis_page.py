@@ -126,7 +126,8 @@ def _law(law: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "where": f"{law['channel']} {law['axis']}".replace("_", " "),
         "equation": formula(law["latex"]), "form": law["form"], "rows": rows, "domain": minus("; ".join(seen)),
-        "alternatives": "; ".join(law["alternatives"]), "with": law["with"],
+        "alternatives": "; ".join(law["alternatives"]), "with": " --with ".join([*law["beside"], law["with"]]),
+        "beside": wording.listed([wording.named(*one.split(":")) for one in law["beside"]]),
     }  # fmt: skip
 
 

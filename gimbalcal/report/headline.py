@@ -14,7 +14,7 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Stage
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, constants
-from gimbalcal.report import wording
+from gimbalcal.report import law_words, wording
 from gimbalcal.report.rounding import pdg, significant
 
 if TYPE_CHECKING:
@@ -56,6 +56,10 @@ def headline(content: Entry, curves: Curves | None = None) -> str:
     if verdict == "not-identifiable":
         return f"Something is missing, and these data cannot tell what. {_either(found)} {_apart(found)}"
     rest = " Something more is left that no known effect explains." if content["unexplained"] else ""
+    if laws := content.get("laws", ()):
+        rest = (
+            f" Something more is left that no known effect explains, and a formula fits it: {law_words.fitted(laws)}."
+        )
     return f"{said}{more}{_size(curves, content['mismatch'])}{rest} {_next(found)}"
 
 
@@ -238,19 +242,15 @@ def _plain(f: Entry) -> bool:
 
 
 def _unexplained(content: Entry, curves: Curves | None) -> str:
+    if laws := content.get("laws", ()):
+        return (f"Something is missing that no known effect explains, and a formula fits it: {law_words.fitted(laws)}."
+                f"{_size(curves, content['mismatch'])} {law_words.next_step(content)}")  # fmt: skip
     shape = next(iter(content["unexplained"]), None)
     follows = f" It {_follows(str(shape['shape']))}, in {str(shape['channel']).replace('_', ' ')}." if shape else ""
-    laws = content.get("laws", ())
-    told = (f"{law['expression']} {wording.unit_in_print(str(law['unit']))} in {law['channel']} {law['axis']}"
-            for law in laws)  # fmt: skip
-    law = f" A formula fits it, in law.py: {'; '.join(told).replace('_', ' ')}." if laws else ""
-    asked = " ".join(f"--with {law['with']}" for law in laws)
-    recommend = content.get("recommend") or (
-        f"calibrate with it, `{asked} --effects law.py`, and look for what is behind it" if laws
-        else "look at the picture below, and record again with that quantity varied on purpose"
-    )  # fmt: skip
-    return (f"Something is missing that no known effect explains.{_size(curves, content['mismatch'])}{follows}{law} "
-            f"Next: {recommend}; do not trust the calibration beyond that.")  # fmt: skip
+    usual = "look at the picture below, and record again with that quantity varied on purpose"
+    recommend = str(content.get("recommend") or usual).rstrip(".")
+    return (f"Something is missing that no known effect explains.{_size(curves, content['mismatch'])}{follows} "
+            f"Next: {wording.typeset(recommend)}. Do not trust the calibration beyond that.")  # fmt: skip
 
 
 def _follows(shape: str) -> str:

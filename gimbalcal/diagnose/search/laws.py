@@ -133,18 +133,21 @@ class Law:
         return float(terms[i].constant / np.sqrt(curvature)) if curvature > 1.0 else float(terms[i].constant)
 
 
-def laws_of(g: Ground) -> list[Law]:
-    """Expressions that explain something, by evidence, best first; of those that are one in this recording each."""
+def laws_of(g: Ground, products: bool = True) -> list[Law]:
+    """Expressions that explain something, by evidence, best first; of those that are one in this recording each.
+
+    products: whether to look at products too, or at single terms alone.
+    """
     found: list[tuple[float, Place, Expression]] = []
     number, screens = [0, 0, 0], dict[int, Screen]()
     for place in g.places:
         every = [terms(v, place.stimulus) for v in place.variables]
-        ones, pairs, threes = singles(every), partners(every), triples(every)
+        ones, pairs, threes = singles(every), partners(every), triples(every) if products else []
         number[0] += len({e.family for e in ones})
         number[1] += len({f"{t.family}{o.family}" for t, others in pairs for o in others})
         number[2] += len(threes)
         seen = screen(g, place)
-        found += _best(place, _screened(seen, [*ones, *threes]), _paired(seen, pairs))
+        found += _best(place, _screened(seen, [*ones, *threes]), _paired(seen, pairs) if products else [])
         screens[id(place)] = seen
     if not found:
         return []  # nothing is left that any would take away

@@ -15,14 +15,18 @@ from gimbalcal.effects import Stage
 from gimbalcal.number import Array
 
 
-def to_tell(o: Observations, law: Law, size: Array, other: Law) -> str:
-    """The manoeuvre that tells a law with coefficients `size` (m,) [SI] from another fastest, as one sentence."""
+def to_tell(o: Observations, law: Law, size: Array, other: Law, asked: bool = True) -> str:
+    """The manoeuvre that tells a law with coefficients `size` (m,) [SI] from another fastest, as one sentence.
+
+    asked: whether the question is open; else it is empty where no manoeuvre would tell.
+    """
 
     def gained(planned: Observations) -> float:
         signal = _columns(planned, law, law.expression) @ size[:, None]
         return apart(planned, signal, _varied(planned, other))
 
-    return told_apart(fastest(o, gained), f"{printed(law)} from {printed(other)}")
+    best = fastest(o, gained)
+    return told_apart(best, f"{printed(law)} from {printed(other)}") if best.words or asked else ""
 
 
 def _varied(o: Observations, law: Law) -> Iterator[Array]:

@@ -126,12 +126,12 @@ def _with(text: str, values: Mapping[str, float]) -> str:
 
 def found(
     law: Law, x: Array, covariance: Array, heldout: tuple[float, float], others: Sequence[Law], title: str,
-    number: int = 1, view: str = "",
+    number: int = 1, view: str = "", beside: Sequence[str] = (),
 ) -> FoundLaw:  # fmt: skip
     """A law with its coefficients x (m,) and their covariance (m, m) in SI, and those that fit as well.
 
     number: which one it is of those of its axis, in a `view`; what is fed to a navigator is calibrated by a filter, and
-    that has to be given the constants.
+    that has to be given the constants. beside: known causes that it stands beside, as --with takes them.
     """
     told, e, place = stated(law.expression), law.expression, law.place
     rows = _parameters(law, told, x, covariance)
@@ -146,6 +146,7 @@ def found(
         "domain": {v.name: [float(v.printed(v.x.min())), float(v.printed(v.x.max()))] for v in e.variables},
         "units": units, "evidence": round(law.evidence, 2), "heldout_before": heldout[0], "heldout_after": heldout[1],
         "alternatives": list(dict.fromkeys(printed(o) for o in others))[:TOLD], "effect": effect, "with": asked,
+        "beside": list(beside),
     }  # fmt: skip
     return FoundLaw(entry, _class(law, told, entry, title))
 

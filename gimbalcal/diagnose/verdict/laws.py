@@ -17,11 +17,12 @@ from gimbalcal.diagnose.answer import FoundLaw
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER
 from gimbalcal.diagnose.rows.views import View
-from gimbalcal.diagnose.search.law_grounds import ground_of_search, ground_of_view, together, with_law
-from gimbalcal.diagnose.search.laws import Ground, Law, laws_of, same
+from gimbalcal.diagnose.search.law_grounds import with_law
+from gimbalcal.diagnose.search.laws import Ground, Law, same
 from gimbalcal.diagnose.search.likeliest import ranked
 from gimbalcal.diagnose.search.ranking import Ranking, Search
-from gimbalcal.diagnose.search.refit import Model, fitted_columns
+from gimbalcal.diagnose.search.refit import Model, fitted_columns, with_columns
+from gimbalcal.diagnose.verdict.beside_known import in_searches, in_view
 from gimbalcal.diagnose.verdict.decide import strained
 from gimbalcal.diagnose.verdict.law_advice import to_tell
 from gimbalcal.diagnose.verdict.law_file import found, printed
@@ -29,6 +30,7 @@ from gimbalcal.diagnose.verdict.locate import LEFT, scan
 from gimbalcal.diagnose.verdict.model import fit_causes
 from gimbalcal.diagnose.verdict.pool import inverse_of, mean_of
 from gimbalcal.diagnose.verdict.verify import Verification, verify
+from gimbalcal.diagnose.wording import spoken
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.number import Array
@@ -55,6 +57,7 @@ NONE = (
 DIFFERENT = (
     "look for what differed between the recordings: the formula that fits best, {law}, has other sizes in each of them"
 )
+KNOWN = "take {more}: {names}, which is known, explains these data as well as the formula that fits best, {law}"
 ALIKE = "take {more} in which {names} vary independently of each other: several formulas fit alike, {alike}"
 
 
@@ -119,8 +122,7 @@ def lawful(
     if fault and len(searches) == 1:
         return Lawful(recommend=AGAIN)
     nodes = [fit_causes(s, tuple(own)).projection.node for s, own in zip(searches, shapes, strict=True)]
-    best, rng = max(h.ln_weight for h in ranked.hypotheses), np.random.default_rng(seed)
-    law = law_of_searches(searches, nodes, best, rng, instead)
+    law = law_of_searches(searches, nodes, ranked, np.random.default_rng(seed), instead)
     return law if law.laws or not fault else Lawful(recommend=AGAIN)  # no position is held wrongly twice by chance
 
 
@@ -137,23 +139,26 @@ def misheld(s: Search, verdict: str) -> str:
 
 
 def law_of_searches(
-    searches: Sequence[Search], nodes: Sequence[Node], best_else: float, rng: np.random.Generator, instead: bool = False
+    searches: Sequence[Search], nodes: Sequence[Node], ranked: Ranking, rng: np.random.Generator, instead: bool = False
 ) -> Lawful:
     """What is told of recordings of known attitude of one unit that nothing known explains.
 
-    nodes: the likeliest noise of each; best_else: ln evidence of the best of all other hypotheses. instead: of causes
-    that leave a rest; the law then has to be 20 times as likely as these.
+    nodes: the likeliest noise of each; ranked: all other hypotheses. instead: of causes that leave a rest; the law then
+    has to be 20 times as likely as these.
     """
-    g = together([ground_of_search(s, node) for s, node in zip(searches, nodes, strict=True)])
-    every = laws_of(g)
-    best, others = chosen(g, every, best_else + (TOGETHER + CLAIM) * instead)
+    b = in_searches(searches, nodes, ranked, alone=instead)
+    g, every, planned, searches = b.ground, b.laws, [s.o for s in searches], b.searches
+    best_else = max(h.ln_weight for h in ranked.hypotheses) + (TOGETHER + CLAIM) * instead
+    best, others = chosen(g, every, best_else - b.ln_known)
+    if best is not None and (as_likely := _known(ranked, b.total)):
+        return Lawful((), KNOWN.format(more=_more(searches[0].o.kind), names=as_likely, law=printed(best)))
     likely = best or next(iter(others and every), None)
     if likely is None:
         return Lawful((), undetermined(every, others, g, searches[0].o.kind))
     held = [_held(s, columns, rng) for s, columns in zip(searches, g.parts(likely.columns), strict=True)]
     x, C, agree = mean_of([(h.x, h.weight) for h in held])
     lead = max(range(len(held)), key=lambda k: float(x @ held[k].weight @ x))
-    advice = to_tell(searches[lead].o, likely, x, others[0]) if others else ""
+    advice = to_tell(planned[lead], likely, x, others[0], asked=best is None) if others else ""
     if best is None:
         return Lawful((), f"{undetermined(every, others, g, searches[0].o.kind)}. {advice}")
     if agree.against(""):
@@ -164,9 +169,19 @@ def law_of_searches(
     most = CLAIM if instead else -np.log(LEFT)
     if any(h.left < LEFT or h.strained >= most for h in held) or after >= before:
         return Lawful((), LEAVES.format(law=printed(best)))
-    law = found(best, x, C, (before, after), others, " and ".join(s.o.recording.title for s in searches))
+    title = " and ".join(s.o.recording.title for s in searches)
+    law = found(best, x, C, (before, after), others, title, beside=b.name)
     added = (columns @ x for columns in g.parts(best.columns))
     return Lawful((law,), advice, tuple((h.fit, a) for h, a in zip(held, added, strict=True)))
+
+
+def _known(ranked: Ranking, ln_evidence: float) -> str:
+    """Known causes that are as likely as a law of this evidence, by name; empty where none are."""
+    every = ranked.library.candidates
+    h = next((h for h in ranked.hypotheses if not h.unknown(every)), None)
+    if h is None or h.ln_weight < ln_evidence:
+        return ""
+    return " and ".join(f"{spoken(every[m].effect)} {every[m].axis}".strip() for m in h.members)
 
 
 @dataclass(frozen=True)
@@ -200,18 +215,21 @@ def laws_of_view(v: View, m: Model, sigma: Array) -> tuple[Lawful, Model]:
     """
     laws, with_them, left = list[FoundLaw](), m, ranked(v, m)
     while left.ln_total >= (1 + bool(laws)) * CLAIM:
-        g = ground_of_view(v, with_them, sigma)
-        if g is None:
+        b = in_view(v, with_them, sigma, left, alone=bool(laws))
+        if b is None:
             return Lawful((), NOWHERE), m
-        every = laws_of(g)
-        best, others = chosen(g, every, max(h.ln_weight for h in left.hypotheses))
+        g, every = b.ground, b.laws
+        best, others = chosen(g, every, max(h.ln_weight for h in left.hypotheses) - b.ln_known)
+        if not laws and best is not None and (as_likely := _known(left, b.total)):
+            return Lawful((), KNOWN.format(more=_more(v.recording.kind), names=as_likely, law=printed(best))), m
         if laws and (best is None or len(laws) == MOST):
             return Lawful((), LEAVES.format(law=laws[0].entry["expression"])), m
         if best is None:
             return Lawful((), undetermined(every, others, g, v.recording.kind)), m
+        with_them = with_them if b.columns is None else with_columns(v, with_them, b.columns)
         with_them, x, covariance = fitted_columns(v, with_them, best.columns)
         number = sum(o.entry["axis"] == best.place.axis for o in laws) + 1
-        laws.append(found(best, x, covariance, (0.0, 0.0), others, v.recording.title, number, v.name))
+        laws.append(found(best, x, covariance, (0.0, 0.0), others, v.recording.title, number, v.name, b.name))
         left = ranked(v, with_them)
     return Lawful(tuple(laws)), with_them
 

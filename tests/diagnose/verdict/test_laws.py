@@ -24,6 +24,7 @@ from gimbalcal.diagnose.verdict.law_file import source
 from gimbalcal.effects import Stage
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, write
+from gimbalcal.report.headline import headline
 from tests.benchmarks import unknown_mount
 from tests.diagnose import plant, static_plant
 
@@ -174,6 +175,26 @@ def test_a_law_that_leaves_no_rest_takes_the_place_of_a_cause_that_does(tmp_path
     assert law["form"] == "a*force_y*exp(-time/tau2)"
     assert abs(tau["value"] - 15000) < 4 * tau["sigma"] < 9000
     assert explained(d, r, tmp_path) < 1.1
+
+
+def test_what_has_a_name_keeps_it_beside_a_law(tmp_path: Path) -> None:
+    """The cube of a cosine is the cosine, which eccentricity has, and its third harmonic."""
+    r = sky(lambda k: {"readout": np.column_stack([np.cos(k.outer) ** 3, 0 * k.t])}, 16.0)
+    d = diagnose([r])
+    (law,) = (law.entry for law in d.laws)
+    assert law["form"] == "a*cos(3*azimuth) + b*sin(3*azimuth)"
+    a, b = law["parameters"]
+    assert abs(a["value"] + 4.0) < 5 * a["sigma"] < 2 or abs(a["value"] - 4.0) < 5 * a["sigma"] < 2
+    assert abs(b["value"]) < 4 * b["sigma"]
+    assert law["beside"] == ["encoder_eccentricity:azimuth"]
+    (tmp_path / "law.py").write_text(source(d.laws))
+    load_effects(tmp_path / "law.py")
+    made = calibrate(r, more=[*law["beside"], law["with"]])
+    assert made.outcome == ""
+    told = headline(d.to_dict(), d.curves)
+    assert "the azimuth axis is off by" in told
+    assert "arcsec · cos(3 · azimuth), beside encoder eccentricity azimuth, which is known." in told
+    assert "`--with encoder_eccentricity:azimuth --with law_gimbal_angle_azimuth --effects law.py`" in told
 
 
 def test_none_is_named_where_nothing_small_fits() -> None:
