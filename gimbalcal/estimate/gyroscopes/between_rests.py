@@ -26,6 +26,7 @@ from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.account import joined
 from gimbalcal.estimate.added import Added, Beside, with_constants, with_told
+from gimbalcal.estimate.gyroscopes.borrowed import with_accelerometers
 from gimbalcal.estimate.gyroscopes.inter_triad import euler
 from gimbalcal.estimate.gyroscopes.outcome import rests_in_words, singular_in_words, sizes_in_words, turns_in_words
 from gimbalcal.estimate.gyroscopes.rests import (
@@ -82,6 +83,7 @@ def gyroscopes_between_rests(
         declined[G_SENSITIVITY] = why
     said = rests_in_words(recording, still, level.misfit)
     if fits:
+        fits[-1] = fits[-1][0], with_accelerometers(fits[-1][1], turns, recording, accelerometers)
         fit = fits[-1][1]
         said += singular_in_words(fit.condition) or (
             turns_in_words(recording, turns, accelerometers, level.misfit, scale, fit.rms)

@@ -124,6 +124,11 @@ def rows_of_turns(turns: Turns, effects: Sequence[Effect]) -> Rows:
     return Rows(BENCH, read.kind, read.stimulus, tuple(effects), channels, misfit, read.seen, answer)
 
 
+def derivative_of_turns(turns: Turns, fit: TurnFit) -> Array:
+    """Derivative (3 m, p) of the misfit of the turns by the parameters of a fit, where it ended."""
+    return _linear(turns, fit.parameters, fit.x, fit.effects)[1]
+
+
 def _linear(turns: Turns, wanted: Sequence[Parameter], x: Array, effects: Sequence[Effect] = ()) -> tuple[Array, Array]:
     """Misfit (3 m,) of the turns at parameters x, and its derivative (3 m, p)."""
     rows = rows_of_turns(turns, with_values(effects, wanted, x))
