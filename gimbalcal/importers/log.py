@@ -111,7 +111,8 @@ def of_tables(logs: Mapping[Path, Table], title: str, rate: float = 0.0, latitud
         unused = (*(n for n in left if n not in gimbals), *outside)
         proposal = Proposal(made, held, unused, told)
         explained = turns_explained(made)
-        if explained is None or explained[0] >= NEARLY_ALL * explained[1]:
+        lone = "steps of" in next(g.why for g in guesses.values() if g.quantity == "time") and len(dwells(made)) < 2
+        if not lone and (explained is None or explained[0] >= NEARLY_ALL * explained[1]):
             return proposal
         fallback = proposal if refused is None and fallback is None else fallback  # another unit has to be told
     if fallback is not None:

@@ -12,7 +12,7 @@ AXIS = {"x": "x", "y": "y", "z": "z", "0": "x", "1": "y", "2": "z"}
 # Words of English, German and French, as `plain` leaves them.
 _TIME = re.compile(
     r"^(time|times|timestamp|timestamps|stamp|clock|date_time|date|datetime|utc|zeit|zeitstempel|messzeit|uhrzeit|temps|heure|hora"
-    r"|tiempo|ora|tijd|tid|epoch|mjd|jd|gps_sow|gps_tow|sow|tow|itow|t|ts|sec|secs|seconds|millis|micros|ms|us|s|elapsed|seconds_elapsed)(_|$)"
+    r"|tiempo|ora|tijd|tid|epoch|mjd|jd|yday|doy|jday|decimal_day|gps_sow|gps_tow|sow|tow|itow|t|ts|sec|secs|seconds|millis|micros|ms|us|s|elapsed|seconds_elapsed)(_|$)"
 )
 _FORCE_WORDS = (
     "linear_acceleration|lin_acc|linacc|accelerometer_acceleration|accelerometer|acceleration|accelero|accel|accl|acc"
@@ -27,6 +27,11 @@ _TRIADS = tuple(
     (quantity, re.compile(rf"^({words})_?(?:(?:{_AS})_)?(axis_|achse_)?([xyz012])(_|$)"))
     for quantity, words in ((FORCE, _FORCE_WORDS), (RATE, _RATE_WORDS))
 )
+_AXIS_FIRST = tuple(
+    (quantity, re.compile(rf"^([xyz])_(?:axis_|achse_)?({words})(_|$)"))
+    for quantity, words in ((FORCE, "accel|acc|accelerometer|acceleration|force|beschleunigung"),
+                            (RATE, "gyro|gyr|gyroscope|angular_rate|angular_velocity|rate|drehrate"))
+)  # fmt: skip
 _BARE = re.compile(r"^(?:(?:axis|achse)_)?([xyz])(?:_(?:axis|achse))?(_|$)")
 _BODY = {"p": "x", "q": "y", "r": "z"}  # roll, pitch and yaw rate of a vehicle
 _TEMPERATURE = re.compile(r"^(temperature|temperatur|temp|tmp)(_|$)")
@@ -89,8 +94,11 @@ _SPELLINGS = {  # how people write units into names
     "s": "s sec seconds secs sekunden", "ms": "ms msec millis milliseconds", "us": "us usec micros microseconds",
     "ns": "ns nsec nanos nanoseconds", "min": "min", "h": "h hours hour hrs", "degC": "degc c celsius grad_c", "K": "k",
     "degF": "degf f", "deg": "deg degrees degree grad", "rad": "rad radians", "arcsec": "arcsec as asec arcseconds",
-    "arcmin": "arcmin amin arcminutes", "mrad": "mrad", "mdeg": "mdeg", "gon": "gon", "d": "mjd jd days",
+    "arcmin": "arcmin amin arcminutes", "mrad": "mrad", "mdeg": "mdeg", "gon": "gon",
+    "d": "mjd jd days yday doy jday decimal_day",
 }  # fmt: skip
+_OF_UNIT = {**dict.fromkeys(("m/s^2", "g", "mg", "ug", "Gal", "mGal", "ft/s^2"), FORCE),
+            **dict.fromkeys(("deg/s", "deg/h", "rad/s", "mdeg/s"), RATE)}  # fmt: skip
 _UNITS = {spelling: unit for unit, all_of_it in _SPELLINGS.items() for spelling in all_of_it.split()}
 _LETTERS = {"ß": "ss", "°": " deg ", "″": " arcsec ", "′": " arcmin ", "µ": "u", "μ": "u", "^": "",
             "α": " alpha ", "β": " beta ", "γ": " gamma ", "θ": " theta ", "ϑ": " theta ", "φ": " phi ", "ϕ": " phi ",
@@ -162,7 +170,15 @@ def by_name(name: str, hint: str = "") -> Guess | None:
 
 
 def _triad(words: str) -> tuple[str, str, str] | None:
-    """Quantity, axis and unit of a column of a triad; words before it (the name of a topic, a device) do not count."""
+    """Quantity, axis and unit of a column of a triad; where the unit is of the other quantity it is that (Gx in mg)."""
+    found = _triad_by_word(words)
+    if found and found[2] in _OF_UNIT:
+        return _OF_UNIT[found[2]], found[1], found[2]
+    return found
+
+
+def _triad_by_word(words: str) -> tuple[str, str, str] | None:
+    """The same by words alone; those before it (the name of a topic, a device) do not count."""
     parts = words.split("_")
     if OTHER.intersection(parts):
         return None
@@ -172,6 +188,10 @@ def _triad(words: str) -> tuple[str, str, str] | None:
             found = pattern.match(rest)
             if found:
                 return quantity, AXIS[found[3]], _UNITS.get(_rest(rest, found), "")
+    for quantity, pattern in _AXIS_FIRST:
+        found = pattern.match(words)
+        if found:
+            return quantity, AXIS[found[1]], _UNITS.get(_rest(words, found), "")
     return None
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.importers.names import Guess, by_name, plain, unit_written
-from gimbalcal.importers.pointing import elapsed, in_order, pointing_run
+from gimbalcal.importers.pointing import SPACED, elapsed, in_order, pointing_run
 from gimbalcal.importers.sky import latitude_column, sidereal, sidereal_hours
 from gimbalcal.importers.tpoint import equatorial
 from gimbalcal.importers.undescribed import Table
@@ -129,6 +129,10 @@ def pointing_proposal(path: Path, table: Table, columns: tuple[Seen, ...], title
                   and np.all(np.diff(x) >= 0)), "")  # fmt: skip
     rows = len(read[axes[0]])
     time, remarks = (_seconds(clock, table), ()) if clock else _sidereal_seconds(path, table, rows)
+    back = next((n for n in table.columns if (g := by_name(n)) and g.quantity == "time"), "")
+    if back and not clock:
+        gone = f"{path}: the clock {back} goes back, so its rows are taken {SPACED:g} s apart in order"
+        remarks = (f"{gone} and rates mean nothing; sort them by time for these",)
     if clock:
         why["time", ""] = (clock, f"its name {clock.strip()!r}")
     elif not remarks and (by := sidereal(table)):

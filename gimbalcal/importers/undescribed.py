@@ -7,14 +7,19 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gimbalcal.errors import InputError
+from gimbalcal.importers import calendar
 from gimbalcal.importers.delimited import encoding_of, frame_of
 from gimbalcal.importers.names import by_name, plain, unit_written
 from gimbalcal.number import Array
 from gimbalcal.recording.dates import Dates, NoDateError, is_date
+
+if TYPE_CHECKING:
+    import polars as pl
 
 HEAD, LEAST_COLUMNS = 200, 3  # lines that tell how a log is written, and columns of one that holds a triad
 SEXAGESIMAL = re.compile(
@@ -71,6 +76,7 @@ def table_of(path: Path, dates: Dates | None = None) -> Table:
             names = [f"{n} [{u}]" if u not in ("", "-") else n for n, u in zip(frame.columns, units, strict=True)]
             frame = frame[1:]
             frame.columns = names
+    frame = _one_stamp(frame)
     columns: dict[str, Array] = {}
     angles, stamped, others = set(), set(), []
     for name in frame.columns:
@@ -90,6 +96,22 @@ def table_of(path: Path, dates: Dates | None = None) -> Table:
     return Table(columns, frozenset(angles), above, tuple(others), frozenset(stamped))
 
 
+def _one_stamp(frame: pl.DataFrame) -> pl.DataFrame:
+    """The frame with a day and a time of day that stand in two columns as one, by the name of the time."""
+    import polars as pl
+
+    if not frame.height:
+        return frame
+    first = {name: str(frame[name][0] or "").strip(" \"'") for name in frame.columns}
+    day = next((n for n, cell in first.items() if calendar.is_day(cell)), "")
+    time = next((n for n, cell in first.items() if calendar.TIME.fullmatch(cell) and (g := by_name(n))
+                 and g.quantity == "time"), "")  # fmt: skip
+    if not day or not time:
+        return frame
+    days, times = ([str(cell or "").strip(" \"'") for cell in frame[n].to_list()] for n in (day, time))
+    return frame.with_columns(pl.Series(time, calendar.in_iso(days, times))).drop(day)
+
+
 def values_of(name: str, text: object, separator: str, dates: Dates) -> tuple[Array, str]:
     """The numbers of a column, and whether they were a "date" or an "angle" of degrees or hours, minutes, seconds."""
     import polars as pl
@@ -99,6 +121,9 @@ def values_of(name: str, text: object, separator: str, dates: Dates) -> tuple[Ar
     seen = seen.filter(seen != "")
     first = str(seen[0]) if len(seen) else ""
     guess = by_name(name)
+    if calendar.is_stamp(first):
+        text = pl.Series(name, calendar.in_iso(*calendar.split([str(cell or "") for cell in text.to_list()])))
+        first = str(text[0])
     if is_date(first) and (
         "-" in first[1:] or (guess and guess.quantity == "time") or not SEXAGESIMAL.fullmatch(first)
     ):

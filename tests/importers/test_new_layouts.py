@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.errors import InputError
+from gimbalcal.importers.calendar import in_iso, is_stamp, split
 from gimbalcal.importers.clock import unwrapped
 from gimbalcal.importers.log import Proposal, propose
 from gimbalcal.importers.names import by_name, plain
@@ -236,3 +237,48 @@ def test_readings_of_a_second_log_keep_their_noise_and_are_not_made_up(tmp_path:
     r = propose([force, gyro]).recording  # at the times of the slower one
     assert np.median(np.diff(r.time)) == pytest.approx(0.04)
     assert r.title == "acc"
+
+
+def test_axes_before_their_sensor_letters_of_gravity_and_clocks_of_days(tmp_path: Path) -> None:
+    t, f, w = turned()
+    counts = [*np.round(f.T / G * 1e3 / 0.061), *np.round(w.T * D / 0.01)]
+    names = "% yday\tX_accel\tY_accel\tZ_accel\tX_gyro\tY_gyro\tZ_gyro"
+    head = f"% Accel scale: 0.0610 mg/count\n% Gyro scale: 0.01 dps/count\n{names}"
+    day = 212.5 + t / 86400
+    same(propose([rows(tmp_path / "m.log", head, day, *counts, mark="\t", cell="{:.15g}")]), t, f, w, atol=2e-3)
+    head = head.replace("yday", "t")  # nothing but the turns and rests tells that these are days
+    same(propose([rows(tmp_path / "n.log", head, day, *counts, mark="\t", cell="{:.15g}")]), t, f, w, atol=2e-3)
+    a, b = FACES.T
+    f = felt(KNOWN["two-axis-table"], a, b)
+    head = '"Station","Inclination (deg)","Toolface (deg)","Gx (mG)","Gy (mG)","Gz (mG)"'
+    found = propose([rows(tmp_path / "o.csv", head, [f'"S{k}"' for k in range(24)], b, a, *f.T / G * 1e3)])
+    assert {g.axis for g in found.guesses.values() if g.quantity == "gimbal_angle"} == {"inclination", "toolface"}
+    np.testing.assert_allclose(found.recording.triad("specific_force"), f, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("days", "times", "want"),
+    [
+        (["14.06.2026", "3.7.2026"], ["8:05", "18:00:01,5"], ["2026-06-14T08:05:00", "2026-07-03T18:00:01,5"]),
+        (["6/14/2026", "7/3/2026"], ["8:05:10 PM", "12:00 am"], ["2026-06-14T20:05:10", "2026-07-03T00:00:00"]),
+        (["14/06/2026", "03/07/2026"], ["08:05", "08:06"], ["2026-06-14T08:05:00", "2026-07-03T08:06:00"]),
+        (["2026/6/14", "-"], ["08:05", "08:06"], ["2026-06-14T08:05:00", ""]),
+    ],
+)
+def test_dates_as_spreadsheets_write_them(days: list[str], times: list[str], want: list[str]) -> None:
+    assert in_iso(days, times) == want
+    whole = [f"{day} {time}" for day, time in zip(days, times, strict=True)]
+    assert in_iso(*split(whole)) == want
+    assert is_stamp(whole[0])
+
+
+def test_a_day_and_a_time_apart_are_one_clock(tmp_path: Path) -> None:
+    t, f, w = turned()
+    at = 86390 + t
+    day = [f"{14 + int(s // 86400)}.06.2026" for s in at]
+    time = [f"{int(s // 3600) % 24:02d}:{int(s // 60) % 60:02d}:{s % 60:05.2f}" for s in at]
+    path = rows(tmp_path / "p.csv", "Date;Time UTC;ax;ay;az;gx;gy;gz", day, time, *f.T, *w.T, mark=";")
+    same(propose([path]), t, f, w)
+    stamp = [f"{d} {x}" for d, x in zip(day, time, strict=True)]
+    path = rows(tmp_path / "q.csv", "Zeitpunkt;t;ax;ay;az;gx;gy;gz", ["a"] * len(t), stamp, *f.T, *w.T, mark=";")
+    same(propose([path]), t, f, w)

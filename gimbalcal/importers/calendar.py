@@ -1,0 +1,60 @@
+"""Dates as people and spreadsheets write them, as ISO 8601: 14.06.2026 8:05, 6/14/2026 8:05 PM, day and time apart."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+DAY = re.compile(r"\s*(\d{1,4})\s*([./-])\s*(\d{1,2})\s*\2\s*(\d{1,4})\.?\s*")
+_AFTER = re.compile(r"^([^\s,]+),\s*")  # a comma behind the day
+TIME = re.compile(r"\s*(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?\s*([AaPp])?\.?(?:[Mm]\.?)?\s*(Z|UTC)?\s*")
+
+
+def is_day(cell: str) -> bool:
+    """Whether a cell names a day, and no time.
+
+    >>> is_day("14.06.2026"), is_day("2026-06-14"), is_day("3.14")
+    (True, True, False)
+    """
+    found = DAY.fullmatch(cell)
+    return found is not None and max(len(found[1]), len(found[4])) == 4
+
+
+def is_stamp(cell: str) -> bool:
+    """Whether a cell names a day as no ISO 8601 has it, and a time.
+
+    >>> is_stamp("6/14/2026 8:05:10 PM"), is_stamp("2026-06-14 08:05:10")
+    (True, False)
+    """
+    day, _, time = _AFTER.sub(r"\1 ", cell.strip()).partition(" ")
+    return is_day(day) and TIME.fullmatch(time) is not None and re.fullmatch(r"\d{4}-\d\d-\d\d", day) is None
+
+
+def in_iso(days: Sequence[str], times: Sequence[str]) -> list[str]:
+    """Days and times of rows as ISO 8601; what is neither is empty.
+
+    A day in the middle or in front is told by the rows themselves, a number beyond 12; else by dots (the day first) and
+    slashes (the month first).
+    """
+    found = [DAY.fullmatch(day) for day in days]
+    slashed = any(f and f[2] == "/" for f in found)
+    first_beyond = any(f and len(f[4]) == 4 and int(f[1]) > 12 for f in found)
+    month_first = slashed and not first_beyond
+    return [_one(f, TIME.fullmatch(time), month_first) for f, time in zip(found, times, strict=True)]
+
+
+def split(cells: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Days and times of stamps."""
+    both = [_AFTER.sub(r"\1 ", cell.strip()).partition(" ") for cell in cells]
+    return [day for day, _, _ in both], [time for _, _, time in both]
+
+
+def _one(day: re.Match[str] | None, time: re.Match[str] | None, month_first: bool) -> str:
+    if day is None or time is None:
+        return ""
+    a, b, c = day[1], day[3], day[4]
+    year, month, date = (a, b, c) if len(a) == 4 else (c, a, b) if month_first else (c, b, a)
+    hour = int(time[1])
+    if time[4]:
+        hour = hour % 12 + (12 if time[4].lower() == "p" else 0)
+    return f"{int(year):04d}-{int(month):02d}-{int(date):02d}T{hour:02d}:{time[2]}:{time[3] or '00'}"
