@@ -114,6 +114,8 @@ def fuzz(n: int, seed: int, names: list[str], tell: Any = print) -> tuple[dict[s
                 if at_work or answer["wrong"] in ("hang", "killed") or asked >= RENEWED:
                     worker.end()
                     worker, asked = Worker(Path(folder)), 0
+        for ended in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(ended, signal.SIG_IGN)  # what came until then is told, however often it is asked to end
         worker.end()
     return counts, finds
 
