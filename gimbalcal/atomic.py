@@ -26,7 +26,7 @@ def file(path: Path) -> Iterator[Path]:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.part")
     try:
-        with _naming(lambda: path):
+        with _naming(lambda _: path):
             yield temporary
         temporary.replace(path)
     finally:
@@ -78,7 +78,7 @@ def folder(path: Path, last: str = "", belonging: Sequence[str] = ()) -> Iterato
     try:
         made = private / "new"
         made.mkdir()  # as the mask lets others read it, which mkdtemp does not
-        with _naming(lambda: path / _latest(made).relative_to(made)):
+        with _naming(lambda told: path / (told if told and made in told.parents else _latest(made)).relative_to(made)):
             yield made
         if path.is_dir():
             _taken(made, path, last, belonging)
@@ -165,19 +165,23 @@ def _latest(made: Path) -> Path:
 
 
 @contextmanager
-def _naming(path: Callable[[], Path]) -> Iterator[None]:
-    """A full disk as one sentence with the name of the file, which neither the system nor an engine tells."""
+def _naming(path: Callable[[Path | None], Path]) -> Iterator[None]:
+    """A full disk as one sentence with the name of the file, which the system tells only sometimes, an engine never.
+
+    path: the file's name, given the one that is told.
+    """
     try:
         yield
     except OSError as problem:
         number = problem.errno or _told(problem)  # an engine may raise one without its number
         if number not in FULL:
             raise
-        raise OSError(number, os.strerror(number), str(path())) from None
+        told = Path(os.fsdecode(problem.filename)) if isinstance(problem.filename, (str, bytes)) else None
+        raise OSError(number, os.strerror(number), str(path(told))) from None
     except Exception as problem:
         if type(problem).__module__.partition(".")[0] != "polars" or not (number := _told(problem)):
             raise
-        raise OSError(number, os.strerror(number), str(path())) from None
+        raise OSError(number, os.strerror(number), str(path(None))) from None
 
 
 def _told(problem: Exception) -> int:

@@ -88,7 +88,8 @@ def text(new): (new / "report.html").write_text(100_000 * "x")
 rows = pl.DataFrame({{"a": np.random.default_rng(1).normal(size=20_000)}})
 def table(new): rows.write_parquet(new / "rows.parquet")
 def lines(new): rows.write_csv(new / "rows.csv")
-for name, make in (("report.html", text), ("rows.parquet", table), ("rows.csv", lines)):
+def whole(new): atomic.write(new / "page.html", 100_000 * "x")
+for name, make in (("report.html", text), ("rows.parquet", table), ("rows.csv", lines), ("page.html", whole)):
     atomic.write(out / "old", "old")
     try:
         with atomic.folder(out) as new:
