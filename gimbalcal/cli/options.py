@@ -36,7 +36,8 @@ class Number(click.FloatRange):
         return number
 
 
-POSITIVE, LATITUDE = Number(min=0, min_open=True), Number(-90, 90)
+POSITIVE, LATITUDE = Number(0, 1e9, min_open=True), Number(-90, 90)
+NOISE = Number(1e-12, 1e9)  # beyond, squares of it are lost beside each other
 
 
 def example(*commands: str) -> str:

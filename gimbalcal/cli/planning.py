@@ -10,10 +10,10 @@ import click
 
 from gimbalcal.cli.options import (
     LATITUDE,
+    NOISE,
     POSITIVE,
     RUNS,
     SEED,
-    Number,
     example,
     listed,
     output_options,
@@ -33,16 +33,16 @@ TURNING_STATES = click.option(
     "--states", default="51", show_default=True, help="Of turns: what is estimated, 30, 51, or EFFECT[:AXIS],..."
 )
 RATE_NOISE = click.option(
-    "--rate-noise", default=0.002, type=POSITIVE, show_default=True, help="Of turns: gyroscopes' noise, deg/sqrt(h)."
+    "--rate-noise", default=0.002, type=NOISE, show_default=True, help="Of turns: gyroscopes' noise, deg/sqrt(h)."
 )
 FORCE_NOISE = click.option(
-    "--force-noise", default=5.0, type=POSITIVE, show_default=True, help="Of turns: accelerometers' noise, ug/sqrt(Hz)."
+    "--force-noise", default=5.0, type=NOISE, show_default=True, help="Of turns: accelerometers' noise, ug/sqrt(Hz)."
 )
 VELOCITY = click.option(
-    "--velocity-sigma", default=1e-5, type=POSITIVE, show_default=True, help="Of turns: how still the place is, m/s."
+    "--velocity-sigma", default=1e-5, type=NOISE, show_default=True, help="Of turns: how still the place is, m/s."
 )
 FORCE_SIGMA = click.option(
-    "--force-sigma", default=2.0, type=POSITIVE, show_default=True,
+    "--force-sigma", default=2.0, type=NOISE, show_default=True,
     help="Noise of the mean force of one position, or of ten minutes of a static run, ug.",
 )  # fmt: skip
 
@@ -54,9 +54,7 @@ FORCE_SIGMA = click.option(
     )
 )
 @click.argument("schedule")
-@click.option(
-    "--angle-sigma", default=1.0, type=POSITIVE, show_default=True, help="Setting error of a position, arcsec."
-)
+@click.option("--angle-sigma", default=1.0, type=NOISE, show_default=True, help="Setting error of a position, arcsec.")
 @FORCE_SIGMA
 @click.option(
     "--latitude", default=40.0, type=LATITUDE, show_default=True, help="Static runs and schedules of turns: where, deg."
@@ -121,7 +119,7 @@ def observe(
     help="How many positions to hold.",
 )
 @click.option("--step", default=45.0, type=POSITIVE, show_default=True, help="Angles of an axis: multiples, deg.")
-@click.option("--angle-sigma", type=Number(), default=None, help="Setting error, arcsec; left out: no angle is known.")
+@click.option("--angle-sigma", type=NOISE, default=None, help="Setting error, arcsec; left out: no angle is known.")
 @FORCE_SIGMA
 @click.option("--terms", default="", help="Comma-separated effects to estimate (default: the baseline).")
 @click.option("--separate", default="", help="Comma-separated effects that the schedule should tell apart.")

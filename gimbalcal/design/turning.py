@@ -80,7 +80,7 @@ def stretches(
     inside = np.arange(first[-1]) - np.repeat(first[:-1], count) + 1
     end = np.repeat(starts, count) + inside * dt
     mean, D = _readings(path, like, wanted, end, dt)
-    q = np.repeat([noise.force**2, noise.rate**2], 3) / dt[:, None]
+    q = np.repeat(np.square([noise.force, noise.rate]), 3) / dt[:, None]
     C_bn = path.at(starts)[0]
     made = transitions(
         first, np.ones(len(dt), dtype=bool), dt, mean[:, 3:], mean[:, :3], D, q, C_bn, *_where(like)

@@ -157,7 +157,13 @@ def _judged(
     rows = found.rows.reshape(-1, len(wanted))
     info = information(rows / prior, np.zeros(len(rows)), wanted)
     keep = np.unique(np.linspace(0, len(made.time) - 1, min(SHOWN, len(made.time))).round().astype(int))
-    sigma, moving = _sigmas(found, keep)
+    with np.errstate(invalid="ignore", over="ignore"):
+        sigma, moving = _sigmas(found, keep)
+    if not (np.isfinite(sigma).all() and np.isfinite(moving).all()):
+        raise InputError(
+            "these noises are too large, too small or too far apart to be computed with: "
+            + ", ".join(f"{name} {value:g}" for name, value in said.items())
+        )
     curves = tuple(Curve(p.label, p.unit, p.sigma, p.sigma * s) for p, s in zip(wanted, sigma.T, strict=True))
     start = np.sqrt(np.diag(found.P[0]))
     navigation = tuple(

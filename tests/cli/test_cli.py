@@ -136,9 +136,10 @@ def test_a_calibration_brings_its_sensors_along_and_not_how_the_rig_stood(tmp_pa
     ("arguments", "says"),
     [
         (("diagnose", XSENS, "--baseline", "bias,nonsense"), "'nonsense', which is no effect of the catalogue"),
-        (("observe", "wu2018-18", "--force-sigma", "0"), "not in the range x>0"),
-        (("observe", "wu2018-18", "--angle-sigma", "-1"), "not in the range x>0"),
+        (("observe", "wu2018-18", "--force-sigma", "0"), "not in the range 1e-12<=x<="),
+        (("observe", "wu2018-18", "--angle-sigma", "-1"), "not in the range 1e-12<=x<="),
         (("navigate", STATIC, "--calibration", "no.json", "--samples", 10**12), "not in the range 1<=x<=10000"),
+        (("observe", "wei2022-30", "--force-noise", "1e9", "--velocity-sigma", "1e-12"), "too far apart to be"),
         (("budget", "wu2018-18", "--hours", "nan"), "'nan' is not a finite number"),
         (("campaign", "wu2018-18", "--workers", 10**6), "more than 1000 processes no machine has room for"),
     ],

@@ -268,7 +268,7 @@ def read_gimbals(o: Observations) -> list[int]:
 
 
 def _blocks(recording: Recording) -> Array:
-    """Ordinal of the block (n,) that each row belongs to: equal parts of each dwell."""
+    """Ordinal of the block (n,) that each row belongs to: equal parts of each dwell, single rows of one with few."""
     if recording.kind == "static-run":
         return np.zeros(0, dtype=int)
     stays = dwells(recording)
@@ -277,7 +277,7 @@ def _blocks(recording: Recording) -> Array:
     for i, d in enumerate(stays):
         n = d.stop - d.start
         out[d.start : d.stop] = i * parts + np.arange(n) * parts // n
-    return out
+    return np.asarray(np.cumsum(np.diff(out, prepend=out[0]) != 0))
 
 
 def absent_effect(effect_id: str, s: Stimulus, source: str = "", **constants: float) -> Effect:

@@ -86,3 +86,12 @@ def test_a_long_static_run_is_averaged_first_and_says_the_same():
     long = replace(run, time=np.arange(9000) * 20.0, weight=np.ones(9000),
                    channels={k: np.resize(v, 9000) for k, v in run.channels.items()})  # fmt: skip
     assert len(fit_baseline(long, steps=0).y) <= MOST_ROWS
+
+
+def test_blocks_are_counted_without_gaps_where_a_position_has_few_rows(o):
+    """A screen of laws takes a block's ordinal for its place among the means."""
+    r = o.recording
+    rows = np.flatnonzero((r.position != 4) | (np.cumsum(r.position == 4) <= 2))
+    few = fit_baseline(r.select(rows))
+    assert few.block.max() + 1 == len(few.starts) == len(o.starts) - 4
+    assert set(np.diff(few.block)) == {0, 1}
