@@ -29,15 +29,17 @@ from gimbalcal.diagnose.rows.observations import (
     linearised_at,
 )
 from gimbalcal.diagnose.search.about_settings import about_settings
+from gimbalcal.diagnose.search.lone_walk import wandering
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.verdict.calibrated import calibrated, found_of
-from gimbalcal.diagnose.verdict.decide import Decision, bar, capped, decide, strained, unnamed
+from gimbalcal.diagnose.verdict.decide import Decision, bar, capped, strained, unnamed
 from gimbalcal.diagnose.verdict.laws import Lawful, lawful, misheld
 from gimbalcal.diagnose.verdict.locate import LEFT, Scan, mismatches, scan
 from gimbalcal.diagnose.verdict.model import FittedCauses, calibration_fit, constant_value, fit_causes
 from gimbalcal.diagnose.verdict.recommend import advise, sentence
 from gimbalcal.diagnose.verdict.threshold import clean_evidence
 from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
+from gimbalcal.diagnose.verdict.wander import decided, with_wander
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.number import Array
@@ -57,9 +59,11 @@ def diagnose_known_noise(
     s = searched(recording, calibration, ids, tell)
     tell("sending simulated clean recordings of this design through the same comparison")
     clean = clean_evidence(s, rng)
-    d = decide(s, bar(clean))
+    d, wander = decided(s, bar(clean))
     options = {"baseline": list(ids), "seed": seed}
     made = _report(s, d, clean, rng, options, tell, calibration)
+    if wander is not None:
+        return with_wander(made, wander)
     if d.hypothesis is None or (made.fit["scan_p_after"] >= LEFT and strained(s, d.hypothesis.members) < CLAIM):
         return made
     none = unnamed(s)
@@ -82,6 +86,9 @@ def searched(recording: Recording, calibration: Calibration | None, baseline: tu
         tell("again, about the constants that belong to what was found")
         o = _about_found(s)
         s = search(o, library(o, baseline), nodes(o))
+    if more := wandering(s):
+        tell(f"again, as accelerometer {more[0].alone} may wander")
+        s = search(o, library(o, baseline), (*nodes(o), *more))
     return s
 
 

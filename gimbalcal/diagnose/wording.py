@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from gimbalcal.diagnose.evidence.odds import NAMED
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.card import stated_law
@@ -53,10 +54,16 @@ def law(effect: str) -> dict[str, Any]:
 
 
 def named(finding: Entry) -> str:
-    """A finding with its axis, and the effects that these data do not tell from it."""
+    """A finding with its axis, and the effects that these data do not tell from it; of many no one is named.
+
+    >>> named({"effect": "bias_drift", "axis": "y", "twins": ["warm_up"]})
+    'bias drift (y) or warm up'
+    >>> named({"effect": "bias_drift", "axis": "y", "twins": ["warm_up", "bias_step", "self_heating"]})
+    'one of 4 that look alike: bias drift (y), warm up, bias step, self heating'
+    """
     axis = f" ({spoken(finding['axis'])})" if finding["axis"] else ""
-    confounded = "".join(f" or {spoken(t)}" for t in finding["twins"])
-    return f"{spoken(finding['effect'])}{axis}{confounded}"
+    every = [f"{spoken(finding['effect'])}{axis}", *(spoken(t) for t in finding["twins"])]
+    return " or ".join(every) if len(every) <= NAMED else f"one of {len(every)} that look alike: {', '.join(every)}"
 
 
 # --- a verdict --------------------------------------------------------------------------------------------------------

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 APART = ("constants that differ", "terms that differ")  # between recordings of what should be one unit
 MOST = 3  # findings that a headline names
+NAMED = 3  # causes that fit alike up to which they are named
 CLEAR = 2.0  # sigmas; less is no size to be told
 CONSTANTS = {"tau": "time constant", "period": "period", "order": "order", "teeth": "teeth", "lines": "lines",
              "epoch": "at", "m": "times a turn"}  # fmt: skip
@@ -51,7 +52,7 @@ def headline(content: Entry, curves: Curves | None = None) -> str:
         )
     if verdict == "unexplained":
         return _unexplained(content, curves)
-    said = " ".join(f"{_sentence(_does(f))}{_or(f)}" for f in found[:MOST])
+    said = " ".join(_either([f]) if _nameless(f) else f"{_sentence(_does(f))}{_or(f)}" for f in found[:MOST])
     more = f" {wording.counted(len(found) - MOST, 'further cause').capitalize()} below." if len(found) > MOST else ""
     if verdict == "not-identifiable":
         return f"Something is missing, and these data cannot tell what. {_either(found)} {_apart(found)}"
@@ -204,9 +205,12 @@ def _or(f: Entry) -> str:
     names = [wording.named(t) for t in f["twins"]]
     if not names:
         return ""
-    return (
-        f" It may as well be {' or '.join(names[:3])}{' or another' if len(names) > 3 else ''}: these data fit alike."
-    )
+    return f" It may as well be {' or '.join(names)}: these data fit alike."
+
+
+def _nameless(f: Entry) -> bool:
+    """Whether so many causes fit alike that none of them is named."""
+    return len(f["twins"]) >= NAMED
 
 
 def _either(found: Sequence[Entry]) -> str:
@@ -214,7 +218,9 @@ def _either(found: Sequence[Entry]) -> str:
     each = []
     for f in found[:MOST]:
         names = [wording.named(t) for t in f["twins"]]
-        other = f", or it is {' or '.join(names[:3])}{' or another' if len(names) > 3 else ''}" if names else ""
+        other = f", or it is {' or '.join(names)}" if names else ""
+        if _nameless(f):
+            other = f", or it is one of {wording.counted(len(names), 'other cause')} that fit these data alike"
         each.append(f"Perhaps {_does(f)}{other}.")
     return " ".join(each)
 

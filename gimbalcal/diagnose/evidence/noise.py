@@ -33,6 +33,9 @@ SETTING_PRIOR = (0.05, 0.15, 0.40, 0.22, 0.12, 0.06)
 WALK = (0.0, 1.0, 2.5, 6.0)  # random walk over the whole recording, in sigmas of a dwell mean (or of an hour's mean)
 WALK_PRIOR = (0.85, 0.07, 0.05, 0.03)
 DEFAULT_SETTING = float(to_si(1.0, "arcsec"))
+LONE_WALK = tuple(np.geomspace(2.5, 250.0, 11).tolist())  # the same of one accelerometer alone
+LONE = 0.01  # prior probability of each of these: three times that of a drift of this accelerometer
+OFTEN = 0.15  # prior of a setting repeatability from which it is tried beside them
 SLOW = 160  # cosine modes; the strongest walk of the grid adds 2 % to white noise there
 FEW = 30  # rows inside dwells below which the stated noise is better than what they show
 UNSEEN = 1e-3  # sigmas of a mean: products of setting errors below are none, as those of arcseconds are
@@ -57,6 +60,7 @@ class Node:
     logdet: float
     inverse_root: Array | Chain | Whitening  # (R,) of a diagonal; from row to row of each channel; of all together
     fresh: float = 1.0  # share of the variance of a row that the rows before do not hold
+    alone: str = ""  # the accelerometer that wanders, where it is one of them
 
     def whiten(self, rows: Array) -> Array:
         """Reduced rows (R, p) to unit covariance; those beyond the coloured ones have it already."""
@@ -127,6 +131,23 @@ def nodes(o: Observations) -> tuple[Node, ...]:
     return _spectral_nodes(o) if o.kind == "static-run" else _dwell_nodes(o)
 
 
+def lone_walks(o: Observations) -> tuple[Node, ...]:
+    """Noises in which one accelerometer alone wanders, and may wander far: beside the grid, not instead of it.
+
+    Of a static run there are none: its rows would have to be coloured down to the last.
+    """
+    if o.kind == "static-run":
+        return ()
+    blocks = _blocks(o)
+    return tuple(
+        _dwell_node(o, blocks, s, w, LONE / len(LONE_WALK) * ps, alone=a)
+        for a in (axis for quantity, axis in o.channels if quantity == "specific_force")
+        for s, ps in zip(SETTING, SETTING_PRIOR, strict=True)
+        if ps >= OFTEN
+        for w in LONE_WALK
+    )
+
+
 def _dwell_nodes(o: Observations) -> tuple[Node, ...]:
     blocks = _blocks(o)
     return tuple(
@@ -160,21 +181,25 @@ def _blocks(o: Observations) -> _Blocks:
     )
 
 
-def _dwell_node(o: Observations, blocks: _Blocks, setting: float, walk: float, prior: float) -> Node:
-    """States: a walk of each channel at the mean time of each block; anew at each visit, an angle of each gimbal and
-    what these take of the force along themselves.
+def _dwell_node(
+    o: Observations, blocks: _Blocks, setting: float, walk: float, prior: float, alone: str = ""
+) -> Node:  # fmt: skip
+    """States: a walk of each channel, or of the one that is `alone`, at the mean time of each block; anew at each
+    visit, an angle of each gimbal and what these take of the force along themselves.
     """
     noise = dwell_noise(o, setting, walk)
     (turned,), (wandering,) = noise["gimbal_angle"], noise["specific_force"][1:]
     short = SettingError(o.told * one_sigma((turned,)) ** 2)
     along = blocks.along if _shows(blocks.along, short) else blocks.along[:, :, :0]
     H = np.concatenate([blocks.walks, blocks.angles, along], axis=-1)
-    every = [wandering] * o.y.shape[1] + [turned] * blocks.angles.shape[-1] + [short] * along.shape[-1]
+    walks = [wandering if alone in ("", axis) else RandomWalk(0.0) for _, axis in o.channels]
+    every = [*walks, *[turned] * blocks.angles.shape[-1], *[short] * along.shape[-1]]
     Phi, Q = (np.concatenate(parts, axis=1) for parts in zip(
         *((p.transition(blocks.since, blocks.moved), p.diffusion(blocks.since, blocks.moved)) for p in every),
         strict=True))  # fmt: skip
     root = whitening(Phi, Q, H)
-    return Node((("setting error", setting), ("random walk", walk)), noise, prior, root.log_determinant, root)
+    name = (("setting error", setting), (f"random walk {alone}".rstrip(), walk))
+    return Node(name, noise, prior, root.log_determinant, root, alone=alone)
 
 
 def setting_of(o: Observations) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +25,19 @@ class Judgement:
     cause: Candidate
     probability: float
     sigma: float
-    confounded: tuple[str, ...]
+    alike: tuple[Candidate, ...]
+
+    @property
+    def confounded(self) -> tuple[str, ...]:
+        """Ids of the effects that these rows do not tell from it."""
+        return tuple(c.effect for c in self.alike)
+
+    def instead(self, found: Sequence[Candidate]) -> bool:
+        """Whether one of those that could stand in its place was found as well: then it stands beside it."""
+        return any(
+            a.effect == c.effect and set(a.axis.split(", ")) & set(c.axis.split(", "))
+            for a in self.alike for c in found if c.key != self.cause.key
+        )  # fmt: skip
 
 
 def judged(v: View, end: Model, taken: Candidate) -> Judgement:
@@ -46,7 +59,7 @@ def judged(v: View, end: Model, taken: Candidate) -> Judgement:
         probability = 0.0
     (variant,) = likeliest_variants(s, (at,))
     sigma = _sigmas(v, without, end, s.library.X[..., list(known[at].variants[variant].index)])
-    return Judgement(taken, probability, sigma, tuple(known[i].effect for i in alike))
+    return Judgement(taken, probability, sigma, tuple(known[i] for i in alike))
 
 
 def _sigmas(v: View, without: Model, end: Model, X: Array) -> float:

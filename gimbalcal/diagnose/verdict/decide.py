@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY, NEARLY, OUTSIDE, SURE, TOGETHER, UNSURE
+from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY, NAMED, NEARLY, OUTSIDE, SURE, TOGETHER, UNSURE
 from gimbalcal.diagnose.evidence.projection import Projection, log_bayes
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, Weighed, given, needed
@@ -174,7 +174,7 @@ def _widened(s: Ranking, p: Array, member: int, alike: tuple[int, ...], beside: 
         extra = [i for i in h.members if i not in beside]
         if len(h.members) != len(beside) + 1 or h.unknown(candidates) or len(extra) != 1:
             continue
-        if len(alike) >= 2 or _share(s, p, (member, *alike)) >= SURE:
+        if len(alike) >= NAMED - 1 or _share(s, p, (member, *alike)) >= SURE:
             break
         alike = (*alike, *_distinct(candidates, member, [i for i in extra if i not in alike]))
         alike = _distinct(candidates, member, alike)

@@ -83,12 +83,18 @@ def cancelling(v: View, c: Course) -> list[Taken]:
 
 
 def judged_in_turn(v: View, c: Course) -> list[Judgement]:
-    """Each cause among its alternatives: what every rig has beside the like of it, what is special beside all."""
+    """Each cause among its alternatives: what every rig has beside the like of it, what is special beside all.
+
+    What every rig has too where one of these alternatives was found itself: it explains its own part of the misfit,
+    and a set that it belongs to would be as likely as that part is clear.
+    """
     if not c.steps:
         return []
-    usual = [s.taken in c.standard for s in c.steps]
-    among = {own: take(v, c.start, c.standard) if own else c.end for own in set(usual)}
-    return [judged(v, among[own], s.taken[0]) for own, s in zip(usual, c.steps, strict=True)]
+    found = [s.taken[0] for s in c.steps]
+    among = take(v, c.start, c.standard)
+    first = [judged(v, among, s.taken[0]) if s.taken in c.standard else None for s in c.steps]
+    return [judged(v, c.end, cause) if j is None or j.instead(found) else j
+            for j, cause in zip(first, found, strict=True)]  # fmt: skip
 
 
 def finding(v: View, c: Course, j: Judgement) -> dict[str, Any]:

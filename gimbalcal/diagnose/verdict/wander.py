@@ -1,0 +1,95 @@
+r"""One accelerometer that wanders: what it is told as, and what it leaves of a cause that would be named without it.
+
+A walk is noise larger than stated, so that what it explains is no missing physics. Where walk and cause are within a
+factor of 20 of each other both are told: the cause with its share of
+
+.. math:: P = \frac{L_{cause}}{L_{cause} + L_{walk}},
+
+priors included, and the walk beside it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gimbalcal.diagnose import wording
+from gimbalcal.diagnose.answer import Diagnosis
+from gimbalcal.diagnose.evidence.odds import CLAIM
+from gimbalcal.diagnose.search.ranking import Search, weighed
+from gimbalcal.diagnose.verdict.decide import Decision, decide
+from gimbalcal.effects.process import RandomWalk
+from gimbalcal.inference.algebra import logsumexp
+from gimbalcal.number import Array
+from gimbalcal.units import from_si
+
+SHAPE = "a random walk"
+
+
+@dataclass(frozen=True)
+class Wander:
+    """An accelerometer, its random walk in ug/sqrt(h) with one sigma, and ln of the odds to causes without it."""
+
+    axis: str
+    walk: float
+    sigma: float
+    ln_odds: float
+
+    @property
+    def in_words(self) -> str:
+        """What wanders, and how fast."""
+        size = f"{wording.digits(self.walk)} +- {wording.digits(self.sigma)} ug/sqrt(h)"
+        return f"accelerometer {self.axis} wanders, a random walk of {size}"
+
+
+def decided(s: Search, needed: float) -> tuple[Decision, Wander | None]:
+    """The verdict, and the accelerometer that wanders where that has a part in it.
+
+    `needed` is the ln Bayes factor that clean recordings of this design reach.
+    """
+    d = decide(s, needed)
+    lone = np.array([bool(p.node.alone) for p in s.projections])
+    if d.verdict != "adequate" or not lone.any():
+        return d, None
+    steady = _without(s, ~lone)
+    found = _wander(s, lone, float(logsumexp(s.null[lone]) - logsumexp(s.null[~lone])) - steady.ln_total)
+    other = decide(steady, needed)
+    if other.hypothesis is None or found.ln_odds > CLAIM:
+        return d, found
+    share = 1 / (1 + np.exp(found.ln_odds))
+    return replace(
+        other, verdict="not-identifiable", probability=tuple(float(share * p) for p in other.probability)
+    ), found  # fmt: skip
+
+
+def with_wander(made: Diagnosis, wander: Wander) -> Diagnosis:
+    """The diagnosis, which says that an accelerometer wanders: instead of any cause, or it may be either."""
+    if made.verdict == "adequate":
+        return replace(made, outcome=f"explained only if {wander.in_words}, which no calibration holds")
+    words = f"It may as well be that {wander.in_words}"
+    also = wording.shape(SHAPE, "specific_force", wander.axis)
+    return replace(made, unexplained=(also, *made.unexplained), outcome=words, in_words=f"{made.in_words} {words}.")
+
+
+def _without(s: Search, kept: Array) -> Search:
+    """The search in some of its noises only."""
+    projections = tuple(p for p, k in zip(s.projections, kept, strict=True) if k)
+    null, joint = s.null[kept], s.joint[kept]
+    factors = null, logsumexp(joint, axis=0) - logsumexp(null), joint
+    w = weighed(s.library, projections, factors, s.o.kind)
+    return replace(s, hypotheses=w.hypotheses, projections=projections, null=w.null, joint=w.joint, singles=w.singles)
+
+
+def _wander(s: Search, lone: Array, ln_odds: float) -> Wander:
+    weight = np.exp(s.null - s.null[lone].max()) * lone
+    nodes = [p.node for p in s.projections]
+    axis = nodes[int(np.argmax(weight))].alone
+    weight = np.array([w * (n.alone == axis) for w, n in zip(weight, nodes, strict=True)])
+    weight /= weight.sum()
+    size = np.log([sum(p.N for p in n.noise["specific_force"] if isinstance(p, RandomWalk)) + 1e-300 for n in nodes])
+    mean = float(weight @ size)
+    spread = float(np.sqrt(weight @ (size - mean) ** 2))
+    unit = np.broadcast_to(s.o.sigma, s.o.y.shape)[0, s.o.channels.index(("specific_force", axis))]
+    walk = float(from_si(np.exp(mean) * unit, "ug/sqrt(h)"))
+    return Wander(axis, walk, spread * walk, ln_odds)
