@@ -38,6 +38,7 @@ from gimbalcal.diagnose.verdict.locate import LEFT, Scan, mismatches, scan
 from gimbalcal.diagnose.verdict.model import FittedCauses, calibration_fit, constant_value, fit_causes
 from gimbalcal.diagnose.verdict.recommend import advise, sentence
 from gimbalcal.diagnose.verdict.threshold import clean_evidence
+from gimbalcal.diagnose.verdict.unseen import in_words, unseen
 from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
 from gimbalcal.diagnose.verdict.wander import decided, with_wander
 from gimbalcal.effects import CATALOGUE, Parameter
@@ -143,6 +144,9 @@ def _report(
         "excess_kurtosis": round(s.o.heavy, 3),
     }
     words, fault = wording.answer(d.verdict, named, shapes, mismatch, fitted), misheld(s, d.verdict)
+    if d.verdict == "adequate":
+        fitted["unseen"] = unseen(s.library.candidates, s.projections)
+        words = f"{words} {in_words(fitted['unseen'])}".strip()
     law = law or lawful([s], [d.shapes[:1]], s, d.verdict, int(options["seed"]), tell)
     for numbers, added in law.each:
         fitted |= numbers

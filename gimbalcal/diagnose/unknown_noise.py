@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import wording
@@ -19,17 +21,23 @@ from gimbalcal.diagnose.rows.in_place import in_place, turned_in_place
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.diagnose.rows.slews import view_of_slews
 from gimbalcal.diagnose.rows.turns import view_of_turns
-from gimbalcal.diagnose.rows.views import FORCE, RATE, View, norm, pointing, table
+from gimbalcal.diagnose.rows.views import FORCE, MANY, RATE, View, norm, pointing, table
 from gimbalcal.diagnose.search.about_found import about_found
 from gimbalcal.diagnose.search.stepwise import course
 from gimbalcal.diagnose.verdict.calibrated import origin
 from gimbalcal.diagnose.verdict.calibrated_views import Seen, calibrated_views
 from gimbalcal.diagnose.verdict.told import Told, curves_of, told_of
+from gimbalcal.diagnose.verdict.unseen import in_words
 from gimbalcal.effects import Effect
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.pointing.pattern import strays
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording
+from gimbalcal.units import from_si
+
+ROUNDS = 2  # in which stars are left out: those that the first hid show in the second
+STRAYS = 0.05  # of the stars, at the most; more are a pattern, or the tails of the seeing
 
 
 def applies(recording: Recording) -> bool:
@@ -42,8 +50,7 @@ def diagnose_unknown_noise(
 ) -> Diagnosis:
     """What was left out of the models of such a recording."""
     if recording.kind in ("pointing", "rotation"):
-        v = alone(recording, calibration, baseline, tell)
-        told, notes = [told_of(*about_found(v, course(v, tell), tell), tell)], list[str]()
+        told, notes = without_strays(recording, calibration, baseline, tell)
     else:
         told, notes = of_triads(recording, calibration, baseline, tell)
     if not told:
@@ -52,6 +59,28 @@ def diagnose_unknown_noise(
             f"{RATE} in a unit with a scale for the gyroscopes"
         )
     return _together(recording, told, notes, baseline, seed)
+
+
+def without_strays(
+    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell
+) -> tuple[list[Told], list[str]]:
+    """What the one view of a recording says, and a note on each star that was left out as far off all others.
+
+    One that is nine sigma off is half of the scatter of eighty: what is as large as that scatter does not show beside.
+    """
+    notes: list[str] = []
+    while True:
+        v = alone(recording, calibration, baseline, tell)
+        told = told_of(*about_found(v, course(v, tell), tell), tell)
+        n = len(v.recording.time)
+        off = strays(told.after) if recording.kind == "pointing" and n <= MANY and len(notes) < ROUNDS else []
+        if not 0 < len(off) <= STRAYS * n:
+            return [told], notes
+        number = v.stimulus.position
+        size = [float(from_si(float(np.linalg.norm(told.after[k] * told.sigma[k])), v.unit)) for k in off]
+        notes.append(wording.strayed([int(number[k]) for k in off], size, v.unit))
+        tell(notes[-1])
+        recording = replace(recording, position=number).select(np.delete(np.arange(n), off))
 
 
 def alone(recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell) -> View:
@@ -139,7 +168,8 @@ def _together(
         **({"notes": list(notes)} if notes else {}),
     }
     words = wording.answer_of_views(verdict, [(t.view, t.fit, t.findings) for t in told], shapes, mismatch)
-    words = " ".join(filter(None, [words, wording.delayed(found), *notes]))
+    hidden = in_words([u for t in told for u in t.fit.get("unseen", ())]) if verdict == "adequate" else ""
+    words = " ".join(filter(None, [words, hidden, wording.delayed(found), *notes]))
     made = calibration_of(recording, told, wording.reserve(verdict, found, shapes))
     recommend = next(filter(None, (t.recommend for t in (lead, *told))), "")
     return Diagnosis(verdict, mismatch, found, shapes, fit, provenance, words, curves_of(lead), made,

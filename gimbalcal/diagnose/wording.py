@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.odds import NAMED
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.card import stated_law
@@ -26,6 +25,10 @@ ROWS = {
     "table": "stretches of ten seconds",
     "navigation": "stops and turns",
 }
+CHANNELS = {"norm": "the norm of the force", "rest rates": "the rates at rest", "table": "the force",
+            "turns": "gravity's direction after the turns", "slews": "the delay of the sensors on the way",
+            "navigation": "the velocity of a unit that stays in its place"}  # fmt: skip
+NAMED = 3  # causes that stand together up to which their set is a name
 QUIET = 1.5  # times the samples' own scatter; beyond it a sentence says what the rest may be
 
 Entry = Mapping[str, Any]  # one entry of a list of diagnosis.json: a finding, a mismatch, a shape
@@ -56,8 +59,6 @@ def law(effect: str) -> dict[str, Any]:
 def named(finding: Entry) -> str:
     """A finding with its axis, and the effects that these data do not tell from it; of many no one is named.
 
-    >>> named({"effect": "bias_drift", "axis": "y", "twins": ["warm_up"]})
-    'bias drift (y) or warm up'
     >>> named({"effect": "bias_drift", "axis": "y", "twins": ["warm_up", "bias_step", "self_heating"]})
     'one of 4 that look alike: bias drift (y), warm up, bias step, self heating'
     """
@@ -210,11 +211,7 @@ def channel_of(v: View, axis: str) -> str:
 
 
 def channels_of(v: View) -> str:
-    """All channels of a view together."""
-    said = {"norm": "the norm of the force", "rest rates": "the rates at rest", "table": "the force",
-            "turns": "gravity's direction after the turns", "slews": "the delay of the sensors on the way",
-            "navigation": "the velocity of a unit that stays in its place"}  # fmt: skip
-    return said.get(v.name, "pointing")
+    return CHANNELS.get(v.name, "pointing")  # all of them together
 
 
 def follows(v: View, axis: str, size: float, pattern: str) -> str:
@@ -263,6 +260,17 @@ def misfit_improved(v: View, fit: Entry) -> str:
             f"rms instead of {t['rms_before']:.0f}."
         )
     return out
+
+
+def strayed(numbers: Sequence[int], sizes: Sequence[float], unit: str) -> str:
+    """That stars far off all others were left out, and by how much each is off.
+
+    >>> strayed([80], [0.763], "arcsec")
+    'Star 80 is 0.763 arcsec off where the others are not: mistaken or not centred, it was left out.'
+    """
+    told = " and ".join(f"star {n} is {digits(size)} {unit} off" for n, size in zip(numbers, sizes, strict=True))
+    which = "it was" if len(numbers) == 1 else "they were"
+    return f"S{told[1:]} where the others are not: mistaken or not centred, {which} left out."
 
 
 def untested(v: View, fit: Entry) -> str:

@@ -19,6 +19,7 @@ from gimbalcal.report.headline import does, headline
 from gimbalcal.report.html import Picture, formula, picture, render
 from gimbalcal.report.parameter_rows import in_sigmas
 from gimbalcal.report.rounding import minus, pdg, rms, significant
+from gimbalcal.report.unseen import unseen_rows
 
 if TYPE_CHECKING:
     from gimbalcal.diagnose.answer import Curves
@@ -54,6 +55,7 @@ def diagnosis_report(
             for u in content["unexplained"]
         ],
         "moved": [_moved(m) for m in content["fit"].get("calibration_moved", [])],
+        "unseen": unseen_rows(content),
         "provenance": _provenance(content["provenance"]),
         "sources": wording.files(content["provenance"]),
         "citations": cite(*keys),

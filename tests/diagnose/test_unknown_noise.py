@@ -78,6 +78,21 @@ def test_tilt_and_flexure_come_back(seed: int) -> None:
     assert d.fit["heldout_rms_after"] < 0.2 * d.fit["heldout_rms_before"]
 
 
+def test_a_mistaken_star_is_left_out_and_hides_nothing() -> None:
+    """One star a minute of arc off is seven arcsec of scatter, in which a tilt of two does not show."""
+    rng, E, A = stars(3)
+    r = run(E, A, tilted(E, A, 2 * ARCSEC, -2 * ARCSEC), rng)
+    off = r.channels["gimbal_angle", "elevation"] + 60 * ARCSEC * (np.arange(N) == 16)
+    d = diagnose([replace(r, channels={**r.channels, ("gimbal_angle", "elevation"): off})])
+    assert {f["effect"] for f in d.findings} == {"base_tilt"}
+    assert d.fit["rms_after"] == pytest.approx(np.sqrt(2), rel=0.15)
+    (note,) = d.provenance["notes"]
+    assert note.startswith("Star 17 is ")
+    assert note in d.in_words
+    assert 17 not in d.curves.position  # the others keep theirs
+    assert d.curves.position[-1] == N
+
+
 def test_what_no_catalogue_holds_is_a_shape() -> None:
     rng, E, A = stars(3)
     d = diagnose([run(E, A, (E + 20 * ARCSEC * np.sin(5 * A), A), rng)])

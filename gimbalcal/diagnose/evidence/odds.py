@@ -14,4 +14,3 @@ UNSURE = 0.90  # of its probability is left to a cause that leaves a rest, or mo
 OUTSIDE = 0.10  # kept for laws nobody has written down: some look like one that is, and no data of this kind can tell
 LIKELY = 0.02  # probability from which a cause may widen a set that is not sure
 NEARLY = 0.90  # share of the evidence that a cause alone must carry to be named although a rest has no cause
-NAMED = 3  # causes that stand together up to which their set is a name

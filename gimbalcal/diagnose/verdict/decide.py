@@ -14,10 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY, NAMED, NEARLY, OUTSIDE, SURE, TOGETHER, UNSURE
+from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY, NEARLY, OUTSIDE, SURE, TOGETHER, UNSURE
 from gimbalcal.diagnose.evidence.projection import Projection, log_bayes
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, Weighed, given, needed
+from gimbalcal.diagnose.wording import NAMED
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
 

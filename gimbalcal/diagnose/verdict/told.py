@@ -9,13 +9,15 @@ import numpy as np
 
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import Curves, FoundLaw, plotted_against
+from gimbalcal.diagnose.library.unknown_noise import causes
 from gimbalcal.diagnose.rows.slews import lateness
 from gimbalcal.diagnose.rows.views import View
-from gimbalcal.diagnose.search.refit import Model, basis, weighted
+from gimbalcal.diagnose.search.refit import Model, basis, projections, weighted
 from gimbalcal.diagnose.search.stepwise import Course, refined
 from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding, sizes
 from gimbalcal.diagnose.verdict.laws import SOUGHT, Lawful, laws_of_view, told_heldout
 from gimbalcal.diagnose.verdict.locate_unknown_noise import mismatches
+from gimbalcal.diagnose.verdict.unseen import unseen
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.units import from_si
@@ -59,6 +61,9 @@ def told_of(v: View, c: Course, tell: Tell) -> Told:
         verdict = "unexplained"
     sigma = _sigma(v, c.described)
     fit, lawful = _fit(v, c, sigma), Lawful()
+    if verdict == "adequate" and not c.start.exact:
+        known, X = causes(v, c.end.effects, c.end.fitted)
+        fit["unseen"] = unseen(known, projections(v, c.end, X))
     if verdict == "unexplained":
         tell(SOUGHT)
         lawful, with_law = laws_of_view(v, c.end, sigma)
@@ -167,6 +172,8 @@ def curves_of(t: Told) -> Curves:
     n = len(t.before)
     time = t.view.recording.time - t.view.recording.time[0]
     number = np.ones(n) if t.view.name in ("table", "navigation") else np.arange(1, n + 1)
+    if t.view.name == "pointing":
+        number = t.view.stimulus.position
     sigma = np.asarray(from_si(t.sigma, t.view.unit))
     units = (t.view.unit,) * len(t.view.channels)
     return Curves(

@@ -16,6 +16,7 @@ import numpy as np
 
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import Diagnosis
+from gimbalcal.diagnose.evidence.noise import LONE_WALK
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.search.ranking import Search, weighed
 from gimbalcal.diagnose.verdict.decide import Decision, decide
@@ -25,6 +26,7 @@ from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
 SHAPE = "a random walk"
+STEP = float(np.log(LONE_WALK[1] / LONE_WALK[0]))
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ def _wander(s: Search, lone: Array, ln_odds: float) -> Wander:
     weight /= weight.sum()
     size = np.log([sum(p.N for p in n.noise["specific_force"] if isinstance(p, RandomWalk)) + 1e-300 for n in nodes])
     mean = float(weight @ size)
-    spread = float(np.sqrt(weight @ (size - mean) ** 2))
+    spread = float(np.sqrt(weight @ (size - mean) ** 2 + STEP**2 / 12))  # of a grid, anywhere between its values
     unit = np.broadcast_to(s.o.sigma, s.o.y.shape)[0, s.o.channels.index(("specific_force", axis))]
     walk = float(from_si(np.exp(mean) * unit, "ug/sqrt(h)"))
     return Wander(axis, walk, spread * walk, ln_odds)

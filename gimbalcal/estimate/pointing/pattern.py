@@ -18,6 +18,7 @@ import numpy as np
 
 from gimbalcal.estimate.pointing.fit import Fit
 from gimbalcal.estimate.pointing.run import CHANNELS
+from gimbalcal.number import Array
 
 FOLLOWS = 1e-3  # probability, all trials paid, below which neighbours are no more alike by chance
 LEAST = 1e-3  # rad; an axis that travels less stood still
@@ -40,11 +41,18 @@ def far_off(found: Fit, before: Sequence[int]) -> tuple[tuple[str, int, float], 
 
     before: how many stars of the same recording come before each run, which is one night of it.
     """
-    length = [np.linalg.norm(r, axis=1) for r in found.weighted]
-    limit = FAR * float(np.median(np.concatenate(length))) / MEDIAN_LENGTH
-    out = [(run.title, k + int(i) + 1, float(d[i])) for run, k, d in zip(found.runs, before, length, strict=True)
-           for i in np.flatnonzero(d > limit)]  # fmt: skip
-    return tuple(sorted(out, key=lambda star: -star[2])) if sum(map(len, length)) >= FEWEST else ()
+    every = [(run.title, k + n + 1, d) for run, k, left in zip(found.runs, before, found.weighted, strict=True)
+             for n, d in enumerate(np.linalg.norm(left, axis=1).tolist())]  # fmt: skip
+    return tuple(every[k] for k in strays(np.concatenate(found.weighted)))
+
+
+def strays(left: Array) -> list[int]:
+    """Ordinals of stars far off the others by what is left of them (n, 2), worst first."""
+    length = np.linalg.norm(left, axis=1)
+    if len(length) < FEWEST:
+        return []
+    far = np.flatnonzero(length > FAR * float(np.median(length)) / MEDIAN_LENGTH)
+    return sorted(far.tolist(), key=lambda k: -float(length[k]))
 
 
 def pattern(found: Fit, axes: Sequence[str]) -> Pattern | None:

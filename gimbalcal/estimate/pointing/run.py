@@ -39,7 +39,8 @@ def on_stars(recording: Recording) -> Stimulus:
     aimed = recording.platform.angles({a: x for (q, a), x in recording.channels.items() if q == "true_angle"}, (n,))
     course = without_jumps(np.where(calmer(recording), s.readout, aimed), s.readout)
     moved = np.stack([since_turning(a) for a in course.T], axis=-1)
-    return s.at(visit=np.arange(n), position=np.arange(1, n + 1), since_move=0 * s.time, move_angle=moved)
+    number = np.arange(1, n + 1) if recording.position is None else recording.position
+    return s.at(visit=np.arange(n), position=number, since_move=0 * s.time, move_angle=moved)
 
 
 def calmer(recording: Recording) -> NDArray[np.bool_]:

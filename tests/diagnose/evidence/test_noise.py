@@ -7,7 +7,7 @@ import pytest
 from scipy.fft import dct
 
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.evidence.noise import coloured, nodes, settle
+from gimbalcal.diagnose.evidence.noise import coloured, lone_walks, nodes, settle
 from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.effects import Stage
 from gimbalcal.effects.process import covariance
@@ -149,6 +149,18 @@ def test_the_walk_of_a_node_is_its_process_at_the_middle_of_each_block():
     B = np.add.reduceat(np.eye(n), starts, axis=0) / np.sqrt(2)
     np.testing.assert_allclose(B @ whole @ B.T, expected[::3, ::3], atol=0.01 * expected.max())
     assert whole[-1, -1] * 12 == pytest.approx(2.5**2, rel=0.01)
+
+
+def test_a_lone_walk_is_that_of_one_accelerometer():
+    o = fit_baseline(record(np.random.default_rng(5), dwell=12))
+    still = next(n for n in nodes(o) if dict(n.name) == {"setting error": 1.0, "random walk": 0.0})
+    named = (("setting error", 1.0), ("random walk y", pytest.approx(250.0)))
+    alone = next(n for n in lone_walks(o) if n.alone == "y" and n.name == named)
+    V, W = (covariance_of(n, 3 * len(o.starts)) for n in (still, alone))
+    t = np.add.reduceat(o.stimulus.time, o.starts) / 2  # blocks of two rows
+    process = alone.noise["specific_force"][1]
+    expected = 2 * np.kron(covariance(process, np.append(0.0, t))[1:, 1:], np.diag([0.0, 1.0, 0.0]))
+    np.testing.assert_allclose(W - V, expected, atol=1e-10 * expected.max())
 
 
 def test_a_static_node_is_the_covariance_of_its_processes():
