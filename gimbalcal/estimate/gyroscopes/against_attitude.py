@@ -37,6 +37,7 @@ from gimbalcal.units import from_si
 INTERVAL = 0.5  # s; long enough that the reference's noise is little of a turn, short enough for a wrist's motion
 MOST = 1200  # intervals; of a longer log they are longer
 FEWEST = 20
+SHOWN = 3  # times that are named
 BETTER = 2.0  # times that a mirrored triad must fit better than a turned one to be called mirrored
 UNTOLD = 0.05  # one sigma of a scale factor, an angle [rad] or the lag [s]: beyond, the motion shows too little
 
@@ -84,7 +85,17 @@ def gyroscopes_against_attitude(recording: Recording) -> Calibration:
         M, lag = exponential(x[-4:-1]) @ M, lag + float(x[-1])
         if np.linalg.norm(x[-4:-1]) < 1e-3:
             break
-    return _calibration(recording, wanted, x, found.jacobian[0], float(2 * found.cost[0]), scale, M, lag, len(cut.ends))
+    made = _calibration(recording, wanted, x, found.jacobian[0], float(2 * found.cost[0]), scale, M, lag, len(cut.ends))
+    return replace(made, provenance={**made.provenance, "limits": _left_out(known)})
+
+
+def _left_out(known: Reference) -> list[str]:
+    """Which attitudes took no part, in a list; empty where all did."""
+    if not known.gone:
+        return []
+    at = ", ".join(f"{t:.10g}" for t in known.gone[:SHOWN])
+    which = f"at {at} s" if len(known.gone) <= SHOWN else f"at {at} s and {len(known.gone) - SHOWN} more times"
+    return [f"the attitude {which} leaps away for a single row and back: left out"]
 
 
 def triangle_of_first_order() -> tuple[Parameter, ...]:

@@ -11,6 +11,7 @@ import numpy as np
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
+from gimbalcal.recording.lone import lone
 from gimbalcal.rotation import frame_rotation
 
 if TYPE_CHECKING:
@@ -24,10 +25,11 @@ FEWEST = 20
 
 @dataclass(frozen=True)
 class Reference:
-    """C (k, 3, 3), components in the body of a vector in the world, at times (k,) [s]."""
+    """C (k, 3, 3), components in the body of a vector in the world, at times (k,) [s]; `gone` are times left out."""
 
     time: Array
     C: Array
+    gone: tuple[float, ...] = ()
 
     @property
     def step(self) -> float:
@@ -65,7 +67,10 @@ class Reference:
 
 
 def reference_of(recording: Recording) -> Reference:
-    """The attitude in the rows that have one. InputError where there is none, or quaternions are no units."""
+    """The attitude in the rows that have one, but those that leap away for a row and back.
+
+    InputError where there is none, or quaternions are no units.
+    """
     axes = QUATERNION if ("attitude", "qw") in recording.channels else EULER
     if ("attitude", axes[0]) not in recording.channels:
         raise InputError(
@@ -81,8 +86,7 @@ def reference_of(recording: Recording) -> Reference:
         )
     if axes is EULER:
         roll, pitch, yaw = values.T
-        C = frame_rotation("x", roll) @ frame_rotation("y", pitch) @ frame_rotation("z", yaw)
-        return Reference(time, C)
+        return _without_leaps(time, frame_rotation("x", roll) @ frame_rotation("y", pitch) @ frame_rotation("z", yaw))
     length = np.linalg.norm(values, axis=1)
     if np.any(np.abs(length - 1) > UNIT):
         bad = int(np.argmax(np.abs(length - 1)))
@@ -93,4 +97,11 @@ def reference_of(recording: Recording) -> Reference:
     from scipy.spatial.transform import Rotation
 
     turned = Rotation.from_quat(values[:, [1, 2, 3, 0]])
-    return Reference(time, np.swapaxes(turned.as_matrix(), -1, -2))
+    return _without_leaps(time, np.swapaxes(turned.as_matrix(), -1, -2))
+
+
+def _without_leaps(time: Array, C: Array) -> Reference:
+    """Attitudes C (k, 3, 3) but single ones that are off: matrices neither wrap nor change their sign."""
+    found = lone({str(i): x for i, x in enumerate(C.reshape(-1, 9).T)}, slow=True)
+    off = np.any(list(found.values()), axis=0)
+    return Reference(time[~off], C[~off], tuple(time[off].tolist()))

@@ -43,7 +43,18 @@ def systematic(
     found = calibrated(m)
     if m.settled and (found.unobservable or m.last.attitude[2, 2] > ROUGHLY**2):
         found = _with_bend(found, bent(m, found.covariance))
-    return replace(found, provenance={**found.provenance, "options": {"states": asked, **found.provenance["options"]}})
+    limits = [*found.provenance["limits"], *_of_the_table(recording)]
+    options = {"states": asked, **found.provenance["options"]}
+    return replace(found, provenance={**found.provenance, "options": options, "limits": limits})
+
+
+def _of_the_table(recording: Recording) -> list[str]:
+    """That the readout of a table is not used, in a list; empty where it logged none."""
+    if not recording.has("gimbal_angle"):
+        return []
+    return [
+        "what the table read is no reference: gravity and the turn of the Earth alone tell the scale of the gyroscopes"
+    ]
 
 
 def _with_bend(found: Calibration, bend: Array) -> Calibration:

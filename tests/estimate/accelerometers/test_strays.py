@@ -150,3 +150,14 @@ def test_a_row_of_a_table_that_is_marked_0_is_told_and_no_turn() -> None:
     assert "at 258.374 s" in remark
     assert not any("marked 0" in w for w in refuse_implausible(r))
     assert "gyroscopes" not in inertial_unit(marked, LINEAR).outcome
+
+
+def test_a_rest_that_a_row_marked_0_cuts_in_two_is_one() -> None:
+    r = turned(4)
+    several = r.select(np.repeat(np.arange(30), 3))
+    assert several.position is not None
+    position = several.position.copy()
+    position[16] = 0  # the middle row of the sixth rest
+    cut = inertial_unit(replace(several, time=np.arange(90.0), position=position), LINEAR)
+    np.testing.assert_allclose(cut.values, inertial_unit(r, LINEAR).values, rtol=0.1, atol=1e-4)
+    assert cut.outcome == ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -149,3 +150,16 @@ def test_slips(tmp_path: Path, old: str, new: str, sentence: str) -> None:
     path.write_text(path.read_text().replace(old, new))
     with pytest.raises(InputError, match=sentence):
         read(tmp_path / "rec")
+
+
+def test_an_attitude_that_leaps_away_takes_no_part_and_is_told() -> None:
+    r = recording()
+    rows = np.flatnonzero(np.isfinite(r.channels["attitude", "qx"]))
+    bad = r.channels["attitude", "qx"].copy()
+    k = rows[len(rows) // 2]
+    bad[k] += 0.05
+    found = gyroscopes_against_attitude(replace(r, channels={**r.channels, ("attitude", "qx"): bad}))
+    assert np.abs((found.values - made().values) / made().sigmas).max() < 1.0
+    (told,) = found.provenance["limits"]
+    assert f"at {r.time[k]:.10g} s leaps away" in told
+    assert all(made(seed).provenance["limits"] == [] for seed in range(1, 4))

@@ -17,6 +17,7 @@ from gimbalcal.estimate.systematic import settle
 from gimbalcal.estimate.systematic.run import systematic
 from gimbalcal.estimate.systematic.smoothing import attitude_covariance
 from gimbalcal.estimate.systematic.states import FIFTY_ONE, states
+from gimbalcal.platform import Axis, Platform
 from gimbalcal.report.answer import answer
 from gimbalcal.rotation import frame_rotation, rotation_vector
 from tests.estimate.systematic.table import MOVES, START, turning_unit
@@ -284,5 +285,16 @@ def test_a_hand_that_carries_the_unit_along_is_no_velocity_of_its_place() -> Non
 
 
 def test_a_table_is_no_hand() -> None:
-    found = systematic(turning_unit(stop=10.0, noise={"accelerometer": 1e-3, "gyroscope": 1e-5}), "30")
+    alone = turning_unit(stop=10.0, noise={"accelerometer": 1e-3, "gyroscope": 1e-5})
+    found = systematic(alone, "30")
     assert found.provenance["limits"] == []
+    read = np.cumsum(alone.channels["angular_rate", "z"]) / 20.0  # its readout changes nothing, and that is said
+    table = replace(
+        alone,
+        platform=Platform("table", (Axis("table", "z"),)),
+        channels={**alone.channels, ("gimbal_angle", "table"): read},
+    )
+    beside = systematic(table, "30")
+    np.testing.assert_array_equal(beside.values, found.values)
+    (told,) = beside.provenance["limits"]
+    assert told.startswith("what the table read is no reference")
