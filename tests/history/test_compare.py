@@ -99,6 +99,23 @@ def test_what_moved_most_is_told_first_and_a_slow_drift_is_no_agreement() -> Non
     assert not any(made.agree for made in quiet)
 
 
+def test_each_step_is_from_one_calibration_to_the_next() -> None:
+    said = [(100.0, "a"), (101.0, "b"), (99.0, "b"), (99.0, "c")]
+    made = compare([Dated(f"{k}.json", START + timedelta(days=90 * k), calibration(x * np.ones(6), k, 1.0, recording))
+                    for k, (x, recording) in enumerate(said)])  # fmt: skip
+    assert [(s.before, s.after, s.shared) for s in made.steps] == [(0, 1, False), (1, 2, True), (2, 3, False)]
+    # d'(2 R)^-1 d of six alike: R has the eigenvalue 2.5 along them
+    np.testing.assert_allclose([s.chi2 for s in made.steps], [6 / 5, 4 * 6 / 5, 0.0], atol=1e-9)
+    assert {s.dof for s in made.steps} == {6}
+
+
+def test_parameters_may_differ_together_where_none_does_by_itself() -> None:
+    apart = 2.5 * np.array([1, -1, 1, -1, 1, -1])  # against the correlation: 37.5 / 1.4 of six degrees of freedom
+    two = [Dated(f"{k}.json", START + timedelta(days=90 * k), calibration(100 + k * apart, k)) for k in range(2)]
+    said = compare(two).in_words
+    assert "0.json and 1.json differ in their parameters together (p = 0.00016), though no parameter does" in said
+
+
 def test_calibrations_stand_at_the_day_of_their_recordings() -> None:
     made = [replace(d, date=START) for d in history(3, 4)]
     assert "all were computed within a day: no drift is told; write date = " in compare(made).in_words
