@@ -7,12 +7,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.recording.document import Document
+
+if TYPE_CHECKING:  # what computes is imported by who computes
+    from gimbalcal.calibration import Calibration
+    from gimbalcal.effects import Effect, Parameter
+    from gimbalcal.number import Array
+    from gimbalcal.recording import Recording
 
 COLUMNS = ("run", "parameter", "unit", "truth", "estimate", "sigma", "chi2", "dof", "outcome")
 PULSES = ("accelerometer-pulses", "gyroscope-pulses")
@@ -183,7 +189,7 @@ def _simulated(what: Task, run: int) -> dict[str, list[Any]]:
     }
 
 
-def _calibrated(method: str, recording: Any) -> Any:
+def _calibrated(method: str, recording: Recording) -> Calibration:
     if method == "multiposition":
         from gimbalcal.estimate.unit import inertial_unit
 
@@ -200,7 +206,7 @@ def _failed(run: int, why: str) -> dict[str, list[Any]]:
     return {name: [value] for name, value in row.items()}
 
 
-def _on_the_clock(truth: Any, wanted: Sequence[Any], recording: Any, start: float) -> Any:
+def _on_the_clock(truth: Array, wanted: Sequence[Parameter], recording: Recording, start: float) -> Array:
     """Truth (p,) counted from S_t as an estimate counts it: its constant is what the platform gimbal reads on average.
 
     A platform that is turned by phi_0 against the true S_t is turned by R(phi_0) R_z(delta) against this one.
@@ -218,17 +224,18 @@ def _on_the_clock(truth: Any, wanted: Sequence[Any], recording: Any, start: floa
     return out
 
 
-def _comparable(effects: Sequence[Any], wanted: Sequence[Any], method: str) -> Any:
+def _comparable(effects: Sequence[Effect], wanted: Sequence[Parameter], method: str) -> Array:
     """Truth (p,) in the convention of the estimate: without angles the triad's rotation is fixed by its first axes.
 
     The accelerometers' frame so turned is that of the gyroscopes too; to first order in the misalignments.
     """
     from gimbalcal.effects import values
+    from gimbalcal.effects.accelerometer import Misalignment
 
     truth = values(effects, wanted)
     if method != "multiposition":
         return truth
-    beta = next((e.beta for e in effects if e.id == "misalignment"), None)
+    beta = next((e.beta for e in effects if isinstance(e, Misalignment)), None)
     if beta is None:
         return truth
     xy, xz, _, yx, _, _ = beta

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gimbalcal.effects.history import slope
 from gimbalcal.number import Array
@@ -56,7 +57,7 @@ class Stimulus:
         """The same stimulus with some arrays replaced."""
         return dataclasses.replace(self, **changes)
 
-    def select(self, rows: Any) -> Stimulus:
+    def select(self, rows: NDArray[Any] | slice) -> Stimulus:
         """The stimulus at some rows only."""
         n = len(self.time)
         cut = {k: v[rows] for k, v in vars(self).items() if isinstance(v, np.ndarray) and v.ndim and len(v) == n}

@@ -11,13 +11,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gimbalcal.earth import radii
 from gimbalcal.number import Array
 from gimbalcal.rotation import frame_rotation
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicHermiteSpline
 
 RAMP, BEND, INTO = 20.0, 6.0, 25.0  # s: to come to speed; of a bend, and when it begins in a leg
 TURNS = np.array([1, 1, -1, 1, -1, -1, 1, -1])  # right and left, over and over: the course closes
@@ -68,7 +71,7 @@ class Drive:
         return np.asarray(self._course(time))
 
     @cached_property
-    def _course(self) -> Any:
+    def _course(self) -> CubicHermiteSpline:
         from scipy.interpolate import CubicHermiteSpline
 
         t = STEP * np.arange(int(np.ceil(self.duration / STEP)) + 2)
