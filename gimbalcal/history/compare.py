@@ -105,9 +105,10 @@ class Comparison:
         told = [d for d in self.calibrations if "recorded" in d.calibration.provenance]
         write = "write date = 2026-11-18, say, into each recording.toml and calibrate again."
         if told and len(told) < len(self.calibrations):
-            return f" {len(self.calibrations) - len(told)} of them stand at the day they were computed: {write}"
+            few = "one of them says" if len(told) == 1 else f"{len(told)} of them say"
+            return f" Only {few} when it was recorded; others stand at the day they were computed: {write}"
         one_day = np.ptp([d.date.timestamp() for d in self.calibrations]) < DAY
-        if not told and one_day:
+        if not told and one_day and len(self.calibrations) > 2:
             return (
                 f" When they were recorded is not said, and all were computed within a day: no drift is told; {write}"
             )
@@ -234,16 +235,17 @@ def _rounded(size: float, sigma: float) -> str:
 def _moved(c: Course, made: Sequence[Dated]) -> str:
     """What one parameter did."""
     unit, called = c.parameter.unit, _called(c.parameter)
-    if c.jumps:
-        k, jump = max(zip(c.jumps, c.sizes, strict=False), key=lambda both: abs(both[1][0]) / both[1][1])
-        before, after = (day_of(made[c.at[i]].date, made) for i in (k - 1, k))
-        return f"{called} jumped by {_sized(jump, unit)} between {before} and {after}"
+    days = [day_of(made[k].date, made) for k in c.at]
+    when = [f" between {days[k - 1]} and {days[k]}" if len(made) > 2 else "" for k in c.jumps]
+    told = [f"jumped by {_sized(size, unit)}{w}" for size, w in zip(c.sizes, when, strict=False)]
     if c.drifts:
-        return f"{called} drifts by {_sized((c.rate * YEAR, c.rate_sigma * YEAR), unit)} a year"
-    if not c.outliers:
+        told.append(f"drifts by {_sized((c.rate * YEAR, c.rate_sigma * YEAR), unit)} a year")
+    off = c.sizes[len(c.jumps) :]
+    told += [f"is off the others by {_sized(size, unit)} on {days[k]}" for k, size in zip(c.outliers, off, strict=True)]
+    if not told:
         size, sigma = (float(from_si(v, unit)) for v in (c.scatter, float(np.median(c.sigma))))
-        return f"{called} scatters by {size:.3g} {unit} beyond its sigma of {sigma:.2g}"
-    return f"{called} of {day_of(made[c.at[c.outliers[0]]].date, made)} is off the others by {_sized(c.sizes[0], unit)}"
+        told = [f"scatters by {size:.3g} {unit} beyond its sigma of {sigma:.2g}"]
+    return f"{called} {' and '.join(told)}"
 
 
 def _sized(size: tuple[float, float], unit: str) -> str:

@@ -83,71 +83,103 @@ def course(
 
     t = time - time[0]
     clear, sure = (-float(ndtri(SURPRISE / 2 / n)) for n in (tried, max(1.0, tried / (len(at) - 1))))
-    step = np.abs(np.diff(x)) / np.hypot(sigma[1:], sigma[:-1])
     apart = [all(independent[a:b]) for a, b in pairwise(at)]
-    jumps = tuple(k for k, (s, ok) in enumerate(zip(step, apart, strict=True), start=1) if ok and s > clear)
     line = len(at) > 2 and np.ptp(t) > DAY
     constant = np.ones((len(t), 1))
     design = np.concatenate([constant, t[:, None] / YEAR], axis=1) if line else constant
-    off = _outliers(design, x, sigma, clear)
-    back = {k + 1 for k in jumps if k in off and k + 1 in jumps and (x[k] - x[k - 1]) * (x[k + 1] - x[k]) < 0}
-    jumps = tuple(k for k in jumps if not {k, k + 1} & back)  # there and back again is one value that is off
-    alone = _alone(design, x, sigma, clear, apart) if len(at) >= FEWEST else None
-    if alone is not None:
-        jumps, off, shape = alone
-        design = np.concatenate([design, shape], axis=1)
+    told = _explained(design, x, sigma, clear, apart) if len(at) >= FEWEST else None
+    if told is not None:
+        jumps, off, shapes = told
+        design = np.concatenate([design, shapes], axis=1)
     else:
+        jumps, off = _one_by_one(design, x, sigma, clear, apart)
         design = _with_step(design, x, sigma, jumps)
     tau, beta, C = _fitted(design, x, sigma)
     rate, rate_sigma = (beta[1] / YEAR, float(np.sqrt(C[1, 1])) / YEAR) if line else (np.nan, np.nan)
     drifts = bool(abs(rate) > max(CLEAR, sure) * rate_sigma)
-    if drifts:  # what is drift is no jump
+    if drifts and told is None:  # what is drift is no jump
         still = np.abs(np.diff(x) - rate * np.diff(t)) / np.hypot(sigma[1:], sigma[:-1])
         jumps = tuple(k for k in jumps if still[k - 1] > clear)
     if len(jumps) > MOST_JUMPS:  # what jumps each time scatters
         jumps = ()
     allowed = allowed if np.isfinite(allowed) else CLEAR * float(sigma[-1])
     due = float(time[-1] + allowed / abs(rate)) if drifts else np.nan
-    sizes = _sizes(x, sigma, jumps, off, alone is not None)
+    if told is None:
+        sizes = _sizes(x, sigma, jumps, off)
+    else:
+        A = design if drifts or not line else np.delete(design, 1, axis=1)
+        sizes = _sizes_of(A, x, sigma, len(jumps) + len(off))
     return Course(p, tuple(at), t, x, sigma, tau, rate, rate_sigma, jumps, off, sizes, drifts, due)
 
 
-def _alone(
+def _one_by_one(
+    A: Array, x: Array, sigma: Array, clear: float, apart: Sequence[bool]
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Jumps, from one value to the next, and outliers where no few of them explain a course by columns A (k, q)."""
+    step = np.abs(np.diff(x)) / np.hypot(sigma[1:], sigma[:-1])
+    jumps = tuple(k for k, (s, ok) in enumerate(zip(step, apart, strict=True), start=1) if ok and s > clear)
+    off = _outliers(A, x, sigma, clear)
+    back = {k + 1 for k in jumps if k in off and k + 1 in jumps and (x[k] - x[k - 1]) * (x[k + 1] - x[k]) < 0}
+    return tuple(k for k in jumps if not {k, k + 1} & back), off  # there and back again is one value that is off
+
+
+def _explained(
     A: Array, x: Array, sigma: Array, clear: float, apart: Sequence[bool]
 ) -> tuple[tuple[int, ...], tuple[int, ...], Array] | None:
-    """The jump or the outlier, and its column, where it or a line explains all by itself; None where none of them does.
+    """Jumps, outliers and their columns where a line and a few of them explain all; None where they do not.
 
-    A (k, q) are a constant and, where time tells one, a line. A step or a value counts from `clear` sigmas on.
+    A (k, q) are a constant and, where time tells one, a line. One after the other the one is taken that explains most,
+    a step or a value from `clear` sigmas on; where more than two of a kind would be taken, none explains it. The first
+    and the last value are told from a step by nothing, and count as one.
     """
     from scipy.special import chdtri
 
-    none, K = np.zeros((len(x), 0)), np.arange(len(x))
-    found: list[tuple[float, tuple[int, ...], tuple[int, ...], Array]] = [(_chi2(A, x, sigma), (), (), none)]
-    constant = A[:, :1]
-    least = _chi2(constant, x, sigma) - clear**2
-    steps: list[tuple[tuple[int, ...], tuple[int, ...], Array]]
-    steps = [((k,), (), K >= k) for k, ok in enumerate(apart, start=1) if ok]
-    values = [((), (k,), K == k) for k in K.tolist()]
-    for jumps, off, shape in [*steps, *values]:
-        column = shape[:, None].astype(float)
-        left = _chi2(np.concatenate([constant, column], axis=1), x, sigma)
-        if left < least:
-            found.append((left + 2 * np.log(len(steps if jumps else values)), jumps, off, column))
-    left, jumps, off, column = min(found, key=lambda f: f[0])
-    return (jumps, off, column) if left < chdtri(len(x) - 2, SURPRISE) else None
+    K = np.arange(len(x))
+    where = [k for k, ok in enumerate(apart, start=1) if ok], K[1:-1].tolist()
+    names = [("line", 0)] * (A.shape[1] - 1) + [
+        (kind, k) for kind, at in zip(("jump", "off"), where, strict=True) for k in at
+    ]
+    shapes = [A[:, 1:], np.array(where[0])[None] <= K[:, None], np.array(where[1])[None] == K[:, None]]
+    columns = np.concatenate([np.reshape(s, (len(x), -1)).astype(float) for s in shapes], axis=1)
+    least = np.array([CLEAR**2 if kind == "line" else clear**2 for kind, _ in names])
+    places = np.array([1 if kind == "line" else len(where[kind == "off"]) for kind, _ in names])
+    taken: list[int] = []
+    while names:
+        gain = _gains(np.concatenate([A[:, :1], columns[:, taken]], axis=1), columns, x, sigma)
+        best = int(np.argmax(np.where(gain > least, gain - 2 * np.log(places), -np.inf)))
+        if gain[best] <= least[best]:
+            break
+        taken.append(best)
+        kinds = [names[i][0] for i in taken]
+        if max(kinds.count("jump"), kinds.count("off")) > MOST_JUMPS or len(taken) + A.shape[1] > len(x) - 2:
+            return None
+    left = _chi2(np.concatenate([A[:, :1], columns[:, taken]], axis=1), x, sigma)
+    if left > chdtri(max(len(x) - 1 - len(taken), 1), SURPRISE):
+        return None
+    jumps, off = (sorted(i for i in taken if names[i][0] == kind) for kind in ("jump", "off"))
+    return tuple(names[i][1] for i in jumps), tuple(names[i][1] for i in off), columns[:, [*jumps, *off]]
 
 
-def _sizes(
-    x: Array, sigma: Array, jumps: Sequence[int], off: Sequence[int], alone: bool
-) -> tuple[tuple[float, float], ...]:
-    """How large jumps and outliers are, with sigma.
+def _gains(A: Array, columns: Array, x: Array, sigma: Array) -> Array:
+    """By how much each of some columns (k, c) makes chi^2 beside A (k, q) smaller; nothing where A holds it."""
+    w = 1 / sigma
+    Q = np.linalg.qr(A * w[:, None])[0]
+    C = columns * w[:, None]
+    own, r = C - Q @ (Q.T @ C), w * x - Q @ (Q.T @ (w * x))
+    size = (own**2).sum(0)
+    held = size < 1e-12 * (C**2).sum(0)
+    return np.asarray(np.where(held, 0.0, (own.T @ r) ** 2 / np.where(held, 1.0, size)))
 
-    A jump that explains all is the difference of what is before and after, else the last change; an outlier is held
-    against all others.
-    """
-    before = [slice(0, k) if alone else slice(k - 1, k) for k in jumps]
-    after = [slice(k, len(x)) if alone else slice(k, k + 1) for k in jumps]
-    pairs = [(_mean(x[b], sigma[b]), _mean(x[a], sigma[a])) for b, a in zip(before, after, strict=True)]
+
+def _sizes_of(A: Array, x: Array, sigma: Array, n: int) -> tuple[tuple[float, float], ...]:
+    """Sizes and sigmas of the last n columns of A (k, q), jumps and outliers."""
+    _, beta, C = _fitted(A, x, sigma)
+    return tuple((float(b), float(np.sqrt(v))) for b, v in zip(beta[-n:], np.diag(C)[-n:], strict=True)) if n else ()
+
+
+def _sizes(x: Array, sigma: Array, jumps: Sequence[int], off: Sequence[int]) -> tuple[tuple[float, float], ...]:
+    """How large jumps and outliers are, with sigma: the last change, and what is off all others."""
+    pairs = [((float(x[k - 1]), float(sigma[k - 1])), (float(x[k]), float(sigma[k]))) for k in jumps]
     pairs += [(_mean(np.delete(x, k), np.delete(sigma, k)), (float(x[k]), float(sigma[k]))) for k in off]
     return tuple((after - before, float(np.hypot(s, t))) for (before, s), (after, t) in pairs)
 

@@ -29,7 +29,7 @@ def from_frame(
     frame: Any, columns: Mapping[str, Entry], *, kind: str = "multi-position", platform: Entry = "bench",
     title: str = "arrays", site: Mapping[str, tuple[float, str]] | None = None,
     noise: Mapping[str, tuple[float, str]] | None = None, instant: bool = False, average_s: float | None = None,
-    called: str = "arrays",
+    called: str = "arrays", date: str = "",
 ) -> Recording:  # fmt: skip
     """A recording whose rows are those of a data frame, or of any mapping of names to columns.
 
@@ -37,11 +37,11 @@ def from_frame(
     SI), or as a table of recording.toml, ``{"quantity": "time", "unit": "s"}``. site and noise: numbers with their
     units, ``{"latitude": (40.0, "deg")}``, ``{"accelerometer": (20.0, "ug")}``. platform: a name, or axes as in a
     recording.toml, ``{"axes": [{"name": "roll", "direction": "x"}]}``. `average_s` as in `read`. Dates of a
-    time column count as seconds from midnight of the first. called: how sentences name the rows. Raises InputError
-    with the row and the column of what is wrong.
+    time column count as seconds from midnight of the first. called: how sentences name the rows. date: when it was
+    recorded, ISO 8601, for a unit's history. Raises InputError with the row and the column of what is wrong.
     """
     content: dict[str, Any] = {
-        "format": 1, "kind": kind, "title": title,
+        "format": 1, "kind": kind, "title": title, "date": date,
         "platform": {"name": platform} if isinstance(platform, str) else dict(platform),
         "site": {key: _stated(key, entry) for key, entry in (site or {}).items()},
         "noise": {key: _stated(key, entry) for key, entry in (noise or {}).items()},
@@ -68,7 +68,7 @@ def from_arrays(
     time: ArrayLike, *, units: Mapping[str, str] | None = None, kind: str = "multi-position", platform: Entry = "bench",
     title: str = "arrays", site: Mapping[str, tuple[float, str]] | None = None,
     noise: Mapping[str, tuple[float, str]] | None = None, instant: bool = False, average_s: float | None = None,
-    **quantities: Any,
+    date: str = "", **quantities: Any,
 ) -> Recording:  # fmt: skip
     """A recording from arrays: time (n,) and quantities by their names in recording.toml.
 
@@ -87,7 +87,7 @@ def from_arrays(
         raise InputError(f"units names {min(unknown)!r}, and there is no such array")
     return from_frame(
         frame, said, kind=kind, platform=platform, title=title, site=site, noise=noise, instant=instant,
-        average_s=average_s,
+        average_s=average_s, date=date,
     )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -69,7 +70,7 @@ def test_one_value_that_is_off_is_no_jump() -> None:
     made = compare(history(2, course=course("bias:x", [0, 0, 40, 0, 0, 0, 0])))
     off = next(c for c in made.courses if c.parameter.label == "bias:x")
     assert (off.outliers, off.jumps, off.drifts) == ((2,), (), False)
-    assert "bias x of 2024-08-28 is off the others by +198.6 +- 5.4 ug" in made.in_words
+    assert "bias x is off the others by +198.6 +- 5.4 ug on 2024-08-28" in made.in_words
     assert "Next: look at the report of 2024-08-28" in made.in_words
 
 
@@ -116,12 +117,28 @@ def test_parameters_may_differ_together_where_none_does_by_itself() -> None:
     assert "0.json and 1.json differ in their parameters together (p = 0.00016), though no parameter does" in said
 
 
+@pytest.mark.parametrize(
+    ("shape", "told"),
+    [(lambda t: 0.5 * t + 15 * (t >= 20), ((20,), (), True)), (lambda t: 0.5 * t + 15 * (t == 20), ((), (20,), True)),
+     (lambda t: 12 * (t >= 10) - 8 * (t >= 30), ((10, 30), (), False))],
+)  # fmt: skip
+def test_two_things_at_once_are_both_told(shape: Any, told: tuple[object, ...]) -> None:
+    # a jump was told alone beside a drift, a value that is off not at all, and two jumps made a drift
+    for seed in range(8):
+        made = compare(history(seed, 40, course("bias:x", list(shape(np.arange(40))))))
+        c = next(c for c in made.courses if c.parameter.label == "bias:x")
+        assert (c.jumps, c.outliers, c.drifts) == told
+        assert ("drifts by" in made.in_words) == c.drifts
+        assert made.in_words.count("jumped by") == len(c.jumps)
+        assert np.isfinite(c.due) == c.drifts
+
+
 def test_calibrations_stand_at_the_day_of_their_recordings() -> None:
     made = [replace(d, date=START) for d in history(3, 4)]
     assert "all were computed within a day: no drift is told; write date = " in compare(made).in_words
     for d in made[1:]:
         d.calibration.provenance["recorded"] = "2024-03-01"
-    assert "1 of them stand at the day they were computed" in compare(made).in_words
+    assert "Only 3 of them say when it was recorded; others stand at the day" in compare(made).in_words
     made[0].calibration.provenance["recorded"] = "2024-03-01"
     assert "write date" not in compare(made).in_words
     assert date_in(made[0].calibration.provenance) == "2024-03-01"

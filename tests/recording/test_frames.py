@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.recording import Recording, from_arrays, from_frame, read
 
@@ -122,3 +123,11 @@ def test_columns_that_are_not_there_and_words_that_say_nothing() -> None:
         from_frame({"t": [0.0]}, {"t": "time in s"})
     with pytest.raises(InputError, match=r"holds .* where real numbers are wanted"):
         from_frame({"t": [0.0], "a": ["x"]}, {"t": "time [s]", "a": "specific_force x [g]"})
+
+
+def test_arrays_may_say_when_they_were_recorded() -> None:
+    t = np.arange(100) / 10
+    force = np.tile([0.0, 0.0, G0], (100, 1)) + 1e-3 * np.random.default_rng(1).standard_normal((100, 3))
+    assert from_arrays(t, specific_force=force, date="2026-11-18").date == "2026-11-18"
+    with pytest.raises(InputError, match="date says when it was recorded, as in date = 2026-11-18, got 'soon'"):
+        from_arrays(t, specific_force=force, date="soon")
