@@ -17,7 +17,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from math import pi
+from math import inf, isfinite, pi
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -183,16 +183,23 @@ def _multiply(one: Unit, other: Unit) -> Unit:
     exponents = dict(one.dimension)
     for name, n in other.dimension:
         exponents[name] = exponents.get(name, 0.0) + n
-    return Unit(one.factor * other.factor, _dimension(**exponents))
+    return _sound(one.factor * other.factor, exponents)
 
 
 def _power(unit: Unit, n: float) -> Unit:
     # 1/x rather than x**-1: a correctly rounded reciprocal.
     try:
         factor = 1.0 / unit.factor if n == -1 else unit.factor**n
-    except OverflowError:  # ug^400
+    except (OverflowError, ZeroDivisionError):  # ug^400
         raise KeyError(str(n)) from None
-    return Unit(factor, _dimension(**{name: e * n for name, e in unit.dimension}))
+    return _sound(factor, {name: e * n for name, e in unit.dimension})
+
+
+def _sound(factor: float, exponents: Mapping[str, float]) -> Unit:
+    """The unit, unless numbers run out on it: ug^-inf, ug^70."""
+    if not (0 < factor < inf and all(map(isfinite, exponents.values()))):
+        raise KeyError(str(factor))
+    return Unit(factor, _dimension(**exponents))
 
 
 @cache

@@ -40,7 +40,8 @@ FOUND = [("schedule", 2, 2930), ("csv", 2, 3752), ("scenario", 2, 3781), ("calib
          ("hdf5", 8001, 1149), ("store", 8001, 3507), ("mount", 8001, 4360), ("mount", 8001, 7724),
          ("mount", 8001, 8409), ("deep", 8001, 8872), ("deep", 7001, 7073), ("meant_files", 9001, 9028),
          ("planning", 14001, 1637), ("diagnose", 14001, 2119), ("meant_files", 12002, 5621),
-         ("arguments", 12001, 4616), ("rough_diagnose", 14004, 130), ("stars", 14002, 1372)]  # fmt: skip
+         ("arguments", 12001, 4616), ("rough_diagnose", 14004, 130), ("stars", 14002, 1372),
+         ("csv", 13004, 1460), ("exchange", 13005, 493)]  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "seed", "number"), FOUND)

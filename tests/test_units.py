@@ -90,7 +90,8 @@ def test_unit_of_another_quantity_is_refused() -> None:
         check("deg", "specific_force")
 
 
-@pytest.mark.parametrize("text", ["", "m//s", "m/", "sqrt(h", "m^", "m^x", "furlong", "deg/h)"])
+@pytest.mark.parametrize("text", ["", "m//s", "m/", "sqrt(h", "m^", "m^x", "furlong", "deg/h)", "ug^-inf",
+                                  "g^nan", "ug^70", "ug^400", "ug^-35*ug^-35"])  # fmt: skip
 def test_nonsense_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="is not known; units are written from"):
         parse(text)

@@ -53,6 +53,7 @@ class Holes:
 
     def whole(self, values: Array) -> Array:
         """A complete column less the same rows."""
+        values = values[: self.rows]  # without blank lines at the end
         return np.delete(values, self.missing.astype(np.int64)) if self.left_out else values
 
     def place(self, start: int, stop: int | None = None) -> str:

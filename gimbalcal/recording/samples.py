@@ -34,11 +34,12 @@ AFTERWARDS = 0.2  # s in which threads of an engine that panicked say so, one af
 
 
 def batches(
-    path: Path, names: Sequence[str], clock: Column | None = None, dates: Dates | None = None
+    path: Path, names: Sequence[str], clock: Column | None = None, dates: Dates | None = None, end: bool = False
 ) -> Iterator[Batch]:
     """The columns `names` of the samples file, as float64 arrays of some `ROWS` rows, in the order of the file.
 
-    An empty cell is a NaN. A `clock` of dates becomes seconds, in its unit, counted by `dates`. Names that are all
+    An empty cell is a NaN; blank rows at the end of the file are left out unless its `end` is asked for. A `clock` of
+    dates becomes seconds, in its unit, counted by `dates`. Names that are all
     whole numbers count columns from 1 where the file has no line of names (or other names). Whatever the file cannot
     be read for is an `InputError` that names the line.
     """
@@ -56,8 +57,10 @@ def batches(
         check_types(path, plain, present)
         columns = [_numbers(name, present[name], path) if name in plain else pl.col(name) for name in names]
         frames = lazy.select(columns).collect_batches(chunk_size=ROWS, maintain_order=True)
-        while (frame := _next(frames, path, rows)) is not None:
-            batch = _without_blank_end(frame)
+        following = _next(frames, path, rows)
+        while (frame := following) is not None:
+            following = _next(frames, path, rows + frame.height)
+            batch = _arrays(frame, end or not _blank(following))
             if dated and clock:
                 seconds = dates.seconds(frame[clock.name][: len(batch[names[0]])])
                 batch = {**batch, clock.name: from_si(seconds, clock.unit)}
@@ -110,8 +113,9 @@ def quiet() -> Iterator[None]:
 
 
 def column(path: Path, name: str, clock: Column | None = None) -> Array:
-    """One whole column."""
-    parts = [batch[name] for batch in batches(path, [name], clock if clock and name == clock.name else None)]
+    """One whole column, blank lines at its end too: alone it does not tell what others have there."""
+    dated = clock if clock and name == clock.name else None
+    parts = [batch[name] for batch in batches(path, [name], dated, end=True)]
     at = sum(map(len, parts))
     out = np.empty(at)
     while parts:  # each is let go of once it is there: of 1e8 rows there are 0.8 GB, not twice as much
@@ -185,9 +189,14 @@ def _dated(path: Path, clock: Column, kind: pl.DataType, named: bool) -> bool:
     return dated
 
 
-def _without_blank_end(frame: pl.DataFrame) -> Batch:
-    """The arrays of `frame` less blank lines at its end, which editors like to leave there."""
+def _blank(frame: pl.DataFrame | None) -> bool:
+    """Whether nothing is in a frame, or none follows."""
+    return frame is None or all(frame[name].null_count() == frame.height for name in frame.columns)
+
+
+def _arrays(frame: pl.DataFrame, whole: bool) -> Batch:
+    """The arrays of `frame`, all or less blank lines at its end, which editors like to leave there."""
     n = frame.height
-    while n and all(value is None for value in frame.row(n - 1)):
+    while not whole and n and all(value is None for value in frame.row(n - 1)):
         n -= 1
     return {name: frame[name][:n].to_numpy() for name in frame.columns}

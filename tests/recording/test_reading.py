@@ -13,6 +13,7 @@ from gimbalcal.earth import G0, normal_gravity
 from gimbalcal.errors import InputError
 from gimbalcal.platform import BENCH, SPACE_STABLE, SPACE_STABLE_INERTIAL, Axis, Platform
 from gimbalcal.recording import Recording, Site, dwells, read, write
+from gimbalcal.recording.samples import batches, column
 from gimbalcal.recording.scatter import pooled
 from tests.recording.folders import DWELL, HEADER, folder, refusal, rows, text
 
@@ -213,3 +214,25 @@ def test_a_path_is_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name:
     made = read(wanted)
     assert len(made.time) == 2 * DWELL
     assert not np.array_equal(made.triad("specific_force"), read(neighbour).triad("specific_force"))
+
+
+@pytest.mark.parametrize("batch", [3, 1000])
+def test_a_column_alone_keeps_its_place_where_it_is_empty(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, batch: int
+) -> None:
+    """At the end of a batch, or of the file, an empty cell of one column is no blank line."""
+    monkeypatch.setattr("gimbalcal.recording.samples.ROWS", batch)
+    path = tmp_path / "samples.csv"
+    path.write_text("t,x\n0,0\n1,1\n2,\n3,3\n4,4\n5,\n6,6\n7,\n,\n,\n")
+    empty = [2, 5, 7, 8, 9]
+    assert np.flatnonzero(np.isnan(column(path, "x"))).tolist() == empty
+    assert len(column(path, "x")) == 10
+    both = list(batches(path, ["t", "x"]))
+    assert np.concatenate([b["t"] for b in both]).tolist() == list(range(8))
+
+
+def test_a_channel_that_is_cut_short_is_looked_at_again(tmp_path: Path) -> None:
+    lines = text(rows()).splitlines()
+    lines[40:] = [re.sub(r"^([^,]*,[^,]*),[^,]*", r"\1,0.5", line) for line in lines[40:]]
+    lines[-1] = ",".join(lines[-1].split(",")[:2] + [""] * 5)
+    assert "accel_x" in refusal(tmp_path, samples="\n".join(lines) + "\n")
