@@ -138,6 +138,8 @@ def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
     fit = content["fit"]
     reserved = ", with a reservation" if content.get("outcome") else ""
     facts = [(content["verdict"].replace("-", " ") + reserved, "verdict")]
+    if content.get("laws") and not content["findings"]:
+        facts = [(f"a formula fits{reserved}", "verdict: unexplained by what is known")]
     unit, keys, power = " × noise", ("chi2_reduced", "heldout"), 0.5
     if "rms_before" in fit:  # the noise is what the last model leaves, so its chi^2 says nothing
         unit, keys, power = " " + wording.unit_in_print(fit["noise"]["unit"]), ("rms", "heldout_rms"), 1.0

@@ -249,7 +249,7 @@ def _plain(f: Entry) -> bool:
 
 def _unexplained(content: Entry, curves: Curves | None) -> str:
     if laws := content.get("laws", ()):
-        return (f"Something is missing that no known effect explains, and a formula fits it: {law_words.fitted(laws)}."
+        return (f"{_sentence(law_words.fitted(laws))} No known effect does that: it is a formula that fits these data."
                 f"{_size(curves, content['mismatch'])} {law_words.next_step(content)}")  # fmt: skip
     shape = next(iter(content["unexplained"]), None)
     follows = f" It {_follows(str(shape['shape']))}, in {str(shape['channel']).replace('_', ' ')}." if shape else ""

@@ -192,7 +192,7 @@ def test_what_has_a_name_keeps_it_beside_a_law(tmp_path: Path) -> None:
     made = calibrate(r, more=[*law["beside"], law["with"]])
     assert made.outcome == ""
     told = headline(d.to_dict(), d.curves)
-    assert "the azimuth axis is off by" in told
+    assert told.startswith("The azimuth axis is off by ")
     assert "arcsec · cos(3 · azimuth), beside encoder eccentricity azimuth, which is known." in told
     assert "`--with encoder_eccentricity:azimuth --with law_gimbal_angle_azimuth --effects law.py`" in told
 
