@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.noise import Node
-from gimbalcal.diagnose.evidence.odds import CLAIM
+from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER
 from gimbalcal.diagnose.evidence.projection import projected
 from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.rows.views import View
@@ -72,7 +72,7 @@ def in_searches(searches: Sequence[Search], nodes: Sequence[Node], ranked: Ranki
                   for k in range(len(searches))]  # fmt: skip
         own = tuple(_with_cause(s, at) for s, at in zip(searches, places, strict=True))
         c = ranked.library.candidates[member]
-        best = _better(best, Beside(g := ground(own), laws_of(g, products=False), c, h.ln_weight, own))
+        best = _better(best, Beside(g := ground(own), laws_of(g, products=False), c, h.ln_weight, own), ranked)
     return best
 
 
@@ -86,13 +86,18 @@ def in_view(v: View, m: Model, sigma: Array, left: Weighed, alone: bool) -> Besi
         c = left.library.candidates[h.members[0]]
         X = left.library.X[..., list(c.variants[likeliest_variants(left, h.members)[0]].index)]
         if (g := ground_of_view(v, with_columns(v, m, X), sigma)) is not None:
-            best = _better(best, Beside(g, laws_of(g, products=False), c, h.ln_weight, columns=X))
+            best = _better(best, Beside(g, laws_of(g, products=False), c, h.ln_weight, columns=X), left)
     return best
 
 
-def _better(best: Beside, other: Beside) -> Beside:
-    """The other one where it says as much: a name is worth more than a formula, another name has to be likelier."""
+def _better(best: Beside, other: Beside, ranked: Ranking) -> Beside:
+    """The other one where it says as much: a name is worth more than a formula, another name has to be likelier.
+
+    As every law it has to come near the best of what else was weighed.
+    """
     if not other.laws or other.laws[0].evidence < CLAIM:
+        return best
+    if other.total < max(h.ln_weight for h in ranked.hypotheses) - TOGETHER:
         return best
     return other if other.total > best.total - NAMED * (best.known is None) else best
 
