@@ -148,9 +148,9 @@ def _report(
         fitted["unseen"] = unseen(s.library.candidates, s.projections)
         words = f"{words} {in_words(fitted['unseen'])}".strip()
     law = law or lawful([s], [d.shapes[:1]], s, d.verdict, int(options["seed"]), tell)
-    for numbers, added in law.each:
+    for numbers, left in law.each:
         fitted |= numbers
-        curves = replace(curves, after=residual_rows(s.o, added)[1])
+        curves = replace(curves, after=left)
     tell("the model with what was found, as a calibration")
     made = calibrated_alone(s, f, wording.reserve(d.verdict, named, shapes), known)
     words += f" {fault}" if fault else ""

@@ -31,7 +31,6 @@ from gimbalcal.diagnose.verdict.locate import LISTED, Scan, mismatches
 from gimbalcal.diagnose.verdict.model import fit_causes
 from gimbalcal.diagnose.verdict.pool import Part, agreement, common_constants, parts, pooled
 from gimbalcal.diagnose.verdict.recommend import advise, sentence
-from gimbalcal.diagnose.verdict.verify import residual_rows
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES
@@ -83,11 +82,8 @@ def diagnose_several(
 
 def _with_law(shares: tuple[Share, ...], law: Lawful) -> tuple[Share, ...]:
     """The shares with what a law that no catalogue holds, if there is one, makes of their numbers."""
-    after = [residual_rows(x.part.search.o, added)[1] for x, (_, added) in zip(shares, law.each, strict=False)]
-    each = zip(shares, law.each, after, strict=True) if after else ()
-    return (
-        tuple(replace(x, fit={**x.fit, **fit}, curves=replace(x.curves, after=r)) for x, (fit, _), r in each) or shares
-    )
+    each = zip(shares, law.each, strict=True) if law.each else ()
+    return tuple(replace(x, fit={**x.fit, **fit}, curves=replace(x.curves, after=r)) for x, (fit, r) in each) or shares
 
 
 def _check(recordings: Sequence[Recording]) -> None:

@@ -29,7 +29,7 @@ from gimbalcal.diagnose.verdict.law_file import found, printed
 from gimbalcal.diagnose.verdict.locate import LEFT, scan
 from gimbalcal.diagnose.verdict.model import fit_causes
 from gimbalcal.diagnose.verdict.pool import inverse_of, mean_of
-from gimbalcal.diagnose.verdict.verify import Verification, verify
+from gimbalcal.diagnose.verdict.verify import Verification, residual_rows, verify
 from gimbalcal.diagnose.wording import spoken
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
@@ -63,7 +63,7 @@ ALIKE = "take {more} in which {names} vary independently of each other: several 
 
 @dataclass(frozen=True)
 class Lawful:
-    """Laws that were found, or what would determine one; of each recording the fit with them, what they add (n, C)."""
+    """Laws that were found, or what would determine one; of each recording the fit with them and the rest (n, C)."""
 
     laws: tuple[FoundLaw, ...] = ()
     recommend: str = ""
@@ -147,7 +147,7 @@ def law_of_searches(
     has to be 20 times as likely as these.
     """
     b = in_searches(searches, nodes, ranked, alone=instead)
-    g, every, planned, searches = b.ground, b.laws, [s.o for s in searches], b.searches
+    g, every = b.ground, b.laws
     best_else = max(h.ln_weight for h in ranked.hypotheses) + (TOGETHER + CLAIM) * instead
     best, others = chosen(g, every, best_else - b.ln_known)
     if best is not None and (as_likely := _known(ranked, b.total)):
@@ -155,10 +155,11 @@ def law_of_searches(
     likely = best or next(iter(others and every), None)
     if likely is None:
         return Lawful((), undetermined(every, others, g, searches[0].o.kind))
-    held = [_held(s, columns, rng) for s, columns in zip(searches, g.parts(likely.columns), strict=True)]
+    held = [_held(s, own, columns, rng)
+            for s, own, columns in zip(searches, b.searches, g.parts(likely.columns), strict=True)]  # fmt: skip
     x, C, agree = mean_of([(h.x, h.weight) for h in held])
     lead = max(range(len(held)), key=lambda k: float(x @ held[k].weight @ x))
-    advice = to_tell(planned[lead], likely, x, others[0], asked=best is None) if others else ""
+    advice = to_tell(searches[lead].o, likely, x, others[0], asked=best is None) if others else ""
     if best is None:
         return Lawful((), f"{undetermined(every, others, g, searches[0].o.kind)}. {advice}")
     if agree.against(""):
@@ -171,8 +172,8 @@ def law_of_searches(
         return Lawful((), LEAVES.format(law=printed(best)))
     title = " and ".join(s.o.recording.title for s in searches)
     law = found(best, x, C, (before, after), others, title, beside=b.name)
-    added = (columns @ x for columns in g.parts(best.columns))
-    return Lawful((law,), advice, tuple((h.fit, a) for h, a in zip(held, added, strict=True)))
+    left = (residual_rows(s.o, A @ x)[1] for s, A in zip(b.searches, g.parts(best.columns), strict=True))
+    return Lawful((law,), advice, tuple((h.fit, r) for h, r in zip(held, left, strict=True)))
 
 
 def _known(ranked: Ranking, ln_evidence: float) -> str:
@@ -196,12 +197,16 @@ class _Held:
     fit: Mapping[str, Any]
 
 
-def _held(s: Search, columns: Array, rng: np.random.Generator) -> _Held:
-    """The law with these columns (n, C, m), fitted to one recording."""
+def _held(bare: Search, s: Search, columns: Array, rng: np.random.Generator) -> _Held:
+    """The law with these columns (n, C, m), fitted to one recording; `bare`: without what it stands beside."""
     made, physical, scale = with_law(s, columns)
     f = fit_causes(made, (0,))
     explained = made.library.X if columns.any() else None
     left, checked = scan(s.o, s.rows, f.projection.node, rng, explained), verify(made, f, physical)
+    if s is not bare:
+        same = next(p for p in bare.projections if p.node is f.projection.node)
+        none = verify(bare, replace(fit_causes(bare, ()), projection=same), np.zeros((*bare.o.y.shape, 0)))
+        checked = replace(checked, before=none.before, heldout_before=none.heldout_before)
     fit = {**checked.to_dict(), "scan_p_after": left.p_value, "noise": dict(f.projection.node.name)}
     weight = inverse_of(f.covariance * np.outer(scale, scale))
     return _Held(f.x * scale, weight, left.p_value, strained(made, (0,)), checked, fit)
