@@ -40,6 +40,7 @@ def lone(channels: Mapping[str, Array], slow: bool = False) -> dict[str, NDArray
     if slow:
         return leaps
     clean = np.all([leaps[name] | (x < ALONE) for name, x in beyond.items()], axis=0)
+    clean |= np.all([x == 0 for x in channels.values()], axis=0)  # a sample that was not there, and no knock
     return {name: found & clean for name, found in leaps.items()}
 
 

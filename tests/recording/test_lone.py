@@ -49,6 +49,12 @@ def test_a_knock_is_felt_by_several_channels() -> None:
     np.testing.assert_array_equal(np.flatnonzero(lone(dict(zip("xyz", f.T, strict=True)))["y"]), [900])
 
 
+def test_a_row_of_zeros_is_no_knock() -> None:
+    f = np.array([0.2, 0.0, 0.0]) + still(17)  # 20 sigma: a knock shakes an axis by as much
+    f[700] = 0.0
+    np.testing.assert_array_equal(np.flatnonzero(lone(dict(zip("xyz", f.T, strict=True)))["z"]), [700])
+
+
 def test_rows_that_leap_are_left_out_and_said() -> None:
     f, w = still(3), 0.001 * np.random.default_rng(4).standard_normal((N, 3))
     f[[700, 1500, 3000], [0, 2, 1]] += [7.0, -20.0, 3.0]
