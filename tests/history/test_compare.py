@@ -64,6 +64,10 @@ def test_a_drift_comes_back_with_its_sigma_and_a_date() -> None:
     days = 500e-6 * 9.80665 / truth / 86400
     assert (made.due - START).days == pytest.approx(6 * 90 + days, rel=0.08)
     assert "bias y drifts by +" in made.in_words
+    row = next(r for r in made.to_dict()["parameters"] if (r["name"], r["axis"]) == ("bias", "y"))
+    c = next(c for c in made.courses if c.parameter.label == "bias:y")
+    assert row["drift_per_year"] == pytest.approx(1e6 * c.rate * YEAR / 9.80665)
+    assert row["drift_sigma"] == pytest.approx(1e6 * c.rate_sigma * YEAR / 9.80665)
 
 
 def test_one_value_that_is_off_is_no_jump() -> None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.special import chdtrc, ndtr
 
-from gimbalcal.diagnose.verdict.disagreement import disagreement
+from gimbalcal.diagnose.verdict.disagreement import Disagreement, disagreement
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.inference.information import Information, information
-from gimbalcal.units import to_si
+from gimbalcal.units import from_si, to_si
 
 WANTED = tuple(p for i in ("scale_factor", "bias") for p in parameters(CATALOGUE[i]))
 PPM = 1e-6
@@ -40,12 +41,47 @@ def test_one_constant_that_moved_is_named_with_its_size() -> None:
     assert "the second differs, in scale factor y by +" in found.in_words
 
 
-def test_of_three_the_odd_one_is_named() -> None:
+@pytest.mark.parametrize("k", range(3))
+def test_of_three_the_odd_one_is_named(k: int) -> None:
     rng = np.random.default_rng(3)
-    found = disagreement([recorded(rng), recorded(rng, moved=60.0), recorded(rng)])
-    assert found.odd == 1
-    assert "recording 2 differs most from the others" in found.in_words
-    assert found.to_dict()["recording"] == 2
+    found = disagreement([recorded(rng, moved=60.0 * (i == k)) for i in range(3)])
+    assert found.odd == k
+    assert f"recording {k + 1} differs most from the others" in found.in_words
+    assert found.to_dict()["recording"] == k + 1
+
+
+def exact(apart: list[float]) -> Disagreement:
+    """Two recordings that know each constant to 1e-3 of its prior and differ by so many sigmas of a difference."""
+    sigma = 1e-3 * np.array([p.sigma for p in WANTED])
+    x = np.sqrt(2) * np.array(apart) * sigma
+    return disagreement([information(np.diag(1 / sigma), v / sigma, WANTED) for v in (0 * x, x)])
+
+
+def test_two_that_say_the_same_agree_for_certain() -> None:
+    found = exact([0, 0, 0, 0, 0, 0])
+    assert (found.p_value, found.in_words, found.parameters) == (1.0, "", ())
+    told = found.to_dict()
+    assert (told["agree"], told["recording"], told["differences"]) == (True, None, [])
+    assert told["chi2"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_differences_are_counted_in_sigmas_and_told_in_printed_units() -> None:
+    found = exact([0, 8, 0, -4, 0, 0])
+    assert (found.chi2, found.dof) == (pytest.approx(80.0), 6)
+    assert found.p_value == pytest.approx(2 * 6 * 2 * ndtr(-8.0))  # rarer than 80 of six, and each paid for
+    first, second = found.to_dict()["differences"]
+    assert [f"{d['name']}:{d['axis']}" for d in (first, second)] == ["scale_factor:y", "bias:x"]
+    for told, p, apart in ((first, WANTED[1], 8), (second, WANTED[3], -4)):
+        assert told["unit"] == p.unit
+        assert told["sigma"] == pytest.approx(np.sqrt(2) * 1e-3 * from_si(p.sigma, p.unit))
+        assert told["value"] == pytest.approx(apart * told["sigma"])
+
+
+def test_constants_may_contradict_together_where_none_does_by_itself() -> None:
+    found = exact([2.5, -2.5, 2.5, 2.5, -2.5, 2.5])
+    assert found.p_value == pytest.approx(2 * chdtrc(6, 6 * 2.5**2))
+    assert found.parameters == ()
+    assert "do not agree on the constants of the unit (chi² of 38 for the 6 combinations" in found.in_words
 
 
 def test_what_only_one_of_them_sees_is_no_difference() -> None:
