@@ -18,7 +18,7 @@ from gimbalcal.importers import rig
 from gimbalcal.importers.among_stars import as_static_run
 from gimbalcal.importers.guessed import guessed
 from gimbalcal.importers.mmt import import_mmt
-from gimbalcal.importers.names import FORCE, RATE, Guess, by_name, hinted
+from gimbalcal.importers.names import FORCE, RATE, Guess, by_name, estimated, hinted
 from gimbalcal.importers.said import in_physical_units
 from gimbalcal.importers.sky import of_the_axes
 from gimbalcal.importers.stars import angles_in, pointing_proposal
@@ -224,7 +224,7 @@ def _rig(columns: Mapping[str, Array], guesses: Mapping[str, Guess], gimbals: Ma
          ) -> tuple[rig.Rig | None, dict[str, Guess], tuple[str, ...]]:  # fmt: skip
     """The rig, gimbals that are found by what they hold, and columns called gimbals that no platform has."""
     chain = {"axes": [{"name": axis, "direction": "zxy"[k % 3]} for k, axis in enumerate(gimbals)]}
-    unknown = {n: x for n, x in columns.items() if n not in guesses and np.all(np.isfinite(x))}
+    unknown = {n: x for n, x in columns.items() if n not in guesses and np.all(np.isfinite(x)) and not estimated(n)}
     found = None
     if gimbals:
         still = dwell_means(from_frame(columns, _entries(guesses), title=title, platform=chain, called=title))

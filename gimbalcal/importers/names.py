@@ -32,6 +32,10 @@ _AXIS_FIRST = tuple(
     for quantity, words in ((FORCE, "accel|acc|accelerometer|acceleration|force|beschleunigung"),
                             (RATE, "gyro|gyr|gyroscope|angular_rate|angular_velocity|rate|drehrate"))
 )  # fmt: skip
+_LETTER_AND_UNIT = re.compile(r"^[a-z0-9_]*?([xyz])_([a-z0-9_]+)$")
+_OWN_ESTIMATE = re.compile(
+    r"(^|_)(roll|pitch|yaw|euler|eul|heading|attitude|orientation|quat|quaternion)(_|$)|^(angle|ang|winkel)_?[xyz](_|$)"
+)
 _BARE = re.compile(r"^(?:(?:axis|achse)_)?([xyz])(?:_(?:axis|achse))?(_|$)")
 _BODY = {"p": "x", "q": "y", "r": "z"}  # roll, pitch and yaw rate of a vehicle
 _TEMPERATURE = re.compile(r"^(temperature|temperatur|temp|tmp)(_|$)")
@@ -192,6 +196,10 @@ def _triad_by_word(words: str) -> tuple[str, str, str] | None:
         found = pattern.match(words)
         if found:
             return quantity, AXIS[found[1]], _UNITS.get(_rest(words, found), "")
+    found = _LETTER_AND_UNIT.match(words)  # AsX (deg/s): whatever it is called, the unit says what it is
+    if found and _UNITS.get(found[2]) in _OF_UNIT and parts[0] not in ("max", "index"):
+        unit = _UNITS[found[2]]
+        return _OF_UNIT[unit], AXIS[found[1]], unit
     return None
 
 
@@ -203,6 +211,11 @@ def body_rates(names: dict[str, str]) -> dict[str, Guess]:
     why = "of roll, pitch and yaw rate"
     return {n: Guess(RATE, _BODY[p[0]], _UNITS.get("_".join(p[1:]), ""), f"its name {n.strip()!r}, {why}")
             for n, p in found.items()}  # fmt: skip
+
+
+def estimated(name: str) -> bool:
+    """Whether a name is that of an attitude which a unit makes of its own readings, and no readout of a rig."""
+    return _OWN_ESTIMATE.search(plain(name)) is not None
 
 
 def by_turn(name: str) -> Guess | None:

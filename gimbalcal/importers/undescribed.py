@@ -168,7 +168,7 @@ def _begins(head: Sequence[str]) -> Layout | None:
             if len(row) >= LEAST_COLUMNS and _numbers(row):
                 begins.setdefault(len(row), []).append(i)
         for width, lines in begins.items():
-            best = max(best, (len(lines), width, lines[0], mark), key=lambda b: b[:2])
+            best = max(best, (len(lines), width, lines[0], mark), key=lambda b: (b[0], b[3] != " ", b[1]))
     length, width, first, mark = best
     if not length:
         return None

@@ -282,3 +282,18 @@ def test_a_day_and_a_time_apart_are_one_clock(tmp_path: Path) -> None:
     stamp = [f"{d} {x}" for d, x in zip(day, time, strict=True)]
     path = rows(tmp_path / "q.csv", "Zeitpunkt;t;ax;ay;az;gx;gy;gz", ["a"] * len(t), stamp, *f.T, *w.T, mark=";")
     same(propose([path]), t, f, w)
+
+
+def test_an_attitude_that_a_unit_estimates_is_no_readout_of_a_rig(tmp_path: Path) -> None:
+    """It follows gravity at every rest because it was made of it; a calibration against it would prove itself."""
+    t, f, w = turned()
+    roll, pitch = np.degrees(np.arctan2(f[:, 1], f[:, 2])), np.degrees(np.arctan2(-f[:, 0], np.hypot(*f.T[1:])))
+    names = "Time\tDevice\tAccX(g)\tAccY(g)\tAccZ(g)\tAsX(°/s)\tAsY(°/s)\tAsZ(°/s)"
+    stamp = [f"2026-6-14 10:{int(s // 60):02d}:{s % 60:06.3f}" for s in t]
+    for angles in ("AngleX(°)\tAngleY(°)", "Roll\tPitch", "euler_x\teuler_y"):
+        path = rows(tmp_path / "wit.txt", f"{names}\t{angles}", stamp, ["WT901"] * len(t), *f.T / G, *w.T * D, roll,
+                    pitch, mark="\t")  # fmt: skip
+        found = propose([path])
+        same(found, t, f, w)
+        assert found.recording.platform.name == "bench"
+        assert set(angles.split("\t")) <= set(found.left_out)
