@@ -286,8 +286,9 @@ def untested(v: View, fit: Entry) -> str:
 def scatter(v: View, fit: Entry) -> str:
     """What is left of a view that its model explains, against the scatter of its samples where that is known."""
     if v.name == "slews":
-        late = ", ".join(f"{axis} {x['value']:.2g} +- {x['sigma']:.2g} ms" for axis, x in fit["late"].items())
-        return f"On the way ({len(v.recording.time)} slews) no delay is told: {late} late."
+        most = {axis: abs(x["value"]) + 2 * x["sigma"] for axis, x in fit["late"].items()}
+        late = ", ".join(f"{axis} by at most {ms:.2g} ms" for axis, ms in most.items())
+        return f"On the way ({len(v.recording.time)} slews) no delay is told: {late}."
     start = f"What is left of {channels_of(v)} is {digits(fit['rms_after'])} {v.unit} rms without a pattern"
     if v.noise is None:
         return f"{start}."
