@@ -40,7 +40,7 @@ from gimbalcal.diagnose.verdict.recommend import advise, sentence
 from gimbalcal.diagnose.verdict.threshold import clean_evidence
 from gimbalcal.diagnose.verdict.unseen import in_words, unseen
 from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
-from gimbalcal.diagnose.verdict.wander import decided, with_wander
+from gimbalcal.diagnose.verdict.wander import decided, steady, with_wander
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.number import Array
@@ -62,6 +62,14 @@ def diagnose_known_noise(
     clean = clean_evidence(s, rng)
     d, wander = decided(s, bar(clean))
     options = {"baseline": list(ids), "seed": seed}
+    if wander is not None and d.verdict == "adequate":  # unless a formula is as likely: a walk has none
+        held = steady(s)
+        none = unnamed(held)
+        law = lawful([held], [none.shapes[:1]], held, none.verdict, seed, tell)
+        evidence = max((float(found.entry["evidence"]) for found in law.laws), default=-np.inf)
+        if evidence > wander.ln_total - CLAIM:
+            made = _report(held, none, clean, rng, options, tell, calibration, law)
+            return made if evidence > wander.ln_total + CLAIM else with_wander(made, wander)
     made = _report(s, d, clean, rng, options, tell, calibration)
     if wander is not None:
         return with_wander(made, wander)

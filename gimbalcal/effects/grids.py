@@ -51,7 +51,8 @@ def grid(f: Constant, s: Stimulus) -> Array:
     if of is Grid.SPAN:
         return np.array([last])
     if of is Grid.EPOCH:
-        starts = s.time[np.flatnonzero(np.diff(s.visit)) + 1]
+        first = np.flatnonzero(np.diff(s.visit)) + 1
+        starts = s.time[first[(first > 1) & (first < len(s.time) - 1)]]  # before or after one row it is an error of it
         few = np.unique(np.linspace(0, len(starts) - 1, min(len(starts), STARTS)).round().astype(int))
         return starts[few] - 1e-3 if len(starts) else np.linspace(0, last, INSTANTS)[1:-1]
     if of is Grid.DECAY:

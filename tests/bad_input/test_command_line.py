@@ -22,7 +22,7 @@ from tests.bad_input.spoil import DATA, DEVICE, STATIC, cell, copy
         (["frobnicate"], "No such command 'frobnicate'; see `gimbalcal --help`"),
         (["calibrate", DEVICE, "--method", "magic"], "'magic' is not one of 'three-stage', "),
         (["calibrate", DEVICE, "--frobnicate"], "No such option"),
-        (["design", "-n", "0"], "0 is not in the range x>=1; see `gimbalcal design --help`"),
+        (["design", "-n", "0"], "0 is not in the range 1<=x<=1000; see `gimbalcal design --help`"),
         (["campaign", "wu2018-18", "-n", "-3"], "-3 is not in the range 1<=x<=10000000"),
         (["simulate", "demo", "--seed", "-1"], "-1 is not in the range x>=0"),
         (["calibrate", DEVICE, "--terms", "nonsense"], "--terms nonsense goes with --method multiposition"),

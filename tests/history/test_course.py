@@ -51,7 +51,7 @@ def test_calibrations_that_share_a_recording_show_no_jump_across_another(
 def test_there_and_back_is_one_value_and_what_comes_later_a_jump() -> None:
     found = of([0, 0, 400, 0, 0, 0, 8, 8])
     assert (found.jumps, found.outliers) == ((6,), (2,))
-    assert found.sizes[0] == pytest.approx((8.0, np.sqrt(2)))  # of two things, the change itself
+    assert found.sizes[0] == pytest.approx((8.0, np.sqrt(1 / 5 + 1 / 2)))  # of five before and two after
 
 
 def test_what_is_drift_is_no_jump() -> None:

@@ -51,20 +51,16 @@ def test_cgx_l_cone_polar_axis_and_eccentricity() -> None:
     d = diagnosed("cgx-l", "gimbal_zero")
     assert d.verdict == "missing-physics"
     core = {"axis_collimation", "base_tilt", "gimbal_nonorthogonality", "encoder_eccentricity"}
-    # a step of the declination's zero, its friction and a sag beside them tell stars that took no part to 121 arcsec
-    assert names(d) == core | {"gimbal_zero_step", "gimbal_friction", "tube_flexure"}
-    # none of them is certain by itself. A sag is one of nine that would look alike, which names none of them: what the
-    # eccentricity explains, which was found itself, is no probability of a set with the sag
-    assert all(f["probability"] < 0.9 for f in d.findings if f["effect"] not in core)
-    sag = finding(d, "tube_flexure")
-    assert "encoder_eccentricity" not in sag["twins"]
-    assert sag["probability"] < 0.5
-    assert f"one of {1 + len(sag['twins'])} that look alike" in d.in_words
-    assert "gimbal_zero_drift" not in names(d)
-    assert d.fit["heldout_rms_after"] < 125
-    assert d.fit["rms_after"] < 0.1 * d.fit["rms_before"]
-    assert d.fit["heldout_rms_after"] < 0.1 * d.fit["heldout_rms_before"]
-    assert "declination" in d.unexplained[0]["shape"]  # 101 arcsec stay, with a pattern: it is told, not hidden
+    # without six of 148 stars, 290 to 420 arcsec off, a step of the declination's zero is all that stands beside them; a
+    # friction and a sag had taken up these stars, and told those that took no part to 121 arcsec instead of 90
+    assert names(d) == core | {"gimbal_zero_step"}
+    assert all(f"tar {star} is" in d.in_words for star in (47, 52, 14, 136, 15, 22))
+    step, sigma = size(d, "gimbal_zero_step", "declination")
+    assert abs(step) > 5 * sigma
+    assert d.fit["heldout_rms_after"] < 95
+    assert d.fit["rms_after"] < 0.05 * d.fit["rms_before"]
+    assert d.fit["heldout_rms_after"] < 0.05 * d.fit["heldout_rms_before"]
+    assert "declination" in d.unexplained[0]["shape"]  # 73 arcsec stay, with a pattern: it is told, not hidden
 
 
 def test_warp_astron_slips_in_the_course_of_the_night() -> None:

@@ -31,12 +31,16 @@ STEP = float(np.log(LONE_WALK[1] / LONE_WALK[0]))
 
 @dataclass(frozen=True)
 class Wander:
-    """An accelerometer, its random walk in ug/sqrt(h) with one sigma, and ln of the odds to causes without it."""
+    """An accelerometer, its random walk in ug/sqrt(h) with one sigma, and ln of the odds to causes without it.
+
+    ln_total: ln Bayes factor of the walk against nothing, to weigh formulas by.
+    """
 
     axis: str
     walk: float
     sigma: float
     ln_odds: float
+    ln_total: float = 0.0
 
     @property
     def in_words(self) -> str:
@@ -54,15 +58,21 @@ def decided(s: Search, needed: float) -> tuple[Decision, Wander | None]:
     lone = np.array([bool(p.node.alone) for p in s.projections])
     if d.verdict != "adequate" or not lone.any():
         return d, None
-    steady = _without(s, ~lone)
-    found = _wander(s, lone, float(logsumexp(s.null[lone]) - logsumexp(s.null[~lone])) - steady.ln_total)
-    other = decide(steady, needed)
+    held = steady(s)
+    total = float(logsumexp(s.null[lone]) - logsumexp(s.null[~lone]))
+    found = _wander(s, lone, total - held.ln_total, total)
+    other = decide(held, needed)
     if other.hypothesis is None or found.ln_odds > CLAIM:
         return d, found
     share = 1 / (1 + np.exp(found.ln_odds))
     return replace(
         other, verdict="not-identifiable", probability=tuple(float(share * p) for p in other.probability)
     ), found  # fmt: skip
+
+
+def steady(s: Search) -> Search:
+    """The search in the noises in which no accelerometer wanders alone."""
+    return _without(s, np.array([not p.node.alone for p in s.projections]))
 
 
 def with_wander(made: Diagnosis, wander: Wander) -> Diagnosis:
@@ -83,7 +93,7 @@ def _without(s: Search, kept: Array) -> Search:
     return replace(s, hypotheses=w.hypotheses, projections=projections, null=w.null, joint=w.joint, singles=w.singles)
 
 
-def _wander(s: Search, lone: Array, ln_odds: float) -> Wander:
+def _wander(s: Search, lone: Array, ln_odds: float, ln_total: float) -> Wander:
     weight = np.exp(s.null - s.null[lone].max()) * lone
     nodes = [p.node for p in s.projections]
     axis = nodes[int(np.argmax(weight))].alone
@@ -94,4 +104,4 @@ def _wander(s: Search, lone: Array, ln_odds: float) -> Wander:
     spread = float(np.sqrt(weight @ (size - mean) ** 2 + STEP**2 / 12))  # of a grid, anywhere between its values
     unit = np.broadcast_to(s.o.sigma, s.o.y.shape)[0, s.o.channels.index(("specific_force", axis))]
     walk = float(from_si(np.exp(mean) * unit, "ug/sqrt(h)"))
-    return Wander(axis, walk, spread * walk, ln_odds)
+    return Wander(axis, walk, spread * walk, ln_odds, ln_total)

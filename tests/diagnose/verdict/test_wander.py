@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.known_noise import searched
@@ -47,6 +48,13 @@ def test_a_weak_drift_is_told_with_the_walk_that_it_may_be():
     assert -CLAIM < wander.ln_odds < CLAIM
     share = 1 / (1 + np.exp(wander.ln_odds))
     assert d.probability[0] < share < 1
+
+
+def test_a_wave_that_a_walk_could_be_is_told_by_its_formula():
+    d = diagnose([at_strength(8, lambda b: on(1, np.sin(2 * np.pi * b.t / 130.0)), 60.0)])
+    assert d.verdict == "unexplained"
+    assert any("sin" in law.entry["expression"] for law in d.laws)
+    assert "wanders" not in d.outcome
 
 
 def test_a_clear_drift_is_no_walk():
