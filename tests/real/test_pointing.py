@@ -51,7 +51,7 @@ def test_cgx_l_cone_polar_axis_and_eccentricity() -> None:
     d = diagnosed("cgx-l", "gimbal_zero")
     assert d.verdict == "missing-physics"
     core = {"axis_collimation", "base_tilt", "gimbal_nonorthogonality", "encoder_eccentricity"}
-    # without six of 148 stars, 290 to 420 arcsec off, a step of the declination's zero is all that stands beside them; a
+    # without six of 148 stars, 290 to 420 arcsec off, a step of the declination's zero stands alone beside them; a
     # friction and a sag had taken up these stars, and told those that took no part to 121 arcsec instead of 90
     assert names(d) == core | {"gimbal_zero_step"}
     assert all(f"tar {star} is" in d.in_words for star in (47, 52, 14, 136, 15, 22))
