@@ -7,6 +7,7 @@ Heavy packages are imported inside the commands, so that `gimbalcal --help` answ
 
 from __future__ import annotations
 
+import gc
 import sys
 import traceback
 from pathlib import Path
@@ -38,11 +39,13 @@ from gimbalcal.cli.placing import OVERWRITE, place, placed
 from gimbalcal.cli.planning import design, observe
 from gimbalcal.errors import InputError
 
+RARELY = 50_000  # objects between looks for unreachable ones: what is imported stays, and is a tenth of a short command
 CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 
 
 def main() -> None:
     """Run the command line; every refusal is one sentence on stderr and exit status 2."""
+    gc.set_threshold(RARELY)
     try:
         gimbalcal(standalone_mode=False)
     except InputError as problem:

@@ -84,15 +84,21 @@ def whitening(Phi: Array, Q: Array, H: Array) -> Whitening:
 
     Nothing is there before the first row: the first Q is the variance that the states begin with.
     """
+    (made,) = whitenings(Phi[None], Q[None], H)
+    return made
+
+
+def whitenings(Phi: Array, Q: Array, H: Array) -> list[Whitening]:
+    """The filters of B sets of states, Phi, Q (B, n, m), that are seen alike: `whitening` of each, all at once."""
     n, C, m = H.shape
-    gain, root = np.empty((n, m, C)), np.empty((n, C, C))
-    P = np.zeros((m, m))
+    gain, root = np.empty((len(Phi), n, m, C)), np.empty((len(Phi), n, C, C))
+    P = np.zeros((len(Phi), m, m))
     for k in range(n):
-        P = Phi[k, :, None] * P * Phi[k] + np.diag(Q[k])
+        P = Phi[:, k, :, None] * P * Phi[:, k, None, :] + Q[:, k, :, None] * np.eye(m)
         PH = P @ H[k].T
         S = H[k] @ PH + np.eye(C)
-        root[k] = np.linalg.cholesky(S)
-        gain[k] = np.linalg.solve(S, PH.T).T
-        P = P - gain[k] @ PH.T
-        P = (P + P.T) / 2
-    return Whitening(Phi, H, gain, root, np.linalg.inv(root))
+        root[:, k] = np.linalg.cholesky(S)
+        gain[:, k] = np.swapaxes(np.linalg.solve(S, np.swapaxes(PH, -1, -2)), -1, -2)
+        P = P - gain[:, k] @ np.swapaxes(PH, -1, -2)
+        P = (P + np.swapaxes(P, -1, -2)) / 2
+    return [Whitening(Phi[b], H, gain[b], root[b], np.linalg.inv(root[b])) for b in range(len(Phi))]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gimbalcal.inference.whitening import whitening
+from gimbalcal.inference.whitening import whitening, whitenings
 
 
 def example() -> tuple[np.ndarray, ...]:
@@ -33,3 +33,14 @@ def test_it_is_the_inverse_of_the_cholesky_factor() -> None:
     np.testing.assert_allclose(made.colour(np.eye(21)), np.linalg.cholesky(V), atol=1e-12)
     assert made.log_determinant == pytest.approx(np.linalg.slogdet(V)[1], abs=1e-12)
     assert made.rows == 21
+
+
+def test_several_at_once_are_each_what_it_is_alone() -> None:
+    Phi, Q, H = example()
+    both = whitenings(np.stack([Phi, 0.5 * Phi]), np.stack([Q, 3 * Q]), H)
+    for made, alone in zip(both, (whitening(Phi, Q, H), whitening(0.5 * Phi, 3 * Q, H)), strict=True):
+        for a, b in zip(made, alone, strict=True):
+            np.testing.assert_allclose(a, b, atol=1e-14)
+    np.testing.assert_allclose(
+        both[1].whiten(np.eye(21)), np.linalg.inv(np.linalg.cholesky(formed(0.5 * Phi, 3 * Q, H))), atol=1e-12
+    )

@@ -12,8 +12,10 @@ static run the cosine transform makes V diagonal.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
+from operator import iadd
 
 import numpy as np
 
@@ -22,7 +24,7 @@ from gimbalcal.effects import Stage
 from gimbalcal.effects.process import GaussMarkov, Process, RandomWalk, SettingError, WhiteNoise
 from gimbalcal.inference.noise import Chain, Noise, chain, one_sigma, spectrum
 from gimbalcal.inference.robust import huber
-from gimbalcal.inference.whitening import Whitening, whitening
+from gimbalcal.inference.whitening import Whitening, whitening, whitenings
 from gimbalcal.number import Array
 from gimbalcal.recording.noise import stated
 from gimbalcal.recording.scatter import differences
@@ -76,10 +78,7 @@ class Node:
         """W^T W (p, p) of whitened rows (R, p), which are never all there where they are many."""
         root = self.inverse_root
         if isinstance(root, Whitening) and root.rows == len(rows):
-            total = np.zeros((rows.shape[1], rows.shape[1]))
-            for W in root.parts(rows):
-                total += W.T @ W
-            return total
+            return np.asarray(reduce(iadd, (W.T @ W for W in root.parts(rows))))
         W = self.whiten(rows)
         return np.asarray(W.T @ W)
 
@@ -128,7 +127,12 @@ def _excess(x: Array) -> Array:
 
 def nodes(o: Observations) -> tuple[Node, ...]:
     """The grid of noises of this recording with their prior probabilities."""
-    return _spectral_nodes(o) if o.kind == "static-run" else _dwell_nodes(o)
+    if o.kind == "static-run":
+        return _spectral_nodes(o)
+    return _of_dwells(o, [
+        (s, w, ps * pw, "")
+        for s, ps in zip(SETTING, SETTING_PRIOR, strict=True) for w, pw in zip(WALK, WALK_PRIOR, strict=True)
+    ])  # fmt: skip
 
 
 def lone_walks(o: Observations) -> tuple[Node, ...]:
@@ -138,23 +142,12 @@ def lone_walks(o: Observations) -> tuple[Node, ...]:
     """
     if o.kind == "static-run":
         return ()
-    blocks = _blocks(o)
-    return tuple(
-        _dwell_node(o, blocks, s, w, LONE / len(LONE_WALK) * ps, alone=a)
+    return _of_dwells(o, [
+        (s, w, LONE / len(LONE_WALK) * ps, a)
         for a in (axis for quantity, axis in o.channels if quantity == "specific_force")
-        for s, ps in zip(SETTING, SETTING_PRIOR, strict=True)
-        if ps >= OFTEN
+        for s, ps in zip(SETTING, SETTING_PRIOR, strict=True) if ps >= OFTEN
         for w in LONE_WALK
-    )
-
-
-def _dwell_nodes(o: Observations) -> tuple[Node, ...]:
-    blocks = _blocks(o)
-    return tuple(
-        _dwell_node(o, blocks, s, w, ps * pw)
-        for s, ps in zip(SETTING, SETTING_PRIOR, strict=True)
-        for w, pw in zip(WALK, WALK_PRIOR, strict=True)
-    )
+    ])  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,11 +174,25 @@ def _blocks(o: Observations) -> _Blocks:
     )
 
 
-def _dwell_node(
-    o: Observations, blocks: _Blocks, setting: float, walk: float, prior: float, alone: str = ""
-) -> Node:  # fmt: skip
-    """States: a walk of each channel, or of the one that is `alone`, at the mean time of each block; anew at each
-    visit, an angle of each gimbal and what these take of the force along themselves.
+def _of_dwells(o: Observations, asked: Sequence[tuple[float, float, float, str]]) -> tuple[Node, ...]:
+    """A noise for each setting, walk, prior probability and accelerometer that walks alone ("" for all of them)."""
+    blocks = _blocks(o)
+    states = [_states(o, blocks, setting, walk, alone) for setting, walk, _, alone in asked]
+    roots: dict[int, Whitening] = {}
+    for width in {H.shape[-1] for _, _, H in states}:  # those that are seen by the same states at once
+        alike = [k for k, (_, _, H) in enumerate(states) if H.shape[-1] == width]
+        Phi, Q = (np.stack([states[k][part] for k in alike]) for part in (0, 1))
+        roots |= zip(alike, whitenings(Phi, Q, states[alike[0]][2]), strict=True)
+    return tuple(
+        Node((("setting error", setting), (f"random walk {alone}".rstrip(), walk)), dwell_noise(o, setting, walk),
+             prior, roots[k].log_determinant, roots[k], alone=alone)
+        for k, (setting, walk, prior, alone) in enumerate(asked)
+    )  # fmt: skip
+
+
+def _states(o: Observations, blocks: _Blocks, setting: float, walk: float, alone: str) -> tuple[Array, Array, Array]:
+    """Phi, Q (n, m) and H (n, C, m) of a walk of each channel, or of the one that is `alone`, at the mean time of each
+    block; anew at each visit, an angle of each gimbal and what these take of the force along themselves.
     """
     noise = dwell_noise(o, setting, walk)
     (turned,), (wandering,) = noise["gimbal_angle"], noise["specific_force"][1:]
@@ -197,9 +204,7 @@ def _dwell_node(
     Phi, Q = (np.concatenate(parts, axis=1) for parts in zip(
         *((p.transition(blocks.since, blocks.moved), p.diffusion(blocks.since, blocks.moved)) for p in every),
         strict=True))  # fmt: skip
-    root = whitening(Phi, Q, H)
-    name = (("setting error", setting), (f"random walk {alone}".rstrip(), walk))
-    return Node(name, noise, prior, root.log_determinant, root, alone=alone)
+    return Phi, Q, H
 
 
 def setting_of(o: Observations) -> float:
@@ -256,7 +261,7 @@ def first_order(rho: float) -> Process:
 
 def nominal(o: Observations) -> Node:
     """The noise as stated, without a random walk."""
-    return _spectral_nodes(o)[0] if o.kind == "static-run" else _dwell_node(o, _blocks(o), 1.0, 0.0, 1.0)
+    return _spectral_nodes(o)[0] if o.kind == "static-run" else _of_dwells(o, [(1.0, 0.0, 1.0, "")])[0]
 
 
 def _block_time(o: Observations) -> Array:
