@@ -114,6 +114,9 @@ def mount(*shown: tuple[str, str, str]) -> Callable[[Part, Path], tuple[Panel, .
 
     def panels(part: Part, data: Path) -> tuple[Panel, ...]:
         before, after, unit, run = misfits(part, data)
+        curves = diagnosed(part.kind, part.files, data, part.baseline).curves
+        assert curves is not None
+        run = run.select(curves.position.astype(int) - 1)  # stars far off all others were left out
         out = []
         for channel, over, name in shown:
             label = "time [h]" if over == "time" else f"{over.replace('_', ' ')} [deg]"

@@ -40,7 +40,7 @@ from gimbalcal.diagnose.verdict.recommend import advise, sentence
 from gimbalcal.diagnose.verdict.threshold import clean_evidence
 from gimbalcal.diagnose.verdict.unseen import in_words, unseen
 from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
-from gimbalcal.diagnose.verdict.wander import decided, steady, with_wander
+from gimbalcal.diagnose.verdict.wander import AGAIN, decided, steady, with_wander
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.number import Array
@@ -66,10 +66,10 @@ def diagnose_known_noise(
         held = steady(s)
         none = unnamed(held)
         law = lawful([held], [none.shapes[:1]], held, none.verdict, seed, tell)
-        evidence = max((float(found.entry["evidence"]) for found in law.laws), default=-np.inf)
-        if evidence > wander.ln_total - CLAIM:
-            made = _report(held, none, clean, rng, options, tell, calibration, law)
-            return made if evidence > wander.ln_total + CLAIM else with_wander(made, wander)
+        likelier = max((float(found.entry["evidence"]) for found in law.laws), default=-np.inf) - wander.ln_total
+        law = law if likelier > -CLAIM else Lawful(recommend=law.recommend or AGAIN)
+        made = _report(held, none, clean, rng, options, tell, calibration, law)
+        return made if likelier > CLAIM else with_wander(made, wander, alone=likelier < -CLAIM)
     made = _report(s, d, clean, rng, options, tell, calibration)
     if wander is not None:
         return with_wander(made, wander)

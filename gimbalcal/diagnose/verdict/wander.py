@@ -1,7 +1,8 @@
 r"""One accelerometer that wanders: what it is told as, and what it leaves of a cause that would be named without it.
 
-A walk is noise larger than stated, so that what it explains is no missing physics. Where walk and cause are within a
-factor of 20 of each other both are told: the cause with its share of
+A walk has no law, so that what it explains has no known cause: the verdict is that nothing known explains it, and the
+shape a random walk. Where walk and cause are within a factor of 20 of each other both are told: the cause with its
+share of
 
 .. math:: P = \frac{L_{cause}}{L_{cause} + L_{walk}},
 
@@ -26,6 +27,7 @@ from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
 SHAPE = "a random walk"
+AGAIN = "visit the same positions once more: a law of what is logged comes back there, a walk does not"
 STEP = float(np.log(LONE_WALK[1] / LONE_WALK[0]))
 
 
@@ -75,11 +77,11 @@ def steady(s: Search) -> Search:
     return _without(s, np.array([not p.node.alone for p in s.projections]))
 
 
-def with_wander(made: Diagnosis, wander: Wander) -> Diagnosis:
-    """The diagnosis, which says that an accelerometer wanders: instead of any cause, or it may be either."""
-    if made.verdict == "adequate":
-        return replace(made, outcome=f"explained only if {wander.in_words}, which no calibration holds")
+def with_wander(made: Diagnosis, wander: Wander, alone: bool = False) -> Diagnosis:
+    """The diagnosis, which says that an accelerometer wanders: `alone`, or it may be that as well as what is told."""
     words = f"It may as well be that {wander.in_words}"
+    if alone:
+        words = f"{wander.in_words[:1].upper()}{wander.in_words[1:]}: no cause and no formula is as likely"
     also = wording.shape(SHAPE, "specific_force", wander.axis)
     return replace(made, unexplained=(also, *made.unexplained), outcome=words, in_words=f"{made.in_words} {words}.")
 

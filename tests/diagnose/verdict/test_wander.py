@@ -38,6 +38,11 @@ def test_a_walk_of_one_accelerometer_is_no_cause_and_its_size_comes_back():
     assert wander.ln_odds > CLAIM
     assert wander.sigma < 0.3 * wander.walk
     assert wander.walk == pytest.approx(end / np.sqrt(HOURS), abs=2.5 * wander.sigma)
+    made = diagnose([record(np.random.default_rng(6), walk, end * UG)])
+    assert (made.verdict, made.findings, made.laws) == ("unexplained", (), ())
+    assert made.unexplained[0] == {"channel": "specific_force y", "shape": "a random walk"}
+    assert made.mismatch[0]["axis"] == "y"
+    assert made.recommend
 
 
 def test_a_weak_drift_is_told_with_the_walk_that_it_may_be():
@@ -67,9 +72,10 @@ def test_a_clear_drift_is_no_walk():
 
 def test_what_wanders_is_said():
     wander = Wander("x", 61.7, 8.2, 4.0)
-    alone = with_wander(Diagnosis("adequate", (), (), (), {}, {}, "It fits."), wander)
+    alone = with_wander(Diagnosis("unexplained", (), (), (), {}, {}, "No cause."), wander, alone=True)
     words = "accelerometer x wanders, a random walk of 61.7 +- 8.2 ug/sqrt(h)"
-    assert alone.outcome == f"explained only if {words}, which no calibration holds"
+    assert alone.outcome == f"A{words[1:]}: no cause and no formula is as likely"
+    assert alone.unexplained[0] == {"channel": "specific_force x", "shape": "a random walk"}
     beside = with_wander(Diagnosis("not-identifiable", (), (), (), {}, {}, "A drift or a step."), wander)
     assert beside.unexplained == ({"channel": "specific_force x", "shape": "a random walk"},)
     assert beside.in_words == f"A drift or a step. It may as well be that {words}."
