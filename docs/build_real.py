@@ -197,8 +197,8 @@ PARTS = (
         "that no cause of the catalogue fits: it is told as unexplained, and not named by force. By eye it is play in "
         "a gear: on one side of the pier (declinations below 50 deg here) the misfit jumps between two values some 8 "
         "arcmin apart, mostly with the direction of the last slew; on the other side the weight keeps the teeth "
-        "together. A step of the zero in declination and friction, a constant with the sign of the move, take a part "
-        "of it.",
+        "together. A step of the zero in declination takes a part of it, and six stars that are left out as far off "
+        "all others lie as far away as the play: they are rather the other side of the gear than mistaken.",
         mount(
             ("across", "hour_angle", "pointing across declination over hour angle"),
             ("along", "hour_angle", "pointing in declination over hour angle"),
