@@ -60,10 +60,10 @@ def diagnose_known_noise(
     s = searched(recording, calibration, ids, tell)
     tell("sending simulated clean recordings of this design through the same comparison")
     clean = clean_evidence(s, rng)
-    d, wander = decided(s, bar(clean))
+    held = steady(s)
+    d, wander = decided(s, held, bar(clean))
     options = {"baseline": list(ids), "seed": seed}
     if wander is not None and d.verdict == "adequate":  # unless a formula is as likely: a walk has none
-        held = steady(s)
         none = unnamed(held)
         law = lawful([held], [none.shapes[:1]], held, none.verdict, seed, tell)
         likelier = max((float(found.entry["evidence"]) for found in law.laws), default=-np.inf) - wander.ln_total

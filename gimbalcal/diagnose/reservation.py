@@ -38,9 +38,7 @@ def with_reservation(d: Diagnosis, recordings: Sequence[Recording], baseline: Se
         return replace(d, in_words=f"{d.in_words} {slips[0][:1].upper()}{slips[0][1:]}.") if slips else d
     if d.verdict != "adequate":
         return d
-    said = [d.outcome]  # which accelerometer wanders says more than that outputs do
-    if not d.outcome:
-        said = list(dict.fromkeys(words for r in recordings for words in reservations(r, baseline)))
+    said = list(dict.fromkeys(words for r in recordings for words in reservations(r, baseline)))
     if not said:
         return d
     outcome = joined(said)

@@ -12,7 +12,7 @@ import numpy as np
 from gimbalcal.errors import InputError
 from gimbalcal.importers.log import of_tables
 from gimbalcal.importers.names import Guess
-from gimbalcal.importers.undescribed import LEAST_COLUMNS, Table, values_of
+from gimbalcal.importers.undescribed import LEAST_COLUMNS, Table, gathered, values_of
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.dates import Dates
@@ -47,25 +47,20 @@ def _table(frame: Any) -> Table:
     """The columns of a frame as those of a text table; an index of dates is a clock."""
     import polars as pl
 
-    columns: dict[str, Array] = {}
-    dates, angles, stamped, others = Dates(), set(), set(), []
+    dates = Dates()
     names = list(frame.keys() if isinstance(frame, Mapping) else frame.columns)
     given = {str(n): np.asarray(frame[n]) for n in names}
     index = np.asarray(getattr(frame, "index", ()) if not isinstance(frame, Mapping) else ())
     if index.dtype.kind == "M":
         given = {"time (index)": index, **given}
-    for name, x in given.items():
+
+    def told(name: str, x: Array) -> tuple[Array, str]:
         if x.ndim == 1 and x.dtype.kind in "biuf":
-            columns[name] = x.astype(float)
-            continue
+            return x.astype(float), "number"
         text = pl.Series(name, x.astype(str)) if x.ndim == 1 else pl.Series(name, [], dtype=pl.String)
-        values, form = values_of(name, text, ",", dates)
-        if np.count_nonzero(np.isfinite(values)) > len(values) / 2:
-            columns[name] = values
-            angles |= {name} if form == "angle" else set()
-            stamped |= {name} if form == "date" else set()
-        else:
-            others.append(name)
-    if len(columns) < LEAST_COLUMNS:
-        raise InputError(f"the frame holds {len(columns)} columns of numbers, and a triad and its clock take more")
-    return Table(columns, frozenset(angles), (), tuple(others), frozenset(stamped))
+        return values_of(name, text, ",", dates)
+
+    made = gathered((name, *told(name, x)) for name, x in given.items())
+    if len(made.columns) < LEAST_COLUMNS:
+        raise InputError(f"the frame holds {len(made.columns)} columns of numbers, and a triad and its clock take more")
+    return made

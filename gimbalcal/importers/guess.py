@@ -11,8 +11,7 @@ import numpy as np
 
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
-from gimbalcal.importers.names import FORCE, RATE, Guess, plain, unit_written
-from gimbalcal.importers.names import OTHER as _OTHER
+from gimbalcal.importers.names import FORCE, OTHER, RATE, Guess, plain, unit_written
 from gimbalcal.number import Array
 from gimbalcal.units import check
 
@@ -73,7 +72,7 @@ def _one_letter(triple: Sequence[str]) -> bool:
     return (
         bool(at)
         and {a[i] + b[i] + c[i] for i in at} <= {"xyz", "012", "123", "abc"}
-        and not _OTHER.intersection(plain(triple[0]).split("_"))
+        and not OTHER.intersection(plain(triple[0]).split("_"))
     )
 
 

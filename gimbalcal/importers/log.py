@@ -111,7 +111,7 @@ def of_tables(logs: Mapping[Path, Table], title: str, rate: float = 0.0, latitud
         unused = (*(n for n in left if n not in gimbals), *outside)
         proposal = Proposal(made, held, unused, told)
         explained = turns_explained(made)
-        lone = "steps of" in next(g.why for g in guesses.values() if g.quantity == "time") and len(dwells(made)) < 2
+        lone = _clock_is_open(guesses) and len(dwells(made)) < 2
         if not lone and (explained is None or explained[0] >= NEARLY_ALL * explained[1]):
             return proposal
         fallback = proposal if refused is None and fallback is None else fallback  # another unit has to be told
@@ -145,7 +145,7 @@ def _readings(columns: Mapping[str, Array], guesses: Mapping[str, Guess], above:
     if first[1] != dict(guesses):
         yield dict(columns), dict(guesses)
     yield from ((first[0], _in_other_unit(first[1], unit)) for unit in units)
-    if "steps of" not in guesses[clock].why:
+    if not _clock_is_open(guesses):
         return
     for unit, size in clocks.UNITS.items():
         rate = float(to_si(1.0, guesses[clock].unit)) / (step * size)
@@ -267,6 +267,11 @@ def _spelt(platform: Platform | None) -> str | dict[str, object]:
         return platform.name if platform else "bench"
     return {"name": "own", "axes": [{"name": a.name, "direction": a.direction, "sign": a.sign,
             "offset": {"value": float(np.degrees(a.offset)), "unit": "deg"}} for a in platform.axes]}  # fmt: skip
+
+
+def _clock_is_open(guesses: Mapping[str, Guess]) -> bool:
+    """Whether the unit of the clock was guessed from its steps."""
+    return any(g.quantity == "time" and "steps of" in g.why for g in guesses.values())
 
 
 def _rate_is_open(guesses: Mapping[str, Guess]) -> bool:

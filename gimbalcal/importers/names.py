@@ -101,6 +101,7 @@ _SPELLINGS = {  # how people write units into names
     "arcmin": "arcmin amin arcminutes", "mrad": "mrad", "mdeg": "mdeg", "gon": "gon",
     "d": "mjd jd days yday doy jday decimal_day",
 }  # fmt: skip
+ANGLES = ("rad", "mrad", "deg", "mdeg", "gon", "arcmin", "arcsec")  # units of the angles of a rig or a mount
 _OF_UNIT = {**dict.fromkeys(("m/s^2", "g", "mg", "ug", "Gal", "mGal", "ft/s^2"), FORCE),
             **dict.fromkeys(("deg/s", "deg/h", "rad/s", "mdeg/s"), RATE)}  # fmt: skip
 _UNITS = {spelling: unit for unit, all_of_it in _SPELLINGS.items() for spelling in all_of_it.split()}

@@ -15,7 +15,7 @@ from math import pi
 
 import numpy as np
 
-from gimbalcal.importers.names import plain, unit_written
+from gimbalcal.importers.names import ANGLES, plain, unit_written
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.recording.triads import CLOSE, NEARLY_ALL
@@ -26,7 +26,6 @@ TABLES = ("rate-table", "two-axis-table", "three-axis-table", "space-stable")
 MOST_AXES = 3  # of a chain that is looked for
 LETTERS = {"psi": "platform", "theta": "inner", "phi": "middle"}  # Table 1 of Wu et al. (2018)
 MOST_COLUMNS = 6  # that may be its angles
-ANGLES = ("deg", "rad", "mrad", "mdeg", "arcmin", "arcsec", "gon")
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,10 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.names import plain, unit_written
+from gimbalcal.importers.names import ANGLES, plain, unit_written
 from gimbalcal.importers.undescribed import Table
 from gimbalcal.number import Array
+from gimbalcal.units import from_si
 
 ASCENSION = frozenset(["ra", "ascension", "rektaszension", "rightascension", "alpha"])
 DECLINATION = frozenset(["dec", "decl", "declination", "deklination", "de"])
@@ -22,7 +23,6 @@ SIDEREAL = frozenset(["lst", "lmst", "last", "sidereal", "sternzeit"])
 OFFSET = frozenset(
     ["d", "delta", "diff", "off", "offset", "offs", "err", "error", "corr", "correction", "residual", "ablage", "dev"]
 )
-QUARTER = {"deg": 90.0, "rad": np.pi / 2, "gon": 100.0, "arcmin": 5400.0, "arcsec": 324e3, "mrad": 500 * np.pi}
 
 
 def of_the_axes(table: Table) -> Table:
@@ -46,8 +46,9 @@ def of_the_axes(table: Table) -> Table:
             hours = sidereal_hours(table, clock) - _hours(table, name)
             columns[f"hour angle from {name} [deg]"] = 15 * (np.mod(hours + 12, 24) - 12)
         elif words[name] & ZENITH:
-            unit = unit_written(plain(name)) or "deg"
-            columns[f"elevation from {name}"] = -x if words[name] & OFFSET else QUARTER.get(unit, 90.0) - x
+            unit = unit_written(plain(name))
+            quarter = float(from_si(np.pi / 2, unit if unit in ANGLES else "deg"))
+            columns[f"elevation from {name}"] = -x if words[name] & OFFSET else quarter - x
             angles |= {f"elevation from {name}"} if name in angles else set()
         else:
             columns[name] = x

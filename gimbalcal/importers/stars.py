@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.names import Guess, by_name, plain, unit_written
+from gimbalcal.importers.names import ANGLES, Guess, by_name, plain, unit_written
 from gimbalcal.importers.pointing import SPACED, elapsed, in_order, pointing_run
 from gimbalcal.importers.sky import latitude_column, sidereal, sidereal_hours
 from gimbalcal.importers.tpoint import equatorial
@@ -45,7 +45,6 @@ _SKY = frozenset(["cos", "cosel", "cosdec", "cosalt", "x", "cross", "xel", "sky"
 _FUSED = re.compile(rf"^(?:(d|delta|off|err)|(x|dx|crs|cross))({'|'.join(sorted(_AXIS, key=len, reverse=True))})$")
 _MINUS = re.compile(r"(\w+)\s*(?:minus|[-−–])\s*(\w+)")
 _LATITUDE = re.compile(r"\blat(?:itude)?\b\W*([-+]?\d+(?:\.\d+)?)", re.IGNORECASE)
-ANGLES = ("rad", "mrad", "deg", "mdeg", "gon", "arcmin", "arcsec")
 LARGE = 1.0  # deg; offsets beyond are arcseconds
 USUAL = "measured minus commanded, as most write it: nothing in the file says so"
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -77,23 +77,31 @@ def table_of(path: Path, dates: Dates | None = None) -> Table:
             frame = frame[1:]
             frame.columns = names
     frame = _one_stamp(frame)
-    columns: dict[str, Array] = {}
-    angles, stamped, others = set(), set(), []
-    for name in frame.columns:
-        text = frame[name].str.strip_chars().str.strip_chars("\"'").str.strip_chars()
-        values, form = values_of(name, text, separator, dates or Dates())
-        if np.count_nonzero(np.isfinite(values)) > len(values) / 2:
-            columns[name] = values
-            angles |= {name} if form == "angle" else set()
-            stamped |= {name} if form == "date" else set()
-        else:
-            others.append(name)
-    if len(columns) < LEAST_COLUMNS:
+    seen = dates or Dates()
+    texts = ((n, frame[n].str.strip_chars().str.strip_chars("\"'").str.strip_chars()) for n in frame.columns)
+    made = gathered((name, *values_of(name, text, separator, seen)) for name, text in texts)
+    if len(made.columns) < LEAST_COLUMNS:
         raise InputError(
-            f"{path} holds {len(columns)} columns of numbers: no log of a unit, or in a form that is not text"
+            f"{path} holds {len(made.columns)} columns of numbers: no log of a unit, or in a form that is not text"
         )
-    above = tuple(line for line in (*head[:skip], *(line for line in head[skip:] if line.startswith("#"))))
-    return Table(columns, frozenset(angles), above, tuple(others), frozenset(stamped))
+    return replace(made, above=(*head[:skip], *(line for line in head[skip:] if line.startswith("#"))))
+
+
+def gathered(told: Iterable[tuple[str, Array, str]]) -> Table:
+    """The table of columns (n,) by name and form, see `values_of`; cells that hold hardly a number make none.
+
+    What was stored as a "number" is a column however few there are.
+    """
+    columns: dict[str, Array] = {}
+    forms: dict[str, set[str]] = {"angle": set(), "date": set()}
+    others = []
+    for name, values, form in told:
+        if form != "number" and np.count_nonzero(np.isfinite(values)) <= len(values) / 2:
+            others.append(name)
+            continue
+        columns[name] = values
+        forms.setdefault(form, set()).add(name)
+    return Table(columns, frozenset(forms["angle"]), (), tuple(others), frozenset(forms["date"]))
 
 
 def _one_stamp(frame: pl.DataFrame) -> pl.DataFrame:

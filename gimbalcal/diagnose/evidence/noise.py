@@ -177,24 +177,24 @@ def _blocks(o: Observations) -> _Blocks:
 def _of_dwells(o: Observations, asked: Sequence[tuple[float, float, float, str]]) -> tuple[Node, ...]:
     """A noise for each setting, walk, prior probability and accelerometer that walks alone ("" for all of them)."""
     blocks = _blocks(o)
-    states = [_states(o, blocks, setting, walk, alone) for setting, walk, _, alone in asked]
+    noises = [dwell_noise(o, setting, walk) for setting, walk, _, _ in asked]
+    states = [_states(o, blocks, noise, alone) for noise, (*_, alone) in zip(noises, asked, strict=True)]
     roots: dict[int, Whitening] = {}
     for width in {H.shape[-1] for _, _, H in states}:  # those that are seen by the same states at once
         alike = [k for k, (_, _, H) in enumerate(states) if H.shape[-1] == width]
         Phi, Q = (np.stack([states[k][part] for k in alike]) for part in (0, 1))
         roots |= zip(alike, whitenings(Phi, Q, states[alike[0]][2]), strict=True)
     return tuple(
-        Node((("setting error", setting), (f"random walk {alone}".rstrip(), walk)), dwell_noise(o, setting, walk),
-             prior, roots[k].log_determinant, roots[k], alone=alone)
+        Node((("setting error", setting), (f"random walk {alone}".rstrip(), walk)), noises[k], prior,
+             roots[k].log_determinant, roots[k], alone=alone)
         for k, (setting, walk, prior, alone) in enumerate(asked)
     )  # fmt: skip
 
 
-def _states(o: Observations, blocks: _Blocks, setting: float, walk: float, alone: str) -> tuple[Array, Array, Array]:
+def _states(o: Observations, blocks: _Blocks, noise: Mapping[str, Noise], alone: str) -> tuple[Array, Array, Array]:
     """Phi, Q (n, m) and H (n, C, m) of a walk of each channel, or of the one that is `alone`, at the mean time of each
     block; anew at each visit, an angle of each gimbal and what these take of the force along themselves.
     """
-    noise = dwell_noise(o, setting, walk)
     (turned,), (wandering,) = noise["gimbal_angle"], noise["specific_force"][1:]
     short = SettingError(o.told * one_sigma((turned,)) ** 2)
     along = blocks.along if _shows(blocks.along, short) else blocks.along[:, :, :0]

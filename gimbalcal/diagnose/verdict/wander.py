@@ -42,7 +42,7 @@ class Wander:
     walk: float
     sigma: float
     ln_odds: float
-    ln_total: float = 0.0
+    ln_total: float
 
     @property
     def in_words(self) -> str:
@@ -51,16 +51,15 @@ class Wander:
         return f"accelerometer {self.axis} wanders, a random walk of {size}"
 
 
-def decided(s: Search, needed: float) -> tuple[Decision, Wander | None]:
+def decided(s: Search, held: Search, needed: float) -> tuple[Decision, Wander | None]:
     """The verdict, and the accelerometer that wanders where that has a part in it.
 
-    `needed` is the ln Bayes factor that clean recordings of this design reach.
+    `held` is the same search where none does, `needed` the ln Bayes factor that clean recordings of this design reach.
     """
     d = decide(s, needed)
     lone = np.array([bool(p.node.alone) for p in s.projections])
     if d.verdict != "adequate" or not lone.any():
         return d, None
-    held = steady(s)
     total = float(logsumexp(s.null[lone]) - logsumexp(s.null[~lone]))
     found = _wander(s, lone, total - held.ln_total, total)
     other = decide(held, needed)
@@ -74,7 +73,14 @@ def decided(s: Search, needed: float) -> tuple[Decision, Wander | None]:
 
 def steady(s: Search) -> Search:
     """The search in the noises in which no accelerometer wanders alone."""
-    return _without(s, np.array([not p.node.alone for p in s.projections]))
+    kept = np.array([not p.node.alone for p in s.projections])
+    if kept.all():
+        return s
+    projections = tuple(p for p, k in zip(s.projections, kept, strict=True) if k)
+    null, joint = s.null[kept], s.joint[kept]
+    factors = null, logsumexp(joint, axis=0) - logsumexp(null), joint
+    w = weighed(s.library, projections, factors, s.o.kind)
+    return replace(s, hypotheses=w.hypotheses, projections=projections, null=w.null, joint=w.joint, singles=w.singles)
 
 
 def with_wander(made: Diagnosis, wander: Wander, alone: bool = False) -> Diagnosis:
@@ -84,15 +90,6 @@ def with_wander(made: Diagnosis, wander: Wander, alone: bool = False) -> Diagnos
         words = f"{wander.in_words[:1].upper()}{wander.in_words[1:]}: no cause and no formula is as likely"
     also = wording.shape(SHAPE, "specific_force", wander.axis)
     return replace(made, unexplained=(also, *made.unexplained), outcome=words, in_words=f"{made.in_words} {words}.")
-
-
-def _without(s: Search, kept: Array) -> Search:
-    """The search in some of its noises only."""
-    projections = tuple(p for p, k in zip(s.projections, kept, strict=True) if k)
-    null, joint = s.null[kept], s.joint[kept]
-    factors = null, logsumexp(joint, axis=0) - logsumexp(null), joint
-    w = weighed(s.library, projections, factors, s.o.kind)
-    return replace(s, hypotheses=w.hypotheses, projections=projections, null=w.null, joint=w.joint, singles=w.singles)
 
 
 def _wander(s: Search, lone: Array, ln_odds: float, ln_total: float) -> Wander:

@@ -8,7 +8,7 @@ from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.known_noise import searched
 from gimbalcal.diagnose.search.lone_walk import wandering
-from gimbalcal.diagnose.verdict.wander import Wander, decided, with_wander
+from gimbalcal.diagnose.verdict.wander import Wander, decided, steady, with_wander
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.pipeline import silent
 from tests.diagnose.plant import UG, at_strength, on, record
@@ -32,7 +32,8 @@ def search_of(recording):
 
 def test_a_walk_of_one_accelerometer_is_no_cause_and_its_size_comes_back():
     end = 60.0  # ug, 33 times what white noise leaves of a dwell: five times the largest that all of them may walk
-    d, wander = decided(search_of(record(np.random.default_rng(6), walk, end * UG)), CLAIM)
+    s = search_of(record(np.random.default_rng(6), walk, end * UG))
+    d, wander = decided(s, steady(s), CLAIM)
     assert d.verdict == "adequate"
     assert wander.axis == "y"
     assert wander.ln_odds > CLAIM
@@ -47,7 +48,7 @@ def test_a_walk_of_one_accelerometer_is_no_cause_and_its_size_comes_back():
 
 def test_a_weak_drift_is_told_with_the_walk_that_it_may_be():
     s = search_of(at_strength(5, drift, 15.0))
-    d, wander = decided(s, CLAIM)
+    d, wander = decided(s, steady(s), CLAIM)
     assert d.verdict == "not-identifiable"
     assert {s.library.candidates[i].effect for i in (*d.hypothesis.members, *d.confounded[0])} >= {"bias_drift"}
     assert -CLAIM < wander.ln_odds < CLAIM
@@ -65,13 +66,13 @@ def test_a_wave_that_a_walk_could_be_is_told_by_its_formula():
 def test_a_clear_drift_is_no_walk():
     s = search_of(at_strength(5, drift, 30.0))
     assert wandering(s) == ()
-    d, wander = decided(s, CLAIM)
+    d, wander = decided(s, steady(s), CLAIM)
     assert wander is None
     assert "bias_drift" in {s.library.candidates[i].effect for i in (*d.hypothesis.members, *d.confounded[0])}
 
 
 def test_what_wanders_is_said():
-    wander = Wander("x", 61.7, 8.2, 4.0)
+    wander = Wander("x", 61.7, 8.2, 4.0, 20.0)
     alone = with_wander(Diagnosis("unexplained", (), (), (), {}, {}, "No cause."), wander, alone=True)
     words = "accelerometer x wanders, a random walk of 61.7 +- 8.2 ug/sqrt(h)"
     assert alone.outcome == f"A{words[1:]}: no cause and no formula is as likely"
