@@ -53,7 +53,7 @@ def diagnose(
 
     made = run_diagnosis(load(_listed(recordings), tell), calibration, baseline, seed, tell, grade)
     refit = made.calibration and _calibration_told(made.calibration)
-    return replace(made, words=diagnosis_in_words(made), calibration=refit)
+    return replace(made, printer=diagnosis_in_words, calibration=refit)
 
 
 def from_frame(frame: Any, columns: Mapping[str, Entry] | None = None, **options: Any) -> Recording:
@@ -81,7 +81,7 @@ def _calibration_told(made: Calibration) -> Calibration:
     """The same, which prints itself as the console prints it."""
     from gimbalcal.report.console import calibration_in_words
 
-    return replace(made, words=calibration_in_words(made))
+    return replace(made, printer=calibration_in_words)
 
 
 def _listed(recordings: Source | Sequence[Source]) -> Sequence[Source]:

@@ -245,62 +245,6 @@ def celsius(value: Value, unit: str) -> Value:
     return value * parse(unit).factor + offset
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """What a column or a number may be given in, and what it is kept in inside."""
-
-    si: str
-    units: tuple[str, ...]
-
-
-_FORCES = ("m/s^2", "g", "mg", "ug", "Gal", "mGal")
-_RATES = ("rad/s", "mrad/s", "urad/s", "deg/s", "deg/h", "rad/h", "arcsec/s", "arcsec/h", "rev/min")
-_VELOCITIES = ("m/s", "cm/s", "mm/s", "um/s", "ft/s")
-_ANGLES = ("rad", "mrad", "urad", "deg", "mdeg", "gon", "arcmin", "arcsec", "rev")
-
-QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
-    {
-        "time": Quantity("s", ("s", "ms", "us", "ns", "min", "h", "d")),
-        "specific_force": Quantity("m/s^2", (*_FORCES, "pulse/s", "count", "count/s")),
-        "angular_rate": Quantity("rad/s", (*_RATES, "pulse/s", "count", "count/s")),
-        "velocity_increment": Quantity("m/s", (*_VELOCITIES, "pulse", "count")),
-        "angle_increment": Quantity("rad", (*_ANGLES, "pulse", "count")),
-        "velocity": Quantity("m/s", _VELOCITIES),
-        "angle": Quantity("rad", _ANGLES),
-        "gimbal_angle": Quantity("rad", _ANGLES),
-        "true_angle": Quantity("rad", _ANGLES),
-        "attitude_error": Quantity("rad", _ANGLES),
-        "attitude": Quantity("rad", (*_ANGLES, "1")),
-        "latitude": Quantity("rad", _ANGLES),
-        "longitude": Quantity("rad", _ANGLES),
-        "temperature": Quantity("degC", ("degC", "K", "degF")),
-        "gravity": Quantity("m/s^2", _FORCES),
-        "specific_force_walk": Quantity("m/s^2/sqrt(s)", ("ug/sqrt(h)", "mg/sqrt(h)", "m/s^2/sqrt(s)")),
-        "angular_rate_walk": Quantity("rad/s/sqrt(s)", ("deg/h/sqrt(h)", "deg/s/sqrt(s)", "rad/s/sqrt(s)")),
-        "height": Quantity("m", ("m", "km", "ft")),
-    }
-)
-"""Known quantities. A ``covariate`` may have any unit at all, so it is not here."""
-
-
-def check(unit: str, quantity: str) -> None:
-    """Refuse a `unit` that is unknown or is not one of `quantity`, and say which ones are.
-
-    >>> check("deg/h", "angular_rate")
-    """
-    known = QUANTITIES.get(quantity)
-    if known is None:
-        parse(unit)
-        return
-    choice = f"give the {quantity} in {', '.join(known.units[:-1])} or {known.units[-1]}"
-    try:
-        dimension = _parse(unit).dimension
-    except KeyError:
-        raise InputError(f"the unit {unit!r} is not known; {choice}") from None
-    if dimension not in {_parse(each).dimension for each in known.units}:
-        raise InputError(f"{unit!r} is not a unit of {quantity}; {choice}")
-
-
 def is_raw(unit: str) -> bool:
     """True for a unit whose physical size is not known: counts and pulses."""
     return any(name in ("count", "pulse") for name, _ in parse(unit).dimension)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,9 @@ def test_a_calibration_shows_itself() -> None:
     made = gimbalcal.calibrate(XSENS, terms=["bias", "scale_factor"])
     assert "bias x" in str(made)
     assert " ± " in str(made)
+    moved = replace(made, outcome="the table stood askew")
+    assert "The table stood askew" in str(moved)  # what it says is of what it holds
+    assert "askew" not in str(made)
     frame = made.to_frame()
     assert frame.columns == ["effect", "name", "axis", "value", "sigma", "prior_sigma", "unit"]
     assert len(frame) == len(made.parameters)
@@ -115,6 +119,7 @@ def test_diagnose_is_a_function_and_a_package() -> None:
     assert f"{100 * found.findings[0]['probability']:.3g} % probable" in told[0]
     assert told[-1].startswith("In numbers: ")
     assert repr(found) == str(found)
+    assert str(replace(found, in_words="Nothing of that.")).endswith("In numbers: Nothing of that.")
     assert "_" not in str(found.calibration).partition("\n\n")[0]  # names as the page has them, no ids
     frame = found.to_frame()
     assert frame["effect"][0] == found.findings[0]["effect"]

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gimbalcal.errors import InputError
-from gimbalcal.units import ATOMS, QUANTITIES, celsius, check, from_si, is_raw, parse, to_si
+from gimbalcal.quantities import QUANTITIES, check
+from gimbalcal.units import ATOMS, celsius, from_si, is_raw, parse, to_si
 
 # Worked by hand from the definitions: 1 g = 9.80665 m/s^2, 1 h = 3600 s, 360 deg = 2 pi rad.
 BY_HAND = [

@@ -13,10 +13,11 @@ from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
+from gimbalcal.quantities import QUANTITIES, check
 from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.frames import by_axis
 from gimbalcal.recording.record import Key
-from gimbalcal.units import QUANTITIES, celsius, check, from_si, is_raw, to_si
+from gimbalcal.units import celsius, from_si, is_raw, to_si
 
 ANGLE = "gimbal_angle"
 FASTEST = 35.0  # rad/s, 2000 deg/s: the range of ordinary gyroscopes; numbers beyond are likelier deg/s

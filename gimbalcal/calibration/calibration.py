@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
@@ -71,7 +71,7 @@ class Calibration:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     stages: tuple[StageResult, ...] = ()
     readout: Readout = field(default_factory=Readout)
-    words: str = field(default="", compare=False, repr=False)  # the answer as a person reads it, if written
+    printer: Callable[[Calibration], str] | None = field(default=None, compare=False)  # how it prints itself
 
     @property
     def values(self) -> Array:
@@ -85,8 +85,8 @@ class Calibration:
 
     def __str__(self) -> str:
         """The answer as the console has it; else parameters, rounded as their sigmas, and what speaks against them."""
-        if self.words:
-            return self.words
+        if self.printer is not None:
+            return self.printer(self)
         rows = self.to_dict()["parameters"]
         names = [f"{r['name']} {r['axis']}".strip() for r in rows]
         wide = max(map(len, names), default=0)

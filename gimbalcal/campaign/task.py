@@ -99,7 +99,8 @@ def _check_pulses(path: Path, content: Mapping[str, Any]) -> None:
 
 def _turntable(content: Mapping[str, Any], where: str) -> float:
     """One-sigma turntable error [rad]."""
-    from gimbalcal.units import check, to_si
+    from gimbalcal.quantities import check
+    from gimbalcal.units import to_si
 
     given = content.get("turntable")
     if not isinstance(given, dict) or set(given) != {"value", "unit"} or not isinstance(given["value"], int | float):

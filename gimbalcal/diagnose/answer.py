@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -81,12 +81,12 @@ class Diagnosis:
     outcome: str = ""  # what else speaks against the recording or its model: a fault, a larger noise, an odd constant
     laws: tuple[FoundLaw, ...] = ()  # where nothing known explains it
     recommend: str = ""  # what would determine a law, where these data do not
-    words: str = field(default="", compare=False)  # the answer as a person reads it, where somebody wrote it
+    printer: Callable[[Diagnosis], str] | None = field(default=None, compare=False)  # how it prints itself
 
     def __str__(self) -> str:
         """The answer as the console has it; else its numbers, and each finding with its sizes."""
-        if self.words:
-            return self.words
+        if self.printer is not None:
+            return self.printer(self)
         lines = [self.in_words, *filter(None, [self.outcome])]
         for f in self.findings:
             sizes = "; ".join(f"{p['name']} {p['axis']} {p['value']:.4g} +- {p['sigma']:.2g} {p['unit']}"

@@ -271,12 +271,13 @@ class SchulerOscillation(Effect):
 
 @effect
 class ClockRate(Effect):
-    r"""The clock of the recording runs fast or slow against the Earth's turn.
+    r"""The clock of the recording runs slow against the Earth's turn, or fast.
 
     .. math:: \varphi = (0, 0, -\omega_{ie} \kappa t), \qquad \delta f = \kappa t \, \dot f
 
-    Source: Groves (2013), data timing. Magnitude: 0.01 to 50 ppm. Seen by: a growing phase of the sidereal line.
-    Confounded with: gyro_drift about the polar axis, exactly, as far as the accelerometers are asked.
+    What it calls t is t (1 + kappa): a positive kappa is a slow clock. Source: Groves (2013), data timing. Magnitude:
+    0.01 to 50 ppm. Seen by: a growing phase of the sidereal line. Confounded with: gyro_drift about the polar axis,
+    exactly, as far as the accelerometers are asked.
     """
 
     id = "clock_rate"
@@ -287,7 +288,7 @@ class ClockRate(Effect):
     kappa: float = parameter(SCALAR, unit="ppm", sigma=10, name="clock_rate")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation in platform axes [rad], (n, 3): the Earth's turn in the time the clock has gained."""
+        """Rotation in platform axes [rad], (n, 3): the Earth's turn in the time the clock has lost."""
         turn = EARTH_RATE * self.kappa * s.time
         return np.stack([0 * turn, 0 * turn, -turn], axis=-1)
 

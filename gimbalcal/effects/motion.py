@@ -127,16 +127,17 @@ class TorquerScaleFactor(Effect):
 
 @effect
 class TimeTagLatency(Effect):
-    r"""Samples carry a time tag that is late.
+    r"""The accelerometers are read earlier or later than their time tag says.
 
     .. math:: \delta f = \delta t \, \dot f
 
-    Source: Groves (2013), data timing. Magnitude: 0.1 to 20 ms; 0.07 ug per ms at Earth rate, 17 ug per ms at 1
-    deg/s. Seen by: slews. Confounded with: polar_axis_misalignment, exactly, in a static run.
+    A positive time reads what comes later: the tag is early. Source: Groves (2013), data timing. Magnitude: 0.1 to 20
+    ms; 0.07 ug per ms at Earth rate, 17 ug per ms at 1 deg/s. Seen by: slews. Confounded with:
+    polar_axis_misalignment, exactly, in a static run.
     """
 
     id = "time_tag_latency"
-    says = "the time tags of the force are late by {size}"
+    says = "the force is read later than its time tag says, by {size}"
     usual = ("rotation",)
     stage = Stage.INPUT_AXIS
     spans_rows = True
@@ -160,7 +161,7 @@ class GyroLatency(Effect):
     """
 
     id = "gyro_latency"
-    says = "the gyroscopes are read late by {size}"
+    says = "the gyroscopes are read later than what they are logged with, by {size}"
     stage = Stage.GYROSCOPE
     channel = "angular_rate"
     requires = ("angular_rate",)
@@ -186,7 +187,7 @@ class ReadoutLatency(Effect):
     """
 
     id = "readout_latency"
-    says = "the gimbal angles are read late by {size}"
+    says = "the gimbal angles lag what they are logged with, by {size}"
     stage = Stage.ENCODER
     channel = "gimbal_angle"
     requires = ("attitude",)

@@ -13,7 +13,7 @@ from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.importers.names import FORCE, OTHER, RATE, Guess, plain, unit_written
 from gimbalcal.number import Array
-from gimbalcal.units import check
+from gimbalcal.quantities import check
 
 RATES = (1.0, 10_000.0)  # Hz that inertial sensors are logged at
 LARGEST_RATE = 35.0  # rad/s, 2000 deg/s: more no hand and no gyroscope of that make turns

@@ -20,10 +20,11 @@ from gimbalcal.errors import InputError
 from gimbalcal.importers.still import TRIAD, still_positions, text_matrix
 from gimbalcal.importers.table import only
 from gimbalcal.number import Array
+from gimbalcal.quantities import check
 from gimbalcal.recording.dwell import Dwell, dwells
 from gimbalcal.recording.record import Recording
 from gimbalcal.rotation import exponential
-from gimbalcal.units import check, is_raw, to_si
+from gimbalcal.units import is_raw, to_si
 
 LIKE_GRAVITY = 0.1  # of gravity: any unit's bias and scale errors together are less, any other unit is further off
 FIT = np.radians(20.0)  # gravity after a turn by gyroscopes that nobody calibrated, in the right unit

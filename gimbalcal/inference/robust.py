@@ -23,7 +23,7 @@ from numpy.polynomial.legendre import legvander
 
 from gimbalcal.number import Array
 
-CLIP = 2.0  # Huber's constant in sigmas: 97 % efficient on normal samples
+CLIP = 2.0  # Huber's constant in sigmas: 99 % efficient on normal samples
 ROUNDS = 20  # reweightings; the level then moves by less than 1e-3 of its own sigma at any tail
 ROWS_PER_TERM = 5  # of a polynomial, so that no outlier bends it to itself
 DEGREE = 2

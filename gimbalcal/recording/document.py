@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from gimbalcal.errors import InputError, alternatives
-from gimbalcal.units import check, to_si
+from gimbalcal.quantities import check
+from gimbalcal.units import to_si
 
 # A NumPy scalar printed with repr() under NumPy >= 2 reads `np.float64(6.4e-05)`, which is not TOML. Programs that
 # write recordings have let it through, so this one pattern is put right, with a remark; nothing else is.

@@ -13,12 +13,12 @@ from numpy.typing import ArrayLike
 
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
+from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording.columns import UNITLESS
 from gimbalcal.recording.dates import Dates, NoDateError
 from gimbalcal.recording.header import Header, header_of
 from gimbalcal.recording.reading import assemble, dated
 from gimbalcal.recording.record import Recording, Source
-from gimbalcal.units import QUANTITIES
 
 TRIADS = ("specific_force", "angular_rate", "velocity_increment", "angle_increment")
 SHORT = re.compile(r"\s*(?P<quantity>\w+)\s*(?P<axis>\w+)?\s*(\[(?P<unit>[^\]]+)\])?\s*")

@@ -14,9 +14,10 @@ from gimbalcal import atomic
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform, known
+from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording.header import NAME
 from gimbalcal.recording.record import ANYWHERE, COLOURED, SENSORS, Key, Recording, Site
-from gimbalcal.units import QUANTITIES, from_si, is_raw
+from gimbalcal.units import from_si, is_raw
 
 _SHORT = {"specific_force": "accel", "angular_rate": "gyro", "gimbal_angle": "", "attitude_error": "", "covariate": ""}
 

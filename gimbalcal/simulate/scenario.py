@@ -9,9 +9,10 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from gimbalcal.errors import InputError
+from gimbalcal.quantities import check
 from gimbalcal.recording.document import LARGEST, Document
 from gimbalcal.schedule import ROTATIONS, SCHEDULES
-from gimbalcal.units import check, parse, to_si
+from gimbalcal.units import parse, to_si
 
 
 def _measured(quantity: str, like: str = "") -> BeforeValidator:

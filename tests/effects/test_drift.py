@@ -25,7 +25,7 @@ def turned(effect: Effect, step: float = 600.0, **changes: object) -> Array:
     return effect.contribution(static(48.0, step).at(**changes))
 
 
-def test_a_fast_clock_is_a_drift_about_the_polar_axis_against_the_earth() -> None:
+def test_a_slow_clock_is_a_drift_about_the_polar_axis_against_the_earth() -> None:
     clock = outputs(made("clock_rate", kappa=10e-6))
     drift = outputs(made("gyro_drift", epsilon=[0, 0, -10e-6 * EARTH_RATE]))
     clean = outputs()
@@ -33,11 +33,11 @@ def test_a_fast_clock_is_a_drift_about_the_polar_axis_against_the_earth() -> Non
         np.testing.assert_allclose(clock[channel], drift[channel], atol=1e-14)
     # 48 h x 10 ppm = 1.73 s, in which the Earth turns by 26 arcsec: 97 ug on the equatorial axes at 40 deg
     late = np.abs(clock["specific_force"] - clean["specific_force"])[-1, :2]
-    gained = 10e-6 * static().time[-1]
-    np.testing.assert_allclose(np.hypot(*late), G * np.cos(LATITUDE) * EARTH_RATE * gained, rtol=1e-6)
+    lost = 10e-6 * static().time[-1]
+    np.testing.assert_allclose(np.hypot(*late), G * np.cos(LATITUDE) * EARTH_RATE * lost, rtol=1e-6)
 
 
-def test_a_clock_that_runs_fast_reads_the_force_that_comes_later() -> None:
+def test_a_clock_that_runs_slow_reads_the_force_that_comes_later() -> None:
     kappa, t = 1e-3, static().time
     phase = EARTH_RATE * t * (1 + kappa) + 0.4
     later = G * np.cos(LATITUDE) * np.stack([np.cos(phase), np.sin(phase)], axis=-1)
