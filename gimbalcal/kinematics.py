@@ -68,7 +68,8 @@ def stimulus_from_truth(recording: Recording, force: Array, rate: Array) -> Stim
             visit[d.start :] = i
             since[d.start :] = recording.time[d.start :] - recording.time[d.start]
     return Stimulus(
-        time=recording.time - recording.time[0],
+        time=recording.elapsed,
+        running=recording.time - recording.time[0] if recording.restarts else None,
         readout=readout,
         angle=readout,
         force=force,

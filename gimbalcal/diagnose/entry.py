@@ -135,15 +135,25 @@ def _of_all(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
 
 def _sessions(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
     """Sessions of one unit turned by hand: their rests together, and whether they share their constants at all."""
-    made = _diagnose(join(recordings), asked)
+    made = _joined(recordings, asked)
     terms = by_triad(asked.baseline)[0] or BASELINE["norm"]
     ask = partial(unit_of_sessions, recordings, terms)
     return _held_together(made, "session", "agree on their constants", ask, asked.tell)
 
 
+def _joined(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
+    """Sessions or nights as one recording, and how far apart in time they were taken to be."""
+    both = join(recordings)
+    made = _diagnose(both, asked)
+    if len(recordings) == 1:
+        return made
+    apart = both.remarks[-1]
+    return replace(made, in_words=f"{made.in_words} {apart[0].upper()}{apart[1:]}.")
+
+
 def _nights(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
     """Pointing runs of one mount: all nights together, and whether they share their terms at all."""
-    made = _diagnose(join(recordings), asked)
+    made = _joined(recordings, asked)
     if made.calibration is None or sum(len(nights(r)) for r in recordings) == 1:
         return made
     held = dict.fromkeys(p.effect for p in made.calibration.parameters)

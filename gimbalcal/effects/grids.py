@@ -30,9 +30,9 @@ def kind(f: Constant) -> Grid:
 def limits(f: Constant, s: Stimulus) -> tuple[float, float]:
     """Range of a constant that this recording could tell apart; one value twice where there is no range."""
     low, high = float(f.metadata["low"]), float(f.metadata["high"])
-    of, last = kind(f), float(s.time[-1])
+    of, last = kind(f), float(np.max(s.time))
     if of is Grid.EPOCH:
-        return 0.0, last
+        return 0.0, float(s.onwards[-1])
     if of in (Grid.LAG, Grid.PERIOD):
         step = float(np.median(np.diff(s.time))) if len(s.time) > 1 else 0.0
         least = 2.0 if of is Grid.PERIOD else 0.5  # of a lag of less than half a step only the first row tells
@@ -44,7 +44,7 @@ def limits(f: Constant, s: Stimulus) -> tuple[float, float]:
 
 def grid(f: Constant, s: Stimulus) -> Array:
     """Starting values of a constant."""
-    of, last = kind(f), float(s.time[-1])
+    of, last = kind(f), float(np.max(s.time))
     low, high = limits(f, s)
     if of is Grid.POSITION:
         return np.unique(s.position).astype(float)
@@ -52,9 +52,11 @@ def grid(f: Constant, s: Stimulus) -> Array:
         return np.array([last])
     if of is Grid.EPOCH:
         first = np.flatnonzero(np.diff(s.visit)) + 1
-        starts = s.time[first[(first > 1) & (first < len(s.time) - 1)]]  # before or after one row it is an error of it
+        starts = s.onwards[
+            first[(first > 1) & (first < len(s.time) - 1)]
+        ]  # before or after one row it is an error of it
         few = np.unique(np.linspace(0, len(starts) - 1, min(len(starts), STARTS)).round().astype(int))
-        return starts[few] - 1e-3 if len(starts) else np.linspace(0, last, INSTANTS)[1:-1]
+        return starts[few] - 1e-3 if len(starts) else np.linspace(0, s.onwards[-1], INSTANTS)[1:-1]
     if of is Grid.DECAY:
         return np.concatenate([[low], np.geomspace(1 / last, high, 5)])
     if of is Grid.PERIOD:

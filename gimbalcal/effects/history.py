@@ -12,6 +12,8 @@ import numpy as np
 
 from gimbalcal.number import Array, exp, sqrt
 
+FORGOTTEN = 1e9  # s; thirty years, against hours of the slowest memory
+
 
 def recursion(a: Array, b: Array) -> Array:
     """y_k = a_k y_{k-1} + b_k from y_{-1} = 0, along the first axis; a (n,), b (n, ...).
@@ -47,6 +49,12 @@ class Dynamics:
     anew: Array | None = None
 
 
+def steps(time: Array) -> Array:
+    """Steps of a clock (n - 1,) [s]; where it begins anew, nobody knows how long after, all has been forgotten."""
+    h = np.diff(time)
+    return np.asarray(np.where(np.real(h) < 0, FORGOTTEN, h))
+
+
 def relaxation(h: Array, tau: float | Array | None) -> Array:
     """Share of a first-order state that is left after h [s]: exp(-h / tau), all of it where tau is None."""
     return np.ones_like(h) if tau is None else exp(-h / tau)
@@ -61,7 +69,7 @@ def states(d: Dynamics, time: Array) -> Array:
     start = np.broadcast_to(d.start, d.drive.shape)
     if d.tau is None:
         return np.asarray(start[0] + integral(d.drive, time))
-    h, u = np.diff(time), d.drive
+    h, u = steps(time), d.drive
     a = relaxation(h, d.tau)
     keep = a[:, None]
     push = u[1:] - keep * u[:-1] - np.diff(u, axis=0) / h[:, None] * d.tau * (1 - keep)
@@ -94,17 +102,20 @@ def smoothed_rate(x: Array, time: Array, tau: float) -> Array:
     if len(time) < 2:
         return 0.0 * x
 
-    def spread(v: Array) -> Array:
-        h = np.diff(time)
-        return _behind(v, h, tau) - _behind(v[::-1], h[::-1], tau)[::-1]
+    h, goes_on = steps(time), np.real(np.diff(time)) >= 0
 
-    return np.asarray(spread(x) / spread(time))
+    def spread(change: Array) -> Array:
+        within = np.where(goes_on, change, 0.0)
+        return _behind(within, h, tau) + _behind(within[::-1], h[::-1], tau)[::-1]
+
+    lasts = spread(h)
+    return np.asarray(spread(np.diff(x)) / np.where(lasts == 0, 1.0, lasts))  # a session of one sample tells no rate
 
 
-def _behind(x: Array, h: Array, tau: float) -> Array:
-    """x (n,) less its first-order lag, without the difference of two large numbers."""
+def _behind(change: Array, h: Array, tau: float) -> Array:
+    """What changes by so much (n - 1,) in steps h, less its first-order lag (n,): no difference of large numbers."""
     a = exp(-h / tau)
-    return recursion(np.concatenate([np.zeros(1), a]), np.concatenate([0 * x[:1], np.diff(x) / h * tau * (1 - a)]))
+    return recursion(np.concatenate([np.zeros(1), a]), np.concatenate([0 * change[:1], change / h * tau * (1 - a)]))
 
 
 def integral(x: Array, time: Array) -> Array:

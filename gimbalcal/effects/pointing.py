@@ -130,7 +130,7 @@ class GimbalZeroStep(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Angle minus readout [rad], (n, k)."""
-        return self.J * np.asarray(s.time >= self.epoch, dtype=float)[..., None] + 0 * s.readout
+        return self.J * np.asarray(s.onwards >= self.epoch, dtype=float)[..., None] + 0 * s.readout
 
 
 @effect

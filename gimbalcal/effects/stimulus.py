@@ -27,7 +27,7 @@ class Stimulus:
     in the first dwell): the changes of ideal platform force and of readout, and the same one slew earlier.
     """
 
-    time: Array  # (n,) s since the first sample
+    time: Array  # (n,) s since the first sample, of its session where nobody says what time passed between sessions
     readout: Array  # (n, k) rad, platform axis order
     angle: Array  # (n, k) rad
     force: Array  # (n, 3) m/s^2
@@ -52,6 +52,7 @@ class Stimulus:
     attitude: Array | None = None  # C_np (n, 3, 3) of the perfect platform
     load: Array | None = None  # (n, k, 3) unit gravity in the frame that turns with gimbal i
     rate_slope: Array | None = None  # (n, 3) rad/s^2, d(rate)/dt where it is known; else the rows' differences tell it
+    running: Array | None = None  # (n,) s, a clock that goes on through all sessions where `time` begins anew in each
 
     def at(self, **changes: Any) -> Stimulus:
         """The same stimulus with some arrays replaced."""
@@ -62,6 +63,11 @@ class Stimulus:
         n = len(self.time)
         cut = {k: v[rows] for k, v in vars(self).items() if isinstance(v, np.ndarray) and v.ndim and len(v) == n}
         return self.at(**cut, covariates={k: v[rows] for k, v in self.covariates.items()})
+
+    @property
+    def onwards(self) -> Array:
+        """A clock (n,) [s] that never goes back: it orders what happens once, however long sessions are apart."""
+        return self.time if self.running is None else self.running
 
     def carries(self, quantity: str) -> bool:
         """Whether an effect that needs a quantity ("temperature", "covariate:pressure") finds it here."""

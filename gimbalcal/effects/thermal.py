@@ -263,7 +263,7 @@ class BiasStep(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
-        return self.J * np.asarray(s.time >= self.epoch, dtype=float)[..., None]
+        return self.J * np.asarray(s.onwards >= self.epoch, dtype=float)[..., None]
 
 
 @effect

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from datetime import UTC, datetime
 from itertools import pairwise
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -14,19 +15,23 @@ from gimbalcal.number import Array
 from gimbalcal.recording.record import Recording
 
 Name = TypeVar("Name")
-PAUSE = 86400.0  # s between sessions whose clocks do not say how far apart they are
+DAY = 86400.0  # s
+PAUSE = DAY  # between sessions that nobody says how far apart they are: it keeps them in order, and no clock runs on
+SINCE_1970 = 1e9, 4e9  # s; a clock that shows so much counts from 1970 UTC, and shows the years 2001 to 2096
 ALIKE = 1e-6  # relative difference of gravity below which two sessions stand in one place
 
 
 def join(sessions: Sequence[Recording]) -> Recording:
     """One recording of all sessions: rests are numbered on, channels are those that every session has.
 
-    Sessions whose clocks follow each other (dates, seconds since 1970) keep them; others are put a day apart. Raises
-    InputError for sessions that are not of one kind, platform, place and unit, and for one that is given twice.
+    Sessions stand in the order and as far apart as their dates, or clocks that follow each other, say. Where nobody
+    says, `restarts` has the times at which the clock of a session begins anew. Raises InputError for sessions that are
+    not of one kind, platform, place and unit, and for one that is given twice.
     """
-    first = sessions[0]
     if len(sessions) == 1:
-        return first
+        return sessions[0]
+    sessions, time, restarts, told = _clock(sessions)
+    first = sessions[0]
     for other in sessions[1:]:
         _refuse_unlike(first, other)
     refuse_twice(sessions)
@@ -39,7 +44,7 @@ def join(sessions: Sequence[Recording]) -> Recording:
         title=" and ".join(dict.fromkeys(r.title for r in sessions)),
         date=max(r.date for r in sessions),
         noise=noise,
-        time=_clock(sessions),
+        time=time,
         position=_numbered_on(sessions),
         channels={key: np.concatenate([r.channels[key] for r in sessions]) for key in common},
         source=tuple(s for r in sessions for s in r.source),
@@ -47,7 +52,8 @@ def join(sessions: Sequence[Recording]) -> Recording:
         beside=(),
         units={key: unit for key, unit in first.units.items() if key in common},
         scatter=_shared([r.scatter for r in sessions]),
-        remarks=(*(remark for r in sessions for remark in r.remarks), *remarks),
+        remarks=(*(remark for r in sessions for remark in r.remarks), *remarks, told),
+        restarts=restarts,
     )  # fmt: skip
 
 
@@ -80,15 +86,55 @@ def _refuse_unlike(first: Recording, other: Recording) -> None:
             raise InputError(f"{pair} have {quantity} in counts and in a physical unit; give both in one unit")
 
 
-def _clock(sessions: Sequence[Recording]) -> Array:
-    """Times (n,) that go on: as logged where every session begins after the one before, else a day apart."""
+class _Begun(NamedTuple):
+    """When a session began [s since 1970], and whether to better than its day."""
+
+    at: float
+    exact: bool
+
+
+def _begun(r: Recording) -> _Begun | None:
+    """What a session says of when it began: by the dates of its clock, seconds since 1970, or the header's date."""
+    if r.epoch is not None:
+        return _Begun(r.epoch + float(r.time[0]), exact=True)
+    if SINCE_1970[0] < r.time[0] < SINCE_1970[1]:
+        return _Begun(float(r.time[0]), exact=True)
+    if not r.date:
+        return None
+    day = datetime.fromisoformat(r.date)
+    return _Begun((day if day.tzinfo else day.replace(tzinfo=UTC)).timestamp(), "T" in r.date or " " in r.date)
+
+
+def _clock(sessions: Sequence[Recording]) -> tuple[Sequence[Recording], Array, tuple[float, ...], str]:
+    """The sessions in order, times (n,) that go on, those at which a clock begins anew, and a sentence on it."""
+    begun = [(b, r) for r in sessions if (b := _begun(r)) is not None]
+    if len(begun) == len(sessions):
+        begun.sort(key=lambda each: each[0].at)
+        if all(_follows(*a, b) for a, (b, _) in pairwise(begun)):
+            shift = [b.at - float(r.time[0]) for b, r in begun]
+            time = np.concatenate([r.time + (s - shift[0]) for s, (_, r) in zip(shift, begun, strict=True)])
+            coarse = "" if all(b.exact for b, _ in begun) else ", which are good to a day"
+            return [r for _, r in begun], time, (), f"the sessions stand as far apart as their dates say{coarse}"
     if all(a.time[-1] < b.time[0] for a, b in pairwise(sessions)):
-        return np.concatenate([r.time for r in sessions])
+        return sessions, np.concatenate([r.time for r in sessions]), (), "the sessions are on one clock, which goes on"
     parts, begin = [], 0.0
     for r in sessions:
         parts.append(r.time - r.time[0] + begin)
         begin = float(parts[-1][-1]) + PAUSE
-    return np.concatenate(parts)
+    return sessions, np.concatenate(parts), tuple(float(t[0]) for t in parts[1:]), UNKNOWN
+
+
+UNKNOWN = (
+    "how long passed between the sessions is not recorded: what drifts or warms up is taken to begin anew in each, and "
+    "nothing that changed from one to the next is told as a drift; write when each was recorded, as in "
+    "date = 2026-11-18T05:33, into its recording.toml"
+)
+
+
+def _follows(a: _Begun, r: Recording, b: _Begun) -> bool:
+    """Whether a session that began at b began after the end of one r that began at a."""
+    certain = (a.exact and b.exact) or a.at // DAY < b.at // DAY
+    return certain and a.at + float(r.time[-1] - r.time[0]) < b.at
 
 
 def _numbered_on(sessions: Sequence[Recording]) -> Array | None:

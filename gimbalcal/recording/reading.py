@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from datetime import date
 from math import ceil, pi
 from pathlib import Path
 
@@ -74,8 +75,10 @@ def dated(recording: Recording, header: Header, dates: Dates) -> Recording:
         return recording
     told = f"{header.samples}, column {clock.name}: dates, taken as seconds since {dates.start}"
     day = recording.date or dates.day
-    beside = tuple(replace(other, date=day) for other in recording.beside)
-    return replace(recording, remarks=(*recording.remarks, told), date=day, beside=beside)
+    known = dates.day or recording.date[:10]  # of times of a day the header may say which
+    epoch = (date.fromisoformat(known) - date(1970, 1, 1)).total_seconds() if known else None
+    beside = tuple(replace(other, date=day, epoch=epoch) for other in recording.beside)
+    return replace(recording, remarks=(*recording.remarks, told), date=day, epoch=epoch, beside=beside)
 
 
 def assemble(

@@ -89,7 +89,8 @@ class Recording:
     `sensor` is the name of the sensors where a recording holds several triads; the others are `beside`, a recording
     each, in the same rows. `instant`: forces and rates are those of the row's time; else, where it matters, they are
     means over the interval that ends there. `grade` says how large the usual imperfections of such sensors are. `date`
-    is when it was recorded, ISO 8601, empty where nobody says.
+    is when it was recorded, ISO 8601, empty where nobody says; `epoch` [s since 1970] is where a clock of dates has its
+    zero. `restarts` are the times of rows at which a session begins that nobody says how long after the one before.
     """
 
     kind: str
@@ -110,6 +111,8 @@ class Recording:
     instant: bool = False
     grade: Grade = GRADES["navigation"]
     date: str = ""
+    epoch: float | None = None
+    restarts: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.time)
@@ -136,6 +139,15 @@ class Recording:
         return "\n".join([head, *held, *(f"  note: {remark}" for remark in self.remarks)])
 
     __repr__ = __str__
+
+    @property
+    def elapsed(self) -> Array:
+        """Time (n,) [s] since the first row, or since the first of its session where nobody says what came between."""
+        if not self.restarts:
+            return np.asarray(self.time - self.time[0])
+        session = np.searchsorted(np.asarray(self.restarts), self.time, side="right")
+        _, first = np.unique(session, return_index=True)
+        return np.asarray(self.time - self.time[first][np.searchsorted(session[first], session)])
 
     @property
     def files(self) -> list[dict[str, str]]:

@@ -30,6 +30,7 @@ def test_nights_that_share_their_terms_are_adequate_together() -> None:
     made = diagnose(two(0.0), baseline=USUAL)
     assert made.verdict == "adequate"
     assert made.in_words.endswith("The nights share their terms.")
+    assert "how long passed between the sessions is not recorded" in made.in_words.lower()
     assert [n["stars"] for n in made.provenance["nights"]] == [40, 40]
 
 
@@ -38,6 +39,7 @@ def test_a_term_that_moves_between_nights_is_not_adequate() -> None:
     assert made.verdict != "adequate"
     assert "The terms differ between 2 nights: base tilt north by" in made.in_words
     assert "terms differ between 2 nights" in made.outcome
+    assert not [f for f in made.findings if "drift" in f["effect"]]  # across a time that nobody recorded
     assert {"channel": "pointing", "shape": "terms that differ from night to night"} in made.unexplained
 
 

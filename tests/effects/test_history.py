@@ -43,6 +43,17 @@ def test_the_smoothed_rate_of_a_ramp_is_its_slope_from_end_to_end() -> None:
     np.testing.assert_allclose(smoothed_rate(noisy, TIME, 300.0)[20:-20], 0.7, atol=4 * 0.26 / 300)
 
 
+def test_nothing_is_remembered_where_a_clock_begins_anew() -> None:
+    t = np.linspace(0.0, 900.0, 31)
+    drive = np.sin(t / 200)[:, None]
+    both, again = np.concatenate([t, t]), np.concatenate([drive, 3 + drive])
+    late_by = states(late(again, 300.0, np.ones(1)), both)
+    np.testing.assert_allclose(late_by[31:], states(late(3 + drive, 300.0, np.ones(1)), t), atol=1e-5)
+    rate = smoothed_rate(again[:, 0], both, 100.0)
+    np.testing.assert_allclose(rate[31:], smoothed_rate(drive[:, 0], t, 100.0), atol=1e-4)
+    np.testing.assert_allclose(rate[:31], smoothed_rate(drive[:, 0], t, 100.0), atol=1e-4)
+
+
 def test_states_that_forget_nothing_add_up() -> None:
     rate = np.array([[1.0], [3.0], [3.0], [5.0]])
     time = np.array([0.0, 1.0, 3.0, 4.0])

@@ -8,13 +8,16 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose import diagnose
+from gimbalcal.effects import CATALOGUE
+from gimbalcal.effects.thermal import BiasDrift, BiasStep
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
 from gimbalcal.estimate.sessions import unit_of_sessions
+from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
-from gimbalcal.recording import Recording, Site, Source, dwells, join
+from gimbalcal.recording import Recording, Site, Source, dwell_means, dwells, join
 from gimbalcal.rotation import exponential
 from gimbalcal.units import to_si
 
@@ -63,6 +66,50 @@ def test_two_sessions_are_one_recording() -> None:
     assert join([a]) is a
 
 
+APART = "the sessions stand as far apart as their dates say"
+AT = 1.79e9  # s since 1970
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "gap", "told"),
+    [
+        ({}, {}, None, "how long passed"),
+        ({"date": "2026-11-01"}, {}, None, "how long passed"),
+        ({"date": "2026-11-01"}, {"date": "2026-11-01"}, None, "how long passed"),
+        ({"date": "2026-11-01"}, {"date": "2026-11-03"}, 2 * 86400.0, f"{APART}, which are good to a day"),
+        ({"date": "2026-11-01T08:00"}, {"date": "2026-11-01T10:00+01:00"}, 3600.0, APART),
+        ({"date": "2026-11-01T10:00"}, {"date": "2026-11-01T08:00"}, 7200.0, APART),  # the second came first
+        ({"date": "2026-11-01T08:00:00"}, {"date": "2026-11-01T08:00:20"}, None, "how long passed"),  # at one time
+        ({"epoch": AT}, {"epoch": AT + 86400.0}, 86400.0, APART),  # clocks of dates, each from its own midnight
+        ({"at": AT}, {"at": AT + 500.0}, 500.0, APART),
+        ({}, {"at": 500.0}, 500.0, "the sessions are on one clock"),
+    ],
+)
+def test_how_far_apart_sessions_are(first: dict, second: dict, gap: float | None, told: str) -> None:  # type: ignore[type-arg]
+    at = (first.pop("at", 0.0), second.pop("at", 0.0))
+    a, b = (replace(session(k), **said) for k, said in ((1, first), (2, second)))
+    both = join([replace(r, time=r.time + t) for r, t in zip((a, b), at, strict=True)])
+    later = len(a.time)  # both are as long
+    assert both.remarks[-1].startswith(told)
+    assert np.all(np.diff(both.time) > 0)
+    assert (both.time[later] - both.time[0] == gap) == (gap is not None)
+    assert both.restarts == (() if gap is not None else (both.time[later],))
+    assert both.elapsed[later] == (gap or 0.0)
+    assert len(stimulus_from_readings(dwell_means(both)).time) == 28
+
+
+def test_a_clock_begins_anew_in_each_session_of_an_unknown_time() -> None:
+    a, b = session(1), session(2)
+    means = dwell_means(join([a, b]))
+    s, alone = stimulus_from_readings(means), stimulus_from_readings(dwell_means(b))
+    np.testing.assert_allclose(s.time[14:], alone.time, atol=1e-6)
+    assert np.all(np.diff(s.onwards) > 0)
+    drift = BiasDrift(d=np.array([1.0, 0.0, 0.0])).contribution(s)[:, 0]
+    np.testing.assert_allclose(drift[14:], alone.time, atol=1e-6)
+    jump = BiasStep(J=np.array([1.0, 0.0, 0.0]), epoch=float(s.onwards[14]) - 1.0).contribution(s)[:, 0]
+    np.testing.assert_array_equal(jump, np.arange(28) >= 14)  # which happens once
+
+
 def test_sessions_are_sharper_together_and_agree() -> None:
     recordings = [session(seed) for seed in (3, 4, 5)]
     made, alone = unit_of_sessions(recordings), multiposition(recordings[0])
@@ -97,8 +144,12 @@ def test_nothing_turns_between_sessions() -> None:
 def test_a_diagnosis_of_two_sessions_says_whether_they_agree() -> None:
     told = diagnose([session(11), session(12)], baseline=("bias", "scale_factor"))
     assert told.in_words.endswith("The sessions agree on their constants.")
+    assert "How long passed between the sessions is not recorded" in told.in_words
     off = diagnose([session(13), session(14, 3 * BIAS)], baseline=("bias", "scale_factor"))
     assert "The 2 sessions do not share their constants" in off.in_words
+    named = {name for f in off.findings for name in (f["effect"], *f["twins"])}
+    assert "bias_step" in named
+    assert not {n for n in named if CATALOGUE[n].in_time}  # no drift across a time that nobody recorded
 
 
 @pytest.mark.parametrize(

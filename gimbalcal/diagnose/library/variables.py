@@ -68,8 +68,8 @@ def _every(s: Stimulus) -> list[Variable]:
     if s.visit[-1] > s.visit[0]:
         out += [Variable("since_move", "s", s.since_move, "s.since_move", "since")]
     if s.temperature is not None:
-        needs, code = "temperature", "smoothed_rate(s.temperature, s.time, s.time[-1] / 100)"
-        origin, course = s.reference_temperature, smoothed_rate(s.temperature, s.time, float(s.time[-1]) / 100)
+        needs, code = "temperature", "smoothed_rate(s.temperature, s.time, max(s.time) / 100)"
+        origin, course = s.reference_temperature, smoothed_rate(s.temperature, s.time, float(np.max(s.time)) / 100)
         out.append(Variable("temperature", "degC", s.temperature, "s.temperature", "logged", origin, needs))
         out.append(Variable("temperature_rate", "degC/h", course, code, "course", 0.0, needs))
     out += [Variable(_plain(name), "", x, f"s.covariates[{name!r}]", "logged", float(x.mean()), f"covariate:{name}")

@@ -145,8 +145,8 @@ def _along(v: View) -> Array:
 
 def _course(v: View, orders: Sequence[int]) -> Array:
     """Cosines over the recording (n, m)."""
-    t = v.recording.time - v.recording.time[0]
-    return np.asarray(np.cos(np.pi * np.outer(t / (t[-1] or 1.0), orders)))
+    t = v.recording.elapsed
+    return np.asarray(np.cos(np.pi * np.outer(t / (t.max() or 1.0), orders)))
 
 
 def _warms(v: View) -> bool:

@@ -125,7 +125,9 @@ def _stimulus_of(recording: Recording, spans: Sequence[slice], rate: Array, forc
     n = len(rate)
     arrays = {k: v for k, v in vars(s).items() if isinstance(v, np.ndarray) and v.ndim}
     wide = {k: np.broadcast_to(v, (n, *v.shape[1:])) for k, v in arrays.items()}
-    logged = {"time": recording.time - recording.time[0], "temperature": recording.channels.get(("temperature", ""))}
+    logged = {"time": recording.elapsed, "temperature": recording.channels.get(("temperature", ""))}
+    if recording.restarts:
+        logged["running"] = recording.time - recording.time[0]
     rows = {k: _rows_of(v, spans, n) for k, v in logged.items() if v is not None}
     followed = {k: _rows_of(v, spans, n) for k, v in stimulus_from_readings(recording).covariates.items()}
     return s.at(**wide, covariates=followed).at(rate=rate, force=force, **rows)
