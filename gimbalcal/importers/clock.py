@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gimbalcal.errors import InputError
 from gimbalcal.importers.names import Guess
 from gimbalcal.number import Array
 
@@ -19,7 +20,21 @@ UNITS = {"s": 1.0, "ms": 1e-3, TICKS: 1e-4, "us": 1e-6, "ns": 1e-9, "min": 60.0,
 WRAPS = {86400.0: "midnight", 604800.0: "the end of a week of GPS", 3600.0: "the hour", 43200.0: "noon",
          2.0**16: "2^16", 2.0**24: "2^24", 2.0**31: "2^31", 2.0**32: "2^32", 86400e3: "midnight",
          86400e6: "midnight", 604800e3: "the end of a week of GPS", 1e6: "10^6"}  # fmt: skip
+RATES = (1.0, 10_000.0)  # Hz that inertial sensors are logged at
+LONG = 1e3  # Hz; more nobody logs in minutes, hours or days
 JITTER = 0.02  # of a step: stamps that scatter by more are times of arrival where another clock beside them does not
+
+
+def unit_of_time(time: Array) -> tuple[str, str]:
+    """Unit of a clock (n,) by its step, and why: inertial sensors are logged at 1 Hz to 10 kHz."""
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    if step <= 0:
+        raise InputError("the clock stands still: say what the time is by a column that grows")
+    for unit, size in UNITS.items():
+        rate = 1 / (step * size)
+        if unit != TICKS and RATES[0] <= rate <= (RATES[1] if size <= 1 else LONG):
+            return unit, f"steps of {step:.4g}, which in {unit} are {rate:.4g} Hz"
+    return "s", f"steps of {step:.4g}, at which nothing is usually logged"
 
 
 def unwrapped(t: Array) -> tuple[Array, str]:
@@ -82,4 +97,4 @@ def in_unit(columns: Mapping[str, Array], guesses: Mapping[str, Guess], unit: st
     why = f"{guesses[clock].why.partition(';')[0]}; in {unit} these rows are logged at {rate:.4g} Hz"
     scaled = t * UNITS[unit] if unit == TICKS else t
     known = "s" if unit == TICKS else unit
-    return {**columns, clock: scaled}, {**guesses, clock: replace(guesses[clock], unit=known, why=why)}
+    return {**columns, clock: scaled}, {**guesses, clock: replace(guesses[clock], unit=known, why=why, open=False)}

@@ -105,17 +105,18 @@ def _numbers(path: Path, name: str, text: pl.Series, named: bool) -> Array:
 def encoding_of(path: Path) -> str:
     """How a text file is encoded: UTF-8, UTF-16 where a mark says so, else as Windows writes western letters."""
     with path.open("rb") as file:
-        start = file.read(2)
-        if start in (b"\xff\xfe", b"\xfe\xff"):
+        if file.read(2) in (b"\xff\xfe", b"\xfe\xff"):
             return "utf-16"
-        file.seek(0)
-        decoder = getincrementaldecoder("utf-8")()
-        try:
-            while block := file.read(1 << 20):
-                decoder.decode(block)
-        except UnicodeDecodeError:
-            return "latin-1"  # of which no byte is undefined
-    return "utf-8-sig"
+        for name in ("utf-8-sig", "cp1252"):
+            file.seek(0)
+            decoder = getincrementaldecoder(name)()
+            try:
+                while block := file.read(1 << 20):
+                    decoder.decode(block)
+            except UnicodeDecodeError:
+                continue
+            return name
+    return "latin-1"  # of which no byte is undefined
 
 
 def _first_line(path: Path, skip: int) -> str:

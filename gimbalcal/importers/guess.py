@@ -15,9 +15,7 @@ from gimbalcal.importers.names import FORCE, OTHER, RATE, Guess, plain, unit_wri
 from gimbalcal.number import Array
 from gimbalcal.quantities import check
 
-RATES = (1.0, 10_000.0)  # Hz that inertial sensors are logged at
 LARGEST_RATE = 35.0  # rad/s, 2000 deg/s: more no hand and no gyroscope of that make turns
-LONG = 1e3  # Hz; more nobody logs in minutes, hours or days
 RAW = 200.0  # whole numbers beyond this are counts
 NEAR = 0.3  # of gravity
 GRAVITY = {"m/s^2": G0, "g": 1.0, "ft/s^2": G0 / 0.3048, "mg": 1e3, "Gal": 100 * G0, "ug": 1e6, "mGal": 1e5 * G0}
@@ -116,19 +114,6 @@ def unit_of_rate(triad: Sequence[Array]) -> tuple[str, str]:
     if fastest > LARGEST_RATE:
         return "deg/s", f"up to {fastest:.4g}, more than any hand turns in rad/s"
     return "rad/s", f"up to {fastest:.4g}"
-
-
-def unit_of_time(time: Array) -> tuple[str, str]:
-    """Unit of a clock (n,) by its step: inertial sensors are logged at 1 Hz to 10 kHz."""
-    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
-    if step <= 0:
-        raise InputError("the clock stands still: say what the time is by a column that grows")
-    usual = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
-    for unit, size in (*usual, ("min", 60.0), ("h", 3600.0), ("d", 86400.0)):
-        rate = 1 / (step * size)
-        if RATES[0] <= rate <= (RATES[1] if size <= 1 else LONG):
-            return unit, f"steps of {step:.4g}, which in {unit} are {rate:.4g} Hz"
-    return "s", f"steps of {step:.4g}, at which nothing is usually logged"
 
 
 def sound_unit(unit: str, quantity: str) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.importers import clock as clocks
-from gimbalcal.importers.guess import alike, by_order, sound_unit, unit_of_force, unit_of_rate, unit_of_time
+from gimbalcal.importers.guess import alike, by_order, sound_unit, unit_of_force, unit_of_rate
 from gimbalcal.importers.names import FORCE, RATE, Guess, body_rates, by_name, by_turn, hinted, plain, unit_written
 from gimbalcal.importers.pointing import SPACED
 from gimbalcal.importers.together import one_each
@@ -109,13 +109,14 @@ def _with_units(columns: Mapping[str, Array], guesses: Mapping[str, Guess]) -> d
         if own and not all(sound_unit(guesses[n].unit, quantity) for n in own):
             full = np.isfinite(np.stack([columns[n] for n in own])).all(axis=0)
             unit, why = of([columns[n][full] for n in own])
-            out |= {n: replace(guesses[n], unit=unit, why=f"{guesses[n].why}; {why}") for n in own}
+            told = quantity == FORCE or unit == "count"  # by gravity, or by the turns in any case
+            out |= {n: replace(guesses[n], unit=unit, why=f"{guesses[n].why}; {why}", open=not told) for n in own}
     force = next((g.unit for g in out.values() if g.quantity == FORCE), "m/s^2")
     for name, g in out.items():
         if g.quantity == "sigma" and not sound_unit(g.unit, FORCE):
             out[name] = replace(g, unit=force, why=f"{g.why}; the unit is that of the forces")
     (clock,) = [name for name, g in guesses.items() if g.quantity == "time"]
     if not sound_unit(out[clock].unit, "time"):
-        unit, why = unit_of_time(columns[clock])
-        out[clock] = replace(out[clock], unit=unit, why=f"{out[clock].why}; {why}")
+        unit, why = clocks.unit_of_time(columns[clock])
+        out[clock] = replace(out[clock], unit=unit, why=f"{out[clock].why}; {why}", open=True)
     return out

@@ -111,7 +111,7 @@ def of_tables(logs: Mapping[Path, Table], title: str, rate: float = 0.0, latitud
         unused = (*(n for n in left if n not in gimbals), *outside)
         proposal = Proposal(made, held, unused, told)
         explained = turns_explained(made)
-        lone = _clock_is_open(guesses) and len(dwells(made)) < 2
+        lone = _is_open(guesses, "time") and len(dwells(made)) < 2
         if not lone and (explained is None or explained[0] >= NEARLY_ALL * explained[1]):
             return proposal
         fallback = proposal if refused is None and fallback is None else fallback  # another unit has to be told
@@ -140,12 +140,12 @@ def _readings(columns: Mapping[str, Array], guesses: Mapping[str, Guess], above:
     clock = next(n for n, g in guesses.items() if g.quantity == "time")
     step = float(np.median(np.diff(columns[clock]))) * float(to_si(1.0, guesses[clock].unit))
     first = in_physical_units(columns, guesses, above, step)
-    units = [unit for unit in BESIDE if _rate_is_open(first[1])]
+    units = [unit for unit in BESIDE if _is_open(first[1], RATE)]
     yield first
     if first[1] != dict(guesses):
         yield dict(columns), dict(guesses)
     yield from ((first[0], _in_other_unit(first[1], unit)) for unit in units)
-    if not _clock_is_open(guesses):
+    if not _is_open(guesses, "time"):
         return
     for unit, size in clocks.UNITS.items():
         rate = float(to_si(1.0, guesses[clock].unit)) / (step * size)
@@ -269,16 +269,11 @@ def _spelt(platform: Platform | None) -> str | dict[str, object]:
             "offset": {"value": float(np.degrees(a.offset)), "unit": "deg"}} for a in platform.axes]}  # fmt: skip
 
 
-def _clock_is_open(guesses: Mapping[str, Guess]) -> bool:
-    """Whether the unit of the clock was guessed from its steps."""
-    return any(g.quantity == "time" and "steps of" in g.why for g in guesses.values())
-
-
-def _rate_is_open(guesses: Mapping[str, Guess]) -> bool:
-    """Whether the unit of the gyroscopes was guessed from numbers."""
-    return any(g.quantity == RATE and "up to" in g.why and g.unit != "count" for g in guesses.values())
+def _is_open(guesses: Mapping[str, Guess], quantity: str) -> bool:
+    """Whether the unit of a quantity was guessed from its numbers, and may be another."""
+    return any(g.quantity == quantity and g.open for g in guesses.values())
 
 
 def _in_other_unit(guesses: Mapping[str, Guess], unit: str) -> dict[str, Guess]:
     why = f"the turns between rests fit gravity in {unit}"
-    return {n: replace(g, unit=unit, why=why) if g.quantity == RATE else g for n, g in guesses.items()}
+    return {n: replace(g, unit=unit, why=why, open=False) if g.quantity == RATE else g for n, g in guesses.items()}

@@ -23,10 +23,6 @@ _RATE_WORDS = (
     "|drehrate|winkelgeschwindigkeit|vitesse_angulaire|rate|om|w|g"
 )
 _AS = "smooth|adc|raw|filtered|filt|unfilt|lpf|data|out|output|mean|avg|average|mittel|sensor|val|value|meas|imu"
-_TRIADS = tuple(
-    (quantity, re.compile(rf"^({words})_?(?:(?:{_AS})_)?(axis_|achse_)?([xyz012])(_|$)"))
-    for quantity, words in ((FORCE, _FORCE_WORDS), (RATE, _RATE_WORDS))
-)
 _AXIS_FIRST = tuple(
     (quantity, re.compile(rf"^([xyz])_(?:axis_|achse_)?({words})(_|$)"))
     for quantity, words in ((FORCE, "accel|acc|accelerometer|acceleration|force|beschleunigung"),
@@ -77,6 +73,7 @@ OTHER = frozenset(  # no reading of a triad, whatever stands beside it
         "var",
         "variance",
         "bias",
+        "drift",
         "user",
         "status",
         "quality",
@@ -94,7 +91,7 @@ _SPELLINGS = {  # how people write units into names
     "m/s^2": "m_s2 ms2 mps2 m_s_2 m_s_s", "g": "g gs", "mg": "mg", "ug": "ug", "Gal": "gal cm_s2",
     "mGal": "mgal", "ft/s^2": "ft_s2 fts2 fps2 ft_s_2 ft_sec2 ft_s_s ft_sec_2",
     "deg/s": "dps deg_s degs deg_per_s deg_sec deg_second", "deg/h": "deg_h dph deg_hr deg_hour",
-    "rad/s": "rad_s rads rad_sec rps", "count": "lsb count counts raw adc digits", "mdeg/s": "mdps mdeg_s",
+    "rad/s": "rad_s rads rad_sec rad_per_s rad_per_sec rps", "count": "lsb count counts raw adc digits", "mdeg/s": "mdps mdeg_s",
     "s": "s sec seconds secs sekunden", "ms": "ms msec millis milliseconds", "us": "us usec micros microseconds",
     "ns": "ns nsec nanos nanoseconds", "min": "min", "h": "h hours hour hrs", "degC": "degc c celsius grad_c", "K": "k",
     "degF": "degf f", "deg": "deg degrees degree grad", "rad": "rad radians", "arcsec": "arcsec as asec arcseconds",
@@ -104,6 +101,14 @@ _SPELLINGS = {  # how people write units into names
 ANGLES = ("rad", "mrad", "deg", "mdeg", "gon", "arcmin", "arcsec")  # units of the angles of a rig or a mount
 _OF_UNIT = {**dict.fromkeys(("m/s^2", "g", "mg", "ug", "Gal", "mGal", "ft/s^2"), FORCE),
             **dict.fromkeys(("deg/s", "deg/h", "rad/s", "mdeg/s"), RATE)}  # fmt: skip
+_BETWEEN = {  # units that stand before the axis: accelerometer_m_s2[0], gyro_rad[0] of a rate
+    FORCE: "m_s2|mps2|mg|ug|g|mgal", RATE: "rad_s|rads|rad|deg_s|dps|deg|mdps|deg_h|dph",
+}  # fmt: skip
+_TRIADS = tuple(
+    (quantity, re.compile(rf"^({words})_?(?:(?:{_AS})_)?(?:(?P<unit>{_BETWEEN[quantity]})_)?(axis_|achse_)?"
+                          r"(?P<axis>[xyz012])(_|$)"))
+    for quantity, words in ((FORCE, _FORCE_WORDS), (RATE, _RATE_WORDS))
+)  # fmt: skip
 _UNITS = {spelling: unit for unit, all_of_it in _SPELLINGS.items() for spelling in all_of_it.split()}
 _LETTERS = {"ß": "ss", "°": " deg ", "″": " arcsec ", "′": " arcmin ", "µ": "u", "μ": "u", "^": "",
             "α": " alpha ", "β": " beta ", "γ": " gamma ", "θ": " theta ", "ϑ": " theta ", "φ": " phi ", "ϕ": " phi ",
@@ -112,12 +117,16 @@ _LETTERS = {"ß": "ss", "°": " deg ", "″": " arcsec ", "′": " arcmin ", "µ
 
 @dataclass(frozen=True)
 class Guess:
-    """What one column holds, in words of recording.toml, and why; the unit may be left open."""
+    """What one column holds, in words of recording.toml, and why; the unit may be left open.
+
+    open: whether the unit is the likeliest of several by the numbers alone, so that others may be tried.
+    """
 
     quantity: str
     axis: str
     unit: str
     why: str
+    open: bool = False
 
 
 def plain(name: str) -> str:
@@ -132,6 +141,7 @@ def plain(name: str) -> str:
         name = name.replace(letter, spelt)
     name = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
     name = re.sub(r"([a-z]{2})([A-Z])", r"\1_\2", name.strip())  # GyroX, accelerationX, TimeUS
+    name = re.sub(r"([a-z_][XYZ])([A-Z][a-z])", r"\1_\2", name)  # AccelXMps2
     return re.sub(r"_+", "_", re.sub(r"[^a-z0-9]+", "_", name.lower())).strip("_")
 
 
@@ -192,7 +202,9 @@ def _triad_by_word(words: str) -> tuple[str, str, str] | None:
         for quantity, pattern in _TRIADS:
             found = pattern.match(rest)
             if found:
-                return quantity, AXIS[found[3]], _UNITS.get(_rest(rest, found), "")
+                between = found["unit"] or ""
+                between = {"rad": "rad_s", "deg": "deg_s"}.get(between, between)
+                return quantity, AXIS[found["axis"]], unit_written(_rest(rest, found)) or _UNITS.get(between, "")
     for quantity, pattern in _AXIS_FIRST:
         found = pattern.match(words)
         if found:
@@ -239,12 +251,12 @@ def _time(words: str) -> str | None:
     parts = words.split("_")
     for k in range(len(parts)):  # a topic or a device may stand before it
         found = _TIME.match("_".join(parts[k:]))
-        if not found:
+        if not found or (k and parts[k - 1] == "per"):  # something per second
             continue
         rest = _rest("_".join(parts[k:]), found)
         if len(found[1]) <= 2 and (k or (rest and rest not in _UNITS)):
             return None  # s_x is something of x
-        return _UNITS.get(rest, "") or _UNITS.get(found[1], "")
+        return unit_written(rest) or _UNITS.get(found[1], "")
     return None
 
 

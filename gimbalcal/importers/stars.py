@@ -41,6 +41,7 @@ _ROLES = {
     "sigma": "sig sigma sd std stdev unc uncertainty rms",
 }  # fmt: skip
 _ROLE = {word: role for role, words in _ROLES.items() for word in words.split()}
+_ERROR = frozenset(["err", "error", "residual", "dev", "deviation"])  # of an offset, where one stands beside it
 _SKY = frozenset(["cos", "cosel", "cosdec", "cosalt", "x", "cross", "xel", "sky", "onsky"])
 _FUSED = re.compile(rf"^(?:(d|delta|off|err)|(x|dx|crs|cross))({'|'.join(sorted(_AXIS, key=len, reverse=True))})$")
 _MINUS = re.compile(r"(\w+)\s*(?:minus|[-−–])\s*(\w+)")
@@ -76,8 +77,23 @@ def angles_in(table: Table) -> tuple[Seen, ...]:
     for pair in _PAIRS:
         own = [s for s in found if s.axis in pair]
         if all(sum(s.axis == axis and s.role != "sigma" for s in own) >= 2 for axis in pair):
-            return tuple(own)
+            return tuple(s for axis in pair for s in _one_offset([s for s in own if s.axis == axis]))
     return ()
+
+
+def _one_offset(columns: list[Seen]) -> list[Seen]:
+    """The columns of an axis; an error beside an offset is how well that is known.
+
+    Raises InputError for several offsets of which no name tells the one.
+    """
+    offsets = [s for s in columns if s.role == "offset"]
+    named = [s for s in offsets if not _ERROR.intersection(plain(s.name).split("_"))]
+    if len(named or offsets) > 1:
+        raise InputError(
+            f"which of {' and '.join(s.name for s in named or offsets)} is what the mount was off by? Leave one of them "
+            "in the log"
+        )
+    return [replace(s, role="sigma") if named and s in offsets and s not in named else s for s in columns]
 
 
 def _seen(name: str) -> Seen | None:
@@ -114,14 +130,11 @@ def pointing_proposal(path: Path, table: Table, columns: tuple[Seen, ...], title
     true: dict[str, Array] = {}
     why: dict[tuple[str, str], tuple[str, str]] = {}
     for axis in axes[::-1]:  # the lower one first: offsets on the sky are divided by its cosine
-        _channels(
-            path, table, axis, [s for s in columns if s.axis == axis and s.role != "sigma"], (read, true), why, notes
-        )
-    for s in (s for s in columns if s.on_sky and s.role == "offset" and s.axis == axes[0]):
-        lower = true[axes[1]]
-        # the axis above turns further than the line of sight
-        read[axes[0]] = true[axes[0]] + (read[axes[0]] - true[axes[0]]) / np.cos(lower)
-        notes["sky"] = f"{s.name} is on the sky by its name: divided by the cosine of the {axes[1].replace('_', ' ')}"
+        own = [s for s in columns if s.axis == axis and s.role != "sigma"]
+        off = _channels(path, table, axis, own, (read, true), why, notes)
+        if off and off.on_sky and axis == axes[0]:  # the axis above turns further than the line of sight
+            read[axis] = true[axis] + (read[axis] - true[axis]) / np.cos(true[axes[1]])
+            notes["sky"] = f"{off.name} is on the sky by its name: divided by the cosine of the {axes[1].replace('_', ' ')}"
     order = {axis.name: axis for axis in platform.axes if axis.name in axes}
     site = not_stated(latitude, height)
     clock = next((n for n, x in table.columns.items() if (g := by_name(n)) and g.quantity == "time"
@@ -148,8 +161,8 @@ def pointing_proposal(path: Path, table: Table, columns: tuple[Seen, ...], title
 
 
 def _channels(path: Path, table: Table, axis: str, columns: list[Seen], out: tuple[dict[str, Array], dict[str, Array]],
-              why: dict[tuple[str, str], tuple[str, str]], notes: dict[str, str]) -> None:  # fmt: skip
-    """Readout and true angle [rad] of one axis, put into `out`."""
+              why: dict[tuple[str, str], tuple[str, str]], notes: dict[str, str]) -> Seen | None:  # fmt: skip
+    """Readout and true angle [rad] of one axis, put into `out`; the column of offsets, if they are by one."""
     read, true = out
     offset = next((s for s in columns if s.role == "offset"), None)
     plain_ones = [s for s in columns if s.role != "offset"]
@@ -165,7 +178,12 @@ def _channels(path: Path, table: Table, axis: str, columns: list[Seen], out: tup
     if a and b:
         true[axis], read[axis] = (_angle(table, s, axis, notes) for s in (a, b))
         why["true_angle", axis], why["gimbal_angle", axis] = (a.name, reason), (b.name, reason)
-        return
+        if offset and not _say_the_same(read[axis] - true[axis], _offset(table, offset, axis, {})):
+            raise InputError(
+                f"{path}: {b.name} less {a.name} is not what {offset.name} says: leave {b.name} out of the log if the "
+                f"mount was off by {offset.name}, or {offset.name} if it was not"
+            )
+        return None
     one = a or b or (plain_ones[0] if plain_ones else None)
     if one is None or offset is None:
         there = ", ".join(s.name for s in columns)
@@ -181,6 +199,13 @@ def _channels(path: Path, table: Table, axis: str, columns: list[Seen], out: tup
     given, made = ("gimbal_angle", "true_angle") if b else ("true_angle", "gimbal_angle")
     why[given, axis] = one.name, "its name"
     why[made, axis] = f"{one.name} and {offset.name}", f"{said}; to turn it round, exchange gimbal_angle and true_angle"
+    return offset
+
+
+def _say_the_same(difference: Array, offset: Array) -> bool:
+    """Whether offsets (n,), of either sign, on the sky or of the axis, are how far two angles lie apart [rad]."""
+    apart = np.abs(np.mod(difference + np.pi, 2 * np.pi) - np.pi)
+    return bool(np.nanmedian(np.abs(apart - np.abs(offset))) < 0.5 * np.nanmedian(np.abs(offset)))
 
 
 def _angle(table: Table, s: Seen, axis: str, notes: dict[str, str]) -> Array:

@@ -17,19 +17,21 @@ from gimbalcal.importers.delimited import encoding_of, frame_of
 from gimbalcal.importers.names import by_name, plain, unit_written
 from gimbalcal.number import Array
 from gimbalcal.recording.dates import Dates, NoDateError, is_date
+from gimbalcal.recording.lines import comment_words
 
 if TYPE_CHECKING:
     import polars as pl
 
 HEAD, LEAST_COLUMNS = 200, 3  # lines that tell how a log is written, and columns of one that holds a triad
 SEXAGESIMAL = re.compile(
-    r"\s*[-+]?\d{1,3}\s*[°hd]\s*\d{1,2}(\.\d*)?\s*['′m]\s*|"
-    r"\s*[-+]?\d{1,3}\s*[:°hd ]\s*\d{1,2}\s*[:'′m ]\s*\d{1,2}(\.\d*)?\s*[\"″s]?\s*"
+    r"\s*[-+]?\d{1,3}\s*[°hd]\s*\d{1,2}([.,]\d*)?\s*['′m]\s*|"
+    r"\s*[-+]?\d{1,3}\s*[:°hd ]\s*\d{1,2}\s*[:'′m ]\s*\d{1,2}([.,]\d*)?\s*[\"″s]?\s*"
 )
 
 
 _MOVING = re.compile(r"^(move|moving|slew|slewing|turn|turning|transit|none|drehen|fahrt|bewegung)$", re.IGNORECASE)
-_NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?|[-+]?(nan|inf|NaN|NA|null)")
+_DOUBLE = r"([\d.])[dD]([-+]\d{2,3})$"  # of Fortran
+_NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+|[dD][-+]\d{2,3})?|[-+]?(nan|inf|NaN|NA|null)")
 
 
 @dataclass(frozen=True)
@@ -144,6 +146,7 @@ def values_of(name: str, text: object, separator: str, dates: Dates) -> tuple[Ar
     if guess and guess.quantity == "position" and not _NUMBER.fullmatch(first):
         return _labels([str(cell or "") for cell in text.to_list()]), ""
     plain_text = text.str.replace(",", ".", literal=True) if separator in ";\t" else text
+    plain_text = plain_text.str.replace(_DOUBLE, "${1}e${2}") if re.search(_DOUBLE, first) else plain_text
     return plain_text.cast(pl.Float64, strict=False).to_numpy().astype(float), ""
 
 
@@ -158,7 +161,7 @@ def _in_first_unit(cell: str | None) -> float:
     """``"-00:30:36"`` is -0.51: the sign belongs to the whole."""
     if cell is None or not SEXAGESIMAL.fullmatch(cell):
         return np.nan
-    parts = [float(part) for part in re.findall(r"\d+\.?\d*", cell)]
+    parts = [float(part) for part in re.findall(r"\d+\.?\d*", cell.replace(",", "."))]
     return (-1.0 if cell.lstrip().startswith("-") else 1.0) * sum(x / 60**i for i, x in enumerate(parts[:3]))
 
 
@@ -176,14 +179,18 @@ def _begins(head: Sequence[str]) -> Layout | None:
             if len(row) >= LEAST_COLUMNS and _numbers(row):
                 begins.setdefault(len(row), []).append(i)
         for width, lines in begins.items():
-            best = max(best, (len(lines), width, lines[0], mark), key=lambda b: (b[0], b[3] != " ", b[1]))
+            if mark != " " or 0.9 * len(lines) > best[0]:  # a blank also separates what tabs do
+                best = max(best, (len(lines), width, lines[0], mark), key=lambda b: (b[0], b[3] != " ", b[1]))
     length, width, first, mark = best
     if not length:
         return None
     above = [(i, row) for i, row in enumerate(cells[mark][:first]) if row]
-    if not above or len(above[-1][1]) != width or head[above[-1][0]].startswith(("#", "!", "//")):
+    if not above or head[above[-1][0]].startswith(("#", "!", "//")):
         return Layout(first, mark, False)
     names, row = above[-1]
+    remarked = len(row) > width and mark != " " and any(map(by_name, row[:width]))  # a last column is often left empty
+    if len(row) != width and not remarked:
+        return Layout(first, mark, False)
     if len(above) > 1 and len(above[-2][1]) == width and _units(row) and any(map(_wordy, above[-2][1])):
         names, row = above[-2]
     return Layout(names, mark, True) if any(map(_wordy, row)) else Layout(first, mark, False)
@@ -232,9 +239,7 @@ def _names_above(above: Sequence[str], columns: int) -> list[str]:
     for line in above:
         if not line.startswith(("#", "%", "!", "//")):
             continue
-        text = re.sub(r"\s+([\[(])", r"\1", line.lstrip("#%!/ ").strip())
-        for pattern in (r"\s*[;,\t|]\s*", r"[\s,;|]+"):
-            words = [word for word in re.split(pattern, text) if word]
+        for words in comment_words(line):
             tail = words[-columns:]
             if len(tail) < columns or len(set(tail)) < columns:
                 continue

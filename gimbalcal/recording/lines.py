@@ -42,8 +42,14 @@ def names_above(path: Path, columns: int, skip: int = 0) -> list[str]:
             if i >= skip and not line.startswith("#"):
                 break
             last = line if i >= skip else ""
-    words = [word for word in re.split(r"[\s,;]+", last.lstrip("# ").strip()) if word]
-    return words if len(words) == columns else []
+    return next((words for words in comment_words(last) if len(words) == columns), [])
+
+
+def comment_words(line: str) -> Iterator[list[str]]:
+    """The words of a comment between separators, and between blanks; a unit in brackets belongs to the word before."""
+    text = re.sub(r"\s+([\[(])", r"\1", line.lstrip("#%!/ ").strip())
+    for pattern in (r"\s*[;,\t|]\s*", r"[\s,;|]+"):
+        yield [word for word in re.split(pattern, text) if word]
 
 
 def numbered(names: Sequence[str]) -> bool:
