@@ -90,8 +90,8 @@ def _one_offset(columns: list[Seen]) -> list[Seen]:
     named = [s for s in offsets if not _ERROR.intersection(plain(s.name).split("_"))]
     if len(named or offsets) > 1:
         raise InputError(
-            f"which of {' and '.join(s.name for s in named or offsets)} is what the mount was off by? Leave one of them "
-            "in the log"
+            f"which of {' and '.join(s.name for s in named or offsets)} is what the mount was off by? Leave one of "
+            "them in the log"
         )
     return [replace(s, role="sigma") if named and s in offsets and s not in named else s for s in columns]
 
@@ -134,7 +134,8 @@ def pointing_proposal(path: Path, table: Table, columns: tuple[Seen, ...], title
         off = _channels(path, table, axis, own, (read, true), why, notes)
         if off and off.on_sky and axis == axes[0]:  # the axis above turns further than the line of sight
             read[axis] = true[axis] + (read[axis] - true[axis]) / np.cos(true[axes[1]])
-            notes["sky"] = f"{off.name} is on the sky by its name: divided by the cosine of the {axes[1].replace('_', ' ')}"
+            lower = axes[1].replace("_", " ")
+            notes["sky"] = f"{off.name} is on the sky by its name: divided by the cosine of the {lower}"
     order = {axis.name: axis for axis in platform.axes if axis.name in axes}
     site = not_stated(latitude, height)
     clock = next((n for n, x in table.columns.items() if (g := by_name(n)) and g.quantity == "time"

@@ -1,4 +1,4 @@
-"""Logs as programs write them: remarks behind the rows, exponents of Fortran, errors beside offsets, messages, stamps."""
+"""Logs as programs write them: remarks behind rows, exponents of Fortran, errors beside offsets, messages, stamps."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from tests.importers.test_new_stars import AZ, EL, OFF, agrees, write
 
 def test_a_form_above_and_a_column_of_remarks_that_is_left_empty(tmp_path: Path) -> None:
     t, f, w = turned()
-    form = "Meter\t2\n\nChannels\t6\t\t\t\t\t\t\nSamples" + "\t2000" * 6 + "\t\nY_Unit" + "\tg" * 3 + "\tdeg/s" * 3 + "\t\n"
+    units = "\t".join(["Y_Unit", *["g"] * 3, *["deg/s"] * 3])
+    form = f"Meter\t2\n\nChannels\t6\t\t\t\t\t\t\nSamples{6 * (chr(9) + '2000')}\t\n{units}\t\n"
     head = form + "X_Value\tAcc_X\tAcc_Y\tAcc_Z\tGyr_X\tGyr_Y\tGyr_Z\tComment"
     path = rows(tmp_path / "a.lvm", head, t, *f.T / G, *w.T * D, mark="\t")
     text = path.read_text().replace(".", ",").splitlines()
