@@ -6,25 +6,24 @@ that does to the errors. By samples: parameters drawn from the covariance correc
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.effects import Effect, Parameter, with_values
-from gimbalcal.forward import jacobian
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, with_values
+from gimbalcal.forward import linearise
 from gimbalcal.kinematics import required_latitude, stimulus_from_angles, stimulus_from_readings
 from gimbalcal.navigate.outcome import CHANNELS, NONE, Navigated
 from gimbalcal.navigate.run import is_strapdown, navigated
 from gimbalcal.navigate.space_stable import USUAL, Aids, Site
-from gimbalcal.navigate.static_run import ANGLE, FORCE, horizontal, with_inner
+from gimbalcal.navigate.static_run import ANGLE, FORCE, half_apart, horizontal, with_inner
 from gimbalcal.navigate.strapdown_run import block_of, legs_navigated
 from gimbalcal.navigate.thinned import RATE, Intervals, thinned
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
-from gimbalcal.recording.record import Key
 
 TOLD = 100  # draws
 ROWS = 240  # of the run, for bands: what a parameter does follows the day and half of it
@@ -118,24 +117,29 @@ def _sensitivity(
 ) -> Array:
     if not wanted:
         return np.zeros((len(few.error(run, aids).time), len(CHANNELS), 0))
-    at_hand, kind = (stimulus_from_angles, "static-run") if few.legs is None else (stimulus_from_readings, "rotation")
-    quantities = (FORCE, ANGLE) if few.legs is None else (FORCE, RATE)
-    s = at_hand(run)
+    if few.legs is None:
+        s, kind, quantities = stimulus_from_angles(run), "static-run", (FORCE, ANGLE)
+    else:
+        s, kind, quantities = stimulus_from_readings(run), "rotation", (FORCE, RATE)
+    keys = tuple(key for key in run.channels if key[0] in quantities)
+    stages = dict.fromkeys(CATALOGUE[p.effect].stage for p in wanted)
+    rows = linearise(run.platform, s, effects, kind, keys, stages=stages)
 
-    def error(J: Mapping[str, Array], by: float) -> Array:
-        """The readings keep what the parameter does to them."""
-        moved: dict[Key, Array] = {}
-        for q in quantities:
-            names = run.platform.axis_names if q == ANGLE else tuple("xyz")
-            added = by * J[q][..., 0]
-            moved |= {(q, a): run.channels[q, a] + added[:, names.index(a)] for a in run.axes(q)}
-        return few.error(replace(run, channels=dict(run.channels) | moved), aids).error
+    def moved(k: int) -> tuple[Recording, Recording]:
+        """The readings with what a step of the parameter does to them, and with what a step back does."""
+        added = step[k] * rows.jacobian(wanted[k : k + 1])[..., 0]
+        there, back = (
+            replace(run, channels=dict(run.channels) | {key: run.channels[key] + way * added[:, i]
+                                                        for i, key in enumerate(keys)})
+            for way in (1, -1)
+        )  # fmt: skip
+        return there, back
 
-    def odd(k: int) -> Array:
-        J = jacobian(run.platform, s, effects, wanted[k : k + 1], kind)
-        return np.asarray(error(J, step[k]) - error(J, -step[k])) / 2
-
-    return np.stack([odd(k) for k in range(len(wanted))], axis=-1)
+    pairs = (moved(k) for k in range(len(wanted)))
+    if few.legs is None:
+        return half_apart(list(pairs), aids)
+    odd = [(few.error(there, aids).error - few.error(back, aids).error) / 2 for there, back in pairs]
+    return np.stack(odd, axis=-1)
 
 
 def _propagated(few: _Few, calibration: Calibration, aids: Aids) -> Array:

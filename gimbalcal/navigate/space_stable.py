@@ -25,14 +25,19 @@ Source: Britting (1971), chapter 6; Wu et al. (2018), section 5.2; constants of 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import atan2, cos, sin, sqrt
 
 import numpy as np
 
-from gimbalcal.compiled import compiled
+from gimbalcal.compiled import interpreted_first
 from gimbalcal.earth import E2, EARTH_RATE, FLATTENING, SEMI_MAJOR_AXIS, normal_gravity, radii
 from gimbalcal.number import Array
+from gimbalcal.rotation import frame_rotation
 
 COARSEST = 0.2  # step over the time constant of the height's loop beyond which it is not followed
+SOON = 200_000  # rows, which Python does in the time that loading the machine code takes
+SMALL = np.repeat([100.0, 0.1, 0.1], 3)  # m, m/s, m/s^2: steps of a derivative, 1e-9 of which is rounding
+MICROSECOND = 6  # decimals: rows are alike whose lengths differ by less
 
 
 @dataclass(frozen=True)
@@ -101,18 +106,68 @@ def navigate(
     step = _lengths(time)
     if step.max() > COARSEST * aids.height_s:
         raise ValueError(f"rows up to {step.max():g} s apart need `height_s` of {step.max() / COARSEST:g} s or more")
-    n, omega = len(time), schuler_rate(site)
-    towards_pole, upwards = _gravity_slopes(site)
-    c1, c2 = 2 / aids.height_s, 1 / aids.height_s**2 - upwards  # critically damped, gravity's own slope made up for
+    n = len(time)
     first = site.phase - EARTH_RATE * step[0] / 2  # where the first row begins
     v_ref = np.ascontiguousarray(np.broadcast_to(np.asarray(aids.velocity, dtype=float), (n, 2)))
     h_ref = np.ascontiguousarray(np.broadcast_to(site.height + np.asarray(aids.height, dtype=float), (n,)))
     r, v = _at_rest(site, first)
     v += _north_east(site.latitude, first).T @ np.asarray(start)
-    gravity = np.array([site.gravity, site.latitude, towards_pole, site.height, upwards])
     out = np.empty((n, 5))
-    _march(step, force, r, v, gravity, 2 * aids.damping * omega, c1, c2, v_ref, h_ref, out)
+    _march(step, force, r, v, *_held(site, aids), v_ref, h_ref, out)
     return Course(time, out[:, 0], np.unwrap(out[:, 1]), out[:, 2], out[:, 3:])
+
+
+def deviation(time: Array, force: Array, phase: Array, site: Site, aids: Aids = USUAL) -> Course:
+    r"""How the course of a still base moves with small errors of force (n, 3, p) [m/s^2] and of S at first (p,) [rad].
+
+    In axes that turn with the Earth, each row does to all that is off from the base what rows of this length do,
+
+    .. math:: x_{k+1} = A x_k + B f_k, \qquad o_k = C x_k + D f_k ,
+
+    x being place and velocity (6, p), o what the navigator says, and A to D the derivative of its own row: p errors at
+    once. Returns latitude, S and height (n, p), velocity (n, 2, p).
+    """
+    step = _lengths(np.asarray(time, dtype=float))
+    begin = np.cumsum(step) - step - step[0] / 2
+    lengths, which = np.unique(np.round(step, MICROSECOND), return_inverse=True)
+    slopes = [_slope(float(h), site, aids) for h in lengths]
+    f = frame_rotation("z", site.phase + EARTH_RATE * begin) @ force
+    now, out = np.zeros((9, len(phase))), np.empty((len(step), 5, len(phase)))
+    r, v = _at_rest(site, 0.0)
+    now[:6] = np.array([-r[1], r[0], 0.0, -v[1], v[0], 0.0])[:, None] * phase
+    for k, m in enumerate(which):
+        now[6:] = f[k]
+        then = slopes[m] @ now
+        now[:6], out[k] = then[:6], then[6:]
+    return Course(time, out[:, 0], out[:, 1], out[:, 2], out[:, 3:])
+
+
+def _slope(step: float, site: Site, aids: Aids) -> Array:
+    """Derivative (11, 9) of place and velocity after a row, and of what it says, by place, velocity before and force.
+
+    The base is at S = 0 in the axes before the row, and in those after it.
+    """
+    turn, towards = EARTH_RATE * step, np.array([np.cos(site.latitude), 0.0, np.sin(site.latitude)])
+    force = site.gravity * frame_rotation("z", -turn / 2) @ towards
+    still, held = np.concatenate([*_at_rest(site, 0.0), force]), _held(site, aids)
+
+    def row(given: Array) -> Array:
+        r, v, f = given.reshape(3, 3)
+        out = np.empty((1, 5))
+        after = _march(np.array([step]), f[None], r, v, *held, np.zeros((1, 2)), np.array([site.height]), out)
+        return np.concatenate([after, out[0]])
+
+    slope = np.stack([(row(still + e) - row(still - e)) / (2 * e.sum()) for e in np.diag(SMALL)], axis=-1)
+    slope[:6] = (frame_rotation("z", turn) @ slope[:6].reshape(2, 3, 9)).reshape(6, 9)
+    return np.asarray(slope)
+
+
+def _held(site: Site, aids: Aids) -> tuple[Array, float, float, float]:
+    """Gravity and its slopes, the rate of damping and both of the height's loop, as `_march` takes them."""
+    towards_pole, upwards = _gravity_slopes(site)
+    gravity = np.array([site.gravity, site.latitude, towards_pole, site.height, upwards])
+    # critically damped, gravity's own slope made up for
+    return gravity, 2 * aids.damping * schuler_rate(site), 2 / aids.height_s, 1 / aids.height_s**2 - upwards
 
 
 def _lengths(time: Array) -> Array:
@@ -144,12 +199,15 @@ def _north_east(latitude: float, phase: float) -> Array:
     return np.array([[-s * np.cos(phase), -s * np.sin(phase), c], [-np.sin(phase), np.cos(phase), 0.0]])
 
 
-@compiled
+@interpreted_first(SOON)
 def _march(
     step: Array, force: Array, r: Array, v: Array, gravity: Array, damping: float, c1: float, c2: float, v_ref: Array,
     h_ref: Array, out: Array,
-) -> None:  # fmt: skip
-    """The loop over all rows; out (n, 5): latitude, S, height, velocity north and east in the middle of each row."""
+) -> tuple[float, ...]:  # fmt: skip
+    """The loop over all rows; out (n, 5): latitude, S, height, velocity north and east in the middle of each row.
+
+    Returns place and velocity (6,) after the last one.
+    """
     a, b = SEMI_MAJOR_AXIS, SEMI_MAJOR_AXIS * (1 - FLATTENING)
     x, y, z = r
     vx, vy, vz = v
@@ -158,13 +216,13 @@ def _march(
         x, y, z = x + vx * h / 2, y + vy * h / 2, z + vz * h / 2
         # the Earth's turn makes an arc of this tangent: 12 m in a minute. Place below by Bowring's formula
         turn = (EARTH_RATE * h) ** 2
-        p = np.sqrt(x * x + y * y) * (1 - turn / 8)
-        beta = np.arctan2(z * a, p * b)
-        L = np.arctan2(z + E2 / (1 - E2) * b * np.sin(beta) ** 3, p - E2 * a * np.cos(beta) ** 3)
-        S = np.arctan2(y, x)
-        sL, cL, sS, cS = np.sin(L), np.cos(L), np.sin(S), np.cos(S)
+        p = sqrt(x * x + y * y) * (1 - turn / 8)
+        beta = atan2(z * a, p * b)
+        L = atan2(z + E2 / (1 - E2) * b * sin(beta) ** 3, p - E2 * a * cos(beta) ** 3)
+        S = atan2(y, x)
+        sL, cL, sS, cS = sin(L), cos(L), sin(S), cos(S)
         # height, half of the row's fall towards its reference done: an implicit step
-        off = (p * cL + z * sL - a * np.sqrt(1 - E2 * sL * sL) - h_ref[k]) / (1 + c1 * h / 2)
+        off = (p * cL + z * sL - a * sqrt(1 - E2 * sL * sL) - h_ref[k]) / (1 + c1 * h / 2)
         height, fall = h_ref[k] + off, c1 * off * h / 2
         x, y, z = x - fall * cL * cS, y - fall * cL * sS, z - fall * sL
         # force and gravitation; the height's loop pulls along the vertical
@@ -183,3 +241,4 @@ def _march(
         vz += az * h + cL * dn
         out[k, 0], out[k, 1], out[k, 2], out[k, 3], out[k, 4] = L, S, height, north + dn / 2, east + de / 2
         x, y, z = x + vx * h / 2 - fall * cL * cS, y + vy * h / 2 - fall * cL * sS, z + vz * h / 2 - fall * sL
+    return x, y, z, vx, vy, vz

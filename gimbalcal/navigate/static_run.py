@@ -9,7 +9,9 @@ perfect sensors on a perfect mount.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,7 +27,7 @@ from gimbalcal.kinematics import (
     with_phase_of_force,
 )
 from gimbalcal.navigate.outcome import CHANNELS, Navigated
-from gimbalcal.navigate.space_stable import Aids, Course, Site, navigate
+from gimbalcal.navigate.space_stable import Aids, Course, Site, deviation, navigate
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
 from gimbalcal.rotation import frame_rotation
@@ -40,14 +42,41 @@ def platform_navigated(recording: Recording, calibration: Calibration | None, ai
     run = with_inner(recording)
     run = run if calibration is None else calibration.apply(run)
     site, course = course_of(run, aids)
-    n, t = len(run.time), run.time - run.time[0]
-    error = np.full((n, len(CHANNELS)), np.nan)
+    error = _errors(run, site, course)
+    return Navigated(label, run.time - run.time[0], error, horizontal(error, site))
+
+
+def half_apart(pairs: Sequence[tuple[Recording, Recording]], aids: Aids) -> Array:
+    """Half of what the errors (n, 7, p) of each two runs differ by that are a still base's but for small errors.
+
+    What is navigated is their difference, of all pairs at once: `space_stable.deviation`.
+    """
+    refuse(pairs[0][0])
+    given = [(_given(plus, aids), _given(minus, aids)) for plus, minus in pairs]
+    half = np.array([np.angle(np.exp(1j * (a.site.phase - b.site.phase))) / 2 for a, b in given])
+    force = np.stack([(a.force - b.force) / 2 for a, b in given], axis=-1)
+    one = given[0][0]
+    d = deviation(one.time, force, half, one.site, aids)
+
+    def moved(k: int, way: int) -> Array:
+        site = replace(one.site, phase=given[k][0].site.phase - half[k])
+        L, S, v = (way * each[one.own, ..., k] for each in (d.latitude, d.phase, d.velocity))
+        t = one.time[one.own]
+        course = Course(t, site.latitude + L, site.phase + EARTH_RATE * t + S, site.height + 0 * t, v)
+        return _errors(pairs[k][(1 - way) // 2], replace(site, phase=site.phase + way * half[k]), course)
+
+    return np.stack([(moved(k, 1) - moved(k, -1)) / 2 for k in range(len(pairs))], axis=-1)
+
+
+def _errors(run: Recording, site: Site, course: Course) -> Array:
+    """What is off (n, 7) at the rows of a run; without readouts of all gimbals its attitude is not a number."""
+    error = np.full((len(run.time), len(CHANNELS)), np.nan)
     error[:, 0] = course.latitude - site.latitude
-    error[:, 1] = course.phase - site.phase - EARTH_RATE * t
+    error[:, 1] = course.phase - site.phase - EARTH_RATE * (run.time - run.time[0])
     error[:, 2:4] = course.velocity
     if set(run.platform.axis_names) <= set(run.axes(ANGLE)):
         error[:, 4:] = -navigator_attitude_error(run.platform, course.up, run.angles())
-    return Navigated(label, t, error, horizontal(error, site))
+    return error
 
 
 def horizontal(error: Array, site: Site) -> Array:
@@ -71,11 +100,23 @@ def refuse(recording: Recording) -> None:
 
 def course_of(run: Recording, aids: Aids) -> tuple[Site, Course]:
     """What the navigator says at the rows of a run, and where it truly stands."""
-    site = _site(run, aids.alignment)
+    g = _given(run, aids)
+    c = navigate(g.time, g.force, g.site, aids)
+    return g.site, Course(c.time[g.own], c.latitude[g.own], c.phase[g.own], c.height[g.own], c.velocity[g.own])
+
+
+class _Given(NamedTuple):
+    """What a navigator is given: where it stands, time (m,), force (m, 3); which of these rows (n,) are the run's."""
+
+    site: Site
+    time: Array
+    force: Array
+    own: Array
+
+
+def _given(run: Recording, aids: Aids) -> _Given:
     force = run.triad(FORCE) * (1 + shortening(run)[:, None] * EQUATORIAL)  # means have lost some of a turn
-    time, filled, own = _filled(run.time - run.time[0], force)
-    c = navigate(time, filled, site, aids)
-    return site, Course(c.time[own], c.latitude[own], c.phase[own], c.height[own], c.velocity[own])
+    return _Given(_site(run, aids.alignment), *_filled(run.time - run.time[0], force))
 
 
 def with_inner(recording: Recording) -> Recording:

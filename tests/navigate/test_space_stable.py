@@ -10,11 +10,14 @@ which is linear, so that its answer to a = c e^{iwt} and c t e^{iwt} is exact al
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gimbalcal.earth import EARTH_RATE, normal_gravity, radii
-from gimbalcal.navigate.space_stable import Aids, Site, navigate, schuler_rate
+from gimbalcal.navigate import space_stable
+from gimbalcal.navigate.space_stable import Aids, Site, deviation, navigate, schuler_rate
 from gimbalcal.number import Array
 
 L = np.deg2rad(40.0)
@@ -198,3 +201,43 @@ def test_rows_too_far_apart_are_refused() -> None:
     time, S = rows(6, 300.0)
     with pytest.raises(ValueError, match="height_s"):
         navigate(time, true_force(S), SITE)
+
+
+@pytest.mark.parametrize(("damping", "lengths"), [(0.5, [10.0]), (0.0, [20.0]), (0.5, [5.0, 12.0, 7.0])])
+def test_small_errors_all_at_once_are_what_each_does_alone(damping: float, lengths: list[float]) -> None:
+    """Half of what two navigations differ by, to the 5 cm by which the base itself is off its step, of the Earth."""
+    aids = Aids(damping=damping)
+    gaps = np.repeat(np.resize(lengths, 12), 250)
+    time = np.append(0.0, np.cumsum(gaps))
+    S = SITE.phase + EARTH_RATE * time
+    still = true_force(S)
+    slow = np.sin(EARTH_RATE * time)[:, None] * [2e-4, -1e-4, 3e-4]
+    force = np.stack(
+        [0 * still + [1e-4, 0, 0], 0 * still + [0, 0, 1e-4], 1e-5 * still[:, [1, 0, 2]], slow, 0 * still], -1
+    )
+    phase = np.array([0.0, 0.0, 1e-5, 0.0, -2e-5])
+    d = deviation(time, force, phase, SITE, aids)
+    for k in range(len(phase)):
+        a, b = (
+            navigate(time, still + way * force[..., k], replace(SITE, phase=SITE.phase + way * phase[k]), aids)
+            for way in (1, -1)
+        )
+        for name in ("latitude", "phase", "velocity"):
+            made, expected = getattr(d, name)[..., k], (getattr(a, name) - getattr(b, name)) / 2
+            np.testing.assert_allclose(
+                made, expected, atol=(1e-6 if len(lengths) == 1 else 3e-5) * np.abs(expected).max()
+            )
+
+
+def test_python_and_the_machine_march_alike() -> None:
+    time, S = rows(12, 10.0)
+    force = true_force(S) + 1e-4
+    every = []
+    for march in (space_stable._march.loop, space_stable._march.made()):
+        out, (r, v) = np.empty((len(time), 5)), space_stable._at_rest(SITE, SITE.phase)
+        end = march(np.full(len(time), 10.0), force, r, v, *space_stable._held(SITE, Aids()), np.zeros((len(time), 2)),
+                    np.full(len(time), SITE.height), out)  # fmt: skip
+        every.append((out, np.array(end)))
+    (python, end), (machine, same) = every
+    np.testing.assert_allclose(python, machine, rtol=0, atol=1e-8)  # m: rounding of the Earth's radius
+    np.testing.assert_allclose(end, same, rtol=1e-13)

@@ -10,14 +10,16 @@ import numpy as np
 import pytest
 
 from gimbalcal.calibration import Calibration, Residual
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.navigate.answer import content
-from gimbalcal.navigate.bands import bands, before_and_after
+from gimbalcal.navigate.bands import bands, before_and_after, uncertain
 from gimbalcal.navigate.outcome import CHANNELS, NAUTICAL_MILE, Navigated, labels
 from gimbalcal.navigate.run import navigated
-from gimbalcal.navigate.space_stable import Aids
-from gimbalcal.recording import Recording
+from gimbalcal.navigate.space_stable import USUAL, Aids
+from gimbalcal.navigate.static_run import half_apart
+from gimbalcal.navigate.still import still_base
+from gimbalcal.recording import Recording, Site
 from gimbalcal.simulate import simulate
 
 TRUTH = {
@@ -74,6 +76,30 @@ def test_bands_by_propagation_and_by_samples_agree() -> None:
     ratio = sampled.max(0) / linear.max(0)
     assert np.all(np.abs(ratio - 1) < 3 / np.sqrt(2 * 40)), ratio
     np.testing.assert_array_less(1e-9, linear.max(0))
+
+
+def test_runs_that_hardly_differ_are_told_apart_as_if_each_was_navigated() -> None:
+    base = still_base(24.0, Site(latitude=np.deg2rad(40.0)))
+    wanted = [p for e in ("bias", "gimbal_zero", "polar_axis_misalignment")
+              for p in parameters(CATALOGUE[e], base.platform.axis_names)]  # fmt: skip
+    pairs = []
+    for p in wanted:
+        readings = [
+            calibration(with_values((), [p], np.array([way * 0.05 * p.sigma]), base.platform.axis_names)).corrupt(base)
+            for way in (1, -1)
+        ]
+        pairs.append((readings[0], readings[1]))
+    expected = np.stack([(navigated(a).error - navigated(b).error) / 2 for a, b in pairs], axis=-1)
+    size = np.abs(expected).max(axis=(0, 2))[:, None]
+    np.testing.assert_allclose(half_apart(pairs, USUAL) / size, expected / size, rtol=0, atol=1e-7)
+
+
+def test_a_bias_that_is_not_known_is_as_uncertain_as_it_leads_astray() -> None:
+    base = still_base(24.0, Site(latitude=np.deg2rad(40.0)))
+    (bias,) = (p for p in parameters(CATALOGUE["bias"]) if p.axis == "y")
+    known = calibration(with_values((), [bias], np.array([0.0]), base.platform.axis_names), (bias,), 3e-4)
+    off = replace(known, effects=with_values((), [bias], np.array([3e-4]), base.platform.axis_names))
+    assert uncertain(base, known) == pytest.approx(navigated(off.corrupt(base)).position.max(), rel=1e-3)
 
 
 def test_no_covariance_no_band() -> None:
