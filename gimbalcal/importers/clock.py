@@ -6,8 +6,9 @@ beside another that says when the row arrived.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -22,6 +23,7 @@ WRAPS = {86400.0: "midnight", 604800.0: "the end of a week of GPS", 3600.0: "the
          86400e6: "midnight", 604800e3: "the end of a week of GPS", 1e6: "10^6"}  # fmt: skip
 RATES = (1.0, 10_000.0)  # Hz that inertial sensors are logged at
 LONG = 1e3  # Hz; more nobody logs in minutes, hours or days
+MOST_SENSORS = 8  # that write into one log in turn
 JITTER = 0.02  # of a step: stamps that scatter by more are times of arrival where another clock beside them does not
 
 
@@ -55,6 +57,42 @@ def unwrapped(t: Array) -> tuple[Array, str]:
             whole[1:] += period * np.cumsum(step < 0)
             return whole, name
     return t, ""
+
+
+def joined(columns: Mapping[str, Array]) -> tuple[str, str, Array, str] | None:
+    """Whole seconds and, in the column beside, what is beyond them in ms, us or ns: both names, seconds, that unit."""
+    names = list(columns)
+    for first, second in pairwise(names):
+        whole, rest = columns[first], columns[second]
+        if len(whole) < 3 or not all(np.all(np.isfinite(x)) and np.all(x == np.round(x)) for x in (whole, rest)):
+            continue
+        size = next((s for s in (1e3, 1e6, 1e9) if 0 <= rest.min() and 0.5 * s < rest.max() < s), 0.0)
+        if not size or not 0 < whole[-1] - whole[0] < len(whole):
+            continue
+        time = whole - whole[0] + rest / size
+        if np.all(np.diff(time) > 0) and np.any(np.diff(rest) < 0) and jitter(time) < 1:
+            return first, second, time, {1e3: "ms", 1e6: "us", 1e9: "ns"}[size]
+    return None
+
+
+def one_of_several(columns: Mapping[str, Array], clocks: Sequence[str]) -> tuple[dict[str, Array], str]:
+    """The rows of one sensor where several write in turn and a column says which, and that in words.
+
+    Such a column has few whole numbers, and the clock that stands still over all rows grows over those of each.
+    """
+    for clock in clocks:
+        t = columns[clock]
+        if np.all(np.diff(t) > 0):
+            break
+        for name, x in columns.items():
+            several = np.unique(x[np.isfinite(x)])
+            if name in clocks or not 1 < len(several) <= MOST_SENSORS or np.any(several != np.round(several)):
+                continue
+            own = [np.flatnonzero(x == one) for one in several]
+            if min(map(len, own)) > 0.8 * len(t) / len(own) and all(np.all(np.diff(t[rows]) > 0) for rows in own):
+                told = f"rows are of {len(own)} sensors by the column {name.strip()}, {several[0]:g} is taken"
+                return {n: values[own[0]] for n, values in columns.items()}, told
+    return dict(columns), ""
 
 
 def jitter(t: Array) -> float:

@@ -66,15 +66,21 @@ def import_csv(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     return recording_of(replace(header, named=named), options, fetch)
 
 
-def frame_of(path: Path, separator: str, skip: int, named: bool, quoted: bool = True) -> pl.DataFrame:
-    """Every cell as text, the blanks around names gone; not `quoted`: quotation marks are letters like others."""
+def frame_of(path: Path, separator: str, skip: int, named: bool, quoted: bool = True,
+             lines: Sequence[str] | None = None) -> pl.DataFrame:  # fmt: skip
+    """Every cell as text, the blanks around names gone; not `quoted`: quotation marks are letters like others.
+
+    lines: of the file, where they were made plainer.
+    """
     import polars as pl
 
     source: Path | bytes = path.absolute()  # as it stands: `~` and `*` are letters like others
-    encoding = encoding_of(path)
+    encoding = "" if lines is not None else encoding_of(path)
     if separator == " ":  # columns are often lined up by more than one blank
-        lines = path.read_text(encoding=encoding).splitlines()[skip:]
-        source, skip = "\n".join(" ".join(line.split()) for line in lines if line.split()).encode(), 0
+        lines = lines if lines is not None else path.read_text(encoding=encoding).splitlines()
+        source, skip = "\n".join(" ".join(line.split()) for line in lines[skip:] if line.split()).encode(), 0
+    elif lines is not None:
+        source = "\n".join(lines).encode()
     elif encoding != "utf-8-sig":
         source = path.read_text(encoding=encoding).encode()
     try:

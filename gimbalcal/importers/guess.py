@@ -35,6 +35,7 @@ def by_order(columns: Mapping[str, Array]) -> dict[str, Guess]:
         windows = [names[k : k + 3] for k in range(len(names) - 2)]
         forces = [t for t in windows if _turns_about_a_constant([columns[n] for n in t]) and
                   _changes([columns[n] for n in t])]  # fmt: skip
+    forces.sort(key=lambda t: _unlike_gravity([columns[n] for n in t]))
     for quantity, group in ((FORCE, forces[:1]), (RATE, [t for t in triples if t not in forces[:1]][:1])):
         for triple in group:
             for axis, name in zip("xyz", triple, strict=True):
@@ -62,9 +63,9 @@ def alike(columns: Mapping[str, Array]) -> dict[str, Guess]:
 
 
 def _one_letter(triple: Sequence[str]) -> bool:
-    """Whether names differ in one letter or digit that counts on."""
+    """Whether names differ in one letter or digit that counts on; mere numbers are no names."""
     a, b, c = (name.lower() for name in triple)
-    if not len(a) == len(b) == len(c):
+    if a.isdigit() or not len(a) == len(b) == len(c):
         return False
     at = [i for i, letters in enumerate(zip(a, b, c, strict=True)) if len(set(letters)) > 1]
     return (
@@ -93,6 +94,14 @@ def _turns_about_a_constant(triple: Sequence[Array]) -> bool:
     length = np.sqrt(sum(np.asarray(x) ** 2 for x in triple))
     middle = float(np.median(length))
     return middle > 0 and float(np.quantile(np.abs(length / middle - 1), 0.5)) < NEAR / 3
+
+
+def _unlike_gravity(triple: Sequence[Array]) -> tuple[bool, float]:
+    """Whether a vector's length is gravity in no common unit, and how far it goes: a bias of rates is short."""
+    length = np.sqrt(sum(np.asarray(x) ** 2 for x in triple))
+    middle = float(np.median(length))
+    alike = any(abs(middle / size - 1) < NEAR for size in GRAVITY.values())
+    return not alike, float(np.quantile(np.abs(length / middle - 1), 0.9))
 
 
 def unit_of_force(triad: Sequence[Array]) -> tuple[str, str]:

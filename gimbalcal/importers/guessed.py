@@ -17,6 +17,7 @@ from gimbalcal.importers.together import one_each
 from gimbalcal.importers.undescribed import Table
 from gimbalcal.number import Array
 
+JOINED = "time of two columns"
 EACH_A_REST = 0.05  # of the norm, from row to row: no log is so slow, but a table with a row for each position
 ONE_LENGTH = 0.1  # that all but a few rests agree to in the norm of the force
 MOST_RESTS = 2000  # rows of such a table
@@ -26,8 +27,17 @@ def guessed(
     path: Path, table: Table, rate: float, named: Set[str]
 ) -> tuple[dict[str, Array], dict[str, Guess], list[str], dict[str, str]]:
     """Columns of a log, what those are that are known, names of the others, and what was guessed of the whole."""
-    columns, hint, notes = dict(table.columns), hinted(path.stem), {}
+    columns, hint = dict(table.columns), hinted(path.stem)
+    notes: dict[str, str] = {}
+    if two := clocks.joined(columns):
+        whole, beyond, seconds, unit = two
+        columns = {JOINED: seconds, **{n: x for n, x in columns.items() if n not in two[:2]}}
     guesses = {name: g for name in columns if (g := by_name(name, hint)) is not None}
+    if two:
+        why = f"its names {whole!r} and {beyond!r}, whole seconds and {unit}, counted from the first row"
+        guesses = {JOINED: Guess("time", "", "s", why), **{n: g for n, g in guesses.items() if n != JOINED}}
+    columns, told = clocks.one_of_several(columns, [n for n, g in guesses.items() if g.quantity == "time"])
+    notes |= {"sensor": told} if told else {}
     for name, g in guesses.items():
         if g.quantity == "time":
             if name in table.sexagesimal:
@@ -86,7 +96,7 @@ def guessed(
         if each_a_rest
         else guesses
     )
-    left = [name for name in (*table.columns, *table.others) if name not in used]
+    left = [name for name in (*table.columns, *table.others) if name not in used and not (two and name in two[:2])]
     return columns, _with_units(columns, guesses), left, notes
 
 

@@ -24,7 +24,7 @@ from gimbalcal.importers.sky import of_the_axes
 from gimbalcal.importers.stars import angles_in, pointing_proposal
 from gimbalcal.importers.together import Columns, on_one_clock, slowest_first
 from gimbalcal.importers.tpoint import import_tpoint
-from gimbalcal.importers.undescribed import Table, table_of
+from gimbalcal.importers.undescribed import Table, tables_of
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwell_means, dwells, from_frame
@@ -69,8 +69,8 @@ def propose(
     if len(logs) == 1 and (known := _foreign(logs[0], title)):
         return known
     dates = Dates()
-    tables = [table_of(path, dates) for path in logs]
-    return of_tables(dict(zip(logs, tables, strict=True)), title, rate, latitude, height)
+    tables = {part: table for path in logs for part, table in tables_of(path, dates).items()}
+    return of_tables(tables, title, rate, latitude, height)
 
 
 def of_tables(logs: Mapping[Path, Table], title: str, rate: float = 0.0, latitude: float | None = None,

@@ -11,8 +11,9 @@ AXIS = {"x": "x", "y": "y", "z": "z", "0": "x", "1": "y", "2": "z"}
 
 # Words of English, German and French, as `plain` leaves them.
 _TIME = re.compile(
-    r"^(time|times|timestamp|timestamps|stamp|clock|date_time|date|datetime|utc|zeit|zeitstempel|messzeit|uhrzeit|temps|heure|hora"
-    r"|tiempo|ora|tijd|tid|epoch|mjd|jd|yday|doy|jday|decimal_day|gps_sow|gps_tow|sow|tow|itow|t|ts|sec|secs|seconds|millis|micros|ms|us|s|elapsed|seconds_elapsed)(_|$)"
+    r"^(time|times|timestamp|timestamps|stamp|clock|date_time|date|datetime|utc|zeit|zeitstempel|messzeit|uhrzeit|temps|heure"
+    r"|hora|tiempo|ora|tijd|tid|epoch|mjd|jd|yday|doy|jday|decimal_day|gps_sow|gps_tow|sow|tow|itow|t|ts|sec|secs|seconds"
+    r"|millis|milliseconds|micros|microseconds|nanos|nanoseconds|ms|us|ns|s|elapsed|seconds_elapsed)(_|$)"
 )
 _FORCE_WORDS = (
     "linear_acceleration|lin_acc|linacc|accelerometer_acceleration|accelerometer|acceleration|accelero|accel|accl|acc"
@@ -32,7 +33,7 @@ _LETTER_AND_UNIT = re.compile(r"^[a-z0-9_]*?([xyz])_([a-z0-9_]+)$")
 _OWN_ESTIMATE = re.compile(
     r"(^|_)(roll|pitch|yaw|euler|eul|heading|attitude|orientation|quat|quaternion)(_|$)|^(angle|ang|winkel)_?[xyz](_|$)"
 )
-_BARE = re.compile(r"^(?:(?:axis|achse)_)?([xyz])(?:_(?:axis|achse))?(_|$)")
+_BARE = re.compile(r"^(?:(?:axis|achse|values?|measurement|data)_)?([xyz]|(?<=_)[012])(?:_(?:axis|achse))?(_|$)")
 _BODY = {"p": "x", "q": "y", "r": "z"}  # roll, pitch and yaw rate of a vehicle
 _TEMPERATURE = re.compile(r"^(temperature|temperatur|temp|tmp)(_|$)")
 _POSITION = re.compile(
@@ -181,7 +182,7 @@ def by_name(name: str, hint: str = "") -> Guess | None:
     bare = _BARE.match(words)
     if hint and bare:
         why = f"{why} in a log that is called after the {'accelerometer' if hint == FORCE else 'gyroscope'}"
-        return Guess(hint, bare[1], _UNITS.get(_rest(words, bare), ""), why)
+        return Guess(hint, AXIS[bare[1]], _UNITS.get(_rest(words, bare), ""), why)
     return None
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from gimbalcal.errors import InputError
 from gimbalcal.importers import calendar
 from gimbalcal.importers.delimited import encoding_of, frame_of
+from gimbalcal.importers.messages import tables_in
 from gimbalcal.importers.names import by_name, plain, unit_written
 from gimbalcal.number import Array
 from gimbalcal.recording.dates import Dates, NoDateError, is_date
@@ -54,21 +55,34 @@ class Table:
     dates: frozenset[str] = frozenset()  # columns of dates and times of day, in seconds
 
 
-def table_of(path: Path, dates: Dates | None = None) -> Table:
+def tables_of(path: Path, dates: Dates | None = None) -> dict[Path, Table]:
+    """The table in a text file, see `table_of`, or those of its messages by path/word. Raises InputError."""
+    with path.open(encoding=encoding_of(path)) as file:
+        head = [line.rstrip("\r\n") for line, _ in zip(file, range(HEAD), strict=False)]
+    found = tables_in(path, head)
+    return {path / word: table_of(path, dates, lines) for word, lines in found.items()} or {
+        path: table_of(path, dates)}  # fmt: skip
+
+
+def table_of(path: Path, dates: Dates | None = None, lines: Sequence[str] | None = None) -> Table:
     """Every column of numbers of a text table, by its name; dates of ISO 8601 are seconds, counted as `dates` does.
 
     Lines before the table are skipped, the separator is the one that most lines share, a decimal comma is understood
     beside semicolons and tabs, a line of units below the names goes to the names, and a table without names has its
     columns called by number. Cells that hold no number are NaN. Raises InputError for a file without a table.
+    lines: of the file, where they were made plainer.
     """
-    with path.open(encoding=encoding_of(path)) as file:
-        head = [line.rstrip("\r\n") for line, _ in zip(file, range(HEAD), strict=False)]
+    if lines is None:
+        with path.open(encoding=encoding_of(path)) as file:
+            head = [line.rstrip("\r\n") for line, _ in zip(file, range(HEAD), strict=False)]
+    else:
+        head = list(lines[:HEAD])
     found = _begins(head)
     if found is None:
         raise InputError(f"{path} holds no table of {LEAST_COLUMNS} columns or more; give a text log of a unit")
     skip, separator, named = found.skip, found.separator, found.named
     marked = separator != " " and any(_seconds_marked(line, separator) for line in head[skip:])
-    frame = frame_of(path, separator, skip, named, quoted=not marked)
+    frame = frame_of(path, separator, skip, named, quoted=not marked, lines=lines)
     if not named:
         frame.columns = _names_above(head[:skip], frame.width) or [str(i) for i in range(1, frame.width + 1)]
     elif frame.height:

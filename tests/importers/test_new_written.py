@@ -10,8 +10,10 @@ import pytest
 from gimbalcal.errors import InputError
 from gimbalcal.importers.delimited import encoding_of
 from gimbalcal.importers.log import propose
+from gimbalcal.importers.messages import tables_in
 from gimbalcal.importers.names import by_name
 from gimbalcal.importers.undescribed import table_of
+from gimbalcal.number import Array
 from tests.importers.test_new import D, G, turned
 from tests.importers.test_new_layouts import rows, same
 from tests.importers.test_new_stars import AZ, EL, OFF, agrees, write
@@ -78,3 +80,90 @@ def test_offsets_beside_both_angles_say_the_same_or_are_asked_about(tmp_path: Pa
     servo = AZ + 1e-4, EL - 1e-4
     with pytest.raises(InputError, match="el_act less el_cmd is not what el_off"):
         propose([write(tmp_path / "b.csv", names, AZ, EL, *servo, *OFF)])
+
+
+def _cells(t: Array, *columns: Array) -> list[str]:
+    return [",".join(f"{v:.9g}" for v in row) for row in zip(t, *columns, strict=True)]
+
+
+def test_messages_of_a_flight_controller_two_units_in_turn(tmp_path: Path) -> None:
+    t, f, w = turned()
+    us = np.round(1e6 * t) + 61e6
+    lines = [
+        "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",
+        "FMT, 164, 47, IMU, QBffffff, TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ",
+        "FMT, 151, 43, ATT, Qccc, TimeUS,DesRoll,Roll,DesPitch",
+        *(f"PARM, 5{k}, A{k}, {k}" for k in range(300)),
+    ]
+    for k, (s, a, b) in enumerate(zip(us, w, f, strict=True)):
+        lines += [f"IMU, {s:.0f}, {i}, " + ", ".join(f"{v + i:.9g}" for v in (*a, *b)) for i in range(2)]
+        lines += [f"ATT, {s:.0f}, 0, 1.5, 0"] if k % 5 == 0 else []
+    path = tmp_path / "a.log"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    found = propose([path])
+    same(found, t, f, w)
+    assert found.notes["sensor"] == "rows are of 2 sensors by the column I, 0 is taken"
+
+
+def test_messages_of_a_telephone_named_in_comments_or_in_one_line(tmp_path: Path) -> None:
+    t, f, w = turned()
+    ns = np.round(1e9 * t)
+    acc, gyr = _cells(ns, *f.T), _cells(ns, *w.T)
+    names = "elapsedRealtimeNanos,{0}XMps2,{0}YMps2,{0}ZMps2"
+    head = ["# UncalAccel," + names.format("UncalAccel"), "# ", "# UncalGyro," + names.format("UncalGyro").replace(
+        "Mps2", "RadPerSec"), "Fix,GPS,48.1,11.5,545.0,0.1,3"]  # fmt: skip
+    path = tmp_path / "gnss.txt"
+    body = [f"{tag},{x}" for pair in zip(acc, gyr, strict=True) for tag, x in zip(("UncalAccel", "UncalGyro"), pair,
+                                                                                strict=True)]  # fmt: skip
+    path.write_text("\n".join([*head, *body]), encoding="utf-8")
+    same(propose([path]), t, f, w)
+    path.write_text("\n".join(["MessageType,nanos,MeasurementX,MeasurementY,MeasurementZ", *body]), encoding="utf-8")
+    same(propose([path]), t, f, w)
+    path.write_text("\n".join(["# ATT,time,Roll,Pitch,Yaw", *[f"ATT,{k},1,2,3\nGPS,{k},1,2" for k in range(30)]]))
+    with pytest.raises(InputError, match="messages of 2 kinds and none has accelerometers"):
+        propose([path])
+
+
+def test_labels_of_rows_are_no_messages(tmp_path: Path) -> None:
+    body = [f"{'M31' if k % 2 else 'Vega'},{k},{k + 1},{k + 2}" for k in range(60)]
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(lines := ["Star,Az,El,x", *body]), encoding="utf-8")
+    assert tables_in(path, lines) == {}
+
+
+def test_lines_of_a_terminal_with_times_of_arrival_and_checksums(tmp_path: Path) -> None:
+    t, f, w = turned()
+    second = 14 * 3600 + t
+    stamp = [f"14:{int(s) // 60 % 60:02d}:{s % 60:06.3f} -> " for s in second]
+    raw = np.round(np.column_stack([f / G * 16384, w * D * 131])).astype(int)
+    path = tmp_path / "serial.txt"
+    lines = [s + "a/g:\t" + "\t".join(map(str, row)) for s, row in zip(stamp, raw, strict=True)]
+    path.write_text("\n".join([stamp[0] + "boot", *lines]), encoding="utf-8")
+    r = propose([path]).recording
+    np.testing.assert_allclose(np.diff(r.time), 0.02, atol=1e-6)
+    np.testing.assert_allclose(r.triad("specific_force"), raw[:, :3])
+    np.testing.assert_allclose(r.triad("angular_rate"), raw[:, 3:])
+    pairs = [f"{s}ax: {a[0]:.6f}, ay={a[1]:.6f} az = {a[2]:.6f} | gx: {b[0]:.6f} gy: {b[1]:.6f} gz: {b[2]:.6f}"
+             for s, a, b in zip(stamp, f, w, strict=True)]  # fmt: skip
+    path.write_text("\n".join(["ready: 1", *pairs]), encoding="utf-8")
+    found = propose([path]).recording
+    np.testing.assert_allclose(found.triad("specific_force"), f, atol=1e-6)
+    np.testing.assert_allclose(found.time - found.time[0], t, atol=1e-6)
+    body = [f"{s:.2f};{','.join(f'{v:.6f}' for v in (*a, *b))}*{k % 256:02x}"
+            for k, (s, a, b) in enumerate(zip(t, f, w, strict=True))]  # fmt: skip
+    path.write_text("\n".join(f"$PIMU,{line}".replace(";", ",") for line in body), encoding="utf-8")
+    np.testing.assert_allclose(propose([path]).recording.triad("angular_rate")[:, 2], w[:, 2], atol=1e-6)
+
+
+def test_a_clock_of_whole_seconds_and_nanoseconds_and_rates_with_a_bias(tmp_path: Path) -> None:
+    t, f, w = turned()
+    w += 0.02  # a constant length at rest, as gravity has
+    whole = 1_772_000_000 + np.floor(t + 0.9)
+    rest = np.round(1e9 * np.mod(t + 0.9, 1.0)) % 1_000_000_000
+    lines = [f"{a:.0f},{b:.0f},imu_link,0.0,0.0,0.0,1.0,-1.0," + ",".join(f"{v:.9g}" for v in (*c, 4e-6, 0.0, *d))
+             for a, b, c, d in zip(whole, rest, w, f, strict=True)]  # fmt: skip
+    path = tmp_path / "imu.csv"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    found = propose([path])
+    same(found, t, f, w)
+    assert not {"1", "2"} & set(found.left_out)

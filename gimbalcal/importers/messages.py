@@ -1,0 +1,171 @@
+"""Text whose rows are of several kinds, or have words between their numbers, as tables.
+
+Flight controllers and telephones write messages, each with a word in front that says what follows ("IMU, 61234567, 0,
+0.01, ..."); terminals write the time of arrival before a line, receivers a checksum behind it, and programs a name
+beside each number ("ax: 0.1, ay: 0.2").
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from gimbalcal.errors import InputError
+from gimbalcal.importers.delimited import encoding_of
+from gimbalcal.importers.names import FORCE, RATE, by_name, hinted
+
+FEWEST = 20  # rows of a kind of message that holds a triad
+FEW, MOST_KINDS = 3, 200
+_STAMP = r"\[?((?:\d{4}-\d\d-\d\d[T ])?\d{1,2}:\d\d:\d\d(?:[.,]\d+)?)\]?"
+_ARRIVED = re.compile(rf"^\s*{_STAMP}\s*->\s*")
+_STAMPED = re.compile(rf"^\s*{_STAMP}")
+_CHECKSUM = re.compile(r"\*[0-9A-Fa-f]{2,8}\s*$")
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_PAIR = re.compile(rf"""(?<![\w."])"?([A-Za-z]\w*(?:\[\d\])?)"?\s*[:=]\s*({_NUMBER})(?![\w:])""")
+_KIND = re.compile(r"[$%]?[A-Za-z][\w-]*:?")
+_COMMENT = ("#", "!", "//")
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """The rows of one kind of message, without the word that tells it, and what its columns are called, or nothing."""
+
+    names: tuple[str, ...]
+    rows: list[list[str]]
+
+
+def tables_in(path: Path, head: Sequence[str]) -> dict[str, list[str]]:
+    """Lines of plain tables by what their messages are called; none where nothing is in the way.
+
+    head: the first lines of the file. Raises InputError where messages hold no accelerometers.
+    """
+    said = [line for line in head if line.strip() and not line.startswith(_COMMENT)]
+
+    def usual(test: Callable[[str], object]) -> bool:
+        return 2 * sum(bool(test(line)) for line in said) > len(said)
+
+    arrived, summed, paired = usual(_ARRIVED.match), usual(_CHECKSUM.search), usual(_pairs)
+    at = next((k for k in (0, 1) if usual(partial(_tag, at=k))), None)
+    if not said or not (arrived or summed or paired or at is not None):
+        return {}
+    lines = path.read_text(encoding=encoding_of(path), errors="replace").splitlines()
+    if arrived:
+        lines = _without_arrows(lines)
+    if summed:
+        lines = [_CHECKSUM.sub("", line) for line in lines]
+    kinds = _of_pairs(lines) if paired else _of_words(lines, at) if at is not None else {}
+    if kinds:
+        return {tag: _lines(kind) for tag, kind in _chosen(path, kinds).items()}
+    return {"": lines} if arrived or summed else {}
+
+
+def _split(line: str) -> list[str]:
+    return [cell.strip() for cell in re.split(r"[,;\t]", line)] if re.search(r"[,;\t]", line) else line.split()
+
+
+def _tag(line: str, at: int) -> str:
+    """The word of a row that stands in cell `at`, before three others."""
+    cells = _split(line)
+    word = len(cells) > at + 3 and _KIND.fullmatch(cells[at]) is not None
+    return cells[at] if word and (at == 0 or re.fullmatch(_NUMBER, cells[0]) is not None) else ""
+
+
+def _without_arrows(lines: Sequence[str]) -> list[str]:
+    """Times of arrival as the first cell of each line: "12:30:05.123 -> 1,2,3"."""
+    marks = Counter(mark for line in lines for mark in ("\t", ";", ",") if _ARRIVED.match(line) and mark in line)
+    mark = marks.most_common(1)[0][0] if marks else " "
+    return [_ARRIVED.sub(lambda found: found[1] + mark, line) for line in lines]
+
+
+def _pairs(line: str) -> list[tuple[str, str]]:
+    """Names with their numbers, where a line has three or more."""
+    found = _PAIR.findall(line)
+    return found if len(found) >= 3 and len({name for name, _ in found}) == len(found) else []
+
+
+def _of_pairs(lines: Sequence[str]) -> dict[str, _Kind]:
+    """Messages of names beside numbers; those with the same names are of one kind."""
+    kinds: dict[tuple[str, ...], _Kind] = {}
+    for line in lines:
+        found = _pairs(line)
+        if not found:
+            continue
+        stamp = _STAMPED.match(line)
+        names, cells = [name for name, _ in found], [number for _, number in found]
+        if stamp:
+            names, cells = ["time of arrival", *names], [stamp[1], *cells]
+        kinds.setdefault(tuple(names), _Kind(tuple(names), [])).rows.append(cells)
+    return {f"message {k}": kind for k, kind in enumerate(kinds.values(), start=1)}
+
+
+def _of_words(lines: Sequence[str], at: int) -> dict[str, _Kind]:
+    """Messages by the word in cell `at`; none where that only labels the rows of one table."""
+    rows: dict[str, list[list[str]]] = {}
+    told: list[str] = []  # lines of words: what columns are called
+    common: tuple[str, ...] = ()
+    for line in lines:
+        cells = _split(line)
+        if line.startswith(_COMMENT) or not any(re.fullmatch(_NUMBER, c) for c in cells):
+            told.append(line)
+            named = tuple(c for i, c in enumerate(cells) if i != at)
+            if not common and not line.startswith(_COMMENT) and len(cells) > at + 3:
+                common = named
+        elif tag := _tag(line, at):
+            rows.setdefault(tag, []).append([c for i, c in enumerate(cells) if i != at])
+            if _wordy(cells[-1]) and _wordy(cells[-2]):  # FMT, 164, 47, IMU, QBff, TimeUS,I,GyrX, ...
+                told.append(line)
+    if not 1 < len(rows) <= MOST_KINDS:
+        return {}
+    widths = {tag: Counter(map(len, own)).most_common(1)[0][0] for tag, own in rows.items()}
+    own_names = {tag: _names(tag, told, widths[tag]) for tag in rows}
+    hints = {hinted(tag) for tag in rows}
+    uneven = len({widths[tag] for tag, own in rows.items() if len(own) > FEW}) > 1
+    if not any(own_names.values()) and not uneven and not {FORCE, RATE} <= hints:
+        return {}
+    return {
+        tag: _Kind(own_names[tag] or (common if len(common) == widths[tag] else ()),
+                   [cells for cells in own if len(cells) == widths[tag]])
+        for tag, own in rows.items() if len(own) >= FEWEST
+    }  # fmt: skip
+
+
+def _names(tag: str, told: Sequence[str], columns: int) -> tuple[str, ...]:
+    """What the columns of a kind are called: the last words of a line that names it before them."""
+    for line in told:
+        words = [word for word in re.split(r"[,;\s]+", line.strip("#!/ \t")) if word]
+        names = words[-columns:]
+        if tag in words[:-columns] and all(map(_wordy, names)) and any(by_name(n, hinted(tag)) for n in names):
+            return tuple(names)
+    return ()
+
+
+def _wordy(cell: str) -> bool:
+    return re.search(r"[^\W\d_]", cell) is not None
+
+
+def _chosen(path: Path, kinds: Mapping[str, _Kind]) -> dict[str, _Kind]:
+    """The kind that holds both triads, or one for each; of several the one with the most rows."""
+    holds = {tag: {g.quantity for n in kind.names if (g := by_name(n, hinted(tag)))} for tag, kind in kinds.items()}
+
+    def most(wanted: set[str]) -> list[str]:
+        fitting = [tag for tag, quantities in holds.items() if wanted <= quantities]
+        return sorted(fitting, key=lambda tag: -len(kinds[tag].rows))[:1]
+
+    tags = most({FORCE, RATE}) or [*most({FORCE}), *most({RATE})]
+    if not tags and not any(kind.names for kind in kinds.values()):
+        tags = sorted(kinds, key=lambda tag: -len(kinds[tag].rows))[:1]
+    if not tags:
+        listed = "; ".join(f"{tag}: {', '.join(kind.names)}" for tag, kind in list(kinds.items())[:4])
+        raise InputError(
+            f"{path} holds messages of {len(kinds)} kinds and none has accelerometers by the names of its columns "
+            f"({listed}); log those too, or put the rows of one kind into a table with a line of names"
+        )
+    return {tag: kinds[tag] for tag in tags}
+
+
+def _lines(kind: _Kind) -> list[str]:
+    return ["\t".join(cells) for cells in ([list(kind.names)] if kind.names else []) + kind.rows]
