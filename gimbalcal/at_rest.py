@@ -18,6 +18,7 @@ from gimbalcal.estimate.systematic.course import stops
 from gimbalcal.inference.allan import FEWEST, UNLIKELY, Curve, Fitted, curve, fit, law, probability
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwells
+from gimbalcal.recording.dwell import MISSED
 from gimbalcal.recording.record import SENSORS, Key
 from gimbalcal.units import from_si, is_raw
 
@@ -28,7 +29,6 @@ UNITS: Mapping[str, tuple[str, str, str]] = {
 }
 SI = {"specific_force": "m/s^2", "angular_rate": "rad/s"}
 WORDS = {"specific_force": "accelerometer", "angular_rate": "gyroscope"}
-GAP = 1.5  # usual steps of the clock: there a stretch ends
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def _stretches(recording: Recording) -> tuple[list[slice], float]:
     """Rows at rest without a gap of the clock, and the step of the clock [s]."""
     step = float(np.median(np.diff(recording.time))) if len(recording.time) > 1 else 1.0
     rests = stops(recording) if recording.kind == "rotation" else dwells(recording)
-    cut = np.flatnonzero(np.diff(recording.time) > GAP * step) + 1
+    cut = np.flatnonzero(np.diff(recording.time) > MISSED * step) + 1
     out = []
     for d in rests:
         inside = cut[(cut > d.start) & (cut < d.stop)]

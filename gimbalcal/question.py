@@ -18,6 +18,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
+from gimbalcal.effects.grade import hurried
 from gimbalcal.errors import InputError, alternatives
 from gimbalcal.estimate.grade import Graded
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
@@ -25,7 +26,6 @@ from gimbalcal.recording import Recording
 from gimbalcal.recording.plausible_run import latitude_seen
 from gimbalcal.units import from_si, to_si
 
-HOUR = 3600.0
 SURE = 3.0  # sigmas by which a constant has to be beyond
 MOST_TRIED, TOLD = 6, 2
 ALIKE = 0.2  # relative, of a scale factor and a ratio of units
@@ -71,12 +71,8 @@ def questioned(
 
 
 def most(unit: Graded, lasted: float, p: Parameter) -> float:
-    """The size [SI] beyond which a constant is hardly one of this unit, recorded for so many seconds.
-
-    A drift is as fast as the recording is short: what a unit does in its first minutes it does not do for an hour.
-    """
-    fast = max(1.0, HOUR / max(lasted, 1.0)) if CATALOGUE[p.effect].in_time else 1.0
-    return fast * unit.grade.most(p)
+    """The size [SI] beyond which a constant is hardly one of this unit, recorded for so many seconds."""
+    return hurried(CATALOGUE[p.effect], lasted) * unit.grade.most(p)
 
 
 def far(made: Calibration, limit: Limit) -> tuple[int, ...]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
 from gimbalcal.errors import InputError
-from gimbalcal.forward import AXES, Key, Rows, difference, linearise, picked, predict
+from gimbalcal.forward import AXES, Rows, difference, linearise, picked, predict
 from gimbalcal.kinematics import (
     lost_to_averaging,
     refuse_other_platform,
@@ -23,6 +23,7 @@ from gimbalcal.kinematics import (
 )
 from gimbalcal.number import Array
 from gimbalcal.recording import SENSORS, Recording
+from gimbalcal.recording.record import Key
 
 QUANTITIES: Mapping[str, tuple[str, ...]] = {  # that are read at rest, by kind of recording
     "multi-position": ("specific_force",),

@@ -14,7 +14,6 @@ import sympy as sp
 
 from derivations.comparison import checks
 from derivations.wu2018 import fine_norm, sensor, static_force
-from derivations.wu2018.frames import platform_to_accelerometers
 from derivations.wu2018.package import numbers, wanted
 from derivations.wu2018.package_static import PHASES
 from derivations.wu2018.symbols import BETA, G_NORMAL, LATITUDE, NUMBERS, RESIDUALS, SOURCE, L, S_t
@@ -24,15 +23,6 @@ SIGMA, SAMPLES = 2e-3, 7.0  # m/s^2 of one sample, samples of a position: any
 # 1 + scale, bias [m/s^2], K_nl [s^2/m], beta [rad]: as large as is exact, each unlike the others
 AT = np.array([3e-3, -2e-3, 1e-3, 0.02, -0.03, 0.01, 2e-4, -1e-4, 3e-4, 2e-3, -1e-3, 3e-3, 1e-3, -2e-3, 4e-3])
 OUTPUTS = np.array([[3.1, -5.2, 7.3], [-6.9, 1.1, 6.4], [0.3, 9.7, -1.2], [-2.2, -3.3, -8.8]])  # m/s^2, any
-
-
-@checks(SOURCE, "Eq. (5)", where="estimate.accelerometers.fine.mounting")
-def mounting() -> float:
-    """Eq. (5) as the fine stage writes it."""
-    from gimbalcal.estimate.accelerometers.fine import mounting
-
-    C = numbers(platform_to_accelerometers(), dict(zip(BETA, AT[9:], strict=True)))
-    return float(np.abs(mounting(AT[9:]) - C).max())
 
 
 @cache

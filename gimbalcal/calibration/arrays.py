@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration.correction import Calibrated, correct
-from gimbalcal.calibration.readout import FORCE, RATE
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
@@ -16,10 +15,9 @@ from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.quantities import QUANTITIES, check
 from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.frames import by_axis
-from gimbalcal.recording.record import Key
+from gimbalcal.recording.record import ANGLE, FORCE, RATE, Key
 from gimbalcal.units import celsius, from_si, is_raw, to_si
 
-ANGLE = "gimbal_angle"
 FASTEST = 35.0  # rad/s, 2000 deg/s: the range of ordinary gyroscopes; numbers beyond are likelier deg/s
 
 

@@ -21,7 +21,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from gimbalcal.calibration.mount import Mount, mount, with_readouts
-from gimbalcal.calibration.readout import FORCE, RATE, SI, Readout, in_counts, in_si, with_noise
+from gimbalcal.calibration.readout import SI, Readout, in_counts, in_si, with_noise
 from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.effects.card import happens_once
 from gimbalcal.effects.effect import GIMBALS, lacking
@@ -31,9 +31,8 @@ from gimbalcal.inversion import invert
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array, apply_matrix, complex_step
 from gimbalcal.recording import Recording
-from gimbalcal.recording.record import Key
+from gimbalcal.recording.record import ANGLE, FORCE, RATE, Key
 
-ANGLE = "gimbal_angle"
 AXES = ("x", "y", "z")
 ROUNDS_BACK = 50  # of readouts from true angles
 REACHED = 1e-6  # of the largest reading, by which what was there may miss it

@@ -23,9 +23,8 @@ from gimbalcal.forward import AXES, attitude, nearest_angles, predict
 from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings, with_phase_of_force
 from gimbalcal.number import Array, complex_step
 from gimbalcal.recording import Recording
-from gimbalcal.recording.record import Key
+from gimbalcal.recording.record import ANGLE, FORCE, Key
 
-ANGLE, FORCE = "gimbal_angle", "specific_force"
 SENSORS = GYROSCOPE_STAGES | SENSOR_STAGES
 ROUNDS = 4  # of a static run, whose phase is off by what is taken off: each leaves a product of two errors
 STEPS = 6  # of Newton's method from a milliradian: the second leaves 1e-12

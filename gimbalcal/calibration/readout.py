@@ -19,9 +19,8 @@ import numpy as np
 
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
-from gimbalcal.recording.record import SENSORS
+from gimbalcal.recording.record import FORCE, RATE, SENSORS
 
-FORCE, RATE = "specific_force", "angular_rate"
 SI = {FORCE: "m/s^2", RATE: "rad/s"}
 AXES = ("x", "y", "z")
 DRAWING, INERTIAL = "drawing", "inertial"  # `Readout.angles`: as the platform's drawing, or as S_t, h, q of Eq. (4)

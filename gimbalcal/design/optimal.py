@@ -5,7 +5,7 @@ of the same forward model that calibrates, so that information adds,
 
 .. math:: F = I + \sum_c A_c^T A_c
 
-with I the prior; `selection` chooses among them. Without angles a position brings one row, the norm of the force; with
+with I the prior; `exchange` chooses among them. Without angles a position brings one row, the norm of the force; with
 angles three, less what a setting error takes.
 """
 
@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.design.budget import answer_of_position
+from gimbalcal.design.budget import PRIOR, answer_of_position
 from gimbalcal.design.exchange import CRITERIA, optimise, value
 from gimbalcal.design.rig import Rig
 from gimbalcal.earth import normal_gravity
@@ -226,7 +226,7 @@ def unsupported(wanted: Sequence[Parameter], sigma: Array) -> list[str]:
         f"{p.label} would be uncertain by {float(from_si(s, p.unit)):.3g} {p.unit}, no better than the "
         f"{float(from_si(p.sigma, p.unit)):.3g} {p.unit} it is expected to be: this schedule does not support it"
         for p, s in zip(wanted, sigma, strict=True)
-        if s >= 0.9 * p.sigma  # the data then add less than a fifth to the information of the prior
+        if s >= PRIOR * p.sigma
     ]
 
 

@@ -25,7 +25,7 @@ from gimbalcal.diagnose.known_noise import diagnose_known_noise
 from gimbalcal.diagnose.rows.baseline import by_triad
 from gimbalcal.diagnose.rows.rest_rates import RESTS, rest_rates
 from gimbalcal.diagnose.rows.turns import FEWEST, view_of_turns
-from gimbalcal.diagnose.rows.views import FORCE, RATE, View
+from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.stepwise import course
 from gimbalcal.diagnose.unknown_noise import UNLOOKED, calibration_of, found_at_rest, on_the_way
@@ -41,6 +41,7 @@ from gimbalcal.kinematics import ideal_force, stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording.record import FORCE, RATE
 
 NOTHING = Calibration("gimbals", (), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
 

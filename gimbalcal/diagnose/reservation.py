@@ -24,8 +24,7 @@ from gimbalcal.estimate.static_run.system import static
 from gimbalcal.estimate.systematic.run import systematic
 from gimbalcal.estimate.unit import with_gyroscopes
 from gimbalcal.recording import Recording
-
-FORCE, RATE = "specific_force", "angular_rate"
+from gimbalcal.recording.record import FORCE, RATE
 
 
 def with_reservation(d: Diagnosis, recordings: Sequence[Recording], baseline: Sequence[str]) -> Diagnosis:

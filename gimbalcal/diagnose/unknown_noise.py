@@ -21,7 +21,7 @@ from gimbalcal.diagnose.rows.in_place import in_place, turned_in_place
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.diagnose.rows.slews import view_of_slews
 from gimbalcal.diagnose.rows.turns import view_of_turns
-from gimbalcal.diagnose.rows.views import FORCE, MANY, RATE, View, norm, pointing, table
+from gimbalcal.diagnose.rows.views import MANY, View, norm, pointing, table
 from gimbalcal.diagnose.search.about_found import about_found
 from gimbalcal.diagnose.search.stepwise import course
 from gimbalcal.diagnose.verdict.calibrated import origin
@@ -34,6 +34,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.pointing.pattern import strays
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording
+from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import from_si
 
 ROUNDS = 2  # in which stars are left out: those that the first hid show in the second

@@ -36,8 +36,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gimbalcal.earth import G0
-from gimbalcal.effects.effect import CATALOGUE, GYROSCOPE_STAGES, SENSOR_STAGES, Parameter
+from gimbalcal.earth import G0, HOUR
+from gimbalcal.effects.effect import CATALOGUE, GYROSCOPE_STAGES, SENSOR_STAGES, Effect, Parameter
 from gimbalcal.errors import InputError, alternatives
 from gimbalcal.units import to_si
 
@@ -105,6 +105,14 @@ class Grade:
         """The same of a raw unit: its gyroscopes' zero is another after each switching-on, and as large as that."""
         least = TURN_ON[self.name] / FAR if p.effect == "gyro_bias" else 0.0
         return replace(p, sigma=max(self.usual(p).sigma, least))
+
+
+def hurried(cls: type[Effect], lasted: float) -> float:
+    """How many times as fast as by the hour an effect may go in a recording of so many seconds: one but for drifts.
+
+    A drift is as fast as the recording is short: what a unit does in its first minutes it does not do for an hour.
+    """
+    return max(1.0, HOUR / max(lasted, 1.0)) if cls.in_time else 1.0
 
 
 def _grade(

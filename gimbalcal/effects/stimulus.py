@@ -64,6 +64,11 @@ class Stimulus:
         cut = {k: v[rows] for k, v in vars(self).items() if isinstance(v, np.ndarray) and v.ndim and len(v) == n}
         return self.at(**cut, covariates={k: v[rows] for k, v in self.covariates.items()})
 
+    def held(self, n: int) -> Stimulus:
+        """The stimulus of one row for n rows; covariates are those of the one."""
+        arrays = {k: v for k, v in vars(self).items() if isinstance(v, np.ndarray) and v.ndim}
+        return self.at(**{k: np.broadcast_to(v, (n, *v.shape[1:])) for k, v in arrays.items()})
+
     @property
     def onwards(self) -> Array:
         """A clock (n,) [s] that never goes back: it orders what happens once, however long sessions are apart."""

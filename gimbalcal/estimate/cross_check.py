@@ -19,10 +19,10 @@ from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording.record import FORCE
 from gimbalcal.rotation import small_rotation_vector
 from gimbalcal.units import from_si
 
-FORCE = "specific_force"
 AGREE = 3.0  # times what both misfits lead to expect: beyond, one of the calibrations is wrong
 FEWEST = 4  # rests
 LEAST = 1e-8  # m/s^2; two triads without noise differ by rounding

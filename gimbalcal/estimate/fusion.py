@@ -17,6 +17,7 @@ from gimbalcal.calibration import Calibration, Residual, StageResult
 from gimbalcal.effects import with_values
 from gimbalcal.errors import amount
 from gimbalcal.estimate.static_run.system import outcome
+from gimbalcal.inference.chance import probability
 from gimbalcal.inference.information import Information, Solution, solve
 from gimbalcal.platform import SPACE_STABLE
 
@@ -50,14 +51,12 @@ def contradiction(together: Solution, device: Solution, static: Solution) -> str
 
     The rise of chi^2 in fusion is chi^2-distributed with as many degrees of freedom as directions both see.
     """
-    from scipy.special import chdtrc
-
     rise, shared = together.chi2 - device.chi2 - static.chi2, together.dof - device.dof - static.dof
     if shared <= 0:
         return ""
     # a stage that its own model does not explain proves nothing against the other
     noise = max(1.0, device.chi2 / max(device.dof, 1), static.chi2 / max(static.dof, 1))
-    p = float(chdtrc(shared, max(rise, 0.0) / noise))
+    p = probability(max(rise, 0.0) / noise, shared)
     if p >= CONTRADICTION:
         return ""
     return (

@@ -55,7 +55,6 @@ def graded(recordings: Sequence[Recording], name: str = "") -> Graded:
     """
     if name:
         return Graded(grade_named(name), "--grade says so")
-    gimbals = any(r.platform.axes for r in recordings)
     held = [r for r in recordings if r.kind == "static-run"]
     force, rate = (_middle([walk(r, s) for r in recordings if r not in held]) for s in (FORCE, RATE))
     if held and force is None:

@@ -26,9 +26,10 @@ from gimbalcal.estimate.added import Added
 from gimbalcal.estimate.gyroscopes.between_rests import gyroscopes_between_rests
 from gimbalcal.estimate.gyroscopes.inter_triad import InterTriad, from_turns, triad_rotation
 from gimbalcal.estimate.gyroscopes.revolutions import EFFECTS, gyroscopes_from_revolutions
-from gimbalcal.estimate.gyroscopes.turns import FORCE, RATE, paused, turns_on_record
+from gimbalcal.estimate.gyroscopes.turns import paused, turns_on_record
 from gimbalcal.number import Array, complex_step
 from gimbalcal.recording import Recording, completed, dwells
+from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.rotation import exponential, mean_rates
 from gimbalcal.units import from_si
 

@@ -28,12 +28,11 @@ product.
 
 from gimbalcal.forward.angles import navigator_attitude_error, nearest_angles
 from gimbalcal.forward.model import accelerometers, attitude, gyroscopes, predict, turning
-from gimbalcal.forward.rows import ANGLES, AXES, Key, Rows, difference, experienced, jacobian, linearise, picked
+from gimbalcal.forward.rows import ANGLES, AXES, Rows, difference, experienced, jacobian, linearise, picked
 
 __all__ = [
     "ANGLES",
     "AXES",
-    "Key",
     "Rows",
     "accelerometers",
     "attitude",

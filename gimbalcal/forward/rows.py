@@ -22,8 +22,8 @@ from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.forward.model import on_target, predict
 from gimbalcal.number import STEP, Array, complex_step
 from gimbalcal.platform import Platform
+from gimbalcal.recording.record import Key
 
-Key = tuple[str, str]
 AXES: Mapping[str, tuple[str, ...]] = {
     "specific_force": ("x", "y", "z"),
     "angular_rate": ("x", "y", "z"),

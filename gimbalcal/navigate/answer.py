@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from gimbalcal.earth import HOUR
 from gimbalcal.navigate.outcome import CHANNELS, NAUTICAL_MILE, NONE, Navigated
 from gimbalcal.navigate.space_stable import Aids
 from gimbalcal.units import from_si
-
-HOUR = 3600.0
 
 
 def content(runs: Sequence[Navigated], aids: Aids, provenance: Mapping[str, Any]) -> dict[str, Any]:

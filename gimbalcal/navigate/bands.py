@@ -19,11 +19,12 @@ from gimbalcal.kinematics import required_latitude, stimulus_from_angles, stimul
 from gimbalcal.navigate.outcome import CHANNELS, NONE, Navigated
 from gimbalcal.navigate.run import is_strapdown, navigated
 from gimbalcal.navigate.space_stable import USUAL, Aids, Site
-from gimbalcal.navigate.static_run import ANGLE, FORCE, half_apart, horizontal, with_inner
+from gimbalcal.navigate.static_run import half_apart, horizontal, with_inner
 from gimbalcal.navigate.strapdown_run import block_of, legs_navigated
-from gimbalcal.navigate.thinned import RATE, Intervals, thinned
+from gimbalcal.navigate.thinned import Intervals, thinned
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
+from gimbalcal.navigate.static_run import half_apart, horizontal, with_inner
 
 TOLD = 100  # draws
 ROWS = 240  # of the run, for bands: what a parameter does follows the day and half of it

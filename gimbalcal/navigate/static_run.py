@@ -30,9 +30,9 @@ from gimbalcal.navigate.outcome import CHANNELS, Navigated
 from gimbalcal.navigate.space_stable import Aids, Course, Site, deviation, navigate
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
+from gimbalcal.recording.record import ANGLE, FORCE
 from gimbalcal.rotation import frame_rotation
 
-FORCE, ANGLE = "specific_force", "gimbal_angle"
 STEP = 10.0  # s, the longest step; longer rows and gaps are filled in, as nothing but the Earth turns
 
 

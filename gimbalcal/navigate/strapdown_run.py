@@ -29,10 +29,11 @@ from gimbalcal.navigate.outcome import CHANNELS, Navigated
 from gimbalcal.navigate.space_stable import Aids, Site, schuler_rate
 from gimbalcal.navigate.static_run import horizontal
 from gimbalcal.navigate.strapdown import Motion, aided, carried
-from gimbalcal.navigate.thinned import FORCE, LONGEST, RATE, Intervals, thinned
+from gimbalcal.navigate.thinned import LONGEST, Intervals, thinned
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
-from gimbalcal.rotation import exponential
+from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.rotation import exponential, rotation_vector
 
 PLACE = ("latitude", "longitude", "height")
 ROUNDS, TURN = 4, 1e-4  # of the alignment, and the angle [rad] of its slopes
@@ -80,7 +81,7 @@ def legs_navigated(legs: Intervals, rows: Recording, aids: Aids, label: str) -> 
     if not driven(rows):
         error[:, 2:4] = made.velocity[:, :2]
     if _still(legs):
-        error[:, 4:] = _turned_since(made.C_bn)
+        error[:, 4:] = rotation_vector(made.C_bn @ made.C_bn[0].T)  # about north, east and down, since the start
     return Navigated(label, np.append(0.0, since[every]), error, horizontal(error, site), mechanisation="strapdown")
 
 
@@ -122,15 +123,6 @@ def _still(legs: Intervals) -> bool:
     slow = np.linalg.norm(np.average(rate, axis=0, weights=legs.dt)) < SLOW * EARTH_RATE
     flat = np.abs(force - force[0]).max() < FLAT * legs.rows.site.gravity
     return bool(legs.steady and slow and flat)
-
-
-def _turned_since(C: Array) -> Array:
-    """Rotation vectors (n, 3) [rad] about north, east and down from the first attitude to each."""
-    D = C @ C[0].T
-    v = np.stack([D[:, 2, 1] - D[:, 1, 2], D[:, 0, 2] - D[:, 2, 0], D[:, 1, 0] - D[:, 0, 1]], axis=-1) / 2
-    s = np.linalg.norm(v, axis=1, keepdims=True)
-    angle = np.arctan2(s, (np.trace(D, axis1=1, axis2=2)[:, None] - 1) / 2)
-    return np.asarray(v * np.where(s > 1e-12, angle / np.maximum(s, 1e-300), 1.0))
 
 
 def refuse(recording: Recording) -> None:

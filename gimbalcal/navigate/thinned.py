@@ -19,10 +19,10 @@ import numpy as np
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
+from gimbalcal.recording.dwell import MISSED
+from gimbalcal.recording.record import FORCE, RATE
 
-FORCE, RATE = "specific_force", "angular_rate"
 STEADY = 1e-4  # rad
-MISSING = 1.5  # usual steps: longer ones are gaps in the clock
 LONGEST = 10.0  # s, of an interval that the navigator takes in one step
 
 
@@ -88,7 +88,7 @@ def _steady(rate: Array, dt: Array, first: Array) -> Array:
 
 
 def _refuse_lost_turns(run: Recording, dt: Array, usual: float) -> None:
-    for k in np.flatnonzero(dt > MISSING * usual):
+    for k in np.flatnonzero(dt > MISSED * usual):
         rate = run.triad(RATE)[max(k - 1, 0) : k + 1]
         if np.abs(rate[0] - rate[-1]).max() * dt[k] > np.deg2rad(1.0) or np.abs(rate).max() > np.deg2rad(0.5):
             raise InputError(

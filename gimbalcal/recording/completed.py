@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gimbalcal.recording.detection import detect
-from gimbalcal.recording.record import Recording
+from gimbalcal.recording.record import FORCE, RATE, Recording
 from gimbalcal.recording.scatter import pooled
-
-FORCE, RATE = "specific_force", "angular_rate"
 
 
 def completed(recording: Recording) -> Recording:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from gimbalcal.earth import HOUR
 from gimbalcal.effects.process import Flicker, GaussMarkov, Process, RandomWalk, SettingError, WhiteNoise
 from gimbalcal.inference.noise import Noise, one_sigma
 from gimbalcal.number import Array
@@ -13,7 +14,7 @@ from gimbalcal.recording.dwell import dwells
 from gimbalcal.recording.record import COLOURED, SENSORS, Key, Recording
 from gimbalcal.recording.scatter import white_sigma
 
-TAU = 3600.0  # s
+TAU = HOUR
 COARSE = 3.0  # octaves between the time constants of a flicker: its spectrum is right within 7 %, with few states
 
 

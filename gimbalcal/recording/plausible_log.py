@@ -12,7 +12,6 @@ from gimbalcal.units import from_si
 
 TEMPERATURE = ("temperature", "")
 WARMEST, COLDEST = 200.0, -100.0  # degC; sensors of oil wells, and of no place on Earth
-KELVIN = 273.15
 LONGEST, SHORTEST = 5 * 86400.0, 0.2  # s that positions are held, the middle one of them
 FEW, SHOWN = 0.1, 3  # of the rows; more were on the way. Times that are told
 ENOUGH = 20  # rows of a position that tell how long it was held

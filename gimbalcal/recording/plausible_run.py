@@ -92,10 +92,9 @@ def check_sidereal(rests: Recording, force: Array) -> None:
 
     def fits(change: Change) -> bool:
         f = force @ change.matrix.T
-        height = float(np.median(np.arcsin(np.clip(f[:, 2] / np.linalg.norm(f, axis=1), -1, 1))))
         phase = np.unwrap(np.arctan2(f[:, 1], f[:, 0]))
         rate = float(np.polyfit(rests.time - rests.time[0], phase, 1)[0])
-        return abs(height - latitude) < WRONG_PLACE and abs(rate / EARTH_RATE - 1) < WRONG_RATE
+        return abs(latitude_seen(f) - latitude) < WRONG_PLACE and abs(rate / EARTH_RATE - 1) < WRONG_RATE
 
     found = [c for c in CHANGES if fits(c)]
     if found and found[0] != CHANGES[0]:

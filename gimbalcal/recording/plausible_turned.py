@@ -17,13 +17,12 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
-from gimbalcal.recording.dwell import dwell_means
+from gimbalcal.recording.dwell import MISSED, dwell_means
 from gimbalcal.recording.plausible_force import ALIKE, FAR_OFF, FORCE_UNITS, GONE, check_each_norm, check_magnitude
 from gimbalcal.recording.plausible_run import named
-from gimbalcal.recording.record import Recording
+from gimbalcal.recording.record import FORCE, RATE, Recording
 from gimbalcal.recording.triads import AXES
 
-FORCE, RATE = "specific_force", "angular_rate"
 LATE, STEPS = 0.1, 2.5  # s and steps; a latency that belongs to sensors and their electronics is less
 LONGEST = 30.0  # s of lag that is looked for
 BETTER = 2.0  # times: what is left of the force's change falls by more where the lag is another
@@ -125,7 +124,7 @@ def _check_spread(recording: Recording, force: Array) -> None:
 def _check_lag(recording: Recording, step: float) -> None:
     """Triads on two clocks: the force turns when the gyroscopes do."""
     t = recording.time[:ROWS]
-    if step <= 0 or len(t) < 100 or np.diff(t).max() > 1.5 * step:
+    if step <= 0 or len(t) < 100 or np.diff(t).max() > MISSED * step:
         return
     f, w = recording.triad(FORCE)[:ROWS], recording.triad(RATE)[:ROWS]
     w = w - np.median(w, axis=0)

@@ -24,9 +24,9 @@ from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording.completed import with_rests
 from gimbalcal.recording.dwell import dwells
 from gimbalcal.recording.plausible_run import named
-from gimbalcal.recording.record import Recording
+from gimbalcal.recording.record import RATE, Recording
 from gimbalcal.recording.triads import AXES, CHANGES, NEARLY_ALL, Change, in_words, remedy
-from gimbalcal.recording.turns import RATE, Turns, agree, down, rotations, turns_of
+from gimbalcal.recording.turns import Turns, agree, down, rotations, turns_of
 from gimbalcal.units import to_si
 
 FEWEST_RESTS = 8  # three of them go into the bias

@@ -22,6 +22,9 @@ from gimbalcal.units import is_raw
 Key = tuple[str, str]
 """(quantity, axis) of a channel, as in ``("specific_force", "x")`` or ``("temperature", "")``."""
 
+FORCE, RATE, ANGLE = "specific_force", "angular_rate", "gimbal_angle"
+"""Quantities that most estimators read."""
+
 KINDS = ("multi-position", "static-run", "rotation", "pointing")
 
 SENSORS: Mapping[str, str] = MappingProxyType(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -94,9 +94,9 @@ class Blocks:
         total = np.add.reduceat(x if weight is None else x * weight, edges)
         self._append(name, total, joined, lambda old, new: old + new)
 
-    def _append(self, name: str, values: Array, joined: bool, join: object) -> None:
+    def _append(self, name: str, values: Array, joined: bool, join: Callable[[float, float], float]) -> None:
         parts = self.sums.setdefault(name, [])
-        if joined and callable(join):
+        if joined:
             parts[-1][-1] = join(parts[-1][-1], values[0])
             values = values[1:]
         if len(values):

@@ -10,11 +10,10 @@ import numpy as np
 
 from gimbalcal.number import Array
 from gimbalcal.recording.dwell import dwells, usual_step
-from gimbalcal.recording.record import Recording
+from gimbalcal.recording.record import FORCE, RATE, Recording
 from gimbalcal.recording.triads import AXES, CLOSE, without_scale
 from gimbalcal.rotation import exponential
 
-RATE, FORCE = "angular_rate", "specific_force"
 MOVED = 0.5  # rad; a turn that moves the reference less cannot fail by `CLOSE` and does not tell signs
 PAUSED = 10.0  # usual steps: nobody knows how a unit turned while the clock paused for longer
 FEWEST = 3  # turns that tell

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
-from gimbalcal.effects.accelerometer import angles_of, leaning
 from gimbalcal.effects.gyroscope import of_rate_matrix, rate_matrix
 from gimbalcal.number import Array
 
@@ -34,7 +33,7 @@ def matrices(effects: Sequence[Effect]) -> dict[str, Array]:
     """Linear model, physics to reading: y = Ma f + ba (+ K (y - ba)^2), w_m = Mg w + A f + bg. SI."""
     v = _by_effect(effects)
     return {
-        "Ma": (np.eye(3) + leaning(v["misalignment"])) / (1 + v["scale_factor"])[:, None],
+        "Ma": rate_matrix(v["scale_factor"], v["misalignment"]),  # one law for both triads
         "ba": v["bias"],
         "K": v["scale_nonlinearity"],
         "Mg": rate_matrix(v["gyro_scale_factor"], v["gyro_misalignment"]),
@@ -48,14 +47,12 @@ def parameters_of(m: Mapping[str, Array]) -> Found:
 
     r (3, 3): where each accelerometer sits [m], one a row, where a format tells it.
     """
-    Ma, Mg = m["Ma"], m["Mg"]
-    s = 1 / np.diag(Ma) - 1
-    C = Ma * (1 + s)[:, None]
-    gyro_scale, gyro_beta = of_rate_matrix(Mg)
+    scale, beta = of_rate_matrix(m["Ma"])
+    gyro_scale, gyro_beta = of_rate_matrix(m["Mg"])
     arrays: dict[str, ArrayLike] = {
-        "scale_factor": s,
+        "scale_factor": scale,
         "bias": m["ba"],
-        "misalignment": angles_of(C),
+        "misalignment": beta,
         "scale_nonlinearity": m["K"],
         "gyro_scale_factor": gyro_scale,
         "gyro_bias": m["bg"],

@@ -21,12 +21,12 @@ from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
 from gimbalcal.effects.effect import Grid, constants
+from gimbalcal.effects.grade import hurried
 from gimbalcal.effects.grids import kind, resolved
 from gimbalcal.forward import Rows
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 
-HOUR = 3600.0  # s, in which the catalogue counts drifts
 PEAKS = 3  # of a scan over whole numbers
 STILL = 0.01  # of a column: a gimbal that stands still but for the drift of its readout
 SHAKEN = 5.0  # times the relative misfit: laws of second and third degree, sums of a few
@@ -56,14 +56,11 @@ def available(v: View) -> tuple[str, ...]:
 
 
 def unknowns(v: View, effect_id: str) -> tuple[Parameter, ...]:
-    """Parameters of an effect, without those of gimbals that were not read and those that these rows cannot show.
-
-    A drift is as fast as the recording is short: what a unit does in the first minutes it does later in an hour.
-    """
+    """Parameters of an effect, without those of gimbals that were not read and those that these rows cannot show."""
     names, read, cls = v.stimulus.axis_names, v.recording.axes("gimbal_angle"), CATALOGUE[effect_id]
     seen = (p for p in parameters(cls, names) if (p.axis not in names or p.axis in read)
             and (p.effect, p.axis) not in v.unobservable)  # fmt: skip
-    fast = max(1.0, HOUR / max(float(np.ptp(v.stimulus.time)), 1.0)) if cls.in_time else 1.0
+    fast = hurried(cls, float(np.ptp(v.stimulus.time)))
     usual = (v.recording.grade.usual(p) for p in seen)
     return tuple(replace(p, sigma=v.wide * p.sigma * (fast if p.unit.endswith("/h") else 1.0)) for p in usual)
 

@@ -9,9 +9,10 @@ from numpy.polynomial import legendre
 
 from gimbalcal.diagnose.library.candidates import Candidate, Variant, appended_to
 from gimbalcal.diagnose.library.shapes import polynomials, thermal, unit_rms
-from gimbalcal.diagnose.rows.views import FORCE, RATE, View
+from gimbalcal.diagnose.rows.views import View
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
+from gimbalcal.recording.record import FORCE, RATE
 
 SLOW, FAST = range(1, 9), range(9, 21)  # half periods of a course in time
 CURVE = range(4, 10)  # degrees of a curve: a square and a cube have causes

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.diagnose.rows.views import FORCE, RATE, View
+from gimbalcal.diagnose.rows.views import View
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, absent, constants
 from gimbalcal.estimate.systematic.course import stops
@@ -23,6 +23,7 @@ from gimbalcal.estimate.systematic.whitened import Whitened, whitened
 from gimbalcal.forward import Rows
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
+from gimbalcal.recording.record import FORCE, RATE
 
 NAME = "navigation"
 FEWEST = 2  # stops

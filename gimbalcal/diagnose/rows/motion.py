@@ -9,7 +9,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gimbalcal.diagnose.rows.views import FORCE, RATE
 from gimbalcal.effects import Stimulus
 from gimbalcal.effects.history import slope
 from gimbalcal.estimate.gyroscopes.turns import paused
@@ -18,6 +17,7 @@ from gimbalcal.number import STEP, Array
 from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwells
 from gimbalcal.recording.dwell import rests_are_means
+from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.rotation import exponential, mean_rates
 
 FEWEST = 6  # slews: their scatter tells how well a delay is known

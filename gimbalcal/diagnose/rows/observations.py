@@ -20,7 +20,7 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, abs
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
-from gimbalcal.forward import Key, Rows, experienced
+from gimbalcal.forward import Rows, experienced
 from gimbalcal.inference.information import information, solve
 from gimbalcal.kinematics import refuse_other_platform
 from gimbalcal.number import Array
@@ -28,10 +28,11 @@ from gimbalcal.readings import SENSOR_OF, Readings, readings
 from gimbalcal.recording import Recording, block_means, dwells
 from gimbalcal.recording.dwell import rests_are_means, whole_means
 from gimbalcal.recording.noise import sample_sigma, stated
+from gimbalcal.recording.record import FORCE, Key
 
 KINDS = ("multi-position", "static-run")  # whose attitude and noise are known
 BLOCKS_IN_ALL = 108  # block means of a multi-position recording: 6 in each of 18 dwells, at least 2 in each of many
-FORCE, NOISELESS = "specific_force", 1e-11  # of gravity: what a simulation without noise leaves
+NOISELESS = 1e-11  # of gravity: what a simulation without noise leaves
 STUCK = 1e-15  # one sigma of a channel that always reads the same, SI
 MOST_ROWS = 4000  # of a static run: 48 h come as minute means, and half a gigabyte of columns is enough
 

@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.diagnose.rows.views import RATE, View, of_channels
+from gimbalcal.diagnose.rows.views import View, of_channels
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect
 from gimbalcal.effects.baseline import BASELINE
@@ -30,6 +30,7 @@ from gimbalcal.forward import Rows, linearise
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording.record import RATE
 
 RESTS = 6  # fewer do not tell a pattern of the attitude from chance
 

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.rows.motion import FEWEST, Motion, by_hand, on_gimbals, slews
-from gimbalcal.diagnose.rows.views import FORCE, RATE, View
+from gimbalcal.diagnose.rows.views import View
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters, values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.effects.history import integral, slope
@@ -37,6 +37,7 @@ from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, Platform
 from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording.record import FORCE, RATE
 
 LATENCIES = ("time_tag_latency", "gyro_latency", "readout_latency")
 KEPT = 1e-3  # of the power of T that Q must leave

@@ -22,7 +22,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.readout import in_si
 from gimbalcal.diagnose.rows.observations import absent_effect
-from gimbalcal.diagnose.rows.views import FORCE, RATE, View, solved
+from gimbalcal.diagnose.rows.views import View, solved
 from gimbalcal.effects import CATALOGUE, Effect, Stimulus, parameters, with_values
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, follows, lacking
@@ -36,6 +36,7 @@ from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means, dwells
+from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.rotation import normal_to
 
 BACK = 0.01  # of the attitude's elements: gimbals that stand where they stood

@@ -29,9 +29,9 @@ from gimbalcal.kinematics import stimulus_from_readings, stimulus_from_truth
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import is_raw
 
-FORCE, RATE = "specific_force", "angular_rate"
 BLOCK = 1.0  # s; a table is tilted over seconds, what is faster shakes building and floor
 POLE = 0.02  # cosine of the inner angle beyond which a mount points along its outer axis
 MANY = 1000  # rows of a pointing run, a log of guiding: noises that are filtered row by row would take half of the time

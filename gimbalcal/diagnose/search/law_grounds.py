@@ -14,7 +14,7 @@ from gimbalcal.diagnose.evidence.projection import project, rows_like
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant, layout_of
 from gimbalcal.diagnose.library.rivals import RIVAL_SIGMA
 from gimbalcal.diagnose.library.variables import joined, variables
-from gimbalcal.diagnose.rows.views import FORCE, RATE, View
+from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.laws import Ground, Place
 from gimbalcal.diagnose.search.ranking import Search, bayes_factors
 from gimbalcal.diagnose.search.refit import Model, basis, projections, weighted
@@ -22,6 +22,7 @@ from gimbalcal.effects import Stage
 from gimbalcal.forward import Rows
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
+from gimbalcal.recording.record import FORCE, RATE
 
 STRETCHES = 300  # in which a run, or a table, is looked at first
 FEWER = 150  # the same of six sensors at once

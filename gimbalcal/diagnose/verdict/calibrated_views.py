@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual
-from gimbalcal.diagnose.rows.views import FORCE, RATE, View
+from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.verdict.calibrated import origin
 from gimbalcal.effects import Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.baseline import BASELINE
@@ -26,6 +26,7 @@ from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
 from gimbalcal.inference.information import keeps_prior
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording.record import FORCE, RATE
 
 
 class Fitted(Protocol):

@@ -22,6 +22,7 @@ import numpy as np
 from gimbalcal.diagnose import wording
 from gimbalcal.effects import Parameter
 from gimbalcal.estimate.fusion import CONTRADICTION
+from gimbalcal.inference.chance import probability
 from gimbalcal.inference.information import Information, Solution, solve
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
@@ -81,7 +82,7 @@ def disagreement(each: Sequence[Information]) -> Disagreement:
     """How well what several recordings say of the constants goes together."""
     alone, together = [solve(info) for info in each], solve(reduce(add, each))
     chi2, dof = _rise(together, alone)
-    p = _chance(chi2, dof)
+    p = probability(chi2, dof)
     others = [solve(reduce(add, [i for j, i in enumerate(each) if j != k])) for k in range(len(each))]
     rises = [_rise(together, (alone[k], others[k])) for k in range(len(each))]
     odd = int(np.argmax([rise / max(shared, 1) for rise, shared in rises])) if len(each) > 2 else 1
@@ -92,12 +93,6 @@ def disagreement(each: Sequence[Information]) -> Disagreement:
 
 def _rise(together: Solution, parts: Sequence[Solution]) -> tuple[float, int]:
     return max(together.chi2 - sum(s.chi2 for s in parts), 0.0), together.dof - sum(s.dof for s in parts)
-
-
-def _chance(chi2: float, dof: int) -> float:
-    from scipy.special import chdtrc
-
-    return float(chdtrc(dof, chi2)) if dof > 0 else 1.0
 
 
 def _differences(before: Solution, after: Solution) -> tuple[tuple[Parameter, ...], Array, Array, float]:

@@ -13,6 +13,7 @@ from gimbalcal.diagnose.library.unknown_noise import free_rows, spans
 from gimbalcal.diagnose.library.view_shapes import shapes_of
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.refit import Model, basis, projections, weighted
+from gimbalcal.inference.chance import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
@@ -62,14 +63,12 @@ def _pattern(v: View, m: Model, c: Candidate, F: float, p: float) -> dict[str, A
 
 def largest(v: View, m: Model, sigma: Array) -> tuple[dict[str, Any], ...]:
     """The channel that the baseline misses by most, against the scatter that is left in the end."""
-    from scipy.special import chdtrc
-
     square = ((m.r / sigma) ** 2).mean(axis=0)
     axis = v.channels[int(np.argmax(square))][1]
     i, size = _channel(v, m, axis)
     rows = np.argsort(-np.abs(m.r[:, i]))[:3]
     ratio = float(square[i])
-    p = min(1.0, float(chdtrc(len(m.r), ratio * len(m.r))) * len(v.channels))
+    p = min(1.0, probability(ratio * len(m.r), len(m.r)) * len(v.channels))
     words = wording.largest(v, axis, size, float(np.sqrt(ratio)), rows)
     return (
         {

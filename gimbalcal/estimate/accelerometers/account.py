@@ -9,9 +9,11 @@ import numpy as np
 
 from gimbalcal.calibration import StageResult
 from gimbalcal.estimate.accelerometers.expected import lost
-from gimbalcal.estimate.accelerometers.misset import Fault, acceptable, probability
-from gimbalcal.estimate.accelerometers.setting import FORCE, Noise, PositionFit, Problem, model
+from gimbalcal.estimate.accelerometers.misset import Fault, acceptable
+from gimbalcal.estimate.accelerometers.setting import Noise, PositionFit, Problem, model
+from gimbalcal.inference.chance import probability
 from gimbalcal.recording import Recording
+from gimbalcal.recording.record import FORCE
 from gimbalcal.units import from_si
 
 

@@ -22,6 +22,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Readout, Residual, StageResult
 from gimbalcal.effects import Parameter, values, with_values
+from gimbalcal.effects.accelerometer import leaning
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import MISALIGNMENT_AXES
 from gimbalcal.estimate.accelerometers.account import faults_in_words, joined, misfit_in_words, provenance
@@ -93,7 +94,7 @@ def norm_rows(
     scale, bias, K, beta = np.split(x, [3, 6, 9])
     SF = 1 + scale
     off = measured - bias
-    force = np.linalg.solve(mounting(beta), (SF * (off - K * off**2)).T).T  # Eq. (8)
+    force = np.linalg.solve(np.eye(3) + leaning(beta), (SF * (off - K * off**2)).T).T  # Eq. (8)
     variance = sigma**2 / weight
     # white noise adds 3 sigma^2 / n to the squared norm on average: 4e-7 g^2 at 5e-3 m/s^2 a sample
     z = (gravity**2 - ((force**2).sum(axis=-1) - 3 * variance)) / 2
@@ -114,12 +115,6 @@ def combinations(SF: Array) -> Array:
         M[row, 9 + MISALIGNMENT_AXES.index(plus)] = 1
         M[row, 9 + MISALIGNMENT_AXES.index(minus)] = -1
     return M
-
-
-def mounting(beta: Array) -> Array:
-    """C_p^a (3, 3) of Eq. (5) from the six angles in the order of MISALIGNMENT_AXES [rad]."""
-    xy, xz, yz, yx, zx, zy = beta
-    return np.array([[1, xz, -xy], [-yz, 1, yx], [zy, -zx, 1]])
 
 
 def _combine(info: Information, solution: Solution, coarse: Calibration | None, every: tuple[Parameter, ...]) -> Array:
@@ -155,11 +150,7 @@ def _unobservable(solution: Solution, coarse: Calibration | None) -> tuple[Mappi
 
 def _stage(solution: Solution, x: Array, left: float) -> StageResult:
     """The twelve combinations that the norm determines, in full: what Eq. (17) adds up to."""
-    D = np.zeros((12, 15))
-    D[np.arange(9), np.arange(9)] = 1
-    for row, (plus, minus) in enumerate(PAIRS, start=9):
-        D[row, 9 + MISALIGNMENT_AXES.index(plus)] = 1
-        D[row, 9 + MISALIGNMENT_AXES.index(minus)] = -1
+    D = combinations(np.ones(3))
     sigma = np.sqrt(np.diag(D @ solution.covariance @ D.T))
     words = "norm of the force: twelve combinations, nonlinearity among them, whatever the gimbals did"
     return StageResult("fine", COMBINATIONS, D @ x, sigma, left, words)

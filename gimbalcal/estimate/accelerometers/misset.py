@@ -32,6 +32,7 @@ from gimbalcal.estimate.accelerometers.setting import (
     visit_means,
     whiten,
 )
+from gimbalcal.inference.chance import probability
 from gimbalcal.inference.information import SEEN
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.units import from_si
@@ -50,13 +51,6 @@ class Fault:
     visits: tuple[int, ...]
     positions: tuple[int, ...]
     in_words: str
-
-
-def probability(chi2: float, dof: int) -> float:
-    """Probability that noise alone leaves at least this chi^2."""
-    from scipy.special import chdtrc
-
-    return float(chdtrc(dof, chi2)) if dof > 0 else 1.0
 
 
 def acceptable(chi2: float, dof: int) -> bool:

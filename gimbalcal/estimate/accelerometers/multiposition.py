@@ -23,12 +23,12 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.account import noise_record, rotations_of_the_triad
 from gimbalcal.estimate.accelerometers.neglected import in_words, neglected
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, NormFit, norm_fit, scaled_by_gravity, unknowns
-from gimbalcal.estimate.accelerometers.setting import FORCE
 from gimbalcal.estimate.accelerometers.unsteady import noise_of_a_mean, scatter_in_words
 from gimbalcal.estimate.added import Added, Beside, unfit, with_constants, with_told
 from gimbalcal.estimate.support import coefficients, needed, refusal
 from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings
 from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording.record import FORCE
 
 TERMS = (*LINEAR, "scale_nonlinearity", "cubic_nonlinearity")
 

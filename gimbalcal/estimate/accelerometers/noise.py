@@ -14,19 +14,12 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.estimate.accelerometers.setting import (
-    FORCE,
-    Noise,
-    PositionFit,
-    Problem,
-    VisitRows,
-    gauss_newton,
-    whiten,
-)
+from gimbalcal.estimate.accelerometers.setting import Noise, PositionFit, Problem, VisitRows, gauss_newton, whiten
 from gimbalcal.inference.noise import one_sigma
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.noise import sample_sigma, stated
+from gimbalcal.recording.record import FORCE
 
 SETTING = np.deg2rad(1 / 3600)  # rad, start of the search: what a good gimbal repeats to
 SAMPLE = 1e-5 * G0  # m/s^2, start of the search

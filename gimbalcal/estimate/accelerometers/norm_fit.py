@@ -16,12 +16,13 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_val
 from gimbalcal.effects.effect import tied
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.noise import ATTITUDE, HEADER, SAMPLES
-from gimbalcal.estimate.accelerometers.setting import FORCE, Noise, PositionFit, Problem, gauss_newton, problem
+from gimbalcal.estimate.accelerometers.setting import Noise, PositionFit, Problem, gauss_newton, problem
 from gimbalcal.estimate.added import Beside
 from gimbalcal.estimate.support import scatter
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
+from gimbalcal.recording.record import FORCE
 from gimbalcal.wang2019.fit import ellipsoid
 
 LINEAR = ("scale_factor", "bias", "misalignment")

@@ -26,9 +26,9 @@ from gimbalcal.number import Array, apply_matrix, complex_step
 from gimbalcal.platform import Platform
 from gimbalcal.readings import Readings, readings
 from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording.record import FORCE
 from gimbalcal.rotation import tilt_rotation
 
-FORCE = "specific_force"
 TURN = 1e-9  # relative singular value of dh/de below which a turn does not reach a direction; rounding leaves 1e-16
 ROUNDS = 30  # Gauss-Newton steps; 1 arcsec takes 3, 3 degrees 5
 AIMS = 2  # the second leaves 10 arcsec of 6 degrees

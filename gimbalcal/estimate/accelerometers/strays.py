@@ -28,9 +28,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.errors import alternatives
-from gimbalcal.estimate.accelerometers.setting import FORCE
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means, dwells
+from gimbalcal.recording.record import FORCE
 from gimbalcal.units import from_si
 
 FAR = 10.0  # sigmas; heavy tails reach half of it in a hundred recordings

@@ -8,8 +8,7 @@ from gimbalcal.calibration import Counts
 from gimbalcal.estimate.support import UNSTEADY
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.noise import resolution
-
-FORCE = "specific_force"
+from gimbalcal.recording.record import FORCE
 
 
 def noise_of_a_mean(recording: Recording, sample: float, counts: Counts | None = None) -> float:

@@ -18,12 +18,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Readout, Residual, StageResult
-from gimbalcal.effects import Parameter, with_values
+from gimbalcal.effects import Effect, Parameter, with_values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.gyroscopes.reference import Reference, reference_of
 from gimbalcal.estimate.gyroscopes.revolutions import triangle
-from gimbalcal.estimate.gyroscopes.turns import PAUSED, RATE
 from gimbalcal.forward import Rows, gyroscopes, linearise
 from gimbalcal.inference.levenberg import minimise
 from gimbalcal.inversion import invert
@@ -31,6 +30,8 @@ from gimbalcal.kinematics import stimulus_from_truth
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
+from gimbalcal.recording.record import RATE
+from gimbalcal.recording.turns import PAUSED
 from gimbalcal.rotation import exponential, left_jacobian, mean_rates, small_rotation_vector
 from gimbalcal.units import from_si
 
@@ -139,19 +140,14 @@ def _whitener(follows: Array) -> Array:
     return np.linalg.cholesky(V)
 
 
-def _swept(recording: Recording, cut: _Intervals, effects: tuple[object, ...]) -> tuple[Array, Rows]:
+def _swept(recording: Recording, cut: _Intervals, effects: tuple[Effect, ...]) -> tuple[Array, Rows]:
     """Rotation P (m, 3, 3) of each interval, and how its rotation vector answers what effects add to the readings."""
     m, n = cut.step.shape
     flat = cut.reading.reshape(-1, 3)
     still = replace(recording.select(slice(0, 1)), platform=BENCH, position=None)
-    one = stimulus_from_truth(still, np.zeros((1, 3)), flat[:1])
-    wide = {
-        k: np.broadcast_to(v, (m * n, *v.shape[1:]))
-        for k, v in vars(one).items()
-        if isinstance(v, np.ndarray) and v.ndim
-    }
-    s = one.at(**wide).at(rate=flat, time=cut.time.ravel() - recording.time[0])
-    w, D, _ = invert(lambda rate: gyroscopes(rate, s, effects), flat)  # type: ignore[arg-type]
+    s = stimulus_from_truth(still, np.zeros((1, 3)), flat[:1]).held(m * n)
+    s = s.at(rate=flat, time=cut.time.ravel() - recording.time[0])
+    w, D, _ = invert(lambda rate: gyroscopes(rate, s, effects), flat)
     phi = w.reshape(m, n, 3) * cut.step[..., None]
     C = exponential(phi)
     tail, P = np.empty_like(C), np.broadcast_to(np.eye(3), (m, 3, 3))
@@ -159,7 +155,7 @@ def _swept(recording: Recording, cut: _Intervals, effects: tuple[object, ...]) -
         tail[:, k] = P
         P = P @ C[:, k]
     moved = -(tail @ left_jacobian(phi) @ np.linalg.inv(D).reshape(m, n, 3, 3)) * cut.step[..., None, None]
-    read = linearise(BENCH, s.at(rate=w), effects, channels=[(RATE, a) for a in "xyz"], stages=GYROSCOPE_STAGES)  # type: ignore[arg-type]
+    read = linearise(BENCH, s.at(rate=w), effects, channels=[(RATE, a) for a in "xyz"], stages=GYROSCOPE_STAGES)
     answer = {
         k: np.moveaxis(moved @ R.reshape(m, n, 3, 3), 1, 2).reshape(m, 3, 3 * n) for k, R in read.sensitivity.items()
     }
@@ -198,7 +194,6 @@ def _first_mounting(recording: Recording, time: Array, y: Array, known: Referenc
     handed = float(np.sign(np.linalg.det(U @ Vt)))
     proper, mirrored = (U @ np.diag([1.0, 1.0, d]) @ Vt for d in (handed, -handed))
     if handed < 0:
-        proper, mirrored = U @ np.diag([1.0, 1.0, -1.0]) @ Vt, U @ Vt
         left = [float(np.linalg.norm(a - b @ R.T)) for R in (proper, mirrored)]
         if left[0] > BETTER * left[1]:
             raise InputError(

@@ -18,9 +18,10 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import with_values
 from gimbalcal.estimate.gyroscopes.turn_fit import TurnFit, derivative_of_turns
-from gimbalcal.estimate.gyroscopes.turns import FORCE, Turns, turned
+from gimbalcal.estimate.gyroscopes.turns import Turns, turned
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording.record import FORCE
 
 STEP = 0.1  # of a sigma, over which the derivative is taken: corrections are very nearly linear
 

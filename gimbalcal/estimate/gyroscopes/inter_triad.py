@@ -36,7 +36,7 @@ def triad_rotation(angles: Array) -> Array:
 
 
 def euler(C: Array) -> Array:
-    """alpha, beta, gamma (3,) [rad] of a rotation matrix, the inverse of `rotation` for |beta| < pi/2."""
+    """alpha, beta, gamma (3,) [rad] of a rotation matrix, the inverse of `triad_rotation` for |beta| < pi/2."""
     return np.array([arctan2(-C[1, 0], C[1, 1]), arcsin(C[1, 2]), arctan2(-C[0, 2], C[2, 2])])
 
 

@@ -19,10 +19,11 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect
 from gimbalcal.estimate.gyroscopes.rests import Rests
-from gimbalcal.estimate.gyroscopes.turns import FORCE, Turns
+from gimbalcal.estimate.gyroscopes.turns import Turns
 from gimbalcal.forward import gyroscopes
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording.record import FORCE
 from gimbalcal.units import from_si
 
 UNSTEADY_RATE = 8.0  # times what noise explains: the level of two phones wanders by 5.6 and 6.7, of two MPU-9150 by 4.6

@@ -29,8 +29,8 @@ from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array, complex_step
 from gimbalcal.recording import Recording, dwell_means, dwells
+from gimbalcal.recording.record import FORCE, RATE
 
-RATE, FORCE = "angular_rate", "specific_force"
 BIAS, G_SENSITIVITY = "gyro_bias", "gyro_g_sensitivity_rate"
 SILENT = 1e-9  # rad/s; below any gyroscope: where samples tell no noise, the scatter of the rests is all of it
 ROUNDS = 10  # of reweighting; each brings the excess within a few percent of the next

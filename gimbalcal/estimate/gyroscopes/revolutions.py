@@ -26,6 +26,7 @@ from gimbalcal.estimate.gyroscopes.outcome import UNSTEADY_RATE
 from gimbalcal.estimate.gyroscopes.turns import paused
 from gimbalcal.number import Array, complex_step
 from gimbalcal.recording import Recording, dwells
+from gimbalcal.recording.record import RATE
 from gimbalcal.wang2019.fit import PulseFit
 from gimbalcal.wang2019.pulses import Pulses, lower
 from gimbalcal.wang2019.revolutions import FREE, Revolutions, gyroscope_pulses
@@ -33,7 +34,6 @@ from gimbalcal.wang2019.revolutions import FREE, Revolutions, gyroscope_pulses
 NEAR = 0.05  # of a revolution: scale errors of low-cost units reach 3 %
 ROUNDS = 3  # the bias enters the Earth's share of the ramps, a few percent of it: each round takes that factor off
 OPPOSITE = -0.99  # cosine between the axes of a pair
-RATE = "angular_rate"
 EFFECTS = ("gyro_bias", "gyro_scale_factor", "gyro_misalignment", "gyro_scale_nonlinearity")
 BELOW = ("yz", "zx", "zy")  # angles of Eq. (5) of Wu et al. (2018) that a lower triangle holds
 
@@ -144,7 +144,7 @@ def as_effects(x: Array) -> Array:
 
 
 def triangle() -> tuple[Parameter, ...]:
-    """The parameters in the order of `forward`; of the misalignments those that a rotation of the triad leaves."""
+    """The parameters in the order of `as_effects`; of the misalignments those that a rotation of the triad leaves."""
     found = [p for e in EFFECTS for p in parameters(CATALOGUE[e])]
     return tuple(p for p in found if p.effect != "gyro_misalignment" or p.axis in BELOW)
 

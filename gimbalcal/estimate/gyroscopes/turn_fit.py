@@ -18,12 +18,13 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_val
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.added import Beside
-from gimbalcal.estimate.gyroscopes.turns import FORCE, RATE, Turns, end_of
+from gimbalcal.estimate.gyroscopes.turns import Turns, end_of
 from gimbalcal.forward import Rows, gyroscopes, linearise
 from gimbalcal.inference.levenberg import minimise
 from gimbalcal.inversion import invert
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
+from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.rotation import cross_matrix, left_jacobian
 
 ENOUGH = 1e-14  # share of the squares that a last step takes away: 1e-7 of a sigma where nothing is left to gain

@@ -22,10 +22,9 @@ from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwells
 from gimbalcal.recording.dwell import usual_step
+from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.recording.turns import PAUSED
 from gimbalcal.rotation import exponential, mean_rates
-
-RATE, FORCE = "angular_rate", "specific_force"
-PAUSED = 10.0  # usual steps: rates are not carried across a longer gap
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +72,7 @@ def turns_between_rests(
     reading, step = np.zeros((len(spans), longest, 3)), np.zeros((len(spans), longest))
     bend, swing, force = 0 * reading, 0 * reading, 0 * reading
     for i, span in enumerate(spans):
-        rows = (
-            y[span] - (level[ends[i] - 1] + level[ends[i]]) / 2
-        )  # the bias of that minute: slow drift is not the turn's
+        rows = y[span] - (level[ends[i] - 1] + level[ends[i]]) / 2  # slow drift of the bias is not the turn's
         dt = np.diff(recording.time[span])
         step[i, : len(dt)] = dt
         reading[i, : len(dt)], bend[i, : len(dt)], swing[i, : len(dt)] = mean_rates(recording.time[span], rows)
@@ -123,14 +120,12 @@ def _stimulus_of(recording: Recording, spans: Sequence[slice], rate: Array, forc
     """
     s = stimulus_from_readings(recording.select(slice(spans[0].start, spans[0].start + 1)))
     n = len(rate)
-    arrays = {k: v for k, v in vars(s).items() if isinstance(v, np.ndarray) and v.ndim}
-    wide = {k: np.broadcast_to(v, (n, *v.shape[1:])) for k, v in arrays.items()}
     logged = {"time": recording.elapsed, "temperature": recording.channels.get(("temperature", ""))}
     if recording.restarts:
         logged["running"] = recording.time - recording.time[0]
     rows = {k: _rows_of(v, spans, n) for k, v in logged.items() if v is not None}
     followed = {k: _rows_of(v, spans, n) for k, v in stimulus_from_readings(recording).covariates.items()}
-    return s.at(**wide, covariates=followed).at(rate=rate, force=force, **rows)
+    return s.held(n).at(covariates=followed, rate=rate, force=force, **rows)
 
 
 def _rows_of(x: Array, spans: Sequence[slice], n: int) -> Array:

@@ -20,12 +20,14 @@ from gimbalcal.calibration import Calibration, Readout, Residual, StageResult
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.errors import InputError, amount
+from gimbalcal.inference.chance import probability
 from gimbalcal.kinematics import DOWN
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording, dwell_means, dwells
+from gimbalcal.recording.record import RATE
 from gimbalcal.units import from_si
 
-RATE, BIAS = "angular_rate", "gyro_bias"
+BIAS = "gyro_bias"
 STEPS = 50
 SETTLED = 1e-12  # rad and rad/s
 UNTOLD = np.radians(20.0)  # one sigma of north beyond which the rests do not tell the Earth from the bias
@@ -117,11 +119,9 @@ def _fit(y: Array, C: Array, sigma: Array, latitude: float) -> tuple[Array, Arra
 def _calibration(
     recording: Recording, C: Array, x: Array, inverse: Array, chi2: float, dof: int, misfit: Array
 ) -> Calibration:
-    from scipy.special import chdtrc
-
     from gimbalcal import __version__
 
-    chance = float(chdtrc(dof, chi2)) if dof > 0 else 1.0
+    chance = probability(chi2, dof)
     scale = chi2 / dof if chance < SURPRISE else 1.0
     covariance = scale * inverse
     wanted = parameters(CATALOGUE[BIAS])

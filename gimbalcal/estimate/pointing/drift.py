@@ -18,6 +18,7 @@ import numpy as np
 
 from gimbalcal.effects import Parameter
 from gimbalcal.estimate.pointing.fit import EXACT, Fit, fit
+from gimbalcal.inference.chance import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
@@ -59,12 +60,12 @@ def _seen(f: Fit) -> int:
 
 
 def _probability(gain: float, left: float, q: int, nu: int, sigma: float | None) -> float:
-    from scipy.special import chdtrc, fdtrc
+    from scipy.special import fdtrc
 
     if q <= 0:
         return 1.0
     if sigma is not None:
-        return float(chdtrc(q, max(gain, 0.0) / sigma**2))
+        return probability(max(gain, 0.0) / sigma**2, q)
     return float(fdtrc(q, nu, max(gain, 0.0) / q / (left / nu))) if nu > 0 and left > 0 else 1.0
 
 

@@ -18,6 +18,7 @@ from gimbalcal.estimate.pointing.fit import Fit, fit, misfit_of
 from gimbalcal.estimate.pointing.pattern import far_off, pattern
 from gimbalcal.estimate.pointing.run import CHANNELS, nights, on_stars, read_axes
 from gimbalcal.estimate.pointing.terms import USUAL, wanted_parameters
+from gimbalcal.inference.chance import probability
 from gimbalcal.recording import Recording, join
 from gimbalcal.units import from_si
 
@@ -103,13 +104,11 @@ def _residual(found: Fit) -> Residual:
 
 
 def _misfit(found: Fit, stated: float | None) -> str:
-    from scipy.special import chdtrc
-
     dof = found.solution.dof
     if stated is None or dof <= 0:
         return ""
     ratio = float(np.sqrt(found.solution.chi2 / dof))
-    if ratio <= 1 + NEGLIGIBLE or chdtrc(dof, found.solution.chi2) >= SURPRISE:
+    if ratio <= 1 + NEGLIGIBLE or probability(found.solution.chi2, dof) >= SURPRISE:
         return ""
     return (
         f"what the terms leave is {ratio:.2f} times the stated {from_si(stated, 'arcsec'):.3g} arcsec, more than "

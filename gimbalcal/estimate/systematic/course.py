@@ -19,15 +19,16 @@ from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import SENSORS, Dwell, Recording, dwells
 from gimbalcal.recording.detection import detect
+from gimbalcal.recording.dwell import MISSED
 from gimbalcal.recording.plausible_run import named
+from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.recording.scatter import white_sigma
+from gimbalcal.rotation import mean_rates
 
-FORCE, RATE = "specific_force", "angular_rate"
 LOOKED_AT = (FORCE, RATE, "temperature", "covariate")
 KEYS = tuple((q, a) for q in (FORCE, RATE) for a in "xyz")
 UPDATE = 1.0  # s between two updates of velocity
 GROUP = 0.05  # s of a turn over which the answer to a parameter hardly changes: half a degree
-MISSING = 1.5  # usual steps: longer ones are gaps in the clock
 SETTLE = 100  # rows on either side of a pause
 LIES = 2e-3  # of gravity: a unit whose force moves by less over a pause was not touched
 TURNED = 0.1  # of gravity; the Earth turns a stop by less in 20 min
@@ -97,7 +98,7 @@ def course(recording: Recording) -> Course:
         recording = _as_means(recording)
     step = float(np.median(np.diff(recording.time)))
     dt = np.diff(recording.time, prepend=recording.time[0] - step)
-    paused = dt > MISSING * step
+    paused = dt > MISSED * step
     stays = stops(recording)
     if len(stays) < 2:
         held = "no stop" if not stays else "one stop"
@@ -116,7 +117,7 @@ def stops(recording: Recording) -> list[Dwell]:
     rates = {a: recording.channels[RATE, a] for a in "xyz"}
     position = recording.position if recording.position is not None else detect(recording.time, channels, rates)
     step = float(np.median(np.diff(recording.time)))
-    paused = np.diff(recording.time, prepend=recording.time[0] - step) > MISSING * step
+    paused = np.diff(recording.time, prepend=recording.time[0] - step) > MISSED * step
     return _through_pauses(recording, dwells(replace(recording, position=position)), paused)
 
 
@@ -274,8 +275,6 @@ def _scatter(x: Array) -> float:
 
 def _as_means(recording: Recording) -> Recording:
     """Readings of an instant as means over the interval that ends there, by cubics through neighbouring samples."""
-    from gimbalcal.rotation import mean_rates
-
     channels = {key: values[1:] for key, values in recording.channels.items()}
     for q in (FORCE, RATE):
         level, bend, _ = mean_rates(recording.time, recording.triad(q))

@@ -13,6 +13,7 @@ from gimbalcal.errors import amount
 from gimbalcal.estimate.systematic.course import Course
 from gimbalcal.estimate.systematic.error_model import STATE
 from gimbalcal.estimate.systematic.smoothing import GATE, Pass
+from gimbalcal.inference.chance import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
@@ -50,11 +51,11 @@ def told(
         "passes": passes,
         "updates": len(z),
         "rejected": int(np.count_nonzero(navigator.distance > GATE)),
-        "nis": {"sum": nis, "dof": used, "ratio": nis / used, "p_value": _beyond(nis, used)},
+        "nis": {"sum": nis, "dof": used, "ratio": nis / used, "p_value": probability(nis, used)},
         "legs": {
             "sum": sum_of_legs,
             "dof": legs_used,
-            "p_value": _beyond(sum_of_legs, legs_used),
+            "p_value": probability(sum_of_legs, legs_used),
             "worst": legs[worst][0],
             "name": [name for name, _ in legs],
             "innovation": np.round(by_leg, 3).tolist(),
@@ -131,12 +132,6 @@ def outcome(
         f"{states} states do not explain this recording: {', and '.join(reasons)}; `gimbalcal diagnose` looks for what "
         "is left out, and [noise] should be what the sensors and the table have"
     )
-
-
-def _beyond(chi2: float, dof: int) -> float:
-    from scipy.special import chdtrc
-
-    return float(chdtrc(dof, chi2))
 
 
 def _legs(course: Course) -> list[tuple[str, Array]]:

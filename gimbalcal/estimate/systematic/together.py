@@ -15,7 +15,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtrc
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.calibration import Residual
@@ -29,6 +28,7 @@ from gimbalcal.estimate.systematic.sensors import truth
 from gimbalcal.estimate.systematic.settle import SETTLED, Settled, settle
 from gimbalcal.estimate.systematic.smoothing import one_pass
 from gimbalcal.estimate.systematic.states import states
+from gimbalcal.inference.chance import probability
 from gimbalcal.inference.information import Information, solve
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -141,9 +141,9 @@ def _against_the_others(
     apart = [each[k]], [m for i, m in enumerate(each) if i != k], each
     own, others, whole = (solve(_joint(wanted, those, theta)) for those in apart)
     seen = [len(wanted) - len(found.unobservable) for found in (own, others, whole)]
-    chance = chdtrc(max(seen[0] + seen[1] - seen[2], 1), max(whole.chi2 - others.chi2, 0.0))
+    chance = probability(max(whole.chi2 - others.chi2, 0.0), max(seen[0] + seen[1] - seen[2], 1))
     difference, sigma = own.x - others.x, np.hypot(own.sigma, others.sigma)
     i = int(np.argmax(np.abs(difference) / sigma))
     p = wanted[i]
     size, one = (float(f"{from_si(float(v), p.unit):.3g}") for v in (difference[i], sigma[i]))
-    return float(chance), f"most in {p.label}, by {size:+g} +- {one:g} {p.unit}"
+    return chance, f"most in {p.label}, by {size:+g} +- {one:g} {p.unit}"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.effects import values
+from gimbalcal.effects.accelerometer import leaning
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import (
     COMBINATIONS,
@@ -13,7 +14,6 @@ from gimbalcal.estimate.accelerometers.fine import (
     PAIRS,
     combinations,
     fine,
-    mounting,
     norm_rows,
 )
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
@@ -37,7 +37,7 @@ def half_squared_norm(measured_force: np.ndarray, x: np.ndarray) -> np.ndarray:
     """1/2 |f^p|^2 (m,) by Eq. (8), written once more by hand."""
     SF, b, K = 1 + x[:3], x[3:6], x[6:9]
     off = measured_force - b
-    f = np.linalg.inv(mounting(x[9:])) @ (SF * (off - K * off**2)).T
+    f = np.linalg.inv(np.eye(3) + leaning(x[9:])) @ (SF * (off - K * off**2)).T
     return (f**2).sum(axis=0) / 2
 
 
