@@ -19,8 +19,8 @@ from derivations.wang2019 import navigation as nav
 from derivations.wang2019.package import numbers, vector
 from derivations.wang2019.symbols import K2, K3, SOURCE, E, L, N, omega_ie, triangle
 
-DYNAMICS = "navigate.error_model._dynamics"
-PROPAGATE = "navigate.error_model.propagate"
+DYNAMICS = "wang2019.error_model._dynamics"
+PROPAGATE = "wang2019.error_model.propagate"
 TURN = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # north, east, down to east, north, up and back
 LATITUDE = 0.6
 VELOCITY = np.array([70.0, -40.0, 5.0])  # m/s north, east, down
@@ -32,7 +32,7 @@ STEP = 0.5  # s
 
 def _path(velocity: Any, times: Any) -> Any:
     """The same state at each of the times; the body turned against the navigation frame by a generic rotation."""
-    from gimbalcal.navigate.error_model import Trajectory
+    from gimbalcal.wang2019.error_model import Trajectory
 
     n = len(times)
     C = attitude()
@@ -45,7 +45,7 @@ def _path(velocity: Any, times: Any) -> Any:
 
 def _errors() -> tuple[Any, dict[Any, Any]]:
     """Symbols of the seven states, and the vectors of (9), (10) in ENU as functions of them."""
-    from gimbalcal.navigate.error_model import RADIUS
+    from gimbalcal.wang2019.error_model import RADIUS
 
     rN, _, vN, vE, pN, pE, pD = x = sp.symbols("r_N r_E v_N v_E phi_N phi_E phi_D", real=True)
     transport = nav.transport_rate(0).subs({nav.R_M: RADIUS, nav.R_N: RADIUS})
@@ -81,7 +81,7 @@ def _derived() -> tuple[Any, Any]:
 
 def _scaled(difference: Any) -> float:
     """Largest entry, positions over the Earth's radius: columns of position reach 1e-6 of those of attitude."""
-    from gimbalcal.navigate.error_model import RADIUS
+    from gimbalcal.wang2019.error_model import RADIUS
 
     state = np.array([RADIUS, RADIUS, 1e3, 1e3, 1, 1, 1])  # m, m/s, rad: sizes that are alike in effect
     return float(np.abs(difference * state).max())
@@ -89,7 +89,7 @@ def _scaled(difference: Any) -> float:
 
 def dynamics(rows: slice) -> float:
     """Rows of F, moving."""
-    from gimbalcal.navigate import error_model
+    from gimbalcal.wang2019 import error_model
 
     ours = error_model._dynamics(_path(VELOCITY, [0.0]))[0]
     return _scaled((ours - _derived()[0])[rows])
@@ -97,7 +97,7 @@ def dynamics(rows: slice) -> float:
 
 def driven(rows: slice) -> float:
     """F x + u of `propagate`: the odd part of a step forward and a step back is exact."""
-    from gimbalcal.navigate import error_model
+    from gimbalcal.wang2019 import error_model
 
     start, ends = np.concatenate([np.zeros(4), ATTITUDE]), []
     for h in (STEP, -STEP):
@@ -112,7 +112,7 @@ def driven(rows: slice) -> float:
 def at_rest(rows: slice) -> float:
     """Rows of F at rest against (15) or (16), with the feedback that they drop."""
     from gimbalcal.earth import EARTH_RATE
-    from gimbalcal.navigate import error_model
+    from gimbalcal.wang2019 import error_model
 
     still = np.zeros(3)
     R = error_model.RADIUS
@@ -149,7 +149,7 @@ def earth_rate() -> float:
 def transport_rate() -> float:
     """Eq. (12) from the attitude rows: moving less at rest."""
     from gimbalcal.earth import EARTH_RATE
-    from gimbalcal.navigate.error_model import RADIUS
+    from gimbalcal.wang2019.error_model import RADIUS
 
     values = {L: LATITUDE, nav.R_M: RADIUS, nav.R_N: RADIUS} | dict(zip(nav.V, TURN @ VELOCITY, strict=True))
     derived = TURN @ numbers(nav.transport_rate(0), values)[:, 0]
@@ -158,7 +158,7 @@ def transport_rate() -> float:
 
 def _turning(velocity: Any) -> Any:
     """w_in (3,) north, east, down that the attitude rows hold: phi x w = -[w x] phi."""
-    from gimbalcal.navigate import error_model
+    from gimbalcal.wang2019 import error_model
 
     M = -error_model._dynamics(_path(velocity, [0.0]))[0][4:, 4:]
     return np.array([M[2, 1], M[0, 2], M[1, 0]])
@@ -166,7 +166,7 @@ def _turning(velocity: Any) -> Any:
 
 def omitted(symbolic: Any, order: int) -> float:
     """What a triad misreads whose nonlinear terms are left out: computed minus true, so minus what (13), (14) add."""
-    from gimbalcal.navigate import error_model
+    from gimbalcal.wang2019 import error_model
     from gimbalcal.wang2019.pulses import Pulses, truncated
 
     true = Pulses.from_vector(vector() if order == 3 else vector(*K3))
@@ -177,13 +177,13 @@ def omitted(symbolic: Any, order: int) -> float:
     return float(np.abs(ours + numbers(triangle() * symbolic, at)[:, 0]).max())
 
 
-@checks(SOURCE, "Eq. (13)", where="navigate.error_model.misread")
+@checks(SOURCE, "Eq. (13)", where="wang2019.error_model.misread")
 def omitted_force() -> float:
     """The accelerometers' second and third order."""
     return omitted(nav.omitted_force(), 3)
 
 
-@checks(SOURCE, "Eq. (14)", where="navigate.error_model.misread")
+@checks(SOURCE, "Eq. (14)", where="wang2019.error_model.misread")
 def omitted_rate() -> float:
     """The gyroscopes' second order."""
     return omitted(nav.omitted_rate(), 2)

@@ -15,11 +15,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gimbalcal import atomic
 from gimbalcal.campaign.task import COLUMNS, Task
 from gimbalcal.errors import InputError
+
+if TYPE_CHECKING:
+    import polars as pl
 
 TABLE, SUMMARY, PARTS, PAGE = "campaign.parquet", "campaign.json", "campaign.parts", "report.html"
 IDENTITY = "identity.json"
@@ -132,7 +135,9 @@ class Store:
         digest = _digest(content.getvalue())[:DIGITS]
         atomic.write(self.parts / f"{_name(share)}-{digest}.parquet", content.getvalue())
 
-    def finish(self, summarise: Any, page: Callable[[dict[str, Any]], str] | None = None) -> dict[str, Any]:
+    def finish(
+        self, summarise: Callable[[pl.DataFrame], dict[str, Any]], page: Callable[[dict[str, Any]], str] | None = None
+    ) -> dict[str, Any]:
         """Join all shares into campaign.parquet, write campaign.json and a page, all or none; remove the shares."""
         import polars as pl
 

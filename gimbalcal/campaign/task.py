@@ -23,7 +23,8 @@ if TYPE_CHECKING:  # what computes is imported by who computes
 COLUMNS = ("run", "parameter", "unit", "truth", "estimate", "sigma", "chi2", "dof", "outcome")
 PULSES = ("accelerometer-pulses", "gyroscope-pulses")
 METHODS = ("three-stage", "multiposition")
-SHARE = {"accelerometer-pulses": 100, "gyroscope-pulses": 100}  # runs solved as one array
+SHARE = dict.fromkeys(PULSES, 100)  # runs solved as one array
+SIMULATED = 4  # runs of a share that are simulated one by one, a second or so each: little is lost with a worker
 SHIPPED = Path(__file__).parent
 
 
@@ -73,7 +74,7 @@ def task(scenario: str | Path, method: str = "three-stage", seed: int | None = N
         if method not in METHODS:
             raise InputError(f"method {method!r} is not known; choose {' or '.join(METHODS)}")
     given = int(content.get("seed", 1)) if seed is None else seed
-    return Task(path.stem, text, kind, given, kind if kind in PULSES else method, SHARE.get(kind, 4),
+    return Task(path.stem, text, kind, given, kind if kind in PULSES else method, SHARE.get(kind, SIMULATED),
                 loaded_texts() if kind not in PULSES else ())  # fmt: skip
 
 
@@ -137,9 +138,9 @@ def _pulses(what: Task, runs: range) -> dict[str, list[Any]]:
     tilt = _turntable(tomllib.loads(what.text), what.name)
     accelerometer = what.kind == "accelerometer-pulses"
     trials = (accelerometers if accelerometer else gyroscopes)(what.seed, runs, tilt)
-    force = "m/s^2" if accelerometer else "rad/s"
-    scale = [f"{force}/(pulse/s)" + (f"^{k}" if k > 1 else "") for k in (1, 2, 3)]
-    pairs = [(f"K{k + 1}:{a}", scale[k]) for k in range(3) for a in "xyz"] + [(f"bias:{a}", force) for a in "xyz"]
+    unit = "m/s^2" if accelerometer else "rad/s"
+    scale = [f"{unit}/(pulse/s)" + (f"^{k}" if k > 1 else "") for k in (1, 2, 3)]
+    pairs = [(f"K{k + 1}:{a}", scale[k]) for k in range(3) for a in "xyz"] + [(f"bias:{a}", unit) for a in "xyz"]
     pairs += [(f"E:{a}", "rad") for a in ("yx", "zx", "zy")]
     kept = [i for i, (name, _) in enumerate(pairs) if accelerometer or not name.startswith("K3")]
     truth, x, sigma = trials.truth.vector(), trials.fit.pulses.vector(), trials.fit.sigma

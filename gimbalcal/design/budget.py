@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from gimbalcal.design.observability import AT_REST, information_at_rest
 from gimbalcal.design.turning_budget import turned
 from gimbalcal.earth import normal_gravity, radii
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
@@ -28,9 +29,7 @@ from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.expected import planned
 from gimbalcal.estimate.accelerometers.setting import Noise, by_visit, position_parameters, problem, whiten
-from gimbalcal.forward import jacobian
-from gimbalcal.inference.information import Information, information, solve
-from gimbalcal.kinematics import stimulus_from_angles
+from gimbalcal.inference.information import Information, solve
 from gimbalcal.navigate.bands import sensitivity
 from gimbalcal.navigate.run import is_strapdown, usual
 from gimbalcal.navigate.space_stable import USUAL, Aids
@@ -229,12 +228,8 @@ def _at_rest(s: Scenario, seconds: float, site: Site, also: Sequence[Parameter])
     run = static_plan(seconds / 3600, float(site.latitude or 0.0), 1 / s.schedule.rate)
     held = tuple(p for e in BASELINE["static-run"] for p in parameters(CATALOGUE[e], run.platform.axis_names))
     wanted = (*held, *also)
-    J = jacobian(run.platform, stimulus_from_angles(run), (), wanted, "static-run")
-    n = s.noise
-    told = {"specific_force": n.accelerometer, "gimbal_angle": n.gimbal_angle, "attitude_error": n.attitude}
-    root = np.sqrt(run.weight)[:, None, None]
-    rows = np.concatenate([(J[q] * root / sigma).reshape(-1, len(wanted)) for q, sigma in told.items() if sigma > 0])
-    return information(rows, np.zeros(len(rows)), wanted)
+    told = {sensor: float(getattr(s.noise, sensor)) for sensor in AT_REST}
+    return information_at_rest(run, wanted, {sensor: sigma for sensor, sigma in told.items() if sigma > 0})
 
 
 def _manoeuvres(

@@ -13,12 +13,14 @@ import numpy as np
 from gimbalcal.number import Array
 
 CRITERIA = ("D", "A", "position")
+STARTS = 10  # one greedy, the others by chance
+ROUNDS = 20  # of exchanges; a handful leave nothing to exchange
 
 
-def optimise(rows: Array, count: int, criterion: str, interest: Array, seed: int, starts: int = 10) -> Array:
+def optimise(rows: Array, count: int, criterion: str, interest: Array, seed: int) -> Array:
     """Indices (count,) of the candidates (c, 3, p) that are best; interest: which parameters (p,), or S (q, p)."""
     rng = np.random.default_rng(seed)
-    begin = [_greedy(rows, count, criterion, interest), *(rng.integers(0, len(rows), count) for _ in range(starts - 1))]
+    begin = [_greedy(rows, count, criterion, interest), *(rng.integers(0, len(rows), count) for _ in range(STARTS - 1))]
     found = [_exchange(rows, chosen, criterion, interest) for chosen in begin]
     best = max(found, key=lambda chosen: value(rows[chosen], criterion, interest))
     return np.sort(best)
@@ -61,10 +63,10 @@ def _greedy(rows: Array, count: int, criterion: str, interest: Array) -> Array:
     return np.array(chosen)
 
 
-def _exchange(rows: Array, chosen: Array, criterion: str, interest: Array, rounds: int = 20) -> Array:
+def _exchange(rows: Array, chosen: Array, criterion: str, interest: Array) -> Array:
     chosen = np.array(chosen)
     F = np.eye(rows.shape[-1]) + np.einsum("cip,ciq->pq", rows[chosen], rows[chosen])
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         moved = False
         for i in range(len(chosen)):
             without = F - rows[chosen[i]].T @ rows[chosen[i]]

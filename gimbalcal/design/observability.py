@@ -14,7 +14,7 @@ From the whitened Jacobian of the forward model, with the setting errors elimina
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
@@ -32,12 +32,13 @@ from gimbalcal.inference.information import SEEN, Information, Solution, informa
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.navigate.still import static_plan
 from gimbalcal.number import Array
-from gimbalcal.recording import Recording
+from gimbalcal.recording import SENSORS, Recording
 from gimbalcal.schedule import Schedule
 from gimbalcal.schedule.file import read_schedule
 from gimbalcal.units import from_si, to_si
 
 PARALLEL = 0.99  # |cos| above which two are confounded: telling them apart takes 7 times the signal of seeing one
+AT_REST = ("accelerometer", "gimbal_angle", "attitude")  # sensors of a static run, as [noise] calls them
 HELD = 600.0  # s, a position of Wu et al. (2018): what the noise of a mean is told for
 
 
@@ -149,15 +150,18 @@ def observe_static(
     calibrated = tuple(q for e in _known(effects) for q in parameters(CATALOGUE[e], names))
     others = _parameters_of(candidates, effects, recording, "static-run")
     wanted = (*calibrated, *others)
-    J = jacobian(recording.platform, stimulus_from_angles(recording), (), wanted, "static-run")
-    channels = {"accelerometer": "specific_force", "gimbal_angle": "gimbal_angle", "attitude": "attitude_error"}
-    unknown = set(noise) - set(channels)
-    if unknown or not noise:
-        raise InputError(f"the noise of a static run is stated for {', '.join(channels)}; got {', '.join(noise)}")
-    root = np.sqrt(recording.weight)[:, None, None]
-    rows = np.concatenate([(J[channels[k]] * root / s).reshape(-1, len(wanted)) for k, s in noise.items()])
-    info = information(rows, np.zeros(len(rows)), wanted)
+    if set(noise) - set(AT_REST) or not noise:
+        raise InputError(f"the noise of a static run is stated for {', '.join(AT_REST)}; got {', '.join(noise)}")
+    info = information_at_rest(recording, wanted, noise)
     return judged(f"static run of {hours:g} h at {np.rad2deg(latitude):.4g} deg", info, calibrated, dict(noise))
+
+
+def information_at_rest(plan: Recording, wanted: Sequence[Parameter], noise: Mapping[str, float]) -> Information:
+    """What a planned static run says of the parameters; noise: one sigma of a sample in SI of the sensors it has."""
+    J = jacobian(plan.platform, stimulus_from_angles(plan), (), wanted, "static-run")
+    root = np.sqrt(plan.weight)[:, None, None]
+    rows = np.concatenate([(J[SENSORS[k]] * root / s).reshape(-1, len(wanted)) for k, s in noise.items()])
+    return information(rows, np.zeros(len(rows)), wanted)
 
 
 def observe_any(

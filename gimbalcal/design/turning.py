@@ -15,6 +15,9 @@ import numpy as np
 
 from gimbalcal.earth import normal_gravity
 from gimbalcal.effects import CATALOGUE, Parameter
+from gimbalcal.estimate.systematic.course import KEYS, UPDATE
+from gimbalcal.estimate.systematic.error_model import STATE
+from gimbalcal.estimate.systematic.smoothing import PLACE, VELOCITY
 from gimbalcal.forward import linearise
 from gimbalcal.inference.innovations import Innovations, innovations
 from gimbalcal.navigate.error_growth import transitions
@@ -24,13 +27,8 @@ from gimbalcal.recording import Recording, Site
 from gimbalcal.schedule.trajectory import Trajectory
 from gimbalcal.simulate.turned import nodes, stimulus
 
-UPDATE = 1.0  # s between updates of the velocity
 TURNING = 20.0  # Hz, intervals of a turn
 ATTITUDE = np.deg2rad(1.0)  # one sigma of the attitude at the start
-PLACE = 1e-3  # m, one sigma of the place at the start
-SCALE = np.repeat(1e-3, 9)  # rad, m/s, m: of the navigation states
-VELOCITY = np.arange(3, 6)
-KEYS = tuple((q, a) for q in ("specific_force", "angular_rate") for a in "xyz")
 BATCH = 4000  # intervals of which derivatives are held at once
 
 
@@ -54,8 +52,8 @@ class Stretches:
 
     def innovations(self, noise: Noise) -> Innovations:
         """What the velocity says about the parameters, in units of their prior sigmas."""
-        R = np.full((len(self.time), 3), (noise.velocity / SCALE[0]) ** 2)
-        start = np.repeat([ATTITUDE, noise.velocity, PLACE], 3) / SCALE
+        R = np.full((len(self.time), 3), (noise.velocity / STATE[0]) ** 2)
+        start = np.repeat([ATTITUDE, noise.velocity, PLACE], 3) / STATE
         return innovations(self.Phi, self.Psi, self.Q, VELOCITY, R, np.diag(start**2))
 
 
@@ -86,7 +84,7 @@ def stretches(
         first, np.ones(len(dt), dtype=bool), dt, mean[:, 3:], mean[:, :3], D, q, C_bn, *_where(like)
     )  # fmt: skip
     return Stretches(
-        ends, made.Phi * SCALE / SCALE[:, None], made.Psi / SCALE[:, None], made.Q / SCALE / SCALE[:, None]
+        ends, made.Phi * STATE / STATE[:, None], made.Psi / STATE[:, None], made.Q / STATE / STATE[:, None]
     )
 
 

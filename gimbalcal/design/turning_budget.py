@@ -101,10 +101,7 @@ def turned(
 def _states(asked: str, more: Sequence[str], like: Recording) -> tuple[Parameter, ...]:
     """The parameters of `--states`, and those of effects that are asked for with `--with`."""
     for said in more:
-        try:
-            states(said, like)
-        except InputError as error:
-            raise InputError(str(error).replace("--states", "--with", 1)) from None
+        states(said, like, option="--with")
     return states(",".join((*LISTS.get(asked.strip(), (asked,)), *more)), like)
 
 

@@ -19,9 +19,10 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.design.observability import Observability, judged
-from gimbalcal.design.turning import SCALE, Noise, Stretches, plan, stretches
+from gimbalcal.design.turning import Noise, Stretches, plan, stretches
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.systematic.error_model import STATE
 from gimbalcal.estimate.systematic.states import states
 from gimbalcal.inference.information import SEEN, information, name_directions
 from gimbalcal.inference.innovations import Innovations
@@ -167,7 +168,7 @@ def _judged(
     curves = tuple(Curve(p.label, p.unit, p.sigma, p.sigma * s) for p, s in zip(wanted, sigma.T, strict=True))
     start = np.sqrt(np.diag(found.P[0]))
     navigation = tuple(
-        Curve(label, unit, float(SCALE[i] * start[i]), SCALE[i] * moving[:, i])
+        Curve(label, unit, float(STATE[i] * start[i]), STATE[i] * moving[:, i])
         for i, (label, unit) in enumerate(NAVIGATION)
     )
     return TurningObservability(

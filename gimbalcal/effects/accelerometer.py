@@ -37,6 +37,11 @@ def bend(K: Array, force: Array) -> Array:
     return np.asarray(force * (1 - r) / (1 + r))
 
 
+def across(force: Array) -> tuple[Array, Array]:
+    """Force across each axis, along the next one and the one after it: (f_j, f_k), each (..., 3); f_j of x is f_y."""
+    return force[..., [1, 2, 0]], force[..., [2, 0, 1]]
+
+
 @effect
 class Misalignment(Effect):
     r"""The three input axes do not lie along the platform axes; each leans by two small angles.

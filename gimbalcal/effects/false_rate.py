@@ -15,8 +15,8 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.earth import SOLAR_RATE
+from gimbalcal.effects.accelerometer import across
 from gimbalcal.effects.effect import Stimulus
-from gimbalcal.effects.history import columns
 from gimbalcal.number import Array, apply_matrix, cos, sin
 
 
@@ -32,7 +32,7 @@ def by_force(G: Array, s: Stimulus) -> Array:
 
 def by_force_products(E: Array, s: Stimulus) -> Array:
     """A suspension that yields unequally along two axes: E_i f_j f_k with E (3,) [rad/s per (m/s^2)^2]."""
-    fj, fk = columns(s.force)
+    fj, fk = across(s.force)
     return np.asarray(E * fj * fk)
 
 

@@ -72,7 +72,7 @@ def states(d: Dynamics, time: Array) -> Array:
     h, u = steps(time), d.drive
     a = relaxation(h, d.tau)
     keep = a[:, None]
-    push = u[1:] - keep * u[:-1] - np.diff(u, axis=0) / h[:, None] * d.tau * (1 - keep)
+    push = u[1:] - keep * u[:-1] - _followed(np.diff(u, axis=0), h[:, None], d.tau)
     a, push = np.concatenate([np.zeros(1), a]), np.concatenate([start[:1], push])
     if d.anew is not None:
         a, push = np.where(d.anew, 0.0, a), np.where(d.anew[:, None], start, push)
@@ -115,7 +115,16 @@ def smoothed_rate(x: Array, time: Array, tau: float) -> Array:
 def _behind(change: Array, h: Array, tau: float) -> Array:
     """What changes by so much (n - 1,) in steps h, less its first-order lag (n,): no difference of large numbers."""
     a = exp(-h / tau)
-    return recursion(np.concatenate([np.zeros(1), a]), np.concatenate([0 * change[:1], change / h * tau * (1 - a)]))
+    return recursion(np.concatenate([np.zeros(1), a]), np.concatenate([0 * change[:1], _followed(change, h, tau)]))
+
+
+def _followed(step: Array, h: Array, tau: float) -> Array:
+    """step / h tau (1 - e^(-h / tau)): what a state of first order is behind after a steady step; all of it for h = 0.
+
+    Rows may be stamped alike where a clock is coarse.
+    """
+    at_once = h == 0
+    return np.where(at_once, step, step / np.where(at_once, 1.0, h) * tau * (1 - exp(-h / tau)))
 
 
 def integral(x: Array, time: Array) -> Array:
@@ -126,19 +135,20 @@ def integral(x: Array, time: Array) -> Array:
 
 
 def slope(x: Array, time: Array, visit: Array) -> Array:
-    """dx/dt (n, ...) by central differences that do not reach across dwells; zero where a dwell has one sample."""
+    """dx/dt (n, ...) by central differences that do not reach across dwells; zero where a dwell has one time.
+
+    Rows that are stamped alike, as by a coarse clock, have the neighbours of all of them.
+    """
     i = np.arange(len(time))
-    low, high = np.maximum(i - 1, 0), np.minimum(i + 1, len(i) - 1)
+    new = np.concatenate([np.ones(1, dtype=bool), (np.diff(time) != 0) | (np.diff(visit) != 0)])
+    last = np.append(i[1:], len(i))[np.append(new[1:], True)]  # of the rows that follow each run of one time
+    low = np.maximum(np.maximum.accumulate(np.where(new, i, 0)) - 1, 0)
+    high = np.minimum(last[np.cumsum(new) - 1], len(i) - 1)
     low, high = np.where(visit[low] == visit, low, i), np.where(visit[high] == visit, high, i)
-    h = np.where(high > low, time[high] - time[low], 1.0)
-    return np.asarray((x[high] - x[low]) / np.reshape(h, (-1,) + (1,) * (x.ndim - 1)))
+    h = np.reshape(time[high] - time[low], (-1,) + (1,) * (x.ndim - 1))
+    return np.where(h == 0, 0.0, (x[high] - x[low]) / np.where(h == 0, 1.0, h))
 
 
 def direction(move: Array, scale: float) -> Array:
     """Sign of a move, passing smoothly through zero for moves below about `scale`: m / sqrt(m^2 + scale^2)."""
     return np.asarray(move / sqrt(move**2 + scale**2))
-
-
-def columns(s_force: Array) -> tuple[Array, Array]:
-    """For each axis the next and the one after it, cyclic: (f_j, f_k) with f_j of x is f_y; each (..., 3)."""
-    return s_force[..., [1, 2, 0]], s_force[..., [2, 0, 1]]

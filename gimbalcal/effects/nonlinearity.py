@@ -9,9 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.effects.accelerometer import bend
+from gimbalcal.effects.accelerometer import across, bend
 from gimbalcal.effects.effect import PARTNER_AXES, TRIAD, Effect, Stage, Stimulus, constant, effect, parameter
-from gimbalcal.effects.history import columns
 from gimbalcal.number import Array, absolute, maximum, minimum, sign
 
 
@@ -146,7 +145,7 @@ class CrossAxisProduct(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
-        fj, fk = columns(s.force)
+        fj, fk = across(s.force)
         return self.K_po * fj * fk + self.K_pp * fj**2
 
 
@@ -168,7 +167,7 @@ class BlockSag(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Output added [m/s^2]."""
-        fj, fk = columns(s.force)
+        fj, fk = across(s.force)
         return self.c * fj * fk
 
 

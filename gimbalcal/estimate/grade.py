@@ -24,7 +24,7 @@ from gimbalcal.recording.dwell import rests_are_means, whole_means
 from gimbalcal.recording.noise import resolution
 
 SECOND = 1.0  # s of a mean; data sheets print the noise at this time
-FORCE, RATE = "accelerometer", "gyroscope"
+TRIADS = ("accelerometer", "gyroscope")
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def graded(recordings: Sequence[Recording], name: str = "") -> Graded:
     if name:
         return Graded(grade_named(name), "--grade says so")
     held = [r for r in recordings if r.kind == "static-run"]
-    force, rate = (_middle([walk(r, s) for r in recordings if r not in held]) for s in (FORCE, RATE))
+    force, rate = (_middle([walk(r, s) for r in recordings if r not in held]) for s in TRIADS)
     if held and force is None:
         return Graded(GRADES["navigation"], "its gyroscopes hold a platform still in inertial space")
     seen = [] if force is None else [f"accelerometers scatter by {_two_digits(force / UG)} ug in a mean over 1 s"]
@@ -89,7 +89,7 @@ def walk(recording: Recording, sensor: str) -> float | None:
     if step is None or not recording.has(quantity):
         return None
     if recording.counted(quantity):
-        if sensor == RATE:
+        if sensor == "gyroscope":
             return None
         try:
             counts = scaled_by_gravity(dwell_means(recording))[1]

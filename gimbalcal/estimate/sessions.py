@@ -20,12 +20,11 @@ from gimbalcal.calibration.readout import in_si
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.account import joined
 from gimbalcal.estimate.added import Added
+from gimbalcal.estimate.support import DIFFER
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwells, join
 from gimbalcal.units import from_si
-
-DIFFER = 0.01  # chance that any of the sessions is said not to agree where all do, as in `support`
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.effects.process import WhiteNoise
 from gimbalcal.errors import InputError
 from gimbalcal.inference.coloured import estimate_noise, least_squares
 from gimbalcal.inference.noise import Noise
@@ -85,13 +84,12 @@ def fourier(
     weight: Array | None = None,
     drift: int = 1,
     noise: str | Noise = "auto",
-    sigma: float | None = None,
 ) -> Harmonics:
     """Harmonic coefficients of y (n,) in the angle (n,) [rad]; rows that are not finite are gaps.
 
     weight (n,): raw samples behind each row. drift: degree of the polynomial. noise: "white", "gauss-markov",
-    "random-walk", "auto" (best BIC of the three) or processes that are known. sigma: white noise of a row of unit
-    weight if it is known; else, and always under coloured noise, it is estimated. Raises InputError where the run is
+    "random-walk", "auto" (best BIC of the three) or processes that are known, the white one of a row of unit
+    weight. Raises InputError where the run is
     too short to tell the harmonics from each other and from the drift.
     """
     keep = np.isfinite(y)
@@ -103,8 +101,6 @@ def fourier(
     A = design_matrix(time, angle, orders, drift)
     try:
         found = estimate_noise(time, A, y, weight, noise) if isinstance(noise, str) else noise
-        if sigma is not None and len(found) == 1:
-            found = (WhiteNoise(sigma),)
         fit = least_squares(time, A, y[:, None], weight, found)
     except np.linalg.LinAlgError:
         turned = np.rad2deg(np.ptp(angle))

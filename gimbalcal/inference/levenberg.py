@@ -9,6 +9,7 @@ import numpy as np
 
 from gimbalcal.number import Array
 
+SEEN = 1e-9  # smallest relative singular value, of columns of length one: below, a matrix is singular
 BENT = 1e-3  # damping after a step that was refused
 
 Model = Callable[[Array, Array], tuple[Array, Array]]
@@ -81,13 +82,13 @@ def _step(r: Array, J: Array, damping: Array) -> Array:
     return np.asarray(np.linalg.solve(R, right)[..., 0] / size)
 
 
-def covariance_at_minimum(J: Array, seen: float = 1e-9) -> Array:
+def covariance_at_minimum(J: Array) -> Array:
     """Covariance (r, p, p) at the minimum from whitened Jacobians (r, m, p); infinite where one is singular."""
     size = np.sqrt((J**2).sum(-2))
     size = np.where(size > 0, size, 1.0)
     _, S, Vt = np.linalg.svd(J / size[:, None, :], full_matrices=False)
     with np.errstate(divide="ignore"):
-        inverse = np.where(seen * S[:, :1] < S, 1 / S, np.inf)  # relative rank: columns have length one
+        inverse = np.where(SEEN * S[:, :1] < S, 1 / S, np.inf)
     with np.errstate(invalid="ignore"):
         half = np.swapaxes(Vt, -1, -2) * inverse[:, None, :]
         half = np.where(np.isnan(half), 0.0, half) / size[..., None]  # 0 x inf: the direction does not touch it

@@ -43,15 +43,12 @@ class Motion(NamedTuple):
     position: Array
 
 
-def strapdown(
-    dt: Array, rate: Array, force: Array, C_bn: Array, velocity: Array, position: Array, gravity: float | None = None
-) -> Motion:
+def strapdown(dt: Array, rate: Array, force: Array, C_bn: Array, velocity: Array, position: Array) -> Motion:
     """Navigate over n intervals dt (n,) [s] with mean rates (n, 3) [rad/s] and forces (n, 3) [m/s^2] in body axes.
 
-    From C_bn (3, 3), velocity (3,) and position (3,), as in `Motion`; gravity [m/s^2] at the start where it was
-    measured: normal gravity elsewhere differs from there as the ellipsoid says.
+    From C_bn (3, 3), velocity (3,) and position (3,), as in `Motion`, in normal gravity.
     """
-    place = ground(float(position[0]), float(position[2]), gravity)
+    place = ground(float(position[0]), float(position[2]), None)
     n = len(dt)
     out = Motion(np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n + 1, 3)))
     out.C_bn[0], out.velocity[0], out.position[0] = C_bn, velocity, position

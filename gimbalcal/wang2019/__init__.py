@@ -1,1 +1,1 @@
-"""The laboratory of Wang et al. (2019): triads read in pulses, their fits, and Monte Carlo trials of its tables."""
+"""The laboratory of Wang et al. (2019): triads read in pulses, fits, trials of its tables, errors on its motions."""

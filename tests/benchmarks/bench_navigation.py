@@ -14,9 +14,9 @@ import sys
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.navigate.error_model import Trajectory, misread, propagate
-from gimbalcal.navigate.motions import at_rest, drive, swing
+from gimbalcal.wang2019.error_model import Trajectory, misread, propagate
 from gimbalcal.wang2019.fit import accelerometer_pulses
+from gimbalcal.wang2019.motions import at_rest, drive, swing
 from gimbalcal.wang2019.pulses import Pulses, truncated
 from gimbalcal.wang2019.schedules import POSITIONS
 

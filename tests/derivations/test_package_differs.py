@@ -40,14 +40,14 @@ SLIPS = [
     ("estimate.gyroscopes.revolutions", "as_effects", "-triad.K2 / triad.K1]", "-triad.K2 / triad.K1**3]", WANG, "6 8"),
     ("effects.gyroscope", "of_rate_matrix", "SF[:, None] * M", "M", WU, "5"),
     ("kinematics", "navigation_to_platform", "-ct * sL", "ct * sL", WU, "18"),
-    ("navigate.error_model", "_dynamics", "+= -cross_matrix(2 * w_ie", "+= cross_matrix(2 * w_ie", WANG, "9 15"),
-    ("navigate.error_model", "_dynamics", "cross_matrix(2 * w_ie + w_en)", "cross_matrix(w_ie + w_en)", WANG, "9 15"),
-    ("navigate.error_model", "_dynamics", "= cross_matrix(f)", "= -cross_matrix(f)", WANG, "9 15"),
-    ("navigate.error_model", "_dynamics", "= -cross_matrix(w_ie +", "= cross_matrix(w_ie +", WANG, "10 11 12 16"),
-    ("navigate.error_model", "_dynamics", "= d_ie + d_en", "= d_ie - d_en", WANG, "10 16"),
-    ("navigate.error_model", "propagate", "u[:, 4:] = -np", "u[:, 4:] = np", WANG, "10"),
-    ("navigate.error_model", "propagate", "path.C_bn, force_error)", "path.C_bn, -force_error)", WANG, "9"),
-    ("navigate.error_model", "misread", "- v)", "+ v)", WANG, "13 14"),
+    ("wang2019.error_model", "_dynamics", "+= -cross_matrix(2 * w_ie", "+= cross_matrix(2 * w_ie", WANG, "9 15"),
+    ("wang2019.error_model", "_dynamics", "cross_matrix(2 * w_ie + w_en)", "cross_matrix(w_ie + w_en)", WANG, "9 15"),
+    ("wang2019.error_model", "_dynamics", "= cross_matrix(f)", "= -cross_matrix(f)", WANG, "9 15"),
+    ("wang2019.error_model", "_dynamics", "= -cross_matrix(w_ie +", "= cross_matrix(w_ie +", WANG, "10 11 12 16"),
+    ("wang2019.error_model", "_dynamics", "= d_ie + d_en", "= d_ie - d_en", WANG, "10 16"),
+    ("wang2019.error_model", "propagate", "u[:, 4:] = -np", "u[:, 4:] = np", WANG, "10"),
+    ("wang2019.error_model", "propagate", "path.C_bn, force_error)", "path.C_bn, -force_error)", WANG, "9"),
+    ("wang2019.error_model", "misread", "- v)", "+ v)", WANG, "13 14"),
     ("inference.levenberg", "_step", "right = -np", "right = np", WANG, "40"),
     ("estimate.gyroscopes.inter_triad", "triad_rotation", '"x", a[..., 1]', '"x", -a[..., 1]', WANG, "43"),
     ("effects.gyroscope", "GyroScaleFactor.contribution", "-self.s /", "self.s /", CAI, "1 3 18"),
@@ -93,11 +93,11 @@ def test_the_run_fails_and_lists_the_items(slip, monkeypatch, capsys, tmp_path):
     monkeypatch.setattr(__main__, "PAPERS", papers)
     assert __main__.main(["--out", str(tmp_path)]) == 0
     assert "The package follows the derivation in all 8 items" in capsys.readouterr().out
-    slip("navigate.error_model", "_dynamics", "= -cross_matrix(w_ie + w_en)", "= cross_matrix(w_ie + w_en)")
+    slip("wang2019.error_model", "_dynamics", "= -cross_matrix(w_ie + w_en)", "= cross_matrix(w_ie + w_en)")
     assert __main__.main(["--out", str(tmp_path)]) == 1
     last = capsys.readouterr().out.split("THE PACKAGE DIFFERS")[1]
     assert "in 4 of 8 items" in last
-    assert "Wang 2019, Eq. (10): PACKAGE DIFFERS in navigate.error_model._dynamics by" in last
+    assert "Wang 2019, Eq. (10): PACKAGE DIFFERS in wang2019.error_model._dynamics by" in last
     assert "Eq. (9)" not in last
     told = {v["item"]: v["why"] for v in json.loads((tmp_path / "errata.json").read_text())}
     assert "PACKAGE DIFFERS" in told["Eq. (10)"]

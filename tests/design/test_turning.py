@@ -8,9 +8,10 @@ import pytest
 from click.testing import CliRunner
 
 from gimbalcal.cli import gimbalcal
-from gimbalcal.design.turning import VELOCITY, Noise, plan, stretches
+from gimbalcal.design.turning import Noise, plan, stretches
 from gimbalcal.design.turning_observability import observe_turning
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.systematic.smoothing import VELOCITY
 from gimbalcal.estimate.systematic.states import states
 from gimbalcal.inference.innovations import innovations
 from gimbalcal.schedule import Move, RotationSchedule

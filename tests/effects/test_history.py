@@ -74,3 +74,22 @@ def test_integral_and_slope_of_a_parabola() -> None:
 
 def test_direction_is_the_sign_of_a_move_and_zero_without_one() -> None:
     np.testing.assert_allclose(direction(np.array([-3.0, 0.0, 1e-15, 2.0]), 1e-3), [-1, 0, 0, 1], atol=1e-6)
+
+
+COARSE = np.repeat([0.0, 2.0, 3.0, 7.0, 8.0], [1, 3, 2, 4, 1])  # stamps of a clock that ticks each second
+
+
+@pytest.mark.parametrize("tau", [0.3, 20.0])
+def test_rows_that_are_stamped_alike_are_the_limit_of_rows_that_are_not(tau: float) -> None:
+    x, apart = np.cos(np.arange(11.0)), COARSE + 1e-7 * np.arange(11)
+    alike, near = (states(late(x[:, None], tau, ONE), t)[:, 0] for t in (COARSE, apart))
+    np.testing.assert_allclose(alike, near, atol=1e-5)
+    np.testing.assert_allclose(smoothed_rate(x, COARSE, tau), smoothed_rate(x, apart, tau), atol=1e-5)
+
+
+def test_rows_that_are_stamped_alike_have_one_slope_from_the_rows_around_them() -> None:
+    still = np.zeros(11, dtype=int)
+    np.testing.assert_allclose(slope(3 * COARSE, COARSE, still), 3.0, rtol=1e-14)
+    assert not slope(np.arange(4.0), np.ones(4), still[:4]).any()  # one time has no slope
+    split = np.repeat([0, 1], [4, 7])
+    np.testing.assert_allclose(slope(3 * COARSE + 50 * split, COARSE, split), 3.0, rtol=1e-14)

@@ -68,7 +68,7 @@ def align(course: Course, u: Array) -> Alignment:
     middle = float(course.rows.time[(stops[0].start + stops[0].stop) // 2] - course.time[0])
     down = -at[0] @ mean[0, :3] / np.linalg.norm(mean[0, :3])
     left = right - rows @ x
-    P = np.linalg.inv(rows.T @ rows + 1e-12 * np.eye(6)) * max(1.0, float(left @ left) / max(len(left) - 6, 1))
+    P = np.linalg.inv(rows.T @ rows) * max(1.0, float(left @ left) / max(len(left) - 6, 1))
     return _from_vectors(course, down, middle, b, x[3:], float(np.sqrt(P[range(3, 6), range(3, 6)].max())))
 
 

@@ -72,13 +72,11 @@ def one_pass(
         raise no_number(named(course.rows), "what a reading tells of the constants") from None
     Phi, Psi, Q, d = about
     m = Phi.shape[1]
-    scale, wander = np.array([p.sigma for p in wanted]), chains(course)
-    x = np.concatenate([rotation_vector(start.C_bn @ C[0].T), np.zeros(6)]) / STATE
-    x = np.concatenate([x, np.zeros(len(wander))])
+    scale, x = np.array([p.sigma for p in wanted]), errors_at_start(course, start, C)
     first = np.concatenate([prior / scale, x[:3]])
-    S, R = _scatter(course, start.sigma, len(wanted), known), _of_rest(course, len(Phi))
+    S, R = _scatter(course, start.sigma, len(wanted), known), of_rest(course, len(Phi))
     z = np.where(course.believed[:, None], 0.0, np.full((len(Phi), 3), np.nan))
-    loose = _knocked(Q, left_out)
+    loose = knocked(Q, left_out)
     kept = np.where(left_out[:, None], np.nan, z)
     filtered = beside_constants.filter(Phi, Psi, loose, d, kept, VELOCITY, R, x, first, S, smoothed=3)
     del loose  # of a day 60 MB
@@ -98,7 +96,7 @@ def one_pass(
     filtered = filtered._replace(gain=gone, cross=gone, theta=filtered.theta[-1:].copy())
     # the same navigator with its sensors as they were found, nothing left to learn about them
     found = found - own @ (own.T @ after[m:])
-    none, S0 = np.zeros((len(Phi), m, 0)), np.diag(_sigma(course, start.sigma))
+    none, S0 = np.zeros((len(Phi), m, 0)), np.diag(sigma_at_start(course, start.sigma))
     calibrated = beside_constants.filter(
         Phi, none, Q, d + Psi @ found, z, VELOCITY, R, x, found[:0], S0, GATE, JUMP / STATE[3], 0
     )
@@ -122,9 +120,9 @@ def attitude_covariance(course: Course, last: Pass, left_out: NDArray[np.bool_],
     root[:p, :p] = vectors * np.sqrt(np.maximum(values, 0.0))
     root[p:, :p] = whole[p:, :p] @ inverse(whole[:p, :p]) @ root[:p, :p]
     root[p:, p:] = whole[p:, p:]
-    loose = _knocked(Q, left_out)
-    S = np.diag(_sigma(course, np.zeros(3)))
-    R, z = _of_rest(course, len(Phi)), np.where(np.isnan(last.filtered.innovation), np.nan, 0.0)
+    loose = knocked(Q, left_out)
+    S = np.diag(sigma_at_start(course, np.zeros(3)))
+    R, z = of_rest(course, len(Phi)), np.where(np.isnan(last.filtered.innovation), np.nan, 0.0)
     x, none = np.zeros(m), np.zeros((len(Phi), m, 0))
     known = beside_constants.filter(Phi, none, loose, 0 * d, z, VELOCITY, R, x, x[:0], S, smoothed=3)
     before = np.zeros((m, p + 3))
@@ -135,13 +133,19 @@ def attitude_covariance(course: Course, last: Pass, left_out: NDArray[np.bool_],
 def for_smoother(course: Course, last: Pass, start: Alignment, left_out: NDArray[np.bool_]) -> Filtered:
     """What a pass that began with no knowledge of the constants lets go of: its gains and covariances, errors zero."""
     Phi, Psi, Q, d = last.about
-    S, R = _scatter(course, start.sigma, len(last.step)), _of_rest(course, len(Phi))
+    S, R = _scatter(course, start.sigma, len(last.step)), of_rest(course, len(Phi))
     z = np.where(np.isnan(last.filtered.innovation), np.nan, 0.0)
     x, theta = np.zeros(Phi.shape[1]), np.zeros(Psi.shape[2])
-    return beside_constants.filter(Phi, Psi, _knocked(Q, left_out), 0 * d, z, VELOCITY, R, x, theta, S, smoothed=3)
+    return beside_constants.filter(Phi, Psi, knocked(Q, left_out), 0 * d, z, VELOCITY, R, x, theta, S, smoothed=3)
 
 
-def _sigma(course: Course, attitude: Array) -> Array:
+def errors_at_start(course: Course, start: Alignment, C: Array) -> Array:
+    """The moving states (m,) at the start, in units of the states, where the reference starts from C[0]."""
+    turned = rotation_vector(start.C_bn @ C[0].T)
+    return np.concatenate([np.concatenate([turned, np.zeros(6)]) / STATE, np.zeros(len(chains(course)))])
+
+
+def sigma_at_start(course: Course, attitude: Array) -> Array:
     """One sigma (m,) of the moving states at the start in units of the states, that of the attitude (3,) in rad."""
     wander = chains(course)
     before = np.concatenate([attitude, np.full(3, course.velocity), np.full(3, PLACE)]) / STATE
@@ -153,7 +157,7 @@ def _scatter(course: Course, attitude: Array, p: int, known: Array | None = None
 
     known (p, p): that of the constants (default: nothing is known). The attitude at the start is a constant too.
     """
-    sigma = _sigma(course, attitude)
+    sigma = sigma_at_start(course, attitude)
     m = len(sigma)
     S = np.diag(np.concatenate([sigma, np.full(p, WIDE), sigma[:3]]))
     if known is not None:
@@ -162,12 +166,12 @@ def _scatter(course: Course, attitude: Array, p: int, known: Array | None = None
     return S
 
 
-def _of_rest(course: Course, K: int) -> Array:
+def of_rest(course: Course, K: int) -> Array:
     """Variances (K, 3) of the velocity, which is zero, in units of the states."""
     return np.full((K, 3), course.velocity**2) / STATE[VELOCITY] ** 2
 
 
-def _knocked(Q: Array, left_out: NDArray[np.bool_]) -> Array:
+def knocked(Q: Array, left_out: NDArray[np.bool_]) -> Array:
     """Q with what a knock may do to the velocity where an update is not believed."""
     if not left_out.any():
         return Q

@@ -30,16 +30,19 @@ KEPT: Mapping[str, tuple[str, ...]] = {
 SAME = {"scale_nonlinearity": "quadratic_nonlinearity", "frame_misalignment": "misalignment"}
 
 
-def states(asked: str, recording: Recording, more: Sequence[Added] = ()) -> tuple[Parameter, ...]:
+def states(
+    asked: str, recording: Recording, more: Sequence[Added] = (), option: str = "--states"
+) -> tuple[Parameter, ...]:
     """The parameters of `--states` 30, 51 or EFFECT[:AXIS],..., and of effects that were added.
 
-    Raises InputError for what is no effect, cannot show in a rotation recording, or lacks what it needs there.
+    option: by which they were asked for, as refusals say it. Raises InputError for what is no effect, cannot show in a
+    rotation recording, or lacks what it needs there.
     """
     named = LISTS.get(asked.strip(), tuple(part.strip() for part in asked.split(",") if part.strip()))
     out: dict[tuple[str, str, str], Parameter] = {}
     for said in named:
         effect, _, axis = said.partition(":")
-        for p in _of(said, effect, axis, recording):
+        for p in _of(f"{option} {said}", effect, axis, recording):
             out[p.effect, p.field, p.axis] = p
     for a in more:
         if a.free:
@@ -51,7 +54,7 @@ def states(asked: str, recording: Recording, more: Sequence[Added] = ()) -> tupl
             if p.axis in KEPT.get(p.effect, (p.axis,)) or a.axes:
                 out[p.effect, p.field, p.axis] = replace(p, sigma=_sigma(p))
     if not out:
-        raise InputError(f"--states {asked}: no effect is named; write 30, 51 or effects of `gimbalcal catalogue`")
+        raise InputError(f"{option} {asked}: no effect is named; write 30, 51 or effects of `gimbalcal catalogue`")
     return tuple(out.values())
 
 
@@ -64,26 +67,24 @@ def _of(said: str, effect: str, axis: str, recording: Recording) -> list[Paramet
     if effect not in CATALOGUE:
         near = get_close_matches(effect, CATALOGUE, 1)
         if effect.isdigit():
-            raise InputError(f"--states {said}: no list has {effect} states; write 30 or 51, or name the effects")
+            raise InputError(f"{said}: no list has {effect} states; write 30 or 51, or name the effects")
         hint = f"did you mean {near[0]}?" if near else "`gimbalcal catalogue` lists them"
-        raise InputError(f"--states {said}: no effect is called {effect!r}; {hint}")
+        raise InputError(f"{said}: no effect is called {effect!r}; {hint}")
     if effect in SAME:
-        raise InputError(f"--states {said}: {effect} says what {SAME[effect]} says; write {SAME[effect]}")
+        raise InputError(f"{said}: {effect} says what {SAME[effect]} says; write {SAME[effect]}")
     cls = CATALOGUE[effect]
     reason = unfit(cls, recording)
     if reason:
-        raise InputError(f"--states {said}: {effect} {reason}")
+        raise InputError(f"{said}: {effect} {reason}")
     free = constants(cls)
     if free:
         names = alternatives([f.name for f in free])
         raise InputError(
-            f"--states {said}: {effect} has a constant that no filter can carry ({names}); add it with --with "
+            f"{said}: {effect} has a constant that no filter can carry ({names}); add it with --with "
             f"{effect},{free[0].name}=VALUE"
         )
     every = parameters(cls)
     kept = [p for p in every if p.axis == axis] if axis else [p for p in every if p.axis in KEPT.get(effect, (p.axis,))]
     if not kept:
-        raise InputError(
-            f"--states {said}: {effect} has no axis {axis!r}; it has {alternatives([p.axis for p in every])}"
-        )
+        raise InputError(f"{said}: {effect} has no axis {axis!r}; it has {alternatives([p.axis for p in every])}")
     return kept

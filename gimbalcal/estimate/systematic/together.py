@@ -21,6 +21,7 @@ from gimbalcal.calibration.calibration import Residual
 from gimbalcal.effects import Parameter, with_values
 from gimbalcal.errors import amount
 from gimbalcal.estimate.added import Added
+from gimbalcal.estimate.support import DIFFER
 from gimbalcal.estimate.systematic.error_model import turned
 from gimbalcal.estimate.systematic.run import calibrated
 from gimbalcal.estimate.systematic.seen import WIDE, informed
@@ -35,7 +36,6 @@ from gimbalcal.recording import Recording
 from gimbalcal.recording.joining import refuse_twice
 from gimbalcal.units import from_si
 
-DIFFER = 0.01  # chance that any of the recordings is said not to agree where all do
 ROUNDS = 4  # of all recordings
 
 

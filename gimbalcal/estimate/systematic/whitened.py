@@ -22,7 +22,7 @@ from gimbalcal.estimate.systematic.course import KEYS
 from gimbalcal.estimate.systematic.error_model import STATE, added, answering, felt
 from gimbalcal.estimate.systematic.sensors import KIND, read_by, truth
 from gimbalcal.estimate.systematic.settle import Settled
-from gimbalcal.estimate.systematic.smoothing import JUMP, PLACE, VELOCITY
+from gimbalcal.estimate.systematic.smoothing import VELOCITY, errors_at_start, knocked, of_rest, sigma_at_start
 from gimbalcal.estimate.systematic.wander import beside, chains
 from gimbalcal.forward import Rows, linearise
 from gimbalcal.inference import beside_constants
@@ -30,7 +30,6 @@ from gimbalcal.kinematics import stimulus_from_truth
 from gimbalcal.navigate.error_growth import NAV
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
-from gimbalcal.rotation import rotation_vector
 
 EACH = 20  # updates after a turn that stand for themselves: later ones change as slowly as the stop is long
 JOINED = 10  # of the later ones in one row
@@ -100,14 +99,10 @@ def whitened(m: Settled) -> Whitened:
         legs, u, m.C, lambda groups: added(groups.stop - groups.start, len(wander)), added(0, len(wander)).shape[2]
     )
     Phi, none, Q, d = beside(made[0], made[1][:, :, :0], made[2], made[3], made[1], wander)
-    before = np.concatenate([m.start.sigma, np.full(3, legs.velocity), np.full(3, PLACE)]) / STATE
-    sigma = np.concatenate([before, np.sqrt(wander.P_0) / wander.scale])
-    x = np.concatenate([rotation_vector(m.start.C_bn @ m.C[0].T), np.zeros(6)]) / STATE
-    x = np.concatenate([x, np.zeros(len(wander))])
-    R = np.full((len(Phi), 3), legs.velocity**2) / STATE[VELOCITY] ** 2
+    x, S = errors_at_start(legs, m.start, m.C), np.diag(sigma_at_start(legs, m.start.sigma))
+    R, loose = of_rest(legs, len(Phi)), knocked(Q, m.left_out)
     z = np.where((m.left_out | ~legs.believed)[:, None], np.nan, 0 * R)
-    Q[np.ix_(m.left_out, VELOCITY, VELOCITY)] += (JUMP / STATE[3]) ** 2 * np.eye(3)
-    f = beside_constants.filter(Phi, none, Q, d, z, VELOCITY, R, x, np.zeros(0), np.diag(sigma), smoothed=0)
+    f = beside_constants.filter(Phi, none, loose, d, z, VELOCITY, R, x, np.zeros(0), S, smoothed=0)
     one = np.sqrt(f.variance)
     block = _blocks(legs.stop)
     residual, spread = _joined(f.innovation[..., None] * STATE[3], one * STATE[3], block)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gimbalcal.earth import EARTH_RATE, G0
-from gimbalcal.navigate.error_model import RADIUS, Trajectory, aligned, misread, propagate
-from gimbalcal.navigate.motions import at_rest, drive, swing
 from gimbalcal.rotation import cross_matrix
+from gimbalcal.wang2019.error_model import RADIUS, Trajectory, aligned, misread, propagate
+from gimbalcal.wang2019.motions import at_rest, drive, swing
 from gimbalcal.wang2019.pulses import Pulses, truncated
 
 SCHULER = np.sqrt(G0 / RADIUS)
