@@ -24,7 +24,7 @@ from gimbalcal.navigate.strapdown_run import block_of, legs_navigated
 from gimbalcal.navigate.thinned import Intervals, thinned
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
-from gimbalcal.navigate.static_run import half_apart, horizontal, with_inner
+from gimbalcal.recording.record import ANGLE, FORCE, RATE
 
 TOLD = 100  # draws
 ROWS = 240  # of the run, for bands: what a parameter does follows the day and half of it
