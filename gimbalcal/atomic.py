@@ -9,7 +9,7 @@ import re
 import shutil
 import signal
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from math import isfinite
 from pathlib import Path
@@ -64,11 +64,11 @@ def _with_nulls(content: Any) -> Any:
 def folder(path: Path, last: str = "", belonging: Sequence[str] = ()) -> Iterator[Path]:
     """A new folder to write files into, which becomes `path` when the block ends; nothing is left where it fails.
 
-    Where `path` is a folder already its files of the same names are replaced, those `belonging` to them go where no new
-    one was made, and others stay. A folder of nothing but files is exchanged as one for its renewed copy, so that a
-    kill at any moment leaves all old or all new ones. Where that cannot be (a system or disk without it, folders
-    within, the folder that we stand in) they are replaced together, one renaming after the other, the one called `last`
-    after all others.
+    What is written may have folders of its own. Where `path` is a folder already its files of the same names are
+    replaced, those `belonging` to them go where no new one was made, and others stay. It is exchanged as one for its
+    renewed copy, so that a kill at any moment leaves all old or all new ones. Where that cannot be (a system or disk
+    without it, folders within that are not written, the folder that we stand in) they are replaced together, one
+    renaming after the other, the one called `last` after all others.
     """
     home = path.resolve()
     # on the same disk, so that moving is renaming; no folder is left behind by what fails
@@ -91,52 +91,78 @@ def folder(path: Path, last: str = "", belonging: Sequence[str] = ()) -> Iterato
 
 def _taken(made: Path, path: Path, last: str, belonging: Sequence[str]) -> None:
     """Files into the folder `path`, all of them: no signal comes between; nothing is done where something cannot be."""
-    files = sorted(made.iterdir(), key=lambda f: (f.name == last, f.name))
-    for each in files:
-        if (path / each.name).is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path / each.name))
-    gone = [path / name for name in belonging if (path / name).is_file() and not (made / name).exists()]
+    every = [each.relative_to(made) for each in made.rglob("*")]
+    files = sorted((e for e in every if not (made / e).is_dir()), key=lambda e: (e.name == last, e))
+    for each in every:
+        if (path / each).exists() and (path / each).is_dir() != (made / each).is_dir():
+            number = errno.EISDIR if each in files else errno.ENOTDIR
+            raise OSError(number, os.strerror(number), str(path / each))
+    gone = {Path(name) for name in belonging if (path / name).is_file() and not (made / name).exists()}
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
     try:
-        if len(files) + len(gone) == 1 or not _exchanged(made, path.resolve(), [each.name for each in gone]):
+        if len(files) + len(gone) == 1 or not _exchanged(made, path.resolve(), gone):
             for each in gone:
-                each.unlink()
+                (path / each).unlink()
             for each in files:
-                each.replace(path / each.name)
+                (path / each).parent.mkdir(parents=True, exist_ok=True)
+                (made / each).replace(path / each)
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _exchanged(made: Path, path: Path, gone: Sequence[str]) -> bool:
+def _exchanged(made: Path, path: Path, gone: Collection[Path]) -> bool:
     """Whether `made` and what else is in `path`, but for those `gone`, took its place in one step; if not, nothing."""
     if made.parent.parent != path.parent or not _exchangeable(path):
         return False
     whole = made.with_name("whole")
     try:
-        whole.mkdir()
-        shutil.copystat(path, whole)
-        if whole.stat()[4:6] != path.stat()[4:6]:  # of another owner or group
-            return False
-        ours = {*gone, *(each.name for each in made.iterdir())}
-        for each in (*made.iterdir(), *(e for e in path.iterdir() if e.name not in ours and not e.is_dir())):
-            os.link(each, whole / each.name, follow_symlinks=False)  # a second name of the file, which takes no room
-        os.utime(whole)
-        if not _exchange(whole, path):
+        if not _merged(made, path, whole, {path / each for each in gone}) or not _exchange(whole, path):
             return False
     except OSError:
         return False
-    for each in whole.iterdir():  # which is the old one now
-        if each.name not in ours:
-            each.replace(path / each.name)  # of the same file it does nothing; another may just have saved a new one
+    _kept(made, whole, path, {whole / each for each in gone})
     return True
 
 
+def _merged(made: Path, path: Path, whole: Path, gone: Collection[Path]) -> bool:
+    """Make `whole` of what is in `made` and else in `path`; False where that cannot be, as with folders but in `path`.
+
+    All are second names of the files, which take no room.
+    """
+    whole.mkdir()
+    new = {each.name for each in made.iterdir()}
+    for each in made.iterdir():
+        if not each.is_dir():
+            os.link(each, whole / each.name, follow_symlinks=False)
+        elif not _merged(each, path / each.name, whole / each.name, gone):
+            return False
+    if path.is_dir():
+        shutil.copystat(path, whole)
+        if whole.stat()[4:6] != path.stat()[4:6]:  # of another owner or group
+            return False
+        for each in (e for e in path.iterdir() if e.name not in new and e not in gone):
+            if not each.is_dir():
+                os.link(each, whole / each.name, follow_symlinks=False)
+            elif not each.name.startswith(f".{path.name}-"):  # what a kill left of `folder`
+                return False
+    os.utime(whole)
+    return True
+
+
+def _kept(made: Path, old: Path, path: Path, gone: Collection[Path]) -> None:
+    """What is not ours in the `old` folder into the one in its place: another may just have saved something new."""
+    new = {each.name for each in made.iterdir()}
+    for each in old.iterdir():
+        if each.name in new and each.is_dir():
+            _kept(made / each.name, each, path / each.name, gone)
+        elif each.name not in new and each not in gone:
+            each.replace(path / each.name)  # of the same file it does nothing
+
+
 def _exchangeable(path: Path) -> bool:
-    """Whether another folder can take the place of this one: of files only, but for what a kill left of `folder`."""
-    with os.scandir(path) as each:
-        within = [e.name for e in each if e.is_dir() and not e.name.startswith(f".{path.name}-")]
+    """Whether another folder can take the place of this one: no disk of its own, and we do not stand in it."""
     ours = os.access(path.parent, os.W_OK | os.X_OK)
-    return ours and not within and not _mounted(path) and not Path().samefile(path)
+    return ours and not _mounted(path) and not Path.cwd().is_relative_to(path)
 
 
 def _mounted(path: Path) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -120,11 +120,12 @@ def test_nothing_is_replaced_where_one_file_cannot_be(tmp_path: Path) -> None:
 
 
 NAMES = ("a.json", "b.csv", "c.html")
+WITHIN = ("a.json", "b/a.json", "b/c.html")  # of two sensors
 
 
-def replaced(out: Path, age: str) -> None:
+def replaced(out: Path, age: str, of: Sequence[str] = NAMES) -> None:
     with atomic.folder(out, last="a.json") as new:
-        for name in NAMES:
+        for name in of:
             atomic.write(new / name, age)
 
 
@@ -133,8 +134,8 @@ def shown(folder: Path) -> list[str]:
     return [name for name in names(folder) if not name.startswith(".")]
 
 
-def ages(out: Path) -> set[str]:
-    return {(out / name).read_text() for name in NAMES}
+def ages(out: Path, of: Sequence[str] = NAMES) -> set[str]:
+    return {(out / name).read_text() for name in of}
 
 
 @contextmanager
@@ -161,20 +162,25 @@ def cut_at(n: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
         yield taken
 
 
-def test_a_kill_at_any_step_leaves_all_files_of_one_age(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("of", [NAMES, WITHIN])
+def test_a_kill_at_any_step_leaves_all_files_of_one_age(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, of: Sequence[str]
+) -> None:
     out, seen = tmp_path / "out", set()
-    for n in range(100):
-        replaced(out, "old")
-        (out / "mine").write_text(str(n))
+    others = [out / name for name in (("mine", "b/mine") if of is WITHIN else ("mine",))]
+    for n in range(200):
+        replaced(out, "old", of)
+        for mine in others:
+            mine.write_text(str(n))
         try:
             with cut_at(n, monkeypatch) as taken:
-                replaced(out, "new")
+                replaced(out, "new", of)
         except PowerCut:
             pass
-        assert len(ages(out)) == 1, f"step {n}"
-        assert shown(out) == [*NAMES, "mine"], f"step {n}"
-        assert (out / "mine").read_text() == str(n)
-        seen |= ages(out)
+        assert len(ages(out, of)) == 1, f"step {n}"
+        assert shown(out) == sorted({*(name.split("/")[0] for name in of), "mine"}), f"step {n}"
+        assert {mine.read_text() for mine in others} == {str(n)}
+        seen |= ages(out, of)
         if taken[0] <= n:
             break
     assert seen == {"old", "new"}
@@ -193,6 +199,7 @@ for k in range(60):
         for age in range(10**9):
             with atomic.folder(out) as new:
                 for name in names:
+                    (new / name).parent.mkdir(exist_ok=True)
                     (new / name).write_text(f"{k} {age}")
             os.write(told, b"1")
     os.read(ready, 1)  # it is at work
@@ -201,17 +208,19 @@ for k in range(60):
     os.waitpid(child, 0)
     ages = {(out / name).read_text() for name in names}
     assert len(ages) == 1, (k, ages)
-    assert sorted(n for n in os.listdir(out) if n[0] != ".") == sorted([*names, "mine"]), os.listdir(out)
+    there = {name.split("/")[0] for name in names}
+    assert sorted(n for n in os.listdir(out) if n[0] != ".") == sorted([*there, "mine"]), os.listdir(out)
 """
 
 
-def test_kills_while_replacing_leave_all_files_of_one_age(tmp_path: Path) -> None:
+@pytest.mark.parametrize("of", [NAMES, WITHIN])
+def test_kills_while_replacing_leave_all_files_of_one_age(tmp_path: Path, of: Sequence[str]) -> None:
     """60 of them by the system itself."""
     out = tmp_path / "out"
-    replaced(out, "0")
+    replaced(out, "0", of)
     (out / "mine").write_text("mine")
-    subprocess.run([sys.executable, "-c", KILLS, str(out), *NAMES], check=True)
-    assert ages(out) != {"0"}
+    subprocess.run([sys.executable, "-c", KILLS, str(out), *of], check=True)
+    assert ages(out, of) != {"0"}
 
 
 @pytest.mark.parametrize("why", ["folders within", "where we stand", "one file", "a link"])

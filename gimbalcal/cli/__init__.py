@@ -35,7 +35,7 @@ from gimbalcal.cli.options import (
     show,
     wrote,
 )
-from gimbalcal.cli.placing import OVERWRITE, place, placed
+from gimbalcal.cli.placing import OVERWRITE, place, placed, places
 from gimbalcal.cli.planning import design, observe
 from gimbalcal.errors import InputError
 
@@ -144,16 +144,17 @@ def calibrate(
     from gimbalcal.methods import calibrate_each
     from gimbalcal.report.answer import answer
     from gimbalcal.report.console import parameters_table
-    from gimbalcal.report.files import write_calibration
+    from gimbalcal.report.files import write_calibrations
 
     tell = progress(quiet)
     there = place(out, recordings, "calibration", ("calibration.json", "report.html"), overwrite, as_json)
     each = calibrate_each(recordings, method or "", listed(terms), tell, more, states, grade)
-    for k, (calibration, loaded) in enumerate(each):
-        if there is not None:
-            own = there.beside(loaded[0].sensor) if k else there  # those beside the first have a folder of their own
-            write_calibration(calibration, loaded, own.folder, question=own.question)
-            wrote(own.folder, "calibration.json", quiet)
+    if there is not None:
+        own = places([loaded for _, loaded in each])
+        write_calibrations([(*one, at) for one, at in zip(each, own, strict=True)], there.folder, there.question)
+        for at in own:
+            wrote(there.folder / at, "calibration.json", quiet)
+    for calibration, _ in each:
         remember(store, unit, "calibration", calibration.to_dict())
     content = each[0][0].to_dict()
     if len(each) > 1:
@@ -188,7 +189,7 @@ def diagnose(
     from gimbalcal.methods import by_sensor, held_together
     from gimbalcal.pipeline import load
     from gimbalcal.report.console import findings_table, headline_and_numbers
-    from gimbalcal.report.files import write_diagnosis
+    from gimbalcal.report.files import write_diagnoses
 
     tell = progress(quiet)
     files = ("diagnosis.json", "calibration.json", "law.py", "report.html")
@@ -199,12 +200,13 @@ def diagnose(
         run(each, calibration=start, baseline=listed(baseline), seed=seed, tell=tell, grade=grade) for each in groups
     ]
     told = [with_cost(each, d, tell) for each, d in zip(groups, told, strict=True)]
-    for k, (loaded, diagnosis) in enumerate(zip(groups, told, strict=True)):
-        if there is not None:
-            own = there.beside(loaded[0].sensor) if k else there  # those beside the first have a folder of their own
-            title = " and ".join(dict.fromkeys(r.title for r in loaded))
-            write_diagnosis(diagnosis, own.folder, title, own.question)
-            wrote(own.folder, "diagnosis.json", quiet)
+    if there is not None:
+        own = places(groups)
+        titles = [" and ".join(dict.fromkeys(r.title for r in loaded)) for loaded in groups]
+        write_diagnoses(list(zip(told, titles, own, strict=True)), there.folder, there.question)
+        for at in own:
+            wrote(there.folder / at, "diagnosis.json", quiet)
+    for diagnosis in told:
         remember(store, unit, "diagnosis", diagnosis.to_dict())
         if diagnosis.calibration is not None:
             remember(store, unit, "calibration", diagnosis.calibration.to_dict())

@@ -23,16 +23,18 @@ def shipped() -> Path:
 
 def demonstrate(out: Path, tell: Tell) -> tuple[dict[str, Any], str]:
     """Calibrate and diagnose what ships, a folder each under `out`; returns a summary and the sentence to print."""
+    from gimbalcal.atomic import folder
     from gimbalcal.report.answer import answer
     from gimbalcal.report.headline import headline
 
     data = shipped()
-    tell("three stages: 18 positions and a static run of a space-stable platform (simulated, truth known)")
-    platform = _calibrate([data / "space_stable_18", data / "space_stable_static"], "three-stage", out, tell)
-    tell("a real recording: an Xsens unit turned by hand, no angles")
-    xsens = _calibrate([data / "xsens_positions"], "multiposition", out / "xsens", tell)
-    tell("diagnosis: 18 positions in which an effect is concealed")
-    found = _diagnose(data / "space_stable_concealed", out / "diagnosis", tell)
+    with folder(out) as new:  # all three are of one run
+        tell("three stages: 18 positions and a static run of a space-stable platform (simulated, truth known)")
+        platform = _calibrate([data / "space_stable_18", data / "space_stable_static"], "three-stage", new, tell)
+        tell("a real recording: an Xsens unit turned by hand, no angles")
+        xsens = _calibrate([data / "xsens_positions"], "multiposition", new / "xsens", tell)
+        tell("diagnosis: 18 positions in which an effect is concealed")
+        found = _diagnose(data / "space_stable_concealed", new / "diagnosis", tell)
     summary = {"space_stable": platform, "xsens": xsens, "diagnosis": found.to_dict()}
     sentence = "\n".join([
         f"space-stable platform: {answer(platform)}",

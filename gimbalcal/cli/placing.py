@@ -18,13 +18,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from filecmp import cmp
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from gimbalcal import atomic
 from gimbalcal.cli.options import OWN_EFFECTS
 from gimbalcal.errors import InputError
+
+if TYPE_CHECKING:
+    from gimbalcal.recording import Recording
 
 OVERWRITE = click.option("--overwrite", is_flag=True, help="Replace files in --out that differ from what is written.")
 TELLING = {"out", "quiet", "as_json", "overwrite", "store", "unit", "workers", "scheduler", "runs"}
@@ -43,10 +46,6 @@ class Place:
     def page(self) -> Path:
         """The report."""
         return self.folder / PAGE
-
-    def beside(self, name: str) -> Place:
-        """A folder within this one, for a sensor that was logged beside the first."""
-        return Place(self.folder / name, self.question)
 
 
 def place(
@@ -77,6 +76,11 @@ def place(
         k += 1
         folder = Path(f"{_name(names)}-{noun}-{k}")
     return Place(folder, question)
+
+
+def places(each: Sequence[Sequence[Recording]]) -> list[str]:
+    """Where the result of each sensor goes: of the first into the folder itself, of others into one within."""
+    return [loaded[0].sensor if k else "" for k, loaded in enumerate(each)]
 
 
 def _question() -> str:

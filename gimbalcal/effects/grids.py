@@ -52,9 +52,8 @@ def grid(f: Constant, s: Stimulus) -> Array:
         return np.array([last])
     if of is Grid.EPOCH:
         first = np.flatnonzero(np.diff(s.visit)) + 1
-        starts = s.onwards[
-            first[(first > 1) & (first < len(s.time) - 1)]
-        ]  # before or after one row it is an error of it
+        first = first[(first > 1) & (first < len(s.time) - 1)]  # before or after one row it is an error of it
+        starts = s.onwards[first]
         few = np.unique(np.linspace(0, len(starts) - 1, min(len(starts), STARTS)).round().astype(int))
         return starts[few] - 1e-3 if len(starts) else np.linspace(0, s.onwards[-1], INSTANTS)[1:-1]
     if of is Grid.DECAY:

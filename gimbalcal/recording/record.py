@@ -148,9 +148,13 @@ class Recording:
         """Time (n,) [s] since the first row, or since the first of its session where nobody says what came between."""
         if not self.restarts:
             return np.asarray(self.time - self.time[0])
-        session = np.searchsorted(np.asarray(self.restarts), self.time, side="right")
-        _, first = np.unique(session, return_index=True)
-        return np.asarray(self.time - self.time[first][np.searchsorted(session[first], session)])
+        _, first, session = np.unique(self.session, return_index=True, return_inverse=True)
+        return np.asarray(self.time - self.time[first][session])
+
+    @property
+    def session(self) -> NDArray[np.int64]:
+        """Which of the sessions that nobody says how far apart they are each row (n,) belongs to, from 0."""
+        return np.searchsorted(np.asarray(self.restarts), self.time, side="right")
 
     @property
     def files(self) -> list[dict[str, str]]:

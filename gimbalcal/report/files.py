@@ -31,18 +31,34 @@ def write_calibration(
 
 def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "", question: str = "") -> None:
     """diagnosis.json, calibration.json of its refit, law.py of a law and report.html; `title`: of which recording."""
+    write_diagnoses([(diagnosis, title, "")], out, question)
+
+
+def write_calibrations(
+    each: Sequence[tuple[Calibration, Sequence[Recording], str]], out: Path, question: str = ""
+) -> None:
+    """The calibration of each sensor, of its recordings, into its place in `out` ("" or a folder): all or none."""
+    with folder(out) as new:
+        for calibration, recordings, own in each:
+            write_calibration(calibration, recordings, new / own, question=question)
+
+
+def write_diagnoses(each: Sequence[tuple[Diagnosis, str, str]], out: Path, question: str = "") -> None:
+    """The diagnosis of each sensor, titled, into its place in `out` ("" or a folder of its own): all or none."""
     from gimbalcal.diagnose.verdict.law_file import is_found, source
     from gimbalcal.report.diagnosis_page import diagnosis_report, panels
 
-    drawn = panels(diagnosis.curves, diagnosis.mismatch) if diagnosis.curves else ()
-    page = diagnosis_report(diagnosis.to_dict(), drawn, title, diagnosis.curves)
-    with folder(out, belonging=("law.py",) if is_found(out / "law.py") else ()) as new:
-        write_json(new / "diagnosis.json", diagnosis.to_dict())
-        if diagnosis.calibration is not None:
-            diagnosis.calibration.write(new / "calibration.json")
-        if diagnosis.laws:
-            write(new / "law.py", source(diagnosis.laws))
-        write(new / "report.html", marked(page, question))
+    laws = [str(Path(own) / "law.py") for _, _, own in each]
+    with folder(out, belonging=[law for law in laws if is_found(out / law)]) as new:
+        for diagnosis, title, own in each:
+            drawn = panels(diagnosis.curves, diagnosis.mismatch) if diagnosis.curves else ()
+            page = diagnosis_report(diagnosis.to_dict(), drawn, title, diagnosis.curves)
+            write_json(new / own / "diagnosis.json", diagnosis.to_dict())
+            if diagnosis.calibration is not None:
+                diagnosis.calibration.write(new / own / "calibration.json")
+            if diagnosis.laws:
+                write(new / own / "law.py", source(diagnosis.laws))
+            write(new / own / "report.html", marked(page, question))
 
 
 def write_report(

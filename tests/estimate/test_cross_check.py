@@ -105,6 +105,39 @@ def test_each_is_calibrated_and_the_command_writes_both(
     assert np.linalg.norm(corrected, axis=1) == pytest.approx(9.80665, abs=8e-3)
 
 
+@pytest.mark.parametrize("asked", ["calibrate", "diagnose"])
+def test_both_results_are_of_one_age_where_the_second_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: Callable[..., int], asked: str
+) -> None:
+    """The page of the second sensor cannot be made: nothing of the first is replaced."""
+    out = tmp_path / "out"
+    for folder in (out, out / "b"):
+        folder.mkdir()
+        (folder / "report.html").write_text("old")
+    write(two(7), tmp_path / "rec")
+    module = "gimbalcal.report.calibration_page.calibration_report"
+    if asked == "diagnose":
+        module = "gimbalcal.report.diagnosis_page.diagnosis_report"
+    made: list[int] = []
+
+    def page(*_: object) -> str:
+        made.append(1)
+        if len(made) == 2:
+            raise KeyboardInterrupt
+        return "<html><body>new</body></html>"
+
+    monkeypatch.setattr(module, page)
+    run = (asked, tmp_path / "rec", "--out", out, "--overwrite", "--quiet")
+    assert command(*run) == 130
+    assert len(made) == 2
+    assert [p.relative_to(out).as_posix() for p in sorted(out.rglob("*"))] == ["b", "b/report.html", "report.html"]
+    assert {p.read_text() for p in out.rglob("*.html")} == {"old"}
+    monkeypatch.setattr(module, lambda *_: "<html><body>new</body></html>")
+    assert command(*run) in (0, 1)
+    assert all("new" in p.read_text() for p in out.rglob("*.html"))
+    assert len(list(out.rglob("calibration.json"))) == 2
+
+
 def test_recordings_with_other_sensors_do_not_go_together() -> None:
     with pytest.raises(InputError, match="do not hold the same sensors; name them alike"):
         by_sensor([two(4), session(5)])

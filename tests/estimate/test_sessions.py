@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose import diagnose
+from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.thermal import BiasDrift, BiasStep
 from gimbalcal.errors import InputError
@@ -108,6 +109,19 @@ def test_a_clock_begins_anew_in_each_session_of_an_unknown_time() -> None:
     np.testing.assert_allclose(drift[14:], alone.time, atol=1e-6)
     jump = BiasStep(J=np.array([1.0, 0.0, 0.0]), epoch=float(s.onwards[14]) - 1.0).contribution(s)[:, 0]
     np.testing.assert_array_equal(jump, np.arange(28) >= 14)  # which happens once
+
+
+def test_a_gyroscope_has_a_bias_of_its_own_in_each_session() -> None:
+    a, b = session(91, rests=10, moving=True), session(96, rests=10, moving=True)
+    key = ("angular_rate", "y")
+    off = replace(b, channels={**b.channels, key: b.channels[key] + 3e-3})
+    same, other = (rest_rates(join([a, second])) for second in (b, off))
+    assert same is not None
+    assert other is not None
+    misfit = [v.rows(()).residual[:, 1] for v in (same, other)]
+    more = misfit[1] - misfit[0]
+    assert more.mean() == pytest.approx(1.5e-3, rel=0.05)  # the mean of both
+    assert abs(more[10:].mean() - more[:10].mean()) < 2e-4  # and no step of 3e-3 between them
 
 
 def test_sessions_are_sharper_together_and_agree() -> None:

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.rows.views import View, of_channels
@@ -49,7 +50,7 @@ def rest_rates(
     if raw and not moving:
         return None
     found = _rests(recording, made)
-    clear = _clear_of_north(found)
+    clear, own = _clear_of_north(found), _own_levels(found, dwell_means(recording).session)
     s, y = found.stimulus, found.rate - _vertical(found, recording)
     told = found.sigma if np.all(found.sigma > 0) else None  # one row per rest says nothing of its scatter
 
@@ -60,7 +61,9 @@ def rest_rates(
     channels = tuple((RATE, a) for a in "xyz")
 
     def rows(effects: Sequence[Effect]) -> Rows:
-        return linearise(BENCH, s, effects, channels=channels, read=y, stages=GYROSCOPE_STAGES).reduced(clear)
+        return linearise(BENCH, s, effects, channels=channels, read=y, stages=GYROSCOPE_STAGES).reduced(
+            lambda X: clear(own(X))
+        )
 
     return View(
         "rest rates", dwell_means(recording), s, channels, "deg/h", told,
@@ -95,6 +98,22 @@ def _clear_of_north(found: Rests) -> Callable[[Array], Array]:
         return np.asarray((sigma * (A - (U * less) @ (U.T @ A))).reshape(X.shape))
 
     return clear
+
+
+def _own_levels(found: Rests, session: NDArray[np.int64]) -> Callable[[Array], Array]:
+    """What clears rows (m, 3, p) of how far sessions are apart: a bias is another after every switching on."""
+    if not session.any():
+        return lambda X: X
+    weight = np.maximum(found.sigma, SILENT) ** -2
+    each = np.equal.outer(session, np.unique(session)).astype(float)
+    share = np.einsum("ms,mc->sc", each, weight)
+
+    def own(X: Array) -> Array:
+        level = np.einsum("ms,mc,mcp->scp", each, weight, X) / share[..., None]
+        mean = np.einsum("mc,mcp->cp", weight, X) / weight.sum(axis=0)[:, None]
+        return np.asarray(X - np.einsum("ms,scp->mcp", each, level - mean))
+
+    return own
 
 
 def _vertical(found: Rests, recording: Recording) -> Array:
