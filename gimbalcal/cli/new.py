@@ -33,6 +33,13 @@ from gimbalcal.errors import amount
     help="Of the place: gravity is known by it, and the pole of an equatorial mount.",
 )
 @click.option("--height", type=Number(), default=None, metavar="M", help="Of the place, above the sea.")
+@click.option(
+    "--longitude",
+    type=Number(-360, 360),
+    default=None,
+    metavar="DEG",
+    help="Of the place, east is positive: right ascensions with UTC need it.",
+)
 @click.option("--title", default="", help="What the recording is called.  [default: the name of the first of LOGS]")
 @OVERWRITE
 @output_options("the recording and a page with its rests", "the name of the first of LOGS without its ending, here")
@@ -41,6 +48,7 @@ def new(
     rate: float | None,
     latitude: float | None,
     height: float | None,
+    longitude: float | None,
     title: str,
     overwrite: bool,
     out: Path | None,
@@ -56,7 +64,7 @@ def new(
 
     tell = progress(quiet)
     tell(f"reading {amount(len(logs), 'log')}")
-    found = propose(logs, title, rate or 0.0, latitude, height)
+    found = propose(logs, title, rate or 0.0, latitude, height, longitude)
     r, folder = found.recording, out or Path(logs[0].stem)
     page = "stars.html" if r.kind == "pointing" else "rests.html"
     with placed(folder, overwrite) as made:

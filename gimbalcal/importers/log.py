@@ -20,7 +20,7 @@ from gimbalcal.importers.guessed import guessed
 from gimbalcal.importers.mmt import import_mmt
 from gimbalcal.importers.names import FORCE, RATE, Guess, by_name, estimated, hinted
 from gimbalcal.importers.said import in_physical_units
-from gimbalcal.importers.sky import of_the_axes
+from gimbalcal.importers.sky import of_the_axes, refuse_below_horizon
 from gimbalcal.importers.stars import angles_in, pointing_proposal
 from gimbalcal.importers.together import Columns, on_one_clock, slowest_first
 from gimbalcal.importers.tpoint import import_tpoint
@@ -56,8 +56,9 @@ class Proposal:
 
 
 def propose(
-    logs: Sequence[Path], title: str = "", rate: float = 0.0, latitude: float | None = None, height: float | None = None
-) -> Proposal:
+    logs: Sequence[Path], title: str = "", rate: float = 0.0, latitude: float | None = None,
+    height: float | None = None, longitude: float | None = None,
+) -> Proposal:  # fmt: skip
     """The recording in one log or several of one unit; rate [Hz] of its rows instead of a clock; the place, deg and m.
 
     Raises InputError where neither accelerometers nor the axes of a mount are found, where logs do not overlap, or
@@ -70,18 +71,21 @@ def propose(
         return known
     dates = Dates()
     tables = {part: table for path in logs for part, table in tables_of(path, dates).items()}
-    return of_tables(tables, title, rate, latitude, height)
+    return of_tables(tables, title, rate, latitude, height, longitude)
 
 
 def of_tables(logs: Mapping[Path, Table], title: str, rate: float = 0.0, latitude: float | None = None,
-              height: float | None = None) -> Proposal:  # fmt: skip
+              height: float | None = None, longitude: float | None = None) -> Proposal:  # fmt: skip
     """As `propose`, of tables by the path, or the name, of their logs."""
     paths, place = list(logs), None if latitude is None else float(np.radians(latitude))
-    if len(logs) == 1 and (angles := angles_in(stars := of_the_axes(logs[paths[0]]))):
+    stars, assumed = of_the_axes(logs[paths[0]], longitude) if len(logs) == 1 else (Table({}), {})
+    if angles := angles_in(stars):
         run = pointing_proposal(paths[0], stars, angles, title, place, height)
+        if "sidereal" in assumed:
+            refuse_below_horizon(paths[0], run.recording, assumed["sidereal"])
         guesses = {name: Guess(q, axis, run.recording.units.get((q, axis), "s"), why)
                    for (q, axis), (name, why) in run.guesses.items()}  # fmt: skip
-        return Proposal(run.recording, guesses, run.left_out, run.notes)
+        return Proposal(run.recording, guesses, run.left_out, {**run.notes, **assumed})
     named = {g.quantity for path, table in logs.items() for n in table.columns if (g := by_name(n, hinted(path.stem)))}
     read = {path: guessed(path, table, rate, named) for path, table in logs.items()}
     (_, (columns, guesses)), *others = slowest_first([(path, each[:2]) for path, each in read.items()])

@@ -1,12 +1,16 @@
 """Angles on the sky that are not those of a mount's axes: right ascension with sidereal time, zenith distance.
 
 Hour angle is local sidereal time less right ascension, elevation what is left of zenith distance to a right angle.
+Where no column is the sidereal time it follows from UTC and the longitude, counted eastward.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
+from datetime import date
+from pathlib import Path
 
 import numpy as np
 
@@ -14,37 +18,44 @@ from gimbalcal.errors import InputError
 from gimbalcal.importers.names import ANGLES, plain, unit_written
 from gimbalcal.importers.undescribed import Table
 from gimbalcal.number import Array
+from gimbalcal.recording.record import Recording
 from gimbalcal.units import from_si
 
 ASCENSION = frozenset(["ra", "ascension", "rektaszension", "rightascension", "alpha"])
 DECLINATION = frozenset(["dec", "decl", "declination", "deklination", "de"])
 ZENITH = frozenset(["zd", "za", "zenith", "zenit", "zenitdistanz", "zenithdistance", "zdist", "zenitwinkel"])
 SIDEREAL = frozenset(["lst", "lmst", "last", "sidereal", "sternzeit"])
+KEYWORDS = {"OBJCTRA": "ra mount", "OBJCTDEC": "dec mount [deg]", "CRVAL1": "ra solved [deg]",
+            "CRVAL2": "dec solved [deg]", "SITELAT": "latitude", "SITELONG": "longitude"}  # fmt: skip
+LOWEST = np.radians(-2.0)  # that a telescope is pointed to
+_ANGLE = r"\d{1,3}(?:\.\d+|[\s:°d]+\d{1,2}[\s:'′m]+\d{1,2}(?:\.\d*)?[\"″s]?)?"
 OFFSET = frozenset(
     ["d", "delta", "diff", "off", "offset", "offs", "err", "error", "corr", "correction", "residual", "ablage", "dev"]
 )
 
 
-def of_the_axes(table: Table) -> Table:
+def of_the_axes(table: Table, longitude: float | None = None) -> tuple[Table, dict[str, str]]:
     """The table with right ascensions as hour angles and zenith distances as elevations, named after what they were.
 
-    Raises InputError for places on the sky twice without the sidereal time that makes hour angles of them.
+    longitude: of the place, deg east, where no column or remark tells it. Returns what was assumed, too. Raises
+    InputError for places on the sky twice without a sidereal time, or UTC and a longitude, that makes hour angles of
+    them.
     """
+    table = _spelt(table)
     words = {name: set(_words(name)) for name in table.columns}
     columns: dict[str, Array] = {}
     angles = set(table.sexagesimal)
     ascensions = [n for n, w in words.items() if w & ASCENSION and not w & OFFSET]
     stars = len(ascensions) >= 2 and sum(bool(w & DECLINATION) for w in words.values()) >= 2
-    clock = sidereal(table)
+    clock, notes = sidereal(table), dict[str, str]()
+    hours = sidereal_hours(table, clock) if clock else np.zeros(0)
+    if stars:
+        notes["equinox"] = f"{' and '.join(ascensions)} are taken for places of one equinox"
     if stars and not clock:
-        raise InputError(
-            f"right ascension and declination ({', '.join(ascensions)}) are turned by the Earth: to know where the "
-            "axes of the mount stood, each row needs the local sidereal time (a column LST), or the hour angle itself"
-        )
+        hours, notes["sidereal"] = _of_utc(table, ascensions, longitude)
     for name, x in table.columns.items():
         if stars and name in ascensions:
-            hours = sidereal_hours(table, clock) - _hours(table, name)
-            columns[f"hour angle from {name} [deg]"] = 15 * (np.mod(hours + 12, 24) - 12)
+            columns[f"hour angle from {name} [deg]"] = 15 * (np.mod(hours - _hours(table, name) + 12, 24) - 12)
         elif words[name] & ZENITH:
             unit = unit_written(plain(name))
             quarter = float(from_si(np.pi / 2, unit if unit in ANGLES else "deg"))
@@ -52,7 +63,84 @@ def of_the_axes(table: Table) -> Table:
             angles |= {f"elevation from {name}"} if name in angles else set()
         else:
             columns[name] = x
-    return replace(table, columns=columns, sexagesimal=frozenset(angles))
+    return replace(table, columns=columns, sexagesimal=frozenset(angles)), notes
+
+
+def _spelt(table: Table) -> Table:
+    """The table with the keywords of FITS files in words: where the mount was, and where the plate was solved."""
+    spelt = {n: f"{n} {KEYWORDS[n.strip().upper()]}" for n in table.columns if n.strip().upper() in KEYWORDS}
+    return replace(
+        table,
+        columns={spelt.get(n, n): x for n, x in table.columns.items()},
+        sexagesimal=frozenset(spelt.get(n, n) for n in table.sexagesimal),
+    )
+
+
+def _of_utc(table: Table, ascensions: list[str], longitude: float | None) -> tuple[Array, str]:
+    """Local sidereal time [h] by a column of UTC and the longitude, and by which."""
+    told = (longitude, "--longitude") if longitude is not None else next(_longitudes(table), None)
+    universal = next(_days(table), None)
+    if told is None or universal is None:
+        missing = "a longitude (--longitude DEG, east is positive)" if universal else "a date and time, or a JD,"
+        raise InputError(
+            f"right ascension and declination ({', '.join(ascensions)}) are turned by the Earth: to know where the "
+            "axes of the mount stood, each row needs the local sidereal time (a column LST), the hour angle itself, or "
+            f"UTC and the longitude; here {missing} is missing"
+        )
+    (east, where), (days, clock) = told, universal
+    centuries = days / 36525
+    degrees = 280.46061837 + 360.98564736629 * days + 0.000387933 * centuries**2 - centuries**3 / 38_710_000
+    why = f"from {clock}, taken for UTC, and the longitude {east:.6g} deg, counted eastward, as {where} says"
+    return np.mod(degrees + east, 360) / 15, why  # Meeus, Astronomical Algorithms, Eq. (12.4)
+
+
+def _days(table: Table) -> Iterator[tuple[Array, str]]:
+    """Days (n,) since 2000-01-01 12:00 UTC of columns that tell the date, and their names."""
+    for name, x in table.columns.items():
+        if name in table.dates and table.day:
+            yield (date.fromisoformat(table.day) - date(2000, 1, 1)).days - 0.5 + x / 86400, name
+        elif {"jd", "mjd", "julian"}.intersection(_words(name)) and 2_400_000 < np.nanmedian(x) < 2_500_000:
+            yield x - 2_451_545.0, name
+        elif {"mjd"}.intersection(_words(name)) and 30_000 < np.nanmedian(x) < 90_000:
+            yield x - 51_544.5, name
+
+
+def _longitudes(table: Table) -> Iterator[tuple[float, str]]:
+    """The longitude [deg], eastward, that a column says in every row, or a remark."""
+    for name, x in table.columns.items():
+        if {"lon", "long", "longitude", "laenge"}.intersection(_words(name)) and np.ptp(x) < 0.1:
+            yield float(np.median(x)), name
+    for line in table.above:
+        if told := angle_told(line, "lon(?:g(?:itude)?)?", "E", "W"):
+            yield told, repr(line.strip())
+
+
+def angle_told(line: str, word: str, plus: str, minus: str) -> float | None:
+    """An angle [deg] behind a word in a remark, decimal or sexagesimal, with the letter of its sense behind it.
+
+    >>> angle_told("lat -33 30 00, lon 70:44:12 W", "lat", "N", "S"), angle_told("lon=16.5 W", "lon", "E", "W")
+    (-33.5, -16.5)
+    """
+    letter = rf"\W*(?:deg\w*)?\W*((?-i:{plus}|{minus})\b)?"
+    found = re.search(rf"\b{word}\b\W*?([-+]?)({_ANGLE}){letter}", line, re.IGNORECASE)
+    if not found:
+        return None
+    size = sum(float(part) / 60**k for k, part in enumerate(re.findall(r"\d+\.?\d*", found[2])))
+    turned = (found[1] == "-") != ((found[3] or plus) == minus)
+    return -size if turned else size
+
+
+def refuse_below_horizon(path: Path, run: Recording, why: str) -> None:
+    """Raise InputError where a sidereal time that was worked out puts stars below the horizon."""
+    latitude = run.site.latitude or 0.0
+    h, d = (run.channels["true_angle", axis] for axis in ("hour_angle", "declination"))
+    up = np.sin(d) * np.sin(latitude) + np.cos(d) * np.cos(latitude) * np.cos(h)
+    if (below := int(np.count_nonzero(up < np.sin(LOWEST)))) > 0:
+        raise InputError(
+            f"{path}: {below} of {len(up)} stars would stand below the horizon with the sidereal time {why}; are the "
+            "times UTC, and is the longitude counted eastward (west is negative)? Say it with --longitude DEG, or add "
+            "a column LST"
+        )
 
 
 def sidereal(table: Table) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from gimbalcal.errors import InputError
 from gimbalcal.importers.names import ANGLES, Guess, by_name, plain, unit_written
 from gimbalcal.importers.pointing import SPACED, elapsed, in_order, pointing_run
-from gimbalcal.importers.sky import latitude_column, sidereal, sidereal_hours
+from gimbalcal.importers.sky import angle_told, latitude_column, sidereal, sidereal_hours
 from gimbalcal.importers.tpoint import equatorial
 from gimbalcal.importers.undescribed import Table
 from gimbalcal.number import Array
@@ -45,7 +45,6 @@ _ERROR = frozenset(["err", "error", "residual", "dev", "deviation"])  # of an of
 _SKY = frozenset(["cos", "cosel", "cosdec", "cosalt", "x", "cross", "xel", "sky", "onsky"])
 _FUSED = re.compile(rf"^(?:(d|delta|off|err)|(x|dx|crs|cross))({'|'.join(sorted(_AXIS, key=len, reverse=True))})$")
 _MINUS = re.compile(r"(\w+)\s*(?:minus|[-−–])\s*(\w+)")
-_LATITUDE = re.compile(r"\blat(?:itude)?\b\W*([-+]?\d+(?:\.\d+)?)", re.IGNORECASE)
 LARGE = 1.0  # deg; offsets beyond are arcseconds
 USUAL = "measured minus commanded, as most write it: nothing in the file says so"
 
@@ -267,8 +266,8 @@ def _latitude(table: Table, notes: dict[str, str]) -> float | None:
         notes["site"] = f"latitude {told[1]:.6g} deg, as the column {told[0]} says"
         return float(np.radians(told[1]))
     for line in table.above:
-        if (found := _LATITUDE.search(line)) and abs(float(found[1])) <= 90:
-            notes["site"] = f"latitude {found[1]} deg, as {line.strip()!r} says"
-            south = re.match(r"\s*(deg|°)?\s*S\b", line[found.end() :]) is not None
-            return float(np.radians(float(found[1]) * (-1 if south else 1)))
+        told_here = angle_told(line, "lat(?:itude)?", "N", "S")
+        if told_here is not None and abs(told_here) <= 90:
+            notes["site"] = f"latitude {told_here:.6g} deg, as {line.strip()!r} says"
+            return float(np.radians(told_here))
     return None

@@ -53,6 +53,7 @@ class Table:
     above: tuple[str, ...] = ()
     others: tuple[str, ...] = field(default=())  # columns that hold no numbers
     dates: frozenset[str] = frozenset()  # columns of dates and times of day, in seconds
+    day: str = ""  # from whose midnight dates are counted, ISO 8601; empty where they name none
 
 
 def tables_of(path: Path, dates: Dates | None = None) -> dict[Path, Table]:
@@ -100,7 +101,8 @@ def table_of(path: Path, dates: Dates | None = None, lines: Sequence[str] | None
         raise InputError(
             f"{path} holds {len(made.columns)} columns of numbers: no log of a unit, or in a form that is not text"
         )
-    return replace(made, above=(*head[:skip], *(line for line in head[skip:] if line.startswith("#"))))
+    above = (*head[:skip], *(line for line in head[skip:] if line.startswith("#")))
+    return replace(made, above=above, day=seen.day)
 
 
 def gathered(told: Iterable[tuple[str, Array, str]]) -> Table:
