@@ -15,7 +15,7 @@ import numpy as np
 from gimbalcal.effects import CATALOGUE, Effect, Stage
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, constants
 from gimbalcal.report import law_words, wording
-from gimbalcal.report.rounding import pdg, significant
+from gimbalcal.report.rounding import CLEAR, pdg, significant, told_from_zero
 
 if TYPE_CHECKING:
     from gimbalcal.diagnose.answer import Curves
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 APART = ("constants that differ", "terms that differ")  # between recordings of what should be one unit
 MOST = 3  # findings that a headline names
 NAMED = 3  # causes that fit alike up to which they are named
-CLEAR = 2.0  # sigmas; less is no size to be told
 CONSTANTS = {"tau": "time constant", "period": "period", "order": "order", "teeth": "teeth", "lines": "lines",
              "epoch": "at", "m": "times a turn"}  # fmt: skip
 STAMPS = ("time_tag_latency", "gyro_latency", "readout_latency")
@@ -129,7 +128,7 @@ def size_in_words(f: Entry) -> str:
     linear = [p for p in f["parameters"] if p["name"].rpartition(".")[2] not in fixed]
     behind = [p for p in f["parameters"] if p["name"].rpartition(".")[2] in fixed - {"position", "span"}]
     parts = _amplitudes(linear)
-    clear = [p for p in parts if abs(p["value"]) > CLEAR * p["sigma"]]
+    clear = [p for p in parts if told_from_zero(p["value"], p["sigma"])]
     if parts and not clear:
         return _at_most(max(parts, key=_bound))
     ranked = sorted(clear, key=lambda p: -abs(p["value"]))
@@ -137,7 +136,7 @@ def size_in_words(f: Entry) -> str:
     told = [_one(p) + (f" ({p['axis'].replace('_', ' ')})" if several and p["axis"] else "") for p in ranked[:2]]
     rest = f" and {wording.counted(len(parts) - 2, 'smaller', 'smaller')}" if len(ranked) > 2 else ""
     known = [
-        (CONSTANTS.get(p["name"].rpartition(".")[2], ""), p) for p in behind if abs(p["value"]) > CLEAR * p["sigma"]
+        (CONSTANTS.get(p["name"].rpartition(".")[2], ""), p) for p in behind if told_from_zero(p["value"], p["sigma"])
     ]
     with_ = "".join(f", {words} {_one(p, counted=True)}" for words, p in known if words)
     return f"{(', ' if rest else ' and ').join(told)}{rest}{with_}" or "of unknown size"

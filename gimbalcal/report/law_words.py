@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gimbalcal.report import wording
-from gimbalcal.report.rounding import significant
+from gimbalcal.report.rounding import significant, told_from_zero
 
-CLEAR = 2.0  # sigmas; a term of less is not said
 SENSORS = {"specific_force": "accelerometer {}", "angular_rate": "gyroscope {}", "gimbal_angle": "the {} axis"}
 POWERS = {"**2": "²", "**3": "³"}
 
@@ -46,7 +45,7 @@ def in_words(law: Mapping[str, Any]) -> str:
     numbers = {p["name"]: p for p in law["parameters"]}
     terms = re.split(r" \+ (?=[a-h]\*)", str(law["form"]))
     constants = {name: _stated(p) for name, p in numbers.items() if name not in {t[0] for t in terms}}
-    clear = [t for t in terms if abs(numbers[t[0]]["value"]) > CLEAR * numbers[t[0]]["sigma"]] or terms
+    clear = [t for t in terms if told_from_zero(numbers[t[0]]["value"], numbers[t[0]]["sigma"])] or terms
     out = ""
     for t in clear:
         p = numbers[t[0]]

@@ -8,13 +8,11 @@ from typing import Any
 from gimbalcal.calibration import Counts
 from gimbalcal.calibration.readout import from_content
 from gimbalcal.report import wording
-from gimbalcal.report.rounding import minus, pdg, significant
+from gimbalcal.report.rounding import minus, pdg, significant, told_from_zero
 from gimbalcal.report.wording import label_of
 from gimbalcal.units import from_si, to_si
 
 Row = Mapping[str, Any]
-
-CLEAR = 2.0  # sigmas; less is no size to be told in words
 
 
 def rows(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> list[dict[str, Any]]:
@@ -42,7 +40,7 @@ def _row(p: Row, nominal: Counts | None, truth: Mapping[str, float] | None) -> d
     own = unit == wording.unit_in_print(p["unit"])  # else counted from a nominal value that the same data gave
     return {
         "words": wording.named(p["name"], p["axis"].replace("_", " ")),
-        "means": wording.typeset(p.get("in_words", "")) if own and abs(p["value"]) > CLEAR * p["sigma"] else "",
+        "means": wording.typeset(p.get("in_words", "")) if own and told_from_zero(p["value"], p["sigma"]) else "",
         "value": value,
         "sigma": sigma,
         "unit": unit,

@@ -9,6 +9,8 @@ import numpy as np
 
 from gimbalcal.number import Array
 
+CLEAR = 2.0  # sigmas; less is no size to be told in words
+
 
 def pdg(value: float, sigma: float) -> tuple[str, str]:
     """Value and sigma as text, rounded by the rule of the Particle Data Group [pdg].
@@ -28,6 +30,11 @@ def pdg(value: float, sigma: float) -> tuple[str, str]:
         return f"{value:.6g}", f"{sigma:.3g}"
     place = last_place(sigma)
     return _at(value, place), _at(sigma, place)
+
+
+def told_from_zero(value: float, sigma: float) -> bool:
+    """Whether a value is told from zero, so that words may give its size."""
+    return abs(value) > CLEAR * sigma
 
 
 def last_place(sigma: float) -> int:
