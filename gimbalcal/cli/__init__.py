@@ -29,7 +29,7 @@ from gimbalcal.cli.options import (
     RUNS,
     SEED,
     example,
-    listed,
+    names_option,
     output_options,
     progress,
     show,
@@ -117,9 +117,7 @@ gimbalcal.add_command(observe)
     "attitude: moving gyroscopes against an attitude that was logged beside them; "
     "two-position: gyroscopes that stand still and are reversed, bias against the Earth's rate.",
 )
-@click.option(
-    "--terms", default="", help="multiposition, and mounts: comma-separated terms to estimate (see the report)."
-)
+@names_option("--terms", "multiposition, and mounts: terms to estimate (see the report).")
 @click.option(
     "--with",
     "more",
@@ -136,8 +134,8 @@ gimbalcal.add_command(observe)
 @OVERWRITE
 @output_options("calibration.json and report.html", "NAME-calibration, here")
 def calibrate(
-    recordings: tuple[Path, ...], method: str | None, terms: str, more: tuple[str, ...], states: str, grade: str,
-    store: Path | None, unit: str, overwrite: bool,
+    recordings: tuple[Path, ...], method: str | None, terms: tuple[str, ...], more: tuple[str, ...], states: str,
+    grade: str, store: Path | None, unit: str, overwrite: bool,
     out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Estimate the sensors' errors, with their uncertainty, and say what the data do not show."""
@@ -148,7 +146,7 @@ def calibrate(
 
     tell = progress(quiet)
     there = place(out, recordings, "calibration", ("calibration.json", "report.html"), overwrite, as_json)
-    each = calibrate_each(recordings, method or "", listed(terms), tell, more, states, grade)
+    each = calibrate_each(recordings, method or "", terms, tell, more, states, grade)
     if there is not None:
         own = places([loaded for _, loaded in each])
         write_calibrations([(*one, at) for one, at in zip(each, own, strict=True)], there.folder, there.question)
@@ -171,14 +169,14 @@ def calibrate(
 @gimbalcal.command(epilog=example("gimbalcal diagnose data/space_stable_concealed --out diagnosis"))
 @RECORDINGS
 @click.option("--calibration", "known", type=click.Path(path_type=Path), help="A calibration.json to start from.")
-@click.option("--baseline", default="", help="Comma-separated effects the model holds; what is left out can be found.")
+@names_option("--baseline", "Effects the model holds; what is left out can be found.")
 @GRADE
 @click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the simulated threshold.")
 @stored
 @OVERWRITE
 @output_options("diagnosis.json, calibration.json and report.html", "NAME-diagnosis, here")
 def diagnose(
-    recordings: tuple[Path, ...], known: Path | None, baseline: str, grade: str, seed: int,
+    recordings: tuple[Path, ...], known: Path | None, baseline: tuple[str, ...], grade: str, seed: int,
     store: Path | None, unit: str, overwrite: bool,
     out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
@@ -196,9 +194,7 @@ def diagnose(
     there = place(out, recordings, "diagnosis", files, overwrite, as_json)
     start = read_calibration(known) if known else None
     groups = by_sensor(load(recordings, tell))
-    told = [
-        run(each, calibration=start, baseline=listed(baseline), seed=seed, tell=tell, grade=grade) for each in groups
-    ]
+    told = [run(each, calibration=start, baseline=baseline, seed=seed, tell=tell, grade=grade) for each in groups]
     told = [with_cost(each, d, tell) for each, d in zip(groups, told, strict=True)]
     if there is not None:
         own = places(groups)

@@ -7,7 +7,7 @@ import re
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Any, TypeVar
@@ -71,9 +71,13 @@ def _folder(_context: click.Context, _option: click.Parameter, out: Path | None)
     return out
 
 
-def listed(words: str) -> tuple[str, ...]:
-    """A comma-separated option as a tuple."""
-    return tuple(w.strip() for w in words.split(",") if w.strip())
+def names_option(name: str, help: str) -> Callable[[Any], Any]:  # noqa: A002  as click calls it
+    """An option of comma-separated names, which may be given again for more of them."""
+
+    def listed(_context: object, _option: object, given: Sequence[str]) -> tuple[str, ...]:
+        return tuple(w.strip() for w in ",".join(given).split(",") if w.strip())
+
+    return click.option(name, multiple=True, callback=listed, metavar="NAME,...", help=help)
 
 
 def progress(quiet: bool) -> Callable[[str], None]:

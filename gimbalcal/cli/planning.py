@@ -15,7 +15,7 @@ from gimbalcal.cli.options import (
     RUNS,
     SEED,
     example,
-    listed,
+    names_option,
     output_options,
     progress,
     show,
@@ -59,7 +59,7 @@ FORCE_SIGMA = click.option(
 @click.option(
     "--latitude", default=40.0, type=LATITUDE, show_default=True, help="Static runs and schedules of turns: where, deg."
 )
-@click.option("--candidates", default="", help="Comma-separated effects that may be there besides: would they show?")
+@names_option("--candidates", "Effects that may be there besides: would they show?")
 @TURNING_STATES
 @RATE_NOISE
 @FORCE_NOISE
@@ -67,7 +67,7 @@ FORCE_SIGMA = click.option(
 @OVERWRITE
 @output_options("observability.json and report.html", "NAME-observability, here")
 def observe(
-    schedule: str, angle_sigma: float, force_sigma: float, latitude: float, candidates: str, states: str,
+    schedule: str, angle_sigma: float, force_sigma: float, latitude: float, candidates: tuple[str, ...], states: str,
     rate_noise: float, force_noise: float, velocity_sigma: float, overwrite: bool,
     out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
@@ -94,7 +94,7 @@ def observe(
     from gimbalcal.design.observability import observe_any
     from gimbalcal.report.plan_page import headline, plan_report
 
-    seen = observe_any(schedule, angle_sigma, force_sigma, latitude, listed(candidates)).to_dict()
+    seen = observe_any(schedule, angle_sigma, force_sigma, latitude, candidates).to_dict()
     if there is not None:
         write_report(OBSERVABILITY, seen, plan_report(seen), there.folder, there.question)
         wrote(there.folder, OBSERVABILITY, quiet)
@@ -121,8 +121,8 @@ def observe(
 @click.option("--step", default=45.0, type=POSITIVE, show_default=True, help="Angles of an axis: multiples, deg.")
 @click.option("--angle-sigma", type=NOISE, default=None, help="Setting error, arcsec; left out: no angle is known.")
 @FORCE_SIGMA
-@click.option("--terms", default="", help="Comma-separated effects to estimate (default: the baseline).")
-@click.option("--separate", default="", help="Comma-separated effects that the schedule should tell apart.")
+@names_option("--terms", "Effects to estimate (default: the baseline).")
+@names_option("--separate", "Effects that the schedule should tell apart.")
 @click.option(
     "--criterion",
     type=click.Choice(["D", "A", "position", "max", "sum"]),
@@ -135,7 +135,7 @@ def observe(
 @click.option("--rate", default=10.0, type=POSITIVE, show_default=True, help="Of turns: how fast, deg/s.")
 @click.option("--ramp", default=1.0, type=POSITIVE, show_default=True, help="Of turns: to come to that, s.")
 @click.option("--limit", default=720.0, type=POSITIVE, show_default=True, help="Of turns: of either axis, +- deg.")
-@click.option("--against", default="", help="Comma-separated schedules of turns that it should beat in every group.")
+@names_option("--against", "Schedules of turns that it should beat in every group.")
 @click.option(
     "--latitude",
     default=40.0,
@@ -151,10 +151,10 @@ def observe(
 @OVERWRITE
 @output_options("schedule.toml and report.html", "PLATFORM-schedule, here")
 def design(
-    kind: str, platform: str, positions: int, step: float, angle_sigma: float | None, force_sigma: float, terms: str,
-    separate: str, criterion: str | None, states: str, total: float, rate: float, ramp: float, limit: float,
-    against: str, latitude: float, rate_noise: float, force_noise: float, velocity_sigma: float, tries: int, seed: int,
-    overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
+    kind: str, platform: str, positions: int, step: float, angle_sigma: float | None, force_sigma: float,
+    terms: tuple[str, ...], separate: tuple[str, ...], criterion: str | None, states: str, total: float, rate: float,
+    ramp: float, limit: float, against: tuple[str, ...], latitude: float, rate_noise: float, force_noise: float,
+    velocity_sigma: float, tries: int, seed: int, overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Choose what sees most under a rig's limits: positions that separate effects, or a sequence of turns."""
     from gimbalcal.atomic import write
@@ -172,7 +172,7 @@ def design(
         tell = progress(quiet)
         tell(f"looking at {amount(tries, 'sequence')} of turns")
         turned, seen = design_turning(
-            table_of(step, limit, rate, ramp, total), latitude, states, listed(against), criterion or "max",
+            table_of(step, limit, rate, ramp, total), latitude, states, against, criterion or "max",
             (rate_noise, force_noise, velocity_sigma), tries, seed, tell,
         )  # fmt: skip
         text, drawn = rotation_toml(turned), turned
@@ -183,7 +183,7 @@ def design(
 
         _only(criterion, ("D", "A", "position"), kind)
         rig = rig_of(platform, step, angle_sigma, force_sigma)
-        schedule, seen = run(rig, positions, listed(terms), criterion or "D", listed(separate), latitude=latitude)
+        schedule, seen = run(rig, positions, terms, criterion or "D", separate, latitude=latitude)
         text, drawn = schedule_toml(schedule), schedule
     if there is not None:
         with placed(there.folder, overwrite) as new:

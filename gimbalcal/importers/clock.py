@@ -18,6 +18,7 @@ from gimbalcal.number import Array
 
 TICKS = "0.1 ms"  # in which some loggers count; no unit of a header
 UNITS = {"s": 1.0, "ms": 1e-3, TICKS: 1e-4, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}  # s
+NAMED = {"sample_time_fine": TICKS}  # clocks whose name tells their unit, of Xsens
 WRAPS = {86400.0: "midnight", 604800.0: "the end of a week of GPS", 3600.0: "the hour", 43200.0: "noon",
          2.0**16: "2^16", 2.0**24: "2^24", 2.0**31: "2^31", 2.0**32: "2^32", 86400e3: "midnight",
          86400e6: "midnight", 604800e3: "the end of a week of GPS", 1e6: "10^6"}  # fmt: skip

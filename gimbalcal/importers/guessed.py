@@ -44,7 +44,10 @@ def guessed(
                 columns[name] = 3600 * columns[name]
             columns[name], at = clocks.unwrapped(columns[name])
             again = f"; it begins again at {at}, and is taken to go on" if at else ""
-            stamped = name in table.dates or name in table.sexagesimal
+            ticks = clocks.NAMED.get(plain(name), "")
+            if ticks:
+                columns[name], again = clocks.UNITS[ticks] * columns[name], f", which counts {ticks}{again}"
+            stamped = bool(ticks) or name in table.dates or name in table.sexagesimal
             guesses[name] = replace(g, unit="s" if stamped else g.unit, why=g.why + again)
     if not any(g.quantity == RATE for g in guesses.values()):
         guesses |= body_rates({name: plain(name) for name in columns if name not in guesses})

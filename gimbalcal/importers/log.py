@@ -14,11 +14,12 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.importers import clock as clocks
-from gimbalcal.importers import rig
+from gimbalcal.importers import parts, rig
 from gimbalcal.importers.among_stars import as_static_run
 from gimbalcal.importers.guessed import guessed
 from gimbalcal.importers.mmt import import_mmt
 from gimbalcal.importers.names import FORCE, RATE, Guess, by_name, estimated, hinted
+from gimbalcal.importers.novatel import rawimu
 from gimbalcal.importers.said import in_physical_units
 from gimbalcal.importers.sky import of_the_axes, refuse_below_horizon
 from gimbalcal.importers.stars import angles_in, pointing_proposal
@@ -70,7 +71,10 @@ def propose(
     if len(logs) == 1 and (known := _foreign(logs[0], title)):
         return known
     dates = Dates()
-    tables = {part: table for path in logs for part, table in tables_of(path, dates).items()}
+    tables: dict[Path, Table] = {}
+    for path in logs:
+        raw = rawimu(path)
+        tables |= {path: raw} if raw else tables_of(path, dates)
     return of_tables(tables, title, rate, latitude, height, longitude)
 
 
@@ -88,8 +92,15 @@ def of_tables(logs: Mapping[Path, Table], title: str, rate: float = 0.0, latitud
         return Proposal(run.recording, guesses, run.left_out, {**run.notes, **assumed})
     named = {g.quantity for path, table in logs.items() for n in table.columns if (g := by_name(n, hinted(path.stem)))}
     read = {path: guessed(path, table, rate, named) for path, table in logs.items()}
+    follow = ""
+    if parts.alike({path: each[1] for path, each in read.items()}):
+        clock = next(n for n, g in read[paths[0]][1].items() if g.quantity == "time")
+        whole, follow = parts.joined(logs, clock, rate)
+        read = {paths[0]: guessed(paths[0], whole, 0.0, named)}
     (_, (columns, guesses)), *others = slowest_first([(path, each[:2]) for path, each in read.items()])
-    left, notes = [name for each in read.values() for name in each[2]], read[paths[0]][3]
+    left, notes = [name for each in read.values() for name in each[2]], {**read[paths[0]][3]}
+    if follow:
+        notes["samples"] = follow
     for path, other in others:
         columns, guesses = on_one_clock(path, (columns, guesses), other)
     missing = [a for a in "xyz" if not any((g.quantity, g.axis) == (FORCE, a) for g in guesses.values())]

@@ -31,6 +31,7 @@ FLOOR = 0.10  # quantile
 SHAKEN = 20.0  # times the usual scatter of a gyroscope at rest: in the hand half of all rests reach ten
 SUMMED = 2  # windows in one sum: next to a turn, gyroscopes of 1e-4 deg/h are at the end of a double
 PIECES = 1000  # of them at a time: the sums of a day would take a gigabyte
+RAW_TURNING = 100.0  # times the usual distance from the level, of counts whose size nobody knows
 TURNING = np.radians(1.0)  # rad/s off the usual level, more than the Earth's rate and any drift of a bias
 
 
@@ -88,8 +89,9 @@ def _turned(rates: Mapping[str, Array], rest: NDArray[np.bool_], m: int, raw: bo
         scatter = np.pad(np.sqrt(variance), m // 2, mode="edge")
         usual = float(np.median(scatter[rest]))
         turned |= scatter > SHAKEN * usual
-        if not raw:
-            turned |= np.abs(np.pad(mean, m // 2, mode="edge")) > max(TURNING, SHAKEN * usual)
+        level = np.abs(np.pad(mean, m // 2, mode="edge"))
+        slow = RAW_TURNING * float(np.median(level[rest])) if raw else TURNING
+        turned |= level > max(slow, SHAKEN * usual)
     return turned
 
 

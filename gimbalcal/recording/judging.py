@@ -108,6 +108,8 @@ def _clock_inside_dwells(s: Screen) -> None:
     step = np.diff(s.whole(s.clock.name), prepend=np.nan) if inside else np.zeros(0)
     for row, dt in inside:
         k = int(np.searchsorted(edges, row, side="right"))
+        if edges[k - 1] in s.moves:  # on the way to the next position a logger may pause as long as it likes
+            continue
         within = step[edges[k - 1] + 1 : edges[k]]  # a logger may be slower at rest than between
         rest = float(within.sum()) - dt
         if len(within) > 2 and dt > rest and dt > GAP * np.median(within):

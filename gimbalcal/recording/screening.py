@@ -51,6 +51,7 @@ class Screen:
         self.step = 0.0  # usual step in time
         self.last_time, self.last_position = np.nan, np.nan
         self.turns: list[int] = []  # rows where the position changes
+        self.moves: set[int] = set()  # those of them where the unit begins to move
         self.gaps: list[tuple[int, float]] = []  # inside a position
         self.peaks: dict[tuple[str, int], tuple[float, int]] = {}  # (name, sign): largest value and how often
         self.stuck: set[str] = set()
@@ -159,6 +160,7 @@ class Screen:
             )
         changed: Array = np.diff(p, prepend=self.last_position) != 0
         self.turns += (np.flatnonzero(changed) + self.n).tolist()
+        self.moves |= set((np.flatnonzero(changed & (p == 0)) + self.n).tolist())
         self.last_position = float(p[-1]) if len(p) else self.last_position
         return changed
 

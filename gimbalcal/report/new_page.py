@@ -16,8 +16,8 @@ from gimbalcal.report.rounding import significant
 from gimbalcal.units import from_si
 
 # lines of the header before which a guess about the whole is said
-HEADED = {"kind": ("kind", "signs", "order", "hours", "sky", "sign", "unit"), "[site]": ("site",),
-          "[platform]": ("platform",), "[noise]": ("noise", "sigma")}  # fmt: skip
+HEADED = {"kind": ("kind", "signs", "order", "hours", "sky", "sign", "unit"), "samples": ("samples",),
+          "[site]": ("site",), "[platform]": ("platform",), "[noise]": ("noise", "sigma")}  # fmt: skip
 NEXT = "Next: correct recording.toml where a guess below is wrong, then `gimbalcal calibrate` this folder."
 NUMBERED = 60  # rests; the numbers of more would stand on each other
 

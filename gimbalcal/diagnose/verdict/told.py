@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,6 +19,7 @@ from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, findin
 from gimbalcal.diagnose.verdict.laws import SOUGHT, Lawful, laws_of_view, told_heldout
 from gimbalcal.diagnose.verdict.locate_unknown_noise import mismatches
 from gimbalcal.diagnose.verdict.unseen import unseen
+from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.units import from_si
@@ -112,8 +114,9 @@ def _fit(v: View, c: Course, sigma: Array) -> dict[str, Any]:
         told = {axis: (float(from_si(x, "ms")), float(from_si(s, "ms"))) for axis, (x, s) in lateness(v).items()}
         out["late"] = {axis: {"value": x, "sigma": s, "unit": "ms"} for axis, (x, s) in told.items()}
     if v.turns is not None and c.steps:
-        missed = [float(from_si(v.turns(e), "arcsec")) for e in ((), after.effects)]
-        out["turns"] = {"rms_before": missed[0], "rms_after": missed[1], "unit": "arcsec"}
+        with suppress(InputError):  # turns too few, or all about one axis, prove nothing
+            missed = [float(from_si(v.turns(e), "arcsec")) for e in ((), after.effects)]
+            out["turns"] = {"rms_before": missed[0], "rms_after": missed[1], "unit": "arcsec"}
     if v.noise is not None:
         n = len(before.r)
         for name, m in (("before", before), ("after", after)):

@@ -26,6 +26,7 @@ from gimbalcal.recording.record import FORCE
 from gimbalcal.wang2019.fit import ellipsoid
 
 LINEAR = ("scale_factor", "bias", "misalignment")
+FACE = 0.3  # of gravity, across an axis that is called upright
 WIDE = 100.0  # times the prior scale of a navigation platform: low-cost units reach 50 mg, 5 % and 3 deg
 # x of the orthogonal frame lies along the first input axis, y in the plane of the first two: Eq. (5)
 
@@ -70,7 +71,8 @@ def norm_fit(means: Recording, terms: Sequence[str], beside: Beside = ((), ())) 
     if len(y) < len(wanted):
         raise InputError(
             f"{means.title!r} holds {amount(len(y), 'rest position')} for "
-            f"{amount(len(wanted), 'parameter')} ({', '.join(terms)}): hold more positions or name fewer --terms"
+            f"{amount(len(wanted), 'parameter')} ({', '.join(terms)}): hold more positions, or estimate less, as with "
+            "--terms bias,scale_factor, which takes six"
         )
     bench = replace(means, platform=BENCH, channels={k: v for k, v in means.channels.items() if k[0] != "gimbal_angle"})
     p = problem(bench, wanted, beside[1])
@@ -135,21 +137,35 @@ def _rows(made: NormFit) -> tuple[Array, Array]:
 
 
 def scaled_by_gravity(means: Recording) -> tuple[Recording, Counts | None]:
-    """Readings in counts or pulses become m/s^2 by the ellipsoid's scale and offset, which are kept as nominal."""
+    """Readings in counts or pulses become m/s^2 by a scale and an offset that are kept as nominal.
+
+    They are those of the ellipsoid through nine rests or more; else of six faces, half of what an axis reads upward
+    less what it reads downward, and the mean of both.
+    """
     if not means.counted(FORCE):
         return means, None
     N = means.triad(FORCE)
-    spread = (N.max(0) - N.min(0)).mean() / 2
-    middle = (N.max(0) + N.min(0)) / 2
+    half, middle = (N.max(0) - N.min(0)) / 2, (N.max(0) + N.min(0)) / 2
+    spread = half.mean()
     found = ellipsoid(((N - middle) / spread)[None])[0] if len(N) >= 9 else np.full(9, np.nan)
-    if not np.isfinite(found).all():
+    if np.isfinite(found).all():
+        scale = found[:3] * means.site.gravity / spread
+        offset = middle - found[3:6] / found[:3] * spread
+    elif _on_faces((N - middle) / np.where(half > 0, half, 1.0)):
+        scale, offset = means.site.gravity / half, middle
+    else:
         unit = means.units.get((FORCE, "x"), "m/s^2")
         raise InputError(
             f"{means.title!r} reads in {unit} and "
-            f"{amount(len(N), 'rest position')} cannot fix its scale: hold at least nine that turn "
-            "every axis up and down, or give the columns in m/s^2"
+            f"{amount(len(N), 'rest position')} cannot fix its scale: hold six faces up, or at least "
+            "nine that turn every axis up and down, or give the columns in m/s^2"
         )
-    scale = found[:3] * means.site.gravity / spread
-    offset = middle - found[3:6] / found[:3] * spread
     counts = Counts(tuple(map(float, scale)), tuple(map(float, offset)))
     return in_si(means, Readout(accelerometers=counts)), counts
+
+
+def _on_faces(n: Array) -> bool:
+    """Whether rests n (m, 3), each axis from -1 to 1, hold every axis upright both ways."""
+    ends = n[np.concatenate([n.argmax(0), n.argmin(0)])]
+    across = ends[~np.tile(np.eye(3, dtype=bool), (2, 1))]
+    return bool(np.all(np.abs(across) < FACE))

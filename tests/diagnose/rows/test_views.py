@@ -11,8 +11,11 @@ import pytest
 
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.diagnose.rows.views import BLOCK, View, averaged, norm, pointing, solved, table
+from gimbalcal.diagnose.search.stepwise import course
+from gimbalcal.diagnose.verdict.told import told_of
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
 from gimbalcal.number import Array
+from gimbalcal.pipeline import silent
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 from tests.diagnose.small import telescope
@@ -114,6 +117,26 @@ def test_rates_at_rest_lose_what_the_effects_say() -> None:
     ps = parameters(CATALOGUE["gyro_bias"])
     effects = with_values((), ps, np.array([1e-5, 2e-5, -3e-5]))
     np.testing.assert_allclose(v.linear(effects, ())[0], w - [1e-5, 2e-5, -3e-5], atol=1e-12)
+
+
+def test_rests_are_judged_where_too_few_turns_were_logged_to_prove_it() -> None:
+    """A g-sensitivity of 20 deg/h per g at rest; one turn between the rests is no fit of nine parameters."""
+    hour = np.pi / 648000
+    noise = 0.1 * hour * np.random.default_rng(5).standard_normal((20, 3))
+    at, one = unit(G * UP, 20 * hour * UP[:, [1, 2, 0]] + noise), 20  # rows before the one turn that is logged
+    assert at.position is not None
+    channels = {key: np.insert(x, one, np.zeros(20)) for key, x in at.channels.items()}
+    begin = np.where(at.position > 10, 1020.0, 0.0) + at.time + 100.0 * at.position
+    time = np.insert(begin, one, begin[one - 1] + np.arange(1.0, 21.0))
+    time[40:] += time[39] + 1 - time[40]  # at all other turns the clock pauses
+    position = np.insert(at.position, one, np.zeros(20, dtype=int))
+    r = Recording("multi-position", "unit", BENCH, Site(0.0, 0.0, G), {}, time, position, channels)
+    v = rest_rates(r)
+    assert v is not None
+    assert v.turns is not None
+    found = told_of(v, course(v, silent), silent)
+    assert [f["effect"] for f in found.findings] == ["gyro_g_sensitivity_rate"]
+    assert "turns" not in found.fit
 
 
 def test_the_earth_s_vertical_rate_is_no_g_sensitivity_where_no_latitude_tells_it() -> None:

@@ -1,0 +1,61 @@
+r"""Raw increments as receivers of NovAtel log them in ASCII: RAWIMU and RAWIMUS, and both extended by an X.
+
+A line is ``%RAWIMUSA,...;week,seconds,status,Z,-Y,X,Z,-Y,X*crc``: velocity increments, then angle increments, in counts
+whose size depends on the unit and is left to the calibration. Other logs may stand between. [novatel-rawimus]
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from gimbalcal.errors import InputError
+from gimbalcal.importers.delimited import encoding_of
+from gimbalcal.importers.undescribed import Table
+
+WEEK = 604800.0  # s
+HEAD = 200  # lines, of which one is such a log
+_LINE = re.compile(r"[#%]RAWIMUS?(X?)A,[^;]*;([^*]*)\*[0-9a-fA-F]{8}")
+_NAMES = ("time [s]", *(f"{of}_{axis} [count]" for of in ("acc", "gyro") for axis in "xyz"))
+
+
+def rawimu(path: Path) -> Table | None:
+    """Counts of velocity and angle along x, y, z, and GPS time [s]; None for a file without such lines.
+
+    Raises InputError for a line of the kind that is damaged, with its number; the last one may be cut short.
+    """
+    rows: list[list[float]] = []
+    damaged = 0
+    with path.open(encoding=encoding_of(path), errors="replace") as file:
+        for number, line in enumerate(file, start=1):
+            if not rows and number > HEAD:
+                return None
+            if not line.startswith(("#RAWIMU", "%RAWIMU")):
+                continue
+            if damaged:
+                raise InputError(f"{path}, line {damaged}: this RAWIMU log is damaged; delete the line or log again")
+            row = _counts(line)
+            if row is None:
+                damaged = number
+            else:
+                rows.append(row)
+    if not rows:
+        return None
+    week, seconds, az, ay, ax, gz, gy, gx = np.array(rows).T
+    columns = (WEEK * week + seconds, ax, -ay, az, gx, -gy, gz)
+    return Table(dict(zip(_NAMES, columns, strict=True)))
+
+
+def _counts(line: str) -> list[float] | None:
+    """Week, seconds and the six counts in the order of a line; None for one that is not whole."""
+    found = _LINE.match(line)
+    cells = found[2].split(",") if found else []
+    if found is None or len(cells) != 9 + 2 * len(found[1]):
+        return None
+    cells = cells[2 * len(found[1]) :]
+    try:
+        return [float(cell) for k, cell in enumerate(cells) if k != 2]  # the status is no number
+    except ValueError:
+        return None

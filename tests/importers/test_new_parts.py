@@ -1,0 +1,124 @@
+"""A file for each face or turn of a unit: parts of one run, in plain text and in the lines of a receiver."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gimbalcal
+from gimbalcal.errors import InputError
+from gimbalcal.importers.log import propose
+from gimbalcal.number import Array
+from gimbalcal.recording import dwells
+
+G = 9.80665
+FACES = np.concatenate([np.eye(3), -np.eye(3)])
+BIAS, SCALE = np.array([0.02, -0.01, 0.03]), np.array([1.002, 0.999, 1.001])
+SECONDS, RATE = 10, 50
+BIASES = tuple(f"bias:{a}" for a in "xyz")
+
+
+def forces(face: Array, seed: int) -> Array:
+    """Readings (n, 3) of one face, set to a degree, by a unit with BIAS [m/s^2] and SCALE."""
+    rng = np.random.default_rng(seed)
+    up = face + 0.02 * rng.standard_normal(3)
+    f = SCALE * G * up / np.linalg.norm(up) + BIAS
+    return f + 0.005 * rng.standard_normal((SECONDS * RATE, 3))
+
+
+def faces(folder: Path, begins: Callable[[int], float], clock: str = "t_s") -> list[Path]:
+    paths = []
+    for k, face in enumerate(FACES):
+        t = begins(k) + np.arange(SECONDS * RATE) / RATE
+        rows = np.column_stack([t, forces(face, k)])
+        path = folder / f"face{k}.csv"
+        np.savetxt(path, rows, delimiter=",", header=f"{clock},acc_x,acc_y,acc_z", comments="", fmt="%.6f")
+        paths.append(path)
+    return paths
+
+
+def calibrated(found: gimbalcal.Recording) -> dict[str, float]:
+    made = gimbalcal.calibrate(found, terms=("bias", "scale_factor")).to_dict()["parameters"]
+    return {f"{p['name']}:{p['axis']}": p["value"] for p in made}
+
+
+@pytest.mark.parametrize("own", [False, True], ids=["one clock", "a clock for each file"])
+def test_six_faces_in_six_files(own: bool, tmp_path: Path) -> None:
+    """The order given does not matter where one clock goes on; each file's own clock is told to mean nothing."""
+    paths = faces(tmp_path, (lambda k: 0.0) if own else (lambda k: 100.0 * k))
+    found = propose(paths if own else paths[::-1], latitude=45.0)
+    r = found.recording
+    assert len(dwells(r)) == 6
+    assert len(r.time) == 6 * SECONDS * RATE
+    assert np.all(np.diff(r.time) > 0)
+    assert ("made up" in found.notes["samples"]) is own
+    got = calibrated(r)
+    np.testing.assert_allclose([got[name] for name in BIASES], BIAS / r.site.gravity * 1e6, atol=250)
+
+
+def test_rows_of_parts_can_be_counted(tmp_path: Path) -> None:
+    paths = faces(tmp_path, lambda k: 0.0, clock="frame")
+    r = propose(paths, rate=RATE).recording
+    assert len(dwells(r)) == 6
+    assert np.median(np.diff(r.time)) == pytest.approx(1 / RATE)
+
+
+def test_two_units_at_once_are_no_parts(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="two units"):
+        propose(faces(tmp_path, lambda k: 1000.0 + 0.003 * k))
+
+
+def rawimu(path: Path, t0: float, f: Array, w: Array, extended: bool) -> Path:
+    """Counts of increments as the receiver logs them, with another log and a cut line between."""
+    lines = ["<OK\n"]
+    head, more = ("%RAWIMUSXA", "00,16,") if extended else ("%RAWIMUSA", "")
+    for k, (a, r) in enumerate(zip(f, w, strict=True)):
+        cells = ",".join(str(round(x)) for x in (a[2], -a[1], a[0], r[2], -r[1], r[0]))
+        lines.append(f"{head},2387,{t0 + k / RATE:.3f};{more}2387,{t0 + k / RATE:.9f},00000077,{cells}*9319b0f1\n")
+        if k == 3:
+            lines.append(f"%INSPVASA,2387,{t0:.3f};2387,{t0:.3f},30.5,114.3,25.1,0,0,0,1,2,3,INS_ALIGNING*01020304\n")
+    path.write_text("".join(lines) + lines[-1][:40], encoding="ascii")
+    return path
+
+
+@pytest.mark.parametrize("extended", [False, True])
+def test_counts_of_a_receiver_face_by_face(extended: bool, tmp_path: Path) -> None:
+    """A turn about the vertical is no rest, though no accelerometer sees it and nobody knows what a count is."""
+    count, still = 1.5e-4 * RATE, np.zeros((SECONDS * RATE, 3))
+    rng = np.random.default_rng(1)
+    paths = []
+    for k, face in enumerate(FACES):
+        w = 3 * rng.standard_normal(still.shape)
+        w[150:350] += 9000 * face  # ten degrees a second for four seconds
+        paths.append(rawimu(tmp_path / f"{k}.ASC", 5e5 + 60 * k, forces(face, k) / count, w, extended))
+    found = propose(paths, latitude=45.0).recording
+    assert found.counted("specific_force")
+    assert found.counted("angular_rate")
+    stays = dwells(found)
+    assert len(stays) == 12
+    for d in stays:
+        assert np.abs(found.triad("angular_rate")[d.rows].mean(0)).max() < 5
+    made = gimbalcal.calibrate(found, terms=("bias", "scale_factor")).to_dict()["parameters"]
+    scales = [p["value"] for p in made if "scale" in p["name"]]
+    assert len(scales) == 3
+
+
+def test_a_damaged_line_of_a_receiver_is_named(tmp_path: Path) -> None:
+    f = np.ones((30, 3)) * [0, 0, 60000]
+    path = rawimu(tmp_path / "a.ASC", 5e5, f, 0 * f, False)
+    text = path.read_text().replace("*9319b0f1", "", 3)
+    path.write_text(text)
+    with pytest.raises(InputError, match="line 2: this RAWIMU log is damaged"):
+        propose([path])
+
+
+def test_the_fine_clock_of_xsens_counts_tenths_of_a_millisecond(tmp_path: Path) -> None:
+    n = SECONDS * RATE
+    rows = np.column_stack([np.arange(n), 9475426 + 200 * np.arange(n), forces(FACES[0], 1)])
+    path = tmp_path / "a.txt"
+    names = "PacketCounter\tSampleTimeFine\tAcc_X\tAcc_Y\tAcc_Z"
+    np.savetxt(path, rows, delimiter="\t", header=names, comments="// Firmware 1.4\n", fmt="%.6f")
+    assert np.median(np.diff(propose([path]).recording.time)) == pytest.approx(1 / RATE)
