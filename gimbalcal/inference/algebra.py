@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from gimbalcal.number import Array
@@ -34,3 +36,12 @@ def logsumexp(x: Array, axis: int | None = None) -> Array:
     top = np.where(np.isfinite(top), top, 0.0)
     with np.errstate(divide="ignore"):
         return np.asarray(np.log(np.exp(x - top).sum(axis=axis)) + np.squeeze(top, axis=axis))
+
+
+def block_diagonal(blocks: Sequence[Array]) -> Array:
+    """Blocks (r, c) along the diagonal of a matrix (sum of r, sum of c) of zeros."""
+    ends = np.cumsum([b.shape for b in blocks], axis=0)
+    out = np.zeros(ends[-1])
+    for (i, j), b in zip(ends, blocks, strict=True):
+        out[i - len(b) : i, j - b.shape[1] : j] = b
+    return out

@@ -24,41 +24,42 @@ def size(P: int) -> int:
 class Gram:
     """A symmetric matrix (P, P): the lower triangle row by row, less `taken` times its transpose."""
 
-    triangle: Array  # (P (P + 1) / 2,)
+    triangle: Array  # (P (P + 1) / 2,), or more where there is room for further columns
     taken: Array  # (P, a)
 
     @classmethod
     def of(cls, G: Array, room: Array | None = None) -> Gram:
         """That of a whole matrix (P, P), its triangle in `room` if that is given."""
-        triangle = np.empty(size(len(G))) if room is None else room
-        for i, row in enumerate(G):
-            triangle[size(i) : size(i + 1)] = row[: i + 1]
-        return cls(triangle, np.zeros((len(G), 0)))
+        empty = cls(np.empty(size(len(G))) if room is None else room, np.zeros((0, 0)))
+        return empty.grown(G)
 
-    def at(self, i: Array, j: Array) -> Array:
-        """Products (...) of columns i (...) with columns j (...)."""
-        upper = np.maximum(i, j)
-        return self.less(self.triangle[upper * (upper + 1) // 2 + np.minimum(i, j)], i, j)
+    def grown(self, more: Array) -> Gram:
+        """With further columns, of which nothing is taken: their products (p, P + p) with all, put behind its own."""
+        P = len(self.taken)
+        for i, row in enumerate(more, P):
+            self.triangle[size(i) : size(i + 1)] = row[: i + 1]
+        return Gram(self.triangle, np.zeros((P + len(more), 0)))
 
-    def less(self, products: Array, i: Array, j: Array) -> Array:
-        """Products (...) as the triangle has them, less what is taken."""
+    def products(self, i: Array, j: Array) -> Array:
+        """Products (..., v, w) of columns i (..., v) with columns j (..., w)."""
+        upper, lower = np.maximum(i[..., :, None], j[..., None, :]), np.minimum(i[..., :, None], j[..., None, :])
+        found = self.triangle[upper * (upper + 1) // 2 + lower]
         if not self.taken.shape[1]:
-            return products
-        return np.asarray(products - (self.taken[i] * self.taken[j]).sum(axis=-1))
+            return found
+        return np.asarray(found - self.taken[i] @ np.swapaxes(self.taken[j], -1, -2))
 
     def block(self, index: Array) -> Array:
         """Products (..., w, w) of columns (..., w) with each other."""
-        return self.at(index[..., :, None], index[..., None, :])
+        return self.products(index, index)
 
     def beside(self, index: Array) -> Array:
         """Products (P, w) of every column with columns (w,)."""
-        return self.at(np.arange(len(self.taken))[:, None], index[None, :])
+        return self.products(np.arange(len(self.taken)), index)
 
     @property
     def diagonal(self) -> Array:
         """Squares (P,) of the columns."""
-        every = np.arange(len(self.taken))
-        return self.at(every, every)
+        return self.block(np.arange(len(self.taken))[:, None])[:, 0, 0]
 
     @property
     def whole(self) -> Array:

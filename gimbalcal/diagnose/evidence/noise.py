@@ -74,13 +74,13 @@ class Node:
             return white if root.rows == len(rows) else np.concatenate([white, rows[root.rows :]])
         return np.concatenate([root[:, None] * rows[: len(root)], rows[len(root) :]])
 
-    def products(self, rows: Array) -> Array:
-        """W^T W (p, p) of whitened rows (R, p), which are never all there where they are many."""
+    def products(self, rows: Array, these: Array | slice = slice(None)) -> Array:
+        """`these` of W (R, p), whitened rows that are never all there where they are many, with all: (these, p)."""
         root = self.inverse_root
         if isinstance(root, Whitening) and root.rows == len(rows):
-            return np.asarray(reduce(iadd, (W.T @ W for W in root.parts(rows))))
+            return np.asarray(reduce(iadd, (W[:, these].T @ W for W in root.parts(rows))))
         W = self.whiten(rows)
-        return np.asarray(W.T @ W)
+        return np.asarray(W[:, these].T @ W)
 
     def colour(self, white: Array) -> Array:
         """Independent rows (R, p) of unit variance to coloured ones of a stated noise: what `whiten` undoes."""

@@ -12,7 +12,7 @@ Mixed over s, over the variants of a candidate and, with the weight that the dat
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from gimbalcal.number import Array
 
 ABSORBED = 1e-3  # a column of which less is left rests on second-order terms and on noise in its own inputs
 CHUNK = 64  # columns
+SPARE = 200  # columns that may be put behind others later: memory that is not written takes none
 
 
 @dataclass(frozen=True)
@@ -109,9 +110,14 @@ def _cleared(Q: Array, X: Array) -> Array:
     return np.asarray(np.where(seen, left, 0.0))
 
 
-def projected(nodes: Sequence[Node], rows: ReducedRows) -> tuple[Projection, ...]:
-    """One projection per noise, their Gram matrices in one piece of memory: some hundred MB, with nothing between."""
-    room = np.empty((len(nodes), size(rows.P)))
+def projected(nodes: Sequence[Node], rows: ReducedRows, before: Sequence[Projection] = ()) -> tuple[Projection, ...]:
+    """One projection per noise, their Gram matrices in one piece of memory: some hundred MB, with nothing between.
+
+    before: those of the rows without their last columns, whose products are put behind theirs, if there is room.
+    """
+    if before and size(rows.P) <= len(before[0].G.triangle):
+        return tuple(_grown(p, rows) for p in before)
+    room = np.empty((len(nodes), size(rows.P + SPARE)))
     return tuple(project(node, rows, STATED, own) for node, own in zip(nodes, room, strict=True))
 
 
@@ -127,6 +133,16 @@ def project(node: Node, rows: ReducedRows, scale: Stated | Free = STATED, room: 
     logdet = 2 * float(np.log(np.diag(L)).sum())
     G, misfit = Gram.of(B[:P, :P], room), np.diag(B)[P:].copy()
     return Projection(node, G, B[:P, P:].copy(), misfit, node.logdet + logdet, scale)
+
+
+def _grown(p: Projection, rows: ReducedRows) -> Projection:
+    """The projection of rows that have further columns behind those it knows."""
+    q, P, known = rows.q, rows.P, len(p.b)
+    these = np.r_[:q, q + known : q + P]
+    A = p.node.products(rows.low, these) + rows.high[these]
+    K = np.linalg.solve(np.linalg.cholesky(A[:q, :q]), A[:q, q:])
+    B = A[q:, q:] - K[:, known:P].T @ K
+    return replace(p, G=p.G.grown(B[:, :P]), b=np.concatenate([p.b, B[:, P:]]))
 
 
 def extended(p: Projection, rows: ReducedRows, X: Array) -> Projection:
@@ -145,7 +161,7 @@ def rows_like(rows: ReducedRows, X: Array) -> ReducedRows:
 
 def log_bayes(p: Projection, index: Array, sizes: Array) -> Array:
     """ln BF (..., sizes) of the columns `index` (..., w) together, one per prior size."""
-    gain, damping = _by_size(p, index, sizes)
+    gain, damping = _by_size(*_principal(p, index), sizes)
     return np.asarray(p.scale.gained(p.misfit[0], gain) - damping)
 
 
@@ -156,31 +172,49 @@ def any_size(p: Projection, index: Array) -> Array:
 
 def each_size(p: Projection, index: Array) -> Array:
     """ln of prior share times BF (..., sizes) of the columns `index` (..., w) together, for each prior size."""
-    gain, damping = _by_size(p, index, p.scale.sizes)
+    return _weighed(p, *_by_size(*_principal(p, index), p.scale.sizes))
+
+
+def _weighed(p: Projection, gain: Array, damping: Array) -> Array:
     return np.asarray(p.scale.gained(p.misfit[0], gain) - damping + p.scale.log_prior(p.misfit[0] - gain))
 
 
-def _by_size(p: Projection, index: Array, sizes: Array) -> tuple[Array, Array]:
-    """Misfit that columns `index` (..., w) of each prior size take away, and ln |I + s^2 G| / 2, both (..., sizes)."""
-    G, b = p.G.block(index), p.b[index, 0]
+def _principal(p: Projection, index: Array) -> tuple[Array, Array]:
+    """Eigenvalues of the Gram matrices of columns `index` (..., w), and scores along their vectors, both (..., w)."""
+    return _along(p.G.block(index), p.b[index, 0])
+
+
+def _along(G: Array, b: Array) -> tuple[Array, Array]:
     if G.shape[-1] == 1:
-        lam, c = G[..., 0], b
-    else:
-        lam, V = eigh(G)
-        c = np.einsum("...ij,...i->...j", V, b)
-    lam = np.maximum(lam, 0.0)[..., None, :]
-    s2 = (sizes**2)[:, None]
-    gain = (s2 * c[..., None, :] ** 2 / (1 + s2 * lam)).sum(axis=-1)
+        return np.maximum(G[..., 0], 0.0), b
+    lam, V = eigh(G)
+    return np.maximum(lam, 0.0), np.einsum("...ij,...i->...j", V, b)
+
+
+def _by_size(lam: Array, c: Array, sizes: Array) -> tuple[Array, Array]:
+    """Misfit that columns of each prior size take away, and ln |I + s^2 G| / 2, both (..., sizes)."""
+    lam, c, s2 = lam[..., None, :], c[..., None, :], (sizes**2)[:, None]
+    gain = (s2 * c**2 / (1 + s2 * lam)).sum(axis=-1)
     return np.asarray(gain), np.asarray(0.5 * np.log1p(s2 * lam).sum(axis=-1))
 
 
 def gather(projections: Sequence[Projection], layout: Layout) -> Array:
     """ln BF (nodes, candidates) of every single candidate at every noise, sizes and variants mixed; b (P, 1)."""
-    ln = np.empty((len(projections), len(layout.log_share)))
+    sizes = projections[0].scale.sizes
+    gain, damping = np.empty((2, len(projections), len(layout.log_share), len(sizes)))
     for members, index in layout.widths:
-        for k, p in enumerate(projections):
-            ln[k, members] = any_size(p, index)
+        G, b = (np.stack(each) for each in zip(*((p.G.block(index), p.b[index, 0]) for p in projections), strict=True))
+        gain[:, members], damping[:, members] = _by_size(*_along(G, b), sizes)
+    ln = np.stack([logsumexp(_weighed(p, gain[k], damping[k]), axis=-1) for k, p in enumerate(projections)])
     return np.asarray(np.logaddexp.reduceat(ln + layout.log_share, layout.starts, axis=1))
+
+
+def at_best(p: Projection, layout: Layout) -> Array:
+    """ln BF (candidates,) of every single candidate at its own best size and variant."""
+    ln = np.empty(len(layout.log_share))
+    for members, index in layout.widths:
+        ln[members] = log_bayes(p, index, p.scale.any_size).max(axis=-1)
+    return np.maximum.reduceat(ln, layout.starts)
 
 
 def condition(p: Projection, columns: Array, size: float) -> Projection:

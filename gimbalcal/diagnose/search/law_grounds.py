@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.evidence.projection import project, rows_like
@@ -20,7 +19,7 @@ from gimbalcal.diagnose.search.ranking import Search, bayes_factors
 from gimbalcal.diagnose.search.refit import Model, basis, projections, weighted
 from gimbalcal.effects import Stage
 from gimbalcal.forward import Rows
-from gimbalcal.inference.algebra import orthonormal
+from gimbalcal.inference.algebra import block_diagonal, orthonormal
 from gimbalcal.number import Array
 from gimbalcal.recording.record import FORCE, RATE
 
@@ -87,7 +86,7 @@ def together(each: Sequence[Ground]) -> Ground:
         own = zip(*map(parts, sets), strict=True)
         return np.asarray(sum(g.evidence(list(X)) for g, X in zip(each, own, strict=True)))
 
-    Q = block_diag(*(g.Q for g in each))
+    Q = block_diagonal([g.Q for g in each])
     return Ground(places, whiten, Q, np.concatenate([g.y for g in each]), evidence, (at[-1], 1), parts)
 
 

@@ -149,8 +149,7 @@ def search(o: Observations, library: Library, nodes: Sequence[Node]) -> Search:
     finer = refine(o, library, projections, *factors[1:], rows)
     if finer is not library:
         rows = appended(rows, library.X, finer.X[:, library.X.shape[1] :])
-        projections = ()  # two of them would be twice the memory
-        projections, library = projected(nodes, rows), finer
+        projections, library = projected(nodes, rows, projections), finer
         factors = bayes_factors(projections, library.layout)
     w = weighed(library, projections, factors, o.kind)
     return Search(library, w.hypotheses, projections, w.null, w.joint, w.singles, w.share, o, rows)
@@ -239,14 +238,16 @@ def beside(
     """ln BF against nothing of `members` with each of `seconds` in turn, over the `keep` weightiest noises."""
     nominal = int(np.argmax([p.node.prior for p in projections]))
     weighty = set(np.argsort(-joint[:, members[0]])[: keep - 1].tolist()) | {nominal}
-    rows = []
+    found, gains = [], []
     for k, looser in itertools.product(sorted(weighty), projections[0].scale.looser):
         p, ln = projections[k], float(null[k])
         for i in members:
             p, gained = given(p, library.candidates[i], looser)
             ln += gained
-        rows.append(gather([p], library.layout)[0, seconds] + ln)
-    return np.asarray(logsumexp(np.stack(rows), axis=0) - logsumexp(null))
+        found.append(p)
+        gains.append(ln)
+    rows = gather(found, library.layout)[:, seconds] + np.array(gains)[:, None]
+    return np.asarray(logsumexp(rows, axis=0) - logsumexp(null))
 
 
 def given(p: Projection, c: Candidate, looser: int = 0) -> tuple[Projection, float]:

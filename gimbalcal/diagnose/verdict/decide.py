@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY, NEARLY, OUTSIDE, SURE, TOGETHER, UNSURE
-from gimbalcal.diagnose.evidence.projection import Projection, log_bayes
+from gimbalcal.diagnose.evidence.projection import at_best
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, Weighed, given, needed
 from gimbalcal.diagnose.wording import NAMED
@@ -190,15 +190,6 @@ def likeliest(s: Weighed, beside: Sequence[int] = ()) -> Array:
         for i in beside:
             here, more = given(here, s.library.candidates[i])
             gained += more
-        rows.append(_best_sizes(here, s.library.candidates) + ln + gained)
-    return logsumexp(np.stack(rows), axis=0) - logsumexp(s.null)
-
-
-def _best_sizes(p: Projection, candidates: Sequence[Candidate]) -> Array:
-    out = np.full(len(candidates), -np.inf)
-    for i, c in enumerate(candidates):
-        if c.rival:
-            continue
-        at = np.array([v.index for v in c.variants])
-        out[i] = log_bayes(p, at, p.scale.any_size).max()
-    return out
+        rows.append(at_best(here, s.library.layout) + ln + gained)
+    rival = np.array([bool(c.rival) for c in s.library.candidates])
+    return np.where(rival, -np.inf, logsumexp(np.stack(rows), axis=0) - logsumexp(s.null))

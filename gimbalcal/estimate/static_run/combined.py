@@ -34,6 +34,7 @@ import numpy as np
 
 from gimbalcal.effects import Effect, Parameter
 from gimbalcal.estimate.static_run import force_filter
+from gimbalcal.inference.algebra import block_diagonal
 from gimbalcal.inference.coloured import least_squares
 from gimbalcal.inference.harmonics import design_matrix, fourier, labels
 from gimbalcal.inference.information import Solution, information, solve
@@ -139,19 +140,10 @@ def combined(
     return Combined(
         tuple(name for p in parts for name in p.names),
         np.concatenate([p.apply(d[:, p.channels, None])[:, 0] for p in parts]),
-        _block_diagonal([p.covariance for p in parts]),
+        block_diagonal([p.covariance for p in parts]),
         np.concatenate([p.apply(explained[:, p.channels, None])[:, 0] for p in parts]),
         L @ solution.covariance @ L.T,
     )
-
-
-def _block_diagonal(blocks: Sequence[Array]) -> Array:
-    size = sum(len(b) for b in blocks)
-    out, i = np.zeros((size, size)), 0
-    for b in blocks:
-        out[i : i + len(b), i : i + len(b)] = b
-        i += len(b)
-    return out
 
 
 def matrix(latitude: float, gravity: float, wanted: Sequence[Parameter]) -> Array:

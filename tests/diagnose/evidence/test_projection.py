@@ -12,11 +12,13 @@ from gimbalcal.diagnose.evidence.projection import (
     Projection,
     any_size,
     appended,
+    at_best,
     condition,
     extended,
     gather,
     log_bayes,
     project,
+    projected,
     stack,
 )
 from gimbalcal.diagnose.evidence.scale import SIZE_PRIOR, SIZES
@@ -61,6 +63,46 @@ def test_evidence_is_the_integral_over_the_coefficients():
     value, _ = dblquad(integrand, -8, 8, -8, 8)
     p = Projection(Node((), {}, 1.0, 0.0, np.eye(2)), Gram.of(G), b[:, None], np.zeros(1), 0.0)
     assert log_bayes(p, np.arange(2), np.ones(1)) == pytest.approx(np.log(value), abs=1e-6)
+
+
+@pytest.mark.parametrize("low", [40, 24])
+def test_a_projection_grows_by_columns_as_if_they_had_been_there(low):
+    node, Z, X, y = example(low=low)
+    loose = Node((), {}, 1.0, 0.0, np.linspace(0.3, 1.0, low))
+    few, whole = stack(Z, X[:, :3], y, low), stack(Z, X, y, low)
+    before = projected([node, loose], few)
+    kept = [p.G.whole for p in before]
+    for grown, old in ((projected([node, loose], whole, before), kept), (projected([node, loose], whole), None)):
+        for k, (p, n) in enumerate(zip(grown, (node, loose), strict=True)):
+            expected = project(n, whole)
+            np.testing.assert_allclose(p.G.whole, expected.G.whole, atol=1e-11)
+            np.testing.assert_allclose(p.b, expected.b, atol=1e-11)
+            np.testing.assert_allclose([*p.misfit, p.penalty], [*expected.misfit, expected.penalty], rtol=1e-12)
+            assert old is None or np.array_equal(before[k].G.whole, old[k])
+
+
+def test_without_room_everything_is_projected_again():
+    node, Z, X, y = example()
+    few, wide = stack(Z, X[:, :3], y, 40), np.random.default_rng(1).standard_normal((40, 230))
+    rows = stack(Z, np.concatenate([X[:, :3], wide], axis=1), y, 40)
+    (made,) = projected([node], rows, projected([node], few))
+    np.testing.assert_allclose(made.G.whole, project(node, rows).G.whole, atol=1e-11)
+
+
+def test_all_noises_at_once_are_each_of_them():
+    node, Z, X, y = example()
+    rows = stack(Z, X, y, 40)
+    every = [project(n, rows) for n in (node, Node((), {}, 1.0, 0.0, np.linspace(0.3, 1.0, 40)))]
+    spans = [[(0,), (2,)], [(1, 2)], [(4, 3)], [(0, 1, 4)]]
+    layout = layout_of([Candidate("", "", (), tuple(Variant((), i, 0.5) for i in span), "") for span in spans])
+    both = gather(every, layout)
+    for k, p in enumerate(every):
+        for j, span in enumerate(spans):
+            share = layout.log_share[layout.starts[j] :][: len(span)]
+            ln = share + [any_size(p, np.array(i)) for i in span]
+            assert both[k, j] == pytest.approx(np.logaddexp.reduce(ln), abs=1e-12)
+            largest = max(log_bayes(p, np.array(i), p.scale.any_size).max() for i in span)
+            assert at_best(p, layout)[j] == pytest.approx(largest, abs=1e-12)
 
 
 @pytest.mark.parametrize("low", [0, 20, 40])
