@@ -48,8 +48,11 @@ def by_sensor(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], .
 def usual_method(recordings: Sequence[Recording]) -> str:
     """The method for recordings of these kinds: by angles where there are gimbals, by the norm of gravity without.
 
-    A unit that turns on and on is held against an attitude that was logged, else against its own navigation.
+    A unit that turns on and on is held against an attitude that was logged, else against its own navigation; a mount
+    against its stars.
     """
+    if any(r.kind == "pointing" for r in recordings):
+        return "pointing"
     if all(r.kind == "rotation" and r.has("angular_rate") for r in recordings):
         return "attitude" if all(r.axes("attitude") for r in recordings) else "systematic"
     without = all(r.kind == "multi-position" and not r.platform.axes for r in recordings)
@@ -64,7 +67,7 @@ def calibrate(
 
     "three-stage" takes angles, "multiposition" none and one session or more, "systematic" takes a rotation recording
     and estimates `states`: "30", "51" or "EFFECT[:AXIS],...". Pointing runs, one or several of a mount, have a method
-    of their own.
+    of their own, "pointing".
 
     `more` adds effects of the catalogue to the fit of any method, "bias_temperature:y" or "warm_up,tau=0.5" (`added`);
     `grade` names that of a unit on gimbals.
@@ -87,7 +90,7 @@ def calibrate_each(
     groups = by_sensor(load(recordings, tell))
     if not method:
         method = usual_method(groups[0])
-        stars = any(r.kind == "pointing" for r in groups[0])
+        stars = method == "pointing"
         tell("method: the terms of the mount, by least squares" if stars else f"method: {method} (another: --method)")
     made = []
     for group in groups:
@@ -147,13 +150,13 @@ def _estimated(
     states: str, grade: str,
 ) -> Calibration:  # fmt: skip
     """One unit by `method`."""
-    if grade and (method != "three-stage" or any(r.kind == "pointing" for r in recordings)):
+    if grade and method != "three-stage":
         raise InputError(
             f"--grade {grade} says how large errors are that the positions of gimbals do not show; other methods take "
             "any size as it comes, so leave it out"
         )
     if any(r.kind == "pointing" for r in recordings):
-        if method != "three-stage":
+        if method != "pointing":
             raise InputError(f"--method {method} is for inertial sensors; leave it out for a pointing run")
         made = pointing_calibration(recordings, terms, more)
     elif method == "multiposition":

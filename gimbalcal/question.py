@@ -30,7 +30,7 @@ SURE = 3.0  # sigmas by which a constant has to be beyond
 MOST_TRIED, TOLD = 6, 2
 ALIKE = 0.2  # relative, of a scale factor and a ratio of units
 SLOWER = 1e-3  # rad of latitude: less is no slip
-QUANTITIES = {"scale_factor": ("specific_force", "accelerometer"), "gyro_scale_factor": ("angular_rate", "gyroscope")}
+SCALED = {"scale_factor": ("specific_force", "accelerometer"), "gyro_scale_factor": ("angular_rate", "gyroscope")}
 UNITS = {"specific_force": ("m/s^2", "g", "mg", "ug"), "angular_rate": ("rad/s", "deg/s", "deg/h", "mdeg/s", "rad/h")}
 CLOCKS = {60.0: "min", 3600.0: "h", 1e-3: "ms", 1e-6: "us"}  # seconds that one of the stated seconds really is
 Again = Callable[[Sequence[Recording]], Calibration]
@@ -113,7 +113,7 @@ def likeliest(made: Calibration, recordings: Sequence[Recording], limit: Limit, 
 def slips(made: Calibration, recordings: Sequence[Recording], limit: Limit) -> Iterator[Slip]:
     """What may have gone wrong for these constants, the likeliest first."""
     yield from _place(recordings)
-    for effect, (quantity, sensor) in QUANTITIES.items():
+    for effect, (quantity, sensor) in SCALED.items():
         sizes = {p.axis: 1 + v for p, v in zip(made.parameters, made.values, strict=True) if p.effect == effect}
         wrong = [p.axis for p in (made.parameters[i] for i in far(made, limit)) if p.effect == effect]
         if not wrong:

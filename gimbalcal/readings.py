@@ -25,7 +25,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording import SENSORS, Recording
 from gimbalcal.recording.record import Key
 
-QUANTITIES: Mapping[str, tuple[str, ...]] = {  # that are read at rest, by kind of recording
+READ_AT_REST: Mapping[str, tuple[str, ...]] = {  # that are read at rest, by kind of recording
     "multi-position": ("specific_force",),
     "rotation": ("specific_force",),
     "static-run": ("specific_force", "gimbal_angle", "attitude_error"),
@@ -113,8 +113,8 @@ def readings(recording: Recording) -> Readings:
 def measured_channels(recording: Recording) -> tuple[Key, ...]:
     """Channels of this kind of recording that the forward model predicts and the recording has."""
     axes = {**AXES, "gimbal_angle": recording.platform.axis_names}
-    keys = [(q, a) for q in QUANTITIES[recording.kind] for a in axes[q]]
+    keys = [(q, a) for q in READ_AT_REST[recording.kind] for a in axes[q]]
     found = tuple(key for key in keys if key in recording.channels)
     if not found:
-        raise InputError(f"{recording.title!r} has no {' and no '.join(QUANTITIES[recording.kind])} channel")
+        raise InputError(f"{recording.title!r} has no {' and no '.join(READ_AT_REST[recording.kind])} channel")
     return found

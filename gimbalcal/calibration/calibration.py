@@ -228,7 +228,8 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
         raise InputError(f"calibration holds parameters that this version does not know: {', '.join(missing)}")
     chosen = tuple(known[r["name"], r["axis"]] for r in rows)
     refuse_unsound(rows, chosen, content["covariance"])
-    refuse_misfit(content["residual"])
+    left = content["residual"]
+    refuse_misfit(left)
     x = np.array([to_si(r["value"], r["unit"]) for r in rows], dtype=float)
     sense = {p.label: 1.0 if readout.angles == DRAWING else _sense(p) for p in chosen}
     sign = np.array([sense[p.label] for p in chosen])
@@ -249,13 +250,7 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
         parameters=chosen,
         covariance=np.array(content["covariance"], dtype=float) * np.outer(sign, sign),
         unobservable=tuple(unobservable),
-        residual=Residual(
-            **{
-                k: content["residual"][k]
-                for k in ("chi2", "dof", "rms", "navigation")
-                if k != "navigation" or k in content["residual"]
-            }
-        ),
+        residual=Residual(left["chi2"], left["dof"], left["rms"], left.get("navigation", {})),
         outcome=content["outcome"],
         provenance=content["provenance"],
         stages=stages,

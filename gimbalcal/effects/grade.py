@@ -52,7 +52,7 @@ TURN_ON: Mapping[str, float] = MappingProxyType({  # rad/s; of gyroscopes, whose
     "navigation": 30 * DEG_H, "tactical": 1000 * DEG_H, "industrial": 1e4 * DEG_H, "consumer": 2e5 * DEG_H,
 })  # fmt: skip
 
-QUANTITIES: Mapping[str, str] = MappingProxyType({
+MEANT_BY: Mapping[str, str] = MappingProxyType({
     **dict.fromkeys(("ug", "ug/h", "ug/degC", "ug/(degC/h)", "ug/V", "ug/hPa"), "offset"),
     **dict.fromkeys(("deg/h", "deg/h/h", "deg/h/g", "deg/h/degC", "deg/h/degC^2", "deg/h/degC^3"), "offset"),
     **dict.fromkeys(("ppm", "ppm/V"), "scale"),
@@ -84,18 +84,18 @@ class Grade:
         if stage not in GYROSCOPE_STAGES | SENSOR_STAGES:
             return 1.0
         sizes = self.gyroscope if stage in GYROSCOPE_STAGES else self.accelerometer
-        return sizes.get(QUANTITIES.get(p.unit, "offset"), 1.0)
+        return sizes.get(MEANT_BY.get(p.unit, "offset"), 1.0)
 
     def most(self, p: Parameter) -> float:
         """The size [SI] beyond which a constant is hardly one of a unit of this grade; infinite for no sensor's."""
         cls = CATALOGUE[p.effect]
         stated = next(f.metadata for f in fields(cls) if f.name == p.field)
-        of_sensors = cls.stage in GYROSCOPE_STAGES | SENSOR_STAGES and QUANTITIES.get(p.unit) != "placing"
+        of_sensors = cls.stage in GYROSCOPE_STAGES | SENSOR_STAGES and MEANT_BY.get(p.unit) != "placing"
         if not of_sensors or stated["kind"] != "parameter":
             return np.inf
         least = {"arcsec": BY_HAND, "deg/h": TURN_ON[self.name] if p.effect == "gyro_bias" else 0.0}
         size = max(FAR * self.factor(p) * float(to_si(stated["sigma"], p.unit)), least.get(p.unit, 0.0))
-        return min(size, GAIN) if QUANTITIES.get(p.unit) == "scale" else size
+        return min(size, GAIN) if MEANT_BY.get(p.unit) == "scale" else size
 
     def usual(self, p: Parameter) -> Parameter:
         """The parameter with the prior sigma that it has in a unit of this grade."""

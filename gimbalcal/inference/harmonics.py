@@ -88,9 +88,8 @@ def fourier(
     """Harmonic coefficients of y (n,) in the angle (n,) [rad]; rows that are not finite are gaps.
 
     weight (n,): raw samples behind each row. drift: degree of the polynomial. noise: "white", "gauss-markov",
-    "random-walk", "auto" (best BIC of the three) or processes that are known, the white one of a row of unit
-    weight. Raises InputError where the run is
-    too short to tell the harmonics from each other and from the drift.
+    "random-walk", "auto" (best BIC of the three) or processes that are known, the white one of a row of unit weight.
+    Raises InputError where the run is too short to tell the harmonics from each other and from the drift.
     """
     keep = np.isfinite(y)
     time, angle, y = time[keep], angle[keep], y[keep]

@@ -26,6 +26,11 @@ from gimbalcal.rotation import normal_to
 STRAYED = 0.2  # rad by which a turn misses gravity: it was not what the gyroscopes say
 
 
+def horizontal_sigma(latitude: float | None) -> float:
+    """One sigma [rad/s] of each component of the Earth's horizontal rate at a latitude [rad], or anywhere (None)."""
+    return EARTH_RATE * float(np.sqrt(1 / 3) if latitude is None else abs(np.cos(latitude)) / np.sqrt(2))
+
+
 def horizontal_rate(recording: Recording, turns: Turns, down: Array) -> Array:
     """What one sigma of each component of the Earth's horizontal rate makes of the rests, (m, 3, 2 c) [rad/s].
 
@@ -51,7 +56,6 @@ def horizontal_rate(recording: Recording, turns: Turns, down: Array) -> Array:
             heading = heading - d * (d @ heading)
             heading = heading / np.linalg.norm(heading)
         columns[-1][k] = np.stack([heading, np.cross(d, heading)], axis=-1)
-    L = recording.site.latitude
-    sigma = EARTH_RATE * (np.sqrt(1 / 3) if L is None else abs(np.cos(L)) / np.sqrt(2))
+    sigma = horizontal_sigma(recording.site.latitude)
     alone = [x for x in columns if np.count_nonzero(np.abs(x).sum(axis=(1, 2))) > 1]
     return sigma * np.concatenate(alone, axis=-1) if alone else np.zeros((len(down), 3, 0))

@@ -16,8 +16,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect
+from gimbalcal.estimate.gyroscopes.heading import horizontal_sigma
 from gimbalcal.estimate.gyroscopes.rests import Rests
 from gimbalcal.estimate.gyroscopes.turns import Turns
 from gimbalcal.forward import gyroscopes
@@ -37,9 +37,7 @@ def rests_in_words(recording: Recording, found: Rests, misfit: Array) -> list[st
     """A sentence where what a fit leaves at rest, misfit (m, 3) [rad/s], is far above the noise of the means."""
     if not np.all(found.sigma > 0):
         return []  # one row a rest says nothing of its scatter
-    L = recording.site.latitude
-    horizontal = EARTH_RATE * (np.cos(L) if L is not None else 1.0) / np.sqrt(2)
-    explained = np.sqrt((found.sigma**2).mean(0) + horizontal**2)
+    explained = np.sqrt((found.sigma**2).mean(0) + horizontal_sigma(recording.site.latitude) ** 2)
     left = np.sqrt((misfit**2).mean(0))
     i = int(np.argmax(left / explained))
     if left[i] <= UNSTEADY_RATE * explained[i]:
