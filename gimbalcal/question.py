@@ -169,4 +169,5 @@ def _sensors(
 
 def _scaled(r: Recording, quantity: str, axes: Sequence[str], factor: float) -> Recording:
     own = {(quantity, a): factor * r.channels[quantity, a] for a in axes if (quantity, a) in r.channels}
-    return replace(r, channels={**r.channels, **own})
+    seen = {key: abs(factor) * r.scatter[key] for key in own if key in r.scatter}  # what rows show is as they are
+    return replace(r, channels={**r.channels, **own}, scatter={**r.scatter, **seen})

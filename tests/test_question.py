@@ -18,7 +18,7 @@ from gimbalcal.effects.grade import GRADES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.grade import Graded
 from gimbalcal.methods import calibrate
-from gimbalcal.question import far, most, questioned
+from gimbalcal.question import far, most, questioned, slips
 from gimbalcal.recording import Recording, read, write
 
 HOUR = 3600.0
@@ -99,6 +99,16 @@ def test_unseen_constants_at_their_prior_are_no_question() -> None:
     wanted = parameters(CATALOGUE["bias"])
     made = Calibration("x", with_values((), wanted, np.ones(3)), wanted, np.eye(3), (), None)  # type: ignore[arg-type]
     assert not far(made, limit("navigation"))
+
+
+def test_a_unit_undone_is_undone_in_the_scatter_of_the_rows_too(device: Recording) -> None:
+    wanted = parameters(CATALOGUE["scale_factor"])
+    made = Calibration("t", with_values((), wanted, np.full(3, 8.8)), wanted, 1e-6 * np.eye(3), (), Residual(0, 1, {}))
+    shown = replace(device, scatter={("specific_force", a): 2e-4 for a in "xyz"})
+    (slip,) = [s for s in slips(made, [shown], limit("navigation")) if "are in g, not in m/s^2" in s.words]
+    undone = slip.undone(shown)
+    assert undone.scatter["specific_force", "y"] == pytest.approx(2e-4 * 9.80665)
+    np.testing.assert_allclose(undone.triad("specific_force"), 9.80665 * shown.triad("specific_force"))
 
 
 def test_a_drift_is_as_fast_as_the_recording_is_short() -> None:

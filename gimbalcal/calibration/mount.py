@@ -122,6 +122,7 @@ def _sighted(recording: Recording, effects: Sequence[Effect]) -> Mount:
     angle = np.array(told)
     for _ in range(STEPS):
         J = complex_step(missed, angle)[..., read]
+        # the smallest turns that do it: at the zenith an alt-azimuth mount has one axis for two directions
         angle[:, read] -= np.einsum("nki,ni->nk", np.linalg.pinv(J, rcond=1e-6), missed(angle))
     return Mount(angle - told)
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
-from gimbalcal.recording.record import FORCE, RATE, SENSORS
+from gimbalcal.recording.record import COLOURED, FORCE, RATE, SENSORS
 
 SI = {FORCE: "m/s^2", RATE: "rad/s"}
 AXES = ("x", "y", "z")
@@ -95,7 +95,7 @@ def in_si(recording: Recording, readout: Readout) -> Recording:
 
 
 def in_counts(recording: Recording, readout: Readout) -> Recording:
-    """The recording as the unit reads it, the inverse of `in_si`."""
+    """The recording as the unit reads it, the inverse of `in_si`; one sigma of unlike axes takes their mean."""
     for quantity, counts in readout.counts.items():
         if recording.has(quantity):
             N = counts.from_si(recording.triad(quantity))
@@ -115,7 +115,7 @@ def with_noise(recording: Recording, quantity: str, gain: Array) -> Recording:
     factor = float(np.sqrt(square.sum(axis=1).mean()))
     return replace(
         recording,
-        noise={k: v * factor if SENSORS[k] == quantity else v for k, v in recording.noise.items()},
+        noise=_sizes_scaled(recording.noise, quantity, factor),
         scatter=dict(recording.scatter)
         | {(quantity, a): float(out[i]) for i, a in enumerate(AXES) if np.isfinite(by_axis[i])},
     )
@@ -123,12 +123,17 @@ def with_noise(recording: Recording, quantity: str, gain: Array) -> Recording:
 
 def _scaled(recording: Recording, quantity: str, values: Array, scale: Array, unit: str) -> Recording:
     """Other values (n, 3) of a quantity in another unit, with its scatter and noise times scale (3,)."""
-    noise = {k: v * float(scale.mean()) if SENSORS[k] == quantity else v for k, v in recording.noise.items()}
     by_axis = {(quantity, a): float(scale[i]) for i, a in enumerate(AXES)}
     return replace(
         recording,
         channels={**recording.channels, **{(quantity, a): values[:, i] for i, a in enumerate(AXES)}},
         units={**recording.units, **{(quantity, a): unit for a in AXES}},
         scatter={k: v * by_axis.get(k, 1.0) for k, v in recording.scatter.items()},
-        noise=noise,
+        noise=_sizes_scaled(recording.noise, quantity, float(scale.mean())),
     )
+
+
+def _sizes_scaled(noise: Mapping[str, float], quantity: str, factor: float) -> dict[str, float]:
+    """Noise as a header states it, its sizes of one quantity times a factor; time constants stay as they are."""
+    of = {**SENSORS, **{key: q for key, (q, given) in COLOURED.items() if given != "time"}}
+    return {key: size * factor if of.get(key) == quantity else size for key, size in noise.items()}

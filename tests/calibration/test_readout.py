@@ -12,7 +12,7 @@ import pytest
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual, from_dict, read
 from gimbalcal.calibration.exchange import export, read_calibration
-from gimbalcal.calibration.readout import DRAWING, INERTIAL, in_counts, in_si
+from gimbalcal.calibration.readout import DRAWING, INERTIAL, in_counts, in_si, with_noise
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.pipeline import load, three_stage
@@ -114,6 +114,23 @@ def test_counts_become_si_with_their_scatter_and_noise_and_counts_again() -> Non
     for key, N in raw.channels.items():
         np.testing.assert_allclose(back.channels[key], N, rtol=1e-12)
     assert back.units == raw.units
+
+
+def test_stated_coloured_noise_is_scaled_as_the_white_noise_is_and_its_time_constant_stays() -> None:
+    """`apply` and `corrupt` of a rotation recording that states it were tracebacks."""
+    stated = {"accelerometer": 4.0, "accelerometer_flicker": 2.0, "gyroscope_random_walk": 5.0,
+              "accelerometer_gauss_markov": 3.0, "accelerometer_gauss_markov_tau": 100.0}  # fmt: skip
+    raw, readout = counted(np.random.default_rng(1))
+    raw = replace(raw, noise=stated)
+    there = in_si(raw, readout)
+    scaled = {"accelerometer": 4.0 * 3e-3, "accelerometer_flicker": 2.0 * 3e-3, "gyroscope_random_walk": 5.0 * 1e-4,
+              "accelerometer_gauss_markov": 3.0 * 3e-3, "accelerometer_gauss_markov_tau": 100.0}  # fmt: skip
+    assert there.noise == pytest.approx(scaled)
+    doubled = with_noise(raw, "specific_force", np.tile(2 * np.eye(3), (8, 1, 1)))
+    assert doubled.noise == pytest.approx({
+        "accelerometer": 8.0, "accelerometer_flicker": 4.0, "gyroscope_random_walk": 5.0,
+        "accelerometer_gauss_markov": 6.0, "accelerometer_gauss_markov_tau": 100.0,
+    })  # fmt: skip
 
 
 def test_the_readout_of_a_file_is_what_was_written() -> None:

@@ -130,6 +130,7 @@ def _faces(p: Problem, linear: VisitRows, x: Array) -> tuple[list[AxisFit], Arra
     both = np.any(vertical & (u > 0), axis=0) & np.any(vertical & (u < 0), axis=0)
     out = []
     for i in range(3) if both.all() else ():
+        # of full rank: both faces are there
         slope, level = np.linalg.pinv(np.stack([u[:, i], np.ones(len(u))], axis=-1) * vertical[:, [i]])
         a = slope @ measured[:, i]
         # 1/SF = a: d(SF - 1) = -da / a^2
