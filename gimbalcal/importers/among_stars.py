@@ -30,10 +30,10 @@ SMALL = np.radians(1.0)  # attitude errors of a navigator
 def turns_with_the_stars(time: Array, force: Sequence[Array]) -> bool:
     """Whether forces (n,) along three axes go round as gravity does on such a platform; time (n,) s."""
     f = np.stack(force, axis=-1)
-    whole = np.isfinite(f).all(axis=1)
+    whole = np.isfinite(f).all(axis=1) & np.isfinite(time)
     every = max(1, int(whole.sum()) // 2000)
-    t, f = time[whole][::every] - time[0], f[whole][::every]
-    angle = EARTH_RATE * t
+    t, f = time[whole][::every], f[whole][::every]
+    angle = EARTH_RATE * (t - t[:1])
     if len(t) < FEWEST or angle[-1] < LEAST_TURN:
         return False
     gravity = float(np.median(np.linalg.norm(f, axis=1)))

@@ -89,11 +89,27 @@ def frame_of(path: Path, separator: str, skip: int, named: bool, quoted: bool = 
             glob=False, quote_char='"' if quoted else None,
         )  # fmt: skip
     except pl.exceptions.PolarsError as error:
-        raise InputError(f"{path} cannot be read as a table: {str(error).splitlines()[0]}") from None
+        raise InputError(_longer(path, separator, skip) or
+                         f"{path} cannot be read as a table: {str(error).splitlines()[0]}") from None  # fmt: skip
     stripped = [name.strip() for name in frame.columns]
     if len(set(stripped)) == len(stripped):
         frame.columns = stripped
     return frame
+
+
+def _longer(path: Path, separator: str, skip: int) -> str:
+    """What to tell of the first line with more cells than the first of the table has; nothing if there is none."""
+    first = 0
+    with path.open(encoding=encoding_of(path), errors="replace") as file:
+        for i, line in enumerate(file, start=1):
+            cells = len(line.split() if separator == " " else line.split(separator))
+            first = cells if i == skip + 1 else first
+            if i > skip + 1 and cells > first and not line.startswith("#"):
+                return (
+                    f"{path}, line {i}: {line.strip()[:60]!r} has {cells} cells where the first row has {first}; rows "
+                    "of several kinds are no table: put those of one kind into a file of their own, with names above"
+                )
+    return ""
 
 
 def _numbers(path: Path, name: str, text: pl.Series, named: bool) -> Array:

@@ -36,7 +36,9 @@ def by_order(columns: Mapping[str, Array]) -> dict[str, Guess]:
         forces = [t for t in windows if _turns_about_a_constant([columns[n] for n in t]) and
                   _changes([columns[n] for n in t])]  # fmt: skip
     forces.sort(key=lambda t: _unlike_gravity([columns[n] for n in t]))
-    for quantity, group in ((FORCE, forces[:1]), (RATE, [t for t in triples if t not in forces[:1]][:1])):
+    others = [t for t in triples if t not in forces[:1]]
+    others.sort(key=lambda t: not all(_comes_back(columns[n]) for n in t))  # a magnetometer does not
+    for quantity, group in ((FORCE, forces[:1]), (RATE, others[:1])):
         for triple in group:
             for axis, name in zip("xyz", triple, strict=True):
                 what = "whose length hardly changes" if quantity == FORCE else "beside the forces"

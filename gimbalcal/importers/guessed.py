@@ -62,6 +62,11 @@ def guessed(
         why = "the column that grows evenly from row to row"
         guesses = {clock: Guess("time", "", unit_written(plain(clock)), why), **guesses}
     columns, guesses = one_each(columns, guesses)
+    if timing := [n for n, g in guesses.items() if g.quantity == "time"]:
+        timed = np.isfinite(columns[timing[0]])
+        if not timed.all():
+            columns = {n: x[timed] for n, x in columns.items()}
+            notes["time"] = f"{np.count_nonzero(~timed)} of {len(timed)} rows have no time and are left out"
     seen = {g.quantity for g in guesses.values()}
     force = [columns[name] for name, g in guesses.items() if g.quantity == FORCE]
     numbered = next((columns[n] for n, g in guesses.items() if g.quantity == "position"), np.zeros(2))

@@ -129,7 +129,12 @@ def of_tables(logs: Mapping[Path, Table], title: str, rate: float = 0.0, latitud
         lone = _is_open(guesses, "time") and len(dwells(made)) < 2
         if not lone and (explained is None or explained[0] >= NEARLY_ALL * explained[1]):
             return proposal
-        fallback = proposal if refused is None and fallback is None else fallback  # another unit has to be told
+        if refused is None and fallback is None:  # another unit has to be told
+            fallback = proposal
+            if explained is not None:
+                well, turns = explained
+                unfit = f"{turns - well} of {turns} turns between rests fit gravity in no unit: are they gyroscopes?"
+                fallback = replace(proposal, notes={**told, "gyroscopes": unfit})
     if fallback is not None:
         return fallback
     assert refused is not None
@@ -190,7 +195,10 @@ def _made(
     columns, guesses = log
     gimbals = {g.axis: name for name, g in guesses.items() if g.quantity == "gimbal_angle"}
     told, platform = dict(notes), None
+    turning, counts = rig.turned_counts(_unknown(columns, guesses))
+    columns = {**columns, **turning}
     found, theirs, outside = _rig(columns, guesses, gimbals, title)
+    theirs = {n: replace(g, why=f"{counts[n]} counts a turn; {g.why}") if n in counts else g for n, g in theirs.items()}
     reverse: tuple[str, ...] = ()
     turned: tuple[str, ...] = ()
     if found is not None:
@@ -235,11 +243,16 @@ def _made(
     return replace(made, remarks=(*made.remarks, *remarks)), told, (theirs, outside)
 
 
+def _unknown(columns: Mapping[str, Array], guesses: Mapping[str, Guess]) -> dict[str, Array]:
+    """Columns that may be angles of a rig although nothing calls them so."""
+    return {n: x for n, x in columns.items() if n not in guesses and np.all(np.isfinite(x)) and not estimated(n)}
+
+
 def _rig(columns: Mapping[str, Array], guesses: Mapping[str, Guess], gimbals: Mapping[str, str], title: str
          ) -> tuple[rig.Rig | None, dict[str, Guess], tuple[str, ...]]:  # fmt: skip
     """The rig, gimbals that are found by what they hold, and columns called gimbals that no platform has."""
     chain = {"axes": [{"name": axis, "direction": "zxy"[k % 3]} for k, axis in enumerate(gimbals)]}
-    unknown = {n: x for n, x in columns.items() if n not in guesses and np.all(np.isfinite(x)) and not estimated(n)}
+    unknown = _unknown(columns, guesses)
     found = None
     if gimbals:
         still = dwell_means(from_frame(columns, _entries(guesses), title=title, platform=chain, called=title))

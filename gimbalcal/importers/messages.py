@@ -7,6 +7,7 @@ beside each number ("ax: 0.1, ay: 0.2").
 
 from __future__ import annotations
 
+import json
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -17,6 +18,7 @@ from pathlib import Path
 from gimbalcal.errors import InputError
 from gimbalcal.importers.delimited import encoding_of
 from gimbalcal.importers.names import FORCE, RATE, by_name, hinted
+from gimbalcal.recording.dates import is_date
 
 FEWEST = 20  # rows of a kind of message that holds a triad
 FEW, MOST_KINDS = 3, 200
@@ -82,9 +84,26 @@ def _without_arrows(lines: Sequence[str]) -> list[str]:
 
 
 def _pairs(line: str) -> list[tuple[str, str]]:
-    """Names with their numbers, where a line has three or more."""
-    found = _PAIR.findall(line)
+    """Names with their numbers, where a line has three or more; those of JSON with the names of what holds them."""
+    found = _leaves(line) if line.lstrip().startswith("{") else _PAIR.findall(line)
     return found if len(found) >= 3 and len({name for name, _ in found}) == len(found) else []
+
+
+def _leaves(line: str) -> list[tuple[str, str]]:
+    """The numbers and times in an object of JSON by their path, acc_x or acc_0."""
+    try:
+        left = [("", json.loads(line))]
+    except (ValueError, RecursionError):
+        return []
+    out = []
+    while left:
+        name, value = left.pop(0)
+        if isinstance(value, dict | list):
+            inner = value.items() if isinstance(value, dict) else enumerate(value)
+            left = [*((f"{name}_{key}".strip("_"), each) for key, each in inner), *left]
+        elif (isinstance(value, int | float) and not isinstance(value, bool)) or is_date(str(value)):
+            out.append((name, str(value)))
+    return out
 
 
 def _of_pairs(lines: Sequence[str]) -> dict[str, _Kind]:

@@ -25,6 +25,7 @@ FEWEST = 4  # rests that tell a platform
 TABLES = ("rate-table", "two-axis-table", "three-axis-table", "space-stable")
 MOST_AXES = 3  # of a chain that is looked for
 LETTERS = {"psi": "platform", "theta": "inner", "phi": "middle"}  # Table 1 of Wu et al. (2018)
+BITS = range(12, 25)  # of resolvers and encoders
 MOST_COLUMNS = 6  # that may be its angles
 
 
@@ -104,6 +105,22 @@ def rig_among(columns: Mapping[str, Array], rests: Sequence[slice], force: Array
             if found.platform is not None and len(force) >= FEWEST:
                 return found, {n: (called[n], at_rest[n][1]) for n in group}
     return None
+
+
+def turned_counts(columns: Mapping[str, Array]) -> tuple[dict[str, Array], dict[str, int]]:
+    """Columns of resolvers and encoders in degrees, without a jump at the full turn, and the counts of a turn.
+
+    Such a column has whole numbers from 0 up to a power of two, of which more than half is seen; whether it is an angle
+    of the rig, gravity tells.
+    """
+    out, counts = dict(columns), dict[str, int]()
+    for name, x in columns.items():
+        most = float(np.max(x, initial=0.0))
+        bits = int(np.ceil(np.log2(most + 1))) if most > 0 else 0
+        if bits in BITS and np.min(x) >= 0 and np.all(x == np.round(x)):
+            counts[name] = 2**bits
+            out[name] = np.degrees(np.unwrap(2 * pi * x / counts[name]))
+    return out, counts
 
 
 def _unit(x: Array, name: str) -> str:

@@ -42,6 +42,7 @@ _ROLES = {
 }  # fmt: skip
 _ROLE = {word: role for role, words in _ROLES.items() for word in words.split()}
 _ERROR = frozenset(["err", "error", "residual", "dev", "deviation"])  # of an offset, where one stands beside it
+_SOLVED = frozenset(["solved", "plate", "astrometric", "solution"])  # where it looked, whatever was aimed at
 _SKY = frozenset(["cos", "cosel", "cosdec", "cosalt", "x", "cross", "xel", "sky", "onsky"])
 _FUSED = re.compile(rf"^(?:(d|delta|off|err)|(x|dx|crs|cross))({'|'.join(sorted(_AXIS, key=len, reverse=True))})$")
 _MINUS = re.compile(r"(\w+)\s*(?:minus|[-−–])\s*(\w+)")
@@ -96,7 +97,9 @@ def _one_offset(columns: list[Seen]) -> list[Seen]:
 
 
 def _seen(name: str) -> Seen | None:
-    words = plain(re.sub(r"[\[(].*", "", name)).split("_")
+    bare = re.sub(r"[\[(].*", "", name)
+    within = [w for w in plain(name[len(bare) :]).split("_") if _ROLE.get(w) in ("true", "read")]  # HA(true)
+    words = [*plain(bare).split("_"), *within]
     unit = unit_written(plain(name)) if re.search(r"[\[(_ ]", name) else ""
     on_sky, role, axis = bool(_SKY.intersection(words)), "", ""
     for word in words:
@@ -168,6 +171,10 @@ def _channels(path: Path, table: Table, axis: str, columns: list[Seen], out: tup
     plain_ones = [s for s in columns if s.role != "offset"]
     by_role = {role: next((s for s in plain_ones if s.role == role), None) for role in ("true", "read", "")}
     a, b = by_role["true"], by_role["read"]
+    both = [s for s in plain_ones if s.role == "true"]
+    solved = [s for s in both if _SOLVED.intersection(plain(s.name).split("_"))]
+    if len(both) == 2 and len(solved) == 1 and not b:  # the mount took itself for where it was sent
+        a, b = solved[0], next(s for s in both if s is not solved[0])
     if a and b:
         reason = "its name"
     elif (a or b) and by_role[""]:

@@ -80,7 +80,11 @@ def table_of(path: Path, dates: Dates | None = None, lines: Sequence[str] | None
         head = list(lines[:HEAD])
     found = _begins(head)
     if found is None:
-        raise InputError(f"{path} holds no table of {LEAST_COLUMNS} columns or more; give a text log of a unit")
+        like = next((line.strip()[:60] for line in head[::-1] if line.strip()), "")
+        raise InputError(
+            f"{path} holds no table of {LEAST_COLUMNS} columns or more: its lines are like {like!r}; write numbers in "
+            "columns with names above them, time acc_x acc_y acc_z, or ra_true dec_true ra_mount dec_mount LST"
+        )
     skip, separator, named = found.skip, found.separator, found.named
     marked = separator != " " and any(_seconds_marked(line, separator) for line in head[skip:])
     frame = frame_of(path, separator, skip, named, quoted=not marked, lines=lines)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,10 @@ from gimbalcal.importers.log import propose
 from gimbalcal.importers.messages import tables_in
 from gimbalcal.importers.names import by_name
 from gimbalcal.importers.undescribed import table_of
-from gimbalcal.number import Array
+from gimbalcal.number import Array, apply_matrix
+from gimbalcal.platform import KNOWN
 from tests.importers.test_new import D, G, turned
-from tests.importers.test_new_layouts import rows, same
+from tests.importers.test_new_layouts import FACES, felt, rows, same
 from tests.importers.test_new_stars import AZ, EL, OFF, agrees, write
 
 
@@ -167,3 +169,65 @@ def test_a_clock_of_whole_seconds_and_nanoseconds_and_rates_with_a_bias(tmp_path
     found = propose([path])
     same(found, t, f, w)
     assert not {"1", "2"} & set(found.left_out)
+
+
+def test_lines_of_json(tmp_path: Path) -> None:
+    t, f, w = turned()
+    path = tmp_path / "a.jsonl"
+    lines = [json.dumps({"ts": round(1000 * s), "ok": True, "acc": dict(zip("xyz", a, strict=True)), "gyro": list(b)})
+             for s, a, b in zip(t, f, w, strict=True)]  # fmt: skip
+    path.write_text("\n".join(lines), encoding="utf-8")
+    same(propose([path]), t, f, w)
+
+
+def test_a_row_without_a_time_is_left_out_and_told(tmp_path: Path) -> None:
+    t, f, w = turned()
+    text = rows(tmp_path / "a.csv", "time,ax,ay,az,gx,gy,gz", t, *f.T, *w.T).read_text().splitlines()
+    text.insert(1, "scale:,1,1,1,1,1,1")
+    (tmp_path / "a.csv").write_text("\n".join(text), encoding="utf-8")
+    found = propose([tmp_path / "a.csv"])
+    same(found, t, f, w)
+    assert found.notes["time"] == "1 of 2001 rows have no time and are left out"
+
+
+def test_a_magnetometer_beside_the_forces_is_no_gyroscope_and_what_does_not_turn_is_told(tmp_path: Path) -> None:
+    t, f, w = turned()
+    field = f @ np.array([[0.0, 0.2, 0.1], [0.1, 0.0, -0.2], [0.2, 0.1, 0.0]])
+    path = tmp_path / "a.txt"
+    np.savetxt(path, np.column_stack([t, field, f, w]), fmt="%.6f")
+    found = propose([path])
+    np.testing.assert_allclose(found.recording.triad("angular_rate"), w, atol=1e-5)
+    path = rows(tmp_path / "b.csv", "time,ax,ay,az,gx,gy,gz", t, *f.T, *np.roll(w, 137, axis=0).T)
+    told = propose([path]).notes["gyroscopes"]
+    assert told == "6 of 6 turns between rests fit gravity in no unit: are they gyroscopes?"
+
+
+def test_where_a_plate_was_solved_is_where_the_mount_looked(tmp_path: Path) -> None:
+    read = AZ + OFF[0] / 3600, EL + OFF[1] / 3600
+    agrees(propose([write(tmp_path / "a.csv", "target_az,target_el,solved_az,solved_el", *read, AZ, EL)]).recording)
+    agrees(propose([write(tmp_path / "b.csv", "AZ(enc),EL(enc),AZ(true),EL(true)", *read, AZ, EL)]).recording)
+
+
+def test_resolvers_that_count_a_turn_in_a_power_of_two_are_angles(tmp_path: Path) -> None:
+    platform = KNOWN["two-axis-table"]
+    a, b = FACES.T
+    each = [np.repeat(x, 20) for x in (a, b, *felt(platform, a, b).T)]
+    counts = [np.round(x / 360 * 65536 + np.tile([-0.4, 0.6], 240)) % 65536 for x in each[:2]]  # to and fro over zero
+    path = rows(
+        tmp_path / "a.txt", "time\tRES_A\tRES_B\tNx\tNy\tNz", 0.5 * np.arange(480), *counts, *each[2:], mark="\t"
+    )
+    found = propose([path])
+    r = found.recording
+    assert found.guesses["RES_A"].why.startswith("65536 counts a turn")
+    turned_to = apply_matrix(r.platform.attitude(r.angles()), np.array([0.0, 0.0, -G]))
+    np.testing.assert_allclose(turned_to, r.triad("specific_force"), atol=2e-3)
+
+
+def test_rows_of_several_kinds_and_no_table_at_all_are_told_with_a_line(tmp_path: Path) -> None:
+    path = tmp_path / "a.log"
+    path.write_text("12;3;4.5\n12;3;4.5;6;7\n1;2;3", encoding="utf-8")
+    with pytest.raises(InputError, match=r"line 2: '12;3;4.5;6;7' has 5 cells where the first row has 3"):
+        propose([path])
+    path.write_text(":pt10:10:34.8,+1,E#\n" * 9, encoding="utf-8")
+    with pytest.raises(InputError, match=r"its lines are like ':pt10:10:34.8,\+1,E#'; write numbers in columns"):
+        propose([path])
