@@ -12,7 +12,7 @@ from tests.fuzzing.worker import run
 
 QUICK = ("csv", "header", "hand", "static", "parquet", "calibration", "schedule", "scenario", "tpoint", "phd2",
          "rig_csv", "hdf5", "npz", "meant_files", "saved", "deep", "store", "history", "mount", "law",
-         "texts")  # fmt: skip
+         "texts", "parts", "messages")  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ FOUND = [("schedule", 2, 2930), ("csv", 2, 3752), ("scenario", 2, 3781), ("calib
          ("mount", 8001, 8409), ("deep", 8001, 8872), ("deep", 7001, 7073), ("meant_files", 9001, 9028),
          ("planning", 14001, 1637), ("diagnose", 14001, 2119), ("meant_files", 12002, 5621),
          ("arguments", 12001, 4616), ("rough_diagnose", 14004, 130), ("stars", 14002, 1372),
-         ("csv", 13004, 1460), ("exchange", 13005, 493)]  # fmt: skip
+         ("csv", 13004, 1460), ("exchange", 13005, 493), ("parts", 15001, 42)]  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "seed", "number"), FOUND)

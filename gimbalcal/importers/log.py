@@ -97,6 +97,7 @@ def of_tables(logs: Mapping[Path, Table], title: str, rate: float = 0.0, latitud
         clock = next(n for n, g in read[paths[0]][1].items() if g.quantity == "time")
         whole, follow = parts.joined(logs, clock, rate)
         read = {paths[0]: guessed(paths[0], whole, 0.0, named)}
+        title = f"{title} and {len(logs) - 1} more" if title == paths[0].stem else title
     (_, (columns, guesses)), *others = slowest_first([(path, each[:2]) for path, each in read.items()])
     left, notes = [name for each in read.values() for name in each[2]], {**read[paths[0]][3]}
     if follow:

@@ -115,6 +115,15 @@ def _foreign(folder: Path, few: Recording) -> None:
     (folder / "log.csv").write_text(_text("timestamp,ax,ay,az,gx,gy,gz", logged))
     (folder / "acc.csv").write_text(_text("time,x,y,z", logged[:, :4]))
     (folder / "gyr.csv").write_text(_text("time,x,y,z", logged[1::2][:, [0, 4, 5, 6]]))
+    for k, rows in enumerate((logged[:90], logged[90:170], logged[170:]), start=1):
+        (folder / f"part{k}.csv").write_text(_text("time,ax,ay,az", rows[:, :4]))
+    (folder / "span.ASC").write_text("".join(map(_increments, logged)))
+    (folder / "flight.log").write_text(_messages(logged))
+    (folder / "terminal.txt").write_text(
+        "".join(
+            f"12:{t // 60:02.0f}:{t % 60:06.3f} -> ax: {x[0]:.4f}, ay: {x[1]:.4f}, az: {x[2]:.4f}\n" for t, *x in logged
+        )
+    )
     still = np.repeat(logged[:, 1:4] * 9.80665, 10, axis=0) + 1e-3 * np.random.default_rng(7).standard_normal((2400, 3))
     turn = np.radians(np.repeat(logged[:, 4:], 10, axis=0))
     (folder / "unit.log").write_text(_text("", np.column_stack([still, turn]), " "))
@@ -150,6 +159,26 @@ def _foreign(folder: Path, few: Recording) -> None:
 
 def _text(head: str, rows: np.ndarray, between: str = ",") -> str:
     return "\n".join(filter(None, [head, *(between.join(f"{x:.6g}" for x in row) for row in rows)])) + "\n"
+
+
+def _increments(row: np.ndarray) -> str:
+    """A row of the log as a receiver of NovAtel writes its counts."""
+    t, x, y, z, *turn = row
+    counts = [*(60000 * f for f in (z, -y, x)), *(50 * w for w in (turn[2], -turn[1], turn[0]))]
+    cells = ",".join(f"{c:.0f}" for c in counts)
+    return f"%RAWIMUSA,2387,{500 + t:.3f};2387,{500 + t:.9f},00000077,{cells}*9319b0f1\n"
+
+
+def _messages(rows: np.ndarray) -> str:
+    """The log as a flight controller writes it, other messages between."""
+    lines = ["FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",
+             "FMT, 164, 47, IMU, QBffffff, TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ",
+             "FMT, 151, 43, ATT, Qcc, TimeUS,Roll,Pitch"]  # fmt: skip
+    for t, *x in rows:
+        gyro, force = np.radians(x[3:]), 9.8 * np.array(x[:3])
+        lines.append(f"IMU, {1e6 * t:.0f}, 0, " + ", ".join(f"{v:.6f}" for v in (*gyro, *force)))
+        lines.append(f"ATT, {1e6 * t:.0f}, 0.1, 0.2")
+    return "\n".join(lines) + "\n"
 
 
 def _log() -> np.ndarray:

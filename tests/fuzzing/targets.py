@@ -160,6 +160,12 @@ TARGETS: Mapping[str, Target] = {
         _one("campaign", "scenario.toml", "--runs", "2", "--workers", "1", "--out", "camp"), weight=0.3),
     "logs": Target(("acc.csv", "gyr.csv"), {"acc.csv": TABLE, "gyr.csv": TABLE},
                    _one("new", "acc.csv", "gyr.csv", "--out", "made"), weight=0.5),
+    "parts": Target(
+        ("part1.csv", "part2.csv", "part3.csv"), {"part1.csv": TABLE, "part2.csv": (*TABLE, *TEXT)},
+        _one("new", "part2.csv", "part1.csv", "part3.csv", "--out", "made"), weight=0.5),
+    "messages": Target(
+        ("span.ASC", "flight.log", "terminal.txt"), {"span.ASC": TEXT, "flight.log": TEXT, "terminal.txt": TEXT},
+        _any(*(("new", log, "--out", "made") for log in ("span.ASC", "flight.log", "terminal.txt"))), weight=1),
     "texts": Target(
         ("unit.log", "tk_acc.txt", "tk_gyr.txt", "telescope.dat"),
         {"unit.log": TEXT, "tk_acc.txt": TEXT, "tk_gyr.txt": TEXT, "telescope.dat": TEXT},
