@@ -87,29 +87,27 @@ class _Few:
 
     rows: Recording
     legs: Intervals | None
-    since: float
 
     def error(self, rows: Recording, aids: Aids) -> Navigated:
         """The navigation with these readings in place of its own."""
         if self.legs is not None:
             return legs_navigated(self.legs, rows, aids, "")
-        made = navigated(rows, None, aids)
-        return replace(made, time=made.time + self.since)
+        return navigated(rows, None, aids)
 
 
 def _few(recording: Recording) -> _Few:
     if is_strapdown(recording):
         legs = thinned(recording, block_of(recording, float(recording.time[-1] - recording.time[0]) / ROWS))
-        return _Few(legs.rows, legs, 0.0)
+        return _Few(legs.rows, legs)
     rows = recording.select(np.arange(0, len(recording.time), max(1, len(recording.time) // ROWS)))
-    return _Few(with_inner(rows), None, float(rows.time[0] - recording.time[0]))
+    return _Few(with_inner(rows), None)
 
 
 def sensitivity(
     run: Recording, effects: Sequence[Effect], wanted: Sequence[Parameter], step: Array, aids: Aids = USUAL
 ) -> Band:
     """Times (n,) [s], and what each parameter does to the errors (n, 7, p) of a perfect run, wrong by its step (p,)."""
-    few = _few(run) if is_strapdown(run) else _Few(run, None, 0.0)
+    few = _few(run) if is_strapdown(run) else _Few(run, None)
     return few.error(few.rows, aids).time, _sensitivity(few, few.rows, effects, wanted, step, aids)
 
 

@@ -68,6 +68,8 @@ def test_a_drift_comes_back_with_its_sigma_and_a_date() -> None:
     c = next(c for c in made.courses if c.parameter.label == "bias:y")
     assert row["drift_per_year"] == pytest.approx(1e6 * c.rate * YEAR / 9.80665)
     assert row["drift_sigma"] == pytest.approx(1e6 * c.rate_sigma * YEAR / 9.80665)
+    said = made.in_words.partition("bias y drifts by +")[2].partition(" ug a year")[0].split(" +- ")
+    assert [float(x) for x in said] == pytest.approx([row["drift_per_year"], row["drift_sigma"]], rel=0.05)
 
 
 def test_one_value_that_is_off_is_no_jump() -> None:
@@ -146,6 +148,18 @@ def test_calibrations_stand_at_the_day_of_their_recordings() -> None:
     made[0].calibration.provenance["recorded"] = "2024-03-01"
     assert "write date" not in compare(made).in_words
     assert date_in(made[0].calibration.provenance) == "2024-03-01"
+
+
+def test_a_parameter_stands_at_the_dates_of_those_that_tell_it() -> None:
+    made = history(3, 4, course("bias:x", [0, 0, 0, 60]))
+    x = made[1].calibration.values / SIGMA
+    x[LABELS.index("bias:x")] = 0.0  # held
+    compared = compare([made[0], replace(made[1], calibration=calibration(x, 1)), *made[2:]])
+    bias = next(c for c in compared.courses if c.parameter.label == "bias:x")
+    assert bias.at == (0, 2, 3)
+    assert bias.time.tolist() == [0.0, 180 * 86400.0, 270 * 86400.0]
+    row = next(r for r in compared.to_dict()["parameters"] if (r["name"], r["axis"]) == ("bias", "x"))
+    assert row["jumps"] == [3]
 
 
 def test_parameters_are_compared_by_name_whatever_was_usual_of_them() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.history.compare import Comparison, Step
 from gimbalcal.history.course import YEAR, Course, course
 
 BIAS = parameters(CATALOGUE["bias"])[0]
@@ -71,3 +72,46 @@ def test_a_step_pays_for_the_places_where_it_could_be() -> None:
     found = of([0, 1, 2.2, 7.8, 9, 10])
     assert found.jumps == ()
     assert found.drifts
+
+
+def test_beside_a_drift_the_change_that_stands_off_it_is_the_jump() -> None:
+    drift = of([0, 100, 200, 310])  # 103 a quarter: 2 sigmas less twice, and 5 more
+    assert drift.drifts
+    assert drift.jumps == (3,)
+
+
+def test_of_few_values_a_step_begins_where_the_later_ones_stand() -> None:
+    found = of([0, 0, 100, 100])
+    assert (found.jumps, found.outliers, found.drifts) == ((2,), (), False)
+    assert (found.scatter, found.rate) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert found.sizes == ((pytest.approx(100.0), pytest.approx(np.sqrt(2))),)
+
+
+def test_of_few_values_there_and_back_is_one_value_off_the_mean_of_the_others() -> None:
+    found = of([0, 400, 0, 0])
+    assert (found.jumps, found.outliers) == ((), (1,))
+    assert found.sizes == ((pytest.approx(400.0), pytest.approx(np.sqrt(1 + 1 / 3))),)
+
+
+def test_a_jump_is_a_surprise_of_either_sign() -> None:
+    """One of 42 steps beyond 3.67 sigmas, up or down, is a chance of one in a hundred; 3.49 were two in a hundred."""
+    assert of([0, 3.6 * np.sqrt(2)]).jumps == ()
+    assert of([0, -3.75 * np.sqrt(2)]).jumps == (1,)
+
+
+def test_a_drift_is_due_when_it_shows_in_a_calibration_as_good_as_the_last() -> None:
+    drift = of([0, 10, 20, 30], [2.0, 0.5, 0.5, 0.25])
+    assert drift.due == pytest.approx(YEAR * (0.75 + 3 * 0.25 / 40), rel=1e-3)
+
+
+def test_of_several_parameters_the_first_to_be_due_counts() -> None:
+    slow, fast = of([0, 1, 2, 3], 0.1), of([0, 2, 4, 6], 0.1)
+    assert slow.due > fast.due
+    due = Comparison("", (), (), (of([0, 0, 0, 0]), slow, fast)).due
+    assert due is not None
+    assert due.timestamp() == pytest.approx(fast.due)
+
+
+def test_of_several_steps_chance_has_several_goes() -> None:
+    steps = tuple(Step(k, k + 1, 9.0, 1, p, False) for k, p in enumerate((0.5, 0.004, 0.002, 0.5)))
+    assert Comparison("", (), steps, ()).odd == steps[2:3]  # one of four: beyond 0.0025

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from contextlib import closing, suppress
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from threading import Timer
@@ -19,8 +20,9 @@ import numpy as np
 import pytest
 
 from gimbalcal.errors import InputError
-from gimbalcal.history import Entry, keep, kept, of_store
-from tests.history.calibrations import START, calibration, history
+from gimbalcal.history import Dated, Entry, keep, kept, of_store
+from gimbalcal.history.dated import day_of, when
+from tests.history.calibrations import SIGMA, START, calibration, history
 
 WRITER = """
 import sys
@@ -79,6 +81,29 @@ def test_of_one_recording_the_last_counts_and_a_diagnosis_only_alone(tmp_path: P
     assert [(d.calibration.method, len(d.hashes)) for d in found] == [("three-stage", 1), ("diagnosis", 1)]
     assert [d.date for d in found] == [history(0)[1].date, history(0)[3].date]
     assert told == ()
+
+
+def test_of_one_recording_what_was_computed_last_counts_whenever_it_was_kept(tmp_path: Path) -> None:
+    path = tmp_path / "units.db"
+    for k in (2, 1):  # computed on days of their own, of a recording of one day
+        keep(path, Entry("u", "2024-02-01", "calibration", calibration(100.0 + k * np.ones(6), k, 1.0, "a").to_dict()))
+    (found,) = of_store(path)[0]
+    np.testing.assert_allclose(found.calibration.values, 102.0 * SIGMA)
+
+
+def test_a_date_without_a_zone_is_in_utc_and_two_of_a_day_have_their_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TZ", "Asia/Tokyo")
+    time.tzset()
+    try:
+        morning, evening = (
+            Dated("", when(f"2024-02-03T{hour:02d}:00:00"), history(0)[0].calibration) for hour in (9, 20)
+        )
+    finally:
+        monkeypatch.undo()
+        time.tzset()
+    assert evening.date == datetime(2024, 2, 3, 20, tzinfo=UTC)
+    assert day_of(evening.date, [evening]) == "2024-02-03"
+    assert day_of(evening.date, [morning, evening]) == "2024-02-03 20:00:00"
 
 
 def test_units_and_strange_files_are_told_apart(tmp_path: Path) -> None:

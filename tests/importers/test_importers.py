@@ -394,11 +394,21 @@ def test_imu_tk_in_physical_units(tmp_path: Path, accel: str, gyro: str) -> None
     assert {u for (q, _), u in recording.units.items() if q == "angular_rate"} == {gyro}
     np.testing.assert_allclose(recording.triad("specific_force"), force, rtol=1e-12)
     np.testing.assert_allclose(recording.triad("angular_rate"), rate * to_si(1.0, gyro), rtol=1e-12)
+    assert recording.scatter["angular_rate", "x"] == pytest.approx(1e-3 * to_si(1.0, gyro), rel=0.1)
+    assert recording.scatter["specific_force", "x"] == pytest.approx(0.01, rel=0.1)
     assert recording.remarks[1].startswith(f"specific_force is taken to be in {accel}: at rest its norm is ")
     assert recording.remarks[2].startswith(f"angular_rate is taken to be in {gyro}: so it turns gravity")
     told = import_files("imu-tk", [tmp_path / "acc.mat"], {"accel": "count"})
     assert set(told.units.values()) == {"count"}
     assert "'deg' is not a unit of angular_rate" in refusal("imu-tk", [tmp_path / "acc.mat"], {"gyro": "deg"})
+
+
+def test_imu_tk_rates_are_looked_at_less_what_they_read_at_rest(tmp_path: Path) -> None:
+    time, force, rate = in_the_hand(to_si(1.0, "deg/s"))
+    np.savetxt(tmp_path / "acc.mat", np.column_stack([time, force]))
+    np.savetxt(tmp_path / "gyro.mat", np.column_stack([time, rate + np.array([40.0, -30.0, 35.0])]))  # deg/s
+    recording = import_files("imu-tk", [tmp_path / "acc.mat", tmp_path / "gyro.mat"])
+    assert recording.units["angular_rate", "x"] == "deg/s"
 
 
 def test_text_of_a_logger_that_missed_some_values(tmp_path: Path) -> None:

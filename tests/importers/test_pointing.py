@@ -10,7 +10,7 @@ import pytest
 from gimbalcal.errors import InputError
 from gimbalcal.importers import import_files
 from gimbalcal.importers.pointing import SIDEREAL_SECOND, sexagesimal
-from gimbalcal.importers.tpoint import equatorial
+from gimbalcal.importers.tpoint import _joined, equatorial
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
 
@@ -39,6 +39,8 @@ def test_the_equatorial_chain_is_spherical_astronomy(latitude: float) -> None:
 def test_sexagesimal_keeps_the_sign_of_minus_zero() -> None:
     assert sexagesimal(["-00", "30", "36"]) == pytest.approx(-0.51)
     assert sexagesimal(["+12", "15"]) == 12.25
+    rows = np.array([[float("-00"), 30.0, 36.0], [float("+00"), 30.0, 36.0], [-12.0, 15.0, 0.0]])
+    np.testing.assert_allclose(_joined(rows), [-0.51, 0.51, -12.25])
 
 
 def clock(hours: float) -> str:

@@ -1,4 +1,4 @@
-"""One changed term in one statement: a sign, operator, exponent, factor or index, by rewriting its syntax."""
+"""A function with one statement changed: one term by rewriting its syntax, or a mistake that somebody wrote down."""
 
 from __future__ import annotations
 
@@ -57,6 +57,20 @@ def original(module: str, function: str) -> FunctionType:
         found = inspect.getattr_static(found, name)
     found = getattr(found, "fget", None) or getattr(found, "__func__", found)
     return inspect.unwrap(found)
+
+
+def mistaken(module: str, function: str, before: str, after: str) -> Mutant:
+    """The mutant in whose text `after` stands for `before`, which the function holds once."""
+    lines, first = inspect.getsourcelines(original(module, function))
+    text = "".join(lines)
+    if text.count(before) != 1:
+        raise ValueError(f"{module}.{function} holds {before!r} {text.count(before)} times, and not once")
+    source = inspect.getsource(import_module(module)).splitlines(keepends=True)
+    at = text.index(before)
+    changed = text[:at] + after + text[at + len(before) :]
+    source[first - 1 : first - 1 + len(lines)] = [changed]
+    code = _code_of(compile("".join(source), module, "exec"), function.split("."))
+    return Mutant(module, function, before, after, code)
 
 
 def mutants(module: str, per_statement: int = 1) -> Iterator[Mutant]:

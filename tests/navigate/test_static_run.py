@@ -17,11 +17,13 @@ from gimbalcal.navigate.bands import bands, before_and_after, uncertain
 from gimbalcal.navigate.outcome import CHANNELS, NAUTICAL_MILE, Navigated, labels
 from gimbalcal.navigate.run import navigated
 from gimbalcal.navigate.space_stable import USUAL, Aids
-from gimbalcal.navigate.static_run import half_apart
+from gimbalcal.navigate.space_stable import Site as Place
+from gimbalcal.navigate.static_run import half_apart, horizontal
 from gimbalcal.navigate.still import still_base
-from gimbalcal.recording import Recording, Site
+from gimbalcal.recording import Recording, Site, block_means
 from gimbalcal.simulate import simulate
 
+ARCMIN = np.deg2rad(1 / 60)
 TRUTH = {
     "bias": {"x": 20.0, "y": -15.0, "z": 30.0},
     "scale_factor": {"x": 40.0, "y": -30.0},
@@ -65,6 +67,47 @@ def test_a_constant_drift_goes_a_nautical_mile_a_day() -> None:
     assert found.position[-1] / NAUTICAL_MILE == pytest.approx(48 * 0.06 * np.cos(np.deg2rad(40)), rel=0.05)
 
 
+def test_who_is_told_a_wrong_place_finds_the_true_one() -> None:
+    """Errors are navigator minus true: put too far south it ends north of it, and put too far east in the west."""
+    run, _ = simulate({
+        "format": 1, "kind": "static-run", "site": {"latitude": {"value": 40.0, "unit": "deg"}},
+        "schedule": {"duration": {"value": 24.0, "unit": "h"}, "rate": {"value": 1 / 300, "unit": "Hz"}}, "truth": {},
+    })  # fmt: skip
+    south = replace(run, site=replace(run.site, latitude=float(run.site.latitude or 0.0) - ARCMIN))
+    assert navigated(south).error[-1, 0] == pytest.approx(ARCMIN, rel=0.02)
+    platform = run.channels["gimbal_angle", "platform"] + ARCMIN
+    east = replace(run, channels={**run.channels, ("gimbal_angle", "platform"): platform})
+    assert navigated(east).error[-1, 1] == pytest.approx(-ARCMIN, rel=0.02)
+
+
+def test_rows_that_are_means_have_lost_some_of_the_turn_of_gravity() -> None:
+    """Over ten minutes gravity's equatorial part loses 8e-5 of itself, 60 ug: uncorrected some 400 m of position."""
+    run, _ = simulate({
+        "format": 1, "kind": "static-run", "site": {"latitude": {"value": 40.0, "unit": "deg"}},
+        "schedule": {"duration": {"value": 24.0, "unit": "h"}, "rate": {"value": 1 / 60, "unit": "Hz"}}, "truth": {},
+    })  # fmt: skip
+    assert navigated(block_means(run, 10)).position.max() < 20.0
+
+
+def test_a_radian_is_shorter_along_the_meridian_at_the_equator() -> None:
+    at = Place(0.0, 0.0, 9.78, 0.0)
+    north, east = np.zeros((1, 7)), np.zeros((1, 7))
+    north[0, 0] = east[0, 1] = 1e-6
+    assert horizontal(north, at) == pytest.approx(6.335439)  # m, WGS 84
+    assert horizontal(east, at) == pytest.approx(6.378137)
+
+
+def test_position_is_told_in_nautical_miles_at_its_largest_at_the_end_and_rms() -> None:
+    miles = np.array([0.0, 4.0, 3.0])
+    runs = [
+        Navigated(name, np.arange(3.0), np.zeros((3, 7)), k * miles * 1852.0) for name, k in (("none", 1), ("a", 2))
+    ]
+    first, second = content(runs, Aids(), {})["position"]
+    assert (first["max_nmi"], first["end_nmi"]) == pytest.approx((4.0, 3.0))
+    assert first["rms_nmi"] == pytest.approx(5 / np.sqrt(3))
+    assert (first["improvement_percent"], second["improvement_percent"]) == (None, -100.0)
+
+
 def test_bands_by_propagation_and_by_samples_agree() -> None:
     run, effects = made()
     wanted = tuple(
@@ -75,6 +118,9 @@ def test_bands_by_propagation_and_by_samples_agree() -> None:
     (_, linear), (_, sampled) = bands(run.select(slice(0, None, 9)), known, Aids(), 40, 3)
     ratio = sampled.max(0) / linear.max(0)
     assert np.all(np.abs(ratio - 1) < 3 / np.sqrt(2 * 40)), ratio
+    place = Place(np.deg2rad(40.0), 0.0, 9.8, 0.0)
+    largest = horizontal(sampled, place).max()
+    assert uncertain(run.select(slice(0, None, 9)), known) == pytest.approx(largest, rel=3 / np.sqrt(2 * 40))
     np.testing.assert_array_less(1e-9, linear.max(0))
 
 

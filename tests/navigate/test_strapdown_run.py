@@ -191,6 +191,8 @@ def test_a_unit_that_turns_is_navigated_row_by_row_and_at_rest_in_means() -> Non
     assert len(legs.dt) < 0.2 * len(made.time)
     assert not legs.steady
     np.testing.assert_allclose(legs.dt.sum(), len(made.time) / 20.0)
+    begin = made.time[0] - 1 / 20.0
+    np.testing.assert_allclose(legs.rows.time - begin, np.cumsum(legs.dt) - legs.dt / 2, atol=1e-6)
     assert navigated(made, None, Aids(damping=0.0, alignment=200.0)).position.max() < 3.0
 
 

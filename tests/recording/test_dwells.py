@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Dwell, Recording, Site, dwell_means, dwells
 from gimbalcal.recording.detection import detect
+from gimbalcal.recording.dwell import block_means, rests_are_means, usual_step, whole_means
 from tests.xsens import accelerometers
 
 
@@ -63,6 +65,36 @@ def test_dwells_do_not_care_about_the_origin_of_time(position: list[int], origin
     assert dwells(rows) == dwells(replace(rows, time=rows.time + origin))
     covered = [i for d in dwells(rows) for i in range(d.start, d.stop)]
     assert covered == [i for i, p in enumerate(position) if p > 0]
+
+
+def rests_as_means() -> Recording:
+    """Two rests in rows that are means over half a minute, but for their last ones, and a way between them."""
+    rows = recording([1, 1, 1, 0, 0, 0, 0, 2, 2, 2])
+    time = np.array([0.0, 30.0, 45.0, 46.0, 47.0, 48.0, 49.0, 65.0, 95.0, 110.0])
+    return replace(rows, time=time, weight=np.array([30.0, 29, 1, 1, 1, 1, 1, 30, 30, 1]))
+
+
+def test_the_step_is_that_on_the_way_where_rests_are_means() -> None:
+    means = rests_as_means()
+    assert rests_are_means(means)
+    assert usual_step(means) == 1.0
+    samples = replace(means, weight=np.ones(10))
+    assert not rests_are_means(samples)
+    assert usual_step(samples) == 15.0  # of nine steps of 1, 15, 16 and 30 s
+    assert whole_means(means).weight.tolist() == [30, 29, 30, 30]
+
+
+def test_blocks_of_rows_end_where_rows_are_missing() -> None:
+    rows = recording(None)
+    blocks = block_means(replace(rows, time=np.array([0.0, 1, 2, 3, 13, 14, 15, 16])), 3)
+    assert blocks.time.tolist() == [1.0, 3.0, 14.0, 16.0]
+    assert blocks.weight.tolist() == [3, 1, 3, 1]
+    assert blocks.channels["specific_force", "x"].tolist() == [1.0, 3.0, 5.0, 7.0]
+
+
+def test_a_mean_goes_over_less_than_half_a_turn_as_it_was_turned() -> None:
+    turned = recording([1, 1, 1], np.radians([10.0, 70.0, 130.0]))
+    assert np.degrees(dwell_means(turned).channels["gimbal_angle", "middle"]) == pytest.approx(70.0)
 
 
 # --- detection ------------------------------------------------------------------------------------------------------
@@ -156,6 +188,44 @@ def test_sensors_of_little_noise_rest_throughout_an_hour() -> None:
     found = detect(time, dict(zip("xyz", force.T, strict=True)), dict(zip("xyz", rate.T, strict=True)))
     assert found.max() == 20
     assert (found > 0).mean() > 0.45
+
+
+def quiet_for(seconds: Sequence[float], rate: float = 50.0, seed: int = 9) -> tuple[Array, Array]:
+    """White noise, a hundred times larger in 3 s before each quiet stretch and after the last."""
+    rng = np.random.default_rng(seed)
+    size = np.concatenate([np.repeat([100.0, 1.0], [round(3 * rate), round(s * rate)]) for s in (*seconds, 0.0)])
+    return np.arange(len(size)) / rate, size * rng.standard_normal(len(size))
+
+
+def test_a_rest_loses_a_second_at_both_ends_and_lasts_one_after_that() -> None:
+    time, x = quiet_for([20.0, 2.5, 4.0])
+    position = detect(time, {"x": x})
+    begin = np.array([3.0, 3.0 + 20.0 + 3.0 + 2.5 + 3.0])
+    assert position.max() == 2  # half a second is left of the one between
+    for k, lasts in ((1, 20.0), (2, 4.0)):
+        rest = time[position == k]
+        assert rest[0] - begin[k - 1] == pytest.approx(1.0, abs=0.05)
+        assert rest[-1] - begin[k - 1] == pytest.approx(lasts - 1.0, abs=0.05)
+
+
+def test_noise_of_few_samples_in_a_second_scatters_and_is_a_rest() -> None:
+    rng = np.random.default_rng(10)  # the variance of five samples is ten times its tenth part once in thirty
+    assert detect(np.arange(3000) / 4.0, {"x": rng.standard_normal(3000)}).tolist() == [1] * 3000
+
+
+def test_a_gyroscope_is_judged_by_what_it_does_at_rest() -> None:
+    """A bias of 3 deg/s, and six times its usual noise, are no turn; 10 deg/s more all along are."""
+    rng = np.random.default_rng(12)
+    time, channels, edges = turned_by_hand(rng, 10, 50.0)
+    rate = np.radians(0.05) * rng.standard_normal((len(time), 3)) + np.radians(3.0)
+    rate[slice(*edges[3])] = 6 * (rate[slice(*edges[3])] - np.radians(3.0)) + np.radians(3.0)
+    gyros = dict(zip("xyz", rate.T, strict=True))
+    assert detect(time, channels, gyros).max() == 10
+    turning = slice(*edges[6])
+    gyros["z"] = rate[:, 2] + np.radians(10.0) * ((time >= time[turning][0]) & (time <= time[turning][-1]))
+    position = detect(time, channels, gyros)
+    assert position.max() == 9
+    assert not position[turning].any()
 
 
 def test_units_do_not_matter() -> None:

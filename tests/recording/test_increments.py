@@ -50,6 +50,14 @@ def test_increments_are_read_as_means_over_their_interval(tmp_path):
     assert not made.counted("specific_force")
 
 
+@pytest.mark.parametrize("batch", [1, 7])
+def test_the_interval_of_a_row_begins_in_the_batch_before(tmp_path, monkeypatch, batch):
+    monkeypatch.setattr("gimbalcal.recording.samples.ROWS", batch)
+    time = np.cumsum(np.random.default_rng(1).choice([0.01, 0.012], 100))
+    force, _ = folder(tmp_path, time, HEAD % ", regular = false")
+    np.testing.assert_allclose(read(tmp_path).triad("specific_force")[1:], force[1:], rtol=1e-12)
+
+
 def test_rows_lost_take_their_increments_with_them(tmp_path):
     time = np.delete(0.01 * np.arange(500), [*range(100, 130), 300])
     force, _ = folder(tmp_path, time, interval=0.01)

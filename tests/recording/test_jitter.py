@@ -117,3 +117,25 @@ def test_regular_is_for_the_time(tmp_path: Path) -> None:
         with pytest.raises(InputError, match="it is true or false, and of the time column alone"):
             recording(tmp_path, true, motion(true), HEADER.replace(old, new, 1))
     assert regular(np.zeros(10), np.arange(10)) is None
+
+
+def test_noise_alone_is_as_rough_on_either_clock() -> None:
+    """Stamps that scatter by a third of a step, as of a radio: each cubic leaves of the noise what its weights do."""
+    rng = np.random.default_rng(5)
+    row = np.arange(20_000)
+    found = jitter_of((row + rng.uniform(0, 0.9, len(row))) / RATE, row, [rng.standard_normal(len(row))])
+    assert found is not None
+    assert found.roughness == pytest.approx(1.0, abs=0.015)
+
+
+def test_roughness_is_that_of_the_noise_over_that_with_what_wrong_stamps_add() -> None:
+    """On a ramp of slope a, stamps that are off by s add a s to the noise: three times in squares make a half."""
+    rng = np.random.default_rng(6)
+    row, off, noise = np.arange(20_000), 0.05, 0.01
+    slope = np.sqrt(3) * noise / off  # a row
+    found = jitter_of((row + off * rng.standard_normal(len(row))) / RATE, row,
+                      [slope * row + noise * rng.standard_normal(len(row))])  # fmt: skip
+    assert found is not None
+    assert found.roughness == pytest.approx(0.5, abs=0.02)
+    assert found.scatter == pytest.approx(np.sqrt(2) * off, rel=0.05)
+    assert found.rate == pytest.approx(RATE, rel=1e-3)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.effects.process import GaussMarkov, RandomWalk, SettingError, WhiteNoise
-from gimbalcal.recording.noise import sample_sigma, stated
+from gimbalcal.effects.process import Flicker, GaussMarkov, RandomWalk, SettingError, WhiteNoise
+from gimbalcal.recording.noise import coloured, sample_sigma, stated
 from gimbalcal.recording.scatter import differences, white_sigma
 from gimbalcal.simulate import simulate
 from gimbalcal.simulate.run import noises
@@ -29,6 +29,14 @@ def test_the_header_of_a_simulation_states_the_processes_that_made_it():
         for quantity, (process,) in stated(recording).items():
             assert process in made[quantity]
             assert not isinstance(process, RandomWalk | GaussMarkov)
+
+
+def test_coloured_noise_has_the_times_that_are_stated_and_an_hour_where_none_is():
+    told = {"accelerometer": 1e-4, "gyroscope_gauss_markov": 2e-7, "gyroscope_gauss_markov_tau": 600.0,
+            "accelerometer_gauss_markov": 3e-5, "gyroscope_random_walk": 4e-9, "gyroscope_flicker": 5e-8}  # fmt: skip
+    made = coloured(replace(record(np.random.default_rng(1)), noise=told), 10.0, 1e4)
+    assert made["specific_force"] == (GaussMarkov(3e-5, 3600.0),)
+    assert made["angular_rate"] == (GaussMarkov(2e-7, 600.0), RandomWalk(4e-9), Flicker(5e-8, 10.0, 1e4, octaves=3.0))
 
 
 def test_the_header_comes_before_the_rows_and_the_rows_before_nothing():

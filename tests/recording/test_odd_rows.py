@@ -71,6 +71,15 @@ def test_rows_without_a_value_are_left_out_and_told(
     assert "samples.csv, line 71, column" in refusal(tmp_path, samples="\n".join(broken))
 
 
+def test_a_row_behind_some_that_are_left_out_is_named_by_its_own_line(tmp_path: Path) -> None:
+    table = rows()
+    table[[5, 6, 9], 2] = np.nan
+    table[10, 0] = 3.0  # its clock; the eighth row that is left, in line 12
+    assert "samples.csv, line 12, column time_s: the clock jumps back" in refusal(tmp_path, samples=text(table))
+    table[10, 0], table[7, 0] = 10.0, 3.0  # right behind two
+    assert "samples.csv, line 9, column time_s: the clock jumps back" in refusal(tmp_path, samples=text(table))
+
+
 def test_a_pause_of_days_is_told(tmp_path: Path) -> None:
     table = rows()
     table[40:, 0] += 2 * 86400

@@ -226,6 +226,8 @@ def unread(recording: Recording) -> Recording:
     [
         ("yxz", (1, 1, 1), "or the accelerometers x and y are interchanged; as stated they make a left-handed triad"),
         ("xzy", (1, 1, 1), "the accelerometers y and z are interchanged"),
+        ("yzx", (1, 1, 1), "the accelerometers called z, x, y are really x, y, z"),
+        ("zxy", (1, 1, 1), "the accelerometers called y, z, x are really x, y, z"),
         ("xyz", (1, 1, -1), "if the accelerometer z had the opposite sign, or every accelerometer has"),
         ("xyz", (1, -1, 1), "if the accelerometer y had the opposite sign, or the accelerometer x had"),  # any phase
     ],

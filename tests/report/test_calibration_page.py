@@ -228,6 +228,7 @@ def test_what_counts_mean_is_what_the_calibration_makes_of_them() -> None:
     np.testing.assert_allclose(scale, (force[1] - force[0]) / 1000, rtol=5e-5)
     np.testing.assert_allclose(zero, -force[0] / scale, atol=0.02)
     assert {row["unit"] for row in rows(made.to_dict(), None)} == {"µm/s²/count", "counts"}
+    assert [row["sigma"] for row in rows(made.to_dict(), None)] == ["0.20", "0.30", "0.4", "0.05", "0.033", "0.025"]
 
 
 def test_what_the_data_do_not_tell_alone_stands_below(page: str) -> None:

@@ -1,0 +1,101 @@
+"""What a log is taken for, one guess at a time: clocks, units, sigmas, places; each known from a few numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gimbalcal.importers.clock import in_unit, jitter, unit_of_time
+from gimbalcal.importers.guess import unit_of_rate
+from gimbalcal.importers.log import propose
+from gimbalcal.importers.names import Guess
+from gimbalcal.importers.rig import _unit
+from gimbalcal.importers.still import still_positions
+from gimbalcal.importers.together import on_one_clock, one_each
+from tests.importers.test_new_stars import AZ, EL, OFF, off, write
+from tests.recording.test_dwells import turned_by_hand
+
+TIME = Guess("time", "", "s", "its name")
+
+
+def test_jitter_is_a_share_of_a_step_in_any_unit() -> None:
+    t = np.cumsum(1.0 + 0.3 * np.random.default_rng(1).uniform(-1, 1, 5000))
+    assert jitter(t) == pytest.approx(0.24, abs=0.01)  # half of the middle 80 % of 60 %
+    assert jitter(1000 * t) == pytest.approx(jitter(t))
+
+
+@pytest.mark.parametrize(("step", "unit"), [(0.02, "s"), (20.0, "ms"), (2e4, "us"), (1.0, "s"), (5e6, "ns")])
+def test_a_clock_counts_in_the_unit_in_which_sensors_are_logged(step: float, unit: str) -> None:
+    assert unit_of_time(step * np.arange(10))[0] == unit
+
+
+def test_another_unit_of_a_clock_is_said_with_its_rate() -> None:
+    columns, guesses = in_unit({"t": 2e4 * np.arange(10.0)}, {"t": TIME}, "us")
+    assert guesses["t"].unit == "us"
+    assert guesses["t"].why.endswith("in us these rows are logged at 50 Hz")
+    assert columns["t"][1] == 2e4
+
+
+def test_a_gyroscope_turns_as_fast_as_it_leaves_its_level() -> None:
+    rate = 2.0 * np.sin(np.arange(100.0))
+    assert unit_of_rate([rate + 60.5, rate - 60.5, rate])[0] == "rad/s"
+    assert unit_of_rate([60 * rate, rate, rate])[0] == "deg/s"
+
+
+def test_sigmas_of_three_axes_are_one_of_all() -> None:
+    columns = {"t": np.arange(2.0), "sx": np.array([3.0, 1.0]), "sy": np.array([4.0, 1.0]), "sz": np.array([5.0, 1.0])}
+    guesses = {"t": TIME, **{f"s{a}": Guess("sigma", a, "mg", "its name") for a in "xyz"}}
+    out, kept = one_each(columns, guesses)
+    (name,) = [n for n, g in kept.items() if g.quantity == "sigma"]
+    np.testing.assert_allclose(out[name], [np.sqrt(50 / 3), 1.0])
+
+
+def test_a_second_log_is_brought_to_the_clock_of_the_first_from_a_unit_of_its_own() -> None:
+    t = 0.01 * np.arange(400)
+    force = {f"a{a}": np.sin(t) for a in "xyz"}
+    rate = {f"g{a}": np.cos(2 * t) for a in "xyz"}
+    first = {"t": t, **force}, {"t": TIME, **{f"a{a}": Guess("specific_force", a, "g", "") for a in "xyz"}}
+    second = {"ms": 1e3 * t, **rate}, {"ms": Guess("time", "", "ms", ""),
+                                       **{f"g{a}": Guess("angular_rate", a, "rad/s", "") for a in "xyz"}}  # fmt: skip
+    columns, _ = on_one_clock(Path("gyr.csv"), first, second)
+    assert len(columns["t"]) == 400
+    np.testing.assert_allclose(columns["gy"][10:-10], np.cos(2 * t)[10:-10], atol=1e-4)
+
+
+@pytest.mark.parametrize(("name", "size", "unit"), [("Drehtisch", 90.0, "deg"), ("Drehtisch", 3.0, "rad"),
+                                                    ("A [gon]", 3.0, "gon")])  # fmt: skip
+def test_angles_beyond_a_turn_are_degrees_where_no_name_tells(name: str, size: float, unit: str) -> None:
+    assert _unit(np.array([0.0, size]), name) == unit
+
+
+def test_rests_are_where_the_accelerometers_are_quiet_whatever_a_hand_does() -> None:
+    rng = np.random.default_rng(7)
+    time, force, _ = turned_by_hand(rng, 10, 50.0)
+    tremor = np.radians(0.3) * np.abs(rng.standard_normal(len(time) // 100 + 1)).repeat(100)[: len(time)]
+    channels = {("specific_force", a): 9.8 * f for a, f in force.items()}
+    channels |= {("angular_rate", a): tremor * rng.standard_normal(len(time)) for a in "xyz"}
+    units = {key: "m/s^2" if key[0] == "specific_force" else "rad/s" for key in channels}
+    made = still_positions("", time, channels, units, [Path(__file__)])
+    assert made.position is not None
+    assert made.position.max() == 10
+
+
+def test_offsets_in_seconds_of_time_and_a_latitude_in_the_south(tmp_path: Path) -> None:
+    head = "# latitude 33.5 S\nHA [deg],Dec [deg],dHA [s],dDec [arcsec]"
+    path = write(tmp_path / "s.csv", head, AZ / 6 - 30, EL - 60, OFF[0] / 15, OFF[1], cell="{:.8f}")
+    made = propose([path]).recording
+    assert made.site.latitude == pytest.approx(np.radians(-33.5))
+    np.testing.assert_allclose(off(made, "hour_angle"), OFF[0], atol=0.01)  # a second of time is 15 arcsec
+    np.testing.assert_allclose(off(made, "declination"), OFF[1], atol=0.01)
+
+
+def test_right_ascensions_in_degrees_are_held_against_a_sidereal_time_in_hours(tmp_path: Path) -> None:
+    hour, lst = AZ / 6 - 30, np.mod(22 + 0.1 * np.arange(30), 24)
+    ascension = [np.mod(15 * lst - h, 360) for h in (hour, hour + OFF[0] / 3600)]
+    head = "# latitude 48.0\nLST,RA target [deg],RA mount [deg],Dec target [deg],Dec mount [deg]"
+    path = write(tmp_path / "r.csv", head, lst, *ascension, EL - 60, EL - 60 + OFF[1] / 3600, cell="{:.10f}")
+    made = propose([path]).recording
+    np.testing.assert_allclose(np.degrees(made.channels["true_angle", "hour_angle"]), hour, atol=1e-6)
+    np.testing.assert_allclose(off(made, "hour_angle"), OFF[0], atol=0.01)
