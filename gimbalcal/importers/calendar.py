@@ -7,7 +7,18 @@ from collections.abc import Sequence
 
 DAY = re.compile(r"\s*(\d{1,4})\s*([./-])\s*(\d{1,2})\s*\2\s*(\d{1,4})\.?\s*")
 _AFTER = re.compile(r"^([^\s,]+),\s*")  # a comma behind the day
+_NAMED = re.compile(r"\s*(\d{1,4})[-. ]+([A-Za-zäé]{3,9})\.?[-., ]+(\d{1,4})(?=[ T,]|$)")
+_MONTHS = {name: k for k, names in enumerate(
+    ("jan", "feb fév", "mar mär mrz", "apr avr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov",
+     "dec dez déc"), start=1) for name in names.split()}  # fmt: skip
 TIME = re.compile(r"\s*(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?\s*([AaPp])?\.?(?:[Mm]\.?)?\s*(Z|UTC)?\s*")
+
+
+def _in_numbers(cell: str) -> str:
+    """A day whose month has a name, 11-Mar-2026, as 11-03-2026; other cells as they are."""
+    found = _NAMED.match(cell)
+    month = _MONTHS.get(found[2].lower()[:3]) if found else None
+    return f"{found[1]}-{month:02d}-{found[3]}{cell[found.end() :]}" if found and month else cell
 
 
 def is_day(cell: str) -> bool:
@@ -16,18 +27,18 @@ def is_day(cell: str) -> bool:
     >>> is_day("14.06.2026"), is_day("2026-06-14"), is_day("3.14")
     (True, True, False)
     """
-    found = DAY.fullmatch(cell)
+    found = DAY.fullmatch(_in_numbers(cell))
     return found is not None and max(len(found[1]), len(found[4])) == 4
 
 
 def is_stamp(cell: str) -> bool:
     """Whether a cell names a day as no ISO 8601 has it, and a time.
 
-    >>> is_stamp("6/14/2026 8:05:10 PM"), is_stamp("2026-06-14 08:05:10")
-    (True, False)
+    >>> is_stamp("6/14/2026 8:05:10 PM"), is_stamp("14-Jun-2026 08:05:10"), is_stamp("2026-06-14 08:05:10")
+    (True, True, False)
     """
-    day, _, time = _AFTER.sub(r"\1 ", cell.strip()).partition(" ")
-    return is_day(day) and TIME.fullmatch(time) is not None and re.fullmatch(r"\d{4}-\d\d-\d\d", day) is None
+    day, _, time = _AFTER.sub(r"\1 ", _in_numbers(cell.strip())).partition(" ")
+    return is_day(day) and TIME.fullmatch(time) is not None and re.match(r"\d{4}-\d\d-\d\d ", cell.strip()) is None
 
 
 def in_iso(days: Sequence[str], times: Sequence[str]) -> list[str]:
@@ -36,7 +47,7 @@ def in_iso(days: Sequence[str], times: Sequence[str]) -> list[str]:
     A day in the middle or in front is told by the rows themselves, a number beyond 12; else by dots (the day first) and
     slashes (the month first).
     """
-    found = [DAY.fullmatch(day) for day in days]
+    found = [DAY.fullmatch(_in_numbers(day)) for day in days]
     slashed = any(f and f[2] == "/" for f in found)
     first_beyond = any(f and len(f[4]) == 4 and int(f[1]) > 12 for f in found)
     month_first = slashed and not first_beyond
@@ -45,7 +56,7 @@ def in_iso(days: Sequence[str], times: Sequence[str]) -> list[str]:
 
 def split(cells: Sequence[str]) -> tuple[list[str], list[str]]:
     """Days and times of stamps."""
-    both = [_AFTER.sub(r"\1 ", cell.strip()).partition(" ") for cell in cells]
+    both = [_AFTER.sub(r"\1 ", _in_numbers(cell.strip())).partition(" ") for cell in cells]
     return [day for day, _, _ in both], [time for _, _, time in both]
 
 

@@ -11,7 +11,18 @@ import numpy as np
 from gimbalcal.errors import InputError
 from gimbalcal.importers import clock as clocks
 from gimbalcal.importers.guess import alike, by_order, sound_unit, unit_of_force, unit_of_rate
-from gimbalcal.importers.names import FORCE, RATE, Guess, body_rates, by_name, by_turn, hinted, plain, unit_written
+from gimbalcal.importers.names import (
+    FORCE,
+    RATE,
+    Guess,
+    body_rates,
+    by_name,
+    by_turn,
+    counted_from_one,
+    hinted,
+    plain,
+    unit_written,
+)
 from gimbalcal.importers.pointing import SPACED
 from gimbalcal.importers.together import one_each
 from gimbalcal.importers.undescribed import Table
@@ -33,6 +44,7 @@ def guessed(
         whole, beyond, seconds, unit = two
         columns = {JOINED: seconds, **{n: x for n, x in columns.items() if n not in two[:2]}}
     guesses = {name: g for name in columns if (g := by_name(name, hint)) is not None}
+    guesses |= counted_from_one(columns)
     if two:
         why = f"its names {whole!r} and {beyond!r}, whole seconds and {unit}, counted from the first row"
         guesses = {JOINED: Guess("time", "", "s", why), **{n: g for n, g in guesses.items() if n != JOINED}}

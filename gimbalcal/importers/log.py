@@ -6,21 +6,20 @@ them in another, that one is proposed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers import clock as clocks
 from gimbalcal.importers import parts, rig
 from gimbalcal.importers.among_stars import as_static_run
 from gimbalcal.importers.guessed import guessed
+from gimbalcal.importers.likely import in_likely_units, is_open
 from gimbalcal.importers.mmt import import_mmt
-from gimbalcal.importers.names import FORCE, RATE, Guess, by_name, estimated, hinted
+from gimbalcal.importers.names import FORCE, Guess, by_name, estimated, hinted
 from gimbalcal.importers.novatel import rawimu
-from gimbalcal.importers.said import in_physical_units
 from gimbalcal.importers.sky import of_the_axes, refuse_below_horizon
 from gimbalcal.importers.stars import angles_in, pointing_proposal
 from gimbalcal.importers.together import Columns, on_one_clock, slowest_first
@@ -33,10 +32,7 @@ from gimbalcal.recording.dates import Dates
 from gimbalcal.recording.plausibility import refuse_implausible
 from gimbalcal.recording.rates import turns_explained
 from gimbalcal.recording.triads import NEARLY_ALL
-from gimbalcal.units import to_si
 
-BESIDE = ("rad/s", "deg/s", "deg/h")  # units of rate that are tried where the guessed one cannot be
-SLOWEST, FASTEST = 0.02, 20_000.0  # Hz; clocks in other units are tried within
 FOREIGN = {
     "TPOINT's observations": import_tpoint,
     "a pointing run of the MMT": import_mmt,
@@ -117,7 +113,7 @@ def of_tables(logs: Mapping[Path, Table], title: str, rate: float = 0.0, latitud
     above = [line for table in logs.values() for line in table.above]
     fallback: Proposal | None = None
     refused: InputError | None = None
-    for log in _readings(columns, guesses, above):
+    for log in in_likely_units(columns, guesses, above):
         try:
             made, told, (gimbals, outside) = _made(log, title, site, notes)
         except InputError as problem:
@@ -127,7 +123,7 @@ def of_tables(logs: Mapping[Path, Table], title: str, rate: float = 0.0, latitud
         unused = (*(n for n in left if n not in gimbals), *outside)
         proposal = Proposal(made, held, unused, told)
         explained = turns_explained(made)
-        lone = _is_open(guesses, "time") and len(dwells(made)) < 2
+        lone = is_open(guesses, "time") and len(dwells(made)) < 2
         if not lone and (explained is None or explained[0] >= NEARLY_ALL * explained[1]):
             return proposal
         if refused is None and fallback is None:  # another unit has to be told
@@ -154,27 +150,6 @@ def _static_run(log: Columns, title: str, site: Mapping[str, tuple[float, str]],
     made = replace(made, remarks=(*made.remarks, *refuse_implausible(made)))
     unused = (*left, *(n for n in columns if n not in guesses and n not in left))
     return Proposal(made, guesses, unused, told)
-
-
-def _readings(columns: Mapping[str, Array], guesses: Mapping[str, Guess], above: Sequence[str]) -> Iterator[Columns]:
-    """The log as it most likely is, and then in other units of rate and time where nobody named them."""
-    clock = next(n for n, g in guesses.items() if g.quantity == "time")
-    step = float(np.median(np.diff(columns[clock]))) * float(to_si(1.0, guesses[clock].unit))
-    first = in_physical_units(columns, guesses, above, step)
-    units = [unit for unit in BESIDE if _is_open(first[1], RATE)]
-    yield first
-    if first[1] != dict(guesses):
-        yield dict(columns), dict(guesses)
-    yield from ((first[0], _in_other_unit(first[1], unit)) for unit in units)
-    if not _is_open(guesses, "time"):
-        return
-    for unit, size in clocks.UNITS.items():
-        rate = float(to_si(1.0, guesses[clock].unit)) / (step * size)
-        if unit == guesses[clock].unit or not SLOWEST <= rate <= FASTEST:
-            continue
-        other = clocks.in_unit(first[0], first[1], unit)
-        yield other
-        yield from ((other[0], _in_other_unit(other[1], u)) for u in units)
 
 
 def _foreign(path: Path, title: str) -> Proposal | None:
@@ -296,13 +271,3 @@ def _spelt(platform: Platform | None) -> str | dict[str, object]:
         return platform.name if platform else "bench"
     return {"name": "own", "axes": [{"name": a.name, "direction": a.direction, "sign": a.sign,
             "offset": {"value": float(np.degrees(a.offset)), "unit": "deg"}} for a in platform.axes]}  # fmt: skip
-
-
-def _is_open(guesses: Mapping[str, Guess], quantity: str) -> bool:
-    """Whether the unit of a quantity was guessed from its numbers, and may be another."""
-    return any(g.quantity == quantity and g.open for g in guesses.values())
-
-
-def _in_other_unit(guesses: Mapping[str, Guess], unit: str) -> dict[str, Guess]:
-    why = f"the turns between rests fit gravity in {unit}"
-    return {n: replace(g, unit=unit, why=why, open=False) if g.quantity == RATE else g for n, g in guesses.items()}

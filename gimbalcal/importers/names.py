@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 FORCE, RATE = "specific_force", "angular_rate"
 AXIS = {"x": "x", "y": "y", "z": "z", "0": "x", "1": "y", "2": "z"}
@@ -184,6 +185,21 @@ def by_name(name: str, hint: str = "") -> Guess | None:
         why = f"{why} in a log that is called after the {'accelerometer' if hint == FORCE else 'gyroscope'}"
         return Guess(hint, AXIS[bare[1]], _UNITS.get(_rest(words, bare), ""), why)
     return None
+
+
+def counted_from_one(names: Iterable[str]) -> dict[str, Guess]:
+    """Triads whose axes are 1, 2 and 3, by name, where others count 0, 1, 2."""
+    stems: dict[tuple[str, str], dict[str, str]] = {}
+    for name in names:
+        if found := re.fullmatch(r"(.*[A-Za-z][_ (\[]?)([0-3])(\D*)", name):
+            stems.setdefault((found[1], found[3]), {})[found[2]] = name
+    out = {}
+    for (before, behind), own in stems.items():
+        for axis, digit in zip("xyz", "123", strict=True) if set(own) == set("123") else ():
+            guess = by_name(before + axis + behind)
+            if guess and guess.quantity in (FORCE, RATE):
+                out[own[digit]] = replace(guess, why=f"its name {own[digit].strip()!r}, of three counted from 1")
+    return out
 
 
 def _triad(words: str) -> tuple[str, str, str] | None:

@@ -45,6 +45,7 @@ _ERROR = frozenset(["err", "error", "residual", "dev", "deviation"])  # of an of
 _SOLVED = frozenset(["solved", "plate", "astrometric", "solution"])  # where it looked, whatever was aimed at
 _SKY = frozenset(["cos", "cosel", "cosdec", "cosalt", "x", "cross", "xel", "sky", "onsky"])
 _FUSED = re.compile(rf"^(?:(d|delta|off|err)|(x|dx|crs|cross))({'|'.join(sorted(_AXIS, key=len, reverse=True))})$")
+_COSINE = re.compile(r"\W*cos[\s_(]*(?:el|elev|elevation|dec|alt)\b\)?", re.IGNORECASE)
 _MINUS = re.compile(r"(\w+)\s*(?:minus|[-−–])\s*(\w+)")
 LARGE = 1.0  # deg; offsets beyond are arcseconds
 USUAL = "measured minus commanded, as most write it: nothing in the file says so"
@@ -97,7 +98,7 @@ def _one_offset(columns: list[Seen]) -> list[Seen]:
 
 
 def _seen(name: str) -> Seen | None:
-    bare = re.sub(r"[\[(].*", "", name)
+    bare = re.sub(r"[\[(].*", "", _COSINE.sub(" cos ", name))
     within = [w for w in plain(name[len(bare) :]).split("_") if _ROLE.get(w) in ("true", "read")]  # HA(true)
     words = [*plain(bare).split("_"), *within]
     unit = unit_written(plain(name)) if re.search(r"[\[(_ ]", name) else ""

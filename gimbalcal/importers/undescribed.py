@@ -30,9 +30,13 @@ SEXAGESIMAL = re.compile(
 )
 
 
+_BESIDE = ("+-", "+/-", "±")  # what the column before is known to
 _MOVING = re.compile(r"^(move|moving|slew|slewing|turn|turning|transit|none|drehen|fahrt|bewegung)$", re.IGNORECASE)
 _DOUBLE = r"([\d.])[dD]([-+]\d{2,3})$"  # of Fortran
-_NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+|[dD][-+]\d{2,3})?|[-+]?(nan|inf|NaN|NA|null)")
+_NUMBER = re.compile(
+    r"[-+]?\d{1,3}((\.\d{3})+,|(,\d{3})+\.)\d*|"
+    r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+|[dD][-+]\d{2,3})?|[-+]?(nan|inf|NaN|NA|null)"
+)
 
 
 @dataclass(frozen=True)
@@ -165,6 +169,9 @@ def values_of(name: str, text: object, separator: str, dates: Dates) -> tuple[Ar
         return np.array([_in_first_unit(cell) for cell in text.to_list()]), "angle"
     if guess and guess.quantity == "position" and not _NUMBER.fullmatch(first):
         return _labels([str(cell or "") for cell in text.to_list()]), ""
+    for mark, decimal in ((".", ","), (",", ".")):  # 1.000,5 and 1,000.5
+        if text.str.contains(rf"^[-+]?\d{{1,3}}(\{mark}\d{{3}})+\{decimal}\d*$").any():
+            text = text.str.replace_all(mark, "", literal=True)
     plain_text = text.str.replace(",", ".", literal=True) if separator in ";\t" else text
     plain_text = plain_text.str.replace(_DOUBLE, "${1}e${2}") if re.search(_DOUBLE, first) else plain_text
     return plain_text.cast(pl.Float64, strict=False).to_numpy().astype(float), ""
@@ -260,7 +267,7 @@ def _names_above(above: Sequence[str], columns: int) -> list[str]:
         if not line.startswith(("#", "%", "!", "//")):
             continue
         for words in comment_words(line):
-            tail = words[-columns:]
+            tail = [f"{words[k - 1]} sigma" if w in _BESIDE and k else w for k, w in enumerate(words)][-columns:]
             if len(tail) < columns or len(set(tail)) < columns:
                 continue
             known = sum(bool(by_name(word)) or bool(re.search(r"[\[(]", word) and unit_written(plain(word)))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.errors import InputError
+from gimbalcal.importers.calendar import in_iso, is_stamp, split
 from gimbalcal.importers.delimited import encoding_of
 from gimbalcal.importers.log import propose
 from gimbalcal.importers.messages import tables_in
@@ -169,6 +170,43 @@ def test_a_clock_of_whole_seconds_and_nanoseconds_and_rates_with_a_bias(tmp_path
     found = propose([path])
     same(found, t, f, w)
     assert not {"1", "2"} & set(found.left_out)
+
+
+def test_dates_with_the_name_of_a_month_and_axes_counted_from_one(tmp_path: Path) -> None:
+    t, f, w = turned()
+    stamp = [f"{'11-Mär-2026' if s < 90 else '12-Mär-2026'} {int(23 * 3600 + 3510 + s) // 3600 % 24:02d}:"
+             f"{int(3510 + s) // 60 % 60:02d}:{(3510 + s) % 60:06.3f}" for s in t]  # fmt: skip
+    head = (
+        "Time,Acceleration_1,Acceleration_2,Acceleration_3,AngVel_1,AngVel_2,AngVel_3,MagneticField_1,MagneticField_2"
+    )
+    found = propose([rows(tmp_path / "a.csv", head, stamp, *f.T, *w.T, *f.T[:2])])
+    same(found, t, f, w)
+    assert found.left_out == ("MagneticField_1", "MagneticField_2")
+    for day, iso in (("14 June 2026", "2026-06-14"), ("2026-Oct-03", "2026-10-03"), ("1-dez-2026", "2026-12-01")):
+        assert is_stamp(f"{day} 08:05:10")
+        assert in_iso(*split([f"{day} 08:05:10"])) == [f"{iso}T08:05:10"]
+
+
+def test_marks_of_thousands(tmp_path: Path) -> None:
+    t, f, w = turned()
+    cells = [[f"{v:,.3f}" for v in x] for x in (*f.T / G * 1000, *w.T * D)]
+    clock = [f"{s:.2f}" for s in t]
+    head = "time [s];ax [mg];ay [mg];az [mg];gx [deg/s];gy [deg/s];gz [deg/s]"
+    path = rows(tmp_path / "a.csv", head, clock, *cells, mark=";")
+    same(propose([path]), t, f, w)
+    path.write_text(path.read_text().translate(str.maketrans(".,", ",.")), encoding="utf-8")
+    same(propose([path]), t, f, w)
+
+
+def test_what_an_offset_is_known_to_stands_behind_a_plus_and_minus(tmp_path: Path) -> None:
+    sky = OFF[0] * np.cos(np.radians(EL))
+    head = "! Scan   Az   El  dAzcosEl  +-  dEl  +-  Tau"
+    path = write(
+        tmp_path / "a.dat", head, np.arange(30.0), AZ, EL, sky, 0 * AZ + 0.4, OFF[1], 0 * AZ + 0.5, AZ, mark="  "
+    )
+    found = propose([path])
+    agrees(found.recording)
+    assert {"dAzcosEl sigma", "dEl sigma"} <= set(found.left_out)
 
 
 def test_lines_of_json(tmp_path: Path) -> None:
