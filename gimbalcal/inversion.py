@@ -10,6 +10,7 @@ from gimbalcal.number import Array, complex_step
 
 FLAT = 1e-6  # of a determinant that is one for a perfect sensor
 SETTLED = 1e-10  # of the largest reading: the step after it is its square, below rounding
+MOVES = 1e-3  # of the largest singular value of H: along the others a flat law does not answer
 STEPS = 20  # four or five are enough where the law is not flat
 
 
@@ -18,17 +19,19 @@ def invert(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array, Array]:
 
     .. math:: f \leftarrow f + H^{-1} \left(y - h(f)\right), \qquad H = \partial h / \partial f
 
-    with the exact H. Where the law is flat (a dead zone) nothing can be told back: there f stays as it is. Returns f,
-    H (n, 3, 3) and which rows are flat (n,). Where no f reads y, h(f) is not y: a caller that cannot
-    be sure compares. h must be made of arithmetic and the functions of `number`.
+    with the exact H. Along what the law does not answer (an axis in its dead zone) nothing can be told back: there f
+    takes the smallest step with which the other axes are right. Returns f, H (n, 3, 3) and which rows are flat (n,).
+    Where no f reads y, h(f) is not y: a caller that cannot be sure compares. h must be made of arithmetic and the
+    functions of `number`.
     """
     f = np.array(y, dtype=float)
     for _ in range(STEPS):
         with np.errstate(invalid="ignore", over="ignore"):  # where no f reads y, a step may leave the law's domain
             H = complex_step(h, f)
             flat = np.abs(np.linalg.det(H)) < FLAT
-            step = np.linalg.solve(np.where(flat[:, None, None], np.eye(3), H), (y - h(f))[..., None])[..., 0]
-            step[flat] = 0.0
+            left = (y - h(f))[..., None]
+            step = np.linalg.solve(np.where(flat[:, None, None], np.eye(3), H), left)[..., 0]
+            step[flat] = (np.linalg.pinv(H[flat], rcond=MOVES) @ left[flat])[..., 0]
             f = f + step
         if np.all(np.abs(step) <= SETTLED * max(np.max(np.abs(y), initial=0.0), np.max(np.abs(f), initial=0.0))):
             break

@@ -52,6 +52,22 @@ def test_rows_where_the_law_is_flat_stay_and_are_told() -> None:
     np.testing.assert_array_equal(f, y)
 
 
+def test_an_axis_in_its_dead_zone_does_not_keep_the_others_from_being_told() -> None:
+    """All three stayed as they were read, with their biases."""
+    width, others = 1e-3, ("scale_factor", "bias", "misalignment")
+    zone = CATALOGUE["dead_zone"](d=np.array([width, 0.0, 0.0]))  # type: ignore[call-arg]
+    wanted = [p for i in others for p in parameters(CATALOGUE[i]) if p.axis not in ("x", "xy", "xz")]
+    effects = (zone, *with_values((), wanted, np.full(len(wanted), 3e-3)))
+    s = eighteen()
+    s = s.at(force=np.column_stack([np.full(18, 5e-4), s.force[:, 1:]]))
+    y = accelerometers(s.force, s, effects)
+    y[:, 0] = 1e-5  # noise: in the zone nothing is read
+    f, _, flat = invert(lambda f: accelerometers(f, s, effects), y)
+    assert flat.all()
+    assert np.all(np.abs(f[:, 0]) < width)
+    np.testing.assert_allclose(f[:, 1:], s.force[:, 1:], atol=width * 2 * 3e-3)  # what is not known leans over
+
+
 def test_readings_of_nothing_come_back_as_what_makes_them_vanish() -> None:
     f, _, _ = invert(lambda x: 1.1 * x + 2e-3, np.zeros((2, 3)))
     assert f == pytest.approx(-2e-3 / 1.1, rel=1e-15)

@@ -34,7 +34,9 @@ from gimbalcal.recording import Recording
 from gimbalcal.recording.record import ANGLE, FORCE, RATE, Key
 
 AXES = ("x", "y", "z")
-ROUNDS_BACK = 50  # of readouts from true angles
+ROUNDS_BACK = 50  # of readouts from true angles: readout = true - error(readout) contracts tenfold or more
+ROUNDING = 16 * float(np.finfo(float).eps)  # of the largest angle, below which a round moves readouts by chance
+ASTRAY = 1e-6  # rad by which the last round may move them, near gimbal lock
 REACHED = 1e-6  # of the largest reading, by which what was there may miss it
 ROUNDS = 6  # each multiplies what is left by a product of two errors, below 1e-5
 
@@ -192,15 +194,24 @@ def _read(h: Callable[[Array], Array], f: Array, quantity: str) -> Array:
 
 def _stood_off(recording: Recording, effects: Sequence[Effect]) -> tuple[Recording, Mount | None]:
     """The recording with the readouts that `mount` brings to those it has, and what the mount does there."""
-    stood, angle = mount(recording, effects), recording.angles()
-    for _ in range(ROUNDS_BACK):  # readout = true - error(readout): contracts tenfold or more
-        if stood is None:
-            break
-        new = recording.angles() - stood.readout
-        done, angle = np.array_equal(new, angle), new
+    true = angle = recording.angles()
+    stood = mount(recording, effects)
+    if stood is None:
+        return recording, None
+    for _ in range(ROUNDS_BACK):
+        before, angle = angle, true - stood.readout
         stood = mount(with_readouts(recording, angle), effects)
-        if done:
+        assert stood is not None  # the same effects on the same mount
+        moved = np.abs(angle - before).max(axis=1, initial=0.0)
+        if np.all(moved <= ROUNDING * max(1.0, float(np.abs(angle).max(initial=0.0)))):
             break
+    astray = np.flatnonzero(~(moved <= ASTRAY))
+    if len(astray):
+        large = np.rad2deg(np.abs(stood.readout[astray]).max())
+        raise InputError(
+            f"by this calibration no readouts of the gimbals belong to row {astray[0] + 1}, nor to {len(astray) - 1} "
+            f"others: what the mount does there, {large:.2g} deg, changes as fast as they do; is it of this unit?"
+        )
     return with_readouts(recording, angle), stood
 
 
@@ -222,7 +233,7 @@ def _with_needs(effects: Sequence[Effect], recording: Recording) -> tuple[Effect
         missing = lacking(type(e), recording.has)
         if missing:
             raise InputError(
-                f"the calibration corrects {e.id}, which needs a {missing} channel, and {recording.title!r} has "
+                f"the calibration corrects {e.id}, which needs the channel {missing}, and {recording.title!r} has "
                 "none: log it, or calibrate without this effect"
             )
     return tuple(effects)

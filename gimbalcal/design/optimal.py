@@ -107,7 +107,7 @@ def design_parameters(rig: Rig, terms: Sequence[str]) -> tuple[Parameter, ...]:
             raise InputError(f"no effect is called {term!r}; `gimbalcal catalogue` lists {len(CATALOGUE)} of them")
         cls = CATALOGUE[term]
         if cls.channel != "specific_force" or cls.requires:
-            need = f" and needs a {cls.requires[0]} channel" if cls.requires else ""
+            need = f" and needs the channel {cls.requires[0]}" if cls.requires else ""
             raise InputError(f"{term} shows in {cls.channel}{need}: positions at rest do not design for it")
     if np.isinf(rig.setting):
         gimbals = [t for t in terms if parameters(CATALOGUE[t], rig.platform.axis_names) != parameters(CATALOGUE[t])]

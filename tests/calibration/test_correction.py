@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
+from gimbalcal.pipeline import load
 from gimbalcal.platform import BENCH, SPACE_STABLE
 from gimbalcal.recording import Recording, Site
 from gimbalcal.schedule import EIGHTEEN_POSITIONS
@@ -101,7 +103,7 @@ def test_counts_become_force_and_back() -> None:
 def test_a_missing_temperature_is_named() -> None:
     true = table_recording(2)
     bare = replace(true, channels={k: v for k, v in true.channels.items() if k[0] != "temperature"})
-    with pytest.raises(InputError, match="corrects bias_temperature, which needs a temperature channel"):
+    with pytest.raises(InputError, match="corrects bias_temperature, which needs the channel temperature"):
         calibration((drawn("bias_temperature", 0),)).apply(bare)
 
 
@@ -114,6 +116,16 @@ def test_a_dead_zone_leaves_the_reading() -> None:
         noisy = {("specific_force", a): read.channels["specific_force", a] + inside for a in "xyz"}
         there = made.apply(replace(read, channels=dict(read.channels) | noisy))
         np.testing.assert_allclose(there.triad("specific_force"), inside, atol=1e-15)
+
+
+def test_readouts_that_no_rounds_settle_are_refused() -> None:
+    """They came out without a word, where a mount drifts by degrees, and `apply` did not take them back."""
+    (true,) = load([Path(__file__).parents[2] / "data" / "space_stable_18"])
+    K = parameters(CATALOGUE["gyro_g2_sensitivity"])
+    small, large = (calibration(with_values((), K, np.full(len(K), size))) for size in (1e-7, 3e-7))
+    np.testing.assert_allclose(small.corrupt(small.apply(true)).angles(), true.angles(), atol=1e-14)
+    with pytest.raises(InputError, match="no readouts of the gimbals belong to row 781"):
+        large.corrupt(large.apply(true))
 
 
 def test_every_sensor_effect_takes_part() -> None:

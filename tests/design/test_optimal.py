@@ -98,7 +98,7 @@ def test_separating_confounded_effects_makes_both_known_better() -> None:
         (("spin",), "no effect is called 'spin'"),
         (("gyro_bias",), "gyro_bias shows in angular_rate"),
         (("gimbal_zero",), "gimbal_zero is an angle error, which cannot be seen where no angle is known"),
-        (("bias_temperature",), "needs a temperature channel"),
+        (("bias_temperature",), "needs the channel temperature"),
     ],
 )
 def test_terms_that_rest_cannot_show_are_refused(terms: tuple[str, ...], words: str) -> None:

@@ -119,7 +119,7 @@ def _check(terms: Sequence[str], recording: Recording) -> None:
             raise InputError(f"--terms names {t!r}, which is not a gyroscope effect that turns between rests can show")
         missing = lacking(CATALOGUE[t], recording.has)
         if missing:
-            raise InputError(f"--terms names {t}, which needs a {missing} channel; {recording.title!r} has none")
+            raise InputError(f"--terms names {t}, which needs the channel {missing}; {recording.title!r} has none")
 
 
 Fits = list[tuple[tuple[str, ...], TurnFit]]

@@ -188,7 +188,7 @@ def test_asymmetry_is_told_from_nonlinearity_and_temperature_needs_its_channel()
     effects = {p.effect for p in gyroscopes_between_rests(recording, accelerometers).parameters}
     assert "gyro_scale_asymmetry" in effects
     assert "gyro_scale_nonlinearity" not in effects
-    with pytest.raises(InputError, match="gyro_scale_temperature, which needs a temperature channel"):
+    with pytest.raises(InputError, match="gyro_scale_temperature, which needs the channel temperature"):
         gyroscopes_between_rests(recording, accelerometers, ("gyro_scale_temperature",))
 
 
