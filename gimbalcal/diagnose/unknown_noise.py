@@ -31,7 +31,7 @@ from gimbalcal.diagnose.verdict.unseen import in_words
 from gimbalcal.effects import Effect
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.pointing.pattern import strays
+from gimbalcal.estimate.pointing.pattern import MISTAKEN, strays, why_far
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE, RATE
@@ -79,7 +79,9 @@ def without_strays(
             return [told], notes
         number = v.stimulus.position
         size = [float(from_si(float(np.linalg.norm(told.after[k] * told.sigma[k])), v.unit)) for k in off]
-        notes.append(wording.strayed([int(number[k]) for k in off], size, v.unit))
+        at, axis = v.stimulus.true_angle, v.stimulus.axis_names[0]
+        why = MISTAKEN if at is None else why_far(told.after * told.sigma, at[:, :2], off, axis)
+        notes.append(wording.strayed([int(number[k]) for k in off], size, v.unit, why))
         tell(notes[-1])
         recording = replace(recording, position=number).select(np.delete(np.arange(n), off))
 

@@ -262,15 +262,15 @@ def misfit_improved(v: View, fit: Entry) -> str:
     return out
 
 
-def strayed(numbers: Sequence[int], sizes: Sequence[float], unit: str) -> str:
-    """That stars far off all others were left out, and by how much each is off.
+def strayed(numbers: Sequence[int], sizes: Sequence[float], unit: str, why: str) -> str:
+    """That stars far off all others were left out, by how much each is off, and why.
 
-    >>> strayed([80], [0.763], "arcsec")
-    'Star 80 is 0.763 arcsec off where the others are not: mistaken or not centred, it was left out.'
+    >>> strayed([80], [0.763], "arcsec", "mistaken or not centred")
+    'Star 80 is 0.763 arcsec off where the others are not: mistaken or not centred; it was left out.'
     """
     told = " and ".join(f"star {n} is {digits(size)} {unit} off" for n, size in zip(numbers, sizes, strict=True))
     which = "it was" if len(numbers) == 1 else "they were"
-    return f"S{told[1:]} where the others are not: mistaken or not centred, {which} left out."
+    return f"S{told[1:]} where the others are not: {why}; {which} left out."
 
 
 def untested(v: View, fit: Entry) -> str:

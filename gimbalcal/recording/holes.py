@@ -22,6 +22,8 @@ SPARSE = ("attitude",)  # logged less often than the rest: its rows stay without
 MOST = 0.5  # of all rows: beyond, the rows are not what they are taken for
 LEAPING = {"specific_force": 100.0, "angular_rate": 35.0}  # SI; a reading beyond is no reading at all
 STEADY = {"gimbal_angle": np.inf, "attitude_error": np.inf}  # of a static run, where these go on and on as well
+HELD = {"gimbal_angle": np.inf}  # of positions, as long as each is held
+SETTING, MATTERS = float(to_si(1.0, "arcsec")), 10.0  # usual repeatability [rad]; times it, what shows in a mean of 60
 SHOWN = 3  # places that the remark names
 
 
@@ -34,7 +36,7 @@ class Holes:
         self.rows = 0  # of the file, so far
         self.left_out: list[Array] = []
         self.empty = {c.name: 0 for c in header.columns}
-        self.limits = LEAPING | STEADY if header.kind == "static-run" else LEAPING
+        self.limits = LEAPING | {"static-run": STEADY, "multi-position": HELD}.get(header.kind, {})
         self.leaps = {c.name: 0 for c in header.columns if c.quantity in self.limits}
         self.leapt: list[Array] = []
         self.filled_in: list[Array] = []
@@ -75,7 +77,7 @@ class Holes:
         """How many rows are left out, where they are and which columns lack a value; nothing where none are."""
         leapt = np.concatenate(self.leapt) if self.leapt else np.zeros(0)
         empty = np.setdiff1d(self.missing, leapt)
-        jump = f"where {self._culprits(self.leaps)} leaps away for a single row and back"
+        jump = f"where {self._culprits(self.leaps)} leaps away for a row or two and back"
         filled = np.concatenate(self.filled_in) if self.filled_in else np.zeros(0)
         return (
             *self._told(empty, f"left out, empty in {self._culprits(self.empty)}"),
@@ -138,7 +140,7 @@ class Holes:
         return {name: x[~lacking] for name, x in batch.items()}
 
     def _leaping(self, batch: Batch, full: NDArray[np.bool_]) -> dict[str, NDArray[np.bool_]]:
-        """Rows by column in which a sensor leaps away for this row alone, within one position."""
+        """Rows by column in which a sensor leaps away, for a row or two, within one position."""
         if self.header.kind == "pointing" or not self.leaps:
             return {}
         rows = np.flatnonzero(full)
@@ -156,9 +158,12 @@ class Holes:
             if c.name in self.leaps:
                 triads.setdefault((c.quantity, c.sensor), []).append(c.name)
         still = slow and self.header.kind in ("static-run", "multi-position")
-        leaping = {
-            n: x for names in triads.values() for n, x in lone({n: batch[n][rows] for n in names}, still).items()
-        }
+        leaping = dict[str, NDArray[np.bool_]]()
+        for (quantity, _), names in triads.items():
+            if quantity in HELD and self.header.kind == "multi-position":
+                leaping |= self._in_rests(batch, names, rows, held)
+            else:
+                leaping |= lone({n: batch[n][rows] for n in names}, still)
         out = dict[str, NDArray[np.bool_]]()
         for c in self.columns:
             if c.name in self.leaps:
@@ -170,6 +175,27 @@ class Holes:
                 out[c.name][rows[found]] = True
         return out
 
+    def _in_rests(
+        self, batch: Batch, names: list[str], rows: NDArray[np.int64], held: NDArray[np.bool_]
+    ) -> dict[str, NDArray[np.bool_]]:
+        """Rows in which a gimbal that is held reads something else; of one on the way nobody knows."""
+        position = self.header.column("position")
+        if position is None or not held.any():
+            return {n: np.zeros(len(rows), dtype=bool) for n in names}
+        p = batch[position.name][rows]
+        starts = np.flatnonzero(np.diff(p, prepend=-1.0))
+        out = dict[str, NDArray[np.bool_]]()
+        for n in names:
+            unit = next(c.unit for c in self.columns if c.name == n)
+            turn, x = float(from_si(2 * np.pi, unit)), batch[n][rows]
+            level = np.repeat([np.median(part) for part in np.split(x, starts[1:])], np.diff(starts, append=len(p)))
+            told = held & np.isfinite(x) & np.isfinite(level)  # an infinite reading is refused, and by name
+            off = np.where(told, x, 0.0) - np.where(told, level, 0.0)
+            off = (off + turn / 2) % turn - turn / 2
+            least = float(from_si(MATTERS * self.header.noise.get("gimbal_angle", SETTING), unit))
+            out |= lone({n: off}, slow=True, least=least)
+        return {n: found & held for n, found in out.items()}
+
     def _bridged(self, batch: Batch, name: str, full: NDArray[np.bool_], leapt: NDArray[np.bool_]) -> Array:
         """A column with the rows that leapt as their neighbours tell them; `InputError` where these do not agree."""
         rows = np.flatnonzero(leapt[full])
@@ -179,7 +205,7 @@ class Holes:
             row = self.rows - len(full) + int(np.flatnonzero(full)[untold[0]])
             raise InputError(
                 f"{place(self.header.samples, row, None, self.header.skip, self.header.named)}, column {name}: "
-                f"{kept[untold[0]]:.6g} leaps away for a single row and back while the motion changes, so that its "
+                f"{kept[untold[0]]:.6g} leaps away for a row or two and back while the motion changes, so that its "
                 "neighbours do not tell what it was; correct it, or cut the recording there"
             )
         out[leapt] = told_by_neighbours(kept, rows)

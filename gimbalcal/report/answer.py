@@ -158,4 +158,7 @@ def _far_off(content: Mapping[str, Any]) -> str:
     worst = ", ".join(f"number {s['star']} of “{s['title']}” by {s['arcsec']:.3g} arcsec" for s in stars[:3])
     one = len(stars) == 1
     which = "A star is" if one else f"{counted(len(stars), 'star').capitalize()} are"
-    return f" {which} far off the others, {worst}: mistaken or not centred, so leave {'it' if one else 'them'} out."
+    why = stars[0].get("why", "mistaken or not centred")
+    away = f"leave {'it' if one else 'them'} out"
+    act = away if why.startswith("mistaken") else "`gimbalcal diagnose` looks for the cause"
+    return f" {which} far off the others, {worst}: {why}; {act}."

@@ -114,6 +114,49 @@ def test_rows_of_a_navigator_are_filled_and_said() -> None:
     assert any("row 701, row 2151: 2 rows of 4000 are taken from neighbours" in remark for remark in r.remarks)
 
 
+def test_two_rows_that_leap_alike_are_one_leap_and_a_knock_of_two_is_none() -> None:
+    t = np.arange(20_000) / 100
+    x = 5 * np.sin(2 * np.pi * t) + 0.002 * np.random.default_rng(18).standard_normal(len(t))
+    at = np.array([3000, 3001, 4025, 4026, 9000, 9001])
+    x[at] += np.repeat([0.5, -0.6, 3.0], 2)
+    x[[12000, 12001]] += [0.5, 0.25]  # as a knock leaves them
+    x[[15000, 15001, 15002]] += 0.5
+    np.testing.assert_array_equal(np.flatnonzero(lone({"x": x})["x"]), at)
+    f = still(19)
+    f[500:502] += [4.0, 0.3, -2.0]  # felt by an axis that does not leap
+    f[900:902], f[1200:1202, 1] = 0.0, 5.0
+    found = lone(dict(zip("xyz", f.T, strict=True)))
+    np.testing.assert_array_equal(np.flatnonzero(found["z"]), [900, 901])
+    np.testing.assert_array_equal(np.flatnonzero(found["y"]), [1200, 1201])
+
+
+def test_two_rows_of_a_navigator_are_filled_by_the_neighbours_of_both() -> None:
+    f, w = still(20), 0.001 * np.random.default_rng(21).standard_normal((N, 3))
+    w[2000:2400, 2] += 0.3 * np.sin(np.pi * np.arange(400) / 400) ** 2
+    true = w[2150:2152].copy()
+    w[2150:2152, 2] += 1.0
+    r = from_arrays(np.arange(N) / 100, specific_force=f, angular_rate=w, kind="rotation")
+    np.testing.assert_allclose(r.triad("angular_rate")[2150:2152], true, atol=0.006)
+    assert any("rows 2151 to 2152: 2 rows of 4000 are taken from neighbours" in remark for remark in r.remarks)
+
+
+@pytest.mark.parametrize("noise", [0.0, 2e-6])
+def test_a_gimbal_that_is_held_and_reads_something_else_in_a_row(noise: float) -> None:
+    """Twelve rests of 60 rows; at zero the readout goes round from a full turn."""
+    rng, position = np.random.default_rng(22), np.repeat(np.arange(1, 13), 60)
+    inner = np.radians(90.0 * (position % 4)) + noise * rng.standard_normal(720)
+    f = 9.81 * np.stack([0 * inner, np.sin(inner), -np.cos(inner)], axis=-1) + 1e-3 * rng.standard_normal((720, 3))
+    axes = {"platform": 0 * inner, "inner": inner % (2 * np.pi), "middle": 0 * inner}
+    axes["inner"][[150, 401, 402]] += np.radians([0.03, -0.02, -0.02])  # 100 arcsec and 72
+    axes["middle"][500] += np.radians(1 / 3600)  # which nobody would see in the mean
+    r = from_arrays(
+        10.0 * np.arange(720), specific_force=f, gimbal_angle=axes, position=position, kind="multi-position",
+        platform="space-stable", site={"latitude": (40.0, "deg")},
+    )  # fmt: skip
+    assert len(r.time) == 717
+    assert any("row 151, rows 402 to 403: 3 rows of 720 are left out" in remark for remark in r.remarks), r.remarks
+
+
 AXES = ("platform", "inner", "middle", "outer")
 
 
@@ -142,5 +185,5 @@ def test_a_row_of_a_navigator_where_a_turn_begins_is_refused_by_name() -> None:
     sound = from_arrays(np.arange(N) / 10, specific_force=still(16), angular_rate=w, kind="rotation")
     assert not any("leaps" in remark for remark in sound.remarks)
     w[2001, 1] = -2.0
-    with pytest.raises(InputError, match="row 2002, column angular_rate_y: -2 leaps away for a single row"):
+    with pytest.raises(InputError, match="row 2002, column angular_rate_y: -2 leaps away for a row or two"):
         from_arrays(np.arange(N) / 10, specific_force=still(16), angular_rate=w, kind="rotation")

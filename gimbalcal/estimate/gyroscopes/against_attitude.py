@@ -96,7 +96,7 @@ def _left_out(known: Reference) -> list[str]:
         return []
     at = ", ".join(f"{t:.10g}" for t in known.gone[:SHOWN])
     which = f"at {at} s" if len(known.gone) <= SHOWN else f"at {at} s and {len(known.gone) - SHOWN} more times"
-    return [f"the attitude {which} leaps away for a single row and back: left out"]
+    return [f"the attitude {which} leaps away for a row or two and back: left out"]
 
 
 def triangle_of_first_order() -> tuple[Parameter, ...]:

@@ -68,7 +68,8 @@ def pointing_calibration(
             },
             "pattern": asdict(left) if left else {},
             "far_off": [
-                {"title": t, "star": n, "arcsec": float(from_si(d, "arcsec"))} for t, n, d in far_off(found, before)
+                {"title": t, "star": n, "arcsec": float(from_si(d, "arcsec")), "why": why}
+                for t, n, d, why in far_off(found, before)
             ],
             "stars": sum(len(r.time) for r in runs),
             "mount": mount_record(recordings[0].platform, latitude),

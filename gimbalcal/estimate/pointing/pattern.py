@@ -24,6 +24,10 @@ FOLLOWS = 1e-3  # probability, all trials paid, below which neighbours are no mo
 LEAST = 1e-3  # rad; an axis that travels less stood still
 FEWEST = 20  # stars in which a pattern can be told from chance
 FAR = 7.0  # robust sigmas; a star further off is another star, or was not centred
+MISTAKEN = "mistaken or not centred"
+SEVERAL = 3  # such stars, of which something in common can be told
+BESIDE = 0.2  # of how far they are off, by which they are off the other way, where one axis of the mount does it
+SHARED = 0.01  # probability below which such stars do not have it in common by chance
 MEDIAN_LENGTH = 1.1774  # of a plane vector of normal noise with sigma 1: the median of Rayleigh's distribution
 
 
@@ -36,14 +40,18 @@ class Pattern:
     probability: float
 
 
-def far_off(found: Fit, before: Sequence[int]) -> tuple[tuple[str, int, float], ...]:
-    """Title of the run, number of the star from 1 and its distance [rad] of stars far off the others, worst first.
+def far_off(found: Fit, before: Sequence[int]) -> tuple[tuple[str, int, float, str], ...]:
+    """Title of the run, number from 1, distance [rad] and why of stars far off the others, worst first.
 
     before: how many stars of the same recording come before each run, which is one night of it.
     """
     every = [(run.title, k + n + 1, d) for run, k, left in zip(found.runs, before, found.weighted, strict=True)
              for n, d in enumerate(np.linalg.norm(left, axis=1).tolist())]  # fmt: skip
-    return tuple(every[k] for k in strays(np.concatenate(found.weighted)))
+    left, axes = np.concatenate(found.weighted), found.runs[0].platform.axis_names[:2]
+    at = np.stack([np.concatenate([run.channels["true_angle", a] for run in found.runs]) for a in axes], axis=-1)
+    far = strays(left)
+    why = why_far(left, at, far, axes[0])
+    return tuple((*every[k], why) for k in far)
 
 
 def strays(left: Array) -> list[int]:
@@ -53,6 +61,30 @@ def strays(left: Array) -> list[int]:
         return []
     far = np.flatnonzero(length > FAR * float(np.median(length)) / MEDIAN_LENGTH)
     return sorted(far.tolist(), key=lambda k: -float(length[k]))
+
+
+def why_far(left: Array, angles: Array, far: Sequence[int], axis: str) -> str:
+    """Why stars are far off the others, in words: mistakes, unless they have more in common than chance gives them.
+
+    left (n, 2): what is left of every star; angles (n, 2) [rad]: where it is, inner and outer; far: ordinals of those;
+    axis: the inner one. A mistaken star is off any way, and anywhere; a gear that plays, or an axis that slips, moves
+    one axis alone.
+    """
+    inner, outer = angles.T
+    every = np.stack([np.cos(inner) * np.cos(outer), np.cos(inner) * np.sin(outer), np.sin(inner)], axis=-1)
+    left, star = left[far], every[far]
+    if len(left) < SEVERAL:
+        return MISTAKEN
+    other = np.abs(left) / np.linalg.norm(left, axis=1, keepdims=True)
+    chance = len(CHANNELS) * (2 / np.pi * np.arcsin(BESIDE)) ** len(left)
+    for (_, way), off in zip(CHANNELS, other[:, ::-1].T, strict=True):
+        if np.all(off < BESIDE) and chance < SHARED:
+            plain = axis.replace("_", " ")
+            return f"all {way} {plain}, so rather play in a gear, or a slip of the axis, than mistakes"
+    near = (star @ star.T).min(axis=1)  # cosine of the furthest of them from each
+    share = float(np.mean(every @ star[int(np.argmax(near))] >= near.max()))
+    together = len(star) * share ** (len(star) - 1) < SHARED
+    return "all in one part of the sky, so rather what the model lacks there than mistakes" if together else MISTAKEN
 
 
 def pattern(found: Fit, axes: Sequence[str]) -> Pattern | None:

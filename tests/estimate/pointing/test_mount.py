@@ -11,6 +11,7 @@ import pytest
 from gimbalcal.calibration import Calibration
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.pointing.mount import pointing_calibration
+from gimbalcal.estimate.pointing.pattern import why_far
 from gimbalcal.estimate.pointing.run import nights
 from gimbalcal.platform import Axis, Platform
 from gimbalcal.recording import Recording
@@ -105,6 +106,7 @@ def test_a_mistaken_star_is_named() -> None:
     assert star["arcsec"] == pytest.approx(90, rel=0.2)
     words = answer({**made.to_dict(), "provenance": dict(made.provenance)})
     assert "A star is far off the others, number 17 of “made” by" in words
+    assert "mistaken or not centred; leave it out" in words
     assert pointing_calibration([night]).provenance["far_off"] == []
     later = np.where(np.arange(60) < 10, 0.0, 86400.0)  # a second night in one file, whose rows go on counting
     two = replace(night, time=night.time + later, channels={**night.channels, ("true_angle", "elevation"): elevation})
@@ -197,3 +199,22 @@ def test_any_two_axis_gimbal_can_be_calibrated() -> None:
     assert "base_tilt:north" not in found
     assert max(map(abs, found.values())) < 4.5
     assert made.provenance["tpoint"] == []
+
+
+@pytest.mark.parametrize(
+    ("far", "off", "words"),
+    [
+        ([3, 30, 50], [[0, 9], [1, -8], [0.5, 7]], "all along elevation, so rather play in a gear"),
+        ([3, 30, 50], [[9, 0], [8, 1], [-8, 0]], "all across elevation, so rather play in a gear"),
+        ([3, 30, 50], [[5, 7], [-8, 4], [0, 9]], "mistaken or not centred"),
+        ([3, 30], [[0, 9], [0, -8]], "mistaken or not centred"),  # two are so by chance
+        ([0, 1, 2], [[5, 7], [-8, 4], [0, 9]], "all in one part of the sky, so rather what the model lacks there"),
+    ],
+)
+def test_why_stars_are_far_off_the_others(far: list[int], off: list[list[float]], words: str) -> None:
+    at = np.random.default_rng(3).uniform([0.3, -3.0], [1.3, 3.0], (60, 2))
+    at[:3] = [[0.8, 1.0], [0.82, 1.02], [0.79, 0.97]]
+    at[3:] = at[3:][np.abs(at[3:, 1] - 1.0).argsort()[::-1]]  # no other star is near these
+    left = np.zeros((60, 2))
+    left[far] = off
+    assert why_far(left, at, far, "elevation").startswith(words)
