@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.report import wording
 from gimbalcal.report.answer import answer
 from gimbalcal.report.headline import headline
 from gimbalcal.report.parameter_rows import rows
 from gimbalcal.report.rounding import minus, pdg, significant
+
+if TYPE_CHECKING:
+    from gimbalcal.diagnose import Diagnosis  # which loads every road of it
 
 
 def parameters_table(content: Mapping[str, Any]) -> str:

@@ -11,7 +11,6 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.exchange.matrices import Found, matrices, parameters_of
 from gimbalcal.errors import InputError
-from gimbalcal.importers.apart import matlab_variables
 from gimbalcal.number import Array
 
 HEADING = b"MATLAB 5.0 MAT-file, written by gimbalcal".ljust(116)  # SciPy's has the time: equal content, equal bytes
@@ -48,6 +47,8 @@ def _column(v: Array) -> Array:
 
 def read(path: Path) -> Found:
     """Value and sigma of each parameter in a .mat file."""
+    from gimbalcal.importers.apart import matlab_variables  # with it come all readers of other rigs' files
+
     found = matlab_variables(path)
     if not any(name.startswith("clbt.") for name in found):
         raise InputError(f"{path} has no structure clbt; it has {', '.join(found) or 'nothing'}")
