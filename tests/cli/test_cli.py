@@ -26,6 +26,18 @@ def test_help_loads_nothing_heavy() -> None:
     assert out.stdout.strip() == "[]"
 
 
+def test_what_a_calibration_and_what_a_diagnosis_load_is_what_they_need() -> None:
+    """A road of the diagnosis is nothing to `calibrate`; numba, and scipy for a matrix, are nothing to either."""
+    heavy = ("numba", "scipy.linalg", "scipy.stats", "scipy.optimize")
+    for modules, never in (
+        ("gimbalcal.methods, gimbalcal.report.console, gimbalcal.calibration.exchange", ("gimbalcal.diagnose", *heavy)),
+        ("gimbalcal.diagnose, gimbalcal.diagnose.cost", heavy),
+    ):
+        code = f"import sys, {modules}; print([m for m in {never} if m in sys.modules])"
+        out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        assert out.stdout.strip() == "[]"
+
+
 def test_version(command, capsys) -> None:  # type: ignore[no-untyped-def]
     assert command("--version") == 0
     assert capsys.readouterr().out.startswith("gimbalcal, version ")
