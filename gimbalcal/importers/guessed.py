@@ -48,6 +48,8 @@ def guessed(
     if two:
         why = f"its names {whole!r} and {beyond!r}, whole seconds and {unit}, counted from the first row"
         guesses = {JOINED: Guess("time", "", "s", why), **{n: g for n, g in guesses.items() if n != JOINED}}
+    if not any(g.quantity == "time" for g in guesses.values()) and (clock := _of_day(columns, table)):
+        guesses = {clock: Guess("time", "", "s", "its cells, which are times of day"), **guesses}
     columns, told = clocks.one_of_several(columns, [n for n, g in guesses.items() if g.quantity == "time"])
     notes |= {"sensor": told} if told else {}
     for name, g in guesses.items():
@@ -118,6 +120,14 @@ def guessed(
     )
     left = [name for name in (*table.columns, *table.others) if name not in used and not (two and name in two[:2])]
     return columns, _with_units(columns, guesses), left, notes
+
+
+def _of_day(columns: Mapping[str, Array], table: Table) -> str:
+    """A column whose cells are dates, or times of day that go on past midnight at most, whatever it is called."""
+    for name, x in columns.items():
+        if name in table.dates or (name in table.sexagesimal and np.all(np.diff(clocks.unwrapped(3600 * x)[0]) > 0)):
+            return name
+    return ""
 
 
 def _jumps(force: Sequence[Array]) -> bool:

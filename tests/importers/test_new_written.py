@@ -209,6 +209,16 @@ def test_what_an_offset_is_known_to_stands_behind_a_plus_and_minus(tmp_path: Pat
     assert {"dAzcosEl sigma", "dEl sigma"} <= set(found.left_out)
 
 
+@pytest.mark.parametrize("decimal", [".", ","])
+@pytest.mark.parametrize("slow", [1, 100])
+def test_times_of_day_are_a_clock_without_a_name_and_past_midnight(tmp_path: Path, decimal: str, slow: int) -> None:
+    t, f, _ = turned()
+    ms = np.round(1000 * slow * t).astype(int) + 86_395_000
+    stamp = [f"{x // 3600000 % 24:02d}:{x // 60000 % 60:02d}:{x // 1000 % 60:02d}{decimal}{x % 1000:03d}" for x in ms]
+    r = propose([rows(tmp_path / "a.txt", "# hand", stamp, *f.T, mark="\t")]).recording
+    np.testing.assert_allclose(r.time - r.time[0], slow * t, atol=1e-6)
+
+
 def test_lines_of_json(tmp_path: Path) -> None:
     t, f, w = turned()
     path = tmp_path / "a.jsonl"
