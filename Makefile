@@ -37,7 +37,7 @@ docs/_build/errata.json: $(wildcard derivations/*.py derivations/*/*.py) | $(VEN
 	mkdir -p docs/_build
 	$(BIN)/python -m derivations --out docs/_build --faults
 
-mutate: $(VENV)/.dev-ready  ## whether the tests can fail: every effect and every equation of the estimators falsified
+mutate: $(VENV)/.dev-ready  ## whether the tests can fail: effects and equations of the estimators falsified, feared mistakes made
 	$(BIN)/python -m tests.mutate
 
 bench: $(VENV)/.dev-ready  ## the figures of the README, measured (about 90 min; the diagnosis takes 60 of them)

@@ -47,6 +47,13 @@ def test_density_is_found_in_one_rest_and_in_many(turns):
     assert stated["gyroscope"] == {"value": pytest.approx(0.3 * DEG / 60 * np.sqrt(50), rel=0.03), "unit": "rad/s"}
 
 
+def test_the_first_point_of_a_curve_is_as_uncertain_as_its_degrees_of_freedom_leave_it():
+    """White noise of N samples: two thirds of N, so that the deviation is known to sqrt(3 / N) / 2 of itself."""
+    for c in noise_at_rest(unit()):
+        told = c.to_dict()
+        assert told["sigma"][0] / told["deviation"][0] == pytest.approx(np.sqrt(3 / 6000) / 2, rel=0.1)
+
+
 def test_command_writes_what_its_schema_says_and_a_page(command, tmp_path, capsys):
     write(unit(title="bench"), tmp_path / "rec", "samples.csv")
     assert command("noise", tmp_path / "rec", "--out", tmp_path / "out") == 0

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from gimbalcal import diagnose
 from gimbalcal.diagnose.answer import Diagnosis
-from gimbalcal.diagnose.cost import in_words, with_cost
+from gimbalcal.diagnose.cost import _swung, in_words, with_cost
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.estimate.added import added
 from gimbalcal.estimate.systematic.run import systematic
+from gimbalcal.navigate.still import still_base
 from gimbalcal.pipeline import three_stage
-from gimbalcal.recording import Recording
+from gimbalcal.recording import Recording, Site
 from gimbalcal.simulate import simulate
 from tests.estimate.systematic.table import turning_unit
 
@@ -67,6 +70,15 @@ def test_of_positions_a_still_base_is_navigated_through_the_recorded_temperature
     # 20 ug/degC over 3 degC: 30 ug either way are 190 m
     assert 0.05 < found["cost"]["without_nmi"] < 0.3
     assert 0 < found["cost"]["with_nmi"] < 0.5 * found["cost"]["without_nmi"]
+
+
+def test_a_still_base_warms_and_cools_once_a_day_through_what_was_recorded() -> None:
+    base = still_base(24.0, Site(latitude=0.7))
+    logged = replace(base, channels={("temperature", ""): np.linspace(20.0, 30.0, len(base.time))})
+    swung = _swung(base, [logged])
+    hours, degrees = swung.time / 3600, swung.channels["temperature", ""]
+    assert np.interp([0.0, 6.0, 12.0, 18.0, 24.0], hours, degrees) == pytest.approx([25.0, 30.0, 25.0, 20.0, 25.0])
+    assert (degrees.min(), degrees.max()) == pytest.approx((20.0, 30.0))
 
 
 def test_where_no_navigator_can_be_run_nothing_is_said() -> None:

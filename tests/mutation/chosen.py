@@ -15,11 +15,8 @@ Mistake = tuple[str, str, str, str]  # module, function, what stands there once,
 CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, that ought to notice
     "history/test_course.py history/test_compare.py": (
         ("history.course", "course", "still[k - 1]", "still[k - 2]"),
-        ("history.course", "course", "CLEAR * float(sigma[-1])", "CLEAR * float(sigma[0])"),
         ("history.course", "course", "SURPRISE / 2 / n", "SURPRISE / n"),
-        ("history.course", "course", "independent[a:b]", "independent[a : b - 1]"),
         ("history.course", "_one_by_one", "< 0}", "> 0}"),
-        ("history.course", "_sizes", "(after - before", "(before - after"),
         ("history.course", "_mean", "1 / np.sqrt(w.sum())", "1 / w.sum()"),
         ("history.course", "_with_step", ">= k", "> k"),
         ("history.compare", "Comparison.odd", "SURPRISE / len(self.steps)", "SURPRISE"),
@@ -27,110 +24,16 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     ),
     "history/test_compare.py": (
         ("history.compare", "compare", "at, time[at], x", "at, time[: len(at)], x"),
-        ("history.compare", "compare", "np.sqrt(np.diag(without_gravity(d.calibration, alike)))",
-         "d.calibration.sigmas"),
         ("history.compare", "_step", "b.values[j] - a.values[i]", "b.values[j] + a.values[i]"),
         ("history.compare", "_moved", "c.rate * YEAR, c.rate_sigma * YEAR", "c.rate, c.rate_sigma"),
-        ("history.compare", "_row", "c.at[k] for k in c.jumps", "k for k in c.jumps"),
     ),
     "history/test_store.py": (
         ("history.dated", "day_of", "%Y-%m-%d %H:%M:%S", "%Y-%d-%m %H:%M:%S"),
-        ("history.dated", "of_store", 'last[key].calibration.method == "diagnosis"',
-         'last[key].calibration.method != "diagnosis"'),
         ("history.dated", "of_store", 'e.content.get("provenance", {}).get("created") or e.date', "e.date"),
         ("history.dated", "when", "date.replace(tzinfo=UTC)", "date.astimezone(UTC)"),
         ("history.store", "_digest", 'k != "created"', 'k != "recordings"'),
     ),
-    "navigate/test_static_run.py": (
-        ("navigate.static_run", "_errors", "course.latitude - site.latitude", "site.latitude - course.latitude"),
-        ("navigate.static_run", "_errors", "- site.phase - EARTH_RATE *", "- site.phase + EARTH_RATE *"),
-        ("navigate.static_run", "_errors", "= -navigator_attitude_error", "= navigator_attitude_error"),
-        ("navigate.static_run", "horizontal", "np.cos(site.latitude)", "np.sin(site.latitude)"),
-        ("navigate.static_run", "horizontal", "M, N = radii", "N, M = radii"),
-        ("navigate.static_run", "_given", "1 + shortening", "1 - shortening"),
-        ("navigate.bands", "_propagated", "/ np.outer(sigma[seen], sigma[seen])", "/ sigma[seen]"),
-        ("navigate.bands", "_sampled", "V * np.sqrt(np.maximum(w, 0.0))", "V * np.maximum(w, 0.0)"),
-        ("navigate.answer", "content", "run.position[-1] / NAUTICAL_MILE", "run.position[-1]"),
-        ("navigate.answer", "content", "np.mean(run.position**2)", "np.mean(run.position)"),
-        ("navigate.bands", "uncertain", ".max())", ".min())"),
-    ),
-    "diagnose/test_cost.py::test_of_positions_a_still_base_is_navigated_through_the_recorded_temperatures": (
-        ("diagnose.cost", "_swung", "(v.max() - v.min()) / 2 * turn", "(v.max() - v.min()) * turn"),
-        ("diagnose.cost", "_swung", "/ SOLAR_DAY", "/ DAY"),
-    ),
-    "navigate/test_strapdown_run.py": (
-        ("navigate.thinned", "_means", "x * dt, begin", "x, begin"),
-        ("navigate.thinned", "_means", "run.time - dt / 2", "run.time + dt / 2"),
-        ("navigate.strapdown_run", "aligned", "exponential(-phi) @ C", "exponential(phi) @ C"),
-    ),
-    (
-        "diagnose/test_cost.py::test_a_drift_left_out_costs_what_it_drifts "
-        "diagnose/test_cost.py::test_what_the_others_take_up_costs_nothing"
-    ): (
-        ("diagnose.cost", "_costs", ".position.max()) / NAUTICAL_MILE for c", ".position.max()) for c"),
-        ("diagnose.cost", "_unit", "if e.id != effect]", "]"),
-    ),
-    "diagnose/verdict/test_disagreement.py": (
-        ("diagnose.verdict.disagreement", "_rise", "together.chi2 - sum", "together.chi2 + sum"),
-        ("diagnose.verdict.disagreement", "_rise", "together.dof - sum(s.dof for s in parts)", "together.dof"),
-        ("diagnose.verdict.disagreement", "_differences", "after.x[j] - before.x[i]", "before.x[i] - after.x[j]"),
-        ("diagnose.verdict.disagreement", "_differences", "np.hypot(after.sigma[j], before.sigma[i])",
-         "after.sigma[j]"),
-        ("diagnose.verdict.disagreement", "_differences", "< KNOWN *", "> KNOWN *"),
-        ("diagnose.verdict.disagreement", "_differences", "2 * float(ndtr(-clearest))", "float(ndtr(-clearest))"),
-        ("diagnose.verdict.disagreement", "disagreement", "rise / max(shared, 1)", "-rise"),
-        ("diagnose.verdict.disagreement", "disagreement", "2 * min(p, rarest", "min(p, rarest"),
-        ("diagnose.verdict.disagreement", "Disagreement.in_words", "recording {self.odd + 1}", "recording {self.odd}"),
-        ("diagnose.verdict.disagreement", "Disagreement.in_words", "self.p_value >= CONTRADICTION",
-         "self.p_value <= CONTRADICTION"),
-    ),
-    "diagnose/verdict/test_wander.py": (
-        ("diagnose.verdict.wander", "decided", "1 + np.exp(found.ln_odds)", "1 + np.exp(-found.ln_odds)"),
-        ("diagnose.verdict.wander", "decided", "found.ln_odds > CLAIM", "found.ln_odds > -CLAIM"),
-        ("diagnose.verdict.wander", "decided", "total - held.ln_total, total", "held.ln_total - total, total"),
-        ("diagnose.verdict.wander", "_wander", "STEP**2 / 12", "STEP**2"),
-        ("diagnose.verdict.wander", "_wander", "np.exp(mean) * unit", "mean * unit"),
-        ("diagnose.verdict.wander", "_wander", "s.null - s.null[lone].max()", "s.null[lone].max() - s.null"),
-        ("diagnose.verdict.wander", "_wander", "spread * walk, ln_odds", "spread, ln_odds"),
-        ("diagnose.verdict.wander", "steady", "logsumexp(joint, axis=0) - logsumexp(null)", "logsumexp(joint, axis=0)"),
-        ("diagnose.search.lone_walk", "wandering", "s.ln_total < CLAIM", "s.ln_total > CLAIM"),
-        ("diagnose.search.lone_walk", "wandering", "np.argsort(-ln)", "np.argsort(ln)"),
-        ("diagnose.search.lone_walk", "wandering", "ln.max() - CLOSE", "ln.max() + CLOSE"),
-        ("diagnose.search.lone_walk", "wandering", "s.ln_total - CLAIM", "s.ln_total + CLAIM"),
-        ("diagnose.search.lone_walk", "weights", "np.log(n.prior) +", "-np.log(n.prior) +"),
-    ),
-    "diagnose/search/test_about_settings.py": (
-        ("diagnose.search.about_settings", "_told", "P @ (A.T @", "-P @ (A.T @"),
-        ("diagnose.search.about_settings", "_told", "reshape(v, -1) * sigma", "reshape(v, -1) / sigma"),
-        ("diagnose.search.about_settings", "_at", "there.value + added", "there.value - added"),
-        ("diagnose.search.about_settings", "_at", "rows.residual + added", "rows.residual - added"),
-        ("diagnose.search.about_settings", "_at", "+ x * scale", "- x * scale"),
-        ("diagnose.search.about_settings", "_told", "(P[q:, q:] * seen).sum() / np.trace(seen)", "np.trace(P[q:, q:])"),
-    ),
-    "diagnose/search/test_stepwise.py": (
-        ("diagnose.search.about_found", "about_found", "> DRAGGED *", "< DRAGGED *"),
-        ("diagnose.search.likeliest", "weigh", "CLAIM * several", "-CLAIM * several"),
-        ("diagnose.search.likeliest", "weigh", "best.ln_weight - max(rival)", "best.ln_weight + max(rival)"),
-        ("diagnose.search.stepwise", "exchanged", "best.lead > EXCHANGE", "best.lead > -EXCHANGE"),
-        ("diagnose.search.stepwise", "pruned", "support[i] > 0, usual[i], support[i], i",
-         "support[i] > 0, usual[i], -support[i], i"),
-        ("diagnose.search.stepwise", "bar", "CLAIM - OFTEN", "CLAIM + OFTEN"),
-        ("diagnose.search.stepwise", "ordered", "np.argmin([m.rms", "np.argmax([m.rms"),
-        ("diagnose.search.stepwise", "ln_odds", "+ np.log(SINGLE)", "- np.log(SINGLE)"),
-        ("diagnose.search.stepwise", "course", "if ln_odds(v, first, other, share) < ln_odds",
-         "if ln_odds(v, first, other, share) > ln_odds"),
-    ),
-    "diagnose/search/test_combine.py::test_order_does_not_matter_and_singles_add_up": (
-        ("diagnose.search.combine", "CombinedRanking.summed", "total[~seen] += otherwise[k]",
-         "total[~seen] -= otherwise[k]"),
-        ("diagnose.search.combine", "matched", "[k] if c.once", "[ABSENT] if c.once"),
-        ("diagnose.search.combine", "_own_pairs", "s.singles.max() <= DETECTED", "s.singles.max() > DETECTED"),
-        ("diagnose.search.combine", "combine", "np.where(rival, np.log(UNKNOWN), np.log(SINGLE))",
-         "np.where(rival, np.log(SINGLE), np.log(UNKNOWN))"),
-    ),
     "recording/test_dwells.py": (
-        ("recording.detection", "detect", "_restlessness(x, m) < _threshold(m)",
-         "_restlessness(x, m) < np.sqrt(_threshold(m))"),
         ("recording.detection", "detect", "round(SHORTEST / step))", "round(SHORTEST * step))"),
         ("recording.detection", "detect", "quiet = _eroded(still, m)", "quiet = still"),
         ("recording.detection", "_threshold", "max(THRESHOLD,", "min(THRESHOLD,"),
@@ -141,19 +44,14 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("recording.dwell", "usual_step", "way = p == 0", "way = p > 0"),
         ("recording.dwell", "_mean", "np.average(off, weights=weight)", "np.average(off)"),
         ("recording.dwell", "_mean", "2 * np.pi * np.round(off / (2 * np.pi))", "np.pi * np.round(off / np.pi)"),
-        ("recording.dwell", "_means", "weight[d.rows].sum()", "weight[d.rows].mean()"),
         ("recording.dwell", "rests_are_means", "> MEANS *", "< MEANS *"),
-        ("recording.dwell", "block_means", "> MISSED *", "< MISSED *"),
     ),
     "recording/test_jitter.py": (
         ("recording.jitter", "_missed", "np.sqrt(1 + (w**2).sum(1))", "np.sqrt(1 + w.sum(1))"),
         ("recording.jitter", "jitter_of", "np.sqrt(np.mean([a / b", "(np.mean([a / b"),
-        ("recording.jitter", "_lost", "np.median(after) - np.median(before)", "np.median(before) - np.median(after)"),
     ),
     "recording/test_increments.py": (
-        ("recording.increments", "Increments.rates", "x / dt if", "x * dt if"),
         ("recording.increments", "Increments._interval", "prepend=self.last", "prepend=time[0]"),
-        ("recording.increments", "Increments.on_clock", "before / after", "after / before"),
     ),
     "recording/test_lone.py": (
         ("recording.lone", "told_by_neighbours", "- x[rows - 2] - x[rows + 2]) / 6",
@@ -171,29 +69,44 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("recording.plausible_run", "check_sidereal", "force @ change.matrix.T", "force @ change.matrix"),
     ),
     "recording/test_rates.py": (
-        ("recording.rates", "_check_turns", "M @ both[change.handed] @ M.T", "M.T @ both[change.handed] @ M"),
         ("recording.rates", "_check_earth", "np.sin(latitude)", "np.cos(latitude)"),
-        ("recording.rates", "_units", "to_si(1.0, u) / to_si(1.0, stated)", "to_si(1.0, stated) / to_si(1.0, u)"),
     ),
     "recording/test_reading.py": (
         ("recording.scatter", "Scatter.sigma", "np.sqrt(total / self.count)", "np.sqrt(total) / self.count"),
     ),
+    "recording/test_joining.py": (
+        ("recording.joining", "_clock", "a.time[-1] < b.time[0]", "a.time[0] < b.time[0]"),
+        ("recording.joining", "_shares", "(common / r.noise[sensor]) ** 2", "(r.noise[sensor] / common) ** 2"),
+    ),
+    "recording/test_turns.py": (
+        ("recording.triads", "Change.inverse", "sign * self.matrix.T", "sign * self.matrix"),
+        ("recording.turns", "rotations", "C[1::2] @ C[: len(C) - len(C) % 2 : 2]",
+         "C[: len(C) - len(C) % 2 : 2] @ C[1::2]"),
+        ("recording.turns", "turns_of", "(level[k] + level[k + 1]) / 2", "level[k]"),
+        ("recording.turns", "agree", "2 * np.sin(CLOSE / 2)", "np.sin(CLOSE / 2)"),
+    ),
+    "recording/test_gravity.py": (
+        ("recording.gravity", "not_stated", "ANOMALY**2 + UNKNOWN_HEIGHT**2) ** 0.5",
+         "ANOMALY**2 + UNKNOWN_HEIGHT**2)"),
+    ),
+    "recording/test_dates.py": (
+        ("recording.dates", "Dates.seconds", "- sign * (3600 * east[0] + 60 * east[1])",
+         "+ sign * (3600 * east[0] + 60 * east[1])"),
+        ("recording.dates", "Dates._of_numbers", "/ tick)", ")"),
+    ),
+    "recording/test_odd_rows.py": (
+        ("recording.holes", "Holes._in_file", 'side="right"', 'side="left"'),
+    ),
     "importers/test_importers.py": (
-        ("importers.mikoff", "import_mikoff", "key: table[:, i] for i, key in enumerate(keys)",
-         "key: table[:, (i + 3) % 6] for i, key in enumerate(keys)"),
         ("importers.imu_tk", "_misfit", "/ 2 - level", "/ 2"),
         ("importers.imu_tk", "_in_unit", "scatter={k: to_si(s, unit) if k in own else s", "scatter={k: s"),
     ),
     "importers/test_pointing.py": (
-        ("importers.phd2", "import_phd2", 'scale * (_column(path, one, "RARawDistance") + _pulsed',
-         'scale * (_column(path, one, "RARawDistance") - _pulsed'),
         ("importers.phd2", "import_phd2", 'DECRawDistance") - _pulsed', 'DECRawDistance") + _pulsed'),
         ("importers.phd2", "import_phd2", "drive - west / np.cos(declination)", "drive - west * np.cos(declination)"),
         ("importers.phd2", "_pulsed", "length / 1000", "length"),
         ("importers.phd2", "_pulsed", "[[0.0], moved[:-1]]", "[moved]"),
-        ("importers.pointing", "elapsed", "* 3600 * SIDEREAL_SECOND", "* 3600 / SIDEREAL_SECOND"),
         ("importers.tpoint", "_by_stars", "15 * (lst[:, None] - stars[:, ::2])", "15 * (stars[:, ::2] - lst[:, None])"),
-        ("importers.tpoint", "_raised", "E + file.air * 1.02", "E - file.air * 1.02"),
         ("importers.tilt_table", "import_tilt_table", "sign * held", "held"),
         ("importers.tpoint", "_joined", "np.where(np.signbit(words[:, 0]), -1.0, 1.0)",
          "np.where(words[:, 0] < 0, -1.0, 1.0)"),
@@ -202,14 +115,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("importers.clock", "unwrapped", "period * np.cumsum(step < 0)", "period * (step < 0)"),
         ("importers.together", "resampled", "(x[1:] + x[:-1]) / 2 * np.diff(t2)", "(x[1:] + x[:-1]) / 2"),
     ),
-    "importers/test_new_layouts.py importers/test_new.py": (
-        ("importers.calendar", "_one", "if len(a) == 4 else (c, a, b) if month_first else (c, b, a)",
-         "if len(a) == 4 else (c, b, a) if month_first else (c, a, b)"),
-    ),
     "importers/test_new_stars.py": (
         ("importers.stars", "pointing_proposal", "/ np.cos(true[axes[1]])", "* np.cos(true[axes[1]])"),
-        ("importers.stars", "_channels", "(where - off, where) if b else (where, where + off)",
-         "(where + off, where) if b else (where, where - off)"),
         ("importers.stars", "_sense", "return -1, f", "return 1, f"),
     ),
     "importers/test_new_layouts.py": (
@@ -221,45 +128,34 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     "importers/test_new_rigs.py": (
         ("importers.rig", "_agreeing", "-apply_matrix(platform", "apply_matrix(platform"),
     ),
-    "report/test_rounding.py": (
-        ("report.rounding", "last_place", "leading <= 354", "leading <= 949"),
+    "importers/test_guesses.py": (
+        ("importers.still", "still_positions", "detect(time, force, rate, raw)",
+         "detect(time, rate or force, rate, raw)"),
+        ("importers.clock", "jitter", "(high - low) / 2 / middle", "(high - low) / 2"),
+        ("importers.clock", "unit_of_time", "1 / (step * size)", "step / size"),
+        ("importers.together", "on_one_clock", "from_si(to_si(more[clock2], theirs[clock2].unit), guesses[clock].unit)",
+         "more[clock2]"),
+        ("importers.stars", "_offset", "np.radians(x / 240)", "np.radians(x / 3600)"),
+        ("importers.rig", "_unit", "> 2 * pi", "< 2 * pi"),
     ),
-    "report/test_calibration_page.py": (
-        ("report.parameter_rows", "as_printed", "zero + x / k", "zero - x / k"),
-        ("report.evidence", "by_position", "/ np.sqrt(means.weight)", "/ means.weight"),
-        ("report.stages", "_stage", '"arcsec" if turned else "ug")', '"ug")'),
-        ("report.parameter_rows", "as_printed", 'dx / abs(k), "counts"', 'dx, "counts"'),
+    "importers/test_new_sky.py": (
+        ("importers.sky", "_of_utc", "degrees + east", "degrees - east"),
+        ("importers.sky", "_of_utc", "360.98564736629 * days", "360.0 * days"),
+        ("importers.sky", "_days", "- 0.5 + x / 86400", "+ x / 86400"),
     ),
-    "report/test_figures.py": (
-        ("report.figures", "over_time", "c.measured - c.fitted", "c.fitted - c.measured"),
+    "navigate/test_static_run.py": (
+        ("navigate.static_run", "_errors", "course.latitude - site.latitude", "site.latitude - course.latitude"),
+        ("navigate.static_run", "_errors", "- site.phase - EARTH_RATE *", "- site.phase + EARTH_RATE *"),
+        ("navigate.static_run", "_errors", "= -navigator_attitude_error", "= navigator_attitude_error"),
+        ("navigate.static_run", "horizontal", "M, N = radii", "N, M = radii"),
+        ("navigate.static_run", "_given", "1 + shortening", "1 - shortening"),
+        ("navigate.bands", "_sampled", "V * np.sqrt(np.maximum(w, 0.0))", "V * np.maximum(w, 0.0)"),
+        ("navigate.answer", "content", "run.position[-1] / NAUTICAL_MILE", "run.position[-1]"),
+        ("navigate.answer", "content", "np.mean(run.position**2)", "np.mean(run.position)"),
     ),
-    "report/test_headline.py": (
-        ("report.headline", "_late", 'sense * p["value"] > 0', 'sense * p["value"] < 0'),
-        ("report.headline", "_amplitudes", 'hypot(a["value"], b["value"])', 'a["value"] + b["value"]'),
-        ("report.headline", "_size", "np.abs(curves.before - curves.after) * curves.sigma",
-         "np.abs(curves.before - curves.after)"),
-    ),
-    "report/test_navigation.py": (
-        ("report.navigation", "navigation_checks", 'np.sqrt(2 / nis["dof"])', '2 / nis["dof"]'),
-    ),
-    "recording/test_joining.py": (
-        ("recording.joining", "_clock", "a.time[-1] < b.time[0]", "a.time[0] < b.time[0]"),
-        ("recording.joining", "_numbered_on", "r.position + last", "r.position"),
-        ("recording.joining", "_shares", "(common / r.noise[sensor]) ** 2", "(r.noise[sensor] / common) ** 2"),
-    ),
-    "recording/test_turns.py": (
-        ("recording.triads", "Change.inverse", "sign * self.matrix.T", "sign * self.matrix"),
-        ("recording.turns", "rotations", "C[1::2] @ C[: len(C) - len(C) % 2 : 2]",
-         "C[: len(C) - len(C) % 2 : 2] @ C[1::2]"),
-        ("recording.turns", "turns_of", "(level[k] + level[k + 1]) / 2", "level[k]"),
-        ("recording.turns", "turns_of", "-moved[k]", "moved[k]"),
-        ("recording.turns", "agree", "2 * np.sin(CLOSE / 2)", "np.sin(CLOSE / 2)"),
-    ),
-    "recording/test_gravity.py": (
-        ("recording.gravity", "not_stated", "ANOMALY**2 + UNKNOWN_HEIGHT**2) ** 0.5",
-         "ANOMALY**2 + UNKNOWN_HEIGHT**2)"),
-        ("recording.gravity", "stated", "if sigma is not None", "if sigma is None"),
-        ("recording.gravity", "odd", "site.gravity - float", "site.gravity + float"),
+    "navigate/test_strapdown_run.py": (
+        ("navigate.thinned", "_means", "run.time - dt / 2", "run.time + dt / 2"),
+        ("navigate.strapdown_run", "aligned", "exponential(-phi) @ C", "exponential(phi) @ C"),
     ),
     "navigate/test_still.py": (
         ("navigate.still", "still_unit", "[0.0, 0.0, -site.gravity]", "[0.0, 0.0, site.gravity]"),
@@ -271,21 +167,90 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("navigate.strapdown_run", "_still", "< SLOW * EARTH_RATE", "< SLOW"),
         ("navigate.strapdown_run", "legs_navigated", "rotation_vector(made", "-rotation_vector(made"),
     ),
+    (
+        "diagnose/test_cost.py::test_a_drift_left_out_costs_what_it_drifts "
+        "diagnose/test_cost.py::test_what_the_others_take_up_costs_nothing"
+    ): (
+        ("diagnose.cost", "_costs", ".position.max()) / NAUTICAL_MILE for c", ".position.max()) for c"),
+        ("diagnose.cost", "_unit", "if e.id != effect]", "]"),
+    ),
+    "diagnose/verdict/test_disagreement.py": (
+        ("diagnose.verdict.disagreement", "_rise", "together.dof - sum(s.dof for s in parts)", "together.dof"),
+        ("diagnose.verdict.disagreement", "_differences", "np.hypot(after.sigma[j], before.sigma[i])",
+         "after.sigma[j]"),
+        ("diagnose.verdict.disagreement", "disagreement", "2 * min(p, rarest", "min(p, rarest"),
+        ("diagnose.verdict.disagreement", "Disagreement.in_words", "recording {self.odd + 1}", "recording {self.odd}"),
+    ),
+    "diagnose/search/test_combine.py::test_order_does_not_matter_and_singles_add_up": (
+        ("diagnose.search.combine", "combine", "np.where(rival, np.log(UNKNOWN), np.log(SINGLE))",
+         "np.where(rival, np.log(SINGLE), np.log(UNKNOWN))"),
+    ),
+    (
+        "diagnose/verdict/test_wander.py::test_walks_compete_with_what_was_found "
+        "diagnose/verdict/test_wander.py::test_a_walk_twenty_times_as_likely_as_any_cause_is_told_alone "
+        "diagnose/verdict/test_wander.py::test_a_walk_is_as_large_as_its_grid_says_on_the_axis_that_is_likeliest"
+    ): (
+        ("diagnose.verdict.wander", "decided", "1 + np.exp(found.ln_odds)", "1 + np.exp(-found.ln_odds)"),
+        ("diagnose.verdict.wander", "decided", "found.ln_odds > CLAIM", "found.ln_odds > -CLAIM"),
+        ("diagnose.verdict.wander", "decided", "total - held.ln_total, total", "held.ln_total - total, total"),
+        ("diagnose.verdict.wander", "_wander", "np.exp(mean) * unit", "mean * unit"),
+        ("diagnose.verdict.wander", "_wander", "spread * walk, ln_odds", "spread, ln_odds"),
+        ("diagnose.search.lone_walk", "wandering", "s.ln_total < CLAIM", "s.ln_total > CLAIM"),
+        ("diagnose.search.lone_walk", "wandering", "s.ln_total - CLAIM", "s.ln_total + CLAIM"),
+    ),
+    "diagnose/verdict/test_wander.py::test_a_weak_drift_is_told_with_the_walk_that_it_may_be": (
+        ("diagnose.verdict.wander", "steady", "logsumexp(joint, axis=0) - logsumexp(null)", "logsumexp(joint, axis=0)"),
+    ),
+    "diagnose/verdict/test_wander.py::test_a_clear_drift_is_no_walk": (
+        ("diagnose.search.lone_walk", "weights", "np.log(n.prior) +", "-np.log(n.prior) +"),
+    ),
+    "diagnose/test_cost.py::test_a_still_base_warms_and_cools_once_a_day_through_what_was_recorded": (
+        ("diagnose.cost", "_swung", "(v.max() - v.min()) / 2 * turn", "(v.max() - v.min()) * turn"),
+    ),
+    "diagnose/search/test_rounds.py": (
+        ("diagnose.search.about_found", "about_found", "> DRAGGED *", "< DRAGGED *"),
+        ("diagnose.search.likeliest", "weigh", "CLAIM * several", "-CLAIM * several"),
+        ("diagnose.search.stepwise", "exchanged", "best.lead > EXCHANGE", "best.lead > -EXCHANGE"),
+        ("diagnose.search.stepwise", "pruned", "support[i] > 0, usual[i], support[i], i",
+         "support[i] > 0, usual[i], -support[i], i"),
+        ("diagnose.search.stepwise", "bar", "CLAIM - OFTEN", "CLAIM + OFTEN"),
+        ("diagnose.search.stepwise", "course", "if ln_odds(v, first, other, share) < ln_odds",
+         "if ln_odds(v, first, other, share) > ln_odds"),
+    ),
+    "diagnose/search/test_about_settings.py::test_about_the_angles_of_each_visit_nothing_is_curved": (
+        ("diagnose.search.about_settings", "_told", "reshape(v, -1) * sigma", "reshape(v, -1) / sigma"),
+        ("diagnose.search.about_settings", "_at", "there.value + added", "there.value - added"),
+    ),
+    "diagnose/search/test_stepwise.py::test_the_first_step_takes_away_most": (
+        ("diagnose.search.stepwise", "ordered", "np.argmin([m.rms", "np.argmax([m.rms"),
+    ),
+    (
+        "diagnose/search/test_combine.py::test_what_happens_once_is_of_one_recording_and_a_shape_of_one_or_of_all_that_show_it"
+    ): (
+        ("diagnose.search.combine", "matched", "[k] if c.once", "[ABSENT] if c.once"),
+    ),
+    "diagnose/search/test_combine.py::test_a_recording_that_does_not_see_a_cause_says_what_it_does_without": (
+        ("diagnose.search.combine", "CombinedRanking.summed", "total[~seen] += otherwise[k]",
+         "total[~seen] -= otherwise[k]"),
+    ),
+    "report/test_calibration_page.py": (
+        ("report.parameter_rows", "as_printed", "zero + x / k", "zero - x / k"),
+        ("report.evidence", "by_position", "/ np.sqrt(means.weight)", "/ means.weight"),
+        ("report.parameter_rows", "as_printed", 'dx / abs(k), "counts"', 'dx, "counts"'),
+    ),
+    "report/test_headline.py": (
+        ("report.headline", "_late", 'sense * p["value"] > 0', 'sense * p["value"] < 0'),
+    ),
     "report/test_numbers.py": (
         ("report.history", "_row", 'p["values"][-1] - p["values"][-2]', 'p["values"][-2] - p["values"][-1]'),
-        ("report.history", "_row", "jump by {names[k]}", "jump by {names[k - 1]}"),
         ("report.history", "_course", '- p["drift_per_year"] * years', '+ p["drift_per_year"] * years'),
         ("report.history", "_course", "2 * sigma[chosen]", "sigma[chosen]"),
-        ("report.history", "_facts", "days / 365.25", "days / 30"),
         ("report.parameter_rows", "_row", '(p["value"] - float(from_si(truth', '(p["value"] + float(from_si(truth'),
-        ("report.parameter_rows", "_row", 'p["value"] / p["prior_sigma"]', 'p["prior_sigma"] / p["value"]'),
         ("report.parameter_rows", "_row", 'from_si(truth[label_of(p)], p["unit"])', "truth[label_of(p)]"),
         ("report.evidence", "by_position", "after = measured - predict(means.platform, s, own)",
          "after = -measured + predict(means.platform, s, own)"),
         ("report.evidence", "by_position", "gravity=-s.force", "gravity=s.force"),
-        ("report.evidence", "_curve", "measured - left, float", "measured + left, float"),
         ("report.stages", "_stage_picture", '/ p["prior_sigma"]', '* p["prior_sigma"]'),
-        ("report.parameter_figures", "correlation", '"c1" if r < 0 else "c0"', '"c0" if r < 0 else "c1"'),
         ("report.chart", "limits", "m.y - m.spread, m.y + m.spread", "m.y - m.spread, m.y"),
         ("report.figures", "sky", "x, y = -r * np.sin(a)", "x, y = r * np.sin(a)"),
         ("report.figures", "tornado", "np.arange(len(names), dtype=float)[::-1]", "np.arange(len(names), dtype=float)"),
@@ -296,42 +261,20 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("report.headline", "_amount", '("arcmin", 60.0)', '("arcmin", 3600.0)'),
         ("report.headline", "_noise", "chi2**0.5", "chi2"),
         ("report.navigation", "innovations_by_leg", '(~stop, "ring"', '(stop, "ring"'),
-        ("report.console", "findings_table", "100 * f['probability']", "f['probability']"),
-        ("report.noise_page", "_rate", "1 / hertz", "hertz"),
         ("report.noise_page", "_chart", 'np.array(c["tau_s"]), np.array(c["deviation"])',
          'np.array(c["deviation"]), np.array(c["tau_s"])'),
-        ("report.noise_page", "headline", "< HOUR and", "> HOUR and"),
         ("report.pointing", "_change", 'term["change"], term["change_sigma"]', 'term["value"], term["sigma"]'),
         ("report.budget_page", "budget_report", "100 * made.share[i]", "made.share[i]"),
-        ("report.budget_page", "_tornado", '(1e3, "km")', '(1e3, "m")'),
         ("report.pointing", "pointing_picture", "np.sqrt((x**2).sum(axis=1).mean())", "(x**2).sum(axis=1).mean()"),
     ),
-    "importers/test_guesses.py": (
-        ("importers.still", "still_positions", "detect(time, force, rate, raw)",
-         "detect(time, rate or force, rate, raw)"),
-        ("importers.clock", "jitter", "(high - low) / 2 / middle", "(high - low) / 2"),
-        ("importers.clock", "in_unit", "* UNITS[unit])", "/ UNITS[unit])"),
-        ("importers.guess", "unit_of_rate", "x - np.median(x)", "x"),
-        ("importers.clock", "unit_of_time", "1 / (step * size)", "step / size"),
-        ("importers.together", "on_one_clock", "from_si(to_si(more[clock2], theirs[clock2].unit), guesses[clock].unit)",
-         "more[clock2]"),
-        ("importers.together", "one_each", "np.sqrt(np.mean([columns[n] ** 2", "np.sqrt(np.mean([columns[n]"),
-        ("importers.stars", "_offset", "np.radians(x / 240)", "np.radians(x / 3600)"),
-        ("importers.rig", "_unit", "> 2 * pi", "< 2 * pi"),
+    "calibration/test_gravity.py": (
+        ("calibration.gravity", "scaled", "1 + x if", "1 - x if"),
     ),
-    "recording/test_dates.py": (
-        ("recording.dates", "Dates.seconds", "- sign * (3600 * east[0] + 60 * east[1])",
-         "+ sign * (3600 * east[0] + 60 * east[1])"),
-        ("recording.dates", "Dates.seconds", "3600 * h + 60 * m + s", "3600 * h + m + s"),
-        ("recording.dates", "Dates._of_numbers", "/ tick)", ")"),
+    "cli/test_noise.py": (
+        ("at_rest", "Channel.to_dict", "(2 * np.sqrt(self.model))", "np.sqrt(self.model)"),
     ),
-    "recording/test_odd_rows.py": (
-        ("recording.holes", "Holes._in_file", 'side="right"', 'side="left"'),
-    ),
-    "importers/test_new_sky.py": (
-        ("importers.sky", "_of_utc", "degrees + east", "degrees - east"),
-        ("importers.sky", "_of_utc", "360.98564736629 * days", "360.0 * days"),
-        ("importers.sky", "_days", "- 0.5 + x / 86400", "+ x / 86400"),
+    "simulate/test_simulate.py::test_a_temperature_walks_by_the_root_of_time": (
+        ("simulate.environment", "course", "np.sqrt(GRID / 3600)", "(GRID / 3600)"),
     ),
 }  # fmt: skip
 
@@ -341,11 +284,14 @@ def room_of(mistake: Mistake) -> str:
     return mistake[0].split(".")[0]
 
 
-def chosen(room: str) -> Iterator[tuple[Mutant, Tests]]:
-    """The mistakes in a room, each with the tests that ought to notice it."""
-    for tests, mistakes in CHOSEN.items():
-        for module, function, before, after in (m for m in mistakes if room_of(m) == room):
-            yield mistaken(f"gimbalcal.{module}", function, before, after), tuple(f"tests/{t}" for t in tests.split())
-
-
 ROOMS = tuple(sorted({room_of(m) for mistakes in CHOSEN.values() for m in mistakes}))
+
+
+def chosen(room: str, outdated: list[str]) -> Iterator[tuple[Mutant, Tests]]:
+    """The mistakes in a room, each with its tests; those that the code has no place for any more go to `outdated`."""
+    for tests, mistakes in CHOSEN.items():
+        for module, *mistake in (m for m in mistakes if room_of(m) == room):
+            try:
+                yield mistaken(f"gimbalcal.{module}", *mistake), tuple(f"tests/{t}" for t in tests.split())
+            except ValueError as problem:
+                outdated.append(str(problem))

@@ -60,8 +60,11 @@ def original(module: str, function: str) -> FunctionType:
 
 
 def mistaken(module: str, function: str, before: str, after: str) -> Mutant:
-    """The mutant in whose text `after` stands for `before`, which the function holds once."""
-    lines, first = inspect.getsourcelines(original(module, function))
+    """The mutant in whose text `after` stands for `before`; raises ValueError unless it does once before that."""
+    try:
+        lines, first = inspect.getsourcelines(original(module, function))
+    except (ImportError, AttributeError):
+        raise ValueError(f"{module}.{function} is not there any more") from None
     text = "".join(lines)
     if text.count(before) != 1:
         raise ValueError(f"{module}.{function} holds {before!r} {text.count(before)} times, and not once")

@@ -18,6 +18,8 @@ from gimbalcal.inference.information import information, solve
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.recording import dwells, read
 from gimbalcal.simulate import check_content, simulate, simulate_to
+from gimbalcal.simulate.environment import course
+from gimbalcal.simulate.scenario import History
 
 TEN_S = {"value": 10.0, "unit": "s"}
 ONE_HZ = {"value": 1.0, "unit": "Hz"}
@@ -242,6 +244,13 @@ def test_a_scenario_that_is_not_there_is_told_with_those_that_are(tmp_path: Path
     with pytest.raises(InputError, match=r"bad\.toml, line 1: .* not valid TOML"):
         simulate_to(tmp_path / "bad.toml", tmp_path / "run")
     assert not (tmp_path / "run").exists()
+
+
+def test_a_temperature_walks_by_the_root_of_time() -> None:
+    walk = course(History(shape="random-walk", walk=2.0), 3600.0 * 4000, np.random.default_rng(3))
+    for hours in (1, 16):
+        steps = np.diff(walk(3600.0 * np.arange(0, 4001, hours)))
+        assert np.std(steps) == pytest.approx(2.0 * np.sqrt(hours), rel=4 / np.sqrt(2 * len(steps)))
 
 
 def test_a_covariate_acts_and_is_logged() -> None:

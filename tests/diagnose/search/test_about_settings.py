@@ -35,6 +35,8 @@ def test_about_the_angles_of_each_visit_nothing_is_curved() -> None:
     loose = observed(DEGREE)
     about = about_settings(loose)
     assert about.told < 0.01
+    again = about.read.rows(about.baseline).over(about.sigma)  # what is read there is what the rows hold
+    np.testing.assert_allclose(again.residual, about.rows.residual, atol=1e-6)
     assert 0.8 < misfit(about) < 1.3
     assert misfit(replace(loose, told=about.told)) > 20  # the same noise about the angles that were read
 

@@ -9,8 +9,9 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 from gimbalcal.diagnose import diagnose
+from gimbalcal.diagnose.evidence.odds import SINGLE, UNKNOWN
 from gimbalcal.diagnose.known_noise import searched
-from gimbalcal.diagnose.search.combine import combine
+from gimbalcal.diagnose.search.combine import CombinedRanking, combine, matched
 from gimbalcal.diagnose.several import baseline_of
 from gimbalcal.diagnose.verdict.pool import pooled
 from gimbalcal.effects.baseline import BASELINE
@@ -151,6 +152,28 @@ def test_what_no_catalogue_holds_stays_unnamed_although_likenesses_add_up():
     assert "every recording" in d.unexplained[0]["channel"]
 
 
+def of_candidates(*told):
+    """A search over candidates (key, once, rival)."""
+    every = tuple(SimpleNamespace(key=(key,), once=once, rival=rival) for key, once, rival in told)
+    return SimpleNamespace(library=SimpleNamespace(candidates=every))
+
+
+def test_what_happens_once_is_of_one_recording_and_a_shape_of_one_or_of_all_that_show_it():
+    drift, step, sine = ("drift", False, ""), ("step", True, ""), ("sine", False, "sine")
+    candidates, place = matched([of_candidates(step, drift, sine), of_candidates(drift, step), of_candidates(sine)])
+    found = sorted((c.key[0], *map(int, at)) for c, at in zip(candidates, place, strict=True))
+    assert found == [("drift", 1, 0, -1), ("sine", -1, -1, 0), ("sine", 2, -1, -1), ("sine", 2, -1, 0),
+                     ("step", -1, 1, -1), ("step", 0, -1, -1)]  # fmt: skip
+
+
+def test_a_recording_that_does_not_see_a_cause_says_what_it_does_without():
+    place = np.array([[0, 0], [1, -1]])
+    both = CombinedRanking(None, (), (), place, np.zeros(2))
+    values = [np.array([1.0, 2.0]), np.array([10.0])]
+    np.testing.assert_array_equal(both.summed(values), [11.0, 2.0])
+    np.testing.assert_array_equal(both.summed(values, [np.array(100.0), np.array(7.0)]), [11.0, 9.0])
+
+
 def test_order_does_not_matter_and_singles_add_up():
     with threadpool_limits(limits=1):
         made = (record(np.random.default_rng(seed)) for seed in (1, 2))
@@ -161,6 +184,9 @@ def test_order_does_not_matter_and_singles_add_up():
     alone = [s.singles[[c.label for c in s.library.candidates].index(label)] for s in (a, b)]
     both = next(h for h in one.hypotheses if [one.library.candidates[m].label for m in h.members] == [label])
     assert both.ln_bayes == pytest.approx(sum(alone), abs=1e-12)
+    rival = np.array([bool(c.rival) for c in one.library.candidates])
+    assert np.exp(one.share[~rival]).sum() == pytest.approx(SINGLE)
+    assert np.exp(one.share[rival]).sum() == pytest.approx(UNKNOWN)
 
 
 def test_pooled_sizes_are_those_of_least_squares_on_everything():

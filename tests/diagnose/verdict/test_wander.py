@@ -1,16 +1,23 @@
 """One accelerometer that wanders competes with drifts, and is told with what it may as well be."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.answer import Diagnosis
+from gimbalcal.diagnose.evidence.noise import LONE_WALK
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.known_noise import searched
-from gimbalcal.diagnose.search.lone_walk import wandering
+from gimbalcal.diagnose.search.lone_walk import CLOSE, wandering, weights
+from gimbalcal.diagnose.search.ranking import Hypothesis
+from gimbalcal.diagnose.verdict.decide import Decision
 from gimbalcal.diagnose.verdict.wander import Wander, decided, steady, with_wander
 from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.process import RandomWalk
 from gimbalcal.pipeline import silent
+from gimbalcal.units import to_si
 from tests.diagnose.plant import UG, at_strength, on, record
 
 HOURS = (17 * 135 + 119) / 3600  # of the plant's timetable
@@ -48,7 +55,9 @@ def test_a_walk_of_one_accelerometer_is_no_cause_and_its_size_comes_back():
 
 def test_a_weak_drift_is_told_with_the_walk_that_it_may_be():
     s = search_of(at_strength(5, drift, 15.0))
-    d, wander = decided(s, steady(s), CLAIM)
+    held = steady(s)
+    assert abs(np.median(held.singles)) < 5  # most causes are neither seen nor spoken against
+    d, wander = decided(s, held, CLAIM)
     assert d.verdict == "not-identifiable"
     assert {s.library.candidates[i].effect for i in (*d.hypothesis.members, *d.confounded[0])} >= {"bias_drift"}
     assert -CLAIM < wander.ln_odds < CLAIM
@@ -66,6 +75,7 @@ def test_a_wave_that_a_walk_could_be_is_told_by_its_formula():
 def test_a_clear_drift_is_no_walk():
     s = search_of(at_strength(5, drift, 30.0))
     assert wandering(s) == ()
+    np.testing.assert_allclose(weights(s, [p.node for p in s.projections]), s.null, atol=1e-6)
     d, wander = decided(s, steady(s), CLAIM)
     assert wander is None
     assert "bias_drift" in {s.library.candidates[i].effect for i in (*d.hypothesis.members, *d.confounded[0])}
@@ -80,3 +90,53 @@ def test_what_wanders_is_said():
     beside = with_wander(Diagnosis("not-identifiable", (), (), (), {}, {}, "A drift or a step."), wander)
     assert beside.unexplained == ({"channel": "specific_force x", "shape": "a random walk"},)
     assert beside.in_words == f"A drift or a step. It may as well be that {words}."
+
+
+def of_nodes(told, **more):
+    """A search in which each noise has a lone walk (axis, size) or none, and a ln evidence of nothing missing."""
+    nodes = [SimpleNamespace(alone=a, noise={"specific_force": (RandomWalk(size),)}) for a, size, _ in told]
+    o = SimpleNamespace(y=np.zeros((4, 3)), sigma=np.array([1.0, 3.0, 9.0]) * to_si(1.0, "ug/sqrt(h)"),
+                        channels=tuple(("specific_force", a) for a in "xyz"))  # fmt: skip
+    return SimpleNamespace(
+        projections=tuple(SimpleNamespace(node=n) for n in nodes), null=np.array([ln for *_, ln in told]), o=o, **more
+    )
+
+
+WALKS = [("", 0.0, 0.0), ("x", 8.0, -4.0), ("y", 1.0, np.log(1.5)), ("y", 4.0, np.log(1.5))]
+
+
+def test_a_walk_is_as_large_as_its_grid_says_on_the_axis_that_is_likeliest(monkeypatch):
+    s = of_nodes(WALKS)
+    needed = CLAIM
+    other = Decision("missing-physics", Hypothesis((0,), 9.0, 9.0), (), (0.8,), 0.9)
+    answers = iter([Decision("adequate", None, (), (), 0.0), other])
+    monkeypatch.setattr("gimbalcal.diagnose.verdict.wander.decide", lambda *_: next(answers))
+    d, wander = decided(s, SimpleNamespace(ln_total=1.0), needed)
+    assert wander.axis == "y"
+    assert wander.walk == pytest.approx(2.0 * 3.0)  # between one and four, in the noise of y
+    step = np.log(LONE_WALK[1] / LONE_WALK[0])
+    assert wander.sigma == pytest.approx(6.0 * np.sqrt(np.log(2.0) ** 2 + step**2 / 12), rel=0.01)
+    assert wander.ln_odds == pytest.approx(np.log(3.0) - 1.0, abs=0.01)  # of three times nothing, to e times nothing
+    assert d.verdict == "not-identifiable"
+    assert d.probability == (pytest.approx(0.8 * np.e / (np.e + 3.0), abs=0.005),)
+
+
+@pytest.mark.parametrize(("ln_held", "told"), [(0.0, "adequate"), (9.0, "not-identifiable")])
+def test_a_walk_twenty_times_as_likely_as_any_cause_is_told_alone(monkeypatch, ln_held, told):
+    s = of_nodes([("", 0.0, 0.0), ("z", 1.0, CLAIM + 0.5)])
+    other = Decision("missing-physics", Hypothesis((0,), 9.0, 9.0), (), (0.8,), 0.9)
+    answers = iter([Decision("adequate", None, (), (), 0.0), other])
+    monkeypatch.setattr("gimbalcal.diagnose.verdict.wander.decide", lambda *_: next(answers))
+    assert decided(s, SimpleNamespace(ln_total=ln_held), CLAIM)[0].verdict == told
+
+
+@pytest.mark.parametrize(
+    ("ln_total", "ln", "kept"),
+    [(CLAIM - 0.1, [9.0, 8.0], []),  # nothing was found
+     (9.0, [8.0, 9.0, 9.0 - CLOSE - 0.1], [1, 0]),  # likeliest first, and none that is far behind
+     (9.0, [9.0 - CLAIM + 0.1], [0]), (9.0, [9.0 - CLAIM - 0.1], [])],  # a twentieth as likely as what was found
+)  # fmt: skip
+def test_walks_compete_with_what_was_found(monkeypatch, ln_total, ln, kept):
+    monkeypatch.setattr("gimbalcal.diagnose.search.lone_walk.lone_walks", lambda _: list(range(len(ln))))
+    monkeypatch.setattr("gimbalcal.diagnose.search.lone_walk.weights", lambda *_: np.array(ln))
+    assert wandering(SimpleNamespace(ln_total=ln_total, o=None, null=np.zeros(1))) == tuple(kept)

@@ -1,0 +1,32 @@
+"""A mistake that somebody wrote down is made in the place it names, in one process, and taken back."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.history.test_course import of
+from tests.mutation.rewrite import mistaken
+
+COURSE = "gimbalcal.history.course"
+
+
+def test_a_mistake_is_made_and_taken_back() -> None:
+    def clear() -> float:
+        return of([0, 6], [3, 4]).clear
+
+    mutant = mistaken(COURSE, "Course.clear", "np.hypot(self.sigma[1:], self.sigma[:-1])", "self.sigma[1:]")
+    assert clear() == pytest.approx(6 / 5)
+    undo = mutant.install()
+    assert clear() == pytest.approx(6 / 4)
+    undo()
+    assert clear() == pytest.approx(6 / 5)
+
+
+@pytest.mark.parametrize(
+    ("module", "function", "before", "words"),
+    [(COURSE, "_mean", "sigma**-3", "0 times, and not once"), (COURSE, "_mean", "w", "times, and not once"),
+     (COURSE, "_median", "w", "is not there any more"), ("gimbalcal.nowhere", "_mean", "w", "is not there any more")],
+)  # fmt: skip
+def test_a_mistake_that_has_no_place_is_named(module: str, function: str, before: str, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        mistaken(module, function, before, "x")
