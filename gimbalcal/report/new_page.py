@@ -47,6 +47,7 @@ def proposal_page(found: Proposal) -> str:
     r = found.recording
     stars, stays = r.kind == "pointing", () if r.kind == "pointing" else dwells(r)
     enough = len(r.time) >= 9 if stars else len(stays) >= 9
+    told = [f"{what}: {note}" for what, note in found.notes.items()]
     context = {
         "title": r.title,
         "answer": f"{amount(len(r.time), 'star')} found. {NEXT}" if stars else _answer(found, len(stays)),
@@ -58,7 +59,7 @@ def proposal_page(found: Proposal) -> str:
                   "unit": wording.unit_in_print(g.unit), "why": wording.typeset(g.why)}
                  for n, g in found.guesses.items()],
         "left_out": ", ".join(name.strip() for name in found.left_out),
-        "remarks": [wording.sentence(wording.typeset(text)) for text in (*found.notes.values(), *r.remarks)],
+        "remarks": [wording.sentence(wording.typeset(text)) for text in (*told, *r.remarks)],
     }  # fmt: skip
     return render("new.html", context)
 
@@ -77,6 +78,7 @@ def _answer(found: Proposal, rests: int) -> str:
                 "`gimbalcal calibrate` this folder, best together with positions of the same unit.")  # fmt: skip
     few = " Nine or more in different attitudes are needed for all errors of three accelerometers." if rests < 9 else ""
     after = "`gimbalcal noise` this folder" if rests < 2 else "`gimbalcal calibrate` this folder"
+    after += " with `--terms bias,scale_factor`, which six faces tell" if 6 <= rests < 9 else ""
     return (
         f"{amount(rests, 'rest')} found in {lasting(float(np.ptp(r.time)))}.{few} Next: correct "
         f"recording.toml where a guess below is wrong, then {after}."
