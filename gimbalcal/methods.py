@@ -21,6 +21,7 @@ from gimbalcal.estimate.added import added
 from gimbalcal.estimate.cross_check import CrossCheck, cross_check
 from gimbalcal.estimate.grade import graded
 from gimbalcal.estimate.gyroscopes.against_attitude import gyroscopes_against_attitude
+from gimbalcal.estimate.gyroscopes.rate_table import gyroscopes_on_a_table
 from gimbalcal.estimate.gyroscopes.two_position import two_position
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.sessions import unit_of_sessions
@@ -49,10 +50,12 @@ def usual_method(recordings: Sequence[Recording]) -> str:
     """The method for recordings of these kinds: by angles where there are gimbals, by the norm of gravity without.
 
     A unit that turns on and on is held against an attitude that was logged, else against its own navigation; a mount
-    against its stars.
+    against its stars; gyroscopes without accelerometers against the angles of the table that turns them.
     """
     if any(r.kind == "pointing" for r in recordings):
         return "pointing"
+    if all(r.has("angular_rate") and r.has("gimbal_angle") and not r.has("specific_force") for r in recordings):
+        return "rate-table"
     if all(r.kind == "rotation" and r.has("angular_rate") for r in recordings):
         return "attitude" if all(r.axes("attitude") for r in recordings) else "systematic"
     without = all(r.kind == "multi-position" and not r.platform.axes for r in recordings)
@@ -171,6 +174,11 @@ def _estimated(
             tell(f"note: {words}")
     elif method == "systematic":
         made = _navigated(recordings, terms, tell, more, states)
+    elif method == "rate-table":
+        if terms or more:
+            raise InputError("--method rate-table has its own terms; leave --terms and --with out")
+        made = gyroscopes_on_a_table(recordings)
+        tell(made.provenance["options"]["in_words"])
     elif method in ALONE:
         if len(recordings) > 1 or terms or more:
             raise InputError(f"--method {method} takes one recording and has its own terms; give it alone")
@@ -183,7 +191,10 @@ def _estimated(
     else:
         made = three_stage(recordings, tell, added(more, recordings, _modelled(recordings)), grade)
         if any(r.has("angular_rate") for r in recordings):
-            why = "the three stages calibrate accelerometers; --method multiposition takes both triads"
+            why = (
+                "the three stages calibrate accelerometers; --method multiposition takes both triads, and "
+                "--method rate-table holds gyroscopes against the angles of the table that turns them"
+            )
             options = {**made.provenance.get("options", {}), "gyroscopes": why}
             made = replace(made, provenance={**made.provenance, "options": options})
             tell(f"note: the gyroscopes stay out: {why}")

@@ -109,12 +109,13 @@ gimbalcal.add_command(observe)
 @RECORDINGS
 @click.option(
     "--method",
-    type=click.Choice(["three-stage", "multiposition", "systematic", "attitude", "two-position"]),
+    type=click.Choice(["three-stage", "multiposition", "systematic", "attitude", "rate-table", "two-position"]),
     default=None,
     help="Left out, the kind of recording says it. three-stage: space-stable platform, angles recorded; "
     "multiposition: no angles needed, gyroscopes too; "
     "systematic: both triads of a unit that is turned in its place, by navigation, no angle trusted; "
     "attitude: moving gyroscopes against an attitude that was logged beside them; "
+    "rate-table: gyroscopes against the angles of a table at steady rates, one recording for each mounting; "
     "two-position: gyroscopes that stand still and are reversed, bias against the Earth's rate.",
 )
 @names_option("--terms", "multiposition, and mounts: terms to estimate (see the report).")

@@ -181,7 +181,8 @@ def _made(
         guesses, gimbals = {**guesses, **theirs}, {**gimbals, **{g.axis: name for name, g in theirs.items()}}
         told["platform"], turned, platform = found.why, found.backwards, found.platform
         if len(gimbals) == 1:
-            told["platform"] += "; turns about one axis show few errors: mount the unit otherwise too for the others"
+            told["platform"] += "; turns about one axis show few errors: mount the unit otherwise too for the others; "
+            told["platform"] += "steady turns calibrate gyroscopes, --method rate-table, all mountings together"
         reverse = tuple(n for n, g in guesses.items() if g.quantity == FORCE) if found.reversed else ()
     kept = {name: g for name, g in guesses.items() if name not in outside}
     made = from_frame(columns, _entries(kept, (*(gimbals[a] for a in turned), *reverse)), title=title, called=title,

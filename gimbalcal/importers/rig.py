@@ -52,7 +52,8 @@ def rig_of(angles: Mapping[str, Array], force: Array) -> Rig:
     if m < FEWEST and first is not None:
         return Rig(first, (), f"by the names of its axes; {m} rests do not tell whether gravity agrees")
     best, told = 0, ""
-    for sign in (1.0, -1.0):
+    unit = force / np.linalg.norm(force, axis=1, keepdims=True)
+    for sign in (1.0, -1.0) if np.linalg.norm(unit - unit[0], axis=1).max() > CLOSE else (1.0,):  # z up is no reversal
         for platform, backwards in _known(tuple(angles), first):
             agreeing = _agreeing(platform, backwards, angles, sign * force)
             best = max(best, agreeing if sign > 0 else 0)

@@ -40,7 +40,8 @@ ROUNDS = 10  # of reweighting; each brings the excess within a few percent of th
 class Rests:
     """Mean rates (m, 3) [rad/s] at rest with one sigma of each (m, 3), and what the unit felt there.
 
-    horizontal: what one sigma of each component of the Earth's horizontal rate makes of them (m, 3, q) [rad/s].
+    Where the unit turns steadily, at the rate of the stimulus, they are what is read beyond it. horizontal: what one
+    sigma of each component of the Earth's horizontal rate makes of them (m, 3, q) [rad/s].
     """
 
     rate: Array
@@ -84,16 +85,23 @@ def rests(recording: Recording, accelerometers: Calibration, scale: float = 1.0,
 
 def fit_rests(
     found: Rests, terms: Sequence[str] = (BIAS, G_SENSITIVITY), more: Sequence[Parameter] = (),
-    effects: Sequence[Effect] = (),
+    effects: Sequence[Effect] = (), about: Array | None = None,
 ) -> RestFit:  # fmt: skip
     """Weighted least squares of gyroscope effects, which are linear at rest; the excess of each axis with it.
 
-    more: further parameters, of these absent effects. The Earth's horizontal rate, as far as it is known, is fitted
+    more: further parameters, of these absent effects. about: values (p,) near which they are linear, of a unit that
+    turns. The Earth's horizontal rate, as far as it is known, is fitted
     beside them within what it can be.
     """
     wanted = (*(p for t in terms for p in parameters(CATALOGUE[t])), *more)
-    zero = 0 * found.rate
-    J = complex_step(lambda x: gyroscopes(zero, found.stimulus, with_values(effects, wanted, x)), np.zeros(len(wanted)))
+    rate = found.stimulus.rate
+
+    def read(x: Array) -> Array:
+        return gyroscopes(rate, found.stimulus, with_values(effects, wanted, x))
+
+    x0 = np.zeros(len(wanted)) if about is None else about
+    J = complex_step(read, x0)
+    y = found.rate if about is None else found.rate - (read(x0) - rate) + J @ x0
     prior = np.array([w.sigma for w in wanted])
     p, q = len(wanted), found.horizontal.shape[-1]
     dof = len(J) - np.array([np.any(J[:, i] != 0, axis=0).sum() for i in range(3)])
@@ -101,12 +109,12 @@ def fit_rests(
     own = np.where(found.sigma > 0, found.sigma, SILENT)  # rows that never change, or one a rest
     for _ in range(ROUNDS):
         sigma = np.sqrt(own**2 + excess**2)
-        A = (np.concatenate([J * prior, found.horizontal], axis=-1) / sigma[..., None]).reshape(zero.size, -1)
+        A = (np.concatenate([J * prior, found.horizontal], axis=-1) / sigma[..., None]).reshape(rate.size, -1)
         U, S, Vt = np.linalg.svd(np.concatenate([A, np.eye(p + q)[p:]]), full_matrices=False)
-        U = U[: zero.size]  # beside the rests stands what is known of the Earth
-        told = Vt.T @ ((U.T @ (found.rate / sigma).ravel()) / S)
+        U = U[: rate.size]  # beside the rests stands what is known of the Earth
+        told = Vt.T @ ((U.T @ (y / sigma).ravel()) / S)
         x = told[:p] * prior
-        misfit = found.rate - J @ x - found.horizontal @ told[p:]
+        misfit = y - J @ x - found.horizontal @ told[p:]
         excess = np.array([scatter(misfit[:, i], own[:, i] ** 2, int(dof[i])) for i in range(3)])
     covariance = ((Vt.T / S**2) @ Vt)[:p, :p] * np.outer(prior, prior)
     A = A[:, :p]

@@ -1,0 +1,244 @@
+r"""Gyroscopes on a rate table: what they read while it turns steadily, against what its readouts say.
+
+In a stretch of steady turning the rig's angles give the rate of the unit, omega, by the chain of its axes, and
+
+.. math:: \bar y = h(\omega + [\omega \times]\, \delta + C\, \Omega_b) + \nu, \qquad
+          h(\omega) = \varepsilon + (1 + S + M)\, \omega + \dots ,
+
+with delta how the unit is turned on the table, unknown within `MOUNTED` and one for each recording; C Omega_b the
+Earth's rate, its vertical part known by the latitude, its horizontal part unknown in heading. Each stretch is one row
+of weighted least squares, and scatter beyond the samples' is estimated with it: a bias that wanders from stretch to
+stretch, a table that is not as even as it reads. Misalignments hold how the unit is mounted, and their sigma says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
+from gimbalcal.earth import EARTH_RATE
+from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
+from gimbalcal.effects.gyroscope import rate_matrix
+from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.gyroscopes.heading import horizontal_sigma
+from gimbalcal.estimate.gyroscopes.outcome import UNSTEADY_RATE
+from gimbalcal.estimate.gyroscopes.rests import RestFit, Rests, fit_rests
+from gimbalcal.estimate.gyroscopes.steady import SLOWEST, STEADY, Stretches, stretches_of
+from gimbalcal.estimate.support import coefficients, needed, refusal
+from gimbalcal.forward import gyroscopes
+from gimbalcal.kinematics import DOWN, stimulus_from_truth
+from gimbalcal.number import Array, complex_step
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording
+from gimbalcal.recording.record import RATE
+from gimbalcal.units import from_si
+
+BASE, FURTHER = ("gyro_bias", "gyro_scale_factor", "gyro_misalignment"), (
+    "gyro_scale_asymmetry", "gyro_scale_nonlinearity")  # fmt: skip
+ROUNDS = 3  # each leaves a share of the scale error, squared
+MOUNTED = np.radians(0.2)  # one sigma of how the unit is turned on the table: faces square to ten arcmin
+REVERSED = 0.2  # of the rate
+APART = 1e10  # condition of the columns from which on some cannot be told apart
+
+
+def gyroscopes_on_a_table(recordings: Sequence[Recording]) -> Calibration:
+    """Calibrate gyroscopes against the angles of the table that turned them, from one recording or several mountings.
+
+    Bias, scale factors and misalignments, and asymmetry and nonlinearity of the scale where the stretches support
+    them. What no recording turned about is not estimated and named. Raises InputError without rates or angles of a
+    rig, where nothing turns steadily, and where counts are of an axis that was never turned.
+    """
+    for r in recordings:
+        _refuse(r)
+    each = [stretches_of(r) for r in recordings]
+    for r, s in zip(recordings, each, strict=True):
+        _refuse_reversed(r, s)
+    scale = _nominal(recordings, each)
+    found = _rows(recordings, each, scale, np.eye(3))
+    wanted, unseen = _seen(found)
+    first = _settled(found, wanted)
+    own = dict(zip(first.parameters, first.x, strict=True))
+    M = rate_matrix(*(np.array([own.get(p, 0.0) for p in parameters(CATALOGUE[i])]) for i in BASE[1:]))
+    found = _rows(recordings, each, scale, M)  # a misalignment reads what the mounting turns aside: second order
+    fit, declined = _chosen(found, _settled(found, wanted))
+    return _calibration(recordings, found, fit, unseen, declined, scale, [len(s.time) for s in each])
+
+
+def _refuse(r: Recording) -> None:
+    if set(r.axes(RATE)) != {"x", "y", "z"}:
+        raise InputError(f"{r.title!r} does not hold rates along x, y and z; a rate table calibrates three gyroscopes")
+    if not r.platform.axes or not r.has("gimbal_angle"):
+        raise InputError(
+            f'{r.title!r} does not say how the table turned: give its angle as a column, quantity = "gimbal_angle", '
+            "and its axis in [platform]; against an attitude that was logged: --method attitude"
+        )
+
+
+def _refuse_reversed(r: Recording, s: Stretches) -> None:
+    """InputError where the gyroscopes read about minus what the table turns by; gravity does not tell its sense."""
+    if r.counted(RATE):
+        return
+    off = s.rate - s.rate.mean(0)
+    share = float((off * (s.reading - s.reading.mean(0))).sum() / (off**2).sum()) + 1
+    if abs(share + 1) < REVERSED:
+        moved = [a for a in r.axes("gimbal_angle") if np.ptp(r.channels["gimbal_angle", a]) > SLOWEST]
+        raise InputError(
+            f"the gyroscopes of {r.title!r} read {share:.4g} times what the table turns by: its angle grows the other "
+            f"way; write sign = -1 at the column of {' and '.join(moved)} in [columns]"
+        )
+
+
+def _nominal(recordings: Sequence[Recording], each: Sequence[Stretches]) -> Array:
+    """Rad/s per unit of the readings (3,): ones where they have a scale, else by the turns about each own axis."""
+    counted = [r.counted(RATE) for r in recordings]
+    if not any(counted):
+        return np.ones(3)
+    if not all(counted):
+        raise InputError("some recordings read rates in counts and some in a unit: give all alike")
+    rate = np.concatenate([s.rate for s in each])
+    read = np.concatenate([s.reading + s.rate for s in each])
+    out = np.zeros(3)
+    for i in range(3):
+        if np.ptp(rate[:, i]) < SLOWEST:
+            raise InputError(
+                f"gyroscope {'xyz'[i]} counts and was never turned about its own axis, so how much a count is stays "
+                "unknown: mount the unit with that axis along the table's and turn it"
+            )
+        design = np.stack([rate[:, i], np.ones(len(rate))], axis=1)
+        out[i] = 1 / np.linalg.lstsq(design, read[:, i], rcond=None)[0][0]
+    return out
+
+
+def _rows(recordings: Sequence[Recording], each: Sequence[Stretches], scale: Array, M: Array) -> Rests:
+    """All stretches as rows; beside them the Earth's rate and the mounting of each recording, a sigma each.
+
+    M (3, 3): physics to reading, as far as it is known.
+    """
+    rate, up = np.concatenate([s.rate for s in each]), -DOWN
+    beside = np.zeros((len(rate), 3, 0))
+    reading, at = [], 0
+    for r, s in zip(recordings, each, strict=True):
+        latitude, rows = r.site.latitude, slice(at, at + len(s.rate))
+        vertical = s.attitude @ up
+        known = 0.0 if latitude is None else EARTH_RATE * np.sin(latitude) * vertical
+        own = np.zeros((len(rate), 3, 6))
+        own[rows, :, :2] = horizontal_sigma(latitude) * s.attitude[..., :2]
+        own[rows, :, 2] = (EARTH_RATE / np.sqrt(3) if latitude is None else 0.0) * vertical
+        own[rows, :, 3:] = MOUNTED * M @ np.cross(s.rate[:, None], np.eye(3)).swapaxes(-1, -2)
+        beside = np.concatenate([beside, own], axis=-1)
+        reading.append(scale * (s.reading + s.rate) - s.rate - known)
+        at = rows.stop
+    sigma = np.abs(scale) * np.concatenate([s.sigma for s in each])
+    first = recordings[0]
+    still = Recording("rotation", first.title, BENCH, first.site, {}, first.time[:1], None,
+                      {(RATE, a): np.zeros(1) for a in "xyz"})  # fmt: skip
+    time = np.concatenate([s.time - r.time[0] for r, s in zip(recordings, each, strict=True)])
+    felt = stimulus_from_truth(still, np.zeros((1, 3)), np.zeros((1, 3))).held(len(rate)).at(rate=rate, time=time)
+    return Rests(np.concatenate(reading), sigma, felt, beside)
+
+
+def _seen(found: Rests) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
+    """Parameters of the linear model that some stretch depends on, and those that none does."""
+    every = tuple(p for t in BASE for p in parameters(CATALOGUE[t]))
+    size = np.abs(_columns(found, every)).max(axis=(0, 1))
+    seen = tuple(p for p, s in zip(every, size, strict=True) if s > STEADY * p.sigma * SLOWEST)
+    J = _columns(found, seen).reshape(-1, len(seen))
+    unit = J / np.linalg.norm(J, axis=0)
+    if np.linalg.cond(unit) > APART:
+        raise InputError(
+            "these turns do not tell scale factors from misalignments: turn the unit about one of its own axes in each "
+            "recording, or about three axes and more"
+        )
+    return seen, tuple(p for p in every if p not in seen)
+
+
+def _columns(found: Rests, wanted: Sequence[Parameter]) -> Array:
+    """Derivative (m, 3, p) of the readings, each parameter times its usual size."""
+    s, prior = found.stimulus, np.array([p.sigma for p in wanted])
+    assert s.rate is not None
+    rate = s.rate
+    J = complex_step(lambda x: gyroscopes(rate, s, with_values((), wanted, x)), np.zeros(len(wanted)))
+    return np.asarray(J * prior)
+
+
+def _settled(found: Rests, wanted: tuple[Parameter, ...]) -> RestFit:
+    """The fit near its own solution: scale factors and misalignments multiply each other."""
+    x = np.zeros(len(wanted))
+    for _ in range(ROUNDS):
+        fit = fit_rests(found, (), wanted, about=x)
+        x = fit.x
+    return fit
+
+
+def _chosen(found: Rests, fit: RestFit) -> tuple[RestFit, dict[str, str]]:
+    """The linear fit, and with each further term that the stretches support."""
+    declined: dict[str, str] = {}
+    turned = {p.axis for p in fit.parameters if p.effect == "gyro_scale_factor"}
+    for term in FURTHER:
+        own = tuple(p for p in parameters(CATALOGUE[term]) if p.axis in turned)
+        more = (*fit.parameters, *own)
+        J = _columns(found, more).reshape(-1, len(more))
+        if J.shape[0] <= len(more) or np.linalg.cond(J / np.linalg.norm(J, axis=0)) > APART:
+            declined[term] = f"{term} is left out: it takes more rates, both ways round"
+            continue
+        tried = _settled(found, more)
+        sigma = np.sqrt(np.diag(tried.covariance))
+        why = refusal(term, f"{len(found.rate)} stretches", tried.parameters, tried.x, sigma,
+                      (fit.left_out, tried.left_out), "rad/s", (fit.condition, tried.condition),
+                      needed(coefficients(FURTHER), tried.dof))  # fmt: skip
+        if why:
+            declined[term] = why
+        else:
+            fit = tried
+    return fit, declined
+
+
+def _calibration(recordings: Sequence[Recording], found: Rests, fit: RestFit, unseen: Sequence[Parameter],
+                 declined: dict[str, str], scale: Array, stretches: Sequence[int]) -> Calibration:  # fmt: skip
+    from gimbalcal import __version__
+
+    rms, sigma = float(np.sqrt(np.mean(fit.misfit**2))), np.sqrt(np.diag(fit.covariance))
+    many = amount(sum(stretches), "stretch", "stretches")
+    words = (
+        f"{many} of steady turning in {amount(len(recordings), 'recording')}; what is left is "
+        f"{from_si(rms, 'deg/h'):.3g} deg/h rms"
+    )
+    mounted = (
+        f"misalignments hold how the unit is mounted on the table, which is taken to be good to "
+        f"{from_si(MOUNTED, 'deg'):.2g} deg"
+    )
+    options: dict[str, Any] = {"direction": "physics to reading", "frame": "the table's axes", "in_words": words,
+                               "stretches": list(stretches), "declined": declined}  # fmt: skip
+    counts = Counts(tuple(map(float, scale))) if any(r.counted(RATE) for r in recordings) else None
+    rate = found.stimulus.rate
+    still = " and ".join(a for a, w in zip("xyz", rate.T, strict=True) if np.abs(w).max() < SLOWEST)
+    seldom = "no recording turns the unit about every axis" + (f", none about {still}" if still else "")
+    dark = [{"direction": {p.label: 1.0}, "why": seldom} for p in unseen]
+    for t, why in declined.items():
+        dark.append({"direction": {p.label: 1.0 for p in parameters(CATALOGUE[t])}, "why": why})
+    dof = fit.misfit.size - len(fit.x)
+    chi2 = float(((fit.misfit / found.sigma) ** 2).sum()) if np.all(found.sigma > 0) else float(dof)
+    told = tuple(p.label for p in fit.parameters)
+    files = tuple(f for r in recordings for f in r.files)
+    return Calibration(
+        "rate-table", with_values(fit.effects, fit.parameters, fit.x), fit.parameters, fit.covariance, tuple(dark),
+        Residual(chi2, dof, {"rate": rms}), outcome=_unsteady(found.sigma, fit.misfit),
+        provenance={"recordings": files, "version": __version__, "options": options, "limits": [mounted]},
+        stages=(StageResult("against the table", told, fit.x, sigma, rms, words),),
+        readout=Readout(gyroscopes=counts, gimbals=recordings[0].platform.axis_names),
+    )  # fmt: skip
+
+
+def _unsteady(sigma: Array, misfit: Array) -> str:
+    """A sentence where stretches scatter far beyond the noise of their samples, sigma (m, 3); else nothing."""
+    own, left = np.sqrt((sigma**2).mean(0)), np.sqrt((misfit**2).mean(0))
+    i = int(np.argmax(left / np.maximum(own, 1e-300)))
+    if left[i] <= UNSTEADY_RATE * own[i]:
+        return ""
+    return (
+        f"in steady turning the gyroscope {'xyz'[i]} is off by {from_si(float(left[i]), 'deg/h'):.3g} deg/h rms, "
+        f"{left[i] / own[i]:.2g} times what its samples explain: its bias wanders, or the table turns otherwise"
+    )
