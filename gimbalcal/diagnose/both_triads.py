@@ -27,13 +27,14 @@ from gimbalcal.diagnose.rows.rest_rates import RESTS, rest_rates
 from gimbalcal.diagnose.rows.turns import FEWEST, view_of_turns
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.refit import start
-from gimbalcal.diagnose.search.stepwise import course
 from gimbalcal.diagnose.unknown_noise import UNLOOKED, calibration_of, found_at_rest, on_the_way
-from gimbalcal.diagnose.verdict.told import Told, curves_of, told_of
+from gimbalcal.diagnose.verdict.told import Told, curves_of
+from gimbalcal.diagnose.verdict.wander_in_view import looked_at
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.account import joined
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
 from gimbalcal.forward import gyroscopes
@@ -136,7 +137,7 @@ def _gyroscopes(
 
     def looked(v: View) -> Told:
         tell(f"the gyroscopes: {wording.channels_of(v)}")
-        return told_of(v, course(v, tell), tell)
+        return looked_at(v, tell)
 
     told = [looked(replace(still, turns=None))]
     if turning and (found := found_at_rest(told[0])):
@@ -218,12 +219,13 @@ def _together(
     }
     fitted = {**lead.said.fit, "views": {p.name: dict(p.said.fit) for p in parts}}
     verdict = lead.said.verdict
-    words = _answer(verdict, parts, found, shapes, mismatch, notes)
+    also = joined([o for p in parts if (o := p.said.outcome)])
+    words = _answer(verdict, parts, found, shapes, mismatch, [f"{also}."] * bool(also) + list(notes))
     drawn = curves_of(lead.said) if isinstance(lead.said, Told) else lead.said.curves
     held = None if forces is None else forces.calibration
     made = calibration_of(recording, told, wording.reserve(verdict, found, shapes), held)
     recommend = next(filter(None, (p.said.recommend for p in parts_by_weight)), "")
-    return Diagnosis(verdict, mismatch, found, shapes, fitted, provenance, words, drawn, made,
+    return Diagnosis(verdict, mismatch, found, shapes, fitted, provenance, words, drawn, made, outcome=also,
                      laws=tuple(law for p in parts for law in p.said.laws), recommend=recommend)  # fmt: skip
 
 

@@ -40,7 +40,7 @@ from gimbalcal.diagnose.verdict.recommend import advise, sentence
 from gimbalcal.diagnose.verdict.threshold import clean_evidence
 from gimbalcal.diagnose.verdict.unseen import in_words, unseen
 from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
-from gimbalcal.diagnose.verdict.wander import AGAIN, decided, steady, with_wander
+from gimbalcal.diagnose.verdict.wander import decided, once_more, steady, with_wander
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.number import Array
@@ -64,10 +64,10 @@ def diagnose_known_noise(
     d, wander = decided(s, held, bar(clean))
     options = {"baseline": list(ids), "seed": seed}
     if wander is not None and d.verdict == "adequate":  # unless a formula is as likely: a walk has none
-        none = unnamed(held)
-        law = lawful([held], [none.shapes[:1]], held, none.verdict, seed, tell)
+        none = unnamed(held) if held.ln_total >= CLAIM else replace(unnamed(held), shapes=())
+        law = lawful([held], [none.shapes[:1]], held, none.verdict, seed, tell) if none.shapes else Lawful()
         likelier = max((float(found.entry["evidence"]) for found in law.laws), default=-np.inf) - wander.ln_total
-        law = law if likelier > -CLAIM else Lawful(recommend=law.recommend or AGAIN)
+        law = law if likelier > -CLAIM else Lawful(recommend=law.recommend or once_more(s.o.kind))
         made = _report(held, none, clean, rng, options, tell, calibration, law)
         return made if likelier > CLAIM else with_wander(made, wander, alone=likelier < -CLAIM)
     made = _report(s, d, clean, rng, options, tell, calibration)

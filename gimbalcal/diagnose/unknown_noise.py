@@ -28,9 +28,11 @@ from gimbalcal.diagnose.verdict.calibrated import origin
 from gimbalcal.diagnose.verdict.calibrated_views import Seen, calibrated_views
 from gimbalcal.diagnose.verdict.told import Told, curves_of, told_of
 from gimbalcal.diagnose.verdict.unseen import in_words
+from gimbalcal.diagnose.verdict.wander_in_view import looked_at
 from gimbalcal.effects import Effect
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.account import joined
 from gimbalcal.estimate.pointing.pattern import MISTAKEN, strays, why_far
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording
@@ -109,8 +111,7 @@ def of_triads(
     mine, gyro = by_triad(baseline)
     told: list[Told] = []
     if recording.has(FORCE) and (mine or not baseline):
-        v = norm(recording, mine)
-        told.append(told_of(v, course(v, tell), tell))
+        told.append(looked_at(norm(recording, mine), tell))
     if not (recording.has(RATE) and recording.has(FORCE) and (gyro or not baseline)):
         return told, []
     made = calibration_of(recording, told, "") if told else calibration
@@ -119,7 +120,7 @@ def of_triads(
         note = "The gyroscopes were not looked at: they count, and no turn says how much a count is."
         tell(note)
         return told, [note]
-    still = told_of(at_rest, course(at_rest, tell), tell)
+    still = looked_at(at_rest, tell)
     told.append(still)
     if gyro:
         return told, []
@@ -172,11 +173,17 @@ def _together(
     }
     words = wording.answer_of_views(verdict, [(t.view, t.fit, t.findings) for t in told], shapes, mismatch)
     hidden = in_words([u for t in told for u in t.fit.get("unseen", ())]) if verdict == "adequate" else ""
-    words = " ".join(filter(None, [words, hidden, wording.delayed(found), *notes]))
+    also = outcome_of(told)
+    words = " ".join(filter(None, [words, hidden, wording.delayed(found), f"{also}." if also else "", *notes]))
     made = calibration_of(recording, told, wording.reserve(verdict, found, shapes))
     recommend = next(filter(None, (t.recommend for t in (lead, *told))), "")
-    return Diagnosis(verdict, mismatch, found, shapes, fit, provenance, words, curves_of(lead), made,
+    return Diagnosis(verdict, mismatch, found, shapes, fit, provenance, words, curves_of(lead), made, outcome=also,
                      laws=tuple(law for t in told for law in t.laws), recommend=recommend)  # fmt: skip
+
+
+def outcome_of(told: Sequence[Told]) -> str:
+    """What else the views say, in sentences."""
+    return joined([t.outcome for t in told if t.outcome])
 
 
 def calibration_of(

@@ -21,10 +21,10 @@ import numpy as np
 
 from gimbalcal.diagnose.rows.observations import Observations, read_gimbals
 from gimbalcal.effects import Stage
-from gimbalcal.effects.process import GaussMarkov, Process, RandomWalk, SettingError, WhiteNoise
-from gimbalcal.inference.noise import Chain, Noise, chain, one_sigma, spectrum
+from gimbalcal.effects.process import RandomWalk, SettingError, WhiteNoise
+from gimbalcal.inference.noise import Chain, Noise, one_sigma, spectrum
 from gimbalcal.inference.robust import huber
-from gimbalcal.inference.whitening import Whitening, whitening, whitenings
+from gimbalcal.inference.whitening import Whitening, whitenings
 from gimbalcal.number import Array
 from gimbalcal.recording.noise import stated
 from gimbalcal.recording.scatter import differences
@@ -39,17 +39,11 @@ LONE_WALK = tuple(np.geomspace(2.5, 250.0, 11).tolist())  # the same of one acce
 LONE = 0.01  # prior probability of each of these: three times that of a drift of this accelerometer
 OFTEN = 0.15  # prior of a setting repeatability from which it is tried beside them
 SLOW = 160  # cosine modes; the strongest walk of the grid adds 2 % to white noise there
+LOST = 0.5  # nats of the likelihood of a walk that shows beyond them, to which more of them are taken
 FEW = 30  # rows inside dwells below which the stated noise is better than what they show
 UNSEEN = 1e-3  # sigmas of a mean: products of setting errors below are none, as those of arcseconds are
 HEAVY = 0.6  # excess kurtosis above which rows are weighted
 NEIGHBOURS = 15  # rows of a static run in which a level is followed: a quarter of an hour of minute means
-
-
-MEMORY = (0.0, 0.3, 0.6, 0.8, 0.9, 0.96)  # from row to row, where nobody states the noise
-MEMORY_PRIOR = (0.5, 0.1, 0.1, 0.1, 0.1, 0.1)
-WANDER = (0.8, 0.95, 0.99)  # memory of what sensors wander from row to row; the last is next to a walk
-WANDER_SHARE = (0.4, 0.9)  # of the variance, beside what is new in each row
-WANDERS = 0.5  # prior probability that sensors wander beside white noise, where rows say how that shows
 
 
 @dataclass(frozen=True)
@@ -85,7 +79,16 @@ class Node:
     def colour(self, white: Array) -> Array:
         """Independent rows (R, p) of unit variance to coloured ones of a stated noise: what `whiten` undoes."""
         root = self.inverse_root
-        return root.colour(white) if isinstance(root, Whitening) else np.asarray(white / np.asarray(root)[:, None])
+        if isinstance(root, Whitening):
+            return root.colour(white)
+        scale = np.asarray(root)[:, None]
+        return np.concatenate([white[: len(scale)] / scale, white[len(scale) :]])
+
+    @property
+    def coloured(self) -> int:
+        """How many of the reduced rows are other than white: all of a device test, the slowest of a static run."""
+        root = self.inverse_root
+        return root.rows if isinstance(root, Whitening) else len(root)
 
 
 def settle(o: Observations) -> Observations:
@@ -128,7 +131,10 @@ def _excess(x: Array) -> Array:
 def nodes(o: Observations) -> tuple[Node, ...]:
     """The grid of noises of this recording with their prior probabilities."""
     if o.kind == "static-run":
-        return _spectral_nodes(o)
+        return _spectral(o, [
+            (wf, wa, pf * pa, "")
+            for wf, pf in zip(WALK, WALK_PRIOR, strict=True) for wa, pa in zip(WALK, WALK_PRIOR, strict=True)
+        ])  # fmt: skip
     return _of_dwells(o, [
         (s, w, ps * pw, "")
         for s, ps in zip(SETTING, SETTING_PRIOR, strict=True) for w, pw in zip(WALK, WALK_PRIOR, strict=True)
@@ -136,17 +142,16 @@ def nodes(o: Observations) -> tuple[Node, ...]:
 
 
 def lone_walks(o: Observations) -> tuple[Node, ...]:
-    """Noises in which one accelerometer alone wanders, and may wander far: beside the grid, not instead of it.
-
-    Of a static run there are none: its rows would have to be coloured down to the last.
-    """
+    """Noises in which one accelerometer alone wanders, and may wander far: beside the grid, not instead of it."""
+    axes, share = [axis for quantity, axis in o.channels if quantity == "specific_force"], LONE / len(LONE_WALK)
     if o.kind == "static-run":
-        return ()
+        return _spectral(o, [
+            (w, wa, share * pa, a)
+            for a in axes for wa, pa in zip(WALK, WALK_PRIOR, strict=True) for w in LONE_WALK
+        ])  # fmt: skip
     return _of_dwells(o, [
-        (s, w, LONE / len(LONE_WALK) * ps, a)
-        for a in (axis for quantity, axis in o.channels if quantity == "specific_force")
-        for s, ps in zip(SETTING, SETTING_PRIOR, strict=True) if ps >= OFTEN
-        for w in LONE_WALK
+        (s, w, share * ps, a)
+        for a in axes for s, ps in zip(SETTING, SETTING_PRIOR, strict=True) if ps >= OFTEN for w in LONE_WALK
     ])  # fmt: skip
 
 
@@ -231,37 +236,9 @@ def dwell_noise(o: Observations, setting: float, walk: float) -> Mapping[str, No
     }
 
 
-def memories(n: int, C: int, seen: Array | None = None) -> tuple[Node, ...]:
-    """Noises of unit variance in n rows of C channels that nobody states: each row remembers the one before.
-
-    Where sensors wander that are `seen` (n, C, m) in rows of white noise, either part may be the larger one.
-    """
-    out, others = [], 1.0 if seen is None else 1 - WANDERS
-    for rho, prior in zip(MEMORY, MEMORY_PRIOR, strict=True):
-        root = chain(first_order(rho), np.arange(float(n)))
-        out.append(Node((("memory", rho),), {}, others * prior, C * root.log_determinant, root, 1 - rho**2))
-    return (*out, *(_wandering(seen, rho, share) for rho in WANDER for share in WANDER_SHARE if seen is not None))
-
-
-def _wandering(seen: Array, rho: float, share: float) -> Node:
-    r"""Sensors that wander, seen (n, C, m) in rows: :math:`V = (1 - a) I + a \, H K_\rho H^T`, a their share."""
-    n, _, m = seen.shape
-    process = first_order(rho)
-    h, still = np.append(np.inf, np.ones(n - 1)), np.zeros(n, dtype=bool)  # all of it is new in the first row
-    Phi, Q = (np.repeat(x, m, axis=1) for x in (process.transition(h, still), process.diffusion(h, still)))
-    root = whitening(Phi, Q, np.sqrt(share / (1 - share)) * seen).of_scale(np.sqrt(1 - share))
-    prior = WANDERS / len(WANDER) / len(WANDER_SHARE)
-    return Node((("memory", rho), ("share", share)), {}, prior, root.log_determinant, root, 1 - share * rho**2)
-
-
-def first_order(rho: float) -> Process:
-    """Unit noise of memory rho from row to row, time counted in rows."""
-    return GaussMarkov(1.0, -1 / np.log(rho)) if rho > 0 else WhiteNoise(1.0)
-
-
 def nominal(o: Observations) -> Node:
     """The noise as stated, without a random walk."""
-    return _spectral_nodes(o)[0] if o.kind == "static-run" else _of_dwells(o, [(1.0, 0.0, 1.0, "")])[0]
+    return _spectral(o, [(0.0, 0.0, 1.0, "")])[0] if o.kind == "static-run" else _of_dwells(o, [(1.0, 0.0, 1.0, "")])[0]
 
 
 def _block_time(o: Observations) -> Array:
@@ -269,29 +246,43 @@ def _block_time(o: Observations) -> Array:
     return np.asarray(np.add.reduceat(o.stimulus.time, o.starts) / count)
 
 
-def coloured(o: Observations) -> int:
-    """How many of the reduced rows can be other than white: all of a device test, the slowest of a static run."""
-    n, C = o.y.shape
-    if o.kind == "static-run":
-        return min(n, SLOW) * C
-    return len(o.starts) * C
+def coloured(o: Observations, among: Sequence[Node] = ()) -> int:
+    """How many of the reduced rows can be other than white, in the grid and `among` further noises."""
+    C = o.y.shape[1]
+    rows = slow_modes(o, 0.0) if o.kind == "static-run" else len(o.starts)
+    return max([rows * C, *(n.coloured for n in among)])
 
 
-def _spectral_nodes(o: Observations) -> tuple[Node, ...]:
-    """White noise and, in forces or in angles, a random walk: diagonal in the cosine transform."""
-    n, C = o.y.shape
-    # an offset, which the calibration takes, stands for half a wave
-    angle = np.pi * np.maximum(np.arange(coloured(o) // C), 0.5) / n
+def slow_modes(o: Observations, walk: float) -> int:
+    r"""How many modes of each channel of a static run show a walk; its share in white noise falls as 1 / k^2.
+
+    Beyond mode K it has :math:`\epsilon_k = T w^2 / (\pi k)^2` of the white variance, T in h; taken for white, they
+    cost the likelihood :math:`\sum \epsilon_k^2 / 4 = (T w^2 / \pi^2)^2 / 12 K^3` nats.
+    """
+    n = len(o.y)
+    hours = float(np.median(np.diff(o.stimulus.time))) * n / 3600.0
+    shown = int(np.ceil(((hours * walk**2 / np.pi**2) ** 2 / (12 * LOST)) ** (1 / 3)))
+    return min(n, max(SLOW, shown)) if shown < n / 2 else n  # the fastest modes show it more than 1 / k^2
+
+
+def _spectral(o: Observations, asked: Sequence[tuple[float, float, float, str]]) -> tuple[Node, ...]:
+    """White noise and a walk in forces (or in the one `alone`) and in angles: diagonal in the cosine transform.
+
+    Asked are the walks of forces and angles, the prior probability, and the accelerometer that walks alone, or "".
+    """
+    n = len(o.y)
     step = float(np.median(np.diff(o.stimulus.time)))
     out = []
-    for wf, pf in zip(WALK, WALK_PRIOR, strict=True):
-        for wa, pa in zip(WALK, WALK_PRIOR, strict=True):
-            noise = {q: static_noise(o, wf if q == "specific_force" else wa) for q in dict(o.channels)}
-            V = np.stack([spectrum(noise[q], step, angle) for q, _ in o.channels], axis=-1)
-            out.append(
-                Node((("random walk of forces", wf), ("random walk of angles", wa)), noise, pf * pa,
-                     float(np.log(V).sum()), (1 / np.sqrt(V)).ravel())
-            )  # fmt: skip
+    for wf, wa, prior, alone in asked:
+        # an offset, which the calibration takes, stands for half a wave
+        angle = np.pi * np.maximum(np.arange(slow_modes(o, wf)), 0.5) / n
+        noise = {q: static_noise(o, wf if q == "specific_force" else wa) for q in dict(o.channels)}
+        V = np.stack([
+            np.ones(len(angle)) if q == "specific_force" and alone not in ("", a) else spectrum(noise[q], step, angle)
+            for q, a in o.channels
+        ], axis=-1)  # fmt: skip
+        name = ((f"random walk of forces {alone}".rstrip(), wf), ("random walk of angles", wa))
+        out.append(Node(name, noise, prior, float(np.log(V).sum()), (1 / np.sqrt(V)).ravel(), alone=alone))
     return tuple(out)
 
 

@@ -150,12 +150,12 @@ def extended(p: Projection, rows: ReducedRows, X: Array) -> Projection:
     return project(p.node, rows_like(rows, X), p.scale)
 
 
-def rows_like(rows: ReducedRows, X: Array) -> ReducedRows:
-    """The same calibration and data with other columns."""
+def rows_like(rows: ReducedRows, X: Array, low: int = 0) -> ReducedRows:
+    """The same calibration and data with other columns, `low` rows or more of them coloured."""
     Q = rows.Q
     X = X - Q @ (Q.T @ X)
     A = np.concatenate([Q, X, rows.y], axis=1)
-    low = rows.low.shape[0]
+    low = max(low, rows.low.shape[0])
     return ReducedRows(A[:low], A[low:].T @ A[low:], rows.q, X.shape[1], Q, rows.y)
 
 

@@ -57,6 +57,7 @@ class View:
     unobservable: frozenset[tuple[str, str]] = frozenset()  # (effect, axis) that these rows cannot show by convention
     wide: float = 1.0  # times the sizes of the unit's grade
     wander: Array | None = None  # (n, C, m) how what m sensors wander from row to row shows in it, of unit length
+    lone: tuple[tuple[str, float, float, float], ...] = ()  # sensors that may walk alone: `evidence.memories`
     noise: Array | None = None  # (n, C) what the samples' scatter alone makes of a row, where it is known
     finer: Callable[[], View] | None = None  # the same rows from physics in finer steps, for the last fit
     ideal: Callable[[Sequence[Effect]], Rows] | None = None  # rows at what is known to be felt: see `about`

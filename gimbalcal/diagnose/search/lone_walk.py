@@ -1,4 +1,4 @@
-r"""One accelerometer that wanders further than any noise of the grid: it competes with what would be named instead.
+r"""One sensor that wanders further than any noise of the grid: it competes with what would be named instead.
 
 Its walk has no law that a column could hold. What of it the calibration leaves is in the fast part: twelve cosines, the
 first twelve terms of its series, leave half of what shows. It is a covariance, and stands among the noises: a cause is
@@ -8,13 +8,21 @@ then claimed against it as against any noise, and sizes beside it carry what it 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from gimbalcal.diagnose.evidence.memories import LONE_SENSORS
 from gimbalcal.diagnose.evidence.noise import Node, lone_walks
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.projection import project, rows_like
-from gimbalcal.diagnose.search.ranking import Search
+from gimbalcal.diagnose.library.unknown_noise import causes
+from gimbalcal.diagnose.rows.views import FORCE, RATE, View
+from gimbalcal.diagnose.search.likeliest import ranked
+from gimbalcal.diagnose.search.ranking import Search, log_priors
+from gimbalcal.diagnose.search.refit import projections
+from gimbalcal.diagnose.search.stepwise import Course, ln_odds
+from gimbalcal.effects.process import RandomWalk
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
 
@@ -25,19 +33,66 @@ CLOSE = 5.0  # nats behind the likeliest within which they count
 def wandering(s: Search) -> tuple[Node, ...]:
     """The noises of one wandering accelerometer that are as likely as a twentieth of what was found, likeliest first.
 
-    None where nothing was found: then no noise needs to be larger than those of the grid.
+    Where nothing was found, those that are 20 times as likely as all noises of the grid together; there they are looked
+    at where the data call for a walk at all.
     """
-    if s.ln_total < CLAIM:
+    found = s.ln_total >= CLAIM
+    if not found and not _walks(s):
         return ()
     nodes = lone_walks(s.o)
     ln = weights(s, nodes)
-    if not len(ln) or logsumexp(ln) - logsumexp(s.null) < s.ln_total - CLAIM:
+    least = s.ln_total - CLAIM if found else CLAIM
+    if not len(ln) or logsumexp(ln) - logsumexp(s.null) < least:
         return ()
-    best = np.argsort(-ln)[:MOST]
-    return tuple(nodes[int(k)] for k in best if ln[k] > ln.max() - CLOSE)
+    return tuple(nodes[k] for k in likeliest(ln))
+
+
+def _walks(s: Search) -> bool:
+    """Whether the noises of the grid in which all accelerometers walk are likelier than those in which none does."""
+    walk = np.array([
+        any(q.N > 0 for q in p.node.noise["specific_force"] if isinstance(q, RandomWalk)) for p in s.projections
+    ])  # fmt: skip
+    return bool(walk.any() and logsumexp(s.null[walk]) > logsumexp(s.null[~walk]))
+
+
+def likeliest(ln: Array) -> list[int]:
+    """Ordinals of the noises that count, by ln prior x likelihood (nodes,) of each."""
+    return [int(k) for k in np.argsort(-ln)[:MOST] if ln[k] > ln.max() - CLOSE]
 
 
 def weights(s: Search, nodes: Sequence[Node]) -> Array:
     """ln prior x likelihood (nodes,) of nothing missing in these noises."""
-    bare = rows_like(s.rows, np.zeros((len(s.rows.Q), 0)))
-    return np.array([np.log(n.prior) + project(n, bare).log_likelihood()[0] for n in nodes])
+    none = np.zeros((len(s.rows.Q), 0))
+    bare = {low: rows_like(s.rows, none, low) for low in {n.coloured for n in nodes}}
+    return np.array([np.log(n.prior) + project(n, bare[n.coloured]).log_likelihood()[0] for n in nodes])
+
+
+def wandering_in(v: View, c: Course) -> tuple[View, float, float]:
+    """A view with the lone walks among its noises that come within a factor 20 of what a course found, if any do.
+
+    Of a course that found nothing, those that are 20 times likelier than all other noises. Beside it ln of the odds of
+    a walk alone to nothing, and of a walk to all that was found instead. Of a telescope no row is a sensor.
+    """
+    if v.wander is None or v.channels[0][0] not in (FORCE, RATE):
+        return v, -np.inf, -np.inf
+    bare = np.zeros((*c.start.r.shape, 0))
+    every = projections(replace(v, lone=LONE_SENSORS), c.start, bare)
+    ln = np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in every])
+    alone = np.array([bool(p.node.alone) for p in every])
+    total = float(logsumexp(ln[alone]) - logsumexp(ln[~alone]))
+    found = found_in(v, c)
+    odds = total - found
+    if total < (found - CLAIM if found >= CLAIM else CLAIM):
+        return v, total, odds
+    return replace(v, lone=tuple(LONE_SENSORS[k] for k in likeliest(ln[alone])), fits={}), total, odds
+
+
+def found_in(v: View, c: Course) -> float:
+    """ln Bayes factor of all that a course found, and of what its last model leaves, against nothing."""
+    anything = ranked(v, c.start).ln_total
+    if not c.steps:
+        return anything
+    known, _ = causes(v, c.start.effects, c.start.fitted)
+    share = dict(zip((k.key for k in known), log_priors(known, v.recording.kind).tolist(), strict=True))
+    named = ln_odds(v, c.start, [s.taken for s in c.steps], share)
+    return max(anything, named + max(ranked(v, c.end).ln_total, 0.0))

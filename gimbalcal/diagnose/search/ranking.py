@@ -135,14 +135,14 @@ def needed(s: Ranking, best: Hypothesis) -> Hypothesis:
     return best
 
 
-def reduced(o: Observations, library: Library) -> ReducedRows:
-    """Calibration, causes and data as rows."""
-    return stack(o.reduce(o.Z), library.X, o.reduce(o.y[:, :, None]), coloured(o))
+def reduced(o: Observations, library: Library, among: Sequence[Node] = ()) -> ReducedRows:
+    """Calibration, causes and data as rows, for the noises of the grid and `among` others."""
+    return stack(o.reduce(o.Z), library.X, o.reduce(o.y[:, :, None]), coloured(o, among))
 
 
 def search(o: Observations, library: Library, nodes: Sequence[Node]) -> Search:
     """Singles, refinement, then pairs where a single cause is found wanting or none is found."""
-    rows = reduced(o, library)
+    rows = reduced(o, library, nodes)
     projections = projected(nodes, rows)
     library = _visible(library, projections[0])  # the least noise of the grid: what it hides, they all hide
     factors = bayes_factors(projections, library.layout)

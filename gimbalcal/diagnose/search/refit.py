@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.noise import memories
+from gimbalcal.diagnose.evidence.memories import lone_sensors, memories
 from gimbalcal.diagnose.evidence.projection import Projection, project, stack
 from gimbalcal.diagnose.evidence.scale import Free
 from gimbalcal.diagnose.library.unknown_noise import unknowns
@@ -191,5 +191,7 @@ def projections(v: View, m: Model, X: Array, memory: bool = True, unit: float = 
     Q = basis(weighted(v, m.J))
     rows = stack(Q, weighted(v, X).reshape(n * C, -1) / unit, r.reshape(-1, 1) / unit, n * C)
     noises = memories(n, C, v.wander)[: None if memory else 1]
+    if memory and v.lone and v.wander is not None:
+        noises += lone_sensors(v.wander, v.weight, v.stimulus.time, v.channels[0][0], v.lone)
     dof = n * C - Q.shape[1]
     return tuple(project(node, rows, Free(dof, sample, float(np.sqrt(node.fresh)))) for node in noises)

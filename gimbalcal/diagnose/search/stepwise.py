@@ -83,12 +83,13 @@ def course(v: View, tell: Tell) -> Course:
 def climbed(v: View, first: Model, begun: Sequence[Taken], tell: Tell) -> list[Taken]:
     """Forward in white noise as long as anything is claimed, exchanging what fits better; back in noise with memory.
 
-    Noise with a memory can mimic the first of several causes, not all of them: it is tested in the backward pass.
+    Noise with a memory can mimic the first of several causes, not all of them: it is tested in the backward pass. Where
+    a sensor may walk alone, forward steps in white noise have been taken before, and come no nearer than that walk.
     """
     taken, keep_usual = list(begun), bool(begun)
     model = take(v, first, taken)
     for _ in range(MOST):
-        best = weigh(v, model)
+        best = weigh(v, model, memory=bool(v.lone))
         if best.ln_total < CLAIM or not best.named:
             break
         tell(f"taken up: {', '.join(c.in_words for c, _ in best.found)}")

@@ -119,8 +119,9 @@ def _with_cause(s: Search, members: Sequence[int]) -> Search:
     f = fit_causes(s, members)
     o = replace(s.o, Z=np.concatenate([s.o.Z, physical_columns(s, f)], axis=2))
     none = Library((), np.zeros((len(o.reduce(o.y[:, :, None])), 0)))
-    rows = reduced(o, none)
-    each = projected([p.node for p in s.projections], rows)
+    nodes = [p.node for p in s.projections]
+    rows = reduced(o, none, nodes)
+    each = projected(nodes, rows)
     null = np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in each])
     empty = np.zeros((len(each), 0))
     return replace(s, library=none, hypotheses=(), projections=each, null=null, joint=empty, singles=empty[0],

@@ -134,8 +134,9 @@ def _only(s: Search, chosen: Sequence[tuple[Candidate, Variant, Array]]) -> Sear
         candidates.append(replace(found, variants=(here,)))
         at += X.shape[1]
     few = Library(tuple(candidates), np.concatenate([X for *_, X in chosen], axis=1))
-    rows = reduced(s.o, few)
-    projections = projected([p.node for p in s.projections], rows)
+    nodes = [p.node for p in s.projections]
+    rows = reduced(s.o, few, nodes)
+    projections = projected(nodes, rows)
     none = np.zeros(len(candidates))
     return replace(
         s, library=few, rows=rows, projections=projections, hypotheses=(),

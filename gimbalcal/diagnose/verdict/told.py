@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,6 +16,7 @@ from gimbalcal.diagnose.rows.slews import lateness
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.refit import Model, basis, projections, weighted
 from gimbalcal.diagnose.search.stepwise import Course, refined
+from gimbalcal.diagnose.verdict.alternatives import Judgement
 from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding, sizes
 from gimbalcal.diagnose.verdict.laws import SOUGHT, Lawful, laws_of_view, told_heldout
 from gimbalcal.diagnose.verdict.locate_unknown_noise import mismatches
@@ -43,11 +45,21 @@ class Told:
     model: Model
     laws: tuple[FoundLaw, ...] = ()
     recommend: str = ""
+    outcome: str = ""  # what else there is to say, as of a diagnosis
 
 
 def told_of(v: View, c: Course, tell: Tell) -> Told:
     """What a course through a view says."""
-    c, verdicts = confirmed(v, c, tell)
+    return told_as(v, *confirmed(v, c, tell), tell)
+
+
+def told_as(
+    v: View, c: Course, verdicts: Sequence[Judgement], tell: Tell, lacking: bool = False, formulas: bool = True
+) -> Told:
+    """What a course says of which each cause has been judged. Where there is none, formulas are sought, or not.
+
+    lacking: something is missing even if it has no shape either.
+    """
     if v.finer is not None:
         tell("refitting at the full resolution")
         v = v.finer()
@@ -59,14 +71,14 @@ def told_of(v: View, c: Course, tell: Tell) -> Told:
     verdict = "adequate"
     if found:
         verdict = "missing-physics" if any(not f["twins"] for f in found) else "not-identifiable"
-    elif shapes:
+    elif shapes or lacking:
         verdict = "unexplained"
     sigma = _sigma(v, c.described)
     fit, lawful = _fit(v, c, sigma), Lawful()
     if verdict == "adequate" and not c.start.exact:
         known, X = causes(v, c.end.effects, c.end.fitted)
         fit["unseen"] = unseen(known, projections(v, c.end, X))
-    if verdict == "unexplained":
+    if verdict == "unexplained" and formulas:
         tell(SOUGHT)
         lawful, with_law = laws_of_view(v, c.end, sigma)
         c_law = replace(c, described=with_law)

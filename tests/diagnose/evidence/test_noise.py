@@ -7,7 +7,7 @@ import pytest
 from scipy.fft import dct
 
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.evidence.noise import coloured, lone_walks, nodes, settle
+from gimbalcal.diagnose.evidence.noise import LONE_WALK, coloured, lone_walks, nodes, settle
 from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.effects import Stage
 from gimbalcal.effects.process import covariance
@@ -177,3 +177,22 @@ def test_a_static_node_is_the_covariance_of_its_processes():
         Lambda[0, 0] -= 1 / (walk.N**2 * 600.0)
         V = low @ (covariance(white, o.stimulus.time) + np.linalg.pinv(Lambda, hermitian=True)) @ low.T
         np.testing.assert_allclose(V, np.diag(variance[:, i]), atol=1e-10 * V.max())
+
+
+def test_a_lone_walk_of_a_static_run_is_that_of_one_accelerometer():
+    o = fit_baseline(at_rest(np.random.default_rng(1)))
+    grid = next(n for n in nodes(o) if dict(n.name) == {"random walk of forces": 6.0, "random walk of angles": 1.0})
+    for size in LONE_WALK:
+        named = {"random walk of forces z": size, "random walk of angles": 1.0}
+        (alone,) = (n for n in lone_walks(o) if dict(n.name) == named)
+        V = (1 / alone.inverse_root**2).reshape(-1, o.y.shape[1])
+        z = o.channels.index(("specific_force", "z"))
+        assert alone.alone == "z"
+        white = [i for i, (quantity, axis) in enumerate(o.channels) if quantity == "specific_force" and axis != "z"]
+        np.testing.assert_array_equal(V[:, white], 1.0)
+        G = (1 / grid.inverse_root**2).reshape(-1, o.y.shape[1])
+        np.testing.assert_allclose(V[: len(G), z] - 1, (G[:, z] - 1) * (size / 6.0) ** 2, rtol=1e-9)
+        # what is taken for white beyond these modes costs no more than half a nat: ln of 1 + x, less x, halved
+        angle = np.pi * np.arange(len(V), len(o.y)) / len(o.y)
+        beyond = size**2 * 600.0 / (3600.0 * len(o.y)) / (2 - 2 * np.cos(angle))
+        assert (beyond - np.log1p(beyond)).sum() / 2 < 0.6

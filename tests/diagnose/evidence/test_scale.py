@@ -7,7 +7,15 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.stats import multivariate_normal
 
-from gimbalcal.diagnose.evidence.noise import MEMORY, MEMORY_PRIOR, Node, first_order, memories
+from gimbalcal.diagnose.evidence.memories import (
+    LONE_SENSORS,
+    MEMORY,
+    MEMORY_PRIOR,
+    first_order,
+    lone_sensors,
+    memories,
+)
+from gimbalcal.diagnose.evidence.noise import LONE, Node
 from gimbalcal.diagnose.evidence.projection import Projection, any_size, condition, log_bayes, project, stack
 from gimbalcal.diagnose.evidence.scale import _DENSITY, SIZES, STATED, Free
 from gimbalcal.effects.process import covariance
@@ -162,6 +170,27 @@ def test_sensors_that_wander_show_in_a_norm_as_each_attitude_turns_them() -> Non
         np.testing.assert_allclose(node.colour(np.eye(14)) @ L, np.eye(14), atol=1e-9)
         assert node.logdet == pytest.approx(np.linalg.slogdet(V)[1])
         assert node.fresh == pytest.approx(1 - a * rho**2)
+
+
+def test_one_sensor_that_walks_alone_is_a_walk_beside_what_all_of_them_wander() -> None:
+    H, _ = seen_by_turning()
+    rng = np.random.default_rng(5)
+    time, weight = np.cumsum(rng.uniform(10, 200, 14)), rng.uniform(0.3, 1.0, (14, 1))
+    asked = (("z", 25.0, 0.0, 0.0), ("x", 10.0, 0.95, 0.4), ("z", 2.5, 0.8, 0.9))
+    made = lone_sensors(H, weight, time, "specific_force", asked)
+    assert [node.alone for node in made] == ["z", "x", "z"]
+    apart = np.abs(np.subtract.outer(np.arange(14), np.arange(14)))
+    since = time - time[0]
+    for node, (axis, walk, rho, share) in zip(made, asked, strict=True):
+        h = weight[:, 0] * H[:, 0, "xyz".index(axis)]
+        alone = walk**2 * np.outer(h, h) * np.minimum.outer(since, since) / since[-1]
+        V = (1 - share) * np.eye(14) + share * rho**apart * (H[:, 0] @ H[:, 0].T) + alone
+        L = node.whiten(np.eye(14))
+        np.testing.assert_allclose(L @ V @ L.T, np.eye(14), atol=1e-9)
+        assert node.logdet == pytest.approx(np.linalg.slogdet(V)[1])
+        assert node.noise["specific_force"][0].N == pytest.approx(walk / np.sqrt(since[-1]))
+    every = lone_sensors(H, weight, time, "specific_force", LONE_SENSORS)
+    assert sum(node.prior for node in every) == pytest.approx(3 * LONE)
 
 
 def test_a_noise_half_white_and_half_with_a_memory_is_no_drift() -> None:

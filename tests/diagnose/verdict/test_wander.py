@@ -1,5 +1,6 @@
-"""One accelerometer that wanders competes with drifts, and is told with what it may as well be."""
+"""One sensor that wanders competes with drifts, and is told with what it may as well be."""
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,6 +19,8 @@ from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.process import RandomWalk
 from gimbalcal.pipeline import silent
 from gimbalcal.units import to_si
+from tests.benchmarks import unknown_hand
+from tests.diagnose import static_plant
 from tests.diagnose.plant import UG, at_strength, on, record
 
 HOURS = (17 * 135 + 119) / 3600  # of the plant's timetable
@@ -137,6 +140,71 @@ def test_a_walk_twenty_times_as_likely_as_any_cause_is_told_alone(monkeypatch, l
      (9.0, [9.0 - CLAIM + 0.1], [0]), (9.0, [9.0 - CLAIM - 0.1], [])],  # a twentieth as likely as what was found
 )  # fmt: skip
 def test_walks_compete_with_what_was_found(monkeypatch, ln_total, ln, kept):
-    monkeypatch.setattr("gimbalcal.diagnose.search.lone_walk.lone_walks", lambda _: list(range(len(ln))))
+    walks = [SimpleNamespace(alone="x") for _ in ln]
+    monkeypatch.setattr("gimbalcal.diagnose.search.lone_walk.lone_walks", lambda _: walks)
     monkeypatch.setattr("gimbalcal.diagnose.search.lone_walk.weights", lambda *_: np.array(ln))
-    assert wandering(SimpleNamespace(ln_total=ln_total, o=None, null=np.zeros(1))) == tuple(kept)
+    s = SimpleNamespace(ln_total=ln_total, o=SimpleNamespace(kind="multi-position"), null=np.zeros(1))
+    assert [walks.index(n) for n in wandering(s)] == kept
+
+
+def steps(t, seed):
+    """A random walk in time (n,) that is of order one at the end, of numbers that no plant of this seed draws."""
+    rng = np.random.default_rng(1000 + seed)
+    return np.cumsum(rng.standard_normal(len(t)) * np.sqrt(np.diff(t, prepend=t[0]) / t[-1]))
+
+
+def is_a_walk(d, channel):
+    """Whether this channel is told to walk, and nothing else, with its size in the words."""
+    assert (d.verdict, d.findings, d.laws) == ("unexplained", (), ())
+    assert d.unexplained[0] == {"channel": channel, "shape": "a random walk"}
+    assert d.outcome
+    assert d.outcome in d.in_words
+    assert d.recommend
+    walk, sigma = re.search(r"walk of (\S+) \+- (\S+) ", d.outcome).groups()
+    return float(walk), float(sigma)
+
+
+@pytest.mark.parametrize(("seed", "size"), [(2, 20.0), (5, 20.0)])
+def test_an_accelerometer_of_a_static_run_walks(seed, size):
+    """Also where the walks of all accelerometers that the grid has leave nothing to be found."""
+    made = static_plant.record(np.random.default_rng(seed), lambda r: np.outer(steps(r.t, seed), [0, 1, 0]), size * UG)
+    walk, sigma = is_a_walk(diagnose([made]), "specific_force y")
+    assert walk == pytest.approx(size / np.sqrt(48), abs=3 * sigma)
+
+
+def turned(seed, key, law, sigmas):
+    """A unit turned by hand in which sensor y does something that is so many sigmas above noise."""
+    grade = unknown_hand.TACTICAL
+    s = unknown_hand.Setup(grade=grade, rests=36, gyroscopes=key == "rate", thermometer=True, minutes=10.0)
+
+    def error(h):
+        return {key: np.outer(law(h), [0, 1, 0])}
+
+    size = sigmas / unknown_hand.strength(seed, s, error)
+    return unknown_hand.record(seed, s, ((error, size),)), size
+
+
+def test_an_accelerometer_turned_by_hand_walks():
+    made, size = turned(4, "force", lambda h: steps(h.t, 4), 40.0)  # in g at the end
+    walk, sigma = is_a_walk(diagnose([made]), "specific_force y")
+    hours = (made.time[-1] - made.time[0]) / 3600
+    assert walk == pytest.approx(size * unknown_hand.G / UG / np.sqrt(hours), abs=3 * sigma)
+
+
+def test_a_gyroscope_turned_by_hand_walks():
+    made, size = turned(4, "rate", lambda h: steps(h.t, 4), 40.0)
+    d = diagnose([made])
+    walk, sigma = is_a_walk(d, "angular_rate y")
+    hours = (made.time[-1] - made.time[0]) / 3600
+    assert walk == pytest.approx(size / unknown_hand.HOUR / np.sqrt(hours), abs=3 * sigma)
+    assert "yroscope y wanders" in d.outcome
+
+
+@pytest.mark.parametrize("key", ["force", "rate"])
+def test_a_drift_of_a_unit_turned_by_hand_is_no_walk(key):
+    d = diagnose([turned(5, key, lambda h: h.t / h.t[-1], 30.0)[0]])
+    assert d.findings
+    assert d.findings[0]["axis"] == "y"
+    assert "drift" in d.findings[0]["effect"]
+    assert not any(u["shape"] == "a random walk" for u in d.unexplained)
+    assert "wanders" not in d.outcome

@@ -1,0 +1,89 @@
+"""Noises of rows that nobody states: each row remembers the one before, or sensors wander, together or one alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gimbalcal.diagnose.evidence.noise import LONE, LONE_WALK, Node
+from gimbalcal.effects.process import GaussMarkov, Process, RandomWalk, WhiteNoise
+from gimbalcal.inference.noise import chain
+from gimbalcal.inference.whitening import whitening, whitenings
+from gimbalcal.number import Array
+
+MEMORY = (0.0, 0.3, 0.6, 0.8, 0.9, 0.96)  # from row to row, where nobody states the noise
+MEMORY_PRIOR = (0.5, 0.1, 0.1, 0.1, 0.1, 0.1)
+WANDER = (0.8, 0.95, 0.99)  # memory of what sensors wander from row to row; the last is next to a walk
+WANDER_SHARE = (0.4, 0.9)  # of the variance, beside what is new in each row
+WANDERS = 0.5  # prior probability that sensors wander beside white noise, where rows say how that shows
+
+
+def memories(n: int, C: int, seen: Array | None = None) -> tuple[Node, ...]:
+    """Noises of unit variance in n rows of C channels that nobody states: each row remembers the one before.
+
+    Where sensors wander that are `seen` (n, C, m) in rows of white noise, either part may be the larger one.
+    """
+    out, others = [], 1.0 if seen is None else 1 - WANDERS
+    for rho, prior in zip(MEMORY, MEMORY_PRIOR, strict=True):
+        root = chain(first_order(rho), np.arange(float(n)))
+        out.append(Node((("memory", rho),), {}, others * prior, C * root.log_determinant, root, 1 - rho**2))
+    return (*out, *(_wandering(seen, rho, share) for rho in WANDER for share in WANDER_SHARE if seen is not None))
+
+
+def _wandering(seen: Array, rho: float, share: float) -> Node:
+    r"""Sensors that wander, seen (n, C, m) in rows: :math:`V = (1 - a) I + a \, H K_\rho H^T`, a their share."""
+    n, _, m = seen.shape
+    process = first_order(rho)
+    h, still = np.append(np.inf, np.ones(n - 1)), np.zeros(n, dtype=bool)  # all of it is new in the first row
+    Phi, Q = (np.repeat(x, m, axis=1) for x in (process.transition(h, still), process.diffusion(h, still)))
+    root = whitening(Phi, Q, np.sqrt(share / (1 - share)) * seen).of_scale(np.sqrt(1 - share))
+    prior = WANDERS / len(WANDER) / len(WANDER_SHARE)
+    return Node((("memory", rho), ("share", share)), {}, prior, root.log_determinant, root, 1 - share * rho**2)
+
+
+LONE_SENSORS = tuple(
+    (axis, walk, *base)
+    for axis in "xyz"
+    for walk in LONE_WALK
+    for base in ((0.0, 0.0), *((rho, share) for rho in WANDER for share in WANDER_SHARE))
+)
+"""Sensor that walks alone, its sigmas of a row at the end, and beside which memory of all of them, of what share."""
+
+
+def lone_sensors(
+    seen: Array, weight: Array, time: Array, quantity: str, asked: Sequence[tuple[str, float, float, float]]
+) -> tuple[Node, ...]:
+    r"""Noises in which one of three sensors walks from where it was at first, beside what all of them wander.
+
+    .. math:: V = (1 - a) I + a H K_\rho H^T + w^2 h \min(t_j, t_k) h^T / T
+
+    with h the sensor's column of H = `seen` (n, C, 3), in rows that are `weight` (n, C) times as large, t since `time`
+    (n,) [s] of the first.
+    """
+    lasts, still = max(float(np.ptp(time)), 1e-9), np.zeros(len(time), dtype=bool)
+    rows, since = np.append(np.inf, np.ones(len(time) - 1)), np.append(0.0, np.diff(time))
+    walks = [RandomWalk(walk / np.sqrt(lasts)) for _, walk, *_ in asked]
+    Phi, Q = np.empty((2, len(asked), len(time), 4))
+    for b, ((_, _, rho, share), walk) in enumerate(zip(asked, walks, strict=True)):
+        wander = first_order(rho)
+        Phi[b, :, :3], Phi[b, :, 3:] = wander.transition(rows, still), walk.transition(since, still)
+        Q[b, :, :3], Q[b, :, 3:] = share * wander.diffusion(rows, still), walk.diffusion(since, still)
+        Q[b] /= 1 - share
+    nodes: dict[int, Node] = {}
+    for k, axis in enumerate("xyz"):  # those that are seen alike at once
+        mine = [b for b, ask in enumerate(asked) if ask[0] == axis]
+        H = np.concatenate([seen, (seen * weight[:, :, None])[:, :, k : k + 1]], axis=2)
+        for b, root in zip(mine, whitenings(Phi[mine], Q[mine], H), strict=True):
+            _, size, rho, share = asked[b]
+            scaled = root.of_scale(np.sqrt(1 - share))
+            base = WANDERS / len(WANDER) / len(WANDER_SHARE) if share else 1 - WANDERS
+            name = (("memory", rho), ("share", share), (f"random walk {axis}", size))
+            nodes[b] = Node(name, {quantity: (walks[b],)}, LONE / len(LONE_WALK) * base, scaled.log_determinant, scaled,
+                            1 - share * rho**2, axis)  # fmt: skip
+    return tuple(nodes[b] for b in range(len(asked)))
+
+
+def first_order(rho: float) -> Process:
+    """Unit noise of memory rho from row to row, time counted in rows."""
+    return GaussMarkov(1.0, -1 / np.log(rho)) if rho > 0 else WhiteNoise(1.0)
