@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.noise import LONE, LONE_WALK, Node
+from gimbalcal.diagnose.evidence.noise import LONE_AT_REST, LONE_WALK, Node
 from gimbalcal.effects.process import GaussMarkov, Process, RandomWalk, WhiteNoise
 from gimbalcal.inference.noise import chain
 from gimbalcal.inference.whitening import whitening, whitenings
@@ -79,7 +79,7 @@ def lone_sensors(
             scaled = root.of_scale(np.sqrt(1 - share))
             base = WANDERS / len(WANDER) / len(WANDER_SHARE) if share else 1 - WANDERS
             name = (("memory", rho), ("share", share), (f"random walk {axis}", size))
-            nodes[b] = Node(name, {quantity: (walks[b],)}, LONE / len(LONE_WALK) * base, scaled.log_determinant, scaled,
+            nodes[b] = Node(name, {quantity: (walks[b],)}, LONE_AT_REST / len(LONE_WALK) * base, scaled.log_determinant, scaled,
                             1 - share * rho**2, axis)  # fmt: skip
     return tuple(nodes[b] for b in range(len(asked)))
 

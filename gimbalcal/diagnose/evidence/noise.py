@@ -37,6 +37,7 @@ WALK_PRIOR = (0.85, 0.07, 0.05, 0.03)
 DEFAULT_SETTING = float(to_si(1.0, "arcsec"))
 LONE_WALK = tuple(np.geomspace(2.5, 250.0, 11).tolist())  # the same of one accelerometer alone
 LONE = 0.01  # prior probability of each of these: three times that of a drift of this accelerometer
+LONE_AT_REST = 0.003  # the same in a static run and in rests, where slow causes look more like it: that of a drift
 OFTEN = 0.15  # prior of a setting repeatability from which it is tried beside them
 SLOW = 160  # cosine modes; the strongest walk of the grid adds 2 % to white noise there
 LOST = 0.5  # nats of the likelihood of a walk that shows beyond them, to which more of them are taken
@@ -143,8 +144,9 @@ def nodes(o: Observations) -> tuple[Node, ...]:
 
 def lone_walks(o: Observations) -> tuple[Node, ...]:
     """Noises in which one accelerometer alone wanders, and may wander far: beside the grid, not instead of it."""
-    axes, share = [axis for quantity, axis in o.channels if quantity == "specific_force"], LONE / len(LONE_WALK)
-    if o.kind == "static-run":
+    axes, static = [axis for quantity, axis in o.channels if quantity == "specific_force"], o.kind == "static-run"
+    share = (LONE_AT_REST if static else LONE) / len(LONE_WALK)
+    if static:
         return _spectral(o, [
             (w, wa, share * pa, a)
             for a in axes for wa, pa in zip(WALK, WALK_PRIOR, strict=True) for w in LONE_WALK

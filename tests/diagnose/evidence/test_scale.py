@@ -15,7 +15,7 @@ from gimbalcal.diagnose.evidence.memories import (
     lone_sensors,
     memories,
 )
-from gimbalcal.diagnose.evidence.noise import LONE, Node
+from gimbalcal.diagnose.evidence.noise import LONE_AT_REST, Node
 from gimbalcal.diagnose.evidence.projection import Projection, any_size, condition, log_bayes, project, stack
 from gimbalcal.diagnose.evidence.scale import _DENSITY, SIZES, STATED, Free
 from gimbalcal.effects.process import covariance
@@ -190,7 +190,7 @@ def test_one_sensor_that_walks_alone_is_a_walk_beside_what_all_of_them_wander() 
         assert node.logdet == pytest.approx(np.linalg.slogdet(V)[1])
         assert node.noise["specific_force"][0].N == pytest.approx(walk / np.sqrt(since[-1]))
     every = lone_sensors(H, weight, time, "specific_force", LONE_SENSORS)
-    assert sum(node.prior for node in every) == pytest.approx(3 * LONE)
+    assert sum(node.prior for node in every) == pytest.approx(3 * LONE_AT_REST)
 
 
 def test_a_noise_half_white_and_half_with_a_memory_is_no_drift() -> None:
