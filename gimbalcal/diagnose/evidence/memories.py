@@ -79,8 +79,9 @@ def lone_sensors(
             scaled = root.of_scale(np.sqrt(1 - share))
             base = WANDERS / len(WANDER) / len(WANDER_SHARE) if share else 1 - WANDERS
             name = (("memory", rho), ("share", share), (f"random walk {axis}", size))
-            nodes[b] = Node(name, {quantity: (walks[b],)}, LONE_AT_REST / len(LONE_WALK) * base, scaled.log_determinant, scaled,
-                            1 - share * rho**2, axis)  # fmt: skip
+            prior, fresh = LONE_AT_REST / len(LONE_WALK) * base, 1 - share * rho**2
+            noise = {quantity: (walks[b],)}
+            nodes[b] = Node(name, noise, prior, scaled.log_determinant, scaled, fresh, axis)
     return tuple(nodes[b] for b in range(len(asked)))
 
 

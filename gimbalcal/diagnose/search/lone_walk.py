@@ -17,7 +17,7 @@ from gimbalcal.diagnose.evidence.noise import Node, lone_walks
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.projection import project, rows_like
 from gimbalcal.diagnose.library.unknown_noise import causes
-from gimbalcal.diagnose.rows.views import FORCE, RATE, View
+from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.likeliest import ranked
 from gimbalcal.diagnose.search.ranking import Search, log_priors
 from gimbalcal.diagnose.search.refit import projections
@@ -25,6 +25,7 @@ from gimbalcal.diagnose.search.stepwise import Course, ln_odds
 from gimbalcal.effects.process import RandomWalk
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
+from gimbalcal.recording.record import FORCE, RATE
 
 MOST = 12  # of these noises, the likeliest: each is as much work as one of the grid
 CLOSE = 5.0  # nats behind the likeliest within which they count
