@@ -96,7 +96,8 @@ def searched(recording: Recording, calibration: Calibration | None, baseline: tu
         o = _about_found(s)
         s = search(o, library(o, baseline), nodes(o))
     if more := wandering(s):
-        tell(f"again, as accelerometer {more[0].alone} may wander")
+        who = f"accelerometer {more[0].alone}" if more[0].alone else "all accelerometers"
+        tell(f"again, as {who} may wander")
         s = search(o, library(o, baseline), (*nodes(o), *more))
     return s
 

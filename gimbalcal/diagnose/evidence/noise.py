@@ -143,17 +143,20 @@ def nodes(o: Observations) -> tuple[Node, ...]:
 
 
 def lone_walks(o: Observations) -> tuple[Node, ...]:
-    """Noises in which one accelerometer alone wanders, and may wander far: beside the grid, not instead of it."""
+    """Noises in which one accelerometer alone wanders, and may wander far: beside the grid, not instead of it.
+
+    And those in which all of them do: an accelerometer that is not alone is not to pass for one that is.
+    """
     axes, static = [axis for quantity, axis in o.channels if quantity == "specific_force"], o.kind == "static-run"
     share = (LONE_AT_REST if static else LONE) / len(LONE_WALK)
     if static:
         return _spectral(o, [
             (w, wa, share * pa, a)
-            for a in axes for wa, pa in zip(WALK, WALK_PRIOR, strict=True) for w in LONE_WALK
+            for a in (*axes, "") for wa, pa in zip(WALK, WALK_PRIOR, strict=True) for w in LONE_WALK
         ])  # fmt: skip
     return _of_dwells(o, [
         (s, w, share * ps, a)
-        for a in axes for s, ps in zip(SETTING, SETTING_PRIOR, strict=True) if ps >= OFTEN for w in LONE_WALK
+        for a in (*axes, "") for s, ps in zip(SETTING, SETTING_PRIOR, strict=True) if ps >= OFTEN for w in LONE_WALK
     ])  # fmt: skip
 
 

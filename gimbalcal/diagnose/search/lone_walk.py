@@ -34,16 +34,22 @@ CLOSE = 5.0  # nats behind the likeliest within which they count
 def wandering(s: Search) -> tuple[Node, ...]:
     """The noises of one wandering accelerometer that are as likely as a twentieth of what was found, likeliest first.
 
-    Where nothing was found, those that are 20 times as likely as all noises of the grid together; there they are looked
-    at where the data call for a walk at all.
+    Where nothing was found in a static run, those that are 20 times as likely as all noises without one together, if it
+    calls for a walk at all; outputs that wander between positions are told by their calibration. Walks of all
+    accelerometers compete with them.
     """
     found = s.ln_total >= CLAIM
-    if not found and not _walks(s):
+    if not found and (s.o.kind != "static-run" or not _walks(s)):
         return ()
     nodes = lone_walks(s.o)
     ln = weights(s, nodes)
-    least = s.ln_total - CLAIM if found else CLAIM
-    if not len(ln) or logsumexp(ln) - logsumexp(s.null) < least:
+    alone = np.array([bool(n.alone) for n in nodes])
+    if not alone.any():
+        return ()
+    others = np.append(s.null, ln[~alone])
+    if found and logsumexp(ln) - logsumexp(s.null) < s.ln_total - CLAIM:
+        return ()
+    if not found and logsumexp(ln[alone]) - logsumexp(others) < CLAIM:
         return ()
     return tuple(nodes[k] for k in likeliest(ln))
 
