@@ -29,6 +29,8 @@ def looked_at(v: View, tell: Tell) -> Told:
     found = _sensor(walking, c.start, ln_odds, ln_total)
     tell(f"again, as {found.in_words.partition(' wanders')[0]} may wander")
     again = told_of(walking, course(walking, tell), tell)
+    if again.findings and ln_odds > CLAIM:  # a cause beside the walk, or what the walk looks like by chance
+        return _with(again, found, alone=False)
     if again.findings or (again.unexplained and ln_odds < CLAIM):
         return again
     if told.findings and ln_odds < CLAIM:
