@@ -190,12 +190,12 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         "diagnose/verdict/test_wander.py::test_a_walk_twenty_times_as_likely_as_any_cause_is_told_alone "
         "diagnose/verdict/test_wander.py::test_a_walk_is_as_large_as_its_grid_says_on_the_axis_that_is_likeliest"
     ): (
-        ("diagnose.verdict.wander", "decided", "1 + np.exp(found.ln_odds)", "1 + np.exp(-found.ln_odds)"),
-        ("diagnose.verdict.wander", "decided", "found.ln_odds > CLAIM", "found.ln_odds > -CLAIM"),
+        ("diagnose.verdict.wander", "Wander.shared", "1 + np.exp(self.ln_odds)", "1 + np.exp(-self.ln_odds)"),
+        ("diagnose.verdict.wander", "decided", "None or found.ln_odds > CLAIM", "None or found.ln_odds > -CLAIM"),
         ("diagnose.verdict.wander", "decided", "total - held.ln_total, total", "held.ln_total - total, total"),
-        ("diagnose.verdict.wander", "_wander", "np.exp(mean) * unit", "mean * unit"),
-        ("diagnose.verdict.wander", "_wander", "spread * walk, ln_odds", "spread, ln_odds"),
-        ("diagnose.search.lone_walk", "wandering", "s.ln_total < CLAIM", "s.ln_total > CLAIM"),
+        ("diagnose.verdict.wander", "wander", "from_si(np.exp(mean)", "from_si(mean"),
+        ("diagnose.verdict.wander", "wander", "spread * walk, ln_odds", "spread, ln_odds"),
+        ("diagnose.search.lone_walk", "wandering", "s.ln_total >= CLAIM", "s.ln_total < CLAIM"),
         ("diagnose.search.lone_walk", "wandering", "s.ln_total - CLAIM", "s.ln_total + CLAIM"),
     ),
     "diagnose/verdict/test_wander.py::test_a_weak_drift_is_told_with_the_walk_that_it_may_be": (
