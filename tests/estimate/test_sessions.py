@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gimbalcal import from_arrays
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.effects import CATALOGUE
@@ -97,6 +98,19 @@ def test_how_far_apart_sessions_are(first: dict, second: dict, gap: float | None
     assert both.restarts == (() if gap is not None else (both.time[later],))
     assert both.elapsed[later] == (gap or 0.0)
     assert len(stimulus_from_readings(dwell_means(both)).time) == 28
+
+
+def test_clocks_of_dates_are_one_clock_each_from_its_own_midnight() -> None:
+    def logged(seed: int, begin: str, zone: str) -> Recording:
+        r = session(seed, rests=4)
+        stamps = np.datetime64(begin) + (1e6 * r.time).round().astype("timedelta64[us]")
+        at = np.array([f"{t}{zone}" for t in stamps])
+        return from_arrays(at, specific_force=r.triad("specific_force"), position=r.position)
+
+    evening, morning = logged(1, "2026-11-01T23:00:00.5", "Z"), logged(2, "2026-11-03T08:00:00.5", "+01:00")
+    for both in (join([evening, morning]), join([morning, evening])):
+        assert both.time[len(evening.time)] - both.time[0] == pytest.approx(32 * 3600.0)
+        assert both.restarts == ()
 
 
 def test_a_clock_begins_anew_in_each_session_of_an_unknown_time() -> None:
