@@ -177,7 +177,7 @@ def _estimated(
     elif method == "rate-table":
         if terms or more:
             raise InputError("--method rate-table has its own terms; leave --terms and --with out")
-        made = gyroscopes_on_a_table(recordings)
+        made = gyroscopes_on_a_table(graded(recordings).of(recordings))
         tell(made.provenance["options"]["in_words"])
     elif method in ALONE:
         if len(recordings) > 1 or terms or more:

@@ -19,6 +19,7 @@ from gimbalcal.report.html import Picture, formula, picture, render
 from gimbalcal.report.navigation import navigation_checks, navigation_facts, navigation_pictures
 from gimbalcal.report.parameter_rows import nominal_in_words, rows
 from gimbalcal.report.pointing import named_terms, night_by_night, pointing_picture
+from gimbalcal.report.rate_table import rate_table_picture
 from gimbalcal.report.rounding import minus, significant
 from gimbalcal.report.stages import stages
 from gimbalcal.report.wording import label_of
@@ -118,6 +119,8 @@ def _evidence(content: Mapping[str, Any], recordings: Iterable[Recording]) -> tu
     if recordings and all(r.kind == "pointing" for r in recordings):
         made = from_dict(content, recordings[0].platform.axis_names)
         return [pointing_picture(recordings, made.effects)], []
+    if recordings and content["method"] == "rate-table":
+        return [rate_table_picture(recordings, from_dict(content, recordings[0].platform.axis_names))], []
     for r in recordings:
         made = from_dict(content, r.platform.axis_names)
         if r.kind != "static-run" and r.position is not None and r.has("specific_force"):

@@ -28,7 +28,7 @@ def stages(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> dic
     staged = [p for p in parameters if any(label_of(p) in s["values"] for s in ours)]
     several, nominal = len(ours) > 1, from_content(content).accelerometers
     return {
-        "stages": [_stage(s, parameters) for s in every],
+        "stages": [_stage(s, parameters, set(content["residual"]["rms"]) == {"angular_rate"}) for s in every],
         "stage_names": [_short(s["name"]) for s in ours] if several else [],
         "stage_rows": [_stage_row(p, i and staged[i - 1], ours, nominal, truth) for i, p in enumerate(staged)],
         "stage_figure": _stage_picture(staged, ours) if several else None,
@@ -71,12 +71,13 @@ def _coefficients(s: Mapping[str, Any]) -> dict[str, Any]:
     return {"name": _short(s["name"]), "rows": rows}
 
 
-def _stage(s: Mapping[str, Any], parameters: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """A row of the table of stages; one that calibrates gyroscopes alone leaves angles, others forces."""
+def _stage(s: Mapping[str, Any], parameters: Sequence[Mapping[str, Any]], rates: bool) -> dict[str, str]:
+    """A row of the table of stages; one of gyroscopes alone leaves rates, or angles, others forces."""
     effects = {p["effect"] for p in parameters if label_of(p) in s["values"]}
     turned = effects and all(CATALOGUE[e].stage in GYROSCOPE_STAGES for e in effects)
-    rms = float(from_si(s["rms"], "arcsec" if turned else "ug"))
-    text = f"{significant(rms, 3)} {'arcsec' if turned else 'µg'}" if np.isfinite(rms) else "–"
+    unit = "deg/h" if rates else "arcsec" if turned else "ug"
+    rms = float(from_si(s["rms"], unit))
+    text = f"{significant(rms, 3)} {wording.unit_in_print(unit)}" if np.isfinite(rms) else "–"
     words = wording.sentence(wording.typeset(s["in_words"]))
     return {"name": _short(s["name"]), "count": str(len(s["values"])), "rms": text, "in_words": words}
 

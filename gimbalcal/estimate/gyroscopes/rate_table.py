@@ -23,6 +23,7 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
 from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.accelerometers.noise import SAMPLES
 from gimbalcal.estimate.gyroscopes.heading import horizontal_sigma
 from gimbalcal.estimate.gyroscopes.outcome import UNSTEADY_RATE
 from gimbalcal.estimate.gyroscopes.rests import RestFit, Rests, fit_rests
@@ -222,11 +223,13 @@ def _calibration(recordings: Sequence[Recording], found: Rests, fit: RestFit, un
     dof = fit.misfit.size - len(fit.x)
     chi2 = float(((fit.misfit / found.sigma) ** 2).sum()) if np.all(found.sigma > 0) else float(dof)
     told = tuple(p.label for p in fit.parameters)
-    files = tuple(f for r in recordings for f in r.files)
+    usual = tuple(recordings[0].grade.at_power_on(p) for p in fit.parameters)  # no fit here has a prior
+    files = [f for r in recordings for f in r.files]
     return Calibration(
-        "rate-table", with_values(fit.effects, fit.parameters, fit.x), fit.parameters, fit.covariance, tuple(dark),
-        Residual(chi2, dof, {"rate": rms}), outcome=_unsteady(found.sigma, fit.misfit),
-        provenance={"recordings": files, "version": __version__, "options": options, "limits": [mounted]},
+        "rate-table", with_values(fit.effects, fit.parameters, fit.x), usual, fit.covariance, tuple(dark),
+        Residual(chi2, dof, {RATE: rms}), outcome=_unsteady(found.sigma, fit.misfit),
+        provenance={"recordings": files, "version": __version__, "noise": {"from": SAMPLES}, "options": options,
+                    "limits": [mounted]},
         stages=(StageResult("against the table", told, fit.x, sigma, rms, words),),
         readout=Readout(gyroscopes=counts, gimbals=recordings[0].platform.axis_names),
     )  # fmt: skip

@@ -13,6 +13,7 @@ from gimbalcal.methods import usual_method
 from gimbalcal.number import Array
 from gimbalcal.platform import Axis, Platform
 from gimbalcal.recording import Recording, Site
+from gimbalcal.report.calibration_page import calibration_report
 
 DEG, HOUR, EARTH, LATITUDE = np.pi / 180, np.pi / 648000, 7.292115e-5, 48 * np.pi / 180
 STEP = 0.02
@@ -173,3 +174,12 @@ def test_what_cannot_be_taken_is_one_sentence(made, words: str) -> None:  # type
 
 def test_gyroscopes_alone_on_a_table_need_no_method_named() -> None:
     assert usual_method([run("x"), run("y")]) == "rate-table"
+
+
+def test_the_page_draws_what_is_left_over_the_rate() -> None:
+    recordings = [run(a, seed=k) for k, a in enumerate("xyz")]
+    made = gyroscopes_on_a_table(recordings)
+    page = calibration_report(made.to_dict(), recordings)
+    assert "the table turns by" in page
+    assert "noise that the samples show" in page
+    assert page.count("rms</text>") >= 6
