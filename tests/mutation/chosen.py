@@ -53,10 +53,6 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     "recording/test_increments.py": (
         ("recording.increments", "Increments._interval", "prepend=self.last", "prepend=time[0]"),
     ),
-    "recording/test_lone.py": (
-        ("recording.lone", "told_by_neighbours", "- x[rows - 2] - x[rows + 2]) / 6",
-         "+ x[rows - 2] + x[rows + 2]) / 6"),
-    ),
     "recording/test_noise.py": (
         ("recording.scatter", "differences", "comb(order, j) ** 2 / weight", "comb(order, j) / weight"),
         ("recording.noise", "coloured", 'recording.noise.get(f"{key}_tau", TAU)', "TAU"),
@@ -123,7 +119,6 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("importers.sky", "of_the_axes", "hours - _hours(table, name)", "_hours(table, name) - hours"),
         ("importers.sky", "of_the_axes", "else quarter - x", "else x - quarter"),
         ("importers.sky", "of_the_axes", "-x if words[name] & OFFSET", "x if words[name] & OFFSET"),
-        ("importers.sky", "_hours", "x if hours else x / 15", "x if hours else x * 15"),
     ),
     "importers/test_new_rigs.py": (
         ("importers.rig", "_agreeing", "-apply_matrix(platform", "apply_matrix(platform"),
@@ -137,6 +132,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
          "more[clock2]"),
         ("importers.stars", "_offset", "np.radians(x / 240)", "np.radians(x / 3600)"),
         ("importers.rig", "_unit", "> 2 * pi", "< 2 * pi"),
+        ("importers.sky", "_hours", "x if hours else x / 15", "x if hours else x * 15"),
     ),
     "importers/test_new_sky.py": (
         ("importers.sky", "_of_utc", "degrees + east", "degrees - east"),
