@@ -18,6 +18,8 @@ from gimbalcal.report.rounding import last_place, minus, pdg, significant
 from gimbalcal.report.wording import label_of
 from gimbalcal.units import from_si
 
+RATES_LEFT = ("rate-table", "two-position")  # methods whose residuals are rates
+
 
 def stages(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> dict[str, Any]:
     """Table and picture of what each stage added; stages that estimate other things come as tables of their own."""
@@ -28,7 +30,7 @@ def stages(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> dic
     staged = [p for p in parameters if any(label_of(p) in s["values"] for s in ours)]
     several, nominal = len(ours) > 1, from_content(content).accelerometers
     return {
-        "stages": [_stage(s, parameters, set(content["residual"]["rms"]) == {"angular_rate"}) for s in every],
+        "stages": [_stage(s, parameters, content["method"] in RATES_LEFT) for s in every],
         "stage_names": [_short(s["name"]) for s in ours] if several else [],
         "stage_rows": [_stage_row(p, i and staged[i - 1], ours, nominal, truth) for i, p in enumerate(staged)],
         "stage_figure": _stage_picture(staged, ours) if several else None,

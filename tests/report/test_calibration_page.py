@@ -263,5 +263,6 @@ def test_a_stage_that_leaves_angles_says_so() -> None:
                  "unit": "ppm", "prior_sigma": 1000.0}  # fmt: skip
     one = {"gyro_scale_factor:x": 1e-6}
     turned = {"name": "gyro_scale_factor", "values": one, "sigmas": one, "rms": ARCSEC, "in_words": "turns"}
-    content = {"parameters": [parameter], "stages": [turned], "provenance": {}}
+    content = {"method": "turns", "parameters": [parameter], "stages": [turned], "provenance": {}}
     assert stages(content, None)["stages"][0]["rms"] == "1.00 arcsec"
+    assert stages({**content, "method": "two-position"}, None)["stages"][0]["rms"] == "1.00 °/h"
