@@ -14,6 +14,7 @@ from gimbalcal.diagnose.search.stepwise import course, steps_of
 from gimbalcal.diagnose.verdict.decide import capped
 from gimbalcal.diagnose.verdict.told import Told, told_as, told_of
 from gimbalcal.diagnose.verdict.wander import Wander, once_more, wander
+from gimbalcal.effects import CATALOGUE
 from gimbalcal.pipeline import Tell
 
 
@@ -29,8 +30,9 @@ def looked_at(v: View, tell: Tell) -> Told:
     found = _sensor(walking, c.start, ln_odds, ln_total)
     tell(f"again, as {found.in_words.partition(' wanders')[0]} may wander")
     again = told_of(walking, course(walking, tell), tell)
-    if again.findings and ln_odds > CLAIM:  # a cause beside the walk, or what the walk looks like by chance
-        return _with(again, found, alone=False)
+    if again.findings and ln_odds > CLAIM:  # a cause beside the walk; a course in time may be the walk itself
+        drifts = any(CATALOGUE[f["effect"]].in_time for f in again.findings)
+        return _with(replace(again, verdict="not-identifiable") if drifts else again, found, alone=False)
     if again.findings or (again.unexplained and ln_odds < CLAIM):
         return again
     if told.findings and ln_odds < CLAIM:
