@@ -54,7 +54,8 @@ def test_an_error_is_value_less_truth_in_sigmas_and_what_moved_in_what_is_usual(
 def test_a_stage_leaves_a_share_of_what_is_usual() -> None:
     each = [{"name": name, "values": {"bias:x": 0.0}, "sigmas": {"bias:x": float(to_si(ug, "ug"))}, "rms": 1e-5,
              "in_words": ""} for name, ug in (("coarse", 20.0), ("fine", 2.0))]  # fmt: skip
-    figure = stages({"parameters": [BIAS], "stages": each, "provenance": {}}, None)["stage_figure"]
+    content = {"method": "three-stage", "parameters": [BIAS], "stages": each, "provenance": {}}
+    figure = stages(content, None)["stage_figure"]
     assert re.findall(r"bias x: ([\d.]+) of its prior", str(figure.charts[0])) == ["0.2", "0.02"]
 
 
