@@ -43,6 +43,7 @@ LATENCIES = ("time_tag_latency", "gyro_latency", "readout_latency")
 KEPT = 1e-3  # of the power of T that Q must leave
 FAINT = 1e-3  # of the size of p of the best slew
 CLEAR = 3.0  # sigmas of a delay that is worth a shift
+MOVED = 0.05  # of gravity, by which a slew moves it
 HAND = 5e-3  # s, that all turns by one hand may have in common: 9 ms in MPU-9150, 1.5 and 3 ms in a BMI160, a phone
 SAMPLED = 2e-3  # of a step, the same for gimbals: 8e-4 in revolutions at 10 Hz
 BENT = 5e-3  # of a delay: 3e-3 of 200 ms where slews of 60 deg/s take up their speed in 75 ms
@@ -73,6 +74,10 @@ def view_of_slews(
     if not late or (not gimballed and RATE not in read):
         return "the sensors count, and a delay shows in SI"
     motion = on_gimbals(recording, found) if gimballed else by_hand(recording, found)
+    if FORCE in late and _moved(motion) < FEWEST:  # as on a table that turns about the vertical
+        read = late = tuple(q for q in late if q != FORCE)
+        if not late:
+            return f"fewer than {FEWEST} slews move gravity"
     onto = _Onto(motion, read, late, gimballed)
     onto = replace(onto, kept=tuple(np.flatnonzero(onto.usable()).tolist()))
     if len(onto.kept) < FEWEST:
@@ -98,6 +103,12 @@ def view_of_slews(
         "slews", replace(ends, kind="rotation"), stimulus_from_readings(ends), channels, "ms", sigma,
         frozenset(base.sensitivity), (), rows, _others(recording.platform),
     )  # fmt: skip
+
+
+def _moved(motion: Motion) -> int:
+    """Slews in which the force moves, so that it can come late."""
+    force = motion.stimulus.force
+    return sum(bool(np.ptp(force[s], axis=0).max() > MOVED * np.linalg.norm(force[s][0])) for s in motion.spans)
 
 
 def lateness(v: View) -> dict[str, tuple[float, float]]:

@@ -17,6 +17,7 @@ from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.pipeline import silent
 from gimbalcal.recording import Recording
 from tests.diagnose.turned_plant import ARCSEC, DEG, G, Unit, gimballed, turned
+from tests.estimate.gyroscopes.test_rate_table import RATES, run
 
 IDEAL = Calibration("nothing", (), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
 QUICK: dict[str, Any] = {"speed": 30 * DEG, "hz": 50.0, "dwell": 4.0, "ramp": 0.3}
@@ -115,3 +116,20 @@ def test_what_cannot_be_judged_says_why() -> None:
     hand = turned(6, unit())
     bare = replace(hand, channels={k: x for k, x in hand.channels.items() if k[0] == "specific_force"})
     assert "say how the unit turned" in str(view_of_slews(bare, IDEAL))
+
+
+def test_a_force_that_no_slew_moves_has_no_delay() -> None:
+    """A table turns about the vertical: the delay of the rate is asked for, of the force it is noise over zero."""
+    r = run("z", noise=1e-3 * DEG)
+    block = np.concatenate([np.ones(250), np.zeros(600)])
+    position = np.concatenate([k * block for k in range(1, 1 + len(RATES))]).astype(int)
+    force = np.array([0.0, 0.0, -9.81]) + 1e-2 * np.random.default_rng(1).standard_normal((len(r.time), 3))
+    channels = {**r.channels, **{("specific_force", a): force[:, i] for i, a in enumerate("xyz")}}
+    level = Recording("multi-position", "table", r.platform, r.site, {}, r.time, position, channels)
+    v = seen(level)
+    assert [q for q, _ in v.channels] == ["angular_rate"]
+    late, sigma = lateness(v)["rate"]
+    assert abs(late) < 5 * sigma + 1e-3
+    without = {k: x for k, x in channels.items() if k[0] != "angular_rate"}
+    bare = Recording("multi-position", "table", r.platform, r.site, {}, r.time, position, without)
+    assert view_of_slews(bare, IDEAL) == "fewer than 6 slews move gravity"
