@@ -61,6 +61,8 @@ def propose(
     Raises InputError where neither accelerometers nor the axes of a mount are found, where logs do not overlap, or
     where nothing that is guessed makes a recording, with what to write into a header by hand.
     """
+    if folders := [path for path in logs if path.is_dir()]:
+        raise InputError(f"{folders[0]} is a folder; give its logs, as {folders[0]}/*.csv")
     if absent := [path for path in logs if not path.is_file()]:
         raise InputError(f"{absent[0]} does not exist or is not a file; give the log of a unit")
     title = title or logs[0].stem

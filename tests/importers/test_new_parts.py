@@ -122,3 +122,9 @@ def test_the_fine_clock_of_xsens_counts_tenths_of_a_millisecond(tmp_path: Path) 
     names = "PacketCounter\tSampleTimeFine\tAcc_X\tAcc_Y\tAcc_Z"
     np.savetxt(path, rows, delimiter="\t", header=names, comments="// Firmware 1.4\n", fmt="%.6f")
     assert np.median(np.diff(propose([path]).recording.time)) == pytest.approx(1 / RATE)
+
+
+def test_a_folder_is_answered_with_what_to_write(tmp_path: Path) -> None:
+    faces(tmp_path, lambda k: 100.0 * k)
+    with pytest.raises(InputError, match=r"is a folder; give its logs, as .*/\*\.csv"):
+        propose([tmp_path])
