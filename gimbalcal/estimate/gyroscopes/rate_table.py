@@ -6,7 +6,9 @@ In a stretch of steady turning the rig's angles give the rate of the unit, omega
           h(\omega) = \varepsilon + (1 + S + M)\, \omega + \dots ,
 
 with delta how the unit is turned on the table, unknown within `MOUNTED` and one for each recording; C Omega_b the
-Earth's rate, its vertical part known by the latitude, its horizontal part unknown in heading. Each stretch is one row
+Earth's rate, its vertical part known by the latitude where accelerometers tell how the table stands, its horizontal
+part unknown in heading; without accelerometers all of it is unknown, and a bias is known where the unit was turned
+across it. Each stretch is one row
 of weighted least squares, and scatter beyond the samples' is estimated with it: a bias that wanders from stretch to
 stretch, a table that is not as even as it reads. Misalignments hold how the unit is mounted, and their sigma says so.
 """
@@ -34,14 +36,14 @@ from gimbalcal.kinematics import DOWN, stimulus_from_truth
 from gimbalcal.number import Array, complex_step
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
-from gimbalcal.recording.record import RATE
+from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.recording.table_turns import refuse_unlike_table
 from gimbalcal.units import from_si
 
 BASE, FURTHER = ("gyro_bias", "gyro_scale_factor", "gyro_misalignment"), (
     "gyro_scale_asymmetry", "gyro_scale_nonlinearity")  # fmt: skip
 ROUNDS = 3  # each leaves a share of the scale error, squared
 MOUNTED = np.radians(0.2)  # one sigma of how the unit is turned on the table: faces square to ten arcmin
-REVERSED = 0.2  # of the rate
 APART = 1e10  # condition of the columns from which on some cannot be told apart
 
 
@@ -54,9 +56,8 @@ def gyroscopes_on_a_table(recordings: Sequence[Recording]) -> Calibration:
     """
     for r in recordings:
         _refuse(r)
+        refuse_unlike_table(r)
     each = [stretches_of(r) for r in recordings]
-    for r, s in zip(recordings, each, strict=True):
-        _refuse_reversed(r, s)
     scale = _nominal(recordings, each)
     found = _rows(recordings, each, scale, np.eye(3))
     wanted, unseen = _seen(found)
@@ -75,20 +76,6 @@ def _refuse(r: Recording) -> None:
         raise InputError(
             f'{r.title!r} does not say how the table turned: give its angle as a column, quantity = "gimbal_angle", '
             "and its axis in [platform]; against an attitude that was logged: --method attitude"
-        )
-
-
-def _refuse_reversed(r: Recording, s: Stretches) -> None:
-    """InputError where the gyroscopes read about minus what the table turns by; gravity does not tell its sense."""
-    if r.counted(RATE):
-        return
-    off = s.rate - s.rate.mean(0)
-    share = float((off * (s.reading - s.reading.mean(0))).sum() / (off**2).sum()) + 1
-    if abs(share + 1) < REVERSED:
-        moved = [a for a in r.axes("gimbal_angle") if np.ptp(r.channels["gimbal_angle", a]) > SLOWEST]
-        raise InputError(
-            f"the gyroscopes of {r.title!r} read {share:.4g} times what the table turns by: its angle grows the other "
-            f"way; write sign = -1 at the column of {' and '.join(moved)} in [columns]"
         )
 
 
@@ -122,7 +109,8 @@ def _rows(recordings: Sequence[Recording], each: Sequence[Stretches], scale: Arr
     beside = np.zeros((len(rate), 3, 0))
     reading, at = [], 0
     for r, s in zip(recordings, each, strict=True):
-        latitude, rows = r.site.latitude, slice(at, at + len(s.rate))
+        rows = slice(at, at + len(s.rate))
+        latitude = r.site.latitude if r.has(FORCE) else None  # else nothing tells how the table stands
         vertical = s.attitude @ up
         known = 0.0 if latitude is None else EARTH_RATE * np.sin(latitude) * vertical
         own = np.zeros((len(rate), 3, 6))

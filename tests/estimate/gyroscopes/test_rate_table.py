@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ BIAS = np.array([72.0, -108.0, 36.0]) * HOUR
 
 
 def run(along: str, seed: int = 1, *, noise: float = 0.02 * DEG, tilt: Array | None = None, asymmetry: float = 0.0,
-        sense: int = 1, tables: bool = True) -> Recording:  # fmt: skip
+        sense: int = 1, tables: bool = True, force: bool = False) -> Recording:  # fmt: skip
     """Ten seconds at each rate and ten at rest between, read at the end of each step; `tilt` (3,) of the mounting."""
     ramp = 50
     rates = np.concatenate([x for w in RATES for x in (np.zeros(250), np.linspace(0, w, ramp), np.full(500, w),
@@ -46,6 +47,8 @@ def run(along: str, seed: int = 1, *, noise: float = 0.02 * DEG, tilt: Array | N
     y = true @ (np.diag(GAIN) @ (np.eye(3) + CROSS)).T + BIAS + asymmetry * np.abs(true)
     y = y + noise * np.random.default_rng(seed).standard_normal(y.shape)
     channels = {("angular_rate", a): y[:, i] for i, a in enumerate("xyz")}
+    if force:
+        channels |= {("specific_force", a): -9.81 * C[:, i, 2] for i, a in enumerate("xyz")}
     if tables:
         read = {"table": sense * angle, "base": 0 * angle}
         channels |= {("gimbal_angle", a.name): read[a.name] for a in CHAINS[along]}
@@ -59,7 +62,7 @@ def truth() -> dict[str, float]:
 
 
 def test_three_mountings_tell_bias_scale_and_misalignments() -> None:
-    made = gyroscopes_on_a_table([run(a, seed=k) for k, a in enumerate("xyz")])
+    made = gyroscopes_on_a_table([run(a, seed=k, force=True) for k, a in enumerate("xyz")])
     x = dict(zip((p.label for p in made.parameters), made.values, strict=True))
     sigma = dict(zip((p.label for p in made.parameters), np.sqrt(np.diag(made.covariance)), strict=True))
     for i, a in enumerate("xyz"):
@@ -170,6 +173,66 @@ def standing() -> Recording:
 def test_what_cannot_be_taken_is_one_sentence(made, words: str) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(InputError, match=words):
         gyroscopes_on_a_table(made())
+
+
+def simple(r: Recording, **changed: Any) -> Recording:
+    """The same as one writes it who knows the table's axis and no more: nothing says how the table stands."""
+    chain = (replace(r.platform.axes[0], **changed),)
+    return replace(r, platform=Platform("own", chain), channels={k: x for k, x in r.channels.items() if k[1] != "base"})
+
+
+def test_without_accelerometers_nothing_says_which_way_is_up() -> None:
+    """The Earth's 11 deg/h along the table's axis went into the biases, with either sign: 12 sigma and more."""
+    made = gyroscopes_on_a_table([simple(run(a, seed=k)) for k, a in enumerate("xyz")])
+    x = dict(zip((p.label for p in made.parameters), made.values, strict=True))
+    sigma = dict(zip((p.label for p in made.parameters), np.sqrt(np.diag(made.covariance)), strict=True))
+    for i, a in enumerate("xyz"):
+        assert abs(x[f"gyro_bias:{a}"] - BIAS[i]) < 4 * sigma[f"gyro_bias:{a}"] < 5 * HOUR
+    one = gyroscopes_on_a_table([simple(run("x"))])
+    sigma = dict(zip((p.label for p in one.parameters), np.sqrt(np.diag(one.covariance)), strict=True))
+    assert sigma["gyro_bias:x"] > 8 * HOUR  # as large as what is not known
+    assert sigma["gyro_bias:y"] < 2 * HOUR
+
+
+def test_the_same_mounting_twice_tells_no_more_than_once() -> None:
+    twice = gyroscopes_on_a_table([simple(run("x", seed=1)), simple(run("x", seed=2))])
+    told = {p.label for p in twice.parameters}
+    assert "gyro_scale_factor:x" in told
+    unseen = {name: u["why"] for u in twice.unobservable for name in u["direction"]}
+    assert "none about y and z" in unseen["gyro_scale_factor:y"]
+
+
+def said(r: Recording, quantity: str, unit: str, factor: float) -> Recording:
+    """Columns in a unit that is not theirs."""
+    own = {k: factor * x if k[0] == quantity else x for k, x in r.channels.items()}
+    return replace(r, channels=own, units={k: unit for k in own if k[0] == quantity})
+
+
+def wrapped(r: Recording) -> Recording:
+    key = ("gimbal_angle", "table")
+    return replace(r, channels={**r.channels, key: r.channels[key] % (2 * np.pi)})
+
+
+def exchanged(r: Recording) -> Recording:
+    x, y = (r.channels["angular_rate", a] for a in "xy")
+    return replace(r, channels={**r.channels, ("angular_rate", "x"): y, ("angular_rate", "y"): -x})
+
+
+@pytest.mark.parametrize(
+    ("made", "words"),
+    [
+        (lambda: simple(run("x"), direction="y"), 'turn about x of the unit, not about y.*direction = "x"'),
+        (lambda: simple(run("x", sense=-1), direction="z"), 'direction = "x", sign = -1'),
+        (lambda: simple(run("x"), sign=-1), "the other way than its angles say: write sign = -1"),
+        (lambda: said(simple(wrapped(run("y"))), "gimbal_angle", "rad", 1 / DEG), "in deg, not rad: write unit"),
+        (lambda: said(simple(run("y")), "gimbal_angle", "deg", DEG), "in rad, not deg: write unit"),
+        (lambda: said(simple(run("z")), "angular_rate", "rad/s", 1 / DEG), "if they read deg/s, not rad/s"),
+        (lambda: exchanged(run("x")), "the gyroscopes x and y are interchanged|about y of the unit"),
+    ],
+)
+def test_slips_of_one_mounting_are_named(made, words: str) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(InputError, match=words):
+        gyroscopes_on_a_table([simple(run("z", seed=3)), made()])
 
 
 def test_gyroscopes_alone_on_a_table_need_no_method_named() -> None:
