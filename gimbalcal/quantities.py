@@ -63,4 +63,6 @@ def check(unit: str, quantity: str) -> None:
     except InputError:
         raise InputError(f"the unit {unit!r} is not known; {choice}") from None
     if dimension not in {parse(each).dimension for each in known.units}:
-        raise InputError(f"{unit!r} is not a unit of {quantity}; {choice}")
+        rate = quantity == "gimbal_angle" and dimension == parse("rad/s").dimension
+        how = "; where only the rate of a table is known, `gimbalcal new LOG` adds it up" if rate else ""
+        raise InputError(f"{unit!r} is not a unit of {quantity}; {choice}{how}")

@@ -80,10 +80,10 @@ def new(
         tell(f"left out: {', '.join(name.strip() for name in found.left_out)}")
     for remark in r.remarks:
         tell(f"note: {remark}")
-    stars = r.kind == "pointing"
-    rests = 0 if stars else len(dwells(r))
+    stars, turned = r.kind == "pointing", r.kind == "rotation"
+    rests = 0 if stars or turned else len(dwells(r))
     size = amount(len(r.time), "star") if stars else f"{amount(rests, 'rest')} and {amount(len(r.time), 'row')}"
-    size = amount(len(r.time), "row") if r.kind == "static-run" else size
+    size = amount(len(r.time), "row") if turned or r.kind == "static-run" else size
     if len(r.time) > max(rests, 1) and not stars:  # a clock in another unit is seen at once
         size += f" over {clocked(r)}"
     made_of = f"a {r.kind} recording of {size}"
@@ -92,6 +92,6 @@ def new(
                for n, g in found.guesses.items()}  # fmt: skip
     result = {"folder": str(folder), "kind": r.kind, "rests": rests, "rows": len(r.time), "columns": columns,
               "left_out": list(found.left_out), "notes": dict(found.notes)}  # fmt: skip
-    after = "calibrate" if stars or rests > 1 or r.kind == "static-run" else "noise"
+    after = "calibrate" if stars or turned or rests > 1 or r.kind == "static-run" else "noise"
     words = f"wrote {folder}, {made_of}; {correct}, then: gimbalcal {after} {folder}"
     show(result, words, as_json, quiet)

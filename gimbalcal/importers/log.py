@@ -20,6 +20,7 @@ from gimbalcal.importers.likely import in_likely_units, is_open
 from gimbalcal.importers.mmt import import_mmt
 from gimbalcal.importers.names import FORCE, Guess, by_name, estimated, hinted
 from gimbalcal.importers.novatel import rawimu
+from gimbalcal.importers.on_table import OnTable, lacking, on_table
 from gimbalcal.importers.sky import of_the_axes, refuse_below_horizon
 from gimbalcal.importers.stars import angles_in, pointing_proposal
 from gimbalcal.importers.together import Columns, on_one_clock, slowest_first
@@ -103,13 +104,16 @@ def of_tables(logs: Mapping[Path, Table], title: str, rate: float = 0.0, latitud
     for path, other in others:
         columns, guesses = on_one_clock(path, (columns, guesses), other)
     missing = [a for a in "xyz" if not any((g.quantity, g.axis) == (FORCE, a) for g in guesses.values())]
+    site = {} if latitude is None else {"latitude": (latitude, "deg"), **({"height": (height, "m")} if height else {})}
+    if len(missing) == 3 and (table := on_table((columns, guesses))):
+        return _turned(table, title, site, notes, left)
     if missing:
         raise InputError(
             f"{paths[0]}: no column is an accelerometer along {' and '.join(missing)} by its name "
-            f"({', '.join(logs[paths[0]].columns)}); name the columns acc_x, acc_y, acc_z, gyro_x, ..., time, or those "
-            "of a mount az_true, el_true, az_encoder, el_encoder, or write a header and use `gimbalcal import csv`"
+            f"({', '.join(logs[paths[0]].columns)}){lacking(guesses, bool(follow))}; name the columns "
+            "acc_x, acc_y, acc_z, gyro_x, ..., time, or those of a mount az_true, el_true, az_encoder, el_encoder, or "
+            "write a header and use `gimbalcal import csv`"
         )
-    site = {} if latitude is None else {"latitude": (latitude, "deg"), **({"height": (height, "m")} if height else {})}
     if alone := as_static_run(columns, guesses, latitude):
         return _static_run((columns, alone[0]), title, site, {"kind": alone[1], **notes}, left)
     above = [line for table in logs.values() for line in table.above]
@@ -152,6 +156,23 @@ def _static_run(log: Columns, title: str, site: Mapping[str, tuple[float, str]],
     made = replace(made, remarks=(*made.remarks, *refuse_implausible(made)))
     unused = (*left, *(n for n in columns if n not in guesses and n not in left))
     return Proposal(made, guesses, unused, told)
+
+
+def _turned(table: OnTable, title: str, site: Mapping[str, tuple[float, str]], notes: Mapping[str, str],
+            left: Sequence[str]) -> Proposal:  # fmt: skip
+    """The recording of gyroscopes that a table turned."""
+    made = from_frame(table.columns, _entries(table.guesses), title=title, called=title, kind="rotation", site=site,
+                      platform=_spelt(table.platform))  # fmt: skip
+    told = {
+        **notes,
+        "kind": "rotation, gyroscopes that a table turned; without accelerometers nothing tells how it stands on the "
+                "Earth. Give the recordings of all mountings together",
+        "platform": table.why,
+        "noise": "taken from the rows, where nothing is stated",
+    }  # fmt: skip
+    made = replace(made, remarks=(*made.remarks, *refuse_implausible(made)))
+    unused = (*left, *(n for n in table.columns if n not in table.guesses and n not in left))
+    return Proposal(made, table.guesses, tuple(n for n in unused if n not in table.guesses), told)
 
 
 def _foreign(path: Path, title: str) -> Proposal | None:

@@ -58,6 +58,8 @@ _TURN = {
     "kippwinkel": "tilt", "neigung": "tilt", "yaw": "yaw", "gier": "yaw", "gierwinkel": "yaw", "heading": "yaw",
     "drehwinkel": "table",
 }  # fmt: skip
+_TURNS_BY = re.compile(r"(^|_)(rate|speed|velocity|vel|omega|drehrate|drehzahl|geschwindigkeit|rpm|vitesse)(_|$)")
+_COMMANDS = re.compile(r"(^|_)(cmd|command|commanded|setpoint|set|soll|sollwert|target|demand|ref|nominal)(_|$)")
 OTHER = frozenset(  # no reading of a triad, whatever stands beside it
     [
         "cov",
@@ -103,7 +105,7 @@ _SPELLINGS = {  # how people write units into names
 }  # fmt: skip
 ANGLES = ("rad", "mrad", "deg", "mdeg", "gon", "arcmin", "arcsec")  # units of the angles of a rig or a mount
 _OF_UNIT = {**dict.fromkeys(("m/s^2", "g", "mg", "ug", "Gal", "mGal", "ft/s^2"), FORCE),
-            **dict.fromkeys(("deg/s", "deg/h", "rad/s", "mdeg/s"), RATE)}  # fmt: skip
+            **dict.fromkeys(("deg/s", "deg/h", "rad/s", "mdeg/s", "rev/min"), RATE)}  # fmt: skip
 _BETWEEN = {  # units that stand before the axis: accelerometer_m_s2[0], gyro_rad[0] of a rate
     FORCE: "m_s2|mps2|mg|ug|g|mgal", RATE: "rad_s|rads|rad|deg_s|dps|deg|mdps|deg_h|dph",
 }  # fmt: skip
@@ -177,9 +179,8 @@ def by_name(name: str, hint: str = "") -> Guess | None:
     triad = _triad(words)
     if triad:
         return Guess(*triad, why)
-    gimbals = {_GIMBAL[w] for w in words.split("_") if w in _GIMBAL}
-    if len(gimbals) == 1:
-        return Guess("gimbal_angle", gimbals.pop(), unit_written(words) or "deg", why)
+    if (gimbal := axis_word(name)) and not rate_word(name) and unit_written(words) not in _OF_UNIT:
+        return Guess("gimbal_angle", gimbal, unit_written(words) or "deg", why)
     bare = _BARE.match(words)
     if hint and bare:
         why = f"{why} in a log that is called after the {'accelerometer' if hint == FORCE else 'gyroscope'}"
@@ -242,6 +243,22 @@ def body_rates(names: dict[str, str]) -> dict[str, Guess]:
     why = "of roll, pitch and yaw rate"
     return {n: Guess(RATE, _BODY[p[0]], _UNITS.get("_".join(p[1:]), ""), f"its name {n.strip()!r}, {why}")
             for n, p in found.items()}  # fmt: skip
+
+
+def axis_word(name: str) -> str:
+    """The axis of a rig that a name is of, whatever it holds of it; empty where it names none, or two."""
+    axes = {_GIMBAL[w] for w in plain(name).split("_") if w in _GIMBAL}
+    return axes.pop() if len(axes) == 1 else ""
+
+
+def rate_word(name: str) -> bool:
+    """Whether a name is that of a rate, whatever its unit: table_speed, rate_cmd."""
+    return _TURNS_BY.search(plain(name)) is not None
+
+
+def commanded(name: str) -> bool:
+    """Whether a name is that of what a rig was told to do, and not of what it did."""
+    return _COMMANDS.search(plain(name)) is not None
 
 
 def estimated(name: str) -> bool:

@@ -26,6 +26,7 @@ from gimbalcal.recording.plausible_pointing import check_pointing
 from gimbalcal.recording.plausible_run import check_attitude, check_latitude, check_sidereal, check_turn, named
 from gimbalcal.recording.plausible_turned import check_turned
 from gimbalcal.recording.rates import refuse_implausible_rates
+from gimbalcal.recording.table_turns import refuse_unlike_table
 from gimbalcal.recording.triads import AXES, CHANGES, CLOSE, NEARLY_ALL, in_words, remedy
 from gimbalcal.units import is_raw
 
@@ -54,6 +55,9 @@ def refuse_implausible(recording: Recording) -> tuple[str, ...]:
     if recording.kind == "rotation" and recording.has("angular_rate") and recording.has("specific_force"):
         recording = with_rests(recording)
         check_turned(recording)
+    if recording.kind == "rotation" and not recording.has("specific_force") and _on_a_table(recording):
+        refuse_unlike_table(recording)
+        return odd
     at_rest = recording.kind in ("multi-position", "static-run") and set(recording.axes("specific_force")) == set(AXES)
     told = _check_forces(recording) if at_rest else True
     rates = refuse_implausible_rates(recording)
@@ -89,6 +93,11 @@ def _thinned(recording: Recording) -> Recording:
 def _angles_logged(recording: Recording) -> bool:
     logged = set(recording.axes("gimbal_angle"))
     return {"platform", "middle"} <= logged if recording.kind == "static-run" else bool(logged)
+
+
+def _on_a_table(recording: Recording) -> bool:
+    """Whether the angles of a rig say what gyroscopes along three axes should feel."""
+    return set(recording.axes("angular_rate")) == set(AXES) and _angles_logged(recording)
 
 
 def _check_noise(recording: Recording) -> None:

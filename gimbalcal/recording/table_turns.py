@@ -42,6 +42,7 @@ class Turning:
     read: Array
     angle: Array
     rate: Array
+    names: tuple[str, ...]  # of the axes that are read
 
     def off(self, platform: Platform, scale: float | None = 1.0) -> float:
         """What the readings have beside the rate of the chain, as a share; `scale` None: whatever suits them."""
@@ -54,17 +55,28 @@ class Turning:
         s = float((w * felt).sum()) / size if scale is None else scale
         return float(np.sqrt(((felt - s * w) ** 2).sum() / max(whole, s * s * size)))
 
+    def left(self, platform: Platform, scale: float | None = 1.0) -> float:
+        """The rms of all that the readings have beside the rate of the chain, noise too, as a share of theirs."""
+        chain, y = self.by(platform), self.read - self.read.mean(0)
+        w = chain - chain.mean(0)
+        size, whole = float((w**2).sum()), float((y**2).sum())
+        s = float((w * y).sum()) / max(size, 1e-300) if scale is None else scale
+        return float(np.sqrt(((y - s * w) ** 2).sum() / whole)) if whole > 0 else 1.0
+
     def by(self, platform: Platform) -> Array:
-        """Rate (m, 3) [rad/s] of the unit by the chain, its logged axes in the order of `angle`."""
-        total = np.zeros((len(self.angle), 3))
-        R = np.eye(3)
-        for i, axis in enumerate(platform.axes):
-            total += axis.sign * self.rate[:, i, None] * R[..., "xyz".index(axis.direction)]
-            R = R @ frame_rotation(axis.direction, axis.sign * self.angle[:, i] + axis.offset)
+        """Rate (m, 3) [rad/s] of the unit by the chain; an axis that is not read stands at zero."""
+        total, R = np.zeros((len(self.angle), 3)), np.eye(3)
+        for axis in platform.axes:
+            angle, rate = np.zeros(len(total)), np.zeros(len(total))
+            if axis.name in self.names:
+                k = self.names.index(axis.name)
+                angle, rate = self.angle[:, k], self.rate[:, k]
+            total += axis.sign * rate[:, None] * R[..., "xyz".index(axis.direction)]
+            R = R @ frame_rotation(axis.direction, axis.sign * angle + axis.offset)
         return total
 
 
-def turning(time: Array, read: Array, angles: Array) -> Turning:
+def turning(time: Array, read: Array, angles: Array, names: Sequence[str]) -> Turning:
     """Spans of readings (n, 3) and readouts (n, k) [rad] that may begin anew at a turn, those that turn most kept."""
     step = float(np.median(np.diff(time)))
     n = max(1, round(SPAN / step))
@@ -73,7 +85,8 @@ def turning(time: Array, read: Array, angles: Array) -> Turning:
     sums = np.concatenate([np.zeros((1, 3)), np.cumsum((read[1:] + read[:-1]) / 2 * np.diff(time)[:, None], axis=0)])
     span = (time[starts + n] - time[starts])[:, None]
     middle = (whole[starts] + whole[starts + n]) / 2
-    return Turning((sums[starts + n] - sums[starts]) / span, middle, (whole[starts + n] - whole[starts]) / span)
+    return Turning((sums[starts + n] - sums[starts]) / span, middle, (whole[starts + n] - whole[starts]) / span,
+                   tuple(names))  # fmt: skip
 
 
 def chains(names: Sequence[str]) -> Iterator[Platform]:
@@ -111,7 +124,7 @@ def refuse_unlike_table(r: Recording) -> None:
 
 
 def _of(r: Recording, factor: float = 1.0) -> Turning:
-    return turning(r.time, r.triad(RATE), factor * r.angles())
+    return turning(r.time, r.triad(RATE), factor * r.angles(), r.platform.axis_names)
 
 
 def _too_fast(T: Turning, step: float) -> str:

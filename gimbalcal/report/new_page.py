@@ -45,8 +45,8 @@ def commented(header: str, found: Proposal) -> str:
 def proposal_page(found: Proposal) -> str:
     """The page: what each column is taken for, and the forces with the rests marked, or what the stars are off by."""
     r = found.recording
-    stars, stays = r.kind == "pointing", () if r.kind == "pointing" else dwells(r)
-    enough = len(r.time) >= 9 if stars else len(stays) >= 9
+    stars, stays = r.kind == "pointing", () if r.kind in ("pointing", "rotation") else dwells(r)
+    enough = r.kind == "rotation" or (len(r.time) if stars else len(stays)) >= 9
     told = [f"{what}: {note}" for what, note in found.notes.items()]
     context = {
         "title": r.title,
@@ -54,7 +54,8 @@ def proposal_page(found: Proposal) -> str:
         "verdict": "fits" if enough else "reserved",
         "facts": [(str(len(r.time)), "stars")] if stars else _facts(found, stays),
         "picture": picture(_offsets(r), "What the readouts of each axis are off by, before any model.")
-        if stars else picture(_rests(found), f"Forces over time; {amount(len(stays), 'rest')} marked."),
+        if stars else picture(_rests(found, stays), f"Forces over time; {amount(len(stays), 'rest')} marked."
+                              if stays else "Rates over time."),
         "rows": [{"name": n.strip(), "quantity": g.quantity.replace("_", " "), "axis": g.axis.replace("_", " "),
                   "unit": wording.unit_in_print(g.unit), "why": wording.typeset(g.why)}
                  for n, g in found.guesses.items()],
@@ -76,6 +77,8 @@ def _answer(found: Proposal, rests: int) -> str:
     if r.kind == "static-run":
         return (f"A static run of {clocked(r)}. Next: correct recording.toml where a guess below is wrong, then "
                 "`gimbalcal calibrate` this folder, best together with positions of the same unit.")  # fmt: skip
+    if r.kind == "rotation":
+        return f"Gyroscopes on a table, {clocked(r)}. {NEXT[:-1]} together with those of the other mountings."
     few = " Nine or more in different attitudes are needed for all errors of three accelerometers." if rests < 9 else ""
     after = "`gimbalcal noise` this folder" if rests < 2 else "`gimbalcal calibrate` this folder"
     after += " with `--terms bias,scale_factor`, which six faces tell" if 6 <= rests < 9 else ""
@@ -87,6 +90,8 @@ def _answer(found: Proposal, rests: int) -> str:
 
 def _facts(found: Proposal, stays: Sequence[Dwell]) -> list[tuple[str, str]]:
     r = found.recording
+    if not stays:
+        return [(lasting(float(np.ptp(r.time))), "logged"), (f"{len(r.time):,}".replace(",", " "), "rows")]
     facts = [(str(len(stays)), "rests"), (f"{len(r.time):,}".replace(",", " "), "rows")]
     if len(r.time) > len(stays):  # a row for each rest has no rate
         held = sum(float(r.time[d.stop - 1] - r.time[d.start]) for d in stays)
@@ -107,9 +112,9 @@ def _offsets(r: Recording) -> list[Chart]:
     return charts
 
 
-def _rests(found: Proposal) -> list[Chart]:
+def _rests(found: Proposal, stays: Sequence[Dwell]) -> list[Chart]:
     """Each triad over time, the rests shaded and numbered."""
-    r, stays = found.recording, dwells(found.recording)
+    r = found.recording
     t, unit = sensible_time(r.time - r.time[0])
     ends = [(float(t[d.start]), float(t[d.stop - 1])) for d in stays]
     charts = []

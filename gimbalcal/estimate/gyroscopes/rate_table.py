@@ -8,9 +8,9 @@ In a stretch of steady turning the rig's angles give the rate of the unit, omega
 with delta how the unit is turned on the table, unknown within `MOUNTED` and one for each recording; C Omega_b the
 Earth's rate, its vertical part known by the latitude where accelerometers tell how the table stands, its horizontal
 part unknown in heading; without accelerometers all of it is unknown, and a bias is known where the unit was turned
-across it. Each stretch is one row
-of weighted least squares, and scatter beyond the samples' is estimated with it: a bias that wanders from stretch to
-stretch, a table that is not as even as it reads. Misalignments hold how the unit is mounted, and their sigma says so.
+across it. Each stretch is one row of weighted least squares, and scatter beyond the samples' is estimated with it: a
+bias that wanders from stretch to stretch, a table that is not as even as it reads. Misalignments hold how the unit is
+mounted, and their sigma says so; that of a scale factor holds the cosine of such a tilt.
 """
 
 from __future__ import annotations
@@ -54,8 +54,9 @@ def gyroscopes_on_a_table(recordings: Sequence[Recording]) -> Calibration:
     them. What no recording turned about is not estimated and named. Raises InputError without rates or angles of a
     rig, where nothing turns steadily, and where counts are of an axis that was never turned.
     """
-    for r in recordings:
+    for k, r in enumerate(recordings):
         _refuse(r)
+        _refuse_twice(r, recordings[:k])
         refuse_unlike_table(r)
     each = [stretches_of(r) for r in recordings]
     scale = _nominal(recordings, each)
@@ -77,6 +78,12 @@ def _refuse(r: Recording) -> None:
             f'{r.title!r} does not say how the table turned: give its angle as a column, quantity = "gimbal_angle", '
             "and its axis in [platform]; against an attitude that was logged: --method attitude"
         )
+
+
+def _refuse_twice(r: Recording, before: Sequence[Recording]) -> None:
+    rows = {f["sha256"] for f in r.files}
+    if again := next((b for b in before if rows & {f["sha256"] for f in b.files}), None):
+        raise InputError(f"{again.title!r} and {r.title!r} hold the same rows; give each recording once")
 
 
 def _nominal(recordings: Sequence[Recording], each: Sequence[Stretches]) -> Array:
@@ -106,20 +113,26 @@ def _rows(recordings: Sequence[Recording], each: Sequence[Stretches], scale: Arr
     M (3, 3): physics to reading, as far as it is known.
     """
     rate, up = np.concatenate([s.rate for s in each]), -DOWN
-    beside = np.zeros((len(rate), 3, 0))
+    platforms = [r.platform for r in recordings]
+    mountings = list(dict.fromkeys(platforms))  # two recordings of one may be of one day, or the unit bolted on anew
+    alone, shared = np.zeros((len(rate), 3, 5 * len(each))), np.zeros((len(rate), 3, 5 * len(mountings)))
     reading, at = [], 0
-    for r, s in zip(recordings, each, strict=True):
+    for k, (r, s) in enumerate(zip(recordings, each, strict=True)):
         rows = slice(at, at + len(s.rate))
         latitude = r.site.latitude if r.has(FORCE) else None  # else nothing tells how the table stands
         vertical = s.attitude @ up
         known = 0.0 if latitude is None else EARTH_RATE * np.sin(latitude) * vertical
-        own = np.zeros((len(rate), 3, 6))
-        own[rows, :, :2] = horizontal_sigma(latitude) * s.attitude[..., :2]
-        own[rows, :, 2] = (EARTH_RATE / np.sqrt(3) if latitude is None else 0.0) * vertical
-        own[rows, :, 3:] = MOUNTED * M @ np.cross(s.rate[:, None], np.eye(3)).swapaxes(-1, -2)
-        beside = np.concatenate([beside, own], axis=-1)
+        own = alone[rows, :, 5 * k : 5 * k + 5]
+        along = 2 if r.has(FORCE) else "xyz".index(r.platform.axes[-1].direction)  # along the table's axis
+        own[..., :2] = horizontal_sigma(latitude) * np.delete(s.attitude, along, axis=-1)
+        own[..., 2:] = MOUNTED * M @ np.cross(s.rate[:, None], np.eye(3)).swapaxes(-1, -2)
+        of_all = shared[rows, :, 5 * (m := mountings.index(r.platform)) : 5 * m + 5]
+        of_all[..., 0] = (EARTH_RATE / np.sqrt(3) if latitude is None else 0.0) * s.attitude[..., along]
+        of_all[..., 1] = _foreshortened(s.rate, M) * s.rate
+        of_all[..., 2:] = own[..., 2:] * (platforms.count(r.platform) > 1)
         reading.append(scale * (s.reading + s.rate) - s.rate - known)
         at = rows.stop
+    beside = np.concatenate([alone, shared], axis=-1)
     sigma = np.abs(scale) * np.concatenate([s.sigma for s in each])
     first = recordings[0]
     still = Recording("rotation", first.title, BENCH, first.site, {}, first.time[:1], None,
@@ -127,6 +140,16 @@ def _rows(recordings: Sequence[Recording], each: Sequence[Stretches], scale: Arr
     time = np.concatenate([s.time - r.time[0] for r, s in zip(recordings, each, strict=True)])
     felt = stimulus_from_truth(still, np.zeros((1, 3)), np.zeros((1, 3))).held(len(rate)).at(rate=rate, time=time)
     return Rests(np.concatenate(reading), sigma, felt, beside)
+
+
+def _foreshortened(rate: Array, M: Array) -> float:
+    """One sigma of the share by which a tilt of the mounting shortens the rate along a sensor's axis, 1 - cos.
+
+    Of two tilts of `MOUNTED`, or, where the sensors across the fastest of rate (m, 3) read more, of all that they read.
+    """
+    fastest = rate[np.argmax(np.linalg.norm(rate, axis=1))]
+    n = fastest / np.linalg.norm(fastest)
+    return float(max(np.sqrt(2) * MOUNTED**2, np.sum(np.cross(n, M @ n) ** 2) / 2))
 
 
 def _seen(found: Rests) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:

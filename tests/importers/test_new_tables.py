@@ -1,0 +1,148 @@
+"""Logs of gyroscopes without accelerometers beside what turned them: `new` proposes a rotation on a rate table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gimbalcal.errors import InputError
+from gimbalcal.importers.log import propose
+from gimbalcal.importers.names import axis_word, by_name
+from gimbalcal.number import Array
+from gimbalcal.platform import KNOWN, Axis, Platform
+from gimbalcal.quantities import check
+from gimbalcal.recording import Recording
+from gimbalcal.recording.table_turns import turning
+from gimbalcal.rotation import rotation_vector
+
+STEP, RATES = 0.02, (5.0, -5.0, 30.0, -30.0, 90.0, -90.0)
+
+
+def profile() -> Array:
+    """A table's rate [deg/s], three seconds of each with rests between."""
+    return np.concatenate([x for w in RATES for x in (np.zeros(50), np.linspace(0, w, 25), np.full(150, w),
+                                                      np.linspace(w, 0, 25))])  # fmt: skip
+
+
+def felt(platform: Platform, angles: Array, seed: int = 1) -> Array:
+    """What gyroscopes (n, 3) [deg/s] feel on a platform that goes through angles (n, k) [deg], a per cent off."""
+    C = platform.attitude(np.radians(angles))
+    turn = np.degrees(rotation_vector(C[:-1] @ C[1:].swapaxes(-1, -2))) / STEP
+    noise = np.random.default_rng(seed).normal(0.0, 0.05, (len(angles), 3))
+    return np.asarray(np.concatenate([turn[:1], turn]) * [1.01, 0.99, 1.005] + [0.3, -0.2, 0.1] + noise)
+
+
+def log(path: Path, gyros: Array, **others: Array) -> Path:
+    t = STEP * np.arange(len(gyros))
+    names = ",".join(["time", "gyro_x", "gyro_y", "gyro_z", *others])
+    np.savetxt(path, np.column_stack([t, gyros, *others.values()]), "%.6f", ",", header=names, comments="")
+    return path
+
+
+def chain(r: Recording) -> list[tuple[str, str, int]]:
+    return [(a.name, a.direction, a.sign) for a in r.platform.axes]
+
+
+@pytest.mark.parametrize(("direction", "sign"), [("x", 1), ("y", -1), ("z", 1)])
+def test_the_gyroscopes_tell_axis_and_sense_of_a_table(tmp_path: Path, direction: str, sign: int) -> None:
+    angle = STEP * np.cumsum(profile())
+    g = felt(Platform("own", (Axis("table", direction, sign),)), angle[:, None])
+    found = propose([log(tmp_path / "a.csv", g, table_angle_deg=angle % 360)])
+    r = found.recording
+    assert (r.kind, chain(r)) == ("rotation", [("table", direction, sign)])
+    assert "gyroscopes feel the rig turn" in found.notes["platform"]
+    assert not any("not checked" in remark for remark in r.remarks)
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"),
+    [("table_rate", 1.0), ("table_speed_rpm", 1 / 6), ("w_cmd", 1.0), ("table_rate_rad", np.pi / 180)],
+)
+def test_a_rate_of_the_table_is_added_up(tmp_path: Path, name: str, factor: float) -> None:
+    rate = profile()
+    g = felt(Platform("own", (Axis("table", "y"),)), STEP * np.cumsum(rate)[:, None])
+    r = propose([log(tmp_path / "a.csv", g, **{name: factor * rate})]).recording
+    assert chain(r) == [("table", "y", 1)]
+    assert np.ptp(r.channels["gimbal_angle", "table"]) == pytest.approx(
+        np.radians(np.ptp(STEP * np.cumsum(rate))), 1e-3
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("winkel", lambda a: a % 360), ("enc", lambda a: np.round(a / 360 * 2**16) % 2**16),
+        ("phi", np.radians), ("revolutions", lambda a: a / 360),
+    ],
+)  # fmt: skip
+def test_an_angle_by_any_name_beside_what_is_none(tmp_path: Path, name: str, shown) -> None:  # type: ignore[no-untyped-def]
+    rate = profile()
+    angle = STEP * np.cumsum(rate)
+    g = felt(Platform("own", (Axis("table", "x"),)), angle[:, None])
+    others = {
+        "supply_v": 5 + 0.01 * np.sin(0.01 * angle),
+        name: shown(angle),
+        "temp_c": 20 + 1e-3 * np.arange(len(rate)),
+    }
+    found = propose([log(tmp_path / "a.csv", g, **others)])
+    assert chain(found.recording) == [("table", "x", 1)]
+    assert "supply_v" in found.left_out
+
+
+def test_an_inner_axis_that_spins_at_several_outer_angles(tmp_path: Path) -> None:
+    rate = profile()
+    inner, outer = STEP * np.cumsum(np.tile(np.append(rate, np.zeros(200)), 3)), np.zeros(3 * (len(rate) + 200))
+    for k in range(3):
+        end = (k + 1) * (len(rate) + 200)
+        outer[end - 200 : end] = 45 * k + np.linspace(0, 45, 200)
+        outer[end:] = 45 * (k + 1)
+    g = felt(KNOWN["two-axis-table"], np.stack([inner, outer], axis=-1))
+    made = propose([log(tmp_path / "a.csv", g, inner_deg=inner % 360, outer_deg=outer)]).recording
+    assert made.platform == KNOWN["two-axis-table"]
+    assert set(made.axes("gimbal_angle")) == {"inner", "outer"}
+
+
+def test_rates_in_rad_and_in_counts(tmp_path: Path) -> None:
+    angle = STEP * np.cumsum(profile())
+    g = felt(Platform("own", (Axis("table", "z"),)), angle[:, None])
+    r = propose([log(tmp_path / "a.csv", np.radians(g), table=angle % 360)]).recording
+    assert (r.units["angular_rate", "x"], r.platform) == ("rad/s", KNOWN["rate-table"])
+    r = propose([log(tmp_path / "b.csv", np.round(131 * g), table=angle % 360)]).recording
+    assert (r.units["angular_rate", "x"], r.platform.axes[0].direction) == ("count", "z")
+
+
+def test_what_no_column_explains_is_said(tmp_path: Path) -> None:
+    angle = STEP * np.cumsum(profile())
+    oblique = felt(
+        Platform("own", (Axis("tilt", "x", 1, 0.6), Axis("table", "z"))), np.stack([0 * angle, angle], axis=-1)
+    )
+    with pytest.raises(InputError, match="about one of their axes as they felt it"):
+        propose([log(tmp_path / "a.csv", oblique, table_deg=angle)])
+    logs = [log(tmp_path / f"{a}.csv", felt(Platform("own", (Axis("table", a),)), angle[:, None]), table_deg=angle)
+            for a in "xy"]  # fmt: skip
+    with pytest.raises(InputError, match="give the log of each mounting alone"):
+        propose(logs)
+
+
+def test_a_rate_of_a_table_is_no_angle_of_it() -> None:
+    assert by_name("table_rate_dps") is None
+    assert axis_word("table_rate_dps") == "table"
+    assert by_name("table_deg").quantity == "gimbal_angle"  # type: ignore[union-attr]
+
+
+def test_a_header_that_calls_a_rate_an_angle_is_told_what_adds_it_up() -> None:
+    with pytest.raises(InputError, match=r"'deg/s' is not a unit of gimbal_angle; .*`gimbalcal new LOG` adds it up"):
+        check("deg/s", "gimbal_angle")
+
+
+def test_the_chain_s_rate_is_that_of_its_attitude() -> None:
+    rng = np.random.default_rng(3)
+    platform = Platform("own", (Axis("a", "x", -1, 0.4), Axis("b", "z", 1, 1.0), Axis("c", "y")))
+    angles = np.cumsum(rng.normal(0, 1e-3, (400, 3)), axis=0)
+    angles = np.cumsum(angles, axis=0) / 20
+    y = np.radians(felt(platform, np.degrees(angles)))
+    T = turning(STEP * np.arange(400), y, angles, platform.axis_names)
+    assert T.off(platform) < 0.05
+    assert T.off(Platform("own", platform.axes[::-1])) > 0.3
