@@ -80,7 +80,9 @@ def on_table(log: Columns) -> OnTable | None:
     for u in dict.fromkeys((unit, *(BESIDE if is_open(guesses, RATE) else ()))):
         scale = None if unit == "count" else 1.0
         y = read if scale is None else np.asarray(to_si(read, u))
-        found = _chain(time[whole], y[whole], {n: x[whole] for n, x in turned.items()}, scale)
+        tried = (_chain(time[whole], y[whole], {n: x[whole] for n, x in group.items()}, scale)
+                 for group in _likeliest(turned))  # fmt: skip
+        found = next(filter(None, tried), None)
         if found and (best is None or found.left < BETTER * best[0].left):
             best = found, u
     if best is None:
@@ -121,12 +123,17 @@ def added_up(time: Array, rate: Array) -> Array:
 
 
 def _candidates(columns: Mapping[str, Array], guesses: Mapping[str, Guess]) -> dict[str, Array]:
-    """Columns that may be angles or rates of a rig: those that are called so where any are, measured ones first."""
-    named = {n: columns[n] for n, g in guesses.items() if g.quantity == "gimbal_angle"}
+    """Columns that may be angles or rates of a rig, and turn."""
+    named = {n for n, g in guesses.items() if g.quantity == "gimbal_angle"}
     others = {n: x for n, x in columns.items() if (n not in guesses or n in named) and not estimated(n)}
-    moving = {n: x for n, x in others.items() if np.isfinite(x).mean() > 0.5 and np.nanmin(x) < np.nanmax(x)}
-    called = {n: x for n, x in moving.items() if axis_word(n)} or moving
-    return {n: called[n] for n in sorted(called, key=commanded)[:MOST_COLUMNS]}
+    return {n: x for n, x in others.items() if np.isfinite(x).mean() > 0.5 and np.nanmin(x) < np.nanmax(x)}
+
+
+def _likeliest(columns: Mapping[str, Array]) -> Iterator[dict[str, Array]]:
+    """Columns that are called after axes of a rig, then those of any name, and last what the rig was told to do."""
+    measured = {n: x for n, x in columns.items() if not commanded(n)}
+    for group in ({n: x for n, x in measured.items() if axis_word(n)}, measured, columns):
+        yield {n: group[n] for n in list(group)[:MOST_COLUMNS]}
 
 
 def _readouts(name: str, x: Array, time: Array) -> Iterator[Readout]:

@@ -91,6 +91,16 @@ def test_an_angle_by_any_name_beside_what_is_none(tmp_path: Path, name: str, sho
     assert "supply_v" in found.left_out
 
 
+def test_a_measured_angle_comes_before_a_command(tmp_path: Path) -> None:
+    rate = profile()
+    angle = STEP * np.cumsum(rate)
+    g = felt(Platform("own", (Axis("table", "z", -1),)), angle[:, None])
+    late = np.round(np.roll(angle, 5) * 10) / 10 % 360
+    found = propose([log(tmp_path / "a.csv", g, table_speed_cmd=rate, encoder=late)])
+    assert found.guesses["encoder"].quantity == "gimbal_angle"
+    assert "table_speed_cmd" in found.left_out
+
+
 def test_an_inner_axis_that_spins_at_several_outer_angles(tmp_path: Path) -> None:
     rate = profile()
     inner, outer = STEP * np.cumsum(np.tile(np.append(rate, np.zeros(200)), 3)), np.zeros(3 * (len(rate) + 200))

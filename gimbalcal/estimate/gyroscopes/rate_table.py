@@ -32,18 +32,20 @@ from gimbalcal.estimate.gyroscopes.rests import RestFit, Rests, fit_rests
 from gimbalcal.estimate.gyroscopes.steady import SLOWEST, STEADY, Stretches, stretches_of
 from gimbalcal.estimate.support import coefficients, needed, refusal
 from gimbalcal.forward import gyroscopes
-from gimbalcal.kinematics import DOWN, stimulus_from_truth
+from gimbalcal.kinematics import stimulus_from_truth
 from gimbalcal.number import Array, complex_step
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.recording.table_turns import refuse_unlike_table
+from gimbalcal.rotation import normal_to
 from gimbalcal.units import from_si
 
 BASE, FURTHER = ("gyro_bias", "gyro_scale_factor", "gyro_misalignment"), (
     "gyro_scale_asymmetry", "gyro_scale_nonlinearity")  # fmt: skip
 ROUNDS = 3  # each leaves a share of the scale error, squared
 MOUNTED = np.radians(0.2)  # one sigma of how the unit is turned on the table: faces square to ten arcmin
+STAYS = 0.9  # of the force, in the axes of the base: what a lever arm feels goes round
 APART = 1e10  # condition of the columns from which on some cannot be told apart
 
 
@@ -112,22 +114,24 @@ def _rows(recordings: Sequence[Recording], each: Sequence[Stretches], scale: Arr
 
     M (3, 3): physics to reading, as far as it is known.
     """
-    rate, up = np.concatenate([s.rate for s in each]), -DOWN
+    rate = np.concatenate([s.rate for s in each])
     platforms = [r.platform for r in recordings]
     mountings = list(dict.fromkeys(platforms))  # two recordings of one may be of one day, or the unit bolted on anew
     alone, shared = np.zeros((len(rate), 3, 5 * len(each))), np.zeros((len(rate), 3, 5 * len(mountings)))
     reading, at = [], 0
     for k, (r, s) in enumerate(zip(recordings, each, strict=True)):
         rows = slice(at, at + len(s.rate))
-        latitude = r.site.latitude if r.has(FORCE) else None  # else nothing tells how the table stands
-        vertical = s.attitude @ up
+        up = _up(r)
+        latitude = r.site.latitude if up is not None else None  # else nothing tells how the table stands
+        along = np.eye(3)["xyz".index(r.platform.axes[-1].direction)] if up is None else up
+        vertical = s.attitude @ along
         known = 0.0 if latitude is None else EARTH_RATE * np.sin(latitude) * vertical
         own = alone[rows, :, 5 * k : 5 * k + 5]
-        along = 2 if r.has(FORCE) else "xyz".index(r.platform.axes[-1].direction)  # along the table's axis
-        own[..., :2] = horizontal_sigma(latitude) * np.delete(s.attitude, along, axis=-1)
+        across = np.stack([side := normal_to(along), np.cross(along, side)], axis=-1)
+        own[..., :2] = horizontal_sigma(latitude) * s.attitude @ across
         own[..., 2:] = MOUNTED * M @ np.cross(s.rate[:, None], np.eye(3)).swapaxes(-1, -2)
         of_all = shared[rows, :, 5 * (m := mountings.index(r.platform)) : 5 * m + 5]
-        of_all[..., 0] = (EARTH_RATE / np.sqrt(3) if latitude is None else 0.0) * s.attitude[..., along]
+        of_all[..., 0] = (EARTH_RATE / np.sqrt(3) if latitude is None else 0.0) * vertical
         of_all[..., 1] = _foreshortened(s.rate, M) * s.rate
         of_all[..., 2:] = own[..., 2:] * (platforms.count(r.platform) > 1)
         reading.append(scale * (s.reading + s.rate) - s.rate - known)
@@ -140,6 +144,16 @@ def _rows(recordings: Sequence[Recording], each: Sequence[Stretches], scale: Arr
     time = np.concatenate([s.time - r.time[0] for r, s in zip(recordings, each, strict=True)])
     felt = stimulus_from_truth(still, np.zeros((1, 3)), np.zeros((1, 3))).held(len(rate)).at(rate=rate, time=time)
     return Rests(np.concatenate(reading), sigma, felt, beside)
+
+
+def _up(r: Recording) -> Array | None:
+    """Where the accelerometers feel up (3,) in the axes of the base; None without them, or where it does not stay."""
+    if set(r.axes(FORCE)) != {"x", "y", "z"} or r.counted(FORCE):
+        return None
+    force = r.triad(FORCE)
+    mean = np.einsum("nji,nj->ni", r.platform.attitude(r.angles()), force).mean(0)
+    size = float(np.linalg.norm(mean))
+    return mean / size if size > STAYS * float(np.linalg.norm(force, axis=1).mean()) else None
 
 
 def _foreshortened(rate: Array, M: Array) -> float:

@@ -196,6 +196,13 @@ def test_without_accelerometers_nothing_says_which_way_is_up() -> None:
     assert sigma["gyro_bias:y"] < 2 * HOUR
 
 
+def test_accelerometers_tell_how_the_table_stands_whatever_its_drawing_says() -> None:
+    made = gyroscopes_on_a_table([simple(run("x", force=True))])
+    x = dict(zip((p.label for p in made.parameters), made.values, strict=True))
+    sigma = dict(zip((p.label for p in made.parameters), np.sqrt(np.diag(made.covariance)), strict=True))
+    assert abs(x["gyro_bias:x"] - BIAS[0]) < 4 * sigma["gyro_bias:x"] < 8 * HOUR
+
+
 def test_the_same_mounting_twice_tells_no_more_than_once() -> None:
     runs = [simple(run("x", seed=k)) for k in (1, 2)]
     once, twice = gyroscopes_on_a_table(runs[:1]), gyroscopes_on_a_table(runs)
