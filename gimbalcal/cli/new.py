@@ -93,5 +93,6 @@ def new(
     result = {"folder": str(folder), "kind": r.kind, "rests": rests, "rows": len(r.time), "columns": columns,
               "left_out": list(found.left_out), "notes": dict(found.notes)}  # fmt: skip
     after = "calibrate" if stars or turned or rests > 1 or r.kind == "static-run" else "noise"
-    words = f"wrote {folder}, {made_of}; {correct}, then: gimbalcal {after} {folder}"
+    how = " --method rate-table" if turned and r.has("specific_force") else ""
+    words = f"wrote {folder}, {made_of}; {correct}, then: gimbalcal {after} {folder}{how}"
     show(result, words, as_json, quiet)

@@ -34,7 +34,7 @@ def by_order(columns: Mapping[str, Array]) -> dict[str, Guess]:
     if not forces:  # something else stands before them
         windows = [names[k : k + 3] for k in range(len(names) - 2)]
         forces = [t for t in windows if _turns_about_a_constant([columns[n] for n in t]) and
-                  _changes([columns[n] for n in t])]  # fmt: skip
+                  changes([columns[n] for n in t])]  # fmt: skip
     forces.sort(key=lambda t: _unlike_gravity([columns[n] for n in t]))
     others = [t for t in triples if t not in forces[:1]]
     others.sort(key=lambda t: not all(_comes_back(columns[n]) for n in t))  # a magnetometer does not
@@ -54,7 +54,7 @@ def alike(columns: Mapping[str, Array]) -> dict[str, Guess]:
     names, out = list(columns), {}
     triples = [t for t in zip(names, names[1:], names[2:], strict=False) if _one_letter(t)]
     whole = {t: [columns[n][np.isfinite(np.stack([columns[m] for m in t])).all(axis=0)] for n in t] for t in triples}
-    forces = [t for t in triples if len(whole[t][0]) and _turns_about_a_constant(whole[t]) and _changes(whole[t])]
+    forces = [t for t in triples if len(whole[t][0]) and _turns_about_a_constant(whole[t]) and changes(whole[t])]
     rates = [t for t in triples if t not in forces and len(whole[t][0]) and all(map(_comes_back, whole[t]))]
     for quantity, group in ((FORCE, forces[:1]), (RATE, rates[:1] if forces else [])):
         for triple in group:
@@ -77,7 +77,7 @@ def _one_letter(triple: Sequence[str]) -> bool:
     )
 
 
-def _changes(triple: Sequence[Array]) -> bool:
+def changes(triple: Sequence[Array]) -> bool:
     """Whether a vector points elsewhere now and then."""
     f = np.stack(triple, axis=-1)
     f = f / np.maximum(np.linalg.norm(f, axis=1, keepdims=True), 1e-300)

@@ -20,7 +20,7 @@ from gimbalcal.importers.likely import in_likely_units, is_open
 from gimbalcal.importers.mmt import import_mmt
 from gimbalcal.importers.names import FORCE, Guess, by_name, estimated, hinted
 from gimbalcal.importers.novatel import rawimu
-from gimbalcal.importers.on_table import OnTable, lacking, on_table
+from gimbalcal.importers.on_table import OnTable, gravity_stays, lacking, on_table, upright
 from gimbalcal.importers.sky import of_the_axes, refuse_below_horizon
 from gimbalcal.importers.stars import angles_in, pointing_proposal
 from gimbalcal.importers.together import Columns, on_one_clock, slowest_first
@@ -105,7 +105,7 @@ def of_tables(logs: Mapping[Path, Table], title: str, rate: float = 0.0, latitud
         columns, guesses = on_one_clock(path, (columns, guesses), other)
     missing = [a for a in "xyz" if not any((g.quantity, g.axis) == (FORCE, a) for g in guesses.values())]
     site = {} if latitude is None else {"latitude": (latitude, "deg"), **({"height": (height, "m")} if height else {})}
-    if len(missing) == 3 and (table := on_table((columns, guesses))):
+    if (len(missing) == 3 or gravity_stays(columns, guesses)) and (table := on_table((columns, guesses))):
         return _turned(table, title, site, notes, left)
     if missing:
         raise InputError(
@@ -165,8 +165,8 @@ def _turned(table: OnTable, title: str, site: Mapping[str, tuple[float, str]], n
                       platform=_spelt(table.platform))  # fmt: skip
     told = {
         **notes,
-        "kind": "rotation, gyroscopes that a table turned; without accelerometers nothing tells how it stands on the "
-                "Earth. Give the recordings of all mountings together",
+        "kind": f"rotation, gyroscopes that a table turned{upright(table.guesses)}. Give the recordings of all "
+                "mountings together",
         "platform": table.why,
         "noise": "taken from the rows, where nothing is stated",
     }  # fmt: skip

@@ -1,7 +1,7 @@
-"""A log of gyroscopes without accelerometers beside the angle, or the rate, of the table that turned them.
+"""A log of gyroscopes beside the angle, or the rate, of the table that turned them, where gravity tells nothing of it.
 
-No gravity tells the table's axis and sense then: the gyroscopes do. What they felt is held against every column that
-nothing else is known of, as angle or rate in its usual units, and every chain of those axes.
+Without accelerometers, or about the vertical, the gyroscopes tell axis and sense of the table. What they felt is held
+against every column that nothing else is known of, as angle or rate in its usual units, and every chain of those axes.
 """
 
 from __future__ import annotations
@@ -13,8 +13,19 @@ from itertools import combinations
 import numpy as np
 
 from gimbalcal.importers import rig
+from gimbalcal.importers.guess import changes
 from gimbalcal.importers.likely import BESIDE, is_open
-from gimbalcal.importers.names import RATE, Guess, axis_word, commanded, estimated, plain, rate_word, unit_written
+from gimbalcal.importers.names import (
+    FORCE,
+    RATE,
+    Guess,
+    axis_word,
+    commanded,
+    estimated,
+    plain,
+    rate_word,
+    unit_written,
+)
 from gimbalcal.importers.together import Columns
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
@@ -105,6 +116,22 @@ def on_table(log: Columns) -> OnTable | None:
             out[readout.name] = turned[readout.name]
             said[readout.name] = Guess("gimbal_angle", axis, readout.unit, reason)
     return OnTable(out, said, found.platform, why)
+
+
+def gravity_stays(columns: Mapping[str, Array], guesses: Mapping[str, Guess]) -> bool:
+    """Whether accelerometers logged in time feel gravity where it was: nothing turned, or all about the vertical."""
+    force = [columns[n] for n, g in guesses.items() if g.quantity == FORCE]
+    if len(force) != 3 or any(g.quantity == "position" for g in guesses.values()):
+        return False
+    whole = np.isfinite(np.stack(force)).all(axis=0)
+    return bool(whole.any()) and not changes([x[whole] for x in force])
+
+
+def upright(guesses: Mapping[str, Guess]) -> str:
+    """What tells how the table stands, as an aside."""
+    if any(g.quantity == FORCE for g in guesses.values()):
+        return " about the vertical: --method rate-table; the accelerometers tell which way is up"
+    return "; without accelerometers nothing tells how it stands on the Earth"
 
 
 def lacking(guesses: Mapping[str, Guess], joined: bool) -> str:

@@ -26,7 +26,7 @@ from gimbalcal.recording.plausible_pointing import check_pointing
 from gimbalcal.recording.plausible_run import check_attitude, check_latitude, check_sidereal, check_turn, named
 from gimbalcal.recording.plausible_turned import check_turned
 from gimbalcal.recording.rates import refuse_implausible_rates
-from gimbalcal.recording.table_turns import refuse_unlike_table
+from gimbalcal.recording.table_turns import like_table, refuse_unlike_table
 from gimbalcal.recording.triads import AXES, CHANGES, CLOSE, NEARLY_ALL, in_words, remedy
 from gimbalcal.units import is_raw
 
@@ -61,6 +61,8 @@ def refuse_implausible(recording: Recording) -> tuple[str, ...]:
     at_rest = recording.kind in ("multi-position", "static-run") and set(recording.axes("specific_force")) == set(AXES)
     told = _check_forces(recording) if at_rest else True
     rates = refuse_implausible_rates(recording)
+    if rates and recording.kind == "rotation" and _on_a_table(recording) and like_table(recording):
+        rates = ()
     told |= recording.kind == "multi-position" and recording.has("angular_rate") and not rates  # they fit gravity
     return (*odd, *rates) if told else (UNCHECKED, *odd, *rates)
 

@@ -110,7 +110,7 @@ def refuse_unlike_table(r: Recording) -> None:
     readings in counts only the axes are looked at.
     """
     T, scale = _of(r), None if r.counted(RATE) else 1.0
-    if float(np.std(T.rate, axis=0).max(initial=0.0)) < TURNS or T.off(r.platform, scale) < UNLIKE:
+    if not _tells(T) or T.off(r.platform, scale) < UNLIKE:
         return
     for words in _slips(r, T, scale):
         raise InputError(f"{named(r)}: {words}")
@@ -121,6 +121,16 @@ def refuse_unlike_table(r: Recording) -> None:
         f"changed{fast}; mount the unit with one of its axes along the table's, within 15 deg, and look at the "
         "columns of the rig and their clock"
     )
+
+
+def like_table(r: Recording) -> bool:
+    """Whether the gyroscopes of `r` feel what the rig turns by, so that their axes, signs and unit are vouched for."""
+    T = _of(r)
+    return _tells(T) and not r.counted(RATE) and T.off(r.platform) < UNLIKE
+
+
+def _tells(T: Turning) -> bool:
+    return float(np.std(T.rate, axis=0).max(initial=0.0)) >= TURNS
 
 
 def _of(r: Recording, factor: float = 1.0) -> Turning:

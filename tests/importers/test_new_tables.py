@@ -123,6 +123,18 @@ def test_rates_in_rad_and_in_counts(tmp_path: Path) -> None:
     assert (r.units["angular_rate", "x"], r.platform.axes[0].direction) == ("count", "z")
 
 
+def test_about_the_vertical_gravity_tells_nothing_and_the_gyroscopes_do(tmp_path: Path) -> None:
+    rate = profile()
+    g = felt(Platform("own", (Axis("table", "x", -1),)), STEP * np.cumsum(rate)[:, None])
+    rng = np.random.default_rng(4)
+    force = {f"acc_{a}": f + rng.normal(0, 0.002, len(rate)) for a, f in zip("xyz", (9.81, 0.02, -0.03), strict=True)}
+    found = propose([log(tmp_path / "a.csv", g, **force, table_rate_dps=rate)])
+    assert (found.recording.kind, chain(found.recording)) == ("rotation", [("table", "x", -1)])
+    assert found.recording.has("specific_force")
+    assert "--method rate-table" in found.notes["kind"]
+    assert not any("gyroscopes were not checked" in remark for remark in found.recording.remarks)
+
+
 def test_what_no_column_explains_is_said(tmp_path: Path) -> None:
     angle = STEP * np.cumsum(profile())
     oblique = felt(
