@@ -161,7 +161,7 @@ def _slips(r: Recording, T: Turning, scale: float | None) -> Iterator[str]:
         if turned and set(turned) <= set(logged) and T.off(Platform("own", other_way)) < UNLIKE:
             yield (
                 f"the gyroscopes feel the rig turn the other way than its angles say: write sign = -1 at the column of "
-                f"{' and '.join(turned)} in [columns]"
+                f"{' and '.join(turned)} in [columns], or take it out where it is there"
             )
     if len(axes) == 1:
         a = axes[0]
