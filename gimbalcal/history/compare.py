@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration.gravity import common_gravity, without_gravity
-from gimbalcal.effects import Parameter
+from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.history.course import DAY, SURPRISE, YEAR, Course, course
 from gimbalcal.history.dated import Dated, day_of
@@ -265,7 +265,9 @@ def _next(c: Course, made: Sequence[Dated]) -> str:
 
 
 def _called(p: Parameter) -> str:
-    return f"{p.name} {p.axis}".replace("_", " ").strip()
+    """A parameter by its effect, as everywhere; by its own name where the effect has several."""
+    several = p.effect not in CATALOGUE or len({q.name for q in parameters(CATALOGUE[p.effect], ("inner",))}) > 1
+    return f"{p.name if several else p.effect} {p.axis}".replace("_", " ").strip()
 
 
 def _row(c: Course) -> dict[str, Any]:

@@ -74,7 +74,7 @@ def design_headline(seen: Mapping[str, Any]) -> str:
                   for name, a in seen["against"].items()}  # fmt: skip
         what, which = ("that error", "") if position else ("σ", ", in the mean")
         text += f" {wording.sentence(others[0])}" if position else ""
-        beside = [f"In as much time as {n} takes {what} is {x:.2f} of what that leaves{which}"
+        beside = [f"In the time that {n} takes, {what} is {x:.2f} times what {n} leaves{which}"
                   for n, x in ratios.items()]  # fmt: skip
 
     return " ".join([text, *map(wording.answered, beside), "Next: turn the rig through schedule.toml while it logs."])

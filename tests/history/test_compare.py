@@ -11,11 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.history import Dated, compare, date_in, dated_file
-from gimbalcal.history.compare import flat
+from gimbalcal.history.compare import _called, flat
 from gimbalcal.history.course import YEAR
 from gimbalcal.report.history import history_report
+from gimbalcal.report.wording import named
 from tests.history.calibrations import LABELS, SIGMA, START, R, calibration, history
 
 QUARTER = 90 * 86400.0 / YEAR
@@ -251,3 +253,11 @@ def test_gravities_of_two_places_are_not_in_common() -> None:
     assert made.agree
     assert "gravity" not in made.in_words
     assert made.to_dict()["common_gravity_sigma_ppm"] == 0.0
+
+
+def test_the_console_calls_a_parameter_as_the_page_does() -> None:
+    every = [p for effect in CATALOGUE.values() for p in parameters(effect, ("inner",))]
+    assert [p for p in every if _called(p) not in named(p.name, p.axis).replace("_", " ")] == []
+    told = {_called(p) for p in every}
+    assert {"bias temperature y", "cubic nonlinearity z", "misalignment xy"} <= told
+    assert not told & {"b T y", "K3 z"}
