@@ -46,9 +46,10 @@ def apply(
     with placed(folder, overwrite) as new:
         write(made, new, samples)
     direction = "physics to readings" if inverse else "readings to physics"
+    done = "as the calibrated unit would read it" if inverse else "corrected"
     result = {"rows": len(made.time), "folder": str(folder), "direction": direction,
               "effects": sorted({e.id for e in calibration.effects})}  # fmt: skip
-    show(result, f"wrote {made.title!r}, {direction}, {amount(len(made.time), 'row')}, into {folder}", as_json, quiet)
+    show(result, f"wrote {made.title!r}, {done}, {amount(len(made.time), 'row')}, into {folder}", as_json, quiet)
 
 
 @click.command(epilog=example("gimbalcal export csv --calibration results/calibration.json --out exported"))
@@ -70,7 +71,9 @@ def export(kind: str, known: Path, overwrite: bool, out: Path | None, quiet: boo
     for words in lost:
         progress(quiet)(f"note: {words}")
     result = {"file": str(path), "direction": DIRECTION[kind], "lost": list(lost)}
-    show(result, f"wrote {path}, {DIRECTION[kind]}", as_json, quiet)
+    corrects = DIRECTION[kind] == "readings to physics"
+    does = "corrects readings" if corrects else "tells what a unit reads of the truth"
+    show(result, f"wrote {path}, which {does}", as_json, quiet)
 
 
 @click.command(

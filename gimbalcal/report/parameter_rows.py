@@ -39,7 +39,7 @@ def _row(p: Row, nominal: Counts | None, truth: Mapping[str, float] | None) -> d
         error = in_sigmas((p["value"] - float(from_si(truth[label_of(p)], p["unit"]))) / p["sigma"], 1)
     own = unit == wording.unit_in_print(p["unit"])  # else counted from a nominal value that the same data gave
     return {
-        "words": wording.named(p["name"], p["axis"].replace("_", " ")),
+        "words": wording.named(p["name"], p["axis"].replace("_", " ")) + (", as stated" if p["sigma"] == 0 else ""),
         "means": wording.typeset(p.get("in_words", "")) if own and told_from_zero(p["value"], p["sigma"]) else "",
         "value": value,
         "sigma": sigma,

@@ -18,7 +18,7 @@ def named(name: str, axis: str = "") -> str:
     >>> named("gimbal_zero", "inner"), named("K3", "y")
     ('gimbal zero inner', 'cubic nonlinearity y')
     """
-    return f"{_names().get(name, name.replace('_', ' '))} {axis}".strip()
+    return f"{_names().get(name, name.replace('_', ' ').replace('.', ', '))} {axis.replace('_', ' ')}".strip()
 
 
 @cache

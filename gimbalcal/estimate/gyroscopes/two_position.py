@@ -135,8 +135,9 @@ def _calibration(
     outcome = ""
     if chance < SURPRISE:
         worst = int(np.argmax(np.abs(misfit).max(axis=1)))
+        surprise = f"= {chance:.1g}" if chance > 1e-12 else "< 1e-12"
         outcome = (
-            f"one bias and the Earth's rate leave {times:.2g} times the noise (p = {chance:.1g}), most "
+            f"one bias and the Earth's rate leave {times:.2g} times the noise (p {surprise}), most "
             f"in rest {worst + 1}: the bias moved, the readouts are not how the unit stood, or "
             "gravity acts on the gyroscopes"
         )
