@@ -35,8 +35,8 @@ def wandering(s: Search) -> tuple[Node, ...]:
     """The noises of one wandering accelerometer that are as likely as a twentieth of what was found, likeliest first.
 
     Where nothing was found in a static run, those that are 20 times as likely as all noises without one together, if it
-    calls for a walk at all; outputs that wander between positions are told by their calibration. Walks of all
-    accelerometers compete with them.
+    calls for a walk at all; outputs that wander between positions are told by their calibration. Where walks of all
+    accelerometers are likelier there are none: what they leave keeps its shape.
     """
     found = s.ln_total >= CLAIM
     if not found and (s.o.kind != "static-run" or not _walks(s)):
@@ -44,7 +44,7 @@ def wandering(s: Search) -> tuple[Node, ...]:
     nodes = lone_walks(s.o)
     ln = weights(s, nodes)
     alone = np.array([bool(n.alone) for n in nodes])
-    if not alone.any():
+    if not alone.any() or (not alone.all() and logsumexp(ln[~alone]) > logsumexp(ln[alone])):
         return ()
     others = np.append(s.null, ln[~alone])
     if found and logsumexp(ln) - logsumexp(s.null) < s.ln_total - CLAIM:
@@ -78,9 +78,10 @@ def wandering_in(v: View, c: Course) -> tuple[View, float, float]:
     """A view with the lone walks among its noises that come within a factor 20 of what a course found, if any do.
 
     Of a course that found nothing, those that are 20 times likelier than all other noises. Beside it ln of the odds of
-    a walk alone to nothing, and of a walk to all that was found instead. Of a telescope no row is a sensor.
+    a walk alone to nothing, and of a walk to all that was found instead. Of a telescope no row is a sensor, and how far
+    a sensor walked between sessions of an unknown time nobody knows.
     """
-    if v.wander is None or v.channels[0][0] not in (FORCE, RATE):
+    if v.recording.restarts or v.wander is None or v.channels[0][0] not in (FORCE, RATE):
         return v, -np.inf, -np.inf
     bare = np.zeros((*c.start.r.shape, 0))
     every = projections(replace(v, lone=LONE_SENSORS), c.start, bare)

@@ -151,7 +151,7 @@ def scaled_by_gravity(means: Recording) -> tuple[Recording, Counts | None]:
     if np.isfinite(found).all():
         scale = found[:3] * means.site.gravity / spread
         offset = middle - found[3:6] / found[:3] * spread
-    elif _on_faces((N - middle) / np.where(half > 0, half, 1.0)):
+    elif np.all(half > 0) and _on_faces((N - middle) / half):
         scale, offset = means.site.gravity / half, middle
     else:
         unit = means.units.get((FORCE, "x"), "m/s^2")

@@ -147,6 +147,15 @@ def test_walks_compete_with_what_was_found(monkeypatch, ln_total, ln, kept):
     assert [n.k for n in wandering(s)] == kept
 
 
+@pytest.mark.parametrize(("together", "kept"), [(8.5, [0, 1]), (9.5, [])])
+def test_none_walks_alone_where_all_walking_is_likelier(monkeypatch, together, kept):
+    walks = [SimpleNamespace(alone="x", k=0), SimpleNamespace(alone="", k=1)]
+    monkeypatch.setattr("gimbalcal.diagnose.search.lone_walk.lone_walks", lambda _: walks)
+    monkeypatch.setattr("gimbalcal.diagnose.search.lone_walk.weights", lambda *_: np.array([9.0, together]))
+    s = SimpleNamespace(ln_total=8.0, o=SimpleNamespace(kind="static-run"), null=np.zeros(1))
+    assert [n.k for n in wandering(s)] == kept
+
+
 def steps(t, seed):
     """A random walk in time (n,) that is of order one at the end, of numbers that no plant of this seed draws."""
     rng = np.random.default_rng(1000 + seed)
