@@ -12,6 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
+from gimbalcal.effects.history import integral
 from gimbalcal.importers import rig
 from gimbalcal.importers.guess import changes
 from gimbalcal.importers.likely import BESIDE, is_open
@@ -109,7 +110,7 @@ def on_table(log: Columns) -> OnTable | None:
         reason = f"{counts[readout.name]} counts a turn; {why}" if readout.name in counts else why
         if readout.added_up:
             name, rate = f"{plain(readout.name)}_added_up", np.where(whole, turned[readout.name], 0.0)
-            out[name] = np.degrees(added_up(time, np.asarray(to_si(rate, readout.unit))))
+            out[name] = np.degrees(integral(np.asarray(to_si(rate, readout.unit)), time))
             said[name] = Guess("gimbal_angle", axis, "deg", f"{readout.name.strip()} in {readout.unit}, added up over "
                                f"time from zero; {reason}")  # fmt: skip
         else:
@@ -144,11 +145,6 @@ def lacking(guesses: Mapping[str, Guess], joined: bool) -> str:
     )
 
 
-def added_up(time: Array, rate: Array) -> Array:
-    """The angle (n,) from zero that a rate (n,) turns by, by trapezes."""
-    return np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) / 2 * np.diff(time))])
-
-
 def _candidates(columns: Mapping[str, Array], guesses: Mapping[str, Guess]) -> dict[str, Array]:
     """Columns that may be angles or rates of a rig, and turn."""
     named = {n for n, g in guesses.items() if g.quantity == "gimbal_angle"}
@@ -173,7 +169,7 @@ def _readouts(name: str, x: Array, time: Array) -> Iterator[Readout]:
     if written not in QUANTITIES["angular_rate"].units:
         yield from (Readout(name, u, np.unwrap(np.asarray(to_si(x, u)))) for u in angles)
     if written not in QUANTITIES["gimbal_angle"].units:
-        yield from (Readout(name, u, added_up(time, np.asarray(to_si(x, u)))) for u in rates)
+        yield from (Readout(name, u, integral(np.asarray(to_si(x, u)), time)) for u in rates)
 
 
 def _chain(time: Array, read: Array, columns: Mapping[str, Array], scale: float | None) -> Found | None:

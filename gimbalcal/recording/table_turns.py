@@ -18,6 +18,7 @@ from math import pi
 
 import numpy as np
 
+from gimbalcal.effects.history import integral
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Axis, Platform
@@ -82,7 +83,7 @@ def turning(time: Array, read: Array, angles: Array, names: Sequence[str]) -> Tu
     n = max(1, round(SPAN / step))
     whole = np.unwrap(angles, axis=0)
     starts = np.arange(0, len(time) - n, max(n, (len(time) - n) // MOST))
-    sums = np.concatenate([np.zeros((1, 3)), np.cumsum((read[1:] + read[:-1]) / 2 * np.diff(time)[:, None], axis=0)])
+    sums = integral(read, time)
     span = (time[starts + n] - time[starts])[:, None]
     middle = (whole[starts] + whole[starts + n]) / 2
     return Turning((sums[starts + n] - sums[starts]) / span, middle, (whole[starts + n] - whole[starts]) / span,

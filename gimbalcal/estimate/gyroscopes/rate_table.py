@@ -184,9 +184,7 @@ def _seen(found: Rests) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
 def _columns(found: Rests, wanted: Sequence[Parameter]) -> Array:
     """Derivative (m, 3, p) of the readings, each parameter times its usual size."""
     s, prior = found.stimulus, np.array([p.sigma for p in wanted])
-    assert s.rate is not None
-    rate = s.rate
-    J = complex_step(lambda x: gyroscopes(rate, s, with_values((), wanted, x)), np.zeros(len(wanted)))
+    J = complex_step(lambda x: gyroscopes(s.rate, s, with_values((), wanted, x)), np.zeros(len(wanted)))
     return np.asarray(J * prior)
 
 

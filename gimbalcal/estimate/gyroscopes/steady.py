@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gimbalcal.effects.history import integral
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -50,8 +51,8 @@ def stretches_of(r: Recording) -> Stretches:
     turn = rotation_vector(C[:-1] @ np.swapaxes(C[1:], -1, -2))
     span = r.time[starts + n] - r.time[starts]
     rate = np.array([turn[s : s + n].sum(0) for s in starts]) / span[:, None]
-    mean = np.array([((y[s : s + n] + y[s + 1 : s + n + 1]) / 2 * dt[s : s + n, None]).sum(0) for s in starts])
-    mean /= span[:, None]
+    total = integral(y, r.time)
+    mean = (total[starts + n] - total[starts]) / span[:, None]
     fastest = float(np.linalg.norm(rate[whole], axis=1).max(initial=0.0))
     if fastest < SLOWEST:
         raise InputError(
