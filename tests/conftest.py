@@ -9,6 +9,17 @@ import pytest
 
 from gimbalcal import cli
 from gimbalcal.effects import CATALOGUE, loading
+from tests.golden import Golden
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--regenerate-golden", action="store_true", help="write tests/golden anew instead of comparing")
+
+
+@pytest.fixture(scope="session")
+def golden(request: pytest.FixtureRequest) -> Golden:
+    """Compares text with a golden file, or writes it: see tests/golden/__init__.py."""
+    return Golden(bool(request.config.getoption("--regenerate-golden")))
 
 
 @pytest.fixture

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -59,37 +61,52 @@ TURNS = {
 
 
 @cache
-def pages() -> dict[str, str]:
-    """The pages by name."""
-    content, recordings, truth = example()
-    seen = curves()
+def page(name: str) -> str:
+    """One of `PAGES`."""
+    return PAGES[name]()
+
+
+@cache
+def planned() -> tuple[Any, Any]:
+    """A designed schedule of six positions, and its report."""
+    return design(rig_of("space-stable", 90, None), 6, ("bias",))
+
+
+def of_forces(verdict: str = "missing-physics", **changes: Any) -> str:
+    """The page of a diagnosis of positions, in a known noise and at a known temperature."""
     warm = {"temperature [°C]": np.linspace(15, 25, 360)}
-    known = replace(seen, sigma=np.full((360, 2), 5.0), units=("ug", "ug"), against=warm)
-    twin = CUBIC | {"twins": ["odd_quadratic"], "separate_by": "Tilt by 30 and 60 degrees."}
-    unknown = diagnosis("unexplained", findings=[], unexplained=[{"channel": "x", "shape": "grows with time"}])
-    fits = replace(known, after=known.before)
-    parts = (panels(known, [{"channel": "specific_force", "axis": "y"}]), LONG, known)
-    schedule, report = design(rig_of("space-stable", 90, None), 6, ("bias",))
-    still, stars, runs = bench(), mount(), navigated()
-    return {
-        "calibration": calibration_report(content, recordings, truth),
-        "diagnosis": diagnosis_report(diagnosis(), *parts),
-        "open": diagnosis_report(diagnosis("not-identifiable", findings=[twin]), *parts),
-        "unexplained": diagnosis_report(unknown, *parts),
-        "adequate": diagnosis_report(diagnosis("adequate", findings=[], mismatch=[]), panels(fits, []), LONG, fits),
-        "mount": diagnosis_report(diagnosis(), panels(stars, []), LONG, stars),
-        "noise": noise_report(noise_content(still, noise_at_rest(still)), LONG),
-        "observe": plan_report(observe("wu2018-18", candidates=["cross_coupling"]).to_dict()),
-        "observe static": plan_report(observe_any("static-24h", 1.0, 2.0, 40.0).to_dict()),
-        "turns": observability_report(observe_turning("jia2014-9", 40.0, "bias,gyro_bias").to_dict()),
-        "design": design_report(report, schedule),
-        "designed turns": design_report(TURNS, ROTATIONS["wei2022-30"]),
-        "budget": budget_report(budget(["wu2018-18"], (6.0, 24.0))),
-        "navigation": navigation_report(navigation_content(runs, Aids(), {"samples": 5}), runs, LONG),
-        "history": history_report(HISTORY),
-        "campaign": campaign_report(campaign(ratio=1.7, failed=2)),
-        "new": proposal_page(log()),
-    }
+    known = replace(curves(), sigma=np.full((360, 2), 5.0), units=("ug", "ug"), against=warm)
+    drawn = panels(known, [{"channel": "specific_force", "axis": "y"}])
+    if verdict == "adequate":
+        known = replace(known, after=known.before)
+        drawn = panels(known, [])
+    return diagnosis_report(diagnosis(verdict, **changes), drawn, LONG, known)
+
+
+PAGES: dict[str, Callable[[], str]] = {
+    "calibration": lambda: calibration_report(*example()),
+    "diagnosis": of_forces,
+    "open": lambda: of_forces(
+        "not-identifiable",
+        findings=[CUBIC | {"twins": ["odd_quadratic"], "separate_by": "Tilt by 30 and 60 degrees."}],
+    ),
+    "unexplained": lambda: of_forces(
+        "unexplained", findings=[], unexplained=[{"channel": "x", "shape": "grows with time"}]
+    ),
+    "adequate": lambda: of_forces("adequate", findings=[], mismatch=[]),
+    "mount": lambda: diagnosis_report(diagnosis(), panels(mount(), []), LONG, mount()),
+    "noise": lambda: noise_report(noise_content(bench(), noise_at_rest(bench())), LONG),
+    "observe": lambda: plan_report(observe("wu2018-18", candidates=["cross_coupling"]).to_dict()),
+    "observe_static": lambda: plan_report(observe_any("static-24h", 1.0, 2.0, 40.0).to_dict()),
+    "turns": lambda: observability_report(observe_turning("jia2014-9", 40.0, "bias,gyro_bias").to_dict()),
+    "design": lambda: design_report(*planned()[::-1]),
+    "designed_turns": lambda: design_report(TURNS, ROTATIONS["wei2022-30"]),
+    "budget": lambda: budget_report(budget(["wu2018-18"], (6.0, 24.0))),
+    "navigation": lambda: navigation_report(navigation_content(navigated(), Aids(), {"samples": 5}), navigated(), LONG),
+    "history": lambda: history_report(HISTORY),
+    "campaign": lambda: campaign_report(campaign(ratio=1.7, failed=2)),
+    "new": lambda: proposal_page(log()),
+}
 
 
 def bench() -> Recording:

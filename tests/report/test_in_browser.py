@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from tests.report.pages import pages
+from tests.report.pages import PAGES, page
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
 WIDTHS = (390, 800, 1400)
@@ -55,8 +55,8 @@ def asked(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[dict[str, Any]
         pytest.skip("no Chromium here")
     folder = tmp_path_factory.mktemp("pages")
     frames = ""
-    for name, text in pages().items():
-        (folder / f"{name}.html").write_text(text, encoding="utf-8")
+    for name in PAGES:
+        (folder / f"{name}.html").write_text(page(name), encoding="utf-8")
         frames += "".join(f'<iframe data-page="{name}" data-width="{w}" style="width:{w}px;height:800px" '
                           f'src="{name}.html"></iframe>' for w in WIDTHS)  # fmt: skip
     (folder / "asked.html").write_text(ASK.format(frames=frames), encoding="utf-8")
@@ -71,7 +71,7 @@ def asked(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[dict[str, Any]
 
 def test_no_page_is_wider_than_its_window(asked: tuple[list[dict[str, Any]], str]) -> None:
     told, _ = asked
-    assert len(told) == 3 * len(pages())
+    assert len(told) == 3 * len(PAGES)
     assert [row for row in told if row["beyond"]] == []
 
 

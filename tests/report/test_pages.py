@@ -1,0 +1,11 @@
+"""The text of every kind of page."""
+
+import pytest
+
+from tests.golden import Golden, page_text
+from tests.report.pages import LONG, PAGES, page
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_the_text_of_a_page(name: str, golden: Golden) -> None:
+    golden(f"pages/{name}", page_text(page(name)).replace(LONG, "LONG TITLE"))
