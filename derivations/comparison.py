@@ -34,7 +34,7 @@ class Comparison:
 
     def __str__(self) -> str:
         if self.same:
-            return f"Package: same to {self.difference:.0e}."
+            return f"Package: same within {TOLERANCE:.0e}."
         return f"PACKAGE DIFFERS in {self.where} {self.problem or f'by {self.difference:.2g}'}."
 
 

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from gimbalcal.atomic import write_json
-from gimbalcal.calibration import earlier
 from gimbalcal.calibration.arrays import correct_arrays
 from gimbalcal.calibration.correction import correct, corrupt
 from gimbalcal.calibration.definitions import refuse_other_definitions
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LARGEST = 100_000_000  # bytes; a hundred parameters with their covariance are a quarter of a megabyte
-FORMAT = 2  # since 2 both triads: true = SF x reading; `earlier` reads 1
+FORMAT = 2  # of calibration.json: true = SF x reading for both triads
 
 
 @dataclass(frozen=True)
@@ -213,10 +212,8 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
 
     gimbals: names of the platform's axes for a file that is too old to say them.
     """
-    if content.get("format") not in (1, FORMAT):
-        raise InputError(f"calibration has format {content.get('format')!r}, this version reads formats 1 and {FORMAT}")
-    if content["format"] == 1:
-        content = earlier.as_now(content)
+    if content.get("format") != FORMAT:
+        raise InputError(f"calibration has format {content.get('format')!r}, this version reads format {FORMAT}")
     readout = from_content(content)
     rows = content["parameters"]
     gimbals = readout.gimbals or tuple(gimbals) or gimbals_of([(r["name"], r["axis"]) for r in rows])

@@ -11,14 +11,11 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.calibration import gimbals_of
-from gimbalcal.calibration.earlier import LABELS, MISALIGNMENT, SCALE, renamed, told_now
 from gimbalcal.calibration.exchange.matrices import Found
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError
-from gimbalcal.number import complex_step
 from gimbalcal.units import from_si, parse, to_si
 
-DIRECTION = "# Direction: physics to reading"
 FORMAT = "# Format: 2 (both triads: true = SF x reading)"
 GIMBALS = "# Gimbals, platform first: "
 HEADER = ("name", "axis", "value", "sigma", "unit", "effect")
@@ -27,7 +24,7 @@ HEADER = ("name", "axis", "value", "sigma", "unit", "effect")
 def content(calibration: Calibration, _: Sequence[str]) -> bytes:
     """The CSV file of a calibration."""
     file = io.StringIO()
-    file.write(f"{DIRECTION}, as in calibration.json; correlations are not in this file.\n")
+    file.write("# Direction: physics to reading, as in calibration.json; correlations are not in this file.\n")
     file.write(f"{FORMAT}\n")
     if calibration.readout.gimbals:
         file.write(f"{GIMBALS}{', '.join(calibration.readout.gimbals)}\n")
@@ -81,18 +78,4 @@ def read(path: Path) -> tuple[Found, tuple[str, ...]]:
         if p in out:
             raise InputError(f"{path}, line {n}: {p.label} is there twice; keep one of them")
         out[p] = (value, sigma)
-    ours = any(line.startswith(DIRECTION) for line in lines)
-    return _as_now(out) if ours and FORMAT not in lines else out, gimbals
-
-
-def _as_now(found: Found) -> Found:
-    """Gyroscopes of a file that we wrote before it said its format, as calibration.json of format 1 tells them."""
-    old = [p for p in found if p.effect in (SCALE, MISALIGNMENT)]
-    labels, J = [p.label for p in old], np.zeros((0, 0))
-    x, sigma = (np.array([found[p][i] for p in old]) for i in (0, 1))
-    if old:
-        J = complex_step(lambda v: told_now(labels, v), x)
-    now = [LABELS[renamed(label)[0]] for label in labels]
-    spread = np.sqrt((J**2) @ sigma**2)
-    told = dict(zip(now, zip(told_now(labels, x).tolist(), spread.tolist(), strict=True), strict=True))
-    return {p: v for p, v in found.items() if p not in old} | told
+    return out, gimbals
