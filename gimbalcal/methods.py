@@ -13,7 +13,7 @@ import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.gravity import with_gravity
 from gimbalcal.calibration.sound import refuse_not_finite
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline import BASELINE, GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.loading import outside
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
@@ -165,7 +165,7 @@ def _estimated(
     elif method == "multiposition":
         tell("norm of the force at every position, and the gyroscopes where they were logged on the way")
         recordings = tuple(graded(recordings).of(recordings))
-        also = added(more, recordings, (*LINEAR, *BASELINE["rest rates"], *BASELINE["turns"]))
+        also = added(more, recordings, (*LINEAR, *GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS))
         alone = len(recordings) == 1
         made = inertial_unit(recordings[0], terms, also) if alone else unit_of_sessions(recordings, terms, also)
         for told in made.provenance["options"].get("sessions", ()):

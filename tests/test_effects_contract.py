@@ -1,7 +1,7 @@
 """What every effect of the catalogue must do, whoever wrote it."""
 
 import re
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ import pytest
 import sympy
 
 from gimbalcal.effects import CATALOGUE, Effect, Stage, Stimulus, values, with_values
+from gimbalcal.effects.effect import constants
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import STEP, Array
 from gimbalcal.references import REFERENCES
@@ -117,6 +118,32 @@ def test_complex_step_is_the_derivative_by_every_parameter(name: str) -> None:
         exact = at(1j * STEP).imag / STEP
         # central difference: cubic truncation 1e-10 of the third derivative, rounding 1e-16 / 1e-5
         close(exact, (at(1e-5) - at(-1e-5)).real / 2e-5, size=np.abs(at(0.0)).max())
+
+
+SMOOTH = [(n, f.name) for n in ALL for f in constants(CATALOGUE[n]) if f.metadata["grid"].smooth]
+
+
+@pytest.mark.parametrize(("name", "field"), SMOOTH)
+def test_complex_step_is_the_derivative_by_a_constant_anywhere_in_its_range(name: str, field: str) -> None:
+    made, largest = filled(name, np.random.default_rng(5)), 0.0
+    m = next(f.metadata for f in constants(type(made)) if f.name == field)
+    inside = m["low"] + np.array([0.01, 0.1, 0.5, 0.9]) * (m["high"] - m["low"])
+    for kind in CATALOGUE[name].kinds:
+        s = rich(kind)
+        for value in (getattr(made, field), *inside):
+
+            def at(step: complex, value: float = value, s: Stimulus = s) -> Array:
+                return replace(made, **{field: value + step * (value or m["high"])}).contribution(s)
+
+            exact = np.imag(at(1j * STEP)) / STEP
+            h = 1e-8  # relative: the phase of servo_limit_cycle.period runs through thousands of radians
+            difference = np.real(at(h) - at(-h)) / (2 * h)
+            # rounding: 1e-16 / 1e-8, of what is added and of its phase
+            np.testing.assert_allclose(
+                exact, difference, rtol=0, atol=1e-4 * np.abs(difference).max() + 1e-7 * np.abs(at(0.0)).max()
+            )
+            largest = max(largest, np.abs(difference).max() / max(np.abs(at(0.0)).max(), 1e-300))
+    assert largest > 1e-3  # the derivative is there to be lost
 
 
 def close(exact: Array, difference: Array, size: float) -> None:

@@ -18,7 +18,7 @@ from gimbalcal.diagnose.rows.baseline import by_triad, check_baseline, check_fin
 from gimbalcal.diagnose.several import diagnose_several
 from gimbalcal.diagnose.unknown_noise import applies, diagnose_unknown_noise
 from gimbalcal.effects import CATALOGUE
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline import ACCELEROMETER_TERMS
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.loading import outside
 from gimbalcal.errors import InputError
@@ -136,7 +136,7 @@ def _of_all(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
 def _sessions(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
     """Sessions of one unit turned by hand: their rests together, and whether they share their constants at all."""
     made = _joined(recordings, asked)
-    terms = by_triad(asked.baseline)[0] or BASELINE["norm"]
+    terms = by_triad(asked.baseline)[0] or ACCELEROMETER_TERMS
     ask = partial(unit_of_sessions, recordings, terms)
     return _held_together(made, "session", "agree on their constants", ask, asked.tell)
 

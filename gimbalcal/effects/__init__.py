@@ -1,8 +1,7 @@
 """The catalogue: one definition per physical effect, read by simulator, estimators, diagnosis and derivations.
 
 A new effect is one class in a file of this folder: card, parameters, constants with what they are (`Grid`), what it
-needs, its contribution and, where it is no ordinary cause, how a diagnosis is to take it (`Effect`). Nothing else names
-it.
+needs, its contribution and, where it is no ordinary cause, its `Role` in a diagnosis. Nothing else names it.
 """
 
 import importlib

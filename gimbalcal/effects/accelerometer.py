@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.effects.effect import MISALIGNMENT_AXES, TRIAD, Effect, Stage, Stimulus, effect, parameter
+from gimbalcal.effects.effect import MISALIGNMENT_AXES, TRIAD, Effect, Role, Stage, Stimulus, effect, parameter
 from gimbalcal.number import Array, sqrt
 
 
@@ -57,7 +57,7 @@ class Misalignment(Effect):
     id = "misalignment"
     says = "the input axis of {who} leans by {size}"
     stage = Stage.INPUT_AXIS
-    usual = ("multi-position", "rotation")
+    role = Role(textbook_kinds=("multi-position", "rotation"))
     gauge = ("xy", "xz", "yx")  # with the others they turn the block, which shows where its attitude is known
     sources = ("wu2018",)
     beta: Array = parameter(MISALIGNMENT_AXES, unit="arcsec", sigma=120, name="misalignment")
@@ -147,7 +147,7 @@ class FrameMisalignment(Effect):
     id = "frame_misalignment"
     says = "the sensor block is turned against its platform by {size}"
     stage = Stage.INPUT_AXIS
-    no_cause = "misalignment says the same, and more"
+    role = Role(excluded="misalignment contains it")
     sources = ("wu2018",)
     theta: Array = parameter(TRIAD, unit="arcsec", sigma=60, name="frame_misalignment")
 

@@ -1,26 +1,21 @@
-"""What a calibrated model holds, by what is looked at: no finding, unless a user leaves it out of the baseline."""
+"""Effects of a calibrated model: no findings of a diagnosis unless a user leaves them out of the baseline."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
+# Where no gimbal angle is known: the linear terms of Wang et al. (2019), Eqs. (2) and (6).
+ACCELEROMETER_BIAS = ("bias",)
+ACCELEROMETER_TERMS = ("bias", "scale_factor", "misalignment")
+GYROSCOPE_BIAS = ("gyro_bias",)
+GYROSCOPE_INPUT_TERMS = ("gyro_scale_factor", "gyro_misalignment")
+
+_WU2018 = ("scale_factor", "bias", "scale_nonlinearity", "misalignment", "gimbal_zero")  # Wu et al. (2018), Eq. (6)
+
 BASELINE: Mapping[str, tuple[str, ...]] = {
-    # kinds of recording: the coefficients of Wu et al. (2018), Eq. (6); in a static run how the platform stands too
-    "multi-position": ("scale_factor", "bias", "scale_nonlinearity", "misalignment", "gimbal_zero"),
-    "static-run": (
-        "scale_factor",
-        "bias",
-        "scale_nonlinearity",
-        "misalignment",
-        "gimbal_zero",
-        "base_tilt",
-        "polar_axis_misalignment",
-    ),
-    "rotation": ("scale_factor", "bias", "misalignment", "gyro_bias", "gyro_scale_factor", "gyro_misalignment"),
+    "multi-position": _WU2018,
+    "static-run": (*_WU2018, "base_tilt", "polar_axis_misalignment"),
+    "rotation": ("scale_factor", "bias", "misalignment", *GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS),
     "pointing": ("gimbal_zero", "axis_collimation", "gimbal_nonorthogonality"),
-    # what is left where no angle is known: Wang et al. (2019), Eqs. (2) and (6), linear terms
-    "norm": ("bias", "scale_factor", "misalignment"),
-    "rest rates": ("gyro_bias",),
-    "turns": ("gyro_scale_factor", "gyro_misalignment"),
-    "table": ("bias",),
 }
+"""Ids of the effects by the kind of the recording that is calibrated."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.earth import HOUR
-from gimbalcal.effects.effect import TRIAD, Effect, Grid, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.effects.effect import TRIAD, Effect, Grid, Role, Stage, Stimulus, constant, effect, parameter
 from gimbalcal.effects.history import Dynamics, integrated, late
 from gimbalcal.number import Array
 
@@ -36,7 +36,7 @@ class BiasCovariate(Effect):
     id = "bias_covariate"
     says = "{who} follows a logged channel, by {size}"
     stage = Stage.ACCELEROMETER
-    generic = True
+    role = Role(generic=True)
     requires = ("covariate",)
     k: Array = parameter(TRIAD, unit="ug", sigma=10, name="bias_per_covariate")
     covariate: str = ""

@@ -67,7 +67,6 @@ class GyroDrift(Effect):
 
     id = "gyro_drift"
     says = "the platform's gyroscopes drift by {size}"
-    same_law_as = "gyro_bias"
     stage = Stage.PLATFORM
     kinds = ("static-run",)
     sources = ("nash1971", "britting1971")
@@ -94,7 +93,6 @@ class GyroGSensitivity(Effect):
 
     id = "gyro_g_sensitivity"
     says = "the platform's gyroscopes drift with the force on them, by {size}"
-    same_law_as = "gyro_g_sensitivity_rate"
     stage = Stage.PLATFORM
     kinds = ("static-run",)
     sources = ("ieee528", "lawrence1998")

@@ -110,6 +110,32 @@ def constant(default: float, *, unit: str, low: float, high: float, grid: Grid =
 
 
 @dataclass(frozen=True)
+class Role:
+    """The part an effect plays among the candidate causes of a diagnosis; the default is an ordinary cause.
+
+    excluded: reason why the effect is never a candidate; empty for a candidate.
+    noise_realisation: one realisation of a noise process, hence a candidate only where the noise is not stated.
+    generic: describes the response to any logged channel, and yields to effects that require a channel by its name.
+    indivisible: the parameters form one vector, so that no single axis is a candidate.
+    time_drift: a function of the clock alone. Two of these on one axis are one cause, and the prior of the rate grows
+        as the recording gets shorter.
+    min_duration_s: shortest recording of unstated noise that shows the shape of the effect.
+    max_travel_rad: largest range of a gimbal readout over which the effect is a candidate.
+    textbook_kinds: kinds of recording that every rig shows the effect in, at some size; the prior of a candidate is
+        raised there.
+    """
+
+    excluded: str = ""
+    noise_realisation: bool = False
+    generic: bool = False
+    indivisible: bool = False
+    time_drift: bool = False
+    min_duration_s: float = 0.0
+    max_travel_rad: float = np.inf
+    textbook_kinds: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Effect:
     """One imperfection with its parameter values; knows nothing of who calls it."""
 
@@ -119,18 +145,10 @@ class Effect:
     channel: ClassVar[str] = "specific_force"  # where it first shows
     requires: ClassVar[tuple[str, ...]] = ()  # quantities a recording must carry for the effect to be a candidate
     kinds: ClassVar[tuple[str, ...]] = ("multi-position", "static-run", "rotation")
-    same_law_as: ClassVar[str] = ""  # id of the effect that states the same physics for another kind or model
     sources: ClassVar[tuple[str, ...]] = ()  # keys of references.REFERENCES
     linear: ClassVar[bool] = True  # whether the contribution is linear in the parameters
-    spans_rows: ClassVar[bool] = False  # whether what is added at one row follows the force or angle of other rows
-    no_cause: ClassVar[str] = ""  # why a diagnosis never names it
-    wander: ClassVar[bool] = False  # a realisation of what a stated noise holds: no cause where the noise is known
-    generic: ClassVar[bool] = False  # says of a logged channel what one that names the channel says: leaves it to that
-    in_time: ClassVar[bool] = False  # a course that the clock alone tells: of two on one axis, both are one
-    joint: ClassVar[bool] = False  # whether its parameters are one vector, never one axis alone
-    shortest: ClassVar[float] = 0.0  # s; shorter recordings of unknown noise do not show the shape of its course
-    most_travel: ClassVar[float] = np.inf  # rad; where a readout goes further, a diagnosis does not name it
-    usual: ClassVar[tuple[str, ...]] = ()  # kinds of recording of unknown noise in which textbooks name it first
+    spans_rows: ClassVar[bool] = False  # whether the contribution at one row depends on force or angle at other rows
+    role: ClassVar[Role] = Role()  # what a diagnosis has to know of it as a candidate cause
     gauge: ClassVar[tuple[str, ...]] = ()  # axes that only turn a frame which nothing ties down; zero by convention
 
     def contribution(self, s: Stimulus) -> Array:

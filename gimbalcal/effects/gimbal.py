@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.effects.effect import EVERY_KIND, GIMBALS, Effect, Stage, Stimulus, effect, parameter
+from gimbalcal.effects.effect import EVERY_KIND, GIMBALS, Effect, Role, Stage, Stimulus, effect, parameter
 from gimbalcal.number import Array
 
 
@@ -56,7 +56,7 @@ class GimbalNonorthogonality(Effect):
     says = "{who} does not stand at a right angle to its neighbour, by {size}"
     stage = Stage.AXIS_TILT
     kinds = EVERY_KIND
-    usual = ("pointing",)
+    role = Role(textbook_kinds=("pointing",))
     sources = ("wu2018",)
     epsilon: Array = parameter(GIMBALS, unit="arcsec", sigma=10, name="nonorthogonality")
 

@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-from gimbalcal.effects.effect import EVERY_KIND, GIMBALS, Effect, Grid, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.effects.effect import (
+    EVERY_KIND,
+    GIMBALS,
+    Effect,
+    Grid,
+    Role,
+    Stage,
+    Stimulus,
+    constant,
+    effect,
+    parameter,
+)
 from gimbalcal.number import Array, cos, sin
 
 
@@ -68,7 +79,7 @@ class EncoderHarmonic(Effect):
     stage = Stage.ENCODER
     kinds = EVERY_KIND
     channel = "gimbal_angle"
-    no_cause = "it says a shape, not a cause"
+    role = Role(excluded="it describes a shape, not a cause")
     A: Array = parameter(GIMBALS, unit="arcsec", sigma=1, name="harmonic_sin")
     B: Array = parameter(GIMBALS, unit="arcsec", sigma=1, name="harmonic_cos")
     order: float = constant(3.0, unit="1", low=3.0, high=24.0, grid=Grid.WHOLE)
@@ -93,7 +104,7 @@ class EncoderCyclicError(Effect):
     stage = Stage.ENCODER
     kinds = EVERY_KIND
     channel = "gimbal_angle"
-    no_cause = "it says a shape, not a cause"
+    role = Role(excluded="it describes a shape, not a cause")
     A: Array = parameter(GIMBALS, unit="arcsec", sigma=0.5, name="cyclic_sin")
     B: Array = parameter(GIMBALS, unit="arcsec", sigma=0.5, name="cyclic_cos")
     lines: float = constant(360.0, unit="1", low=32.0, high=65536.0, grid=Grid.WHOLE)

@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.effects.effect import EVERY_KIND, GIMBALS, Effect, Grid, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.effects.effect import (
+    EVERY_KIND,
+    GIMBALS,
+    Effect,
+    Grid,
+    Role,
+    Stage,
+    Stimulus,
+    constant,
+    effect,
+    parameter,
+)
 from gimbalcal.effects.gimbal import directions
 from gimbalcal.effects.history import direction
 from gimbalcal.number import Array, cos, sin
@@ -116,7 +127,7 @@ class PositionBlunder(Effect):
     stage = Stage.PLATFORM
     requires = ("position",)
     kinds = ("multi-position",)
-    joint = True
+    role = Role(indivisible=True)
     delta: Array = parameter(("x", "y", "z"), unit="arcsec", sigma=30, name="blunder")
     position: float = constant(1.0, unit="1", low=1.0, high=1000.0, grid=Grid.POSITION)
 

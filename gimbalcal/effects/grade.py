@@ -112,7 +112,7 @@ def hurried(cls: type[Effect], lasted: float) -> float:
 
     A drift is as fast as the recording is short: what a unit does in its first minutes it does not do for an hour.
     """
-    return max(1.0, HOUR / max(lasted, 1.0)) if cls.in_time else 1.0
+    return max(1.0, HOUR / max(lasted, 1.0)) if cls.role.time_drift else 1.0
 
 
 def _grade(

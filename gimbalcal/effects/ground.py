@@ -15,6 +15,7 @@ from gimbalcal.effects.effect import (
     SCALAR,
     Effect,
     Grid,
+    Role,
     Stage,
     Stimulus,
     constant,
@@ -46,7 +47,7 @@ class BaseTilt(Effect):
     says = "the base is tilted by {size}"
     stage = Stage.BASE
     kinds = EVERY_KIND
-    usual = ("pointing",)
+    role = Role(textbook_kinds=("pointing",))
     gauge = ("down",)  # a turn about the vertical is no tilt: the zero of the azimuth has it
     sources = ("wu2018",)
     kappa: Array = parameter(("north", "east", "down"), unit="arcsec", sigma=120, name="base_tilt")
@@ -69,8 +70,8 @@ class BaseTiltDrift(Effect):
 
     id = "base_tilt_drift"
     says = "the pier settles: the base tilts by {size}"
-    in_time = True
     stage = Stage.BASE
+    role = Role(time_drift=True)
     kinds = EVERY_KIND
     channel = "gimbal_angle"
     sources = ("wu2018",)
@@ -95,7 +96,7 @@ class BaseTiltDiurnal(Effect):
     id = "base_tilt_diurnal"
     says = "the base tilts to and fro with the day, by {size}"
     stage = Stage.BASE
-    shortest = 8 * HOUR  # a shorter part of the day is base_tilt_drift
+    role = Role(min_duration_s=8 * HOUR)  # a shorter part of the day is base_tilt_drift
     kinds = EVERY_KIND
     channel = "gimbal_angle"
     A: Array = parameter(TILT, unit="urad", sigma=10, name="tilt_sin")

@@ -15,7 +15,17 @@ import numpy as np
 
 from gimbalcal.effects import false_rate
 from gimbalcal.effects.accelerometer import angles_of, lean, leaning
-from gimbalcal.effects.effect import MATRIX_AXES, MISALIGNMENT_AXES, TRIAD, Effect, Stage, Stimulus, effect, parameter
+from gimbalcal.effects.effect import (
+    MATRIX_AXES,
+    MISALIGNMENT_AXES,
+    TRIAD,
+    Effect,
+    Role,
+    Stage,
+    Stimulus,
+    effect,
+    parameter,
+)
 from gimbalcal.number import Array, absolute
 
 KINDS = ("rotation", "multi-position")
@@ -68,8 +78,8 @@ class GyroBiasDrift(Effect):
 
     id = "gyro_bias_drift"
     says = "{who} changes its zero steadily, by {size}"
-    in_time = True
     stage = Stage.GYROSCOPE
+    role = Role(time_drift=True)
     channel = "angular_rate"
     kinds = KINDS
     sources = ("ieee952",)
@@ -215,8 +225,8 @@ class GyroGSensitivityRate(Effect):
 
     id = "gyro_g_sensitivity_rate"
     says = "{who} reads a turn where only a force acts, by {size}"
-    usual = ("multi-position",)
     stage = Stage.GYROSCOPE
+    role = Role(textbook_kinds=("multi-position",))
     channel = "angular_rate"
     kinds = KINDS
     sources = ("ieee1431",)

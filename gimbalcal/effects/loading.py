@@ -7,6 +7,7 @@ derivative is lost, would spoil every fit without a word.
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 import traceback
 from collections.abc import Callable, Collection
@@ -18,7 +19,17 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.effects.effect import CATALOGUE, EVERY_KIND, Effect, Stage, Stimulus, absent, parameters, with_values
+from gimbalcal.effects.effect import (
+    CATALOGUE,
+    EVERY_KIND,
+    Effect,
+    Stage,
+    Stimulus,
+    absent,
+    constants,
+    parameters,
+    with_values,
+)
 from gimbalcal.errors import InputError
 from gimbalcal.number import STEP, Array
 from gimbalcal.units import parse
@@ -192,6 +203,25 @@ def _law(cls: type[Effect]) -> str:
         return "loses its derivative; take absolute, sin, exp, ... from gimbalcal.number instead of numpy or math"
     if cls.linear and np.abs(added(1.0) - at - exact).max() > 1e-9 * np.abs(at).max():
         return "is not linear in its parameters; make what enters otherwise a constant, or write linear = False"
+    return _smooth_constants(with_values([made], wanted, x, GIMBALS)[0], s)
+
+
+def _smooth_constants(made: Effect, s: Stimulus) -> str:
+    """Return which smooth constant the effect has no exact derivative by; a fit needs it as it does that by sizes."""
+    at = np.abs(made.contribution(s)).max()
+    for f in constants(type(made)):
+        if not f.metadata["grid"].smooth:
+            continue
+        value = float(getattr(made, f.name))
+        unit = abs(value) or f.metadata["high"] - f.metadata["low"]
+
+        def added(step: complex, f: Any = f, value: float = value, unit: float = unit) -> Array:
+            return np.asarray(dataclasses.replace(made, **{f.name: value + step * unit}).contribution(s))
+
+        h = 1e-8  # relative: the phase of a short period runs through thousands of radians
+        exact, difference = np.imag(added(1j * STEP)) / STEP, np.real(added(h) - added(-h)) / (2 * h)
+        if np.abs(exact - difference).max() > 1e-4 * np.abs(difference).max() + 1e-6 * at:
+            return f"loses its derivative by {f.name}; take absolute, sin, exp, ... from gimbalcal.number"
     return ""
 
 

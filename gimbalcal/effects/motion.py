@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.effects.effect import MATRIX_AXES, SCALAR, TRIAD, Effect, Stage, Stimulus, effect, parameter
+from gimbalcal.effects.effect import (
+    MATRIX_AXES,
+    SCALAR,
+    TRIAD,
+    Effect,
+    Role,
+    Stage,
+    Stimulus,
+    effect,
+    parameter,
+)
 from gimbalcal.effects.history import Dynamics, added_up, integrated, slope
 from gimbalcal.number import Array
 
@@ -21,7 +31,7 @@ class LeverArm(Effect):
 
     id = "lever_arm"
     says = "the accelerometers sit off the centre of rotation, by {size}"
-    usual = ("rotation",)
+    role = Role(textbook_kinds=("rotation",))
     stage = Stage.INPUT_AXIS
     requires = ("angular_rate",)
     kinds = ("multi-position", "rotation")
@@ -82,7 +92,7 @@ class GravityLeakage(Effect):
 
     id = "gravity_leakage"
     says = "the unit is not as level as it is taken to be: gravity leaks in, by {size}"
-    usual = ("rotation",)
+    role = Role(textbook_kinds=("rotation",))
     stage = Stage.PLATFORM
     requires = ("angular_rate",)
     kinds = ("rotation",)
@@ -138,7 +148,7 @@ class TimeTagLatency(Effect):
 
     id = "time_tag_latency"
     says = "the force is read later than its time tag says, by {size}"
-    usual = ("rotation",)
+    role = Role(textbook_kinds=("rotation",))
     stage = Stage.INPUT_AXIS
     spans_rows = True
     sources = ("groves2013",)

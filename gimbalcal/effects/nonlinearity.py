@@ -10,7 +10,17 @@ import numpy as np
 
 from gimbalcal.earth import G0
 from gimbalcal.effects.accelerometer import across, bend
-from gimbalcal.effects.effect import PARTNER_AXES, TRIAD, Effect, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.effects.effect import (
+    PARTNER_AXES,
+    TRIAD,
+    Effect,
+    Role,
+    Stage,
+    Stimulus,
+    constant,
+    effect,
+    parameter,
+)
 from gimbalcal.number import Array, absolute, maximum, minimum, sign
 
 
@@ -28,7 +38,6 @@ class QuadraticNonlinearity(Effect):
 
     id = "quadratic_nonlinearity"
     says = "{who} bends with the square of the force, by {size}"
-    same_law_as = "scale_nonlinearity"
     stage = Stage.ACCELEROMETER
     sources = ("ieee1293", "wu2018")
     linear = False
@@ -185,7 +194,7 @@ class ReadoutCurve(Effect):
     id = "readout_curve"
     says = "{who} has a converter with a curve of its own, of {size}"
     stage = Stage.ACCELEROMETER
-    no_cause = "it says a shape, not a cause"
+    role = Role(excluded="it describes a shape, not a cause")
     sources = ("ieee1293",)
     c_4: Array = parameter(TRIAD, unit="ug", sigma=3)
     c_5: Array = parameter(TRIAD, unit="ug", sigma=3)

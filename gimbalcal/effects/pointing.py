@@ -5,7 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.earth import HOUR
-from gimbalcal.effects.effect import GIMBALS, SCALAR, Effect, Grid, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.effects.effect import (
+    GIMBALS,
+    SCALAR,
+    Effect,
+    Grid,
+    Role,
+    Stage,
+    Stimulus,
+    constant,
+    effect,
+    parameter,
+)
 from gimbalcal.number import Array
 
 
@@ -21,7 +32,7 @@ class AxisCollimation(Effect):
 
     id = "axis_collimation"
     says = "the line of sight is not square to its axis, by {size}"
-    usual = ("pointing",)
+    role = Role(textbook_kinds=("pointing",))
     stage = Stage.LINE_OF_SIGHT
     channel = "pointing"
     kinds = ("pointing",)
@@ -46,7 +57,7 @@ class TubeFlexure(Effect):
 
     id = "tube_flexure"
     says = "the tube sags by {size}"
-    usual = ("pointing",)
+    role = Role(textbook_kinds=("pointing",))
     stage = Stage.LINE_OF_SIGHT
     channel = "pointing"
     kinds = ("pointing",)
@@ -72,7 +83,7 @@ class Refraction(Effect):
 
     id = "refraction"
     says = "refraction is left over, or the tube sags like it: {size}"
-    usual = ("pointing",)
+    role = Role(textbook_kinds=("pointing",))
     stage = Stage.LINE_OF_SIGHT
     channel = "pointing"
     kinds = ("pointing",)
@@ -97,8 +108,8 @@ class GimbalZeroDrift(Effect):
 
     id = "gimbal_zero_drift"
     says = "the zero of {who} wanders by {size}"
-    in_time = True
     stage = Stage.ENCODER
+    role = Role(time_drift=True)
     channel = "pointing"
     kinds = ("pointing",)
     sources = ("wallace_tpoint",)
@@ -149,7 +160,7 @@ class EncoderScaleFactor(Effect):
     stage = Stage.ENCODER
     channel = "gimbal_angle"
     kinds = ("multi-position", "pointing")
-    most_travel = np.radians(190.0)  # beyond half a turn it is a circle on its axis, which closes
+    role = Role(max_travel_rad=np.radians(190.0))  # beyond half a turn it is a circle on its axis, which closes
     s: Array = parameter(GIMBALS, unit="ppm", sigma=100, name="encoder_scale_factor")
 
     def contribution(self, s: Stimulus) -> Array:

@@ -13,6 +13,7 @@ from gimbalcal.effects.effect import (
     TRIAD,
     Effect,
     Grid,
+    Role,
     Stage,
     Stimulus,
     constant,
@@ -178,8 +179,8 @@ class WarmUp(Effect):
 
     id = "warm_up"
     says = "{who} warms up: it settles by {size}"
-    in_time = True
     stage = Stage.ACCELEROMETER
+    role = Role(time_drift=True)
     sources = ("ieee1293",)
     w: Array = parameter(TRIAD, unit="ug", sigma=50, name="warm_up")
     tau: float = constant(1.0 * HOUR, unit="h", low=0.005 * HOUR, high=12 * HOUR, grid=Grid.LAG)
@@ -205,8 +206,8 @@ class BiasDrift(Effect):
 
     id = "bias_drift"
     says = "{who} runs away steadily, by {size}"
-    in_time = True
     stage = Stage.ACCELEROMETER
+    role = Role(time_drift=True)
     sources = ("ieee528",)
     d: Array = parameter(TRIAD, unit="ug/h", sigma=3, name="bias_drift")
 
@@ -229,10 +230,8 @@ class SlowBiasDrift(Effect):
 
     id = "slow_bias_drift"
     says = "{who} wanders slowly over the whole recording, by {size}"
-    in_time = True
     stage = Stage.ACCELEROMETER
-    wander = True
-    usual = ("multi-position",)
+    role = Role(noise_realisation=True, time_drift=True, textbook_kinds=("multi-position",))
     sources = ("ieee952",)
     w_1: Array = parameter(TRIAD, unit="ug", sigma=3, name="slow_drift_1")
     w_2: Array = parameter(TRIAD, unit="ug", sigma=3, name="slow_drift_2")

@@ -121,9 +121,21 @@ def test_files_of_effects_that_are_none_are_refused(rows: Any) -> None:
         refuse_origin({"effects": rows})
 
 
-def changed(old: str, new: str) -> str:
-    assert old in OWN
-    return OWN.replace(old, new)
+def changed(*pairs: str) -> str:
+    """OWN with each odd string replaced by the one after it."""
+    text = OWN
+    for old, new in zip(pairs[::2], pairs[1::2], strict=True):
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+LAG = (
+    "effect, parameter\n",
+    "constant, effect, parameter\n",
+    'name="twist")\n',
+    'name="twist")\n    tau: float = constant(9.0, unit="s", low=1.0, high=99.0)\n',
+)
 
 
 @pytest.mark.parametrize(
@@ -137,6 +149,7 @@ def changed(old: str, new: str) -> str:
         (changed("self.w *", "1e-6 + self.w *"), "adds something although its parameters are zero"),
         (changed("self.w *", "np.abs(self.w) *"), "loses its derivative; take absolute"),
         (changed("self.w *", "self.w * absolute(self.w) *"), "is not linear in its parameters"),
+        (changed(*LAG, "self.w *", "self.w * np.abs(self.tau) *"), "loses its derivative by tau; take absolute"),
         (changed("self.w *", "self.w[0] *"), "adds an array of shape (12, 1)"),
         (changed("self.w *", "self.v *"), "fails on a recording that has everything: AttributeError"),
         (changed("ug/g^4", "furlong"), "cannot be used: the unit 'furlong' is not known"),

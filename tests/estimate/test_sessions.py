@@ -177,7 +177,7 @@ def test_a_diagnosis_of_two_sessions_says_whether_they_agree() -> None:
     assert "The 2 sessions do not share their constants" in off.in_words
     named = {name for f in off.findings for name in (f["effect"], *f["twins"])}
     assert "bias_step" in named
-    assert not {n for n in named if CATALOGUE[n].in_time}  # no drift across a time that nobody recorded
+    assert not {n for n in named if CATALOGUE[n].role.time_drift}  # no drift across a time that nobody recorded
 
 
 @pytest.mark.parametrize(

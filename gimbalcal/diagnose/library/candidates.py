@@ -120,11 +120,12 @@ def eligible(
     Where the noise is not known, a drift that wanders is a cause like others, and its course has to last as long as
     the effect says.
     """
-    there = not cls.no_cause and cls.stage in stages and recording_kind in cls.kinds and not lacking(cls, s.carries)
-    there = there and bool(np.ptp(s.readout, axis=0).max(initial=0.0) <= cls.most_travel)
+    role = cls.role
+    there = not role.excluded and cls.stage in stages and recording_kind in cls.kinds and not lacking(cls, s.carries)
+    there = there and bool(np.ptp(s.readout, axis=0).max(initial=0.0) <= role.max_travel_rad)
     if known_noise:
-        return there and not cls.wander
-    return there and bool(np.ptp(s.time) >= cls.shortest)
+        return there and not role.noise_realisation
+    return there and bool(np.ptp(s.time) >= role.min_duration_s)
 
 
 def sources(cls: type[Effect], s: Stimulus) -> tuple[str, ...]:
@@ -134,7 +135,7 @@ def sources(cls: type[Effect], s: Stimulus) -> tuple[str, ...]:
     """
     if follows(cls) != "":
         return ("",)
-    beside = [other for other in CATALOGUE.values() if cls.generic and other.channel == cls.channel]
+    beside = [other for other in CATALOGUE.values() if cls.role.generic and other.channel == cls.channel]
     own = {need for other in beside for need in other.requires}
     return tuple(name for name in s.covariates if f"covariate:{name}" not in own)
 
@@ -144,7 +145,7 @@ def by_mechanism(wanted: Sequence[Parameter], cls: type[Effect]) -> list[tuple[s
 
     "xy" belongs to x, "equatorial_x" to equatorial. All axes together if there are several: of the first mechanism.
     """
-    if cls.joint:
+    if cls.role.indivisible:
         return [("", "", tuple(wanted))]
     which = {f.name: f.metadata.get("mechanism", "") for f in dataclasses.fields(cls)}
     out = []

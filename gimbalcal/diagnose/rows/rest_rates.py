@@ -20,7 +20,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.rows.views import View, of_channels
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline import ACCELEROMETER_TERMS, GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
@@ -45,7 +45,7 @@ def rest_rates(
     about the vertical, what the rests say of it is taken off. None where the outputs are counts and no turns between
     the rests say how much a count is.
     """
-    made = accelerometers or multiposition(recording, BASELINE["norm"])
+    made = accelerometers or multiposition(recording, ACCELEROMETER_TERMS)
     moving, raw = logged_turns(recording), recording.counted(RATE)
     if raw and not moving:
         return None
@@ -55,7 +55,7 @@ def rest_rates(
     told = found.sigma if np.all(found.sigma > 0) else None  # one row per rest says nothing of its scatter
 
     def missed(at_rest: Sequence[Effect]) -> float:
-        misfit = fit_turns(turns_between_rests(recording, made, at_rest)[0], BASELINE["turns"]).misfit
+        misfit = fit_turns(turns_between_rests(recording, made, at_rest)[0], GYROSCOPE_INPUT_TERMS).misfit
         return float(np.sqrt((misfit**2).sum() / len(misfit)))
 
     channels = tuple((RATE, a) for a in "xyz")
@@ -67,7 +67,7 @@ def rest_rates(
 
     return View(
         "rest rates", dwell_means(recording), s, channels, "deg/h", told,
-        GYROSCOPE_STAGES, tuple(baseline) or BASELINE["rest rates"], rows, frozenset(), noise=told,
+        GYROSCOPE_STAGES, tuple(baseline) or GYROSCOPE_BIAS, rows, frozenset(), noise=told,
         turns=missed if moving else None, wander=of_channels(len(y), 3),
     )  # fmt: skip
 

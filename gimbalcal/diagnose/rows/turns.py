@@ -24,7 +24,7 @@ from gimbalcal.calibration.readout import in_si
 from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.diagnose.rows.views import View, solved
 from gimbalcal.effects import CATALOGUE, Effect, Stimulus, parameters, with_values
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline import ACCELEROMETER_TERMS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, follows, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
@@ -54,7 +54,7 @@ def view_of_turns(
     """
     if recording.position is None or not np.any(recording.position == 0):
         return None
-    made = accelerometers or multiposition(recording, BASELINE["norm"])
+    made = accelerometers or multiposition(recording, ACCELEROMETER_TERMS)
     try:
         turns, _, scale = turns_between_rests(recording, made, at_rest)
         still = rests(recording, made, scale, turns)
@@ -72,7 +72,7 @@ def view_of_turns(
         return rows_of_turns(turns, effects).reduced(lambda X: sideways @ X)
 
     try:
-        linear = fit_turns(turns, BASELINE["turns"]).effects
+        linear = fit_turns(turns, GYROSCOPE_INPUT_TERMS).effects
     except InputError:  # turns that do not tell all of it apart still tell something
         linear = ()
     W = _weights(across, linear, sideways @ _left_open(recording, made, turns))
@@ -84,7 +84,7 @@ def view_of_turns(
     s = stimulus_from_readings(ends)
     return View(
         "turns", ends, s, ((RATE, "level"), (RATE, "tilted")), "arcsec", None, GYROSCOPE_STAGES,
-        BASELINE["turns"], rows, _at_rest(turns.stimulus),
+        GYROSCOPE_INPUT_TERMS, rows, _at_rest(turns.stimulus),
     )  # fmt: skip
 
 
@@ -122,7 +122,7 @@ def _weights(across: Callable[[Sequence[Effect]], Rows], linear: Sequence[Effect
     rows = across(linear)
     r = rows.residual.ravel()
     A = A.reshape(len(r), -1)
-    J = rows.jacobian([p for i in BASELINE["turns"] for p in parameters(CATALOGUE[i])]).reshape(len(r), -1)
+    J = rows.jacobian([p for i in GYROSCOPE_INPUT_TERMS for p in parameters(CATALOGUE[i])]).reshape(len(r), -1)
     both = np.concatenate([J / np.linalg.norm(J, axis=0), A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)], axis=1)
     columns = both if both.shape[1] + SURE <= len(r) else both[:, : J.shape[1]]
     U, S, _ = np.linalg.svd(columns, full_matrices=False)

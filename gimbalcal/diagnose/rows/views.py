@@ -18,7 +18,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline import ACCELEROMETER_BIAS, ACCELEROMETER_TERMS, BASELINE
 from gimbalcal.effects.effect import MATRIX_AXES, SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.norm_fit import scaled_by_gravity
@@ -169,7 +169,7 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
 
     sample = means.sigma("accelerometer")
     noise = (sample / np.sqrt(means.weight))[:, None] if sample else None  # a channel of few levels may not scatter
-    ids = tuple(baseline) or BASELINE["norm"]
+    ids = tuple(baseline) or ACCELEROMETER_TERMS
     return View(
         "norm", means, s, ((FORCE, "norm"),), "mg", None, SENSOR_STAGES, ids, rows, gauges(SENSOR_STAGES), noise=noise,
         ideal=lambda effects: rows(effects, ideal=True), wander=(y / np.linalg.norm(y, axis=1)[:, None])[:, None],
@@ -201,7 +201,7 @@ def table(recording: Recording, baseline: Sequence[str] = (), step: float = COAR
         return fine.reduced(lambda X: centred(_means(X, size)))
 
     stages = frozenset({Stage.PLATFORM, *SENSOR_STAGES})
-    ids = tuple(baseline) or BASELINE["table"]
+    ids = tuple(baseline) or ACCELEROMETER_BIAS
     return View(
         "table", averaged(recording, BLOCK), s, channels, "ug", None, stages, ids, rows,
         frozenset({(SIZE_EFFECT, a) for a in MATRIX_AXES}), BY_HAND,

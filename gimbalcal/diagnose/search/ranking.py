@@ -124,7 +124,7 @@ def log_priors(candidates: Sequence[Candidate], recording_kind: str = "") -> Arr
 
 def is_usual(c: Candidate, recording_kind: str) -> bool:
     """Whether every rig of the kind has this, at some size."""
-    return not c.rival and recording_kind in CATALOGUE[c.effect].usual
+    return not c.rival and recording_kind in CATALOGUE[c.effect].role.textbook_kinds
 
 
 def needed(s: Ranking, best: Hypothesis) -> Hypothesis:

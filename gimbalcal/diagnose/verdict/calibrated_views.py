@@ -16,7 +16,7 @@ from gimbalcal.calibration import Calibration, Counts, Readout, Residual
 from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.verdict.calibrated import origin
 from gimbalcal.effects import Effect, Parameter, parameters, values, with_values
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline import ACCELEROMETER_TERMS
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.account import rotations_of_the_triad
@@ -133,7 +133,7 @@ def _readout(recording: Recording, seen: Sequence[Seen]) -> Readout:
         forces = scaled_by_gravity(dwell_means(recording))[1]
     if recording.counted(RATE) and any(q == RATE for s in seen for q, _ in s.view.channels):
         try:
-            scale = turns_between_rests(recording, multiposition(recording, BASELINE["norm"]))[2]
+            scale = turns_between_rests(recording, multiposition(recording, ACCELEROMETER_TERMS))[2]
             rates = Counts((scale,) * 3)
         except InputError:  # nothing on the way says how much a count is
             rates = None

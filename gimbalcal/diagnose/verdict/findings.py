@@ -170,4 +170,4 @@ def drifts_as_one(found: Sequence[dict[str, Any]]) -> tuple[dict[str, Any], ...]
 def _one_course(first: dict[str, Any], second: dict[str, Any]) -> bool:
     one, other = CATALOGUE[first["effect"]], CATALOGUE[second["effect"]]
     shared = set(first["axis"].split(", ")) & set(second["axis"].split(", "))
-    return one.in_time and other.in_time and one.stage is other.stage and bool(shared)
+    return one.role.time_drift and other.role.time_drift and one.stage is other.stage and bool(shared)

@@ -31,7 +31,7 @@ def looked_at(v: View, tell: Tell) -> Told:
     tell(f"again, as {found.in_words.partition(' wanders')[0]} may wander")
     again = told_of(walking, course(walking, tell), tell)
     if again.findings and ln_odds > CLAIM:  # a cause beside the walk; a course in time may be the walk itself
-        drifts = any(CATALOGUE[f["effect"]].in_time for f in again.findings)
+        drifts = any(CATALOGUE[f["effect"]].role.time_drift for f in again.findings)
         return _with(replace(again, verdict="not-identifiable") if drifts else again, found, alone=False)
     if again.findings or (again.unexplained and ln_odds < CLAIM):
         return again

@@ -20,7 +20,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline import GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, lacking
 from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError
@@ -47,7 +47,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 
-LINEAR = BASELINE["turns"]
+LINEAR = GYROSCOPE_INPUT_TERMS
 FURTHER = ("gyro_scale_nonlinearity", "gyro_scale_asymmetry", "gyro_scale_temperature", G_SENSITIVITY)
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline import GYROSCOPE_INPUT_TERMS
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.gyroscopes.turn_fit import fit_turns
 from gimbalcal.estimate.gyroscopes.turns import Turns, logged_turns, turned
@@ -40,7 +40,7 @@ def horizontal_rate(recording: Recording, turns: Turns, down: Array) -> Array:
     if recording.platform.axes or not logged_turns(recording):
         return np.zeros((len(down), 3, 0))
     try:
-        turn = turned(turns, fit_turns(turns, BASELINE["turns"]).effects)
+        turn = turned(turns, fit_turns(turns, GYROSCOPE_INPUT_TERMS).effects)
     except InputError:  # too few turns for a fit: as they read
         turn = turned(turns, ())
     followed = dict(zip(turns.ends.tolist(), turn, strict=True))
