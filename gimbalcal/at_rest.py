@@ -95,7 +95,7 @@ class Channel:
 
 def noise_at_rest(recording: Recording) -> tuple[Channel, ...]:
     """The noise of every accelerometer and gyroscope of a recording. Raises InputError where nothing rests."""
-    if recording.kind == "pointing":
+    if recording.kind.sighting:
         raise InputError(f"{recording.title!r} is a pointing run: no inertial sensor rests in it")
     out = []
     for each in recording.sensors:
@@ -103,7 +103,7 @@ def noise_at_rest(recording: Recording) -> tuple[Channel, ...]:
         for (quantity, axis), values in each.channels.items():
             if quantity not in UNITS:
                 continue
-            x = _without_the_earth(each, values) if each.kind == "static-run" else values
+            x = _without_the_earth(each, values) if each.kind.stabilised else values
             unit = each.units.get((quantity, axis), "")
             c = curve(x, stretches, step)
             if not c.variance.min() > 0:
@@ -118,7 +118,7 @@ def noise_at_rest(recording: Recording) -> tuple[Channel, ...]:
 def _stretches(recording: Recording) -> tuple[list[slice], float]:
     """Rows at rest without a gap of the clock, and the step of the clock [s]."""
     step = float(np.median(np.diff(recording.time))) if len(recording.time) > 1 else 1.0
-    rests = stops(recording) if recording.kind == "rotation" else dwells(recording)
+    rests = stops(recording) if recording.kind.rotating else dwells(recording)
     cut = np.flatnonzero(np.diff(recording.time) > MISSED * step) + 1
     out = []
     for d in rests:

@@ -13,7 +13,7 @@ import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.gravity import with_gravity
 from gimbalcal.calibration.sound import refuse_not_finite
-from gimbalcal.effects.baseline import BASELINE, GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
+from gimbalcal.effects.baseline import GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.loading import outside
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
@@ -29,6 +29,7 @@ from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.pipeline import Source, Tell, load, silent, three_stage
 from gimbalcal.question import questioned
 from gimbalcal.recording import Recording, when_recorded
+from gimbalcal.recording.kinds import Method
 
 ALONE = {"attitude": gyroscopes_against_attitude, "two-position": two_position}  # methods for gyroscopes alone
 
@@ -47,19 +48,16 @@ def by_sensor(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], .
 
 
 def usual_method(recordings: Sequence[Recording]) -> str:
-    """The method for recordings of these kinds: by angles where there are gimbals, by the norm of gravity without.
-
-    A unit that turns on and on is held against an attitude that was logged, else against its own navigation; a mount
-    against its stars; gyroscopes without accelerometers against the angles of the table that turns them.
-    """
-    if any(r.kind == "pointing" for r in recordings):
+    """Return the preferred method that suits all recordings, by their kinds and quantities (see `recording.kinds`)."""
+    if any(r.kind.sighting for r in recordings):
         return "pointing"
-    if all(r.has("angular_rate") and r.has("gimbal_angle") and not r.has("specific_force") for r in recordings):
-        return "rate-table"
-    if all(r.kind == "rotation" and r.has("angular_rate") for r in recordings):
-        return "attitude" if all(r.axes("attitude") for r in recordings) else "systematic"
-    without = all(r.kind == "multi-position" and not r.platform.axes for r in recordings)
-    return "multiposition" if without else "three-stage"
+    suited = [[m.name for m in r.kind.methods if _suits(m, r)] for r in recordings]
+    return next(name for name in suited[0] if all(name in those for those in suited))
+
+
+def _suits(method: Method, recording: Recording) -> bool:
+    there, absent = map(recording.axes, method.requires), map(recording.axes, method.excludes)
+    return all(there) and not any(absent)
 
 
 def calibrate(
@@ -141,7 +139,7 @@ def _calibrated(
         return _estimated(tuple(changed), method, terms, silent, more, states, grade)
 
     made = with_gravity(_estimated(recordings, method, terms, tell, more, states, grade), recordings)
-    if all(r.kind != "pointing" for r in recordings):
+    if all(r.kind.inertial for r in recordings):
         made = questioned(made, recordings, graded(recordings, grade), again)
     made = replace(made, provenance=provenance(recordings, made, terms, more))
     refuse_not_finite(made.to_dict(), " and ".join(repr(r.title) for r in recordings))
@@ -158,7 +156,7 @@ def _estimated(
             f"--grade {grade} says how large errors are that the positions of gimbals do not show; other methods take "
             "any size as it comes, so leave it out"
         )
-    if any(r.kind == "pointing" for r in recordings):
+    if any(r.kind.sighting for r in recordings):
         if method != "pointing":
             raise InputError(f"--method {method} is for inertial sensors; leave it out for a pointing run")
         made = pointing_calibration(recordings, terms, more)
@@ -219,10 +217,8 @@ def _navigated(
 
 
 def _modelled(recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """What the three stages fit anyway."""
-    kinds = {r.kind for r in recordings}
-    run = BASELINE["static-run"] if "static-run" in kinds else ()
-    return (*run, *(BASELINE["multi-position"] if "multi-position" in kinds else ()))
+    """Return the effects that the three stages fit in any case."""
+    return tuple(effect for r in sorted(recordings, key=lambda r: r.kind.in_positions) for effect in r.kind.baseline)
 
 
 def _left_out(made: Calibration) -> list[str]:

@@ -125,7 +125,7 @@ def slips(made: Calibration, recordings: Sequence[Recording], limit: Limit) -> I
 
 def _place(recordings: Sequence[Recording]) -> Iterator[Slip]:
     for r in recordings:
-        if r.kind != "static-run" or r.platform != SPACE_STABLE_INERTIAL or r.site.latitude is None:
+        if not r.kind.stabilised or r.platform != SPACE_STABLE_INERTIAL or r.site.latitude is None:
             continue
         if any(("specific_force", a) not in r.channels for a in "xyz"):
             continue

@@ -16,6 +16,7 @@ from derivations.cai2016.package import ACC_FIELDS, GYRO_FIELDS, derived_slopes
 from derivations.cai2016.symbols import ALPHA, GAMMA, SOURCE, r
 from derivations.comparison import checks, once
 from derivations.readings import FORCE, RATE
+from gimbalcal.recording.kinds import ROTATION
 
 SENSITIVITY = "estimate.systematic.sensors.sensitivity"
 BLOCKS = ((1, 1), (1, 2), (1, 3), (2, 1), (2, 2), (2, 3), (3, 2), (3, 3))
@@ -45,7 +46,7 @@ def _recording() -> Any:
 
     readings = {("specific_force", a): np.full(4, v) for a, v in zip("xyz", FORCE[0], strict=True)}
     readings |= {("angular_rate", a): np.full(4, v) for a, v in zip("xyz", RATE[0], strict=True)}
-    return Recording("rotation", "generic", BENCH, Site(latitude=0.6), {}, np.arange(4.0), None, readings)
+    return Recording(ROTATION, "generic", BENCH, Site(latitude=0.6), {}, np.arange(4.0), None, readings)
 
 
 @once

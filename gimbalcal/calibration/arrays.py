@@ -15,6 +15,7 @@ from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.quantities import QUANTITIES, check
 from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.frames import by_axis
+from gimbalcal.recording.kinds import ROTATION
 from gimbalcal.recording.record import ANGLE, FORCE, RATE, Key
 from gimbalcal.units import celsius, from_si, is_raw, to_si
 
@@ -53,7 +54,7 @@ def correct_arrays(
     holding = (p for p in KNOWN.values() if gimbals <= set(p.axis_names))
     platform = next(holding, BENCH) if gimbals else BENCH
     logged = {key: said[key[0]] for key in channels if key[0] in said}
-    recording = Recording("rotation", "arrays", platform, Site(), {}, time, None, channels, units=logged)
+    recording = Recording(ROTATION, "arrays", platform, Site(), {}, time, None, channels, units=logged)
     counted = next((q for q in calibration.readout.counts if recording.has(q) and q not in said), "")
     if counted:
         raise InputError(

@@ -34,6 +34,7 @@ from gimbalcal.navigate.still import still_base
 from gimbalcal.number import Array, complex_step
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, Site
+from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.rotation import cross_matrix
 from gimbalcal.schedule import SCHEDULES, Hold, Schedule
 from gimbalcal.units import from_si
@@ -123,7 +124,7 @@ def held(settings: Array, rig: Rig) -> Recording:
     n = len(settings)
     names = rig.platform.axis_names
     channels = {("gimbal_angle", a): settings[:, i] for i, a in enumerate(names)}
-    return Recording("multi-position", "design", rig.platform, Site(gravity=rig.gravity), {}, 600.0 * np.arange(n),
+    return Recording(MULTI_POSITION, "design", rig.platform, Site(gravity=rig.gravity), {}, 600.0 * np.arange(n),
                      np.arange(1, n + 1), channels)  # fmt: skip
 
 

@@ -24,6 +24,7 @@ from gimbalcal.navigate.error_growth import transitions
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
+from gimbalcal.recording.kinds import ROTATION
 from gimbalcal.schedule.trajectory import Trajectory
 from gimbalcal.simulate.turned import nodes, stimulus
 
@@ -63,7 +64,7 @@ def plan(latitude: float, height: float = 0.0, temperature: float | None = None)
     if temperature is not None:
         channels["temperature", ""] = np.zeros(0)
     site = Site(latitude, height, float(normal_gravity(latitude, height)))
-    return Recording("rotation", "the schedule", BENCH, site, {}, np.zeros(0), None, channels)
+    return Recording(ROTATION, "the schedule", BENCH, site, {}, np.zeros(0), None, channels)
 
 
 def stretches(

@@ -42,6 +42,7 @@ from gimbalcal.kinematics import ideal_force, stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.recording.record import FORCE, RATE
 
 NOTHING = Calibration("gimbals", (), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
@@ -100,7 +101,7 @@ def _with_rests(recording: Recording) -> Recording:
             f"{recording.title!r} is a rotation recording without rests: `diagnose` compares rests and the turns "
             "between them, so give a `position` column that numbers the rests and is 0 on the way"
         )
-    return replace(recording, kind="multi-position")
+    return replace(recording, kind=MULTI_POSITION)
 
 
 def _accelerometers(made: Calibration) -> Calibration:

@@ -10,6 +10,7 @@ import numpy as np
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
+from gimbalcal.recording.kinds import POINTING
 from gimbalcal.recording.record import Recording, Site, Source
 
 SIDEREAL_SECOND = 86164.0905 / 86400  # mean solar seconds, Explanatory Supplement to the Astronomical Almanac
@@ -62,7 +63,7 @@ def pointing_run(
         turns = np.round((readout[axis] - angle) / (2 * np.pi))
         channels["true_angle", axis] = angle + 2 * np.pi * turns
     return Recording(
-        kind="pointing",
+        kind=POINTING,
         title=path.stem,
         platform=platform,
         site=site,

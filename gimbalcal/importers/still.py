@@ -13,6 +13,7 @@ from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording.detection import detect
 from gimbalcal.recording.dwell import dwells
+from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.recording.lines import EMPTY
 from gimbalcal.recording.record import ANYWHERE, Key, Recording, Source
 from gimbalcal.recording.scatter import pooled
@@ -59,7 +60,7 @@ def still_positions(
     raw = any(is_raw(unit) for key, unit in units.items() if key[0] == "angular_rate")
     position = detect(time, force, rate, raw)
     recording = Recording(
-        kind="multi-position",
+        kind=MULTI_POSITION,
         title=title,
         platform=BENCH,
         site=ANYWHERE,

@@ -19,6 +19,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.importers.table import one_file, only
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
+from gimbalcal.recording.kinds import ROTATION
 from gimbalcal.recording.record import ANYWHERE, Key, Recording, Source
 from gimbalcal.recording.room import refuse_bomb
 from gimbalcal.recording.scatter import pooled
@@ -56,7 +57,7 @@ def import_tilt_table(files: Sequence[Path], options: Mapping[str, str]) -> Reco
         channels["angular_rate", axis] = sign * held[f"rate_HJ{letter}"]
     time = np.arange(len(held[names[0]])) / rate
     return Recording(
-        kind="rotation",
+        kind=ROTATION,
         title=path.stem,
         platform=BENCH,
         site=ANYWHERE,

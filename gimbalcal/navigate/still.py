@@ -9,6 +9,7 @@ from gimbalcal.kinematics import ideal_force, required_latitude
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording, Site
+from gimbalcal.recording.kinds import ROTATION, STATIC_RUN
 
 ROW = 600.0  # s between the rows on which the position error is looked at; the navigator's own steps are its own
 STATIC_ROWS = 289  # 10 min apart over 48 h: thinning, with the weight kept, leaves the information of slow signals
@@ -17,10 +18,10 @@ STATIC_ROWS = 289  # 10 min apart over 48 h: thinning, with the weight kept, lea
 def still_base(hours: float, site: Site) -> Recording:
     """A perfect static run of so many hours, a row every ten minutes."""
     plan = static_plan(hours, float(site.latitude or 0.0), ROW, rows=round(3600 * hours / ROW) + 1)
-    plan = Recording("static-run", "still base", plan.platform, site, {}, plan.time, None, plan.channels)
+    plan = Recording(STATIC_RUN, "still base", plan.platform, site, {}, plan.time, None, plan.channels)
     force = ideal_force(plan, plan.angles())
     felt = {("specific_force", a): force[:, i] for i, a in enumerate("xyz")}
-    return Recording("static-run", "still base", plan.platform, site, {}, plan.time, None, {**plan.channels, **felt})
+    return Recording(STATIC_RUN, "still base", plan.platform, site, {}, plan.time, None, {**plan.channels, **felt})
 
 
 def still_unit(hours: float, site: Site, C_bn: Array) -> Recording:
@@ -31,7 +32,7 @@ def still_unit(hours: float, site: Site, C_bn: Array) -> Recording:
         "angular_rate": C_bn.T @ rate_at(required_latitude(site.latitude)),
     }
     channels = {(q, a): np.full(len(time), v[i]) for q, v in felt.items() for i, a in enumerate("xyz")}
-    return Recording("rotation", "still base", BENCH, site, {}, time, None, channels)
+    return Recording(ROTATION, "still base", BENCH, site, {}, time, None, channels)
 
 
 def static_plan(hours: float, latitude: float, sample_s: float, rows: int = STATIC_ROWS) -> Recording:
@@ -41,4 +42,4 @@ def static_plan(hours: float, latitude: float, sample_s: float, rows: int = STAT
     channels = {("gimbal_angle", a): readings.get(a, np.zeros_like(time)) for a in platform.axis_names}
     weight = np.full(len(time), max(hours * 3600 / sample_s / len(time), 1.0))
     site = Site(latitude=latitude, gravity=float(normal_gravity(latitude)))
-    return Recording("static-run", "plan", platform, site, {}, time, None, channels, weight=weight)
+    return Recording(STATIC_RUN, "plan", platform, site, {}, time, None, channels, weight=weight)

@@ -15,9 +15,9 @@ def completed(recording: Recording) -> Recording:
     A multi-position recording without positions is searched for rests, as `read` does with a file; what a recording
     has already stays. Rows that are means say nothing of the samples, and a channel that never moves has no scatter.
     """
-    if recording.kind == "multi-position" and recording.has(FORCE):
+    if recording.kind.in_positions and recording.has(FORCE):
         recording = with_rests(recording)
-    if recording.scatter or recording.kind == "pointing" or len(recording.time) == 0:
+    if recording.scatter or recording.kind.sighting or len(recording.time) == 0:
         return recording
     found = pooled(recording.time, recording.position, recording.channels, recording.weight)
     seen = {key: sigma for key, sigma in found.items() if sigma > 0}

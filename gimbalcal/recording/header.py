@@ -13,8 +13,9 @@ from gimbalcal.platform import BENCH, KNOWN, Axis, Platform, known
 from gimbalcal.recording.columns import RATE_OF, Column, columns_of
 from gimbalcal.recording.dates import recorded_on
 from gimbalcal.recording.document import Document, shortened
+from gimbalcal.recording.kinds import KINDS, Kind, kind_of
 from gimbalcal.recording.lines import has_names
-from gimbalcal.recording.record import COLOURED, KINDS, SENSORS, Site
+from gimbalcal.recording.record import COLOURED, SENSORS, Site
 from gimbalcal.recording.site import site_of
 from gimbalcal.units import is_raw
 
@@ -26,7 +27,7 @@ class Header:
     """All that `recording.toml` says."""
 
     path: Path
-    kind: str
+    kind: Kind
     title: str
     samples: Path
     site: Site
@@ -90,13 +91,14 @@ def _header(document: Document, samples: Path, clock_needed: bool = True) -> Hea
     document.only("", ("format", "kind", "title", "date", "samples", "site", "platform", "noise", "columns"), content)
     if content.get("format") != 1:
         raise InputError(f"{document.where('', 'format')}: format must be 1, got {content.get('format')!r}")
-    kind = content.get("kind")
-    if kind not in KINDS:
-        raise InputError(f"{document.where('', 'kind')}: kind must be one of {alternatives(KINDS)}, got {kind!r}")
-    platform = platform_of(document, kind)
+    name = content.get("kind")
+    if not isinstance(name, str) or name not in KINDS:
+        raise InputError(f"{document.where('', 'kind')}: kind must be one of {alternatives([*KINDS])}, got {name!r}")
+    platform = platform_of(document, name)
+    kind = kind_of(name, platform)
     columns = columns_of(document, platform, clock_needed)
     site, remarks = site_of(document, kind)
-    remarks = () if kind == "pointing" else remarks  # no star feels gravity
+    remarks = remarks if kind.inertial else ()  # no star feels gravity
     return Header(
         path=path,
         kind=kind,
@@ -105,8 +107,8 @@ def _header(document: Document, samples: Path, clock_needed: bool = True) -> Hea
         date=recorded_on(content.get("date", ""), document.where("", "date")),
         site=site,
         platform=platform,
-        noise=_noise(document, columns),
-        noise_of=_noise_of(document, columns),
+        noise=_noise(document, kind, columns),
+        noise_of=_noise_of(document, kind, columns),
         columns=columns,
         remarks=document.remarks + remarks,
         instant=_instant(document, columns),
@@ -205,24 +207,28 @@ def _axes(document: Document, entries: object) -> tuple[Axis, ...]:
     return tuple(axes)
 
 
-def _noise_of(document: Document, columns: tuple[Column, ...]) -> dict[str, dict[str, float]]:
+def _noise_of(document: Document, kind: Kind, columns: tuple[Column, ...]) -> dict[str, dict[str, float]]:
     """What is stated for each of several sensors alone."""
     names = {c.sensor for c in columns if c.sensor}
     own = {name: document.table("noise")[name] for name in document.table("noise") if name in names}
     for name, table in own.items():
         if not isinstance(table, dict):
             raise InputError(f"{document.where('noise', name)}: {name} is a sensor, write [noise.{name}]")
-    return {name: _noise(document, columns, table, name) for name, table in own.items()}
+    return {name: _noise(document, kind, columns, table, name) for name, table in own.items()}
 
 
 def _noise(
-    document: Document, columns: tuple[Column, ...], table: Mapping[str, Any] | None = None, name: str = ""
+    document: Document,
+    kind: Kind,
+    columns: tuple[Column, ...],
+    table: Mapping[str, Any] | None = None,
+    name: str = "",
 ) -> dict[str, float]:
     heading = f"noise.{name}" if name else "noise"
     if table is None:
         table = {key: entry for key, entry in document.table("noise").items() if key not in {c.sensor for c in columns}}
     columns = tuple(c for c in columns if not name or c.sensor == name)
-    document.only(heading, (*SENSORS, *(COLOURED if document.content.get("kind") == "rotation" else ())), table)
+    document.only(heading, (*SENSORS, *(COLOURED if kind.rotating else ())), table)
     noise = {}
     for sensor, entry in table.items():
         if sensor in COLOURED:

@@ -36,7 +36,7 @@ class Holes:
         self.rows = 0  # of the file, so far
         self.left_out: list[Array] = []
         self.empty = {c.name: 0 for c in header.columns}
-        self.limits = LEAPING | {"static-run": STEADY, "multi-position": HELD}.get(header.kind, {})
+        self.limits = LEAPING | (STEADY if header.kind.stabilised else HELD if header.kind.in_positions else {})
         self.leaps = {c.name: 0 for c in header.columns if c.quantity in self.limits}
         self.leapt: list[Array] = []
         self.filled_in: list[Array] = []
@@ -126,7 +126,7 @@ class Holes:
         leaping = self._leaping(batch, ~lacking)
         start, self.rows = self.rows, self.rows + n
         leapt = np.logical_or.reduce([np.zeros(n, dtype=bool), *leaping.values()])
-        if leapt.any() and self.header.kind == "rotation":  # a navigator has to know every step
+        if leapt.any() and self.header.kind.rotating:  # a navigator has to know every step
             self.filled_in.append(start + np.flatnonzero(leapt))
             batch = dict(batch) | {n: self._bridged(batch, n, ~lacking, found) for n, found in leaping.items()}
         elif leapt.any():
@@ -141,26 +141,26 @@ class Holes:
 
     def _leaping(self, batch: Batch, full: NDArray[np.bool_]) -> dict[str, NDArray[np.bool_]]:
         """Rows by column in which a sensor leaps away, for a row or two, within one position."""
-        if self.header.kind == "pointing" or not self.leaps:
+        if self.header.kind.sighting or not self.leaps:
             return {}
         rows = np.flatnonzero(full)
         same, held = np.ones(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
         position, clock = self.header.column("position"), self.header.column("time")
-        if position is not None and self.header.kind == "multi-position" and len(rows) > 2:  # a rest may be a row
+        if position is not None and self.header.kind.in_positions and len(rows) > 2:  # a rest may be a row
             p = batch[position.name][rows]
             same[1:-1] = (p[1:-1] == p[:-2]) & (p[1:-1] == p[2:])
             held = p > 0
         step = np.median(np.diff(batch[clock.name][rows])) if clock is not None and len(rows) > 1 else np.inf
         slow = clock is None or float(to_si(float(step), clock.unit)) > FASTEST
-        over = slow & ~held if self.header.kind == "multi-position" else np.zeros(len(rows), dtype=bool)
+        over = slow & ~held if self.header.kind.in_positions else np.zeros(len(rows), dtype=bool)
         triads: dict[tuple[str, str], list[str]] = {}
         for c in self.columns:
             if c.name in self.leaps:
                 triads.setdefault((c.quantity, c.sensor), []).append(c.name)
-        still = slow and self.header.kind in ("static-run", "multi-position")
+        still = slow and self.header.kind.at_rest
         leaping = dict[str, NDArray[np.bool_]]()
         for (quantity, _), names in triads.items():
-            if quantity in HELD and self.header.kind == "multi-position":
+            if quantity in HELD and self.header.kind.in_positions:
                 leaping |= self._in_rests(batch, names, rows, held)
             else:
                 leaping |= lone({n: batch[n][rows] for n in names}, still)

@@ -149,7 +149,7 @@ def _numbered_on(sessions: Sequence[Recording]) -> Array | None:
 
 def _shares(sessions: Sequence[Recording], noise: Mapping[str, float]) -> list[float]:
     """What a row of each session weighs where they state different noise of what they measure."""
-    sensor = "gimbal_angle" if sessions[0].kind == "pointing" else "accelerometer"
+    sensor = sessions[0].kind.measured_by
     common = noise.get(sensor, 0.0)
     return [(common / r.noise[sensor]) ** 2 if common and r.noise[sensor] != common else 1.0 for r in sessions]
 

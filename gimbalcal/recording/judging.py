@@ -57,7 +57,7 @@ def _sigma(s: Screen, each: Column, scatter: Mapping[str, float]) -> float:
     sensor = next(name for name, quantity in SENSORS.items() if quantity == each.quantity)
     own = [c for c in s.sensors if c.sensor == each.sensor]
     alike = [c for c in own if c.quantity == each.quantity] or [each]  # a gimbal stands for itself
-    if s.header.kind == "rotation" and all(0.5 < STRIDE * s.repeats[c.name] / s.n < 0.95 for c in alike):
+    if s.header.kind.rotating and all(0.5 < STRIDE * s.repeats[c.name] / s.n < 0.95 for c in alike):
         return 0.0  # a simulation without noise: what scatters is the motion
     triad = [to_si(scatter.get(c.name, 0.0), c.unit) for c in alike]
     largest = max(abs(to_si(s.peaks[c.name, k][0], c.unit)) for c in alike for k in (1, -1))
@@ -100,7 +100,7 @@ def _free(s: Screen, each: Column, x: Array, first: int) -> None:
 
 
 def _clock_inside_dwells(s: Screen) -> None:
-    if s.header.kind != "multi-position" or s.position is None:
+    if not s.header.kind.in_positions or s.position is None:
         return
     edges = np.array([*s.turns, s.n])
     changed = set(s.turns)
@@ -123,7 +123,7 @@ def _clock_inside_dwells(s: Screen) -> None:
 
 def _angle_units(s: Screen) -> None:
     """An angle beyond two turns in radians was most likely logged in degrees; a run may turn on and on."""
-    if s.header.kind == "rotation":
+    if s.header.kind.rotating:
         return
     for each in s.angles:
         largest = max((abs(s.peaks[each.name, sign][0]) for sign in (1, -1)), default=0.0)
@@ -132,7 +132,7 @@ def _angle_units(s: Screen) -> None:
                 f"{s.header.samples}, column {each.name}: angles up to {largest:g} {each.unit} are no readout "
                 f"of a gimbal; correct them, or the unit in {s.header.path}"
             )
-        goes_on = s.header.kind == "static-run" and each.axis == "platform"
+        goes_on = s.header.kind.stabilised and each.axis == "platform"
         if not goes_on and "rad" in each.unit and to_si(largest, each.unit) > 4 * np.pi:
             raise InputError(
                 f"{s.header.samples}, column {each.name}: angles up to {largest:g} {each.unit} look like "
@@ -144,7 +144,7 @@ def _spikes(s: Screen) -> None:
     """A few rows at rest that read many g are faults of the logger; if most rows do, the unit is wrong instead."""
     for each in s.sensors:
         _few_beyond(s, each, BEYOND[each.quantity], "any sensor can read", everywhere=True)
-    if s.header.kind != "static-run" and (s.header.kind != "multi-position" or s.position is None):
+    if not s.header.kind.stabilised and (not s.header.kind.in_positions or s.position is None):
         return  # on the move, a knock may be anything
     for each in s.sensors:
         if each.quantity in IMPOSSIBLE:

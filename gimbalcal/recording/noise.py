@@ -23,10 +23,9 @@ def stated(recording: Recording) -> Mapping[str, Noise]:
 
     White noise of one raw sample; of gimbals that are set and left, the setting repeatability of a visit.
     """
-    is_set = recording.kind != "static-run"
 
     def process(sensor: str, sigma: float) -> Process:
-        return SettingError(sigma) if sensor == "gimbal_angle" and is_set else WhiteNoise(sigma)
+        return SettingError(sigma) if sensor == "gimbal_angle" and recording.kind.gimbals_are_set else WhiteNoise(sigma)
 
     told = {sensor: sigma for sensor, sigma in recording.noise.items() if sensor in SENSORS}
     return {SENSORS[sensor]: (process(sensor, sigma),) for sensor, sigma in told.items()}

@@ -47,29 +47,29 @@ def refuse_implausible(recording: Recording) -> tuple[str, ...]:
     """
     _check_noise(recording)
     odd = (*check_temperature(recording), *check_clock(recording), *check_marked(recording))
-    if recording.kind == "pointing":
+    if recording.kind.sighting:
         return (*odd, *check_pointing(recording))
-    if recording.kind == "static-run":
+    if recording.kind.stabilised:
         check_turn(recording)
         check_attitude(recording)
-    if recording.kind == "rotation" and recording.has("angular_rate") and recording.has("specific_force"):
+    if recording.kind.rotating and recording.has("angular_rate") and recording.has("specific_force"):
         recording = with_rests(recording)
         check_turned(recording)
-    if recording.kind == "rotation" and not recording.has("specific_force") and _on_a_table(recording):
+    if recording.kind.rotating and not recording.has("specific_force") and _on_a_table(recording):
         refuse_unlike_table(recording)
         return odd
-    at_rest = recording.kind in ("multi-position", "static-run") and set(recording.axes("specific_force")) == set(AXES)
+    at_rest = recording.kind.at_rest and set(recording.axes("specific_force")) == set(AXES)
     told = _check_forces(recording) if at_rest else True
     rates = refuse_implausible_rates(recording)
-    if rates and recording.kind == "rotation" and _on_a_table(recording) and like_table(recording):
+    if rates and recording.kind.rotating and _on_a_table(recording) and like_table(recording):
         rates = ()
-    told |= recording.kind == "multi-position" and recording.has("angular_rate") and not rates  # they fit gravity
+    told |= recording.kind.in_positions and recording.has("angular_rate") and not rates  # they fit gravity
     return (*odd, *rates) if told else (UNCHECKED, *odd, *rates)
 
 
 def _check_forces(recording: Recording) -> bool:
     """Raise `InputError` for forces that cannot be right; else whether anything tells their order and signs."""
-    rests = dwell_means(recording) if recording.kind == "multi-position" else _thinned(recording)
+    rests = dwell_means(recording) if recording.kind.in_positions else _thinned(recording)
     force, known = rests.triad("specific_force"), bool(rests.platform.axes) and _angles_logged(rests)
     if recording.counted("specific_force"):  # the sign of a count is as open as its size
         return False
@@ -84,7 +84,7 @@ def _check_forces(recording: Recording) -> bool:
     else:
         check_sidereal(rests, force)
     check_latitude(rests, force)
-    return known or rests.kind == "static-run"
+    return known or rests.kind.stabilised
 
 
 def _thinned(recording: Recording) -> Recording:
@@ -94,7 +94,7 @@ def _thinned(recording: Recording) -> Recording:
 
 def _angles_logged(recording: Recording) -> bool:
     logged = set(recording.axes("gimbal_angle"))
-    return {"platform", "middle"} <= logged if recording.kind == "static-run" else bool(logged)
+    return {"platform", "middle"} <= logged if recording.kind.stabilised else bool(logged)
 
 
 def _on_a_table(recording: Recording) -> bool:
@@ -119,7 +119,7 @@ def _check_stillness(recording: Recording) -> None:
 
     Means of an eighth of a position are compared, so that running motors are no motion.
     """
-    if recording.kind != "multi-position" or recording.position is None:
+    if not recording.kind.in_positions or recording.position is None:
         return
     force = recording.triad("specific_force")
     for dwell in dwells(recording):
@@ -142,7 +142,7 @@ def _eighths(rows: Array) -> Array:
 
 def _check_degrees(rests: Recording, force: Array) -> None:
     """The force cannot turn by more than all gimbals together; if it does, the angles are in radians."""
-    if rests.kind != "multi-position":
+    if not rests.kind.in_positions:
         return
     turned = sum(float(np.ptp(rests.channels["gimbal_angle", a])) for a in rests.axes("gimbal_angle"))
     direction = force / np.linalg.norm(force, axis=1, keepdims=True)
@@ -198,7 +198,7 @@ def _check_axes(rests: Recording, force: Array) -> None:
     n, stated = len(force), _agreeing(force, _predicted(rests, rests.angles()))
     if n < 3 or stated >= NEARLY_ALL * n:
         return
-    kind = "positions" if rests.kind == "multi-position" else "rows"
+    kind = "positions" if rests.kind.in_positions else "rows"
     # the first of equals is the simplest
     best, words, write = max(_readings(rests, force), key=lambda reading: reading[0])
     if best >= NEARLY_ALL * n and best >= stated + 2:

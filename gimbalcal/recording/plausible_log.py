@@ -42,7 +42,7 @@ def check_temperature(recording: Recording) -> tuple[str, ...]:
 
 def check_clock(recording: Recording) -> tuple[str, ...]:
     """A sentence where positions are held for days, or for milliseconds; nothing at rest tells the unit of a clock."""
-    if recording.kind != "multi-position" or recording.position is None:
+    if not recording.kind.in_positions or recording.position is None:
         return ()
     held = [float(np.ptp(recording.time[d.rows])) for d in dwells(recording)]
     rows = [d.stop - d.start for d in dwells(recording)]
@@ -60,7 +60,7 @@ def check_clock(recording: Recording) -> tuple[str, ...]:
 
 def check_marked(recording: Recording) -> tuple[str, ...]:
     """A sentence where a table that holds each rest in a row has rows that are marked 0, as if on the way."""
-    if recording.kind != "multi-position" or recording.position is None:
+    if not recording.kind.in_positions or recording.position is None:
         return ()
     gone = np.flatnonzero(recording.position == 0)
     if not len(gone) or any(d.stop - d.start > 1 for d in dwells(recording)) or len(gone) > FEW * len(recording.time):

@@ -63,7 +63,7 @@ def check_turn(recording: Recording) -> None:
 
 def check_latitude(rests: Recording, force: Array) -> None:
     """The force of an inertially stable platform circles the Earth's axis at the height of the pole, the latitude."""
-    if rests.kind != "static-run" or rests.platform != SPACE_STABLE_INERTIAL or rests.site.latitude is None:
+    if not rests.kind.stabilised or rests.platform != SPACE_STABLE_INERTIAL or rests.site.latitude is None:
         return
     seen = latitude_seen(force)
     if abs(seen - rests.site.latitude) > WRONG_PLACE:
@@ -85,7 +85,7 @@ def check_sidereal(rests: Recording, force: Array) -> None:
     .. math:: f / |f| = (\cos L \cos S_t, \; \cos L \sin S_t, \; \sin L), \qquad \dot S_t = \Omega
     """
     latitude = rests.site.latitude
-    if rests.kind != "static-run" or rests.platform != SPACE_STABLE_INERTIAL or latitude is None:
+    if not rests.kind.stabilised or rests.platform != SPACE_STABLE_INERTIAL or latitude is None:
         return
     if EARTH_RATE * np.ptp(rests.time) < LEAST_TURN or np.cos(latitude) < np.sin(LEAST_TURN):
         return

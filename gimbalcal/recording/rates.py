@@ -46,11 +46,11 @@ UNCHECKED = (
 
 def refuse_implausible_rates(recording: Recording) -> tuple[str, ...]:
     """Raise `InputError` where axes, signs or unit of the gyroscopes cannot be right; else what was not checked."""
-    if recording.kind == "static-run" and recording.has(RATE):
+    if recording.kind.stabilised and recording.has(RATE):
         return ("the gyroscopes of a static run are not looked at",)
-    if recording.kind not in ("multi-position", "rotation") or set(recording.axes(RATE)) != set(AXES):
+    if not (recording.kind.in_positions or recording.kind.rotating) or set(recording.axes(RATE)) != set(AXES):
         return ()
-    if recording.kind == "rotation":
+    if recording.kind.rotating:
         recording = with_rests(recording)
     turns = turns_of(recording)
     if turns is not None:
@@ -63,7 +63,7 @@ def refuse_implausible_rates(recording: Recording) -> tuple[str, ...]:
 
 def turns_explained(recording: Recording) -> tuple[int, int] | None:
     """Turns at which the gyroscopes say where gravity went, and how many could tell; None where none can."""
-    if recording.kind != "multi-position" or set(recording.axes(RATE)) != set(AXES):
+    if not recording.kind.in_positions or set(recording.axes(RATE)) != set(AXES):
         return None
     turns = turns_of(recording)
     if turns is None:

@@ -62,7 +62,7 @@ def rows_of_a_mean(header: Header, most: int) -> int:
 
     Rests that are still to be found need every row.
     """
-    if header.kind != "multi-position" or not header.column("position"):
+    if not header.kind.in_positions or not header.column("position"):
         return 1
     rows = rows_in(header.samples)
     return 1 if rows <= most else ceil(rows / (LEFT * most))
@@ -154,7 +154,7 @@ def _rows(
     """Columns, rows and scatter in the units of the file, and what to tell the user."""
     header, whole = increments.header, increments.whole(whole)
     screen = Screen(header, whole, holes)
-    if header.kind != "multi-position" or header.column("position"):
+    if not header.kind.in_positions or header.column("position"):
         table, scatter = _gather(stream, header.columns, screen, average_s, rests)
         told = () if average_s or rests > 1 else _on_a_regular_clock(increments, table, holes)
         return header.columns, table, scatter, (*holes.remarks(), *screen.remarks(), *told)
@@ -196,7 +196,7 @@ def _on_a_regular_clock(increments: Increments, table: dict[str, Array], holes: 
         table[clock.name] = from_si(made, clock.unit)
         increments.on_clock(table, made)
         return (f"{column}: a regular clock is laid through the stamps, as [columns] asks for",)
-    found = None if clock.regular is False or header.kind == "pointing" else jitter_of(time, holes.kept, own)
+    found = None if clock.regular is False or header.kind.sighting else jitter_of(time, holes.kept, own)
     if found is None or found.roughness > SMOOTHER:
         return ()
     what = (

@@ -17,6 +17,7 @@ from gimbalcal.effects.grade import GRADES, Grade
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
+from gimbalcal.recording.kinds import Kind, kind_of
 from gimbalcal.units import is_raw
 
 Key = tuple[str, str]
@@ -24,8 +25,6 @@ Key = tuple[str, str]
 
 FORCE, RATE, ANGLE = "specific_force", "angular_rate", "gimbal_angle"
 """Quantities that most estimators read."""
-
-KINDS = ("multi-position", "static-run", "rotation", "pointing")
 
 SENSORS: Mapping[str, str] = MappingProxyType(
     {
@@ -84,7 +83,8 @@ class Source:
 class Recording:
     """What a rig logged, in SI and radians (temperature in degC), one entry per row.
 
-    time (n,) s; position (n,) 1, 2, ... or 0 while moving, None where the idea does not apply; channels (n,) each;
+    kind: its name as a string, with the properties of that kind (`gimbalcal.recording.kinds`); a plain string is taken
+    too. time (n,) s; position (n,) 1, 2, ... or 0 while moving, None where the idea does not apply; channels (n,) each;
     weight (n,) raw samples behind each row (1 unless rows are averages). `noise` is what the header states: one
     sigma of one raw sample, by sensor (see `SENSORS`, and `COLOURED`); `scatter` is what the rows show, by channel, see
     `gimbalcal.recording.scatter`. `units` keeps the unit that each channel was logged in; in counts or pulses the
@@ -96,7 +96,7 @@ class Recording:
     zero. `restarts` are the times of rows at which a session begins that nobody says how long after the one before.
     """
 
-    kind: str
+    kind: Kind
     title: str
     platform: Platform
     site: Site
@@ -118,6 +118,7 @@ class Recording:
     restarts: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "kind", kind_of(self.kind, self.platform))
         n = len(self.time)
         if len(self.weight) == 0 < n:
             object.__setattr__(self, "weight", np.broadcast_to(1.0, (n,)))

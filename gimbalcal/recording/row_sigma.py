@@ -23,7 +23,6 @@ from gimbalcal.recording.samples import Batch
 from gimbalcal.units import is_raw, to_si
 
 WEIGHT = Column(" weight", "weight", "", "1")  # a name that no header can hold
-WEIGHED = ("multi-position", "static-run", "pointing")  # kinds whose estimators weigh rows
 
 
 def by_sigma(header: Header, stream: Iterable[Batch], holes: Holes) -> tuple[Header, Iterator[Batch]]:
@@ -35,7 +34,7 @@ def by_sigma(header: Header, stream: Iterable[Batch], holes: Holes) -> tuple[Hea
     if column is None:
         return header, iter(stream)
     place, sensor = f"{header.path}, column {column.name}", _sensor(column.of)
-    if header.kind not in WEIGHED:
+    if not header.kind.weighed:
         raise InputError(f"{place}: the rows of a {header.kind} recording all weigh alike; leave the sigma out")
     if not header.column(column.of):
         raise InputError(f"{place}: it is the sigma of {column.of}, which no column holds; correct of = ...")

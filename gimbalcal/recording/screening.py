@@ -24,7 +24,6 @@ COUNTED = 1e12  # samples behind a row at most, and one over it at least: next t
 COLDEST, HOTTEST = -273.15, 2000.0  # degC
 GAP = 10.0  # times the usual step: longer ones end a run of rows
 LONGEST_STEP = 86400.0  # s; no run that goes on and on pauses for longer, and others say so
-STEADY = ("static-run", "rotation")  # kinds in which the time that passes between rows is part of the physics
 MOST_POSITIONS = 1_000_000
 STRIDE = 5  # every run of FEWEST rows holds four neighbours of every fifth row
 
@@ -43,10 +42,10 @@ class Screen:
         self.angles = [c for c in header.columns if c.quantity == "gimbal_angle"]
         self.weights = [c for c in header.columns if c.quantity == "weight"]
         self.thermometers = [c for c in header.columns if c.quantity == "temperature" and not is_raw(c.unit)]
-        if header.kind == "static-run":  # the readings of the run go on and on; at a position they may well stand still
+        if header.kind.stabilised:  # the readings of the run go on and on; at a position they may well stand still
             self.sensors += [c for c in header.columns if c.quantity == "attitude_error"]
         # gimbals that must not stand still once they have moved
-        self.turning = self.angles if header.kind == "static-run" else []
+        self.turning = self.angles if header.kind.stabilised else []
         self.n = 0
         self.step = 0.0  # usual step in time
         self.last_time, self.last_position = np.nan, np.nan
@@ -56,8 +55,8 @@ class Screen:
         self.peaks: dict[tuple[str, int], tuple[float, int]] = {}  # (name, sign): largest value and how often
         self.stuck: set[str] = set()
         self.repeats: Counter[str] = Counter()  # of every STRIDEth row, how many repeat the one before
-        self.visits = header.kind == "multi-position" and self.position is not None  # no clock has to find them
-        self.by_order = header.kind == "pointing" or bool(clock.regular) or (self.visits and clock.resolution > 0)
+        self.visits = header.kind.in_positions and self.position is not None  # no clock has to find them
+        self.by_order = header.kind.sighting or bool(clock.regular) or (self.visits and clock.resolution > 0)
         self.equal = 0  # rows stamped as the one before them
 
     def see(self, batch: Batch) -> Array:
@@ -126,7 +125,7 @@ class Screen:
         if not self.step and len(t) > 1:
             self.step = float(np.median(dt[1:] if self.n == 0 else dt))
         long = dt * seconds > LONGEST_STEP
-        wrong = np.flatnonzero((dt < 0 if self.by_order else dt <= 0) | (long & (self.header.kind in STEADY)))
+        wrong = np.flatnonzero((dt < 0 if self.by_order else dt <= 0) | (long & self.header.kind.continuous))
         self.equal += int(np.count_nonzero(dt == 0))
         if len(wrong):
             self._refuse_time(int(wrong[0]), t, float(dt[wrong[0]]))

@@ -9,12 +9,13 @@ from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.recording import gravity
 from gimbalcal.recording.document import Document
+from gimbalcal.recording.kinds import Kind
 from gimbalcal.recording.record import Site
 
 LOWEST, HIGHEST = -12e3, 100e3  # m, from the deepest trench to the edge of space
 
 
-def site_of(document: Document, kind: str) -> tuple[Site, tuple[str, ...]]:
+def site_of(document: Document, kind: Kind) -> tuple[Site, tuple[str, ...]]:
     """The site of a recording of this kind, checked, and remarks on its gravity."""
     table = document.table("site")
     document.only("site", ("latitude", "height", "gravity"), table)
@@ -34,7 +35,7 @@ def site_of(document: Document, kind: str) -> tuple[Site, tuple[str, ...]]:
             f"{document.where('site', 'height')}: height {written['value']} {written['unit']} is no place for a rig; "
             "give it above the sea, or correct its unit"
         )
-    if kind == "static-run" and latitude is None:
+    if kind.stabilised and latitude is None:
         raise InputError(
             f"{document.where('site')}: a static run needs the latitude, because the Earth turns under the "
             'platform; write latitude = { value = ..., unit = "deg" } in [site]'
@@ -47,7 +48,7 @@ def site_of(document: Document, kind: str) -> tuple[Site, tuple[str, ...]]:
         )
     if "gravity" in given:
         site = gravity.stated(latitude, given.get("height"), given["gravity"], sigma)
-        return site, _odd_gravity(document, site) if kind != "pointing" else ()
+        return site, _odd_gravity(document, site) if kind.inertial else ()
     site = gravity.not_stated(latitude, given.get("height"))
     if latitude is not None:
         return site, ()

@@ -19,6 +19,7 @@ from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, Platform
 from gimbalcal.recording import Recording, Site
+from gimbalcal.recording.kinds import KINDS
 from gimbalcal.recording.record import Key
 from gimbalcal.schedule.drive import Drive
 from gimbalcal.schedule.trajectory import Path as Course
@@ -186,8 +187,8 @@ def _nominal(run: Run, time: Array) -> Recording:
     channels |= {key: history(time) for key, history in run.environment.items()}
     held = run.path is None and run.scenario.kind == "rotation"  # a table's holds are evaluated at the rows
     return Recording(
-        run.scenario.kind, run.scenario.title, run.platform, run.site, stated(run.scenario), time, position, channels,
-        instant=held or run.scenario.schedule.rates == "instant",
+        KINDS[run.scenario.kind], run.scenario.title, run.platform, run.site, stated(run.scenario), time, position,
+        channels, instant=held or run.scenario.schedule.rates == "instant",
     )  # fmt: skip
 
 

@@ -37,6 +37,7 @@ from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, Platform
 from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording.kinds import ROTATION
 from gimbalcal.recording.record import FORCE, RATE
 
 LATENCIES = ("time_tag_latency", "gyro_latency", "readout_latency")
@@ -100,7 +101,7 @@ def view_of_slews(
     ends = dwell_means(recording).select(np.array([found[k][1] for k in onto.kept]))
     channels = tuple((q, "force" if q == FORCE else "rate") for q in late)
     return View(
-        "slews", replace(ends, kind="rotation"), stimulus_from_readings(ends), channels, "ms", sigma,
+        "slews", replace(ends, kind=ROTATION), stimulus_from_readings(ends), channels, "ms", sigma,
         frozenset(base.sensitivity), (), rows, _others(recording.platform),
     )  # fmt: skip
 

@@ -9,6 +9,7 @@ from gimbalcal.estimate.accelerometers.setting import Noise, Problem, by_visit, 
 from gimbalcal.inference.information import Solution, solve
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording, Site
+from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.schedule import SCHEDULES, Schedule
 
 GREW = 1.5  # every sigma that grew by more than this is told; else the one that grew most
@@ -24,7 +25,7 @@ def planned(schedule: Schedule, samples: float = 1.0, site: Site | None = None) 
     channels |= {("gimbal_angle", name): angles[:, i] for i, name in enumerate(schedule.platform.axis_names)}
     time = np.cumsum([0.0, *(h.duration for h in schedule.holds)])[:-1]
     return Recording(
-        kind="multi-position", title=schedule.name, platform=schedule.platform, site=site, noise={}, time=time,
+        kind=MULTI_POSITION, title=schedule.name, platform=schedule.platform, site=site, noise={}, time=time,
         position=np.arange(1, m + 1), channels=channels, weight=np.full(m, samples),
     )  # fmt: skip
 

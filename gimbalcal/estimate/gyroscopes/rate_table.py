@@ -36,6 +36,7 @@ from gimbalcal.kinematics import stimulus_from_truth
 from gimbalcal.number import Array, complex_step
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
+from gimbalcal.recording.kinds import ROTATION
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.recording.table_turns import refuse_unlike_table
 from gimbalcal.rotation import normal_to
@@ -139,7 +140,7 @@ def _rows(recordings: Sequence[Recording], each: Sequence[Stretches], scale: Arr
     beside = np.concatenate([alone, shared], axis=-1)
     sigma = np.abs(scale) * np.concatenate([s.sigma for s in each])
     first = recordings[0]
-    still = Recording("rotation", first.title, BENCH, first.site, {}, first.time[:1], None,
+    still = Recording(ROTATION, first.title, BENCH, first.site, {}, first.time[:1], None,
                       {(RATE, a): np.zeros(1) for a in "xyz"})  # fmt: skip
     time = np.concatenate([s.time - r.time[0] for r, s in zip(recordings, each, strict=True)])
     felt = stimulus_from_truth(still, np.zeros((1, 3)), np.zeros((1, 3))).held(len(rate)).at(rate=rate, time=time)
