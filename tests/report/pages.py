@@ -37,8 +37,6 @@ from gimbalcal.report.observability_page import observability_report
 from gimbalcal.report.plan_page import design_report, plan_report
 from gimbalcal.schedule.rotations import ROTATIONS
 from tests.report.example import example
-from tests.report.test_campaign_page import campaign
-from tests.report.test_diagnosis_page import CUBIC, curves, diagnosis
 
 LONG = "Bench_4-of-the-laboratory_with-a-title-that-nobody-broke_" * 4
 
@@ -58,6 +56,56 @@ TURNS = {
     "groups": [{"group": g, "sigma": s, "unit": u, "against": {"wei2022-30": 2 * s}, "ratio": 3e-4}
                for g, s, u in (("bias", 0.144, "ug"), ("gyro_bias", 0.0025, "deg/h"))],
 }  # fmt: skip
+
+
+CUBIC = {
+    "effect": "cubic_nonlinearity",
+    "axis": "y",
+    "probability": 0.78,
+    "sigma": 24.1,
+    "parameters": [{"name": "K3", "value": 16.2, "sigma": 0.7, "unit": "ug/g^3"}],
+    "twins": [],
+    "physics": "An odd third-order bend of the input-output law.",
+    "equation": r"\delta a_y = K_{3,y} f_y^3",
+    "separate_by": "",
+}
+
+
+def diagnosis(verdict: str = "missing-physics", **changes: Any) -> dict[str, Any]:
+    mismatch = {
+        "channel": "specific_force",
+        "axis": "y",
+        "where": {"positions": [4, 10]},
+        "statistic": 41.2,
+        "p_value": 1e-7,
+        "in_words": "y differs where it carries 1 g",
+    }
+    fit = {"chi2_reduced_before": 3.1, "chi2_reduced_after": 1.02, "heldout_before": 3.3, "heldout_after": 1.05}
+    content = {"format": 1, "verdict": verdict, "mismatch": [mismatch], "findings": [CUBIC], "unexplained": []}
+    words = "What was left out: cubic nonlinearity (y). Reduced chi^2 goes from 3.1 to 1.02."
+    return content | {"fit": fit, "provenance": {"seed": 1}, "in_words": words} | changes
+
+
+def curves(rows: int = 20, positions: int = 18) -> Curves:
+    n = rows * positions
+    position = np.repeat(np.arange(1, positions + 1), rows)
+    before = np.stack([np.ones(n), np.where(position == 4, 2.0, 0.0)], axis=1)
+    before[7, 1] = np.nan
+    channels = (("specific_force", "x"), ("specific_force", "y"))
+    return Curves(60.0 * np.arange(n), position, channels, before, 0 * before)
+
+
+def campaign(runs: int = 200, ratio: float = 1.02, mean: float = 0.0, failed: int = 0) -> dict[str, Any]:
+    """The content of a campaign.json; the second parameter errs by `ratio`."""
+    sigma = 9.80665e-6
+    rows = [{"parameter": f"bias:{a}", "unit": "SI", "runs": runs, "mean": mean * sigma if a == "y" else 0.0,
+             "rms": r * sigma, "sigma": sigma, "ratio": r} for a, r in (("x", 0.97), ("y", ratio))]  # fmt: skip
+    return {
+        "format": 1, "direction": "physics to readings", "runs": runs, "failed": failed,
+        "outcomes": {"the fit did not settle": failed} if failed else {}, "parameters": rows, "in_words": "",
+        "identity": {"scenario": "0" * 64, "name": "wu2018-18", "kind": "multi-position", "seed": 1,
+                     "method": "three-stage", "share": 4, "version": "0.1.0"},
+    }  # fmt: skip
 
 
 @cache

@@ -3,7 +3,6 @@ import dataclasses
 import re
 from base64 import b64encode
 from hashlib import sha256
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -14,30 +13,9 @@ from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.report import calibration_report
 from gimbalcal.report.evidence import by_position, over_time, setting_spread
 from gimbalcal.report.parameter_rows import rows
-from gimbalcal.report.rounding import pdg
 from gimbalcal.report.stages import stages
 from gimbalcal.units import from_si
 from tests.report.example import ARCSEC, NOISE, example
-
-
-class Page(HTMLParser):
-    """Text and attributes of a page."""
-
-    def __init__(self, page: str) -> None:
-        super().__init__()
-        self.words: list[str] = []
-        self.attributes: list[tuple[str, str, str]] = []
-        self.feed(page)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.attributes += [(tag, name, value or "") for name, value in attrs]
-
-    def handle_data(self, data: str) -> None:
-        self.words.append(data)
-
-    @property
-    def text(self) -> str:
-        return re.sub(r"\s+", " ", " ".join(self.words))
 
 
 @pytest.fixture(scope="module")
@@ -46,27 +24,8 @@ def page() -> str:
     return calibration_report(content, recordings, truth)
 
 
-def test_the_first_words_answer_the_question(page: str) -> None:
-    text = Page(page[page.index("<main>") :]).text
-    assert text.index("15 of 18 parameters are known") < 300
-    assert "misalignment xz + misalignment yz − gimbal zero platform" in text
-
-
-def test_every_parameter_stands_there_with_its_sigma(page: str) -> None:
-    content, _, _ = example()
-    for p in content["parameters"]:
-        value, sigma = pdg(p["value"], p["sigma"])
-        words = f"{p['name'].replace('_', ' ')} {p['axis']}"
-        row = re.search(rf"<tr[^>]*><th scope=\"row\">{words}.*?</tr>", page, re.DOTALL)
-        assert row is not None, words
-        assert value.replace("-", "−") in row[0]
-        assert f"± {sigma}" in row[0]
-
-
 def test_nothing_is_loaded_from_elsewhere(page: str) -> None:
-    attributes = Page(page).attributes
-    places = {"src", "srcset", "data", "poster"}
-    assert not [v for tag, name, v in attributes if name in places or (tag, name) == ("link", "href")]
+    assert not re.search(r"<[^>]*\s(?:src|srcset|data|poster)=|<link", page)
     assert page.count("<script>") == 1
     script = page[page.index("<script>") + 8 : page.index("</script>")]
     assert f"script-src 'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" in page
@@ -78,12 +37,8 @@ def test_nothing_is_loaded_from_elsewhere(page: str) -> None:
 
 
 def test_every_picture_says_what_it_shows(page: str) -> None:
-    attributes = Page(page).attributes
-    pictures = sum(tag == "figure" for tag in re.findall(r"<(figure)\b", page))
-    alts = [v for tag, name, v in attributes if (tag, name) == ("div", "aria-label")]
-    assert (
-        pictures == len(alts) == 6
-    )  # residuals, stages, correlations, schedule, static run: what is left, and the data
+    alts = re.findall(r'<div role="img" aria-label="([^"]*)"', page)
+    assert len(alts) == page.count("<figure") == 6  # residuals, stages, correlations, schedule, two of the static run
     assert all(len(alt) > 30 for alt in alts)
 
 
@@ -181,10 +136,6 @@ def test_the_truth_leaves_of_a_day_what_the_noise_is() -> None:
     zero = truth["gimbal_zero:platform"]
     assert abs(zero) > 10 * ARCSEC  # else the next line proves nothing
     assert not np.allclose(wrong[0].fitted, curves[0].fitted, atol=1.0)  # 1 arcsec
-
-
-def test_coefficients_that_are_no_parameters_have_a_table_of_their_own(page: str) -> None:
-    assert re.search(r"<th scope=\"row\">x1</th><td class=\"value\">150.00</td><td class=\"sigma\">± 0.20", page)
 
 
 def test_readings_in_counts_are_judged_in_si() -> None:

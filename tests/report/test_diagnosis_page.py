@@ -1,61 +1,11 @@
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from gimbalcal.diagnose.answer import Curves
 from gimbalcal.report.diagnosis_page import diagnosis_report, on_the_sky, panels
-from gimbalcal.report.figures import Panel
-from gimbalcal.report.html import formula
-
-CUBIC = {
-    "effect": "cubic_nonlinearity",
-    "axis": "y",
-    "probability": 0.78,
-    "sigma": 24.1,
-    "parameters": [{"name": "K3", "value": 16.2, "sigma": 0.7, "unit": "ug/g^3"}],
-    "twins": [],
-    "physics": "An odd third-order bend of the input-output law.",
-    "equation": r"\delta a_y = K_{3,y} f_y^3",
-    "separate_by": "",
-}
-
-
-def diagnosis(verdict: str = "missing-physics", **changes: Any) -> dict[str, Any]:
-    mismatch = {
-        "channel": "specific_force",
-        "axis": "y",
-        "where": {"positions": [4, 10]},
-        "statistic": 41.2,
-        "p_value": 1e-7,
-        "in_words": "y differs where it carries 1 g",
-    }
-    fit = {"chi2_reduced_before": 3.1, "chi2_reduced_after": 1.02, "heldout_before": 3.3, "heldout_after": 1.05}
-    content = {"format": 1, "verdict": verdict, "mismatch": [mismatch], "findings": [CUBIC], "unexplained": []}
-    words = "What was left out: cubic nonlinearity (y). Reduced chi^2 goes from 3.1 to 1.02."
-    return content | {"fit": fit, "provenance": {"seed": 1}, "in_words": words} | changes
-
-
-def test_the_sentence_of_the_diagnosis_leads() -> None:
-    page = diagnosis_report(diagnosis())
-    first = page.index("Accelerometer y bends with the cube of the force, by 16.2 ± 0.7 µg per g³.")
-    assert first < page.index("Next: ") < page.index("In numbers: What was left out: cubic nonlinearity (y)")
-
-
-def test_twins_stand_together_with_what_would_separate_them() -> None:
-    twin = CUBIC | {"twins": ["odd_quadratic"], "separate_by": "Tilt by 30 and 60 degrees."}
-    page = diagnosis_report(diagnosis("not-identifiable", findings=[twin]))
-    assert "<strong>Cannot be told from</strong> odd quadratic." in page
-    assert "Tilt by 30 and 60 degrees." in page
-
-
-def test_the_unknown_is_told_by_its_shape() -> None:
-    shape = {"channel": "specific_force z", "shape": "grows with the square root of time"}
-    page = diagnosis_report(diagnosis("unexplained", findings=[], unexplained=[shape]))
-    assert "What no effect of the catalogue explains" in page
-    assert "grows with the square root of time" in page
-    assert "What was left out</h2>" not in page
+from tests.report.pages import CUBIC, curves, diagnosis
 
 
 def test_what_the_effect_did_to_the_calibration_is_told() -> None:
@@ -76,39 +26,10 @@ def test_every_verdict_makes_a_page_that_escapes(verdict: str) -> None:
     assert "78 % probable; 24.1 σ" in page
 
 
-def test_the_highest_probability_is_said_to_be_the_highest() -> None:
-    page = diagnosis_report(diagnosis(findings=[CUBIC | {"probability": 0.9}]))
-    assert "90 % probable, the most that is stated of any cause" in page
-
-
-def test_the_picture_tells_its_numbers_to_those_who_cannot_see_it() -> None:
-    x = np.arange(18.0)
-    panel = Panel("specific force y", "µg", x, "position", np.full(18, 30.0), np.full(18, 2.0), np.full(18, 2.0))
-    page = diagnosis_report(diagnosis(), [panel])
-    assert "rms specific force y by position: 30.0 to 2.00 µg" in page
-
-
-def test_equations_are_set_or_left_as_text() -> None:
-    drawn = formula(r"\delta a_y = K_{3,y} f_y^3")
-    assert drawn is not None
-    assert "<msubsup><mi>f</mi><mi>y</mi><mn>3</mn></msubsup>" in drawn
-    assert formula(r"\unheardof{x}") is None
-    assert formula("") is None
-
-
 def test_one_thing_has_one_name() -> None:
     page = diagnosis_report(diagnosis())
     assert "K3" not in page
     assert page.count("cubic nonlinearity") >= 2
-
-
-def curves(rows: int = 20, positions: int = 18) -> Curves:
-    n = rows * positions
-    position = np.repeat(np.arange(1, positions + 1), rows)
-    before = np.stack([np.ones(n), np.where(position == 4, 2.0, 0.0)], axis=1)
-    before[7, 1] = np.nan
-    channels = (("specific_force", "x"), ("specific_force", "y"))
-    return Curves(60.0 * np.arange(n), position, channels, before, 0 * before)
 
 
 def test_positions_and_times_are_means_in_sigmas_of_one_row() -> None:

@@ -5,26 +5,21 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from datetime import datetime
-from typing import Any
 
 import numpy as np
 import pytest
 
 from gimbalcal.calibration import from_dict
 from gimbalcal.design.budget import Budget
-from gimbalcal.diagnose.answer import Curves
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.report import figures
 from gimbalcal.report.budget_page import budget_report
 from gimbalcal.report.chart import Bars, Chart, Line, Points, limits
-from gimbalcal.report.console import findings_table
 from gimbalcal.report.evidence import by_position, over_time
-from gimbalcal.report.headline import headline, size_in_words
 from gimbalcal.report.history import _course, history_report
 from gimbalcal.report.navigation import innovations_by_leg
 from gimbalcal.report.noise_page import _chart as noise_chart
 from gimbalcal.report.noise_page import _rate as told_rate
-from gimbalcal.report.noise_page import headline as noise_headline
 from gimbalcal.report.parameter_figures import correlation
 from gimbalcal.report.parameter_rows import rows
 from gimbalcal.report.pointing import night_by_night, pointing_picture
@@ -126,28 +121,6 @@ def test_rings_are_turns_and_stand_where_their_innovations_do() -> None:
     np.testing.assert_allclose([r.x[0] for r in rings], [0.8, 1.0, 1.2])
 
 
-# --- a diagnosis ------------------------------------------------------------------------------------------------------
-
-
-def content(verdict: str, **more: Any) -> dict[str, Any]:
-    return {"verdict": verdict, "findings": [], "unexplained": [], "mismatch": [], "fit": {}, "outcome": "", **more}
-
-
-def test_a_share_is_told_in_per_cent_with_its_sigma() -> None:
-    share = {"name": "gain", "axis": "", "value": 0.0123, "sigma": 0.0004, "unit": "1"}
-    assert size_in_words({"effect": "bias", "axis": "", "parameters": [share]}) == "1.23 ± 0.04 %"
-    found = {"findings": [{"probability": 0.9, "sigma": 20.0, "parameters": [share | {"axis": "x"}]}]}
-    assert findings_table(found).endswith("90 % probable, 20.0 σ")
-
-
-def test_what_is_left_is_told_in_noises_and_large_angles_in_minutes() -> None:
-    assert "2.00 times the noise" in headline(content("adequate", fit={"chi2_reduced_before": 4.0}))
-    before = np.array([[40.0], [-2.0]])
-    curves = Curves(np.arange(2.0), np.ones(2), (("gimbal_angle", "inner"),), before, 0 * before, np.full((2, 1), 30.0),
-                    ("arcsec",))  # fmt: skip
-    assert "off by up to 20 arcmin." in headline(content("missing-physics"), curves)
-
-
 # --- the history of a unit --------------------------------------------------------------------------------------------
 
 DATES = [f"{year}-03-01T00:00:00+00:00" for year in (2024, 2025, 2026)]
@@ -182,15 +155,12 @@ def test_the_picture_of_a_course_has_two_sigmas_and_its_drift() -> None:
 # --- noise, nights, a budget ------------------------------------------------------------------------------------------
 
 
-def test_the_page_of_noise_has_time_below_and_asks_for_hours_where_there_were_none() -> None:
+def test_a_chart_of_noise_has_averaging_time_below() -> None:
     one = {"quantity": "specific_force", "axis": "x", "sensor": "", "tau_s": [1.0, 10.0], "deviation": [5.0, 2.0],
            "sigma": [0.1, 0.1], "model": [5.0, 2.0], "unit": "ug"}  # fmt: skip
     (dots,) = points(noise_chart({"channels": [one]}, "specific_force"))
     assert (dots.x.tolist(), dots.y.tolist()) == ([1.0, 10.0], [5.0, 2.0])
     assert (told_rate(50.0), told_rate(0.01)) == ("50 Hz", "every 100 s")
-    for seconds, asked in ((600.0, True), (7200.0, False)):
-        told = noise_headline({"in_words": "random walk below 3 ug", "longest_s": seconds, "header": {}})
-        assert ("for some hours" in told) == asked
 
 
 def test_a_night_tells_its_terms_and_how_they_changed() -> None:

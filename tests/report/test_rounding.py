@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gimbalcal.report.reach import reach
 from gimbalcal.report.rounding import last_place, pdg, rms, significant
 
 
@@ -57,9 +56,3 @@ def test_significant_digits(x: float, text: str) -> None:
 
 def test_a_root_mean_square_is_told_to_three_digits() -> None:
     assert rms(np.array([3.0, 4.0])) == "3.54"
-
-
-def test_what_a_plan_reaches_is_told_of_four_kinds_and_the_rest_counted() -> None:
-    kinds = ["bias", "scale_factor", "misalignment", "quadratic_nonlinearity", "gyro_bias"]
-    assert "more in the report" not in reach([(k, 1.0, "1") for k in kinds[:4]])
-    assert reach([(k, 1.0, "1") for k in kinds]).endswith("; 1 more in the report.")

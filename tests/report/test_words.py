@@ -1,0 +1,312 @@
+"""Sentences of calibrations, diagnoses, plans and campaigns, generated from results of every kind."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gimbalcal.design.observability import observe
+from gimbalcal.diagnose.answer import Curves
+from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.effects.effect import constants
+from gimbalcal.report.answer import answer, fit, verdict
+from gimbalcal.report.campaign_page import campaign_report, chance
+from gimbalcal.report.campaign_page import headline as campaign_headline
+from gimbalcal.report.console import bounds_table, findings_table, parameters_table
+from gimbalcal.report.headline import does, headline, size_in_words
+from gimbalcal.report.noise_page import headline as noise_headline
+from gimbalcal.report.reach import reach
+from gimbalcal.report.wording import (
+    answered,
+    counted,
+    direction_in_words,
+    leading,
+    listed,
+    typeset,
+    unit_in_print,
+    unobservable_of,
+    why_in_words,
+)
+from tests.golden import Golden
+from tests.report.example import example
+from tests.report.pages import campaign
+
+JARGON = re.compile(r"\{|}|_|chi|p-value|directions that|statistic|\\bnan|None|null|posterior|prior|\^")
+DIRECTION = {"misalignment:xz": 1.0, "gimbal_zero:platform": -1.0}
+
+
+def lines(cases: Mapping[str, Any], in_words: Callable[[Any], str]) -> str:
+    """A line for each case: its name and its sentences."""
+    return "\n".join(f"{name}: {in_words(case)}" for name, case in cases.items())
+
+
+# --- calibrations -----------------------------------------------------------------------------------------------------
+
+
+def calibration(chi2: float = 38.0, dof: int = 37, unobservable: int = 0, **changes: Any) -> dict[str, Any]:
+    """The content of a calibration.json of 18 parameters."""
+    return {
+        "outcome": "",
+        "parameters": [{"name": "misalignment", "axis": "xz"}, {"name": "gimbal_zero", "axis": "platform"}] * 9,
+        "unobservable": [{"direction": DIRECTION, "why": "a common turn"}] * unobservable,
+        "residual": {"chi2": chi2, "dof": dof},
+        "provenance": {},
+        **changes,
+    }
+
+
+def of(**provenance: Any) -> dict[str, Any]:
+    return {"provenance": provenance}
+
+
+SAMPLES = of(noise={"accelerometer_from": "samples"})
+CALIBRATIONS = {
+    "adequate fit": calibration(),
+    "common unobservable direction": calibration(unobservable=1),
+    "one unobservable parameter": calibration()
+    | {"unobservable": [{"direction": {"misalignment:xz": 1.0}, "why": ""}]},
+    "fewer than half observable": calibration(
+        parameters=[{"name": "bias", "axis": a} for a in "xyz"],
+    ) | {"unobservable": [{"direction": {"bias:x": 1.0, "bias:y": -1.0}, "why": ""}]},
+    "held, not unobservable": calibration()
+    | {"unobservable": [{"direction": {"misalignment:xz": 1.0, "K3:x": 1.0}, "why": "declined"}]},
+    "lack of fit": calibration(9 * 37),
+    "overstated noise": calibration(0.25 * 37),
+    "noise of the samples": calibration(**SAMPLES),
+    "noise of the samples at rest": calibration(**of(noise={"from": "samples"})),
+    "lack of fit, noise of the samples": calibration(9 * 37, **SAMPLES),
+    "overstated noise of the samples": calibration(0.25 * 37, **SAMPLES),
+    "excess scatter": calibration(**of(options={"excess_scatter": 1e-4})),
+    "noise from the residual": calibration(**of(noise={"gimbal_angle_from": "residual"})),
+    "outcome": calibration(outcome="only five positions remain"),
+    "no degrees of freedom": calibration(0.0, 0),
+    "pattern of stars": calibration(
+        **of(pattern={"channel": "across", "axis": "hour_angle"}, noise={"accelerometer_from": "residual"}),
+        residual={"chi2": 38.0, "dof": 37, "rms": {"pointing:across": 1e-5}},
+    ),
+}  # fmt: skip
+
+
+def test_answers_of_calibrations(golden: Golden) -> None:
+    golden("sentences/calibration", lines(CALIBRATIONS, lambda c: f"[{verdict(c)}] {answer(c)}"))
+
+
+def test_held_parameters_are_not_counted_as_unobservable() -> None:
+    assert unobservable_of(CALIBRATIONS["held, not unobservable"]) == []
+
+
+@pytest.mark.parametrize(
+    ("chi2", "dof", "expected"),
+    [
+        (1.05**2 * 100_000, 100_000, "fits"),  # highly significant, and too small to act on
+        (1.3**2 * 10, 10, "fits"),  # large, and chance does that once in seven
+        (1.3**2 * 1000, 1000, "misfit"),
+    ],
+)
+def test_lack_of_fit_is_both_significant_and_large(chi2: float, dof: int, expected: str) -> None:
+    assert fit(chi2, dof)[2] == expected
+
+
+# --- diagnoses --------------------------------------------------------------------------------------------------------
+
+WARM = {"effect": "bias_temperature", "axis": "y", "twins": [], "separate_by": "", "probability": 0.9, "sigma": 44.0,
+        "parameters": [{"name": "b_T", "axis": "y", "value": 14.83, "sigma": 0.34, "unit": "ug/degC"}]}  # fmt: skip
+TWIN = WARM | {"twins": ["bias_drift"], "separate_by": "Warm it and let it cool."}
+SATURATION = {
+    "effect": "soft_saturation", "axis": "x, y, z", "twins": ["dead_zone"],
+    "parameters": [{"name": "saturation", "axis": a, "value": v, "sigma": 1.0, "unit": "mg/g^2"}
+                   for a, v in zip("xyz", (-9.0, 5.0, 0.4), strict=True)]
+    + [{"name": "soft_saturation.f_0", "axis": "", "value": 3.0, "sigma": 34.0, "unit": "m/s^2"}],
+}  # fmt: skip
+TWO_UNITS = ("the 2 sessions do not share their constants: a does not agree (bias:z by +35 mg). The positions scatter "
+             "by 0.11 m/s^2, and `gimbalcal diagnose` looks for what the model misses")  # fmt: skip
+
+
+def finding(effect: str, value: float = -12.3) -> dict[str, Any]:
+    """A finding of an effect on its first axis, with all its parameters and constants."""
+    cls = CATALOGUE[effect]
+    own = parameters(cls, ("inner",))
+    sizes = [{"name": p.name, "axis": p.axis, "value": value, "sigma": 0.4, "unit": p.unit}
+             for p in own if p.axis == own[0].axis]  # fmt: skip
+    fixed = [{"name": c.name, "axis": "", "value": 7.0, "sigma": 0.1, "unit": c.metadata["unit"]}
+             for c in constants(cls)]  # fmt: skip
+    return {"effect": effect, "axis": own[0].axis, "parameters": sizes + fixed, "twins": [], "probability": 0.9,
+            "sigma": 20.0}  # fmt: skip
+
+
+def diagnosis(verdict: str, *findings: Any, **more: Any) -> dict[str, Any]:
+    shape = {"channel": "specific_force z", "shape": "grows with the square root of time"}
+    return {"verdict": verdict, "findings": list(findings), "unexplained": [shape] if verdict == "unexplained" else [],
+            "mismatch": [], "fit": {"chi2_reduced_before": 1.06}, "outcome": "", **more}  # fmt: skip
+
+
+DIAGNOSES = {
+    "adequate": diagnosis("adequate"),
+    "adequate, in units of the noise": diagnosis("adequate", fit={"chi2_reduced_before": 4.0}),
+    "adequate with an outcome": diagnosis("adequate", outcome="the residuals are 2.1 times the noise"),
+    "missing physics": diagnosis("missing-physics", WARM),
+    "missing physics with an outcome": diagnosis("missing-physics", WARM, outcome="bias drift y is far from usual"),
+    "two units": diagnosis("missing-physics", WARM, outcome=TWO_UNITS, provenance={"sessions": [{}, {}]}),
+    "all axes": diagnosis("missing-physics", SATURATION),
+    "four causes": diagnosis("missing-physics", *[WARM | {"axis": a} for a in ("y", "x", "z")], TWIN),
+    "not identifiable": diagnosis("not-identifiable", TWIN),
+    "many confounded causes": diagnosis("not-identifiable", WARM | {"twins": ["bias_drift", "warm_up", "bias_step"]}),
+    "unexplained": diagnosis("unexplained"),
+    "unexplained with an outcome": diagnosis("unexplained", unexplained=[], outcome="position 9 is mis-set"),
+    "constants that differ": diagnosis(
+        "unexplained",
+        outcome="the 2 recordings differ",
+        unexplained=[{"channel": "", "shape": "constants that differ"}],
+    ),
+}  # fmt: skip
+
+
+def test_headlines_of_diagnoses(golden: Golden) -> None:
+    golden("sentences/diagnosis", lines(DIAGNOSES, headline))
+    for name, content in DIAGNOSES.items():
+        text = re.sub(r"`[^`]*`", "", headline(content))
+        assert not JARGON.search(text), text
+        assert "Next: " in text or name.startswith(("adequate", "constants")), text
+
+
+def test_an_outcome_is_added_to_the_headline_of_what_was_found() -> None:
+    assert headline(DIAGNOSES["missing physics with an outcome"]).startswith(headline(DIAGNOSES["missing physics"]))
+
+
+@pytest.mark.parametrize(("unit", "sigma", "size"), [("ug", 50.0, "1.5 mg"), ("arcsec", 40.0, "20 arcmin")])
+def test_the_size_of_a_misfit_is_given_in_the_unit_of_the_readings(unit: str, sigma: float, size: str) -> None:
+    before = np.array([[0.0, 1.0], [0.0, -30.0]])
+    channels = (("specific_force", "x"), ("specific_force", "y"))
+    curves = Curves(np.arange(2.0), np.ones(2), channels, before, 0 * before, np.full((2, 2), sigma), (unit, unit))
+    assert f"off by up to {size}." in headline(DIAGNOSES["missing physics"], curves)
+
+
+def test_every_effect_has_a_sentence_with_its_size_and_a_next_step(golden: Golden) -> None:
+    for effect in CATALOGUE:
+        text = does(finding(effect))
+        assert CATALOGUE[effect].says
+        assert re.search(r"12\.3|17\.4|1230", text), text  # alone, a sine with its cosine, in percent
+        assert not JARGON.search(text), text
+        assert len(text) < 170
+        step = headline(diagnosis("missing-physics", finding(effect))).partition("Next: ")[2]
+        assert f"--with {effect}" in step or "time stamps" in step or "leave position 7 out" in step
+    golden("sentences/findings", lines({e: finding(e) for e in sorted(CATALOGUE)}, does))
+
+
+def sized(effect: str, *sizes: tuple[str, float, float, str], axis: str = "") -> dict[str, Any]:
+    """A finding of sizes: axis, value, sigma, unit."""
+    rows = [{"name": effect, "axis": a, "value": v, "sigma": s, "unit": u} for a, v, s, u in sizes]
+    return {"effect": effect, "axis": axis, "twins": [], "parameters": rows, "probability": 0.9, "sigma": 20.0}
+
+
+@pytest.mark.parametrize(
+    ("sizes", "words"),
+    [
+        ([("", 0.0123, 0.0004, "1")], "1.23 ± 0.04 %"),
+        ([(a, v, 1.0, "arcsec") for a, v in zip("xyz", (3, -50, 9), strict=True)],
+         "−50.0 ± 1.0 arcsec (y), 9.0 ± 1.0 arcsec (z) and one smaller"),
+        ([("y", -1.0, 18.0, "ug/degC")], "at most 37 µg per °C"),
+    ],
+)  # fmt: skip
+def test_sizes_of_a_finding(sizes: list[tuple[str, float, float, str]], words: str) -> None:
+    assert size_in_words(sized("base_tilt", *sizes)) == words
+
+
+@pytest.mark.parametrize(("value", "sense"), [(3.2, "later"), (-3.2, "earlier")])
+def test_the_sign_of_a_delay(value: float, sense: str) -> None:
+    assert f"3.20 ± 0.10 ms {sense}" in does(sized("readout_latency", ("", value, 0.1, "ms")))
+
+
+def test_a_plain_number_that_counts_is_no_share() -> None:
+    assert "%" not in does(finding("periodic_worm_error"))  # 144 teeth were "14400 %"
+
+
+def test_an_effect_of_a_user_needs_no_sentence() -> None:
+    assert does(WARM | {"effect": "my_own"}).startswith("My own y ")
+
+
+# --- tables of the console --------------------------------------------------------------------------------------------
+
+
+def test_tables_of_the_console(golden: Golden) -> None:
+    content, _, _ = example()
+    held = {"direction": {"misalignment:up": 1.0, "cubic_nonlinearity:x": 1.0}, "why": "declined"}
+    two = [{"name": "b_T", "axis": a, "value": 14.83, "sigma": 0.34, "unit": "ug/degC"} for a in "xy"]
+    tables = [
+        parameters_table(content),
+        parameters_table({**content, "unobservable": [held]}),
+        findings_table({"findings": [WARM | {"parameters": two}, sized("bias", ("x", 0.0123, 0.0004, "1"))]}),
+        bounds_table(observe("wu2018-18").to_dict()),
+    ]
+    golden("console/tables", "\n\n".join(tables))
+    assert tables[0].count(" ± ") == len(content["parameters"])
+
+
+# --- plans, noise, campaigns ------------------------------------------------------------------------------------------
+
+
+def test_a_plan_names_four_kinds_of_parameters_and_counts_the_rest() -> None:
+    kinds = ["bias", "scale_factor", "misalignment", "quadratic_nonlinearity", "gyro_bias"]
+    assert "more in the report" not in reach([(k, 1.0, "1") for k in kinds[:4]])
+    assert reach([(k, 1.0, "1") for k in kinds]).endswith("; 1 more in the report.")
+
+
+def test_headlines_of_noise(golden: Golden) -> None:
+    cases = {
+        f"{s:.0f} s": {"in_words": "random walk below 3 ug", "longest_s": s, "header": {}} for s in (600.0, 7200.0)
+    }
+    golden("sentences/noise", lines(cases, noise_headline))
+
+
+def test_headlines_of_campaigns(golden: Golden) -> None:
+    cases = {
+        "honest": campaign(), "few runs": campaign(4, 1.5), "large errors": campaign(ratio=1.6),
+        "offset": campaign(mean=0.5), "failed runs": campaign(failed=3),
+        "no estimate": campaign(failed=200) | {"parameters": []},
+    }  # fmt: skip
+    golden("sentences/campaign", lines(cases, campaign_headline))
+    classes = {name: re.findall(r'class="answer (\w+)"', campaign_report(c)) for name, c in cases.items()}
+    assert [name for name, found in classes.items() if found == ["fits"]] == ["honest", "few runs"]
+
+
+def test_the_interval_of_chance_is_wider_for_few_runs_and_many_parameters() -> None:
+    assert chance(10, 5)[0] < chance(100, 5)[0] < 1 < chance(100, 5)[1] < chance(100, 50)[1] < chance(10, 50)[1]
+
+
+# --- names, units, directions -----------------------------------------------------------------------------------------
+
+
+def test_a_direction_starts_with_its_largest_weight_and_omits_negligible_ones() -> None:
+    direction = {"bias:x": 0.5, "scale_factor:y": -1.0, "bias:z": 0.001}
+    assert direction_in_words(direction) == "scale factor y − 0.50 bias x"
+    assert leading(direction) == ["scale_factor:y", "bias:x"]
+    assert leading({}) == []
+
+
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (lambda: counted(0, "direction"), "no directions"),
+        (lambda: counted(13, "axis", "axes"), "13 axes"),
+        (lambda: listed([]), ""),
+        (lambda: listed(["a"]), "a"),
+        (lambda: unit_in_print("deg/sqrt(h)"), "°/√h"),
+        (lambda: answered("the calibration leaves 3 m\nnot seen: bias:x"),
+         "The calibration leaves 3 m.\nNot seen: bias x."),
+        (lambda: typeset("1.03e+03 ug/sqrt(Hz), 2.5e-07 m/s^2"), "1030 µg/√Hz, 2.5·10⁻⁷ m/s²"),
+        (lambda: typeset("-n 200, 2026-11-22, x=-1, from -0.5 deg/h to 3 deg"),
+         "-n 200, 2026-11-22, x=-1, from −0.5 °/h to 3°"),
+        (lambda: why_in_words({"direction": {"bias:x": 1.0, "misalignment:xy": 0.3},
+                               "why": "+1 bias:x +0.3 misalignment:xy leave it"}),
+         "+1 bias x +0.3 misalignment xy leave it."),
+        (lambda: why_in_words({"direction": {"K3:x": 1.0},
+                               "why": "cubic_nonlinearity is left out: its sigma is 3 ug/g^3 (a.inter_triad)"}),
+         "Cubic nonlinearity is left out: its sigma is 3 µg/g³ (a.inter_triad)."),
+    ],
+)  # fmt: skip
+def test_names_numbers_and_units_are_typeset(call: Callable[[], str], text: str) -> None:
+    assert call() == text
