@@ -25,7 +25,6 @@ from gimbalcal.diagnose.known_noise import diagnose_known_noise
 from gimbalcal.diagnose.rows.baseline import by_triad
 from gimbalcal.diagnose.rows.rest_rates import RESTS, rest_rates
 from gimbalcal.diagnose.rows.turns import FEWEST, view_of_turns
-from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.unknown_noise import UNLOOKED, calibration_of, found_at_rest, on_the_way
 from gimbalcal.diagnose.verdict.told import Told, curves_of
@@ -44,6 +43,7 @@ from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.views.core import View
 
 NOTHING = Calibration("gimbals", (), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
 
@@ -140,7 +140,7 @@ def _gyroscopes(
         tell(f"the gyroscopes: {wording.channels_of(v)}")
         return looked_at(v, tell)
 
-    told = [looked(replace(still, turns=None))]
+    told = [looked(replace(still, missed_by_turns=None))]
     if turning and (found := found_at_rest(told[0])):
         turning = view_of_turns(without_earth(recording), made, found)
     return [*told, *([looked(turning)] if turning else [])], notes

@@ -21,7 +21,7 @@ from gimbalcal.diagnose.rows.in_place import in_place, turned_in_place
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.diagnose.rows.slews import view_of_slews
 from gimbalcal.diagnose.rows.turns import view_of_turns
-from gimbalcal.diagnose.rows.views import MANY, View, norm, pointing, table
+from gimbalcal.diagnose.rows.views import MANY, norm, pointing, table
 from gimbalcal.diagnose.search.about_found import about_found
 from gimbalcal.diagnose.search.stepwise import course
 from gimbalcal.diagnose.verdict.calibrated import origin
@@ -38,6 +38,7 @@ from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import from_si
+from gimbalcal.views.core import View
 
 ROUNDS = 2  # in which stars are left out: those that the first hid show in the second
 STRAYS = 0.05  # of the stars, at the most; more are a pattern, or the tails of the seeing
@@ -75,7 +76,7 @@ def without_strays(
     while True:
         v = alone(recording, calibration, baseline, tell)
         told = told_of(*about_found(v, course(v, tell), tell), tell)
-        n = len(v.recording.time)
+        n = len(v)
         off = strays(told.after) if recording.kind == "pointing" and n <= MANY and len(notes) < ROUNDS else []
         if not 0 < len(off) <= STRAYS * n:
             return [told], notes
@@ -192,8 +193,8 @@ def calibration_of(
     """The calibration that the views end in, with what another road says of the forces."""
     causes = [f"{f['effect']}:{f['axis']}".rstrip(":") for t in told for f in t.findings]
     for t in told:
-        if t.view.settled is not None:  # states of the navigator that the rows come from
-            found = t.view.settled(t.model.effects, t.model.fitted)
+        if t.view.calibrate is not None:  # states of the navigator that the rows come from
+            found = t.view.calibrate(t.model.effects, t.model.fitted)
             return replace(
                 found, method="diagnosis", outcome=outcome or found.outcome, provenance=origin([recording], causes)
             )

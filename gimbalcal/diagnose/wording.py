@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.diagnose.rows.views import View
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.card import stated_law
 from gimbalcal.number import Array
+from gimbalcal.views.core import View
 
 NO_CAUSE = "The model does not explain these data, and no cause of the catalogue does."
 ROWS = {
@@ -227,11 +227,11 @@ def follows_sensor(v: View, quantity: str, axis: str, size: float, pattern: str)
 
 def largest(v: View, axis: str, size: float, ratio: float, rows: Array) -> str:
     """A misfit without a pattern of its own: how large it is and where it is largest."""
-    if v.name in ("table", "navigation"):
-        time = v.recording.time[np.sort(rows)] - v.recording.time[0]
+    if v.label is None:
+        time = v.time[np.sort(rows)]
         where = f"{', '.join(f'{t:.0f}' for t in time[:-1])} and {time[-1]:.0f} s after the start"
     else:
-        *most, last = (str(int(k)) for k in v.stimulus.position[rows])
+        *most, last = (str(int(k)) for k in v.label[rows])
         where = f"at {ROWS[v.name]} {' and '.join([*filter(None, [', '.join(most)]), last])}"
     return (
         f"The misfit of {channel_of(v, axis)} is {digits(size)} {v.unit} rms, {ratio:.3g} times what remains in the "
@@ -288,9 +288,9 @@ def scatter(v: View, fit: Entry) -> str:
     if v.name == "slews":
         most = {axis: abs(x["value"]) + 2 * x["sigma"] for axis, x in fit["late"].items()}
         late = ", ".join(f"{axis} by at most {ms:.2g} ms" for axis, ms in most.items())
-        return f"On the way ({len(v.recording.time)} slews) no delay is told: {late}."
+        return f"On the way ({len(v)} slews) no delay is told: {late}."
     start = f"What is left of {channels_of(v)} is {digits(fit['rms_after'])} {v.unit} rms without a pattern"
-    if v.noise is None:
+    if v.noise.sample is None:
         return f"{start}."
     times = float(np.sqrt(np.mean(list(fit["chi2_of_samples_after"].values()))))
     if times < QUIET:

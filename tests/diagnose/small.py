@@ -16,13 +16,13 @@ from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.library.known_noise import columns_at, library
 from gimbalcal.diagnose.library.unknown_noise import causes
 from gimbalcal.diagnose.rows.observations import Observations, fit_baseline
-from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.search.refit import Model
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Recording, Site
+from gimbalcal.views.core import View
 from tests.diagnose import static_plant
 from tests.diagnose.plant import ARCSEC, UG, Error, record
 from tests.diagnose.test_unknown_noise import tilted as turned_base

@@ -15,7 +15,7 @@ from gimbalcal.diagnose.library import known_noise, unknown_noise
 from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.diagnose.rows.turns import view_of_turns
-from gimbalcal.diagnose.rows.views import View, norm, pointing, table
+from gimbalcal.diagnose.rows.views import norm, pointing, table
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, parameters
@@ -23,6 +23,7 @@ from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
+from gimbalcal.views.core import View
 from tests.diagnose import static_plant
 from tests.diagnose.new_effects import enter
 from tests.diagnose.plant import record

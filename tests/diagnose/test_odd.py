@@ -137,7 +137,7 @@ def test_rests_of_one_row_each_count_alike() -> None:
     assert r.position is not None
     view = rest_rates(first_rows(r.select(r.position > 0), 1))
     assert view is not None
-    assert view.sigma is None
+    assert view.noise.sigma is None
     assert np.isfinite(start(view).covariance).all()
 
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from gimbalcal.diagnose import wording
-from gimbalcal.diagnose.rows.views import View, pointing
+from gimbalcal.diagnose.rows.views import pointing
 from gimbalcal.effects import CATALOGUE
+from gimbalcal.views.noise import NoiseModel
 from tests.diagnose.small import telescope
 
 FIT = {"chi2_reduced_before": 3.14159, "chi2_reduced_after": 1.01234, "heldout_before": 3.5, "heldout_after": 1.05}
@@ -87,7 +89,7 @@ def test_a_shape_of_a_gimbal_names_its_gimbal_once() -> None:
 
 def test_scatter_beyond_that_of_the_samples_is_said() -> None:
     def said(chi2: float) -> str:
-        v = View(**{**vars(STARS), "noise": np.ones((80, 2))})
+        v = replace(STARS, noise=NoiseModel(sample=np.ones((80, 2))))
         return wording.scatter(v, {"rms_after": 1.0, "chi2_of_samples_after": {"across": chi2, "along": chi2}})
 
     assert said(1.44).endswith("rms without a pattern, 1.2 times what the scatter of the samples makes of a mean.")

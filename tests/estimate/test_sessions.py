@@ -132,7 +132,7 @@ def test_a_gyroscope_has_a_bias_of_its_own_in_each_session() -> None:
     same, other = (rest_rates(join([a, second])) for second in (b, off))
     assert same is not None
     assert other is not None
-    misfit = [v.rows(()).residual[:, 1] for v in (same, other)]
+    misfit = [v.evaluate(()).residual[:, 1] for v in (same, other)]
     more = misfit[1] - misfit[0]
     assert more.mean() == pytest.approx(1.5e-3, rel=0.05)  # the mean of both
     assert abs(more[10:].mean() - more[:10].mean()) < 2e-4  # and no step of 3e-3 between them

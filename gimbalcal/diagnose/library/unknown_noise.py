@@ -18,14 +18,13 @@ from gimbalcal.diagnose.library.candidates import (
 )
 from gimbalcal.diagnose.library.view_shapes import shapes_of
 from gimbalcal.diagnose.rows.observations import absent_effect
-from gimbalcal.diagnose.rows.views import View
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
+from gimbalcal.effects import CATALOGUE, Effect, Parameter
 from gimbalcal.effects.effect import Grid, constants
-from gimbalcal.effects.grade import hurried
 from gimbalcal.effects.grids import kind, resolved
 from gimbalcal.forward import Rows
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
+from gimbalcal.views.core import View
 
 PEAKS = 3  # of a scan over whole numbers
 STILL = 0.01  # of a column: a gimbal that stands still but for the drift of its readout
@@ -37,7 +36,7 @@ def causes(v: View, present: Sequence[Effect], modelled: Sequence[Parameter]) ->
     """Everything that could still be missing, and its columns (n, C, P) per prior sigma."""
     blocks: list[Array] = []
     found: list[Candidate] = []
-    rows = v.about(present)
+    rows = v.noise_free(present)
     taken = spans(rows.jacobian(modelled))
     for effect_id in available(v):
         found += _of_effect(v, effect_id, rows, modelled, taken, blocks)
@@ -51,18 +50,8 @@ def available(v: View) -> tuple[str, ...]:
     return tuple(
         effect_id
         for effect_id, cls in CATALOGUE.items()
-        if eligible(cls, v.recording.kind, v.stimulus, v.stages, known_noise=False)
+        if eligible(cls, v.kind, v.stimulus, v.stages, known_noise=False)
     )
-
-
-def unknowns(v: View, effect_id: str) -> tuple[Parameter, ...]:
-    """Parameters of an effect, without those of gimbals that were not read and those that these rows cannot show."""
-    names, read, cls = v.stimulus.axis_names, v.recording.axes("gimbal_angle"), CATALOGUE[effect_id]
-    seen = (p for p in parameters(cls, names) if (p.axis not in names or p.axis in read)
-            and (p.effect, p.axis) not in v.unobservable)  # fmt: skip
-    fast = hurried(cls, float(np.ptp(v.stimulus.time)))
-    usual = (v.recording.grade.usual(p) for p in seen)
-    return tuple(replace(p, sigma=v.wide * p.sigma * (fast if p.unit.endswith("/h") else 1.0)) for p in usual)
 
 
 def _of_effect(
@@ -75,7 +64,7 @@ def _of_effect(
     cls = CATALOGUE[effect_id]
     there = next((e for e in rows.effects if e.id == effect_id), None)
     had = {(p.effect, p.field, p.axis) for p in modelled}
-    wanted = [p for p in unknowns(v, effect_id) if (p.effect, p.field, p.axis) not in had]
+    wanted = [p for p in v.parameters_of(effect_id) if (p.effect, p.field, p.axis) not in had]
     if there is None and {p.axis for p in wanted} & set(v.stimulus.axis_names):
         first = absent_effect(effect_id, v.stimulus, "", **dict(choices(cls, v.stimulus)[0]))
         own = _beyond(np.nan_to_num(rows.columns(first, wanted)), taken)
@@ -90,7 +79,7 @@ def _of_effect(
         tried, count = _scanned(v, cls, rows.residual, columns, tried)
     elif there is not None:  # its constants were chosen among as many, unless another axis has told them
         held = any(p.effect == effect_id for p in modelled)
-        tried, count = [constants_of(there)], 1 if held else len(v.scanned.get(effect_id, tried))
+        tried, count = [constants_of(there)], 1 if held else len(v.cache.get(effect_id, tried))
     out: list[Candidate] = []
     for source in sources(cls, v.stimulus) if wanted else ():
         if there is None or source == (getattr(there, "covariate", "") if source else ""):
@@ -108,7 +97,7 @@ def _clear_of_noise(v: View, X: Array, misfit: Array, taken: Array) -> Array:
         return X
     A = X.reshape(len(taken), -1)
     left = np.linalg.norm(A - taken @ (taken.T @ A), axis=0)
-    noise = SHAKEN * float(np.sqrt(np.mean(misfit**2))) / v.recording.site.gravity
+    noise = SHAKEN * float(np.sqrt(np.mean(misfit**2))) / v.stimulus.gravity
     return np.asarray(X * (left > noise * np.linalg.norm(A, axis=0)))
 
 
@@ -136,10 +125,10 @@ def _scanned(
     every = np.zeros(0) if whole is None else resolved(whole, v.stimulus)
     if whole is None or len(every) <= len(tried):
         return tried, len(every)
-    if cls.id not in v.scanned:  # the same for all models of a course, but for their few per mille
+    if cls.id not in v.cache:  # the same for all models of a course, but for their few per mille
         made = (absent_effect(cls.id, v.stimulus, "", **{whole.name: m}) for m in every)
-        v.scanned[cls.id] = np.stack([spanned(columns(m) * v.weight[..., None]) for m in made]).astype(np.float32)
-    best = every[peaks(powers(v.scanned[cls.id], misfit * v.weight), PEAKS)]
+        v.cache[cls.id] = np.stack([spanned(columns(m) * v.weight[..., None]) for m in made]).astype(np.float32)
+    best = every[peaks(powers(v.cache[cls.id], misfit * v.weight), PEAKS)]
     return [((whole.name, float(m)),) for m in between_scanned(best, float(every[1] - every[0]))], len(every)
 
 
@@ -176,4 +165,4 @@ def constants_of(e: Effect) -> Constants:
 
 def free_rows(v: View, modelled: Sequence[Parameter]) -> int:
     """Rows of a channel that a model with these parameters leaves to test anything with."""
-    return max(len(v.recording.time) - -(-len(modelled) // len(v.channels)), 1)
+    return max(len(v) - -(-len(modelled) // len(v.channels)), 1)

@@ -9,10 +9,10 @@ from numpy.polynomial import legendre
 
 from gimbalcal.diagnose.library.candidates import Candidate, Variant, appended_to
 from gimbalcal.diagnose.library.shapes import polynomials, thermal, unit_rms
-from gimbalcal.diagnose.rows.views import View
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.views.core import View
 
 SLOW, FAST = range(1, 9), range(9, 21)  # half periods of a course in time
 CURVE = range(4, 10)  # degrees of a curve: a square and a cube have causes
@@ -58,9 +58,9 @@ def _of_sensors(v: View, misfit: Array, taken: Array, blocks: list[Array]) -> tu
     for quantity, axis in ((q, a) for q in (FORCE, RATE) for a in "xyz"):
         for name, words, basis in _turning(v):
             key = f"{name} in {quantity} {axis}"
-            if key not in v.scanned:
-                v.scanned[key] = v.added(quantity, axis, basis)
-            A = (v.scanned[key] * w[..., None]).reshape(len(taken), -1)
+            if key not in v.cache:
+                v.cache[key] = v.added(quantity, axis, basis)
+            A = (v.cache[key] * w[..., None]).reshape(len(taken), -1)
             A = A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
             left = A - Q @ (Q.T @ A)
             _, S, Vt = np.linalg.svd(left, full_matrices=False)
@@ -102,8 +102,8 @@ def _beyond(X: Array, Q: Array) -> Array:
 
 def _outer_axis(v: View) -> Array:
     """What a turn of the outer axis moves across the line of sight (n, 1)."""
-    inner = v.recording.channels.get(("true_angle", v.stimulus.axis_names[0]))
-    return np.ones((len(v.recording.time), 1)) if inner is None else np.cos(inner)[:, None]
+    inner = v.stimulus.true_angle
+    return np.ones((len(v), 1)) if inner is None else np.cos(inner[:, :1])
 
 
 def _of_view(v: View) -> Iterator[Shape]:
@@ -116,7 +116,7 @@ def _of_view(v: View) -> Iterator[Shape]:
     elif v.name not in ("table", "slews"):
         yield "orientation", "a smooth function of the direction of gravity", polynomials(_along(v))
     if v.name == "rest rates" and _warms(v):
-        yield "temperature", "a function of temperature", thermal(v.recording.time, _temperature(v))
+        yield "temperature", "a function of temperature", thermal(v.time, _temperature(v))
 
 
 def _of_accelerometers(v: View) -> Iterator[Shape]:
@@ -134,7 +134,7 @@ def _of_accelerometers(v: View) -> Iterator[Shape]:
         curve = legendre.legvander(u[:, i], CURVE[-1])[:, CURVE[0] :]
         yield f"curve {axis}", f"a curve of the force along {axis}", along * curve
         if _warms(v):
-            hot = thermal(v.recording.time, _temperature(v))
+            hot = thermal(v.time, _temperature(v))
             yield f"temperature {axis}", f"a function of temperature along {axis}", along * hot
 
 
@@ -146,7 +146,7 @@ def _along(v: View) -> Array:
 
 def _course(v: View, orders: Sequence[int]) -> Array:
     """Cosines over the recording (n, m)."""
-    t = v.recording.elapsed
+    t = v.elapsed
     return np.asarray(np.cos(np.pi * np.outer(t / (t.max() or 1.0), orders)))
 
 

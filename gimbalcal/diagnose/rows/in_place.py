@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.diagnose.rows.views import View
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, absent, constants
 from gimbalcal.estimate.systematic.course import stops
@@ -24,6 +23,8 @@ from gimbalcal.forward import Rows
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.views.core import View
+from gimbalcal.views.noise import NoiseModel
 
 NAME = "navigation"
 FEWEST = 2  # stops
@@ -51,9 +52,9 @@ def in_place(
     def known(more: Sequence[Effect] = ()) -> tuple[Effect, ...]:
         return (*(e for e in held if e.id not in {m.id for m in more}), *more)
 
-    def beside(effect: Effect, wanted: Sequence[Parameter]) -> View:
+    def relinearise(effect: Effect, wanted: Sequence[Parameter]) -> View:
         return replace(
-            view_of(recording, settle(recording, (*usual, *wanted), known([effect]), tell), ids), settled=converged
+            view_of(recording, settle(recording, (*usual, *wanted), known([effect]), tell), ids), calibrate=converged
         )
 
     first = settle(recording, usual, held, tell)
@@ -63,7 +64,7 @@ def in_place(
         fresh = [emptied(e) for e in effects if e.id in {p.effect for p in more}]
         return calibrated(settle(recording, (*usual, *more), known(fresh), tell) if more else first)
 
-    return replace(view_of(recording, first, ids), beside=beside, settled=converged)
+    return replace(view_of(recording, first, ids), relinearise=relinearise, calibrate=converged)
 
 
 def view_of(recording: Recording, settled: Settled, ids: tuple[str, ...]) -> View:
@@ -87,12 +88,13 @@ def view_of(recording: Recording, settled: Settled, ids: tuple[str, ...]) -> Vie
                 left -= answers.columns(effect, [every[i] for i in at]) @ sizes[at]
         return _Linear(**{**vars(base), "effects": tuple(effects), "residual": left}, answers=answers)
 
-    times = replace(recording, time=w.time, position=w.stop + 1, weight=np.ones(len(w.time)), channels={}, beside=())
     gauge = {(i, p.axis) for i, kept in KEPT.items() for p in parameters(CATALOGUE[i]) if p.axis not in kept}
     gauge |= {(i, p.axis) for i in SAME for p in parameters(CATALOGUE[i])}
     return View(
-        NAME, times, w.felt, CHANNELS, "mm/s", w.sigma, SENSOR_STAGES | GYROSCOPE_STAGES, ids, rows,
-        frozenset(gauge), noise=w.sigma if settled.course.stated else None, added=answers.added,
+        NAME, recording.title, recording.kind, "mm/s", CHANNELS, w.time - w.time[0], w.felt, rows,
+        SENSOR_STAGES | GYROSCOPE_STAGES, ids, recording.grade, np.cumsum(np.diff(w.stop, prepend=w.stop[0]) != 0),
+        NoiseModel(w.sigma, sample=w.sigma if settled.course.stated else None), gauge=frozenset(gauge),
+        added=answers.added,
     )  # fmt: skip
 
 

@@ -164,7 +164,7 @@ def fit_baseline(
     rows = read.rows(effects).over(sigma)
     Z = rows.jacobian(constants) * np.array([p.sigma for p in constants])
     o = Observations(recording, rows, constants, Z, _blocks(recording))
-    refuse_too_little(recording, o.reduce(Z))
+    refuse_too_little(recording.title, o.reduce(Z))
     return o
 
 
@@ -221,11 +221,11 @@ def _at_rest(recording: Recording) -> Recording:
     return recording
 
 
-def refuse_too_little(recording: Recording, Z: Array) -> None:
+def refuse_too_little(title: str, Z: Array) -> None:
     """Raise InputError where the constants of the model, columns Z (N, q), take up all N numbers."""
     if len(Z) <= Z.shape[-1] and np.linalg.matrix_rank(Z / (np.linalg.norm(Z, axis=0) + 1e-300)) == len(Z):
         raise InputError(
-            f"{recording.title!r} gives {len(Z)} numbers, and the constants of the model take up {len(Z)} of them: "
+            f"{title!r} gives {len(Z)} numbers, and the constants of the model take up {len(Z)} of them: "
             "nothing is left to compare; give a longer recording, or a --baseline of fewer effects"
         )
 

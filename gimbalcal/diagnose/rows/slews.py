@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.rows.motion import FEWEST, Motion, by_hand, on_gimbals, slews
-from gimbalcal.diagnose.rows.views import View
+from gimbalcal.diagnose.rows.views import of_rows
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters, values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.effects.history import integral, slope
@@ -39,6 +39,8 @@ from gimbalcal.platform import BENCH, Platform
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.kinds import ROTATION
 from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.views.core import View
+from gimbalcal.views.noise import NoiseModel
 
 LATENCIES = ("time_tag_latency", "gyro_latency", "readout_latency")
 KEPT = 1e-3  # of the power of T that Q must leave
@@ -100,9 +102,11 @@ def view_of_slews(
 
     ends = dwell_means(recording).select(np.array([found[k][1] for k in onto.kept]))
     channels = tuple((q, "force" if q == FORCE else "rate") for q in late)
+    s = stimulus_from_readings(ends)
     return View(
-        "slews", replace(ends, kind=ROTATION), stimulus_from_readings(ends), channels, "ms", sigma,
-        frozenset(base.sensitivity), (), rows, _others(recording.platform),
+        "slews", unit="ms", channels=channels, **of_rows(replace(ends, kind=ROTATION)), stimulus=s, label=s.position,
+        evaluate=rows, stages=frozenset(base.sensitivity), baseline=(), gauge=_others(recording.platform),
+        groups=np.arange(len(sigma)), noise=NoiseModel(sigma),
     )  # fmt: skip
 
 
@@ -117,7 +121,7 @@ def lateness(v: View) -> dict[str, tuple[float, float]]:
     out = {}
     for c, (_, axis) in enumerate(v.channels):
         (p,) = parameters(CATALOGUE["time_tag_latency" if axis == "force" else "gyro_latency"])
-        r, J = v.linear((), (p,))
+        r, J = v.linearised((), (p,))
         y, x = r[:, c] * v.weight[:, c], J[:, c, 0] * v.weight[:, c]
         size = float(x @ y / (x @ x))
         out[axis] = -size, float(np.sqrt(((y - size * x) ** 2).sum() / (len(y) - 1) / (x @ x)))

@@ -22,7 +22,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.readout import in_si
 from gimbalcal.diagnose.rows.observations import absent_effect
-from gimbalcal.diagnose.rows.views import View, solved
+from gimbalcal.diagnose.rows.views import of_rows, solved
 from gimbalcal.effects import CATALOGUE, Effect, Stimulus, parameters, with_values
 from gimbalcal.effects.baseline import ACCELEROMETER_TERMS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, follows, lacking
@@ -38,6 +38,8 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means, dwells
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.rotation import normal_to
+from gimbalcal.views.core import View
+from gimbalcal.views.noise import NoiseModel
 
 BACK = 0.01  # of the attitude's elements: gimbals that stand where they stood
 FEWEST = 12  # turns: twice as many numbers, for nine parameters of the linear model and what is asked beyond
@@ -83,8 +85,9 @@ def view_of_turns(
     ends = dwell_means(recording).select(turns.ends)
     s = stimulus_from_readings(ends)
     return View(
-        "turns", ends, s, ((RATE, "level"), (RATE, "tilted")), "arcsec", None, GYROSCOPE_STAGES,
-        GYROSCOPE_INPUT_TERMS, rows, _at_rest(turns.stimulus),
+        "turns", unit="arcsec", channels=((RATE, "level"), (RATE, "tilted")), **of_rows(ends), stimulus=s,
+        label=s.position, evaluate=rows, stages=GYROSCOPE_STAGES, baseline=GYROSCOPE_INPUT_TERMS,
+        gauge=_at_rest(turns.stimulus), groups=np.arange(len(turns.ends)), noise=NoiseModel(),
     )  # fmt: skip
 
 

@@ -10,14 +10,13 @@ A view is one function: effects in, the `Rows` about them out.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
+from gimbalcal.effects import Effect, Stage
 from gimbalcal.effects.baseline import ACCELEROMETER_BIAS, ACCELEROMETER_TERMS, BASELINE
 from gimbalcal.effects.effect import MATRIX_AXES, SENSOR_STAGES
 from gimbalcal.errors import InputError
@@ -31,74 +30,17 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import is_raw
+from gimbalcal.views.core import View, gauges
+from gimbalcal.views.noise import NoiseModel, of_channels
 
 BLOCK = 1.0  # s; a table is tilted over seconds, what is faster shakes building and floor
 POLE = 0.02  # cosine of the inner angle beyond which a mount points along its outer axis
 MANY = 1000  # rows of a pointing run, a log of guiding: noises that are filtered row by row would take half of the time
+HELD_OUT = 10.0  # s; rows of a table closer than this are held out together, the table moves as slowly
 FEWEST = 3  # means of a table that can differ from one another in more than a trend
 BY_HAND = 3.0  # times the sizes of one unit: sensors of different makers, bolted together
 COARSE, FINE = 0.04, 0.01  # s; steps at which the physics of a tilting table is evaluated, for search and last fit
 SIZE_EFFECT = "accelerometer_lever_arm"  # of which a table that tilts about one axis shows what lever_arm is
-
-
-@dataclass(frozen=True)
-class View:
-    """Rows of misfit: channels (C), their unit in print, the stages that show in them, and the baseline's effects."""
-
-    name: str
-    recording: Recording
-    stimulus: Stimulus
-    channels: tuple[tuple[str, str], ...]
-    unit: str
-    sigma: Array | None  # (n, C) of each row where the samples tell it
-    stages: frozenset[Stage]
-    baseline: tuple[str, ...]
-    rows: Callable[[Sequence[Effect]], Rows]
-    unobservable: frozenset[tuple[str, str]] = frozenset()  # (effect, axis) that these rows cannot show by convention
-    wide: float = 1.0  # times the sizes of the unit's grade
-    wander: Array | None = None  # (n, C, m) how what m sensors wander from row to row shows in it, of unit length
-    lone: tuple[tuple[str, float, float, float], ...] = ()  # sensors that may walk alone: `evidence.memories`
-    noise: Array | None = None  # (n, C) what the samples' scatter alone makes of a row, where it is known
-    finer: Callable[[], View] | None = None  # the same rows from physics in finer steps, for the last fit
-    ideal: Callable[[Sequence[Effect]], Rows] | None = None  # rows at what is known to be felt: see `about`
-    fits: dict[Any, Any] = field(default_factory=dict)  # models of a course, by the causes in them
-    scanned: dict[str, Array] = field(default_factory=dict)  # columns of whole numbers that were scanned, by effect
-    beside: Callable[[Effect, Sequence[Parameter]], View] | None = None  # linearised with this in the model as well
-    settled: Callable[[Sequence[Effect], Sequence[Parameter]], Calibration] | None = None  # a model to convergence
-    added: Callable[[str, str, Array], Array] | None = None  # columns of a basis added to a sensor that is no channel
-    turns: Callable[[Sequence[Effect]], float] | None = None  # rad by which turns miss gravity with these at rest
-
-    @property
-    def weight(self) -> Array:
-        """Weights (n, C) in units of which all rows are equally sure; the surest have one."""
-        return (
-            np.ones((len(self.recording.time), len(self.channels)))
-            if self.sigma is None
-            else self.sigma.min() / self.sigma
-        )
-
-    def about(self, effects: Sequence[Effect]) -> Rows:
-        """Rows whose columns hold no noise of the readings, for what is not in the model yet.
-
-        A column made of readings varies with their noise, and where the model takes up all the rest of it, it is a copy
-        of the misfit: a cause that explains everything. At rest the force is as long as gravity, whatever was read.
-        """
-        return (self.ideal or self.rows)(effects)
-
-    def linear(self, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
-        """Misfit (n, C) about the effects and its derivative (n, C, p) by the wanted parameters."""
-        rows = self.rows(effects)
-        return rows.residual, rows.jacobian(wanted)
-
-
-def of_channels(n: int, C: int) -> Array:
-    """How a wander of each channel by itself shows in n rows, (n, C, C)."""
-    return np.asarray(np.broadcast_to(np.eye(C), (n, C, C)))
-
-
-def gauges(stages: Container[Stage]) -> frozenset[tuple[str, str]]:
-    """Parameters (effect, axis) that only turn a frame for which these rows hold no reference."""
-    return frozenset((i, axis) for i, cls in CATALOGUE.items() if cls.stage in stages for axis in cls.gauge)
 
 
 def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
@@ -109,25 +51,18 @@ def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
     def rows(effects: Sequence[Effect]) -> Rows:
         return against_stars(recording, s, effects)
 
-    def ideal(effects: Sequence[Effect]) -> Rows:
+    def reference(effects: Sequence[Effect]) -> Rows:
         found = rows(effects)
         there = s.at(readout=s.readout + ~calm * _beside(found))
         return replace(against_stars(recording, there, effects), residual=found.residual)
 
+    n = len(recording.time)
     return View(
-        "pointing",
-        recording,
-        s,
-        CHANNELS,
-        "arcsec",
-        _by_weight(recording),
-        STAGES,
-        tuple(baseline) or BASELINE["pointing"],
-        rows,
-        gauges({Stage.BASE}),
-        ideal=ideal,
-        wander=of_channels(len(recording.time), len(CHANNELS)) if len(recording.time) <= MANY else None,
-    )
+        "pointing", unit="arcsec", channels=CHANNELS, **of_rows(recording), stimulus=s, label=s.position,
+        evaluate=rows, reference=reference, stages=STAGES, baseline=tuple(baseline) or BASELINE["pointing"],
+        gauge=gauges({Stage.BASE}), groups=np.arange(n),
+        noise=NoiseModel(_by_weight(recording), wander=of_channels(n, len(CHANNELS)) if n <= MANY else None),
+    )  # fmt: skip
 
 
 def _beside(rows: Rows) -> Array:
@@ -171,8 +106,10 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
     noise = (sample / np.sqrt(means.weight))[:, None] if sample else None  # a channel of few levels may not scatter
     ids = tuple(baseline) or ACCELEROMETER_TERMS
     return View(
-        "norm", means, s, ((FORCE, "norm"),), "mg", None, SENSOR_STAGES, ids, rows, gauges(SENSOR_STAGES), noise=noise,
-        ideal=lambda effects: rows(effects, ideal=True), wander=(y / np.linalg.norm(y, axis=1)[:, None])[:, None],
+        "norm", unit="mg", channels=((FORCE, "norm"),), **of_rows(means), stimulus=s, label=s.position,
+        evaluate=rows, reference=lambda effects: rows(effects, ideal=True), stages=SENSOR_STAGES, baseline=ids,
+        gauge=gauges(SENSOR_STAGES), groups=np.arange(len(y)),
+        noise=NoiseModel(sample=noise, wander=(y / np.linalg.norm(y, axis=1)[:, None])[:, None]),
     )  # fmt: skip
 
 
@@ -202,11 +139,23 @@ def table(recording: Recording, baseline: Sequence[str] = (), step: float = COAR
 
     stages = frozenset({Stage.PLATFORM, *SENSOR_STAGES})
     ids = tuple(baseline) or ACCELEROMETER_BIAS
+    blocks = averaged(recording, BLOCK)
+    in_group = max(1, round(HELD_OUT / float(np.median(np.diff(blocks.time)))))
     return View(
-        "table", averaged(recording, BLOCK), s, channels, "ug", None, stages, ids, rows,
-        frozenset({(SIZE_EFFECT, a) for a in MATRIX_AXES}), BY_HAND,
+        "table", unit="ug", channels=channels, **of_rows(blocks), stimulus=s, evaluate=rows, stages=stages,
+        baseline=ids, gauge=frozenset({(SIZE_EFFECT, a) for a in MATRIX_AXES}), prior_factor=BY_HAND,
+        groups=np.arange(len(blocks.time)) // in_group, noise=NoiseModel(),
         finer=(lambda: table(whole, baseline, FINE)) if step > FINE else None,
     )  # fmt: skip
+
+
+def of_rows(recording: Recording) -> dict[str, Any]:
+    """Return the fields of a view that a recording with its rows says: what it is, its clock, its grade and gimbals."""
+    return {
+        "title": recording.title, "kind": recording.kind, "time": recording.time - recording.time[0],
+        "session": recording.session if recording.restarts else None, "grade": recording.grade,
+        "read_gimbals": recording.axes("gimbal_angle"),
+    }  # fmt: skip
 
 
 def refuse_table(recording: Recording) -> None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.diagnose.rows.observations import absent_effect
-from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.refit import weighted
 from gimbalcal.diagnose.search.stepwise import Course, course
 from gimbalcal.errors import InputError
 from gimbalcal.pipeline import Tell
+from gimbalcal.views.core import View
 
 DRAGGED = 4.0  # times less misfit with the causes than without: products of errors are no longer nothing
 
@@ -17,12 +17,14 @@ DRAGGED = 4.0  # times less misfit with the causes than without: products of err
 def about_found(v: View, c: Course, tell: Tell) -> tuple[View, Course]:
     """View and course; anew where the rows are linear about constants that a strong cause has dragged away."""
     far = float(np.sum(weighted(v, c.start.r) ** 2)) > DRAGGED * float(np.sum(weighted(v, c.end.r) ** 2))
-    if v.beside is None or not c.steps or not far:
+    if v.relinearise is None or not c.steps or not far:
         return v, c
     cause, variant = c.steps[0].taken
     tell(f"again, about the constants that belong to {cause.in_words}")
     try:
-        v = v.beside(absent_effect(cause.effect, v.stimulus, cause.source, **dict(variant.constants)), cause.parameters)
+        v = v.relinearise(
+            absent_effect(cause.effect, v.stimulus, cause.source, **dict(variant.constants)), cause.parameters
+        )
     except InputError as problem:
         tell(str(problem))
         return v, c

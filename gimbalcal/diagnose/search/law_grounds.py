@@ -13,7 +13,6 @@ from gimbalcal.diagnose.evidence.projection import project, rows_like
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant, layout_of
 from gimbalcal.diagnose.library.rivals import RIVAL_SIGMA
 from gimbalcal.diagnose.library.variables import joined, variables
-from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.laws import Ground, Place
 from gimbalcal.diagnose.search.ranking import Search, bayes_factors
 from gimbalcal.diagnose.search.refit import Model, basis, projections, weighted
@@ -22,6 +21,7 @@ from gimbalcal.forward import Rows
 from gimbalcal.inference.algebra import block_diagonal, orthonormal
 from gimbalcal.number import Array
 from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.views.core import View
 
 STRETCHES = 300  # in which a run, or a table, is looked at first
 FEWER = 150  # the same of six sensors at once
@@ -140,7 +140,7 @@ def _places_of_view(v: View, m: Model) -> list[Place]:
         s, block = v.stimulus, stretches(len(v.stimulus.time), FEWER)
         sensors = [(q, a, partial(v.added, q, a)) for q in FED.get(v.name, ()) for a in "xyz"]
         return [Place(q, a, variables(s), s, block, columns) for q, a, columns in sensors]
-    stage, rows = SEEN.get(v.name), v.about(m.effects)
+    stage, rows = SEEN.get(v.name), v.noise_free(m.effects)
     if stage is None or stage not in rows.sensitivity:
         return []
     names = list(enumerate(v.stimulus.axis_names if stage is Stage.ENCODER else "xyz"))

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
 from gimbalcal.diagnose.library.unknown_noise import causes
-from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.ranking import Weighed, bayes_factors, likeliest_variants, total, weighed
 from gimbalcal.diagnose.search.refit import Model, projections
 from gimbalcal.number import Array
+from gimbalcal.views.core import View
 
 Taken = tuple[Candidate, Variant]
 
@@ -32,7 +32,7 @@ def ranked(v: View, model: Model, memory: bool = True) -> Weighed:
     known, X = causes(v, model.effects, model.fitted)
     p = projections(v, model, X, memory)
     library = Library(known, X)
-    return weighed(library, p, bayes_factors(p, library.layout), v.recording.kind)
+    return weighed(library, p, bayes_factors(p, library.layout), v.kind)
 
 
 def weigh(v: View, model: Model, memory: bool = False, against: Candidate | None = None, shape: bool = False

@@ -17,7 +17,6 @@ from gimbalcal.diagnose.evidence.noise import Node, lone_walks
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.projection import project, rows_like
 from gimbalcal.diagnose.library.unknown_noise import causes
-from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.likeliest import ranked
 from gimbalcal.diagnose.search.ranking import Search, log_priors
 from gimbalcal.diagnose.search.refit import projections
@@ -26,6 +25,8 @@ from gimbalcal.effects.process import RandomWalk
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
 from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.views.core import View
+from gimbalcal.views.noise import SingleWalk
 
 MOST = 12  # of these noises, the likeliest: each is as much work as one of the grid
 CLOSE = 5.0  # nats behind the likeliest within which they count
@@ -81,10 +82,10 @@ def wandering_in(v: View, c: Course) -> tuple[View, float, float]:
     a walk alone to nothing, and of a walk to all that was found instead. Of a telescope no row is a sensor, and how far
     a sensor walked between sessions of an unknown time nobody knows.
     """
-    if v.recording.restarts or v.wander is None or v.channels[0][0] not in (FORCE, RATE):
+    if v.session is not None or v.noise.wander is None or v.channels[0][0] not in (FORCE, RATE):
         return v, -np.inf, -np.inf
     bare = np.zeros((*c.start.r.shape, 0))
-    every = projections(replace(v, lone=LONE_SENSORS), c.start, bare)
+    every = projections(with_single_walks(v, LONE_SENSORS), c.start, bare)
     ln = np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in every])
     alone = np.array([bool(p.node.alone) for p in every])
     total = float(logsumexp(ln[alone]) - logsumexp(ln[~alone]))
@@ -92,7 +93,12 @@ def wandering_in(v: View, c: Course) -> tuple[View, float, float]:
     odds = total - found
     if total < (found - CLAIM if found >= CLAIM else CLAIM):
         return v, total, odds
-    return replace(v, lone=tuple(LONE_SENSORS[k] for k in likeliest(ln[alone])), fits={}), total, odds
+    return with_single_walks(v, [LONE_SENSORS[k] for k in likeliest(ln[alone])]), total, odds
+
+
+def with_single_walks(v: View, walks: Sequence[SingleWalk]) -> View:
+    """Return the view with these walks of single sensors among its noises."""
+    return replace(v, noise=replace(v.noise, single_walks=tuple(walks)), cache={})
 
 
 def found_in(v: View, c: Course) -> float:
@@ -101,6 +107,6 @@ def found_in(v: View, c: Course) -> float:
     if not c.steps:
         return anything
     known, _ = causes(v, c.start.effects, c.start.fitted)
-    share = dict(zip((k.key for k in known), log_priors(known, v.recording.kind).tolist(), strict=True))
+    share = dict(zip((k.key for k in known), log_priors(known, v.kind).tolist(), strict=True))
     named = ln_odds(v, c.start, [s.taken for s in c.steps], share)
     return max(anything, named + max(ranked(v, c.end).ln_total, 0.0))

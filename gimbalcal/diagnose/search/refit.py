@@ -10,14 +10,13 @@ import numpy as np
 from gimbalcal.diagnose.evidence.memories import lone_sensors, memories
 from gimbalcal.diagnose.evidence.projection import Projection, project, stack
 from gimbalcal.diagnose.evidence.scale import Free
-from gimbalcal.diagnose.library.unknown_noise import unknowns
-from gimbalcal.diagnose.rows.views import View
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.effect import Grid, constants
 from gimbalcal.effects.grids import kind, limits
 from gimbalcal.errors import InputError
 from gimbalcal.inference.levenberg import covariance_at_minimum, minimise
 from gimbalcal.number import Array
+from gimbalcal.views.core import View
 
 RANK = 1e-7  # relative singular value of a modelled column below which it is one of the others again
 SETTLED = 1e-7  # step in prior sigmas at which a fit has arrived
@@ -55,11 +54,11 @@ def refit(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Mo
     """
     scale = np.array([p.sigma for p in wanted])
     x0, c, again = values(effects, wanted), np.zeros(0), False
-    r, J = v.linear(effects, wanted)
+    r, J = v.linearised(effects, wanted)
     free, _ = _seen(_left(weighted(v, r), weighted(v, J) * scale), weighted(v, J) * scale)
     while True:
         made, c = _descended(v, effects, wanted, x0, free * scale[:, None], np.resize(c, free.shape[1]))
-        r, J = v.linear(made, wanted)
+        r, J = v.linearised(made, wanted)
         seen, variance = _seen(weighted(v, r), weighted(v, J) * scale)
         if seen.shape[1] == free.shape[1] or (again and seen.shape[1] > free.shape[1]):
             break
@@ -74,12 +73,12 @@ def _descended(
     v: View, effects: Sequence[Effect], wanted: Sequence[Parameter], x0: Array, free: Array, c0: Array
 ) -> tuple[tuple[Effect, ...], Array]:
     """The effects at the minimum over x0 + free c, free (p, q) in SI, and c (q,) there; from c0 on."""
-    names, n, (low, high) = v.stimulus.axis_names, len(v.recording.time) * len(v.channels), _range(v, wanted)
+    names, n, (low, high) = v.stimulus.axis_names, len(v) * len(v.channels), _range(v, wanted)
 
     def at(c: Array, _: Array) -> tuple[Array, Array]:
         made = with_values(effects, wanted, np.clip(x0 + free @ c[0], low, high), names)
         try:
-            r, J = v.linear(made, wanted)
+            r, J = v.linearised(made, wanted)
         except InputError:  # no force reads what was read: further than the model goes
             return np.full((1, n), np.inf), np.zeros((1, n, free.shape[1]))
         return weighted(v, r).reshape(1, -1), -(weighted(v, J).reshape(r.size, -1) @ free)[None]
@@ -116,13 +115,13 @@ def _seen(r: Array, J: Array) -> tuple[Array, float]:
 
 def start(v: View) -> Model:
     """The baseline alone."""
-    wanted = tuple(p for i in v.baseline for p in unknowns(v, i))
+    wanted = tuple(p for i in v.baseline for p in v.parameters_of(i))
     return refit(v, with_values((), wanted, np.zeros(len(wanted)), v.stimulus.axis_names), wanted)
 
 
 def weighted(v: View, r: Array) -> Array:
     """Misfit (n, C, ...) in units in which all rows are equally sure."""
-    return r if v.sigma is None else np.asarray(r * v.weight.reshape(*v.weight.shape, *([1] * (r.ndim - 2))))
+    return v.noise.weighted(r)
 
 
 def with_columns(v: View, m: Model, X: Array) -> Model:
@@ -160,7 +159,7 @@ def constants_told(v: View, m: Model, effect_id: str) -> list[tuple[Parameter, f
     smooth = {f.name for f in constants(CATALOGUE[effect_id]) if not (kind(f).once or kind(f) is Grid.SPAN)}
     wanted = [p for p in parameters(CATALOGUE[effect_id], constants=True) if p.field in smooth]
     effect = next(e for e in m.effects if e.id == effect_id)
-    X = v.rows(m.effects).columns(effect, wanted) if wanted else np.zeros((*m.r.shape, 0))
+    X = v.evaluate(m.effects).columns(effect, wanted) if wanted else np.zeros((*m.r.shape, 0))
     Q = basis(weighted(v, m.J))
     A = weighted(v, X).reshape(m.r.size, len(wanted))
     left = A - Q @ (Q.T @ A)
@@ -187,11 +186,11 @@ def projections(v: View, m: Model, X: Array, memory: bool = True, unit: float = 
     n, C = m.r.shape
     r = weighted(v, m.r)
     unit = unit or max(float(np.sqrt(np.mean(r**2))), 1e-300)
-    sample = 0.0 if v.noise is None else float(np.sqrt(np.mean(weighted(v, v.noise) ** 2))) / unit
+    sample = 0.0 if v.noise.sample is None else float(np.sqrt(np.mean(weighted(v, v.noise.sample) ** 2))) / unit
     Q = basis(weighted(v, m.J))
     rows = stack(Q, weighted(v, X).reshape(n * C, -1) / unit, r.reshape(-1, 1) / unit, n * C)
-    noises = memories(n, C, v.wander)[: None if memory else 1]
-    if memory and v.lone and v.wander is not None:
-        noises += lone_sensors(v.wander, v.weight, v.stimulus.time, v.channels[0][0], v.lone)
+    noises = memories(n, C, v.noise.wander)[: None if memory else 1]
+    if memory and v.noise.single_walks and v.noise.wander is not None:
+        noises += lone_sensors(v.noise.wander, v.weight, v.stimulus.time, v.channels[0][0], v.noise.single_walks)
     dof = n * C - Q.shape[1]
     return tuple(project(node, rows, Free(dof, sample, float(np.sqrt(node.fresh)))) for node in noises)

@@ -11,13 +11,13 @@ from gimbalcal.diagnose.evidence.odds import CLAIM, OFTEN, SINGLE
 from gimbalcal.diagnose.library.candidates import Candidate, Variant, layout_of
 from gimbalcal.diagnose.library.unknown_noise import causes, constants_of
 from gimbalcal.diagnose.rows.observations import absent_effect, refuse_too_little
-from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.likeliest import Taken, weigh
 from gimbalcal.diagnose.search.ranking import bayes_factors, is_usual, log_priors
 from gimbalcal.diagnose.search.refit import Model, projections, refit, start, with_columns, with_constants
 from gimbalcal.effects import Effect
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
+from gimbalcal.views.core import View
 
 MOST = 8  # rounds
 EXCHANGE = 1.0  # ln of odds by which another cause must be likelier to take a place
@@ -60,7 +60,7 @@ def course(v: View, tell: Tell) -> Course:
     Nothing is looked for in what is left of numbers without noise.
     """
     first = start(v)
-    refuse_too_little(v.recording, first.J.reshape(first.r.size, -1))
+    refuse_too_little(v.title, first.J.reshape(first.r.size, -1))
     if first.exact:
         return Course(first, (), (), first)
     taken = climbed(v, first, (), tell)
@@ -74,7 +74,7 @@ def course(v: View, tell: Tell) -> Course:
         return steps_of(v, first, taken)
     tell("once more, from what every rig of the kind has")
     other = climbed(v, first, standard, tell)
-    share = dict(zip((c.key for c in known), log_priors(known, v.recording.kind).tolist(), strict=True))
+    share = dict(zip((c.key for c in known), log_priors(known, v.kind).tolist(), strict=True))
     if ln_odds(v, first, other, share) < ln_odds(v, first, taken, share):
         return steps_of(v, first, taken)
     return steps_of(v, first, other, [t for t in standard if t in other])
@@ -89,7 +89,7 @@ def climbed(v: View, first: Model, begun: Sequence[Taken], tell: Tell) -> list[T
     taken, keep_usual = list(begun), bool(begun)
     model = take(v, first, taken)
     for _ in range(MOST):
-        best = weigh(v, model, memory=bool(v.lone))
+        best = weigh(v, model, memory=bool(v.noise.single_walks))
         if best.ln_total < CLAIM or not best.named:
             break
         tell(f"taken up: {', '.join(c.in_words for c, _ in best.found)}")
@@ -114,7 +114,7 @@ def textbook(v: View, first: Model, known: Sequence[Candidate], X: Array) -> lis
 
     In a linear model: of what these rows hardly see a fit finds any size, far from where the model is linear.
     """
-    kind = v.recording.kind
+    kind = v.kind
     named = [c for c in known if is_usual(c, kind)]
     widest = {c.effect: max((o for o in named if o.effect == c.effect), key=lambda o: len(o.parameters)) for c in named}
     out = [(c, c.variants[0]) for c in widest.values()]
@@ -139,7 +139,7 @@ def ln_odds(v: View, first: Model, taken: Sequence[Taken], share: Mapping[Key, f
     steps = ordered(v, first, taken)
     before = [first, *(s.model for s in steps)]
     added = [alone(v, m, s.taken) - float(np.log(s.taken[0].tried)) for m, s in zip(before, steps, strict=False)]
-    special = [c for c, _ in taken if not is_usual(c, v.recording.kind)]
+    special = [c for c, _ in taken if not is_usual(c, v.kind)]
     return float(sum(added) + sum(share.get(c.key, least) + np.log(SINGLE) for c in special))
 
 
@@ -149,7 +149,7 @@ def exchanged(
     """Each cause in turn, or each that is not of every rig, gives way if another cause, or two, belong in its place."""
     out = list(taken)
     for cause, variant in taken:
-        if (cause, variant) not in out or (is_usual(cause, v.recording.kind) and keep_usual):
+        if (cause, variant) not in out or (is_usual(cause, v.kind) and keep_usual):
             continue
         others = [t for t in out if t[0] != cause]
         best = weigh(v, take(v, first, others), memory, cause)
@@ -168,7 +168,7 @@ def pruned(v: View, first: Model, taken: Sequence[Taken], tell: Tell) -> list[Ta
         support = [alone(v, m, this) - bar(v, this[0]) for m, this in zip(rest, out, strict=True)]
         if min(support) > 0:
             break
-        usual = [is_usual(c, v.recording.kind) for c, _ in out]
+        usual = [is_usual(c, v.kind) for c, _ in out]
         weakest = min((support[i] > 0, usual[i], support[i], i) for i in range(len(out)))[-1]
         tell(f"{out[weakest][0].in_words} is not kept: noise with a memory explains it")
         out = left[weakest]
@@ -177,14 +177,14 @@ def pruned(v: View, first: Model, taken: Sequence[Taken], tell: Tell) -> list[Ta
 
 def bar(v: View, cause: Candidate) -> float:
     """ln Bayes factor that a cause needs: less for what every unit of the kind has, and its model left out."""
-    return float(CLAIM - OFTEN * is_usual(cause, v.recording.kind))
+    return float(CLAIM - OFTEN * is_usual(cause, v.kind))
 
 
 def alone(v: View, without: Model, this: Taken) -> float:
     """ln Bayes factor of one cause with the others in the model, noise with memory."""
     cause, made = this[0], _made(v, this)
     effects = without.effects if cause.effect in {e.id for e in without.effects} else [*without.effects, made]
-    X = v.about(effects).jacobian(cause.parameters) * np.array([p.sigma for p in cause.parameters])
+    X = v.noise_free(effects).jacobian(cause.parameters) * np.array([p.sigma for p in cause.parameters])
     return factor(v, without, X, cause)
 
 
@@ -231,9 +231,9 @@ def refined(v: View, c: Course) -> Course:
 def take(v: View, model: Model, found: Sequence[Taken]) -> Model:
     """The model with these causes in it, everything refitted; once for each set of causes."""
     key = model.fitted, frozenset((c.key, variant.constants) for c, variant in found)
-    if key not in v.fits:
-        v.fits[key] = _taken(v, model, found)
-    return v.fits[key]
+    if key not in v.cache:
+        v.cache[key] = _taken(v, model, found)
+    return v.cache[key]
 
 
 def _taken(v: View, model: Model, found: Sequence[Taken]) -> Model:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.likeliest import ranked
 from gimbalcal.diagnose.search.ranking import likeliest_variants
 from gimbalcal.diagnose.search.refit import Model, projections, refit, weighted
@@ -16,6 +15,7 @@ from gimbalcal.diagnose.search.stepwise import bar
 from gimbalcal.diagnose.verdict.decide import likeliest, together
 from gimbalcal.effects import with_values
 from gimbalcal.number import Array
+from gimbalcal.views.core import View
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,6 @@ from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER
 from gimbalcal.diagnose.evidence.projection import projected
 from gimbalcal.diagnose.library.candidates import Candidate, Library
-from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.combine import CombinedRanking
 from gimbalcal.diagnose.search.law_grounds import ground_of_search, ground_of_view, together
 from gimbalcal.diagnose.search.laws import Ground, Law, laws_of
@@ -26,6 +25,7 @@ from gimbalcal.diagnose.search.refit import Model, with_columns
 from gimbalcal.diagnose.verdict.model import fit_causes
 from gimbalcal.diagnose.verdict.verify import physical_columns
 from gimbalcal.number import Array
+from gimbalcal.views.core import View
 
 FIRST = 3  # known causes that a law is sought beside
 NAMED = float(np.log(1000.0))  # odds at which a formula of one term beside a name gives way to one without

@@ -13,7 +13,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual
-from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.verdict.calibrated import origin
 from gimbalcal.effects import Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.baseline import ACCELEROMETER_TERMS
@@ -27,6 +26,7 @@ from gimbalcal.inference.information import keeps_prior
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.views.core import View
 
 
 class Fitted(Protocol):

@@ -9,7 +9,6 @@ import numpy as np
 
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY
-from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.likeliest import Taken, weigh
 from gimbalcal.diagnose.search.ranking import is_usual
 from gimbalcal.diagnose.search.refit import Model, basis, constants_told, weighted
@@ -20,6 +19,7 @@ from gimbalcal.effects import CATALOGUE, values
 from gimbalcal.inference.information import keeps_prior
 from gimbalcal.pipeline import Tell
 from gimbalcal.units import from_si
+from gimbalcal.views.core import View
 
 SERIES = 3.0  # times the whole misfit, that one of several causes may be
 SHOWN, HIDDEN = 5.0, 3.0  # sigmas of a parameter that differs from zero, and of one that may be zero
@@ -73,7 +73,7 @@ def cancelling(v: View, c: Course) -> list[Taken]:
     m, Q = c.end, basis(weighted(v, c.start.J))
     x = values(m.effects, m.fitted)
     out = []
-    for cause, variant in (s.taken for s in c.steps if not is_usual(s.taken[0], v.recording.kind)):
+    for cause, variant in (s.taken for s in c.steps if not is_usual(s.taken[0], v.kind)):
         own = {(p.effect, p.field, p.axis) for p in cause.parameters}
         at = [i for i, p in enumerate(m.fitted) if (p.effect, p.field, p.axis) in own]
         added = weighted(v, m.J[..., at] @ x[at]).ravel()

@@ -16,7 +16,6 @@ import numpy as np
 from gimbalcal.diagnose.answer import FoundLaw
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER
-from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.law_grounds import with_law
 from gimbalcal.diagnose.search.laws import Ground, Law, same
 from gimbalcal.diagnose.search.likeliest import ranked
@@ -35,6 +34,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
+from gimbalcal.views.core import View
 
 MOST = 3  # laws of one view
 MANY = 4  # laws that fit as well and are others: with more of them none is named
@@ -226,15 +226,15 @@ def laws_of_view(v: View, m: Model, sigma: Array) -> tuple[Lawful, Model]:
         g, every = b.ground, b.laws
         best, others = chosen(g, every, max(h.ln_weight for h in left.hypotheses) - b.ln_known)
         if not laws and best is not None and (as_likely := _known(left, b.total)):
-            return Lawful((), KNOWN.format(more=_more(v.recording.kind), names=as_likely, law=printed(best))), m
+            return Lawful((), KNOWN.format(more=_more(v.kind), names=as_likely, law=printed(best))), m
         if laws and (best is None or len(laws) == MOST):
             return Lawful((), LEAVES.format(law=laws[0].entry["expression"])), m
         if best is None:
-            return Lawful((), undetermined(every, others, g, v.recording.kind)), m
+            return Lawful((), undetermined(every, others, g, v.kind)), m
         with_them = with_them if b.columns is None else with_columns(v, with_them, b.columns)
         with_them, x, covariance = fitted_columns(v, with_them, best.columns)
         number = sum(o.entry["axis"] == best.place.axis for o in laws) + 1
-        laws.append(found(best, x, covariance, (0.0, 0.0), others, v.recording.title, number, v.name, b.name))
+        laws.append(found(best, x, covariance, (0.0, 0.0), others, v.title, number, v.name, b.name))
         left = ranked(v, with_them)
     return Lawful(tuple(laws)), with_them
 

@@ -11,11 +11,11 @@ from gimbalcal.diagnose.evidence.projection import log_bayes
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.unknown_noise import free_rows, spans
 from gimbalcal.diagnose.library.view_shapes import shapes_of
-from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.refit import Model, basis, projections, weighted
 from gimbalcal.inference.chance import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
+from gimbalcal.views.core import View
 
 ODD = 1e-3  # p-value below which a pattern of the misfit is listed
 LISTED = 3  # patterns that are listed, strongest first
@@ -84,6 +84,6 @@ def _channel(v: View, m: Model, axis: str) -> tuple[int, float]:
 
 
 def _where(v: View, rows: Array) -> dict[str, list[float]]:
-    if v.name in ("table", "navigation"):
-        return {"time_s": [round(float(x), 3) for x in np.sort(v.recording.time[rows] - v.recording.time[0])]}
-    return {"positions": [int(k) for k in v.stimulus.position[rows]]}
+    if v.label is None:
+        return {"time_s": [round(float(x), 3) for x in np.sort(v.time[rows])]}
+    return {"positions": [int(k) for k in v.label[rows]]}

@@ -13,7 +13,6 @@ from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import Curves, FoundLaw, plotted_against
 from gimbalcal.diagnose.library.unknown_noise import causes
 from gimbalcal.diagnose.rows.slews import lateness
-from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.refit import Model, basis, projections, weighted
 from gimbalcal.diagnose.search.stepwise import Course, refined
 from gimbalcal.diagnose.verdict.alternatives import Judgement
@@ -25,8 +24,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.units import from_si
-
-LEFT_OUT = 10  # s: rows of a table closer than this are left out together, the table moves as slowly
+from gimbalcal.views.core import View
 
 
 @dataclass(frozen=True)
@@ -99,9 +97,8 @@ def told_as(
 def _sigma(v: View, end: Model) -> Array:
     """One sigma of each row and channel (n, C): the scatter about the last model, spread as the samples' noise is."""
     r = weighted(v, end.r)
-    shape = np.ones_like(end.r) if v.sigma is None else v.sigma / v.sigma.min()
     free = max(r.size - basis(end.J).shape[1], 1)
-    return np.asarray(shape * np.sqrt((r**2).sum() / free))
+    return np.asarray(np.sqrt((r**2).sum() / free) / v.weight)
 
 
 def _fit(v: View, c: Course, sigma: Array) -> dict[str, Any]:
@@ -125,16 +122,16 @@ def _fit(v: View, c: Course, sigma: Array) -> dict[str, Any]:
     if v.name == "slews":
         told = {axis: (float(from_si(x, "ms")), float(from_si(s, "ms"))) for axis, (x, s) in lateness(v).items()}
         out["late"] = {axis: {"value": x, "sigma": s, "unit": "ms"} for axis, (x, s) in told.items()}
-    if v.turns is not None and c.steps:
+    if v.missed_by_turns is not None and c.steps:
         with suppress(InputError):  # turns too few, or all about one axis, prove nothing
-            missed = [float(from_si(v.turns(e), "arcsec")) for e in ((), after.effects)]
+            missed = [float(from_si(v.missed_by_turns(e), "arcsec")) for e in ((), after.effects)]
             out["turns"] = {"rms_before": missed[0], "rms_after": missed[1], "unit": "arcsec"}
-    if v.noise is not None:
+    if v.noise.sample is not None:
         n = len(before.r)
         for name, m in (("before", before), ("after", after)):
-            Q = basis(m.J / np.asarray(v.noise)[..., None]).reshape(n, len(v.channels), -1)
+            Q = basis(m.J / v.noise.sample[..., None]).reshape(n, len(v.channels), -1)
             fitted = (Q**2).sum(axis=(0, 2))  # how many parameters each channel has told
-            chi2 = ((m.r / v.noise) ** 2).sum(axis=0) / np.maximum(n - fitted, 1)
+            chi2 = ((m.r / v.noise.sample) ** 2).sum(axis=0) / np.maximum(n - fitted, 1)
             out[f"chi2_of_samples_{name}"] = dict(zip([a for _, a in v.channels], chi2.tolist(), strict=True))
     return out
 
@@ -152,16 +149,12 @@ def _outside(when: str, v: View, m: Model, sigma: Array) -> dict[str, float]:
 
 
 def heldout(v: View, m: Model, sigma: Array) -> Array:
-    """Misfit (n, C) in sigma of each row, each ten seconds of a table, each stop or turn, to a fit without it."""
+    """Misfit (n, C) in sigma of each group of rows to a fit without it."""
     n, C = m.r.shape
     Q = basis(m.J / sigma[..., None]).reshape(n, C, -1)
     r = m.r / sigma
-    size = max(1, round(LEFT_OUT / float(np.median(np.diff(v.recording.time))))) if v.name == "table" else 1
-    cuts = np.arange(size, n, size)
-    if v.recording.position is not None and v.added is not None:  # stops and turns
-        cuts = np.flatnonzero(np.diff(v.recording.position)) + 1
     left = []
-    for rows in np.split(np.arange(n), cuts):
+    for rows in np.split(np.arange(n), np.flatnonzero(np.diff(v.groups)) + 1):
         e = r[rows].ravel()
         q = Q[rows].reshape(len(e), Q.shape[-1])
         left.append(np.linalg.lstsq(np.eye(len(e)) - q @ q.T, e, rcond=1e-6)[0])
@@ -185,13 +178,12 @@ def moved(before: Model, after: Model) -> list[dict[str, Any]]:
 def curves_of(t: Told) -> Curves:
     """Misfits of a view for a picture."""
     n = len(t.before)
-    time = t.view.recording.time - t.view.recording.time[0]
-    number = np.ones(n) if t.view.name in ("table", "navigation") else np.arange(1, n + 1)
+    number = np.ones(n) if t.view.label is None else np.arange(1, n + 1)
     if t.view.name == "pointing":
         number = t.view.stimulus.position
     sigma = np.asarray(from_si(t.sigma, t.view.unit))
     units = (t.view.unit,) * len(t.view.channels)
     return Curves(
-        time, number, t.view.channels, t.before, t.after, sigma, units, plotted_against(t.view.stimulus)
+        t.view.time, number, t.view.channels, t.before, t.after, sigma, units, plotted_against(t.view.stimulus)
         if len(t.view.stimulus.time) == n else {},
     )  # fmt: skip

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.odds import CLAIM
-from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.lone_walk import wandering_in
 from gimbalcal.diagnose.search.refit import Model, projections, weighted
 from gimbalcal.diagnose.search.stepwise import course, steps_of
@@ -16,6 +15,7 @@ from gimbalcal.diagnose.verdict.told import Told, told_as, told_of
 from gimbalcal.diagnose.verdict.wander import Wander, once_more, wander
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.pipeline import Tell
+from gimbalcal.views.core import View
 
 
 def looked_at(v: View, tell: Tell) -> Told:
@@ -25,7 +25,7 @@ def looked_at(v: View, tell: Tell) -> Told:
     if c.start.exact:
         return told
     walking, ln_total, ln_odds = wandering_in(v, c)
-    if not walking.lone:
+    if not walking.noise.single_walks:
         return told
     found = _sensor(walking, c.start, ln_odds, ln_total)
     tell(f"again, as {found.in_words.partition(' wanders')[0]} may wander")
@@ -43,7 +43,7 @@ def looked_at(v: View, tell: Tell) -> Told:
     likelier = max((float(law.entry["evidence"]) for law in bare.laws), default=-np.inf) - ln_total
     if likelier > CLAIM:  # a walk has no formula
         return bare
-    once = once_more(v.recording.kind, by_hand=not v.recording.platform.axes)
+    once = once_more(v.kind, by_hand=not v.stimulus.axis_names)
     if likelier < -CLAIM:
         bare = replace(told_as(v, none, (), tell, lacking=True, formulas=False), recommend=bare.recommend or once)
     return _with(bare, found, alone=likelier < -CLAIM)

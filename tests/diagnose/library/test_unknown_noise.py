@@ -15,7 +15,6 @@ from gimbalcal.diagnose.library.unknown_noise import (
     powers,
     spanned,
     spans,
-    unknowns,
 )
 from gimbalcal.diagnose.library.view_shapes import shapes_of
 from gimbalcal.diagnose.rows.views import norm, pointing
@@ -46,9 +45,11 @@ def test_columns_are_what_one_prior_sigma_adds() -> None:
     c = next(c for c in KNOWN if c.effect == "base_tilt" and c.axis == "north, east")
     (v,) = c.variants
     made = absent(CATALOGUE["base_tilt"], STARS.stimulus.axis_names)
-    J = STARS.about([*MODEL.effects, made]).jacobian(c.parameters)  # where the model is on the stars, not the readouts
+    J = STARS.noise_free([*MODEL.effects, made]).jacobian(
+        c.parameters
+    )  # where the model is on the stars, not the readouts
     np.testing.assert_allclose(X[..., list(v.index)], J * [p.sigma for p in c.parameters])
-    E = STARS.recording.channels["true_angle", "elevation"]
+    E = STARS.stimulus.true_angle[:, 0]
     # about north a tilt shows whole on the horizon and not at the zenith, whichever way it is told
     size = np.linalg.norm(X[..., list(v.index)], axis=(1, 2)) / c.parameters[0].sigma
     assert size[np.argmin(E)] > 0.9
@@ -56,19 +57,19 @@ def test_columns_are_what_one_prior_sigma_adds() -> None:
 
 
 def test_axes_that_the_rows_cannot_show_are_left_out() -> None:
-    assert {p.axis for p in unknowns(STARS, "base_tilt")} == {"north", "east"}
-    made = unknowns(HANDS, "misalignment")
+    assert {p.axis for p in STARS.parameters_of("base_tilt")} == {"north", "east"}
+    made = HANDS.parameters_of("misalignment")
     assert len(made) == 3  # a triangle: three of six turn the unit as a whole
     (catalogue,) = {p.sigma for p in made}
     assert catalogue == pytest.approx(parameters(CATALOGUE["misalignment"])[0].sigma)
 
 
 def test_sizes_are_those_of_the_grade_and_a_drift_is_as_fast_as_the_recording_is_short() -> None:
-    low = replace(HANDS, recording=replace(HANDS.recording, grade=GRADES["consumer"]))
+    low = replace(HANDS, grade=GRADES["consumer"])
     for effect, times in (("misalignment", 30.0), ("bias", 100.0), ("quadratic_nonlinearity", 100.0)):
-        for p, q in zip(unknowns(low, effect), unknowns(HANDS, effect), strict=True):
+        for p, q in zip(low.parameters_of(effect), HANDS.parameters_of(effect), strict=True):
             assert p.sigma == pytest.approx(times * q.sigma)
-    (p, *_), (q, *_) = unknowns(low, "bias_drift"), parameters(CATALOGUE["bias_drift"])
+    (p, *_), (q, *_) = low.parameters_of("bias_drift"), parameters(CATALOGUE["bias_drift"])
     assert p.sigma == pytest.approx(100 * q.sigma * 3600 / np.ptp(HANDS.stimulus.time))
 
 

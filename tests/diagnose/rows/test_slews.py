@@ -10,12 +10,12 @@ import pytest
 
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.diagnose.rows.slews import lateness, view_of_slews
-from gimbalcal.diagnose.rows.views import View
 from gimbalcal.diagnose.search.stepwise import course
 from gimbalcal.diagnose.verdict.told import Told, told_of
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.pipeline import silent
 from gimbalcal.recording import Recording
+from gimbalcal.views.core import View
 from tests.diagnose.turned_plant import ARCSEC, DEG, G, Unit, gimballed, turned
 from tests.estimate.gyroscopes.test_rate_table import RATES, run
 
@@ -86,7 +86,7 @@ def test_errors_that_rests_and_turns_show_are_no_delay() -> None:
 def test_each_effect_is_a_second_of_its_channel() -> None:
     v = seen(gimballed(4, unit(), **QUICK))
     ps = [p for i in ("time_tag_latency", "gyro_latency", "readout_latency") for p in parameters(CATALOGUE[i])]
-    force, rate, readout = np.moveaxis(v.rows(()).jacobian(ps), -1, 0)
+    force, rate, readout = np.moveaxis(v.evaluate(()).jacobian(ps), -1, 0)
     np.testing.assert_allclose(force[:, 1], 0.0, atol=1e-9)
     np.testing.assert_allclose(rate[:, 0], 0.0, atol=1e-9)
     np.testing.assert_allclose(readout, force + rate, rtol=1e-12)

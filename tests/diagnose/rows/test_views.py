@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
-from gimbalcal.diagnose.rows.views import BLOCK, View, averaged, norm, pointing, solved, table
+from gimbalcal.diagnose.rows.views import BLOCK, averaged, norm, pointing, solved, table
 from gimbalcal.diagnose.search.stepwise import course
 from gimbalcal.diagnose.verdict.told import told_of
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
@@ -18,6 +18,7 @@ from gimbalcal.number import Array
 from gimbalcal.pipeline import silent
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
+from gimbalcal.views.core import View
 from tests.diagnose.small import telescope
 
 G = 9.8
@@ -84,10 +85,10 @@ def test_the_derivative_is_that_of_the_misfit(name: str) -> None:
     sigma, x = np.array([p.sigma for p in ps]), 0.3 * np.array([p.sigma for p in ps])
 
     def misfit(x: Array) -> Array:
-        return v.linear(with_values((), ps, x, v.stimulus.axis_names), ())[0]
+        return v.linearised(with_values((), ps, x, v.stimulus.axis_names), ())[0]
 
-    r, J = v.linear(with_values((), ps, x, v.stimulus.axis_names), ps)
-    assert r.shape == (len(v.recording.time), len(v.channels))
+    r, J = v.linearised(with_values((), ps, x, v.stimulus.axis_names), ps)
+    assert r.shape == (len(v), len(v.channels))
     for k, step in enumerate(1e-3 * sigma):
         e = step * np.eye(len(x))[k]
         difference = (misfit(x - e) - misfit(x + e)) / (2 * step)
@@ -103,10 +104,10 @@ def test_a_corrected_norm_is_gravity() -> None:
     named = {("bias", "x"): 0.1, ("bias", "y"): -0.2, ("bias", "z"): 0.05}
     ps = tuple(p for p in parameters(CATALOGUE["bias"]))
     effects = with_values((), ps, np.array([named[p.effect, p.axis] for p in ps]))
-    r, _ = v.linear(effects, ())
+    r, _ = v.linearised(effects, ())
     np.testing.assert_allclose(r[:, 0], np.linalg.norm(y - b, axis=1) - G, atol=1e-9)
     assert np.abs(r).max() > 5e-3  # of the scale that the model does not hold: 1e-3 g
-    none, _ = v.linear((), ())
+    none, _ = v.linearised((), ())
     np.testing.assert_allclose(none[:, 0], np.linalg.norm(y, axis=1) - G, atol=1e-9)
 
 
@@ -116,7 +117,7 @@ def test_rates_at_rest_lose_what_the_effects_say() -> None:
     assert v is not None
     ps = parameters(CATALOGUE["gyro_bias"])
     effects = with_values((), ps, np.array([1e-5, 2e-5, -3e-5]))
-    np.testing.assert_allclose(v.linear(effects, ())[0], w - [1e-5, 2e-5, -3e-5], atol=1e-12)
+    np.testing.assert_allclose(v.linearised(effects, ())[0], w - [1e-5, 2e-5, -3e-5], atol=1e-12)
 
 
 def test_rests_are_judged_where_too_few_turns_were_logged_to_prove_it() -> None:
@@ -133,7 +134,7 @@ def test_rests_are_judged_where_too_few_turns_were_logged_to_prove_it() -> None:
     r = Recording("multi-position", "unit", BENCH, Site(0.0, 0.0, G), {}, time, position, channels)
     v = rest_rates(r)
     assert v is not None
-    assert v.turns is not None
+    assert v.missed_by_turns is not None
     found = told_of(v, course(v, silent), silent)
     assert [f["effect"] for f in found.findings] == ["gyro_g_sensitivity_rate"]
     assert "turns" not in found.fit
@@ -145,7 +146,7 @@ def test_the_earth_s_vertical_rate_is_no_g_sensitivity_where_no_latitude_tells_i
     for rate, left in ((10.0, 0.0), (40.0, 40.0 - 15.041)):
         v = rest_rates(unit(G * UP, rate * hour * UP + [1e-5, 2e-5, -3e-5]))
         assert v is not None
-        r = v.linear((), ())[0]
+        r = v.linearised((), ())[0]
         np.testing.assert_allclose(r, left * hour * UP + [1e-5, 2e-5, -3e-5], atol=1e-4 * hour)
 
 
@@ -155,8 +156,8 @@ def test_a_lever_on_a_table_is_known_by_its_centrifugal_and_euler_forces() -> No
     v, level = table(tilting(lever), step=0.01), table(tilting(), step=0.01)
     ps = parameters(CATALOGUE["lever_arm"])
     effects = with_values((), ps, np.array([lever["xyz".index(p.axis)] for p in ps]))
-    with_it, without = v.linear(effects, ())[0], v.linear((), ())[0]
-    rest = level.linear((), ())[0]  # what tilting itself does to the force: no effect of the sensors
+    with_it, without = v.linearised(effects, ())[0], v.linearised((), ())[0]
+    rest = level.linearised((), ())[0]  # what tilting itself does to the force: no effect of the sensors
     assert np.abs(without - rest).max() > 1e-3
     assert np.abs(with_it - rest).max() < 1e-2 * np.abs(without - rest).max()
     assert np.abs(with_it.mean(axis=0)).max() < 1e-12  # the mean force is not known
@@ -189,6 +190,6 @@ def test_what_remembers_the_rest_before_stands_in_the_norm_beside_the_scale_fact
     v = norm(unit(G * UP))
     warmth, scale = (parameters(CATALOGUE[i]) for i in ("self_heating", "scale_factor"))
     size = np.array([p.sigma for p in warmth])
-    X = v.rows(with_values((), warmth, size)).jacobian(scale)
+    X = v.evaluate(with_values((), warmth, size)).jacobian(scale)
     assert X.shape == (20, 1, 3)
-    np.testing.assert_allclose(X, v.rows(()).jacobian(scale), rtol=1e-3, atol=1e-3 * G)
+    np.testing.assert_allclose(X, v.evaluate(()).jacobian(scale), rtol=1e-3, atol=1e-3 * G)

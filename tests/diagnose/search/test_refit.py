@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.library.unknown_noise import unknowns
 from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.diagnose.rows.views import norm, pointing
 from gimbalcal.diagnose.search.refit import constants_told, projections, refit, start, with_columns
@@ -47,9 +46,9 @@ def test_a_fit_ends_where_no_direction_that_is_seen_leads_down(seed: int) -> Non
 def test_no_fit_is_worse_than_where_it_began() -> None:
     rng = np.random.default_rng(7)
     v = norm(poses(rng.standard_normal((30, 3)), rng), ("bias", "scale_factor"))
-    wanted = tuple(p for i in ("bias", "scale_factor", "misalignment") for p in unknowns(v, i))
+    wanted = tuple(p for i in ("bias", "scale_factor", "misalignment") for p in v.parameters_of(i))
     began = with_values((), wanted, 0.3 * rng.standard_normal(len(wanted)) * [p.sigma for p in wanted])
-    before = v.rows(began).residual
+    before = v.evaluate(began).residual
     assert (refit(v, began, wanted).r ** 2).sum() <= (before**2).sum()
 
 
@@ -81,8 +80,8 @@ def test_columns_of_what_is_not_in_the_model_hold_no_noise_of_the_readings() -> 
     faces = np.tile(np.concatenate([np.eye(3), -np.eye(3)]), (4, 1))
     v = norm(poses(faces, rng, 1e-3, 0.0), ("bias", "scale_factor"))
     m = start(v)
-    wanted = unknowns(v, "cubic_nonlinearity")
-    quiet, read = v.about(m.effects).jacobian(wanted), v.rows(m.effects).jacobian(wanted)
+    wanted = v.parameters_of("cubic_nonlinearity")
+    quiet, read = v.noise_free(m.effects).jacobian(wanted), v.evaluate(m.effects).jacobian(wanted)
     y = m.r / np.linalg.norm(m.r)
 
     def copied(X: np.ndarray) -> float:
@@ -98,7 +97,7 @@ def test_a_constant_that_nothing_determines_is_not_told() -> None:
     """What order a worm has shows by its amplitude: without one there is nothing to tell, and no sigma of zero."""
     v = pointing(telescope(1, n=200))
     m = start(v)
-    wanted = unknowns(v, "periodic_worm_error")[:2]
+    wanted = v.parameters_of("periodic_worm_error")[:2]
     for size, count in ((0.0, 0), (20.0, 1)):
         none = absent_effect("periodic_worm_error", v.stimulus)
         worm = with_values([none], wanted[:1], np.array([size * np.pi / 648000]), v.stimulus.axis_names)

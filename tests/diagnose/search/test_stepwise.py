@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from gimbalcal.diagnose.rows.views import View, norm, pointing
+from gimbalcal.diagnose.rows.views import norm, pointing
 from gimbalcal.diagnose.search.likeliest import weigh
 from gimbalcal.diagnose.search.ranking import log_priors
 from gimbalcal.diagnose.search.refit import refit, start, weighted
@@ -18,6 +18,8 @@ from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.number import Array
 from gimbalcal.pipeline import silent
 from gimbalcal.units import from_si
+from gimbalcal.views.core import View
+from gimbalcal.views.noise import NoiseModel
 from tests.diagnose.plant import ARCSEC
 from tests.diagnose.search.test_refit import poses
 from tests.diagnose.small import causes_of, telescope
@@ -41,7 +43,7 @@ def test_a_refit_is_least_squares() -> None:
     m = refit(v, with_values((), ps, np.zeros(len(ps)), v.stimulus.axis_names), ps)
 
     def misfit(x: Array) -> Array:
-        return v.linear(with_values((), ps, x * ARCSEC, v.stimulus.axis_names), ())[0].ravel() / ARCSEC
+        return v.linearised(with_values((), ps, x * ARCSEC, v.stimulus.axis_names), ())[0].ravel() / ARCSEC
 
     best = least_squares(misfit, np.zeros(len(ps)), method="lm")
     scale = ARCSEC
@@ -108,7 +110,7 @@ def test_prior_shares_make_a_whole_of_causes_and_of_shapes() -> None:
     v = view()
     m = start(v)
     known = causes_of(v, m)
-    share = np.exp(log_priors(known, v.recording.kind))
+    share = np.exp(log_priors(known, v.kind))
     shape = np.array([bool(c.rival) for c in known])
     assert share[shape].sum() == pytest.approx(1.0)
     assert share[~shape].sum() == pytest.approx(1.0)
@@ -127,7 +129,7 @@ def test_rows_weigh_by_their_sigma() -> None:
     sigma = np.ones((80, 2))
     sigma[:, 1] = 4.0
     r = np.ones((80, 2, 3))
-    made = weighted(replace(v, sigma=sigma), r)
+    made = weighted(replace(v, noise=NoiseModel(sigma)), r)
     np.testing.assert_allclose(made[:, 0], 1.0)
     np.testing.assert_allclose(made[:, 1], 0.25)
     assert weighted(v, r) is r

@@ -11,9 +11,10 @@ from scipy.stats import f as fisher
 
 from gimbalcal.diagnose.library.unknown_noise import spans
 from gimbalcal.diagnose.library.view_shapes import shapes_of
-from gimbalcal.diagnose.rows.views import View, pointing
+from gimbalcal.diagnose.rows.views import pointing
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.verdict.locate_unknown_noise import largest, mismatches, patterns
+from gimbalcal.views.core import View
 from tests.diagnose.plant import ARCSEC
 from tests.diagnose.small import telescope
 
