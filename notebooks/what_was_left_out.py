@@ -160,7 +160,7 @@ between = [{"inner": a * s, "middle": b * t} for a in (30, 60) for b in (30, 60)
 more, truth = recorded({"cubic_nonlinearity": {"x": 60.0}}, wu + [{"platform": 0.0, **hold} for hold in between])
 clearer = gimbalcal.diagnose(more)
 print(clearer.in_words)
-print(clearer.findings[0].get("separate_by", ""))
+print(clearer.findings[0].separate_by)
 
 # %% [markdown]
 # One law is out; a saturation with a free knee can still bend as a cubic does between nothing and 1 g, and the answer says

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gimbalcal.calibration import Calibration
+from gimbalcal.diagnose.result import Finding, FitSummary, LawResult, Mismatch, Shape, plain
 from gimbalcal.effects import Stimulus
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
@@ -57,29 +58,21 @@ def plotted_against(s: Stimulus) -> dict[str, Array]:
     return {name: np.asarray(v) for name, v in told.items() if np.ptp(v) > 1e-6 * max(1.0, float(np.abs(v).max()))}
 
 
-@dataclass(frozen=True)
-class FoundLaw:
-    """A law that no catalogue holds: its entry in diagnosis.json, and the class that states it in law.py."""
-
-    entry: Mapping[str, Any]
-    effect: str
-
-
 @dataclass(frozen=True, repr=False)
 class Diagnosis:
     """The content of diagnosis.json (interfaces.md section 4), and the residuals behind its picture."""
 
     verdict: str
-    mismatch: tuple[Mapping[str, Any], ...]
-    findings: tuple[Mapping[str, Any], ...]
-    unexplained: tuple[Mapping[str, Any], ...]
-    fit: Mapping[str, Any]
+    mismatch: tuple[Mismatch, ...]
+    findings: tuple[Finding, ...]
+    unexplained: tuple[Shape, ...]
+    fit: FitSummary
     provenance: Mapping[str, Any] = field(default_factory=dict)
     in_words: str = ""
     curves: Curves | None = None
     calibration: Calibration | None = None  # the refit: the model with what was found in it
     outcome: str = ""  # what else speaks against the recording or its model: a fault, a larger noise, an odd constant
-    laws: tuple[FoundLaw, ...] = ()  # where nothing known explains it
+    laws: tuple[LawResult, ...] = ()  # where nothing known explains it
     recommend: str = ""  # what would determine a law, where these data do not
     printer: Callable[[Diagnosis], str] | None = field(default=None, compare=False)  # how it prints itself
 
@@ -89,11 +82,8 @@ class Diagnosis:
             return self.printer(self)
         lines = [self.in_words, *filter(None, [self.outcome])]
         for f in self.findings:
-            sizes = "; ".join(f"{p['name']} {p['axis']} {p['value']:.4g} +- {p['sigma']:.2g} {p['unit']}"
-                              for p in f["parameters"])  # fmt: skip
-            lines.append(
-                f"{f['effect']} {f['axis']}: probability {f['probability']:.2g}, {f['sigma']:.3g} sigma; {sizes}"
-            )
+            sizes = "; ".join(f"{p.name} {p.axis} {p.value:.4g} +- {p.sigma:.2g} {p.unit}" for p in f.parameters)
+            lines.append(f"{f.effect} {f.axis}: probability {f.probability:.2g}, {f.sigma:.3g} sigma; {sizes}")
         return "\n".join(lines)
 
     __repr__ = __str__
@@ -103,10 +93,9 @@ class Diagnosis:
         import polars as pl
 
         rows = [
-            {"effect": f["effect"], "axis": f["axis"], "probability": f["probability"], "in_sigmas": f["sigma"],
-             "parameter": f"{p['name']} {p['axis']}".strip(), "value": p["value"], "sigma": p["sigma"],
-             "unit": p["unit"]}
-            for f in self.findings for p in f["parameters"]
+            {"effect": f.effect, "axis": f.axis, "probability": f.probability, "in_sigmas": f.sigma,
+             "parameter": f"{p.name} {p.axis}".strip(), "value": p.value, "sigma": p.sigma, "unit": p.unit}
+            for f in self.findings for p in f.parameters
         ]  # fmt: skip
         names = ("effect", "axis", "probability", "in_sigmas", "parameter", "value", "sigma", "unit")
         kinds = {n: pl.String if n in ("effect", "axis", "parameter", "unit") else pl.Float64 for n in names}
@@ -138,14 +127,14 @@ class Diagnosis:
             "verdict": self.verdict,
             "in_words": self.in_words,
             "outcome": self.outcome,
-            "mismatch": [dict(m) for m in self.mismatch],
-            "findings": [dict(f) for f in self.findings],
-            "unexplained": [dict(u) for u in self.unexplained],
+            "mismatch": plain(self.mismatch),
+            "findings": plain(self.findings),
+            "unexplained": plain(self.unexplained),
             **(
-                {"laws": [dict(law.entry) for law in self.laws], "recommend": self.recommend}
+                {"laws": plain(self.laws), "recommend": self.recommend}
                 if self.verdict == "unexplained" or self.laws
                 else {}
             ),
-            "fit": dict(self.fit),
+            "fit": self.fit.to_dict(),
             "provenance": dict(self.provenance),
         }

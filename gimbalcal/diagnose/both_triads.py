@@ -22,6 +22,7 @@ from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import VERDICTS, Diagnosis
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
+from gimbalcal.diagnose.result import Finding, Mismatch, Shape
 from gimbalcal.diagnose.rows.baseline import by_triad
 from gimbalcal.diagnose.rows.rest_rates import RESTS, rest_rates
 from gimbalcal.diagnose.rows.turns import FEWEST, view_of_turns
@@ -184,14 +185,14 @@ class _Part:
     @property
     def rank(self) -> tuple[int, float]:
         """Verdict, then how far it is off."""
-        off = 0.0 if self.said.verdict == "adequate" else float(self.said.fit["chi2_reduced_before"])
+        off = 0.0 if self.said.verdict == "adequate" else self.said.fit.chi2_reduced_before
         return VERDICTS.index(self.said.verdict), off
 
 
 def _part_of_forces(d: Diagnosis) -> _Part:
     if d.findings:
         return _Part("forces", d, wording.improved(d.fit, "Reduced chi^2 of the forces"))
-    left = f"Reduced chi^2 of the forces is {d.fit['chi2_reduced_before']:.3g}."
+    left = f"Reduced chi^2 of the forces is {d.fit.chi2_reduced_before:.3g}."
     return _Part("forces", d, left if d.verdict == "adequate" else "")
 
 
@@ -205,9 +206,9 @@ def _together(
         raise InputError(f"{recording.title!r} leaves nothing to compare. {' '.join(notes)}")
     lead = max(parts, key=lambda p: p.rank)
     parts_by_weight = [lead, *(p for p in parts if p is not lead)]
-    mismatch: tuple[Mapping[str, Any], ...] = tuple(m for p in parts_by_weight for m in p.said.mismatch)
-    found: tuple[Mapping[str, Any], ...] = tuple(f for p in parts for f in p.said.findings)
-    shapes: tuple[Mapping[str, Any], ...] = tuple(u for p in parts for u in p.said.unexplained)
+    mismatch = tuple(m for p in parts_by_weight for m in p.said.mismatch)
+    found = tuple(f for p in parts for f in p.said.findings)
+    shapes = tuple(u for p in parts for u in p.said.unexplained)
     ids = [i for t in told for i in t.view.baseline]
     options = {"seed": seed} if forces is None else dict(forces.provenance["options"])
     provenance: dict[str, Any] = {
@@ -218,7 +219,7 @@ def _together(
         "views": [p.name for p in parts],
         **({"notes": list(notes)} if notes else {}),
     }
-    fitted = {**lead.said.fit, "views": {p.name: dict(p.said.fit) for p in parts}}
+    fitted = replace(lead.said.fit, views={p.name: p.said.fit for p in parts})
     verdict = lead.said.verdict
     also = joined([o for p in parts if (o := p.said.outcome)])
     words = _answer(verdict, parts, found, shapes, mismatch, [f"{also}."] * bool(also) + list(notes))
@@ -235,8 +236,8 @@ def _ids(options: Mapping[str, Any]) -> list[str]:
 
 
 def _answer(
-    verdict: str, parts: Sequence[_Part], found: Sequence[Mapping[str, Any]], shapes: Sequence[Mapping[str, Any]],
-    mismatch: Sequence[Mapping[str, Any]], notes: Sequence[str],
+    verdict: str, parts: Sequence[_Part], found: Sequence[Finding], shapes: Sequence[Shape],
+    mismatch: Sequence[Mismatch], notes: Sequence[str],
 ) -> str:  # fmt: skip
     """One answer that names what both triads lack."""
     if verdict == "adequate":
@@ -247,5 +248,5 @@ def _answer(
         out = [wording.NO_CAUSE]
     out += [p.in_words for p in parts if p.in_words]
     out += [f"Without a known cause is {wording.left_over(u)}." for u in shapes[:1]]
-    out += [f"{m['in_words']}." for m in mismatch[:1]]
+    out += [f"{m.in_words}." for m in mismatch[:1]]
     return " ".join(filter(None, [*out, wording.delayed(found), *notes]))

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Diagnosis
+from gimbalcal.diagnose.result import Cost
 from gimbalcal.diagnose.rows.in_place import emptied, turned_in_place
 from gimbalcal.earth import SOLAR_DAY
 from gimbalcal.effects import CATALOGUE, Effect
@@ -69,15 +69,14 @@ def with_cost(recordings: Sequence[Recording], d: Diagnosis, tell: Tell = silent
         costs = _costs(unit)
     except InputError:  # two runs of a kind, no readouts, no latitude: no calibration or no navigator
         return d
-    told = ({**f, "cost": costs[f["effect"]]} if f["effect"] in costs else f for f in d.findings)
-    return replace(d, findings=tuple(told))
+    return replace(d, findings=tuple(replace(f, cost=costs.get(f.effect)) for f in d.findings))
 
 
 def _unit(recordings: Sequence[Recording], d: Diagnosis) -> _Unit | None:
     """How the unit of these recordings is calibrated and navigated; None where no navigator can be run."""
     first, made = recordings[0], d.calibration
     assert made is not None
-    named = list(dict.fromkeys(f["effect"] for f in d.findings))
+    named = list(dict.fromkeys(f.effect for f in d.findings))
     found = {e.id: e for e in made.effects if e.id in named}
     if len(recordings) == 1 and turned_in_place(first):
         return _Unit(
@@ -112,7 +111,7 @@ def _as_found(e: Effect) -> Added:
     return Added(e.id, (), stated, str(getattr(e, "covariate", "")) if follows(type(e)) == "" else "")
 
 
-def _costs(unit: _Unit) -> Mapping[str, Mapping[str, Any]]:
+def _costs(unit: _Unit) -> Mapping[str, Cost]:
     """The cost of each effect that was found and that the run shows; what all of them leave is navigated once."""
     run, shown = _run(unit)
     if not shown:
@@ -123,14 +122,11 @@ def _costs(unit: _Unit) -> Mapping[str, Mapping[str, Any]]:
         known, raw = (float(navigated(run, c, aids).position.max()) / NAUTICAL_MILE for c in (unit.whole, None))
     else:
         known = uncertain(run, unit.whole, aids) / NAUTICAL_MILE
-    out: dict[str, Mapping[str, Any]] = {}
+    out: dict[str, Cost] = {}
     for effect in shown:
         without = navigated(run, unit.without(effect), aids)
         hours, left_out = float(without.time[-1] / 3600), float(without.position.max() / NAUTICAL_MILE)
-        cost = {"hours": hours, "with_nmi": known, "without_nmi": left_out}
-        if raw is not None:
-            cost["uncalibrated_nmi"] = raw
-        out[effect] = {**cost, "in_words": in_words(hours, known, left_out, raw)}
+        out[effect] = Cost(hours, known, left_out, in_words(hours, known, left_out, raw), raw)
     return out
 
 

@@ -14,6 +14,7 @@ from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.both_triads import diagnose_both_triads, has_gyroscopes
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
 from gimbalcal.diagnose.reservation import with_reservation
+from gimbalcal.diagnose.result import Shape
 from gimbalcal.diagnose.rows.baseline import by_triad, check_baseline, check_finite
 from gimbalcal.diagnose.several import diagnose_several
 from gimbalcal.diagnose.unknown_noise import applies, diagnose_unknown_noise
@@ -95,7 +96,7 @@ def _questioned(found: Diagnosis, recordings: Sequence[Recording], unit: Graded)
     if found.outcome and found.verdict == "unexplained":  # positions that were not held leave constants of any size
         return found
     made = with_gravity(found.calibration, recordings)
-    asked = questioned(made, recordings, unit, _again, {f["effect"] for f in found.findings})
+    asked = questioned(made, recordings, unit, _again, {f.effect for f in found.findings})
     question = asked.provenance.get("options", {}).get("question", "") if asked is not made else ""
     if not question:
         return replace(found, calibration=made)
@@ -162,7 +163,7 @@ def _nights(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
     made = _held_together(made, "night", "share their terms", ask, asked.tell)
     if not made.outcome:
         return made
-    shape = {"channel": "pointing", "shape": "terms that differ from night to night"}
+    shape = Shape("pointing", "terms that differ from night to night")
     verdict = "unexplained" if made.verdict == "adequate" else made.verdict
     return replace(made, verdict=verdict, unexplained=(*made.unexplained, shape))
 

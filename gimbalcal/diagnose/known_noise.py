@@ -20,6 +20,7 @@ from gimbalcal.diagnose.evidence.noise import nodes, settle
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.known_noise import library
+from gimbalcal.diagnose.result import Estimate, Finding, Shape, Shift, StatedNoiseFit
 from gimbalcal.diagnose.rows.baseline import carried
 from gimbalcal.diagnose.rows.observations import (
     Observations,
@@ -66,14 +67,15 @@ def diagnose_known_noise(
     if wander is not None and d.verdict == "adequate":  # unless a formula is as likely: a walk has none
         none = unnamed(held) if held.ln_total >= CLAIM else replace(unnamed(held), shapes=())
         law = lawful([held], [none.shapes[:1]], held, none.verdict, seed, tell) if none.shapes else Lawful()
-        likelier = max((float(found.entry["evidence"]) for found in law.laws), default=-np.inf) - wander.ln_total
+        likelier = max((found.evidence for found in law.laws), default=-np.inf) - wander.ln_total
         law = law if likelier > -CLAIM else Lawful(recommend=law.recommend or once_more(s.o.kind))
         made = _report(held, none, clean, rng, options, tell, calibration, law)
         return made if likelier > CLAIM else with_wander(made, wander, alone=likelier < -CLAIM)
     made = _report(s, d, clean, rng, options, tell, calibration)
     if wander is not None:
         return with_wander(made, wander)
-    if d.hypothesis is None or (made.fit["scan_p_after"] >= LEFT and strained(s, d.hypothesis.members) < CLAIM):
+    assert isinstance(made.fit, StatedNoiseFit)
+    if d.hypothesis is None or (made.fit.scan_p_after >= LEFT and strained(s, d.hypothesis.members) < CLAIM):
         return made
     none = unnamed(s)
     law = lawful([s], [none.shapes[:1]], s, none.verdict, seed, tell, instead=True)
@@ -154,11 +156,11 @@ def _report(
     }
     words, fault = wording.answer(d.verdict, named, shapes, mismatch, fitted), misheld(s, d.verdict)
     if d.verdict == "adequate":
-        fitted["unseen"] = unseen(s.library.candidates, s.projections)
-        words = f"{words} {in_words(fitted['unseen'])}".strip()
+        limits = unseen(s.library.candidates, s.projections)
+        fitted, words = replace(fitted, unseen=limits), f"{words} {in_words(limits)}".strip()
     law = law or lawful([s], [d.shapes[:1]], s, d.verdict, int(options["seed"]), tell)
-    for numbers, left in law.each:
-        fitted |= numbers
+    for law_fit, left in law.each:
+        fitted = law_fit.summary(fitted)
         curves = replace(curves, after=left)
     tell("the model with what was found, as a calibration")
     made = calibrated_alone(s, f, wording.reserve(d.verdict, named, shapes), known)
@@ -172,12 +174,12 @@ def calibrated_alone(s: Search, f: FittedCauses, outcome: str, known: Calibratio
     causes = [s.library.candidates[m] for m in f.members]
     told = [constant_value(s, f, j) for j in range(len(causes))]
     found = found_of(causes, told, f.x, f.covariance)
-    return calibrated([(s.o, f.projection.node, range(len(causes)))], found, outcome, known)
+    return calibrated([(s.o, f.projection.node, range(len(causes)))], found, outcome, known)[0]
 
 
 def measured(
     s: Search, f: FittedCauses, seen: FittedCauses, rng: np.random.Generator
-) -> tuple[Scan, dict[str, Any], Curves]:
+) -> tuple[Scan, StatedNoiseFit, Curves]:
     """Where one recording is off before anything is added, the numbers of its fit, and its residuals.
 
     `f` is the fit of what was found, `seen` the same or that of a shape, whose noise counts.
@@ -185,13 +187,8 @@ def measured(
     physical, node = physical_columns(s, f), seen.projection.node
     before = scan(s.o, s.rows, node, rng)
     after = scan(s.o, s.rows, node, rng, s.library.X[:, list(f.index)]) if f.index else before
-    fitted = {
-        **verify(s, f if f.index else seen, physical).to_dict(),
-        "scan_p_before": before.p_value,
-        "scan_p_after": after.p_value,
-        "noise": dict(node.name),
-        "calibration_moved": moved(s, f) if f.index else [],
-    }
+    fitted = verify(s, f if f.index else seen, physical).summary(node, before.p_value, after.p_value)
+    fitted = replace(fitted, calibration_moved=moved(s, f) if f.index else ())
     left, rest = residual_rows(s.o, physical @ f.x)
     sigma, units = in_print(s.o.channels, np.broadcast_to(s.o.sigma, left.shape))
     return (
@@ -210,7 +207,7 @@ def measured(
     )
 
 
-def findings(s: Search, d: Decision, f: FittedCauses) -> tuple[dict[str, Any], ...]:
+def findings(s: Search, d: Decision, f: FittedCauses) -> tuple[Finding, ...]:
     """What is named: effect, axis, probability, significance, sizes, what it is confounded with and how to tell."""
     candidates, out, at = s.library.candidates, [], 0
     for j, m in enumerate(f.members):
@@ -229,54 +226,47 @@ def findings(s: Search, d: Decision, f: FittedCauses) -> tuple[dict[str, Any], .
 
 
 def finding(
-    c: Candidate, confounded: Sequence[Candidate], probability: float, significance: float, rows: list[dict[str, Any]],
+    c: Candidate, confounded: Sequence[Candidate], probability: float, significance: float, rows: Sequence[Estimate],
     advice: str,
-) -> dict[str, Any]:  # fmt: skip
-    """One finding as the contract wants it."""
+) -> Finding:  # fmt: skip
+    """One finding, on the axes of all causes that stand together."""
     axes = list(dict.fromkeys(a for a in [c.axis, *(t.axis for t in confounded)] if a))
     axes = [a for n, a in enumerate(axes) if not any(a in b for b in axes[:n])]
-    return {
-        "effect": c.effect, "axis": " / ".join(axes), "probability": capped(probability),
-        "sigma": round(significance, 2), "parameters": rows, "twins": [t.effect for t in confounded],
-        "physics": wording.physics(c.effect), **wording.law(c.effect), "separate_by": advice,
-    }  # fmt: skip
+    twins = tuple(t.effect for t in confounded)
+    return Finding(c.effect, " / ".join(axes), capped(probability), round(significance, 2), tuple(rows), twins, advice)
 
 
-def printed(parameters: Sequence[Parameter], size: Array, sigma: Array) -> list[dict[str, Any]]:
+def printed(parameters: Sequence[Parameter], size: Array, sigma: Array) -> list[Estimate]:
     """Parameters in printed units, from sizes and sigmas (p,) in prior sigmas; without those that nothing shows."""
     rows = []
     for p, x, e in zip(parameters, size, sigma, strict=True):
         if e == 0:
             continue
         scale = float(from_si(p.sigma, p.unit))
-        value, sigma_ = float(x) * scale, float(e) * scale
-        rows.append({"name": p.name, "axis": p.axis, "value": value, "sigma": sigma_, "unit": p.unit})
+        rows.append(Estimate(p.name, p.axis, float(x) * scale, float(e) * scale, p.unit))
     return rows
 
 
-def constants(c: Candidate, values: Sequence[tuple[str, float, float]]) -> list[dict[str, Any]]:
+def constants(c: Candidate, values: Sequence[tuple[str, float, float]]) -> list[Estimate]:
     """Non-linear constants in printed units, from name, value and sigma in SI."""
     units = {g.name: g.metadata["unit"] for g in CATALOGUE[c.effect].__dataclass_fields__.values() if g.metadata}
     return [
-        {"name": name, "axis": "", "value": float(from_si(value, units[name])),
-         "sigma": float(from_si(spread, units[name])), "unit": units[name]}
+        Estimate(name, "", float(from_si(value, units[name])), float(from_si(spread, units[name])), units[name])
         for name, value, spread in values
-    ]  # fmt: skip
+    ]
 
 
-def moved(s: Search, f: FittedCauses) -> list[dict[str, Any]]:
+def moved(s: Search, f: FittedCauses) -> tuple[Shift, ...]:
     """How far each calibration constant moves once what was found is in the model."""
     before, after, sigma = calibration_fit(s, f)
     out = []
     for p, b, a, e in zip(s.o.constants, before, after, sigma, strict=True):
         scale = float(from_si(p.sigma, p.unit))
-        out.append({
-            "name": p.name, "axis": p.axis, "moved": float(a - b) * scale, "sigma": float(e) * scale, "unit": p.unit,
-            "in_sigmas": round(float((a - b) / e), 2) if e > 0 else 0.0,
-        })  # fmt: skip
-    return sorted(out, key=lambda row: -abs(row["in_sigmas"]))
+        in_sigmas = round(float((a - b) / e), 2) if e > 0 else 0.0
+        out.append(Shift(p.name, p.axis, float(a - b) * scale, float(e) * scale, p.unit, in_sigmas))
+    return tuple(sorted(out, key=lambda row: -abs(row.in_sigmas)))
 
 
-def shape(c: Candidate) -> dict[str, str]:
+def shape(c: Candidate) -> Shape:
     """What is left unexplained, as the contract wants it."""
     return wording.shape(c.rival, c.channel, c.axis)

@@ -19,6 +19,16 @@ from gimbalcal.diagnose.answer import Curves, Diagnosis
 from gimbalcal.diagnose.both_triads import has_gyroscopes
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.known_noise import constants, finding, measured, printed, searched, shape
+from gimbalcal.diagnose.result import (
+    Finding,
+    Mismatch,
+    RecordingFit,
+    RecordingSize,
+    SeparateVerdict,
+    Shape,
+    SizeAgreement,
+    StatedNoiseFit,
+)
 from gimbalcal.diagnose.rows.baseline import unfit
 from gimbalcal.diagnose.search.combine import CombinedRanking, combine
 from gimbalcal.diagnose.search.ranking import Search
@@ -26,6 +36,7 @@ from gimbalcal.diagnose.unknown_noise import applies
 from gimbalcal.diagnose.verdict.calibrated import calibrated, found_of
 from gimbalcal.diagnose.verdict.decide import Decision, bar, decide
 from gimbalcal.diagnose.verdict.decide_together import clean_together, decide_together
+from gimbalcal.diagnose.verdict.disagreement import Disagreement
 from gimbalcal.diagnose.verdict.laws import APART, Lawful, lawful
 from gimbalcal.diagnose.verdict.locate import LISTED, Scan, mismatches
 from gimbalcal.diagnose.verdict.model import fit_causes
@@ -50,7 +61,7 @@ class Share:
     alone: Decision
     needed: float
     before: Scan
-    fit: dict[str, Any]
+    fit: StatedNoiseFit
     curves: Curves
 
 
@@ -83,7 +94,8 @@ def diagnose_several(
 def _with_law(shares: tuple[Share, ...], law: Lawful) -> tuple[Share, ...]:
     """The shares with what a law that no catalogue holds, if there is one, makes of their numbers."""
     each = zip(shares, law.each, strict=True) if law.each else ()
-    return tuple(replace(x, fit={**x.fit, **fit}, curves=replace(x.curves, after=r)) for x, (fit, r) in each) or shares
+    made = (replace(x, fit=law.summary(x.fit), curves=replace(x.curves, after=r)) for x, (law, r) in each)
+    return tuple(made) or shares
 
 
 def _check(recordings: Sequence[Recording]) -> None:
@@ -138,7 +150,7 @@ def _report(
     mismatch = () if d.verdict == "adequate" else _mismatch(shares, lead)
     named = _findings(c, d, [x.part for x in shares])
     unexplained = tuple(_shape(c, i) for i in d.shapes[:3])
-    fitted = {**_sums(shares, lead), "recordings": [_row(c, k, x) for k, x in enumerate(shares)]}
+    fitted = replace(_sums(shares, lead), recordings=tuple(_row(c, k, x) for k, x in enumerate(shares)))
     provenance = {
         "version": gimbalcal.__version__,
         "recordings": [row for s in c.searches for row in s.o.recording.files],
@@ -151,16 +163,15 @@ def _report(
         "excess_kurtosis": round(max(s.o.heavy for s in c.searches), 3),
     }
     words = [wording.answer(d.verdict, named, unexplained, mismatch, fitted)]
-    words += [f["agreement"]["in_words"] for f in named if f["agreement"]["in_words"]]
+    words += [f.agreement.in_words for f in named if f.agreement and f.agreement.in_words]
     words.append(_each_alone(c, shares))
-    made = _calibrated(c, d, shares, wording.reserve(d.verdict, named, unexplained), known)
-    between = made.provenance["agreement"]
-    fitted["constants"] = between
-    verdict, differ, recommend = d.verdict, str(between["in_words"]), law.recommend
+    made, between = _calibrated(c, d, shares, wording.reserve(d.verdict, named, unexplained), known)
+    fitted = replace(fitted, constants=between)
+    verdict, differ, recommend = d.verdict, between.in_words, law.recommend
     if differ:
         recommend = recommend or APART
         words.insert(0, differ)
-        unexplained += ({"channel": "all", "shape": "constants that differ between the recordings"},)
+        unexplained += (Shape("all", "constants that differ between the recordings"),)
         verdict = "unexplained" if verdict == "adequate" else verdict
     return Diagnosis(
         verdict, mismatch, named, unexplained, fitted, provenance, " ".join(words), shares[lead].curves, made,
@@ -170,27 +181,29 @@ def _report(
 
 def _calibrated(
     c: CombinedRanking, d: Decision, shares: Sequence[Share], outcome: str, known: Calibration | None
-) -> Calibration:
-    """The calibration of the unit: all recordings together, with the sizes that they have in common."""
+) -> tuple[Calibration, Disagreement]:
+    """The calibration of the unit from all recordings, with their common sizes, and how well these agree."""
     members, each = d.hypothesis.members if d.hypothesis else (), [x.part for x in shares]
     causes = [c.library.candidates[m] for m in members]
     x, C = pooled(each, [len(cause.parameters) for cause in causes])
     told = [common_constants(c, members, each, j) for j in range(len(causes))]
     seen = [(p.search.o, p.fit.projection.node, p.slots) for p in each]
-    return calibrated(seen, found_of(causes, told, x, C), outcome, known)
+    made, between = calibrated(seen, found_of(causes, told, x, C), outcome, known)
+    assert between is not None  # there are several
+    return made, between
 
 
-def _mismatch(shares: Sequence[Share], lead: int) -> tuple[dict[str, Any], ...]:
+def _mismatch(shares: Sequence[Share], lead: int) -> tuple[Mismatch, ...]:
     """Where each recording is off, the one that is off most first."""
     out = []
     for k in sorted(range(len(shares)), key=lambda k: k != lead):
         for m in mismatches(shares[k].before, at_least=int(k == lead)):
-            words = m["in_words"]
-            out.append({**m, "recording": k + 1, "in_words": f"In recording {k + 1}, {words[0].lower()}{words[1:]}"})
+            words = f"In recording {k + 1}, {m.in_words[0].lower()}{m.in_words[1:]}"
+            out.append(replace(m, recording=k + 1, in_words=words))
     return tuple(out[:LISTED])
 
 
-def _findings(c: CombinedRanking, d: Decision, shares: Sequence[Part]) -> tuple[dict[str, Any], ...]:
+def _findings(c: CombinedRanking, d: Decision, shares: Sequence[Part]) -> tuple[Finding, ...]:
     """What is named, with the size that all recordings give it and the size that each gives it."""
     members = d.hypothesis.members if d.hypothesis else ()
     counts = [len(c.library.candidates[m].parameters) for m in members]
@@ -204,11 +217,11 @@ def _findings(c: CombinedRanking, d: Decision, shares: Sequence[Part]) -> tuple[
         significance = float(np.sqrt(sum(p.fit.significance[p.slots.index(j)] ** 2 for p in shares if j in p.slots)))
         advice = _advice(c, d, shares, j, x[at])
         made = finding(cause, confounded, d.probability[j], significance, rows, advice)
-        out.append({**made, "recordings": _sizes(shares, j), "agreement": _agreement(shares, j, made)})
+        out.append(replace(made, recordings=_sizes(shares, j), agreement=_agreement(shares, j, made)))
     return tuple(out)
 
 
-def _sizes(shares: Sequence[Part], slot: int) -> list[dict[str, Any]]:
+def _sizes(shares: Sequence[Part], slot: int) -> tuple[RecordingSize, ...]:
     """The size that each recording gives a member."""
     out = []
     for k, p in enumerate(shares):
@@ -216,14 +229,13 @@ def _sizes(shares: Sequence[Part], slot: int) -> list[dict[str, Any]]:
             n, at = p.slots.index(slot), p.span(slot)
             sigma = np.sqrt(np.diag(p.fit.covariance))[at]
             rows = printed(p.search.library.candidates[n].parameters, p.fit.x[at], sigma)
-            out.append({"recording": k + 1, "sigma": round(p.fit.significance[n], 2), "parameters": rows})
-    return out
+            out.append(RecordingSize(k + 1, round(p.fit.significance[n], 2), tuple(rows)))
+    return tuple(out)
 
 
-def _agreement(shares: Sequence[Part], slot: int, found: dict[str, Any]) -> dict[str, Any]:
+def _agreement(shares: Sequence[Part], slot: int, found: Finding) -> SizeAgreement:
     a = agreement(shares, slot)
-    words = a.against(wording.named({**found, "twins": []}))
-    return {"chi2": round(a.chi2, 3), "dof": a.dof, "p_value": a.p_value, "in_words": words}
+    return SizeAgreement(round(a.chi2, 3), a.dof, a.p_value, a.against(wording.named(found.effect, found.axis)))
 
 
 def _advice(c: CombinedRanking, d: Decision, shares: Sequence[Part], slot: int, size: Array) -> str:
@@ -237,39 +249,35 @@ def _advice(c: CombinedRanking, d: Decision, shares: Sequence[Part], slot: int, 
     return ""
 
 
-def _shape(c: CombinedRanking, i: int) -> dict[str, Any]:
+def _shape(c: CombinedRanking, i: int) -> Shape:
     """A shape without a cause, and which recordings show it."""
     seen = [k + 1 for k in c.sees(i)]
     where = f"recording {seen[0]}" if len(seen) == 1 else "every recording that could show it"
     rest = shape(c.library.candidates[i])
-    return {**rest, "channel": f"{rest['channel']} of {where}", "recordings": seen}
+    return replace(rest, channel=f"{rest.channel} of {where}", recordings=tuple(seen))
 
 
-def _sums(shares: Sequence[Share], lead: int) -> dict[str, Any]:
+def _sums(shares: Sequence[Share], lead: int) -> StatedNoiseFit:
     """The numbers of all recordings together; noise and calibration are those of the recording that is off most."""
-    out = dict(shares[lead].fit)
+    sums: dict[str, Any] = {}
     sizes = [x.part.search.rows.Q.shape for x in shares]
     for what in AVERAGED:
         for when in ("before", "after"):
             fitted = [len(x.part.fit.index) if when == "after" else 0 for x in shares]
             weight = [R - (q + p if what == "chi2_reduced" else 0) for (R, q), p in zip(sizes, fitted, strict=True)]
             key = f"{what}_{when}"
-            out[key] = float(np.average([x.fit[key] for x in shares], weights=weight))
+            sums[key] = float(np.average([getattr(x.fit, key) for x in shares], weights=weight))
     for when in ("before", "after"):
-        p = [x.fit[f"scan_p_{when}"] for x in shares]
-        out[f"scan_p_{when}"] = float(-np.expm1(len(p) * np.log1p(-min(*p, 1 - 1e-15))))
-    out["heldout_by"] = " and ".join(dict.fromkeys(x.fit["heldout_by"] for x in shares))
-    return out
+        p = [getattr(x.fit, f"scan_p_{when}") for x in shares]
+        sums[f"scan_p_{when}"] = float(-np.expm1(len(p) * np.log1p(-min(*p, 1 - 1e-15))))
+    return replace(shares[lead].fit, **sums, heldout_by=" and ".join(dict.fromkeys(x.fit.heldout_by for x in shares)))
 
 
-def _row(c: CombinedRanking, k: int, x: Share) -> dict[str, Any]:
+def _row(c: CombinedRanking, k: int, x: Share) -> RecordingFit:
     """One recording in `fit`: what it is, its numbers, and what it alone would have said."""
     s = c.searches[k]
-    return {
-        "recording": k + 1, "title": s.o.recording.title, "kind": s.o.kind, **x.fit,
-        "alone": {"verdict": x.alone.verdict, "in_words": _called(s, x.alone),
-                  "ln_bayes_factor": round(s.ln_total, 3), "ln_bayes_factor_needed": round(x.needed, 3)},
-    }  # fmt: skip
+    alone = SeparateVerdict(x.alone.verdict, _called(s, x.alone), round(s.ln_total, 3), round(x.needed, 3))
+    return RecordingFit(k + 1, s.o.recording.title, s.o.kind, x.fit, alone)
 
 
 def _called(s: Search, d: Decision) -> str:
@@ -280,9 +288,7 @@ def _called(s: Search, d: Decision) -> str:
         return "something is missing that no cause of the catalogue explains"
     found = s.library.candidates
     return " and ".join(
-        wording.named(
-            {"effect": found[m].effect, "axis": found[m].axis, "twins": [found[i].effect for i in confounded]}
-        )
+        wording.named(found[m].effect, found[m].axis, [found[i].effect for i in confounded])
         for m, confounded in zip(d.hypothesis.members, d.confounded, strict=True)
     )
 

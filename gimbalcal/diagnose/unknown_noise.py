@@ -159,9 +159,7 @@ def _together(
 ) -> Diagnosis:
     lead = max(told, key=lambda t: VERDICTS.index(t.verdict))
     verdict = lead.verdict
-    fit = dict(lead.fit)
-    if len(told) > 1:
-        fit["views"] = {t.view.name: t.fit for t in told}
+    fit = lead.fit if len(told) == 1 else replace(lead.fit, views={t.view.name: t.fit for t in told})
     found = tuple(f for t in told for f in t.findings)
     shapes = tuple(u for t in told for u in t.unexplained)
     mismatch = tuple(m for t in (lead, *(t for t in told if t is not lead)) for m in t.mismatch)
@@ -173,7 +171,7 @@ def _together(
         **({"notes": list(notes)} if notes else {}),
     }
     words = wording.answer_of_views(verdict, [(t.view, t.fit, t.findings) for t in told], shapes, mismatch)
-    hidden = in_words([u for t in told for u in t.fit.get("unseen", ())]) if verdict == "adequate" else ""
+    hidden = in_words([u for t in told for u in t.fit.unseen or ()]) if verdict == "adequate" else ""
     also = outcome_of(told)
     words = " ".join(filter(None, [words, hidden, wording.delayed(found), f"{also}." if also else "", *notes]))
     made = calibration_of(recording, told, wording.reserve(verdict, found, shapes))
@@ -191,7 +189,7 @@ def calibration_of(
     recording: Recording, told: Sequence[Told], outcome: str, forces: Calibration | None = None
 ) -> Calibration:
     """The calibration that the views end in, with what another road says of the forces."""
-    causes = [f"{f['effect']}:{f['axis']}".rstrip(":") for t in told for f in t.findings]
+    causes = [f"{f.effect}:{f.axis}".rstrip(":") for t in told for f in t.findings]
     for t in told:
         if t.view.calibrate is not None:  # states of the navigator that the rows come from
             found = t.view.calibrate(t.model.effects, t.model.fitted)

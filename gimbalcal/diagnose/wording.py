@@ -5,13 +5,11 @@ Where the noise is known misfits are told in sigma, as reduced chi^2; where it i
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
-from gimbalcal.effects import CATALOGUE
-from gimbalcal.effects.card import stated_law
+from gimbalcal.diagnose.result import Finding, FitSummary, Mismatch, Shape, ViewFit
 from gimbalcal.number import Array
 from gimbalcal.views.core import View
 
@@ -31,8 +29,6 @@ CHANNELS = {"norm": "the norm of the force", "rest rates": "the rates at rest", 
 NAMED = 3  # causes that stand together up to which their set is a name
 QUIET = 1.5  # times the samples' own scatter; beyond it a sentence says what the rest may be
 
-Entry = Mapping[str, Any]  # one entry of a list of diagnosis.json: a finding, a mismatch, a shape
-
 
 # --- an effect --------------------------------------------------------------------------------------------------------
 
@@ -46,24 +42,13 @@ def spoken(effect: str) -> str:
     return effect.replace("_", " ")
 
 
-def physics(effect: str) -> str:
-    """The first sentence of the effect's card."""
-    return " ".join((CATALOGUE[effect].__doc__ or "").strip().split("\n\n")[0].split())
+def named(effect: str, axis: str, twins: Sequence[str] = ()) -> str:
+    """An effect with its axis, and the effects that these data do not tell from it; of many no one is named.
 
-
-def law(effect: str) -> dict[str, Any]:
-    """The formula of the effect's card, LaTeX, and T0 in degC where it follows the temperature."""
-    return {key: told for key, told in stated_law(CATALOGUE[effect]).items() if key != "effect"}
-
-
-def named(finding: Entry) -> str:
-    """A finding with its axis, and the effects that these data do not tell from it; of many no one is named.
-
-    >>> named({"effect": "bias_drift", "axis": "y", "twins": ["warm_up", "bias_step", "self_heating"]})
+    >>> named("bias_drift", "y", ("warm_up", "bias_step", "self_heating"))
     'one of 4 that look alike: bias drift (y), warm up, bias step, self heating'
     """
-    axis = f" ({spoken(finding['axis'])})" if finding["axis"] else ""
-    every = [f"{spoken(finding['effect'])}{axis}", *(spoken(t) for t in finding["twins"])]
+    every = [f"{spoken(effect)} ({spoken(axis)})" if axis else spoken(effect), *(spoken(t) for t in twins)]
     return " or ".join(every) if len(every) <= NAMED else f"one of {len(every)} that look alike: {', '.join(every)}"
 
 
@@ -71,11 +56,12 @@ def named(finding: Entry) -> str:
 
 
 def answer(
-    verdict: str, findings: Sequence[Entry], unexplained: Sequence[Entry], mismatch: Sequence[Entry], fit: Entry
-) -> str:
+    verdict: str, findings: Sequence[Finding], unexplained: Sequence[Shape], mismatch: Sequence[Mismatch],
+    fit: FitSummary,
+) -> str:  # fmt: skip
     """The verdict in two sentences, where the noise is known."""
     if verdict == "adequate":
-        return f"The calibrated model explains these data: reduced chi^2 {fit['chi2_reduced_before']:.3g}."
+        return f"The calibrated model explains these data: reduced chi^2 {fit.chi2_reduced_before:.3g}."
     if verdict == "unexplained":
         return f"{no_cause(unexplained)}{off(mismatch)}"
     rest = ""
@@ -88,8 +74,8 @@ MISSED = 5.0  # times what is left, from which rows that took no part say that t
 
 
 def answer_of_views(
-    verdict: str, views: Sequence[tuple[View, Entry, Sequence[Entry]]], unexplained: Sequence[Entry],
-    mismatch: Sequence[Entry],
+    verdict: str, views: Sequence[tuple[View, ViewFit, Sequence[Finding]]], unexplained: Sequence[Shape],
+    mismatch: Sequence[Mismatch],
 ) -> str:  # fmt: skip
     """The verdict in a few sentences, where the noise is not known; per view its fit, and the findings in it."""
     if verdict == "adequate":
@@ -104,13 +90,13 @@ def answer_of_views(
     return f"{causes(verdict, found, by='; ')}. {better}{rest}{off(mismatch)}"
 
 
-def reserve(verdict: str, findings: Sequence[Entry], unexplained: Sequence[Entry]) -> str:
+def reserve(verdict: str, findings: Sequence[Finding], unexplained: Sequence[Shape]) -> str:
     """Why the calibration that a diagnosis ends in should not be used as it is; empty where nothing speaks against."""
     if verdict == "unexplained":
         return f"{no_cause(unexplained)} The calibration holds the model without it"
     if verdict != "not-identifiable":
         return ""
-    held = " and ".join(named({**f, "twins": []}) for f in findings if f["effect"] not in DELAYS)
+    held = " and ".join(named(f.effect, f.axis) for f in findings if f.effect not in DELAYS)
     corrects = f" The calibration holds {held}, which corrects these data as well as the others" if held else ""
     return f"{causes(verdict, findings)}.{corrects}"
 
@@ -122,16 +108,16 @@ DELAYS = {  # what is read that much later than what it is logged with, where th
 }
 
 
-def delayed(findings: Sequence[Entry]) -> str:
+def delayed(findings: Sequence[Finding]) -> str:
     """Which channel comes how much later or earlier than the others, and what to do about it; empty for none."""
     said = []
     for f in findings:
-        for p in f["parameters"] if f["effect"] in DELAYS else ():
-            channel, sense = DELAYS[f["effect"]]
-            late = sense * p["value"]
+        for p in f.parameters if f.effect in DELAYS else ():
+            channel, sense = DELAYS[f.effect]
+            late = sense * p.value
             when = ("late", "early") if late > 0 else ("early", "late")
-            other = "".join(f", or {DELAYS[t][0]} as much {when[1]}" for t in f["twins"] if t in DELAYS)
-            said.append(f"{channel} is logged {abs(late):.3g} +- {p['sigma']:.2g} ms {when[0]}{other}")
+            other = "".join(f", or {DELAYS[t][0]} as much {when[1]}" for t in f.twins if t in DELAYS)
+            said.append(f"{channel} is logged {abs(late):.3g} +- {p.sigma:.2g} ms {when[0]}{other}")
     if not said:
         return ""
     text = " and ".join(said)
@@ -143,44 +129,44 @@ def unlooked_way(why: str) -> str:
     return f"The way between positions was not looked at, so a delay between channels would not show: {why}."
 
 
-def causes(verdict: str, findings: Sequence[Entry], unexplained: Sequence[Entry] = (), by: str = " and ") -> str:
+def causes(verdict: str, findings: Sequence[Finding], unexplained: Sequence[Shape] = (), by: str = " and ") -> str:
     """What was left out; where that is open, with the shape that may stand in its place."""
-    said = by.join(named(f) for f in findings)
+    said = by.join(named(f.effect, f.axis, f.twins) for f in findings)
     if verdict != "not-identifiable":
         return f"What was left out: {said}"
     other = f", or none that is known: {left_over(unexplained[0])}" if unexplained else ""
     return f"These data cannot tell which was left out: {said}{other}"
 
 
-def no_cause(unexplained: Sequence[Entry]) -> str:
+def no_cause(unexplained: Sequence[Shape]) -> str:
     """That nothing known explains the data, and the shape of what is left."""
     return f"{NO_CAUSE} What is left is {left_over(unexplained[0])}." if unexplained else NO_CAUSE
 
 
-def off(mismatch: Sequence[Entry]) -> str:
+def off(mismatch: Sequence[Mismatch]) -> str:
     """A further sentence: where the model is off by most."""
-    return f" {mismatch[0]['in_words']}." if mismatch else ""
+    return f" {mismatch[0].in_words}." if mismatch else ""
 
 
-def left_over(unexplained: Entry) -> str:
+def left_over(unexplained: Shape) -> str:
     """A shape without a cause, and the channel that it is in."""
-    channel, shape = spoken(unexplained["channel"]), str(unexplained["shape"])
+    channel, shape = spoken(unexplained.channel), unexplained.shape
     return shape if channel.startswith("gimbal") and "gimbal" in shape else f"{shape} in {channel}"
 
 
-def shape(rival: str, channel: str, axis: str) -> dict[str, str]:
+def shape(rival: str, channel: str, axis: str) -> Shape:
     """An entry of `unexplained`: a shape without a cause."""
-    return {"channel": f"{channel} {axis}".strip(), "shape": rival}
+    return Shape(f"{channel} {axis}".strip(), rival)
 
 
 # --- a fit in a known noise -------------------------------------------------------------------------------------------
 
 
-def improved(fit: Entry, of: str = "Reduced chi^2") -> str:
+def improved(fit: FitSummary, of: str = "Reduced chi^2") -> str:
     """What naming the causes does to the misfit, in one sentence."""
     return (
-        f"{of} goes from {fit['chi2_reduced_before']:.3g} to {fit['chi2_reduced_after']:.3g}, "
-        f"on held-out data from {fit['heldout_before']:.3g} to {fit['heldout_after']:.3g}."
+        f"{of} goes from {fit.chi2_reduced_before:.3g} to {fit.chi2_reduced_after:.3g}, "
+        f"on held-out data from {fit.heldout_before:.3g} to {fit.heldout_after:.3g}."
     )
 
 
@@ -239,25 +225,24 @@ def largest(v: View, axis: str, size: float, ratio: float, rows: Array) -> str:
     )
 
 
-def view_in_words(v: View, fit: Entry, findings: Sequence[Entry], verdict: str) -> str:
+def view_in_words(v: View, fit: ViewFit, findings: Sequence[Finding], verdict: str) -> str:
     """What naming the causes does to the misfit of a view, or how little is left of it."""
     if findings:
         return misfit_improved(v, fit)
     return scatter(v, fit) if verdict == "adequate" else ""
 
 
-def misfit_improved(v: View, fit: Entry) -> str:
+def misfit_improved(v: View, fit: ViewFit) -> str:
     """What naming the causes does to the misfit of a view, in its unit."""
     out = (
-        f"The misfit of {channels_of(v)} goes from {digits(fit['rms_before'])} to {digits(fit['rms_after'])} {v.unit} "
-        f"rms, and for {ROWS[v.name]} that the fit has not seen from {digits(fit['heldout_rms_before'])} to "
-        f"{digits(fit['heldout_rms_after'])} {v.unit}."
+        f"The misfit of {channels_of(v)} goes from {digits(fit.rms_before)} to {digits(fit.rms_after)} {v.unit} "
+        f"rms, and for {ROWS[v.name]} that the fit has not seen from {digits(fit.heldout_rms_before)} to "
+        f"{digits(fit.heldout_rms_after)} {v.unit}."
     )
-    if "turns" in fit:
-        t = fit["turns"]
+    if t := fit.turns:
         out += (
-            f" Carried through the turns between the positions, gravity is missed by {t['rms_after']:.0f} {t['unit']} "
-            f"rms instead of {t['rms_before']:.0f}."
+            f" Carried through the turns between the positions, gravity is missed by {t.rms_after:.0f} {t.unit} "
+            f"rms instead of {t.rms_before:.0f}."
         )
     return out
 
@@ -273,26 +258,26 @@ def strayed(numbers: Sequence[int], sizes: Sequence[float], unit: str, why: str)
     return f"S{told[1:]} where the others are not: {why}; {which} left out."
 
 
-def untested(v: View, fit: Entry) -> str:
+def untested(v: View, fit: ViewFit) -> str:
     """That rows outside the fit are missed by far more than those in it: too few for what was fitted."""
-    if fit["heldout_rms_after"] < MISSED * fit["rms_after"]:
+    if fit.heldout_rms_after < MISSED * fit.rms_after:
         return ""
     return (
-        f"But {ROWS[v.name]} left out of the fit are missed by {digits(fit['heldout_rms_after'])} {v.unit}: a constant "
+        f"But {ROWS[v.name]} left out of the fit are missed by {digits(fit.heldout_rms_after)} {v.unit}: a constant "
         f"rests on one of them alone, so that these data do not test the model; more {ROWS[v.name]} would."
     )
 
 
-def scatter(v: View, fit: Entry) -> str:
+def scatter(v: View, fit: ViewFit) -> str:
     """What is left of a view that its model explains, against the scatter of its samples where that is known."""
     if v.name == "slews":
-        most = {axis: abs(x["value"]) + 2 * x["sigma"] for axis, x in fit["late"].items()}
+        most = {axis: abs(x.value) + 2 * x.sigma for axis, x in (fit.late or {}).items()}
         late = ", ".join(f"{axis} by at most {ms:.2g} ms" for axis, ms in most.items())
         return f"On the way ({len(v)} slews) no delay is told: {late}."
-    start = f"What is left of {channels_of(v)} is {digits(fit['rms_after'])} {v.unit} rms without a pattern"
-    if v.noise.sample is None:
+    start = f"What is left of {channels_of(v)} is {digits(fit.rms_after)} {v.unit} rms without a pattern"
+    if fit.chi2_of_samples_after is None:
         return f"{start}."
-    times = float(np.sqrt(np.mean(list(fit["chi2_of_samples_after"].values()))))
+    times = float(np.sqrt(np.mean(list(fit.chi2_of_samples_after.values()))))
     if times < QUIET:
         return f"{start}, {times:.2g} times what the scatter of the samples makes of a mean."
     return (

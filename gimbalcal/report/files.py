@@ -51,9 +51,10 @@ def write_diagnoses(each: Sequence[tuple[Diagnosis, str, str]], out: Path, quest
     laws = [str(Path(own) / "law.py") for _, _, own in each]
     with folder(out, belonging=[law for law in laws if is_found(out / law)]) as new:
         for diagnosis, title, own in each:
-            drawn = panels(diagnosis.curves, diagnosis.mismatch) if diagnosis.curves else ()
-            page = diagnosis_report(diagnosis.to_dict(), drawn, title, diagnosis.curves)
-            write_json(new / own / "diagnosis.json", diagnosis.to_dict())
+            content = diagnosis.to_dict()
+            drawn = panels(diagnosis.curves, content["mismatch"]) if diagnosis.curves else ()
+            page = diagnosis_report(content, drawn, title, diagnosis.curves)
+            write_json(new / own / "diagnosis.json", content)
             if diagnosis.calibration is not None:
                 diagnosis.calibration.write(new / own / "calibration.json")
             if diagnosis.laws:

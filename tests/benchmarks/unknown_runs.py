@@ -11,6 +11,7 @@ from zlib import crc32
 import numpy as np
 
 from gimbalcal.diagnose import Diagnosis, diagnose
+from gimbalcal.diagnose.result import FitSummary, Shape
 from gimbalcal.recording import Recording
 from tests.benchmarks import unknown_hand, unknown_laws, unknown_mount, unknown_table
 from tests.benchmarks.unknown_laws import Concealed
@@ -240,9 +241,9 @@ def answer(run: Run) -> dict[str, Any]:
     try:
         d = diagnose([made], baseline=TERMS if run.held and run.plant == "mount" else ())
     except Exception as problem:  # noqa: BLE001 (a crash is an answer too, and the worst)
-        d = Diagnosis(
-            "unexplained", (), (), ({"channel": "crash", "shape": f"{type(problem).__name__}: {problem}"},), {}, {}
-        )
+        crash = Shape("crash", f"{type(problem).__name__}: {problem}")
+        none = FitSummary(chi2_reduced_before=0, chi2_reduced_after=0, heldout_before=0, heldout_after=0, noise={})
+        d = Diagnosis("unexplained", (), (), (crash,), none)
     every = (*found, *there)
     claims = [
         (f["effect"], f["axis"], f["twins"], f["probability"], any(matches(f, law) for law in every))

@@ -15,6 +15,7 @@ from gimbalcal.diagnose.evidence.noise import Node, nodes, settle
 from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.library.known_noise import columns_at, library
 from gimbalcal.diagnose.library.unknown_noise import causes
+from gimbalcal.diagnose.result import FitSummary
 from gimbalcal.diagnose.rows.observations import Observations, fit_baseline
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.search.refit import Model
@@ -26,6 +27,8 @@ from gimbalcal.views.core import View
 from tests.diagnose import static_plant
 from tests.diagnose.plant import ARCSEC, UG, Error, record
 from tests.diagnose.test_unknown_noise import tilted as turned_base
+
+FIT = FitSummary(chi2_reduced_before=3.0, chi2_reduced_after=1.0, heldout_before=3.3, heldout_after=1.1, noise={})
 
 __all__ = ["columns_at"]  # the rest is written here
 

@@ -11,6 +11,7 @@ import pytest
 from gimbalcal import diagnose
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.cost import _swung, in_words, with_cost
+from gimbalcal.diagnose.result import Finding
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.estimate.added import added
 from gimbalcal.estimate.systematic.run import systematic
@@ -18,6 +19,7 @@ from gimbalcal.navigate.still import still_base
 from gimbalcal.pipeline import three_stage
 from gimbalcal.recording import Recording, Site
 from gimbalcal.simulate import simulate
+from tests.diagnose.small import FIT
 from tests.estimate.systematic.table import turning_unit
 
 PLACE = {"latitude": {"value": 40.0, "unit": "deg"}}
@@ -37,8 +39,12 @@ def static_run(truth: dict[str, Any]) -> Recording:
 def diagnosed(recording: Recording, *words: str) -> Diagnosis:
     """A diagnosis that has found these effects, with their refit."""
     made = three_stage([recording], more=added(words, [recording], ()))
-    findings = tuple({"effect": w.partition(":")[0].partition(",")[0], "axis": "x"} for w in words)
-    return Diagnosis("missing-physics", (), findings, (), {}, calibration=made)
+    findings = tuple(named(w.partition(":")[0].partition(",")[0], "x") for w in words)
+    return Diagnosis("missing-physics", (), findings, (), FIT, calibration=made)
+
+
+def named(effect: str, axis: str) -> Finding:
+    return Finding(effect, axis, 0.9, 10.0, ())
 
 
 def test_a_drift_left_out_costs_what_it_drifts() -> None:
@@ -84,8 +90,8 @@ def test_a_still_base_warms_and_cools_once_a_day_through_what_was_recorded() -> 
 def test_where_no_navigator_can_be_run_nothing_is_said() -> None:
     run = static_run({"gyro_drift": {"polar": 0.002}})
     found = diagnosed(run, "gyro_drift")
-    assert "cost" not in with_cost([run, run], found).findings[0]
-    nothing = Diagnosis("adequate", (), (), (), {})
+    assert with_cost([run, run], found).findings[0].cost is None
+    nothing = Diagnosis("adequate", (), (), (), FIT)
     assert with_cost([run], nothing) is nothing
 
 
@@ -94,9 +100,7 @@ def test_of_a_unit_turned_in_its_place_a_still_unit_is_navigated() -> None:
     wanted = [p for p in parameters(CATALOGUE["gyro_g_sensitivity_rate"]) if p.axis == "yz"]
     run = turning_unit(parameters=wanted, values=[1e-6], stop=12.0, speed=30.0, ramp=0.5, rate=10.0, seed=3)
     made = systematic(run, "30", more=added(("gyro_g_sensitivity_rate:yz",), [run], ()))
-    d = Diagnosis(
-        "missing-physics", (), ({"effect": "gyro_g_sensitivity_rate", "axis": "yz"},), (), {}, calibration=made
-    )
+    d = Diagnosis("missing-physics", (), (named("gyro_g_sensitivity_rate", "yz"),), (), FIT, calibration=made)
     (found,) = with_cost([run], d).findings
     cost = found["cost"]
     assert cost["hours"] == pytest.approx(24, abs=0.2)

@@ -17,7 +17,7 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, completed
 from tests.diagnose import static_plant
 from tests.diagnose.plant import record
-from tests.diagnose.small import telescope
+from tests.diagnose.small import FIT, telescope
 
 TABLE = record(np.random.default_rng(1), dwell=2)
 REST = static_plant.record(np.random.default_rng(1))
@@ -30,7 +30,7 @@ UNKNOWN = "diagnose_unknown_noise"
 def taken(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
     """Names of the roads that were taken, and what they were given, in place of the roads."""
     out: list[tuple[str, Any]] = []
-    nothing = Diagnosis("adequate", (), (), (), {})
+    nothing = Diagnosis("adequate", (), (), (), FIT)
 
     def road(name: str) -> Any:
         def walk(*given: Any) -> Any:

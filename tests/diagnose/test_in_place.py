@@ -79,7 +79,7 @@ def test_a_law_of_no_catalogue_is_found_and_carried_by_the_filter(tmp_path):
     d = diagnose([r])
     assert d.verdict == "unexplained"
     assert d.unexplained[0]["channel"] == "specific_force y"
-    (law,) = (law.entry for law in d.laws)
+    (law,) = (law.to_dict() for law in d.laws)
     assert (law["channel"], law["axis"], law["variables"]) == ("specific_force", "y", ["time"])
     k = next(p for p in law["parameters"] if p["name"] == "k")
     assert abs(k["value"] - 2 * np.pi / 47) < 4 * k["sigma"] < 1e-2

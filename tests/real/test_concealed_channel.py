@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from gimbalcal.diagnose import diagnose
+from gimbalcal.diagnose.result import Shape
 from gimbalcal.recording import Recording, read
 
 SHIPPED = Path(__file__).parents[2] / "data" / "space_stable_concealed"
@@ -22,7 +23,7 @@ def test_the_thermometer_hidden_and_given_back() -> None:
     blind, seen = diagnose([without(recording, "temperature")]), diagnose([recording])
     assert blind.verdict == "unexplained"
     assert blind.findings == ()
-    assert blind.unexplained[0] == {"channel": "specific_force y", "shape": "a smooth function of time"}
+    assert blind.unexplained[0] == Shape("specific_force y", "a smooth function of time")
     assert "time" in blind.mismatch[0]["in_words"]
     assert seen.verdict == "missing-physics"
     assert [(f["effect"], f["axis"]) for f in seen.findings] == [("bias_temperature", "y")]

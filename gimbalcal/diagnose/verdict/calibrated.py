@@ -88,8 +88,8 @@ def calibrated(
     found: Found,
     outcome: str,
     known: Calibration | None = None,
-) -> Calibration:
-    """The calibration that a diagnosis ends in.
+) -> tuple[Calibration, Disagreement | None]:
+    """The calibration that a diagnosis ends in, and how well several recordings agree on its constants.
 
     seen: the rows of each recording, their noise, and which of the causes it shows; known: the calibration that the
     diagnosis started from, for what it holds and these recordings do not.
@@ -108,7 +108,7 @@ def calibrated(
         at = [known.parameters.index(p) for p in kept]
         P[n + len(held) :, n + len(held) :] = known.covariance[np.ix_(at, at)]
     recordings = [s.o.recording for s in here]
-    return Calibration(
+    calibration = Calibration(
         method="diagnosis",
         effects=tuple(e for e in made if e.id in {p.effect for p in wanted}),
         parameters=wanted,
@@ -122,6 +122,7 @@ def calibrated(
         },
         readout=Readout(gimbals=recordings[0].platform.axis_names),
     )
+    return calibration, between
 
 
 def origin(recordings: Sequence[Recording], causes: Sequence[str]) -> dict[str, Any]:

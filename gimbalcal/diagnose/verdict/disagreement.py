@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.diagnose import wording
+from gimbalcal.diagnose.result import Entry, Estimate, plain
 from gimbalcal.effects import Parameter
 from gimbalcal.estimate.fusion import CONTRADICTION
 from gimbalcal.inference.chance import probability
@@ -33,7 +34,7 @@ KNOWN = 0.5  # of its prior: a constant of less certainty is what the prior said
 
 
 @dataclass(frozen=True, eq=False)
-class Disagreement:
+class Disagreement(Entry):
     """The rise of chi^2 over `dof` combinations, and the chance of this, or of the clearest of all differences.
 
     odd: which recording is off most among more than two, else -1; difference and sigma (p,) [SI] of `parameters`, the
@@ -71,10 +72,8 @@ class Disagreement:
         return {
             "in_words": self.in_words, "chi2": round(self.chi2, 3), "dof": self.dof, "p_value": self.p_value,
             "agree": self.p_value >= CONTRADICTION, "recording": self.odd + 1 if self.odd >= 0 else None,
-            "differences": [
-                {"name": p.name, "axis": p.axis, "value": float(from_si(d, p.unit)),
-                 "sigma": float(from_si(s, p.unit)), "unit": p.unit} for p, d, s in rows
-            ],
+            "differences": plain([Estimate(p.name, p.axis, float(from_si(d, p.unit)), float(from_si(s, p.unit)), p.unit)
+                                  for p, d, s in rows]),
         }  # fmt: skip
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY
+from gimbalcal.diagnose.result import Estimate, Finding
 from gimbalcal.diagnose.search.likeliest import Taken, weigh
 from gimbalcal.diagnose.search.ranking import is_usual
 from gimbalcal.diagnose.search.refit import Model, basis, constants_told, weighted
@@ -97,30 +98,24 @@ def judged_in_turn(v: View, c: Course) -> list[Judgement]:
             for j, cause in zip(first, found, strict=True)]  # fmt: skip
 
 
-def finding(v: View, c: Course, j: Judgement) -> dict[str, Any]:
+def finding(v: View, c: Course, j: Judgement) -> Finding:
     """An entry of `findings`: what was found, how likely and how large it is, and what it is confounded with."""
     e = j.cause.effect
     m, own = c.end, {p.label for p in j.cause.parameters}
     silent = keeps_prior(m.fitted, values(m.effects, m.fitted), np.sqrt(np.diag(m.covariance)))
     rows = [r for r, p, at_prior in zip(sizes(m), m.fitted, silent, strict=True) if p.label in own and not at_prior]
     rows += [
-        {"effect": e, "name": p.field, "axis": "", "value": float(from_si(x, p.unit)),
-         "sigma": float(from_si(sigma, p.unit)), "unit": p.unit}
+        Estimate(p.field, "", float(from_si(x, p.unit)), float(from_si(sigma, p.unit)), p.unit)
         for p, x, sigma in constants_told(v, m, e)
-    ]  # fmt: skip
+    ]
     axis = j.cause.axis if v.added is None else _element(j.cause.axis, rows)
-    return {
-        "effect": e, "axis": axis, "probability": capped(j.probability),
-        "sigma": round(j.sigma, 2), "parameters": [{k: x for k, x in r.items() if k != "effect"} for r in rows],
-        "twins": list(j.confounded), "physics": wording.physics(e), **wording.law(e),
-        "separate_by": _advice(j),
-    }  # fmt: skip
+    return Finding(e, axis, capped(j.probability), round(j.sigma, 2), tuple(rows), j.confounded, _advice(j))
 
 
-def _element(axis: str, rows: Sequence[Mapping[str, Any]]) -> str:
+def _element(axis: str, rows: Sequence[Estimate]) -> str:
     """Sensor and partner, "xz", where of a sensor's several parameters one alone differs from zero."""
-    shown = [r["axis"] for r in rows if abs(r["value"]) > SHOWN * r["sigma"]]
-    vague = any(HIDDEN * r["sigma"] < abs(r["value"]) <= SHOWN * r["sigma"] for r in rows)
+    shown = [str(r.axis) for r in rows if abs(r.value) > SHOWN * r.sigma]
+    vague = any(HIDDEN * r.sigma < abs(r.value) <= SHOWN * r.sigma for r in rows)
     return shown[0] if len(shown) == 1 and not vague and len(axis) == 1 and shown[0].startswith(axis) else axis
 
 
@@ -138,36 +133,35 @@ def _advice(j: Judgement) -> str:
     return f"{wording.spoken(j.cause.effect)} is seen by {seen(j.cause.effect)}; {others}."
 
 
-def sizes(m: Model) -> list[dict[str, Any]]:
+def sizes(m: Model) -> list[Estimate]:
     """Every fitted parameter with its sigma, in the unit of print."""
     sigma = np.sqrt(np.diag(m.covariance))
     return [
-        {"effect": p.effect, "name": p.name, "axis": p.axis, "value": float(from_si(x, p.unit)),
-         "sigma": float(from_si(s, p.unit)), "unit": p.unit}
+        Estimate(p.name, p.axis, float(from_si(x, p.unit)), float(from_si(s, p.unit)), p.unit)
         for p, x, s in zip(m.fitted, values(m.effects, m.fitted), sigma, strict=True)
-    ]  # fmt: skip
+    ]
 
 
-def drifts_as_one(found: Sequence[dict[str, Any]]) -> tuple[dict[str, Any], ...]:
+def drifts_as_one(found: Sequence[Finding]) -> tuple[Finding, ...]:
     """The findings, with courses of one bias in time as one: however they are described, they are one drift."""
-    out: list[dict[str, Any]] = []
+    out: list[Finding] = []
     for f in found:
         same = next((i for i, first in enumerate(out) if _one_course(first, f)), None)
         if same is None:
             out.append(f)
             continue
         first = out[same]
-        twins = dict.fromkeys([*first["twins"], f["effect"], *f["twins"]])
-        out[same] = {
-            **first,
-            "parameters": [*first["parameters"], *f["parameters"]],
-            "twins": [t for t in twins if t != first["effect"]],
-            "separate_by": first["separate_by"] or f["separate_by"],
-        }
+        twins = dict.fromkeys([*first.twins, f.effect, *f.twins])
+        out[same] = replace(
+            first,
+            parameters=(*first.parameters, *f.parameters),
+            twins=tuple(t for t in twins if t != first.effect),
+            separate_by=first.separate_by or f.separate_by,
+        )
     return tuple(out)
 
 
-def _one_course(first: dict[str, Any], second: dict[str, Any]) -> bool:
-    one, other = CATALOGUE[first["effect"]], CATALOGUE[second["effect"]]
-    shared = set(first["axis"].split(", ")) & set(second["axis"].split(", "))
+def _one_course(first: Finding, second: Finding) -> bool:
+    one, other = CATALOGUE[first.effect], CATALOGUE[second.effect]
+    shared = set(first.axis.split(", ")) & set(second.axis.split(", "))
     return one.role.time_drift and other.role.time_drift and one.stage is other.stage and bool(shared)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from gimbalcal.diagnose.answer import PRINTED, FoundLaw
+from gimbalcal.diagnose.answer import PRINTED
 from gimbalcal.diagnose.library.expressions import Expression, Term, whole
+from gimbalcal.diagnose.result import Estimate, LawResult
 from gimbalcal.diagnose.search.law_grounds import FED
 from gimbalcal.diagnose.search.laws import Law
 from gimbalcal.effects import CATALOGUE
@@ -127,7 +127,7 @@ def _with(text: str, values: Mapping[str, float]) -> str:
 def found(
     law: Law, x: Array, covariance: Array, heldout: tuple[float, float], others: Sequence[Law], title: str,
     number: int = 1, view: str = "", beside: Sequence[str] = (),
-) -> FoundLaw:  # fmt: skip
+) -> LawResult:  # fmt: skip
     """A law with its coefficients x (m,) and their covariance (m, m) in SI, and those that fit as well.
 
     number: which one it is of those of its axis, in a `view`; what is fed to a navigator is calibrated by a filter, and
@@ -136,32 +136,41 @@ def found(
     told, e, place = stated(law.expression), law.expression, law.place
     rows = _parameters(law, told, x, covariance)
     effect, stating = _identity(law, number, view), {letter for letter, _ in told.constants if view in FED}
-    asked = ",".join([effect, *(f"{r['name']}={r['value']:.9g}" for r in rows if r["name"] in stating)])
+    asked = ",".join([effect, *(f"{r.name}={r.value:.9g}" for r in rows if r.name in stating)])
     units = {v.name: v.unit or "as logged" for v in e.variables}
-    entry = {
-        "channel": place.channel, "axis": place.axis, "variables": list(units),
-        "expression": _with(told.text, {r["name"]: r["value"] for r in rows}), "form": told.text,
-        "unit": PRINTED.get(place.channel, "arcsec"), "latex": _latex(told.text, [*units, *(r["name"] for r in rows)]),
-        "parameters": rows,
-        "domain": {v.name: [float(v.printed(v.x.min())), float(v.printed(v.x.max()))] for v in e.variables},
-        "units": units, "evidence": round(law.evidence, 2), "heldout_before": heldout[0], "heldout_after": heldout[1],
-        "alternatives": list(dict.fromkeys(printed(o) for o in others))[:TOLD], "effect": effect, "with": asked,
-        "beside": list(beside),
-    }  # fmt: skip
-    return FoundLaw(entry, _class(law, told, entry, title))
+    made = LawResult(
+        channel=place.channel,
+        axis=place.axis,
+        variables=tuple(units),
+        expression=_with(told.text, {r.name: r.value for r in rows}),
+        form=told.text,
+        unit=PRINTED.get(place.channel, "arcsec"),
+        latex=_latex(told.text, [*units, *(r.name for r in rows)]),
+        parameters=rows,
+        domain={v.name: (float(v.printed(v.x.min())), float(v.printed(v.x.max()))) for v in e.variables},
+        units=units,
+        evidence=round(law.evidence, 2),
+        heldout_before=heldout[0],
+        heldout_after=heldout[1],
+        alternatives=tuple(dict.fromkeys(printed(o) for o in others))[:TOLD],
+        effect=effect,
+        with_=asked,
+        beside=tuple(beside),
+    )
+    return replace(made, source=_class(law, told, made, title))
 
 
-def _parameters(law: Law, told: Stated, x: Array, covariance: Array) -> list[dict[str, Any]]:
+def _parameters(law: Law, told: Stated, x: Array, covariance: Array) -> tuple[Estimate, ...]:
     """Coefficients and constants with their sigmas, as they are printed."""
     unit, rows = PRINTED.get(law.place.channel, "arcsec"), []
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     for (name, by), value, spread in zip(told.coefficients, x, sigma, strict=True):
         u = f"{unit}{by}"
-        rows.append({"name": name, "value": float(from_si(value, u)), "sigma": float(from_si(spread, u)), "unit": u})
+        rows.append(Estimate(name, None, float(from_si(value, u)), float(from_si(spread, u)), u))
     for letter, t in told.constants:
         value, spread = t.printed(t.constant), t.printed(law.spread(t))
-        rows.append({"name": letter, "value": value, "sigma": spread, "unit": t.unit_of_constant() or "1"})
-    return rows
+        rows.append(Estimate(letter, None, value, spread, t.unit_of_constant() or "1"))
+    return tuple(rows)
 
 
 def _latex(text: str, names: Sequence[str]) -> str:
@@ -179,13 +188,13 @@ def _identity(law: Law, number: int, view: str) -> str:
     return next(itertools.islice(free, number - 1, None))
 
 
-def _class(law: Law, told: Stated, entry: Mapping[str, Any], title: str) -> str:
+def _class(law: Law, told: Stated, made: LawResult, title: str) -> str:
     """The law as a class of law.py."""
-    i, axis, s = entry["effect"], law.place.axis, law.place.stimulus
-    per = {r["name"]: r for r in entry["parameters"]}
+    i, axis, s = made.effect, law.place.axis, law.place.stimulus
+    per = {r.name: r for r in made.parameters}
     fields = [
-        f'    {name}: Array = parameter(({axis!r},), unit="{per[name]["unit"]}", '
-        f'sigma={max(abs(per[name]["value"]), per[name]["sigma"]):.6g}, name="{i}_{name}")'
+        f'    {name}: Array = parameter(({axis!r},), unit="{per[name].unit}", '
+        f'sigma={max(abs(per[name].value), per[name].sigma):.6g}, name="{i}_{name}")'
         for name, _ in told.coefficients
     ]
     for letter, t in told.constants:
@@ -197,11 +206,11 @@ def _class(law: Law, told: Stated, entry: Mapping[str, Any], title: str) -> str:
     of_sensor = f"np.array([{', '.join(str(float(a == axis)) for a in 'xyz')}])"
     return CLASS.format(
         name="".join(w.capitalize() for w in i.split("_")), title=" ".join(re.findall(r"[\w.,:;+-]+", title)),
-        latex=entry["latex"], id=i,
-        variables=", ".join(entry["variables"]), stage=STAGES[law.place.channel], channel=law.place.channel,
+        latex=made.latex, id=i,
+        variables=", ".join(made.variables), stage=STAGES[law.place.channel], channel=law.place.channel,
         kinds=("pointing",) if s.true_angle is not None else ("multi-position", "static-run", "rotation"),
         needs=tuple(dict.fromkeys(v.needs for v in law.expression.variables if v.needs)), fields="\n".join(fields),
-        form=entry["form"], code=told.code, to=of_gimbal if law.place.channel == "gimbal_angle" else of_sensor,
+        form=made.form, code=told.code, to=of_gimbal if law.place.channel == "gimbal_angle" else of_sensor,
     )  # fmt: skip
 
 
@@ -213,6 +222,6 @@ def is_found(path: Path) -> bool:
         return False
 
 
-def source(laws: Sequence[FoundLaw]) -> str:
+def source(laws: Sequence[LawResult]) -> str:
     """The text of law.py."""
-    return HEAD + "\n".join(law.effect for law in laws)
+    return HEAD + "\n".join(law.source for law in laws)

@@ -7,15 +7,14 @@ that `calibrate --with` and every other command take it by `--effects law.py`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from gimbalcal.diagnose.answer import FoundLaw
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER
+from gimbalcal.diagnose.result import LawResult, StatedNoiseFit, ViewFit
 from gimbalcal.diagnose.search.law_grounds import with_law
 from gimbalcal.diagnose.search.laws import Ground, Law, same
 from gimbalcal.diagnose.search.likeliest import ranked
@@ -65,9 +64,9 @@ ALIKE = "take {more} in which {names} vary independently of each other: several 
 class Lawful:
     """Laws that were found, or what would determine one; of each recording the fit with them and the rest (n, C)."""
 
-    laws: tuple[FoundLaw, ...] = ()
+    laws: tuple[LawResult, ...] = ()
     recommend: str = ""
-    each: tuple[tuple[Mapping[str, Any], Array], ...] = ()
+    each: tuple[tuple[LawFit, Array], ...] = ()
 
 
 def chosen(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, list[Law]]:
@@ -173,7 +172,7 @@ def law_of_searches(
     title = " and ".join(s.o.recording.title for s in searches)
     law = found(best, x, C, (before, after), others, title, beside=b.name)
     left = (residual_rows(s.o, A @ x)[1] for s, A in zip(b.searches, g.parts(best.columns), strict=True))
-    return Lawful((law,), advice, tuple((h.fit, r) for h, r in zip(held, left, strict=True)))
+    return Lawful((law,), advice, tuple(zip(held, left, strict=True)))
 
 
 def _known(ranked: Ranking, ln_evidence: float) -> str:
@@ -186,18 +185,26 @@ def _known(ranked: Ranking, ln_evidence: float) -> str:
 
 
 @dataclass(frozen=True)
-class _Held:
-    """A law in one recording: its sizes (m,) [SI] and their weight (m, m), what it leaves, and the fit with it."""
+class LawFit:
+    """A law in one recording: its sizes (m,) [SI] and their weight (m, m), what it leaves, and the fit with it.
+
+    left: p-value of the scan of the residuals; node: the likeliest noise.
+    """
 
     x: Array
     weight: Array
     left: float
     strained: float
     checked: Verification
-    fit: Mapping[str, Any]
+    node: Node
+
+    def summary(self, without: StatedNoiseFit) -> StatedNoiseFit:
+        """The entry `fit` with the law in the place of what was in the model `without` it."""
+        made = self.checked.summary(self.node, without.scan_p_before, self.left)
+        return replace(made, calibration_moved=without.calibration_moved)
 
 
-def _held(bare: Search, s: Search, columns: Array, rng: np.random.Generator) -> _Held:
+def _held(bare: Search, s: Search, columns: Array, rng: np.random.Generator) -> LawFit:
     """The law with these columns (n, C, m), fitted to one recording; `bare`: without what it stands beside."""
     made, physical, scale = with_law(s, columns)
     f = fit_causes(made, (0,))
@@ -207,9 +214,8 @@ def _held(bare: Search, s: Search, columns: Array, rng: np.random.Generator) -> 
         same = next(p for p in bare.projections if p.node is f.projection.node)
         none = verify(bare, replace(fit_causes(bare, ()), projection=same), np.zeros((*bare.o.y.shape, 0)))
         checked = replace(checked, before=none.before, heldout_before=none.heldout_before)
-    fit = {**checked.to_dict(), "scan_p_after": left.p_value, "noise": dict(f.projection.node.name)}
     weight = inverse_of(f.covariance * np.outer(scale, scale))
-    return _Held(f.x * scale, weight, left.p_value, strained(made, (0,)), checked, fit)
+    return LawFit(f.x * scale, weight, left.p_value, strained(made, (0,)), checked, f.projection.node)
 
 
 def laws_of_view(v: View, m: Model, sigma: Array) -> tuple[Lawful, Model]:
@@ -218,7 +224,7 @@ def laws_of_view(v: View, m: Model, sigma: Array) -> tuple[Lawful, Model]:
     One law after the other, until nothing is left: all of them, or none. What is held out is told by the caller, who
     has the numbers of the view.
     """
-    laws, with_them, left = list[FoundLaw](), m, ranked(v, m)
+    laws, with_them, left = list[LawResult](), m, ranked(v, m)
     while left.ln_total >= (1 + bool(laws)) * CLAIM:
         b = in_view(v, with_them, sigma, left, alone=bool(laws))
         if b is None:
@@ -228,22 +234,21 @@ def laws_of_view(v: View, m: Model, sigma: Array) -> tuple[Lawful, Model]:
         if not laws and best is not None and (as_likely := _known(left, b.total)):
             return Lawful((), KNOWN.format(more=_more(v.kind), names=as_likely, law=printed(best))), m
         if laws and (best is None or len(laws) == MOST):
-            return Lawful((), LEAVES.format(law=laws[0].entry["expression"])), m
+            return Lawful((), LEAVES.format(law=laws[0].expression)), m
         if best is None:
             return Lawful((), undetermined(every, others, g, v.kind)), m
         with_them = with_them if b.columns is None else with_columns(v, with_them, b.columns)
         with_them, x, covariance = fitted_columns(v, with_them, best.columns)
-        number = sum(o.entry["axis"] == best.place.axis for o in laws) + 1
+        number = sum(o.axis == best.place.axis for o in laws) + 1
         laws.append(found(best, x, covariance, (0.0, 0.0), others, v.title, number, v.name, b.name))
         left = ranked(v, with_them)
     return Lawful(tuple(laws)), with_them
 
 
-def told_heldout(lawful: Lawful, fit: Mapping[str, Any]) -> Lawful:
+def told_heldout(lawful: Lawful, fit: ViewFit) -> Lawful:
     """The same with the misfit of rows held out, if these agree; else none."""
-    before, after = fit["heldout_before"], fit["heldout_after"]
+    before, after = fit.heldout_before, fit.heldout_after
     if not lawful.laws or after < before:
-        entries = (replace(law, entry={**law.entry, "heldout_before": before, "heldout_after": after})
-                   for law in lawful.laws)  # fmt: skip
-        return replace(lawful, laws=tuple(entries))
-    return Lawful((), LEAVES.format(law=lawful.laws[0].entry["expression"]))
+        laws = (replace(law, heldout_before=before, heldout_after=after) for law in lawful.laws)
+        return replace(lawful, laws=tuple(laws))
+    return Lawful((), LEAVES.format(law=lawful.laws[0].expression))

@@ -7,7 +7,7 @@ most extreme cell of a clean recording of this very design (Westfall and Young's
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.evidence.projection import ReducedRows
+from gimbalcal.diagnose.result import Mismatch
 from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
@@ -175,32 +176,29 @@ def _ordinal(n: int) -> str:
     return {1: "first", 2: "second", 3: "third"}[n]
 
 
-def mismatches(s: Scan, at_least: int = 0) -> tuple[dict[str, Any], ...]:
+def mismatches(s: Scan, at_least: int = 0) -> tuple[Mismatch, ...]:
     """Entries of `mismatch`: the significant cells (and `at_least` so many), positions of one channel joined."""
     order = [int(i) for i in np.argsort(-s.statistic)]
     order.sort(key=lambda i: float(s.p_values[i]))
     strong = WEAK * float(s.statistic.max(initial=0.0))
     chosen = [i for n, i in enumerate(order) if (s.p_values[i] < 0.05 and s.statistic[i] > strong) or n < at_least]
-    out: dict[tuple[str, str, str], dict[str, Any]] = {}
+    cells: dict[tuple[str, str, str], list[int]] = {}
     for i in chosen:
         c = s.cells[i]
-        key = (c.channel, c.axis, "positions" if "positions" in c.where else c.words)
-        if key in out:
-            out[key]["where"]["positions"] = sorted([*out[key]["where"]["positions"], *c.where["positions"]])
-            continue
-        out[key] = {
-            "channel": c.channel, "axis": c.axis, "where": dict(c.where), "words": c.words,
-            "statistic": round(float(s.statistic[i]), 2), "p_value": float(s.p_values[i]),
-        }  # fmt: skip
-    return tuple(_sentence(m) for m in list(out.values())[:LISTED])
+        own = cells.setdefault((c.channel, c.axis, "positions" if "positions" in c.where else c.words), [])
+        if not own or "positions" in c.where:
+            own.append(i)
+    return tuple(_mismatch(s, own) for own in list(cells.values())[:LISTED])
 
 
-def _sentence(m: dict[str, Any]) -> dict[str, Any]:
-    words = m.pop("words")
-    places = m["where"].get("positions")
-    if places and len(places) > 1:
-        words = f"at positions {', '.join(str(p) for p in places)}"
-    p = "p < 1e-6" if m["p_value"] < 1e-6 else f"p = {m['p_value']:.1g}"
-    channel = m["channel"].replace("_", " ").capitalize()
-    m["in_words"] = f"{channel} {m['axis']} is off {words} ({p} over the whole scan)"
-    return m
+def _mismatch(s: Scan, own: Sequence[int]) -> Mismatch:
+    """One entry: a cell, or several positions of one channel with the statistic of the strongest."""
+    first, p_value = s.cells[own[0]], float(s.p_values[own[0]])
+    where, words = dict(first.where), first.words
+    if len(own) > 1:
+        where = {"positions": sorted(p for i in own for p in s.cells[i].where["positions"])}
+        words = f"at positions {', '.join(str(p) for p in where['positions'])}"
+    p = "p < 1e-6" if p_value < 1e-6 else f"p = {p_value:.1g}"
+    channel = first.channel.replace("_", " ").capitalize()
+    in_words = f"{channel} {first.axis} is off {words} ({p} over the whole scan)"
+    return Mismatch(first.channel, first.axis, where, round(float(s.statistic[own[0]]), 2), p_value, in_words)

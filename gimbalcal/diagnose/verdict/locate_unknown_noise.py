@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from gimbalcal.diagnose import wording
@@ -11,6 +9,7 @@ from gimbalcal.diagnose.evidence.projection import log_bayes
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.unknown_noise import free_rows, spans
 from gimbalcal.diagnose.library.view_shapes import shapes_of
+from gimbalcal.diagnose.result import Mismatch
 from gimbalcal.diagnose.search.refit import Model, basis, projections, weighted
 from gimbalcal.inference.chance import probability
 from gimbalcal.number import Array
@@ -21,12 +20,12 @@ ODD = 1e-3  # p-value below which a pattern of the misfit is listed
 LISTED = 3  # patterns that are listed, strongest first
 
 
-def mismatches(v: View, m: Model, sigma: Array) -> tuple[dict[str, Any], ...]:
+def mismatches(v: View, m: Model, sigma: Array) -> tuple[Mismatch, ...]:
     """Entries of `mismatch`: patterns of the baseline's misfit, or the channel that is off most where it has none."""
     return patterns(v, m) or largest(v, m, sigma)
 
 
-def patterns(v: View, m: Model) -> tuple[dict[str, Any], ...]:
+def patterns(v: View, m: Model) -> tuple[Mismatch, ...]:
     """The shapes that the misfit of the baseline follows, strongest first, by an F test each."""
     from scipy.special import fdtrc
 
@@ -46,22 +45,19 @@ def patterns(v: View, m: Model) -> tuple[dict[str, Any], ...]:
     return tuple(_pattern(v, m, c, F, p) for _, F, p, c in listed)
 
 
-def _pattern(v: View, m: Model, c: Candidate, F: float, p: float) -> dict[str, Any]:
+def _pattern(v: View, m: Model, c: Candidate, F: float, p: float) -> Mismatch:
     if v.added is not None:  # in a sensor, and the rows are what a navigator makes of it
         size = float(from_si(float(np.sqrt(np.mean(m.r**2))), v.unit))
         rows = np.argsort(-np.abs(weighted(v, m.r)).max(axis=1))[:3]
         words = wording.follows_sensor(v, c.channel, c.axis, size, c.rival)
-        return {"channel": c.channel, "axis": c.axis, "where": _where(v, rows), "statistic": round(F, 2), "p_value": p,
-                "in_words": words}  # fmt: skip
+        return Mismatch(c.channel, c.axis, _where(v, rows), round(F, 2), p, words)
     i, size = _channel(v, m, c.axis)
     rows = np.argsort(-np.abs(m.r[:, i]))[:3]
-    return {
-        "channel": v.channels[0][0], "axis": c.axis, "where": _where(v, rows), "statistic": round(F, 2), "p_value": p,
-        "in_words": wording.follows(v, c.axis, size, c.rival),
-    }  # fmt: skip
+    words = wording.follows(v, c.axis, size, c.rival)
+    return Mismatch(v.channels[0][0], c.axis, _where(v, rows), round(F, 2), p, words)
 
 
-def largest(v: View, m: Model, sigma: Array) -> tuple[dict[str, Any], ...]:
+def largest(v: View, m: Model, sigma: Array) -> tuple[Mismatch, ...]:
     """The channel that the baseline misses by most, against the scatter that is left in the end."""
     square = ((m.r / sigma) ** 2).mean(axis=0)
     axis = v.channels[int(np.argmax(square))][1]
@@ -70,12 +66,7 @@ def largest(v: View, m: Model, sigma: Array) -> tuple[dict[str, Any], ...]:
     ratio = float(square[i])
     p = min(1.0, probability(ratio * len(m.r), len(m.r)) * len(v.channels))
     words = wording.largest(v, axis, size, float(np.sqrt(ratio)), rows)
-    return (
-        {
-            "channel": v.channels[0][0], "axis": axis, "where": _where(v, rows), "statistic": round(ratio, 2),
-            "p_value": p, "in_words": words,
-        },
-    )  # fmt: skip
+    return (Mismatch(v.channels[0][0], axis, _where(v, rows), round(ratio, 2), p, words),)
 
 
 def _channel(v: View, m: Model, axis: str) -> tuple[int, float]:

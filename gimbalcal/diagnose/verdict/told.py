@@ -5,13 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from gimbalcal.diagnose import wording
-from gimbalcal.diagnose.answer import Curves, FoundLaw, plotted_against
+from gimbalcal.diagnose.answer import Curves, plotted_against
 from gimbalcal.diagnose.library.unknown_noise import causes
+from gimbalcal.diagnose.result import (
+    Delay,
+    Finding,
+    LawResult,
+    Mismatch,
+    RowNoise,
+    SearchStep,
+    Shape,
+    Shift,
+    TurnMisfit,
+    ViewFit,
+)
 from gimbalcal.diagnose.rows.slews import lateness
 from gimbalcal.diagnose.search.refit import Model, basis, projections, weighted
 from gimbalcal.diagnose.search.stepwise import Course, refined
@@ -33,15 +44,15 @@ class Told:
 
     view: View
     verdict: str
-    mismatch: tuple[dict[str, Any], ...]
-    findings: tuple[dict[str, Any], ...]
-    unexplained: tuple[dict[str, Any], ...]
-    fit: dict[str, Any]
+    mismatch: tuple[Mismatch, ...]
+    findings: tuple[Finding, ...]
+    unexplained: tuple[Shape, ...]
+    fit: ViewFit
     before: Array
     after: Array
     sigma: Array  # (n, C) of a row, SI
     model: Model
-    laws: tuple[FoundLaw, ...] = ()
+    laws: tuple[LawResult, ...] = ()
     recommend: str = ""
     outcome: str = ""  # what else there is to say, as of a diagnosis
 
@@ -63,19 +74,17 @@ def told_as(
         v = v.finer()
         c = refined(v, c)
     found = drifts_as_one([finding(v, c, j) for j in verdicts])
-    shapes = tuple(
-        {"channel": f"{s.channel if v.added else v.channels[0][0]} {s.axis}".strip(), "shape": s.rival} for s in c.left
-    )
+    shapes = tuple(Shape(f"{s.channel if v.added else v.channels[0][0]} {s.axis}".strip(), s.rival) for s in c.left)
     verdict = "adequate"
     if found:
-        verdict = "missing-physics" if any(not f["twins"] for f in found) else "not-identifiable"
+        verdict = "missing-physics" if any(not f.twins for f in found) else "not-identifiable"
     elif shapes or lacking:
         verdict = "unexplained"
     sigma = _sigma(v, c.described)
     fit, lawful = _fit(v, c, sigma), Lawful()
     if verdict == "adequate" and not c.start.exact:
         known, X = causes(v, c.end.effects, c.end.fitted)
-        fit["unseen"] = unseen(known, projections(v, c.end, X))
+        fit = replace(fit, unseen=unseen(known, projections(v, c.end, X)))
     if verdict == "unexplained" and formulas:
         tell(SOUGHT)
         lawful, with_law = laws_of_view(v, c.end, sigma)
@@ -84,8 +93,8 @@ def told_as(
         lawful = told_heldout(lawful, fit_law)
         if lawful.laws:
             c, fit, sigma = c_law, fit_law, _sigma(v, with_law)
-    if verdict == "missing-physics" and fit["heldout_rms_after"] > max(
-        fit["heldout_rms_before"], wording.MISSED * fit["rms_after"]
+    if verdict == "missing-physics" and fit.heldout_rms_after > max(
+        fit.heldout_rms_before, wording.MISSED * fit.rms_after
     ):
         verdict = "not-identifiable"  # what was named makes rows that took no part worse
     mismatch = () if verdict == "adequate" else mismatches(v, c.start, sigma)
@@ -101,39 +110,47 @@ def _sigma(v: View, end: Model) -> Array:
     return np.asarray(np.sqrt((r**2).sum() / free) / v.weight)
 
 
-def _fit(v: View, c: Course, sigma: Array) -> dict[str, Any]:
+def _fit(v: View, c: Course, sigma: Array) -> ViewFit:
     before, after = c.start, c.described
-    out: dict[str, Any] = {
-        "chi2_reduced_before": _reduced(before, sigma),
-        "chi2_reduced_after": _reduced(after, sigma),
-        **_outside("before", v, before, sigma),
-        **_outside("after", v, after, sigma),
-        "noise": {"of": v.name, "sigma_of_a_row": float(from_si(float(np.median(sigma)), v.unit)), "unit": v.unit,
-                  "from": "the scatter about the last model"},
-        "rms_before": float(from_si(before.rms, v.unit)),
-        "rms_after": float(from_si(after.rms, v.unit)),
-        "steps": [
-            {"effect": s.taken[0].effect, "axis": s.taken[0].axis, "rms": float(from_si(s.model.rms, v.unit)),
-             "unit": v.unit}
-            for s in c.steps
-        ],
-        "calibration_moved": moved(before, after) if c.steps else [],
-    }  # fmt: skip
+    (held_before, held_rms_before), (held_after, held_rms_after) = (_outside(v, m, sigma) for m in (before, after))
+    late = turns = None
     if v.name == "slews":
-        told = {axis: (float(from_si(x, "ms")), float(from_si(s, "ms"))) for axis, (x, s) in lateness(v).items()}
-        out["late"] = {axis: {"value": x, "sigma": s, "unit": "ms"} for axis, (x, s) in told.items()}
+        every = {axis: (float(from_si(x, "ms")), float(from_si(s, "ms"))) for axis, (x, s) in lateness(v).items()}
+        late = {axis: Delay(x, s, "ms") for axis, (x, s) in every.items()}
     if v.missed_by_turns is not None and c.steps:
         with suppress(InputError):  # turns too few, or all about one axis, prove nothing
             missed = [float(from_si(v.missed_by_turns(e), "arcsec")) for e in ((), after.effects)]
-            out["turns"] = {"rms_before": missed[0], "rms_after": missed[1], "unit": "arcsec"}
-    if v.noise.sample is not None:
-        n = len(before.r)
-        for name, m in (("before", before), ("after", after)):
-            Q = basis(m.J / v.noise.sample[..., None]).reshape(n, len(v.channels), -1)
-            fitted = (Q**2).sum(axis=(0, 2))  # how many parameters each channel has told
-            chi2 = ((m.r / v.noise.sample) ** 2).sum(axis=0) / np.maximum(n - fitted, 1)
-            out[f"chi2_of_samples_{name}"] = dict(zip([a for _, a in v.channels], chi2.tolist(), strict=True))
-    return out
+            turns = TurnMisfit(missed[0], missed[1], "arcsec")
+    return ViewFit(
+        chi2_reduced_before=_reduced(before, sigma),
+        chi2_reduced_after=_reduced(after, sigma),
+        heldout_before=held_before,
+        heldout_after=held_after,
+        heldout_rms_before=held_rms_before,
+        heldout_rms_after=held_rms_after,
+        noise=RowNoise(v.name, float(from_si(float(np.median(sigma)), v.unit)), v.unit),
+        rms_before=float(from_si(before.rms, v.unit)),
+        rms_after=float(from_si(after.rms, v.unit)),
+        steps=tuple(
+            SearchStep(s.taken[0].effect, s.taken[0].axis, float(from_si(s.model.rms, v.unit)), v.unit) for s in c.steps
+        ),
+        calibration_moved=moved(before, after) if c.steps else (),
+        late=late,
+        turns=turns,
+        chi2_of_samples_before=_against_samples(v, before),
+        chi2_of_samples_after=_against_samples(v, after),
+    )
+
+
+def _against_samples(v: View, m: Model) -> dict[str, float] | None:
+    """Reduced chi^2 of each channel in the noise that the scatter of the samples makes; None where it is not known."""
+    if v.noise.sample is None:
+        return None
+    n = len(m.r)
+    Q = basis(m.J / v.noise.sample[..., None]).reshape(n, len(v.channels), -1)
+    fitted = (Q**2).sum(axis=(0, 2))  # degrees of freedom that the parameters take of each channel
+    chi2 = ((m.r / v.noise.sample) ** 2).sum(axis=0) / np.maximum(n - fitted, 1)
+    return dict(zip([a for _, a in v.channels], chi2.tolist(), strict=True))
 
 
 def _reduced(m: Model, sigma: Array) -> float:
@@ -141,11 +158,11 @@ def _reduced(m: Model, sigma: Array) -> float:
     return float(((m.r / sigma) ** 2).sum() / max(m.r.size - rank, 1))
 
 
-def _outside(when: str, v: View, m: Model, sigma: Array) -> dict[str, float]:
+def _outside(v: View, m: Model, sigma: Array) -> tuple[float, float]:
     """Misfit of rows that a fit without them has not seen: mean square in sigma, and rms length of a row in print."""
     left = heldout(v, m, sigma)
     rms = float(np.sqrt(((left * sigma) ** 2).sum() / len(left)))
-    return {f"heldout_{when}": float(np.mean(left**2)), f"heldout_rms_{when}": float(from_si(rms, v.unit))}
+    return float(np.mean(left**2)), float(from_si(rms, v.unit))
 
 
 def heldout(v: View, m: Model, sigma: Array) -> Array:
@@ -161,18 +178,17 @@ def heldout(v: View, m: Model, sigma: Array) -> Array:
     return np.concatenate(left).reshape(n, C)
 
 
-def moved(before: Model, after: Model) -> list[dict[str, Any]]:
+def moved(before: Model, after: Model) -> tuple[Shift, ...]:
     """How far each constant of the baseline moves once what was found is in the model."""
-    new = {(r["name"], r["axis"]): r for r in sizes(after)}
+    new = {(r.name, r.axis): r for r in sizes(after)}
     out = []
     seen = np.abs(before.J).max(axis=(0, 1)) > 1e-9  # means taken off leave rounding of a bias
     for r in (row for row, there in zip(sizes(before), seen, strict=True) if there):
-        n = new[r["name"], r["axis"]]
-        shift = n["value"] - r["value"]
-        ratio = round(shift / n["sigma"], 2) if n["sigma"] > 0 else 0.0
-        row = {"moved": shift, "sigma": n["sigma"], "in_sigmas": ratio}
-        out.append({"name": r["name"], "axis": r["axis"], "unit": r["unit"], **row})
-    return sorted(out, key=lambda row: -abs(row["in_sigmas"]))
+        n = new[r.name, r.axis]
+        shift = n.value - r.value
+        ratio = round(shift / n.sigma, 2) if n.sigma > 0 else 0.0
+        out.append(Shift(r.name, str(r.axis), shift, n.sigma, r.unit, ratio))
+    return tuple(sorted(out, key=lambda row: -abs(row.in_sigmas)))
 
 
 def curves_of(t: Told) -> Curves:

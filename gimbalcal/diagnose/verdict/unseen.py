@@ -9,13 +9,13 @@ order at the one that shows best, of several axes at the one that shows least. F
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.evidence.projection import Projection
 from gimbalcal.diagnose.library.candidates import Candidate
+from gimbalcal.diagnose.result import DetectionLimit
 from gimbalcal.effects import Parameter
 from gimbalcal.units import from_si
 
@@ -24,7 +24,7 @@ FAINT = 0.08  # sigmas at the usual size; a hundred times that would not show: t
 SAID = 3  # of them
 
 
-def unseen(candidates: Sequence[Candidate], projections: Sequence[Projection]) -> list[dict[str, Any]]:
+def unseen(candidates: Sequence[Candidate], projections: Sequence[Projection]) -> tuple[DetectionLimit, ...]:
     """Each effect that was compared, with the least size that would have shown and the usual one, as printed.
 
     What happened once, as a step, is left out; what bends with its size is taken as it begins.
@@ -39,22 +39,22 @@ def unseen(candidates: Sequence[Candidate], projections: Sequence[Projection]) -
                    key=lambda told: told[0])  # fmt: skip
         if best[0] > FAINT and best[0] < worst.get(c.effect, (np.inf,))[0]:
             worst[c.effect] = (best[0], c, best[1])
-    return [
-        {"effect": effect, "axis": c.axis, "least": float(from_si(SHOWS / sigmas * q.sigma, q.unit)),
-         "usual": float(from_si(q.sigma, q.unit)), "unit": q.unit}
+    return tuple(
+        DetectionLimit(effect, c.axis, float(from_si(SHOWS / sigmas * q.sigma, q.unit)),
+                       float(from_si(q.sigma, q.unit)), q.unit)
         for effect, (sigmas, c, q) in sorted(worst.items())
-    ]  # fmt: skip
+    )  # fmt: skip
 
 
-def in_words(told: Sequence[dict[str, Any]]) -> str:
+def in_words(limits: Sequence[DetectionLimit]) -> str:
     """A sentence on those that may be there at their usual size, the nearest to showing first; empty for none.
 
-    >>> in_words([{"effect": "bias_drift", "axis": "x", "least": 12.34, "usual": 3.0, "unit": "ug/h"}])
+    >>> in_words([DetectionLimit("bias_drift", "x", 12.34, 3.0, "ug/h")])
     'At their usual size these would not have shown: bias drift (x) below 12.3 ug/h.'
     """
-    hidden = sorted((t for t in told if t["least"] > t["usual"]), key=lambda t: t["least"] / t["usual"])
+    hidden = sorted((t for t in limits if t.least > t.usual), key=lambda t: t.least / t.usual)
     if not hidden:
         return ""
-    said = [f"{wording.named({**t, 'twins': []})} below {wording.digits(t['least'])} {t['unit']}" for t in hidden]
+    said = [f"{wording.named(t.effect, t.axis)} below {wording.digits(t.least)} {t.unit}" for t in hidden]
     more = f" and {len(said) - SAID} more" if len(said) > SAID else ""
     return f"At their usual size these would not have shown: {', '.join(said[:SAID])}{more}."

@@ -9,10 +9,11 @@ compared with its own covariance, so that one is what noise alone gives.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.result import StatedNoiseFit
 from gimbalcal.diagnose.rows.observations import Observations, absent_effect
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.diagnose.verdict.model import FittedCauses
@@ -34,14 +35,20 @@ class Verification:
     autocorrelation: float  # of the whitened residual from one block to the next, after
     autocorrelation_sigma: float
 
-    def to_dict(self) -> dict[str, Any]:
-        """Entries of `fit` in diagnosis.json."""
-        return {
-            "chi2_reduced_before": self.before, "chi2_reduced_after": self.after,
-            "heldout_before": self.heldout_before, "heldout_after": self.heldout_after,
-            "heldout_by": self.heldout_by, "autocorrelation_after": self.autocorrelation,
-            "autocorrelation_sigma": self.autocorrelation_sigma,
-        }  # fmt: skip
+    def summary(self, node: Node, scan_p_before: float, scan_p_after: float) -> StatedNoiseFit:
+        """Entry `fit` of diagnosis.json, with the noise and the p-values of the scan for a mismatch."""
+        return StatedNoiseFit(
+            chi2_reduced_before=self.before,
+            chi2_reduced_after=self.after,
+            heldout_before=self.heldout_before,
+            heldout_after=self.heldout_after,
+            heldout_by=self.heldout_by,
+            autocorrelation_after=self.autocorrelation,
+            autocorrelation_sigma=self.autocorrelation_sigma,
+            scan_p_before=scan_p_before,
+            scan_p_after=scan_p_after,
+            noise=dict(node.name),
+        )
 
 
 def verify(s: Search, f: FittedCauses, physical: Array) -> Verification:

@@ -20,6 +20,7 @@ from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.evidence.noise import LONE_WALK, Node
 from gimbalcal.diagnose.evidence.odds import CLAIM
+from gimbalcal.diagnose.result import Shape
 from gimbalcal.diagnose.search.ranking import Search, weighed
 from gimbalcal.diagnose.verdict.decide import Decision, decide
 from gimbalcal.effects.process import RandomWalk
@@ -57,7 +58,7 @@ class Wander:
         return f"{sensor} {self.axis} wanders, a random walk of {size}"
 
     @property
-    def shape(self) -> dict[str, str]:
+    def shape(self) -> Shape:
         """As an entry of `unexplained`."""
         return wording.shape(SHAPE, self.quantity, self.axis)
 

@@ -31,16 +31,16 @@ def looked_at(v: View, tell: Tell) -> Told:
     tell(f"again, as {found.in_words.partition(' wanders')[0]} may wander")
     again = told_of(walking, course(walking, tell), tell)
     if again.findings and ln_odds > CLAIM:  # a cause beside the walk; a course in time may be the walk itself
-        drifts = any(CATALOGUE[f["effect"]].role.time_drift for f in again.findings)
+        drifts = any(CATALOGUE[f.effect].role.time_drift for f in again.findings)
         return _with(replace(again, verdict="not-identifiable") if drifts else again, found, alone=False)
     if again.findings or (again.unexplained and ln_odds < CLAIM):
         return again
     if told.findings and ln_odds < CLAIM:
-        shared = tuple({**f, "probability": capped(found.shared(f["probability"]))} for f in told.findings)
+        shared = tuple(replace(f, probability=capped(found.shared(f.probability))) for f in told.findings)
         return _with(replace(told, verdict="not-identifiable", findings=shared), found, alone=False)
     none = steps_of(v, c.start, (), refused=True)
     bare = told_as(v, none, (), tell, lacking=True)
-    likelier = max((float(law.entry["evidence"]) for law in bare.laws), default=-np.inf) - ln_total
+    likelier = max((law.evidence for law in bare.laws), default=-np.inf) - ln_total
     if likelier > CLAIM:  # a walk has no formula
         return bare
     once = once_more(v.kind, by_hand=not v.stimulus.axis_names)

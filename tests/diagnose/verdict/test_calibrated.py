@@ -112,7 +112,7 @@ def test_recordings_of_one_unit_add_up_and_those_of_two_are_told_apart() -> None
         causes = [c.library.candidates[i] for i in m]
         x, C = pooled(each, [1])
         found = found_of(causes, [common_constants(c, m, each, 0)], x, C)
-        return calibrated([(p.search.o, p.fit.projection.node, p.slots) for p in each], found, "")
+        return calibrated([(p.search.o, p.fit.projection.node, p.slots) for p in each], found, "")[0]
 
     assert "do not agree on the constants of the unit" in together(one[0], other).outcome
     with_run = together(one[0], run)
@@ -129,7 +129,7 @@ def test_an_effect_that_was_found_twice_with_other_constants_is_fitted_with_one(
     f = fit_causes(s, [0, 1])
     causes = [s.library.candidates[m] for m in f.members]
     one, other = (("tau", 700.0, 10.0),), (("tau", 900.0, 10.0),)
-    made = calibrated([(s.o, f.projection.node, (0, 1))], found_of(causes, [one, other], f.x, f.covariance), "")
+    made = calibrated([(s.o, f.projection.node, (0, 1))], found_of(causes, [one, other], f.x, f.covariance), "")[0]
     values = dict(zip((p.label for p in made.parameters), made.values, strict=True))
     assert values["warm_up.tau"] == pytest.approx(700.0)
     assert values["warm_up:z"] == pytest.approx(0.8 * values["warm_up:y"], rel=0.05)

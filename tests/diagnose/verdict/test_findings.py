@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gimbalcal.diagnose.result import Estimate, Finding
 from gimbalcal.diagnose.rows.views import pointing
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.stepwise import steps_of
@@ -23,16 +24,16 @@ from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, run
 LABELS = ("base_tilt:north, east", "tube_flexure", "encoder_two_cycle:azimuth")
 
 
-def entry(effect: str, axis: str, *twins: str) -> dict[str, object]:
-    return {"effect": effect, "axis": axis, "twins": list(twins), "parameters": [effect], "separate_by": ""}
+def entry(effect: str, axis: str, *twins: str) -> Finding:
+    return Finding(effect, axis, 0.9, 9.0, (Estimate(effect, axis, 1.0, 0.1, "ug"),), twins)
 
 
 def test_two_courses_of_one_bias_are_one_drift() -> None:
     found = [entry("warm_up", "x, y"), entry("cubic_nonlinearity", "x"), entry("slow_bias_drift", "y", "bias_step")]
     one, other = drifts_as_one(found)
-    assert (one["effect"], one["twins"]) == ("warm_up", ["slow_bias_drift", "bias_step"])
-    assert one["parameters"] == ["warm_up", "slow_bias_drift"]
-    assert other["effect"] == "cubic_nonlinearity"
+    assert (one.effect, one.twins) == ("warm_up", ("slow_bias_drift", "bias_step"))
+    assert [p.name for p in one.parameters] == ["warm_up", "slow_bias_drift"]
+    assert other.effect == "cubic_nonlinearity"
 
 
 @pytest.mark.parametrize(
@@ -43,7 +44,7 @@ def test_two_courses_of_one_bias_are_one_drift() -> None:
         (entry("bias_drift", "x"), entry("bias_temperature", "x")),  # a thermometer tells them apart, or twins say so
     ],
 )
-def test_different_drifts_stay_apart(one: dict[str, object], other: dict[str, object]) -> None:
+def test_different_drifts_stay_apart(one: Finding, other: Finding) -> None:
     assert drifts_as_one([one, other]) == (one, other)
 
 

@@ -48,7 +48,7 @@ def explained(d: Diagnosis, r: Recording, there: Path) -> float:
 
 def evaluated(d: Diagnosis, n: int = 200) -> tuple[sympy.Expr, dict[str, Array], Array]:
     """The expression of the first law, random values of its variables within the domain, and its values there."""
-    law = d.laws[0].entry
+    law = d.laws[0].to_dict()
     e = sympy.sympify(law["expression"])
     assert {str(v) for v in e.free_symbols} == set(law["variables"]) == set(law["domain"]) == set(law["units"])
     rng = np.random.default_rng(0)
@@ -76,7 +76,7 @@ def test_a_law_of_a_mount_is_found_written_and_explains_the_run(tmp_path: Path, 
 def test_what_acts_on_two_axes_is_two_laws(tmp_path: Path) -> None:
     r = sky(lambda k: {"tilt": np.column_stack([np.cos(3 * k.azimuth), np.sin(3 * k.azimuth)])}, 10.0)
     d = diagnose([r])
-    assert [law.entry["axis"] for law in d.laws] == ["elevation", "azimuth"]
+    assert [law.axis for law in d.laws] == ["elevation", "azimuth"]
     assert explained(d, r, tmp_path) < 1.2
 
 
@@ -84,7 +84,7 @@ def test_a_wave_and_its_period_are_found_in_18_positions(tmp_path: Path) -> None
     r = plant.record(np.random.default_rng(3), lambda b: plant.on(1, np.sin(2 * np.pi * b.t / 660.0 + 1)), 4e-4)
     d = diagnose([r])
     assert d.verdict == "unexplained"
-    law = d.laws[0].entry
+    law = d.laws[0].to_dict()
     k = next(p for p in law["parameters"] if p["name"] == "k")
     assert law["axis"] == "y"
     assert abs(k["value"] - 2 * np.pi / 660) < 4 * k["sigma"] < 4e-4
@@ -110,7 +110,7 @@ def test_an_instant_is_told_to_a_row() -> None:
     r = static_plant.record(
         np.random.default_rng(106), lambda r: np.outer((r.t > 100000) * r.ideal[:, 0], [0, 0, 1.0]), 19 * plant.UG
     )
-    law = diagnose([r]).laws[0].entry
+    law = diagnose([r]).laws[0].to_dict()
     (step,) = sympy.sympify(law["expression"]).atoms(sympy.Heaviside)
     assert law["form"] == f"a*force_x*{step}"
     assert sympy.solve(step.args[0])[0] == pytest.approx(100000, abs=600)
@@ -124,7 +124,7 @@ def test_recordings_of_one_unit_have_one_law() -> None:
     first = np.arange(len(r.time)) < len(r.time) // 2
     d = diagnose([r.select(first), r.select(~first)])
     assert d.verdict == "unexplained"
-    (law,) = (law.entry for law in d.laws)
+    (law,) = (law.to_dict() for law in d.laws)
     assert law["form"] == "a*Abs(force_x)*(temperature - 20)"
     (size,) = law["parameters"]
     assert abs(size["value"] - 14 / (9.80146 / 9.80665)) < 4 * size["sigma"] < 3
@@ -170,7 +170,7 @@ def test_a_law_that_leaves_no_rest_takes_the_place_of_a_cause_that_does(tmp_path
     d = diagnose([r])  # much like a warm-up, which leaves a rest
     assert d.verdict == "unexplained"
     assert not d.findings
-    law = d.laws[0].entry
+    law = d.laws[0].to_dict()
     tau = next(p for p in law["parameters"] if p["name"] == "tau2")
     assert law["form"] == "a*force_y*exp(-time/tau2)"
     assert abs(tau["value"] - 15000) < 4 * tau["sigma"] < 9000
@@ -181,7 +181,7 @@ def test_what_has_a_name_keeps_it_beside_a_law(tmp_path: Path) -> None:
     """The cube of a cosine is the cosine, which eccentricity has, and its third harmonic."""
     r = sky(lambda k: {"readout": np.column_stack([np.cos(k.outer) ** 3, 0 * k.t])}, 16.0)
     d = diagnose([r])
-    (law,) = (law.entry for law in d.laws)
+    (law,) = (law.to_dict() for law in d.laws)
     assert law["form"] == "a*cos(3*azimuth) + b*sin(3*azimuth)"
     a, b = law["parameters"]
     assert abs(a["value"] + 4.0) < 5 * a["sigma"] < 2 or abs(a["value"] - 4.0) < 5 * a["sigma"] < 2

@@ -70,7 +70,8 @@ def test_prediction_is_as_good_as_noise_once_the_missing_cause_is_in() -> None:
     assert v.heldout_before > 1.5
     assert v.after == pytest.approx(1.0, abs=4 * np.sqrt(2 / 300))
     assert v.heldout_after == pytest.approx(1.0, abs=4 * np.sqrt(2 / 300))
-    assert v.to_dict()["heldout_after"] == v.heldout_after
+    fit = v.summary(f.projection.node, 0.1, 0.2)
+    assert (fit.heldout_after, fit.scan_p_after) == (v.heldout_after, 0.2)
 
 
 @pytest.mark.parametrize(("name", "label"), [("blunder", "position_blunder"), ("step", "bias_step:x")])

@@ -11,6 +11,7 @@ from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.evidence.noise import LONE_WALK
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.known_noise import searched
+from gimbalcal.diagnose.result import Shape
 from gimbalcal.diagnose.search.lone_walk import CLOSE, wandering, weights
 from gimbalcal.diagnose.search.ranking import Hypothesis
 from gimbalcal.diagnose.verdict.decide import Decision
@@ -22,6 +23,7 @@ from gimbalcal.units import to_si
 from tests.benchmarks import unknown_hand
 from tests.diagnose import static_plant
 from tests.diagnose.plant import UG, at_strength, on, record
+from tests.diagnose.small import FIT
 
 HOURS = (17 * 135 + 119) / 3600  # of the plant's timetable
 
@@ -51,7 +53,7 @@ def test_a_walk_of_one_accelerometer_is_no_cause_and_its_size_comes_back():
     assert wander.walk == pytest.approx(end / np.sqrt(HOURS), abs=2.5 * wander.sigma)
     made = diagnose([record(np.random.default_rng(6), walk, end * UG)])
     assert (made.verdict, made.findings, made.laws) == ("unexplained", (), ())
-    assert made.unexplained[0] == {"channel": "specific_force y", "shape": "a random walk"}
+    assert made.unexplained[0] == Shape("specific_force y", "a random walk")
     assert made.mismatch[0]["axis"] == "y"
     assert made.recommend
 
@@ -71,7 +73,7 @@ def test_a_weak_drift_is_told_with_the_walk_that_it_may_be():
 def test_a_wave_that_a_walk_could_be_is_told_by_its_formula():
     d = diagnose([at_strength(8, lambda b: on(1, np.sin(2 * np.pi * b.t / 130.0)), 60.0)])
     assert d.verdict == "unexplained"
-    assert any("sin" in law.entry["expression"] for law in d.laws)
+    assert any("sin" in law.expression for law in d.laws)
     assert "wanders" not in d.outcome
 
 
@@ -86,12 +88,12 @@ def test_a_clear_drift_is_no_walk():
 
 def test_what_wanders_is_said():
     wander = Wander("x", 61.7, 8.2, 4.0, 20.0)
-    alone = with_wander(Diagnosis("unexplained", (), (), (), {}, {}, "No cause."), wander, alone=True)
+    alone = with_wander(Diagnosis("unexplained", (), (), (), FIT, {}, "No cause."), wander, alone=True)
     words = "accelerometer x wanders, a random walk of 61.7 +- 8.2 ug/sqrt(h)"
     assert alone.outcome == f"A{words[1:]}: no cause and no formula is as likely"
-    assert alone.unexplained[0] == {"channel": "specific_force x", "shape": "a random walk"}
-    beside = with_wander(Diagnosis("not-identifiable", (), (), (), {}, {}, "A drift or a step."), wander)
-    assert beside.unexplained == ({"channel": "specific_force x", "shape": "a random walk"},)
+    assert alone.unexplained[0] == Shape("specific_force x", "a random walk")
+    beside = with_wander(Diagnosis("not-identifiable", (), (), (), FIT, {}, "A drift or a step."), wander)
+    assert beside.unexplained == (Shape("specific_force x", "a random walk"),)
     assert beside.in_words == f"A drift or a step. It may as well be that {words}."
 
 
@@ -165,7 +167,7 @@ def steps(t, seed):
 def is_a_walk(d, channel):
     """Whether this channel is told to walk, and nothing else, with its size in the words."""
     assert (d.verdict, d.findings, d.laws) == ("unexplained", (), ())
-    assert d.unexplained[0] == {"channel": channel, "shape": "a random walk"}
+    assert d.unexplained[0] == Shape(channel, "a random walk")
     assert d.outcome
     assert d.outcome in d.in_words
     assert d.recommend

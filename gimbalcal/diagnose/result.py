@@ -1,0 +1,291 @@
+"""The parts of a diagnosis, as types: what is named, what stays unexplained, where, and how well the model then fits.
+
+Each part is one entry of diagnosis.json: its fields carry the names of the file, values are in the unit of print, and
+`to_dict` writes it. A field that is None is absent from the file. `part["key"]` reads a field by its name in the file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from gimbalcal.effects import CATALOGUE
+from gimbalcal.effects.card import stated_law
+
+
+class Entry:
+    """Base of the parts of a diagnosis: a frozen dataclass that is written to diagnosis.json field by field."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the entry as it stands in diagnosis.json."""
+        every = {f.name.rstrip("_"): getattr(self, f.name) for f in fields(self)}  # type: ignore[arg-type]
+        return {key: plain(value) for key, value in every.items() if value is not None}
+
+    def __getitem__(self, key: str) -> Any:
+        """Return a field by its name in diagnosis.json."""
+        return self.to_dict()[key]
+
+
+def plain(value: Any) -> Any:
+    """Return a value in the types of JSON."""
+    if isinstance(value, Entry):
+        return value.to_dict()
+    if isinstance(value, Mapping):
+        return {key: plain(one) for key, one in value.items()}
+    return [plain(one) for one in value] if isinstance(value, (tuple, list)) else value
+
+
+@dataclass(frozen=True)
+class Estimate(Entry):
+    """A parameter with its value and one sigma, in its unit of print; coefficients of a law have no axis."""
+
+    name: str
+    axis: str | None
+    value: float
+    sigma: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class RecordingSize(Entry):
+    """The size that one of several recordings gives a finding: its number, significance, parameters."""
+
+    recording: int
+    sigma: float
+    parameters: tuple[Estimate, ...]
+
+
+@dataclass(frozen=True)
+class SizeAgreement(Entry):
+    """Whether several recordings agree on the size of a finding; `in_words` is empty where they do."""
+
+    chi2: float
+    dof: int
+    p_value: float
+    in_words: str
+
+
+@dataclass(frozen=True)
+class Cost(Entry):
+    """Largest error of position [n mile] of a navigator whose calibration holds a cause, and of one without it."""
+
+    hours: float
+    with_nmi: float
+    without_nmi: float
+    in_words: str
+    uncalibrated_nmi: float | None = None
+
+
+@dataclass(frozen=True)
+class Finding(Entry):
+    """A named cause: probability of its set, significance [sigma], sizes, and the effects confounded with it."""
+
+    effect: str
+    axis: str
+    probability: float
+    sigma: float
+    parameters: tuple[Estimate, ...]
+    twins: tuple[str, ...] = ()
+    separate_by: str = ""
+    recordings: tuple[RecordingSize, ...] | None = None
+    agreement: SizeAgreement | None = None
+    cost: Cost | None = None
+
+    @property
+    def physics(self) -> str:
+        """First sentence of the effect's card."""
+        return " ".join((CATALOGUE[self.effect].__doc__ or "").strip().split("\n\n")[0].split())
+
+    @property
+    def alone(self) -> Finding:
+        """The finding without the effects that are confounded with it."""
+        return replace(self, twins=())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the entry with the physics, the equation and the reference temperature of the effect's card."""
+        return {**super().to_dict(), "physics": self.physics, **stated_law(CATALOGUE[self.effect])}
+
+
+@dataclass(frozen=True)
+class Mismatch(Entry):
+    """Where the baseline differs from the data: channel, axis, rows or pattern, and the p-value of the whole scan."""
+
+    channel: str
+    axis: str
+    where: Mapping[str, Any]
+    statistic: float
+    p_value: float
+    in_words: str
+    recording: int | None = None
+
+
+@dataclass(frozen=True)
+class Shape(Entry):
+    """A residual without a known cause: its channel, and in words what it depends on."""
+
+    channel: str
+    shape: str
+    recordings: tuple[int, ...] | None = None
+
+
+@dataclass(frozen=True)
+class LawResult(Entry):
+    """A law outside the catalogue (interfaces.md section 6), and the class that states it in law.py."""
+
+    channel: str
+    axis: str
+    variables: tuple[str, ...]
+    expression: str
+    form: str
+    unit: str
+    latex: str
+    parameters: tuple[Estimate, ...]
+    domain: Mapping[str, Sequence[float]]
+    units: Mapping[str, str]
+    evidence: float
+    heldout_before: float
+    heldout_after: float
+    alternatives: tuple[str, ...]
+    effect: str
+    with_: str
+    beside: tuple[str, ...]
+    source: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the entry; its class goes to law.py."""
+        entry = super().to_dict()
+        del entry["source"]
+        return entry
+
+
+@dataclass(frozen=True)
+class Shift(Entry):
+    """The change of a calibration constant once the findings are in the model, with its sigma."""
+
+    name: str
+    axis: str
+    moved: float
+    sigma: float
+    unit: str
+    in_sigmas: float
+
+
+@dataclass(frozen=True)
+class DetectionLimit(Entry):
+    """The least size of an effect that would have shown, and its usual size."""
+
+    effect: str
+    axis: str
+    least: float
+    usual: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class SearchStep(Entry):
+    """A cause in the order in which the causes explain the data, and the rms misfit with it in the model."""
+
+    effect: str
+    axis: str
+    rms: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Delay(Entry):
+    """The delay of a sensor between positions, with its sigma."""
+
+    value: float
+    sigma: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class TurnMisfit(Entry):
+    """Rms angle by which gravity carried through the turns misses gravity after them."""
+
+    rms_before: float
+    rms_after: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class RowNoise(Entry):
+    """One sigma of a row of a view whose noise is not stated."""
+
+    of: str
+    sigma_of_a_row: float
+    unit: str
+    from_: str = "the scatter about the last model"
+
+
+@dataclass(frozen=True)
+class SeparateVerdict(Entry):
+    """The verdict on one of several recordings analysed by itself, its ln Bayes factor and the bar it is held to."""
+
+    verdict: str
+    in_words: str
+    ln_bayes_factor: float
+    ln_bayes_factor_needed: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitSummary(Entry):
+    """Reduced chi^2 of the fit and of data held out, without and with the findings; of several views, each of theirs.
+
+    constants: how well several recordings agree on the constants of the unit.
+    """
+
+    chi2_reduced_before: float
+    chi2_reduced_after: float
+    heldout_before: float
+    heldout_after: float
+    noise: Mapping[str, float] | RowNoise
+    calibration_moved: tuple[Shift, ...] = ()
+    unseen: tuple[DetectionLimit, ...] | None = None
+    views: Mapping[str, FitSummary] | None = None
+    recordings: tuple[RecordingFit, ...] | None = None
+    constants: Entry | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatedNoiseFit(FitSummary):
+    """The fit in a stated noise: what was held out, the autocorrelation of the residuals, the scan for a mismatch."""
+
+    heldout_by: str
+    autocorrelation_after: float
+    autocorrelation_sigma: float
+    scan_p_before: float
+    scan_p_after: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewFit(FitSummary):
+    """The fit of a view whose noise is not stated: rms misfits in its unit, and chi^2 against the samples' scatter."""
+
+    rms_before: float
+    rms_after: float
+    heldout_rms_before: float
+    heldout_rms_after: float
+    steps: tuple[SearchStep, ...]
+    late: Mapping[str, Delay] | None = None
+    turns: TurnMisfit | None = None
+    chi2_of_samples_before: Mapping[str, float] | None = None
+    chi2_of_samples_after: Mapping[str, float] | None = None
+
+
+@dataclass(frozen=True)
+class RecordingFit(Entry):
+    """One of several recordings: number, title, kind, its own fit, and the verdict on it by itself."""
+
+    recording: int
+    title: str
+    kind: str
+    fit: FitSummary
+    alone: SeparateVerdict
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the entry, the numbers of the fit among its own."""
+        entry = super().to_dict()
+        return {**entry.pop("fit"), **entry}
