@@ -65,7 +65,7 @@ def from_frame(frame: Any, columns: Mapping[str, Entry] | None = None, **options
     """
     if columns is not None:
         return from_described_frame(frame, columns, **options)
-    from gimbalcal.importers.frame import guessed_frame
+    from gimbalcal.guess.data_frame import guessed_frame
 
     if unknown := set(options) - {"title", "site"}:
         raise InputError(f"{min(unknown)} needs columns, which say what the frame holds; without, give title and site")

@@ -13,7 +13,7 @@ import pytest
 import gimbalcal
 from gimbalcal import CATALOGUE
 from gimbalcal.cli import main  # noqa: F401  the command line loads beside it
-from tests.importers.test_new import turned
+from tests.guess.test_proposal import turned
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 XSENS = DATA / "xsens_positions"

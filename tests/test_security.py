@@ -17,7 +17,7 @@ import scipy.io
 
 from gimbalcal.errors import InputError
 from gimbalcal.importers import import_files
-from gimbalcal.importers.apart import matlab_variables
+from gimbalcal.importers.sandboxed_reader import matlab_variables
 from gimbalcal.pipeline import load
 
 DATA = Path(__file__).resolve().parent.parent / "data"

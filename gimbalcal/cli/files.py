@@ -76,8 +76,21 @@ def export(kind: str, known: Path, overwrite: bool, out: Path | None, quiet: boo
     show(result, f"wrote {path}, which {does}", as_json, quiet)
 
 
+class ImportCommand(click.Command):
+    """The command `import`, whose help lists the importers that are installed."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the kinds of files above the options."""
+        from gimbalcal.importers import KINDS
+
+        with formatter.section("Kinds"):
+            formatter.write_dl([(kind, KINDS[kind].summary) for kind in sorted(KINDS)])
+        super().format_options(ctx, formatter)
+
+
 @click.command(
     "import",
+    cls=ImportCommand,
     epilog=example(
         "gimbalcal import mikoff imu0.log --set rate=100 --out imu0",
         "gimbalcal import tpoint run.dat --out monday",
@@ -95,9 +108,8 @@ def import_(
 ) -> None:  # fmt: skip
     """Turn another rig's FILES into a recording folder; KIND is the rig or file type.
 
-    KIND: csv, mat, hdf5 (--set header=FILE.toml, whose [columns] say what the columns hold, rate=HZ where none is a
-    clock, skip=LINES), imu-tk, mikoff (rate), tpoint (azimuth, refraction), mmt, phd2 (latitude), tilt-table; all take
-    title and means=yes. docs/recording-format.md has each; `gimbalcal new` guesses what nobody described.
+    All kinds take --set title=... and means=yes (one row for each dwell). docs/recording-format.md describes them;
+    `gimbalcal new` guesses what nobody described.
     """
     from gimbalcal.importers import import_files
     from gimbalcal.recording import write

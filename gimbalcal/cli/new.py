@@ -57,8 +57,8 @@ def new(
 ) -> None:
     """Look at LOGS of a unit, a rig or a mount and propose a recording: columns, units, rests, platform."""
     from gimbalcal.atomic import write as write_text
-    from gimbalcal.importers.frame import held
-    from gimbalcal.importers.log import propose
+    from gimbalcal.guess.data_frame import held
+    from gimbalcal.guess.proposal import propose
     from gimbalcal.recording import dwells, write
     from gimbalcal.report.new_page import clocked, commented, proposal_page
 

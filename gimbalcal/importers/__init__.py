@@ -1,75 +1,56 @@
-"""Other rigs' files: one small file per rig, each a function from files and options to a `Recording`.
+"""Importers of other rigs' files: one small file per format, each a function under `@importer(KIND)`.
 
-To add a rig, write ``mine.py`` with such a function and enter it in `KINDS`. The first line of its docstring is what
-the command line prints, so it says which files and options are wanted.
+To add a format, write ``mine.py`` here with such a function, or name a module of an installed package under the entry
+points `gimbalcal.importers`. The first line of its docstring says which files and options are wanted; the command line
+prints it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import importlib
+import pkgutil
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from importlib.metadata import entry_points
 from pathlib import Path
-from types import MappingProxyType
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.delimited import import_csv
-from gimbalcal.importers.hdf5 import import_hdf5
-from gimbalcal.importers.imu_tk import import_imu_tk
-from gimbalcal.importers.matlab import import_matlab
-from gimbalcal.importers.mikoff import import_mikoff
-from gimbalcal.importers.mmt import import_mmt
-from gimbalcal.importers.phd2 import import_phd2
-from gimbalcal.importers.tilt_table import import_tilt_table
-from gimbalcal.importers.tpoint import import_tpoint
+from gimbalcal.importers.registry import COMMON_OPTIONS, KINDS, Importer, importer
 from gimbalcal.recording import Recording, dwell_means
 
-Importer = Callable[[Sequence[Path], Mapping[str, str]], Recording]
-
-KINDS: Mapping[str, Importer] = MappingProxyType(
-    {
-        "csv": import_csv,
-        "hdf5": import_hdf5,
-        "imu-tk": import_imu_tk,
-        "mat": import_matlab,
-        "mikoff": import_mikoff,
-        "mmt": import_mmt,
-        "phd2": import_phd2,
-        "tilt-table": import_tilt_table,
-        "tpoint": import_tpoint,
-    }
-)
-"""Kinds of foreign files and the function that reads each."""
-
-EVERYWHERE = ("title", "means")
-"""Options that every kind has: another title; means = yes keeps one row per dwell."""
-
+__all__ = ["KINDS", "Importer", "import_files", "importer"]
 
 YES, NO = ("yes", "true", "1", "on"), ("no", "false", "0", "off")
 
-
-def _asked(means: str) -> bool:
-    """Whether the option means says yes."""
-    if means.lower() not in (*YES, *NO):
-        raise InputError(f"the option means is yes (one row for each dwell) or no, got {means!r}")
-    return means.lower() in YES
+for _module in pkgutil.iter_modules(__path__):  # every file here may register a kind: a new one needs no other edit
+    importlib.import_module(f"{__name__}.{_module.name}")
+for _point in entry_points(group=__name__):
+    _point.load()
 
 
 def import_files(kind: str, files: Sequence[str | Path], options: Mapping[str, str] | None = None) -> Recording:
-    """The recording in the foreign `files`; `InputError` if the kind, a file or its content is not as it must be."""
+    """Return the recording in foreign files; `InputError` if the kind, a file or its content is not as it must be."""
     if kind not in KINDS:
-        raise InputError(f"there is no importer {kind!r}; take one of {', '.join(KINDS)}")
+        raise InputError(f"there is no importer {kind!r}; take one of {', '.join(sorted(KINDS))}")
     paths = [Path(file) for file in files]
     for path in paths:
         if not path.is_file():
             raise InputError(f"{path} does not exist or is not a file; give the files that {kind} is to read")
     options = dict(options or {})
-    own = {key: value for key, value in options.items() if key not in EVERYWHERE}
-    average = _asked(options.get("means", "no"))
-    recording = KINDS[kind](paths, own)
+    average = _means_of_dwells(options.get("means", "no"))
+    KINDS[kind].refuse(paths, options)
+    own = {key: value for key, value in options.items() if key not in COMMON_OPTIONS}
+    recording = KINDS[kind].read(paths, own)
     if "title" in options:
         recording = replace(recording, title=options["title"])
     if average:
-        seen = {name: recording.sigma(name) for name in ("accelerometer", "gyroscope")}
-        noise = {name: sigma for name, sigma in seen.items() if sigma is not None}
+        scatter = {name: recording.sigma(name) for name in ("accelerometer", "gyroscope")}
+        noise = {name: sigma for name, sigma in scatter.items() if sigma is not None}
         recording = replace(dwell_means(recording), noise={**noise, **recording.noise})
     return recording
+
+
+def _means_of_dwells(option: str) -> bool:
+    if option.lower() not in (*YES, *NO):
+        raise InputError(f"the option means is yes (one row for each dwell) or no, got {option!r}")
+    return option.lower() in YES

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.table import COMMON, header_for, number, one_file, only, recording_of
+from gimbalcal.importers.registry import importer, number
+from gimbalcal.importers.table import header_for, recording_of
 from gimbalcal.number import Array
 from gimbalcal.recording.dates import is_date
 from gimbalcal.recording.lines import EMPTY, names_above, numbered
@@ -25,6 +26,7 @@ HEAD, LEAST_COLUMNS = 200, 3  # lines that tell how a log is written, and column
 _SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 
 
+@importer("csv", "header", "rate", "separator", "skip")
 def import_csv(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     """One text table; header = FILE.toml with [columns], separator, skip = lines before the names, rate = Hz.
 
@@ -32,8 +34,7 @@ def import_csv(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     where it is not given; any number of blanks is one. With semicolons a decimal comma is understood. A table without
     a line of names has its columns called by number, from 1.
     """
-    only(options, (*COMMON, "separator", "skip"))
-    path = one_file(files)
+    (path,) = files
     skip = int(number(options, "skip", 0))
     header = header_for(path, options, skip)
     separator = _SEPARATORS.get(options.get("separator", ""), options.get("separator", "")) or _guessed(path, skip)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.table import COMMON, component, header_for, one_file, only, recording_of, without_index
+from gimbalcal.importers.registry import importer
+from gimbalcal.importers.table import component, header_for, recording_of, without_index
 from gimbalcal.number import Array
 from gimbalcal.recording.record import Recording
 from gimbalcal.recording.room import refuse_bomb
@@ -19,10 +20,10 @@ if TYPE_CHECKING:
     import h5py
 
 
+@importer("hdf5", "header", "rate")
 def import_hdf5(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     """One HDF5 file; header = FILE.toml, its columns named by path and index as in "/imu/acc[0]"; rate = Hz."""
-    only(options, COMMON)
-    path = one_file(files)
+    (path,) = files
     header = header_for(path, options)
 
     def fetch(name: str) -> Array:

@@ -17,8 +17,8 @@ import numpy as np
 
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
-from gimbalcal.importers.still import TRIAD, still_positions, text_matrix
-from gimbalcal.importers.table import only
+from gimbalcal.importers.registry import importer
+from gimbalcal.importers.unit_log import TRIAD, text_matrix, unit_log
 from gimbalcal.number import Array
 from gimbalcal.quantities import check
 from gimbalcal.recording.dwell import Dwell, dwells
@@ -31,12 +31,12 @@ FIT = np.radians(20.0)  # gravity after a turn by gyroscopes that nobody calibra
 BETTER = 2.0  # times that the right unit must do better than the other
 
 
+@importer("imu-tk", "accel", "gyro", single_file=False)
 def import_imu_tk(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     """Text files, accelerometers then gyroscopes (or the first only): time [s] and x y z in each line; accel, gyro.
 
     accel and gyro name the units, such as m/s^2 and deg/s; where they are not given they are told by gravity.
     """
-    only(options, ("accel", "gyro"))
     if len(files) not in (1, 2):
         raise InputError(f"imu-tk reads one or two files (accelerometers, gyroscopes), got {len(files)}")
     tables = [text_matrix(path, 4) for path in files]
@@ -51,7 +51,7 @@ def import_imu_tk(files: Sequence[Path], options: Mapping[str, str]) -> Recordin
     for name, quantity in (("accel", "specific_force"), ("gyro", "angular_rate")):
         if name in options:
             check(options[name], quantity)
-    made = still_positions(files[0].stem, time, channels, dict.fromkeys(channels, "count"), files)
+    made = unit_log(files[0].stem, time, channels, dict.fromkeys(channels, "count"), files)
     accel, why = _unit_of_force(made)
     made = _in_unit(made, "specific_force", options.get("accel", accel), "as told" if "accel" in options else why)
     if len(files) == 1:

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.apart import matlab_variables
 from gimbalcal.importers.hdf5 import dataset, dataset_names
-from gimbalcal.importers.table import COMMON, component, header_for, only, recording_of, without_index
+from gimbalcal.importers.registry import importer
+from gimbalcal.importers.sandboxed_reader import matlab_variables
+from gimbalcal.importers.table import component, header_for, recording_of, without_index
 from gimbalcal.number import Array
 from gimbalcal.recording.record import Recording, Source
 
@@ -28,13 +29,13 @@ class _Variables:
     find: Callable[[str], Any]
 
 
+@importer("mat", "header", "rate", single_file=False)
 def import_matlab(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     """.mat files of one recording; header = FILE.toml, its columns named as in "imu.acc[0]" or by file; rate = Hz.
 
     A column is called by variable, field and index; where each channel has a file of its own, by the name of the file
     (its only variable is meant) or by file and variable, "ax.data".
     """
-    only(options, COMMON)
     header = header_for(files[0], options)
     held = [_opened(path) for path in files]
 

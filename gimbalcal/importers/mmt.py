@@ -13,7 +13,7 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.importers.pointing import elapsed, pointing_run, sexagesimal
-from gimbalcal.importers.table import one_file, only
+from gimbalcal.importers.registry import importer
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording.record import Recording, Site
 
@@ -23,10 +23,10 @@ FEWEST, MOST = {"RAA": 2, "TAA": 2, "LST": 1}, {"RAA": 720.0, "TAA": 720.0, "LST
 AXES = ("elevation", "azimuth")
 
 
-def import_mmt(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
+@importer("mmt")
+def import_mmt(files: Sequence[Path], _options: Mapping[str, str]) -> Recording:
     """One .dat file of the MMT: blocks of CAT, RAA (raw), TAA (true altitude, azimuth [deg]) and LST lines."""
-    only(options, ())
-    path = one_file(files)
+    (path,) = files
     found: dict[str, list[list[float]]] = {"RAA": [], "TAA": [], "LST": []}
     for line, text in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
         name, colon, rest = text.partition(":")

@@ -23,7 +23,7 @@ import numpy as np
 from gimbalcal.earth import EARTH_RATE, normal_gravity
 from gimbalcal.errors import InputError, amount
 from gimbalcal.importers.pointing import pointing_run
-from gimbalcal.importers.table import one_file, only
+from gimbalcal.importers.registry import importer
 from gimbalcal.importers.tpoint import equatorial
 from gimbalcal.number import Array
 from gimbalcal.recording.record import Recording, Site
@@ -49,10 +49,10 @@ class _Stretch:
     gaps: list[int]
 
 
+@importer("phd2", "latitude", "stretch")
 def import_phd2(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     """One PHD2 guide log; latitude = of the site in deg; stretch = 1, 2, ... between dithers (default: the longest)."""
-    only(options, ("latitude", "stretch"))
-    path = one_file(files)
+    (path,) = files
     latitude = _latitude(options)
     stretches = [s for s in _stretches(path) if len(s.frames) >= FEWEST]
     if not stretches:

@@ -1,9 +1,9 @@
-"""What the importers of general tables share: a header file that names the columns, and options that are checked."""
+"""Recordings from general tables whose columns a header file names, as `csv`, `mat` and `hdf5` read them."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.importers.pointing import SPACED
+from gimbalcal.importers.registry import number
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import COUNTED, Column
 from gimbalcal.recording.dates import Dates, NoDateError
@@ -18,33 +19,6 @@ from gimbalcal.recording.header import Header, foreign_header
 from gimbalcal.recording.reading import assemble, dated
 from gimbalcal.recording.record import Recording
 from gimbalcal.units import from_si
-
-COMMON = ("header", "rate")
-
-
-def only(options: Mapping[str, str], known: Sequence[str]) -> None:
-    """Refuse an option that nobody reads."""
-    for key in options:
-        if key not in known:
-            raise InputError(f"the option {key!r} is not known here; there are {', '.join([*known, 'title', 'means'])}")
-
-
-def number(options: Mapping[str, str], key: str, default: float) -> float:
-    """A positive number among the options."""
-    try:
-        value = float(options.get(key, default))
-    except ValueError:
-        value = np.nan
-    if not (np.isfinite(value) and value >= 0):
-        raise InputError(f"the option {key} must be a number of at least 0, got {options[key]!r}")
-    return value
-
-
-def one_file(files: Sequence[Path]) -> Path:
-    """The only file."""
-    if len(files) != 1:
-        raise InputError(f"give one file at a time, got {len(files)}")
-    return files[0]
 
 
 def header_for(path: Path, options: Mapping[str, str], skip: int = 0) -> Header:

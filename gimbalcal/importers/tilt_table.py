@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.table import one_file, only
+from gimbalcal.importers.registry import importer
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording.kinds import ROTATION
@@ -27,10 +27,10 @@ from gimbalcal.recording.scatter import pooled
 _AXES = {"x": ("N", 1.0), "y": ("E", 1.0), "z": ("Z", -1.0)}  # Z of a seismometer is up
 
 
-def import_tilt_table(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
+@importer("tilt-table")
+def import_tilt_table(files: Sequence[Path], _options: Mapping[str, str]) -> Recording:
     """One .npz archive: vel_HHN, vel_HHE, vel_HHZ [m/s], rate_HJN, rate_HJE, rate_HJZ [rad/s] and fs [Hz]."""
-    only(options, ())
-    path = one_file(files)
+    (path,) = files
     names = [f"{kind}{letter}" for letter, _ in _AXES.values() for kind in ("vel_HH", "rate_HJ")]
     try:
         with zipfile.ZipFile(path) as packed:

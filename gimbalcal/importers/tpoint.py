@@ -34,7 +34,7 @@ import numpy as np
 from gimbalcal.earth import normal_gravity
 from gimbalcal.errors import InputError
 from gimbalcal.importers.pointing import elapsed, in_order, pointing_run, sexagesimal
-from gimbalcal.importers.table import one_file, only
+from gimbalcal.importers.registry import importer, one_of
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.recording.record import Recording, Site
@@ -67,15 +67,12 @@ def equatorial(latitude: float) -> Platform:
     return Platform("equatorial", axes)
 
 
+@importer("tpoint", "azimuth", "refraction")
 def import_tpoint(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     """One TPOINT file, equatorial or :ALTAZ; refraction = yes (no); azimuth = south or north for lines of angles."""
-    only(options, ("azimuth", "refraction"))
-    zero, refracted = options.get("azimuth", "south"), options.get("refraction", "no")
-    if refracted not in ("yes", "no"):
-        raise InputError(f"the option refraction must be yes (catalogue places are raised) or no, got {refracted!r}")
-    if zero not in _AZIMUTH:
-        raise InputError(f"the option azimuth must be south (as TPOINT counts, through east) or north, got {zero!r}")
-    path = one_file(files)
+    refracted = one_of(options, "refraction", "no", {"yes": "catalogue places are raised", "no": ""})
+    zero = one_of(options, "azimuth", "south", {"south": "as TPOINT counts, through east", "north": ""})
+    (path,) = files
     file = _read(path)
     if refracted == "yes" and not (file.air and file.rows.shape[1] == _BY_STARS):
         raise InputError(f"{path}: refraction needs catalogue places, and a pressure in the line of the site")

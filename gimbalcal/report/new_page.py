@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gimbalcal.errors import amount
-from gimbalcal.importers.log import Proposal
+from gimbalcal.guess.proposal import Proposal
 from gimbalcal.recording import Dwell, Recording, dwells
 from gimbalcal.report import wording
 from gimbalcal.report.chart import COLOURS, Band, Chart, Line, Mark, Points, Words, envelope, lasting, sensible_time

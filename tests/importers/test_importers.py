@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -9,10 +10,12 @@ import numpy as np
 import pytest
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers import KINDS, import_files
+from gimbalcal.importers import KINDS, import_files, importer
+from gimbalcal.importers.registry import number
+from gimbalcal.importers.unit_log import text_matrix, unit_log
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
-from gimbalcal.recording import dwell_means, dwells, read
+from gimbalcal.recording import Recording, dwell_means, dwells, read
 from gimbalcal.rotation import exponential
 from gimbalcal.units import to_si
 from tests.xsens import accelerometers, as_text
@@ -58,12 +61,12 @@ def refusal(kind: str, files: list[Path], options: dict[str, str] | None = None)
 
 
 def test_unknown_kind_lists_the_known_ones(tmp_path: Path) -> None:
-    assert refusal("xsens", [tmp_path]) == f"there is no importer 'xsens'; take one of {', '.join(KINDS)}"
+    assert refusal("xsens", [tmp_path]) == f"there is no importer 'xsens'; take one of {', '.join(sorted(KINDS))}"
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
 def test_every_kind_has_help_and_refuses_what_is_not_there(tmp_path: Path, kind: str) -> None:
-    assert KINDS[kind].__doc__
+    assert KINDS[kind].summary
     assert "does not exist or is not a file; give the files that" in refusal(kind, [tmp_path / "none"])
 
 
@@ -72,6 +75,36 @@ def test_every_kind_refuses_an_unknown_option(tmp_path: Path, kind: str) -> None
     file = tmp_path / "file"
     file.write_text("")
     assert "the option 'bananas' is not known here" in refusal(kind, [file], {"bananas": "3"})
+
+
+def test_a_format_of_another_package_is_listed_and_read(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("gimbalcal.importers.registry.KINDS", kinds := dict(KINDS))
+    monkeypatch.setattr("gimbalcal.importers.KINDS", kinds)
+
+    @importer("mine", "shift")
+    def import_mine(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
+        """One text file: t [s] ax ay az [g] in each line; shift = s.
+
+        More about it.
+        """
+        table = text_matrix(files[0], 4)
+        keys = [("specific_force", axis) for axis in "xyz"]
+        channels = {key: table[:, 1 + i] for i, key in enumerate(keys)}
+        return unit_log("mine", table[:, 0] + number(options, "shift", 0), channels, dict.fromkeys(keys, "g"), files)
+
+    with pytest.raises(ValueError, match="two importers are called 'mine': import_mine and import_mine"):
+        importer("mine")(import_mine)
+    file = tmp_path / "log.txt"
+    file.write_text("0 0 0 9.8\n1 0 0 9.8\n2 0 0 9.8\n")
+    made = import_files("mine", [file], {"shift": "5", "title": "bench"})
+    np.testing.assert_array_equal(made.time, [5.0, 6.0, 7.0])
+    assert made.title == "bench"
+    assert refusal("mine", [file, file]) == "give one file at a time, got 2"
+    assert command("import", "--help") == 0
+    words = " ".join(capsys.readouterr().out.split())
+    assert "mine One text file: t [s] ax ay az [g] in each line; shift = s. mmt One .dat file" in words
 
 
 # --- imu_tk ---------------------------------------------------------------------------------------------------------

@@ -107,37 +107,37 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("importers.tpoint", "_joined", "np.where(np.signbit(words[:, 0]), -1.0, 1.0)",
          "np.where(words[:, 0] < 0, -1.0, 1.0)"),
     ),
-    "importers/test_new.py importers/test_new_layouts.py": (
-        ("importers.clock", "unwrapped", "period * np.cumsum(step < 0)", "period * (step < 0)"),
-        ("importers.together", "resampled", "(x[1:] + x[:-1]) / 2 * np.diff(t2)", "(x[1:] + x[:-1]) / 2"),
+    "guess/test_proposal.py guess/test_layouts.py": (
+        ("guess.clocks", "unwrapped", "period * np.cumsum(step < 0)", "period * (step < 0)"),
+        ("guess.merged_logs", "resampled", "(x[1:] + x[:-1]) / 2 * np.diff(t2)", "(x[1:] + x[:-1]) / 2"),
     ),
-    "importers/test_new_stars.py": (
-        ("importers.stars", "pointing_proposal", "/ np.cos(true[axes[1]])", "* np.cos(true[axes[1]])"),
-        ("importers.stars", "_sense", "return -1, f", "return 1, f"),
+    "guess/test_pointing_run.py": (
+        ("guess.pointing_run", "pointing_proposal", "/ np.cos(true[axes[1]])", "* np.cos(true[axes[1]])"),
+        ("guess.pointing_run", "_sense", "return -1, f", "return 1, f"),
     ),
-    "importers/test_new_layouts.py": (
-        ("importers.sky", "of_the_axes", "hours - _hours(table, name)", "_hours(table, name) - hours"),
-        ("importers.sky", "of_the_axes", "else quarter - x", "else x - quarter"),
-        ("importers.sky", "of_the_axes", "-x if words[name] & OFFSET", "x if words[name] & OFFSET"),
+    "guess/test_layouts.py": (
+        ("guess.celestial", "of_the_axes", "hours - _hours(table, name)", "_hours(table, name) - hours"),
+        ("guess.celestial", "of_the_axes", "else quarter - x", "else x - quarter"),
+        ("guess.celestial", "of_the_axes", "-x if words[name] & OFFSET", "x if words[name] & OFFSET"),
     ),
-    "importers/test_new_rigs.py": (
-        ("importers.rig", "_agreeing", "-apply_matrix(platform", "apply_matrix(platform"),
+    "guess/test_gimbal_chain.py": (
+        ("guess.gimbal_chain", "_agreeing", "-apply_matrix(platform", "apply_matrix(platform"),
     ),
-    "importers/test_guesses.py": (
-        ("importers.still", "still_positions", "detect(time, force, rate, raw)",
+    "guess/test_guesses.py": (
+        ("importers.unit_log", "unit_log", "detect(time, force, rate, raw)",
          "detect(time, rate or force, rate, raw)"),
-        ("importers.clock", "jitter", "(high - low) / 2 / middle", "(high - low) / 2"),
-        ("importers.clock", "unit_of_time", "1 / (step * size)", "step / size"),
-        ("importers.together", "on_one_clock", "from_si(to_si(more[clock2], theirs[clock2].unit), guesses[clock].unit)",
+        ("guess.clocks", "jitter", "(high - low) / 2 / middle", "(high - low) / 2"),
+        ("guess.clocks", "unit_of_time", "1 / (step * size)", "step / size"),
+        ("guess.merged_logs", "on_one_clock", "from_si(to_si(more[clock2], theirs[clock2].unit), guesses[clock].unit)",
          "more[clock2]"),
-        ("importers.stars", "_offset", "np.radians(x / 240)", "np.radians(x / 3600)"),
-        ("importers.rig", "_unit", "> 2 * pi", "< 2 * pi"),
-        ("importers.sky", "_hours", "x if hours else x / 15", "x if hours else x * 15"),
+        ("guess.pointing_run", "_offset", "np.radians(x / 240)", "np.radians(x / 3600)"),
+        ("guess.gimbal_chain", "_unit", "> 2 * pi", "< 2 * pi"),
+        ("guess.celestial", "_hours", "x if hours else x / 15", "x if hours else x * 15"),
     ),
-    "importers/test_new_sky.py": (
-        ("importers.sky", "_of_utc", "degrees + east", "degrees - east"),
-        ("importers.sky", "_of_utc", "360.98564736629 * days", "360.0 * days"),
-        ("importers.sky", "_days", "- 0.5 + x / 86400", "+ x / 86400"),
+    "guess/test_celestial.py": (
+        ("guess.celestial", "_of_utc", "degrees + east", "degrees - east"),
+        ("guess.celestial", "_of_utc", "360.98564736629 * days", "360.0 * days"),
+        ("guess.celestial", "_days", "- 0.5 + x / 86400", "+ x / 86400"),
     ),
     "navigate/test_static_run.py": (
         ("navigate.static_run", "_errors", "course.latitude - site.latitude", "site.latitude - course.latitude"),

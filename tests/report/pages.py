@@ -19,8 +19,8 @@ from gimbalcal.design.rig import rig_of
 from gimbalcal.design.turning_observability import observe_turning
 from gimbalcal.diagnose.answer import Curves
 from gimbalcal.earth import G0
-from gimbalcal.importers.guess import Guess
-from gimbalcal.importers.log import Proposal
+from gimbalcal.guess.column_values import Guess
+from gimbalcal.guess.proposal import Proposal
 from gimbalcal.navigate.answer import content as navigation_content
 from gimbalcal.navigate.outcome import Navigated
 from gimbalcal.navigate.space_stable import Aids

@@ -47,7 +47,7 @@ def _column(v: Array) -> Array:
 
 def read(path: Path) -> Found:
     """Value and sigma of each parameter in a .mat file."""
-    from gimbalcal.importers.apart import matlab_variables  # with it come all readers of other rigs' files
+    from gimbalcal.importers.sandboxed_reader import matlab_variables  # with it come all readers of other rigs' files
 
     found = matlab_variables(path)
     if not any(name.startswith("clbt.") for name in found):

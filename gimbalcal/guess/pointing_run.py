@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.names import ANGLES, Guess, by_name, plain, unit_written
+from gimbalcal.guess.celestial import angle_told, latitude_column, sidereal, sidereal_hours
+from gimbalcal.guess.column_names import ANGLES, Guess, by_name, plain, unit_written
+from gimbalcal.guess.text_table import Table
 from gimbalcal.importers.pointing import SPACED, elapsed, in_order, pointing_run
-from gimbalcal.importers.sky import angle_told, latitude_column, sidereal, sidereal_hours
 from gimbalcal.importers.tpoint import equatorial
-from gimbalcal.importers.undescribed import Table
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording.gravity import not_stated

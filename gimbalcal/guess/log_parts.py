@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.names import Guess
-from gimbalcal.importers.undescribed import Table
+from gimbalcal.guess.column_names import Guess
+from gimbalcal.guess.text_table import Table
 from gimbalcal.number import Array
 
 COUNTED = "time [s]"  # the clock of rows that are counted by a rate

@@ -41,7 +41,7 @@ def text_matrix(path: Path, columns: int) -> Array:
     return np.array(rows)
 
 
-def still_positions(
+def unit_log(
     title: str, time: Array, channels: Mapping[Key, Array], units: Mapping[Key, str], files: Sequence[Path]
 ) -> Recording:
     """The multi-position recording of a unit without a platform; its dwells are detected. Channels are in SI or raw."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.errors import InputError
-from gimbalcal.importers.names import FORCE, Guess, by_turn
+from gimbalcal.guess.column_names import FORCE, Guess, by_turn
 from gimbalcal.number import Array
 from gimbalcal.units import to_si
 

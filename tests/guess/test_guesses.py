@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gimbalcal.importers.clock import in_unit, jitter, unit_of_time
-from gimbalcal.importers.guess import unit_of_rate
-from gimbalcal.importers.log import propose
-from gimbalcal.importers.names import Guess
-from gimbalcal.importers.rig import _unit
-from gimbalcal.importers.still import still_positions
-from gimbalcal.importers.together import on_one_clock, one_each
-from tests.importers.test_new_stars import AZ, EL, OFF, off, write
+from gimbalcal.guess.clocks import in_unit, jitter, unit_of_time
+from gimbalcal.guess.column_names import Guess
+from gimbalcal.guess.column_values import unit_of_rate
+from gimbalcal.guess.gimbal_chain import _unit
+from gimbalcal.guess.merged_logs import on_one_clock, one_each
+from gimbalcal.guess.proposal import propose
+from gimbalcal.importers.unit_log import unit_log
+from tests.guess.test_pointing_run import AZ, EL, OFF, off, write
 from tests.recording.test_dwells import turned_by_hand
 
 TIME = Guess("time", "", "s", "its name")
@@ -77,7 +77,7 @@ def test_rests_are_where_the_accelerometers_are_quiet_whatever_a_hand_does() -> 
     channels = {("specific_force", a): 9.8 * f for a, f in force.items()}
     channels |= {("angular_rate", a): tremor * rng.standard_normal(len(time)) for a in "xyz"}
     units = {key: "m/s^2" if key[0] == "specific_force" else "rad/s" for key in channels}
-    made = still_positions("", time, channels, units, [Path(__file__)])
+    made = unit_log("", time, channels, units, [Path(__file__)])
     assert made.position is not None
     assert made.position.max() == 10
 

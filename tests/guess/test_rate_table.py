@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.log import propose
-from gimbalcal.importers.names import axis_word, by_name
+from gimbalcal.guess.column_names import axis_word, by_name
+from gimbalcal.guess.proposal import propose
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.quantities import check

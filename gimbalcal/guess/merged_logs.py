@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.clock import best_clock, jitter
-from gimbalcal.importers.names import FORCE, RATE, Guess
+from gimbalcal.guess.clocks import best_clock, jitter
+from gimbalcal.guess.column_names import FORCE, RATE, Guess
 from gimbalcal.number import Array
 from gimbalcal.units import from_si, to_si
 

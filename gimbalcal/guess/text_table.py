@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers import calendar
+from gimbalcal.guess import date_formats
+from gimbalcal.guess.column_names import by_name, plain, unit_written
+from gimbalcal.guess.message_log import tables_in
 from gimbalcal.importers.delimited import encoding_of, frame_of
-from gimbalcal.importers.messages import tables_in
-from gimbalcal.importers.names import by_name, plain, unit_written
 from gimbalcal.number import Array
 from gimbalcal.recording.dates import Dates, NoDateError, is_date
 from gimbalcal.recording.lines import comment_words
@@ -137,13 +137,13 @@ def _one_stamp(frame: pl.DataFrame) -> pl.DataFrame:
     if not frame.height:
         return frame
     first = {name: str(frame[name][0] or "").strip(" \"'") for name in frame.columns}
-    day = next((n for n, cell in first.items() if calendar.is_day(cell)), "")
-    time = next((n for n, cell in first.items() if calendar.TIME.fullmatch(cell) and (g := by_name(n))
+    day = next((n for n, cell in first.items() if date_formats.is_day(cell)), "")
+    time = next((n for n, cell in first.items() if date_formats.TIME.fullmatch(cell) and (g := by_name(n))
                  and g.quantity == "time"), "")  # fmt: skip
     if not day or not time:
         return frame
     days, times = ([str(cell or "").strip(" \"'") for cell in frame[n].to_list()] for n in (day, time))
-    return frame.with_columns(pl.Series(time, calendar.in_iso(days, times))).drop(day)
+    return frame.with_columns(pl.Series(time, date_formats.in_iso(days, times))).drop(day)
 
 
 def values_of(name: str, text: object, separator: str, dates: Dates) -> tuple[Array, str]:
@@ -155,8 +155,8 @@ def values_of(name: str, text: object, separator: str, dates: Dates) -> tuple[Ar
     seen = seen.filter(seen != "")
     first = str(seen[0]) if len(seen) else ""
     guess = by_name(name)
-    if calendar.is_stamp(first):
-        text = pl.Series(name, calendar.in_iso(*calendar.split([str(cell or "") for cell in text.to_list()])))
+    if date_formats.is_stamp(first):
+        text = pl.Series(name, date_formats.in_iso(*date_formats.split([str(cell or "") for cell in text.to_list()])))
         first = str(text[0])
     if is_date(first) and (
         "-" in first[1:] or (guess and guess.quantity == "time") or not SEXAGESIMAL.fullmatch(first)

@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.importers.guess import NEAR
-from gimbalcal.importers.names import FORCE, RATE, Guess
+from gimbalcal.guess.column_names import FORCE, RATE, Guess
+from gimbalcal.guess.column_values import NEAR
 from gimbalcal.number import Array
 from gimbalcal.units import from_si, to_si
 

@@ -15,7 +15,7 @@ from math import pi
 
 import numpy as np
 
-from gimbalcal.importers.names import ANGLES, plain, unit_written
+from gimbalcal.guess.column_names import ANGLES, plain, unit_written
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.recording.triads import CLOSE, NEARLY_ALL

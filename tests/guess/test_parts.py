@@ -10,7 +10,7 @@ import pytest
 
 import gimbalcal
 from gimbalcal.errors import InputError
-from gimbalcal.importers.log import propose
+from gimbalcal.guess.proposal import propose
 from gimbalcal.number import Array
 from gimbalcal.recording import dwells
 

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers import clock as clocks
-from gimbalcal.importers.guess import alike, by_order, sound_unit, unit_of_force, unit_of_rate
-from gimbalcal.importers.names import (
+from gimbalcal.guess import clocks
+from gimbalcal.guess.column_names import (
     FORCE,
     RATE,
     Guess,
@@ -23,9 +22,10 @@ from gimbalcal.importers.names import (
     plain,
     unit_written,
 )
+from gimbalcal.guess.column_values import alike, by_order, sound_unit, unit_of_force, unit_of_rate
+from gimbalcal.guess.merged_logs import one_each
+from gimbalcal.guess.text_table import Table
 from gimbalcal.importers.pointing import SPACED
-from gimbalcal.importers.together import one_each
-from gimbalcal.importers.undescribed import Table
 from gimbalcal.number import Array
 
 JOINED = "time of two columns"

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.log import propose
-from gimbalcal.importers.names import by_name
-from gimbalcal.importers.rig import rig_of
+from gimbalcal.guess.column_names import by_name
+from gimbalcal.guess.gimbal_chain import rig_of
+from gimbalcal.guess.proposal import propose
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.recording import dwells

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.log import propose
+from gimbalcal.guess.proposal import propose
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 

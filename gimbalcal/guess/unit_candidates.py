@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.importers import clock as clocks
-from gimbalcal.importers.names import RATE, Guess
-from gimbalcal.importers.said import in_physical_units
-from gimbalcal.importers.together import Columns
+from gimbalcal.guess import clocks
+from gimbalcal.guess.column_names import RATE, Guess
+from gimbalcal.guess.header_scales import in_physical_units
+from gimbalcal.guess.merged_logs import Columns
 from gimbalcal.number import Array
 from gimbalcal.units import to_si
 

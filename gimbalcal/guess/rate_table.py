@@ -13,10 +13,8 @@ from itertools import combinations
 import numpy as np
 
 from gimbalcal.effects.history import integral
-from gimbalcal.importers import rig
-from gimbalcal.importers.guess import changes
-from gimbalcal.importers.likely import BESIDE, is_open
-from gimbalcal.importers.names import (
+from gimbalcal.guess import gimbal_chain
+from gimbalcal.guess.column_names import (
     FORCE,
     RATE,
     Guess,
@@ -27,7 +25,9 @@ from gimbalcal.importers.names import (
     rate_word,
     unit_written,
 )
-from gimbalcal.importers.together import Columns
+from gimbalcal.guess.column_values import changes
+from gimbalcal.guess.merged_logs import Columns
+from gimbalcal.guess.unit_candidates import BESIDE, is_open
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
 from gimbalcal.quantities import QUANTITIES
@@ -80,7 +80,7 @@ def on_table(log: Columns) -> OnTable | None:
     gyros = {g.axis: n for n, g in guesses.items() if g.quantity == RATE}
     if set(gyros) != set("xyz"):
         return None
-    turned, counts = rig.turned_counts(_candidates(columns, guesses))
+    turned, counts = gimbal_chain.turned_counts(_candidates(columns, guesses))
     (clock,) = [n for n, g in guesses.items() if g.quantity == "time"]
     time = np.asarray(to_si(columns[clock], guesses[clock].unit))
     read = np.stack([columns[gyros[a]] for a in "xyz"], axis=-1)
@@ -195,7 +195,7 @@ def _chain(time: Array, read: Array, columns: Mapping[str, Array], scale: float 
 
 def _best(T: Turning, scale: float | None) -> tuple[float, Platform] | None:
     """What the first of the chains leaves that are as good as any, and that chain; None where none turns alike."""
-    usual = rig.usual(frozenset(T.names))
+    usual = gimbal_chain.usual(frozenset(T.names))
     known = [usual] if usual is not None and set(usual.axis_names) == set(T.names) else []
     tried = [(T.left(p, scale), p) for p in (*known, *chains(T.names))]
     least = min(left for left, _ in tried)

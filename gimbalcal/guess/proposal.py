@@ -13,19 +13,19 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers import parts, rig
-from gimbalcal.importers.among_stars import as_static_run
-from gimbalcal.importers.guessed import guessed
-from gimbalcal.importers.likely import in_likely_units, is_open
+from gimbalcal.guess import gimbal_chain, log_parts
+from gimbalcal.guess.celestial import of_the_axes, refuse_below_horizon
+from gimbalcal.guess.column_guess import guessed
+from gimbalcal.guess.column_names import FORCE, Guess, by_name, estimated, hinted
+from gimbalcal.guess.merged_logs import Columns, on_one_clock, slowest_first
+from gimbalcal.guess.novatel import rawimu
+from gimbalcal.guess.pointing_run import angles_in, pointing_proposal
+from gimbalcal.guess.rate_table import OnTable, gravity_stays, lacking, on_table, upright
+from gimbalcal.guess.static_run import as_static_run
+from gimbalcal.guess.text_table import Table, tables_of
+from gimbalcal.guess.unit_candidates import in_likely_units, is_open
 from gimbalcal.importers.mmt import import_mmt
-from gimbalcal.importers.names import FORCE, Guess, by_name, estimated, hinted
-from gimbalcal.importers.novatel import rawimu
-from gimbalcal.importers.on_table import OnTable, gravity_stays, lacking, on_table, upright
-from gimbalcal.importers.sky import of_the_axes, refuse_below_horizon
-from gimbalcal.importers.stars import angles_in, pointing_proposal
-from gimbalcal.importers.together import Columns, on_one_clock, slowest_first
 from gimbalcal.importers.tpoint import import_tpoint
-from gimbalcal.importers.undescribed import Table, tables_of
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwell_means, dwells, from_frame
@@ -92,9 +92,9 @@ def of_tables(logs: Mapping[Path, Table], title: str, rate: float = 0.0, latitud
     named = {g.quantity for path, table in logs.items() for n in table.columns if (g := by_name(n, hinted(path.stem)))}
     read = {path: guessed(path, table, rate, named) for path, table in logs.items()}
     follow = ""
-    if parts.alike({path: each[1] for path, each in read.items()}):
+    if log_parts.alike({path: each[1] for path, each in read.items()}):
         clock = next(n for n, g in read[paths[0]][1].items() if g.quantity == "time")
-        whole, follow = parts.joined(logs, clock, rate)
+        whole, follow = log_parts.joined(logs, clock, rate)
         read = {paths[0]: guessed(paths[0], whole, 0.0, named)}
         title = f"{title} and {len(logs) - 1} more" if title == paths[0].stem else title
     (_, (columns, guesses)), *others = slowest_first([(path, each[:2]) for path, each in read.items()])
@@ -194,7 +194,7 @@ def _made(
     columns, guesses = log
     gimbals = {g.axis: name for name, g in guesses.items() if g.quantity == "gimbal_angle"}
     told, platform = dict(notes), None
-    turning, counts = rig.turned_counts(_unknown(columns, guesses))
+    turning, counts = gimbal_chain.turned_counts(_unknown(columns, guesses))
     columns = {**columns, **turning}
     found, theirs, outside = _rig(columns, guesses, gimbals, title)
     theirs = {n: replace(g, why=f"{counts[n]} counts a turn; {g.why}") if n in counts else g for n, g in theirs.items()}
@@ -249,14 +249,14 @@ def _unknown(columns: Mapping[str, Array], guesses: Mapping[str, Guess]) -> dict
 
 
 def _rig(columns: Mapping[str, Array], guesses: Mapping[str, Guess], gimbals: Mapping[str, str], title: str
-         ) -> tuple[rig.Rig | None, dict[str, Guess], tuple[str, ...]]:  # fmt: skip
+         ) -> tuple[gimbal_chain.Rig | None, dict[str, Guess], tuple[str, ...]]:  # fmt: skip
     """The rig, gimbals that are found by what they hold, and columns called gimbals that no platform has."""
     chain = {"axes": [{"name": axis, "direction": "zxy"[k % 3]} for k, axis in enumerate(gimbals)]}
     unknown = _unknown(columns, guesses)
     found = None
     if gimbals:
         still = dwell_means(from_frame(columns, _entries(guesses), title=title, platform=chain, called=title))
-        found = rig.rig_of({a: still.channels["gimbal_angle", a] for a in gimbals}, still.triad(FORCE))
+        found = gimbal_chain.rig_of({a: still.channels["gimbal_angle", a] for a in gimbals}, still.triad(FORCE))
         if found.platform is not None or not unknown:
             return found, {}, () if found.platform is not None else tuple(gimbals.values())
         unknown |= {n: columns[n] for n in gimbals.values()}
@@ -266,7 +266,7 @@ def _rig(columns: Mapping[str, Array], guesses: Mapping[str, Guess], gimbals: Ma
     others = {n: {"quantity": "covariate", "axis": f"u{i}", "unit": "1"} for i, n in enumerate(unknown)}
     free = from_frame(columns, {**bare, **others}, title=title, called=title)
     at = {n: free.channels["covariate", f"u{i}"] for i, n in enumerate(unknown)}
-    among = rig.rig_among(at, [d.rows for d in dwells(free)], dwell_means(free).triad(FORCE))
+    among = gimbal_chain.rig_among(at, [d.rows for d in dwells(free)], dwell_means(free).triad(FORCE))
     if among is None:
         return found, {}, tuple(gimbals.values())
     other, theirs = among

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.names import ANGLES, plain, unit_written
-from gimbalcal.importers.undescribed import Table
+from gimbalcal.guess.column_names import ANGLES, plain, unit_written
+from gimbalcal.guess.text_table import Table
 from gimbalcal.number import Array
 from gimbalcal.recording.record import Recording
 from gimbalcal.units import from_si

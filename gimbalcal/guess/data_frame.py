@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.log import of_tables
-from gimbalcal.importers.names import Guess
-from gimbalcal.importers.undescribed import LEAST_COLUMNS, Table, gathered, values_of
+from gimbalcal.guess.column_names import Guess
+from gimbalcal.guess.proposal import of_tables
+from gimbalcal.guess.text_table import LEAST_COLUMNS, Table, gathered, values_of
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.dates import Dates
@@ -24,7 +24,7 @@ STATED = {"latitude": "deg", "height": "m"}
 def guessed_frame(frame: Any, title: str = "frame", site: Mapping[str, tuple[float, str]] | None = None) -> Recording:
     """The recording in a frame or a mapping of columns, with a remark on what each was taken for and why.
 
-    site: latitude and height with their units. Raises InputError as `importers.log.propose` does.
+    site: latitude and height with their units. Raises InputError as `propose` does.
     """
     if unknown := set(site or {}) - set(STATED):
         raise InputError(f"site holds {min(unknown)!r}; beside guessed columns it takes latitude and height")

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.calendar import in_iso, is_stamp, split
-from gimbalcal.importers.clock import unwrapped
-from gimbalcal.importers.log import Proposal, propose
-from gimbalcal.importers.names import by_name, plain
-from gimbalcal.importers.said import scales
-from gimbalcal.importers.together import resampled
+from gimbalcal.guess.clocks import unwrapped
+from gimbalcal.guess.column_names import by_name, plain
+from gimbalcal.guess.date_formats import in_iso, is_stamp, split
+from gimbalcal.guess.header_scales import scales
+from gimbalcal.guess.merged_logs import resampled
+from gimbalcal.guess.proposal import Proposal, propose
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.recording import dwells
-from tests.importers.test_new import D, G, turned
+from tests.guess.test_proposal import D, G, turned
 
 LATITUDE = 40.0
 EARTH = 7.292115e-5

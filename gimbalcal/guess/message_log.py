@@ -16,8 +16,8 @@ from functools import partial
 from pathlib import Path
 
 from gimbalcal.errors import InputError
+from gimbalcal.guess.column_names import FORCE, RATE, by_name, hinted
 from gimbalcal.importers.delimited import encoding_of
-from gimbalcal.importers.names import FORCE, RATE, by_name, hinted
 from gimbalcal.recording.dates import is_date
 
 FEWEST = 20  # rows of a kind of message that holds a triad

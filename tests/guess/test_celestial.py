@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.log import propose
-from gimbalcal.importers.sky import angle_told, of_the_axes
-from gimbalcal.importers.undescribed import table_of
-from tests.importers.test_new_stars import OFF, off, sexagesimal, write
+from gimbalcal.guess.celestial import angle_told, of_the_axes
+from gimbalcal.guess.proposal import propose
+from gimbalcal.guess.text_table import table_of
+from tests.guess.test_pointing_run import OFF, off, sexagesimal, write
 
 N, LATITUDE, LONGITUDE = 30, -33.5, -70.75
 RNG = np.random.default_rng(5)

@@ -12,8 +12,8 @@ import polars as pl
 import pytest
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.log import propose
-from gimbalcal.importers.names import by_name, plain
+from gimbalcal.guess.column_names import by_name, plain
+from gimbalcal.guess.proposal import propose
 from gimbalcal.number import Array
 from gimbalcal.recording import dwells, read
 from gimbalcal.rotation import exponential

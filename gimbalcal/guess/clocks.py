@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.names import Guess
+from gimbalcal.guess.column_names import Guess
 from gimbalcal.number import Array
 
 TICKS = "0.1 ms"  # in which some loggers count; no unit of a header

@@ -11,7 +11,7 @@ import numpy as np
 
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
-from gimbalcal.importers.names import FORCE, OTHER, RATE, Guess, plain, unit_written
+from gimbalcal.guess.column_names import FORCE, OTHER, RATE, Guess, plain, unit_written
 from gimbalcal.number import Array
 from gimbalcal.quantities import check
 

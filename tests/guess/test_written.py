@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.calendar import in_iso, is_stamp, split
+from gimbalcal.guess.column_names import by_name
+from gimbalcal.guess.date_formats import in_iso, is_stamp, split
+from gimbalcal.guess.message_log import tables_in
+from gimbalcal.guess.proposal import propose
+from gimbalcal.guess.text_table import table_of
 from gimbalcal.importers.delimited import encoding_of
-from gimbalcal.importers.log import propose
-from gimbalcal.importers.messages import tables_in
-from gimbalcal.importers.names import by_name
-from gimbalcal.importers.undescribed import table_of
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import KNOWN
-from tests.importers.test_new import D, G, turned
-from tests.importers.test_new_layouts import FACES, felt, rows, same
-from tests.importers.test_new_stars import AZ, EL, OFF, agrees, write
+from tests.guess.test_layouts import FACES, felt, rows, same
+from tests.guess.test_pointing_run import AZ, EL, OFF, agrees, write
+from tests.guess.test_proposal import D, G, turned
 
 
 def test_a_form_above_and_a_column_of_remarks_that_is_left_empty(tmp_path: Path) -> None:

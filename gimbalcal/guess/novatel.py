@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
+from gimbalcal.guess.text_table import Table
 from gimbalcal.importers.delimited import encoding_of
-from gimbalcal.importers.undescribed import Table
 
 WEEK = 604800.0  # s
 HEAD = 200  # lines, of which one is such a log
