@@ -1,4 +1,4 @@
-# Every target does its own set-up: Python 3.11 or later and make are all it takes.
+# Every target installs what it needs: Python 3.11 or later and make are required.
 # With uv on the path it takes half a minute; without, `python3 -m venv` and pip take a few. Bytecode is compiled once here:
 # else each start of a program compiles its imports again wherever writing bytecode is switched off, which takes longer than most commands.
 
@@ -17,7 +17,7 @@ export MPLBACKEND := Agg
 .DEFAULT_GOAL := help
 .PHONY: help demo test lint docs mutate bench lock clean
 
-help:  ## what there is
+help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */make \1|/' | column -t -s '|' 2>/dev/null \
 	|| grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST)
 
@@ -40,12 +40,16 @@ docs/_build/errata.json: $(wildcard derivations/*.py derivations/*/*.py) | $(VEN
 mutate: $(VENV)/.dev-ready  ## whether the tests can fail: effects and equations of the estimators falsified, feared mistakes made
 	$(BIN)/python -m tests.mutate
 
-bench: $(VENV)/.dev-ready  ## the figures of the README, measured (about 90 min; the diagnosis takes 60 of them)
-	for name in bench_device bench_static bench_multiposition bench_navigate bench_systematic bench_reading bench_diagnose bench_unknown_noise; do \
-		echo "== $$name"; $(BIN)/python -m tests.benchmarks.$$name || exit 1; done
+bench: $(VENV)/.dev-ready  ## measure the figures of docs/performance.md (about two hours; the diagnosis takes one of them)
+	for name in bench_device bench_static bench_multiposition bench_systematic bench_navigate bench_navigate_strapdown \
+		bench_navigation bench_diagnose bench_unknown_noise bench_reading bench_strapdown; do \
+		echo "== $$name"; $(BIN)/python -m tests.benchmarks.$$name > docs/measured/$$name.part || exit 1; \
+		mv docs/measured/$$name.part docs/measured/$$name.txt; cat docs/measured/$$name.txt; done
+	$(BIN)/python docs/build_measured.py
 
 docs: $(VENV)/.docs-ready docs/_build/errata.json  ## these pages as a web site without a network: docs/_build/html/index.html
 	$(BIN)/python docs/build_effects.py
+	$(BIN)/python docs/build_measured.py
 	$(BIN)/python docs/build_errata.py docs/_build/errata.json
 	$(BIN)/python -m sphinx -b html -n -W --keep-going -q docs docs/_build/html
 	$(BIN)/python docs/check_links.py docs/_build/html

@@ -1,11 +1,10 @@
-"""The pictures of docs/navigation.md, and its table of what Eq. (28) of Wu et al. (2018) drops.
+"""Draw the pictures of docs/navigation.md, and compute its table of what Eq. (28) of Wu et al. (2018) neglects.
 
-python docs/build_navigation.py
+python docs/build_navigation.py && python docs/build_measured.py
 """
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -45,13 +44,18 @@ def answers(damping: float) -> dict[str, tuple[complex, complex]]:
 
 
 def table() -> list[str]:
-    """Rows of the table in docs/navigation.md."""
+    """Return the rows of docs/measured/quasi_static.md."""
     lines = ["| damping | period | north: amplitude, lag | east: amplitude, lag |", "|---|---|---|---|"]
     for damping in (0.0, 0.1, 0.5):
         for period, both in answers(damping).items():
-            cells = [f"{100 * (abs(r) - 1):+.2f} %, {-np.degrees(np.angle(r)):.1f} deg" for r in both]
+            cells = [f"{100 * (abs(r) - 1):+.2f} %, {_rounded(-np.degrees(np.angle(r)))} deg" for r in both]
             lines.append(f"| {damping:g} | {period} | {cells[0]} | {cells[1]} |")
     return lines
+
+
+def _rounded(angle: float) -> float:
+    """Return an angle to a tenth; zero has no sign, since the sign of a rounding error depends on the processor."""
+    return round(float(angle), 1) + 0.0
 
 
 def picture(path: Path) -> None:
@@ -82,4 +86,4 @@ def before_after(path: Path) -> None:
 if __name__ == "__main__":
     picture(Path(__file__).parent / "pictures" / "quasi_static.svg")
     before_after(Path(__file__).parent / "pictures" / "navigation.svg")
-    sys.stdout.write("\n".join(table()) + "\n")
+    (Path(__file__).parent / "measured" / "quasi_static.md").write_text("\n".join(table()) + "\n", encoding="utf-8")

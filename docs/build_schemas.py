@@ -1,4 +1,4 @@
-"""The page of the JSON files: what each key holds, from the schemas in docs/schemas."""
+"""Write the section on the JSON files: the content of each key, from the schemas in docs/schemas."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from pathlib import Path
 from typing import Any
 
 SCHEMAS = Path(__file__).parent / "schemas"
-HEAD = """# JSON files
+HEAD = """## JSON files
 
-Each file is described by a [JSON Schema](https://json-schema.org) in `docs/schemas`, against which tests hold what
-the program writes. Keys that are not listed may be added; those listed keep their names and meaning, and `format` is
-counted up where a meaning changes. Numbers are in the unit that stands beside them, covariances in SI. A key in
-*italics* may be absent."""
+Each file is described by a [JSON Schema](https://json-schema.org) in `docs/schemas`; tests validate what the program
+writes against it. Keys that are not listed may be added; listed keys keep their names and meaning, and `format`
+increases if a meaning changes. Numbers are in the unit stated next to them, covariances in SI. A key in *italics* is
+optional."""
 
 
 def page() -> str:
-    """The page as text."""
+    """Return the section as text."""
     parts = [HEAD]
     for path in sorted(SCHEMAS.glob("*.schema.json")):
         schema = json.loads(path.read_text(encoding="utf-8"))
         rows = [f"| {name} | {kind} | {words} |" for name, kind, words in keys(schema, "")]
-        parts += [f"## {schema['title']}", schema["description"] + f" Schema: `docs/schemas/{path.name}`."]
+        parts += [f"### {schema['title']}", schema["description"] + f" Schema: `docs/schemas/{path.name}`."]
         parts.append("\n".join(["| key | type | holds |", "|---|---|---|", *rows]))
     return "\n\n".join(parts) + "\n"
 
 
 def keys(schema: dict[str, Any], path: str) -> Iterator[tuple[str, str, str]]:
-    """Key, type and description of all properties, each before those inside it."""
+    """Return key, type and description of all properties, each before those inside it."""
     if "items" in schema and "properties" in schema["items"]:
         yield from keys(schema["items"], f"{path}[].")
     for name, inner in schema.get("properties", {}).items():
@@ -39,7 +39,7 @@ def keys(schema: dict[str, Any], path: str) -> Iterator[tuple[str, str, str]]:
 
 
 def kind(schema: dict[str, Any]) -> str:
-    """The type of a value in words."""
+    """Describe the type of a value."""
     if "enum" in schema or "const" in schema:
         return ", ".join(f"`{json.dumps(v)}`" for v in schema.get("enum", [schema.get("const")]))
     types = schema.get("type", "any")

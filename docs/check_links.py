@@ -1,4 +1,4 @@
-"""Follow every link of the built pages: targets exist, anchors too, and nothing is fetched from the internet.
+"""Follow every link of the built pages: targets and anchors exist, and nothing is fetched from the internet.
 
 python docs/check_links.py docs/_build/html
 """
@@ -14,7 +14,7 @@ FETCHED = {"script": "src", "img": "src", "iframe": "src", "source": "src", "lin
 
 
 class Page(HTMLParser):
-    """What one page links to, what a browser fetches for it, and the places in it that can be linked to."""
+    """The links of a page, the files that a browser fetches for it, and its anchors."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -33,7 +33,7 @@ class Page(HTMLParser):
 
 
 def faults(folder: Path) -> list[str]:
-    """One line for each link that leads nowhere and each file that would come from the internet."""
+    """Return one line for each broken link and each file that would come from the internet."""
     pages = {path.resolve(): Page(path.read_text(encoding="utf-8")) for path in sorted(folder.rglob("*.html"))}
     out = []
     for path, page in pages.items():

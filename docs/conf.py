@@ -1,4 +1,4 @@
-"""How `make docs` builds these pages: without the internet, every warning an error, every link followed."""
+"""Configure Sphinx: no internet, every warning an error, every link followed."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ version = release = gimbalcal.__version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx-mathjax-offline"]
 exclude_patterns = ["_build"]
 nitpicky = True
-suppress_warnings = ["misc.highlighting_failure"]  # what a command printed is no shell
-nitpick_ignore_regex = [("py:.*", r".*")]  # types of others: they have no pages here
+suppress_warnings = ["misc.highlighting_failure"]  # the output of a command is not shell code
+nitpick_ignore_regex = [("py:.*", r".*")]  # types of other packages have no pages here
 
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 4
 
-autodoc_typehints = "none"  # shapes and units are in the words
+autodoc_typehints = "none"  # shapes and units are in the descriptions
 autodoc_member_order = "bysource"
 
 html_theme = "furo"
@@ -44,16 +44,11 @@ html_theme_options = {"light_css_variables": {"color-brand-primary": "#0072B2", 
 OUTSIDE = re.compile(r"\[([^\]]+)\]\((\.\./(?:\.\./)*[^)#\s]+)(?:#[^)]*)?\)")
 
 
-WRITTEN = {  # pages whose text is somewhere else
-    "changes": lambda: (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").replace("](docs/", "]("),
-    "commands": build_commands.page,
-    "json": build_schemas.page,
-    "notebooks": lambda: (ROOT / "notebooks" / "README.md").read_text(encoding="utf-8"),
-}
+WRITTEN = {"commands": lambda: f"{build_commands.page()}\n{build_schemas.page()}"}  # pages that are written here
 
 
 def _files_of_the_project(_app: Any, name: str, source: list[str]) -> None:
-    """Links to files of the project that are no pages: their names remain, and have to exist."""
+    """Replace a link to a file of the project that is not a page by its words; the file has to exist."""
 
     def named(found: re.Match[str]) -> str:
         words, path = found[1], (DOCS / name).parent / found[2]
@@ -69,5 +64,5 @@ def _files_of_the_project(_app: Any, name: str, source: list[str]) -> None:
 
 
 def setup(app: Any) -> None:
-    """Called by Sphinx."""
+    """Register the handler of sources; called by Sphinx."""
     app.connect("source-read", _files_of_the_project)

@@ -19,6 +19,14 @@ def test_the_page_of_effects_is_that_of_the_catalogue() -> None:
     assert (DOCS / "effects.md").read_text() == page, "run `make docs`"
 
 
+def test_measured_results_on_the_pages_are_those_of_the_files() -> None:
+    measured = runpy.run_path(str(DOCS / "build_measured.py"))
+    pages = {page: page.read_text(encoding="utf-8") for page in measured["pages"]()}
+    assert pages == {page: measured["filled"](text) for page, text in pages.items()}, "run docs/build_measured.py"
+    shown = {name for text in pages.values() for name in measured["BLOCK"].findall(text)}
+    assert {path.stem for path in measured["MEASURED"].iterdir()} <= shown
+
+
 LINK = re.compile(r"\]\(([^)\s#]+)")
 
 

@@ -147,7 +147,7 @@ def _load_effects(context: click.Context, _option: click.Parameter, files: tuple
 
 EFFECTS = click.Option(
     ["--effects"], multiple=True, type=click.Path(path_type=Path), metavar="FILE.py", expose_value=False,
-    callback=_load_effects, help="Effects of your own, beside those of the catalogue (docs/extending.md).",
+    callback=_load_effects, help="Effects of your own, in addition to those of the catalogue (docs/api.md).",
 )  # fmt: skip
 RECORDINGS = click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
 GRADE = click.option(

@@ -74,7 +74,7 @@ def load_text(name: str, text: str) -> tuple[str, ...]:
         raise
     if not new:
         CATALOGUE.update(held)
-        raise InputError(f"{name} defines no effect; write a class under @effect as docs/extending.md shows")
+        raise InputError(f"{name} defines no effect; write a class under @effect as docs/api.md shows")
     _loaded[name] = (text, new)
     return new
 
