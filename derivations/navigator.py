@@ -186,10 +186,10 @@ def joint_solution() -> tuple[Any, Any]:
 
 def square_root_filter() -> float:
     """Last epoch of the filter of a few states beside constants: mean and covariance."""
-    from gimbalcal.inference import beside_constants
+    from gimbalcal.inference import square_root_filter
 
     e = _example()
-    f = beside_constants.filter(
+    f = square_root_filter.filter(
         e["Phi"], e["Psi"], e["Q"], np.zeros((3, 2)), e["z"], np.array([0]), e["R"], e["x"], e["theta"], e["S"]
     )
     means, spreads = joint_solution()
@@ -199,10 +199,10 @@ def square_root_filter() -> float:
 
 def adjoint_smoother() -> float:
     """Moving states at every epoch."""
-    from gimbalcal.inference import adjoint, beside_constants
+    from gimbalcal.inference import adjoint, square_root_filter
 
     e = _example()
-    f = beside_constants.filter(
+    f = square_root_filter.filter(
         e["Phi"], e["Psi"], e["Q"], np.zeros((3, 2)), e["z"], np.array([0]), e["R"], e["x"], e["theta"], e["S"]
     )
     return float(np.abs(adjoint.smooth(e["Phi"], e["Psi"], np.array([0]), f) - joint_solution()[0][:, :2]).max())
@@ -210,12 +210,12 @@ def adjoint_smoother() -> float:
 
 def adjoint_covariance() -> float:
     """Covariances of the moving states at every epoch, the constants taken apart."""
-    from gimbalcal.inference import adjoint, beside_constants
+    from gimbalcal.inference import adjoint, square_root_filter
 
     e, seen = _example(), np.array([0])
     d, none = np.zeros((3, 2)), np.zeros((3, 2, 0))
-    f = beside_constants.filter(e["Phi"], e["Psi"], e["Q"], d, e["z"], seen, e["R"], e["x"], e["theta"], e["S"])
-    known = beside_constants.filter(
+    f = square_root_filter.filter(e["Phi"], e["Psi"], e["Q"], d, e["z"], seen, e["R"], e["x"], e["theta"], e["S"])
+    known = square_root_filter.filter(
         e["Phi"], none, e["Q"], d, e["z"], seen, e["R"], e["x"], np.zeros(0), e["S"][:2, :2]
     )
     before = e["S"][:2, 2:] @ np.linalg.inv(e["S"][2:, 2:])

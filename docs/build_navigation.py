@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, normal_gravity, radii
-from gimbalcal.navigate.bands import before_and_after
-from gimbalcal.navigate.run import navigated
+from gimbalcal.navigate.mechanisations import navigated
 from gimbalcal.navigate.space_stable import Aids, Site, schuler_rate
+from gimbalcal.navigate.uncertainty import before_and_after
 from gimbalcal.pipeline import load, three_stage
 from gimbalcal.report.chart import BLUE, DASHES, VERMILION, Chart, Line, Rule
 from gimbalcal.report.draw import sheet

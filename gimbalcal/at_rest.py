@@ -14,7 +14,7 @@ import numpy as np
 
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.errors import InputError, amount
-from gimbalcal.estimate.systematic.course import stops
+from gimbalcal.estimate.systematic.segments import stops
 from gimbalcal.inference.allan import FEWEST, UNLIKELY, Curve, Fitted, curve, fit, law, probability
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwells

@@ -203,14 +203,14 @@ def _navigated(
     recordings: tuple[Recording, ...], terms: Sequence[str], tell: Tell, more: Sequence[str], asked: str
 ) -> Calibration:
     """A unit that was turned in its place, by navigation."""
-    from gimbalcal.estimate.systematic.run import systematic  # numba takes a second to load
-    from gimbalcal.estimate.systematic.together import together
+    from gimbalcal.estimate.systematic.calibrate import systematic  # numba takes a second to load
+    from gimbalcal.estimate.systematic.joint_recordings import calibrate_jointly
 
     if terms:
         raise InputError(f"--terms {','.join(terms)} goes with --method multiposition; a navigator has --states")
     if len(recordings) == 1:
         return systematic(recordings[0], asked, added(more, recordings), tell)
-    made = together(recordings, asked, added(more, recordings), tell)
+    made = calibrate_jointly(recordings, asked, added(more, recordings), tell)
     for told in made.provenance["options"]["sessions"]:
         tell(f"{told['title']}: {told['in_words']}")
     return made

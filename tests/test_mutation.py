@@ -7,7 +7,7 @@ import pytest
 from tests.history.test_course import of
 from tests.mutation.rewrite import mistaken
 
-COURSE = "gimbalcal.history.course"
+COURSE = "gimbalcal.history.parameter_history"
 
 
 def test_a_mistake_is_made_and_taken_back() -> None:

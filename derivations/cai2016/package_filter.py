@@ -18,7 +18,7 @@ from derivations.comparison import checks, once
 from derivations.readings import FORCE, RATE
 from gimbalcal.recording.kinds import ROTATION
 
-SENSITIVITY = "estimate.systematic.sensors.sensitivity"
+SENSITIVITY = "estimate.systematic.sensor_inversion.sensitivity"
 BLOCKS = ((1, 1), (1, 2), (1, 3), (2, 1), (2, 2), (2, 3), (3, 2), (3, 3))
 COLUMNS = {
     "gyro_scale_factor": "F14", "gyro_bias": "F14", "gyro_misalignment": "F14", "gyro_g_sensitivity_rate": "F16",
@@ -52,13 +52,13 @@ def _recording() -> Any:
 @once
 def _columns() -> dict[tuple[str, str], Any]:
     """(6,) what the filter takes force and rate to be wrong by, true less computed, by effect and axis of the 51."""
-    from gimbalcal.estimate.systematic import sensors
-    from gimbalcal.estimate.systematic.states import states
+    from gimbalcal.estimate.systematic import sensor_inversion
+    from gimbalcal.estimate.systematic.state_lists import states
 
     rows = _recording()
     wanted = states("51", rows)
     u = np.repeat(np.concatenate([FORCE, RATE], axis=1), 4, axis=0)
-    D = sensors.sensitivity(rows, (), wanted, u, slice(1, 3))
+    D = sensor_inversion.sensitivity(rows, (), wanted, u, slice(1, 3))
     return {(p.effect, p.axis): D[0, :, i] for i, p in enumerate(wanted)}
 
 
@@ -94,18 +94,18 @@ for _effect, _block in COLUMNS.items():
     checks(SOURCE, _model, f"Eq. (23), {_block}", where=SENSITIVITY)(partial(sensitivity, _effect))
 
 
-@checks(SOURCE, "Eq. (22)", where="estimate.systematic.states")
+@checks(SOURCE, "Eq. (22)", where="estimate.systematic.state_lists")
 def number_of_states() -> float:
     """States of the filter beside navigation, and which."""
     missing = set(_derived()) ^ set(_columns())
     return float(len(missing) + abs(9 + len(_columns()) - error_model.number_of_states()))
 
 
-@checks(SOURCE, "Eq. (25)", "Eq. (26)", where="estimate.systematic.smoothing.VELOCITY")
+@checks(SOURCE, "Eq. (25)", "Eq. (26)", where="estimate.systematic.filter_pass.VELOCITY_STATES")
 def observed() -> float:
     """Which of the nine are measured."""
-    from gimbalcal.estimate.systematic.smoothing import VELOCITY
+    from gimbalcal.estimate.systematic.filter_pass import VELOCITY_STATES
 
     H = np.zeros((3, 51))
     H[:, 3:6] = np.eye(3)
-    return float(np.abs(np.eye(51)[VELOCITY] - H).max())
+    return float(np.abs(np.eye(51)[VELOCITY_STATES] - H).max())

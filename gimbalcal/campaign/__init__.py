@@ -8,6 +8,6 @@ stopped goes on where it was. In the end there is one campaign.parquet (one row 
 campaign.json (mean, RMS and ratio to the predicted sigma per parameter).
 """
 
-from gimbalcal.campaign.run import run_campaign
+from gimbalcal.campaign.monte_carlo import run_campaign
 
 __all__ = ["run_campaign"]

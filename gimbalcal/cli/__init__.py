@@ -35,7 +35,7 @@ from gimbalcal.cli.options import (
     show,
     wrote,
 )
-from gimbalcal.cli.placing import OVERWRITE, place, placed, places
+from gimbalcal.cli.output_folders import OVERWRITE, place, placed, places
 from gimbalcal.cli.planning import design, observe
 from gimbalcal.errors import InputError
 

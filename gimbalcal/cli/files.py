@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from gimbalcal.cli.options import example, output_options, progress, show
-from gimbalcal.cli.placing import OVERWRITE, placed
+from gimbalcal.cli.output_folders import OVERWRITE, placed
 from gimbalcal.errors import InputError, amount
 
 SAMPLES = "samples.csv"

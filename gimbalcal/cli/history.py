@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from gimbalcal.cli.options import F, example, output_options, show, wrote
-from gimbalcal.cli.placing import OVERWRITE, place
+from gimbalcal.cli.output_folders import OVERWRITE, place
 from gimbalcal.errors import InputError
 
 STORE = click.option(

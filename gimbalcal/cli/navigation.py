@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from gimbalcal.cli.options import DRAWS, SEED, Number, example, output_options, progress, show, wrote
-from gimbalcal.cli.placing import OVERWRITE, place
+from gimbalcal.cli.output_folders import OVERWRITE, place
 from gimbalcal.errors import InputError
 
 DAMPED = "Damping of Schuler's swing by the velocity reference, of critical; 0: none"
@@ -47,10 +47,10 @@ def navigate(
     RECORDING: a static run of a space-stable platform, or a strapdown unit that stays in its place.
     """
     from gimbalcal.calibration.exchange import read_calibration
-    from gimbalcal.navigate.answer import content
-    from gimbalcal.navigate.bands import before_and_after
-    from gimbalcal.navigate.outcome import labels
-    from gimbalcal.navigate.run import usual
+    from gimbalcal.navigate.mechanisations import usual
+    from gimbalcal.navigate.navigation_errors import labels
+    from gimbalcal.navigate.summary import content
+    from gimbalcal.navigate.uncertainty import before_and_after
     from gimbalcal.pipeline import load
     from gimbalcal.report.files import write_report
     from gimbalcal.report.navigation_page import headline, navigation_report

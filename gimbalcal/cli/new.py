@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from gimbalcal.cli.options import LATITUDE, POSITIVE, Number, example, output_options, progress, show
-from gimbalcal.cli.placing import OVERWRITE, placed
+from gimbalcal.cli.output_folders import OVERWRITE, placed
 from gimbalcal.errors import amount
 
 

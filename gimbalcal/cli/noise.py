@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from gimbalcal.cli.options import example, output_options, progress, show, wrote
-from gimbalcal.cli.placing import OVERWRITE, place
+from gimbalcal.cli.output_folders import OVERWRITE, place
 
 
 @click.command(epilog=example("gimbalcal noise data/space_stable_static --out noise"))

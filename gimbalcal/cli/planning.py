@@ -21,7 +21,7 @@ from gimbalcal.cli.options import (
     show,
     wrote,
 )
-from gimbalcal.cli.placing import OVERWRITE, place, placed
+from gimbalcal.cli.output_folders import OVERWRITE, place, placed
 from gimbalcal.errors import InputError, amount
 
 if TYPE_CHECKING:

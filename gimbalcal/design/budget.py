@@ -30,10 +30,10 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.expected import planned
 from gimbalcal.estimate.accelerometers.setting import Noise, by_visit, position_parameters, problem, whiten
 from gimbalcal.inference.information import Information, solve
-from gimbalcal.navigate.bands import sensitivity
-from gimbalcal.navigate.run import is_strapdown, usual
+from gimbalcal.navigate.mechanisations import is_strapdown, usual
 from gimbalcal.navigate.space_stable import USUAL, Aids
-from gimbalcal.navigate.still import ROW, static_plan, still_base
+from gimbalcal.navigate.stationary_base import ROW, static_plan, still_base
+from gimbalcal.navigate.uncertainty import sensitivity
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, Site

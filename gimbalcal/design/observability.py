@@ -30,7 +30,7 @@ from gimbalcal.estimate.accelerometers.setting import Noise, by_visit, position_
 from gimbalcal.forward import jacobian
 from gimbalcal.inference.information import SEEN, Information, Solution, information, solve
 from gimbalcal.kinematics import stimulus_from_angles
-from gimbalcal.navigate.still import static_plan
+from gimbalcal.navigate.stationary_base import static_plan
 from gimbalcal.number import Array
 from gimbalcal.recording import SENSORS, Recording
 from gimbalcal.schedule import Schedule

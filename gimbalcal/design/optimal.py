@@ -30,7 +30,7 @@ from gimbalcal.estimate.accelerometers.setting import Noise, VisitRows, position
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
 from gimbalcal.kinematics import stimulus_from_angles
-from gimbalcal.navigate.still import still_base
+from gimbalcal.navigate.stationary_base import still_base
 from gimbalcal.number import Array, complex_step
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, Site

@@ -15,9 +15,9 @@ import numpy as np
 
 from gimbalcal.earth import normal_gravity
 from gimbalcal.effects import CATALOGUE, Parameter
-from gimbalcal.estimate.systematic.course import KEYS, UPDATE
-from gimbalcal.estimate.systematic.error_model import STATE
-from gimbalcal.estimate.systematic.smoothing import PLACE, VELOCITY
+from gimbalcal.estimate.systematic.error_model import STATE_SCALE
+from gimbalcal.estimate.systematic.filter_pass import POSITION_SIGMA_M, VELOCITY_STATES
+from gimbalcal.estimate.systematic.segments import CHANNELS, UPDATE_INTERVAL_S
 from gimbalcal.forward import linearise
 from gimbalcal.inference.innovations import Innovations, innovations
 from gimbalcal.navigate.error_growth import transitions
@@ -53,14 +53,14 @@ class Stretches:
 
     def innovations(self, noise: Noise) -> Innovations:
         """What the velocity says about the parameters, in units of their prior sigmas."""
-        R = np.full((len(self.time), 3), (noise.velocity / STATE[0]) ** 2)
-        start = np.repeat([ATTITUDE, noise.velocity, PLACE], 3) / STATE
-        return innovations(self.Phi, self.Psi, self.Q, VELOCITY, R, np.diag(start**2))
+        R = np.full((len(self.time), 3), (noise.velocity / STATE_SCALE[0]) ** 2)
+        start = np.repeat([ATTITUDE, noise.velocity, POSITION_SIGMA_M], 3) / STATE_SCALE
+        return innovations(self.Phi, self.Psi, self.Q, VELOCITY_STATES, R, np.diag(start**2))
 
 
 def plan(latitude: float, height: float = 0.0, temperature: float | None = None) -> Recording:
     """A rotation recording without rows, of a place at `latitude` [rad]: what may be logged there."""
-    channels = {key: np.zeros(0) for key in KEYS}
+    channels = {key: np.zeros(0) for key in CHANNELS}
     if temperature is not None:
         channels["temperature", ""] = np.zeros(0)
     site = Site(latitude, height, float(normal_gravity(latitude, height)))
@@ -68,7 +68,7 @@ def plan(latitude: float, height: float = 0.0, temperature: float | None = None)
 
 
 def stretches(
-    path: Trajectory, like: Recording, wanted: Sequence[Parameter], noise: Noise, update: float = UPDATE
+    path: Trajectory, like: Recording, wanted: Sequence[Parameter], noise: Noise, update: float = UPDATE_INTERVAL_S
 ) -> Stretches:
     """The stretches of a schedule's motion. `like` says where, and is a recording as the schedule would make one."""
     ends = np.append(np.arange(update, path.duration - 1e-6, update), path.duration)
@@ -85,7 +85,10 @@ def stretches(
         first, np.ones(len(dt), dtype=bool), dt, mean[:, 3:], mean[:, :3], D, q, C_bn, *_where(like)
     )  # fmt: skip
     return Stretches(
-        ends, made.Phi * STATE / STATE[:, None], made.Psi / STATE[:, None], made.Q / STATE / STATE[:, None]
+        ends,
+        made.Phi * STATE_SCALE / STATE_SCALE[:, None],
+        made.Psi / STATE_SCALE[:, None],
+        made.Q / STATE_SCALE / STATE_SCALE[:, None],
     )
 
 
@@ -107,6 +110,6 @@ def _readings(
         s = stimulus(path, replace(like, channels=zero, time=at.time, weight=np.ones(len(at.time))), at.time)
         s = s.at(time=at.time)
         means.append(at.means(np.hstack([s.force, s.rate])))
-        J = linearise(BENCH, s, (), "rotation", KEYS, stages=stages).jacobian(wanted)
+        J = linearise(BENCH, s, (), "rotation", CHANNELS, stages=stages).jacobian(wanted)
         derivatives.append(at.means(J) * scale)
     return np.concatenate(means), np.concatenate(derivatives)

@@ -2,9 +2,9 @@ r"""What a planned calibration by turns will tell, and the unit at rest that is 
 
 The velocity of a unit that is turned in its place is known to be zero, so that errors which grow along the turns
 (`design.turning`, after Cai et al. 2016, Eq. (17)) become information about its sensors. Several sessions add up, each
-with an attitude of its own, as `estimate.systematic.together` has them. A scenario without turns says where and how the
-unit stands when it navigates, else it stands as its turns begin; its attitude is found in the first minutes and takes
-up what it can.
+with an attitude of its own, as in `estimate.systematic.joint_recordings`. A scenario without turns says where and how
+the unit stands when it navigates, else it stands as its turns begin; its attitude is found in the first minutes and
+takes up what it can.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from gimbalcal.design.turning import Noise, plan, stretches
 from gimbalcal.earth import normal_gravity
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.systematic.course import STILL
-from gimbalcal.estimate.systematic.states import LISTS, states
+from gimbalcal.estimate.systematic.segments import DEFAULT_VELOCITY_SIGMA_M_S
+from gimbalcal.estimate.systematic.state_lists import LISTS, states
 from gimbalcal.inference.information import Information, information
 from gimbalcal.kinematics import required_latitude
 from gimbalcal.navigate.space_stable import ALONE
-from gimbalcal.navigate.still import still_unit
+from gimbalcal.navigate.stationary_base import still_unit
 from gimbalcal.recording import Recording, Site
 from gimbalcal.schedule import ROTATIONS, RotationSchedule
 from gimbalcal.schedule.rotation import standing
@@ -124,7 +124,11 @@ def _session(name: str, s: Scenario) -> _Session:
     for field in COLOURED:
         if getattr(n, field) > 0:
             raise InputError(f"{name}: noise.{field}: the budget of turns knows white noise alone; leave this out")
-    return _Session(schedule_of(s.schedule), (_latitude(s), s.site.height), Noise(force, spin, n.velocity or STILL))
+    return _Session(
+        schedule_of(s.schedule),
+        (_latitude(s), s.site.height),
+        Noise(force, spin, n.velocity or DEFAULT_VELOCITY_SIGMA_M_S),
+    )
 
 
 def _site(s: Scenario) -> Site:

@@ -11,7 +11,7 @@ from gimbalcal.design.turning import Noise, plan, stretches
 from gimbalcal.design.turning_search import Search, Table, allowed, anneal, as_tour, stretched
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError, amount
-from gimbalcal.estimate.systematic.states import states
+from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.number import Array
 from gimbalcal.schedule import ROTATIONS, RotationSchedule
 from gimbalcal.schedule.file import read_rotation

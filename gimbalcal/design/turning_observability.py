@@ -22,8 +22,8 @@ from gimbalcal.design.observability import Observability, judged
 from gimbalcal.design.turning import Noise, Stretches, plan, stretches
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.systematic.error_model import STATE
-from gimbalcal.estimate.systematic.states import states
+from gimbalcal.estimate.systematic.error_model import STATE_SCALE
+from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.inference.information import SEEN, information, name_directions
 from gimbalcal.inference.innovations import Innovations
 from gimbalcal.number import Array
@@ -168,7 +168,7 @@ def _judged(
     curves = tuple(Curve(p.label, p.unit, p.sigma, p.sigma * s) for p, s in zip(wanted, sigma.T, strict=True))
     start = np.sqrt(np.diag(found.P[0]))
     navigation = tuple(
-        Curve(label, unit, float(STATE[i] * start[i]), STATE[i] * moving[:, i])
+        Curve(label, unit, float(STATE_SCALE[i] * start[i]), STATE_SCALE[i] * moving[:, i])
         for i, (label, unit) in enumerate(NAVIGATION)
     )
     return TurningObservability(

@@ -25,12 +25,12 @@ from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import constants, follows, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.added import Added
-from gimbalcal.estimate.systematic.run import calibrated
-from gimbalcal.estimate.systematic.settle import settle
-from gimbalcal.navigate.bands import uncertain
-from gimbalcal.navigate.outcome import NAUTICAL_MILE
-from gimbalcal.navigate.run import navigated, usual
-from gimbalcal.navigate.still import ROW, still_base, still_unit
+from gimbalcal.estimate.systematic.calibrate import calibrated
+from gimbalcal.estimate.systematic.iterate import iterate
+from gimbalcal.navigate.mechanisations import navigated, usual
+from gimbalcal.navigate.navigation_errors import NAUTICAL_MILE
+from gimbalcal.navigate.stationary_base import ROW, still_base, still_unit
+from gimbalcal.navigate.uncertainty import uncertain
 from gimbalcal.pipeline import Tell, silent, three_stage
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording
@@ -103,7 +103,7 @@ def _settled(recording: Recording, made: Calibration, effect: str) -> Calibratio
     wanted = tuple(p for p in made.parameters if p.effect != effect)
     fitted, beyond = {p.effect for p in made.parameters}, {p.effect for p in wanted} - set(BASELINE["rotation"])
     fresh = [emptied(e) for e in made.effects if e.id in beyond]
-    return calibrated(settle(recording, wanted, (*(e for e in made.effects if e.id not in fitted), *fresh)))
+    return calibrated(iterate(recording, wanted, (*(e for e in made.effects if e.id not in fitted), *fresh)))
 
 
 def _as_found(e: Effect) -> Added:

@@ -21,7 +21,7 @@ from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.estimate.accelerometers.unsteady import scatter_in_words
 from gimbalcal.estimate.static_run.system import static
-from gimbalcal.estimate.systematic.run import systematic
+from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.estimate.unit import with_gyroscopes
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE, RATE

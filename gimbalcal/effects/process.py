@@ -2,8 +2,8 @@
 
 A process is a zero-mean Gauss-Markov chain x_{k+1} = Phi(h) x_k + w, w ~ N(0, Q(h)), y = H x, x_0 ~ N(0, P_0), where h
 is the time between two samples and a move may end the memory. `sample`, `covariance` and everything that whitens or
-filters (`inference.noise`) read those four and nothing else, so a simulated record and the covariance that a fit
-assumes cannot differ.
+filters (`inference.noise_processes`) read those four and nothing else, so a simulated record and the covariance that a
+fit assumes cannot differ.
 """
 
 from __future__ import annotations

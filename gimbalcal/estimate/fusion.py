@@ -17,8 +17,8 @@ from gimbalcal.calibration import Calibration, Residual, StageResult
 from gimbalcal.effects import with_values
 from gimbalcal.errors import amount
 from gimbalcal.estimate.static_run.system import outcome
-from gimbalcal.inference.chance import probability
 from gimbalcal.inference.information import Information, Solution, solve
+from gimbalcal.inference.p_value import probability
 from gimbalcal.platform import SPACE_STABLE
 
 CONTRADICTION = 1e-4  # probability below which two stages that are both right would differ so much

@@ -20,8 +20,8 @@ import numpy as np
 from gimbalcal.calibration.gravity import common_gravity, without_gravity
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.errors import InputError
-from gimbalcal.history.course import DAY, SURPRISE, YEAR, Course, course
-from gimbalcal.history.dated import Dated, day_of
+from gimbalcal.history.dated_calibration import Dated, day_of
+from gimbalcal.history.parameter_history import DAY, SURPRISE, YEAR, Course, course
 from gimbalcal.units import from_si, parse, to_si
 
 LATEST = 253402300799.0  # s; the last second of the year 9999

@@ -25,7 +25,7 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.compiled import compiled
-from gimbalcal.inference.beside_constants import AT_ONCE, Filtered
+from gimbalcal.inference.square_root_filter import AT_ONCE, Filtered
 from gimbalcal.number import Array
 
 
@@ -59,7 +59,7 @@ def covariance(Phi: Array, Psi: Array, index: Array, known: Filtered, before: Ar
     Phi, Psi = np.ascontiguousarray(Phi), np.ascontiguousarray(Psi)
     index = np.asarray(index, dtype=np.int64)
     innovation = np.full((*known.innovation.shape, Psi.shape[2]), np.nan)
-    _answers(Phi, Psi, index, known.innovation, known.gain, np.array(before, dtype=float), innovation, answers)
+    _responses(Phi, Psi, index, known.innovation, known.gain, np.array(before, dtype=float), innovation, answers)
     _covariance(Phi, index, innovation, known.variance, known.gain, known.cross, out, answers)
     del innovation  # as large as the answers
     for start in range(0, len(out), AT_ONCE):
@@ -68,11 +68,31 @@ def covariance(Phi: Array, Psi: Array, index: Array, known: Filtered, before: Ar
     return out
 
 
+def innovation_response(Phi: Array, Psi: Array, index: Array, measured: Array, gain: Array) -> Array:
+    """Return the response (K, c, p) of the innovations to constants that were zero before; nan where not `measured`.
+
+    measured (K, c): not a number where the filter left a component out; gain (K, c, m) of the moving states.
+    """
+    K, m, p = Psi.shape
+    innovation = np.full((K, len(index), p), np.nan)
+    arrays = (np.ascontiguousarray(a, dtype=float) for a in (Phi, Psi))
+    _responses(
+        *arrays,
+        np.asarray(index, dtype=np.int64),
+        measured,
+        gain,
+        np.zeros((m, p)),
+        innovation,
+        np.empty((K + 1, 0, p)),
+    )
+    return innovation
+
+
 @compiled
-def _answers(
+def _responses(
     Phi: Array, Psi: Array, index: Array, measured: Array, gain: Array, D: Array, innovation: Array, answers: Array
 ) -> None:
-    """What constants do to each innovation (K, c, p), and to the first moving states as they are filtered."""
+    """Compute the response to constants of each innovation (K, c, p), and of the first filtered states."""
     few, m, p = answers.shape[1], D.shape[0], D.shape[1]
     F = np.empty((m, p))
     for k in range(len(Phi) + 1):

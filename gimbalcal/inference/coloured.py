@@ -21,7 +21,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from gimbalcal.effects.process import GaussMarkov, RandomWalk, WhiteNoise
-from gimbalcal.inference.noise import Noise, chain
+from gimbalcal.inference.noise_processes import Noise, chain
 from gimbalcal.number import Array
 
 Kind = Literal["white", "gauss-markov", "random-walk", "auto"]

@@ -19,7 +19,7 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.inference.coloured import estimate_noise, least_squares
-from gimbalcal.inference.noise import Noise
+from gimbalcal.inference.noise_processes import Noise
 from gimbalcal.number import Array
 
 

@@ -26,7 +26,7 @@ from gimbalcal.kinematics import (
     shortening,
     with_phase_of_force,
 )
-from gimbalcal.navigate.outcome import CHANNELS, Navigated
+from gimbalcal.navigate.navigation_errors import CHANNELS, Navigated
 from gimbalcal.navigate.space_stable import Aids, Course, Site, deviation, navigate
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording

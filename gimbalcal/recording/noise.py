@@ -8,7 +8,7 @@ import numpy as np
 
 from gimbalcal.earth import HOUR
 from gimbalcal.effects.process import Flicker, GaussMarkov, Process, RandomWalk, SettingError, WhiteNoise
-from gimbalcal.inference.noise import Noise, one_sigma
+from gimbalcal.inference.noise_processes import Noise, one_sigma
 from gimbalcal.number import Array
 from gimbalcal.recording.dwell import dwells
 from gimbalcal.recording.record import COLOURED, SENSORS, Key, Recording

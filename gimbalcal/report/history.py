@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.history.course import YEAR
+from gimbalcal.history.parameter_history import YEAR
 from gimbalcal.report import wording
 from gimbalcal.report.chart import BLUE, VERMILION, Chart, Line, Mark, Points, Rule, lasting
 from gimbalcal.report.html import Picture, picture, render

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.navigate.outcome import CHANNELS, NAUTICAL_MILE, NONE, Navigated
+from gimbalcal.navigate.navigation_errors import CHANNELS, NAUTICAL_MILE, NONE, Navigated
 from gimbalcal.references import cite
 from gimbalcal.report import wording
 from gimbalcal.report.chart import COLOURS, DASHES, Band, Chart, Line, Mark, Rule, sensible_time, thin

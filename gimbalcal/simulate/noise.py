@@ -15,7 +15,7 @@ from gimbalcal.effects.process import (
     WhiteNoise,
     sample,
 )
-from gimbalcal.inference.noise import Noise, one_sigma
+from gimbalcal.inference.noise_processes import Noise, one_sigma
 from gimbalcal.number import Array
 from gimbalcal.recording import COLOURED, SENSORS
 from gimbalcal.simulate.scenario import Scenario

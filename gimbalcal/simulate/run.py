@@ -14,7 +14,7 @@ from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.effects.process import Quantisation
 from gimbalcal.errors import InputError
 from gimbalcal.forward import predict, turning
-from gimbalcal.inference.noise import one_sigma
+from gimbalcal.inference.noise_processes import one_sigma
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, Platform

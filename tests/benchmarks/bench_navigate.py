@@ -21,9 +21,9 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.calibration import Residual
 from gimbalcal.effects import Effect
 from gimbalcal.estimate.added import added
-from gimbalcal.navigate.bands import before_and_after
-from gimbalcal.navigate.outcome import CHANNELS, NAUTICAL_MILE
+from gimbalcal.navigate.navigation_errors import CHANNELS, NAUTICAL_MILE
 from gimbalcal.navigate.space_stable import Aids
+from gimbalcal.navigate.uncertainty import before_and_after
 from gimbalcal.number import Array
 from gimbalcal.pipeline import three_stage
 from gimbalcal.recording import Recording

@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.estimate.systematic.run import systematic
+from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.methods import calibrate
-from gimbalcal.navigate.bands import bands
-from gimbalcal.navigate.outcome import NAUTICAL_MILE
-from gimbalcal.navigate.run import navigated, usual
+from gimbalcal.navigate.mechanisations import navigated, usual
+from gimbalcal.navigate.navigation_errors import NAUTICAL_MILE
+from gimbalcal.navigate.uncertainty import bands
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
 from gimbalcal.simulate.scenario import find

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gimbalcal.estimate.systematic.run import systematic
+from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.navigate.strapdown import strapdown
 from tests.estimate.systematic.table import LATITUDE, MOVES, START, turning_unit
 

@@ -22,8 +22,8 @@ from gimbalcal.design.turning import Noise, plan, stretches
 from gimbalcal.design.turning_search import stretched
 from gimbalcal.earth import G0
 from gimbalcal.effects import values
-from gimbalcal.estimate.systematic.run import systematic
-from gimbalcal.estimate.systematic.states import states
+from gimbalcal.estimate.systematic.calibrate import systematic
+from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.number import Array
 from gimbalcal.schedule import ROTATIONS, RotationSchedule
 from gimbalcal.schedule.trajectory import trajectory

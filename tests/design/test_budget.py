@@ -15,8 +15,8 @@ from gimbalcal.earth import normal_gravity
 from gimbalcal.effects import with_values
 from gimbalcal.errors import InputError
 from gimbalcal.inference.information import solve
-from gimbalcal.navigate.run import navigated, usual
-from gimbalcal.navigate.still import still_base
+from gimbalcal.navigate.mechanisations import navigated, usual
+from gimbalcal.navigate.stationary_base import still_base
 from gimbalcal.pipeline import three_stage
 from gimbalcal.recording import Site
 from gimbalcal.simulate import load, simulate

@@ -11,8 +11,8 @@ from gimbalcal.cli import gimbalcal
 from gimbalcal.design.turning import Noise, plan, stretches
 from gimbalcal.design.turning_observability import observe_turning
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.systematic.smoothing import VELOCITY
-from gimbalcal.estimate.systematic.states import states
+from gimbalcal.estimate.systematic.filter_pass import VELOCITY_STATES
+from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.inference.innovations import innovations
 from gimbalcal.schedule import Move, RotationSchedule
 from gimbalcal.schedule.trajectory import trajectory
@@ -66,7 +66,7 @@ def test_rows_say_what_a_filter_with_the_constants_among_its_states_says():
     p = len(wanted)
     P = np.zeros((9 + p, 9 + p))
     P[:9, :9], P[9:, 9:] = found.P[0], np.eye(p)
-    H = np.eye(9 + p)[VELOCITY]
+    H = np.eye(9 + p)[VELOCITY_STATES]
     R = (noise.velocity / 1e-3) ** 2 * np.eye(3)
     for Phi, Psi, Q in zip(made.Phi, made.Psi, made.Q, strict=True):
         F = np.eye(9 + p)

@@ -11,7 +11,7 @@ from gimbalcal.design.turning import Noise, plan
 from gimbalcal.design.turning_design import design_turning, exact, table_of
 from gimbalcal.design.turning_search import Search, Tour, allowed, as_tour, changed, stretched
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.systematic.states import states
+from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.schedule import ROTATIONS
 from gimbalcal.schedule.file import read_rotation
 from gimbalcal.schedule.trajectory import trajectory

@@ -14,8 +14,8 @@ from gimbalcal.diagnose.cost import _swung, in_words, with_cost
 from gimbalcal.diagnose.result import Finding
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.estimate.added import added
-from gimbalcal.estimate.systematic.run import systematic
-from gimbalcal.navigate.still import still_base
+from gimbalcal.estimate.systematic.calibrate import systematic
+from gimbalcal.navigate.stationary_base import still_base
 from gimbalcal.pipeline import three_stage
 from gimbalcal.recording import Recording, Site
 from gimbalcal.simulate import simulate

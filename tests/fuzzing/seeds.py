@@ -13,9 +13,9 @@ import scipy.io
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.exchange import FILES, export
-from gimbalcal.campaign.run import run_campaign
+from gimbalcal.campaign.monte_carlo import run_campaign
 from gimbalcal.earth import EARTH_RATE
-from gimbalcal.history.store import Entry, keep
+from gimbalcal.history.unit_store import Entry, keep
 from gimbalcal.methods import calibrate
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Recording, read, write

@@ -15,7 +15,7 @@ from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.history import Dated, compare, date_in, dated_file
 from gimbalcal.history.compare import _called, flat
-from gimbalcal.history.course import YEAR
+from gimbalcal.history.parameter_history import YEAR
 from gimbalcal.report.history import history_report
 from gimbalcal.report.wording import named
 from tests.history.calibrations import LABELS, SIGMA, START, R, calibration, history

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from gimbalcal.effects.process import GaussMarkov, RandomWalk, WhiteNoise, covariance
 from gimbalcal.inference.coloured import estimate_noise, least_squares
-from gimbalcal.inference.noise import Noise
+from gimbalcal.inference.noise_processes import Noise
 from gimbalcal.number import Array
 
 

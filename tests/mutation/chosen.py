@@ -13,12 +13,12 @@ from tests.mutation.running import Tests
 Mistake = tuple[str, str, str, str]  # module, function, what stands there once, what stands there instead
 
 CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, that ought to notice
-    "history/test_course.py history/test_compare.py": (
-        ("history.course", "course", "still[k - 1]", "still[k - 2]"),
-        ("history.course", "course", "SURPRISE / 2 / n", "SURPRISE / n"),
-        ("history.course", "_one_by_one", "< 0}", "> 0}"),
-        ("history.course", "_mean", "1 / np.sqrt(w.sum())", "1 / w.sum()"),
-        ("history.course", "_with_step", ">= k", "> k"),
+    "history/test_parameter_history.py history/test_compare.py": (
+        ("history.parameter_history", "course", "still[k - 1]", "still[k - 2]"),
+        ("history.parameter_history", "course", "SURPRISE / 2 / n", "SURPRISE / n"),
+        ("history.parameter_history", "_one_by_one", "< 0}", "> 0}"),
+        ("history.parameter_history", "_mean", "1 / np.sqrt(w.sum())", "1 / w.sum()"),
+        ("history.parameter_history", "_with_step", ">= k", "> k"),
         ("history.compare", "Comparison.odd", "SURPRISE / len(self.steps)", "SURPRISE"),
         ("history.compare", "Comparison.due", "first = min(", "first = max("),
     ),
@@ -27,11 +27,11 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("history.compare", "_step", "b.values[j] - a.values[i]", "b.values[j] + a.values[i]"),
         ("history.compare", "_moved", "c.rate * YEAR, c.rate_sigma * YEAR", "c.rate, c.rate_sigma"),
     ),
-    "history/test_store.py": (
-        ("history.dated", "day_of", "%Y-%m-%d %H:%M:%S", "%Y-%d-%m %H:%M:%S"),
-        ("history.dated", "of_store", 'e.content.get("provenance", {}).get("created") or e.date', "e.date"),
-        ("history.dated", "when", "date.replace(tzinfo=UTC)", "date.astimezone(UTC)"),
-        ("history.store", "_digest", 'k != "created"', 'k != "recordings"'),
+    "history/test_unit_store.py": (
+        ("history.dated_calibration", "day_of", "%Y-%m-%d %H:%M:%S", "%Y-%d-%m %H:%M:%S"),
+        ("history.dated_calibration", "of_store", 'e.content.get("provenance", {}).get("created") or e.date', "e.date"),
+        ("history.dated_calibration", "when", "date.replace(tzinfo=UTC)", "date.astimezone(UTC)"),
+        ("history.unit_store", "_digest", 'k != "created"', 'k != "recordings"'),
     ),
     "recording/test_dwells.py": (
         ("recording.detection", "detect", "round(SHORTEST / step))", "round(SHORTEST * step))"),
@@ -145,23 +145,23 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("navigate.static_run", "_errors", "= -navigator_attitude_error", "= navigator_attitude_error"),
         ("navigate.static_run", "horizontal", "M, N = radii", "N, M = radii"),
         ("navigate.static_run", "_given", "1 + shortening", "1 - shortening"),
-        ("navigate.bands", "_sampled", "V * np.sqrt(np.maximum(w, 0.0))", "V * np.maximum(w, 0.0)"),
-        ("navigate.answer", "content", "run.position[-1] / NAUTICAL_MILE", "run.position[-1]"),
-        ("navigate.answer", "content", "np.mean(run.position**2)", "np.mean(run.position)"),
+        ("navigate.uncertainty", "_sampled", "V * np.sqrt(np.maximum(w, 0.0))", "V * np.maximum(w, 0.0)"),
+        ("navigate.summary", "content", "run.position[-1] / NAUTICAL_MILE", "run.position[-1]"),
+        ("navigate.summary", "content", "np.mean(run.position**2)", "np.mean(run.position)"),
     ),
-    "navigate/test_strapdown_run.py": (
-        ("navigate.thinned", "_means", "run.time - dt / 2", "run.time + dt / 2"),
-        ("navigate.strapdown_run", "aligned", "exponential(-phi) @ C", "exponential(phi) @ C"),
+    "navigate/test_strapdown_unit.py": (
+        ("navigate.mean_intervals", "_means", "run.time - dt / 2", "run.time + dt / 2"),
+        ("navigate.strapdown_unit", "aligned", "exponential(-phi) @ C", "exponential(phi) @ C"),
     ),
-    "navigate/test_still.py": (
-        ("navigate.still", "still_unit", "[0.0, 0.0, -site.gravity]", "[0.0, 0.0, site.gravity]"),
-        ("navigate.still", "still_unit", "C_bn.T @ rate_at", "C_bn @ rate_at"),
-        ("navigate.strapdown_run", "legs_navigated", "2 * aids.damping", "aids.damping"),
-        ("navigate.strapdown_run", "legs_navigated", "made.position[:, :2] - true[:, :2]",
+    "navigate/test_stationary_base.py": (
+        ("navigate.stationary_base", "still_unit", "[0.0, 0.0, -site.gravity]", "[0.0, 0.0, site.gravity]"),
+        ("navigate.stationary_base", "still_unit", "C_bn.T @ rate_at", "C_bn @ rate_at"),
+        ("navigate.strapdown_unit", "legs_navigated", "2 * aids.damping", "aids.damping"),
+        ("navigate.strapdown_unit", "legs_navigated", "made.position[:, :2] - true[:, :2]",
          "true[:, :2] - made.position[:, :2]"),
-        ("navigate.strapdown_run", "legs_navigated", "made.C_bn @ made.C_bn[0].T", "made.C_bn @ made.C_bn[0]"),
-        ("navigate.strapdown_run", "_still", "< SLOW * EARTH_RATE", "< SLOW"),
-        ("navigate.strapdown_run", "legs_navigated", "rotation_vector(made", "-rotation_vector(made"),
+        ("navigate.strapdown_unit", "legs_navigated", "made.C_bn @ made.C_bn[0].T", "made.C_bn @ made.C_bn[0]"),
+        ("navigate.strapdown_unit", "_still", "< SLOW * EARTH_RATE", "< SLOW"),
+        ("navigate.strapdown_unit", "legs_navigated", "rotation_vector(made", "-rotation_vector(made"),
     ),
     (
         "diagnose/test_cost.py::test_a_drift_left_out_costs_what_it_drifts "

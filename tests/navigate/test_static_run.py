@@ -12,14 +12,14 @@ import pytest
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
 from gimbalcal.errors import InputError
-from gimbalcal.navigate.answer import content
-from gimbalcal.navigate.bands import bands, before_and_after, uncertain
-from gimbalcal.navigate.outcome import CHANNELS, NAUTICAL_MILE, Navigated, labels
-from gimbalcal.navigate.run import navigated
+from gimbalcal.navigate.mechanisations import navigated
+from gimbalcal.navigate.navigation_errors import CHANNELS, NAUTICAL_MILE, Navigated, labels
 from gimbalcal.navigate.space_stable import USUAL, Aids
 from gimbalcal.navigate.space_stable import Site as Place
 from gimbalcal.navigate.static_run import half_apart, horizontal
-from gimbalcal.navigate.still import still_base
+from gimbalcal.navigate.stationary_base import still_base
+from gimbalcal.navigate.summary import content
+from gimbalcal.navigate.uncertainty import bands, before_and_after, uncertain
 from gimbalcal.recording import Recording, Site, block_means
 from gimbalcal.simulate import simulate
 

@@ -10,7 +10,7 @@ import pytest
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.correction import correct
-from gimbalcal.estimate.systematic.run import systematic
+from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.recording import Recording
 from gimbalcal.units import to_si

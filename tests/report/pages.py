@@ -21,9 +21,9 @@ from gimbalcal.diagnose.answer import Curves
 from gimbalcal.earth import G0
 from gimbalcal.guess.column_values import Guess
 from gimbalcal.guess.proposal import Proposal
-from gimbalcal.navigate.answer import content as navigation_content
-from gimbalcal.navigate.outcome import Navigated
+from gimbalcal.navigate.navigation_errors import Navigated
 from gimbalcal.navigate.space_stable import Aids
+from gimbalcal.navigate.summary import content as navigation_content
 from gimbalcal.recording import Recording
 from gimbalcal.report import calibration_report
 from gimbalcal.report.budget_page import budget_report

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 
-from gimbalcal.estimate.systematic.run import systematic
+from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.report.calibration_page import calibration_report
 from gimbalcal.report.navigation import (
     innovations_by_leg,

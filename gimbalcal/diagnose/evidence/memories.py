@@ -8,7 +8,7 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.noise import LONE_AT_REST, LONE_WALK, Node
 from gimbalcal.effects.process import GaussMarkov, Process, RandomWalk, WhiteNoise
-from gimbalcal.inference.noise import chain
+from gimbalcal.inference.noise_processes import chain
 from gimbalcal.inference.whitening import whitening, whitenings
 from gimbalcal.number import Array
 

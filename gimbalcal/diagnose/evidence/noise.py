@@ -22,7 +22,7 @@ import numpy as np
 from gimbalcal.diagnose.rows.observations import Observations, read_gimbals
 from gimbalcal.effects import Stage
 from gimbalcal.effects.process import RandomWalk, SettingError, WhiteNoise
-from gimbalcal.inference.noise import Chain, Noise, one_sigma, spectrum
+from gimbalcal.inference.noise_processes import Chain, Noise, one_sigma, spectrum
 from gimbalcal.inference.robust import huber
 from gimbalcal.inference.whitening import Whitening, whitenings
 from gimbalcal.number import Array

@@ -14,11 +14,11 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, absent, constants
-from gimbalcal.estimate.systematic.course import stops
-from gimbalcal.estimate.systematic.run import calibrated
-from gimbalcal.estimate.systematic.settle import Settled, settle
-from gimbalcal.estimate.systematic.states import KEPT, SAME, states
-from gimbalcal.estimate.systematic.whitened import Whitened, whitened
+from gimbalcal.estimate.systematic.calibrate import calibrated
+from gimbalcal.estimate.systematic.innovation_rows import InnovationRows, innovation_rows
+from gimbalcal.estimate.systematic.iterate import SystematicFit, iterate
+from gimbalcal.estimate.systematic.segments import stops
+from gimbalcal.estimate.systematic.state_lists import KEPT, SAME, states
 from gimbalcal.forward import Rows
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -54,22 +54,22 @@ def in_place(
 
     def relinearise(effect: Effect, wanted: Sequence[Parameter]) -> View:
         return replace(
-            view_of(recording, settle(recording, (*usual, *wanted), known([effect]), tell), ids), calibrate=converged
+            view_of(recording, iterate(recording, (*usual, *wanted), known([effect]), tell), ids), calibrate=converged
         )
 
-    first = settle(recording, usual, held, tell)
+    first = iterate(recording, usual, held, tell)
 
     def converged(effects: Sequence[Effect], fitted: Sequence[Parameter]) -> Calibration:
         more = tuple(p for p in fitted if p.label not in {u.label for u in usual})
         fresh = [emptied(e) for e in effects if e.id in {p.effect for p in more}]
-        return calibrated(settle(recording, (*usual, *more), known(fresh), tell) if more else first)
+        return calibrated(iterate(recording, (*usual, *more), known(fresh), tell) if more else first)
 
     return replace(view_of(recording, first, ids), relinearise=relinearise, calibrate=converged)
 
 
-def view_of(recording: Recording, settled: Settled, ids: tuple[str, ...]) -> View:
-    """The view about what `settle` found."""
-    w = whitened(settled)
+def view_of(recording: Recording, settled: SystematicFit, ids: tuple[str, ...]) -> View:
+    """The view about what `iterate` found."""
+    w = innovation_rows(settled)
     answers = _Answers(w)
     base = w.rows
     y = w.residual
@@ -93,7 +93,7 @@ def view_of(recording: Recording, settled: Settled, ids: tuple[str, ...]) -> Vie
     return View(
         NAME, recording.title, recording.kind, "mm/s", CHANNELS, w.time - w.time[0], w.felt, rows,
         SENSOR_STAGES | GYROSCOPE_STAGES, ids, recording.grade, np.cumsum(np.diff(w.stop, prepend=w.stop[0]) != 0),
-        NoiseModel(w.sigma, sample=w.sigma if settled.course.stated else None), gauge=frozenset(gauge),
+        NoiseModel(w.sigma, sample=w.sigma if settled.segments.stated else None), gauge=frozenset(gauge),
         added=answers.added,
     )  # fmt: skip
 
@@ -109,7 +109,7 @@ def emptied(effect: Effect) -> Effect:
 class _Answers:
     """How the rows answer causes (n, 3) per unit, each worked out once."""
 
-    whitened: Whitened
+    whitened: InnovationRows
     kept: dict[tuple[object, ...], Array] = field(default_factory=dict)
 
     def columns(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
@@ -129,13 +129,13 @@ class _Answers:
         return np.stack(out, axis=-1) if out else np.zeros((*self.whitened.residual.shape, 0))
 
     def _through(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
-        return -self.whitened.answers(self.whitened.added_by(effect, wanted))
+        return -self.whitened.response(self.whitened.addition(effect, wanted))
 
     def added(self, quantity: str, axis: str, basis: Array) -> Array:
         """Columns (n, 3, m) of what is added (g, m) to force or rate along an axis."""
         D = np.zeros((len(basis), 6, basis.shape[1]))
         D[:, 3 * (quantity == RATE) + "xyz".index(axis)] = basis
-        return self.whitened.answers(D)
+        return self.whitened.response(D)
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,8 +23,8 @@ from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.result import Entry, Estimate, plain
 from gimbalcal.effects import Parameter
 from gimbalcal.estimate.fusion import CONTRADICTION
-from gimbalcal.inference.chance import probability
 from gimbalcal.inference.information import Information, Solution, solve
+from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 

@@ -11,7 +11,7 @@ from gimbalcal.diagnose.library.unknown_noise import free_rows, spans
 from gimbalcal.diagnose.library.view_shapes import shapes_of
 from gimbalcal.diagnose.result import Mismatch
 from gimbalcal.diagnose.search.refit import Model, basis, projections, weighted
-from gimbalcal.inference.chance import probability
+from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 from gimbalcal.views.core import View

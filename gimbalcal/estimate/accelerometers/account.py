@@ -11,7 +11,7 @@ from gimbalcal.calibration import StageResult
 from gimbalcal.estimate.accelerometers.expected import lost
 from gimbalcal.estimate.accelerometers.misset import Fault, acceptable
 from gimbalcal.estimate.accelerometers.setting import Noise, PositionFit, Problem, model
-from gimbalcal.inference.chance import probability
+from gimbalcal.inference.p_value import probability
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE
 from gimbalcal.units import from_si

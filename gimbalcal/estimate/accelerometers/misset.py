@@ -32,8 +32,8 @@ from gimbalcal.estimate.accelerometers.setting import (
     visit_means,
     whiten,
 )
-from gimbalcal.inference.chance import probability
 from gimbalcal.inference.information import SEEN
+from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.units import from_si
 

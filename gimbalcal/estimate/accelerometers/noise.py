@@ -15,7 +15,7 @@ import numpy as np
 
 from gimbalcal.earth import G0
 from gimbalcal.estimate.accelerometers.setting import Noise, PositionFit, Problem, VisitRows, gauss_newton, whiten
-from gimbalcal.inference.noise import one_sigma
+from gimbalcal.inference.noise_processes import one_sigma
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.noise import sample_sigma, stated

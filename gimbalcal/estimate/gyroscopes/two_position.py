@@ -20,7 +20,7 @@ from gimbalcal.calibration import Calibration, Readout, Residual, StageResult
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.errors import InputError, amount
-from gimbalcal.inference.chance import probability
+from gimbalcal.inference.p_value import probability
 from gimbalcal.kinematics import DOWN
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording, dwell_means, dwells

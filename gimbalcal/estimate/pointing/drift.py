@@ -18,7 +18,7 @@ import numpy as np
 
 from gimbalcal.effects import Parameter
 from gimbalcal.estimate.pointing.fit import EXACT, Fit, fit
-from gimbalcal.inference.chance import probability
+from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 

@@ -18,7 +18,7 @@ from gimbalcal.estimate.pointing.fit import Fit, fit, misfit_of
 from gimbalcal.estimate.pointing.pattern import far_off, pattern
 from gimbalcal.estimate.pointing.run import CHANNELS, nights, on_stars, read_axes
 from gimbalcal.estimate.pointing.terms import USUAL, wanted_parameters
-from gimbalcal.inference.chance import probability
+from gimbalcal.inference.p_value import probability
 from gimbalcal.recording import Recording, join
 from gimbalcal.units import from_si
 

@@ -17,20 +17,22 @@ import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, rate_at
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.systematic.course import Course
+from gimbalcal.estimate.systematic.segments import Segments
 from gimbalcal.navigate.strapdown import carried
 from gimbalcal.number import Array
 from gimbalcal.recording.plausible_run import named
 from gimbalcal.rotation import exponential
 
-ROUNDS = 6
-LEVEL = np.radians(1.0)  # one sigma of the level at the start
-HEADING = np.radians(1.0), np.radians(60.0)  # one sigma of the heading: at least, at most
-SLOW = 3.0  # times the Earth's rate: gyroscopes that read less at rest have no bias worth the name
-LIKELY = np.radians([1.0, 1000.0]) / 3600  # rad/s, one sigma of the bias of such a triad, and of any other
-LATITUDE = np.radians(3.0)  # what the latitude may be off; 5 sigma of what gyroscopes see beside
-FAINT = 0.1  # of the Earth's rate: gyroscopes that see less of it, and could, had it taken off
-EARTH_SEEN = 0.5  # of the Earth's rate: what it may be off where gyroscopes that see it are to be believed
+MAX_ITERATIONS = 6
+LEVEL_SIGMA_RAD = np.radians(1.0)  # one sigma of the level at the start
+HEADING_SIGMA_RANGE_RAD = np.radians(1.0), np.radians(60.0)  # one sigma of the heading: at least, at most
+NEGLIGIBLE_BIAS_EARTH_RATES = (
+    3.0  # times the Earth's rate: gyroscopes that read less at rest have no bias worth the name
+)
+BIAS_SIGMA_RAD_S = np.radians([1.0, 1000.0]) / 3600  # rad/s, one sigma of the bias of such a triad, and of any other
+LATITUDE_TOLERANCE_RAD = np.radians(3.0)  # what the latitude may be off; 5 sigma of what gyroscopes see beside
+FAINT_EARTH_RATES = 0.1  # of the Earth's rate: gyroscopes that see less of it, and could, had it taken off
+EARTH_RATE_TOLERANCE = 0.5  # of the Earth's rate: what it may be off where gyroscopes that see it are to be believed
 
 
 @dataclass(frozen=True)
@@ -42,19 +44,19 @@ class Alignment:
     bias: Array
 
 
-def align(course: Course, u: Array) -> Alignment:
+def align(segments: Segments, u: Array) -> Alignment:
     """Attitude at the start from force and rate (n, 6). Raises InputError where the Earth's rate is not to be found."""
-    stops = [course.of_stop(k) for k in range(int(course.stop.max()) + 1)]
-    weight = np.array([course.rows.weight[s].sum() for s in stops])
-    mean = np.array([np.average(u[s], axis=0, weights=course.rows.weight[s]) for s in stops])
-    slow = np.linalg.norm(mean[:, 3:], axis=1).max() < SLOW * EARTH_RATE
+    stops = [segments.of_stop(k) for k in range(int(segments.stop.max()) + 1)]
+    weight = np.array([segments.rows.weight[s].sum() for s in stops])
+    mean = np.array([np.average(u[s], axis=0, weights=segments.rows.weight[s]) for s in stops])
+    slow = np.linalg.norm(mean[:, 3:], axis=1).max() < NEGLIGIBLE_BIAS_EARTH_RATES * EARTH_RATE
     b = np.zeros(3) if slow else np.average(mean[:, 3:], axis=0, weights=weight)
-    likely = LIKELY[0] if slow else LIKELY[1]
-    latitude = course.rows.site.latitude
+    likely = BIAS_SIGMA_RAD_S[0] if slow else BIAS_SIGMA_RAD_S[1]
+    latitude = segments.rows.site.latitude
     assert latitude is not None
-    dt = _with_pauses(course)
-    w = np.sqrt(weight)[:, None] / course.sigma[3:]
-    for _ in range(ROUNDS):
+    dt = _with_pauses(segments)
+    w = np.sqrt(weight)[:, None] / segments.sigma[3:]
+    for _ in range(MAX_ITERATIONS):
         C = carried(dt, u[:, 3:] - b)
         at = np.array([C[(s.start + s.stop) // 2] for s in stops])
         A = np.concatenate([np.broadcast_to(np.eye(3), at.shape), np.swapaxes(at, -1, -2)], axis=2)
@@ -65,82 +67,82 @@ def align(course: Course, u: Array) -> Alignment:
         b = b + x[:3]
         if np.abs(x[:3]).max() < 1e-3 * EARTH_RATE:
             break
-    middle = float(course.rows.time[(stops[0].start + stops[0].stop) // 2] - course.time[0])
+    middle = float(segments.rows.time[(stops[0].start + stops[0].stop) // 2] - segments.time[0])
     down = -at[0] @ mean[0, :3] / np.linalg.norm(mean[0, :3])
     left = right - rows @ x
     P = np.linalg.inv(rows.T @ rows) * max(1.0, float(left @ left) / max(len(left) - 6, 1))
-    return _from_vectors(course, down, middle, b, x[3:], float(np.sqrt(P[range(3, 6), range(3, 6)].max())))
+    return _from_vectors(segments, down, middle, b, x[3:], float(np.sqrt(P[range(3, 6), range(3, 6)].max())))
 
 
-def _from_vectors(course: Course, down: Array, after: float, b: Array, earth: Array, sigma: float) -> Alignment:
-    latitude = course.rows.site.latitude
+def _from_vectors(segments: Segments, down: Array, after: float, b: Array, earth: Array, sigma: float) -> Alignment:
+    latitude = segments.rows.site.latitude
     assert latitude is not None
     if np.linalg.norm(earth) < 2 * EARTH_RATE:  # the vertical at the start: the Earth has turned it since
         down = exponential(earth * after) @ down
     level = earth - down * (down @ earth)
-    heading = float(np.clip(3 * sigma / (EARTH_RATE * np.cos(latitude)), *HEADING))
+    heading = float(np.clip(3 * sigma / (EARTH_RATE * np.cos(latitude)), *HEADING_SIGMA_RANGE_RAD))
     off = abs(np.linalg.norm(earth) / EARTH_RATE - 1)
-    if heading < HEADING[1] and off > EARTH_SEEN + 3 * sigma / EARTH_RATE:
+    if heading < HEADING_SIGMA_RANGE_RAD[1] and off > EARTH_RATE_TOLERANCE + 3 * sigma / EARTH_RATE:
         ratio = np.linalg.norm(earth) / EARTH_RATE
         likely = (
             "its rate was taken off, by a navigator or a dead band about zero; log what the gyroscopes read"
-            if ratio < FAINT
+            if ratio < FAINT_EARTH_RATES
             else "check the order, signs and unit of their columns, and the latitude"
         )
         raise InputError(
-            f"{named(course.rows)}: turned through its stops, the gyroscopes see a rate of {ratio:.3g} times the "
+            f"{named(segments.rows)}: turned through its stops, the gyroscopes see a rate of {ratio:.3g} times the "
             f"Earth's that turns with them; {likely}"
         )
     seen = np.arcsin(np.clip(-float(down @ earth) / np.linalg.norm(earth), -1, 1))
-    if abs(seen - latitude) > LATITUDE + 5 * sigma / EARTH_RATE:
+    if abs(seen - latitude) > LATITUDE_TOLERANCE_RAD + 5 * sigma / EARTH_RATE:
         raise InputError(
-            f"{named(course.rows)}: turned through its stops, the gyroscopes see the Earth's axis "
+            f"{named(segments.rows)}: turned through its stops, the gyroscopes see the Earth's axis "
             f"{np.degrees(seen):.1f} deg above the horizon, and [site] says latitude {np.degrees(latitude):.1f} deg; "
             "correct one of the two"
         )
-    if heading >= HEADING[1]:  # nothing tells north: any heading, and the filter finds what it can
+    if heading >= HEADING_SIGMA_RANGE_RAD[1]:  # nothing tells north: any heading, and the filter finds what it can
         level = np.eye(3)[np.argmin(np.abs(down))]
         level = level - down * (down @ level)
     north = level / np.linalg.norm(level)
     C = np.stack([north, np.cross(down, north), down])
-    return Alignment(C, np.array([LEVEL, LEVEL, heading]), b)
+    return Alignment(C, np.array([LEVEL_SIGMA_RAD, LEVEL_SIGMA_RAD, heading]), b)
 
 
-def _with_pauses(course: Course) -> Array:
+def _with_pauses(segments: Segments) -> Array:
     """Lengths (n,) [s] of the intervals, pauses of the clock added to what follows: the Earth went on turning."""
-    dt = course.dt.copy()
-    for k in np.flatnonzero(course.pauses):
-        dt[course.first[k]] += course.time[k + 1] - course.time[k]
+    dt = segments.dt.copy()
+    for k in np.flatnonzero(segments.pauses):
+        dt[segments.first[k]] += segments.time[k + 1] - segments.time[k]
     return dt
 
 
-def attitudes(course: Course, u: Array, start: Alignment) -> Array:
+def attitudes(segments: Segments, u: Array, start: Alignment) -> Array:
     """First guess C_bn (K + 1, 3, 3) at every update: the carried attitude, made level again at each stop.
 
     What a turn was off by, it was off by in proportion to the angle turned, as a wrong scale factor makes it.
     """
-    latitude = course.rows.site.latitude
+    latitude = segments.rows.site.latitude
     assert latitude is not None
     earth = rate_at(latitude)
-    dt = _with_pauses(course)
+    dt = _with_pauses(segments)
     C = carried(dt, u[:, 3:] - start.bias)
     t = np.concatenate([[0.0], np.cumsum(dt)])
     C = exponential(earth * t[:, None]) @ start.C_bn @ C
-    went = np.concatenate([[0.0], np.cumsum(np.linalg.norm(u[:, 3:] - start.bias, axis=1) * dt)])[course.first]
-    turn, out, left = np.eye(3), np.empty((len(course.first), 3, 3)), 0
-    stop = np.append(course.stop, course.stop[-1])
+    went = np.concatenate([[0.0], np.cumsum(np.linalg.norm(u[:, 3:] - start.bias, axis=1) * dt)])[segments.first]
+    turn, out, left = np.eye(3), np.empty((len(segments.first), 3, 3)), 0
+    stop = np.append(segments.stop, segments.stop[-1])
     for k in range(len(out)):
-        new = k < len(course.stop) and stop[k] >= 0 and (k == 0 or stop[k - 1] != stop[k])
+        new = k < len(segments.stop) and stop[k] >= 0 and (k == 0 or stop[k - 1] != stop[k])
         if new:
-            mine = course.of_stop(int(stop[k]))
+            mine = segments.of_stop(int(stop[k]))
             off = _off_level(turn @ C[(mine.start + mine.stop) // 2] @ u[mine, :3].mean(axis=0))
             if k:
                 part = (went[left:k] - went[left]) / max(went[k] - went[left], 1e-9)
                 out[left:k] = exponential(-part[:, None] * off) @ out[left:k]
             turn = exponential(-off) @ turn
-        out[k] = turn @ C[course.first[k]]
+        out[k] = turn @ C[segments.first[k]]
         left = k if stop[k] >= 0 else left
-    for pause in np.flatnonzero(course.pauses):
+    for pause in np.flatnonzero(segments.pauses):
         out[pause + 1] = out[pause]
     return out
 

@@ -13,13 +13,13 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE
-from gimbalcal.estimate.systematic.course import Course
+from gimbalcal.estimate.systematic.bias_processes import bias_processes
 from gimbalcal.estimate.systematic.error_model import in_body
-from gimbalcal.estimate.systematic.settle import Settled
-from gimbalcal.estimate.systematic.smoothing import GATE
-from gimbalcal.estimate.systematic.turns import GAIN
-from gimbalcal.estimate.systematic.wander import chains
-from gimbalcal.estimate.systematic.whitened import whitened
+from gimbalcal.estimate.systematic.filter_pass import GATE_NIS
+from gimbalcal.estimate.systematic.innovation_rows import innovation_rows
+from gimbalcal.estimate.systematic.iterate import SystematicFit
+from gimbalcal.estimate.systematic.segments import Segments
+from gimbalcal.estimate.systematic.turn_consistency import NONLINEAR_SCALE_ERROR
 from gimbalcal.number import Array
 
 ALIKE = 0.1  # how far three of a triad are alike
@@ -30,10 +30,10 @@ UNTOLD = 0.5  # of the size that is usual: a recording that leaves so much has n
 NOISE = 3.0  # times: a stated noise that is further from what the stops show
 
 
-def limits(m: Settled, sigmas: Array) -> list[str]:
+def limits(m: SystematicFit, sigmas: Array) -> list[str]:
     """Sentences on what this noise and these hands do not allow; sigmas (p,) of the states."""
     out = []
-    if m.course.handled:
+    if m.segments.handled:
         out.append("a hand turned the unit and carried it along, so its velocity is believed at the stops alone")
     heading = float(np.degrees(np.sqrt(m.last.attitude[2, 2])))
     if heading > LOST:
@@ -51,16 +51,16 @@ def limits(m: Settled, sigmas: Array) -> list[str]:
     return out
 
 
-def likely(m: Settled) -> str:
+def likely(m: SystematicFit) -> str:
     """What a recording that the model does not explain may suffer from: a clause, empty where nothing stands out."""
-    return _noise(m.course) or _clock(m) or _in_turns(m) or _latitude(m) or _wandering(m.course)
+    return _noise(m.segments) or _clock(m) or _in_turns(m) or _latitude(m) or _wandering(m.segments)
 
 
-def _noise(course: Course) -> str:
+def _noise(segments: Segments) -> str:
     """A noise that the header states and the stops do not show."""
     for k, (sensor, unit) in ((0, ("accelerometer", "m/s^2")), (3, ("gyroscope", "rad/s"))):
-        said, seen = float(course.sigma[k]), float(np.sqrt(np.mean(course.shown[k : k + 3] ** 2)))
-        if course.stated and seen > NOISE * said:
+        said, seen = float(segments.sigma[k]), float(np.sqrt(np.mean(segments.shown[k : k + 3] ** 2)))
+        if segments.stated and seen > NOISE * said:
             return (
                 f"[noise] says {said:.2g} {unit} a sample of the {sensor}, and the stops scatter by {seen:.2g} {unit}: "
                 "correct it, or leave it out to have it taken from the stops"
@@ -68,10 +68,10 @@ def _noise(course: Course) -> str:
     return ""
 
 
-def _clock(m: Settled) -> str:
+def _clock(m: SystematicFit) -> str:
     """Rates, or a clock, in another unit: all three gyroscopes are off by the same."""
     sizes = np.array([x for p, x in zip(m.wanted, m.theta, strict=True) if p.effect == "gyro_scale_factor"])
-    if len(sizes) != 3 or np.abs(sizes).min() <= GAIN or np.ptp(sizes) > ALIKE * np.abs(sizes).max():
+    if len(sizes) != 3 or np.abs(sizes).min() <= NONLINEAR_SCALE_ERROR or np.ptp(sizes) > ALIKE * np.abs(sizes).max():
         return ""
     off = 100 * (1 / (1 + float(np.mean(sizes))) - 1)  # of what they read, where the scale factor is of what was there
     return (
@@ -80,10 +80,10 @@ def _clock(m: Settled) -> str:
     )
 
 
-def _wandering(course: Course) -> str:
+def _wandering(segments: Segments) -> str:
     """Biases of a unit that is no navigation grade, and of which nobody says how they wander."""
-    grade = course.grade.name
-    if grade == "navigation" or len(chains(course)):
+    grade = segments.grade.name
+    if grade == "navigation" or len(bias_processes(segments)):
         return ""
     return (
         f"biases of a unit as noisy as this one ({grade} grade) wander, so state accelerometer_flicker and "
@@ -92,10 +92,10 @@ def _wandering(course: Course) -> str:
     )
 
 
-def _in_turns(m: Settled) -> str:
+def _in_turns(m: SystematicFit) -> str:
     """Velocities that are not zero while the unit turns, and are at the stops."""
-    bad = m.last.calibrated.distance > GATE
-    turning = m.course.stop < 0
+    bad = m.last.calibrated.distance > GATE_NIS
+    turning = m.segments.stop < 0
     turns = np.cumsum(np.diff(turning, prepend=False) & turning)
     struck = len(np.unique(turns[bad & turning]))
     if not bad.any() or np.mean(turning[bad]) < SHARE or struck < turns[-1] / 2:
@@ -107,21 +107,21 @@ def _in_turns(m: Settled) -> str:
     )
 
 
-def _latitude(m: Settled) -> str:
+def _latitude(m: SystematicFit) -> str:
     """A latitude with which it would be explained."""
-    w = whitened(m)
-    stated = m.course.rows.site.latitude
+    w = innovation_rows(m)
+    stated = m.segments.rows.site.latitude
     assert stated is not None
     slope = EARTH_RATE * np.array([-np.sin(stated), 0.0, -np.cos(stated)])
     D = np.zeros((len(w.felt.rate), 6, 1))
-    D[:, 3:, 0] = in_body(m.course, m.u, m.C, slope)
+    D[:, 3:, 0] = in_body(m.segments, m.u, m.C, slope)
     mine = [D]
     for effect_id in dict.fromkeys(p.effect for p in m.wanted):
         effect = next(e for e in m.effects if e.id == effect_id)
-        mine.append(w.added_by(effect, [p for p in m.wanted if p.effect == effect_id]))
+        mine.append(w.addition(effect, [p for p in m.wanted if p.effect == effect_id]))
     scale = np.array([1.0, *(p.sigma for p in m.wanted)])
     sigma = np.broadcast_to(w.sigma[..., None], (*w.sigma.shape, len(scale)))
-    A = (w.answers(np.concatenate(mine, axis=2)) * scale / sigma).reshape(-1, len(scale))
+    A = (w.response(np.concatenate(mine, axis=2)) * scale / sigma).reshape(-1, len(scale))
     y = (w.residual / w.sigma).reshape(-1)
     fits = [np.linalg.lstsq(B, y, rcond=None)[0] for B in (A[:, 1:], A)]
     without, with_it = (float(np.sum((y - B @ x) ** 2)) for B, x in zip((A[:, 1:], A), fits, strict=True))

@@ -11,7 +11,7 @@ from gimbalcal.diagnose.evidence.noise import LONE_WALK, coloured, lone_walks, n
 from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.effects import Stage
 from gimbalcal.effects.process import covariance
-from gimbalcal.inference.noise import chain
+from gimbalcal.inference.noise_processes import chain
 from tests.diagnose.laws import held_before
 from tests.diagnose.plant import UG, on, record
 from tests.diagnose.small import covariance as covariance_of

@@ -20,7 +20,7 @@ from gimbalcal.diagnose.evidence.projection import Projection, any_size, conditi
 from gimbalcal.diagnose.evidence.scale import _DENSITY, SIZES, STATED, Free
 from gimbalcal.effects.process import covariance
 from gimbalcal.inference.algebra import logsumexp
-from gimbalcal.inference.noise import chain
+from gimbalcal.inference.noise_processes import chain
 from gimbalcal.number import Array
 
 n, C = 30, 2

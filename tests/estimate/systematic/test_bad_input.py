@@ -11,8 +11,8 @@ import pytest
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.systematic.evidence import outcome
-from gimbalcal.estimate.systematic.run import systematic
+from gimbalcal.estimate.systematic.calibrate import systematic
+from gimbalcal.estimate.systematic.innovation_tests import outcome
 from gimbalcal.methods import calibrate_each
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording

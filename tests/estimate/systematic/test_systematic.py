@@ -13,10 +13,10 @@ from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.effects.effect import constants
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.added import Added
-from gimbalcal.estimate.systematic import settle
-from gimbalcal.estimate.systematic.run import systematic
-from gimbalcal.estimate.systematic.smoothing import attitude_covariance
-from gimbalcal.estimate.systematic.states import FIFTY_ONE, states
+from gimbalcal.estimate.systematic import iterate
+from gimbalcal.estimate.systematic.calibrate import systematic
+from gimbalcal.estimate.systematic.filter_pass import attitude_covariance
+from gimbalcal.estimate.systematic.state_lists import FIFTY_ONE, states
 from gimbalcal.platform import Axis, Platform
 from gimbalcal.report.answer import answer
 from gimbalcal.rotation import frame_rotation, rotation_vector
@@ -57,11 +57,11 @@ def test_smoothed_attitudes_are_as_good_as_their_sigmas_say() -> None:
     z = []
     for seed in range(8):
         truth = 0.3 * SCALE * np.random.default_rng(100 + seed).standard_normal(len(THIRTY))
-        m = settle.settle(turning_unit((), THIRTY, truth, stop=20.0, seed=seed), THIRTY)
+        m = iterate.iterate(turning_unit((), THIRTY, truth, stop=20.0, seed=seed), THIRTY)
         P = m.last.factor @ m.last.factor.T
-        covariance = attitude_covariance(m.course, m.last, m.left_out, P)
+        covariance = attitude_covariance(m.segments, m.last, m.excluded, P)
         assert np.allclose(covariance[0], m.last.attitude, rtol=1e-6, atol=1e-6 * m.last.attitude.max())
-        k = int(m.course.first.searchsorted(m.course.of_stop(0).stop))
+        k = int(m.segments.first.searchsorted(m.segments.of_stop(0).stop))
         error = rotation_vector(m.C[[0, k]] @ np.swapaxes(START[None], -1, -2))  # the first stop: it has not turned yet
         assert np.all(np.diagonal(covariance, axis1=1, axis2=2) > 0)
         z.append(error / np.sqrt(np.diagonal(covariance[[0, k]], axis1=1, axis2=2)))
@@ -72,7 +72,7 @@ def test_sensitivities_that_hardly_change_are_kept(monkeypatch) -> None:
     """Passes that only ask where the reference ends now: the estimate is that of passes which do all anew."""
     made = turning_unit((), THIRTY, SCALE * np.random.default_rng(1).standard_normal(len(THIRTY)), stop=20.0)
     kept = systematic(made, "30")
-    monkeypatch.setattr(settle, "NEAR", 0.0)
+    monkeypatch.setattr(iterate, "FROZEN_STEP_RATIO", 0.0)
     anew = systematic(made, "30")
     assert np.abs((kept.values - anew.values) / anew.sigmas).max() < 0.03 / 3  # a third of what counts as settled
     assert np.abs(kept.sigmas / anew.sigmas - 1).max() < 1e-3

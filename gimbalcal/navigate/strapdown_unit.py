@@ -25,11 +25,11 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.earth import EARTH_RATE, rate_at
 from gimbalcal.errors import InputError
 from gimbalcal.kinematics import required_latitude
-from gimbalcal.navigate.outcome import CHANNELS, Navigated
+from gimbalcal.navigate.mean_intervals import LONGEST, Intervals, thinned
+from gimbalcal.navigate.navigation_errors import CHANNELS, Navigated
 from gimbalcal.navigate.space_stable import Aids, Site, schuler_rate
 from gimbalcal.navigate.static_run import horizontal
 from gimbalcal.navigate.strapdown import Motion, aided, carried
-from gimbalcal.navigate.thinned import LONGEST, Intervals, thinned
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE, RATE

@@ -10,22 +10,22 @@ from numpy.typing import NDArray
 
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import amount
-from gimbalcal.estimate.systematic.course import Course
-from gimbalcal.estimate.systematic.error_model import STATE
-from gimbalcal.estimate.systematic.smoothing import GATE, Pass
-from gimbalcal.inference.chance import probability
+from gimbalcal.estimate.systematic.error_model import STATE_SCALE
+from gimbalcal.estimate.systematic.filter_pass import GATE_NIS, Pass
+from gimbalcal.estimate.systematic.segments import Segments
+from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
-CHANCE = 1e-5  # of a recording that the model explains to be called unexplained, each of three ways
-CURVE = 120  # points of a curve in the report
-WORST = 0.2  # of the largest distance
-REJECTED = 0.01  # share of updates beyond which the model, not the table, is to blame
+MIN_P_VALUE = 1e-5  # of a recording that the model explains to be called unexplained, each of three ways
+CURVE_POINTS = 120  # points of a curve in the report
+SUSPECT_NIS_RATIO = 0.2  # of the largest distance
+MAX_REJECTED_SHARE = 0.01  # share of updates beyond which the model, not the table, is to blame
 DIRECTIONS = ("north", "east", "down")
 
 
-def told(
-    course: Course, wanted: Sequence[Parameter], last: Pass, C: Array, passes: int, smoothed: Array
+def innovation_statistics(
+    segments: Segments, wanted: Sequence[Parameter], last: Pass, C: Array, passes: int, smoothed: Array
 ) -> dict[str, Any]:
     """What stands under `residual.navigation`: NIS, NEES, whiteness, rejected updates, attitude, sigma over time.
 
@@ -35,7 +35,7 @@ def told(
     z = navigator.innovation / np.sqrt(navigator.variance)
     n = int(np.count_nonzero(~np.isnan(z)))
     nis, used = float(np.nansum(z**2)), max(n - len(wanted) - 3, 1)
-    legs = _legs(course)
+    legs = _legs(segments)
     by_leg = np.array([np.nansum(z[leg], axis=0) / np.sqrt(np.maximum((~np.isnan(z[leg])).sum(axis=0), 1))
                        for _, leg in legs])  # fmt: skip
     sum_of_legs, legs_used = float((by_leg**2).sum()), by_leg.size  # what the fit took off is not known: not counted
@@ -43,14 +43,14 @@ def told(
     # the unit stays where it is: how far the navigator thinks that it went is its error, beside what it started with
     grown = np.maximum(navigator.sigma[1:, 6:9] ** 2 - navigator.sigma[0, 6:9] ** 2, 1e-300)
     strayed = (navigator.x[1:, 6:9] - navigator.x[0, 6:9]) ** 2 / grown
-    rms = np.sqrt(np.nanmean(navigator.innovation**2, axis=0)) * STATE[3]
-    pick = np.unique(np.linspace(0, len(course.time) - 1, CURVE).astype(int))
+    rms = np.sqrt(np.nanmean(navigator.innovation**2, axis=0)) * STATE_SCALE[3]
+    pick = np.unique(np.linspace(0, len(segments.time) - 1, CURVE_POINTS).astype(int))
     sigma = from_si(1.0, "arcsec") * np.sqrt(np.diag(last.attitude))
     worst = int(np.argmax(np.abs(by_leg).max(axis=1)))
     return {
         "passes": passes,
         "updates": len(z),
-        "rejected": int(np.count_nonzero(navigator.distance > GATE)),
+        "rejected": int(np.count_nonzero(navigator.distance > GATE_NIS)),
         "nis": {"sum": nis, "dof": used, "ratio": nis / used, "p_value": probability(nis, used)},
         "legs": {
             "sum": sum_of_legs,
@@ -68,7 +68,7 @@ def told(
             "sigma_arcsec": dict(zip(DIRECTIONS, sigma.tolist(), strict=True)),
             **_smoothed(np.diagonal(smoothed[pick], axis1=1, axis2=2)),
         },
-        "time_s": np.round(course.time[pick] - course.time[0], 3).tolist(),
+        "time_s": np.round(segments.time[pick] - segments.time[0], 3).tolist(),
         "sigma": {
             p.label: [float(f"{x:.5g}") for x in from_si(f.theta_sigma[pick, i] * p.sigma, p.unit)]
             for i, p in enumerate(wanted)
@@ -84,14 +84,14 @@ def _smoothed(variance: Array) -> dict[str, dict[str, list[float]]]:
     return {"smoothed_arcsec": {a: [float(f"{x:.5g}") for x in sigma[:, i]] for i, a in enumerate(DIRECTIONS)}}
 
 
-def doubtful(last: Pass, left_out: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def suspect_updates(last: Pass, left_out: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Updates (K,) to leave out next: those that were, and the worst of the others; a bad one makes its likes look bad.
 
     None where more would go than knocks explain.
     """
     rest = np.where(left_out, 0.0, last.calibrated.distance)
-    more: NDArray[np.bool_] = left_out | (rest > max(GATE, WORST * rest.max()))
-    return more if more.mean() <= REJECTED else np.zeros_like(more)
+    more: NDArray[np.bool_] = left_out | (rest > max(GATE_NIS, SUSPECT_NIS_RATIO * rest.max()))
+    return more if more.mean() <= MAX_REJECTED_SHARE else np.zeros_like(more)
 
 
 def outcome(
@@ -116,12 +116,12 @@ def outcome(
         )
     share = navigation["rejected"] / navigation["updates"]
     reasons = []
-    if nis["p_value"] < CHANCE:
+    if nis["p_value"] < MIN_P_VALUE:
         reasons.append(f"innovations of the velocity are {np.sqrt(nis['ratio']):.3g} times what the noise explains")
-    if legs["p_value"] < CHANCE:
+    if legs["p_value"] < MIN_P_VALUE:
         far = float(np.sqrt(legs["sum"] / legs["dof"]))
         reasons.append(f"they do not average out over stops and turns ({far:.3g} times, most in {legs['worst']})")
-    if share > REJECTED:
+    if share > MAX_REJECTED_SHARE:
         reasons.append(f"{100 * share:.2g} % of the updates were rejected")
     if not reasons:
         return ""
@@ -134,13 +134,13 @@ def outcome(
     )
 
 
-def _legs(course: Course) -> list[tuple[str, Array]]:
+def _legs(segments: Segments) -> list[tuple[str, Array]]:
     """Stops and turns in order, with their stretches."""
-    cuts = np.flatnonzero(np.diff(course.stop)) + 1
-    parts = np.split(np.arange(len(course.stop)), cuts)
+    cuts = np.flatnonzero(np.diff(segments.stop)) + 1
+    parts = np.split(np.arange(len(segments.stop)), cuts)
     names, turns = [], 0
     for part in parts:
-        k = int(course.stop[part[0]])
+        k = int(segments.stop[part[0]])
         turns += k < 0
         names.append(f"stop {k + 1}" if k >= 0 else f"turn {turns}")
     return list(zip(names, parts, strict=True))

@@ -11,7 +11,7 @@ from typing import Any
 from gimbalcal.calibration import Calibration, from_dict
 from gimbalcal.calibration import read as read_calibration
 from gimbalcal.errors import InputError
-from gimbalcal.history.store import CALIBRATION, DIAGNOSIS, kept
+from gimbalcal.history.unit_store import CALIBRATION, DIAGNOSIS, kept
 from gimbalcal.recording.header import NAME as HEADER
 
 

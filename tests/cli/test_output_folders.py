@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gimbalcal import cli
-from gimbalcal.cli.placing import placed
+from gimbalcal.cli.output_folders import placed
 from gimbalcal.diagnose.verdict.law_file import HEAD
 from gimbalcal.errors import InputError
 from tests.fuzzing.seeds import LAW

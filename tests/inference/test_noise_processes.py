@@ -17,7 +17,7 @@ from gimbalcal.effects.process import (
     WhiteNoise,
     covariance,
 )
-from gimbalcal.inference import kalman, noise
+from gimbalcal.inference import kalman, noise_processes
 
 TIME = np.array([0.0, 1.0, 2.5, 2.6, 7.0, 30.0, 31.0, 90.0])
 VISIT = np.array([0, 0, 0, 1, 1, 1, 2, 2])
@@ -30,7 +30,7 @@ ONE_STATE: list[Process] = [
 def test_a_chain_whitens_and_inverts_the_covariance(process: Process) -> None:
     before = np.append(TIME[0] - np.median(np.diff(TIME)), TIME)
     V = covariance(process, before)[1:, 1:]
-    found = noise.chain(process, TIME)
+    found = noise_processes.chain(process, TIME)
     L = found.whiten(np.eye(len(TIME)))
     np.testing.assert_allclose(L @ V @ L.T, np.eye(len(TIME)), atol=1e-10)
     diagonal, below = found.precision
@@ -41,18 +41,18 @@ def test_a_chain_whitens_and_inverts_the_covariance(process: Process) -> None:
 
 def test_a_chain_of_several_states_is_refused() -> None:
     with pytest.raises(ValueError, match="must have one state, flicker has"):
-        noise.chain(Flicker(1.0), TIME)
+        noise_processes.chain(Flicker(1.0), TIME)
 
 
 def test_the_spectrum_of_a_walk_is_what_the_cosine_transform_makes_of_it() -> None:
     """A walk of unknown start: its precision, the first row's own taken away, is diagonal in the transform."""
     n, step, walk = 40, 60.0, RandomWalk(0.3)
-    diagonal, below = noise.chain(walk, step * np.arange(n)).precision
+    diagonal, below = noise_processes.chain(walk, step * np.arange(n)).precision
     Lambda = np.diag(diagonal) + np.diag(below, 1) + np.diag(below, -1)
     Lambda[0, 0] -= 1 / (walk.N**2 * step)
     modes = dct(np.eye(n), axis=0, norm="ortho")
     angle = np.pi * np.arange(1, n) / n
-    expected = np.diag(1 / noise.spectrum((walk,), step, angle))
+    expected = np.diag(1 / noise_processes.spectrum((walk,), step, angle))
     np.testing.assert_allclose((modes @ Lambda @ modes.T)[1:, 1:], expected, atol=1e-10 * expected.max())
     np.testing.assert_allclose((modes @ Lambda @ modes.T)[0], 0.0, atol=1e-10 * expected.max())
 
@@ -64,13 +64,15 @@ def test_the_spectrum_of_stationary_noise_is_the_variance_of_its_modes() -> None
     k = np.array([400, 1000, 1900])
     modes = dct(np.eye(n), axis=0, norm="ortho")[k]
     # what leaks at the two ends falls as the memory over the length: 64 / 2000
-    np.testing.assert_allclose(np.diag(modes @ V @ modes.T), noise.spectrum(every, step, np.pi * k / n), rtol=0.03)
+    np.testing.assert_allclose(
+        np.diag(modes @ V @ modes.T), noise_processes.spectrum(every, step, np.pi * k / n), rtol=0.03
+    )
 
 
 def test_a_filter_of_the_states_has_the_likelihood_of_the_covariance() -> None:
     every = (RandomWalk(0.5), GaussMarkov(1.5, 10.0), Flicker(1.0, 1.0, 100.0), SettingError(0.7))
     y = np.random.default_rng(1).normal(size=len(TIME))
-    Phi, Q, H, P = noise.states(every, TIME, VISIT)
+    Phi, Q, H, P = noise_processes.states(every, TIME, VISIT)
     found = kalman.filter(y, H, 0.25, Phi, Q, np.zeros(len(P)), P)
     V = sum(covariance(p, TIME, VISIT) for p in (*every, WhiteNoise(0.5)))
     assert found.log_likelihood == pytest.approx(multivariate_normal(cov=V).logpdf(y), abs=1e-10)

@@ -9,7 +9,7 @@ import pytest
 
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.history.compare import Comparison, Step
-from gimbalcal.history.course import YEAR, Course, course
+from gimbalcal.history.parameter_history import YEAR, Course, course
 
 BIAS = parameters(CATALOGUE["bias"])[0]
 TRIED = 42  # steps of six parameters over eight calibrations: one counts from 3.7 sigmas on

@@ -17,13 +17,13 @@ from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.earth import EARTH_RATE, normal_gravity
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
 from gimbalcal.errors import InputError
-from gimbalcal.navigate.bands import bands, before_and_after
-from gimbalcal.navigate.outcome import NAUTICAL_MILE, Navigated
-from gimbalcal.navigate.run import navigated, usual
+from gimbalcal.navigate.mean_intervals import thinned
+from gimbalcal.navigate.mechanisations import navigated, usual
+from gimbalcal.navigate.navigation_errors import NAUTICAL_MILE, Navigated
 from gimbalcal.navigate.space_stable import Aids, Site, schuler_rate
 from gimbalcal.navigate.strapdown import aided, radii
-from gimbalcal.navigate.strapdown_run import aligned
-from gimbalcal.navigate.thinned import thinned
+from gimbalcal.navigate.strapdown_unit import aligned
+from gimbalcal.navigate.uncertainty import bands, before_and_after
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, read, write
 from gimbalcal.rotation import exponential

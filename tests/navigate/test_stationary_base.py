@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from gimbalcal.earth import normal_gravity
-from gimbalcal.navigate.run import navigated, usual
+from gimbalcal.navigate.mechanisations import navigated, usual
 from gimbalcal.navigate.space_stable import Aids
-from gimbalcal.navigate.still import still_unit
+from gimbalcal.navigate.stationary_base import still_unit
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, Site
 from gimbalcal.rotation import exponential

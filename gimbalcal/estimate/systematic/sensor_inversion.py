@@ -16,37 +16,40 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter
 from gimbalcal.effects.effect import Stimulus
-from gimbalcal.estimate.systematic.course import KEYS, Course
+from gimbalcal.estimate.systematic.segments import CHANNELS, Segments
 from gimbalcal.forward import linearise, picked, predict
 from gimbalcal.kinematics import stimulus_from_truth
 from gimbalcal.number import Array, complex_step
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 
-ROUNDS, SETTLED = 40, 1e-14  # each round multiplies what is left by the errors of the sensors, 5 % at most
-AWAY = 10.0  # times the nearest: it does not come back
+MAX_ITERATIONS, CONVERGED_RESIDUAL = (
+    40,
+    1e-14,
+)  # each round multiplies what is left by the errors of the sensors, 5 % at most
+DIVERGENCE_RATIO = 10.0  # times the nearest: it does not come back
 KIND = "rotation"
 
 
-def truth(course: Course, effects: Sequence[Effect], start: Array | None = None) -> Array:
+def invert_readings(segments: Segments, effects: Sequence[Effect], start: Array | None = None) -> Array:
     """Force and rate (n, 6) behind the mean readings, by iteration from `start` (default: the readings).
 
     Where rounds lead away from them (a latency of more than a step), the nearest that was met: no number is made up.
     """
-    y = course.readings
+    y = segments.readings
     u = y if start is None else start
-    s = stimulus_from_truth(course.rows, u[:, :3], u[:, 3:])
+    s = stimulus_from_truth(segments.rows, u[:, :3], u[:, 3:])
     size = np.abs(y).max(axis=0)
     nearest, best = np.inf, u
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ITERATIONS):
         step = _read(s, effects, u)
         np.subtract(y, step, out=step)
         off = float((np.abs(step).max(axis=0) / np.where(size > 0, size, 1.0)).max())
-        if not off < AWAY * nearest:
+        if not off < DIVERGENCE_RATIO * nearest:
             return best
         nearest, best = min((nearest, best), (off, u), key=lambda each: each[0])
         u = u + step
-        if off <= SETTLED:
+        if off <= CONVERGED_RESIDUAL:
             break
     return u
 
@@ -59,17 +62,17 @@ def sensitivity(
     s = stimulus_from_truth(recording.select(few), u[few, :3], u[few, 3:])
     s = s.at(time=recording.time[few] - recording.time[0], rate_slope=s.turning_faster())
     stages = dict.fromkeys(CATALOGUE[p.effect].stage for p in wanted)
-    J = linearise(BENCH, s, effects, KIND, KEYS, stages=stages).jacobian(wanted)
+    J = linearise(BENCH, s, effects, KIND, CHANNELS, stages=stages).jacobian(wanted)
     if any(np.any(np.asarray(v) != 0) for e in effects for v in vars(e).values()):
         J = np.linalg.solve(complex_step(lambda x: _read(s, effects, x), u[few]), J)
     return -J[rows.start - few.start : rows.stop - few.start]
 
 
-def read_by(s: Stimulus, effects: Sequence[Effect]) -> Array:
+def reading_jacobian(s: Stimulus, effects: Sequence[Effect]) -> Array:
     """How the readings (n, 6) answer force and rate, (n, 6, 6), of what a stimulus holds."""
     return complex_step(lambda x: _read(s, effects, x), np.concatenate([s.force, s.rate], axis=1))
 
 
 def _read(s: Stimulus, effects: Sequence[Effect], u: Array) -> Array:
     s = s.at(force=u[:, :3], rate=u[:, 3:])
-    return picked(BENCH, predict(BENCH, s, effects, KIND), KEYS)
+    return picked(BENCH, predict(BENCH, s, effects, KIND), CHANNELS)

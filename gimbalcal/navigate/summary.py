@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.earth import HOUR
-from gimbalcal.navigate.outcome import CHANNELS, NAUTICAL_MILE, NONE, Navigated
+from gimbalcal.navigate.navigation_errors import CHANNELS, NAUTICAL_MILE, NONE, Navigated
 from gimbalcal.navigate.space_stable import Aids
 from gimbalcal.units import from_si
 

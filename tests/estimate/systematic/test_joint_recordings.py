@@ -9,9 +9,9 @@ import pytest
 
 from gimbalcal import methods
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.systematic.run import systematic
-from gimbalcal.estimate.systematic.states import states
-from gimbalcal.estimate.systematic.together import together
+from gimbalcal.estimate.systematic.calibrate import systematic
+from gimbalcal.estimate.systematic.joint_recordings import calibrate_jointly
+from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.recording import Source
 from gimbalcal.rotation import frame_rotation
 from tests.estimate.systematic.table import MOVES, START, turning_unit
@@ -29,7 +29,7 @@ def _z(found):
 
 def test_two_recordings_are_one_of_twice_the_length() -> None:
     each = [turning_unit((), THIRTY, TRUTH, **SHORT, seed=seed) for seed in (1, 2)]
-    both = together(each, "30")
+    both = calibrate_jointly(each, "30")
     alone = [systematic(r, "30") for r in each]
     inverse = sum(np.linalg.inv(c.covariance) for c in alone)
     assert both.outcome == ""
@@ -46,7 +46,7 @@ def test_what_one_does_not_turn_the_other_shows() -> None:
     start = frame_rotation("z", 0.7) @ START
     each = [turning_unit((), THIRTY, TRUTH, moves=m, **SHORT, seed=5, start=start) for m in HALVES]
     assert all(systematic(r, "30").unobservable for r in each)
-    both = together(each, "30")
+    both = calibrate_jointly(each, "30")
     assert both.unobservable == ()
     assert both.outcome == ""
     assert np.abs(_z(both)).max() < 4
@@ -64,6 +64,6 @@ def test_a_unit_that_has_changed_is_told() -> None:
 def test_the_same_twice_and_terms_are_refused() -> None:
     r = replace(turning_unit(moves=MOVES[:6], stop=8.0), source=(Source("a.csv", "f" * 64),))
     with pytest.raises(InputError, match=r"'a\.csv' is given twice"):
-        together([r, r], "30")
+        calibrate_jointly([r, r], "30")
     with pytest.raises(InputError, match="--terms bias goes with --method multiposition; a navigator has --states"):
         methods.calibrate([r], "systematic", ["bias"])

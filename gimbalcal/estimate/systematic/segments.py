@@ -25,19 +25,22 @@ from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.recording.scatter import white_sigma
 from gimbalcal.rotation import mean_rates
 
-LOOKED_AT = (FORCE, RATE, "temperature", "covariate")
-KEYS = tuple((q, a) for q in (FORCE, RATE) for a in "xyz")
-UPDATE = 1.0  # s between two updates of velocity
-GROUP = 0.05  # s of a turn over which the answer to a parameter hardly changes: half a degree
-SETTLE = 100  # rows on either side of a pause
-LIES = 2e-3  # of gravity: a unit whose force moves by less over a pause was not touched
-TURNED = 0.1  # of gravity; the Earth turns a stop by less in 20 min
-HAND, UNLIKE = 0.02, 2.0  # of gravity, rms, which no lever arm on a table makes; times what sensors make of rests
-STILL = 1e-3  # m/s, how still a place is where nobody says
+AVERAGED_QUANTITIES = (FORCE, RATE, "temperature", "covariate")
+CHANNELS = tuple((q, a) for q in (FORCE, RATE) for a in "xyz")
+UPDATE_INTERVAL_S = 1.0  # s between two updates of velocity
+GROUP_LENGTH_S = 0.05  # s of a turn over which the answer to a parameter hardly changes: half a degree
+PAUSE_EDGE_ROWS = 100  # rows on either side of a pause
+MAX_PAUSE_SHIFT_G = 2e-3  # of gravity: a unit whose force moves by less over a pause was not touched
+MAX_DWELL_TURN_G = 0.1  # of gravity; the Earth turns a stop by less in 20 min
+HAND_FORCE_RMS_G, HAND_FORCE_RATIO = (
+    0.02,
+    2.0,
+)  # of gravity, rms, which no lever arm on a table makes; times what sensors make of rests
+DEFAULT_VELOCITY_SIGMA_M_S = 1e-3  # m/s, how still a place is where nobody says
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class Segments:
     """n intervals of mean readings, in K stretches with an update of the velocity at the end of each.
 
     rows: the recording of the means, without gimbals, time in the middle of each interval; dt (n,) s; joined (n,): the
@@ -66,7 +69,7 @@ class Course:
     @property
     def readings(self) -> Array:
         """Mean forces and rates (n, 6)."""
-        return np.stack([self.rows.channels[key] for key in KEYS], axis=1)
+        return np.stack([self.rows.channels[key] for key in CHANNELS], axis=1)
 
     @property
     def pauses(self) -> NDArray[np.bool_]:
@@ -91,7 +94,7 @@ class Course:
         return slice(int(self.first[mine[0]]), int(self.first[mine[-1] + 1]))
 
 
-def course(recording: Recording) -> Course:
+def segment(recording: Recording) -> Segments:
     """Stops found, means taken, pauses of the clock told apart. Raises InputError where it is no such recording."""
     _refuse_other_kinds(recording)
     if recording.instant:
@@ -113,7 +116,7 @@ def course(recording: Recording) -> Course:
 
 def stops(recording: Recording) -> list[Dwell]:
     """Where the unit lies still, as `position` says or force and rate tell; a pause of the clock ends no stop."""
-    channels = {f"{q} {a}": recording.channels[q, a] for q, a in KEYS if q == FORCE}
+    channels = {f"{q} {a}": recording.channels[q, a] for q, a in CHANNELS if q == FORCE}
     rates = {a: recording.channels[RATE, a] for a in "xyz"}
     position = recording.position if recording.position is not None else detect(recording.time, channels, rates)
     step = float(np.median(np.diff(recording.time)))
@@ -127,16 +130,19 @@ def _through_pauses(recording: Recording, stays: Sequence[Dwell], paused: NDArra
     out: list[Dwell] = []
     for d in stays:
         ends = (
-            force[d.start : d.start + SETTLE].mean(axis=0),
-            force[max(d.stop - SETTLE, d.start) : d.stop].mean(axis=0),
+            force[d.start : d.start + PAUSE_EDGE_ROWS].mean(axis=0),
+            force[max(d.stop - PAUSE_EDGE_ROWS, d.start) : d.stop].mean(axis=0),
         )
-        if float(np.linalg.norm(ends[1] - ends[0])) > TURNED * recording.site.gravity:
+        if float(np.linalg.norm(ends[1] - ends[0])) > MAX_DWELL_TURN_G * recording.site.gravity:
             continue  # it goes on and on turning, and that is steady too
         if out and out[-1].stop == d.start and paused[d.start]:
-            before, after = force[max(out[-1].start, d.start - SETTLE) : d.start], force[d.start : d.start + SETTLE]
+            before, after = (
+                force[max(out[-1].start, d.start - PAUSE_EDGE_ROWS) : d.start],
+                force[d.start : d.start + PAUSE_EDGE_ROWS],
+            )
             moved = float(np.linalg.norm(after.mean(axis=0) - before.mean(axis=0)))
             scatter = float(np.linalg.norm(after.std(axis=0) + before.std(axis=0)))
-            if moved < LIES * recording.site.gravity + scatter:
+            if moved < MAX_PAUSE_SHIFT_G * recording.site.gravity + scatter:
                 out[-1] = replace(out[-1], stop=d.stop)
                 continue
         out.append(d)
@@ -146,11 +152,11 @@ def _through_pauses(recording: Recording, stays: Sequence[Dwell], paused: NDArra
 def _assembled(
     recording: Recording, stays: Sequence[Dwell], dt: Array, step: float, paused: NDArray[np.bool_], sigma: Array,
     shown: Array, stated: bool,
-) -> Course:  # fmt: skip
+) -> Segments:  # fmt: skip
     begins, first, stop = [0], [0], []  # rows at which intervals begin; intervals at which stretches begin
     group: list[int] = []
-    several = max(1, round(GROUP / step))
-    for a, b, k in _stretches(stays, paused, max(1, round(UPDATE / step))):
+    several = max(1, round(GROUP_LENGTH_S / step))
+    for a, b, k in _stretches(stays, paused, max(1, round(UPDATE_INTERVAL_S / step))):
         if b > a:
             begins += [b] if k >= 0 else range(a + 1, b + 1)
             after = group[-1] + 1 if group else 0
@@ -171,9 +177,9 @@ def _assembled(
     for j in np.flatnonzero(np.diff(first) == 0):  # what begins after a pause begins one step before its first row
         time[j + 1] = recording.time[at[j + 1]] - step
     joined = ~paused[edge[:-1]] & (edge[:-1] > 0)
-    velocity = recording.noise.get("velocity", STILL)
+    velocity = recording.noise.get("velocity", DEFAULT_VELOCITY_SIGMA_M_S)
     handled = "velocity" not in recording.noise and _handled(recording, stays)
-    return Course(
+    return Segments(
         rows, length, joined, np.array(first), np.array(stop), time, of, groups, sigma, shown, velocity, stated, handled
     )
 
@@ -187,12 +193,14 @@ def _handled(recording: Recording, stays: Sequence[Dwell]) -> bool:
     if still.all():
         return False
     rest, turning = (float(np.sqrt(np.mean((x - np.median(size[still])) ** 2))) for x in (size[still], size[~still]))
-    return turning > max(HAND * recording.site.gravity, UNLIKE * rest)
+    return turning > max(HAND_FORCE_RMS_G * recording.site.gravity, HAND_FORCE_RATIO * rest)
 
 
 def _means(recording: Recording, begin: NDArray[np.int64], count: NDArray[np.int64], time: Array) -> Recording:
     """A unit without a table whose rows at `time` are means over `count` rows from each of `begin`."""
-    channels = {key: np.add.reduceat(x, begin) / count for key, x in recording.channels.items() if key[0] in LOOKED_AT}
+    channels = {
+        key: np.add.reduceat(x, begin) / count for key, x in recording.channels.items() if key[0] in AVERAGED_QUANTITIES
+    }
     return replace(
         recording, platform=BENCH, time=time, position=None, channels=channels,
         weight=np.add.reduceat(recording.weight, begin), beside=(),
@@ -255,12 +263,12 @@ def _noise(recording: Recording, stays: Sequence[Dwell]) -> tuple[Array, Array, 
     sigma, shown = np.empty(6), np.empty(6)
     of = {quantity: sensor for sensor, quantity in SENSORS.items()}
     stated = all(of[q] in recording.noise for q in (FORCE, RATE))
-    for i, key in enumerate(KEYS):
+    for i, key in enumerate(CHANNELS):
         each = [_scatter(recording.channels[key][d.rows]) for d in stays]
         shown[i] = np.sqrt(np.mean(np.square(each)))
         sigma[i] = recording.noise.get(of[key[0]], shown[i])
     if not np.all(sigma > 0):
-        bad = [" ".join(key) for key, s in zip(KEYS, sigma, strict=True) if not s > 0]
+        bad = [" ".join(key) for key, s in zip(CHANNELS, sigma, strict=True) if not s > 0]
         raise InputError(
             f"{named(recording)}: {bad[0]} has no noise, stated or seen, and a filter cannot weigh it; state it in "
             f"[noise] ({amount(len(bad), 'channel')} like this)"

@@ -9,10 +9,10 @@ import pytest
 
 from gimbalcal.effects.process import Flicker, GaussMarkov, RandomWalk, sample
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.systematic.course import course
-from gimbalcal.estimate.systematic.run import systematic
-from gimbalcal.estimate.systematic.states import states
-from gimbalcal.estimate.systematic.wander import chains
+from gimbalcal.estimate.systematic.bias_processes import bias_processes
+from gimbalcal.estimate.systematic.calibrate import systematic
+from gimbalcal.estimate.systematic.segments import segment
+from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.recording import read, write
 from gimbalcal.recording.noise import coloured
 from gimbalcal.simulate import simulate
@@ -55,13 +55,13 @@ def test_errors_are_what_the_sigmas_say_where_the_noise_is_stated(process, told)
 
 def test_chains_are_those_of_the_processes() -> None:
     told = {"gyroscope_random_walk": 1e-9, "accelerometer_gauss_markov": 1e-4, "accelerometer_gauss_markov_tau": 60.0}
-    made = chains(course(replace(ANY, noise=NOISE | told)))
+    made = bias_processes(segment(replace(ANY, noise=NOISE | told)))
     assert made.channel.tolist() == [0, 1, 2, 3, 4, 5]
-    h = np.diff(course(ANY).time)
+    h = np.diff(segment(ANY).time)
     assert made.Phi[:, 0] == pytest.approx(np.exp(-h / 60.0))
     assert made.Q[:, 3] == pytest.approx(1e-18 * h)
     assert made.P_0.tolist() == [1e-8] * 3 + [0.0] * 3
-    assert len(chains(course(ANY))) == 0
+    assert len(bias_processes(segment(ANY))) == 0
 
 
 @pytest.mark.parametrize(("octaves", "inside", "within"), [(1.0, 16.0, 0.01), (1.0, 1.0, 0.11), (3.0, 1.0, 0.07)])

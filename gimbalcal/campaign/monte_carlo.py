@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from gimbalcal.campaign.campaign_folder import Store
 from gimbalcal.campaign.cluster import cluster, connect
 from gimbalcal.campaign.local import here, processes
-from gimbalcal.campaign.store import Store
 from gimbalcal.campaign.task import Task, task
 from gimbalcal.errors import InputError, amount
 

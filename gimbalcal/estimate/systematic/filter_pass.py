@@ -1,0 +1,199 @@
+r"""One pass of filter and smoother about a reference that starts anew, at rest and in its place, at each update.
+
+The reference of stretch k starts from the attitude C_k, not moving; where it ends, less where the next one starts, is a
+known defect d_k of the linear error model,
+
+.. math:: x_{k+1} = \Phi_k x_k + \Psi_k \, \delta\theta + d_k + w_k, \qquad 0 = v_{k+1} + \text{noise},
+
+so that a run of any length stays linear (multiple shooting): the vertical channel has no time to diverge, and the next
+pass starts from smoothed attitudes. When passes have converged, products of two errors are part of the solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gimbalcal.calibration.sound import no_number
+from gimbalcal.effects import Effect, Parameter
+from gimbalcal.estimate.systematic.alignment import Alignment
+from gimbalcal.estimate.systematic.bias_processes import bias_processes
+from gimbalcal.estimate.systematic.error_model import STATE_SCALE, ErrorModel, defects, error_model
+from gimbalcal.estimate.systematic.observability import WIDE_PRIOR_SIGMAS, data_information, inverse_factor
+from gimbalcal.estimate.systematic.segments import Segments
+from gimbalcal.inference import adjoint, square_root_filter
+from gimbalcal.inference.information import solve
+from gimbalcal.inference.square_root_filter import Filtered
+from gimbalcal.number import Array
+from gimbalcal.recording.plausible_run import named
+from gimbalcal.rotation import rotation_vector
+
+POSITION_SIGMA_M = 1e-3  # at the start
+VELOCITY_STATES = np.arange(3, 6)
+JUMP_SIGMA_M_S = 1.0  # of the velocity after a knock, with which the navigator starts anew
+GATE_NIS = 50.0  # normalised innovation squared of three components: by chance once in 1e10 updates
+
+
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """Result of one pass: correction and sigma of the parameters (p,) about the reference, in SI, and the navigation.
+
+    step (p,): the correction without the prior; regularised_step (p,): the one in which unobservable combinations keep
+    their prior mean, with its sigma (p,); all other results go with it.
+    """
+
+    step: Array
+    regularised_step: Array
+    sigma: Array
+    factor: Array  # (p, p) lower triangular, of the covariance in units of the parameters' prior sigmas
+    attitude: Array  # (3, 3) covariance of the attitude at the start [rad^2]
+    drift: Array  # (K, 3) velocity that a reference gains in each stretch, from rest [m/s]
+    filtered: Filtered  # without the smoother's gains and covariances, and with the last constants alone
+    smoothed: Array  # (K + 1, 3) errors of the attitude [rad]
+    model: ErrorModel
+    calibrated: Filtered  # of the navigator with calibrated sensors, whose innovations are tested
+
+
+def filter_and_smooth(
+    segments: Segments, wanted: Sequence[Parameter], effects: Sequence[Effect], u: Array, C: Array, start: Alignment,
+    prior: Array, excluded: NDArray[np.bool_], frozen: ErrorModel | None = None, known: Array | None = None,
+) -> Pass:  # fmt: skip
+    """Filter and smooth about the effects, the motion u (n, 6) and the attitudes C (K + 1, 3, 3).
+
+    prior (p,): mean of the parameters before, less their present values; excluded (K,): updates that are not used;
+    frozen: an error model about values so near that only the defects differ; known (p, p): upper triangular factor of
+    the prior covariance in prior sigmas (default: nothing is known). Raises InputError for results that are no numbers.
+    """
+    try:
+        model = (
+            error_model(segments, wanted, effects, u, C)
+            if frozen is None
+            else frozen._replace(d=defects(segments, u, C, frozen))
+        )
+    except np.linalg.LinAlgError:  # at constants so far away that readings can no longer be inverted
+        raise no_number(named(segments.rows), "what a reading tells of the constants") from None
+    m, scale = model.Phi.shape[1], np.array([p.sigma for p in wanted])
+    x = initial_errors(segments, start, C)
+    theta = np.concatenate([prior / scale, x[:3]])
+    S = _initial_factor(segments, start.sigma, len(wanted), known)
+    z = np.where(segments.believed[:, None], 0.0, np.full((len(model.Phi), 3), np.nan))
+    filtered = _filter(
+        segments, model._replace(Q=with_velocity_jumps(model.Q, excluded)), np.where(excluded[:, None], np.nan, z),
+        x, theta, S,
+    )  # fmt: skip
+    constants, own = filtered.theta[-1], filtered.factor[m:, m:]
+    if not (np.isfinite(constants).all() and np.isfinite(own).all()):
+        raise no_number(named(segments.rows), "what the filter holds of the constants")
+    step, factor = constants[:-3] * scale, np.asarray(np.linalg.qr(own[:-3].T, mode="r")).T
+    regularised, sigma = step, np.linalg.norm(factor, axis=1) * scale
+    after = np.zeros(m + len(constants))
+    if known is None:
+        solution = solve(data_information(wanted, factor, step - prior, scale))
+        regularised, sigma = prior + solution.x, solution.sigma
+        root = inverse_factor(factor)
+        after[m:-3] = root.T @ (root @ ((step - regularised) / scale))
+    smoothed = adjoint.smooth(model.Phi, model.Psi, VELOCITY_STATES, filtered, after) * STATE_SCALE[:3]
+    released = np.empty((0, *filtered.gain.shape[1:]))  # only the smoother needs them: a quarter of a gigabyte a day
+    filtered = filtered._replace(gain=released, cross=released, theta=filtered.theta[-1:].copy())
+    # the same navigator with its sensors calibrated
+    constants = constants - own @ (own.T @ after[m:])
+    corrected = model._replace(Psi=np.zeros((len(z), m, 0)), d=model.d + model.Psi @ constants)
+    calibrated = _filter(
+        segments, corrected, z, x, constants[:0], np.diag(initial_sigma(segments, start.sigma)), 0, GATE_NIS,
+    )  # fmt: skip
+    return Pass(
+        step, regularised, sigma, factor, own[-3:] @ own[-3:].T * STATE_SCALE[0] ** 2,
+        model.d[:, 3:6] * STATE_SCALE[3], filtered, smoothed, model, calibrated,
+    )  # fmt: skip
+
+
+def _filter(
+    segments: Segments, model: ErrorModel, z: Array, x: Array, theta: Array, S: Array, smoothed: int = 3,
+    gate: float = np.inf,
+) -> Filtered:  # fmt: skip
+    """Filter the velocities z (K, 3) of a unit in its place; beyond the gate the velocity starts anew."""
+    Phi, Psi, Q, d = model
+    jump = JUMP_SIGMA_M_S / STATE_SCALE[3] if np.isfinite(gate) else 0.0
+    R = velocity_variance(segments, len(Phi))
+    return square_root_filter.filter(Phi, Psi, Q, d, z, VELOCITY_STATES, R, x, theta, S, gate, jump, smoothed)
+
+
+def attitude_covariance(segments: Segments, last: Pass, excluded: NDArray[np.bool_], constants: Array) -> Array:
+    """Return the covariance (K + 1, 3, 3) [rad^2] of the smoothed attitudes, north, east, down.
+
+    constants (p, p): covariance of the parameters in prior sigmas, unobservable combinations with their prior; the
+    attitude at the start goes with them and has a scatter of its own. Source: Cai et al. (2016), Eq. (15).
+    """
+    Phi, Psi = last.model.Phi, last.model.Psi
+    m, p = Phi.shape[1], len(constants)
+    whole = np.asarray(np.linalg.qr(last.filtered.factor[m:, m:].T, mode="r")).T
+    values, vectors = np.linalg.eigh(constants)
+    root = np.zeros((p + 3, p + 3))
+    root[:p, :p] = vectors * np.sqrt(np.maximum(values, 0.0))
+    root[p:, :p] = whole[p:, :p] @ inverse_factor(whole[:p, :p]) @ root[:p, :p]
+    root[p:, p:] = whole[p:, p:]
+    known = _without_errors(
+        segments, last, excluded, np.zeros((len(Phi), m, 0)), np.diag(initial_sigma(segments, np.zeros(3)))
+    )
+    initial = np.zeros((m, p + 3))
+    initial[range(3), range(p, p + 3)] = 1.0
+    return adjoint.covariance(Phi, Psi, VELOCITY_STATES, known, initial, root) * STATE_SCALE[0] ** 2
+
+
+def smoother_inputs(segments: Segments, last: Pass, start: Alignment, excluded: NDArray[np.bool_]) -> Filtered:
+    """Return the gains and covariances that a pass without knowledge of the constants has released, errors zero."""
+    S = _initial_factor(segments, start.sigma, len(last.step))
+    return _without_errors(segments, last, excluded, last.model.Psi, S)
+
+
+def _without_errors(segments: Segments, last: Pass, excluded: NDArray[np.bool_], Psi: Array, S: Array) -> Filtered:
+    """Filter as the last pass did, with all errors zero."""
+    Q, d = with_velocity_jumps(last.model.Q, excluded), 0 * last.model.d
+    z = np.where(np.isnan(last.filtered.innovation), np.nan, 0.0)
+    x, theta = np.zeros(Psi.shape[1]), np.zeros(Psi.shape[2])
+    return _filter(segments, last.model._replace(Psi=Psi, Q=Q, d=d), z, x, theta, S)
+
+
+def initial_errors(segments: Segments, start: Alignment, C: Array) -> Array:
+    """Return the moving states (m,) at the start, in units of the states, of a reference that starts from C[0]."""
+    attitude = rotation_vector(start.C_bn @ C[0].T)
+    navigation = np.concatenate([attitude, np.zeros(6)]) / STATE_SCALE
+    return np.concatenate([navigation, np.zeros(len(bias_processes(segments)))])
+
+
+def initial_sigma(segments: Segments, attitude: Array) -> Array:
+    """Return one sigma (m,) of the moving states at the start, in units of the states; attitude: its (3,) in rad."""
+    processes = bias_processes(segments)
+    navigation = np.concatenate([attitude, np.full(3, segments.velocity), np.full(3, POSITION_SIGMA_M)]) / STATE_SCALE
+    return np.concatenate([navigation, np.sqrt(processes.P_0) / processes.scale])
+
+
+def _initial_factor(segments: Segments, attitude: Array, p: int, known: Array | None = None) -> Array:
+    """Return the upper triangular factor of the initial covariance: moving states, p constants, initial attitude.
+
+    known (p, p): that of the constants (default: nothing is known). The attitude at the start is a constant too.
+    """
+    sigma = initial_sigma(segments, attitude)
+    m = len(sigma)
+    S = np.diag(np.concatenate([sigma, np.full(p, WIDE_PRIOR_SIGMAS), sigma[:3]]))
+    if known is not None:
+        S[m:-3, m:-3] = known
+    S[range(3), range(3)], S[range(3), range(-3, 0)] = 0.0, sigma[:3]
+    return S
+
+
+def velocity_variance(segments: Segments, K: int) -> Array:
+    """Return the variances (K, 3) of the velocity, which is zero, in units of the states."""
+    return np.full((K, 3), segments.velocity**2) / STATE_SCALE[VELOCITY_STATES] ** 2
+
+
+def with_velocity_jumps(Q: Array, excluded: NDArray[np.bool_]) -> Array:
+    """Return Q with the scatter of a knock in the velocity of the excluded updates."""
+    if not excluded.any():
+        return Q
+    Q = Q.copy()
+    Q[np.ix_(excluded, VELOCITY_STATES, VELOCITY_STATES)] += (JUMP_SIGMA_M_S / STATE_SCALE[3]) ** 2 * np.eye(3)
+    return Q

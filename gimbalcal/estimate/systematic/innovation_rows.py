@@ -1,0 +1,125 @@
+r"""Independent rows of a recording: innovations of a navigator with calibrated sensors, and their response to causes.
+
+The gains of a filter do not depend on the data, so its innovations respond to anything that is added to force and rate
+by the same recursion, and are white where the model is right:
+
+.. math:: x_{k+1} = (1 - K_k H) (\Phi_k x_k + \Psi_k), \qquad e_k = -H (\Phi_k x_k + \Psi_k)
+
+Least squares on them, with the constants free, is what filter and smoother do with the constants as states.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gimbalcal.effects import Effect, Parameter, Stimulus
+from gimbalcal.estimate.systematic.error_model import STATE_SCALE, error_model, expected_readings, stretch_model
+from gimbalcal.estimate.systematic.filter_pass import (
+    VELOCITY_STATES,
+    initial_errors,
+    initial_sigma,
+    velocity_variance,
+    with_velocity_jumps,
+)
+from gimbalcal.estimate.systematic.iterate import SystematicFit
+from gimbalcal.estimate.systematic.segments import CHANNELS
+from gimbalcal.estimate.systematic.sensor_inversion import KIND, invert_readings, reading_jacobian
+from gimbalcal.forward import Rows, linearise
+from gimbalcal.inference import adjoint, square_root_filter
+from gimbalcal.kinematics import stimulus_from_truth
+from gimbalcal.navigate.error_growth import NAV
+from gimbalcal.number import Array
+from gimbalcal.platform import BENCH
+
+SINGLE_UPDATES = 20  # after a turn that make a row each; later in a stop innovations change slowly
+JOINED_UPDATES = 10  # of the later ones in one row
+BATCH_COLUMNS = 48  # responses computed at a time
+
+
+@dataclass(frozen=True, eq=False)
+class InnovationRows:
+    """n rows of three innovations [m/s], north, east, down, with sigma (n, 3), in the middle of `time` (n,).
+
+    felt: force and rate behind the readings, a row for each group of intervals; stop (n,): ordinal, -1 while turning.
+    """
+
+    fit: SystematicFit
+    felt: Stimulus
+    rows: Rows  # of both triads about the fitted effects, a row for each group
+    residual: Array
+    sigma: Array
+    time: Array
+    stop: NDArray[np.int64]
+    navigator: tuple[Array, Array, Array]  # Phi (K, m, m), gain (K, 3, m), one sigma (K, 3) of an innovation
+    u: Array
+    block: NDArray[np.int64]  # row of each update, (K,)
+
+    @cached_property
+    def _reading_jacobian(self) -> Array:
+        """Derivative of the readings by force and rate (g, 6, 6), about the fitted effects."""
+        return reading_jacobian(self.felt, self.fit.effects)
+
+    def addition(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
+        """Return the apparent addition of an effect to force and rate (g, 6, p), in SI per unit of its parameters."""
+        return -np.linalg.solve(self._reading_jacobian, np.nan_to_num(self.rows.columns(effect, wanted)))
+
+    def response(self, D: Array) -> Array:
+        """Return the response of the rows (n, 3, p) to additions D (g, 6, p) to force and rate, per unit of each."""
+        parts = [self._response(D[..., k : k + BATCH_COLUMNS]) for k in range(0, D.shape[2], BATCH_COLUMNS)]
+        return np.concatenate(parts, axis=2) if parts else np.zeros((*self.residual.shape, 0))
+
+    def _response(self, D: Array) -> Array:
+        m, (Phi, gain, sigma) = self.fit, self.navigator
+        Psi = np.zeros((*Phi.shape[:2], D.shape[2]))
+        Psi[:, :NAV] = stretch_model(m.segments, self.u, m.C, lambda groups: D[groups], D.shape[2])[1]
+        e = adjoint.innovation_response(Phi, Psi, VELOCITY_STATES, sigma, gain)
+        return _joined(np.nan_to_num(e) * STATE_SCALE[3], sigma * STATE_SCALE[3], self.block)[0]
+
+
+def innovation_rows(m: SystematicFit) -> InnovationRows:
+    """Return the rows about the model at which the passes ended."""
+    segments, effects = m.segments, m.effects
+    u = invert_readings(segments, effects, m.u)
+    expected = expected_readings(segments, u, m.C)
+    position = segments.stop[np.searchsorted(segments.first[1:], np.arange(len(u)), side="right")] + 1
+    at = position[np.flatnonzero(np.diff(segments.group, prepend=-1))]
+    s = stimulus_from_truth(replace(segments.groups, position=at), expected[:, :3], expected[:, 3:])
+    s = s.at(time=segments.groups.time - segments.groups.time[0])
+    rows = linearise(BENCH, s, effects, KIND, CHANNELS)
+    Phi, Psi, Q, d = error_model(segments, (), effects, u, m.C)
+    x, S = initial_errors(segments, m.start, m.C), np.diag(initial_sigma(segments, m.start.sigma))
+    R, Q = velocity_variance(segments, len(Phi)), with_velocity_jumps(Q, m.excluded)
+    z = np.where((m.excluded | ~segments.believed)[:, None], np.nan, 0 * R)
+    f = square_root_filter.filter(Phi, Psi[:, :, :0], Q, d, z, VELOCITY_STATES, R, x, np.zeros(0), S, smoothed=0)
+    sigma, block = np.sqrt(f.variance), _blocks(segments.stop)
+    residual, row_sigma = _joined(f.innovation[..., None] * STATE_SCALE[3], sigma * STATE_SCALE[3], block)
+    first = np.flatnonzero(np.diff(block, prepend=-1))
+    time = np.add.reduceat((segments.time[1:] + segments.time[:-1]) / 2, first) / np.diff(first, append=len(block))
+    return InnovationRows(
+        m, s, rows, residual[..., 0], row_sigma, time, segments.stop[first], (Phi, f.gain, sigma), u, block
+    )
+
+
+def _blocks(stop: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the row (K,) of each update: its own while turning and soon after, shared later in a stop."""
+    begins = np.diff(stop, prepend=-2) != 0
+    since = np.arange(len(stop)) - np.maximum.accumulate(np.where(begins, np.arange(len(stop)), 0))
+    new = begins | (stop < 0) | (since < SINGLE_UPDATES) | ((since - SINGLE_UPDATES) % JOINED_UPDATES == 0)
+    return np.asarray(np.cumsum(new) - 1)
+
+
+def _joined(e: Array, sigma: Array, block: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Join innovations (K, 3, p) of sigma (K, 3) to rows (n, 3, p) of independent noise, with their sigma (n, 3)."""
+    first = np.flatnonzero(np.diff(block, prepend=-1))
+    used = np.isfinite(sigma)
+    count = np.add.reduceat(used, first, axis=0)
+    square = np.add.reduceat(np.where(used, sigma, 0.0) ** 2, first, axis=0) / np.maximum(count, 1)
+    spread = np.sqrt(np.where(count > 0, square, float(np.nanmax(sigma)) ** 2))
+    white = np.where(used[..., None], e / np.where(used, sigma, 1.0)[..., None], 0.0)
+    total = np.add.reduceat(white, first, axis=0) / np.sqrt(np.maximum(count, 1))[..., None]
+    return total * spread[..., None], spread

@@ -1,0 +1,153 @@
+r"""Several recordings of one unit that was turned in its place: common constants, and an attitude of its own for each.
+
+The information of a recording about the constants is a triangle; those of all recordings are added. Each is then
+linearised again about the joint estimate, because products of two errors differ from those of its own estimate. Whether
+one agrees with the others is tested on the excess of the misfit of all, with R_k the triangle of one, over that of the
+others, with as many degrees of freedom as there are constants that both observe:
+
+.. math:: \chi^2 = \min_x \sum_k \lVert R_k (x - x_k) \rVert^2 .
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.calibration.calibration import Residual
+from gimbalcal.effects import Parameter, with_values
+from gimbalcal.errors import amount
+from gimbalcal.estimate.added import Added
+from gimbalcal.estimate.support import DIFFER
+from gimbalcal.estimate.systematic.calibrate import calibrated
+from gimbalcal.estimate.systematic.error_model import rotated
+from gimbalcal.estimate.systematic.filter_pass import filter_and_smooth
+from gimbalcal.estimate.systematic.iterate import CONVERGED_SIGMAS, SystematicFit, iterate
+from gimbalcal.estimate.systematic.observability import WIDE_PRIOR_SIGMAS, data_information
+from gimbalcal.estimate.systematic.sensor_inversion import invert_readings
+from gimbalcal.estimate.systematic.state_lists import states
+from gimbalcal.inference.information import Information, solve
+from gimbalcal.inference.p_value import probability
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording
+from gimbalcal.recording.joining import refuse_twice
+from gimbalcal.units import from_si
+
+MAX_ROUNDS = 4  # of all recordings
+
+
+def calibrate_jointly(
+    recordings: Sequence[Recording], asked: str = "51", more: Sequence[Added] = (),
+    tell: Callable[[str], None] = lambda _: None,
+) -> Calibration:  # fmt: skip
+    """Calibrate a unit from several rotation recordings, and test each against the others.
+
+    Raises InputError as `systematic` does for each of them.
+    """
+    refuse_twice(recordings)
+    each: list[SystematicFit] = []
+    for r in recordings:
+        tell(r.title)
+        base = tuple(a.absent((), dict(a.stated)) for a in more)
+        each.append(iterate(r, states(asked, r, more), base, tell))
+    wanted = _common([m.wanted for m in each])
+    theta = solve(_joint(wanted, each, np.zeros(len(wanted)))).x
+    for _ in range(MAX_ROUNDS):
+        each = [_relinearised(wanted, each, k, theta) for k in range(len(each))]
+        solution = solve(_joint(wanted, each, theta))
+        move, theta = float(np.abs(solution.x / solution.sigma).max()), theta + solution.x
+        tell(f"all together: the estimates moved by up to {move:.2g} of their sigma")
+        if move < CONVERGED_SIGMAS:
+            break
+    each = [replace(m, converged=move < CONVERGED_SIGMAS) for m in each]
+    agreements = [_agreement(wanted, each, k, theta) for k in range(len(each))]
+    calibrations = [calibrated(m) for m in each]
+    threshold = DIFFER / len(each)
+    sessions: list[dict[str, Any]] = [
+        {"title": r.title, "stops": int(m.segments.stop.max()) + 1, "p_value": p_value,
+         "in_words": f"{'agrees' if p_value >= threshold else 'does not agree'} with the others "
+                     f"(p = {p_value:.2g}; {largest})"}
+        for r, m, (p_value, largest) in zip(recordings, each, agreements, strict=True)
+    ]  # fmt: skip
+    worst = min(calibrations, key=lambda c: c.residual.navigation["nis"]["p_value"])
+    nis = [c.residual.navigation["nis"] for c in calibrations]
+    different = [f"{s['title']} {s['in_words']}" for s in sessions if s["p_value"] < threshold]
+    different = different[:1] if len(each) == 2 else different  # of two, one is as far off as the other
+    words = (
+        [f"{amount(len(each), 'recording')} do not share their constants: {'; '.join(different)}"] if different else []
+    )
+    words += [f"{r.title}: {c.outcome}" for r, c in zip(recordings, calibrations, strict=True) if c.outcome]
+    limits = list(dict.fromkeys(text for c in calibrations for text in c.provenance["limits"]))
+    return Calibration(
+        method="systematic",
+        effects=with_values(each[0].base_effects, wanted, theta),
+        parameters=wanted,
+        covariance=solution.covariance,
+        unobservable=tuple(u.to_dict() for u in solution.unobservable),
+        residual=Residual(sum(n["sum"] for n in nis), sum(n["dof"] for n in nis), worst.residual.rms,
+                          worst.residual.navigation),
+        outcome=". ".join(words),
+        provenance={"options": {"states": asked, "sessions": sessions}, "limits": limits},
+    )  # fmt: skip
+
+
+def _common(each: Sequence[tuple[Parameter, ...]]) -> tuple[Parameter, ...]:
+    """Return the parameters of all, each with the largest prior sigma of any recording."""
+    sigma: dict[str, float] = {}
+    for p in (p for wanted in each for p in wanted):
+        sigma[p.label] = max(p.sigma, sigma.get(p.label, 0.0))
+    return tuple(replace(p, sigma=sigma[p.label]) for p in each[0])
+
+
+def _information(wanted: Sequence[Parameter], m: SystematicFit, about: Array) -> Information:
+    """Return the information of one recording about the constants, less some values (p,) of them."""
+    return data_information(wanted, m.last.factor, m.unregularised - about, [p.sigma for p in m.wanted])
+
+
+def _joint(wanted: Sequence[Parameter], each: Sequence[SystematicFit], about: Array) -> Information:
+    """Return the information of all recordings about the constants, less some values (p,) of them."""
+    whole = _information(wanted, each[0], about)
+    for m in each[1:]:
+        whole = whole + _information(wanted, m, about)
+    return whole
+
+
+def _relinearised(wanted: tuple[Parameter, ...], each: Sequence[SystematicFit], k: int, theta: Array) -> SystematicFit:
+    """Linearise a recording about the joint constants: attitudes with the others' information, then its own estimate.
+
+    Where it observes little alone, its own attitudes are off by as much as its constants are.
+    """
+    m = replace(each[k], wanted=wanted)
+    others = _joint(wanted, [o for i, o in enumerate(each) if i != k], theta)
+    p = len(wanted)
+    rows = np.asarray(np.linalg.qr(np.concatenate([others.rows, np.eye(p, p + 1) / WIDE_PRIOR_SIGMAS]), mode="r"))
+    root = np.linalg.inv(rows[:p, :p])
+    scale, C, u, now = np.array([q.sigma for q in wanted]), m.C, m.u, theta
+    mean = theta + scale * (root @ rows[:p, p])
+    for known in (root, root, None):
+        effects = with_values(m.base_effects, wanted, now)
+        u = invert_readings(m.segments, effects, u)
+        before = m.prior_mean if known is None else mean
+        last = filter_and_smooth(m.segments, wanted, effects, u, C, m.start, before - now, m.excluded, known=known)
+        if known is not None:
+            C, now = rotated(C, last.smoothed[:, :3]), now + last.step
+    return replace(
+        m, theta=now + last.regularised_step, unregularised=now + last.step, u=u, C=C, last=last, passes=m.passes + 3
+    )
+
+
+def _agreement(wanted: Sequence[Parameter], each: Sequence[SystematicFit], k: int, theta: Array) -> tuple[float, str]:
+    """Return the p-value of one recording's difference from all others, and the largest difference in words."""
+    parts = [each[k]], [m for i, m in enumerate(each) if i != k], each
+    own, others, whole = (solve(_joint(wanted, part, theta)) for part in parts)
+    observed = [len(wanted) - len(solution.unobservable) for solution in (own, others, whole)]
+    dof = max(observed[0] + observed[1] - observed[2], 1)
+    p_value = probability(max(whole.chi2 - others.chi2, 0.0), dof)
+    difference, sigma = own.x - others.x, np.hypot(own.sigma, others.sigma)
+    i = int(np.argmax(np.abs(difference) / sigma))
+    p = wanted[i]
+    size, one = (float(f"{from_si(float(v), p.unit):.3g}") for v in (difference[i], sigma[i]))
+    return p_value, f"most in {p.label}, by {size:+g} +- {one:g} {p.unit}"
