@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from gimbalcal.calibration import Calibration
+from gimbalcal.checks.table import refuse_implausible
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.coarse import coarse
@@ -26,7 +27,6 @@ from gimbalcal.estimate.static_run.run import static_parameters, static_readings
 from gimbalcal.estimate.static_run.system import static, static_information
 from gimbalcal.recording import Recording, completed, dwells, read
 from gimbalcal.recording.header import read_header
-from gimbalcal.recording.plausibility import refuse_implausible
 
 Tell = Callable[[str], None]
 Source = str | Path | Recording  # a folder, or what was read from one or made from arrays

@@ -16,6 +16,7 @@ from itertools import islice
 import numpy as np
 
 from gimbalcal.calibration import Calibration
+from gimbalcal.checks.sidereal import latitude_seen
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.effects.grade import hurried
@@ -23,7 +24,6 @@ from gimbalcal.errors import InputError, alternatives
 from gimbalcal.estimate.grade import Graded
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording
-from gimbalcal.recording.plausible_run import latitude_seen
 from gimbalcal.units import from_si, to_si
 
 SURE = 3.0  # sigmas by which a constant has to be beyond

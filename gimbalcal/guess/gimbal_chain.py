@@ -15,10 +15,10 @@ from math import pi
 
 import numpy as np
 
+from gimbalcal.checks.axes import CLOSE, NEARLY_ALL
 from gimbalcal.guess.column_names import ANGLES, plain, unit_written
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import KNOWN, Axis, Platform
-from gimbalcal.recording.triads import CLOSE, NEARLY_ALL
 from gimbalcal.units import to_si
 
 FEWEST = 4  # rests that tell a platform

@@ -12,6 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from gimbalcal.checks.axes import NEARLY_ALL
+from gimbalcal.checks.rates import turns_explained
+from gimbalcal.checks.table import refuse_implausible
 from gimbalcal.errors import InputError
 from gimbalcal.guess import gimbal_chain, log_parts
 from gimbalcal.guess.celestial import of_the_axes, refuse_below_horizon
@@ -30,9 +33,6 @@ from gimbalcal.number import Array
 from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwell_means, dwells, from_frame
 from gimbalcal.recording.dates import Dates
-from gimbalcal.recording.plausibility import refuse_implausible
-from gimbalcal.recording.rates import turns_explained
-from gimbalcal.recording.triads import NEARLY_ALL
 
 FOREIGN = {
     "TPOINT's observations": import_tpoint,

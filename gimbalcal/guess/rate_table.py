@@ -12,6 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
+from gimbalcal.checks.driven_rates import UNLIKE, Turning, chains, turning
 from gimbalcal.effects.history import integral
 from gimbalcal.guess import gimbal_chain
 from gimbalcal.guess.column_names import (
@@ -31,7 +32,6 @@ from gimbalcal.guess.unit_candidates import BESIDE, is_open
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
 from gimbalcal.quantities import QUANTITIES
-from gimbalcal.recording.table_turns import UNLIKE, Turning, chains, turning
 from gimbalcal.units import to_si
 
 ANGLES, RATES = ("deg", "rad", "rev"), ("deg/s", "rad/s", "rev/min")  # that a readout without a unit may be in

@@ -35,6 +35,8 @@ AXES: Mapping[str, tuple[str, ...] | None] = {
 }
 """Known quantities of a column and the axes that each may have."""
 
+SPARSE = ("attitude",)
+"""Quantities that may be logged less often than the others; rows without them are kept."""
 UNITLESS = ("position", "weight")
 RATE_OF = {"velocity_increment": "specific_force", "angle_increment": "angular_rate"}
 """What an increment over the interval that ends at its row is the mean of, times that interval."""

@@ -14,6 +14,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording.record import ANGLES, Recording
 
 MEANS = 1.5  # times the samples of a row on the way: a row of a rest is a longer mean
+PAUSED = 10.0  # usual steps: nobody knows how a unit turned while the clock paused for longer
 MISSED = 1.5  # times the usual step: a row is missing, and rows on both sides have no common middle
 
 

@@ -13,11 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from gimbalcal.checks.dropouts import Dropouts
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import RATE_OF, Column
 from gimbalcal.recording.dwell import MISSED
 from gimbalcal.recording.header import Header
-from gimbalcal.recording.holes import Holes
 from gimbalcal.recording.samples import Batch
 from gimbalcal.units import to_si
 
@@ -25,8 +25,8 @@ from gimbalcal.units import to_si
 class Increments:
     """Divides increments by their intervals as the rows go by, and remembers the intervals [s]."""
 
-    def __init__(self, header: Header, holes: Holes) -> None:
-        self.holes, self.given = holes, header
+    def __init__(self, header: Header, dropouts: Dropouts) -> None:
+        self.dropouts, self.given = dropouts, header
         self.names = [c.name for c in header.columns if c.quantity in RATE_OF]
         self.header = replace(header, columns=tuple(map(_mean, header.columns)))
         self.usual, self.last = 0.0, np.nan
@@ -77,7 +77,7 @@ class Increments:
             if name not in self.names:
                 return values
             dt = np.ones(len(values))
-            dt[self.holes.kept] = self.interval
+            dt[self.dropouts.kept] = self.interval
             return values / dt
 
         return converted

@@ -11,23 +11,23 @@ from pathlib import Path
 
 import numpy as np
 
+from gimbalcal.checks.columns import judge
+from gimbalcal.checks.dropouts import Dropouts
+from gimbalcal.checks.jitter import SMOOTHER, jitter_of, regular
+from gimbalcal.checks.stream import Screen
 from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
-from gimbalcal.recording.columns import UNITLESS, Column
+from gimbalcal.recording.columns import SPARSE, UNITLESS, Column
 from gimbalcal.recording.dates import Dates
 from gimbalcal.recording.detection import detect
 from gimbalcal.recording.header import Header, read_header
-from gimbalcal.recording.holes import SPARSE, Holes
 from gimbalcal.recording.increments import Increments
-from gimbalcal.recording.jitter import SMOOTHER, jitter_of, regular
-from gimbalcal.recording.judging import judge
 from gimbalcal.recording.record import ANGLES, Recording, Source
 from gimbalcal.recording.room import rows_in
 from gimbalcal.recording.row_sigma import by_sigma
 from gimbalcal.recording.rows import AllRows, Blocks, Rests
 from gimbalcal.recording.samples import Batch, batches, column
 from gimbalcal.recording.scatter import Scatter
-from gimbalcal.recording.screening import Screen
 from gimbalcal.units import celsius, from_si, is_raw, to_si
 
 _DETECTED = Column(" position", "position", "", "1")  # a name that no header can hold
@@ -96,10 +96,12 @@ def assemble(
     with ThreadPoolExecutor(1) as pool:  # hashing leaves the interpreter free
         files = (header.path, header.samples)
         digests = pool.map(Source.of, files, map(str, files)) if made_from is None else made_from
-        holes = Holes(header)
-        header, stream = by_sigma(header, holes.filled(stream), holes)
-        increments = Increments(header, holes)
-        columns, table, scatter, remarks = _rows(increments, increments.rates(stream), whole, average_s, holes, rests)
+        dropouts = Dropouts(header)
+        header, stream = by_sigma(header, dropouts.filled(stream), dropouts)
+        increments = Increments(header, dropouts)
+        columns, table, scatter, remarks = _rows(
+            increments, increments.rates(stream), whole, average_s, dropouts, rests
+        )
         source = tuple(digests)
     position = next((np.rint(table[c.name]).astype(np.int64) for c in columns if c.quantity == "position"), None)
     measured = [c for c in columns if c.quantity not in ("time", *UNITLESS)]
@@ -148,16 +150,16 @@ def _rows(
     stream: Iterable[Batch],
     whole: Callable[[str], Array],
     average_s: float | None,
-    holes: Holes,
+    dropouts: Dropouts,
     rests: int,
 ) -> tuple[tuple[Column, ...], dict[str, Array], dict[str, float], tuple[str, ...]]:
     """Columns, rows and scatter in the units of the file, and what to tell the user."""
     header, whole = increments.header, increments.whole(whole)
-    screen = Screen(header, whole, holes)
+    screen = Screen(header, whole, dropouts)
     if not header.kind.in_positions or header.column("position"):
         table, scatter = _gather(stream, header.columns, screen, average_s, rests)
-        told = () if average_s or rests > 1 else _on_a_regular_clock(increments, table, holes)
-        return header.columns, table, scatter, (*holes.remarks(), *screen.remarks(), *told)
+        told = () if average_s or rests > 1 else _on_a_regular_clock(increments, table, dropouts)
+        return header.columns, table, scatter, (*dropouts.remarks(), *screen.remarks(), *told)
     columns = (*header.columns, _DETECTED)
     table, _ = _gather(stream, header.columns, screen, None)
     forces = [c for c in screen.sensors if c.quantity == "specific_force"]
@@ -171,14 +173,14 @@ def _rows(
         f"{header.samples}: there is no position column; {amount(int(position.max()), 'dwell')} found where the "
         "sensors are quiet, numbered in order of time"
     )
-    found = Screen(replace(header, columns=columns), whole, holes)
+    found = Screen(replace(header, columns=columns), whole, dropouts)
     found.sensors, found.angles = [], []  # they have passed
     table, scatter = _gather([table], columns, found, average_s)
-    told = () if average_s else _on_a_regular_clock(increments, table, holes)
-    return columns, table, scatter, (*holes.remarks(), *screen.remarks(), remark, *told)
+    told = () if average_s else _on_a_regular_clock(increments, table, dropouts)
+    return columns, table, scatter, (*dropouts.remarks(), *screen.remarks(), remark, *told)
 
 
-def _on_a_regular_clock(increments: Increments, table: dict[str, Array], holes: Holes) -> tuple[str, ...]:
+def _on_a_regular_clock(increments: Increments, table: dict[str, Array], dropouts: Dropouts) -> tuple[str, ...]:
     """Puts the clock of `table` right where its stamps are times of arrival, and says so; see `jitter`."""
     header = increments.header
     clock = next(c for c in header.columns if c.quantity == "time")
@@ -188,7 +190,7 @@ def _on_a_regular_clock(increments: Increments, table: dict[str, Array], holes: 
         own = [x * increments.interval for x in own]  # by a clock that jitters they would be rough as rates
     time, column = to_si(table[clock.name], clock.unit), f"{header.samples}, column {clock.name}"
     if clock.regular:
-        made = regular(time, holes.kept, told=True)
+        made = regular(time, dropouts.kept, told=True)
         if made is None:
             raise InputError(
                 f"{column}: the stamps are those of no regular clock; take regular = true out of [columns]"
@@ -196,7 +198,7 @@ def _on_a_regular_clock(increments: Increments, table: dict[str, Array], holes: 
         table[clock.name] = from_si(made, clock.unit)
         increments.on_clock(table, made)
         return (f"{column}: a regular clock is laid through the stamps, as [columns] asks for",)
-    found = None if clock.regular is False or header.kind.sighting else jitter_of(time, holes.kept, own)
+    found = None if clock.regular is False or header.kind.sighting else jitter_of(time, dropouts.kept, own)
     if found is None or found.roughness > SMOOTHER:
         return ()
     what = (

@@ -158,6 +158,11 @@ class Recording:
         return np.searchsorted(np.asarray(self.restarts), self.time, side="right")
 
     @property
+    def label(self) -> str:
+        """The file that the recording comes from, else its title: a refusal begins with it."""
+        return self.source[0].path if self.source else f"recording {self.title!r}"
+
+    @property
     def files(self) -> list[dict[str, str]]:
         """The files behind it and their SHA-256, as a provenance tells them."""
         return [{"path": s.path, "sha256": s.sha256} for s in self.source]

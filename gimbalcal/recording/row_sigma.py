@@ -14,10 +14,10 @@ from itertools import chain
 
 import numpy as np
 
+from gimbalcal.checks.dropouts import Dropouts
 from gimbalcal.errors import InputError
 from gimbalcal.recording.columns import Column
 from gimbalcal.recording.header import Header
-from gimbalcal.recording.holes import Holes
 from gimbalcal.recording.record import SENSORS
 from gimbalcal.recording.samples import Batch
 from gimbalcal.units import is_raw, to_si
@@ -25,7 +25,7 @@ from gimbalcal.units import is_raw, to_si
 WEIGHT = Column(" weight", "weight", "", "1")  # a name that no header can hold
 
 
-def by_sigma(header: Header, stream: Iterable[Batch], holes: Holes) -> tuple[Header, Iterator[Batch]]:
+def by_sigma(header: Header, stream: Iterable[Batch], dropouts: Dropouts) -> tuple[Header, Iterator[Batch]]:
     """The header and rows with a weight in place of a sigma column, if there is one.
 
     Raises InputError for a sigma that is not positive, of a quantity without columns, or stated in [noise] too.
@@ -56,7 +56,7 @@ def by_sigma(header: Header, stream: Iterable[Batch], holes: Holes) -> tuple[Hea
             wrong = np.flatnonzero(~(sigma > 0))
             if len(wrong):
                 raise InputError(
-                    f"{holes.place(seen + int(wrong[0]))}, column {column.name}: a sigma is positive, got "
+                    f"{dropouts.place(seen + int(wrong[0]))}, column {column.name}: a sigma is positive, got "
                     f"{sigma[wrong[0]]:g}; leave such rows out"
                 )
             seen += len(sigma)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gimbalcal.checks.unreadable import check_bytes, check_names, check_types, explained
 from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import Column
@@ -19,7 +20,6 @@ from gimbalcal.recording.dates import Dates, NoDateError, is_date
 from gimbalcal.recording.document import shortened
 from gimbalcal.recording.lines import EMPTY, has_names, heading, lines, place
 from gimbalcal.recording.room import refuse_bomb
-from gimbalcal.recording.unreadable import check_bytes, check_names, check_types, explained
 from gimbalcal.units import from_si
 
 if TYPE_CHECKING:

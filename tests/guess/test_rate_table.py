@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gimbalcal.checks.driven_rates import turning
 from gimbalcal.errors import InputError
 from gimbalcal.guess.column_names import axis_word, by_name
 from gimbalcal.guess.proposal import propose
@@ -14,7 +15,6 @@ from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.quantities import check
 from gimbalcal.recording import Recording
-from gimbalcal.recording.table_turns import turning
 from gimbalcal.rotation import rotation_vector
 
 STEP, RATES = 0.02, (5.0, -5.0, 30.0, -30.0, 90.0, -90.0)

@@ -46,9 +46,9 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("recording.dwell", "_mean", "2 * np.pi * np.round(off / (2 * np.pi))", "np.pi * np.round(off / np.pi)"),
         ("recording.dwell", "rests_are_means", "> MEANS *", "< MEANS *"),
     ),
-    "recording/test_jitter.py": (
-        ("recording.jitter", "_missed", "np.sqrt(1 + (w**2).sum(1))", "np.sqrt(1 + w.sum(1))"),
-        ("recording.jitter", "jitter_of", "np.sqrt(np.mean([a / b", "(np.mean([a / b"),
+    "checks/test_jitter.py": (
+        ("checks.jitter", "_missed", "np.sqrt(1 + (w**2).sum(1))", "np.sqrt(1 + w.sum(1))"),
+        ("checks.jitter", "jitter_of", "np.sqrt(np.mean([a / b", "(np.mean([a / b"),
     ),
     "recording/test_increments.py": (
         ("recording.increments", "Increments._interval", "prepend=self.last", "prepend=time[0]"),
@@ -61,11 +61,11 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("recording.row_sigma", "by_sigma", "before * (typical / sigma) ** 2", "before * (typical / sigma)"),
         ("recording.row_sigma", "by_sigma", "to_si(typical, column.unit)", "typical"),
     ),
-    "recording/test_plausibility.py": (
-        ("recording.plausible_run", "check_sidereal", "force @ change.matrix.T", "force @ change.matrix"),
+    "checks/test_table.py": (
+        ("checks.sidereal", "check_sidereal", "force @ change.matrix.T", "force @ change.matrix"),
     ),
-    "recording/test_rates.py": (
-        ("recording.rates", "_check_earth", "np.sin(latitude)", "np.cos(latitude)"),
+    "checks/test_rates.py": (
+        ("checks.rates", "_check_earth", "np.sin(latitude)", "np.cos(latitude)"),
     ),
     "recording/test_reading.py": (
         ("recording.scatter", "Scatter.sigma", "np.sqrt(total / self.count)", "np.sqrt(total) / self.count"),
@@ -74,12 +74,12 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("recording.joining", "_clock", "a.time[-1] < b.time[0]", "a.time[0] < b.time[0]"),
         ("recording.joining", "_shares", "(common / r.noise[sensor]) ** 2", "(r.noise[sensor] / common) ** 2"),
     ),
-    "recording/test_turns.py": (
-        ("recording.triads", "Change.inverse", "sign * self.matrix.T", "sign * self.matrix"),
-        ("recording.turns", "rotations", "C[1::2] @ C[: len(C) - len(C) % 2 : 2]",
+    "checks/test_gravity_turns.py": (
+        ("checks.axes", "AxisPermutation.inverse", "sign * self.matrix.T", "sign * self.matrix"),
+        ("checks.gravity_turns", "rotations", "C[1::2] @ C[: len(C) - len(C) % 2 : 2]",
          "C[: len(C) - len(C) % 2 : 2] @ C[1::2]"),
-        ("recording.turns", "turns_of", "(level[k] + level[k + 1]) / 2", "level[k]"),
-        ("recording.turns", "agree", "2 * np.sin(CLOSE / 2)", "np.sin(CLOSE / 2)"),
+        ("checks.gravity_turns", "turns_of", "(level[k] + level[k + 1]) / 2", "level[k]"),
+        ("checks.gravity_turns", "agree", "2 * np.sin(CLOSE / 2)", "np.sin(CLOSE / 2)"),
     ),
     "recording/test_gravity.py": (
         ("recording.gravity", "not_stated", "ANOMALY**2 + UNKNOWN_HEIGHT**2) ** 0.5",
@@ -90,8 +90,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
          "+ sign * (3600 * east[0] + 60 * east[1])"),
         ("recording.dates", "Dates._of_numbers", "/ tick)", ")"),
     ),
-    "recording/test_odd_rows.py": (
-        ("recording.holes", "Holes._in_file", 'side="right"', 'side="left"'),
+    "checks/test_odd_rows.py": (
+        ("checks.dropouts", "Dropouts._in_file", 'side="right"', 'side="left"'),
     ),
     "importers/test_importers.py": (
         ("importers.imu_tk", "_misfit", "/ 2 - level", "/ 2"),

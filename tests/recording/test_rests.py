@@ -136,7 +136,7 @@ def test_rows_are_kept_however_many_were_expected(expected: int) -> None:
 def test_a_frozen_channel_is_named_by_its_line_in_whatever_piece(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, piece: int
 ) -> None:
-    monkeypatch.setattr("gimbalcal.recording.judging.PIECE", piece)
+    monkeypatch.setattr("gimbalcal.checks.columns.PIECE", piece)
     table = turned_twice()
     table[125:150, 3] = table[125, 3]
     with pytest.raises(InputError, match=r"lines 127 to 151, column accel_y: all 25 rows read"):
@@ -144,7 +144,7 @@ def test_a_frozen_channel_is_named_by_its_line_in_whatever_piece(
 
 
 def test_readings_in_coarse_steps_are_not_frozen_in_any_piece(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gimbalcal.recording.judging.PIECE", 40)
+    monkeypatch.setattr("gimbalcal.checks.columns.PIECE", 40)
     table = turned_twice()
     table[:, 3] += 0.004 * (table[:, 1] == 2)  # it stands still in each rest, and is alive
     table[:, 2:5] = np.round(table[:, 2:5] * 500) / 500

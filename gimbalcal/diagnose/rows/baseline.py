@@ -11,7 +11,7 @@ from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, follows, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.recording import Recording
-from gimbalcal.recording.holes import SPARSE
+from gimbalcal.recording.columns import SPARSE
 
 SAID = {"attitude": "gimbals, which say where north is"}  # a quantity that no channel is named after
 

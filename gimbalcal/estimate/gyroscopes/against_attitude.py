@@ -30,8 +30,8 @@ from gimbalcal.kinematics import stimulus_from_truth
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
+from gimbalcal.recording.dwell import PAUSED
 from gimbalcal.recording.record import RATE
-from gimbalcal.recording.turns import PAUSED
 from gimbalcal.rotation import exponential, left_jacobian, mean_rates, small_rotation_vector
 from gimbalcal.units import from_si
 

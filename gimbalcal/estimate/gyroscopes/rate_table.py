@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
+from gimbalcal.checks.driven_rates import refuse_unlike_table
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
 from gimbalcal.effects.gyroscope import rate_matrix
@@ -38,7 +39,6 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from gimbalcal.recording.kinds import ROTATION
 from gimbalcal.recording.record import FORCE, RATE
-from gimbalcal.recording.table_turns import refuse_unlike_table
 from gimbalcal.rotation import normal_to
 from gimbalcal.units import from_si
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gimbalcal.checks.spikes import spikes
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
-from gimbalcal.recording.lone import lone
 from gimbalcal.rotation import frame_rotation
 
 if TYPE_CHECKING:
@@ -102,6 +102,6 @@ def reference_of(recording: Recording) -> Reference:
 
 def _without_leaps(time: Array, C: Array) -> Reference:
     """Attitudes C (k, 3, 3) but single ones that are off: matrices neither wrap nor change their sign."""
-    found = lone({str(i): x for i, x in enumerate(C.reshape(-1, 9).T)}, slow=True)
+    found = spikes({str(i): x for i, x in enumerate(C.reshape(-1, 9).T)}, slow=True)
     off = np.any(list(found.values()), axis=0)
     return Reference(time[~off], C[~off], tuple(time[off].tolist()))

@@ -10,9 +10,8 @@ from gimbalcal.effects.history import integral
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
-from gimbalcal.recording.dwell import usual_step
+from gimbalcal.recording.dwell import PAUSED, usual_step
 from gimbalcal.recording.record import RATE
-from gimbalcal.recording.turns import PAUSED
 from gimbalcal.rotation import rotation_vector
 from gimbalcal.units import from_si
 

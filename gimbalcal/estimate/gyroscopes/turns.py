@@ -21,9 +21,8 @@ from gimbalcal.inversion import invert
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwells
-from gimbalcal.recording.dwell import usual_step
+from gimbalcal.recording.dwell import PAUSED, usual_step
 from gimbalcal.recording.record import FORCE, RATE
-from gimbalcal.recording.turns import PAUSED
 from gimbalcal.rotation import exponential, mean_rates
 
 

@@ -20,7 +20,6 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.systematic.segments import Segments
 from gimbalcal.navigate.strapdown import carried
 from gimbalcal.number import Array
-from gimbalcal.recording.plausible_run import named
 from gimbalcal.rotation import exponential
 
 MAX_ITERATIONS = 6
@@ -90,13 +89,13 @@ def _from_vectors(segments: Segments, down: Array, after: float, b: Array, earth
             else "check the order, signs and unit of their columns, and the latitude"
         )
         raise InputError(
-            f"{named(segments.rows)}: turned through its stops, the gyroscopes see a rate of {ratio:.3g} times the "
+            f"{segments.rows.label}: turned through its stops, the gyroscopes see a rate of {ratio:.3g} times the "
             f"Earth's that turns with them; {likely}"
         )
     seen = np.arcsin(np.clip(-float(down @ earth) / np.linalg.norm(earth), -1, 1))
     if abs(seen - latitude) > LATITUDE_TOLERANCE_RAD + 5 * sigma / EARTH_RATE:
         raise InputError(
-            f"{named(segments.rows)}: turned through its stops, the gyroscopes see the Earth's axis "
+            f"{segments.rows.label}: turned through its stops, the gyroscopes see the Earth's axis "
             f"{np.degrees(seen):.1f} deg above the horizon, and [site] says latitude {np.degrees(latitude):.1f} deg; "
             "correct one of the two"
         )

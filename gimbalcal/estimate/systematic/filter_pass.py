@@ -28,7 +28,6 @@ from gimbalcal.inference import adjoint, square_root_filter
 from gimbalcal.inference.information import solve
 from gimbalcal.inference.square_root_filter import Filtered
 from gimbalcal.number import Array
-from gimbalcal.recording.plausible_run import named
 from gimbalcal.rotation import rotation_vector
 
 POSITION_SIGMA_M = 1e-3  # at the start
@@ -74,7 +73,7 @@ def filter_and_smooth(
             else frozen._replace(d=defects(segments, u, C, frozen))
         )
     except np.linalg.LinAlgError:  # at constants so far away that readings can no longer be inverted
-        raise no_number(named(segments.rows), "what a reading tells of the constants") from None
+        raise no_number(segments.rows.label, "what a reading tells of the constants") from None
     m, scale = model.Phi.shape[1], np.array([p.sigma for p in wanted])
     x = initial_errors(segments, start, C)
     theta = np.concatenate([prior / scale, x[:3]])
@@ -86,7 +85,7 @@ def filter_and_smooth(
     )  # fmt: skip
     constants, own = filtered.theta[-1], filtered.factor[m:, m:]
     if not (np.isfinite(constants).all() and np.isfinite(own).all()):
-        raise no_number(named(segments.rows), "what the filter holds of the constants")
+        raise no_number(segments.rows.label, "what the filter holds of the constants")
     step, factor = constants[:-3] * scale, np.asarray(np.linalg.qr(own[:-3].T, mode="r")).T
     regularised, sigma = step, np.linalg.norm(factor, axis=1) * scale
     after = np.zeros(m + len(constants))

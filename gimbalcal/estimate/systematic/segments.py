@@ -20,7 +20,6 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import SENSORS, Dwell, Recording, dwells
 from gimbalcal.recording.detection import detect
 from gimbalcal.recording.dwell import MISSED
-from gimbalcal.recording.plausible_run import named
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.recording.scatter import white_sigma
 from gimbalcal.rotation import mean_rates
@@ -106,7 +105,7 @@ def segment(recording: Recording) -> Segments:
     if len(stays) < 2:
         held = "no stop" if not stays else "one stop"
         raise InputError(
-            f"{named(recording)} has {held}: systematic calibration compares what the unit reads at rest before and "
+            f"{recording.label} has {held}: systematic calibration compares what the unit reads at rest before and "
             "after it was turned; turn it through a dozen stops or more, each axis up and down"
         )
     _refuse_lost_turns(recording, stays, paused)
@@ -231,12 +230,12 @@ def _refuse_other_kinds(recording: Recording) -> None:
         recording.triad(q)
         if recording.counted(q):
             raise InputError(
-                f"{named(recording)}: {q} is in counts, and a navigator needs physical units; state what a count is, "
+                f"{recording.label}: {q} is in counts, and a navigator needs physical units; state what a count is, "
                 "as nominal as it may be, with a unit in [columns]"
             )
     if recording.site.latitude is None:
         raise InputError(
-            f"{named(recording)}: systematic calibration needs the latitude, because gyroscopes see the Earth turn; "
+            f"{recording.label}: systematic calibration needs the latitude, because gyroscopes see the Earth turn; "
             'write latitude = { value = ..., unit = "deg" } in [site] of recording.toml'
         )
 
@@ -252,7 +251,7 @@ def _refuse_lost_turns(recording: Recording, stays: Sequence[Dwell], paused: NDA
     if len(lost):
         t = recording.time[[lost[0] - 1, lost[0]]]
         raise InputError(
-            f"{named(recording)}: the clock pauses from {t[0]:.10g} to {t[1]:.10g} s while the unit turns"
+            f"{recording.label}: the clock pauses from {t[0]:.10g} to {t[1]:.10g} s while the unit turns"
             f"{f' (one of {len(lost)} such pauses)' if len(lost) > 1 else ''}, and nobody knows how far it turned "
             "there; log every sample of a turn, or cut the recording there and give the longer part"
         )
@@ -270,7 +269,7 @@ def _noise(recording: Recording, stays: Sequence[Dwell]) -> tuple[Array, Array, 
     if not np.all(sigma > 0):
         bad = [" ".join(key) for key, s in zip(CHANNELS, sigma, strict=True) if not s > 0]
         raise InputError(
-            f"{named(recording)}: {bad[0]} has no noise, stated or seen, and a filter cannot weigh it; state it in "
+            f"{recording.label}: {bad[0]} has no noise, stated or seen, and a filter cannot weigh it; state it in "
             f"[noise] ({amount(len(bad), 'channel')} like this)"
         )
     return sigma, shown, stated

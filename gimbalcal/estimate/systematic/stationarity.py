@@ -7,7 +7,6 @@ import numpy as np
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.systematic.segments import Segments
 from gimbalcal.number import Array
-from gimbalcal.recording.plausible_run import named
 
 MIN_DRIFT_RATIO = 10.0  # to the median over turns: errors of the sensors are alike in all of them
 MIN_SPEED_M_S, MIN_DISTANCE_M = 0.2, 0.5  # less than this is a lever arm, or a hand
@@ -33,7 +32,7 @@ def refuse_carried(segments: Segments, drift: Array) -> None:
         speed, distance = (float(np.linalg.norm(x, axis=-1).max()) for x in (v, np.cumsum(v * length, axis=0)))
         if most > MIN_DRIFT_RATIO * usual and speed > MIN_SPEED_M_S and distance > MIN_DISTANCE_M:
             raise InputError(
-                f"{named(segments.rows)}: between {t[0]:.6g} and {t[1]:.6g} s the unit was carried away: its "
+                f"{segments.rows.label}: between {t[0]:.6g} and {t[1]:.6g} s the unit was carried away: its "
                 f"accelerometers tell of {speed:.2g} m/s and {distance:.2g} m, which no other turn has; systematic "
                 "calibration is for a unit that stays in its place, so cut the recording there and give the longer part"
             )

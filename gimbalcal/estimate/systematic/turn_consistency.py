@@ -16,7 +16,6 @@ from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.systematic.segments import Segments
 from gimbalcal.navigate.strapdown import carried
 from gimbalcal.number import Array
-from gimbalcal.recording.plausible_run import named
 from gimbalcal.rotation import cross_matrix
 
 EDGE_INTERVALS = 5  # of a stop on each side of a turn, some seconds: longer, the Earth turns the vertical
@@ -53,7 +52,7 @@ def gyro_scale_errors(segments: Segments, u: Array) -> Array:
         t = [segments.rows.time[a.stop - 1], segments.rows.time[b.start]]
         others = amount(len(size) - int(outlier.sum()), "other turn")
         raise InputError(
-            f"{named(segments.rows)}: between {t[0]:.6g} and {t[1]:.6g} s gravity turns by {size.max():.2g} "
+            f"{segments.rows.label}: between {t[0]:.6g} and {t[1]:.6g} s gravity turns by {size.max():.2g} "
             f"deg more or less than the gyroscopes say, which tell the {others} to {np.median(size):.2g} "
             "deg; samples were lost there, or wrong; cut the recording there and give the longer part"
         )

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gimbalcal.checks.table import refuse_implausible
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
 from gimbalcal.estimate.accelerometers.strays import strays, without_strays
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site, read
-from gimbalcal.recording.plausibility import refuse_implausible
 
 G = 9.8
 SIGMA = 2e-3  # m/s^2 of the mean of a rest

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from gimbalcal.calibration import Calibration
+from gimbalcal.checks.table import refuse_implausible
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.estimate.systematic.innovation_tests import outcome
 from gimbalcal.methods import calibrate_each
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
-from gimbalcal.recording.plausibility import refuse_implausible
 from tests.estimate.systematic.table import NOISE, turning_unit
 
 FORCE, RATE = "specific_force", "angular_rate"

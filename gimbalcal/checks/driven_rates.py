@@ -18,14 +18,13 @@ from math import pi
 
 import numpy as np
 
+from gimbalcal.checks.axes import AXES, PERMUTATIONS, in_words, remedy
 from gimbalcal.effects.history import integral
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Axis, Platform
 from gimbalcal.recording.dwell import usual_step
-from gimbalcal.recording.plausible_run import named
 from gimbalcal.recording.record import ANGLE, RATE, Recording
-from gimbalcal.recording.triads import AXES, CHANGES, in_words, remedy
 from gimbalcal.rotation import frame_rotation
 from gimbalcal.units import to_si
 
@@ -114,11 +113,11 @@ def refuse_unlike_table(r: Recording) -> None:
     if not _tells(T) or T.off(r.platform, scale) < UNLIKE:
         return
     for words in _slips(r, T, scale):
-        raise InputError(f"{named(r)}: {words}")
+        raise InputError(f"{r.label}: {words}")
     step = usual_step(r)
     fast = "" if scale is None else _too_fast(T, step)
     raise InputError(
-        f"{named(r)}: what the gyroscopes read is not what the angles of the rig say, whichever unit, sense or axis is "
+        f"{r.label}: what the gyroscopes read is not what the angles of the rig say, whichever unit, sense or axis is "
         f"changed{fast}; mount the unit with one of its axes along the table's, within 15 deg, and look at the "
         "columns of the rig and their clock"
     )
@@ -174,7 +173,7 @@ def _slips(r: Recording, T: Turning, scale: float | None) -> Iterator[str]:
                     f'[platform] says: write direction = "{direction}"{turn} for its axis {a.name}, or exchange the '
                     "gyroscopes in [columns]"
                 )
-    for change in CHANGES[1:]:
+    for change in PERMUTATIONS[1:]:
         if replace(T, read=T.read @ change.matrix.T).off(r.platform, scale) < UNLIKE:
             yield f"the gyroscopes feel the rig turn if {in_words(change, 'gyroscope')}: {remedy(change, 'gyroscope')}"
     read = {r.units.get((RATE, a), "rad/s") for a in AXES}

@@ -8,17 +8,16 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gimbalcal.checks.spikes import MAX_STEP_FAST_S, predicted_by_neighbours, reliably_predicted, spikes
 from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
-from gimbalcal.recording.columns import Column
+from gimbalcal.recording.columns import SPARSE, Column
 from gimbalcal.recording.header import Header
 from gimbalcal.recording.lines import place
-from gimbalcal.recording.lone import FASTEST, lone, surely_told, told_by_neighbours
 from gimbalcal.recording.samples import Batch
 from gimbalcal.units import from_si, is_raw, to_si
 
 BOOKKEEPING = ("time", "position", "weight")  # a row that lacks one of these cannot be placed, so it is refused
-SPARSE = ("attitude",)  # logged less often than the rest: its rows stay without it
 MOST = 0.5  # of all rows: beyond, the rows are not what they are taken for
 LEAPING = {"specific_force": 100.0, "angular_rate": 35.0}  # SI; a reading beyond is no reading at all
 STEADY = {"gimbal_angle": np.inf, "attitude_error": np.inf}  # of a static run, where these go on and on as well
@@ -27,7 +26,7 @@ SETTING, MATTERS = float(to_si(1.0, "arcsec")), 10.0  # usual repeatability [rad
 SHOWN = 3  # places that the remark names
 
 
-class Holes:
+class Dropouts:
     """Takes rows with an empty value out of a stream, and remembers where they stood in the file."""
 
     def __init__(self, header: Header) -> None:
@@ -151,7 +150,7 @@ class Holes:
             same[1:-1] = (p[1:-1] == p[:-2]) & (p[1:-1] == p[2:])
             held = p > 0
         step = np.median(np.diff(batch[clock.name][rows])) if clock is not None and len(rows) > 1 else np.inf
-        slow = clock is None or float(to_si(float(step), clock.unit)) > FASTEST
+        slow = clock is None or float(to_si(float(step), clock.unit)) > MAX_STEP_FAST_S
         over = slow & ~held if self.header.kind.in_positions else np.zeros(len(rows), dtype=bool)
         triads: dict[tuple[str, str], list[str]] = {}
         for c in self.columns:
@@ -163,7 +162,7 @@ class Holes:
             if quantity in HELD and self.header.kind.in_positions:
                 leaping |= self._in_rests(batch, names, rows, held)
             else:
-                leaping |= lone({n: batch[n][rows] for n in names}, still)
+                leaping |= spikes({n: batch[n][rows] for n in names}, still)
         out = dict[str, NDArray[np.bool_]]()
         for c in self.columns:
             if c.name in self.leaps:
@@ -193,14 +192,14 @@ class Holes:
             off = np.where(told, x, 0.0) - np.where(told, level, 0.0)
             off = (off + turn / 2) % turn - turn / 2
             least = float(from_si(MATTERS * self.header.noise.get("gimbal_angle", SETTING), unit))
-            out |= lone({n: off}, slow=True, least=least)
+            out |= spikes({n: off}, slow=True, least=least)
         return {n: found & held for n, found in out.items()}
 
     def _bridged(self, batch: Batch, name: str, full: NDArray[np.bool_], leapt: NDArray[np.bool_]) -> Array:
         """A column with the rows that leapt as their neighbours tell them; `InputError` where these do not agree."""
         rows = np.flatnonzero(leapt[full])
         out, kept = batch[name].copy(), batch[name][full]
-        untold = rows[~surely_told(kept, rows)] if len(rows) else rows
+        untold = rows[~reliably_predicted(kept, rows)] if len(rows) else rows
         if len(untold):
             row = self.rows - len(full) + int(np.flatnonzero(full)[untold[0]])
             raise InputError(
@@ -208,7 +207,7 @@ class Holes:
                 f"{kept[untold[0]]:.6g} leaps away for a row or two and back while the motion changes, so that its "
                 "neighbours do not tell what it was; correct it, or cut the recording there"
             )
-        out[leapt] = told_by_neighbours(kept, rows)
+        out[leapt] = predicted_by_neighbours(kept, rows)
         return out
 
     def _in_file(self, row: int) -> int:

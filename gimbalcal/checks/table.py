@@ -16,18 +16,18 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from gimbalcal.checks.axes import AXES, CLOSE, NEARLY_ALL, PERMUTATIONS, in_words, remedy
+from gimbalcal.checks.covariates import check_clock, check_marked, check_temperature
+from gimbalcal.checks.driven_rates import like_table, refuse_unlike_table
+from gimbalcal.checks.forces import check_each_norm, check_magnitude
+from gimbalcal.checks.rates import refuse_implausible_rates
+from gimbalcal.checks.sidereal import check_attitude, check_latitude, check_sidereal, check_turn
+from gimbalcal.checks.sightings import check_pointing
+from gimbalcal.checks.turned_unit import check_turned
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import COLOURED, SENSORS, Recording, dwell_means, dwells
 from gimbalcal.recording.completed import with_rests
-from gimbalcal.recording.plausible_force import check_each_norm, check_magnitude
-from gimbalcal.recording.plausible_log import check_clock, check_marked, check_temperature
-from gimbalcal.recording.plausible_pointing import check_pointing
-from gimbalcal.recording.plausible_run import check_attitude, check_latitude, check_sidereal, check_turn, named
-from gimbalcal.recording.plausible_turned import check_turned
-from gimbalcal.recording.rates import refuse_implausible_rates
-from gimbalcal.recording.table_turns import like_table, refuse_unlike_table
-from gimbalcal.recording.triads import AXES, CHANGES, CLOSE, NEARLY_ALL, in_words, remedy
 from gimbalcal.units import is_raw
 
 QUIETEST = 1e-15  # SI; less than this is zero to any instrument
@@ -109,7 +109,7 @@ def _check_noise(recording: Recording) -> None:
         channels = [key for key in recording.channels if key[0] == SENSORS[sensor]]
         if 0 < sigma < QUIETEST and not any(is_raw(recording.units.get(key, "")) for key in channels):
             raise InputError(
-                f"{named(recording)}: a noise of {sigma:g} in SI units, as [noise] states for the {sensor}, is less "
+                f"{recording.label}: a noise of {sigma:g} in SI units, as [noise] states for the {sensor}, is less "
                 "than any instrument has; correct it, or leave it out to have it taken from the rows"
             )
 
@@ -128,7 +128,7 @@ def _check_stillness(recording: Recording) -> None:
         if moved > UNSTILL * recording.site.gravity:
             t = recording.time[[dwell.start, dwell.stop - 1]]
             raise InputError(
-                f"{named(recording)}: within position {dwell.position}, from {t[0]:.10g} to {t[1]:.10g} s, the force "
+                f"{recording.label}: within position {dwell.position}, from {t[0]:.10g} to {t[1]:.10g} s, the force "
                 f"moves by {moved:.3g} m/s^2, so this is no rest; give each rest its own position "
                 "number, and 0 to the rows between, or leave the position column out to have the rests found"
             )
@@ -157,7 +157,7 @@ def _check_degrees(rests: Recording, force: Array) -> None:
             else 'so the angles look like radians; write unit = "rad" for the gimbal angles'
         )
         raise InputError(
-            f"{named(rests)}: all gimbal angles together turn by {np.degrees(turned):.3g} deg while the measured "
+            f"{rests.label}: all gimbal angles together turn by {np.degrees(turned):.3g} deg while the measured "
             f"force turns by {np.degrees(seen):.3g} deg, {advice}"
         )
 
@@ -172,7 +172,7 @@ def _check_each_axis(rests: Recording, force: Array) -> None:
         if off < 0.1 and not 0.5 < abs(slope) < 2:
             unit = rests.units.get(("specific_force", axis), "m/s^2")
             raise InputError(
-                f"{named(rests)}: the accelerometer {axis} alone reads {abs(slope):.4g} times what the gimbal angles "
+                f"{rests.label}: the accelerometer {axis} alone reads {abs(slope):.4g} times what the gimbal angles "
                 f"predict, so its unit is not {unit!r}; correct it in [columns]"
             )
 
@@ -203,12 +203,12 @@ def _check_axes(rests: Recording, force: Array) -> None:
     best, words, write = max(_readings(rests, force), key=lambda reading: reading[0])
     if best >= NEARLY_ALL * n and best >= stated + 2:
         raise InputError(
-            f"{named(rests)}: only {stated} of {n} {kind} have the force that the gimbal angles predict, and {best} "
+            f"{rests.label}: only {stated} of {n} {kind} have the force that the gimbal angles predict, and {best} "
             f"if {words}; correct [columns]{write}"
         )
     if stated < 0.5 * n:
         raise InputError(
-            f"{named(rests)}: only {stated} of {n} {kind} have the force within {np.degrees(CLOSE):.0f} deg "
+            f"{rests.label}: only {stated} of {n} {kind} have the force within {np.degrees(CLOSE):.0f} deg "
             f"of what the gimbal angles predict, whichever axes or signs are changed{_silent_gimbals(rests)}; check "
             "the platform, its zero angles and the gimbal columns, or leave these out and name the platform 'bench'"
         )
@@ -227,7 +227,7 @@ def _silent_gimbals(rests: Recording) -> str:
 def _readings(rests: Recording, force: Array) -> Iterator[tuple[int, str, str]]:
     """Rests that agree, in words, and what to write, for other readings of the columns: simpler ones first."""
     ideal = _predicted(rests, rests.angles())
-    for change in CHANGES:
+    for change in PERMUTATIONS:
         handed = "; as stated they make a left-handed triad" if change.handed < 0 else ""
         words, write = in_words(change, "accelerometer", WRONG_SIGN) + handed, remedy(change, "accelerometer")
         yield _agreeing(force @ change.matrix.T, ideal), words, f": {write}"

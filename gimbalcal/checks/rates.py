@@ -2,7 +2,7 @@ r"""Gyroscopes reversed, exchanged or in another unit, found before anything is 
 
 A calibration would absorb these too, as scale errors of -170000 ppm. So what the gyroscopes say of each turn between
 rests is held against what gravity's direction (else the gimbals) did, and against what it would be for another
-reading of their columns, rates M w for rates w, M one of `triads.CHANGES` times a ratio of units:
+reading of their columns, rates M w for rates w, M one of `triads.PERMUTATIONS` times a ratio of units:
 
 .. math:: f_2 / |f_2| = C(M w) \, f_1 / |f_1|, \qquad C(M w) = M \, C(\det(M) \, w) \, M^T .
 
@@ -18,15 +18,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from gimbalcal.checks.axes import AXES, NEARLY_ALL, PERMUTATIONS, AxisPermutation, in_words, remedy
+from gimbalcal.checks.gravity_turns import Turns, agree, down, rotations, turns_of
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording.completed import with_rests
 from gimbalcal.recording.dwell import dwells
-from gimbalcal.recording.plausible_run import named
 from gimbalcal.recording.record import RATE, Recording
-from gimbalcal.recording.triads import AXES, CHANGES, NEARLY_ALL, Change, in_words, remedy
-from gimbalcal.recording.turns import Turns, agree, down, rotations, turns_of
 from gimbalcal.units import to_si
 
 FEWEST_RESTS = 8  # three of them go into the bias
@@ -36,7 +35,7 @@ CLOCKS = {1e-3: "ms", 1e3: "s instead of ms", 1e-6: "us", 60.0: "min", 3600.0: "
 COUNTS = np.geomspace(0.2, 20, 40)  # rad that a median turn may have, where nothing says how much a count is
 FACTORS = 1e-2, 1e2, 93  # of all rates, in steps of 10 %
 INSTRUMENT = 3.0  # rates off by less are no slip of a unit: a range that was left, rows that were lost
-REVERSED = Change(signs=(-1, -1, -1))
+REVERSED = AxisPermutation(signs=(-1, -1, -1))
 FAINT = 0.3  # of what no reading at all would leave: gyroscopes see the Earth where less remains
 UNCHECKED = (
     "axes, signs and unit of the gyroscopes were not checked: it takes three logged turns between rests that move "
@@ -81,8 +80,8 @@ def _check_turns(recording: Recording, turns: Turns) -> None:
         return
     units = [] if recording.counted(RATE) else _units(recording)
     best, words = stated, ""
-    alone = [(f, u, CHANGES[:1]) for f, u in units] + [(f, u, CHANGES[1:]) for f, u in factors]
-    for stage in (alone, [(f, u, CHANGES[1:]) for f, u in units]):  # one slip before two
+    alone = [(f, u, PERMUTATIONS[:1]) for f, u in units] + [(f, u, PERMUTATIONS[1:]) for f, u in factors]
+    for stage in (alone, [(f, u, PERMUTATIONS[1:]) for f, u in units]):  # one slip before two
         for factor, unit, changes in stage if best < NEARLY_ALL * n else []:
             both = {sign: rotations(turns, sign * factor * np.ones(3)) for sign in (1, -1)}
             for change in changes:
@@ -101,7 +100,7 @@ def _check_turns(recording: Recording, turns: Turns) -> None:
     if best >= NEARLY_ALL * n and best >= stated + 2:
         by = "gravity" if turns.before.shape[-1] == 1 else "the gimbals"
         raise InputError(
-            f"{named(recording)}: only {stated} of {n} turns between rests are by {by} what the gyroscopes say, and "
+            f"{recording.label}: only {stated} of {n} turns between rests are by {by} what the gyroscopes say, and "
             f"{best} if {words}"
         )
 
@@ -119,7 +118,7 @@ def _check_factor(recording: Recording, turns: Turns, stated: int) -> None:
     factor = float(np.exp(np.log(guesses[fits]).mean()))
     cure = f"correct the unit of their columns, {recording.units.get((RATE, 'x'), 'rad/s')!r}, or of the time"
     raise InputError(
-        f"{named(recording)}: only {stated} of {n} turns between rests are by gravity what the gyroscopes say, and "
+        f"{recording.label}: only {stated} of {n} turns between rests are by gravity what the gyroscopes say, and "
         f"{max(agreeing[fits])} if every rate were some {factor:.2g} times what it is; {cure}"
     )
 
@@ -145,7 +144,7 @@ def _scales(turns: Turns) -> list[tuple[float, str]]:
     return [(float(g), "") for g in COUNTS / median]
 
 
-def _both_in_words(recording: Recording, turns: Turns, change: Change, unit: str) -> str:
+def _both_in_words(recording: Recording, turns: Turns, change: AxisPermutation, unit: str) -> str:
     """A change of the gyroscopes and, where gravity alone tells, the same as one of the accelerometers; the cure."""
     told = [(change, "gyroscope")]
     vouched = recording.platform.axes and recording.has("gimbal_angle")
@@ -154,9 +153,9 @@ def _both_in_words(recording: Recording, turns: Turns, change: Change, unit: str
     return _cured(told, unit, "; as stated the gyroscopes make a left-handed triad" if change.handed < 0 else "")
 
 
-def _cured(told: list[tuple[Change, str]], unit: str, handed: str = "") -> str:
+def _cured(told: list[tuple[AxisPermutation, str]], unit: str, handed: str = "") -> str:
     """Changes of which one is true, the simplest first, after a change of unit; and what to write for the first."""
-    told = sorted((t for t in told if t[0] != CHANGES[0]), key=lambda t: t[0].slips)
+    told = sorted((t for t in told if t[0] != PERMUTATIONS[0]), key=lambda t: t[0].slips)
     words = [unit] if unit else []
     if told:
         words.append(", or ".join(in_words(*t) for t in told) + f"{handed}; correct [columns]: {remedy(*told[0])}")
@@ -191,7 +190,7 @@ def _check_earth(recording: Recording, turned: bool) -> bool:
     if nothing < 0.5 * abs(due) or stated < FAINT * nothing:
         return bool(nothing >= 0.5 * abs(due))
     units = [(1.0, "")] + ([] if turned else [u for u in _units(recording) if "time" not in u[1]])
-    changes = [c for c in CHANGES if not turned or c == REVERSED]
+    changes = [c for c in PERMUTATIONS if not turned or c == REVERSED]
     found = [(left(f * apply_matrix(c.matrix, rate)), c, unit) for f, unit in units for c in changes]
     best, change, unit = min(found, key=lambda t: t[0])
     if best >= FAINT * nothing:
@@ -202,7 +201,7 @@ def _check_earth(recording: Recording, turned: bool) -> bool:
     south = "the latitude has the opposite sign, or " if change == REVERSED else ""
     hour = 3600 * np.degrees(1.0)
     raise InputError(
-        f"{named(recording)}: at rest the gyroscopes miss the Earth's rate along the vertical, {due * hour:.4g} "
+        f"{recording.label}: at rest the gyroscopes miss the Earth's rate along the vertical, {due * hour:.4g} "
         f"deg/h, by {stated * hour:.3g} deg/h rms, and by {best * hour:.3g} deg/h if "
         f"{south}{_cured(told, unit)}"
     )

@@ -6,7 +6,6 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.recording.dwell import dwells
-from gimbalcal.recording.plausible_run import named
 from gimbalcal.recording.record import Recording
 from gimbalcal.units import from_si
 
@@ -30,7 +29,7 @@ def check_temperature(recording: Recording) -> tuple[str, ...]:
         told = float(from_si(middle, unit))
         likely = 'the numbers look like kelvin: write unit = "K"' if unit == "degC" and told < 500 else "correct it"
         raise InputError(
-            f"{named(recording)}: the temperature is {middle:.4g} degC in most rows, read in the unit {unit!r}, and no "
+            f"{recording.label}: the temperature is {middle:.4g} degC in most rows, read in the unit {unit!r}, and no "
             f"sensor works there; {likely} for its column"
         )
     if middle < COLDEST:

@@ -8,14 +8,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from gimbalcal.checks.axes import AXES, CLOSE, without_scale
 from gimbalcal.number import Array
-from gimbalcal.recording.dwell import dwells, usual_step
+from gimbalcal.recording.dwell import PAUSED, dwells, usual_step
 from gimbalcal.recording.record import FORCE, RATE, Recording
-from gimbalcal.recording.triads import AXES, CLOSE, without_scale
 from gimbalcal.rotation import exponential
 
 MOVED = 0.5  # rad; a turn that moves the reference less cannot fail by `CLOSE` and does not tell signs
-PAUSED = 10.0  # usual steps: nobody knows how a unit turned while the clock paused for longer
 FEWEST = 3  # turns that tell
 MOST_TURNS = 40  # those that move the reference most: enough to tell 48 readings apart
 LONGEST = 4000  # steps of a turn; longer ones are taken in means

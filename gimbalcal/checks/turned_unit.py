@@ -15,13 +15,12 @@ from itertools import combinations
 
 import numpy as np
 
+from gimbalcal.checks.axes import AXES
+from gimbalcal.checks.forces import ALIKE, FAR_OFF, FORCE_UNITS, GONE, check_each_norm, check_magnitude
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording.dwell import MISSED, dwell_means
-from gimbalcal.recording.plausible_force import ALIKE, FAR_OFF, FORCE_UNITS, GONE, check_each_norm, check_magnitude
-from gimbalcal.recording.plausible_run import named
 from gimbalcal.recording.record import FORCE, RATE, Recording
-from gimbalcal.recording.triads import AXES
 
 LATE, STEPS = 0.1, 2.5  # s and steps; a latency that belongs to sensors and their electronics is less
 LONGEST = 30.0  # s of lag that is looked for
@@ -61,7 +60,7 @@ def _check_columns(recording: Recording) -> None:
             x, y = recording.channels[q, a], recording.channels[q, b]
             if np.ptp(x) > 0 and np.array_equal(x, y):
                 raise InputError(
-                    f"{named(recording)}: {q} {a} and {b} hold the same numbers in all {len(x)} rows, so one column "
+                    f"{recording.label}: {q} {a} and {b} hold the same numbers in all {len(x)} rows, so one column "
                     "stands for both; name the right one in [columns]"
                 )
 
@@ -76,7 +75,7 @@ def _check_spikes(recording: Recording) -> None:
             axis = AXES[int(np.argmax(np.abs(y[rows[0]])))]
             others = f" (one of {len(rows)} such rows)" if len(rows) > 1 else ""
             raise InputError(
-                f"{named(recording)}: at {recording.time[rows[0]]:.10g} s {q} {axis} is "
+                f"{recording.label}: at {recording.time[rows[0]]:.10g} s {q} {axis} is "
                 f"{np.abs(y[rows[0]]).max():.3g} {UNIT[q]}, beyond anything that a unit turned in its place can read"
                 f"{others}; put the mean of its neighbours there, or cut the recording there"
             )
@@ -92,13 +91,13 @@ def _check_triads(recording: Recording, force: Array, step: float) -> None:
     turned = float(np.median(np.linalg.norm(rate[:: max(1, len(rate) // 5000)], axis=1)))
     if 0.5 < turned / g < 1.5 and size < GONE * g:
         raise InputError(
-            f"{named(recording)}: the angular rate is {turned:.4g} rad/s in most rows and the specific force "
+            f"{recording.label}: the angular rate is {turned:.4g} rad/s in most rows and the specific force "
             f"{size:.3g} m/s^2, so the accelerometers stand in the gyroscopes' columns; exchange the quantities in "
             "[columns]"
         )
     if size < GONE * g and not _like_a_unit(size / g, step):
         raise InputError(
-            f"{named(recording)}: the specific force is {size:.2g} m/s^2 in most rows, so gravity has been taken off "
+            f"{recording.label}: the specific force is {size:.2g} m/s^2 in most rows, so gravity has been taken off "
             '(telephones call the rest "linear acceleration"); log what the accelerometers read, gravity included'
         )
 
@@ -115,7 +114,7 @@ def _check_spread(recording: Recording, force: Array) -> None:
     if np.sqrt(np.mean((size - 1) ** 2)) > FAR_OFF:
         reach = ", ".join(f"{a} {force[:, i].min():.3g} to {force[:, i].max():.3g}" for i, a in enumerate(AXES))
         raise InputError(
-            f"{named(recording)}: at rest the force is {size.min():.2g} to {size.max():.2g} times gravity ({reach} "
+            f"{recording.label}: at rest the force is {size.min():.2g} to {size.max():.2g} times gravity ({reach} "
             "m/s^2), where each accelerometer should go from -9.8 to 9.8 and their norm stay; one of them is not what "
             "[columns] says, or has an offset that is no bias"
         )
@@ -147,6 +146,6 @@ def _check_lag(recording: Recording, step: float) -> None:
     if left(0) > BETTER * left(lag):
         first, second = ("accelerometers", "gyroscopes") if lag > 0 else ("gyroscopes", "accelerometers")
         raise InputError(
-            f"{named(recording)}: the {first} come {abs(lag) * step:.3g} s after the {second}: what these say of the "
+            f"{recording.label}: the {first} come {abs(lag) * step:.3g} s after the {second}: what these say of the "
             "turns fits the force so, and not as the rows stand; put both on one clock (`gimbalcal new` joins two logs)"
         )

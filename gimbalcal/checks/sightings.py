@@ -17,7 +17,6 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
-from gimbalcal.recording.plausible_run import named
 from gimbalcal.recording.record import Recording
 
 READ, STAR = "gimbal_angle", "true_angle"
@@ -55,7 +54,7 @@ def check_pointing(recording: Recording) -> tuple[str, ...]:
     if apart < FAR:
         return _small(recording, axes, star)
     said = (
-        f"{named(recording)}: readouts and stars are {np.degrees(apart):.3g} deg apart on the sky (the median of "
+        f"{recording.label}: readouts and stars are {np.degrees(apart):.3g} deg apart on the sky (the median of "
         f"{len(read)}, zeros of both axes allowed for)"
     )
     found = [(*_apart(recording, axes, o.read, o.star), o.words) for o in _others(recording, axes, read, star)]
@@ -74,7 +73,7 @@ def _check_turns(recording: Recording, axes: list[str], star: Array) -> None:
         most, unit = float(np.abs(star[:, i]).max()), recording.units.get((STAR, axis), "deg")
         if most > TURNS:
             raise InputError(
-                f"{named(recording)}: the true angle of {axis} reaches {most / (2 * np.pi):.3g} turns, read in the "
+                f"{recording.label}: the true angle of {axis} reaches {most / (2 * np.pi):.3g} turns, read in the "
                 f"unit {unit!r}, and no star goes round so far; correct the unit of its column, for example to deg"
             )
 

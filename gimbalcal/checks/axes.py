@@ -23,7 +23,7 @@ EVEN = 0.5
 
 
 @dataclass(frozen=True)
-class Change:
+class AxisPermutation:
     """A signed permutation of three columns."""
 
     order: tuple[int, ...] = (0, 1, 2)
@@ -46,28 +46,28 @@ class Change:
         flipped = 1 if self.signs == (-1, -1, -1) else sum(s < 0 for s in self.signs)  # all three: one convention
         return moved + flipped, moved
 
-    def inverse(self, sign: int = 1) -> Change:
+    def inverse(self, sign: int = 1) -> AxisPermutation:
         """`sign` times M^-1."""
         back = sign * self.matrix.T
         order = tuple(int(np.argmax(np.abs(row))) for row in back)
-        return Change(order, tuple(round(float(row[i])) for i, row in zip(order, back, strict=True)))
+        return AxisPermutation(order, tuple(round(float(row[i])) for i, row in zip(order, back, strict=True)))
 
 
-CHANGES = tuple(
+PERMUTATIONS = tuple(
     sorted(
-        (Change(order, signs) for order in permutations(range(3)) for signs in product((1, -1), repeat=3)),
+        (AxisPermutation(order, signs) for order in permutations(range(3)) for signs in product((1, -1), repeat=3)),
         key=lambda c: c.slips,
     )
 )
 """All 48, simpler ones first; the first of them changes nothing."""
 
 
-def in_words(change: Change, sensor: str, reversed_in_words: str = "") -> str:
+def in_words(change: AxisPermutation, sensor: str, reversed_in_words: str = "") -> str:
     """What columns of a sensor ("gyroscope") would have to be; `reversed_in_words` is what follows "wrong sign".
 
-    >>> in_words(Change((1, 0, 2)), "gyroscope")
+    >>> in_words(AxisPermutation((1, 0, 2)), "gyroscope")
     'the gyroscopes x and y are interchanged'
-    >>> in_words(Change(signs=(1, 1, -1)), "gyroscope")
+    >>> in_words(AxisPermutation(signs=(1, 1, -1)), "gyroscope")
     'the gyroscope z had the opposite sign'
     """
     moved = [AXES[a] for a, b in enumerate(change.order) if a != b]
@@ -84,10 +84,10 @@ def in_words(change: Change, sensor: str, reversed_in_words: str = "") -> str:
     return " and ".join(parts) or "the columns are as stated"
 
 
-def remedy(change: Change, sensor: str) -> str:
+def remedy(change: AxisPermutation, sensor: str) -> str:
     """What to write in [columns] for a change of a sensor; empty where nothing changes.
 
-    >>> remedy(Change((1, 0, 2), (1, -1, 1)), "gyroscope")
+    >>> remedy(AxisPermutation((1, 0, 2), (1, -1, 1)), "gyroscope")
     'for gyroscope y write axis = "x", for gyroscope x write axis = "y", sign = -1'
     """
     wrong = [i for i in range(3) if change.order[i] != i or change.signs[i] < 0]

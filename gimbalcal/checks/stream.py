@@ -11,12 +11,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from gimbalcal.checks.dropouts import Dropouts
 from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
-from gimbalcal.recording.columns import Column
+from gimbalcal.recording.columns import SPARSE, Column
 from gimbalcal.recording.document import LARGEST
 from gimbalcal.recording.header import Header
-from gimbalcal.recording.holes import SPARSE, Holes
 from gimbalcal.recording.samples import Batch
 from gimbalcal.units import celsius, is_raw, to_si
 
@@ -31,9 +31,9 @@ STRIDE = 5  # every run of FEWEST rows holds four neighbours of every fifth row
 class Screen:
     """Watches the rows go by and refuses the recording where they cannot be right."""
 
-    def __init__(self, header: Header, whole: Callable[[str], Array], holes: Holes) -> None:
-        self.header, self.holes = header, holes
-        self.whole = lambda name: holes.whole(whole(name))  # `whole` fetches one column for a second look
+    def __init__(self, header: Header, whole: Callable[[str], Array], dropouts: Dropouts) -> None:
+        self.header, self.dropouts = header, dropouts
+        self.whole = lambda name: dropouts.whole(whole(name))  # `whole` fetches one column for a second look
         clock, position = header.column("time"), header.column("position")
         if clock is None:
             raise ValueError("a header without a time column does not pass `read_header`")
@@ -84,7 +84,7 @@ class Screen:
 
     def place(self, start: int, stop: int | None = None) -> str:
         """Where rows `start` up to `stop` stand in the file."""
-        return self.holes.place(start, stop)
+        return self.dropouts.place(start, stop)
 
     def _finite(self, name: str, x: Array) -> None:
         bad = np.flatnonzero(~np.isfinite(x))

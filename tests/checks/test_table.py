@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gimbalcal.checks.table import refuse_implausible
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import BENCH, SPACE_STABLE, SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.document import Document
-from gimbalcal.recording.plausibility import refuse_implausible
 
 GRAVITY = 9.80146
 FACES_AND_EDGES = np.radians(

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from gimbalcal.checks.axes import AXES
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
-from gimbalcal.recording.plausible_run import named
 from gimbalcal.recording.record import Recording
-from gimbalcal.recording.triads import AXES
 from gimbalcal.units import to_si
 
 FORCE_UNITS = {unit: to_si(1.0, unit) for unit in ("m/s^2", "g", "mg", "ug", "ft/s^2", "Gal")}
@@ -41,7 +40,7 @@ def check_magnitude(rests: Recording, force: Array, step: float = 0.0) -> None:
             'are increments: write quantity = "velocity_increment", unit = "m/s"'
         )
     raise InputError(
-        f"{named(rests)}: at rest the specific force is {ratio * rests.site.gravity:.4g} m/s^2 where gravity is "
+        f"{rests.label}: at rest the specific force is {ratio * rests.site.gravity:.4g} m/s^2 where gravity is "
         f"{rests.site.gravity:.4g} m/s^2, read in the unit {unit!r}; {remedy}"
     )
 
@@ -61,7 +60,7 @@ def check_each_norm(rests: Recording, force: Array) -> None:
             best = min(best, (off / NORM_SHARE, " and ".join(axes), unit))
     if best[1] and best[0] < stated:
         raise InputError(
-            f"{named(rests)}: at rest the norm of the force differs from gravity by {100 * stated:.3g} % rms, and by "
+            f"{rests.label}: at rest the norm of the force differs from gravity by {100 * stated:.3g} % rms, and by "
             f"{100 * NORM_SHARE * best[0]:.2g} % if accelerometer {best[1]} alone were in {best[2]}; write unit = "
             f'"{best[2]}" for it in [columns]'
         )

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gimbalcal.checks.jitter import jitter_of, regular
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, read
-from gimbalcal.recording.jitter import jitter_of, regular
 
 RATE = 50.0
 HEADER = """\

@@ -14,12 +14,12 @@ from math import erf, log, sqrt
 
 import numpy as np
 
+from gimbalcal.checks.frozen_channels import longest_run, piled_up, steps
+from gimbalcal.checks.stream import GAP, STRIDE, Screen
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import Column
 from gimbalcal.recording.record import SENSORS
-from gimbalcal.recording.screening import GAP, STRIDE, Screen
-from gimbalcal.recording.stuck import longest_run, piled_up, steps
 from gimbalcal.units import from_si, is_raw, to_si
 
 IMPOSSIBLE = {"specific_force": 100.0, "angular_rate": 1.0}  # m/s^2, some ten g; rad/s, beyond any bias: at rest

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gimbalcal.checks.table import refuse_implausible
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording
-from gimbalcal.recording.plausibility import refuse_implausible
 from tests.estimate.pointing.mounts import ALT_AZ, EQUATORIAL, effects, run, sky
 
 DEG = np.pi / 180

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gimbalcal import from_arrays
+from gimbalcal.checks.spikes import spikes
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
-from gimbalcal.recording.lone import lone
 
 N = 4000
 
@@ -28,7 +28,7 @@ def test_noise_steps_knocks_and_turns_do_not_leap() -> None:
     steps = np.repeat(rng.standard_normal(200), 1000) + 1e-3 * white
     coarse = np.round(0.6 * white)
     for x in (white, heavy, turning, knocks, steps, coarse, np.zeros(1000), np.arange(5.0)):
-        assert not lone({"x": x})["x"].any()
+        assert not spikes({"x": x})["x"].any()
 
 
 def test_leaps_are_found_at_rest_and_in_turns_and_few_of_them_only() -> None:
@@ -36,23 +36,23 @@ def test_leaps_are_found_at_rest_and_in_turns_and_few_of_them_only() -> None:
     x = np.sin(np.arange(20_000) / 100) + 0.001 * rng.standard_normal(20_000)
     at = np.arange(100, 19_000, 700)
     x[at] += rng.choice([-1, 1], len(at)) * rng.uniform(0.2, 3, len(at))
-    np.testing.assert_array_equal(np.flatnonzero(lone({"x": x})["x"]), at)
+    np.testing.assert_array_equal(np.flatnonzero(spikes({"x": x})["x"]), at)
     x[::20] += 5.0
-    assert not lone({"x": x})["x"].any()
+    assert not spikes({"x": x})["x"].any()
 
 
 def test_a_knock_is_felt_by_several_channels() -> None:
     f = still(9)
     f[500] += [4.0, 0.3, -2.0]
-    assert not any(found.any() for found in lone(dict(zip("xyz", f.T, strict=True))).values())
+    assert not any(found.any() for found in spikes(dict(zip("xyz", f.T, strict=True))).values())
     f[900, 1] += 4.0
-    np.testing.assert_array_equal(np.flatnonzero(lone(dict(zip("xyz", f.T, strict=True)))["y"]), [900])
+    np.testing.assert_array_equal(np.flatnonzero(spikes(dict(zip("xyz", f.T, strict=True)))["y"]), [900])
 
 
 def test_a_row_of_zeros_is_no_knock() -> None:
     f = np.array([0.2, 0.0, 0.0]) + still(17)  # 20 sigma: a knock shakes an axis by as much
     f[700] = 0.0
-    np.testing.assert_array_equal(np.flatnonzero(lone(dict(zip("xyz", f.T, strict=True)))["z"]), [700])
+    np.testing.assert_array_equal(np.flatnonzero(spikes(dict(zip("xyz", f.T, strict=True)))["z"]), [700])
 
 
 def test_rows_that_leap_are_left_out_and_said() -> None:
@@ -89,7 +89,7 @@ def test_a_leap_along_several_axes_is_found_and_a_knock_that_rings_is_none() -> 
     f[900] = 0.0
     ringing = np.exp(-np.arange(40) / 6) * np.cos(np.arange(40))
     f[1500:1540] += ringing[:, None] * [4.0, 0.3, -2.0]
-    found = lone(dict(zip("xyz", f.T, strict=True)))
+    found = spikes(dict(zip("xyz", f.T, strict=True)))
     np.testing.assert_array_equal(np.flatnonzero(found["x"]), [500])
     np.testing.assert_array_equal(np.flatnonzero(found["y"]), [500])
     np.testing.assert_array_equal(np.flatnonzero(found["z"]), [900])
@@ -99,7 +99,7 @@ def test_a_leap_in_a_turn_that_speeds_up_is_found() -> None:
     t = np.arange(20_000) / 100
     x = 5 * np.sin(2 * np.pi * t) + 0.002 * np.random.default_rng(11).standard_normal(len(t))
     x[[4025, 9000]] += [0.5, -0.5]  # where it turns fastest, and where it speeds up most
-    np.testing.assert_array_equal(np.flatnonzero(lone({"x": x})["x"]), [4025, 9000])
+    np.testing.assert_array_equal(np.flatnonzero(spikes({"x": x})["x"]), [4025, 9000])
 
 
 def test_rows_of_a_navigator_are_filled_and_said() -> None:
@@ -121,11 +121,11 @@ def test_two_rows_that_leap_alike_are_one_leap_and_a_knock_of_two_is_none() -> N
     x[at] += np.repeat([0.5, -0.6, 3.0], 2)
     x[[12000, 12001]] += [0.5, 0.25]  # as a knock leaves them
     x[[15000, 15001, 15002]] += 0.5
-    np.testing.assert_array_equal(np.flatnonzero(lone({"x": x})["x"]), at)
+    np.testing.assert_array_equal(np.flatnonzero(spikes({"x": x})["x"]), at)
     f = still(19)
     f[500:502] += [4.0, 0.3, -2.0]  # felt by an axis that does not leap
     f[900:902], f[1200:1202, 1] = 0.0, 5.0
-    found = lone(dict(zip("xyz", f.T, strict=True)))
+    found = spikes(dict(zip("xyz", f.T, strict=True)))
     np.testing.assert_array_equal(np.flatnonzero(found["z"]), [900, 901])
     np.testing.assert_array_equal(np.flatnonzero(found["y"]), [1200, 1201])
 

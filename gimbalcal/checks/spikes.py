@@ -1,0 +1,192 @@
+r"""Spikes: one or two rows that depart from their neighbours and return, a fault of the logger or of the wire.
+
+A row is a spike where a channel differs from the cubic through its four neighbours,
+
+.. math:: d_i = x_i - \tfrac16 (4 x_{i-1} + 4 x_{i+1} - x_{i-2} - x_{i+2}) ,
+
+by more than `MIN_RATIO` times the usual :math:`|d|` about it (the median of `STRETCH` rows), while cubics through other
+neighbours predict the same. Two rows side by side are one spike where they are off alike: their mean is compared with
+the cubic through the neighbours of both. Motion that a sampler can follow is smooth over seven rows, and a knock
+rings: another channel of the triad is shaken by it without a spike of its own.
+
+Both distances follow from one fourth difference, :math:`|d_i| = |\delta^4 x_i| / 6` and
+:math:`|\delta^4 x_i + \delta^4 x_{i+1}| / 4`. Medians are taken only in stretches whose largest :math:`|d|` exceeds
+`MIN_RATIO` times the lower quartile of the recording, below which no stretch counts as quieter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gimbalcal.number import Array
+
+Rows = NDArray[np.int64]
+
+MIN_RATIO = 40.0  # medians of |d|, 37 sigma of white noise: beyond any noise of a sensor, heavy tails included
+MIN_RATIO_SLOW = 20.0  # the same where rows are seconds apart, or means, and the unit does not move in any
+MAX_RATIO_OTHERS = 10.0  # medians of |d| by which a channel may be off in the row of a spike of another
+MAX_SPREAD = 0.2  # of the spike: difference between predictions from different neighbours
+STRETCH = 32  # rows
+MAX_WIDTH = 2  # rows of one spike
+MAX_DIFFERENCE = 0.1  # of the spike, between its two rows: those of a knock differ by more
+MAX_STEP = {1: 1.0, 2: 0.5}  # of the spike, by width: step of the level; a third more than a spike of one row, a tenth
+NEIGHBOURS = 3  # rows on either side that a spike leaves alone: a knock rings in them
+MAX_SHARE = 0.01  # of the rows; what departs more often is no fault of single rows
+MAX_SHARE_STILL = 5 * MAX_SHARE  # of the rows with d != 0 where a channel stands still: a spike shows in five rows
+MIN_ROWS = 4 * STRETCH
+ENOUGH = 2048  # rows whose lower quartile is that of the recording
+LARGEST = 1e100  # beyond any reading in any unit
+MAX_STEP_FAST_S = 0.1  # a turn in a slower log may be over within a row
+
+
+def spikes(channels: Mapping[str, Array], slow: bool = False, least: float = 0.0) -> dict[str, NDArray[np.bool_]]:
+    """Return the rows (n,) of each channel of a triad in which it has a spike, of up to `MAX_WIDTH` rows.
+
+    A spike may be in one channel or in several; where another channel is shaken without a spike, it is a knock. slow:
+    rows are so far apart that none shows how a knock rings. least: size of the smallest relevant spike of a channel
+    that stands still.
+    """
+    channels = {name: np.clip(x, -LARGEST, LARGEST) for name, x in channels.items()}  # infinity is refused elsewhere
+    fourth = {name: _fourth(x) for name, x in channels.items()}
+    out = {name: np.zeros(len(x), dtype=bool) for name, x in channels.items()}
+    for width in range(1, MAX_WIDTH + 1):
+        off = {name: _Departure(x, width, least / MIN_RATIO_SLOW) for name, x in fourth.items()}
+        found = {name: _spikes(x, off[name].beyond(MIN_RATIO_SLOW if slow else MIN_RATIO), width, off[name].d)
+                 for name, x in channels.items()}  # fmt: skip
+        for name, rows in found.items():
+            kept = rows
+            if len(rows) and not slow:
+                calm = np.all([np.isin(rows, found[o]) | (off[o].ratio(rows) < MAX_RATIO_OTHERS) for o in off], axis=0)
+                ends = np.stack([rows, rows + width - 1])
+                empty = np.all([x[ends] == 0 for x in channels.values()], axis=(0, 1))  # no sample came: no knock
+                kept = rows[calm | empty]
+            out[name][kept] = out[name][kept + width - 1] = True
+    few = {name: np.count_nonzero(rows) <= MAX_SHARE * len(rows) for name, rows in out.items()}
+    return {name: rows & few[name] for name, rows in out.items()}
+
+
+def predicted_by_neighbours(x: Array, rows: Rows) -> Array:
+    """Return rows of x (n,) as the cubic through two neighbours on either side predicts them; none of the outer two.
+
+    Rows side by side are predicted by the neighbours of all; NaN where they are more than `MAX_WIDTH`.
+    """
+    out = np.full(len(x), np.nan)
+    for begin, width in _runs(rows):
+        even, odd = _even(x, begin, width, 1, 2), _odd(x, begin, width)
+        out[begin + width - 1] = even + odd
+        out[begin] = even - odd
+    return out[rows]
+
+
+def reliably_predicted(x: Array, rows: Rows) -> NDArray[np.bool_]:
+    """Return whether near and far neighbours predict rows (k,) of x (n,) alike: the motion does not change there."""
+    out = np.zeros(len(x), dtype=bool)
+    fourth = _fourth(x)
+    for begin, width in _runs(rows):
+        off = _Departure(fourth, width)
+        sure = _spread(x, begin, width) < MAX_RATIO_OTHERS * off.usual(begin)
+        out[begin] = out[begin + width - 1] = sure
+    return out[rows]
+
+
+class _Departure:
+    """|d| (n,) of the mean of `width` rows from each row on, by its fourth differences, and its usual size."""
+
+    def __init__(self, fourth: Array, width: int, least: float = 0.0) -> None:
+        n = len(fourth)
+        self.d = np.zeros(n)
+        if width == 1:
+            np.abs(fourth, out=self.d)
+            self.d /= 6
+        elif n > 5:
+            inside = self.d[2 : n - 3]
+            np.abs(np.add(fourth[2 : n - 3], fourth[3 : n - 2], out=inside), out=inside)
+            inside /= 4
+        self.stretches = self.d[: n // STRETCH * STRETCH].reshape(-1, STRETCH)
+        some = self.stretches[:: max(1, n // ENOUGH)]
+        some = some[some > 0]
+        some = some if len(some) > ENOUGH / 8 else self.d[self.d > 0]
+        self.resolution = float(np.quantile(some, 0.25)) if len(some) else 0.0  # of readings in steps: a step
+        still = least and np.count_nonzero(self.d) <= MAX_SHARE_STILL * n
+        self.fixed, self.least = (least, least) if still else (0.0, max(least, self.resolution))
+
+    def beyond(self, ratio: float) -> Rows:
+        """Return the rows whose |d| is more than `ratio` times the usual one."""
+        if len(self.d) < MIN_ROWS:
+            return np.zeros(0, dtype=np.int64)
+        stretches = np.flatnonzero(self.stretches.max(axis=1) > ratio * self.least)
+        rows = (stretches[:, None] * STRETCH + np.arange(STRETCH)).ravel()
+        rows = np.concatenate([rows, np.arange(self.stretches.size, len(self.d))])
+        rows = rows[self.d[rows] > ratio * self.least]
+        return rows[self.ratio(rows) > ratio]
+
+    def ratio(self, rows: Rows) -> Array:
+        """Return |d| of rows (k,) over its usual size; zero where nothing shows a usual size."""
+        if not len(rows) or len(self.d) < MIN_ROWS or not self.least:
+            return np.zeros(len(rows))
+        return np.asarray(self.d[rows] / (self.fixed or np.maximum(self.usual(rows), self.least)))
+
+    def usual(self, rows: Rows) -> Array:
+        """Return the usual |d| about rows (k,): the largest median of three stretches, or the resolution."""
+        last = len(self.stretches) - 1
+        own, at = np.unique(np.minimum(rows // STRETCH, last), return_inverse=True)
+        near = np.clip(own[:, None] + np.arange(-1, 2), 0, last)
+        needed, where = np.unique(near, return_inverse=True)
+        medians = np.median(self.stretches[needed], axis=1)[where].reshape(near.shape)
+        return np.maximum(medians.max(axis=1)[at], self.resolution)
+
+
+def _fourth(x: Array) -> Array:
+    """Return the fourth difference centred on each row of x (n,), zero in the outer two."""
+    out = np.zeros(len(x))
+    if len(x) > 4:
+        d = x[1:] - x[:-1]
+        for n in range(len(d) - 1, len(d) - 3, -1):
+            np.subtract(d[1 : n + 1], d[:n], out=d[:n])
+        np.subtract(d[1 : len(x) - 3], d[: len(x) - 4], out=out[2:-2])
+    return out
+
+
+def _runs(rows: Rows) -> list[tuple[Rows, int]]:
+    """Return the first rows of runs, for each length of a run up to `MAX_WIDTH`."""
+    begin = rows[np.diff(rows, prepend=-2) > 1]
+    length = np.diff(np.searchsorted(rows, begin), append=len(rows))
+    return [(begin[length == width], width) for width in range(1, MAX_WIDTH + 1)]
+
+
+def _even(x: Array, rows: Rows, width: int, near: int, far: int) -> Array:
+    """Return the mean of the first and last row of runs from `rows` (k,), by their neighbours near and far."""
+    end = rows + width - 1
+    h = (width - 1) / 2
+    a, b = near + h, far + h
+    one, two = ((x[rows - k] + x[end + k]) / 2 for k in (near, far))
+    return np.asarray(((b * b - h * h) * one - (a * a - h * h) * two) / (b * b - a * a))
+
+
+def _odd(x: Array, rows: Rows, width: int) -> Array:
+    """Return half the difference between the last and first row of runs, by the odd part of the cubic."""
+    h = (width - 1) / 2
+    a, b = 1 + h, 2 + h
+    one, two = ((x[rows + width - 1 + k] - x[rows - k]) / 2 for k in (1, 2))
+    return np.asarray(h * ((b * b - h * h) / a * one - (a * a - h * h) / b * two) / (b * b - a * a))
+
+
+def _spread(x: Array, rows: Rows, width: int) -> Array:
+    """Return the range (k,) of the cubics through two of the three neighbours on either side."""
+    pairs = combinations(range(1, NEIGHBOURS + 1), 2)
+    return np.ptp(np.stack([_even(x, rows, width, *pair) for pair in pairs]), axis=0)
+
+
+def _spikes(x: Array, rows: Rows, width: int, d: Array) -> Rows:
+    """Return those of `rows` from which on `width` rows depart from all neighbours alike and return."""
+    h = (width - 1) / 2
+    rows = rows[(rows >= NEIGHBOURS) & (rows < len(x) - NEIGHBOURS - width + 1)]
+    last, size = rows + width - 1, d[rows]
+    step = x[last + 1] - x[rows - 1] - (x[last + NEIGHBOURS] - x[rows - NEIGHBOURS]) * (1 + h) / (NEIGHBOURS + h)
+    difference = np.abs((x[last] - x[rows]) / 2 - _odd(x, rows, width))
+    alike = (np.abs(step) < MAX_STEP[width] * size) & (difference <= MAX_DIFFERENCE * size)
+    return rows[alike & (_spread(x, rows, width) < MAX_SPREAD * size)]
