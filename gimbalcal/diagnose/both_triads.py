@@ -28,8 +28,7 @@ from gimbalcal.diagnose.rows.rest_rates import RESTS, rest_rates
 from gimbalcal.diagnose.rows.turns import FEWEST, view_of_turns
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.unknown_noise import UNLOOKED, calibration_of, found_at_rest, on_the_way
-from gimbalcal.diagnose.verdict.told import Told, curves_of
-from gimbalcal.diagnose.verdict.wander_in_view import looked_at
+from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis, curves_of, diagnose_view
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect
 from gimbalcal.effects.effect import SENSOR_STAGES
@@ -68,7 +67,7 @@ def diagnose_both_triads(
     mine, gyro = by_triad(baseline)
     asked = (recording.has(FORCE) or not recording.has(RATE)) and (mine or not baseline)
     found = diagnose_known_noise(recording, calibration, mine, seed, tell) if asked else None
-    told, notes = list[Told](), list[str]()
+    told, notes = list[ViewDiagnosis](), list[str]()
     if recording.has(RATE) and not (mine and not gyro):
         made = calibration if found is None or found.calibration is None else _accelerometers(found.calibration)
         explained = found is None or found.verdict != "unexplained"
@@ -84,8 +83,8 @@ def diagnose_both_triads(
 
 
 def _slews(
-    recording: Recording, found: Diagnosis | None, told: Sequence[Told], tell: Tell, means: bool
-) -> tuple[list[Told], list[str]]:
+    recording: Recording, found: Diagnosis | None, told: Sequence[ViewDiagnosis], tell: Tell, means: bool
+) -> tuple[list[ViewDiagnosis], list[str]]:
     """What the slews say, with accelerometers and mount as the rests tell them, and gyroscopes as the turns do."""
     made = found.calibration if found is not None and found.calibration is not None else NOTHING
     gyro = next((t.model.effects for t in told if t.view.name == "turns"), ())
@@ -115,7 +114,7 @@ def _accelerometers(made: Calibration) -> Calibration:
 
 def _gyroscopes(
     recording: Recording, made: Calibration | None, gyro: Sequence[str], explained: bool, tell: Tell
-) -> tuple[list[Told], list[str]]:
+) -> tuple[list[ViewDiagnosis], list[str]]:
     """What the views of the gyroscopes say, and what cannot be said of them, in sentences."""
     rests = len(dwell_means(recording).time)
     if rests < RESTS:
@@ -137,9 +136,9 @@ def _gyroscopes(
         why = f"fewer than {FEWEST} turns between rests were logged" if explained else "nothing explains the forces"
         notes = [UNLOOKED.format(why=why)]
 
-    def looked(v: View) -> Told:
+    def looked(v: View) -> ViewDiagnosis:
         tell(f"the gyroscopes: {wording.channels_of(v)}")
-        return looked_at(v, tell)
+        return diagnose_view(v, tell)
 
     told = [looked(replace(still, missed_by_turns=None))]
     if turning and (found := found_at_rest(told[0])):
@@ -179,7 +178,7 @@ class _Part:
     """What one view says: name, verdict, fit, and a sentence of what naming the causes does or what is left."""
 
     name: str
-    said: Diagnosis | Told
+    said: Diagnosis | ViewDiagnosis
     in_words: str
 
     @property
@@ -197,7 +196,7 @@ def _part_of_forces(d: Diagnosis) -> _Part:
 
 
 def _together(
-    recording: Recording, forces: Diagnosis | None, told: Sequence[Told], notes: Sequence[str],
+    recording: Recording, forces: Diagnosis | None, told: Sequence[ViewDiagnosis], notes: Sequence[str],
     baseline: Sequence[str], seed: int,
 ) -> Diagnosis:  # fmt: skip
     parts = [] if forces is None else [_part_of_forces(forces)]
@@ -223,7 +222,7 @@ def _together(
     verdict = lead.said.verdict
     also = joined([o for p in parts if (o := p.said.outcome)])
     words = _answer(verdict, parts, found, shapes, mismatch, [f"{also}."] * bool(also) + list(notes))
-    drawn = curves_of(lead.said) if isinstance(lead.said, Told) else lead.said.curves
+    drawn = curves_of(lead.said) if isinstance(lead.said, ViewDiagnosis) else lead.said.curves
     held = None if forces is None else forces.calibration
     made = calibration_of(recording, told, wording.reserve(verdict, found, shapes), held)
     recommend = next(filter(None, (p.said.recommend for p in parts_by_weight)), "")

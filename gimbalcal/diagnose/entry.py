@@ -12,8 +12,8 @@ from gimbalcal.calibration.correction import refuse_other_gimbals
 from gimbalcal.calibration.gravity import with_gravity
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.both_triads import diagnose_both_triads, has_gyroscopes
+from gimbalcal.diagnose.caveats import with_reservation
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
-from gimbalcal.diagnose.reservation import with_reservation
 from gimbalcal.diagnose.result import Shape
 from gimbalcal.diagnose.rows.baseline import by_triad, check_baseline, check_finite
 from gimbalcal.diagnose.several import diagnose_several

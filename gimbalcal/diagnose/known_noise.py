@@ -18,6 +18,7 @@ from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import Curves, Diagnosis, in_print, plotted_against
 from gimbalcal.diagnose.evidence.noise import nodes, settle
 from gimbalcal.diagnose.evidence.odds import CLAIM
+from gimbalcal.diagnose.laws.law_claims import Lawful, lawful, misheld
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.known_noise import library
 from gimbalcal.diagnose.result import Estimate, Finding, Shape, Shift, StatedNoiseFit
@@ -30,18 +31,17 @@ from gimbalcal.diagnose.rows.observations import (
     linearised_at,
 )
 from gimbalcal.diagnose.search.about_settings import about_settings
-from gimbalcal.diagnose.search.lone_walk import wandering
 from gimbalcal.diagnose.search.ranking import Search, search
+from gimbalcal.diagnose.search.single_axis_random_walk import wandering
 from gimbalcal.diagnose.verdict.calibrated import calibrated, found_of
 from gimbalcal.diagnose.verdict.decide import Decision, bar, capped, strained, unnamed
-from gimbalcal.diagnose.verdict.laws import Lawful, lawful, misheld
+from gimbalcal.diagnose.verdict.detection_limits import detection_limits, limits_in_words
 from gimbalcal.diagnose.verdict.locate import LEFT, Scan, mismatches, scan
 from gimbalcal.diagnose.verdict.model import FittedCauses, calibration_fit, constant_value, fit_causes
+from gimbalcal.diagnose.verdict.random_walk import decide_with_walk, repeat_advice, with_walk, without_single_walks
 from gimbalcal.diagnose.verdict.recommend import advise, sentence
 from gimbalcal.diagnose.verdict.threshold import clean_evidence
-from gimbalcal.diagnose.verdict.unseen import in_words, unseen
 from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
-from gimbalcal.diagnose.verdict.wander import decided, once_more, steady, with_wander
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.number import Array
@@ -61,19 +61,19 @@ def diagnose_known_noise(
     s = searched(recording, calibration, ids, tell)
     tell("sending simulated clean recordings of this design through the same comparison")
     clean = clean_evidence(s, rng)
-    held = steady(s)
-    d, wander = decided(s, held, bar(clean))
+    held = without_single_walks(s)
+    d, walk = decide_with_walk(s, held, bar(clean))
     options = {"baseline": list(ids), "seed": seed}
-    if wander is not None and d.verdict == "adequate":  # unless a formula is as likely: a walk has none
+    if walk is not None and d.verdict == "adequate":  # unless a formula is as likely: a walk has none
         none = unnamed(held) if held.ln_total >= CLAIM else replace(unnamed(held), shapes=())
         law = lawful([held], [none.shapes[:1]], held, none.verdict, seed, tell) if none.shapes else Lawful()
-        likelier = max((found.evidence for found in law.laws), default=-np.inf) - wander.ln_total
-        law = law if likelier > -CLAIM else Lawful(recommend=law.recommend or once_more(s.o.kind))
+        likelier = max((found.evidence for found in law.laws), default=-np.inf) - walk.ln_total
+        law = law if likelier > -CLAIM else Lawful(recommend=law.recommend or repeat_advice(s.o.kind))
         made = _report(held, none, clean, rng, options, tell, calibration, law)
-        return made if likelier > CLAIM else with_wander(made, wander, alone=likelier < -CLAIM)
+        return made if likelier > CLAIM else with_walk(made, walk, only=likelier < -CLAIM)
     made = _report(s, d, clean, rng, options, tell, calibration)
-    if wander is not None:
-        return with_wander(made, wander)
+    if walk is not None:
+        return with_walk(made, walk)
     assert isinstance(made.fit, StatedNoiseFit)
     if d.hypothesis is None or (made.fit.scan_p_after >= LEFT and strained(s, d.hypothesis.members) < CLAIM):
         return made
@@ -156,8 +156,8 @@ def _report(
     }
     words, fault = wording.answer(d.verdict, named, shapes, mismatch, fitted), misheld(s, d.verdict)
     if d.verdict == "adequate":
-        limits = unseen(s.library.candidates, s.projections)
-        fitted, words = replace(fitted, unseen=limits), f"{words} {in_words(limits)}".strip()
+        limits = detection_limits(s.library.candidates, s.projections)
+        fitted, words = replace(fitted, unseen=limits), f"{words} {limits_in_words(limits)}".strip()
     law = law or lawful([s], [d.shapes[:1]], s, d.verdict, int(options["seed"]), tell)
     for law_fit, left in law.each:
         fitted = law_fit.summary(fitted)

@@ -19,6 +19,7 @@ from gimbalcal.diagnose.answer import Curves, Diagnosis
 from gimbalcal.diagnose.both_triads import has_gyroscopes
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.known_noise import constants, finding, measured, printed, searched, shape
+from gimbalcal.diagnose.laws.law_claims import APART, Lawful, lawful
 from gimbalcal.diagnose.result import (
     Finding,
     Mismatch,
@@ -37,7 +38,6 @@ from gimbalcal.diagnose.verdict.calibrated import calibrated, found_of
 from gimbalcal.diagnose.verdict.decide import Decision, bar, decide
 from gimbalcal.diagnose.verdict.decide_together import clean_together, decide_together
 from gimbalcal.diagnose.verdict.disagreement import Disagreement
-from gimbalcal.diagnose.verdict.laws import APART, Lawful, lawful
 from gimbalcal.diagnose.verdict.locate import LISTED, Scan, mismatches
 from gimbalcal.diagnose.verdict.model import fit_causes
 from gimbalcal.diagnose.verdict.pool import Part, agreement, common_constants, parts, pooled

@@ -26,9 +26,8 @@ from gimbalcal.diagnose.search.about_found import about_found
 from gimbalcal.diagnose.search.stepwise import course
 from gimbalcal.diagnose.verdict.calibrated import origin
 from gimbalcal.diagnose.verdict.calibrated_views import Seen, calibrated_views
-from gimbalcal.diagnose.verdict.told import Told, curves_of, told_of
-from gimbalcal.diagnose.verdict.unseen import in_words
-from gimbalcal.diagnose.verdict.wander_in_view import looked_at
+from gimbalcal.diagnose.verdict.detection_limits import limits_in_words
+from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis, curves_of, diagnose_view, diagnosis_of
 from gimbalcal.effects import Effect
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
@@ -67,7 +66,7 @@ def diagnose_unknown_noise(
 
 def without_strays(
     recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell
-) -> tuple[list[Told], list[str]]:
+) -> tuple[list[ViewDiagnosis], list[str]]:
     """What the one view of a recording says, and a note on each star that was left out as far off all others.
 
     One that is nine sigma off is half of the scatter of eighty: what is as large as that scatter does not show beside.
@@ -75,7 +74,7 @@ def without_strays(
     notes: list[str] = []
     while True:
         v = alone(recording, calibration, baseline, tell)
-        told = told_of(*about_found(v, course(v, tell), tell), tell)
+        told = diagnosis_of(*about_found(v, course(v, tell), tell), tell)
         n = len(v)
         off = strays(told.after) if recording.kind == "pointing" and n <= MANY and len(notes) < ROUNDS else []
         if not 0 < len(off) <= STRAYS * n:
@@ -103,16 +102,16 @@ def alone(recording: Recording, calibration: Calibration | None, baseline: Seque
 
 def of_triads(
     recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell
-) -> tuple[list[Told], list[str]]:
+) -> tuple[list[ViewDiagnosis], list[str]]:
     """What the views of a unit turned by hand say, one after the other, and notes on what was not looked at.
 
     The gyroscopes are held against accelerometers with what was found there: both triads are one model. A baseline of
     gyroscope effects alone asks for the gyroscopes alone, and so on.
     """
     mine, gyro = by_triad(baseline)
-    told: list[Told] = []
+    told: list[ViewDiagnosis] = []
     if recording.has(FORCE) and (mine or not baseline):
-        told.append(looked_at(norm(recording, mine), tell))
+        told.append(diagnose_view(norm(recording, mine), tell))
     if not (recording.has(RATE) and recording.has(FORCE) and (gyro or not baseline)):
         return told, []
     made = calibration_of(recording, told, "") if told else calibration
@@ -121,7 +120,7 @@ def of_triads(
         note = "The gyroscopes were not looked at: they count, and no turn says how much a count is."
         tell(note)
         return told, [note]
-    still = looked_at(at_rest, tell)
+    still = diagnose_view(at_rest, tell)
     told.append(still)
     if gyro:
         return told, []
@@ -130,32 +129,32 @@ def of_triads(
     moving = view_of_turns(recording, made, found_at_rest(still))
     if moving is None or made is None:
         return told, [wording.unlooked_way("too few turns were logged to say how the unit turned")]
-    told.append(told_of(moving, course(moving, tell), tell))
+    told.append(diagnosis_of(moving, course(moving, tell), tell))
     late, notes = on_the_way(recording, made, told[-1].model.effects, tell)
     return [*told, *late], notes
 
 
 def on_the_way(
     recording: Recording, made: Calibration, gyro: Sequence[Effect], tell: Tell, means: bool = False
-) -> tuple[list[Told], list[str]]:
+) -> tuple[list[ViewDiagnosis], list[str]]:
     """What the slews say of delays between channels, or a note why they say nothing; see `view_of_slews`."""
     v = view_of_slews(recording, made, gyro, means)
     if isinstance(v, str):
         return [], [wording.unlooked_way(v)]
     tell("the slews: do all channels agree in time")
-    return [told_of(v, course(v, tell), tell)], []
+    return [diagnosis_of(v, course(v, tell), tell)], []
 
 
 UNLOOKED = "What grows with the rate of the gyroscopes was not looked at: {why}."
 
 
-def found_at_rest(still: Told) -> tuple[Effect, ...]:
+def found_at_rest(still: ViewDiagnosis) -> tuple[Effect, ...]:
     """The model of the rests where something beyond the baseline was found; nothing where the neighbours tell more."""
     return still.model.effects if still.findings else ()
 
 
 def _together(
-    recording: Recording, told: Sequence[Told], notes: Sequence[str], baseline: Sequence[str], seed: int
+    recording: Recording, told: Sequence[ViewDiagnosis], notes: Sequence[str], baseline: Sequence[str], seed: int
 ) -> Diagnosis:
     lead = max(told, key=lambda t: VERDICTS.index(t.verdict))
     verdict = lead.verdict
@@ -171,7 +170,7 @@ def _together(
         **({"notes": list(notes)} if notes else {}),
     }
     words = wording.answer_of_views(verdict, [(t.view, t.fit, t.findings) for t in told], shapes, mismatch)
-    hidden = in_words([u for t in told for u in t.fit.unseen or ()]) if verdict == "adequate" else ""
+    hidden = limits_in_words([u for t in told for u in t.fit.unseen or ()]) if verdict == "adequate" else ""
     also = outcome_of(told)
     words = " ".join(filter(None, [words, hidden, wording.delayed(found), f"{also}." if also else "", *notes]))
     made = calibration_of(recording, told, wording.reserve(verdict, found, shapes))
@@ -180,13 +179,13 @@ def _together(
                      laws=tuple(law for t in told for law in t.laws), recommend=recommend)  # fmt: skip
 
 
-def outcome_of(told: Sequence[Told]) -> str:
+def outcome_of(told: Sequence[ViewDiagnosis]) -> str:
     """What else the views say, in sentences."""
     return joined([t.outcome for t in told if t.outcome])
 
 
 def calibration_of(
-    recording: Recording, told: Sequence[Told], outcome: str, forces: Calibration | None = None
+    recording: Recording, told: Sequence[ViewDiagnosis], outcome: str, forces: Calibration | None = None
 ) -> Calibration:
     """The calibration that the views end in, with what another road says of the forces."""
     causes = [f"{f.effect}:{f.axis}".rstrip(":") for t in told for f in t.findings]

@@ -45,7 +45,7 @@ def write_calibrations(
 
 def write_diagnoses(each: Sequence[tuple[Diagnosis, str, str]], out: Path, question: str = "") -> None:
     """The diagnosis of each sensor, titled, into its place in `out` ("" or a folder of its own): all or none."""
-    from gimbalcal.diagnose.verdict.law_file import is_found, source
+    from gimbalcal.diagnose.laws.law_file import is_found, source
     from gimbalcal.report.diagnosis_page import diagnosis_report, panels
 
     laws = [str(Path(own) / "law.py") for _, _, own in each]

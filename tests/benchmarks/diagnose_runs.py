@@ -17,7 +17,7 @@ from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.recording import Recording
 from tests.benchmarks.diagnose_static import AXIS, static_recording
-from tests.diagnose.laws import Law, at_size, laws, oddities, unforeseen
+from tests.diagnose.law_plants import Law, at_size, laws, oddities, unforeseen
 from tests.diagnose.plant import record
 
 NAMES = tuple(laws(0))

@@ -17,7 +17,7 @@ from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
-from tests.diagnose.laws import Law
+from tests.diagnose.law_plants import Law
 
 if TYPE_CHECKING:
     from tests.benchmarks.diagnose_runs import Run

@@ -30,7 +30,7 @@ from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
-from tests.diagnose.laws import Law
+from tests.diagnose.law_plants import Law
 from tests.diagnose.plant import record
 
 PENALTIES, SMALLEST, FOLDS, SWEEPS, TOLERANCE = 50, 1e-2, 5, 300, 1e-4

@@ -10,7 +10,7 @@ import pytest
 
 from gimbalcal import cli
 from gimbalcal.cli.output_folders import placed
-from gimbalcal.diagnose.verdict.law_file import HEAD
+from gimbalcal.diagnose.laws.law_file import HEAD
 from gimbalcal.errors import InputError
 from tests.fuzzing.seeds import LAW
 

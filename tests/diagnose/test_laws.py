@@ -11,7 +11,7 @@ from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.inference.algebra import orthonormal
-from tests.diagnose.laws import PROBE, at_size, laws, oddities
+from tests.diagnose.law_plants import PROBE, at_size, laws, oddities
 from tests.diagnose.plant import record, strength
 
 NAMES = sorted(laws(0))

@@ -11,7 +11,7 @@ from gimbalcal.diagnose import Diagnosis, diagnose
 from gimbalcal.diagnose.rows.views import pointing
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.stepwise import course
-from gimbalcal.diagnose.verdict.told import heldout, moved
+from gimbalcal.diagnose.verdict.view_fit import held_out_misfit, shifts
 from gimbalcal.effects import values
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
@@ -153,7 +153,7 @@ def test_rows_left_out_are_predicted_as_a_fit_without_them_predicts_them() -> No
     v = pointing(run(E, A, tilted(E, A, 12 * ARCSEC, -7 * ARCSEC), rng))
     m = start(v)
     sigma = np.full((N, 2), 3 * ARCSEC)
-    left = heldout(v, m, sigma)
+    left = held_out_misfit(v, m, sigma)
     J, r = m.J / sigma[..., None], m.r / sigma
     J = J / (np.linalg.norm(J, axis=(0, 1)) + 1e-300)
     for k in (0, 17, 50, 79):
@@ -169,7 +169,7 @@ def test_constants_move_as_what_was_found_moves_them() -> None:
     v = pointing(run(E, A, (E + 30 * ARCSEC * np.cos(E), A), rng))
     c = course(v, lambda _: None)
     assert {s.taken[0].effect for s in c.steps} == {"tube_flexure"}
-    rows = moved(c.start, c.end)
+    rows = shifts(c.start, c.end)
     zero = next(r for r in rows if (r["name"], r["axis"]) == ("gimbal_zero", "elevation"))
     before, after = (values(m.effects, m.fitted) for m in (c.start, c.end))
     at = next(k for k, p in enumerate(c.start.fitted) if (p.name, p.axis) == ("gimbal_zero", "elevation"))

@@ -182,23 +182,27 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
          "np.where(rival, np.log(SINGLE), np.log(UNKNOWN))"),
     ),
     (
-        "diagnose/verdict/test_wander.py::test_walks_compete_with_what_was_found "
-        "diagnose/verdict/test_wander.py::test_a_walk_twenty_times_as_likely_as_any_cause_is_told_alone "
-        "diagnose/verdict/test_wander.py::test_a_walk_is_as_large_as_its_grid_says_on_the_axis_that_is_likeliest"
+        "diagnose/verdict/test_random_walk.py::test_walks_compete_with_what_was_found "
+        "diagnose/verdict/test_random_walk.py::test_a_walk_twenty_times_as_likely_as_any_cause_is_told_alone "
+        "diagnose/verdict/test_random_walk.py::test_a_walk_is_as_large_as_its_grid_says_on_the_axis_that_is_likeliest"
     ): (
-        ("diagnose.verdict.wander", "Wander.shared", "1 + np.exp(self.ln_odds)", "1 + np.exp(-self.ln_odds)"),
-        ("diagnose.verdict.wander", "decided", "None or found.ln_odds > CLAIM", "None or found.ln_odds > -CLAIM"),
-        ("diagnose.verdict.wander", "decided", "total - held.ln_total, total", "held.ln_total - total, total"),
-        ("diagnose.verdict.wander", "wander", "from_si(np.exp(mean)", "from_si(mean"),
-        ("diagnose.verdict.wander", "wander", "spread * walk, ln_odds", "spread, ln_odds"),
-        ("diagnose.search.lone_walk", "wandering", "s.ln_total >= CLAIM", "s.ln_total < CLAIM"),
-        ("diagnose.search.lone_walk", "wandering", "s.ln_total - CLAIM", "s.ln_total + CLAIM"),
+        ("diagnose.verdict.random_walk", "RandomWalkFinding.share_of", "1 + np.exp(self.ln_odds)",
+         "1 + np.exp(-self.ln_odds)"),
+        ("diagnose.verdict.random_walk", "decide_with_walk", "None or walk.ln_odds > CLAIM",
+         "None or walk.ln_odds > -CLAIM"),
+        ("diagnose.verdict.random_walk", "decide_with_walk", "total - held.ln_total, total",
+         "held.ln_total - total, total"),
+        ("diagnose.verdict.random_walk", "likeliest_walk", "from_si(np.exp(mean)", "from_si(mean"),
+        ("diagnose.verdict.random_walk", "likeliest_walk", "spread * walk, ln_odds", "spread, ln_odds"),
+        ("diagnose.search.single_axis_random_walk", "wandering", "s.ln_total >= CLAIM", "s.ln_total < CLAIM"),
+        ("diagnose.search.single_axis_random_walk", "wandering", "s.ln_total - CLAIM", "s.ln_total + CLAIM"),
     ),
-    "diagnose/verdict/test_wander.py::test_a_weak_drift_is_told_with_the_walk_that_it_may_be": (
-        ("diagnose.verdict.wander", "steady", "logsumexp(joint, axis=0) - logsumexp(null)", "logsumexp(joint, axis=0)"),
+    "diagnose/verdict/test_random_walk.py::test_a_weak_drift_is_told_with_the_walk_that_it_may_be": (
+        ("diagnose.verdict.random_walk", "without_single_walks", "logsumexp(joint, axis=0) - logsumexp(null)",
+         "logsumexp(joint, axis=0)"),
     ),
-    "diagnose/verdict/test_wander.py::test_a_clear_drift_is_no_walk": (
-        ("diagnose.search.lone_walk", "weights", "np.log(n.prior) +", "-np.log(n.prior) +"),
+    "diagnose/verdict/test_random_walk.py::test_a_clear_drift_is_no_walk": (
+        ("diagnose.search.single_axis_random_walk", "weights", "np.log(n.prior) +", "-np.log(n.prior) +"),
     ),
     "diagnose/test_cost.py::test_a_still_base_warms_and_cools_once_a_day_through_what_was_recorded": (
         ("diagnose.cost", "_swung", "(v.max() - v.min()) / 2 * turn", "(v.max() - v.min()) * turn"),

@@ -12,7 +12,7 @@ from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.effects import Stage
 from gimbalcal.effects.process import covariance
 from gimbalcal.inference.noise_processes import chain
-from tests.diagnose.laws import held_before
+from tests.diagnose.law_plants import held_before
 from tests.diagnose.plant import UG, on, record
 from tests.diagnose.small import covariance as covariance_of
 from tests.diagnose.static_plant import record as at_rest

@@ -5,7 +5,7 @@ import pytest
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.library.shapes import high_harmonics, polynomials, unit_rms
-from tests.diagnose.laws import oddities
+from tests.diagnose.law_plants import oddities
 from tests.diagnose.plant import STEPS, at_strength, specific_force
 
 PLATFORM, INNER, MIDDLE = STEPS.T

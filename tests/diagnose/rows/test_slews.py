@@ -11,7 +11,7 @@ import pytest
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.diagnose.rows.slews import lateness, view_of_slews
 from gimbalcal.diagnose.search.stepwise import course
-from gimbalcal.diagnose.verdict.told import Told, told_of
+from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis, diagnosis_of
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.pipeline import silent
 from gimbalcal.recording import Recording
@@ -30,9 +30,9 @@ def seen(r: Recording) -> View:
     return v
 
 
-def told(r: Recording) -> Told:
+def told(r: Recording) -> ViewDiagnosis:
     v = seen(r)
-    return told_of(v, course(v, silent), silent)
+    return diagnosis_of(v, course(v, silent), silent)
 
 
 def unit(**more: Any) -> Unit:
@@ -101,7 +101,7 @@ def test_a_hand_is_no_delay_but_fifty_milliseconds_are() -> None:
         value, sigma = lateness(v)["force"]
         assert abs(value + late) < 3 * sigma
         assert sigma < 0.008
-        findings = told_of(v, course(v, silent), silent).findings
+        findings = diagnosis_of(v, course(v, silent), silent).findings
         assert [set(f["twins"]) | {f["effect"]} for f in findings] == [{"time_tag_latency", "gyro_latency"}] * (
             late > 0
         )

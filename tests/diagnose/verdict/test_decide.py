@@ -10,7 +10,7 @@ from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.diagnose.search.ranking import search
 from gimbalcal.diagnose.verdict.decide import decide, strained
 from gimbalcal.effects.baseline import BASELINE
-from tests.diagnose.laws import Law, at_size, laws, unforeseen
+from tests.diagnose.law_plants import Law, at_size, laws, unforeseen
 
 
 def searched(law, seed, sigmas):

@@ -16,10 +16,10 @@ import numpy as np
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER
 from gimbalcal.diagnose.evidence.projection import projected
+from gimbalcal.diagnose.laws.grounds import ground_of_search, ground_of_view, together
+from gimbalcal.diagnose.laws.law_search import Ground, Law, laws_of
 from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.search.combine import CombinedRanking
-from gimbalcal.diagnose.search.law_grounds import ground_of_search, ground_of_view, together
-from gimbalcal.diagnose.search.laws import Ground, Law, laws_of
 from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, Weighed, likeliest_variants, reduced
 from gimbalcal.diagnose.search.refit import Model, with_columns
 from gimbalcal.diagnose.verdict.model import fit_causes

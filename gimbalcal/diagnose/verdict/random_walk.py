@@ -1,12 +1,11 @@
-r"""One sensor that wanders: what it is told as, and what it leaves of a cause that would be named without it.
+r"""A random walk of a single sensor, and what it leaves of the probability of a cause that would be named without it.
 
-A walk has no law, so that what it explains has no known cause: the verdict is that nothing known explains it, and the
-shape a random walk. Where walk and cause are within a factor of 20 of each other both are told: the cause with its
-share of
+A walk has no law, so what it explains has no known cause: the verdict is `unexplained`, and the shape a random walk.
+Where walk and cause are within a factor of 20 of each other both are reported: the cause with its share of
 
 .. math:: P = \frac{L_{cause}}{L_{cause} + L_{walk}},
 
-priors included, and the walk beside it.
+priors included, and the walk as another explanation.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ STEP = float(np.log(LONE_WALK[1] / LONE_WALK[0]))
 
 
 @dataclass(frozen=True)
-class Wander:
+class RandomWalkFinding:
     """A sensor, its random walk with one sigma in the unit of `SENSOR`, and ln of the odds to causes without it.
 
     ln_total: ln Bayes factor of the walk against nothing, to weigh formulas by.
@@ -52,50 +51,53 @@ class Wander:
 
     @property
     def in_words(self) -> str:
-        """What wanders, and how fast."""
+        """The sensor, and the size of its walk."""
         sensor, unit = SENSOR[self.quantity]
         size = f"{wording.digits(self.walk)} +- {wording.digits(self.sigma)} {unit}"
         return f"{sensor} {self.axis} wanders, a random walk of {size}"
 
     @property
     def shape(self) -> Shape:
-        """As an entry of `unexplained`."""
+        """The walk as an entry of `unexplained`."""
         return wording.shape(SHAPE, self.quantity, self.axis)
 
-    def told(self, alone: bool) -> str:
-        """A sentence that it wanders: `alone`, or it may be that as well as what is told."""
-        if not alone:
+    def sentence(self, only: bool) -> str:
+        """Return that it walks, as the `only` explanation or as another one."""
+        if not only:
             return f"It may as well be that {self.in_words}"
         return f"{self.in_words[:1].upper()}{self.in_words[1:]}: no cause and no formula is as likely"
 
-    def shared(self, probability: float) -> float:
-        """What it leaves of the probability of a cause."""
+    def share_of(self, probability: float) -> float:
+        """Return what the walk leaves of the probability of a cause."""
         return float(probability / (1 + np.exp(self.ln_odds)))
 
 
-def decided(s: Search, held: Search, needed: float) -> tuple[Decision, Wander | None]:
-    """The verdict, and the accelerometer that wanders where that has a part in it.
+def decide_with_walk(s: Search, held: Search, needed: float) -> tuple[Decision, RandomWalkFinding | None]:
+    """Return the verdict, and the accelerometer that walks alone where that has a part in it.
 
-    `held` is the same search where none does, `needed` the ln Bayes factor that clean recordings of this design reach.
+    `held` is the same search without such noises, `needed` the ln Bayes factor that clean recordings of this design
+    reach.
     """
     d = decide(s, needed)
-    lone = np.array([bool(p.node.alone) for p in s.projections])
-    if d.hypothesis is not None or not lone.any():
+    single = np.array([bool(p.node.alone) for p in s.projections])
+    if d.hypothesis is not None or not single.any():
         return d, None
-    total = float(logsumexp(s.null[lone]) - logsumexp(s.null[~lone]))
-    weight = np.exp(s.null - s.null[lone].max()) * lone
-    found = wander([p.node for p in s.projections], weight, _units(s), "specific_force", total - held.ln_total, total)
+    total = float(logsumexp(s.null[single]) - logsumexp(s.null[~single]))
+    weight = np.exp(s.null - s.null[single].max()) * single
+    walk = likeliest_walk(
+        [p.node for p in s.projections], weight, _units(s), "specific_force", total - held.ln_total, total
+    )
     if d.verdict != "adequate":  # a shape beside a walk, or instead of it
-        return (replace(d, verdict="adequate"), found) if found.ln_odds > CLAIM else (d, None)
+        return (replace(d, verdict="adequate"), walk) if walk.ln_odds > CLAIM else (d, None)
     other = decide(held, needed)
-    if other.hypothesis is None or found.ln_odds > CLAIM:
-        return d, found
-    shared = tuple(found.shared(p) for p in other.probability)
-    return replace(other, verdict="not-identifiable", probability=shared), found
+    if other.hypothesis is None or walk.ln_odds > CLAIM:
+        return d, walk
+    shared = tuple(walk.share_of(p) for p in other.probability)
+    return replace(other, verdict="not-identifiable", probability=shared), walk
 
 
-def steady(s: Search) -> Search:
-    """The search in the noises in which no accelerometer wanders alone."""
+def without_single_walks(s: Search) -> Search:
+    """Return the search in the noises in which no accelerometer walks alone."""
     kept = np.array([not p.node.alone for p in s.projections])
     if kept.all():
         return s
@@ -106,22 +108,22 @@ def steady(s: Search) -> Search:
     return replace(s, hypotheses=w.hypotheses, projections=projections, null=w.null, joint=w.joint, singles=w.singles)
 
 
-def once_more(kind: str, by_hand: bool = False) -> str:
-    """What tells a walk from what has a law, in a recording of this kind."""
+def repeat_advice(kind: str, by_hand: bool = False) -> str:
+    """Return what distinguishes a random walk from a deterministic drift, in a recording of this kind."""
     return LONGER if kind == "static-run" else HAND if by_hand else AGAIN
 
 
-def with_wander(made: Diagnosis, wander: Wander, alone: bool = False) -> Diagnosis:
-    """The diagnosis, which says that a sensor wanders: `alone`, or it may be that as well as what is told."""
-    words = wander.told(alone)
-    unexplained = (wander.shape, *made.unexplained)
+def with_walk(made: Diagnosis, walk: RandomWalkFinding, only: bool = False) -> Diagnosis:
+    """Return the diagnosis with the walk of a sensor as the `only` explanation, or as another one."""
+    words = walk.sentence(only)
+    unexplained = (walk.shape, *made.unexplained)
     return replace(made, unexplained=unexplained, outcome=words, in_words=f"{made.in_words} {words}.")
 
 
-def wander(
+def likeliest_walk(
     nodes: Sequence[Node], weight: Array, units: Mapping[str, Array], quantity: str, ln_odds: float, ln_total: float
-) -> Wander:
-    """The likeliest sensor to walk alone in noises of this weight (nodes,), and its size.
+) -> RandomWalkFinding:
+    """Return the likeliest sensor to walk alone in noises of this weight (nodes,), and the size of its walk.
 
     units: of the noise in each of the nodes (nodes,), SI, by axis.
     """
@@ -133,7 +135,7 @@ def wander(
     mean = float(weight @ size)
     spread = float(np.sqrt(weight @ (size - mean) ** 2 + STEP**2 / 12))  # of a grid, anywhere between its values
     walk = float(from_si(np.exp(mean), SENSOR[quantity][1]))
-    return Wander(axis, walk, spread * walk, ln_odds, ln_total, quantity)
+    return RandomWalkFinding(axis, walk, spread * walk, ln_odds, ln_total, quantity)
 
 
 def _units(s: Search) -> dict[str, Array]:

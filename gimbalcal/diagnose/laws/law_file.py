@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.diagnose.answer import PRINTED
-from gimbalcal.diagnose.library.expressions import Expression, Term, whole
+from gimbalcal.diagnose.laws.expressions import Expression, Term, whole
+from gimbalcal.diagnose.laws.grounds import FED
+from gimbalcal.diagnose.laws.law_search import Law
 from gimbalcal.diagnose.result import Estimate, LawResult
-from gimbalcal.diagnose.search.law_grounds import FED
-from gimbalcal.diagnose.search.laws import Law
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
 from gimbalcal.units import from_si

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gimbalcal.diagnose.library.expressions import Expression
+from gimbalcal.diagnose.laws.expressions import Expression
+from gimbalcal.diagnose.laws.law_file import STAGES, printed
+from gimbalcal.diagnose.laws.law_search import Law
 from gimbalcal.diagnose.rows.observations import Observations
-from gimbalcal.diagnose.search.laws import Law
-from gimbalcal.diagnose.verdict.law_file import STAGES, printed
 from gimbalcal.diagnose.verdict.recommend import apart, fastest, told_apart
 from gimbalcal.effects import Stage
 from gimbalcal.number import Array

@@ -24,8 +24,8 @@ FAINT = 0.08  # sigmas at the usual size; a hundred times that would not show: t
 SAID = 3  # of them
 
 
-def unseen(candidates: Sequence[Candidate], projections: Sequence[Projection]) -> tuple[DetectionLimit, ...]:
-    """Each effect that was compared, with the least size that would have shown and the usual one, as printed.
+def detection_limits(candidates: Sequence[Candidate], projections: Sequence[Projection]) -> tuple[DetectionLimit, ...]:
+    """Return, of each effect that was compared, the least size that would have shown and the usual one, as printed.
 
     What happened once, as a step, is left out; what bends with its size is taken as it begins.
     """
@@ -46,10 +46,10 @@ def unseen(candidates: Sequence[Candidate], projections: Sequence[Projection]) -
     )  # fmt: skip
 
 
-def in_words(limits: Sequence[DetectionLimit]) -> str:
-    """A sentence on those that may be there at their usual size, the nearest to showing first; empty for none.
+def limits_in_words(limits: Sequence[DetectionLimit]) -> str:
+    """Return a sentence on the effects that may be present at their usual size, the nearest to showing first; or "".
 
-    >>> in_words([DetectionLimit("bias_drift", "x", 12.34, 3.0, "ug/h")])
+    >>> limits_in_words([DetectionLimit("bias_drift", "x", 12.34, 3.0, "ug/h")])
     'At their usual size these would not have shown: bias drift (x) below 12.3 ug/h.'
     """
     hidden = sorted((t for t in limits if t.least > t.usual), key=lambda t: t.least / t.usual)

@@ -12,10 +12,10 @@ from gimbalcal.diagnose.evidence.noise import LONE_WALK
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.known_noise import searched
 from gimbalcal.diagnose.result import Shape
-from gimbalcal.diagnose.search.lone_walk import CLOSE, wandering, weights
 from gimbalcal.diagnose.search.ranking import Hypothesis
+from gimbalcal.diagnose.search.single_axis_random_walk import CLOSE, wandering, weights
 from gimbalcal.diagnose.verdict.decide import Decision
-from gimbalcal.diagnose.verdict.wander import Wander, decided, steady, with_wander
+from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, with_walk, without_single_walks
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.process import RandomWalk
 from gimbalcal.pipeline import silent
@@ -45,7 +45,7 @@ def search_of(recording):
 def test_a_walk_of_one_accelerometer_is_no_cause_and_its_size_comes_back():
     end = 60.0  # ug, 33 times what white noise leaves of a dwell: five times the largest that all of them may walk
     s = search_of(record(np.random.default_rng(6), walk, end * UG))
-    d, wander = decided(s, steady(s), CLAIM)
+    d, wander = decide_with_walk(s, without_single_walks(s), CLAIM)
     assert d.verdict == "adequate"
     assert wander.axis == "y"
     assert wander.ln_odds > CLAIM
@@ -60,9 +60,9 @@ def test_a_walk_of_one_accelerometer_is_no_cause_and_its_size_comes_back():
 
 def test_a_weak_drift_is_told_with_the_walk_that_it_may_be():
     s = search_of(at_strength(5, drift, 15.0))
-    held = steady(s)
+    held = without_single_walks(s)
     assert abs(np.median(held.singles)) < 5  # most causes are neither seen nor spoken against
-    d, wander = decided(s, held, CLAIM)
+    d, wander = decide_with_walk(s, held, CLAIM)
     assert d.verdict == "not-identifiable"
     assert {s.library.candidates[i].effect for i in (*d.hypothesis.members, *d.confounded[0])} >= {"bias_drift"}
     assert -CLAIM < wander.ln_odds < CLAIM
@@ -81,18 +81,18 @@ def test_a_clear_drift_is_no_walk():
     s = search_of(at_strength(5, drift, 30.0))
     assert wandering(s) == ()
     np.testing.assert_allclose(weights(s, [p.node for p in s.projections]), s.null, atol=1e-6)
-    d, wander = decided(s, steady(s), CLAIM)
+    d, wander = decide_with_walk(s, without_single_walks(s), CLAIM)
     assert wander is None
     assert "bias_drift" in {s.library.candidates[i].effect for i in (*d.hypothesis.members, *d.confounded[0])}
 
 
 def test_what_wanders_is_said():
-    wander = Wander("x", 61.7, 8.2, 4.0, 20.0)
-    alone = with_wander(Diagnosis("unexplained", (), (), (), FIT, {}, "No cause."), wander, alone=True)
+    wander = RandomWalkFinding("x", 61.7, 8.2, 4.0, 20.0)
+    alone = with_walk(Diagnosis("unexplained", (), (), (), FIT, {}, "No cause."), wander, only=True)
     words = "accelerometer x wanders, a random walk of 61.7 +- 8.2 ug/sqrt(h)"
     assert alone.outcome == f"A{words[1:]}: no cause and no formula is as likely"
     assert alone.unexplained[0] == Shape("specific_force x", "a random walk")
-    beside = with_wander(Diagnosis("not-identifiable", (), (), (), FIT, {}, "A drift or a step."), wander)
+    beside = with_walk(Diagnosis("not-identifiable", (), (), (), FIT, {}, "A drift or a step."), wander)
     assert beside.unexplained == (Shape("specific_force x", "a random walk"),)
     assert beside.in_words == f"A drift or a step. It may as well be that {words}."
 
@@ -115,8 +115,8 @@ def test_a_walk_is_as_large_as_its_grid_says_on_the_axis_that_is_likeliest(monke
     needed = CLAIM
     other = Decision("missing-physics", Hypothesis((0,), 9.0, 9.0), (), (0.8,), 0.9)
     answers = iter([Decision("adequate", None, (), (), 0.0), other])
-    monkeypatch.setattr("gimbalcal.diagnose.verdict.wander.decide", lambda *_: next(answers))
-    d, wander = decided(s, SimpleNamespace(ln_total=1.0), needed)
+    monkeypatch.setattr("gimbalcal.diagnose.verdict.random_walk.decide", lambda *_: next(answers))
+    d, wander = decide_with_walk(s, SimpleNamespace(ln_total=1.0), needed)
     assert wander.axis == "y"
     assert wander.walk == pytest.approx(2.0 * 3.0)  # between one and four, in the noise of y
     step = np.log(LONE_WALK[1] / LONE_WALK[0])
@@ -131,8 +131,8 @@ def test_a_walk_twenty_times_as_likely_as_any_cause_is_told_alone(monkeypatch, l
     s = of_nodes([("", 0.0, 0.0), ("z", 1.0, CLAIM + 0.5)])
     other = Decision("missing-physics", Hypothesis((0,), 9.0, 9.0), (), (0.8,), 0.9)
     answers = iter([Decision("adequate", None, (), (), 0.0), other])
-    monkeypatch.setattr("gimbalcal.diagnose.verdict.wander.decide", lambda *_: next(answers))
-    assert decided(s, SimpleNamespace(ln_total=ln_held), CLAIM)[0].verdict == told
+    monkeypatch.setattr("gimbalcal.diagnose.verdict.random_walk.decide", lambda *_: next(answers))
+    assert decide_with_walk(s, SimpleNamespace(ln_total=ln_held), CLAIM)[0].verdict == told
 
 
 @pytest.mark.parametrize(
@@ -143,8 +143,8 @@ def test_a_walk_twenty_times_as_likely_as_any_cause_is_told_alone(monkeypatch, l
 )  # fmt: skip
 def test_walks_compete_with_what_was_found(monkeypatch, ln_total, ln, kept):
     walks = [SimpleNamespace(alone="x", k=k) for k in range(len(ln))]
-    monkeypatch.setattr("gimbalcal.diagnose.search.lone_walk.lone_walks", lambda _: walks)
-    monkeypatch.setattr("gimbalcal.diagnose.search.lone_walk.weights", lambda *_: np.array(ln))
+    monkeypatch.setattr("gimbalcal.diagnose.search.single_axis_random_walk.lone_walks", lambda _: walks)
+    monkeypatch.setattr("gimbalcal.diagnose.search.single_axis_random_walk.weights", lambda *_: np.array(ln))
     s = SimpleNamespace(ln_total=ln_total, o=SimpleNamespace(kind="multi-position"), null=np.zeros(1))
     assert [n.k for n in wandering(s)] == kept
 
@@ -152,8 +152,10 @@ def test_walks_compete_with_what_was_found(monkeypatch, ln_total, ln, kept):
 @pytest.mark.parametrize(("together", "kept"), [(8.5, [0, 1]), (9.5, [])])
 def test_none_walks_alone_where_all_walking_is_likelier(monkeypatch, together, kept):
     walks = [SimpleNamespace(alone="x", k=0), SimpleNamespace(alone="", k=1)]
-    monkeypatch.setattr("gimbalcal.diagnose.search.lone_walk.lone_walks", lambda _: walks)
-    monkeypatch.setattr("gimbalcal.diagnose.search.lone_walk.weights", lambda *_: np.array([9.0, together]))
+    monkeypatch.setattr("gimbalcal.diagnose.search.single_axis_random_walk.lone_walks", lambda _: walks)
+    monkeypatch.setattr(
+        "gimbalcal.diagnose.search.single_axis_random_walk.weights", lambda *_: np.array([9.0, together])
+    )
     s = SimpleNamespace(ln_total=8.0, o=SimpleNamespace(kind="static-run"), null=np.zeros(1))
     assert [n.k for n in wandering(s)] == kept
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.diagnose.library.expressions import (
+from gimbalcal.diagnose.laws.expressions import (
     Expression,
     Term,
     between,

@@ -14,16 +14,16 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER
+from gimbalcal.diagnose.laws.grounds import with_law
+from gimbalcal.diagnose.laws.law_advice import to_tell
+from gimbalcal.diagnose.laws.law_file import found, printed
+from gimbalcal.diagnose.laws.law_search import Ground, Law, same
+from gimbalcal.diagnose.laws.model_comparison import in_searches, in_view
 from gimbalcal.diagnose.result import LawResult, StatedNoiseFit, ViewFit
-from gimbalcal.diagnose.search.law_grounds import with_law
-from gimbalcal.diagnose.search.laws import Ground, Law, same
 from gimbalcal.diagnose.search.likeliest import ranked
 from gimbalcal.diagnose.search.ranking import Ranking, Search
 from gimbalcal.diagnose.search.refit import Model, fitted_columns, with_columns
-from gimbalcal.diagnose.verdict.beside_known import in_searches, in_view
 from gimbalcal.diagnose.verdict.decide import strained
-from gimbalcal.diagnose.verdict.law_advice import to_tell
-from gimbalcal.diagnose.verdict.law_file import found, printed
 from gimbalcal.diagnose.verdict.locate import LEFT, scan
 from gimbalcal.diagnose.verdict.model import fit_causes
 from gimbalcal.diagnose.verdict.pool import inverse_of, mean_of

@@ -15,12 +15,12 @@ import sympy
 from gimbalcal import calibrate, load_effects
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.entry import diagnose
-from gimbalcal.diagnose.library.expressions import Expression, terms
+from gimbalcal.diagnose.laws.expressions import Expression, terms
+from gimbalcal.diagnose.laws.law_advice import to_tell
+from gimbalcal.diagnose.laws.law_file import source
+from gimbalcal.diagnose.laws.law_search import Law, Place
 from gimbalcal.diagnose.library.variables import Variable, variables
 from gimbalcal.diagnose.rows.observations import fit_baseline
-from gimbalcal.diagnose.search.laws import Law, Place
-from gimbalcal.diagnose.verdict.law_advice import to_tell
-from gimbalcal.diagnose.verdict.law_file import source
 from gimbalcal.effects import Stage
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, write

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.answer import Diagnosis
-from gimbalcal.diagnose.reservation import reservations, with_reservation
+from gimbalcal.diagnose.caveats import reservations, with_reservation
 from gimbalcal.estimate.accelerometers.joint import joint
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.recording import Recording

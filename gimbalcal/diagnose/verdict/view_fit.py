@@ -1,0 +1,106 @@
+"""How well the model of a view fits whose noise is not stated: rms misfits, rows held out, changed constants."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+import numpy as np
+
+from gimbalcal.diagnose.result import Delay, RowNoise, SearchStep, Shift, TurnMisfit, ViewFit
+from gimbalcal.diagnose.rows.slews import lateness
+from gimbalcal.diagnose.search.refit import Model, basis, weighted
+from gimbalcal.diagnose.search.stepwise import Course
+from gimbalcal.diagnose.verdict.findings import sizes
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.units import from_si
+from gimbalcal.views.core import View
+
+
+def row_sigma(v: View, end: Model) -> Array:
+    """Return one sigma (n, C) of each row: the scatter about the last model, spread as the noise of the samples."""
+    r = weighted(v, end.r)
+    free = max(r.size - basis(end.J).shape[1], 1)
+    return np.asarray(np.sqrt((r**2).sum() / free) / v.weight)
+
+
+def view_fit(v: View, c: Course, sigma: Array) -> ViewFit:
+    """Return how well the last model of a search explains a view, in rows of `sigma` (n, C)."""
+    before, after = c.start, c.described
+    (held_before, held_rms_before), (held_after, held_rms_after) = (_held_out(v, m, sigma) for m in (before, after))
+    late = turns = None
+    if v.name == "slews":
+        every = {axis: (float(from_si(x, "ms")), float(from_si(s, "ms"))) for axis, (x, s) in lateness(v).items()}
+        late = {axis: Delay(x, s, "ms") for axis, (x, s) in every.items()}
+    if v.missed_by_turns is not None and c.steps:
+        with suppress(InputError):  # turns too few, or all about one axis, prove nothing
+            missed = [float(from_si(v.missed_by_turns(e), "arcsec")) for e in ((), after.effects)]
+            turns = TurnMisfit(missed[0], missed[1], "arcsec")
+    return ViewFit(
+        chi2_reduced_before=_reduced(before, sigma),
+        chi2_reduced_after=_reduced(after, sigma),
+        heldout_before=held_before,
+        heldout_after=held_after,
+        heldout_rms_before=held_rms_before,
+        heldout_rms_after=held_rms_after,
+        noise=RowNoise(v.name, float(from_si(float(np.median(sigma)), v.unit)), v.unit),
+        rms_before=float(from_si(before.rms, v.unit)),
+        rms_after=float(from_si(after.rms, v.unit)),
+        steps=tuple(
+            SearchStep(s.taken[0].effect, s.taken[0].axis, float(from_si(s.model.rms, v.unit)), v.unit) for s in c.steps
+        ),
+        calibration_moved=shifts(before, after) if c.steps else (),
+        late=late,
+        turns=turns,
+        chi2_of_samples_before=_against_samples(v, before),
+        chi2_of_samples_after=_against_samples(v, after),
+    )
+
+
+def _against_samples(v: View, m: Model) -> dict[str, float] | None:
+    """Return reduced chi^2 of each channel in the noise of the samples alone; None where their scatter is not known."""
+    if v.noise.sample is None:
+        return None
+    n = len(m.r)
+    Q = basis(m.J / v.noise.sample[..., None]).reshape(n, len(v.channels), -1)
+    fitted = (Q**2).sum(axis=(0, 2))  # degrees of freedom that the parameters take of each channel
+    chi2 = ((m.r / v.noise.sample) ** 2).sum(axis=0) / np.maximum(n - fitted, 1)
+    return dict(zip([a for _, a in v.channels], chi2.tolist(), strict=True))
+
+
+def _reduced(m: Model, sigma: Array) -> float:
+    rank = basis(m.J / sigma[..., None]).shape[1]
+    return float(((m.r / sigma) ** 2).sum() / max(m.r.size - rank, 1))
+
+
+def _held_out(v: View, m: Model, sigma: Array) -> tuple[float, float]:
+    """Return the mean square misfit of rows held out, in sigma, and the rms length of a row in the unit of print."""
+    left = held_out_misfit(v, m, sigma)
+    rms = float(np.sqrt(((left * sigma) ** 2).sum() / len(left)))
+    return float(np.mean(left**2)), float(from_si(rms, v.unit))
+
+
+def held_out_misfit(v: View, m: Model, sigma: Array) -> Array:
+    """Return the misfit (n, C), in sigma, of each group of rows to a fit without it."""
+    n, C = m.r.shape
+    Q = basis(m.J / sigma[..., None]).reshape(n, C, -1)
+    r = m.r / sigma
+    left = []
+    for rows in np.split(np.arange(n), np.flatnonzero(np.diff(v.groups)) + 1):
+        e = r[rows].ravel()
+        q = Q[rows].reshape(len(e), Q.shape[-1])
+        left.append(np.linalg.lstsq(np.eye(len(e)) - q @ q.T, e, rcond=1e-6)[0])
+    return np.concatenate(left).reshape(n, C)
+
+
+def shifts(before: Model, after: Model) -> tuple[Shift, ...]:
+    """Return the change of each constant of the baseline once the causes are in the model, the clearest first."""
+    new = {(r.name, r.axis): r for r in sizes(after)}
+    out = []
+    visible = np.abs(before.J).max(axis=(0, 1)) > 1e-9  # means taken off leave rounding of a bias
+    for r in (row for row, there in zip(sizes(before), visible, strict=True) if there):
+        n = new[r.name, r.axis]
+        shift = n.value - r.value
+        ratio = round(shift / n.sigma, 2) if n.sigma > 0 else 0.0
+        out.append(Shift(r.name, str(r.axis), shift, n.sigma, r.unit, ratio))
+    return tuple(sorted(out, key=lambda row: -abs(row.in_sigmas)))

@@ -1,0 +1,166 @@
+"""The diagnosis of one view whose noise is not stated: verdict, findings, and how well the model then fits.
+
+A sensor that may walk alone competes with the causes that are found: where its walk is nearly as likely, the view is
+searched once more with that walk among its noises.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gimbalcal.diagnose import wording
+from gimbalcal.diagnose.answer import Curves, plotted_against
+from gimbalcal.diagnose.evidence.odds import CLAIM
+from gimbalcal.diagnose.laws.law_claims import SOUGHT, Lawful, laws_of_view, told_heldout
+from gimbalcal.diagnose.library.unknown_noise import causes
+from gimbalcal.diagnose.result import Finding, LawResult, Mismatch, Shape, ViewFit
+from gimbalcal.diagnose.search.refit import Model, projections, weighted
+from gimbalcal.diagnose.search.single_axis_random_walk import wandering_in
+from gimbalcal.diagnose.search.stepwise import Course, course, refined, steps_of
+from gimbalcal.diagnose.verdict.alternatives import Judgement
+from gimbalcal.diagnose.verdict.decide import capped
+from gimbalcal.diagnose.verdict.detection_limits import detection_limits
+from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding
+from gimbalcal.diagnose.verdict.locate_unknown_noise import mismatches
+from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, likeliest_walk, repeat_advice
+from gimbalcal.diagnose.verdict.view_fit import row_sigma, view_fit
+from gimbalcal.effects import CATALOGUE
+from gimbalcal.number import Array
+from gimbalcal.pipeline import Tell
+from gimbalcal.units import from_si
+from gimbalcal.views.core import View
+
+
+@dataclass(frozen=True)
+class ViewDiagnosis:
+    """The diagnosis of one view, and its misfits in sigma without and with the findings (n, C).
+
+    sigma (n, C): of a row, SI; model: with the findings; outcome: what else speaks against the view.
+    """
+
+    view: View
+    verdict: str
+    mismatch: tuple[Mismatch, ...]
+    findings: tuple[Finding, ...]
+    unexplained: tuple[Shape, ...]
+    fit: ViewFit
+    before: Array
+    after: Array
+    sigma: Array
+    model: Model
+    laws: tuple[LawResult, ...] = ()
+    recommend: str = ""
+    outcome: str = ""
+
+    def with_walk(self, walk: RandomWalkFinding, only: bool) -> ViewDiagnosis:
+        """Return the diagnosis with the walk of a sensor as the `only` explanation, or as another one."""
+        return replace(self, unexplained=(walk.shape, *self.unexplained), outcome=walk.sentence(only))
+
+
+def diagnose_view(v: View, tell: Tell) -> ViewDiagnosis:
+    """Return the diagnosis of a view, in which one sensor may walk alone."""
+    c = course(v, tell)
+    steady = diagnosis_of(v, c, tell)
+    if c.start.exact:
+        return steady
+    walking, ln_total, ln_odds = wandering_in(v, c)
+    if not walking.noise.single_walks:
+        return steady
+    walk = _walk_of_sensor(walking, c.start, ln_odds, ln_total)
+    tell(f"again, as {walk.in_words.partition(' wanders')[0]} may wander")
+    again = diagnosis_of(walking, course(walking, tell), tell)
+    if again.findings and ln_odds > CLAIM:  # a cause beside the walk; a course in time may be the walk itself
+        drifts = any(CATALOGUE[f.effect].role.time_drift for f in again.findings)
+        return (replace(again, verdict="not-identifiable") if drifts else again).with_walk(walk, only=False)
+    if again.findings or (again.unexplained and ln_odds < CLAIM):
+        return again
+    if steady.findings and ln_odds < CLAIM:
+        shared = tuple(replace(f, probability=capped(walk.share_of(f.probability))) for f in steady.findings)
+        return replace(steady, verdict="not-identifiable", findings=shared).with_walk(walk, only=False)
+    none = steps_of(v, c.start, (), refused=True)
+    bare = diagnosis_as(v, none, (), tell, lacking=True)
+    likelier = max((law.evidence for law in bare.laws), default=-np.inf) - ln_total
+    if likelier > CLAIM:  # a walk has no formula
+        return bare
+    advice = repeat_advice(v.kind, by_hand=not v.stimulus.axis_names)
+    if likelier < -CLAIM:
+        bare = replace(
+            diagnosis_as(v, none, (), tell, lacking=True, formulas=False), recommend=bare.recommend or advice
+        )
+    return bare.with_walk(walk, only=likelier < -CLAIM)
+
+
+def diagnosis_of(v: View, c: Course, tell: Tell) -> ViewDiagnosis:
+    """Return the diagnosis that a search through a view ends in."""
+    return diagnosis_as(v, *confirmed(v, c, tell), tell)
+
+
+def diagnosis_as(
+    v: View, c: Course, verdicts: Sequence[Judgement], tell: Tell, lacking: bool = False, formulas: bool = True
+) -> ViewDiagnosis:
+    """Return the diagnosis of a search whose causes have been judged; where there is none, formulas may be sought.
+
+    lacking: something is missing even if it has no shape.
+    """
+    if v.finer is not None:
+        tell("refitting at the full resolution")
+        v = v.finer()
+        c = refined(v, c)
+    found = drifts_as_one([finding(v, c, j) for j in verdicts])
+    shapes = tuple(Shape(f"{s.channel if v.added else v.channels[0][0]} {s.axis}".strip(), s.rival) for s in c.left)
+    verdict = "adequate"
+    if found:
+        verdict = "missing-physics" if any(not f.twins for f in found) else "not-identifiable"
+    elif shapes or lacking:
+        verdict = "unexplained"
+    sigma = row_sigma(v, c.described)
+    fit, lawful = view_fit(v, c, sigma), Lawful()
+    if verdict == "adequate" and not c.start.exact:
+        known, X = causes(v, c.end.effects, c.end.fitted)
+        fit = replace(fit, unseen=detection_limits(known, projections(v, c.end, X)))
+    if verdict == "unexplained" and formulas:
+        tell(SOUGHT)
+        lawful, with_law = laws_of_view(v, c.end, sigma)
+        c_law = replace(c, described=with_law)
+        fit_law = view_fit(v, c_law, row_sigma(v, with_law)) if lawful.laws else fit
+        lawful = told_heldout(lawful, fit_law)
+        if lawful.laws:
+            c, fit, sigma = c_law, fit_law, row_sigma(v, with_law)
+    if verdict == "missing-physics" and fit.heldout_rms_after > max(
+        fit.heldout_rms_before, wording.MISSED * fit.rms_after
+    ):
+        verdict = "not-identifiable"  # what was named makes rows that took no part worse
+    mismatch = () if verdict == "adequate" else mismatches(v, c.start, sigma)
+    before, after = c.start.r / sigma, c.described.r / sigma
+    return ViewDiagnosis(
+        v, verdict, mismatch, found, shapes, fit, before, after, sigma, c.end, lawful.laws, lawful.recommend
+    )
+
+
+def _walk_of_sensor(v: View, first: Model, ln_odds: float, ln_total: float) -> RandomWalkFinding:
+    """Return the sensor that walks alone in the noises of a view, and the size of its walk."""
+    unit = float(np.sqrt(np.mean(weighted(v, first.r) ** 2)))
+    each = [p for p in projections(v, first, np.zeros((*first.r.shape, 0))) if p.node.alone]
+    ln = np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in each])
+    sigma = unit * np.array([float(p.scale.sigma(p.misfit[0])) for p in each])
+    nodes = [p.node for p in each]
+    return likeliest_walk(
+        nodes, np.exp(ln - ln.max()), dict.fromkeys("xyz", sigma), v.channels[0][0], ln_odds, ln_total
+    )
+
+
+def curves_of(d: ViewDiagnosis) -> Curves:
+    """Return the misfits of a view for a picture."""
+    n = len(d.before)
+    number = np.ones(n) if d.view.label is None else np.arange(1, n + 1)
+    if d.view.name == "pointing":
+        number = d.view.stimulus.position
+    sigma = np.asarray(from_si(d.sigma, d.view.unit))
+    units = (d.view.unit,) * len(d.view.channels)
+    return Curves(
+        d.view.time, number, d.view.channels, d.before, d.after, sigma, units, plotted_against(d.view.stimulus)
+        if len(d.view.stimulus.time) == n else {},
+    )  # fmt: skip
