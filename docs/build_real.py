@@ -25,8 +25,8 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording, read
 from gimbalcal.report.draw import sheet
 from gimbalcal.report.figures import Panel, before_after
+from gimbalcal.report.naming import named, unit_in_print
 from gimbalcal.report.rounding import pdg
-from gimbalcal.report.wording import named, unit_in_print
 
 DOCS = Path(__file__).parent
 SHIPPED = DOCS.parent / "data" / "space_stable_concealed"

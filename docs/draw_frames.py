@@ -8,20 +8,66 @@ east, down.
 
 from __future__ import annotations
 
+import io
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from gimbalcal.importers.tpoint import equatorial
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN, SPACE_STABLE
-from gimbalcal.report.style import BLUE, GREEN, GREY, INK, ORANGE, PALE, STYLE, VERMILION, empty, svg
 from gimbalcal.schedule.published import EIGHTEEN_POSITIONS
+
+# colours of Okabe and Ito, which colour-blind readers and grey print distinguish
+BLUE, VERMILION, GREEN, ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
+INK, GREY, PALE = "#222222", "#7a7a7a", "#d9d9d9"
+
+STYLE: Any = {
+    "font.size": 8.5,
+    "axes.titlesize": 9,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 8.5,
+    "axes.edgecolor": GREY,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.unicode_minus": True,
+    "xtick.color": GREY,
+    "ytick.color": GREY,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+    "lines.linewidth": 1.1,
+    "svg.fonttype": "path",  # the same letters on every machine
+    "svg.hashsalt": "gimbalcal",  # the same bytes for the same picture
+}
+
+
+def svg(figure: Figure) -> bytes:
+    """Return the figure as SVG; equal arrays give equal bytes."""
+    out = io.BytesIO()
+    with mpl.rc_context(STYLE):
+        # Figure.savefig draws twice, once with no ink, for what the SVG of a whole figure does not need
+        FigureCanvasSVG(figure).print_svg(out, metadata={"Date": None, "Creator": None})
+    return out.getvalue()
+
+
+def empty(width: float, height: float) -> Figure:
+    """Return an empty figure [inch] without touching the global state of pyplot."""
+    return Figure(figsize=(width, height), layout="constrained", facecolor="white")
+
 
 PICTURES = Path(__file__).parent / "pictures"
 COLOURS = {"x": BLUE, "y": GREEN, "z": VERMILION}

@@ -141,9 +141,9 @@ def calibrate(
 ) -> None:  # fmt: skip
     """Estimate the sensors' errors, with their uncertainty, and say what the data do not show."""
     from gimbalcal.methods import calibrate_each
-    from gimbalcal.report.answer import answer
     from gimbalcal.report.console import parameters_table
     from gimbalcal.report.files import write_calibrations
+    from gimbalcal.report.words import calibration_in_words
 
     tell = progress(quiet)
     there = place(out, recordings, "calibration", ("calibration.json", "report.html"), overwrite, as_json)
@@ -158,7 +158,7 @@ def calibrate(
     content = each[0][0].to_dict()
     if len(each) > 1:
         content["beside"] = {loaded[0].sensor: c.to_dict() for c, loaded in each[1:]}
-    sentences = [f"{r[0].title}: {answer(c.to_dict())}" if len(each) > 1 else answer(c.to_dict()) for c, r in each]
+    sentences = [(f"{r[0].title}: " if len(each) > 1 else "") + calibration_in_words(c.to_dict()) for c, r in each]
     checks = each[0][0].provenance["options"].get("cross_check", ())
     if not (as_json or quiet):
         print("\n\n".join(f"{r[0].title}\n{parameters_table(c.to_dict())}" for c, r in each), end="\n\n")

@@ -17,7 +17,7 @@ def catalogue(effect: str | None) -> None:
 
     from gimbalcal.effects import CATALOGUE, parameters
     from gimbalcal.effects.grade import GRADES
-    from gimbalcal.report.wording import unit_in_print
+    from gimbalcal.report.naming import unit_in_print
     from gimbalcal.units import from_si
 
     if effect is None:
@@ -43,8 +43,8 @@ def _card(text: str) -> str:
     """A card as a console can show it: formulas in letters."""
     import re
 
-    from gimbalcal.report.plain_formula import plain_formula
-    from gimbalcal.report.wording import typeset
+    from gimbalcal.report.formulas import plain_formula
+    from gimbalcal.report.naming import typeset
 
     text = re.sub(
         r"^\.\. math::((?:.+\n?)(?:[ \t]+.*\n?)*)",

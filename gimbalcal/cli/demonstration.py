@@ -24,8 +24,7 @@ def shipped() -> Path:
 def demonstrate(out: Path, tell: Tell) -> tuple[dict[str, Any], str]:
     """Calibrate and diagnose what ships, a folder each under `out`; returns a summary and the sentence to print."""
     from gimbalcal.atomic import folder
-    from gimbalcal.report.answer import answer
-    from gimbalcal.report.headline import headline
+    from gimbalcal.report.words import calibration_in_words, headline
 
     data = shipped()
     with folder(out) as new:  # all three are of one run
@@ -37,8 +36,8 @@ def demonstrate(out: Path, tell: Tell) -> tuple[dict[str, Any], str]:
         found = _diagnose(data / "space_stable_concealed", new / "diagnosis", tell)
     summary = {"space_stable": platform, "xsens": xsens, "diagnosis": found.to_dict()}
     sentence = "\n".join([
-        f"space-stable platform: {answer(platform)}",
-        f"Xsens unit, real: {answer(xsens)}",
+        f"space-stable platform: {calibration_in_words(platform)}",
+        f"Xsens unit, real: {calibration_in_words(xsens)}",
         f"concealed effect: {headline(found.to_dict(), found.curves)}",
         f"open {out / 'report.html'}, {out / 'xsens' / 'report.html'} and {out / 'diagnosis' / 'report.html'}",
     ])  # fmt: skip
@@ -56,7 +55,7 @@ def _calibrate(folders: list[Path], method: str, out: Path, tell: Tell) -> dict[
 
 def _truth(folders: list[Path]) -> dict[str, float] | None:
     """What went into simulated recordings, label to SI; the first one that tells a parameter counts."""
-    from gimbalcal.report.wording import label_of
+    from gimbalcal.report.naming import label_of
     from gimbalcal.units import to_si
 
     told: dict[str, float] = {}

@@ -58,7 +58,7 @@ def compare(
     from gimbalcal.history import compare as run
     from gimbalcal.history import dated_file, of_store
     from gimbalcal.report.files import write_comparison
-    from gimbalcal.report.wording import answered
+    from gimbalcal.report.naming import answered
 
     if store is None and not calibrations:
         raise InputError("`compare` takes calibration.json files, or a --store that holds some")

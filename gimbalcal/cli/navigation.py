@@ -105,9 +105,9 @@ def budget(
     rest, which says where and how it stands when it navigates.
     """
     from gimbalcal.design.budget import budget as run
-    from gimbalcal.report.budget_page import budget_report
     from gimbalcal.report.files import write_report
-    from gimbalcal.report.wording import answered
+    from gimbalcal.report.naming import answered
+    from gimbalcal.report.navigation_page import budget_report
 
     there = place(out, scenarios, "budget", ("budget.json", "report.html"), overwrite, as_json)
     made = run(scenarios, hours, more, damping, states)

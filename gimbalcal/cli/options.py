@@ -100,7 +100,7 @@ def progress(quiet: bool) -> Callable[[str], None]:
 
 def _as_printed(sentence: str) -> str:
     """Units and signs as the answer has them; what is to be typed, in quotes, backticks or brackets, stays as it is."""
-    from gimbalcal.report.wording import typeset
+    from gimbalcal.report.naming import typeset
 
     if sentence.startswith(("wrote ", "reading ")):
         return sentence  # names of files

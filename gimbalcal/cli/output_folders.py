@@ -62,7 +62,7 @@ def place(
             raise InputError(f"{read.pop()} is read and would be written over; give another --out")
         other = _others(out, files, question)
         if other and not overwrite:
-            from gimbalcal.report.wording import listed
+            from gimbalcal.report.naming import listed
 
             raise InputError(
                 f"{out} already holds {listed(other)} of another question, which would be lost; give another --out, or "
@@ -142,7 +142,7 @@ def placed(folder: Path, overwrite: bool = False) -> Iterator[Path]:
 
 
 def _refuse_other(files: list[Path], folder: Path) -> None:
-    from gimbalcal.report.wording import listed
+    from gimbalcal.report.naming import listed
 
     there = [file for file in files if (folder / file.name).exists()]
     other = [file.name for file in there if not cmp(file, folder / file.name, shallow=False)]

@@ -78,8 +78,7 @@ def observe(
     there = place(out, [schedule], "observability", (OBSERVABILITY, "report.html"), overwrite, as_json)
     if is_rotation(schedule):
         from gimbalcal.design.turning_observability import observe_turning
-        from gimbalcal.report.observability_page import headline as turning_headline
-        from gimbalcal.report.observability_page import observability_report
+        from gimbalcal.report.plan_page import observability_report, turning_headline
 
         if candidates:
             raise InputError("--candidates is for positions; of a schedule of turns name them among --states")

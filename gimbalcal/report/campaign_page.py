@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.errors import amount
-from gimbalcal.report import wording
+from gimbalcal.report import naming
 from gimbalcal.report.chart import Band, Chart, Points, Rule
 from gimbalcal.report.html import Picture, picture, render
-from gimbalcal.report.parameter_rows import in_sigmas
+from gimbalcal.report.parameters import in_sigmas
 from gimbalcal.report.rounding import significant
 from gimbalcal.units import from_si
 
@@ -112,14 +112,14 @@ def _far(parameters: int) -> float:
 
 
 def _names(rows: Sequence[Row]) -> str:
-    names = [wording.label_in_words(r["parameter"]) for r in rows[:NAMED]]
+    names = [naming.label_in_words(r["parameter"]) for r in rows[:NAMED]]
     more = len(rows) - NAMED
-    return wording.listed([*names, f"{more} more"] if more > 0 else names)
+    return naming.listed([*names, f"{more} more"] if more > 0 else names)
 
 
 def _reasons(content: Mapping[str, Any]) -> str:
     worst = next(iter(content["outcomes"]), "")
-    return wording.typeset(worst.rstrip(".")) or "no reason was given"
+    return naming.typeset(worst.rstrip(".")) or "no reason was given"
 
 
 def _facts(content: Mapping[str, Any], rows: Sequence[Row]) -> list[tuple[str, str]]:
@@ -128,14 +128,14 @@ def _facts(content: Mapping[str, Any], rows: Sequence[Row]) -> list[tuple[str, s
         middle = sqrt(float(np.mean([float(r["ratio"]) ** 2 for r in rows])))
         worst = max(rows, key=lambda r: float(r["ratio"]))
         facts += [(f"{middle:.2f}", "RMS error over σ, all parameters"),
-                  (f"{worst['ratio']:.2f}", f"the largest, {wording.label_in_words(worst['parameter'])}")]  # fmt: skip
+                  (f"{worst['ratio']:.2f}", f"the largest, {naming.label_in_words(worst['parameter'])}")]  # fmt: skip
     return facts
 
 
 def _row(r: Row, before: Row | None) -> dict[str, Any]:
     rms, sigma, unit = _printed(r)
     return {
-        "words": wording.label_in_words(r["parameter"]),
+        "words": naming.label_in_words(r["parameter"]),
         "first": before is None or before["parameter"].partition(":")[0] != r["parameter"].partition(":")[0],
         "mean": in_sigmas(_offset(r), 1),
         "rms": significant(rms, 3),
@@ -150,7 +150,7 @@ def _printed(r: Row) -> tuple[float, float, str]:
     stated = r["unit"] != "SI"  # of pulses: no parameter of the catalogue
     unit = str(r["unit"]) if stated else _units().get(r["parameter"].partition(":")[0], "1")
     rms, sigma = (float(r[k]) if stated else float(from_si(r[k], unit)) for k in ("rms", "sigma"))
-    return rms, sigma, wording.unit_in_print(unit)
+    return rms, sigma, naming.unit_in_print(unit)
 
 
 @cache
@@ -162,7 +162,7 @@ def _units() -> dict[str, str]:
 
 def _picture(rows: Sequence[Row]) -> Picture:
     """The ratio of every parameter, and where chance leaves it."""
-    words = [wording.label_in_words(r["parameter"]) for r in rows][::-1]
+    words = [naming.label_in_words(r["parameter"]) for r in rows][::-1]
     ratio = np.array([float(r["ratio"]) for r in rows])[::-1]
     y, ends = np.arange(len(words), dtype=float), np.array([-0.5, len(words) - 0.5])
     low, high = chance(min(int(r["runs"]) for r in rows), len(rows))

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.report import wording
-from gimbalcal.report.answer import answer
-from gimbalcal.report.headline import headline
-from gimbalcal.report.parameter_rows import rows
+from gimbalcal.report import naming
+from gimbalcal.report.parameters import rows
 from gimbalcal.report.rounding import minus, pdg, significant
+from gimbalcal.report.words import calibration_in_words as answer
+from gimbalcal.report.words import headline
 
 if TYPE_CHECKING:
     from gimbalcal.diagnose import Diagnosis  # which loads every road of it
@@ -42,18 +42,18 @@ def diagnosis_in_words(made: Diagnosis) -> str:
 
 def headline_and_numbers(made: Diagnosis) -> str:
     """The headline of a diagnosis, and its numbers."""
-    return f"{headline(made.to_dict(), made.curves)}\nIn numbers: {wording.typeset(made.in_words)}"
+    return f"{headline(made.to_dict(), made.curves)}\nIn numbers: {naming.typeset(made.in_words)}"
 
 
 def _held(content: Mapping[str, Any]) -> list[str]:
     """What was held instead of estimated, with its axes where others of the effect were estimated."""
-    labels = {wording.label_of(p) for p in content["parameters"]}
+    labels = {naming.label_of(p) for p in content["parameters"]}
     estimated = {label.partition(":")[0] for label in labels}
     axes: dict[str, dict[str, None]] = {}
     for label in (label for u in content["unobservable"] for label in u["direction"] if label not in labels):
         name, _, axis = label.partition(":")
         axes.setdefault(name, {})[axis.replace("_", " ")] = None
-    return [wording.named(n, ", ".join(of) if n in estimated else "") for n, of in axes.items()]
+    return [naming.named(n, ", ".join(of) if n in estimated else "") for n, of in axes.items()]
 
 
 def findings_table(content: Mapping[str, Any]) -> str:
@@ -69,13 +69,13 @@ def bounds_table(content: Mapping[str, Any]) -> str:
     """What a plan would tell of each parameter: the sigma that no estimate beats, and how large it usually is."""
     if "groups" in content:
         return "\n".join(_aligned([
-            (wording.named(g["group"]), "", significant(g["sigma"], 3), wording.unit_in_print(g["unit"]), "at worst")
+            (naming.named(g["group"]), "", significant(g["sigma"], 3), naming.unit_in_print(g["unit"]), "at worst")
             for g in content["groups"]
         ]))  # fmt: skip
-    lost = wording.unobservable_leading(content["unobservable"])
+    lost = naming.unobservable_leading(content["unobservable"])
     told = [
-        (wording.label_in_words(wording.label_of(p)), "", significant(p["sigma"], 3), wording.unit_in_print(p["unit"]),
-         "*" if wording.label_of(p) in lost else f"usual {significant(p['prior_sigma'], 2)}")
+        (naming.label_in_words(naming.label_of(p)), "", significant(p["sigma"], 3), naming.unit_in_print(p["unit"]),
+         "*" if naming.label_of(p) in lost else f"usual {significant(p['prior_sigma'], 2)}")
         for p in content["parameters"]
     ]  # fmt: skip
     rest = ["* it does not tell this alone; the report says with what it moves together"] if lost else []
@@ -84,8 +84,8 @@ def bounds_table(content: Mapping[str, Any]) -> str:
 
 def _row(p: Mapping[str, Any], remark: str) -> tuple[str, str, str, str, str]:
     value, sigma = pdg(p["value"], p["sigma"])
-    name = wording.named(p["name"], str(p.get("axis") or "").replace("_", " "))
-    return name, minus(value), sigma, wording.unit_in_print(str(p["unit"])), remark
+    name = naming.named(p["name"], str(p.get("axis") or "").replace("_", " "))
+    return name, minus(value), sigma, naming.unit_in_print(str(p["unit"])), remark
 
 
 def _aligned(told: Sequence[tuple[str, str, str, str, str]]) -> list[str]:

@@ -20,7 +20,7 @@ from gimbalcal.number import Array, complex_step
 from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.report.figures import Curve
-from gimbalcal.report.wording import unit_in_print
+from gimbalcal.report.naming import unit_in_print
 from gimbalcal.units import from_si, to_si
 
 BLOCKS = 288  # points a curve over time is drawn with; more cannot be told apart on a page

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from html import escape
 
 import numpy as np
+from markupsafe import Markup
 
 from gimbalcal.number import Array
 from gimbalcal.report.chart import (
@@ -28,8 +30,11 @@ from gimbalcal.report.chart import (
 from gimbalcal.report.rounding import rms, signed, significant
 
 OUTLIER = 3.5  # sigmas; of 54 readings, one in forty sets has one this far out by chance
-FEW = 60  # points that bars of their own do not clutter
-OUTSIDE = 3.0  # times what is left, or the usual sigma: a bar that is longer leaves the picture
+MAX_BARS = 60  # points that are drawn with a bar each
+OUTSIDE = 3.0  # times the residual, or the median sigma: a longer bar is cut
+MIN_DRAWN = 0.1  # smaller correlations are left blank
+MIN_WRITTEN = 0.3  # correlation from which on its value is written
+MAX_CELL = 22.0  # px of a correlation matrix
 
 
 @dataclass(frozen=True)
@@ -65,7 +70,7 @@ class Panel:
 def residuals_by_position(
     positions: Sequence[str], before: Array, after: Array, sigma: Array | None, axes: Sequence[str], unit: str
 ) -> list[Chart]:
-    """Residual of each position (n, c) without and with the calibration, sigma (n, c) as bars, in printed `unit`."""
+    """Draw the residual (n, c) of each position without and with the calibration, sigma (n, c) as bars, in `unit`."""
     x = np.arange(len(positions), dtype=float)
     charts = []
     for i, axis in enumerate(axes):
@@ -90,39 +95,39 @@ def residuals_by_position(
 
 
 def before_after(panels: Sequence[Panel]) -> list[Chart]:
-    """Residuals before (grey squares) and after (blue dots) over the same x, with sigma as bars or band.
+    """Draw residuals before (grey squares) and after (blue dots) over the same x, with sigma as bars or band.
 
-    Where nothing was added there is one residual, and it is drawn once.
+    Where nothing was added they are equal and are drawn once.
     """
     return [_before_after(p) for p in panels]
 
 
 def _before_after(p: Panel) -> Chart:
-    few = p.x.size <= FEW
+    few = p.x.size <= MAX_BARS
     size, order = (3.2 if few else 1.8), np.argsort(p.x, kind="stable")
-    told = [tuple(f"{n}: {signed(v)} {p.unit}{when}" for n, v in zip(p.names, y, strict=False))
+    points = [tuple(f"{n}: {signed(v)} {p.unit}{when}" for n, v in zip(p.names, y, strict=False))
             for y, when in ((p.before, " before"), (p.after, " after" if p.changed else ""))]  # fmt: skip
     sigma = _in_view(p)
     band = [Band(p.x[order], -sigma[order], sigma[order], BLUE, "one σ")] if sigma is not None and not few else []
-    first = [Points(p.x, p.before, "grey", "square", size, names=told[0], label="before")] if p.changed else []
-    size_told = f"{rms(p.before)} → {rms(p.after)}" if p.changed else rms(p.after)
+    first = [Points(p.x, p.before, "grey", "square", size, names=points[0], label="before")] if p.changed else []
+    sizes = f"{rms(p.before)} → {rms(p.after)}" if p.changed else rms(p.after)
     return Chart(
         (*band, *first, Rule(0.0),
-         Points(p.x, p.after, BLUE, "dot", size, sigma if few else None, told[1], "after" if p.changed else "")),
-        f"{p.name}: {size_told} {p.unit} rms", p.x_label, f"[{p.unit}]",
+         Points(p.x, p.after, BLUE, "dot", size, sigma if few else None, points[1], "after" if p.changed else "")),
+        f"{p.name}: {sizes} {p.unit} rms", p.x_label, f"[{p.unit}]",
     )  # fmt: skip
 
 
 def _in_view(p: Panel) -> Array | None:
-    """One sigma, cut where a few are so large that the others, and what is left, would not be seen."""
+    """Return one sigma, cut where a few are so large that the others and the residuals would vanish."""
     if p.sigma is None:
         return None
-    left = np.abs(np.concatenate([p.before, p.after]))
-    return np.minimum(p.sigma, max(OUTSIDE * float(left.max(initial=0.0)), OUTSIDE * float(np.median(p.sigma))))
+    residual = np.abs(np.concatenate([p.before, p.after]))
+    return np.minimum(p.sigma, max(OUTSIDE * float(residual.max(initial=0.0)), OUTSIDE * float(np.median(p.sigma))))
 
 
 def over_time(time: Array, curves: Sequence[Curve], unit: str = "h") -> list[Chart]:
-    """Channels over time (n,): data with the model through them, and what the model leaves, chart by chart."""
+    """Draw channels over time (n,): data with the model through them, and the residual of the model, chart by chart."""
     charts = []
     for c in curves:
         rest = c.measured - c.fitted
@@ -134,7 +139,7 @@ def over_time(time: Array, curves: Sequence[Curve], unit: str = "h") -> list[Cha
         wide = [Band(time, np.full(len(time), -c.sigma), np.full(len(time), c.sigma), BLUE, "one σ")] if c.sigma else []
         charts.append(Chart(
             (*wide, Points(time, rest, BLUE, size=1.4), Rule(0.0)),
-            f"{c.name}, what is left: {rms(rest)} {c.unit} rms", f"time [{unit}]", f"[{c.unit}]", height=170,
+            f"{c.name}, residual: {rms(rest)} {c.unit} rms", f"time [{unit}]", f"[{c.unit}]", height=170,
         ))  # fmt: skip
     return charts
 
@@ -143,7 +148,7 @@ def schedule(
     labels: Sequence[str], angles: Array, axis_names: Sequence[str], gravity: Array, of: str = "platform",
     by: str = "position",
 ) -> list[Chart]:  # fmt: skip
-    """What the platform did: angles (m, k) [deg] of its axes by position, and where gravity (m, 3) lay in its axes."""
+    """Draw the angles (m, k) [deg] of the axes by position, and the direction of gravity (m, 3) in platform axes."""
     x = np.arange(len(labels), dtype=float)
     moving = [i for i in range(len(axis_names)) if np.ptp(angles[:, i]) > 0] or list(range(len(axis_names)))
     lines = tuple(
@@ -154,7 +159,7 @@ def schedule(
 
 
 def _hemisphere(labels: Sequence[str], gravity: Array, side: int, of: str, by: str) -> Chart | None:
-    """Gravity directions with z on this side (the equator counts as +z), seen along z; positions as numbers."""
+    """Draw gravity directions with z on this side (the equator counts as +z), seen along z; positions as numbers."""
     here = np.flatnonzero(gravity[:, 2] > -1e-6 if side > 0 else gravity[:, 2] <= -1e-6)
     if not here.size:
         return None
@@ -177,7 +182,7 @@ def _hemisphere(labels: Sequence[str], gravity: Array, side: int, of: str, by: s
 def curves_by_group(
     x: Array, groups: Sequence[tuple[str, Sequence[tuple[str, Array]]]], x_label: str, log: bool = True
 ) -> list[Chart]:
-    """A chart for each group (title, lines by name), a colour for each line, over the same x."""
+    """Draw a chart for each group (title, lines by name), a colour for each line, over the same x."""
     few = thin(len(x))
     return [
         Chart(tuple(Line(x[few], np.asarray(y)[few], COLOURS[i % 6], name, DASHES[i % 6]) for i, (name, y) in
@@ -187,7 +192,7 @@ def curves_by_group(
 
 
 def tornado(names: Sequence[str], planned: Array, reduced: Array, x_label: str) -> Chart:
-    """Bars of a size by name, both ways as it may go, the first on top; within each what could be made of it."""
+    """Draw bars of a size by name, symmetric about zero, the first on top; within each bar its reduced size."""
     y = np.arange(len(names), dtype=float)[::-1]
     return Chart(
         (Bars(y, -planned, planned, BLUE, 0.66, lying=True, label="as planned"),
@@ -201,7 +206,7 @@ def sky(
     around: Array, up: Array, across: Array, along: Array, unit: str, names: Sequence[str], zenith: bool = True,
     when: str = "on the sky",
 ) -> Chart:  # fmt: skip
-    """Misfits (n,) across and along the innermost axis as arrows on the sky, seen from below.
+    """Draw misfits (n,) across and along the innermost axis as arrows on the sky, seen from below.
 
     around, up (n,) [deg]: azimuth and elevation, the zenith in the middle, or hour angle and declination, the pole
     there. The longest arrow is a sixth of the radius.
@@ -218,10 +223,10 @@ def sky(
     heads = np.stack([y, y + dy, np.full_like(y, np.nan)], axis=1).ravel()
     rings = [Line(k * np.cos(turn), k * np.sin(turn), "pale") for k in (1 / 3, 2 / 3)]
     words = ("N", "E", "S", "W") if zenith else ("0°", "90°", "180°", "270°")
-    told = [f"{n}: {significant(v)} {unit}" for n, v in zip(names, np.hypot(across, along), strict=True)]
+    points = [f"{n}: {significant(v)} {unit}" for n, v in zip(names, np.hypot(across, along), strict=True)]
     return Chart(
         (*rings, Line(np.cos(turn), np.sin(turn), "grey"), Line(tails, heads, VERMILION),
-         Points(x, y, BLUE, size=2, names=told),
+         Points(x, y, BLUE, size=2, names=points),
          Words(np.array([0.0, -1.12, 0.0, 1.12]), np.array([1.1, 0.0, -1.1, 0.0]), words)),
         f"{when}, {'zenith' if zenith else 'pole'} in the middle; longest {significant(longest)} {unit}",
         square=True, height=320, bare=True,
@@ -229,7 +234,7 @@ def sky(
 
 
 def by_stage(labels: Sequence[str], stages: Sequence[str], ratio: Array) -> Chart:
-    """What each stage leaves of the prior sigma: ratio (stages, p), dots on a logarithmic axis, one row a parameter.
+    """Draw sigma over prior sigma after each stage: ratio (stages, p), logarithmic, one row for each parameter.
 
     NaN where a stage does not estimate a parameter.
     """
@@ -241,3 +246,35 @@ def by_stage(labels: Sequence[str], stages: Sequence[str], ratio: Array) -> Char
     ]  # fmt: skip
     return Chart((Rule(1.0, "grey", upright=True, dashed=True), *marks), x_label="σ / prior σ (left: better known)",
                  y_names=list(labels)[::-1], log_x=True, height=14.0 * len(labels) + 14)  # fmt: skip
+
+
+def correlation(labels: Sequence[str], matrix: Array) -> Markup:
+    """Return a correlation matrix (p, p) as SVG: blue is positive, vermilion negative, strong values are written."""
+    p = len(labels)
+    cell = min(MAX_CELL, 660.0 / p)
+    letter = min(11.0, 0.8 * cell)
+    edge = 0.56 * letter * max(map(len, labels), default=0) + 8
+    parts = []
+    for i, label in enumerate(labels):
+        at = edge + (i + 0.5) * cell
+        size = f'style="font-size:{letter:.1f}px"'
+        parts.append(
+            f'<text {size} x="{edge - 5:.1f}" y="{at + letter / 3:.1f}" text-anchor="end">{escape(label)}</text>'
+        )
+        turned = f'transform="translate({at + letter / 3:.1f} {edge - 5:.1f}) rotate(-90)"'
+        parts.append(f"<text {size} {turned}>{escape(label)}</text>")
+    for i, j in zip(*np.nonzero(np.abs(matrix) >= MIN_DRAWN), strict=True):
+        r, x, y = float(matrix[i, j]), edge + j * cell, edge + i * cell
+        pair = escape(f"{labels[i]} with {labels[j]}: {r:+.2f}".replace("-", "−"))
+        side, strength = ("c1" if r < 0 else "c0"), min(abs(r), 1.0) * (0.35 if i == j else 0.9)
+        parts.append(f'<rect class="{side}" fill-opacity="{strength:.2f}" x="{x + 0.5:.1f}" y="{y + 0.5:.1f}" '
+                     f'width="{cell - 1:.1f}" height="{cell - 1:.1f}"><title>{pair}</title></rect>')  # fmt: skip
+        if i != j and abs(r) >= MIN_WRITTEN:
+            text = f"{r:.1f}".replace("0.", ".").replace("1.0", "1").replace("-", "−")
+            where = f'x="{x + cell / 2:.1f}" y="{y + cell / 2 + letter / 3:.1f}"'
+            parts.append(f'<text class="in" style="font-size:{0.82 * letter:.1f}px" {where} '
+                         f'text-anchor="middle">{text}</text>')  # fmt: skip
+    whole = edge + p * cell + 4
+    frame = f'<path class="axis" d="M{edge:.1f} {edge:.1f}h{p * cell:.1f}v{p * cell:.1f}h{-p * cell:.1f}z"/>'
+    wide = f'style="max-width:{min(whole, 640):.0f}px" viewBox="0 0 {whole:.0f} {whole:.0f}"'
+    return Markup(f'<svg class="matrix" {wide} aria-hidden="true">{frame}{"".join(parts)}</svg>')  # noqa: S704  escaped above

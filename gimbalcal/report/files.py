@@ -78,7 +78,7 @@ def write_comparison(
     import polars as pl
 
     from gimbalcal.history.compare import flat
-    from gimbalcal.report.history import history_report
+    from gimbalcal.report.history_page import history_report
 
     page, rows = history_report(content, diagnoses), pl.DataFrame(flat(content))
     with folder(out) as new:

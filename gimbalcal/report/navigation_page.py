@@ -1,4 +1,4 @@
-"""The report of a recording that was navigated: Figures 3 to 5 and Table 5 of Wu et al. (2018), on this recording."""
+"""Pages of a navigated recording (Figures 3 to 5 and Table 5 of Wu et al. 2018) and of an error budget."""
 
 from __future__ import annotations
 
@@ -7,18 +7,20 @@ from typing import Any
 
 import numpy as np
 
+from gimbalcal.design.budget import Budget, length
 from gimbalcal.navigate.navigation_errors import CHANNELS, NAUTICAL_MILE, NONE, Navigated
 from gimbalcal.references import cite
-from gimbalcal.report import wording
+from gimbalcal.report import naming
 from gimbalcal.report.chart import COLOURS, DASHES, Band, Chart, Line, Mark, Rule, sensible_time, thin
+from gimbalcal.report.figures import tornado
 from gimbalcal.report.html import picture, render
 from gimbalcal.report.rounding import minus, significant
 from gimbalcal.units import from_si
 
 
 def navigation_report(content: Mapping[str, Any], runs: Sequence[Navigated], title: str) -> str:
-    """The page for the content of a navigation.json and the runs behind it."""
-    names = [run.label for run in runs]
+    """Return the page for the content of a navigation.json and the runs behind it."""
+    labels = [run.label for run in runs]
     context = {
         "title": title,
         "answer": headline(content),
@@ -27,11 +29,11 @@ def navigation_report(content: Mapping[str, Any], runs: Sequence[Navigated], tit
         "picture": picture(
             curves(runs),
             "Errors of latitude, longitude, velocity, attitude and position over time, for each calibration.",
-            "Navigator minus true; band: one sigma of what the calibration does not know. As Figures 3 to 5 of Wu et "
+            "Navigator minus true; band: one sigma of the calibration's uncertainty. As Figures 3 to 5 of Wu et "
             "al. (2018).",
         ),
-        "names": ["without" if name == NONE else name for name in names],
-        "rows": [row for i in range(len(CHANNELS)) if (row := _row(content, names, i))],
+        "names": ["without" if label == NONE else label for label in labels],
+        "rows": [row for i in range(len(CHANNELS)) if (row := _row(content, labels, i))],
         "position": _position(content),
         "damping": f"{content['damping']:g}" if content["damping"] else "",
         "alignment": f"{content['alignment_s'] / 60:g}",
@@ -46,15 +48,15 @@ def navigation_report(content: Mapping[str, Any], runs: Sequence[Navigated], tit
 
 
 def headline(content: Mapping[str, Any]) -> str:
-    """What a navigation.json comes to: the largest error of position without and with each calibration."""
-    text = wording.answered(content["in_words"])
+    """Return the largest error of position without and with each calibration."""
+    text = naming.answered(content["in_words"])
     if _helps(content):
         return text
-    return f"{text} A calibration makes it worse: is it of this unit, and of these days? See `gimbalcal compare`."
+    return f"{text} A calibration increases it: does it belong to this unit and to this time? See `gimbalcal compare`."
 
 
 def _helps(content: Mapping[str, Any]) -> bool:
-    """Whether no calibration makes the position worse."""
+    """Return whether no calibration increases the position error."""
     first, *others = (float(p["max_nmi"]) for p in content["position"])
     return all(x <= first for x in others)
 
@@ -67,24 +69,24 @@ def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
     return facts
 
 
-def _row(content: Mapping[str, Any], names: Sequence[str], i: int) -> dict[str, Any] | None:
-    """One line of Table 5: largest errors, improvement, sigma and drift; None for a channel that was not navigated."""
+def _row(content: Mapping[str, Any], labels: Sequence[str], i: int) -> dict[str, Any] | None:
+    """Return one line of Table 5: largest errors, improvement, sigma, drift; None for a channel without error."""
     name, unit = CHANNELS[i]
-    mine = {c["calibration"]: c for c in content["channels"] if c["name"] == name}
-    if not mine:
+    own = {c["calibration"]: c for c in content["channels"] if c["name"] == name}
+    if not own:
         return None
-    return {"name": name, "unit": unit, "cells": [_cell(mine[label]) for label in names]}
+    return {"name": name, "unit": unit, "cells": [_cell(own[label]) for label in labels]}
 
 
 def _cell(c: Mapping[str, Any]) -> dict[str, str]:
     better, sigma = c["improvement_percent"], c["sigma_linear"]
-    told = "" if sigma is None else f"{significant(sigma, 2)} | {significant(c['sigma_sampled'], 2)}"
+    sigmas = "" if sigma is None else f"{significant(sigma, 2)} | {significant(c['sigma_sampled'], 2)}"
     return {
         "max": significant(c["max"], 3),
         "rms": significant(c["rms"], 3),
         "drift": minus(f"{significant(c['drift_per_day'], 2)}"),
         "better": "" if better is None else minus(f"{better:.1f} %"),
-        "sigma": told,
+        "sigma": sigmas,
     }
 
 
@@ -103,13 +105,13 @@ def _position(content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def curves(runs: Sequence[Navigated]) -> list[Chart]:
-    """Figures 3 to 5 of Wu et al. (2018): each channel over time, a colour for each run, bands."""
+    """Draw Figures 3 to 5 of Wu et al. (2018): each channel over time, a colour for each run, with bands."""
     shown = [i for i in range(len(CHANNELS)) if np.all(np.isfinite(runs[0].error[:, i]))]
     return [_channel(runs, i) for i in [*shown, -1]]
 
 
 def _channel(runs: Sequence[Navigated], i: int) -> Chart:
-    """One channel, -1 for the horizontal position."""
+    """Draw one channel, -1 for the horizontal position."""
     name, unit = (*CHANNELS, ("horizontal position", "n mile"))[i]
     marks: list[Mark] = [Rule(0.0)]
     hours = ""
@@ -122,3 +124,63 @@ def _channel(runs: Sequence[Navigated], i: int) -> Chart:
             marks.append(Band(t, y - band, y + band, colour))
         marks.append(Line(t, y, colour, "without calibration" if run.label == NONE else run.label, dash))
     return Chart(tuple(marks), f"{name}  [{unit}]", f"time [{hours}]", height=170)
+
+
+# --- an error budget --------------------------------------------------------------------------------------------------
+
+PLATFORM = "Largest one sigma up to the hour, for a base at rest and the platform’s navigator of"
+STRAPDOWN = (
+    "Largest one sigma up to the hour after ten minutes of alignment, which absorbs part of the errors, for a unit at "
+    "rest, undamped unless requested; noise of the navigated run adds to it. The strapdown navigator of"
+)
+MIN_BAR = 0.02  # of the longest; shorter bars are in the table alone
+
+
+def budget_report(budget: Budget) -> str:
+    """Return the page of a budget: bars of the position error by parameter, and the best manoeuvre for each."""
+    rows = [
+        {
+            "name": naming.label_in_words(budget.parameters[i].label),
+            "sigma": significant(float(from_si(budget.sigma[i], budget.parameters[i].unit)), 2),
+            "unit": naming.unit_in_print(budget.parameters[i].unit),
+            "parts": [significant(float(m), 3) for m in budget.parts[:, i]],
+            "share": f"{100 * budget.share[i]:.1f} %" if budget.share[i] >= 5e-4 else "< 0.1 %",
+            "what": budget.manoeuvres[i]["what"],
+            "to": significant(float(budget.manoeuvres[i]["to_m"]), 3),
+        }
+        for i in map(int, budget.order)
+    ]
+    facts = [
+        (length(m), f"position error in {h:g} h, one sigma") for h, m in zip(budget.hours, budget.whole, strict=True)
+    ]
+    context = {
+        "title": budget.title,
+        "answer": naming.answered(budget.in_words),
+        "verdict": "found",
+        "facts": facts,
+        "picture": picture(
+            _tornado(budget),
+            f"Bars: position error by each parameter, {rows[0]['name']} the longest: {length(budget.parts[-1].max())}.",
+            f"Part of the position error of {budget.hours[-1]:g} h (one sigma) that would vanish if a parameter were "
+            "known exactly, and that part after the best manoeuvre for it (orange). The squares of bars add up where "
+            "parameters are uncorrelated.",
+        ),
+        "hours": [f"{h:g} h" for h in budget.hours],
+        "rows": rows,
+        "unseen": ", ".join(naming.label_in_words(budget.parameters[i].label) for i in budget.unseen),
+        "base": STRAPDOWN if budget.strapdown else PLATFORM,
+        "citations": cite("cai2016", "wei2022") if budget.strapdown else cite("wu2018", "britting1971"),
+    }
+    return render("budget.html", context)
+
+
+def _tornado(budget: Budget) -> Chart:
+    """Draw the position error by parameter, the longest bar on top."""
+    shown = [int(i) for i in budget.order if budget.parts[-1, i] > MIN_BAR * budget.parts[-1].max()]
+    scale, unit = (1e3, "km") if budget.parts[-1].max() > 1e4 else (1.0, "m")
+    return tornado(
+        [naming.label_in_words(budget.parameters[i].label) for i in shown],
+        np.array([float(budget.parts[-1, i]) for i in shown]) / scale,
+        np.array([float(budget.manoeuvres[i]["to_m"]) for i in shown]) / scale,
+        f"position in {budget.hours[-1]:g} h [{unit}]",
+    )

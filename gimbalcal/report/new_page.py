@@ -9,7 +9,7 @@ import numpy as np
 from gimbalcal.errors import amount
 from gimbalcal.guess.proposal import Proposal
 from gimbalcal.recording import Dwell, Recording, dwells
-from gimbalcal.report import wording
+from gimbalcal.report import naming
 from gimbalcal.report.chart import COLOURS, Band, Chart, Line, Mark, Points, Words, envelope, lasting, sensible_time
 from gimbalcal.report.html import picture, render
 from gimbalcal.report.rounding import significant
@@ -57,10 +57,10 @@ def proposal_page(found: Proposal) -> str:
         if stars else picture(_rests(found, stays), f"Forces over time; {amount(len(stays), 'rest')} marked."
                               if stays else "Rates over time."),
         "rows": [{"name": n.strip(), "quantity": g.quantity.replace("_", " "), "axis": g.axis.replace("_", " "),
-                  "unit": wording.unit_in_print(g.unit), "why": wording.typeset(g.why)}
+                  "unit": naming.unit_in_print(g.unit), "why": naming.typeset(g.why)}
                  for n, g in found.guesses.items()],
         "left_out": ", ".join(name.strip() for name in found.left_out),
-        "remarks": [wording.sentence(wording.typeset(text)) for text in (*told, *r.remarks)],
+        "remarks": [naming.sentence(naming.typeset(text)) for text in (*told, *r.remarks)],
     }  # fmt: skip
     return render("new.html", context)
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.references import cite
-from gimbalcal.report import wording
+from gimbalcal.report import naming
 from gimbalcal.report.chart import COLOURS, DASHES, SHAPES, Chart, Line, Mark, Points, lasting
 from gimbalcal.report.html import picture, render
+from gimbalcal.report.naming import unit_in_print
 from gimbalcal.report.rounding import pdg, significant
-from gimbalcal.report.wording import unit_in_print
 
 HOUR = 3600.0
 TITLES = {"specific_force": "Accelerometers", "angular_rate": "Gyroscopes"}
@@ -26,7 +26,7 @@ def noise_report(content: Mapping[str, Any], title: str) -> str:
         "answer": headline(content),
         "verdict": "unexplained" if told else "found",
         "facts": [
-            (lasting(content["seconds"]), f"at rest, in {wording.counted(content['rests'], 'stretch', 'stretches')}"),
+            (lasting(content["seconds"]), f"at rest, in {naming.counted(content['rests'], 'stretch', 'stretches')}"),
             *([(lasting(content["longest_s"]), "longest rest")] if content["rests"] > 1 else []),
             (_rate(content["rate_hz"]), "logged"),
         ],
@@ -46,7 +46,7 @@ def noise_report(content: Mapping[str, Any], title: str) -> str:
 
 def headline(content: Mapping[str, Any]) -> str:
     """What a noise.json comes to: how large the noise is, and what to do with it."""
-    told = [wording.sentence(wording.typeset(part)) for part in content["in_words"].split("; ")]
+    told = [naming.sentence(naming.typeset(part)) for part in content["in_words"].split("; ")]
     short = content["longest_s"] < HOUR and "below" in content["in_words"]
     steps = ["copy the lines of [noise] below into recording.toml"] if content["header"] else []
     steps += ["leave it alone for some hours to see what is only bounded here"] if short else []

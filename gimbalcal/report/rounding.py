@@ -9,11 +9,11 @@ import numpy as np
 
 from gimbalcal.number import Array
 
-CLEAR = 2.0  # sigmas; less is no size to be told in words
+CLEAR = 2.0  # sigmas; a smaller value is given as an upper bound
 
 
 def pdg(value: float, sigma: float) -> tuple[str, str]:
-    """Value and sigma as text, rounded by the rule of the Particle Data Group [pdg].
+    """Return value and sigma as text, rounded by the rule of the Particle Data Group [pdg].
 
     If the three highest digits of sigma lie between 100 and 354, two digits are kept; between 355 and 949, one;
     between 950 and 999 sigma is rounded up to 1000 and two are kept. The value gets the same last place. A sigma
@@ -32,13 +32,13 @@ def pdg(value: float, sigma: float) -> tuple[str, str]:
     return _at(value, place), _at(sigma, place)
 
 
-def told_from_zero(value: float, sigma: float) -> bool:
-    """Whether a value is told from zero, so that words may give its size."""
+def distinct_from_zero(value: float, sigma: float) -> bool:
+    """Return whether a value differs from zero clearly enough for words to give its size."""
     return abs(value) > CLEAR * sigma
 
 
 def last_place(sigma: float) -> int:
-    """Exponent of ten of the last digit that the rule keeps, for a finite sigma > 0.
+    """Return the exponent of ten of the last digit that the rule keeps, for a finite sigma > 0.
 
     >>> last_place(0.119), last_place(0.367), last_place(0.996), last_place(1234.0)
     (-2, -1, -1, 2)
@@ -51,7 +51,7 @@ def last_place(sigma: float) -> int:
 
 
 def _at(x: float, place: int) -> str:
-    """X rounded half to even at 10^place, in plain decimal notation without a negative zero."""
+    """Return x rounded half to even at 10^place, in plain decimal notation without a negative zero."""
     with localcontext(prec=700):  # a float has digits from 1e308 down to 1e-324
         rounded = Decimal(repr(float(x))).quantize(Decimal(1).scaleb(place), rounding=ROUND_HALF_EVEN)
     text = f"{rounded:f}" if place <= 0 else f"{int(rounded)}"
@@ -59,7 +59,7 @@ def _at(x: float, place: int) -> str:
 
 
 def significant(x: float, digits: int = 3) -> str:
-    """X with so many significant digits, plainly between 1e-4 and 1e6 and with a power of ten outside.
+    """Return x with so many significant digits, in decimal notation between 1e-4 and 1e6, else with a power of ten.
 
     >>> significant(0.0123456), significant(123456.0, 2), significant(3.2e-9)
     ('0.0123', '120000', '3.20·10⁻⁹')
@@ -73,7 +73,7 @@ def significant(x: float, digits: int = 3) -> str:
 
 
 def minus(text: str) -> str:
-    """A number as it is printed: with the minus sign that lines up with figures, a power of ten raised.
+    """Return a number as it is printed: with the minus sign that lines up with figures, a power of ten raised.
 
     >>> minus("-0.5"), minus("3.20e-09"), minus("1e+06")
     ('−0.5', '3.20·10⁻⁹', '10⁶')
@@ -82,7 +82,7 @@ def minus(text: str) -> str:
 
 
 def _raised(text: str) -> str:
-    """A number whose power of ten follows an e, with the power raised; any other text as it is."""
+    """Return a number with the power of ten after its e raised; any other text unchanged."""
     mantissa, e, power = text.partition("e")
     if not e or not power.lstrip("+-").isdigit():
         return text
@@ -91,7 +91,7 @@ def _raised(text: str) -> str:
 
 
 def signed(x: float, digits: int = 3) -> str:
-    """X with its sign and so many significant digits.
+    """Return x with its sign and so many significant digits.
 
     >>> signed(-1234.5), signed(0.5, 2)
     ('−1230', '+0.50')
@@ -100,5 +100,5 @@ def signed(x: float, digits: int = 3) -> str:
 
 
 def rms(x: Array) -> str:
-    """Root mean square with three significant digits."""
+    """Return the root mean square with three significant digits."""
     return significant(float(np.sqrt(np.mean(x**2))), 3)

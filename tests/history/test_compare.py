@@ -16,8 +16,8 @@ from gimbalcal.errors import InputError
 from gimbalcal.history import Dated, compare, date_in, dated_file
 from gimbalcal.history.compare import _called, flat
 from gimbalcal.history.parameter_history import YEAR
-from gimbalcal.report.history import history_report
-from gimbalcal.report.wording import named
+from gimbalcal.report.history_page import history_report
+from gimbalcal.report.naming import named
 from tests.history.calibrations import LABELS, SIGMA, START, R, calibration, history
 
 QUARTER = 90 * 86400.0 / YEAR

@@ -26,15 +26,13 @@ from gimbalcal.navigate.space_stable import Aids
 from gimbalcal.navigate.summary import content as navigation_content
 from gimbalcal.recording import Recording
 from gimbalcal.report import calibration_report
-from gimbalcal.report.budget_page import budget_report
 from gimbalcal.report.campaign_page import campaign_report
 from gimbalcal.report.diagnosis_page import diagnosis_report, panels
-from gimbalcal.report.history import history_report
-from gimbalcal.report.navigation_page import navigation_report
+from gimbalcal.report.history_page import history_report
+from gimbalcal.report.navigation_page import budget_report, navigation_report
 from gimbalcal.report.new_page import proposal_page
 from gimbalcal.report.noise_page import noise_report
-from gimbalcal.report.observability_page import observability_report
-from gimbalcal.report.plan_page import design_report, plan_report
+from gimbalcal.report.plan_page import design_report, observability_report, plan_report
 from gimbalcal.schedule.rotations import ROTATIONS
 from tests.report.example import example
 

@@ -20,7 +20,7 @@ from gimbalcal.report.chart import (
     ticks,
 )
 from gimbalcal.report.draw import svg
-from gimbalcal.report.parameter_figures import correlation
+from gimbalcal.report.figures import correlation
 
 RNG = np.random.default_rng(7)
 

@@ -8,8 +8,7 @@ import sympy
 
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.card import equation, stated_law
-from gimbalcal.report.html import formula
-from gimbalcal.report.plain_formula import plain_formula
+from gimbalcal.report.formulas import formula, plain_formula
 
 
 @pytest.mark.parametrize("effect", sorted(CATALOGUE))

@@ -8,7 +8,7 @@ import numpy as np
 
 from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.report.calibration_page import calibration_report
-from gimbalcal.report.navigation import (
+from gimbalcal.report.sections import (
     innovations_by_leg,
     navigation_checks,
     navigation_facts,
@@ -16,28 +16,19 @@ from gimbalcal.report.navigation import (
     sigma_over_time,
 )
 from tests.estimate.systematic.table import turning_unit
+from tests.golden import Golden, page_text
 
 
-def test_the_page_shows_innovations_and_sigmas() -> None:
+def test_the_page_of_a_systematic_calibration(golden: Golden) -> None:
     recording = turning_unit(stop=10.0)
     content = json.loads(json.dumps(systematic(recording, "30").to_dict()))
-    innovations, sigmas = navigation_pictures(content)
-    assert "31 stops and turns" in innovations.alt
-    assert "21 parameters" in sigmas.alt
-    assert "0 rejected" in navigation_facts(content)[0][1]
     content["provenance"] |= {"recordings": [], "created": "2026-11-22T10:00:00+00:00"}
-    page = calibration_report(content, (recording,))
-    assert "√P of the filter" in page
-    assert "Velocity innovations of the calibrated navigator" in page
-    checks = navigation_checks(content)
-    assert [c["name"] for c in checks] == ["NIS", "NEES", "rejected updates", "whiteness"]
-    assert [c["sentence"].rsplit(maxsplit=1)[-1] for c in checks] == ["one.", "usual.", "none.", "none."]
-    assert all(c["sentence"].split(";")[0] in page for c in checks)
+    golden("pages/systematic", page_text(calibration_report(content, (recording,))))
     n = content["residual"]["navigation"]
     n["nis"]["ratio"], n["nees"]["position"], n["rejected"], n["whiteness"]["lag_one"] = 4.0, 40.0, 2, 0.5
-    checks = navigation_checks(content)
-    ends = ["something is not in the model.", "not in its sigma.", "a knock is one or two.", "is not in the model."]
-    assert [c["sentence"].endswith(end) for c, end in zip(checks, ends, strict=True)] == [True] * 4
+    worse = navigation_checks(content)
+    n["nis"]["ratio"], n["rejected"], n["whiteness"]["lag_one"] = 0.2, 400, -0.5
+    golden("sentences/navigator", "\n".join(c["sentence"] for c in worse + navigation_checks(content)))
 
 
 def test_what_was_not_navigated_has_none() -> None:

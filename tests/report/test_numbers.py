@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from datetime import datetime
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,17 +14,15 @@ from gimbalcal.calibration import from_dict
 from gimbalcal.design.budget import Budget
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.report import figures
-from gimbalcal.report.budget_page import budget_report
 from gimbalcal.report.chart import Bars, Chart, Line, Points, limits
 from gimbalcal.report.evidence import by_position, over_time
-from gimbalcal.report.history import _course, history_report
-from gimbalcal.report.navigation import innovations_by_leg
+from gimbalcal.report.figures import correlation
+from gimbalcal.report.history_page import _course, history_report
+from gimbalcal.report.navigation_page import budget_report
 from gimbalcal.report.noise_page import _chart as noise_chart
 from gimbalcal.report.noise_page import _rate as told_rate
-from gimbalcal.report.parameter_figures import correlation
-from gimbalcal.report.parameter_rows import rows
-from gimbalcal.report.pointing import night_by_night, pointing_picture
-from gimbalcal.report.stages import stages
+from gimbalcal.report.parameters import rows, stages
+from gimbalcal.report.sections import innovations_by_leg, night_by_night, pointing_picture
 from gimbalcal.units import to_si
 from tests.estimate.pointing.mounts import ALT_AZ, run
 from tests.report.example import ARCSEC, example
@@ -178,7 +177,7 @@ def test_the_picture_of_a_mount_tells_how_far_stars_were_off_on_the_sky() -> Non
     r = run(ALT_AZ, angles, ())
     low = r.channels["true_angle", "elevation"] + 30 * ARCSEC
     off = replace(r, channels={**r.channels, ("true_angle", "elevation"): low})
-    told = pointing_picture([off], ()).alt
+    told = pointing_picture([off], SimpleNamespace(effects=())).alt  # type: ignore[arg-type]
     assert "30.0 arcsec with all terms" in told  # of which there are none
     before = told.partition(": ")[2].partition(" arcsec on the sky with zeros alone")[0]
     assert "⁻" in before or float(before) < 1e-3  # the zero of the elevation takes it all

@@ -13,23 +13,29 @@ from gimbalcal.design.observability import observe
 from gimbalcal.diagnose.answer import Curves
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.effects.effect import constants
-from gimbalcal.report.answer import answer, fit, verdict
 from gimbalcal.report.campaign_page import campaign_report, chance
 from gimbalcal.report.campaign_page import headline as campaign_headline
 from gimbalcal.report.console import bounds_table, findings_table, parameters_table
-from gimbalcal.report.headline import does, headline, size_in_words
-from gimbalcal.report.noise_page import headline as noise_headline
-from gimbalcal.report.reach import reach
-from gimbalcal.report.wording import (
+from gimbalcal.report.naming import (
     answered,
     counted,
     direction_in_words,
     leading,
     listed,
+    precision,
     typeset,
     unit_in_print,
     unobservable_of,
     why_in_words,
+)
+from gimbalcal.report.noise_page import headline as noise_headline
+from gimbalcal.report.words import (
+    calibration_in_words,
+    calibration_verdict,
+    does,
+    goodness_of_fit,
+    headline,
+    size_in_words,
 )
 from tests.golden import Golden
 from tests.report.example import example
@@ -92,7 +98,9 @@ CALIBRATIONS = {
 
 
 def test_answers_of_calibrations(golden: Golden) -> None:
-    golden("sentences/calibration", lines(CALIBRATIONS, lambda c: f"[{verdict(c)}] {answer(c)}"))
+    golden(
+        "sentences/calibration", lines(CALIBRATIONS, lambda c: f"[{calibration_verdict(c)}] {calibration_in_words(c)}")
+    )
 
 
 def test_held_parameters_are_not_counted_as_unobservable() -> None:
@@ -108,7 +116,7 @@ def test_held_parameters_are_not_counted_as_unobservable() -> None:
     ],
 )
 def test_lack_of_fit_is_both_significant_and_large(chi2: float, dof: int, expected: str) -> None:
-    assert fit(chi2, dof)[2] == expected
+    assert goodness_of_fit(chi2, dof)[2] == expected
 
 
 # --- diagnoses --------------------------------------------------------------------------------------------------------
@@ -251,8 +259,8 @@ def test_tables_of_the_console(golden: Golden) -> None:
 
 def test_a_plan_names_four_kinds_of_parameters_and_counts_the_rest() -> None:
     kinds = ["bias", "scale_factor", "misalignment", "quadratic_nonlinearity", "gyro_bias"]
-    assert "more in the report" not in reach([(k, 1.0, "1") for k in kinds[:4]])
-    assert reach([(k, 1.0, "1") for k in kinds]).endswith("; 1 more in the report.")
+    assert "more in the report" not in precision([(k, 1.0, "1") for k in kinds[:4]])
+    assert precision([(k, 1.0, "1") for k in kinds]).endswith("; 1 more in the report.")
 
 
 def test_headlines_of_noise(golden: Golden) -> None:

@@ -24,7 +24,7 @@ from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.effects import Stage
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, write
-from gimbalcal.report.headline import headline
+from gimbalcal.report.words import headline
 from tests.benchmarks import unknown_mount
 from tests.diagnose import plant, static_plant
 
@@ -193,7 +193,7 @@ def test_what_has_a_name_keeps_it_beside_a_law(tmp_path: Path) -> None:
     assert made.outcome == ""
     told = headline(d.to_dict(), d.curves)
     assert told.startswith("The azimuth axis is off by ")
-    assert "arcsec · cos(3 · azimuth), beside encoder eccentricity azimuth, which is known." in told
+    assert "arcsec · cos(3 · azimuth), in addition to encoder eccentricity azimuth, which is known." in told
     assert "`--with encoder_eccentricity:azimuth --with law_gimbal_angle_azimuth --effects law.py`" in told
 
 

@@ -15,7 +15,7 @@ from gimbalcal.estimate.pointing.pattern import why_far
 from gimbalcal.estimate.pointing.run import nights
 from gimbalcal.platform import Axis, Platform
 from gimbalcal.recording import Recording
-from gimbalcal.report.answer import answer
+from gimbalcal.report.words import calibration_in_words
 from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, EQUATORIAL, effects, run, sky
 
 TELESCOPE = {"gimbal_zero__elevation": 300.0, "gimbal_zero__azimuth": -4000.0, "axis_collimation": 60.0,
@@ -89,11 +89,8 @@ def test_a_pattern_of_what_is_left_is_told_where_no_noise_is_stated() -> None:
     assert clean.provenance["pattern"] == {}
     assert bent.provenance["pattern"]["axis"] == "azimuth"
     assert bent.outcome == ""  # whose noise nobody states
-    words = answer({**bent.to_dict(), "provenance": dict(bent.provenance)})
-    assert (
-        "but it is no noise: what is left along follows the azimuth, and `gimbalcal diagnose` looks for the cause"
-        in words
-    )
+    words = calibration_in_words({**bent.to_dict(), "provenance": dict(bent.provenance)})
+    assert "the residual along follows the azimuth, and `gimbalcal diagnose` looks for the cause" in words
 
 
 def test_a_mistaken_star_is_named() -> None:
@@ -104,8 +101,8 @@ def test_a_mistaken_star_is_named() -> None:
     (star,) = made.provenance["far_off"]
     assert star["star"] == 17
     assert star["arcsec"] == pytest.approx(90, rel=0.2)
-    words = answer({**made.to_dict(), "provenance": dict(made.provenance)})
-    assert "A star is far off the others, number 17 of “made” by" in words
+    words = calibration_in_words({**made.to_dict(), "provenance": dict(made.provenance)})
+    assert "One star is an outlier, number 17 of “made” by" in words
     assert "mistaken or not centred; leave it out" in words
     assert pointing_calibration([night]).provenance["far_off"] == []
     later = np.where(np.arange(60) < 10, 0.0, 86400.0)  # a second night in one file, whose rows go on counting

@@ -18,7 +18,7 @@ from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.estimate.systematic.filter_pass import attitude_covariance
 from gimbalcal.estimate.systematic.state_lists import FIFTY_ONE, states
 from gimbalcal.platform import Axis, Platform
-from gimbalcal.report.answer import answer
+from gimbalcal.report.words import calibration_in_words
 from gimbalcal.rotation import frame_rotation, rotation_vector
 from tests.estimate.systematic.table import MOVES, START, turning_unit
 
@@ -276,7 +276,7 @@ def test_a_hand_that_carries_the_unit_along_is_no_velocity_of_its_place() -> Non
     assert found.outcome == ""
     assert np.abs(_errors(found, THIRTY, truth)).max() < 4
     assert found.provenance["limits"][0].startswith("a hand turned the unit and carried it along")
-    assert "A hand turned the unit" in answer(found.to_dict())
+    assert "A hand turned the unit" in calibration_in_words(found.to_dict())
     little = systematic(
         turning_unit((), THIRTY, truth, moves=moves, stop=10.0, speed=30.0, noise=noise,
                      carried=lambda t: 0.1 * _by_hand(t)), "30",

@@ -1,9 +1,9 @@
-"""Results in words: the sentence that answers the question, names a person reads, a direction spelled out."""
+"""Names, units, lists and directions as they are printed."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -13,7 +13,7 @@ _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight"
 
 
 def named(name: str, axis: str = "") -> str:
-    """A parameter or an effect as a person says it: a parameter by its effect, so that one thing has one name.
+    """Return the name of a parameter or an effect in words: a parameter by its effect, so that each has one name.
 
     >>> named("gimbal_zero", "inner"), named("K3", "y")
     ('gimbal zero inner', 'cubic nonlinearity y')
@@ -23,20 +23,20 @@ def named(name: str, axis: str = "") -> str:
 
 @cache
 def _names() -> dict[str, str]:
-    """What parameters are called: their effect, and their own name behind it where it has several."""
+    """Return the names of parameters: that of the effect, and their own after it where the effect has several."""
     from gimbalcal.effects import CATALOGUE, parameters
 
-    told: dict[str, str] = {}
+    names: dict[str, str] = {}
     for effect, cls in CATALOGUE.items():
         own = dict.fromkeys(p.name for p in parameters(cls, ("inner",)))
         words = effect.replace("_", " ")
         for name in own:
-            told.setdefault(name, words if len(own) == 1 else f"{words}, {name.replace('_', ' ')}")
-    return told | {effect: effect.replace("_", " ") for effect in CATALOGUE}
+            names.setdefault(name, words if len(own) == 1 else f"{words}, {name.replace('_', ' ')}")
+    return names | {effect: effect.replace("_", " ") for effect in CATALOGUE}
 
 
 def label_of(row: Mapping[str, Any]) -> str:
-    """The label of a row of calibration.json's parameters.
+    """Return the label of a row of calibration.json's parameters.
 
     >>> label_of({"name": "bias", "axis": "x"})
     'bias:x'
@@ -45,17 +45,17 @@ def label_of(row: Mapping[str, Any]) -> str:
 
 
 def label_in_words(label: str) -> str:
-    """A label of calibration.json, "bias:x" or "warm_up.tau:x", as a person says it.
+    """Return a label of calibration.json, "bias:x" or "warm_up.tau:x", in words.
 
     >>> label_in_words("misalignment:xz")
     'misalignment xz'
     """
     name, _, axis = label.partition(":")
-    return named(name.replace(".", " "), axis.replace("_", " "))
+    return named(name.replace(".", " "), axis)
 
 
 def unit_in_print(unit: str) -> str:
-    """A unit as it is printed; a plain number has none.
+    """Return a unit as it is printed; a plain number has none.
 
     >>> unit_in_print("ug/g^2"), unit_in_print("deg/sqrt(h)"), unit_in_print("1")
     ('µg/g²', '°/√h', '')
@@ -67,7 +67,7 @@ def unit_in_print(unit: str) -> str:
 
 
 def counted(n: int, noun: str, plural: str = "") -> str:
-    """A number and its noun; numbers up to twelve in words.
+    """Return a number and its noun; numbers up to twelve in words.
 
     >>> counted(1, "direction"), counted(17, "direction"), counted(2, "axis", "axes")
     ('one direction', '17 directions', 'two axes')
@@ -77,7 +77,7 @@ def counted(n: int, noun: str, plural: str = "") -> str:
 
 
 def listed(items: Sequence[str]) -> str:
-    """Items in a sentence.
+    """Return items as a list in a sentence.
 
     >>> listed(["a", "b", "c"])
     'a, b and c'
@@ -86,21 +86,21 @@ def listed(items: Sequence[str]) -> str:
 
 
 def unobservable_of(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Directions among the estimated parameters that the data do not see.
+    """Return the unobservable directions among the estimated parameters.
 
-    The other entries of `unobservable` speak of parameters that were held, by convention or for want of data.
+    The other entries of `unobservable` concern parameters that were held, by convention or for want of data.
     """
     labels = {label_of(p) for p in content["parameters"]}
     return [u for u in content["unobservable"] if labels.issuperset(u["direction"])]
 
 
 def unobservable_leading(unobservable: Sequence[Mapping[str, Any]]) -> set[str]:
-    """Labels that carry most of what the data do not see."""
+    """Return the labels that dominate the unobservable directions."""
     return {label for u in unobservable for label in leading(u["direction"])}
 
 
 def sentence(words: str) -> str:
-    """Words as a sentence; a name with a digit, which is something to type, stays as it is.
+    """Return words as a sentence; a first word with a digit is something to type and keeps its case.
 
     >>> sentence("it is so"), sentence("wu2018-18 sees it"), sentence("")
     ('It is so.', 'wu2018-18 sees it.', '')
@@ -111,7 +111,7 @@ def sentence(words: str) -> str:
 
 
 def answered(in_words: str) -> str:
-    """The `in_words` of a result as a person is told it, on the console and at the head of the page.
+    """Return the `in_words` of a result as sentences, for the console and the head of the page.
 
     >>> answered("changing +1 misalignment:xz -1 bias:y by 3 ug^2 does nothing")
     'Changing +1 misalignment xz −1 bias y by 3 µg² does nothing.'
@@ -119,15 +119,20 @@ def answered(in_words: str) -> str:
     return "\n".join(sentence(typeset(spoken(line))) for line in in_words.split("\n"))
 
 
+def capitalised(text: str) -> str:
+    """Return a text with a capital first letter; the rest keeps its case."""
+    return text[:1].upper() + text[1:]
+
+
 def leading(direction: Mapping[str, float], least: float = 0.1) -> list[str]:
-    """Labels that carry at least this share of the largest weight, the heaviest first."""
+    """Return the labels that carry at least this share of the largest weight, the heaviest first."""
     top = max((abs(w) for w in direction.values()), default=0.0)
     ranked = sorted(direction, key=lambda label: -abs(direction[label]))
     return [label for label in ranked if abs(direction[label]) >= least * top and top > 0]
 
 
 def direction_in_words(direction: Mapping[str, float]) -> str:
-    """A combination of parameters as a sum in printed units; its sign, which means nothing, makes the first one plus.
+    """Return a combination of parameters as a sum in printed units; its sign, which is arbitrary, makes the first plus.
 
     >>> direction_in_words({"misalignment:xz": 1.0, "gimbal_zero:platform": -1.0, "bias:x": 0.5})
     'misalignment xz − gimbal zero platform + 0.50 bias x'
@@ -144,7 +149,7 @@ def direction_in_words(direction: Mapping[str, float]) -> str:
 
 
 def why_in_words(unobservable: Mapping[str, Any]) -> str:
-    """The reason of an entry of `unobservable` with labels and effects as a person says them."""
+    """Return the reason of an entry of `unobservable` with labels and effects in words."""
     from gimbalcal.effects import CATALOGUE
 
     text = str(unobservable["why"])
@@ -154,8 +159,13 @@ def why_in_words(unobservable: Mapping[str, Any]) -> str:
     return sentence(typeset(re.sub(rf"(?<![.\w])({known})(?!\w)", lambda found: named(found[0]), text)))
 
 
+def directions(unobservable: Iterable[Mapping[str, Any]]) -> list[dict[str, str]]:
+    """Return entries of `unobservable` as pairs of a combination and its reason, in words."""
+    return [{"direction": direction_in_words(u["direction"]), "why": why_in_words(u)} for u in unobservable]
+
+
 def spoken(text: str) -> str:
-    """A text with the labels of parameters as a person says them.
+    """Return a text with the labels of parameters in words.
 
     >>> spoken("changing +1 misalignment:xz -1 K3:y; 10:30 stays")
     'changing +1 misalignment xz -1 cubic nonlinearity y; 10:30 stays'
@@ -165,7 +175,7 @@ def spoken(text: str) -> str:
 
 
 def typeset(text: str) -> str:
-    """Powers, arrows, sigmas, signs and units of a plain sentence as they are printed.
+    """Return a plain sentence with powers, arrows, sigmas, signs and units as they are printed.
 
     >>> typeset("0.0016 -> 0.0059 m/s^2"), typeset("by -3 +- 0.2 ug on 2026-11-22")
     ('0.0016 → 0.0059 m/s²', 'by −3 ± 0.2 µg on 2026-11-22')
@@ -175,18 +185,18 @@ def typeset(text: str) -> str:
     text = text.replace(" +- ", " ± ").replace(" -> ", " → ")
     text = re.sub(r"(\d) deg\b(?![/\w])", r"\1°", text)
     text = re.sub(r"(?<![\w.=])-(?=\d)", "−", text)
-    text = re.sub(r"\b(\d(?:\.\d+)?)e([+-]\d+)\b", _plainly, text)
+    text = re.sub(r"\b(\d(?:\.\d+)?)e([+-]\d+)\b", _without_power, text)
     units = r"\b(?:ug|urad|degC)\b|\bdeg(?=/)|\^[23]|sqrt\((?:h|Hz)\)"
     return re.sub(units, lambda m: unit_in_print(m[0]), text)
 
 
-def _plainly(found: re.Match[str]) -> str:
-    """A number with a power of ten: without it where it need not be."""
+def _without_power(found: re.Match[str]) -> str:
+    """Return a number without its power of ten where it needs none."""
     return significant(float(found[0]), sum(c.isdigit() for c in found[1]))
 
 
 def as_text(value: Any) -> str:
-    """A value of provenance as text; empty for nothing.
+    """Return a value of provenance as text; empty for nothing.
 
     >>> as_text({"seed": 1, "names": ["a", "b"], "none": None, "x": 0.123456789, "of each": [["a"], ["a", "b"]]})
     'seed 1; names a, b; x 0.123457; of each a | a, b'
@@ -204,7 +214,29 @@ def as_text(value: Any) -> str:
 
 
 def files(provenance: Mapping[str, Any], read: Sequence[Mapping[str, Any]] = ()) -> list[dict[str, str]]:
-    """The files behind a result, path and SHA-256: recordings (or those `read`), then those of effects, with names."""
+    """Return path and SHA-256 of the files behind a result: recordings (or those `read`), then files of effects."""
     rows = [{"path": str(f["path"]), "sha256": str(f["sha256"])} for f in provenance.get("recordings") or read]
     return rows + [{"path": f"{f['path']}, which defines {', '.join(f['effects'])}", "sha256": str(f["sha256"])}
                    for f in provenance.get("effects", ())]  # fmt: skip
+
+
+MAX_KINDS = 4  # of parameters that a sentence names
+
+
+def precision(sigmas: Iterable[tuple[str, float, str]]) -> str:
+    """Return a sentence on the least precise parameter of each kind, a space before it; empty for none.
+
+    sigmas: kind, sigma and unit of each parameter.
+
+    >>> precision([("bias", 1.2, "ug"), ("bias", 1.57, "ug"), ("scale_factor", 0.9, "ppm")])
+    ' One σ at worst: bias 1.6 µg, scale factor 0.90 ppm.'
+    """
+    worst: dict[str, tuple[float, str]] = {}
+    for kind, sigma, unit in sigmas:
+        worst[kind] = max(worst.get(kind, (0.0, unit)), (sigma, unit))
+    if not worst:
+        return ""
+    parts = [f"{named(kind)} {significant(sigma, 2)} {unit_in_print(unit)}"
+             for kind, (sigma, unit) in list(worst.items())[:MAX_KINDS]]  # fmt: skip
+    more = f"; {len(worst) - MAX_KINDS} more in the report" if len(worst) > MAX_KINDS else ""
+    return f" One σ at worst: {', '.join(parts)}{more}."

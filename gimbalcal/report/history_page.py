@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.history.parameter_history import YEAR
-from gimbalcal.report import wording
+from gimbalcal.report import naming
 from gimbalcal.report.chart import BLUE, VERMILION, Chart, Line, Mark, Points, Rule, lasting
 from gimbalcal.report.html import Picture, picture, render
 from gimbalcal.report.rounding import minus, pdg, significant
@@ -20,8 +20,8 @@ def history_report(content: Mapping[str, Any], diagnoses: Sequence[tuple[str, st
     calibrations, steps, parameters = content["calibrations"], content["steps"], content["parameters"]
     names = _names(calibrations)
     context = {
-        "title": content["unit"] or wording.counted(len(calibrations), "calibration"),
-        "answer": wording.answered(content["in_words"]),
+        "title": content["unit"] or naming.counted(len(calibrations), "calibration"),
+        "answer": naming.answered(content["in_words"]),
         "verdict": "fits" if content["agree"] else "misfit",
         "facts": _facts(content),
         "pictures": _pictures(parameters, calibrations),
@@ -29,10 +29,10 @@ def history_report(content: Mapping[str, Any], diagnoses: Sequence[tuple[str, st
         "steps": [_step(s, names) for s in steps],
         "calibrations": [
             {"date": _day(c["date"]), "name": c["name"], "method": c["method"],
-             "outcome": wording.typeset(c["outcome"])}
+             "outcome": naming.typeset(c["outcome"])}
             for c in calibrations
         ],
-        "diagnoses": [{"date": _day(date), "words": wording.typeset(words)}
+        "diagnoses": [{"date": _day(date), "words": naming.typeset(words)}
                       for date, words in diagnoses],
     }  # fmt: skip
     return render("compare.html", context)
@@ -83,8 +83,8 @@ def _row(p: Mapping[str, Any], names: Sequence[str]) -> dict[str, str]:
     off = [f"{names[k]} off the others" for k in p["outliers"]]
     due = [f"due {p['due']}"] if p["due"] else []
     return {
-        "words": wording.named(p["name"], p["axis"].replace("_", " ")), "value": minus(value), "sigma": sigma,
-        "unit": wording.unit_in_print(p["unit"]), "change": f"{minus(moved)} ± {moved_sigma}",
+        "words": naming.named(p["name"], p["axis"]), "value": minus(value), "sigma": sigma,
+        "unit": naming.unit_in_print(p["unit"]), "change": f"{minus(moved)} ± {moved_sigma}",
         "in_sigmas": minus(f"{change / spread:+.1f}"), "drift": drift,
         "scatter": significant(p["scatter"], 2) if p["scatter"] else "none",
         "remark": "; ".join([*jumps, *off, *due]),
@@ -102,7 +102,7 @@ def _pictures(parameters: Sequence[Mapping[str, Any]], calibrations: Sequence[Ma
     dates = [datetime.fromisoformat(c["date"]) for c in calibrations]
     drawn = []
     for p in sorted(parameters, key=lambda p: -_moved(p)):
-        words = wording.named(p["name"], p["axis"].replace("_", " "))
+        words = naming.named(p["name"], p["axis"])
         said = "with a jump" if p["jumps"] else "with a value off the others" if p["outliers"] else "without a jump"
         drawn.append(picture(_course(p, dates, words), f"{words} over {len(p['values'])} calibrations, {said}."))
     return drawn
@@ -117,7 +117,7 @@ def _course(p: Mapping[str, Any], dates: Sequence[datetime], words: str) -> Char
     days = np.array([d.timestamp() for d in dates]) / 86400
     t, x, sigma = days[list(p["calibrations"])], np.array(p["values"]), np.array(p["sigmas"])
     odd = np.isin(p["calibrations"], [*p["jumps"], *p["outliers"]])
-    unit = wording.unit_in_print(p["unit"])
+    unit = naming.unit_in_print(p["unit"])
     names = [f"{dates[k]:%Y-%m-%d}: {' ± '.join(map(minus, pdg(v, s)))} {unit}"
              for k, v, s in zip(p["calibrations"], x, sigma, strict=True)]  # fmt: skip
     marks: list[Mark] = [Rule(float(x[0]), "pale")]

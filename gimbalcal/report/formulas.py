@@ -1,9 +1,12 @@
-"""A formula in letters alone, for a console: Greek as it is written, a fraction as a quotient."""
+"""Typeset a LaTeX formula: as MathML for a page, as a line of letters for a console."""
 
 from __future__ import annotations
 
 import re
 from unicodedata import normalize
+from xml.etree import ElementTree as ET
+
+from markupsafe import Markup
 
 LETTERS = {
     "delta": "δ", "theta": "θ", "omega": "ω", "varphi": "φ", "phi": "φ", "beta": "β", "kappa": "κ", "pi": "π",
@@ -17,8 +20,21 @@ ACCENTS = {"dot": "\u0307", "bar": "\u0304", "hat": "\u0302", "tilde": "\u0303"}
 PART = r"\{([^{}]*)\}"
 
 
+def formula(latex: str) -> Markup | None:
+    """Return a formula as MathML, which every browser draws in the page's own letters; None where it cannot be set."""
+    from latex2mathml.converter import convert
+
+    try:
+        text = convert(latex.replace("<", r"\lt "))  # it copies words of \text as they are: no tag may come through
+        drawn = ET.fromstring(text)  # noqa: S314  made one line above
+    except Exception:  # noqa: BLE001  its errors have no class in common
+        return None
+    # commands that it does not know are left as they are
+    return None if "\\" in "".join(drawn.itertext()) else Markup(text)  # noqa: S704  no tag of the formula's own
+
+
 def plain_formula(latex: str) -> str:
-    r"""The formula as a line of text.
+    r"""Return the formula as a line of text: Greek letters, fractions as quotients.
 
     >>> plain_formula(r"\delta a_i = b_{T,i} (T - T_0)"), plain_formula(r"d = -\frac{f}{g}, \qquad \dot f = \sqrt{2}")
     ('δa_i = b_T,i (T - T_0)', 'd = -f/g,  ḟ = √(2)')
@@ -39,20 +55,20 @@ def plain_formula(latex: str) -> str:
 
 
 def _rows(found: re.Match[str]) -> str:
-    """A matrix as rows between brackets."""
+    """Return a matrix as rows between brackets."""
     rows = [", ".join(cell.strip() for cell in row.split("&")) for row in found[1].split(r"\\")]
     return f"[{'; '.join(rows)}]"
 
 
 def _index(found: re.Match[str]) -> str:
-    """An index or power: in brackets where it is more than one word."""
+    """Return an index or power, in brackets where it is more than one word."""
     inside = found[2].strip()
     held = inside.startswith("(") and inside.endswith(")") and ")" not in inside[:-1]
     return found[1] + (f"({inside})" if re.search(r"[-+= /]", inside[1:]) and not held else inside)
 
 
 def _held(part: str) -> str:
-    """Numerator or denominator: in brackets where it is more than one thing."""
+    """Return numerator or denominator, in brackets where it is more than one factor."""
     return part if re.fullmatch(r"\\?\w+(?:[_^]\w+)?", part.strip()) else f"({part})"
 
 

@@ -1,0 +1,321 @@
+"""Sections of the page of a calibration that depend on the kind of its recordings: pictures, nights, the navigator.
+
+`PICTURES` and `JOINT_PICTURES` are the only places that know which kind shows what.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration, from_dict
+from gimbalcal.errors import amount
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording
+from gimbalcal.report import figures
+from gimbalcal.report.chart import BLUE, COLOURS, SHAPES, Chart, Mark, Points, Rule, sensible_time
+from gimbalcal.report.html import Picture, picture
+from gimbalcal.report.naming import counted, label_in_words, label_of, listed, named, unit_in_print
+from gimbalcal.report.parameters import plus_minus
+from gimbalcal.report.rounding import minus, pdg, rms, signed, significant
+from gimbalcal.units import from_si
+
+Pictures = tuple[list[Picture], list[Picture]]  # of the first screen; of the section on the data
+
+
+def pictures(content: Mapping[str, Any], recordings: Sequence[Recording]) -> Pictures:
+    """Return the pictures of the residuals, for the first screen, and of the data behind them."""
+    kinds = {r.kind for r in recordings}
+    joint = JOINT_PICTURES.get(content["method"]) or JOINT_PICTURES.get(kinds.pop() if len(kinds) == 1 else "")
+    if joint and recordings:
+        return [joint(recordings, from_dict(content, recordings[0].platform.axis_names))], []
+    leading: list[Picture] = []
+    others: list[Picture] = []
+    for r in recordings:
+        first, more = PICTURES.get(r.kind, position_pictures)(r, from_dict(content, r.platform.axis_names))
+        leading, others = leading + first, others + more
+    others += navigation_pictures(content)
+    return (leading, others) if leading else (others[:1], others[1:])
+
+
+# --- positions and a static run ---------------------------------------------------------------------------------------
+
+
+def position_pictures(r: Recording, made: Calibration) -> Pictures:
+    """Return the residual at each position, and the positions where the platform has gimbals."""
+    from gimbalcal.report.evidence import by_position
+
+    if r.position is None or not r.has("specific_force"):
+        return [], []
+    e = by_position(r, made.effects, made.provenance, made.readout)
+    unit, count = unit_in_print(e.unit), counted(len(e.labels), "position")
+    far = 0 if e.sigma is None else int(np.sum(np.abs(e.after) > figures.OUTLIER * e.sigma))
+    circled = f"; circled: {counted(far, 'reading')} beyond {figures.OUTLIER} σ" if far else ""
+    residuals = picture(
+        figures.residuals_by_position(e.labels, e.before, e.after, e.sigma, e.axes, unit),
+        f"Residuals of {count} by axis: {rms(e.before)} {unit} rms before, {rms(e.after)} {unit} rms after.",
+        f"Measured minus model at each position of “{r.title}”: before, against perfect sensors, and after, with the "
+        f"calibration (each with its own scale{circled}).",
+    )
+    if not r.platform.axes:
+        return [residuals], []
+    held = picture(
+        figures.schedule(e.labels, e.angles, e.axis_names, e.gravity),
+        f"Gimbal angles at {count}, and the direction of gravity in platform axes.",
+        "Motion of the platform: gimbal angles by position, and the direction of gravity in platform axes, along z.",
+    )
+    return [residuals], [held]
+
+
+def run_pictures(r: Recording, made: Calibration) -> Pictures:
+    """Return the residual of a static run, and the model through the data."""
+    from gimbalcal.report.evidence import over_time
+
+    hours, curves = over_time(r, made.effects)
+    time, unit = sensible_time(3600 * hours)
+    residual = ", ".join(f"{c.name} {significant(float(np.std(c.measured - c.fitted)), 2)} {c.unit}" for c in curves)
+    charts, run = figures.over_time(time, curves, unit), f"Static run of {hours[-1] - hours[0]:.1f} h"
+    return [], [
+        picture(
+            charts[1::2],
+            f"{run}, residual of the calibrated model: {residual}.",
+            f"“{r.title}”, measured minus model. The band is one σ of the noise, averaged as the points are.",
+        ),
+        picture(
+            charts[::2],
+            f"{run} with the calibrated model through it.",
+            f"“{r.title}”: the harmonics of the Earth's rotation in attitude and force, minus the output of perfect "
+            "sensors, and the calibrated model through them.",
+        ),
+    ]
+
+
+# --- a rate table -----------------------------------------------------------------------------------------------------
+
+
+def rate_table_picture(recordings: Sequence[Recording], made: Calibration) -> Picture:
+    """Return reading minus the table's rate at each stretch of steady turning, of all mountings, by gyroscope."""
+    from gimbalcal.calibration.readout import in_si
+    from gimbalcal.estimate.gyroscopes.steady import stretches_of
+
+    before = [stretches_of(in_si(r, made.readout)) for r in recordings]
+    after = [stretches_of(made.apply(r)) for r in recordings]
+    charts = []
+    for i, axis in enumerate("xyz"):
+        for when, each, unit in (("before", before, "deg/s"), ("after", after, "deg/h")):
+            marks = []
+            off = [np.asarray(from_si(s.reading[:, i], unit)) for s in each]
+            for k, (r, s) in enumerate(zip(recordings, each, strict=True)):
+                along = s.rate[:, int(np.argmax(np.abs(s.rate).max(axis=0)))]
+                marks.append(Points(np.degrees(along), off[k], COLOURS[k % 6], label=r.title if i == 0 else ""))
+            printed = unit_in_print(unit)
+            title = f"{axis}, {when}: {rms(np.concatenate(off))} {printed} rms"
+            charts.append(Chart((*marks, Rule(0.0)), title, "rate of the table [°/s]", f"[{printed}]", height=170))
+    stretches = counted(sum(len(s.time) for s in after), "stretch", "stretches")
+    return picture(
+        charts,
+        f"Output of three gyroscopes minus the table's rate at {stretches} of steady turning.",
+        "Output minus the table's rate at each stretch of steady turning: as logged, and corrected with the "
+        "calibration. The residual contains the Earth's rate, whose horizontal direction is unknown.",
+    )
+
+
+# --- a telescope mount ------------------------------------------------------------------------------------------------
+
+UNIT = "arcsec"
+
+
+def pointing_picture(recordings: Sequence[Recording], made: Calibration) -> Picture:
+    """Return the residual of each star with zeros alone and with all terms, over both axes of the mount."""
+    from gimbalcal.estimate.pointing.fit import fit
+    from gimbalcal.estimate.pointing.run import against_stars, on_stars, read_axes
+    from gimbalcal.estimate.pointing.terms import wanted_parameters
+
+    axes = read_axes(recordings[0])
+    angles, residual, titles = [], [], []
+    for r in recordings:
+        night = f"“{r.title}”, " if len(recordings) > 1 else ""
+        titles += [f"{night}star {k}" for k in range(1, len(r.time) + 1)]
+        angles.append(np.degrees(np.stack([r.channels["true_angle", a] for a in axes], axis=1)))
+        residual.append(np.asarray(from_si(against_stars(r, on_stars(r), made.effects).residual, UNIT)))
+    zeros = fit(recordings, wanted_parameters(recordings[0].platform, axes, ("gimbal_zero",)))
+    before = np.asarray(from_si(np.concatenate(zeros.residuals), UNIT))
+    after = np.concatenate(residual)
+    sizes = [significant(float(np.sqrt((x**2).sum(axis=1).mean())), 3) for x in (before, after)]
+    names = [a.replace("_", " ") for a in axes]
+    return picture(
+        _over_axes(np.concatenate(angles), before, after, names, titles),
+        f"Residuals of {counted(len(after), 'star')} over {listed(names)}: {sizes[0]} arcsec on the sky with zeros "
+        f"alone, {sizes[1]} arcsec with all terms.",
+        "Observed minus target direction of each star, across the plane of the innermost axis and along it: with the "
+        f"zeros alone (pale, {sizes[0]} arcsec rms on the sky) and with all terms (blue, {sizes[1]} arcsec).",
+    )
+
+
+def _over_axes(at: Array, before: Array, after: Array, names: Sequence[str], titles: Sequence[str]) -> list[Chart]:
+    """Draw residuals (n, 2) [arcsec] before and after over the angles (n, 2) [deg] of both axes, and on the sky."""
+    size = 2.6 if len(at) <= 400 else 1.5
+    charts = [figures.sky(at[:, 1], at[:, 0], after[:, 0], after[:, 1], UNIT, titles, "azimuth" in names)]
+    for i, across in enumerate(("across", "along")):
+        points = [f"{t}: {signed(a)} {UNIT}" for t, a in zip(titles, after[:, i], strict=True)]
+        charts += [
+            Chart(
+                (Points(at[:, k], before[:, i], "pale", "square", size, label="zeros alone"),
+                 Points(at[:, k], after[:, i], BLUE, "dot", size, names=points, label="all terms"), Rule(0.0)),
+                f"{across}: {rms(before[:, i])} → {rms(after[:, i])} {UNIT} rms", f"{name} [°]", f"[{UNIT}]",
+                height=170,
+            ) for k, name in enumerate(names)
+        ]  # fmt: skip
+    return charts
+
+
+def named_terms(content: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Return the terms as TPOINT names and signs them; none for another calibration."""
+    rows = []
+    for term in content["provenance"].get("tpoint", ()):
+        value, sigma = pdg(term["value"], term["sigma"])
+        rows.append({"words": term["term"], "value": minus(value), "sigma": sigma, "unit": term["unit"]})
+    return rows
+
+
+def night_by_night(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the terms of each night by name, and whether the nights agree; empty for a single night."""
+    nights = content["provenance"].get("nights", ())
+    if not nights:
+        return {"nights": [], "night_rows": [], "nights_in_words": ""}
+    rows = []
+    for label, first in nights[0]["terms"].items():
+        terms = [n["terms"][label] for n in nights]
+        rows.append({
+            "words": label_in_words(label), "unit": unit_in_print(first["unit"]),
+            "cells": [plus_minus(t["value"], t["sigma"]) for t in terms],
+            "changes": [f"{'' if t['change'] < 0 else '+'}{plus_minus(t['change'], t['change_sigma'])}"
+                        for t in terms[1:]],
+        })  # fmt: skip
+    p = content["provenance"]["same_terms_every_night"]
+    probability = f"{p:.2g}" if p >= 1e-4 else "less than 0.0001"
+    return {
+        "nights": [f"{n['title']}, {n['stars']} stars, {significant(n['rms_arcsec'], 3)} arcsec" for n in nights],
+        "night_rows": rows,
+        "nights_in_words": f"The probability that all nights share one set of terms is {probability}.",
+    }
+
+
+# --- a navigator in place ---------------------------------------------------------------------------------------------
+
+CHECK_SIGMAS = 3.0  # beyond them a check fails
+MAX_NEES = 5.0  # of a mean of few independent squares
+MAX_REJECTED = 0.01  # share of updates that disturbances of the base explain
+OUTLIER_SIGMAS = 3.5  # of a hundred innovations one in twenty sets has one this far out by chance
+DIRECTIONS = ("north", "east", "down")
+
+
+def navigation_pictures(content: Mapping[str, Any]) -> list[Picture]:
+    """Return innovations by stop and turn, and sigmas against time by effect; none where nothing was navigated."""
+    navigation = content["residual"].get("navigation")
+    return [_innovations(navigation), _sigmas(content, navigation)] if navigation else []
+
+
+def navigation_facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return the numbers of the first screen."""
+    n = content["residual"].get("navigation")
+    if not n:
+        return []
+    updates = f"{amount(n['updates'], 'velocity update')}, {n['rejected']} rejected"
+    return [(significant(n["nis"]["ratio"], 3), f"normalised innovation squared, mean ({updates})")]
+
+
+def navigation_checks(content: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Return the consistency checks of the filter: NIS, NEES, rejected updates and whiteness, each with a sentence.
+
+    Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation (2001), section 5.4.
+    """
+    n = content["residual"].get("navigation")
+    if not n:
+        return []
+    nis, nees, white = n["nis"], n["nees"]["position"], n["whiteness"]
+    spread, lag = np.sqrt(2 / nis["dof"]), white["lag_one"] / white["sigma"]
+    if abs(nis["ratio"] - 1) <= CHECK_SIGMAS * spread:
+        of_nis = "this is 1 within its scatter."
+    elif nis["ratio"] > 1:
+        of_nis = "this is more: the noise is larger than stated, or the model is incomplete."
+    else:
+        of_nis = "this is less: sensors or base are quieter than stated, so the sigmas are conservative."
+    of_updates = "there are none." if not n["rejected"] else (
+        "disturbances of the base explain so few." if n["rejected"] <= MAX_REJECTED * n["updates"] else
+        "so many mean that the model is wrong or that the base moves.")  # fmt: skip
+    of_lag = "this is 0 within its scatter." if abs(lag) < CHECK_SIGMAS else (
+        f"this is {abs(lag):.2g} sigmas from it: a slow error of the velocity is not in the model." if lag > 0 else
+        f"this is {abs(lag):.2g} sigmas from it: they alternate, as for a base quieter than stated.")  # fmt: skip
+    checks = [
+        ("NIS", f"{nis['ratio']:.3f} ± {spread:.3f}",
+         f"Normalised innovation squared of the velocity updates, mean; 1 is expected, and {of_nis}"),
+        ("NEES", significant(nees, 2),
+         "Normalised estimation error squared of the position, which never changed, mean; a random walk has few "
+         "independent values in a run, so up to 5 is usual, and this is "
+         + ("usual." if nees <= MAX_NEES else "more: the drift exceeds its sigma.")),
+        ("rejected updates", f"{n['rejected']} of {n['updates']}",
+         f"Velocity updates that were rejected as outliers; {of_updates}"),
+        ("whiteness", f"{white['lag_one']:.3f} ± {white['sigma']:.3f}",
+         f"Correlation of successive innovations; 0 is expected, and {of_lag}"),
+    ]  # fmt: skip
+    return [{"name": name, "number": minus(number), "sentence": text} for name, number, text in checks]
+
+
+def _innovations(n: Mapping[str, Any]) -> Picture:
+    z, white = np.array(n["legs"]["innovation"]), n["whiteness"]
+    far = int(np.sum(np.abs(z) > OUTLIER_SIGMAS))
+    outliers = f"{amount(far, 'sum')} beyond {OUTLIER_SIGMAS:g} σ" if far else f"none beyond {OUTLIER_SIGMAS:g} σ"
+    return picture(
+        innovations_by_leg(n["legs"]["name"], z),
+        f"Sums of normalised velocity innovations, {amount(len(z), 'stop and turn', 'stops and turns')}: {outliers}.",
+        f"Velocity innovations of the calibrated navigator, summed over each stop (filled) and turn (rings) in units "
+        f"of their sigma; {outliers}. The correlation of successive updates is {significant(white['lag_one'], 2)} "
+        f"(sigma {significant(white['sigma'], 2)}).",
+    )
+
+
+def _sigmas(content: Mapping[str, Any], n: Mapping[str, Any]) -> Picture:
+    groups: dict[tuple[str, str], dict[str, Sequence[float]]] = {}
+    for p in content["parameters"]:
+        groups.setdefault((named(p["name"]), unit_in_print(p["unit"])), {})[p["axis"]] = n["sigma"][label_of(p)]
+    if smoothed := n["attitude"].get("smoothed_arcsec"):  # some calibration.json have none
+        groups["attitude, smoothed", "arcsec"] = smoothed
+    return picture(
+        sigma_over_time(np.array(n["time_s"]), groups),
+        f"Sigma of {amount(len(content['parameters']), 'parameter')} against time, by effect.",
+        "Sigma of each parameter (√P of the filter) in the course of the recording: steps are turns that determine "
+        "what no stop before did. That of the attitude is the smoother's, from all updates before and after.",
+    )
+
+
+def innovations_by_leg(names: Sequence[str], z: Array) -> Chart:
+    """Draw sums z (n, 3) of normalised innovations over stops and turns, north, east, down."""
+    x = np.arange(len(names), dtype=float)
+    stop = np.array([name.startswith("stop") for name in names])
+    marks: list[Mark] = [Rule(level, "grey", dashed=True) for level in (-OUTLIER_SIGMAS, OUTLIER_SIGMAS)]
+    for i, colour in enumerate(COLOURS[:3]):
+        at = x + 0.2 * (i - 1)
+        for chosen, shape, label in ((stop, SHAPES[i], DIRECTIONS[i]), (~stop, "ring", "")):
+            points = [f"{n}, {DIRECTIONS[i]}: {v:+.1f} σ" for n, v, c in zip(names, z[:, i], chosen, strict=True) if c]
+            marks.append(Points(at[chosen], z[chosen, i], colour, shape, 3, names=points, label=label))
+    words = [name.removeprefix("stop ") if name.startswith("stop") else "" for name in names]
+    return Chart((*marks, Rule(0.0)), x_label="stop, and the turn after it", y_label="innovation [σ]", x_names=words)
+
+
+def sigma_over_time(seconds: Array, groups: Mapping[tuple[str, str], Mapping[str, Sequence[float]]]) -> list[Chart]:
+    """Draw one chart for each (effect, unit): the sigmas of its axes against time, logarithmic."""
+    time, unit = sensible_time(seconds)
+    lines = [(f"{name}  [{of}]", [(axis, np.asarray(s)) for axis, s in c.items()]) for (name, of), c in groups.items()]
+    return figures.curves_by_group(time, lines, f"time [{unit}]")
+
+
+# --- which kind shows what --------------------------------------------------------------------------------------------
+
+PICTURES: dict[str, Callable[[Recording, Calibration], Pictures]] = {"static-run": run_pictures}  # else positions
+JOINT_PICTURES: dict[str, Callable[[Sequence[Recording], Calibration], Picture]] = {
+    "pointing": pointing_picture,  # a kind
+    "rate-table": rate_table_picture,  # a method
+}
