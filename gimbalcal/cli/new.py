@@ -57,7 +57,6 @@ def new(
 ) -> None:
     """Look at LOGS of a unit, a rig or a mount and propose a recording: columns, units, rests, platform."""
     from gimbalcal.atomic import write as write_text
-    from gimbalcal.guess.data_frame import held
     from gimbalcal.guess.proposal import propose
     from gimbalcal.recording import dwells, write
     from gimbalcal.report.new_page import clocked, commented, proposal_page
@@ -73,7 +72,7 @@ def new(
         write_text(header, commented(header.read_text(encoding="utf-8"), found))
         write_text(made / page, proposal_page(found))
     for name, g in found.guesses.items():
-        tell(f"{name.strip()}: {held(g)}, by {g.why}")
+        tell(f"{name.strip()}: {g.in_words}, by {g.why}")
     for what, note in found.notes.items():
         tell(f"{what}: {note}")
     if found.left_out:

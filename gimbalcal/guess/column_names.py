@@ -1,14 +1,21 @@
-"""What the name of a column says, in the ways that loggers, laboratories and people write names."""
+"""Columns of a log by their names, as loggers, laboratories and people write them."""
 
 from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
-FORCE, RATE = "specific_force", "angular_rate"
+from gimbalcal.guess.log import FORCE, RATE, Guess
+
 AXIS = {"x": "x", "y": "y", "z": "z", "0": "x", "1": "y", "2": "z"}
+
+
+def by_spelling(spellings: Mapping[str, str]) -> dict[str, str]:
+    """Return the meaning of each spelling; spellings: by meaning, separated by blanks."""
+    return {spelling: meaning for meaning, all_of_it in spellings.items() for spelling in all_of_it.split()}
+
 
 # Words of English, German and French, as `plain` leaves them.
 _TIME = re.compile(
@@ -24,12 +31,16 @@ _RATE_WORDS = (
     "angular_velocity|angular_rate|ang_vel|angvel|ang_rate|gyro_rotation|rotation_rate|rot_rate|gyroscope|gyro|gyr|omega"
     "|drehrate|winkelgeschwindigkeit|vitesse_angulaire|rate|om|w|g"
 )
-_AS = "smooth|adc|raw|filtered|filt|unfilt|lpf|data|out|output|mean|avg|average|mittel|sensor|val|value|meas|imu"
-_AXIS_FIRST = tuple(
-    (quantity, re.compile(rf"^([xyz])_(?:axis_|achse_)?({words})(_|$)"))
-    for quantity, words in ((FORCE, "accel|acc|accelerometer|acceleration|force|beschleunigung"),
-                            (RATE, "gyro|gyr|gyroscope|angular_rate|angular_velocity|rate|drehrate"))
-)  # fmt: skip
+_QUALIFIERS = (
+    "smooth|adc|raw|filtered|filt|unfilt|lpf|data|out|output|mean|avg|average|mittel|sensor|val|value|meas|imu"
+)
+_AXIS_FIRST = {
+    quantity: re.compile(rf"^([xyz])_(?:axis_|achse_)?({words})(_|$)")
+    for quantity, words in (
+        (FORCE, "accel|acc|accelerometer|acceleration|force|beschleunigung"),
+        (RATE, "gyro|gyr|gyroscope|angular_rate|angular_velocity|rate|drehrate"),
+    )
+}
 _LETTER_AND_UNIT = re.compile(r"^[a-z0-9_]*?([xyz])_([a-z0-9_]+)$")
 _OWN_ESTIMATE = re.compile(
     r"(^|_)(roll|pitch|yaw|euler|eul|heading|attitude|orientation|quat|quaternion)(_|$)|^(angle|ang|winkel)_?[xyz](_|$)"
@@ -47,95 +58,87 @@ _SCATTER = re.compile(
 )
 _SCATTER_BEHIND = re.compile(r"^(.+?)_(sd|std|stdev|stddev|sigma|stabw|standardabweichung|err|error)((?:_.*)?)$")
 _ALL_OF_IT = re.compile(r"^(f|a|acc|accel|force|kraft|beschleunigung|specific_force)(_|$)")  # of a triad
-_GIMBAL = {
-    "platform": "platform", "plattform": "platform", "inner": "inner", "innen": "inner", "innere": "inner",
-    "innerer": "inner", "middle": "middle", "mid": "middle", "mitte": "middle", "mittlere": "middle",
-    "mittlerer": "middle", "outer": "outer", "aussen": "outer", "aeussere": "outer", "aussere": "outer",
-    "ausserer": "outer", "table": "table", "tisch": "table", "drehtisch": "table", "turntable": "table",
-}  # fmt: skip
-_TURN = {
-    "roll": "roll", "rollwinkel": "roll", "pitch": "pitch", "nick": "pitch", "nickwinkel": "pitch", "tilt": "tilt",
-    "kippwinkel": "tilt", "neigung": "tilt", "yaw": "yaw", "gier": "yaw", "gierwinkel": "yaw", "heading": "yaw",
-    "drehwinkel": "table",
-}  # fmt: skip
+_GIMBAL = by_spelling(
+    {
+        "platform": "platform plattform",
+        "inner": "inner innen innere innerer",
+        "middle": "middle mid mitte mittlere mittlerer",
+        "outer": "outer aussen aeussere aussere ausserer",
+        "table": "table tisch drehtisch turntable",
+    }
+)
+_TURN = by_spelling(
+    {
+        "roll": "roll rollwinkel",
+        "pitch": "pitch nick nickwinkel",
+        "tilt": "tilt kippwinkel neigung",
+        "yaw": "yaw gier gierwinkel heading",
+        "table": "drehwinkel",
+    }
+)
 _TURNS_BY = re.compile(r"(^|_)(rate|speed|velocity|vel|omega|drehrate|drehzahl|geschwindigkeit|rpm|vitesse)(_|$)")
 _COMMANDS = re.compile(r"(^|_)(cmd|command|commanded|setpoint|set|soll|sollwert|target|demand|ref|nominal)(_|$)")
-OTHER = frozenset(  # no reading of a triad, whatever stands beside it
-    [
-        "cov",
-        "covariance",
-        "orientation",
-        "quat",
-        "quaternion",
-        "mag",
-        "magnetometer",
-        "magnetic",
-        "std",
-        "sd",
-        "sigma",
-        "stdev",
-        "var",
-        "variance",
-        "bias",
-        "drift",
-        "user",
-        "status",
-        "quality",
-        "euler",
-        "attitude",
-        "setpoint",
-        "command",
-        "cmd",
-        "saturation",
-        "clip",
-        "clipping",
-    ]
+_OTHER_WORDS = (
+    "cov covariance orientation quat quaternion mag magnetometer magnetic std sd sigma stdev var variance bias drift "
+    "user status quality euler attitude setpoint command cmd saturation clip clipping"
 )
-_SPELLINGS = {  # how people write units into names
-    "m/s^2": "m_s2 ms2 mps2 m_s_2 m_s_s", "g": "g gs", "mg": "mg", "ug": "ug", "Gal": "gal cm_s2",
-    "mGal": "mgal", "ft/s^2": "ft_s2 fts2 fps2 ft_s_2 ft_sec2 ft_s_s ft_sec_2",
-    "deg/s": "dps deg_s degs deg_per_s deg_sec deg_second", "deg/h": "deg_h dph deg_hr deg_hour",
-    "rad/s": "rad_s rads rad_sec rad_per_s rad_per_sec rps",
-    "count": "lsb count counts raw adc digits", "mdeg/s": "mdps mdeg_s",
-    "s": "s sec seconds secs sekunden", "ms": "ms msec millis milliseconds", "us": "us usec micros microseconds",
-    "ns": "ns nsec nanos nanoseconds", "min": "min", "h": "h hours hour hrs", "degC": "degc c celsius grad_c", "K": "k",
-    "degF": "degf f", "deg": "deg degrees degree grad", "rad": "rad radians", "arcsec": "arcsec as asec arcseconds",
-    "arcmin": "arcmin amin arcminutes", "mrad": "mrad", "mdeg": "mdeg", "gon": "gon",
-    "d": "mjd jd days yday doy jday decimal_day",
-}  # fmt: skip
+NOT_A_TRIAD = frozenset(_OTHER_WORDS.split())  # words of columns that are no reading of a triad
+_UNITS = by_spelling(
+    {
+        "m/s^2": "m_s2 ms2 mps2 m_s_2 m_s_s",
+        "g": "g gs",
+        "mg": "mg",
+        "ug": "ug",
+        "Gal": "gal cm_s2",
+        "mGal": "mgal",
+        "ft/s^2": "ft_s2 fts2 fps2 ft_s_2 ft_sec2 ft_s_s ft_sec_2",
+        "deg/s": "dps deg_s degs deg_per_s deg_sec deg_second",
+        "deg/h": "deg_h dph deg_hr deg_hour",
+        "rad/s": "rad_s rads rad_sec rad_per_s rad_per_sec rps",
+        "count": "lsb count counts raw adc digits",
+        "mdeg/s": "mdps mdeg_s",
+        "s": "s sec seconds secs sekunden",
+        "ms": "ms msec millis milliseconds",
+        "us": "us usec micros microseconds",
+        "ns": "ns nsec nanos nanoseconds",
+        "min": "min",
+        "h": "h hours hour hrs",
+        "degC": "degc c celsius grad_c",
+        "K": "k",
+        "degF": "degf f",
+        "deg": "deg degrees degree grad",
+        "rad": "rad radians",
+        "arcsec": "arcsec as asec arcseconds",
+        "arcmin": "arcmin amin arcminutes",
+        "mrad": "mrad",
+        "mdeg": "mdeg",
+        "gon": "gon",
+        "d": "mjd jd days yday doy jday decimal_day",
+    }
+)
 ANGLES = ("rad", "mrad", "deg", "mdeg", "gon", "arcmin", "arcsec")  # units of the angles of a rig or a mount
-_OF_UNIT = {**dict.fromkeys(("m/s^2", "g", "mg", "ug", "Gal", "mGal", "ft/s^2"), FORCE),
-            **dict.fromkeys(("deg/s", "deg/h", "rad/s", "mdeg/s", "rev/min"), RATE)}  # fmt: skip
-_BETWEEN = {  # units that stand before the axis: accelerometer_m_s2[0], gyro_rad[0] of a rate
-    FORCE: "m_s2|mps2|mg|ug|g|mgal", RATE: "rad_s|rads|rad|deg_s|dps|deg|mdps|deg_h|dph",
-}  # fmt: skip
-_TRIADS = tuple(
-    (quantity, re.compile(rf"^({words})_?(?:(?:{_AS})_)?(?:(?P<unit>{_BETWEEN[quantity]})_)?(axis_|achse_)?"
-                          r"(?P<axis>[xyz012])(_|$)"))
+_QUANTITY_OF_UNIT = {
+    **dict.fromkeys(("m/s^2", "g", "mg", "ug", "Gal", "mGal", "ft/s^2"), FORCE),
+    **dict.fromkeys(("deg/s", "deg/h", "rad/s", "mdeg/s", "rev/min"), RATE),
+}
+_UNIT_BEFORE_AXIS = {  # accelerometer_m_s2[0], gyro_rad[0] of a rate
+    FORCE: "m_s2|mps2|mg|ug|g|mgal",
+    RATE: "rad_s|rads|rad|deg_s|dps|deg|mdps|deg_h|dph",
+}
+_TRIADS = {
+    quantity: re.compile(
+        rf"^({words})_?(?:(?:{_QUALIFIERS})_)?(?:(?P<unit>{_UNIT_BEFORE_AXIS[quantity]})_)?(axis_|achse_)?(?P<axis>[xyz012])(_|$)"
+    )
     for quantity, words in ((FORCE, _FORCE_WORDS), (RATE, _RATE_WORDS))
-)  # fmt: skip
-_UNITS = {spelling: unit for unit, all_of_it in _SPELLINGS.items() for spelling in all_of_it.split()}
-_LETTERS = {"ß": "ss", "°": " deg ", "″": " arcsec ", "′": " arcmin ", "µ": "u", "μ": "u", "^": "",
-            "α": " alpha ", "β": " beta ", "γ": " gamma ", "θ": " theta ", "ϑ": " theta ", "φ": " phi ", "ϕ": " phi ",
-            "ψ": " psi ", "ω": " omega ", "Ω": " omega ", "δ": " delta "}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Guess:
-    """What one column holds, in words of recording.toml, and why; the unit may be left open.
-
-    open: whether the unit is the likeliest of several by the numbers alone, so that others may be tried.
-    """
-
-    quantity: str
-    axis: str
-    unit: str
-    why: str
-    open: bool = False
+}
+_LETTERS = by_spelling(
+    {"ss": "ß", " deg ": "°", " arcsec ": "″", " arcmin ": "′", "u": "µ μ", "": "^", " alpha ": "α", " beta ": "β"}
+    | {" gamma ": "γ", " theta ": "θ ϑ", " phi ": "φ ϕ", " psi ": "ψ", " omega ": "ω Ω", " delta ": "δ"}
+)
 
 
 def plain(name: str) -> str:
-    """A name as it is compared: lower case, no accents, one underscore for whatever stands between words.
+    """Return a name in lower case, without accents, one underscore for whatever separates words.
 
     >>> plain("Acc_X [m/s^2]"), plain(" linear_acceleration.x"), plain("GyroX(dps)"), plain("Außen [°]")
     ('acc_x_m_s2', 'linear_acceleration_x', 'gyro_x_dps', 'aussen_deg')
@@ -151,13 +154,13 @@ def plain(name: str) -> str:
 
 
 def unit_written(words: str) -> str:
-    """The unit that the last words of a plain name spell, or the empty string."""
+    """Return the unit that the last words of a plain name spell, or the empty string."""
     parts = words.split("_")
     return next((u for k in range(len(parts)) if (u := _UNITS.get("_".join(parts[k:])))), "")
 
 
 def by_name(name: str, hint: str = "") -> Guess | None:
-    """What a column's name says, or None; hint is the quantity of a log whose columns are called x, y and z."""
+    """Return the guess by a column's name, or None; hint: quantity of a log whose columns are called x, y and z."""
     words, why = plain(name), f"its name {name.strip()!r}"
     if _COUNTS.match(words):
         return Guess("weight", "", "", why)
@@ -179,7 +182,7 @@ def by_name(name: str, hint: str = "") -> Guess | None:
     triad = _triad(words)
     if triad:
         return Guess(*triad, why)
-    if (gimbal := axis_word(name)) and not rate_word(name) and unit_written(words) not in _OF_UNIT:
+    if (gimbal := axis_word(name)) and not rate_word(name) and unit_written(words) not in _QUANTITY_OF_UNIT:
         return Guess("gimbal_angle", gimbal, unit_written(words) or "deg", why)
     bare = _BARE.match(words)
     if hint and bare:
@@ -189,7 +192,7 @@ def by_name(name: str, hint: str = "") -> Guess | None:
 
 
 def counted_from_one(names: Iterable[str]) -> dict[str, Guess]:
-    """Triads whose axes are 1, 2 and 3, by name, where others count 0, 1, 2."""
+    """Return triads whose axes are 1, 2 and 3, by name, where others count 0, 1, 2."""
     stems: dict[tuple[str, str], dict[str, str]] = {}
     for name in names:
         if found := re.fullmatch(r"(.*[A-Za-z][_ (\[]?)([0-3])(\D*)", name):
@@ -204,77 +207,79 @@ def counted_from_one(names: Iterable[str]) -> dict[str, Guess]:
 
 
 def _triad(words: str) -> tuple[str, str, str] | None:
-    """Quantity, axis and unit of a column of a triad; where the unit is of the other quantity it is that (Gx in mg)."""
+    """Return quantity, axis and unit of a column of a triad; its unit decides the quantity (Gx in mg)."""
     found = _triad_by_word(words)
-    if found and found[2] in _OF_UNIT:
-        return _OF_UNIT[found[2]], found[1], found[2]
+    if found and found[2] in _QUANTITY_OF_UNIT:
+        return _QUANTITY_OF_UNIT[found[2]], found[1], found[2]
     return found
 
 
 def _triad_by_word(words: str) -> tuple[str, str, str] | None:
-    """The same by words alone; those before it (the name of a topic, a device) do not count."""
+    """Return the same by words alone; those before it (the name of a topic, a device) do not count."""
     parts = words.split("_")
-    if OTHER.intersection(parts):
+    if NOT_A_TRIAD.intersection(parts):
         return None
     for k in range(len(parts)):
         rest = "_".join(parts[k:])
-        for quantity, pattern in _TRIADS:
+        for quantity, pattern in _TRIADS.items():
             found = pattern.match(rest)
             if found:
                 between = found["unit"] or ""
                 between = {"rad": "rad_s", "deg": "deg_s"}.get(between, between)
                 return quantity, AXIS[found["axis"]], unit_written(_rest(rest, found)) or _UNITS.get(between, "")
-    for quantity, pattern in _AXIS_FIRST:
+    for quantity, pattern in _AXIS_FIRST.items():
         found = pattern.match(words)
         if found:
             return quantity, AXIS[found[1]], _UNITS.get(_rest(words, found), "")
     found = _LETTER_AND_UNIT.match(words)  # AsX (deg/s): whatever it is called, the unit says what it is
-    if found and _UNITS.get(found[2]) in _OF_UNIT and parts[0] not in ("max", "index"):
+    if found and _UNITS.get(found[2]) in _QUANTITY_OF_UNIT and parts[0] not in ("max", "index"):
         unit = _UNITS[found[2]]
-        return _OF_UNIT[unit], AXIS[found[1]], unit
+        return _QUANTITY_OF_UNIT[unit], AXIS[found[1]], unit
     return None
 
 
 def body_rates(names: dict[str, str]) -> dict[str, Guess]:
-    """Columns p, q and r of a vehicle's log, where all three are there; names: each as `plain` has it."""
+    """Return columns p, q and r of a vehicle's log, where all three exist; names: each as `plain` has it."""
     found = {name: words.split("_") for name, words in names.items() if words.split("_")[0] in _BODY}
     if sorted(parts[0] for parts in found.values()) != sorted(_BODY):
         return {}
     why = "of roll, pitch and yaw rate"
-    return {n: Guess(RATE, _BODY[p[0]], _UNITS.get("_".join(p[1:]), ""), f"its name {n.strip()!r}, {why}")
-            for n, p in found.items()}  # fmt: skip
+    return {
+        n: Guess(RATE, _BODY[parts[0]], _UNITS.get("_".join(parts[1:]), ""), f"its name {n.strip()!r}, {why}")
+        for n, parts in found.items()
+    }
 
 
 def axis_word(name: str) -> str:
-    """The axis of a rig that a name is of, whatever it holds of it; empty where it names none, or two."""
+    """Return the axis of a rig that a name contains; empty where it names none, or two."""
     axes = {_GIMBAL[w] for w in plain(name).split("_") if w in _GIMBAL}
     return axes.pop() if len(axes) == 1 else ""
 
 
 def rate_word(name: str) -> bool:
-    """Whether a name is that of a rate, whatever its unit: table_speed, rate_cmd."""
+    """Return whether a name is that of a rate, whatever its unit: table_speed, rate_cmd."""
     return _TURNS_BY.search(plain(name)) is not None
 
 
 def commanded(name: str) -> bool:
-    """Whether a name is that of what a rig was told to do, and not of what it did."""
+    """Return whether a name is that of a command to a rig, not of a measured motion."""
     return _COMMANDS.search(plain(name)) is not None
 
 
 def estimated(name: str) -> bool:
-    """Whether a name is that of an attitude which a unit makes of its own readings, and no readout of a rig."""
+    """Return whether a name is that of an attitude computed by a unit, not of a readout of a rig."""
     return _OWN_ESTIMATE.search(plain(name)) is not None
 
 
 def by_turn(name: str) -> Guess | None:
-    """A gimbal angle called after the turn that it makes, roll, pitch, yaw; in a log it may be an estimate instead."""
+    """Return a gimbal angle called after its turn, roll, pitch, yaw; in a log it may be an estimate instead."""
     words = plain(name)
     axis = next((_TURN[w] for w in words.split("_") if w in _TURN), "")
     return Guess("gimbal_angle", axis, unit_written(words) or "deg", f"its name {name.strip()!r}") if axis else None
 
 
-def hinted(stem: str) -> str:
-    """The quantity that a log is called after: "Gyroscope.csv" holds rates, whatever its columns are called."""
+def quantity_of_log(stem: str) -> str:
+    """Return the quantity that a log is called after: "Gyroscope.csv" holds rates, whatever its columns are."""
     words = plain(stem)
     if re.search(r"gyr|drehrate|angular", words):
         return RATE
@@ -282,7 +287,7 @@ def hinted(stem: str) -> str:
 
 
 def _time(words: str) -> str | None:
-    """The unit of a clock, empty where the name tells none; None where it is no clock."""
+    """Return the unit of a clock, empty where the name states none; None where it is no clock."""
     parts = words.split("_")
     for k in range(len(parts)):  # a topic or a device may stand before it
         found = _TIME.match("_".join(parts[k:]))

@@ -1,71 +1,77 @@
-"""What the columns of a log most likely hold by their numbers, and in which units.
+"""Columns of a log by their numbers: which of them are the triads, and in which units.
 
 A guess says why it was made, so that whoever reads the header it goes into can correct it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
-from gimbalcal.guess.column_names import FORCE, OTHER, RATE, Guess, plain, unit_written
+from gimbalcal.guess.column_names import NOT_A_TRIAD, plain, unit_written
+from gimbalcal.guess.log import FORCE, RATE, Guess
 from gimbalcal.number import Array
 from gimbalcal.quantities import check
 
-LARGEST_RATE = 35.0  # rad/s, 2000 deg/s: more no hand and no gyroscope of that make turns
-RAW = 200.0  # whole numbers beyond this are counts
-NEAR = 0.3  # of gravity
+MAX_RATE = 35.0  # rad/s, 2000 deg/s: the range of the fastest gyroscopes in such units
+MIN_COUNT = 200.0  # whole numbers beyond this are counts
+MAX_GRAVITY_ERROR = 0.3  # of gravity: bias and scale errors of any unit
 GRAVITY = {"m/s^2": G0, "g": 1.0, "ft/s^2": G0 / 0.3048, "mg": 1e3, "Gal": 100 * G0, "ug": 1e6, "mGal": 1e5 * G0}
 
 
 def by_order(columns: Mapping[str, Array]) -> dict[str, Guess]:
-    """A table without names: a first column that grows is the time, then forces, then rates, as most loggers write."""
+    """Return guesses for a table without names: a first column that grows is the time, then forces, then rates."""
     out = {}
     growing = [name for name, x in columns.items() if len(x) > 2 and np.all(np.diff(x) >= 0) and x[-1] > x[0]]
     names = [name for name, x in columns.items() if name not in growing and np.nanmin(x) < np.nanmax(x)]
     if growing:
         which = "first" if growing[0] == next(iter(columns)) else "first of those"
         out[growing[0]] = Guess("time", "", "", f"the {which} column, which grows from row to row")
+
+    def values(triple: Sequence[str]) -> list[Array]:
+        return [columns[name] for name in triple]
+
     triples = [names[k : k + 3] for k in range(0, len(names) - 2, 3)]
-    forces = [t for t in triples if _turns_about_a_constant([columns[n] for n in t])]
-    if not forces:  # something else stands before them
+    forces = [t for t in triples if _of_constant_length(values(t))]
+    if not forces:  # other columns precede them
         windows = [names[k : k + 3] for k in range(len(names) - 2)]
-        forces = [t for t in windows if _turns_about_a_constant([columns[n] for n in t]) and
-                  changes([columns[n] for n in t])]  # fmt: skip
-    forces.sort(key=lambda t: _unlike_gravity([columns[n] for n in t]))
-    others = [t for t in triples if t not in forces[:1]]
-    others.sort(key=lambda t: not all(_comes_back(columns[n]) for n in t))  # a magnetometer does not
-    for quantity, group in ((FORCE, forces[:1]), (RATE, others[:1])):
-        for triple in group:
-            for axis, name in zip("xyz", triple, strict=True):
-                what = "whose length hardly changes" if quantity == FORCE else "beside the forces"
-                out[name] = Guess(quantity, axis, "", f"three columns {what}")
-    return out
+        forces = [t for t in windows if _of_constant_length(values(t)) and changes_direction(values(t))]
+    forces.sort(key=lambda t: _unlike_gravity(values(t)))
+    rates = [t for t in triples if t not in forces[:1]]
+    rates.sort(key=lambda t: not all(map(_returns_to_a_level, values(t))))  # a magnetometer does not
+    out |= _triads(forces[:1], FORCE, lambda _: "", "three columns whose length hardly changes")
+    return out | _triads(rates[:1], RATE, lambda _: "", "three columns beside the forces")
 
 
-def alike(columns: Mapping[str, Array]) -> dict[str, Guess]:
-    """Triads of neighbouring columns whose names differ in one letter, N_X N_Y N_Z or S1 S2 S3.
+def by_similar_names(columns: Mapping[str, Array]) -> dict[str, Guess]:
+    """Return guesses for triads of neighbouring columns whose names differ in one letter, N_X N_Y N_Z or S1 S2 S3.
 
-    The one whose length hardly changes holds the forces; the first that comes back to one level at rest the rates.
+    The one whose length hardly changes holds the forces; the first that returns to one level at rest the rates.
     """
-    names, out = list(columns), {}
-    triples = [t for t in zip(names, names[1:], names[2:], strict=False) if _one_letter(t)]
-    whole = {t: [columns[n][np.isfinite(np.stack([columns[m] for m in t])).all(axis=0)] for n in t] for t in triples}
-    forces = [t for t in triples if len(whole[t][0]) and _turns_about_a_constant(whole[t]) and changes(whole[t])]
-    rates = [t for t in triples if t not in forces and len(whole[t][0]) and all(map(_comes_back, whole[t]))]
-    for quantity, group in ((FORCE, forces[:1]), (RATE, rates[:1] if forces else [])):
-        for triple in group:
-            for axis, name in zip("xyz", triple, strict=True):
-                what = "whose length hardly changes" if quantity == FORCE else "that come back to one level"
-                out[name] = Guess(quantity, axis, unit_written(plain(name)), f"three columns called alike, {what}")
-    return out
+    names = list(columns)
+    triples = [t for t in zip(names, names[1:], names[2:], strict=False) if _differ_in_axis(t)]
+    whole = {t: np.isfinite(np.stack([columns[n] for n in t])).all(axis=0) for t in triples}
+    values = {t: [columns[n][whole[t]] for n in t] for t in triples if whole[t].any()}
+    forces = [t for t, x in values.items() if _of_constant_length(x) and changes_direction(x)]
+    rates = [t for t, x in values.items() if t not in forces and all(map(_returns_to_a_level, x))]
+    why = "three columns called alike,"
+    out = _triads(forces[:1], FORCE, _unit_of_name, f"{why} whose length hardly changes")
+    return out | _triads(rates[:1] if forces else [], RATE, _unit_of_name, f"{why} that come back to one level")
 
 
-def _one_letter(triple: Sequence[str]) -> bool:
-    """Whether names differ in one letter or digit that counts on; mere numbers are no names."""
+def _unit_of_name(name: str) -> str:
+    return unit_written(plain(name))
+
+
+def _triads(triples: Sequence[Sequence[str]], quantity: str, unit: Callable[[str], str], why: str) -> dict[str, Guess]:
+    return {n: Guess(quantity, axis, unit(n), why) for t in triples for axis, n in zip("xyz", t, strict=True)}
+
+
+def _differ_in_axis(triple: Sequence[str]) -> bool:
+    """Return whether names differ in one letter or digit that counts on; mere numbers are no names."""
     a, b, c = (name.lower() for name in triple)
     if a.isdigit() or not len(a) == len(b) == len(c):
         return False
@@ -73,62 +79,70 @@ def _one_letter(triple: Sequence[str]) -> bool:
     return (
         bool(at)
         and {a[i] + b[i] + c[i] for i in at} <= {"xyz", "012", "123", "abc"}
-        and not OTHER.intersection(plain(triple[0]).split("_"))
+        and not NOT_A_TRIAD.intersection(plain(triple[0]).split("_"))
     )
 
 
-def changes(triple: Sequence[Array]) -> bool:
-    """Whether a vector points elsewhere now and then."""
+def changes_direction(triple: Sequence[Array]) -> bool:
+    """Return whether a vector points elsewhere now and then."""
     f = np.stack(triple, axis=-1)
     f = f / np.maximum(np.linalg.norm(f, axis=1, keepdims=True), 1e-300)
-    return bool(np.max(np.ptp(f, axis=0)) > NEAR)
+    return bool(np.max(np.ptp(f, axis=0)) > MAX_GRAVITY_ERROR)
 
 
-def _comes_back(x: Array) -> bool:
-    """Whether most of a column stays near one level that it leaves both ways."""
+def _returns_to_a_level(x: Array) -> bool:
+    """Return whether most of a column stays near one level that it leaves both ways."""
     level, low, high = np.median(x), np.min(x), np.max(x)
     near = np.abs(x - level) < 0.05 * (high - low)
     return bool(high > level > low and np.mean(near) > 0.5)
 
 
-def _turns_about_a_constant(triple: Sequence[Array]) -> bool:
-    """Whether three columns are a vector of one length, as gravity is."""
-    length = np.sqrt(sum(np.asarray(x) ** 2 for x in triple))
+def _length(triple: Sequence[Array]) -> Array:
+    return np.asarray(np.sqrt(sum(np.asarray(x) ** 2 for x in triple)))
+
+
+def _of_constant_length(triple: Sequence[Array]) -> bool:
+    """Return whether three columns are a vector of one length, as gravity is."""
+    length = _length(triple)
     middle = float(np.median(length))
-    return middle > 0 and float(np.quantile(np.abs(length / middle - 1), 0.5)) < NEAR / 3
+    return middle > 0 and float(np.quantile(np.abs(length / middle - 1), 0.5)) < MAX_GRAVITY_ERROR / 3
 
 
 def _unlike_gravity(triple: Sequence[Array]) -> tuple[bool, float]:
-    """Whether a vector's length is gravity in no common unit, and how far it goes: a bias of rates is short."""
-    length = np.sqrt(sum(np.asarray(x) ** 2 for x in triple))
+    """Return whether a vector's length is gravity in no common unit, and its spread: a bias of rates is short."""
+    length = _length(triple)
     middle = float(np.median(length))
-    alike = any(abs(middle / size - 1) < NEAR for size in GRAVITY.values())
+    alike = any(abs(middle / size - 1) < MAX_GRAVITY_ERROR for size in GRAVITY.values())
     return not alike, float(np.quantile(np.abs(length / middle - 1), 0.9))
 
 
 def unit_of_force(triad: Sequence[Array]) -> tuple[str, str]:
-    """Unit of accelerometers x, y, z (n,) by the length of gravity, and why."""
-    length = float(np.median(np.sqrt(sum(np.asarray(x) ** 2 for x in triad))))
+    """Return the unit of accelerometers x, y, z (n,) by the length of gravity, and why."""
+    length = float(np.median(_length(triad)))
     for unit, size in GRAVITY.items():
-        if abs(length / size - 1) < NEAR:
+        if abs(length / size - 1) < MAX_GRAVITY_ERROR:
             return unit, f"at rest the three together are {length:.4g}, and gravity is {size:.4g} {unit}"
-    if all(np.all(x == np.round(x)) for x in triad) and length > RAW:
+    if _are_counts(triad) and length > MIN_COUNT:
         return "count", f"whole numbers, {length:.4g} together: counts, whose scale the calibration finds"
     return "m/s^2", f"nothing tells: together they are {length:.4g}, which gravity is in no common unit"
 
 
 def unit_of_rate(triad: Sequence[Array]) -> tuple[str, str]:
-    """Unit of gyroscopes x, y, z (n,) by how fast a hand turns, and why: to be tried on the turns themselves."""
+    """Return the unit of gyroscopes x, y, z (n,) by how fast a hand turns, and why: to be tried on the turns."""
     fastest = max(float(np.abs(x - np.median(x)).max(initial=0.0)) for x in triad)
-    if all(np.all(x == np.round(x)) for x in triad) and fastest > RAW:
+    if _are_counts(triad) and fastest > MIN_COUNT:
         return "count", f"whole numbers up to {fastest:.4g}: counts, whose scale the turns tell"
-    if fastest > LARGEST_RATE:
+    if fastest > MAX_RATE:
         return "deg/s", f"up to {fastest:.4g}, more than any hand turns in rad/s"
     return "rad/s", f"up to {fastest:.4g}"
 
 
-def sound_unit(unit: str, quantity: str) -> bool:
-    """Whether a unit that a name tells belongs to the quantity."""
+def _are_counts(triad: Sequence[Array]) -> bool:
+    return all(np.all(x == np.round(x)) for x in triad)
+
+
+def is_unit_of(quantity: str, unit: str) -> bool:
+    """Return whether a unit belongs to the quantity."""
     try:
         check(unit, quantity)
     except InputError:

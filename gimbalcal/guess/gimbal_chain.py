@@ -1,8 +1,8 @@
-r"""Which platform a log's gimbal angles belong to: the one on which gravity is where the accelerometers felt it.
+r"""The platform to which a log's gimbal angles belong: the one on which gravity is where the accelerometers felt it.
 
 At rest the force is :math:`f^p = -g \, C_b^p(\text{angles}) (0, 0, 1)`. Platforms that are known by name come first,
 then the same with readouts that run backwards, then any chain of the logged axes; the first that agrees with nearly all
-rests is proposed. Turns about the vertical are not felt, and stay as the first that agrees has them.
+dwells is proposed. Turns about the vertical are not felt, and stay as the first that agrees has them.
 """
 
 from __future__ import annotations
@@ -21,111 +21,119 @@ from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.units import to_si
 
-FEWEST = 4  # rests that tell a platform
+MIN_DWELLS = 4  # that determine a platform
 TABLES = ("rate-table", "two-axis-table", "three-axis-table", "space-stable")
-MOST_AXES = 3  # of a chain that is looked for
-LETTERS = {"psi": "platform", "theta": "inner", "phi": "middle"}  # Table 1 of Wu et al. (2018)
-BITS = range(12, 25)  # of resolvers and encoders
-MOST_COLUMNS = 6  # that may be its angles
+MAX_AXES = 3  # of a chain that is looked for
+MAX_COLUMNS = 6  # that may be its angles
+AXIS_OF_LETTER = {"psi": "platform", "theta": "inner", "phi": "middle"}  # Table 1 of Wu et al. (2018)
+ENCODER_BITS = range(12, 25)
+DOWN = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
-class Rig:
-    """A platform, the readouts that run against it, and why it is proposed; no platform where none agrees."""
+class GimbalChain:
+    """A platform, the readouts that run against it, and why it is proposed; no platform where none agrees.
+
+    reversed: whether the forces are of the opposite sign, because the log holds gravity.
+    """
 
     platform: Platform | None
     backwards: tuple[str, ...]
     why: str
-    reversed: bool = False  # whether the forces are: the log holds gravity
+    reversed: bool = False
 
 
-def usual(names: frozenset[str]) -> Platform | None:
-    """The known platform that has all these axes and the fewest others."""
+def usual_platform(names: frozenset[str]) -> Platform | None:
+    """Return the known platform that has all these axes and the fewest others."""
     fitting = [KNOWN[name] for name in TABLES if names <= set(KNOWN[name].axis_names)]
     return min(fitting, key=lambda p: len(p.axes), default=None)
 
 
-def rig_of(angles: Mapping[str, Array], force: Array) -> Rig:
-    """The platform of gimbal angles (m,) [rad] by name at m rests, and force (m, 3) there in any unit."""
+def gimbal_chain(angles: Mapping[str, Array], force: Array) -> GimbalChain:
+    """Return the platform of gimbal angles (m,) [rad] by name at m dwells, and force (m, 3) there in any unit."""
     m = len(force)
-    first = usual(frozenset(angles))
-    if m < FEWEST and first is not None:
-        return Rig(first, (), f"by the names of its axes; {m} rests do not tell whether gravity agrees")
-    best, told = 0, ""
+    first = usual_platform(frozenset(angles))
+    if m < MIN_DWELLS and first is not None:
+        return GimbalChain(first, (), f"by the names of its axes; {m} rests do not tell whether gravity agrees")
+    most = 0
     unit = force / np.linalg.norm(force, axis=1, keepdims=True)
-    for sign in (1.0, -1.0) if np.linalg.norm(unit - unit[0], axis=1).max() > CLOSE else (1.0,):  # z up is no reversal
-        for platform, backwards in _known(tuple(angles), first):
+    varied = np.linalg.norm(unit - unit[0], axis=1).max() > CLOSE  # else z up may be taken for a reversal
+    for sign in (1.0, -1.0) if varied else (1.0,):
+        for platform, backwards in _known_platforms(tuple(angles), first):
             agreeing = _agreeing(platform, backwards, angles, sign * force)
-            best = max(best, agreeing if sign > 0 else 0)
+            most = max(most, agreeing if sign > 0 else 0)
             if agreeing >= NEARLY_ALL * m:
-                told = f", the {' and the '.join(backwards)} readout backwards" if backwards else ""
-                told += "" if sign > 0 else ", all three accelerometers reversed (the log holds gravity)"
-                why = f"gravity at {agreeing} of {m} rests is where these axes turn it{told}"
-                return Rig(platform, backwards, why, sign < 0)
+                how = f", the {' and the '.join(backwards)} readout backwards" if backwards else ""
+                how += "" if sign > 0 else ", all three accelerometers reversed (the log holds gravity)"
+                why = f"gravity at {agreeing} of {m} rests is where these axes turn it{how}"
+                return GimbalChain(platform, backwards, why, sign < 0)
     for platform in _chains(tuple(angles)):
         agreeing = _agreeing(platform, (), angles, force)
-        best = max(best, agreeing)
+        most = max(most, agreeing)
         if agreeing >= NEARLY_ALL * m:
             why = f"gravity at {agreeing} of {m} rests is where this chain turns it, found among all chains of its axes"
-            return Rig(platform, (), why)
-    why = f"no chain of these axes turns gravity as it was felt (the best at {best} of {m} rests)"
-    return Rig(None, (), f"gimbal angles are left out: {why}")
+            return GimbalChain(platform, (), why)
+    why = f"no chain of these axes turns gravity as it was felt (the best at {most} of {m} rests)"
+    return GimbalChain(None, (), f"gimbal angles are left out: {why}")
 
 
-def rig_among(columns: Mapping[str, Array], rests: Sequence[slice], force: Array
-              ) -> tuple[Rig, dict[str, tuple[str, str]]] | None:  # fmt: skip
-    """The rig whose angles are among columns (n,) that nobody named so: still at rests, and gravity goes as they say.
+def chain_among(
+    columns: Mapping[str, Array], dwells: Sequence[slice], force: Array
+) -> tuple[GimbalChain, dict[str, tuple[str, str]]] | None:
+    """Return the chain whose angles are among columns (n,) of unknown content, with axis and unit of each of these.
 
-    Returns it with axis and unit of each of its columns; axes are called as `plain` has the columns' names. None where
-    no chain of them turns gravity as it was felt.
+    They stand still in each dwell, and gravity goes as they say; axes are called as `plain` has the columns' names.
+    None where no chain of them turns gravity as it was felt.
     """
+    if len(force) < MIN_DWELLS:
+        return None
     at_rest: dict[str, tuple[Array, str]] = {}
     for name, x in columns.items():
-        still = np.array([np.std(x[s]) for s in rests])
-        mean = np.array([np.mean(x[s]) for s in rests])
-        moved = float(np.ptp(mean))
-        if not np.all(np.isfinite(mean)) or not moved > 0 or np.median(still) > 1e-3 * moved:
+        scatter = np.array([np.std(x[s]) for s in dwells])
+        mean = np.array([np.mean(x[s]) for s in dwells])
+        span = float(np.ptp(mean))
+        if not np.all(np.isfinite(mean)) or not span > 0 or np.median(scatter) > 1e-3 * span:
             continue
-        unit = _unit(x, name)
+        unit = unit_of_angle(x, name)
         at_rest[name] = np.asarray(to_si(mean, unit)), unit
     letters = {plain(re.sub(r"[\[(/].*", "", n)): n for n in columns}
-    if set(LETTERS) <= set(letters):  # one that is never turned belongs to them too
-        three = {LETTERS[word]: letters[word] for word in LETTERS}
-        whole = _unit(np.concatenate([columns[n] for n in three.values()]), next(iter(three.values())))
-        level = {a: np.array([np.mean(columns[n][s]) for s in rests]) for a, n in three.items()}
-        found = rig_of({a: np.asarray(to_si(x, whole)) for a, x in level.items()}, force)
-        if found.platform == KNOWN["space-stable"] and len(force) >= FEWEST:
-            return found, {n: (axis, whole) for axis, n in three.items()}
-    names = list(at_rest)[:MOST_COLUMNS]
-    called = {n: _without_unit(plain(re.sub(r"[\[(/].*", "", n))) or f"axis{i + 1}" for i, n in enumerate(names)}
-    if len(set(called.values())) < len(called):
-        called = {n: plain(n) or f"axis{i + 1}" for i, n in enumerate(names)}
-    for several in range(1, MOST_AXES + 1):
-        for group in combinations(names, several):
-            found = rig_of({called[n]: at_rest[n][0] for n in group}, force)
-            if found.platform is not None and len(force) >= FEWEST:
-                return found, {n: (called[n], at_rest[n][1]) for n in group}
+    if set(AXIS_OF_LETTER) <= set(letters):  # one that is never turned belongs to them too
+        named = {axis: letters[letter] for letter, axis in AXIS_OF_LETTER.items()}
+        unit = unit_of_angle(np.concatenate([columns[n] for n in named.values()]), next(iter(named.values())))
+        mean_angles = {a: to_si(np.array([np.mean(columns[n][s]) for s in dwells]), unit) for a, n in named.items()}
+        chain = gimbal_chain(mean_angles, force)
+        if chain.platform == KNOWN["space-stable"]:
+            return chain, {n: (axis, unit) for axis, n in named.items()}
+    names = list(at_rest)[:MAX_COLUMNS]
+    axes = {n: _without_unit(plain(re.sub(r"[\[(/].*", "", n))) or f"axis{i + 1}" for i, n in enumerate(names)}
+    if len(set(axes.values())) < len(axes):
+        axes = {n: plain(n) or f"axis{i + 1}" for i, n in enumerate(names)}
+    for count in range(1, MAX_AXES + 1):
+        for group in combinations(names, count):
+            chain = gimbal_chain({axes[n]: at_rest[n][0] for n in group}, force)
+            if chain.platform is not None:
+                return chain, {n: (axes[n], at_rest[n][1]) for n in group}
     return None
 
 
-def turned_counts(columns: Mapping[str, Array]) -> tuple[dict[str, Array], dict[str, int]]:
-    """Columns of resolvers and encoders in degrees, without a jump at the full turn, and the counts of a turn.
+def encoder_angles(columns: Mapping[str, Array]) -> tuple[dict[str, Array], dict[str, int]]:
+    """Return the columns with those of resolvers and encoders in degrees, unwrapped, and their counts of a turn.
 
-    Such a column has whole numbers from 0 up to a power of two, of which more than half is seen; whether it is an angle
-    of the rig, gravity tells.
+    Such a column has whole numbers from 0 up to a power of two, of which more than half occurs; whether it is an angle
+    of the rig, gravity decides.
     """
     out, counts = dict(columns), dict[str, int]()
     for name, x in columns.items():
-        most = float(np.max(x, initial=0.0))
-        bits = int(np.ceil(np.log2(most + 1))) if most > 0 else 0
-        if bits in BITS and np.min(x) >= 0 and np.all(x == np.round(x)):
+        largest = float(np.max(x, initial=0.0))
+        bits = int(np.ceil(np.log2(largest + 1))) if largest > 0 else 0
+        if bits in ENCODER_BITS and np.min(x) >= 0 and np.all(x == np.round(x)):
             counts[name] = 2**bits
             out[name] = np.degrees(np.unwrap(2 * pi * x / counts[name]))
     return out, counts
 
 
-def _unit(x: Array, name: str) -> str:
-    """The unit of an angle as its name tells it, else by how far it goes."""
+def unit_of_angle(x: Array, name: str) -> str:
+    """Return the unit of an angle (n,) as its name states it, else by its range."""
     written = unit_written(plain(name))
     return written if written in ANGLES else "deg" if float(np.ptp(x)) > 2 * pi else "rad"
 
@@ -135,8 +143,8 @@ def _without_unit(words: str) -> str:
     return first if first and unit_written(last) else words
 
 
-def _known(names: tuple[str, ...], first: Platform | None) -> Iterator[tuple[Platform, tuple[str, ...]]]:
-    """Platforms that are known by name, and readouts that run backwards, the likeliest first."""
+def _known_platforms(names: tuple[str, ...], first: Platform | None) -> Iterator[tuple[Platform, tuple[str, ...]]]:
+    """Yield platforms that are known by name, and readouts that run backwards, the likeliest first."""
     known = [KNOWN[name] for name in TABLES if set(names) <= set(KNOWN[name].axis_names)]
     known = sorted(known, key=lambda p: p is not first)
     flips = [tuple(n for n, f in zip(names, each, strict=True) if f) for each in product((0, 1), repeat=len(names))]
@@ -145,11 +153,11 @@ def _known(names: tuple[str, ...], first: Platform | None) -> Iterator[tuple[Pla
 
 
 def _chains(names: tuple[str, ...]) -> Iterator[Platform]:
-    """Any chain of a few axes, each about another direction than the next."""
-    if len(names) > MOST_AXES:
+    """Yield any chain of a few axes, each about another direction than the next."""
+    if len(names) > MAX_AXES:
         return
-    offsets = (0.0, pi / 2, pi, -pi / 2) if len(names) < MOST_AXES else (0.0, pi)
-    orders = permutations(names) if len(names) < MOST_AXES else (names, names[::-1])
+    offsets = (0.0, pi / 2, pi, -pi / 2) if len(names) < MAX_AXES else (0.0, pi)
+    orders = permutations(names) if len(names) < MAX_AXES else (names, names[::-1])
     for order, directions in product(orders, product("zxy", repeat=len(names))):
         if any(a == b for a, b in pairwise(directions)):
             continue
@@ -161,8 +169,8 @@ def _chains(names: tuple[str, ...]) -> Iterator[Platform]:
 
 
 def _agreeing(platform: Platform, backwards: tuple[str, ...], angles: Mapping[str, Array], force: Array) -> int:
-    """At how many rests the force points where the platform would have it."""
-    read = {name: -x if name in backwards else x for name, x in angles.items()}
-    ideal = -apply_matrix(platform.attitude(platform.angles(read, (len(force),))), np.array([0.0, 0.0, 1.0]))
+    """Return at how many dwells the force points where the platform would have it."""
+    readout = {name: -x if name in backwards else x for name, x in angles.items()}
+    ideal = -apply_matrix(platform.attitude(platform.angles(readout, (len(force),))), DOWN)
     cosine = np.sum(force * ideal, axis=1) / np.linalg.norm(force, axis=1)
     return int(np.count_nonzero(cosine > np.cos(CLOSE)))

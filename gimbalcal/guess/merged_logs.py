@@ -1,91 +1,91 @@
-"""Columns of a log that say the same, and several logs of one unit on one clock."""
+"""Several logs of one unit as one: sensors on a common clock, parts of a run one after the other.
+
+Columns of one log that hold the same are reduced to one.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.guess.clocks import best_clock, jitter
-from gimbalcal.guess.column_names import FORCE, RATE, Guess
+from gimbalcal.guess.log import FORCE, RATE, Guess, Log
+from gimbalcal.guess.text_table import Table
 from gimbalcal.number import Array
-from gimbalcal.units import from_si, to_si
+from gimbalcal.units import from_si
 
-Columns = tuple[dict[str, Array], dict[str, Guess]]
-LOBES = 8  # of the interpolating sinc, on either side
-FASTER, EVEN = 1.5, 0.1  # times the rate from which rows are averaged; and scatter of steps up to which rows are even
+SINC_LOBES = 8  # of the interpolating kernel, on either side
+MIN_RATE_RATIO = 1.5  # of two logs, from which rows of the faster one are averaged
+MAX_JITTER = 0.1  # of a step, up to which rows are evenly spaced
+ROW_CLOCK = "time [s]"  # the clock of rows that are counted by a rate
 
 
-def one_each(columns: Mapping[str, Array], guesses: Mapping[str, Guess]) -> tuple[dict[str, Array], dict[str, Guess]]:
-    """The first of columns that say the same; of clocks the best; one sigma for three."""
-    out, kept = dict(columns), {}
-    clock = best_clock(columns, guesses)
-    sigmas = [n for n, g in guesses.items() if g.quantity == "sigma"]
-    seen: set[tuple[str, str]] = set()
-    for name, g in guesses.items():
+def without_duplicates(log: Log) -> Log:
+    """Return the log with the first column of each quantity and axis, the best clock, and one sigma for a triad."""
+    kept: dict[str, Guess] = {}
+    clock, known = best_clock(log), set[tuple[str, str]]()
+    for name, g in log.guesses.items():
         key = (g.quantity, "" if g.quantity in ("time", "sigma") else g.axis)
-        if key in seen or (g.quantity == "time" and name != clock):
+        if key in known or (g.quantity == "time" and name != clock):
             continue
-        seen.add(key)
+        known.add(key)
         kept[name] = g
-    if len(sigmas) > 1:
-        del kept[next(n for n in sigmas if n in kept)]
-        together = "sigma of the force"
-        out[together] = np.sqrt(np.mean([columns[n] ** 2 for n in sigmas], axis=0))
-        kept[together] = replace(guesses[sigmas[0]], why=f"the root of the mean square of {', '.join(sigmas)}")
-    return out, kept
+    reduced, sigmas = Log(log.columns, kept), log.names("sigma")
+    if len(sigmas) < 2:
+        return reduced
+    why = f"the root of the mean square of {', '.join(sigmas)}"
+    mean = np.sqrt(np.mean([log.columns[n] ** 2 for n in sigmas], axis=0))
+    common = "sigma of the force"
+    return reduced.without("sigma").including({common: replace(log.guesses[sigmas[0]], why=why)}, {common: mean})
 
 
-def on_one_clock(path: Path, first: Columns, other: Columns) -> Columns:
-    """Both logs at the first one's times, where they overlap.
+def on_one_clock(path: Path, first: Log, other: Log) -> Log:
+    """Return both logs at the times of the first one, where they overlap; `path` names the other.
 
-    Readings of a triad keep the noise that they have, see `resampled`; others lie on a line between their neighbours.
+    Readings of a triad keep the noise that they have, see `resampled`; other columns are interpolated linearly.
     """
-    (columns, guesses), (more, theirs) = first, other
-    clock, clock2 = (next(n for n, g in each.items() if g.quantity == "time") for each in (guesses, theirs))
-    t = np.asarray(columns[clock])
-    t2 = np.asarray(from_si(to_si(more[clock2], theirs[clock2].unit), guesses[clock].unit))
+    t = first.columns[first.clock]
+    t2 = np.asarray(from_si(other.seconds, first.guesses[first.clock].unit))
     inside = (t >= t2[0]) & (t <= t2[-1])
     if np.count_nonzero(inside) < 2:
         raise InputError(f"{path} and the first log do not overlap in time; give logs of one run, with one clock")
-    known = {(g.quantity, g.axis) for g in guesses.values()}
-    out, said = {n: x[inside] for n, x in columns.items()}, dict(guesses)
-    for name in (n for n in more if n not in theirs and n not in out):  # what nobody knows yet: angles of a rig
-        out[name] = np.interp(t[inside], t2, more[name])
-    for name, g in theirs.items():
+    t = t[inside]
+    known = {(g.quantity, g.axis) for g in first.guesses.values()}
+    merged = first.rows(inside)
+    angles = {n: np.interp(t, t2, x) for n, x in other.unknown.items() if n not in merged.columns}
+    merged = merged.including({}, angles)
+    for name, g in other.guesses.items():
         if g.quantity != "time" and (g.quantity, g.axis) not in known:
-            mine = name if name not in out else f"{path.stem}_{name}"
-            triad = g.quantity in (FORCE, RATE)
-            out[mine] = resampled(t[inside], t2, more[name]) if triad else np.interp(t[inside], t2, more[name])
-            said[mine] = replace(g, why=f"{g.why}; {path.name}, at the times of the other log")
-    return out, said
+            own = name if name not in merged.columns else f"{path.stem}_{name}"
+            interpolated = resampled if g.quantity in (FORCE, RATE) else np.interp
+            why = f"{g.why}; {path.name}, at the times of the other log"
+            merged = merged.including({own: replace(g, why=why)}, {own: interpolated(t, t2, other.columns[name])})
+    return merged
 
 
-def slowest_first(logs: Sequence[tuple[Path, Columns]]) -> list[tuple[Path, Columns]]:
-    """Logs in the order given, but before them the slowest of those with a triad: nothing has to be made up for it."""
-    steps = []
-    for i, (_, (columns, guesses)) in enumerate(logs):
-        if any(g.quantity in (FORCE, RATE) for g in guesses.values()):
-            clock = next(n for n, g in guesses.items() if g.quantity == "time")
-            steps.append((float(to_si(np.median(np.diff(columns[clock])), guesses[clock].unit)), i))
-    if len(steps) < 2 or max(steps)[0] < FASTER * steps[0][0]:
+def slowest_first(logs: Sequence[tuple[Path, Log]]) -> list[tuple[Path, Log]]:
+    """Return the logs with the slowest of those that hold a triad in front: its readings need no interpolation."""
+    steps = [(float(np.median(np.diff(log.seconds))), i) for i, (_, log) in enumerate(logs) if log.has(FORCE, RATE)]
+    if len(steps) < 2 or max(steps)[0] < MIN_RATE_RATIO * steps[0][0]:
         return list(logs)
-    slow = max(steps, key=lambda each: each[0])[1]
+    slow = max(steps, key=lambda step: step[0])[1]
     return [logs[slow], *(log for i, log in enumerate(logs) if i != slow)]
 
 
 def resampled(t: Array, t2: Array, x: Array) -> Array:
-    """Readings x (m,) at t2 (m,) as they are at t (n,), with the noise density that they have.
+    """Return readings x (m,) at t2 (m,) as they are at t (n,), with their noise density.
 
-    On a line between two neighbours white noise is up to sqrt(2) smaller than it is in a turn, and sigma with it. So
-    rows of one rate are interpolated by a sinc under a Lanczos window, and those of a faster log are averaged over
-    a step of the slower one about each of its times. Uneven rows lie on a line.
+    Linear interpolation makes white noise up to sqrt(2) smaller, and sigma with it. So rows of one rate are
+    interpolated by a sinc under a Lanczos window, and those of a faster log are averaged over a step of the slower
+    one about each of its times. Uneven rows are interpolated linearly.
     """
-    many = float(np.median(np.diff(t)) / np.median(np.diff(t2)))
-    if many > FASTER:
+    ratio = float(np.median(np.diff(t)) / np.median(np.diff(t2)))
+    if ratio > MIN_RATE_RATIO:
         total = np.concatenate([[0.0], np.cumsum((x[1:] + x[:-1]) / 2 * np.diff(t2))])
         edges = np.clip(
             np.concatenate([[1.5 * t[0] - 0.5 * t[1]], (t[1:] + t[:-1]) / 2, [1.5 * t[-1] - 0.5 * t[-2]]]), *t2[[0, -1]]
@@ -93,14 +93,63 @@ def resampled(t: Array, t2: Array, x: Array) -> Array:
         width = np.diff(edges)
         mean = np.diff(np.interp(edges, t2, total)) / np.where(width > 0, width, 1.0)
         return np.asarray(np.where(width > 0, mean, np.interp(t, t2, x)))
-    if jitter(t2) > EVEN or not np.all(np.isfinite(x)) or len(t2) < 2 * LOBES:
+    if jitter(t2) > MAX_JITTER or not np.all(np.isfinite(x)) or len(t2) < 2 * SINC_LOBES:
         return np.interp(t, t2, x)
     at = np.interp(t, t2, np.arange(len(t2), dtype=float))
     base = np.floor(at).astype(int)
     out, weight = np.zeros(len(t)), np.zeros(len(t))
-    for k in range(1 - LOBES, LOBES + 1):
-        off = at - (base + k)
-        w = np.sinc(off) * np.sinc(off / LOBES)
+    for k in range(1 - SINC_LOBES, SINC_LOBES + 1):
+        offset = at - (base + k)
+        w = np.sinc(offset) * np.sinc(offset / SINC_LOBES)
         out += w * x[np.clip(base + k, 0, len(x) - 1)]
         weight += w
     return np.asarray(out / weight)
+
+
+def are_parts(logs: Sequence[Log]) -> bool:
+    """Return whether logs hold the same by the same names, so that each is a part and none is another sensor."""
+    held = [{name: (g.quantity, g.axis) for name, g in log.guesses.items()} for log in logs]
+    return len(held) > 1 and all(each == held[0] for each in held)
+
+
+def concatenated(logs: Mapping[Path, Table], clock: str, rate: float = 0.0) -> tuple[Table, str]:
+    """Return parts of a run as one log, and a sentence on their order; `clock` is the name of their column of time.
+
+    Where clocks go on from part to part these stand in its order. Where each begins anew, or rows are counted by
+    `rate` [Hz], parts stand in the order given, with as long a pause between two as the one before it lasted: nobody
+    logged how the unit turned meanwhile, and drifts with time mean nothing. Raises InputError where clocks overlap
+    and none begins near zero: then these are two units at once.
+    """
+    many, tables = f"{len(logs)} logs of the same columns are parts of one run", dict(logs)
+    if rate > 0:
+        clock = ROW_CLOCK
+        tables = {p: _timed(t, clock, np.arange(len(next(iter(t.columns.values())))) / rate) for p, t in logs.items()}
+    spans = {p: (float(np.nanmin(t.columns[clock])), float(np.nanmax(t.columns[clock]))) for p, t in tables.items()}
+    order = sorted(tables, key=lambda path: spans[path])
+    neighbours = list(pairwise(order))
+    if all(spans[b][0] > spans[a][1] for a, b in neighbours):
+        return _stacked([tables[path] for path in order]), f"{many}, in the order of their clock"
+    for a, b in neighbours:
+        if spans[b][0] <= spans[a][1] and spans[a][0] > spans[a][1] - spans[a][0]:
+            raise InputError(
+                f"{a} and {b} hold the same columns at the same times, as two units do; give each its own "
+                "recording, or --rate HZ where they are parts of one run whose clocks mean nothing"
+            )
+    end, parts = 0.0, []
+    for path, table in tables.items():
+        first, last = spans[path]
+        parts.append(_timed(table, clock, table.columns[clock] - first + end))
+        end += 2 * (last - first)
+    return _stacked(parts), (
+        f"{many}, in the order given; each has its own clock, so the pauses between them are made up and "
+        "rates of drift mean nothing"
+    )
+
+
+def _timed(table: Table, clock: str, time: Array) -> Table:
+    return replace(table, columns={clock: time, **{n: x for n, x in table.columns.items() if n != clock}})
+
+
+def _stacked(tables: Sequence[Table]) -> Table:
+    names = list(tables[0].columns)
+    return replace(tables[0], columns={n: np.concatenate([t.columns[n] for t in tables]) for n in names})

@@ -16,7 +16,8 @@ from functools import partial
 from pathlib import Path
 
 from gimbalcal.errors import InputError
-from gimbalcal.guess.column_names import FORCE, RATE, by_name, hinted
+from gimbalcal.guess.column_names import by_name, quantity_of_log
+from gimbalcal.guess.log import FORCE, RATE
 from gimbalcal.importers.delimited import encoding_of
 from gimbalcal.recording.dates import is_date
 
@@ -141,7 +142,7 @@ def _of_words(lines: Sequence[str], at: int) -> dict[str, _Kind]:
         return {}
     widths = {tag: Counter(map(len, own)).most_common(1)[0][0] for tag, own in rows.items()}
     own_names = {tag: _names(tag, told, widths[tag]) for tag in rows}
-    hints = {hinted(tag) for tag in rows}
+    hints = {quantity_of_log(tag) for tag in rows}
     uneven = len({widths[tag] for tag, own in rows.items() if len(own) > FEW}) > 1
     if not any(own_names.values()) and not uneven and not {FORCE, RATE} <= hints:
         return {}
@@ -157,7 +158,7 @@ def _names(tag: str, told: Sequence[str], columns: int) -> tuple[str, ...]:
     for line in told:
         words = [word for word in re.split(r"[,;\s]+", line.strip("#!/ \t")) if word]
         names = words[-columns:]
-        if tag in words[:-columns] and all(map(_wordy, names)) and any(by_name(n, hinted(tag)) for n in names):
+        if tag in words[:-columns] and all(map(_wordy, names)) and any(by_name(n, quantity_of_log(tag)) for n in names):
             return tuple(names)
     return ()
 
@@ -168,7 +169,9 @@ def _wordy(cell: str) -> bool:
 
 def _chosen(path: Path, kinds: Mapping[str, _Kind]) -> dict[str, _Kind]:
     """The kind that holds both triads, or one for each; of several the one with the most rows."""
-    holds = {tag: {g.quantity for n in kind.names if (g := by_name(n, hinted(tag)))} for tag, kind in kinds.items()}
+    holds = {
+        tag: {g.quantity for n in kind.names if (g := by_name(n, quantity_of_log(tag)))} for tag, kind in kinds.items()
+    }
 
     def most(wanted: set[str]) -> list[str]:
         fitting = [tag for tag, quantities in holds.items() if wanted <= quantities]

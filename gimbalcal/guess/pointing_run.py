@@ -15,7 +15,8 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.guess.celestial import angle_told, latitude_column, sidereal, sidereal_hours
-from gimbalcal.guess.column_names import ANGLES, Guess, by_name, plain, unit_written
+from gimbalcal.guess.column_names import ANGLES, by_name, plain, unit_written
+from gimbalcal.guess.log import Guess
 from gimbalcal.guess.text_table import Table
 from gimbalcal.importers.pointing import SPACED, elapsed, in_order, pointing_run
 from gimbalcal.importers.tpoint import equatorial

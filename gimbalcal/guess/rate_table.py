@@ -1,206 +1,195 @@
-"""A log of gyroscopes beside the angle, or the rate, of the table that turned them, where gravity tells nothing of it.
+"""Gyroscopes logged with the angle, or the rate, of the table that turned them, where gravity tells nothing of it.
 
-Without accelerometers, or about the vertical, the gyroscopes tell axis and sense of the table. What they felt is held
-against every column that nothing else is known of, as angle or rate in its usual units, and every chain of those axes.
+Without accelerometers, or about the vertical, the gyroscopes determine axis and sense of the table. Their readings are
+compared with every column of unknown content, as angle or rate in its usual units, and every chain of those axes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
 from gimbalcal.checks.driven_rates import UNLIKE, Turning, chains, turning
 from gimbalcal.effects.history import integral
-from gimbalcal.guess import gimbal_chain
-from gimbalcal.guess.column_names import (
-    FORCE,
-    RATE,
-    Guess,
-    axis_word,
-    commanded,
-    estimated,
-    plain,
-    rate_word,
-    unit_written,
-)
-from gimbalcal.guess.column_values import changes
-from gimbalcal.guess.merged_logs import Columns
-from gimbalcal.guess.unit_candidates import BESIDE, is_open
+from gimbalcal.guess.column_names import axis_word, commanded, estimated, plain, rate_word, unit_written
+from gimbalcal.guess.column_values import changes_direction
+from gimbalcal.guess.gimbal_chain import MAX_AXES, MAX_COLUMNS, encoder_angles, usual_platform
+from gimbalcal.guess.log import FORCE, RATE, Guess, Log
+from gimbalcal.guess.unit_candidates import RATE_UNITS, rates_in
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
 from gimbalcal.quantities import QUANTITIES
 from gimbalcal.units import to_si
 
-ANGLES, RATES = ("deg", "rad", "rev"), ("deg/s", "rad/s", "rev/min")  # that a readout without a unit may be in
-BETTER = 0.7  # of what fewer axes leave: one more is believed in
-EQUAL = 1.05  # of the least that is left: as good, and the simpler one is taken
-SOME = 0.05  # rad; what turns by less is no axis
-MOST_AXES, MOST_COLUMNS = 3, 6
+ANGLE_UNITS, RATE_UNITS_OF_TABLE = ("deg", "rad", "rev"), ("deg/s", "rad/s", "rev/min")  # of an unnamed readout
+MAX_MISFIT_RATIO = 0.7  # of a model with fewer axes, from which one more is believed in
+EQUAL_MISFIT_RATIO = 1.05  # of the smallest misfit: as good, and the simpler model is taken
+MIN_TRAVEL = 0.05  # rad, of an axis
 
 
 @dataclass(frozen=True, eq=False)
 class Readout:
-    """One way to read a column: as an angle [rad] (n,) in `unit`, or in a unit of rate as one that is added up."""
+    """One way to read a column: as an angle [rad] (n,) in `unit`, or, in a unit of rate, as the integral of a rate."""
 
     name: str
     unit: str
     angle: Array
 
     @property
-    def added_up(self) -> bool:
+    def is_rate(self) -> bool:
         """Whether the column holds a rate."""
-        return self.unit in QUANTITIES["angular_rate"].units
+        return self.unit in QUANTITIES[RATE].units
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """A chain of axes, its readouts, and the share of what gyroscopes read that it leaves."""
+class TableFit:
+    """A chain of axes, its readouts, and the share of the gyroscopes' readings that it leaves."""
 
-    left: float
+    misfit: float
     readouts: tuple[Readout, ...]
     platform: Platform
 
 
-@dataclass(frozen=True)
-class OnTable:
-    """The log with its axes among the guesses, its platform, and why."""
+@dataclass(frozen=True, eq=False)
+class TurnedLog:
+    """A log with the axes of a table among the guesses, its platform, and why."""
 
-    columns: dict[str, Array]
-    guesses: dict[str, Guess]
+    log: Log
     platform: Platform
     why: str
 
 
-def on_table(log: Columns) -> OnTable | None:
-    """The table that turned these gyroscopes; None where no column turns as they felt it."""
-    columns, guesses = log
-    gyros = {g.axis: n for n, g in guesses.items() if g.quantity == RATE}
+def turned_by_table(log: Log) -> TurnedLog | None:
+    """Return the log with the table that turned its gyroscopes; None where no column turns as they felt it."""
+    gyros = {log.guesses[n].axis: n for n in log.names(RATE)}
     if set(gyros) != set("xyz"):
         return None
-    turned, counts = gimbal_chain.turned_counts(_candidates(columns, guesses))
-    (clock,) = [n for n, g in guesses.items() if g.quantity == "time"]
-    time = np.asarray(to_si(columns[clock], guesses[clock].unit))
-    read = np.stack([columns[gyros[a]] for a in "xyz"], axis=-1)
-    whole = np.isfinite(read).all(axis=1) & np.all([np.isfinite(x) for x in turned.values()], axis=0)
-    if not turned or np.count_nonzero(whole) < len(time) / 2 or np.any(np.diff(time) <= 0):
+    columns, counts = encoder_angles(_axis_candidates(log))
+    time = log.seconds
+    readings = np.stack([log.columns[gyros[a]] for a in "xyz"], axis=-1)
+    whole = np.isfinite(readings).all(axis=1) & np.all([np.isfinite(x) for x in columns.values()], axis=0)
+    if not columns or np.count_nonzero(whole) < len(time) / 2 or np.any(np.diff(time) <= 0):
         return None
-    unit = guesses[gyros["x"]].unit
-    best: tuple[Found, str] | None = None
-    for u in dict.fromkeys((unit, *(BESIDE if is_open(guesses, RATE) else ()))):
-        scale = None if unit == "count" else 1.0
-        y = read if scale is None else np.asarray(to_si(read, u))
-        tried = (_chain(time[whole], y[whole], {n: x[whole] for n, x in group.items()}, scale)
-                 for group in _likeliest(turned))  # fmt: skip
-        found = next(filter(None, tried), None)
-        if found and (best is None or found.left < BETTER * best[0].left):
-            best = found, u
+    stated_unit = log.guesses[gyros["x"]].unit
+    best: tuple[TableFit, str] | None = None
+    for unit in dict.fromkeys((stated_unit, *(RATE_UNITS if log.has_open_unit(RATE) else ()))):
+        scale = None if stated_unit == "count" else 1.0
+        y = readings if scale is None else np.asarray(to_si(readings, unit))
+        fits = (
+            _fit(time[whole], y[whole], {n: x[whole] for n, x in group.items()}, scale)
+            for group in _by_likelihood(columns)
+        )
+        fit = next(filter(None, fits), None)
+        if fit and (best is None or fit.misfit < MAX_MISFIT_RATIO * best[0].misfit):
+            best = fit, unit
     if best is None:
         return None
-    found, u = best
-    why = f"the gyroscopes feel the rig turn so, but for {100 * found.left:.2g} % of what they read"
-    out, said = dict(columns), {n: g for n, g in guesses.items() if g.quantity != "gimbal_angle"}
-    if u != unit:
-        said = {n: replace(g, unit=u, why=f"{why}, in {u}", open=False) if g.quantity == RATE else g
-                for n, g in said.items()}  # fmt: skip
-    for readout in found.readouts:
-        axis = _axis(readout.name)
+    fit, unit = best
+    why = f"the gyroscopes feel the rig turn so, but for {100 * fit.misfit:.2g} % of what they read"
+    turned = log.without("gimbal_angle")
+    if unit != stated_unit:
+        turned = turned.including(rates_in(turned, unit, f"{why}, in {unit}"))
+    for readout in fit.readouts:
+        axis, values = _axis(readout.name), columns[readout.name]
         reason = f"{counts[readout.name]} counts a turn; {why}" if readout.name in counts else why
-        if readout.added_up:
-            name, rate = f"{plain(readout.name)}_added_up", np.where(whole, turned[readout.name], 0.0)
-            out[name] = np.degrees(integral(np.asarray(to_si(rate, readout.unit)), time))
-            said[name] = Guess("gimbal_angle", axis, "deg", f"{readout.name.strip()} in {readout.unit}, added up over "
-                               f"time from zero; {reason}")  # fmt: skip
+        if readout.is_rate:
+            rate = np.asarray(to_si(np.where(whole, values, 0.0), readout.unit))
+            reason = f"{readout.name.strip()} in {readout.unit}, added up over time from zero; {reason}"
+            name, guess = f"{plain(readout.name)}_added_up", Guess("gimbal_angle", axis, "deg", reason)
+            values = np.degrees(integral(rate, time))
         else:
-            out[readout.name] = turned[readout.name]
-            said[readout.name] = Guess("gimbal_angle", axis, readout.unit, reason)
-    return OnTable(out, said, found.platform, why)
+            name, guess = readout.name, Guess("gimbal_angle", axis, readout.unit, reason)
+        turned = turned.including({name: guess}, {name: values})
+    return TurnedLog(turned, fit.platform, why)
 
 
-def gravity_stays(columns: Mapping[str, Array], guesses: Mapping[str, Guess]) -> bool:
-    """Whether accelerometers logged in time feel gravity where it was: nothing turned, or all about the vertical."""
-    force = [columns[n] for n, g in guesses.items() if g.quantity == FORCE]
-    if len(force) != 3 or any(g.quantity == "position" for g in guesses.values()):
+def gravity_is_constant(log: Log) -> bool:
+    """Return whether accelerometers logged in time feel one gravity: nothing turned, or all about the vertical."""
+    force = log.values(FORCE)
+    if len(force) != 3 or log.has("position"):
         return False
     whole = np.isfinite(np.stack(force)).all(axis=0)
-    return bool(whole.any()) and not changes([x[whole] for x in force])
+    return bool(whole.any()) and not changes_direction([x[whole] for x in force])
 
 
-def upright(guesses: Mapping[str, Guess]) -> str:
-    """What tells how the table stands, as an aside."""
-    if any(g.quantity == FORCE for g in guesses.values()):
+def orientation_note(log: Log) -> str:
+    """Return how the orientation of the table on the Earth follows, as an aside."""
+    if log.has(FORCE):
         return " about the vertical: --method rate-table; the accelerometers tell which way is up"
     return "; without accelerometers nothing tells how it stands on the Earth"
 
 
-def lacking(guesses: Mapping[str, Guess], joined: bool) -> str:
-    """What a log of gyroscopes alone lacks, as an aside; `joined` from several logs."""
-    if {g.axis for g in guesses.values() if g.quantity == RATE} != set("xyz"):
+def missing_table(log: Log, parts: bool) -> str:
+    """Return what a log of gyroscopes alone lacks, as an aside; parts: of several logs."""
+    if {log.guesses[n].axis for n in log.names(RATE)} != set("xyz"):
         return ""
     return (
         ", and no other column is the angle or the rate of a table that turned the gyroscopes about one of their axes "
-        f"as they felt it, which would do without accelerometers{'; give the log of each mounting alone' * joined}"
+        f"as they felt it, which would do without accelerometers{'; give the log of each mounting alone' * parts}"
     )
 
 
-def _candidates(columns: Mapping[str, Array], guesses: Mapping[str, Guess]) -> dict[str, Array]:
-    """Columns that may be angles or rates of a rig, and turn."""
-    named = {n for n, g in guesses.items() if g.quantity == "gimbal_angle"}
-    others = {n: x for n, x in columns.items() if (n not in guesses or n in named) and not estimated(n)}
-    return {n: x for n, x in others.items() if np.isfinite(x).mean() > 0.5 and np.nanmin(x) < np.nanmax(x)}
+def _axis_candidates(log: Log) -> dict[str, Array]:
+    """Return columns that may be angles or rates of a rig, and turn."""
+    named = {n: log.columns[n] for n in log.names("gimbal_angle")}
+    candidates = {n: x for n, x in log.columns.items() if (n in named or n not in log.guesses) and not estimated(n)}
+    return {n: x for n, x in candidates.items() if np.isfinite(x).mean() > 0.5 and np.nanmin(x) < np.nanmax(x)}
 
 
-def _likeliest(columns: Mapping[str, Array]) -> Iterator[dict[str, Array]]:
-    """Columns that are called after axes of a rig, then those of any name, and last what the rig was told to do."""
+def _by_likelihood(columns: Mapping[str, Array]) -> Iterator[dict[str, Array]]:
+    """Yield columns that are called after axes of a rig, then those of any name, and last the commands to a rig."""
     measured = {n: x for n, x in columns.items() if not commanded(n)}
     for group in ({n: x for n, x in measured.items() if axis_word(n)}, measured, columns):
-        yield {n: group[n] for n in list(group)[:MOST_COLUMNS]}
+        yield {n: group[n] for n in list(group)[:MAX_COLUMNS]}
 
 
 def _readouts(name: str, x: Array, time: Array) -> Iterator[Readout]:
-    """The ways to read a column: as its name says, else as an angle and as a rate in the usual units."""
-    written = unit_written(plain(name))
-    if rate_word(name) and written in QUANTITIES["gimbal_angle"].units:
+    """Yield the ways to read a column: as its name says, else as an angle and as a rate in the usual units."""
+    written, angles, rates = unit_written(plain(name)), QUANTITIES["gimbal_angle"].units, QUANTITIES[RATE].units
+    if rate_word(name) and written in angles:
         written += "/s"  # table_rate_rad
-    angles = (written,) if written in QUANTITIES["gimbal_angle"].units else ANGLES
-    rates = (written,) if written in QUANTITIES["angular_rate"].units else RATES
-    if written not in QUANTITIES["angular_rate"].units:
-        yield from (Readout(name, u, np.unwrap(np.asarray(to_si(x, u)))) for u in angles)
-    if written not in QUANTITIES["gimbal_angle"].units:
-        yield from (Readout(name, u, integral(np.asarray(to_si(x, u)), time)) for u in rates)
+    if written not in rates:
+        for unit in (written,) if written in angles else ANGLE_UNITS:
+            yield Readout(name, unit, np.unwrap(np.asarray(to_si(x, unit))))
+    if written not in angles:
+        for unit in (written,) if written in rates else RATE_UNITS_OF_TABLE:
+            yield Readout(name, unit, integral(np.asarray(to_si(x, unit)), time))
 
 
-def _chain(time: Array, read: Array, columns: Mapping[str, Array], scale: float | None) -> Found | None:
-    """The readouts and the chain that turn as the gyroscopes felt it, with as few axes as explain it."""
-    every = {n: {r.unit: r for r in _readouts(n, x, time) if np.ptp(r.angle) > SOME} for n, x in columns.items()}
-    best: Found | None = None
-    for many in range(1, MOST_AXES + 1):
-        found: list[Found] = []
-        for group in combinations([n for n in every if every[n]], many):
+def _fit(time: Array, readings: Array, columns: Mapping[str, Array], scale: float | None) -> TableFit | None:
+    """Return the readouts and the chain that turn as the gyroscopes felt it, with as few axes as explain it."""
+    readouts = {
+        n: {r.unit: r for r in _readouts(n, x, time) if np.ptp(r.angle) > MIN_TRAVEL} for n, x in columns.items()
+    }
+    best: TableFit | None = None
+    for count in range(1, MAX_AXES + 1):
+        fits: list[TableFit] = []
+        for group in combinations([n for n in readouts if readouts[n]], count):
             names = tuple(map(_axis, group))
-            if len(set(names)) < many:  # an angle and its rate, a command and its readout
+            if len(set(names)) < count:  # an angle and its rate, a command and its readout
                 continue
-            for unit in (u for u in every[group[0]] if all(u in every[n] for n in group)):  # a rig logs axes alike
-                readouts = tuple(every[n][unit] for n in group)
-                T = turning(time, read, np.stack([r.angle for r in readouts], axis=-1), names)
-                if chain := _best(T, scale):
-                    found.append(Found(chain[0], readouts, chain[1]))
-        least = min((f.left for f in found), default=np.inf)
-        if least < (BETTER * best.left if best else np.inf):
-            best = next(f for f in found if f.left <= EQUAL * least)
+            for unit in (u for u in readouts[group[0]] if all(u in readouts[n] for n in group)):  # alike for all axes
+                own = tuple(readouts[n][unit] for n in group)
+                turns = turning(time, readings, np.stack([r.angle for r in own], axis=-1), names)
+                if chain := _best_chain(turns, scale):
+                    fits.append(TableFit(chain[0], own, chain[1]))
+        least = min((f.misfit for f in fits), default=np.inf)
+        if least < (MAX_MISFIT_RATIO * best.misfit if best else np.inf):
+            best = next(f for f in fits if f.misfit <= EQUAL_MISFIT_RATIO * least)
     return best
 
 
-def _best(T: Turning, scale: float | None) -> tuple[float, Platform] | None:
-    """What the first of the chains leaves that are as good as any, and that chain; None where none turns alike."""
-    usual = gimbal_chain.usual(frozenset(T.names))
-    known = [usual] if usual is not None and set(usual.axis_names) == set(T.names) else []
-    tried = [(T.left(p, scale), p) for p in (*known, *chains(T.names))]
-    least = min(left for left, _ in tried)
-    left, platform = next((left, p) for left, p in tried if left <= EQUAL * least)
-    return (left, platform) if T.off(platform, scale) < UNLIKE else None
+def _best_chain(turns: Turning, scale: float | None) -> tuple[float, Platform] | None:
+    """Return the first chain that is as good as any, after its misfit; None where none turns alike."""
+    usual = usual_platform(frozenset(turns.names))
+    known = [usual] if usual is not None and set(usual.axis_names) == set(turns.names) else []
+    misfits = [(turns.left(p, scale), p) for p in (*known, *chains(turns.names))]
+    least = min(misfit for misfit, _ in misfits)
+    misfit, platform = next((m, p) for m, p in misfits if m <= EQUAL_MISFIT_RATIO * least)
+    return (misfit, platform) if turns.off(platform, scale) < UNLIKE else None
 
 
 def _axis(name: str) -> str:

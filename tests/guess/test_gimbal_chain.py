@@ -9,7 +9,7 @@ import pytest
 
 from gimbalcal.errors import InputError
 from gimbalcal.guess.column_names import by_name
-from gimbalcal.guess.gimbal_chain import rig_of
+from gimbalcal.guess.gimbal_chain import gimbal_chain
 from gimbalcal.guess.proposal import propose
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import KNOWN, Axis, Platform
@@ -102,8 +102,8 @@ def test_angles_that_no_platform_explains_are_left_out_and_said(tmp_path: Path) 
     assert "no chain of these axes" in found.notes["platform"]
     assert {"Innen [°]", "Außen [°]"} <= set(found.left_out)
     force = rng.standard_normal((8, 3))
-    assert rig_of({"inner": rng.uniform(0, 6, 8)}, force).platform is None
-    assert rig_of({"inner": np.zeros(3)}, force[:3]).platform == KNOWN["two-axis-table"]
+    assert gimbal_chain({"inner": rng.uniform(0, 6, 8)}, force).platform is None
+    assert gimbal_chain({"inner": np.zeros(3)}, force[:3]).platform == KNOWN["two-axis-table"]
 
 
 def test_one_rest_is_a_recording_for_its_noise(tmp_path: Path) -> None:

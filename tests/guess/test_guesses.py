@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from gimbalcal.guess.clocks import in_unit, jitter, unit_of_time
-from gimbalcal.guess.column_names import Guess
 from gimbalcal.guess.column_values import unit_of_rate
-from gimbalcal.guess.gimbal_chain import _unit
-from gimbalcal.guess.merged_logs import on_one_clock, one_each
+from gimbalcal.guess.gimbal_chain import unit_of_angle
+from gimbalcal.guess.log import Guess, Log
+from gimbalcal.guess.merged_logs import on_one_clock, without_duplicates
 from gimbalcal.guess.proposal import propose
 from gimbalcal.importers.unit_log import unit_log
 from tests.guess.test_pointing_run import AZ, EL, OFF, off, write
@@ -32,10 +32,10 @@ def test_a_clock_counts_in_the_unit_in_which_sensors_are_logged(step: float, uni
 
 
 def test_another_unit_of_a_clock_is_said_with_its_rate() -> None:
-    columns, guesses = in_unit({"t": 2e4 * np.arange(10.0)}, {"t": TIME}, "us")
-    assert guesses["t"].unit == "us"
-    assert guesses["t"].why.endswith("in us these rows are logged at 50 Hz")
-    assert columns["t"][1] == 2e4
+    log = in_unit(Log({"t": 2e4 * np.arange(10.0)}, {"t": TIME}), "us")
+    assert log.guesses["t"].unit == "us"
+    assert log.guesses["t"].why.endswith("in us these rows are logged at 50 Hz")
+    assert log.columns["t"][1] == 2e4
 
 
 def test_a_gyroscope_turns_as_fast_as_it_leaves_its_level() -> None:
@@ -47,19 +47,21 @@ def test_a_gyroscope_turns_as_fast_as_it_leaves_its_level() -> None:
 def test_sigmas_of_three_axes_are_one_of_all() -> None:
     columns = {"t": np.arange(2.0), "sx": np.array([3.0, 1.0]), "sy": np.array([4.0, 1.0]), "sz": np.array([5.0, 1.0])}
     guesses = {"t": TIME, **{f"s{a}": Guess("sigma", a, "mg", "its name") for a in "xyz"}}
-    out, kept = one_each(columns, guesses)
-    (name,) = [n for n, g in kept.items() if g.quantity == "sigma"]
-    np.testing.assert_allclose(out[name], [np.sqrt(50 / 3), 1.0])
+    (sigma,) = without_duplicates(Log(columns, guesses)).values("sigma")
+    np.testing.assert_allclose(sigma, [np.sqrt(50 / 3), 1.0])
 
 
 def test_a_second_log_is_brought_to_the_clock_of_the_first_from_a_unit_of_its_own() -> None:
     t = 0.01 * np.arange(400)
     force = {f"a{a}": np.sin(t) for a in "xyz"}
     rate = {f"g{a}": np.cos(2 * t) for a in "xyz"}
-    first = {"t": t, **force}, {"t": TIME, **{f"a{a}": Guess("specific_force", a, "g", "") for a in "xyz"}}
-    second = {"ms": 1e3 * t, **rate}, {"ms": Guess("time", "", "ms", ""),
-                                       **{f"g{a}": Guess("angular_rate", a, "rad/s", "") for a in "xyz"}}  # fmt: skip
-    columns, _ = on_one_clock(Path("gyr.csv"), first, second)
+    forces, rates = (
+        {f"{letter}{a}": Guess(quantity, a, unit, "") for a in "xyz"}
+        for letter, quantity, unit in (("a", "specific_force", "g"), ("g", "angular_rate", "rad/s"))
+    )
+    first = Log({"t": t, **force}, {"t": TIME, **forces})
+    second = Log({"ms": 1e3 * t, **rate}, {"ms": Guess("time", "", "ms", ""), **rates})
+    columns = on_one_clock(Path("gyr.csv"), first, second).columns
     assert len(columns["t"]) == 400
     np.testing.assert_allclose(columns["gy"][10:-10], np.cos(2 * t)[10:-10], atol=1e-4)
 
@@ -67,7 +69,7 @@ def test_a_second_log_is_brought_to_the_clock_of_the_first_from_a_unit_of_its_ow
 @pytest.mark.parametrize(("name", "size", "unit"), [("Drehtisch", 90.0, "deg"), ("Drehtisch", 3.0, "rad"),
                                                     ("A [gon]", 3.0, "gon")])  # fmt: skip
 def test_angles_beyond_a_turn_are_degrees_where_no_name_tells(name: str, size: float, unit: str) -> None:
-    assert _unit(np.array([0.0, size]), name) == unit
+    assert unit_of_angle(np.array([0.0, size]), name) == unit
 
 
 def test_rests_are_where_the_accelerometers_are_quiet_whatever_a_hand_does() -> None:

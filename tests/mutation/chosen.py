@@ -128,10 +128,10 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
          "detect(time, rate or force, rate, raw)"),
         ("guess.clocks", "jitter", "(high - low) / 2 / middle", "(high - low) / 2"),
         ("guess.clocks", "unit_of_time", "1 / (step * size)", "step / size"),
-        ("guess.merged_logs", "on_one_clock", "from_si(to_si(more[clock2], theirs[clock2].unit), guesses[clock].unit)",
-         "more[clock2]"),
+        ("guess.merged_logs", "on_one_clock", "from_si(other.seconds, first.guesses[first.clock].unit)",
+         "other.columns[other.clock]"),
         ("guess.pointing_run", "_offset", "np.radians(x / 240)", "np.radians(x / 3600)"),
-        ("guess.gimbal_chain", "_unit", "> 2 * pi", "< 2 * pi"),
+        ("guess.gimbal_chain", "unit_of_angle", "> 2 * pi", "< 2 * pi"),
         ("guess.celestial", "_hours", "x if hours else x / 15", "x if hours else x * 15"),
     ),
     "guess/test_celestial.py": (

@@ -19,7 +19,7 @@ from gimbalcal.design.rig import rig_of
 from gimbalcal.design.turning_observability import observe_turning
 from gimbalcal.diagnose.answer import Curves
 from gimbalcal.earth import G0
-from gimbalcal.guess.column_values import Guess
+from gimbalcal.guess.log import Guess
 from gimbalcal.guess.proposal import Proposal
 from gimbalcal.navigate.navigation_errors import Navigated
 from gimbalcal.navigate.space_stable import Aids

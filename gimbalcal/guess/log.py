@@ -1,0 +1,93 @@
+"""A log whose columns nobody described: the columns, and what each of them is taken for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.number import Array
+from gimbalcal.units import to_si
+
+FORCE, RATE = "specific_force", "angular_rate"
+
+
+@dataclass(frozen=True)
+class Guess:
+    """What one column holds, in the terms of recording.toml, and why; the unit may be left open.
+
+    open: whether the unit is the likeliest of several by the numbers alone, so that others may be tried.
+    """
+
+    quantity: str
+    axis: str
+    unit: str
+    why: str
+    open: bool = False
+
+    @property
+    def in_words(self) -> str:
+        """Quantity, axis and unit."""
+        return " ".join(filter(None, [self.quantity.replace("_", " "), self.axis, f"[{self.unit}]" * bool(self.unit)]))
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """Columns (n,) of a log by name, and the guesses about those that are known."""
+
+    columns: Mapping[str, Array]
+    guesses: Mapping[str, Guess]
+
+    def names(self, *quantities: str) -> list[str]:
+        """Return the columns of these quantities, in the order of the guesses."""
+        return [name for name, g in self.guesses.items() if g.quantity in quantities]
+
+    def values(self, quantity: str) -> list[Array]:
+        """Return the columns (n,) of a quantity."""
+        return [self.columns[name] for name in self.names(quantity)]
+
+    def has(self, *quantities: str) -> bool:
+        """Return whether a column of any of these quantities is known."""
+        return bool(self.names(*quantities))
+
+    def has_open_unit(self, quantity: str) -> bool:
+        """Return whether the unit of a quantity follows from its numbers alone, and may be another."""
+        return any(self.guesses[name].open for name in self.names(quantity))
+
+    @property
+    def clock(self) -> str:
+        """The name of the column of time."""
+        return self.names("time")[0]
+
+    @property
+    def seconds(self) -> Array:
+        """The time (n,) [s]."""
+        return np.asarray(to_si(self.columns[self.clock], self.guesses[self.clock].unit))
+
+    @property
+    def unknown(self) -> dict[str, Array]:
+        """Columns about which there is no guess."""
+        return {name: x for name, x in self.columns.items() if name not in self.guesses}
+
+    def including(self, guesses: Mapping[str, Guess], columns: Mapping[str, Array] | None = None) -> Log:
+        """Return the log with further or other guesses, and columns."""
+        return Log({**self.columns, **(columns or {})}, {**self.guesses, **guesses})
+
+    def preceded_by(self, name: str, guess: Guess, values: Array | None = None) -> Log:
+        """Return the log with a guess, and a column if its values are given, before all others."""
+        columns = self.columns if values is None else {name: values, **_without(self.columns, name)}
+        return Log(columns, {name: guess, **_without(self.guesses, name)})
+
+    def without(self, *quantities: str) -> Log:
+        """Return the log without the guesses of these quantities; their columns stay."""
+        return replace(self, guesses={n: g for n, g in self.guesses.items() if g.quantity not in quantities})
+
+    def rows(self, chosen: Array) -> Log:
+        """Return some of the rows."""
+        return replace(self, columns={name: x[chosen] for name, x in self.columns.items()})
+
+
+def _without(mapping: Mapping[str, Any], name: str) -> dict[str, Any]:
+    return {key: value for key, value in mapping.items() if key != name}
