@@ -118,18 +118,18 @@ for _row, _name in enumerate(NAMES):
 
 
 def _curve(degree: float) -> Any:
-    from gimbalcal.design.turning_observability import Curve
+    from gimbalcal.design.turning_observability import SigmaCurve
 
-    return Curve("bias:x", "ug", degree, np.array([degree, 1.0]))
+    return SigmaCurve("bias:x", "ug", degree, np.array([degree, 1.0]))
 
 
-@checks(SOURCE, "Eq. (23)", where=f"{CURVES}.Curve.degree")
+@checks(SOURCE, "Eq. (23)", where=f"{CURVES}.SigmaCurve.degree")
 def degree() -> float:
     """Root of the ratio of variances."""
     return abs(_curve(7.0).degree - np.sqrt(7.0**2 / 1.0**2))
 
 
-@checks(SOURCE, "Eq. (24)", where=f"{CURVES}.Curve.word")
+@checks(SOURCE, "Eq. (24)", where=f"{CURVES}.SigmaCurve.word")
 def thresholds() -> float:
     """How many of the words on either side of a threshold are others."""
     words = {1.0: "unobservable", 1.1: "low", 2.0: "low", 2.1: "moderate", 10.0: "moderate", 10.1: "high"}

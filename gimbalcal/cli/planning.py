@@ -177,7 +177,7 @@ def design(
         text, drawn = rotation_toml(turned), turned
     else:
         from gimbalcal.design.optimal import design as run
-        from gimbalcal.design.rig import rig_of
+        from gimbalcal.design.positions import rig_of
         from gimbalcal.schedule.file import schedule_toml
 
         _only(criterion, ("D", "A", "position"), kind)

@@ -1,14 +1,14 @@
-r"""What a schedule can and cannot see, before anything is recorded: sigmas, the unobservable, the confounded, by name.
+r"""Observability of a planned recording of positions or a static run: sigmas, null directions and confounded effects.
 
-From the whitened Jacobian of the forward model, with the setting errors eliminated (`estimate.setting`):
+From the whitened Jacobian of the forward model, with the setting errors eliminated (`estimate.accelerometers`):
 
 * the Cramer-Rao bound, the sigma that an unbiased estimate of each parameter cannot beat;
 * null directions: combinations of parameters that change no reading;
 * confounded: two parameters, or two effects, that cannot be told apart, because their columns, with those of all other
   parameters projected out, are parallel (:math:`|\cos| > 0.99`); of effects with several parameters, all those of the
   smaller one;
-* for effects that are no part of the calibration: how much of one at its prior size shows at all, and how much of it
-  the calibration takes for its own.
+* for effects outside the calibration: the signal-to-noise ratio of one at its prior size, and the share of it that the
+  calibration absorbs.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ from gimbalcal.schedule import Schedule
 from gimbalcal.schedule.file import read_schedule
 from gimbalcal.units import from_si, to_si
 
-PARALLEL = 0.99  # |cos| above which two are confounded: telling them apart takes 7 times the signal of seeing one
-AT_REST = ("accelerometer", "gimbal_angle", "attitude")  # sensors of a static run, as [noise] calls them
-HELD = 600.0  # s, a position of Wu et al. (2018): what the noise of a mean is told for
+CONFOUNDED_COSINE = 0.99  # separating two then takes 7 times the signal of detecting one
+STATIC_SENSORS = ("accelerometer", "gimbal_angle", "attitude")  # as [noise] calls them
+DWELL_S = 600.0  # a position of Wu et al. (2018), to whose mean a stated noise belongs
 
 
 @dataclass(frozen=True)
 class Confounded:
-    """Two parameters or effects that this schedule cannot tell apart; cosine of their signals, all else fitted."""
+    """Two parameters or effects with nearly parallel signals; their cosine, all else fitted."""
 
     one: str
     other: str
@@ -53,7 +53,7 @@ class Confounded:
 
 @dataclass(frozen=True)
 class NotCalibrated:
-    """An effect outside the calibration: its signal-to-noise ratio at prior size, and the share that is absorbed."""
+    """Signal-to-noise ratio at prior size of an effect outside the calibration, and the share that is absorbed."""
 
     effect: str
     strength: float
@@ -62,7 +62,7 @@ class NotCalibrated:
 
 @dataclass(frozen=True, eq=False)
 class Observability:
-    """What a schedule sees of `parameters`: Cramer-Rao `sigma` (p,) in SI, unobservable, confounded, candidates."""
+    """Cramer-Rao bounds of a schedule, unobservable and confounded parameters, and effects outside the calibration."""
 
     schedule: str
     solution: Solution
@@ -72,7 +72,7 @@ class Observability:
 
     @property
     def sigma(self) -> Array:
-        """Cramer-Rao bound (p,) in SI; the prior's sigma in directions that are not seen."""
+        """Cramer-Rao bound (p,) in SI; the prior's sigma in unobservable directions."""
         return self.solution.sigma
 
     @property
@@ -114,22 +114,20 @@ def observe(
     effects: Sequence[str] = BASELINE["multi-position"],
     candidates: Sequence[str] = (),
 ) -> Observability:
-    """What a multi-position schedule sees.
+    """Return the observability of a multi-position schedule.
 
-    schedule: one as such, the name of a published one, or a schedule.toml; angle_sigma [arcsec] setting error of a
+    schedule: itself, the name of a published one, or a schedule.toml; angle_sigma [arcsec] setting error of a
     position (infinite: attitude unknown), force_sigma [ug] noise of the mean force of a position; effects: ids that the
     calibration estimates; candidates: ids of effects that may be there besides. Raises InputError for unknown ids.
     """
-    held = schedule if isinstance(schedule, Schedule) else read_schedule(schedule)
-    noise = Noise(to_si(force_sigma, "ug"), to_si(angle_sigma, "arcsec"))
-    recording = planned(held)
-    calibrated = position_parameters(held.platform, _known(effects))
+    positions = schedule if isinstance(schedule, Schedule) else read_schedule(schedule)
+    recording = planned(positions)
+    calibrated = position_parameters(positions.platform, _known(effects))
     others = _parameters_of(candidates, effects, recording, "multi-position")
-    p = problem(recording, (*calibrated, *others))
-    linear = by_visit(p, np.zeros(len(p.parameters)), np.zeros((p.visits, p.turns)))
-    info = whiten(replace(linear, r=np.zeros_like(linear.r)), noise).information(p.parameters)
-    said = {"gimbal_angle_arcsec": angle_sigma, "accelerometer_ug": force_sigma}
-    return judged(held.name, info, calibrated, said)
+    noise = Noise(to_si(force_sigma, "ug"), to_si(angle_sigma, "arcsec"))
+    info = information_in_positions(recording, (*calibrated, *others), noise)
+    stated = {"gimbal_angle_arcsec": angle_sigma, "accelerometer_ug": force_sigma}
+    return assess_information(positions.name, info, calibrated, stated)
 
 
 def observe_static(
@@ -140,7 +138,7 @@ def observe_static(
     candidates: Sequence[str] = (),
     sample_s: float = 1.0,
 ) -> Observability:
-    """What a static run of `hours` at `latitude` [rad] sees.
+    """Return the observability of a static run of `hours` at `latitude` [rad].
 
     noise: one sigma of a sample in SI by sensor (accelerometer, gimbal_angle, attitude); a sensor that is not named is
     not used. sample_s [s] between samples.
@@ -150,14 +148,23 @@ def observe_static(
     calibrated = tuple(q for e in _known(effects) for q in parameters(CATALOGUE[e], names))
     others = _parameters_of(candidates, effects, recording, "static-run")
     wanted = (*calibrated, *others)
-    if set(noise) - set(AT_REST) or not noise:
-        raise InputError(f"the noise of a static run is stated for {', '.join(AT_REST)}; got {', '.join(noise)}")
+    if set(noise) - set(STATIC_SENSORS) or not noise:
+        raise InputError(f"the noise of a static run is stated for {', '.join(STATIC_SENSORS)}; got {', '.join(noise)}")
     info = information_at_rest(recording, wanted, noise)
-    return judged(f"static run of {hours:g} h at {np.rad2deg(latitude):.4g} deg", info, calibrated, dict(noise))
+    return assess_information(
+        f"static run of {hours:g} h at {np.rad2deg(latitude):.4g} deg", info, calibrated, dict(noise)
+    )
+
+
+def information_in_positions(plan: Recording, wanted: Sequence[Parameter], noise: Noise) -> Information:
+    """Return the information of planned positions about the parameters, setting errors eliminated."""
+    p = problem(plan, wanted)
+    linear = by_visit(p, np.zeros(len(wanted)), np.zeros((p.visits, p.turns)))
+    return whiten(replace(linear, r=np.zeros_like(linear.r)), noise).information(wanted)
 
 
 def information_at_rest(plan: Recording, wanted: Sequence[Parameter], noise: Mapping[str, float]) -> Information:
-    """What a planned static run says of the parameters; noise: one sigma of a sample in SI of the sensors it has."""
+    """Return the information of a planned static run; noise: one sigma of a sample in SI of the sensors it has."""
     J = jacobian(plan.platform, stimulus_from_angles(plan), (), wanted, "static-run")
     root = np.sqrt(plan.weight)[:, None, None]
     rows = np.concatenate([(J[SENSORS[k]] * root / s).reshape(-1, len(wanted)) for k, s in noise.items()])
@@ -167,9 +174,9 @@ def information_at_rest(plan: Recording, wanted: Sequence[Parameter], noise: Map
 def observe_any(
     schedule: str, angle_sigma: float, force_sigma: float, latitude: float, candidates: Sequence[str] = ()
 ) -> Observability:
-    """What the command line asks: a multi-position schedule, or a static run such as "static-48h".
+    """Return the observability of a multi-position schedule, or of a static run such as "static-48h".
 
-    angle_sigma [arcsec], force_sigma [ug]: of the mean over one position, or over as long of a static run (`HELD`);
+    angle_sigma [arcsec], force_sigma [ug]: of the mean over one position, or over as long of a static run (`DWELL_S`);
     latitude [deg].
     """
     run = re.fullmatch(r"static-(\d+(?:\.\d+)?)h", schedule)
@@ -179,7 +186,7 @@ def observe_any(
         raise InputError(f"--latitude must be between -90 and 90 deg, got {latitude:g}")
     angle = to_si(angle_sigma, "arcsec")
     noise = {"accelerometer": to_si(force_sigma, "ug"), "gimbal_angle": angle, "attitude": angle}
-    return observe_static(float(run[1]), np.deg2rad(latitude), noise, candidates=candidates, sample_s=HELD)
+    return observe_static(float(run[1]), np.deg2rad(latitude), noise, candidates=candidates, sample_s=DWELL_S)
 
 
 def _known(effects: Sequence[str]) -> Sequence[str]:
@@ -192,7 +199,7 @@ def _known(effects: Sequence[str]) -> Sequence[str]:
 def _parameters_of(
     candidates: Sequence[str], effects: Sequence[str], recording: Recording, kind: str
 ) -> tuple[Parameter, ...]:
-    """Linear parameters of candidates that are not calibrated and need nothing that a plan does not have."""
+    """Return the linear parameters of candidates that are not calibrated and need no other channel."""
     new = [e for e in _known(candidates) if e not in effects]
     lacking = [e for e in new if kind not in CATALOGUE[e].kinds or CATALOGUE[e].requires]
     if lacking:
@@ -200,40 +207,41 @@ def _parameters_of(
     return tuple(q for e in new for q in parameters(CATALOGUE[e], recording.platform.axis_names))
 
 
-def judged(name: str, info: Information, calibrated: Sequence[Parameter], noise: dict[str, float]) -> Observability:
-    """What information says about the calibrated parameters, which come first in it, and about candidates beside."""
+def assess_information(
+    name: str, info: Information, calibrated: Sequence[Parameter], noise: dict[str, float]
+) -> Observability:
+    """Return the observability of the calibrated parameters, the first of the information, and of candidates."""
     p = len(calibrated)
     rows = info.rows[:, :-1]
-    own = Information(tuple(calibrated), np.column_stack([rows[:, :p], info.rows[:, -1]]), info.count)
-    solution = solve(own)
-    found = _confounded_parameters(rows[:, :p], solution)
+    solution = solve(Information(tuple(calibrated), np.column_stack([rows[:, :p], info.rows[:, -1]]), info.count))
+    confounded = _confounded_parameters(rows[:, :p], solution)
     basis = _basis(rows[:, :p])
     groups: dict[str, list[int]] = {}
     for i, q in enumerate(info.parameters[p:], start=p):
         groups.setdefault(q.effect, []).append(i)
-    left = {e: rows[:, i] - basis @ (basis.T @ rows[:, i]) for e, i in groups.items()}
-    told = tuple(_candidate(e, left[e], rows[:, i]) for e, i in groups.items())
-    visible = {c.effect: left[c.effect] for c in told if c.strength > SEEN}
+    residual = {e: rows[:, i] - basis @ (basis.T @ rows[:, i]) for e, i in groups.items()}
+    candidates = tuple(_candidate(e, residual[e], rows[:, i]) for e, i in groups.items())
+    visible = {c.effect: residual[c.effect] for c in candidates if c.strength > SEEN}
     for one, other in combinations(visible, 2):
         cosine = float(np.linalg.svd(_basis(visible[one]).T @ _basis(visible[other]), compute_uv=False)[-1])
-        if cosine > PARALLEL:
-            found.append(Confounded(one, other, cosine))
-    return Observability(name, solution, tuple(found), told, noise)
+        if cosine > CONFOUNDED_COSINE:
+            confounded.append(Confounded(one, other, cosine))
+    return Observability(name, solution, tuple(confounded), candidates, noise)
 
 
 def _basis(rows: Array) -> Array:
-    """Orthonormal basis of the directions that exceed the noise."""
+    """Return an orthonormal basis of the directions that exceed the noise."""
     U, S, _ = np.linalg.svd(rows, full_matrices=False)
     return np.asarray(U[:, S >= SEEN])
 
 
-def _candidate(effect: str, left: Array, signal: Array) -> NotCalibrated:
-    whole, rest = float(np.linalg.norm(signal)), float(np.linalg.norm(left))
+def _candidate(effect: str, residual: Array, signal: Array) -> NotCalibrated:
+    whole, rest = float(np.linalg.norm(signal)), float(np.linalg.norm(residual))
     return NotCalibrated(effect, rest, 1 - rest / whole if whole > 0 else 0.0)
 
 
 def _confounded_parameters(rows: Array, solution: Solution) -> list[Confounded]:
-    """Pairs of parameters whose columns are parallel once all others are projected out, from the inverse of J^T J.
+    """Return pairs of parameters whose columns are parallel once all others are projected out, from (J^T J)^-1.
 
     With P = (J^T J)^-1 the cosine of the two is -P_ij / sqrt(P_ii P_jj). The prior's unit weight makes it exist where
     directions are not seen at all. Members of a null direction of three or more are named there and not once more.
@@ -246,5 +254,6 @@ def _confounded_parameters(rows: Array, solution: Solution) -> list[Confounded]:
     return [
         Confounded(labels[i], labels[j], float(cosine[i, j]))
         for i, j in combinations(range(len(labels)), 2)
-        if abs(cosine[i, j]) > PARALLEL and not any({labels[i], labels[j]} <= direction for direction in larger)
+        if abs(cosine[i, j]) > CONFOUNDED_COSINE
+        and not any({labels[i], labels[j]} <= direction for direction in larger)
     ]

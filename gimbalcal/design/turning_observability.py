@@ -1,7 +1,7 @@
-r"""What a schedule of turns sees: sigma of every state against time, Wei's degree of observability, weak directions.
+r"""Observability of a schedule of turns: sigma of every state against time, degree of observability, weak directions.
 
 The degree of observability (Wei et al. 2022, Eqs. (23), (24), after Yan et al. 2018) is how many times better a state
-is known than before,
+is known than before the calibration,
 
 .. math:: \sigma_k^j = \sqrt{P_0^{jj} / P_k^{jj}} ,
 
@@ -18,26 +18,25 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.design.observability import Observability, judged
-from gimbalcal.design.turning import Noise, Stretches, plan, stretches
+from gimbalcal.design.observability import Observability, assess_information
+from gimbalcal.design.turning import StretchModel, TurningExperiment, turning_experiment
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.systematic.error_model import STATE_SCALE
-from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.inference.information import SEEN, information, name_directions
 from gimbalcal.inference.innovations import Innovations
 from gimbalcal.number import Array
 from gimbalcal.schedule import RotationSchedule
 from gimbalcal.schedule.file import read_rotation
 from gimbalcal.schedule.trajectory import trajectory
-from gimbalcal.units import from_si, to_si
+from gimbalcal.units import from_si
 
-DEGREES = ((1.0, "unobservable"), (2.0, "low"), (10.0, "moderate"), (np.inf, "high"))
-WEAK = 10.0  # times better known than before: below, Wei et al. do not call it high
-ROUNDING = 1e-6
-WEAKEST = 3  # weak directions that are told
-TERM = 0.1  # of the largest term of a direction: smaller ones are not told
-SHOWN = 240  # times at which the curves are told
+HIGH_DEGREE = 10.0  # Wei et al. (2022): times better known than before
+DEGREES = ((1.0, "unobservable"), (2.0, "low"), (HIGH_DEGREE, "moderate"), (np.inf, "high"))
+DEGREE_ROUNDING = 1e-6
+MAX_WEAK_DIRECTIONS = 3
+MIN_TERM = 0.1  # of the largest term of a direction
+MAX_CURVE_POINTS = 240
 NAVIGATION = tuple((f"{what}:{axis}", unit) for what, unit in (("attitude", "arcsec"), ("velocity", "m/s"),
                    ("place", "m")) for axis in ("north", "east", "down"))  # fmt: skip
 TABLE_2: Mapping[str, tuple[float, float]] = {  # Wei et al. (2022): degree with 18 and with 30 positions
@@ -54,8 +53,8 @@ MISPRINTED = "misalignment:yx"  # its row repeats that of the first gyroscope's 
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
-    """One state: sigma (T,) in SI at the times, with the prior sigma that it starts from."""
+class SigmaCurve:
+    """Sigma (T,) in SI of one state against time, and the prior sigma that it starts from."""
 
     parameter: str
     unit: str
@@ -64,41 +63,39 @@ class Curve:
 
     @property
     def degree(self) -> float:
-        """sqrt(P_0 / P_k) at the end."""
+        """Degree of observability at the end, sqrt(P_0 / P_k)."""
         return float(self.prior / self.sigma[-1])
 
     @property
     def word(self) -> str:
         """Wei's word for the degree."""
-        return next(word for most, word in DEGREES if self.degree <= most * (1 + ROUNDING))
+        return next(word for most, word in DEGREES if self.degree <= most * (1 + DEGREE_ROUNDING))
 
 
 @dataclass(frozen=True, eq=False)
 class TurningObservability:
-    """What a schedule sees, beside its bounds: curves of every state at `time` (T,) [s], and weak directions."""
+    """Observability of a schedule of turns: curves of every state at `time` (T,) [s], and weak directions."""
 
-    seen: Observability
+    bounds: Observability
     source: str
     time: Array
-    curves: tuple[Curve, ...]
-    navigation: tuple[Curve, ...]
+    curves: tuple[SigmaCurve, ...]
+    navigation: tuple[SigmaCurve, ...]
     weak: tuple[tuple[dict[str, float], float], ...]
 
     @property
     def published(self) -> dict[str, Any]:
-        """Table 2 of Wei et al. beside these degrees, where it is their schedule with their states; else empty."""
+        """Comparison with Table 2 of Wei et al. for their schedule with their states; else empty."""
         labels = {c.parameter for c in self.curves}
-        return beside_wei(self.curves) if self.source == "wei2022" and labels == set(TABLE_2) else {}
+        return comparison_with_wei(self.curves) if self.source == "wei2022" and labels == set(TABLE_2) else {}
 
     @property
     def in_words(self) -> str:
         """The answer in one paragraph."""
-        counted = {word: [c.parameter for c in self.curves if c.word == word] for _, word in DEGREES}
-        told = [f"{word} for {len(mine)}" for word, mine in counted.items() if mine]
-        lines = [self.seen.in_words, f"degree of observability after {self.time[-1]:.0f} s: {', '.join(told)} states"]
-        lines += [
-            f"{word}: {', '.join(counted[word])}" for word in ("unobservable", "low", "moderate") if counted[word]
-        ]
+        states = {word: [c.parameter for c in self.curves if c.word == word] for _, word in DEGREES}
+        counts = ", ".join(f"{word} for {len(names)}" for word, names in states.items() if names)
+        lines = [self.bounds.in_words, f"degree of observability after {self.time[-1]:.0f} s: {counts} states"]
+        lines += [f"{word}: {', '.join(states[word])}" for word in ("unobservable", "low", "moderate") if states[word]]
         for direction, degree in self.weak:
             terms = " ".join(f"{w:+.3g} {label}" for label, w in direction.items())
             lines.append(f"weak: {terms} is known {degree:.3g} times better than before")
@@ -106,7 +103,7 @@ class TurningObservability:
 
     def to_dict(self) -> dict[str, Any]:
         """The content of observability.json, in printed units."""
-        out = self.seen.to_dict()
+        out = self.bounds.to_dict()
         time = [float(t) for t in self.time]
         out["states"] = [
             {
@@ -131,82 +128,78 @@ def observe_turning(
     force_noise: float = 5.0,
     velocity: float = 1e-5,
 ) -> TurningObservability:
-    """What a schedule of turns sees of any states (`--states`) at `latitude` [deg].
+    """Return the observability of any states (`--states`) by a schedule of turns at `latitude` [deg].
 
-    rate_noise [deg/sqrt(h)], force_noise [ug/sqrt(Hz)], velocity [m/s]: how still the place is. Raises InputError for
-    what is no schedule or no state.
+    rate_noise [deg/sqrt(h)], force_noise [ug/sqrt(Hz)], velocity [m/s]: one sigma of that of the place. Raises
+    InputError for schedules and states that do not exist.
     """
-    if not abs(latitude) < 90:
-        raise InputError(f"--latitude must be between -90 and 90 deg, got {latitude:g}")
-    held = schedule if isinstance(schedule, RotationSchedule) else read_rotation(schedule)
-    noise = Noise(to_si(force_noise, "ug/sqrt(Hz)"), to_si(rate_noise, "deg/sqrt(h)"), velocity)
-    like = plan(np.deg2rad(latitude))
-    wanted = states(asked, like)
-    made = stretches(trajectory(held), like, wanted, noise)
-    said = {
+    turns = schedule if isinstance(schedule, RotationSchedule) else read_rotation(schedule)
+    experiment = turning_experiment(latitude, asked, rate_noise, force_noise, velocity)
+    noise = {
         "gyroscope_deg_per_sqrt_h": rate_noise,
         "accelerometer_ug_per_sqrt_Hz": force_noise,
         "velocity_m_per_s": velocity,
     }
-    return _judged(held, made, made.innovations(noise), wanted, said)
+    return _observability(turns, experiment, experiment.stretches(trajectory(turns)), noise)
 
 
-def _judged(
-    held: RotationSchedule, made: Stretches, found: Innovations, wanted: Sequence[Parameter], said: dict[str, float]
+def _observability(
+    turns: RotationSchedule, experiment: TurningExperiment, model: StretchModel, noise: dict[str, float]
 ) -> TurningObservability:
+    wanted, innovations = experiment.wanted, model.innovations(experiment.noise)
     prior = np.array([p.sigma for p in wanted])
-    rows = found.rows.reshape(-1, len(wanted))
+    rows = innovations.rows.reshape(-1, len(wanted))
     info = information(rows / prior, np.zeros(len(rows)), wanted)
-    keep = np.unique(np.linspace(0, len(made.time) - 1, min(SHOWN, len(made.time))).round().astype(int))
+    keep = np.unique(np.linspace(0, len(model.time) - 1, min(MAX_CURVE_POINTS, len(model.time))).round().astype(int))
     with np.errstate(invalid="ignore", over="ignore"):
-        sigma, moving = _sigmas(found, keep)
-    if not (np.isfinite(sigma).all() and np.isfinite(moving).all()):
+        sigma, navigation = _sigmas(innovations, keep)
+    if not (np.isfinite(sigma).all() and np.isfinite(navigation).all()):
         raise InputError(
             "these noises are too large, too small or too far apart to be computed with: "
-            + ", ".join(f"{name} {value:g}" for name, value in said.items())
+            + ", ".join(f"{name} {value:g}" for name, value in noise.items())
         )
-    curves = tuple(Curve(p.label, p.unit, p.sigma, p.sigma * s) for p, s in zip(wanted, sigma.T, strict=True))
-    start = np.sqrt(np.diag(found.P[0]))
-    navigation = tuple(
-        Curve(label, unit, float(STATE_SCALE[i] * start[i]), STATE_SCALE[i] * moving[:, i])
+    curves = tuple(SigmaCurve(p.label, p.unit, p.sigma, p.sigma * s) for p, s in zip(wanted, sigma.T, strict=True))
+    start = np.sqrt(np.diag(innovations.P[0])) * STATE_SCALE
+    states = tuple(
+        SigmaCurve(label, unit, float(start[i]), STATE_SCALE[i] * navigation[:, i])
         for i, (label, unit) in enumerate(NAVIGATION)
     )
     return TurningObservability(
-        judged(held.name, info, wanted, said), held.source, made.time[keep], curves, navigation,
+        assess_information(turns.name, info, wanted, noise), turns.source, model.time[keep], curves, states,
         _weak(info.rows[:, : len(wanted)], wanted),
     )  # fmt: skip
 
 
 def _weak(R: Array, wanted: Sequence[Parameter]) -> tuple[tuple[dict[str, float], float], ...]:
-    """The weakest directions that are seen, if known less than `WEAK` times better than before, and how many times."""
+    """Return the weakest observable directions, and how many times better known than before they are."""
     _, S, Vt = np.linalg.svd(R, full_matrices=True)
     S = np.concatenate([S, np.zeros(len(wanted) - len(S))])
-    faint = np.flatnonzero((S >= SEEN) & (S < WEAK))[-WEAKEST:]
-    named = [name_directions(Vt[[i]].T, wanted, R)[0].direction for i in faint]
+    weak = np.flatnonzero((S >= SEEN) & (S < HIGH_DEGREE))[-MAX_WEAK_DIRECTIONS:]
+    named = [name_directions(Vt[[i]].T, wanted, R)[0].direction for i in weak]
     return tuple(
-        ({label: w for label, w in d.items() if abs(w) >= TERM}, float(S[i])) for d, i in zip(named, faint, strict=True)
+        ({label: w for label, w in d.items() if abs(w) >= MIN_TERM}, float(S[i]))
+        for d, i in zip(named, weak, strict=True)
     )
 
 
-def _sigmas(found: Innovations, keep: Array) -> tuple[Array, Array]:
-    """Sigmas (T, p) in prior sigmas and (T, m) of the moving states, after the stretches `keep` (T,)."""
-    p = found.rows.shape[2]
-    G, done, sigma, moving = np.eye(p), 0, [], []
+def _sigmas(innovations: Innovations, keep: Array) -> tuple[Array, Array]:
+    """Return the sigmas (T, p) in prior sigmas, and (T, m) of navigation states, after the stretches `keep` (T,)."""
+    p = innovations.rows.shape[2]
+    F, done, sigma, navigation = np.eye(p), 0, [], []
     for k in keep:
-        few = found.rows[done : k + 1].reshape(-1, p)
-        G, done = G + few.T @ few, int(k) + 1
-        M = np.linalg.inv(G)
-        D = found.D[k + 1]
-        sigma.append(np.sqrt(np.diag(M)))
-        moving.append(np.sqrt(np.diag(found.P[k + 1] + D @ M @ D.T)))
-    return np.array(sigma), np.array(moving)
+        rows = innovations.rows[done : k + 1].reshape(-1, p)
+        F, done = F + rows.T @ rows, int(k) + 1
+        P, D = np.linalg.inv(F), innovations.D[k + 1]
+        sigma.append(np.sqrt(np.diag(P)))
+        navigation.append(np.sqrt(np.diag(innovations.P[k + 1] + D @ P @ D.T)))
+    return np.array(sigma), np.array(navigation)
 
 
-def beside_wei(curves: Sequence[Curve]) -> dict[str, Any]:
-    """Table 2 of Wei et al. (2022), 30 positions, beside the degrees here, and what explains the differences.
+def comparison_with_wei(curves: Sequence[SigmaCurve]) -> dict[str, Any]:
+    """Compare with Table 2 of Wei et al. (2022), 30 positions.
 
-    A degree is in proportion to the P_0 that one assumes, and the paper prints neither P_0 nor noise, rate or stops: of
-    each group of three or six one common factor is theirs to choose. What is left after it is told.
+    A degree is proportional to the assumed P_0, and the paper prints neither P_0 nor noise, rate or stops: each group
+    of three or six states has one free factor. The spread about it is reported.
     """
     rows, groups = [], dict[str, list[float]]()
     for c in curves:
@@ -216,13 +209,13 @@ def beside_wei(curves: Sequence[Curve]) -> dict[str, Any]:
             groups.setdefault(c.parameter.split(":")[0], []).append(np.log(printed / c.degree))
     factor = {name: float(np.exp(np.mean(x))) for name, x in groups.items()}
     spread = {name: float(np.exp(np.std(x))) for name, x in groups.items()}
-    told = ", ".join(
+    factors = ", ".join(
         f"{name.replace('_', ' ')} {factor[name]:.2g} (give or take a factor of {spread[name]:.2f})" for name in groups
     )
     words = (
         "What Wei et al. (2022), Table 2, print for 30 positions is these degrees times a factor of each group, its "
-        f"own P0 and noise, which are not printed: {told}; the row of delta A_a yz repeats that of epsilon_x and is a "
-        "misprint"
+        f"own P0 and noise, which are not printed: {factors}; the row of delta A_a yz repeats that of epsilon_x and is "
+        "a misprint"
     )
     return {
         "source": "wei2022",

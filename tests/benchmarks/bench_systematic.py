@@ -18,15 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.design.turning import Noise, plan, stretches
-from gimbalcal.design.turning_search import stretched
-from gimbalcal.earth import G0
+from gimbalcal.design.turning import TurningExperiment, turning_experiment
+from gimbalcal.design.turning_design import stretched
 from gimbalcal.effects import values
 from gimbalcal.estimate.systematic.calibrate import systematic
-from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.number import Array
 from gimbalcal.schedule import ROTATIONS, RotationSchedule
-from gimbalcal.schedule.trajectory import trajectory
 from gimbalcal.simulate import check_content, simulate
 from gimbalcal.units import from_si
 
@@ -56,9 +53,9 @@ class Setting:
         return stretched(published, self.total) if self.total else published
 
     @property
-    def noise(self) -> Noise:
-        """The same in SI."""
-        return Noise(1e-6 * G0 * self.force, np.radians(self.rate) / 60, VELOCITY)
+    def experiment(self) -> TurningExperiment:
+        """The unit, its states and its noise."""
+        return turning_experiment(self.latitude, self.asked, self.rate, self.force, VELOCITY)
 
 
 # the seed's noise is that of a sample at 100 Hz: 0.00005 deg/h and 1 ug; Wei et al. print none. The third is the one at
@@ -84,7 +81,7 @@ def content(setting: Setting, seed: int) -> dict[str, Any]:
     """The scenario of one unit."""
     rng = np.random.default_rng([11, seed])
     truth: dict[str, dict[str, float]] = {}
-    for p in states(setting.asked, plan(np.radians(setting.latitude))):
+    for p in setting.experiment.wanted:
         truth.setdefault(p.effect, {})[p.axis] = float(from_si(p.sigma * rng.standard_normal(), p.unit))
 
     def measured(value: float, unit: str) -> dict[str, Any]:
@@ -122,11 +119,8 @@ def one(name: str, seed: int) -> tuple[Array, Array, str]:
 
 def bound(setting: Setting) -> Array:
     """Cramer-Rao sigmas (p,), SI."""
-    like = plan(np.radians(setting.latitude))
-    wanted = states(setting.asked, like)
-    rows = stretches(trajectory(setting.turns), like, wanted, setting.noise)
-    seen = rows.innovations(setting.noise).rows.reshape(-1, len(wanted))
-    root = np.linalg.qr(seen, mode="r")
+    wanted = setting.experiment.wanted
+    root = setting.experiment.information(setting.turns).rows[: len(wanted), : len(wanted)]
     return np.linalg.norm(np.linalg.inv(root), axis=1) * np.array([p.sigma for p in wanted])
 
 
@@ -138,7 +132,7 @@ def table(name: str, seeds: int, pool: ProcessPoolExecutor) -> str:
     consistent = np.sqrt(np.mean((error / stated) ** 2, axis=0))
     rms = np.sqrt(np.mean(error**2, axis=0))
     limit = bound(setting)
-    wanted = states(setting.asked, plan(np.radians(setting.latitude)))
+    wanted = setting.experiment.wanted
     groups: dict[str, list[int]] = {}
     for i, p in enumerate(wanted):
         own = p.axis in ("xx", "yy", "zz")

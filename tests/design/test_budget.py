@@ -10,7 +10,7 @@ import pytest
 
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.design.budget import Budget, budget
-from gimbalcal.design.turning_budget import turned
+from gimbalcal.design.planned_calibration import planned_calibration
 from gimbalcal.earth import normal_gravity
 from gimbalcal.effects import with_values
 from gimbalcal.errors import InputError
@@ -170,8 +170,8 @@ def test_of_turns_a_second_session_adds_its_information() -> None:
 def test_of_turns_it_is_one_sigma_of_navigations_with_that_covariance() -> None:
     """Sensors wrong by draws from what the turns leave, navigated at rest: their rms, within chance of 20 draws."""
     made = of_turns("wei2022-30")
-    plan = turned([("wei2022-30", load("wei2022-30"))], "30", (), 12.0)
-    P, run = solve(plan[0]).covariance, plan[2]
+    plan = planned_calibration([("wei2022-30", load("wei2022-30"))], "30", (), 12.0)
+    P, run = solve(plan.information).covariance, plan.base
     rng = np.random.default_rng(1)
     drawn = rng.multivariate_normal(np.zeros(len(P)), P, 20, method="eigh")
     far = []

@@ -7,9 +7,8 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 
-from gimbalcal.design.exchange import gains, optimise, value
-from gimbalcal.design.optimal import assess, design, design_parameters, positioned, report, whitened_rows
-from gimbalcal.design.rig import Rig, free_rig, grid, rig_of
+from gimbalcal.design.optimal import assess, design, gains, optimise, position_response, report, value
+from gimbalcal.design.positions import PositioningRig, design_parameters, free_rig, grid, rig_of, whitened_rows
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import TERMS
@@ -68,7 +67,7 @@ def test_predicted_sigma_is_that_of_a_calibration() -> None:
 
 
 def test_a_rig_that_only_leans_is_told_what_it_cannot_support() -> None:
-    rig = Rig(TABLE, {"outer": grid(0, np.pi / 6, np.pi / 12), "inner": grid(-np.pi, np.pi, np.pi / 4)})
+    rig = PositioningRig(TABLE, {"outer": grid(0, np.pi / 6, np.pi / 12), "inner": grid(-np.pi, np.pi, np.pi / 4)})
     _, seen = design(rig, 15)
     assert any("K3:z would be uncertain by" in words for words in seen["unsupported"])
 
@@ -154,7 +153,7 @@ def test_positions_that_leave_the_smallest_error_of_a_days_navigation() -> None:
     rig = rig_of("space-stable", 90.0, 5.0)
     made, told = design(rig, 10, criterion="position")
     wanted = design_parameters(rig, BASELINE["multi-position"])
-    S = positioned(rig, wanted, (), 40.0)
+    S = position_response(rig, wanted, (), 40.0)
     usual, _ = design(rig, 10)
     own, other = (value(whitened_rows(s.angles, rig, wanted), "position", S) for s in (made, usual))
     assert -own < 0.98 * -other

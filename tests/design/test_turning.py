@@ -8,11 +8,10 @@ import pytest
 from click.testing import CliRunner
 
 from gimbalcal.cli import gimbalcal
-from gimbalcal.design.turning import Noise, plan, stretches
+from gimbalcal.design.turning import turning_experiment
 from gimbalcal.design.turning_observability import observe_turning
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.systematic.filter_pass import VELOCITY_STATES
-from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.inference.innovations import innovations
 from gimbalcal.schedule import Move, RotationSchedule
 from gimbalcal.schedule.trajectory import trajectory
@@ -47,7 +46,7 @@ SEED = {"rate_noise": 0.00005 / 3600 * 0.1 * 60, "force_noise": 0.1}  # of a sam
 def test_bounds_are_those_of_an_independent_program(schedule, asked, noise):
     seen = observe_turning(schedule, 34.2, asked, **(SEED if noise == "seed" else {}))
     for name, (low, high) in BOUNDS[schedule, asked, noise].items():
-        sigma = [r["sigma"] for r in seen.seen.to_dict()["parameters"] if r["name"] == name]
+        sigma = [r["sigma"] for r in seen.bounds.to_dict()["parameters"] if r["name"] == name]
         np.testing.assert_allclose([min(sigma), max(sigma)], [low, high], rtol=0.03, err_msg=name)
 
 
@@ -57,9 +56,9 @@ SHORT = RotationSchedule(
 
 
 def test_rows_say_what_a_filter_with_the_constants_among_its_states_says():
-    noise, like = Noise(5e-5, 6e-7), plan(0.6)
-    wanted = states("51", like)
-    made = stretches(trajectory(SHORT), like, wanted, noise)
+    experiment = turning_experiment(34.0, "51", 0.002, 5.0)
+    wanted, noise = experiment.wanted, experiment.noise
+    made = experiment.stretches(trajectory(SHORT))
     found = made.innovations(noise)
     rows = found.rows.reshape(-1, len(wanted))
     joint = np.linalg.inv(np.eye(len(wanted)) + rows.T @ rows)

@@ -15,7 +15,7 @@ from gimbalcal.at_rest import noise_at_rest
 from gimbalcal.design.budget import budget
 from gimbalcal.design.observability import observe, observe_any
 from gimbalcal.design.optimal import design
-from gimbalcal.design.rig import rig_of
+from gimbalcal.design.positions import rig_of
 from gimbalcal.design.turning_observability import observe_turning
 from gimbalcal.diagnose.answer import Curves
 from gimbalcal.earth import G0

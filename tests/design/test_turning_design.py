@@ -7,11 +7,18 @@ import pytest
 from click.testing import CliRunner
 
 from gimbalcal.cli import gimbalcal
-from gimbalcal.design.turning import Noise, plan
-from gimbalcal.design.turning_design import design_turning, exact, table_of
-from gimbalcal.design.turning_search import Search, Tour, allowed, as_tour, changed, stretched
+from gimbalcal.design.turning import turning_experiment
+from gimbalcal.design.turning_design import (
+    Tour,
+    TurningSearch,
+    allowed,
+    as_tour,
+    changed,
+    design_turning,
+    stretched,
+    table_of,
+)
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.schedule import ROTATIONS
 from gimbalcal.schedule.file import read_rotation
 from gimbalcal.schedule.trajectory import trajectory
@@ -20,9 +27,8 @@ TABLE = table_of(45.0, 360.0, 10.0, 1.0, 1000.0)
 
 
 @pytest.fixture(scope="module")
-def search() -> Search:
-    like = plan(0.6)
-    return Search(TABLE, like, states("30", like), Noise(5e-5, 6e-7))
+def search() -> TurningSearch:
+    return TurningSearch(TABLE, turning_experiment(34.2, "30"))
 
 
 @pytest.mark.parametrize("name", ["cai2016-18", "wei2022-30", "xie2011-19"])
@@ -41,7 +47,7 @@ def test_turns_about_three_axes_are_none_of_it():
 
 def test_the_sigma_of_the_search_is_that_of_the_schedule(search):
     tour = Tour((2, 0), ((0, 1), (1, 2), (0, -3), (1, -1), (0, 4), (1, 4)))
-    np.testing.assert_allclose(search.sigma(tour), exact(search, search.schedule(tour)), rtol=0.01)
+    np.testing.assert_allclose(search.sigma(tour), search.experiment.sigma(search.schedule(tour)), rtol=0.01)
 
 
 def test_every_neighbour_that_is_allowed_keeps_the_limits():
@@ -67,20 +73,18 @@ def test_it_beats_what_it_is_measured_by_and_says_so():
 
 
 def test_the_63_turns_are_better_than_both_papers_in_every_group_at_equal_duration():
-    table, like = table_of(90.0, 720.0, 10.0, 1.0, 3870.0), plan(np.deg2rad(34.2))
-    noise = Noise(5 * 9.80665e-6, np.deg2rad(0.002) / 60)
-    search = Search(table, like, states("51", like), noise)
-    mine = exact(search, ROTATIONS["turns-63"])
+    table = table_of(90.0, 720.0, 10.0, 1.0, 3870.0)
+    search = TurningSearch(table, turning_experiment(34.2, "51"))
+    mine = search.experiment.sigma(ROTATIONS["turns-63"])
     assert trajectory(ROTATIONS["turns-63"]).duration == pytest.approx(3870.0)
     rivals = [(ROTATIONS[n], t) for n in ("cai2016-18", "wei2022-30") for t in (None, table)]
-    theirs = [exact(search, stretched(schedule, 3870.0, own)) for schedule, own in rivals]
+    theirs = [search.experiment.sigma(stretched(schedule, 3870.0, own)) for schedule, own in rivals]
     for name, i in search.groups.items():
         assert mine[i].max() < 0.99 * min(s[i].max() for s in theirs), name
 
 
 def test_own_axes_of_a_sensitivity_are_a_group():
-    like = plan(0.6)
-    groups = Search(TABLE, like, states("51", like), Noise(5e-5, 6e-7)).groups
+    groups = TurningSearch(TABLE, turning_experiment(34.2, "51")).groups
     assert len(groups["gyro_g_sensitivity_rate, own axis"]) == 3
     assert len(groups["gyro_g_sensitivity_rate"]) == 6
     assert len(groups["accelerometer_lever_arm"]) == 3
