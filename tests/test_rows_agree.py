@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.estimate.accelerometers.setting import by_visit, problem
 from gimbalcal.estimate.static_run.run import static_readings
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.pipeline import load
 from gimbalcal.recording import dwell_means
+from gimbalcal.views.known_attitude import fit_baseline
 
 DATA = Path(__file__).parents[1] / "data"
 ROUNDING = 1e-12  # of the largest: products of the same numbers in another order
@@ -24,25 +24,25 @@ def test_positions() -> None:
     (recording,) = load([DATA / "space_stable_18"])
     means = dwell_means(recording)
     o = fit_baseline(means, steps=0)
-    p = problem(means, o.constants)
-    mine = by_visit(p, np.zeros(len(o.constants)), np.zeros((p.visits, p.turns)))
-    scale = np.array([q.sigma for q in o.constants])
+    p = problem(means, o.parameters)
+    mine = by_visit(p, np.zeros(len(o.parameters)), np.zeros((p.visits, p.turns)))
+    scale = np.array([q.sigma for q in o.parameters])
     s = stimulus_from_readings(means)
-    J = jacobian(means.platform, s, (), o.constants)["specific_force"]
+    J = jacobian(means.platform, s, (), o.parameters)["specific_force"]
     same(mine.J, J)
     same(o.Z * o.sigma[:, None] / scale, J)
-    same(o.y * o.sigma, p.force - predict(means.platform, s, ())["specific_force"])
-    same(mine.r, o.y * o.sigma)
+    same(o.residual * o.sigma, p.force - predict(means.platform, s, ())["specific_force"])
+    same(mine.r, o.residual * o.sigma)
 
 
 def test_static_run() -> None:
     (recording,) = load([DATA / "space_stable_static"])
     run = static_readings(recording)
     o = fit_baseline(recording, steps=0)
-    scale = np.array([q.sigma for q in o.constants])
-    assert run.channels == o.channels
-    same(run.residual(), o.y * o.sigma)
-    same(run.jacobian((), o.constants), o.Z * o.sigma[:, None] / scale)
-    by_quantity = jacobian(recording.platform, run.stimulus, (), o.constants, "static-run")
+    scale = np.array([q.sigma for q in o.parameters])
+    assert run.channels == o.view.channels
+    same(run.residual(), o.residual * o.sigma)
+    same(run.jacobian((), o.parameters), o.Z * o.sigma[:, None] / scale)
+    by_quantity = jacobian(recording.platform, run.stimulus, (), o.parameters, "static-run")
     forces = run.columns("specific_force")
-    same(run.jacobian((), o.constants)[:, forces], by_quantity["specific_force"])
+    same(run.jacobian((), o.parameters)[:, forces], by_quantity["specific_force"])

@@ -23,13 +23,6 @@ from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.known_noise import library
 from gimbalcal.diagnose.result import Estimate, Finding, Shape, Shift, StatedNoiseFit
 from gimbalcal.diagnose.rows.baseline import carried
-from gimbalcal.diagnose.rows.observations import (
-    Observations,
-    absent_effect,
-    fit_baseline,
-    given_back,
-    linearised_at,
-)
 from gimbalcal.diagnose.search.about_settings import about_settings
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering
@@ -48,6 +41,8 @@ from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
+from gimbalcal.views.core import Fit, absent_effect
+from gimbalcal.views.known_attitude import fit_baseline, given_back, linearised_at
 
 DRAGGED = 100.0  # reduced chi^2 of the model from which its constants are not to be linearised at
 
@@ -68,7 +63,7 @@ def diagnose_known_noise(
         none = unnamed(held) if held.ln_total >= CLAIM else replace(unnamed(held), shapes=())
         law = lawful([held], [none.shapes[:1]], held, none.verdict, seed, tell) if none.shapes else Lawful()
         likelier = max((found.evidence for found in law.laws), default=-np.inf) - walk.ln_total
-        law = law if likelier > -CLAIM else Lawful(recommend=law.recommend or repeat_advice(s.o.kind))
+        law = law if likelier > -CLAIM else Lawful(recommend=law.recommend or repeat_advice(s.o.view.kind))
         made = _report(held, none, clean, rng, options, tell, calibration, law)
         return made if likelier > CLAIM else with_walk(made, walk, only=likelier < -CLAIM)
     made = _report(s, d, clean, rng, options, tell, calibration)
@@ -87,7 +82,7 @@ def searched(recording: Recording, calibration: Calibration | None, baseline: tu
     tell(f"fitting the model: {', '.join(wording.spoken(i) for i in baseline)} (another: --baseline)")
     start = carried(calibration, baseline)
     o = settle(fit_baseline(recording, baseline, start))
-    dragged = o.kind == "static-run" and _misfit(o) > DRAGGED
+    dragged = o.view.kind == "static-run" and _misfit(o) > DRAGGED
     if dragged:
         o = settle(fit_baseline(recording, baseline, start, steps=0))
     o = about_settings(o)
@@ -104,14 +99,14 @@ def searched(recording: Recording, calibration: Calibration | None, baseline: tu
     return s
 
 
-def _misfit(o: Observations) -> float:
+def _misfit(o: Fit) -> float:
     """Reduced chi^2 of the baseline alone."""
-    Z, y = o.reduce(o.Z), o.reduce(o.y[:, :, None])
+    Z, y = o.reduced(o.Z), o.reduced(o.residual[:, :, None])
     left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-9)[0]
     return float((left**2).sum() / max(len(y) - Z.shape[1], 1))
 
 
-def _about_found(s: Search) -> Observations:
+def _about_found(s: Search) -> Fit:
     """The rows linearised about the best known cause and the constants that go with it.
 
     A cause of many sigmas drags the constants of a model without it far away, where the derivatives are not those of
@@ -126,7 +121,7 @@ def _about_found(s: Search) -> Observations:
         c = candidates[m]
         size = f.x[at : at + len(c.parameters)] * np.array([p.sigma for p in c.parameters])
         at += len(c.parameters)
-        found.append((absent_effect(c.effect, s.o.stimulus, c.source, **dict(c.variants[f.variants[j]].constants)),
+        found.append((absent_effect(c.effect, s.o.view.stimulus, c.source, **dict(c.variants[f.variants[j]].constants)),
                       c.parameters, size))  # fmt: skip
     return given_back(settle(linearised_at(s.o, shift, found)), found)  # the scatter shows when they are gone
 
@@ -145,14 +140,14 @@ def _report(
     shapes = tuple(shape(s.library.candidates[i]) for i in d.shapes[:3])
     provenance = {
         "version": gimbalcal.__version__,
-        "recordings": s.o.recording.files,
+        "recordings": s.o.view.source.files,
         "options": dict(options),
         "ln_bayes_factor": round(s.ln_total, 3),
         "ln_bayes_factor_needed": round(bar(clean), 3),
         "false_alarm_rate_simulated": float(np.mean(clean >= CLAIM)),
         "probability_unknown": round(d.unknown, 4),
         "causes_compared": len([c for c in s.library.candidates if not c.rival]),
-        "excess_kurtosis": round(s.o.heavy, 3),
+        "excess_kurtosis": round(s.o.view.noise.kurtosis, 3),
     }
     words, fault = wording.answer(d.verdict, named, shapes, mismatch, fitted), misheld(s, d.verdict)
     if d.verdict == "adequate":
@@ -190,19 +185,19 @@ def measured(
     fitted = verify(s, f if f.index else seen, physical).summary(node, before.p_value, after.p_value)
     fitted = replace(fitted, calibration_moved=moved(s, f) if f.index else ())
     left, rest = residual_rows(s.o, physical @ f.x)
-    sigma, units = in_print(s.o.channels, np.broadcast_to(s.o.sigma, left.shape))
+    sigma, units = in_print(s.o.view.channels, np.broadcast_to(s.o.sigma, left.shape))
     return (
         before,
         fitted,
         Curves(
-            s.o.stimulus.time,
-            s.o.stimulus.position,
-            s.o.channels,
+            s.o.view.stimulus.time,
+            s.o.view.stimulus.position,
+            s.o.view.channels,
             left,
             rest,
             sigma,
             units,
-            plotted_against(s.o.stimulus),
+            plotted_against(s.o.view.stimulus),
         ),
     )
 
@@ -260,7 +255,7 @@ def moved(s: Search, f: FittedCauses) -> tuple[Shift, ...]:
     """How far each calibration constant moves once what was found is in the model."""
     before, after, sigma = calibration_fit(s, f)
     out = []
-    for p, b, a, e in zip(s.o.constants, before, after, sigma, strict=True):
+    for p, b, a, e in zip(s.o.parameters, before, after, sigma, strict=True):
         scale = float(from_si(p.sigma, p.unit))
         in_sigmas = round(float((a - b) / e), 2) if e > 0 else 0.0
         out.append(Shift(p.name, p.axis, float(a - b) * scale, float(e) * scale, p.unit, in_sigmas))

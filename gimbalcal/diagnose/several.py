@@ -153,14 +153,14 @@ def _report(
     fitted = replace(_sums(shares, lead), recordings=tuple(_row(c, k, x) for k, x in enumerate(shares)))
     provenance = {
         "version": gimbalcal.__version__,
-        "recordings": [row for s in c.searches for row in s.o.recording.files],
+        "recordings": [row for s in c.searches for row in s.o.view.source.files],
         "options": options,
         "ln_bayes_factor": round(c.ln_total, 3),
         "ln_bayes_factor_needed": round(bar(clean), 3),
         "false_alarm_rate_simulated": float(np.mean(clean >= CLAIM)),
         "probability_unknown": round(d.unknown, 4),
         "causes_compared": len({(x.effect, x.axis, x.source) for x in c.library.candidates if not x.rival}),
-        "excess_kurtosis": round(max(s.o.heavy for s in c.searches), 3),
+        "excess_kurtosis": round(max(s.o.view.noise.kurtosis for s in c.searches), 3),
     }
     words = [wording.answer(d.verdict, named, unexplained, mismatch, fitted)]
     words += [f.agreement.in_words for f in named if f.agreement and f.agreement.in_words]
@@ -277,7 +277,7 @@ def _row(c: CombinedRanking, k: int, x: Share) -> RecordingFit:
     """One recording in `fit`: what it is, its numbers, and what it alone would have said."""
     s = c.searches[k]
     alone = SeparateVerdict(x.alone.verdict, _called(s, x.alone), round(s.ln_total, 3), round(x.needed, 3))
-    return RecordingFit(k + 1, s.o.recording.title, s.o.kind, x.fit, alone)
+    return RecordingFit(k + 1, s.o.view.source.title, s.o.view.kind, x.fit, alone)
 
 
 def _called(s: Search, d: Decision) -> str:

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, parameters
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, parameters
 from gimbalcal.effects.grade import Grade, hurried
+from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows
 from gimbalcal.number import Array
+from gimbalcal.recording import Recording
+from gimbalcal.recording.kinds import Kind
 from gimbalcal.recording.record import Key
 from gimbalcal.views.noise import NoiseModel
 
@@ -28,7 +32,7 @@ class View:
 
     name: str
     title: str
-    kind: str  # of the recording, by which effects say where they show
+    kind: Kind  # of the recording, by which effects say where they show
     unit: str  # of print
     channels: tuple[Key, ...]
     time: Array  # (n,) s since the first row
@@ -39,6 +43,7 @@ class View:
     grade: Grade
     groups: Array
     noise: NoiseModel
+    source: Recording  # what it was made of, for plans and provenance
     label: Array | None = None  # (n,) number of the dwell or star of each row, if it is called by a number
     session: Array | None = None  # (n,) power-up of each row, where nobody knows the time between them
     read_gimbals: tuple[str, ...] = ()  # whose angles were read
@@ -48,6 +53,7 @@ class View:
     finer: Callable[[], View] | None = None  # the same rows from physics in finer steps, for the last fit
     relinearise: Callable[[Effect, Sequence[Parameter]], View] | None = None  # with this in the model as well
     calibrate: Callable[[Sequence[Effect], Sequence[Parameter]], Calibration] | None = None  # a model, to convergence
+    displaced: Callable[[Sequence[Effect], Array], View] | None = None  # at readouts displaced by (n, k) [rad]
     added: Callable[[str, str, Array], Array] | None = None  # columns of a basis added to a sensor that is no channel
     missed_by_turns: Callable[[Sequence[Effect]], float] | None = None  # rad of gravity, with these effects at rest
     cache: dict[Any, Any] = field(default_factory=dict)  # models of a search and columns that were scanned
@@ -72,12 +78,13 @@ class View:
     def parameters_of(self, effect_id: str) -> tuple[Parameter, ...]:
         """Return the parameters of an effect with the priors of the grade.
 
-        Left out are those of gimbals that were not read and those that these rows cannot show.
+        Left out are those of gimbals that were not read and those that these rows cannot show. Where the noise is
+        stated a gimbal without a readout may be off as well, and a drift is as slow as the hour says.
         """
-        names, cls = self.stimulus.axis_names, CATALOGUE[effect_id]
-        seen = (p for p in parameters(cls, names) if (p.axis not in names or p.axis in self.read_gimbals)
+        names, cls, stated = self.stimulus.axis_names, known_effect(effect_id), self.noise.stated
+        seen = (p for p in parameters(cls, names) if (stated or p.axis not in names or p.axis in self.read_gimbals)
                 and (p.effect, p.axis) not in self.gauge)  # fmt: skip
-        fast = hurried(cls, float(np.ptp(self.stimulus.time)))
+        fast = 1.0 if stated else hurried(cls, float(np.ptp(self.stimulus.time)))
         usual = (self.grade.usual(p) for p in seen)
         factors = ((p, self.prior_factor * (fast if p.unit.endswith("/h") else 1.0)) for p in usual)
         return tuple(replace(p, sigma=factor * p.sigma) for p, factor in factors)
@@ -94,6 +101,64 @@ class View:
         """Return the misfit (n, C) about the effects and its derivative (n, C, p) by the wanted parameters."""
         rows = self.evaluate(effects)
         return rows.residual, rows.jacobian(wanted)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A model of a view: effects with the parameters that were fitted, what it leaves, and the derivatives there.
+
+    residual (n, C) and jacobian (n, C, q) are in units of the noise where it is stated, else in SI; behind those of the
+    p parameters the jacobian may hold columns of no effect. covariance (p, p) in SI, empty where nobody asked for it.
+    """
+
+    view: View
+    effects: tuple[Effect, ...]
+    parameters: tuple[Parameter, ...]
+    residual: Array
+    jacobian: Array
+    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    kept: Rows | None = None  # the rows about the effects, in the units of the residual, where they are asked for again
+
+    @property
+    def rows(self) -> Rows:
+        """Rows about the effects, whose columns hold no noise of the readings, in the units of the residual."""
+        return self.kept if self.kept is not None else self.view.noise_free(self.effects)
+
+    @property
+    def sigma(self) -> Array:
+        """One sigma (C,) of a row of stated noise, SI."""
+        return np.asarray(self.view.noise.sigma)
+
+    @cached_property
+    def Z(self) -> Array:
+        """The jacobian (n, C, q), the column of each parameter times its prior sigma."""
+        scale = np.ones(self.jacobian.shape[-1])
+        scale[: len(self.parameters)] = [p.sigma for p in self.parameters]
+        return self.jacobian * scale
+
+    @property
+    def rms(self) -> float:
+        """Root mean square length of a row's residual."""
+        return float(np.sqrt((self.residual**2).sum() / len(self.residual)))
+
+    def reduced(self, X: Array) -> Array:
+        """Return columns (n, C, p) as rows (R, p) in which white noise is white: `NoiseModel.reduced`."""
+        return self.view.noise.reduced(X)
+
+
+def known_effect(effect_id: str) -> type[Effect]:
+    """Return the effect of the catalogue with this id. Raises InputError where there is none."""
+    if effect_id not in CATALOGUE:
+        raise InputError(
+            f"the baseline names {effect_id!r}, which is no effect of the catalogue; `gimbalcal catalogue` lists them"
+        )
+    return CATALOGUE[effect_id]
+
+
+def absent_effect(effect_id: str, s: Stimulus, source: str = "", **constants: float) -> Effect:
+    """Return an effect of the catalogue with zero parameters, these constants, following covariate `source`."""
+    named: dict[str, Any] = {"covariate": source} if source else {}
+    return replace(absent(CATALOGUE[effect_id], s.axis_names), **constants, **named)
 
 
 def gauges(stages: Container[Stage]) -> frozenset[tuple[str, str]]:

@@ -1,8 +1,8 @@
-"""What the noise of the rows of a view may be."""
+"""What the noise of the rows of a view may be, and the map by which rows of slow physics are reduced without loss."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,28 +14,72 @@ SingleWalk = tuple[str, float, float, float]
 
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
-    """Noise whose scale nobody states: it is integrated over, and so is its correlation from row to row.
+    r"""Noise of n rows of C channels: white with a scale that is stated, or that is integrated over, and correlated.
 
-    sigma (n, C): what the samples say of one row against another, where they do; sample (n, C): what their scatter
-    alone makes of a row, which bounds the scale; wander (n, C, m): how what m sensors wander from row to row shows in
-    the rows, of unit length; single_walks: sensors that may walk alone.
+    Stated: sigma (C,) [SI] is one sigma of a row, weights (n, C), of mean one, are those of samples with heavy tails,
+    of excess kurtosis `kurtosis`, and a gimbal is set with one sigma of `setting` [rad] (`setting_left`: share of its
+    variance that is not recovered from the rows). Rows are reduced without loss for slow physics: a dwell to the means
+    of a few blocks, `block` (n,) being the ordinal of that of each row; without blocks, each channel to its orthonormal
+    cosine transform, in which white noise stays white and a random walk becomes diagonal.
+
+    Not stated: sigma (n, C) is what the samples say of one row against another, where they do; sample (n, C) what their
+    scatter alone makes of a row, which bounds the scale; wander (n, C, m) how what m sensors wander from row to row
+    shows in the rows, of unit length; single_walks are sensors that may walk alone.
     """
 
     sigma: Array | None = None
     sample: Array | None = None
     wander: Array | None = None
     single_walks: tuple[SingleWalk, ...] = ()
+    stated: bool = False
+    block: Array = field(default_factory=lambda: np.zeros(0, dtype=int))
+    weights: Array | None = None
+    kurtosis: float = 0.0
+    setting: float = 0.0
+    setting_left: float = 1.0
+
+    @property
+    def starts(self) -> Array:
+        """First row of each block."""
+        return np.flatnonzero(np.diff(self.block, prepend=-1))
+
+    def scaled(self, X: Array) -> Array:
+        """Return rows (n, C, ...) in units of a stated noise, as they are where it is not stated."""
+        return X / self.sigma.reshape(-1, *([1] * (X.ndim - 2))) if self.stated and self.sigma is not None else X
 
     def weighted(self, X: Array) -> Array:
-        """Return rows (n, C, ...) in units in which all of them are equally sure; the surest stay as they are."""
-        if self.sigma is None:
+        """Return rows (n, C, ...) such that white noise has the same variance in all of them: times `weight`."""
+        if self.weights is None and (self.stated or self.sigma is None):
             return X
-        weight = self.sigma.min() / self.sigma
+        weight = self.weight((X.shape[0], X.shape[1]))
         return np.asarray(X * weight.reshape(*weight.shape, *([1] * (X.ndim - 2))))
 
     def weight(self, shape: tuple[int, int]) -> Array:
-        """Return the weights (n, C) of `weighted` for rows of this shape."""
+        """Return the weights (n, C) of `weighted` for rows of this shape; the surest has one if no noise is stated."""
+        if self.stated:
+            return np.ones(shape) if self.weights is None else np.sqrt(self.weights)
         return np.ones(shape) if self.sigma is None else self.sigma.min() / self.sigma
+
+    def reduced(self, X: Array) -> Array:
+        """Return columns (n, C, p) as rows (R, p): weighted block means times the root of their count, or transformed.
+
+        Where no noise is stated they are the weighted rows themselves.
+        """
+        n, C, p = X.shape
+        if not self.stated:
+            return self.weighted(X).reshape(n * C, p)
+        if not len(self.block):
+            from scipy.fft import dct
+
+            return np.asarray(dct(self.weighted(X), axis=0, norm="ortho")).reshape(n * C, p)
+        starts = self.starts
+        count = np.diff(np.append(starts, n))
+        if self.weights is None:
+            total = np.add.reduceat(X, starts, axis=0) / np.sqrt(count)[:, None, None]
+        else:
+            share = np.sqrt(count)[:, None] / np.add.reduceat(self.weights, starts, axis=0)
+            total = np.add.reduceat(X * self.weights[:, :, None], starts, axis=0) * share[:, :, None]
+        return np.asarray(total.reshape(len(count) * C, p))
 
 
 def of_channels(n: int, C: int) -> Array:

@@ -17,7 +17,9 @@ from time import perf_counter
 import numpy as np
 import pytest
 
-from gimbalcal.campaign.trials import (
+from gimbalcal.earth import G0
+from gimbalcal.wang2019.revolutions import gyroscope_pulses
+from gimbalcal.wang2019.trials import (
     Trials,
     accelerometers,
     generators,
@@ -25,8 +27,6 @@ from gimbalcal.campaign.trials import (
     gyroscope_truth,
     gyroscopes,
 )
-from gimbalcal.earth import G0
-from gimbalcal.estimate.pulses.whole_turns import gyroscope_pulses
 
 TILTS = {"arcsec": 3 / 3600, "arcmin": 3 / 60, "deg": 3.0}
 RUNS = 500

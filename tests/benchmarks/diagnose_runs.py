@@ -12,10 +12,10 @@ import numpy as np
 from gimbalcal.diagnose import Diagnosis, diagnose
 from gimbalcal.diagnose.evidence.noise import nominal
 from gimbalcal.diagnose.library.known_noise import library
-from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.recording import Recording
+from gimbalcal.views.known_attitude import fit_baseline
 from tests.benchmarks.diagnose_static import AXIS, static_recording
 from tests.diagnose.law_plants import Law, at_size, laws, oddities, unforeseen
 from tests.diagnose.plant import record
@@ -149,9 +149,9 @@ def nearest(run: Run, size: float) -> tuple[float, str]:
     with_it, without = (record(np.random.default_rng(run.seed), error, s, **options) for s in (size, 0.0))
     o = fit_baseline(without)
     node, known = nominal(o), library(o, BASELINE[without.kind])
-    Q = orthonormal(node.whiten(o.reduce(o.Z)))
+    Q = orthonormal(node.whiten(o.reduced(o.Z)))
     d = (with_it.triad("specific_force") - without.triad("specific_force")) / o.sigma
-    y = node.whiten(o.reduce(d[:, :, None]))[:, 0]
+    y = node.whiten(o.reduced(d[:, :, None]))[:, 0]
     y = y - Q @ (Q.T @ y)
     X = node.whiten(known.X)
     X = X - Q @ (Q.T @ X)

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
+from gimbalcal.views.known_attitude import fit_baseline
 from tests.diagnose.law_plants import Law
 
 if TYPE_CHECKING:
@@ -72,9 +72,9 @@ def _made(seed: int, effect: str, size: float) -> Recording:
 def _strength(with_it: Recording, without: Recording) -> float:
     """Sigmas above noise after the calibration took what it can."""
     o = fit_baseline(without)
-    d = np.stack([with_it.channels[k] - without.channels[k] for k in o.channels], axis=-1)
-    angle = np.array([k[0] == "gimbal_angle" for k in o.channels])
+    d = np.stack([with_it.channels[k] - without.channels[k] for k in o.view.channels], axis=-1)
+    angle = np.array([k[0] == "gimbal_angle" for k in o.view.channels])
     d = np.where(angle, (d + np.pi) % (2 * np.pi) - np.pi, d)  # the platform gimbal is read within one turn
-    y = o.reduce((d / o.sigma)[:, :, None])[:, 0]
-    Q = orthonormal(o.reduce(o.Z))
+    y = o.reduced((d / o.sigma)[:, :, None])[:, 0]
+    Q = orthonormal(o.reduced(o.Z))
     return float(np.linalg.norm(y - Q @ (Q.T @ y)))

@@ -21,7 +21,6 @@ from gimbalcal.diagnose.evidence import projection as evidence
 from gimbalcal.diagnose.evidence.noise import nodes, nominal, settle
 from gimbalcal.diagnose.evidence.projection import Projection
 from gimbalcal.diagnose.library.known_noise import library
-from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.diagnose.search import ranking as search
 from gimbalcal.diagnose.search import refine
 from gimbalcal.effects.baseline import BASELINE
@@ -30,6 +29,7 @@ from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
+from gimbalcal.views.known_attitude import fit_baseline
 from tests.diagnose.law_plants import Law
 from tests.diagnose.plant import record
 
@@ -62,14 +62,14 @@ def problems(recording: Recording) -> tuple[Problem, Problem]:
     index = sorted(names)
     node, X = nominal(o), found.X[:, index]
     labels = tuple(names[i] for i in index)
-    Q = orthonormal(node.whiten(o.reduce(o.Z)))
-    W, y = node.whiten(X), node.whiten(o.reduce(o.y[:, :, None]))[:, 0]
+    Q = orthonormal(node.whiten(o.reduced(o.Z)))
+    W, y = node.whiten(X), node.whiten(o.reduced(o.residual[:, :, None]))[:, 0]
     left = W - Q @ (Q.T @ W)
     size = np.sqrt((left**2).sum(axis=0))
     kept = np.flatnonzero(size > 1e-3 * np.sqrt((W**2).sum(axis=0)) + 1e-12)
     profiled = Problem(left[:, kept] / size[kept], y - Q @ (Q.T @ y), tuple(labels[i] for i in kept), True)
-    R = orthonormal(o.reduce(o.Z))
-    plain = o.reduce(o.y[:, :, None])[:, 0]
+    R = orthonormal(o.reduced(o.Z))
+    plain = o.reduced(o.residual[:, :, None])[:, 0]
     return profiled, Problem(X, plain - R @ (R.T @ plain), labels, False)
 
 

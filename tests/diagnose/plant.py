@@ -173,14 +173,14 @@ def strength(recording_of: Callable[[float], Recording], probe: float) -> float:
     """Sigmas above noise of an effect of size `probe`, after calibration and setting errors took what they can."""
     from gimbalcal.diagnose.evidence.noise import nominal
     from gimbalcal.diagnose.evidence.projection import orthonormal
-    from gimbalcal.diagnose.rows.observations import fit_baseline
+    from gimbalcal.views.known_attitude import fit_baseline
 
     with_it, without = recording_of(probe), recording_of(0.0)
     o = fit_baseline(without)
     d = (with_it.triad("specific_force") - without.triad("specific_force")) / o.sigma
     node = nominal(o)
-    Q = orthonormal(node.whiten(o.reduce(o.Z)))
-    y = node.whiten(o.reduce(d[:, :, None]))[:, 0]
+    Q = orthonormal(node.whiten(o.reduced(o.Z)))
+    y = node.whiten(o.reduced(d[:, :, None]))[:, 0]
     return float(np.linalg.norm(y - Q @ (Q.T @ y)))
 
 

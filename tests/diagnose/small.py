@@ -16,14 +16,14 @@ from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.library.known_noise import columns_at, library
 from gimbalcal.diagnose.library.unknown_noise import causes
 from gimbalcal.diagnose.result import FitSummary
-from gimbalcal.diagnose.rows.observations import Observations, fit_baseline
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.search.refit import Model
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Recording, Site
-from gimbalcal.views.core import View
+from gimbalcal.views.core import Fit, View
+from gimbalcal.views.known_attitude import fit_baseline
 from tests.diagnose import static_plant
 from tests.diagnose.plant import ARCSEC, UG, Error, record
 from tests.diagnose.test_unknown_noise import tilted as turned_base
@@ -33,20 +33,20 @@ FIT = FitSummary(chi2_reduced_before=3.0, chi2_reduced_after=1.0, heldout_before
 __all__ = ["columns_at"]  # the rest is written here
 
 
-def observed(seed: int = 1, error: Error | None = None, size: float = 0.0, **options: Any) -> Observations:
+def observed(seed: int = 1, error: Error | None = None, size: float = 0.0, **options: Any) -> Fit:
     """Residual rows of 18 positions with 12 readings each; `size` in ug, where the error is one of an output."""
     options.setdefault("dwell", 12)
     return settle(fit_baseline(record(np.random.default_rng(seed), error, size * UG, **options)))
 
 
-def at_rest(seed: int = 1, error: static_plant.Error | None = None, size: float = 0.0) -> Observations:
+def at_rest(seed: int = 1, error: static_plant.Error | None = None, size: float = 0.0) -> Fit:
     """Residual rows of a static run of 48 h."""
     return settle(fit_baseline(static_plant.record(np.random.default_rng(seed), error, size * UG)))
 
 
-def few(o: Observations, *labels: str) -> Library:
+def few(o: Fit, *labels: str) -> Library:
     """The library of a recording with these candidates alone ("bias_drift:x"), each by its first entry."""
-    whole = library(o, BASELINE[o.kind])
+    whole = library(o, BASELINE[o.view.kind])
     kept, blocks, at = [], [], 0
     for label in labels:
         c = next(c for c in whole.candidates if c.label == label)
@@ -59,19 +59,19 @@ def few(o: Observations, *labels: str) -> Library:
     return Library(tuple(kept), np.concatenate(blocks, axis=1))
 
 
-def noises(o: Observations, count: int = 3) -> tuple[Node, ...]:
+def noises(o: Fit, count: int = 3) -> tuple[Node, ...]:
     """The noises with the largest prior shares, which add up to one again."""
     chosen = sorted(nodes(o), key=lambda n: -n.prior)[:count]
     total = sum(n.prior for n in chosen)
     return tuple(replace(n, prior=n.prior / total) for n in chosen)
 
 
-def searched(o: Observations, *labels: str, count: int = 3) -> Search:
+def searched(o: Fit, *labels: str, count: int = 3) -> Search:
     """The search among these candidates in the likeliest noises."""
     return search(o, few(o, *labels), noises(o, count))
 
 
-def again(s: Search, o: Observations) -> Search:
+def again(s: Search, o: Fit) -> Search:
     """The same causes and noises on other data of the same design."""
     return search(o, s.library, [p.node for p in s.projections])
 
@@ -81,9 +81,9 @@ def candidate(s: Search, label: str) -> int:
     return [c.label for c in s.library.candidates].index(label)
 
 
-def rows_of(o: Observations) -> tuple[Array, Array]:
+def rows_of(o: Fit) -> tuple[Array, Array]:
     """Reduced calibration columns (R, q) and data (R,)."""
-    return o.reduce(o.Z), o.reduce(o.y[:, :, None])[:, 0]
+    return o.reduced(o.Z), o.reduced(o.residual[:, :, None])[:, 0]
 
 
 def covariance(node: Node, rows: int) -> Array:
@@ -99,20 +99,20 @@ def gls(A: Array, y: Array, V: Array) -> tuple[Array, Array]:
     return C @ (W.T @ y), C
 
 
-def with_data(o: Observations, rows: Array) -> Observations:
+def with_data(o: Fit, rows: Array) -> Fit:
     """The same recording with other data, given as reduced rows (R,)."""
-    n, C = o.y.shape
-    if o.kind == "static-run":
+    n, C = o.residual.shape
+    if o.view.kind == "static-run":
         y = np.asarray(idct(rows.reshape(n, C), axis=0, norm="ortho"))
     else:
-        count = np.diff(np.append(o.starts, n))
+        count = np.diff(np.append(o.view.noise.starts, n))
         y = np.repeat(rows.reshape(-1, C) / np.sqrt(count)[:, None], count, axis=0)
-    return replace(o, rows=replace(o.rows, residual=y))
+    return replace(o, residual=y)
 
 
-def clean(o: Observations, node: Node, rng: np.random.Generator) -> Observations:
+def clean(o: Fit, node: Node, rng: np.random.Generator) -> Fit:
     """The same recording with nothing but this noise in it."""
-    R = len(o.reduce(o.Z))
+    R = len(o.reduced(o.Z))
     return with_data(o, np.linalg.cholesky(covariance(node, R)) @ rng.standard_normal(R))
 
 

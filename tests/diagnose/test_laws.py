@@ -7,10 +7,10 @@ import pytest
 
 from gimbalcal.diagnose.evidence.noise import nominal
 from gimbalcal.diagnose.library.known_noise import library
-from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.inference.algebra import orthonormal
+from gimbalcal.views.known_attitude import fit_baseline
 from tests.diagnose.law_plants import PROBE, at_size, laws, oddities
 from tests.diagnose.plant import record, strength
 
@@ -20,11 +20,11 @@ AXIS = {name: n % 3 for n, name in enumerate(NAMES)}
 
 @cache
 def setting(logged):
-    """Observations of a clean recording, its library, and the basis of its calibration."""
+    """Fit of a clean recording, its library, and the basis of its calibration."""
     o = fit_baseline(record(np.random.default_rng(1), laws(0)["fan"].error if logged else None, 0.0))
     found = library(o, BASELINE["multi-position"])
     node = nominal(o)
-    Q = orthonormal(node.whiten(o.reduce(o.Z)))
+    Q = orthonormal(node.whiten(o.reduced(o.Z)))
     X = node.whiten(found.X)
     return o, found, node, Q, X - Q @ (Q.T @ X)
 
@@ -34,7 +34,7 @@ def profiled(error, size, logged):
     o, _, node, Q, _ = setting(logged)
     with_it, without = (record(np.random.default_rng(1), error, s) for s in (size, 0.0))
     d = (with_it.triad("specific_force") - without.triad("specific_force")) / o.sigma
-    y = node.whiten(o.reduce(d[:, :, None]))[:, 0]
+    y = node.whiten(o.reduced(d[:, :, None]))[:, 0]
     return y - Q @ (Q.T @ y)
 
 

@@ -12,7 +12,6 @@ import pytest
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.library import known_noise, unknown_noise
-from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.diagnose.rows.turns import view_of_turns
 from gimbalcal.diagnose.rows.views import norm, pointing, table
@@ -24,6 +23,7 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
 from gimbalcal.views.core import View
+from gimbalcal.views.known_attitude import fit_baseline
 from tests.diagnose import static_plant
 from tests.diagnose.new_effects import enter
 from tests.diagnose.plant import record

@@ -13,7 +13,6 @@ from gimbalcal import cli
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.library.candidates import sources
 from gimbalcal.diagnose.library.known_noise import available
-from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.diagnose.rows.views import pointing, solved
 from gimbalcal.diagnose.search.refit import start
@@ -24,6 +23,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.recording import Recording, Site, dwell_means, write
+from gimbalcal.views.known_attitude import fit_baseline
 from tests.diagnose import plant, static_plant
 from tests.diagnose.plant import UG, Bench, at_strength, known, on, record
 from tests.diagnose.rows.test_turns import by_hand as turned_by_hand
@@ -111,8 +111,8 @@ def test_a_gap_in_a_long_static_run_is_not_taken_for_physics(monkeypatch: pytest
     r = static_plant.record(np.random.default_rng(3))
     row = np.arange(len(r.time))
     whole, broken = (fit_baseline(r.select(rows), steps=0) for rows in (row >= 0, (row <= 2000) | (row > 2400)))
-    assert len(broken.y) < LONG / 2
-    assert np.abs(broken.y).max() < 1.1 * np.abs(whole.y).max()  # same noise, same constants: nothing stands out
+    assert len(broken.residual) < LONG / 2
+    assert np.abs(broken.residual).max() < 1.1 * np.abs(whole.residual).max()  # same noise, same constants
 
 
 def test_positions_of_a_static_run_do_no_harm() -> None:
@@ -126,7 +126,7 @@ def test_positions_of_a_static_run_do_no_harm() -> None:
 
 def test_without_a_readout_of_the_platform_gimbal_the_force_tells_the_phase() -> None:
     r = changed(static_plant.record(np.random.default_rng(1)), without=[("gimbal_angle", "platform")])
-    assert np.sqrt(np.mean(fit_baseline(r).y ** 2)) == pytest.approx(
+    assert np.sqrt(np.mean(fit_baseline(r).residual ** 2)) == pytest.approx(
         1.0, abs=0.1
     )  # 1440 numbers: 4 sigma, and a K of 1e-6
 
@@ -170,9 +170,9 @@ def test_effects_of_named_channels_are_candidates_where_these_were_logged() -> N
     o = fit_baseline(changed(CLEAN, named))
     assert {"pressure", "servo_following_error"} <= set(available(o, ()))
     assert not {"supply_voltage", "vibration_rectification"} & set(available(o, ()))
-    assert sources(CATALOGUE["pressure"], o.stimulus) == ("",)
-    assert sources(CATALOGUE["bias_covariate"], o.stimulus) == ("fan",)
-    assert "fan" in sources(CATALOGUE["bias_covariate_squared"], o.stimulus)
+    assert sources(CATALOGUE["pressure"], o.view.stimulus) == ("",)
+    assert sources(CATALOGUE["bias_covariate"], o.view.stimulus) == ("fan",)
+    assert "fan" in sources(CATALOGUE["bias_covariate_squared"], o.view.stimulus)
 
 
 # --- refused ----------------------------------------------------------------------------------------------------------

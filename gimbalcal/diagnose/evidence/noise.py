@@ -19,22 +19,20 @@ from operator import iadd
 
 import numpy as np
 
-from gimbalcal.diagnose.rows.observations import Observations, read_gimbals
 from gimbalcal.effects import Stage
 from gimbalcal.effects.process import RandomWalk, SettingError, WhiteNoise
 from gimbalcal.inference.noise_processes import Chain, Noise, one_sigma, spectrum
 from gimbalcal.inference.robust import huber
 from gimbalcal.inference.whitening import Whitening, whitenings
 from gimbalcal.number import Array
-from gimbalcal.recording.noise import stated
 from gimbalcal.recording.scatter import differences
-from gimbalcal.units import to_si
+from gimbalcal.views.core import Fit
+from gimbalcal.views.known_attitude import over, read_gimbals
 
 SETTING = (0.5, 0.71, 1.0, 1.41, 2.0, 2.83)  # times the stated setting repeatability
 SETTING_PRIOR = (0.05, 0.15, 0.40, 0.22, 0.12, 0.06)
 WALK = (0.0, 1.0, 2.5, 6.0)  # random walk over the whole recording, in sigmas of a dwell mean (or of an hour's mean)
 WALK_PRIOR = (0.85, 0.07, 0.05, 0.03)
-DEFAULT_SETTING = float(to_si(1.0, "arcsec"))
 LONE_WALK = tuple(np.geomspace(2.5, 250.0, 11).tolist())  # the same of one accelerometer alone
 LONE = 0.01  # prior probability of each of these: three times that of a drift of this accelerometer
 LONE_AT_REST = 0.003  # the same in a static run and in rests, where slow causes look more like it: that of a drift
@@ -92,7 +90,7 @@ class Node:
         return root.rows if isinstance(root, Whitening) else len(root)
 
 
-def settle(o: Observations) -> Observations:
+def settle(o: Fit) -> Fit:
     """Rescale each channel to the scatter that the rows show, and weight the rows where their tails are heavy.
 
     What was measured stays as it is: y and its derivatives change by the unit of a channel alone.
@@ -104,22 +102,24 @@ def settle(o: Observations) -> Observations:
     scale, plain = (np.where(a > 0, a, 1.0) for a in (scale, plain))  # a channel that always reads the same
     kurtosis, weight = float(np.mean(_excess(fast / scale))), None
     if kurtosis > HEAVY:
-        static = o.kind == "static-run"
-        found = huber(o.y, np.arange(len(o.y)) // NEIGHBOURS if static else o.block, scale)
+        static = o.view.kind == "static-run"
+        found = huber(o.residual, np.arange(len(o.residual)) // NEIGHBOURS if static else o.view.noise.block, scale)
         # what no level follows is physics: it makes no row noisier than the rows next to it show
         weight = found.weight
         scale = np.minimum(found.of_rows if static else found.of_means, plain)
     else:
         scale = plain
-    return replace(o.over(scale), heavy=kurtosis, weight=weight)
+    made = over(o, scale)
+    noise = replace(made.view.noise, kurtosis=kurtosis, weights=weight)
+    return replace(made, view=replace(made.view, noise=noise))
 
 
-def _fast(o: Observations) -> Array:
+def _fast(o: Fit) -> Array:
     """What varies from row to row inside a block (n', C), unit gain for white noise."""
-    begins = np.zeros(len(o.y), dtype=bool)
-    if o.kind != "static-run":
-        begins[o.starts] = True
-    return differences(o.y, begins, np.ones(len(o.y)), order=2)
+    begins = np.zeros(len(o.residual), dtype=bool)
+    if o.view.kind != "static-run":
+        begins[o.view.noise.starts] = True
+    return differences(o.residual, begins, np.ones(len(o.residual)), order=2)
 
 
 def _excess(x: Array) -> Array:
@@ -129,9 +129,9 @@ def _excess(x: Array) -> Array:
     return np.asarray(np.where(square > 0, (x**4).mean(axis=0) / np.where(square > 0, square, 1.0) ** 2 - 3, 0.0))
 
 
-def nodes(o: Observations) -> tuple[Node, ...]:
+def nodes(o: Fit) -> tuple[Node, ...]:
     """The grid of noises of this recording with their prior probabilities."""
-    if o.kind == "static-run":
+    if o.view.kind == "static-run":
         return _spectral(o, [
             (wf, wa, pf * pa, "")
             for wf, pf in zip(WALK, WALK_PRIOR, strict=True) for wa, pa in zip(WALK, WALK_PRIOR, strict=True)
@@ -142,12 +142,15 @@ def nodes(o: Observations) -> tuple[Node, ...]:
     ])  # fmt: skip
 
 
-def lone_walks(o: Observations) -> tuple[Node, ...]:
+def lone_walks(o: Fit) -> tuple[Node, ...]:
     """Noises in which one accelerometer alone wanders, and may wander far: beside the grid, not instead of it.
 
     And those in which all of them do: an accelerometer that is not alone is not to pass for one that is.
     """
-    axes, static = [axis for quantity, axis in o.channels if quantity == "specific_force"], o.kind == "static-run"
+    axes, static = (
+        [axis for quantity, axis in o.view.channels if quantity == "specific_force"],
+        o.view.kind == "static-run",
+    )
     share = (LONE_AT_REST if static else LONE) / len(LONE_WALK)
     if static:
         return _spectral(o, [
@@ -171,20 +174,20 @@ class _Blocks:
     moved: Array  # (n,) whether a visit begins
 
 
-def _blocks(o: Observations) -> _Blocks:
-    n, C = len(o.starts), o.y.shape[1]
-    count = np.diff(np.append(o.starts, len(o.y)))
-    k = read_gimbals(o)
+def _blocks(o: Fit) -> _Blocks:
+    n, C = len(o.view.noise.starts), o.residual.shape[1]
+    count = np.diff(np.append(o.view.noise.starts, len(o.residual)))
+    k = read_gimbals(o.view)
     return _Blocks(
         walks=np.sqrt(count)[:, None, None] * np.eye(C),  # as a mean of so many rows is reduced
-        angles=o.reduce(o.sensitivity[Stage.ENCODER][:, :, k]).reshape(n, C, len(k)),
-        along=o.reduce(o.through(Stage.ACCELEROMETER, o.stimulus.force)[:, :, None]).reshape(n, C, 1),
+        angles=o.reduced(o.rows.sensitivity[Stage.ENCODER][:, :, k]).reshape(n, C, len(k)),
+        along=o.reduced(o.rows.through(Stage.ACCELEROMETER, o.view.stimulus.force)[:, :, None]).reshape(n, C, 1),
         since=np.diff(np.append(0.0, _block_time(o))),
-        moved=np.append(True, np.diff(o.stimulus.visit[o.starts]) != 0),
+        moved=np.append(True, np.diff(o.view.stimulus.visit[o.view.noise.starts]) != 0),
     )
 
 
-def _of_dwells(o: Observations, asked: Sequence[tuple[float, float, float, str]]) -> tuple[Node, ...]:
+def _of_dwells(o: Fit, asked: Sequence[tuple[float, float, float, str]]) -> tuple[Node, ...]:
     """A noise for each setting, walk, prior probability and accelerometer that walks alone ("" for all of them)."""
     blocks = _blocks(o)
     noises = [dwell_noise(o, setting, walk) for setting, walk, _, _ in asked]
@@ -201,15 +204,15 @@ def _of_dwells(o: Observations, asked: Sequence[tuple[float, float, float, str]]
     )  # fmt: skip
 
 
-def _states(o: Observations, blocks: _Blocks, noise: Mapping[str, Noise], alone: str) -> tuple[Array, Array, Array]:
+def _states(o: Fit, blocks: _Blocks, noise: Mapping[str, Noise], alone: str) -> tuple[Array, Array, Array]:
     """Phi, Q (n, m) and H (n, C, m) of a walk of each channel, or of the one that is `alone`, at the mean time of each
     block; anew at each visit, an angle of each gimbal and what these take of the force along themselves.
     """
     (turned,), (wandering,) = noise["gimbal_angle"], noise["specific_force"][1:]
-    short = SettingError(o.told * one_sigma((turned,)) ** 2)
+    short = SettingError(o.view.noise.setting_left * one_sigma((turned,)) ** 2)
     along = blocks.along if _shows(blocks.along, short) else blocks.along[:, :, :0]
     H = np.concatenate([blocks.walks, blocks.angles, along], axis=-1)
-    walks = [wandering if alone in ("", axis) else RandomWalk(0.0) for _, axis in o.channels]
+    walks = [wandering if alone in ("", axis) else RandomWalk(0.0) for _, axis in o.view.channels]
     every = [*walks, *[turned] * blocks.angles.shape[-1], *[short] * along.shape[-1]]
     Phi, Q = (np.concatenate(parts, axis=1) for parts in zip(
         *((p.transition(blocks.since, blocks.moved), p.diffusion(blocks.since, blocks.moved)) for p in every),
@@ -217,80 +220,79 @@ def _states(o: Observations, blocks: _Blocks, noise: Mapping[str, Noise], alone:
     return Phi, Q, H
 
 
-def setting_of(o: Observations) -> float:
-    """One sigma [rad] of a gimbal that is set, as stated."""
-    return one_sigma(stated(o.recording).get("gimbal_angle", (SettingError(DEFAULT_SETTING),)))
-
-
-def curved(o: Observations) -> bool:
+def curved(o: Fit) -> bool:
     """Whether gimbals are set so loosely that it shows along the force, of second order."""
-    return _shows(_blocks(o).along, SettingError((max(SETTING) * setting_of(o)) ** 2))
+    return _shows(_blocks(o).along, SettingError((max(SETTING) * o.view.noise.setting) ** 2))
 
 
 def _shows(along: Array, short: SettingError) -> bool:
     return bool(np.abs(along).max(initial=0.0) * one_sigma((short,)) > UNSEEN)
 
 
-def dwell_noise(o: Observations, setting: float, walk: float) -> Mapping[str, Noise]:
+def dwell_noise(o: Fit, setting: float, walk: float) -> Mapping[str, Noise]:
     """`setting` times the stated repeatability, and a walk that reaches `walk` sigmas of a dwell mean at the end."""
-    repeatability = setting * setting_of(o)
-    rows, end = len(o.y) / len(np.unique(o.stimulus.visit)), float(_block_time(o)[-1])
+    repeatability = setting * o.view.noise.setting
+    rows, end = len(o.residual) / len(np.unique(o.view.stimulus.visit)), float(_block_time(o)[-1])
     return {
         "specific_force": (WhiteNoise(1.0), RandomWalk(walk / float(np.sqrt(rows * end)))),
         "gimbal_angle": (SettingError(repeatability),),
     }
 
 
-def nominal(o: Observations) -> Node:
+def nominal(o: Fit) -> Node:
     """The noise as stated, without a random walk."""
-    return _spectral(o, [(0.0, 0.0, 1.0, "")])[0] if o.kind == "static-run" else _of_dwells(o, [(1.0, 0.0, 1.0, "")])[0]
+    return (
+        _spectral(o, [(0.0, 0.0, 1.0, "")])[0]
+        if o.view.kind == "static-run"
+        else _of_dwells(o, [(1.0, 0.0, 1.0, "")])[0]
+    )
 
 
-def _block_time(o: Observations) -> Array:
-    count = np.diff(np.append(o.starts, len(o.y)))
-    return np.asarray(np.add.reduceat(o.stimulus.time, o.starts) / count)
+def _block_time(o: Fit) -> Array:
+    count = np.diff(np.append(o.view.noise.starts, len(o.residual)))
+    return np.asarray(np.add.reduceat(o.view.stimulus.time, o.view.noise.starts) / count)
 
 
-def coloured(o: Observations, among: Sequence[Node] = ()) -> int:
+def coloured(o: Fit, among: Sequence[Node] = ()) -> int:
     """How many of the reduced rows can be other than white, in the grid and `among` further noises."""
-    C = o.y.shape[1]
-    rows = slow_modes(o, 0.0) if o.kind == "static-run" else len(o.starts)
+    C = o.residual.shape[1]
+    rows = slow_modes(o, 0.0) if o.view.kind == "static-run" else len(o.view.noise.starts)
     return max([rows * C, *(n.coloured for n in among)])
 
 
-def slow_modes(o: Observations, walk: float) -> int:
+def slow_modes(o: Fit, walk: float) -> int:
     r"""How many modes of each channel of a static run show a walk; its share in white noise falls as 1 / k^2.
 
     Beyond mode K it has :math:`\epsilon_k = T w^2 / (\pi k)^2` of the white variance, T in h; taken for white, they
     cost the likelihood :math:`\sum \epsilon_k^2 / 4 = (T w^2 / \pi^2)^2 / 12 K^3` nats.
     """
-    n = len(o.y)
-    hours = float(np.median(np.diff(o.stimulus.time))) * n / 3600.0
+    n = len(o.residual)
+    hours = float(np.median(np.diff(o.view.stimulus.time))) * n / 3600.0
     shown = int(np.ceil(((hours * walk**2 / np.pi**2) ** 2 / (12 * LOST)) ** (1 / 3)))
     return min(n, max(SLOW, shown)) if shown < n / 2 else n  # the fastest modes show it more than 1 / k^2
 
 
-def _spectral(o: Observations, asked: Sequence[tuple[float, float, float, str]]) -> tuple[Node, ...]:
+def _spectral(o: Fit, asked: Sequence[tuple[float, float, float, str]]) -> tuple[Node, ...]:
     """White noise and a walk in forces (or in the one `alone`) and in angles: diagonal in the cosine transform.
 
     Asked are the walks of forces and angles, the prior probability, and the accelerometer that walks alone, or "".
     """
-    n = len(o.y)
-    step = float(np.median(np.diff(o.stimulus.time)))
+    n = len(o.residual)
+    step = float(np.median(np.diff(o.view.stimulus.time)))
     out = []
     for wf, wa, prior, alone in asked:
         # an offset, which the calibration takes, stands for half a wave
         angle = np.pi * np.maximum(np.arange(slow_modes(o, wf)), 0.5) / n
-        noise = {q: static_noise(o, wf if q == "specific_force" else wa) for q in dict(o.channels)}
+        noise = {q: static_noise(o, wf if q == "specific_force" else wa) for q in dict(o.view.channels)}
         V = np.stack([
             np.ones(len(angle)) if q == "specific_force" and alone not in ("", a) else spectrum(noise[q], step, angle)
-            for q, a in o.channels
+            for q, a in o.view.channels
         ], axis=-1)  # fmt: skip
         name = ((f"random walk of forces {alone}".rstrip(), wf), ("random walk of angles", wa))
         out.append(Node(name, noise, prior, float(np.log(V).sum()), (1 / np.sqrt(V)).ravel(), alone=alone))
     return tuple(out)
 
 
-def static_noise(o: Observations, walk: float) -> Noise:
+def static_noise(o: Fit, walk: float) -> Noise:
     """White rows and a walk that reaches `walk` sigmas of an hour's mean at the end of a static run."""
-    return (WhiteNoise(1.0), RandomWalk(walk / float(np.sqrt(3600.0 * len(o.y)))))
+    return (WhiteNoise(1.0), RandomWalk(walk / float(np.sqrt(3600.0 * len(o.residual)))))

@@ -46,21 +46,21 @@ def stretches(n: int, most: int = STRETCHES) -> Array:
 
 def ground_of_search(s: Search, node: Node) -> Ground:
     """Outputs of the accelerometers and gimbals that move, in the likeliest noise of a recording of known attitude."""
-    o, names = s.o, s.o.stimulus.axis_names
-    outputs = [("xyz".index(a), a) for q, a in o.channels if q == "specific_force"]
-    moving = [(i, a) for i, a in enumerate(names) if np.ptp(o.stimulus.readout[:, i]) > MOVES]
-    block = stretches(len(o.y)) if o.kind == "static-run" else o.block
+    o, names = s.o, s.o.view.stimulus.axis_names
+    outputs = [("xyz".index(a), a) for q, a in o.view.channels if q == "specific_force"]
+    moving = [(i, a) for i, a in enumerate(names) if np.ptp(o.view.stimulus.readout[:, i]) > MOVES]
+    block = stretches(len(o.residual)) if o.view.kind == "static-run" else o.view.noise.block
     every = _places(o.rows, Stage.ACCELEROMETER, outputs, block)
-    if o.kind != "static-run":
+    if o.view.kind != "static-run":
         every += _places(o.rows, Stage.ENCODER, moving, block)
-    Q, y = orthonormal(node.whiten(o.reduce(o.Z))), node.whiten(o.reduce(o.y[:, :, None]))[:, 0]
+    Q, y = orthonormal(node.whiten(o.reduced(o.Z))), node.whiten(o.reduced(o.residual[:, :, None]))[:, 0]
 
     def evidence(sets: Sequence[Array]) -> Array:
-        X, of = _side_by_side([o.reduce(RIVAL_SIGMA * unit(X)) for X in sets])
+        X, of = _side_by_side([o.reduced(RIVAL_SIGMA * unit(X)) for X in sets])
         rows = rows_like(s.rows, X)
         return bayes_factors([project(p.node, rows, p.scale) for p in s.projections], layout_of(of))[1]
 
-    return Ground(every, lambda X: node.whiten(o.reduce(X)), Q, y - Q @ (Q.T @ y), evidence, o.y.shape)
+    return Ground(every, lambda X: node.whiten(o.reduced(X)), Q, y - Q @ (Q.T @ y), evidence, o.residual.shape)
 
 
 def together(each: Sequence[Ground]) -> Ground:
@@ -125,7 +125,7 @@ def _side_by_side(sets: Sequence[Array]) -> tuple[Array, list[Candidate]]:
 def with_law(s: Search, columns: Array) -> tuple[Search, Array, Array]:
     """The search with one law in the place of the library, its columns (n, C, m) as scaled, and their scale (m,)."""
     scaled = RIVAL_SIGMA * unit(columns)
-    reduced = s.o.reduce(scaled)
+    reduced = s.o.reduced(scaled)
     _, (law,) = _side_by_side([reduced])
     rows = rows_like(s.rows, reduced)
     each = tuple(project(p.node, rows, p.scale) for p in s.projections)

@@ -9,19 +9,19 @@ import numpy as np
 from gimbalcal.diagnose.laws.expressions import Expression
 from gimbalcal.diagnose.laws.law_file import STAGES, printed
 from gimbalcal.diagnose.laws.law_search import Law
-from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.diagnose.verdict.recommend import apart, fastest, told_apart
 from gimbalcal.effects import Stage
 from gimbalcal.number import Array
+from gimbalcal.views.core import Fit
 
 
-def to_tell(o: Observations, law: Law, size: Array, other: Law, asked: bool = True) -> str:
+def to_tell(o: Fit, law: Law, size: Array, other: Law, asked: bool = True) -> str:
     """The manoeuvre that tells a law with coefficients `size` (m,) [SI] from another fastest, as one sentence.
 
     asked: whether the question is open; else it is empty where no manoeuvre would tell.
     """
 
-    def gained(planned: Observations) -> float:
+    def gained(planned: Fit) -> float:
         signal = _columns(planned, law, law.expression) @ size[:, None]
         return apart(planned, signal, _varied(planned, other))
 
@@ -29,12 +29,12 @@ def to_tell(o: Observations, law: Law, size: Array, other: Law, asked: bool = Tr
     return told_apart(best, f"{printed(law)} from {printed(other)}") if best.words or asked else ""
 
 
-def _varied(o: Observations, law: Law) -> Iterator[Array]:
+def _varied(o: Fit, law: Law) -> Iterator[Array]:
     return (_columns(o, law, e) for e in law.expression.varied())
 
 
-def _columns(o: Observations, law: Law, e: Expression) -> Array:
+def _columns(o: Fit, law: Law, e: Expression) -> Array:
     """What a unit of each coefficient does to the reduced rows of a recording, (R, m)."""
     stage = Stage[STAGES[law.place.channel]]
-    names = o.stimulus.axis_names if stage is Stage.ENCODER else "xyz"
-    return np.asarray(o.reduce(o.rows.added(stage, names.index(law.place.axis), e.on(o.rows.seen[stage]).columns)))
+    names = o.view.stimulus.axis_names if stage is Stage.ENCODER else "xyz"
+    return np.asarray(o.reduced(o.rows.added(stage, names.index(law.place.axis), e.on(o.rows.seen[stage]).columns)))

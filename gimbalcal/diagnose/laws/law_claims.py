@@ -127,10 +127,10 @@ def lawful(
 
 def misheld(s: Search, verdict: str) -> str:
     """Sentences on positions that were not held where the readouts say, which is a fault and no physics."""
-    if verdict != "unexplained" or s.o.kind != "multi-position":
+    if verdict != "unexplained" or s.o.view.kind != "multi-position":
         return ""
     try:
-        faults = trusted_positions(s.o.recording).faults
+        faults = trusted_positions(s.o.view.source).faults
     except InputError:  # too few positions or accelerometers to tell one that was not held
         return ""
     told = [f"{f.in_words[:1].upper()}{f.in_words[1:].rstrip('.')}." for f in faults]
@@ -150,17 +150,17 @@ def law_of_searches(
     best_else = max(h.ln_weight for h in ranked.hypotheses) + (TOGETHER + CLAIM) * instead
     best, others = chosen(g, every, best_else - b.ln_known)
     if best is not None and (as_likely := _known(ranked, b.total)):
-        return Lawful((), KNOWN.format(more=_more(searches[0].o.kind), names=as_likely, law=printed(best)))
+        return Lawful((), KNOWN.format(more=_more(searches[0].o.view.kind), names=as_likely, law=printed(best)))
     likely = best or next(iter(others and every), None)
     if likely is None:
-        return Lawful((), undetermined(every, others, g, searches[0].o.kind))
+        return Lawful((), undetermined(every, others, g, searches[0].o.view.kind))
     held = [_held(s, own, columns, rng)
             for s, own, columns in zip(searches, b.searches, g.parts(likely.columns), strict=True)]  # fmt: skip
     x, C, agree = mean_of([(h.x, h.weight) for h in held])
     lead = max(range(len(held)), key=lambda k: float(x @ held[k].weight @ x))
     advice = to_tell(searches[lead].o, likely, x, others[0], asked=best is None) if others else ""
     if best is None:
-        return Lawful((), f"{undetermined(every, others, g, searches[0].o.kind)}. {advice}")
+        return Lawful((), f"{undetermined(every, others, g, searches[0].o.view.kind)}. {advice}")
     if agree.against(""):
         return Lawful((), DIFFERENT.format(law=printed(best)))
     before, after = (float(np.average([getattr(h.checked, w) for h in held], weights=[len(s.rows.Q) for s in searches]))
@@ -169,7 +169,7 @@ def law_of_searches(
     most = CLAIM if instead else -np.log(LEFT)
     if any(h.left < LEFT or h.strained >= most for h in held) or after >= before:
         return Lawful((), LEAVES.format(law=printed(best)))
-    title = " and ".join(s.o.recording.title for s in searches)
+    title = " and ".join(s.o.view.source.title for s in searches)
     law = found(best, x, C, (before, after), others, title, beside=b.name)
     left = (residual_rows(s.o, A @ x)[1] for s, A in zip(b.searches, g.parts(best.columns), strict=True))
     return Lawful((law,), advice, tuple(zip(held, left, strict=True)))
@@ -212,7 +212,7 @@ def _held(bare: Search, s: Search, columns: Array, rng: np.random.Generator) -> 
     left, checked = scan(s.o, s.rows, f.projection.node, rng, explained), verify(made, f, physical)
     if s is not bare:
         same = next(p for p in bare.projections if p.node is f.projection.node)
-        none = verify(bare, replace(fit_causes(bare, ()), projection=same), np.zeros((*bare.o.y.shape, 0)))
+        none = verify(bare, replace(fit_causes(bare, ()), projection=same), np.zeros((*bare.o.residual.shape, 0)))
         checked = replace(checked, before=none.before, heldout_before=none.heldout_before)
     weight = inverse_of(f.covariance * np.outer(scale, scale))
     return LawFit(f.x * scale, weight, left.p_value, strained(made, (0,)), checked, f.projection.node)

@@ -117,8 +117,8 @@ def _with_cause(s: Search, members: Sequence[int]) -> Search:
     if not members:
         return s
     f = fit_causes(s, members)
-    o = replace(s.o, Z=np.concatenate([s.o.Z, physical_columns(s, f)], axis=2))
-    none = Library((), np.zeros((len(o.reduce(o.y[:, :, None])), 0)))
+    o = replace(s.o, jacobian=np.concatenate([s.o.jacobian, physical_columns(s, f)], axis=2))
+    none = Library((), np.zeros((len(o.reduced(o.residual[:, :, None])), 0)))
     nodes = [p.node for p in s.projections]
     rows = reduced(o, none, nodes)
     each = projected(nodes, rows)

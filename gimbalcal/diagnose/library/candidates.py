@@ -16,12 +16,12 @@ from functools import cached_property
 
 import numpy as np
 
-from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.diagnose.wording import spoken
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
 from gimbalcal.effects.effect import constants, follows, lacking
 from gimbalcal.effects.grids import grid, kind
 from gimbalcal.number import Array
+from gimbalcal.views.core import absent_effect
 
 Constants = tuple[tuple[str, float], ...]
 

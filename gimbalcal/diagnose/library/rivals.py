@@ -8,17 +8,17 @@ import numpy as np
 
 from gimbalcal.diagnose.library.candidates import Candidate, Variant, appended_to
 from gimbalcal.diagnose.library.shapes import high_harmonics, products, settings, shapes, unit_rms
-from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.effects import Stage
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
+from gimbalcal.views.core import Fit
 
 ALIKE = 0.97  # correlation from which a simple law is one that the catalogue has
 SLOWEST = 2000  # reduced rows on which that is judged: all of 18 positions, the slowest of a static run
 RIVAL_SIGMA = 3.0  # prior size of one shape, in sigmas of a row: mixed over 0.1 to 100 like every other
 
 
-def rivals(o: Observations, blocks: list[Array]) -> list[Candidate]:
+def rivals(o: Fit, blocks: list[Array]) -> list[Candidate]:
     """Free per position, smooth in orientation, in time, in temperature, gimbal harmonics; and simple laws."""
     out: list[Candidate] = []
     axes = _outputs(o)
@@ -27,7 +27,7 @@ def rivals(o: Observations, blocks: list[Array]) -> list[Candidate]:
         every: list[int] = []
         for axis, along in axes:
             X = np.stack([along * b[:, None] for b in scaled.T], axis=-1)
-            at = tuple(appended_to(blocks, o.reduce(X) * RIVAL_SIGMA))
+            at = tuple(appended_to(blocks, o.reduced(X) * RIVAL_SIGMA))
             every += at
             out.append(Candidate(f"unknown {name}", axis, (), (Variant((), at),), rival=words))
         if len(axes) > 1:
@@ -36,9 +36,9 @@ def rivals(o: Observations, blocks: list[Array]) -> list[Candidate]:
     return out + gimbal_harmonics(o, blocks) + _simple_laws(o, blocks)
 
 
-def _simple_laws(o: Observations, blocks: list[Array]) -> list[Candidate]:
+def _simple_laws(o: Fit, blocks: list[Array]) -> list[Candidate]:
     """Products and powers of what was recorded, as outputs of one accelerometer, less those that have a cause."""
-    Q = orthonormal(o.reduce(o.Z)[:SLOWEST])
+    Q = orthonormal(o.reduced(o.Z)[:SLOWEST])
 
     def unit(X: Array) -> Array:
         X = X[:SLOWEST]
@@ -52,7 +52,7 @@ def _simple_laws(o: Observations, blocks: list[Array]) -> list[Candidate]:
         for axis, along in _outputs(o):
             variants = []
             for basis in bases:
-                X = o.reduce(along[:, :, None] * unit_rms(basis)[:, None, :])
+                X = o.reduced(along[:, :, None] * unit_rms(basis)[:, None, :])
                 if X.any() and np.abs(known.T @ unit(X)).max(axis=0).min() < ALIKE:
                     variants.append(Variant((), tuple(appended_to(blocks, X * RIVAL_SIGMA))))
             if variants:
@@ -60,40 +60,38 @@ def _simple_laws(o: Observations, blocks: list[Array]) -> list[Candidate]:
     return out
 
 
-def _outputs(o: Observations) -> list[tuple[str, Array]]:
+def _outputs(o: Fit) -> list[tuple[str, Array]]:
     """What one unit (a sigma of a row) added to each accelerometer that was logged does to all channels, (n, C)."""
-    S = o.sensitivity[Stage.ACCELEROMETER]
+    S = o.rows.sensitivity[Stage.ACCELEROMETER]
     out = []
-    for k, (quantity, axis) in enumerate(o.channels):
+    for k, (quantity, axis) in enumerate(o.view.channels):
         if quantity == "specific_force":
             along = S[:, :, "xyz".index(axis)]
             out.append((axis, along / np.abs(along[:, k]).max()))
     return out
 
 
-def gimbal_harmonics(o: Observations, blocks: list[Array]) -> list[Candidate]:
+def gimbal_harmonics(o: Fit, blocks: list[Array]) -> list[Candidate]:
     """Errors of each moving gimbal that no bearing or encoder has: high harmonics, or a value at each setting."""
     out = []
-    for i, axis in enumerate(o.stimulus.axis_names):
-        harmonics = high_harmonics(o.seen[Stage.ENCODER].angle[:, i])
+    for i, axis in enumerate(o.view.stimulus.axis_names):
+        harmonics = high_harmonics(o.rows.seen[Stage.ENCODER].angle[:, i])
         words = f"a third or higher harmonic of the {axis} gimbal angle"
         out += _of_gimbal(o, i, "unknown gimbal angle", words, harmonics, blocks)
         words = f"a value of its own at each setting of the {axis} gimbal"
-        out += _of_gimbal(o, i, "unknown gimbal setting", words, settings(o.stimulus.readout[:, i]), blocks)
+        out += _of_gimbal(o, i, "unknown gimbal setting", words, settings(o.view.stimulus.readout[:, i]), blocks)
     return out
 
 
-def _of_gimbal(
-    o: Observations, i: int, effect: str, words: str, bases: Sequence[Array], blocks: list[Array]
-) -> list[Candidate]:
+def _of_gimbal(o: Fit, i: int, effect: str, words: str, bases: Sequence[Array], blocks: list[Array]) -> list[Candidate]:
     variants = []
     for basis in bases:
-        added = np.zeros((*basis.shape, len(o.stimulus.axis_names)))
+        added = np.zeros((*basis.shape, len(o.view.stimulus.axis_names)))
         added[:, :, i] = basis
-        X = np.stack([o.through(Stage.ENCODER, added[:, j]) for j in range(basis.shape[1])], axis=-1)
+        X = np.stack([o.rows.through(Stage.ENCODER, added[:, j]) for j in range(basis.shape[1])], axis=-1)
         size = np.abs(X).max()
         if size > 0:
-            variants.append(Variant((), tuple(appended_to(blocks, o.reduce(X / size) * RIVAL_SIGMA))))
-    axis = o.stimulus.axis_names[i]
+            variants.append(Variant((), tuple(appended_to(blocks, o.reduced(X / size) * RIVAL_SIGMA))))
+    axis = o.view.stimulus.axis_names[i]
     made = Candidate(effect, axis, (), tuple(variants), rival=words, channel="gimbal_angle")
     return [made] if variants else []

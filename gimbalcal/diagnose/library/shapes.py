@@ -5,21 +5,21 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import legendre
 
-from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.number import Array
+from gimbalcal.views.core import Fit
 
 ROUNDING = 1e-14  # of functions of order one: sines of half turns are 1e-16, cubes of a millidegree more
 PLACES = 150  # with more of them, a smooth function of the direction of gravity says it better
 SETTINGS = 16  # of a gimbal; with more of them, harmonics say it better
 
 
-def shapes(o: Observations) -> dict[str, tuple[str, Array]]:
+def shapes(o: Fit) -> dict[str, tuple[str, Array]]:
     """Bases (n, m) of the rivals that act on each accelerometer output."""
-    s = o.stimulus
+    s = o.view.stimulus
     t = s.time / s.time[-1]
-    m = 10 if o.kind == "multi-position" else 20
+    m = 10 if o.view.kind == "multi-position" else 20
     out = {"time": ("a smooth function of time", np.cos(np.pi * np.outer(t, np.arange(1, m + 1))))}
-    if o.kind == "multi-position":
+    if o.view.kind == "multi-position":
         places = np.unique(s.position)
         if len(places) <= PLACES:
             out["position"] = ("a value of its own at each position", (s.position[:, None] == places).astype(float))
@@ -36,9 +36,9 @@ def shapes(o: Observations) -> dict[str, tuple[str, Array]]:
     return out
 
 
-def _settling(o: Observations) -> Array:
+def _settling(o: Fit) -> Array:
     """Forces, and their changes at the last move, dying away at three speeds within a dwell: a basis (n, up to 18)."""
-    s = o.stimulus
+    s = o.view.stimulus
     longest = float(s.since_move.max())
     fades = [np.exp(-s.since_move / (longest * part))[:, None] for part in (0.05, 0.2, 0.8)]
     basis = np.concatenate([fade * f / s.gravity for fade in fades for f in (s.force, s.move_force)], axis=1)
@@ -78,14 +78,14 @@ def _smoothed(x: Array, width: float) -> Array:
     return np.convolve(np.pad(x, reach, mode="symmetric"), bell / bell.sum(), mode="valid")
 
 
-def products(o: Observations) -> dict[str, tuple[str, list[Array]]]:
+def products(o: Fit) -> dict[str, tuple[str, list[Array]]]:
     """Simple laws that nobody has written down yet, by family: words, and bases (n, 1 or 2), any one of which it is.
 
     A flexible shape cannot compete with a known cause that happens to look much like the truth; the truth itself can.
     """
     from gimbalcal.effects.history import smoothed_rate
 
-    s = o.stimulus
+    s = o.view.stimulus
     t = s.time / s.time[-1] - 0.5
     angles = [a for a in s.angle.T if np.ptp(a) > 1e-2]
     where = [f[:, None] for f in (s.force / s.gravity).T if np.std(f) > 1e-3]
@@ -99,7 +99,7 @@ def products(o: Observations) -> dict[str, tuple[str, list[Array]]]:
            for name, x in follows.items()}  # fmt: skip
     powers = [(x**n)[:, None] for x in follows.values() for n in (2, 3)]
     out["power"] = ("a square or cube of " + ", ".join(follows), powers)
-    if o.kind == "multi-position":
+    if o.view.kind == "multi-position":
         every = np.where(s.visit % 2, 1.0, -1.0)[:, None]
         words = "something that alternates from one position to the next"
         out["alternating"] = (words, [every, *(every * w for w in where)])

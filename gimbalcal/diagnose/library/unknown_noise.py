@@ -17,14 +17,13 @@ from gimbalcal.diagnose.library.candidates import (
     sources,
 )
 from gimbalcal.diagnose.library.view_shapes import shapes_of
-from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.effects import CATALOGUE, Effect, Parameter
 from gimbalcal.effects.effect import Grid, constants
 from gimbalcal.effects.grids import kind, resolved
 from gimbalcal.forward import Rows
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
-from gimbalcal.views.core import View
+from gimbalcal.views.core import View, absent_effect
 
 PEAKS = 3  # of a scan over whole numbers
 STILL = 0.01  # of a column: a gimbal that stands still but for the drift of its readout

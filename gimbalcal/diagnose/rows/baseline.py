@@ -7,22 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.effects import CATALOGUE, Effect
+from gimbalcal.effects import Effect
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, follows, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.recording import Recording
 from gimbalcal.recording.columns import SPARSE
+from gimbalcal.views.core import known_effect
 
 SAID = {"attitude": "gimbals, which say where north is"}  # a quantity that no channel is named after
-
-
-def known_effect(effect_id: str) -> type[Effect]:
-    """The effect of the catalogue with this id. Raises InputError where there is none."""
-    if effect_id not in CATALOGUE:
-        raise InputError(
-            f"the baseline names {effect_id!r}, which is no effect of the catalogue; `gimbalcal catalogue` lists them"
-        )
-    return CATALOGUE[effect_id]
 
 
 def unfit(effect_id: str, recording: Recording) -> str:

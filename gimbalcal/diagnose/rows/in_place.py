@@ -93,7 +93,7 @@ def view_of(recording: Recording, settled: SystematicFit, ids: tuple[str, ...]) 
     return View(
         NAME, recording.title, recording.kind, "mm/s", CHANNELS, w.time - w.time[0], w.felt, rows,
         SENSOR_STAGES | GYROSCOPE_STAGES, ids, recording.grade, np.cumsum(np.diff(w.stop, prepend=w.stop[0]) != 0),
-        NoiseModel(w.sigma, sample=w.sigma if settled.segments.stated else None), gauge=frozenset(gauge),
+        NoiseModel(w.sigma, sample=w.sigma if settled.segments.stated else None), recording, gauge=frozenset(gauge),
         added=answers.added,
     )  # fmt: skip
 

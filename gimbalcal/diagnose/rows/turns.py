@@ -21,7 +21,6 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.readout import in_si
-from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.diagnose.rows.views import of_rows, solved
 from gimbalcal.effects import CATALOGUE, Effect, Stimulus, parameters, with_values
 from gimbalcal.effects.baseline import ACCELEROMETER_TERMS, GYROSCOPE_INPUT_TERMS
@@ -38,7 +37,7 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means, dwells
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.rotation import normal_to
-from gimbalcal.views.core import View
+from gimbalcal.views.core import View, absent_effect
 from gimbalcal.views.noise import NoiseModel
 
 BACK = 0.01  # of the attitude's elements: gimbals that stand where they stood

@@ -152,7 +152,8 @@ def table(recording: Recording, baseline: Sequence[str] = (), step: float = COAR
 def of_rows(recording: Recording) -> dict[str, Any]:
     """Return the fields of a view that a recording with its rows says: what it is, its clock, its grade and gimbals."""
     return {
-        "title": recording.title, "kind": recording.kind, "time": recording.time - recording.time[0],
+        "title": recording.title, "source": recording, "kind": recording.kind,
+        "time": recording.time - recording.time[0],
         "session": recording.session if recording.restarts else None, "grade": recording.grade,
         "read_gimbals": recording.axes("gimbal_angle"),
     }  # fmt: skip

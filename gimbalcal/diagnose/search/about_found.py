@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.diagnose.search.refit import weighted
 from gimbalcal.diagnose.search.stepwise import Course, course
 from gimbalcal.errors import InputError
 from gimbalcal.pipeline import Tell
-from gimbalcal.views.core import View
+from gimbalcal.views.core import View, absent_effect
 
 DRAGGED = 4.0  # times less misfit with the causes than without: products of errors are no longer nothing
 

@@ -16,54 +16,50 @@ from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.noise import curved, setting_of
-from gimbalcal.diagnose.rows.observations import Observations, read_gimbals
+from gimbalcal.diagnose.evidence.noise import curved
 from gimbalcal.effects import Stage, values, with_values
 from gimbalcal.number import Array
-from gimbalcal.readings import readings
+from gimbalcal.views.core import Fit
+from gimbalcal.views.known_attitude import linearised, read_gimbals
 
 ROUNDS = 3  # the last one about angles and constants that are known to a few arcseconds
 
 
-def about_settings(o: Observations) -> Observations:
+def about_settings(o: Fit) -> Fit:
     """The rows about the angles of each visit; as they are where a setting is too small to curve anything."""
-    if o.kind == "static-run" or not read_gimbals(o) or not curved(o):
+    if o.view.kind == "static-run" or not read_gimbals(o.view) or not curved(o):
         return o
-    visit = np.unique(o.stimulus.visit, return_inverse=True)[1]
+    visit = np.unique(o.view.stimulus.visit, return_inverse=True)[1]
     for _ in range(ROUNDS):
         x, delta, left = _told(o, visit)
         o = _at(o, x, delta[visit], left)
     return o
 
 
-def _told(o: Observations, visit: Array) -> tuple[Array, Array, float]:
+def _told(o: Fit, visit: Array) -> tuple[Array, Array, float]:
     """Constants (q,) in prior sigmas beside the baseline's, angles (v, k) [rad] beside the readouts of each visit.
 
     And what is left of the variance that settings make of the rows.
     """
-    sigma, k, C, blocks = setting_of(o), read_gimbals(o), o.y.shape[1], len(o.starts)
+    sigma, k, C, blocks = o.view.noise.setting, read_gimbals(o.view), o.residual.shape[1], len(o.view.noise.starts)
     v = int(visit.max()) + 1
-    mine = visit[o.starts][:, None] == np.arange(v)
-    H = o.reduce(o.sensitivity[Stage.ENCODER][:, :, k] * sigma).reshape(blocks, C, 1, len(k))
+    mine = visit[o.view.noise.starts][:, None] == np.arange(v)
+    H = o.reduced(o.rows.sensitivity[Stage.ENCODER][:, :, k] * sigma).reshape(blocks, C, 1, len(k))
     E = (H * mine[:, None, :, None]).reshape(blocks * C, -1)
-    A = np.concatenate([o.reduce(o.Z), E], axis=1)
+    A = np.concatenate([o.reduced(o.Z), E], axis=1)
     q = o.Z.shape[-1]
     P = np.linalg.inv(A.T @ A + np.eye(A.shape[1]))
-    x = P @ (A.T @ o.reduce(o.y[:, :, None])[:, 0])
+    x = P @ (A.T @ o.reduced(o.residual[:, :, None])[:, 0])
     seen = E.T @ E  # a turn about the force is never told, and does nothing
     return x[:q], x[q:].reshape(v, -1) * sigma, float((P[q:, q:] * seen).sum() / np.trace(seen))
 
 
-def _at(o: Observations, x: Array, delta: Array, left: float) -> Observations:
+def _at(o: Fit, x: Array, delta: Array, left: float) -> Fit:
     """The rows at constants that x moves, readouts and delta (n, k) [rad], its first order back in what was read."""
-    names, scale = o.stimulus.axis_names, np.array([p.sigma for p in o.constants])
-    effects = with_values(o.baseline, o.constants, values(o.baseline, o.constants) + x * scale, names)
-    k, read = read_gimbals(o), readings(o.recording)
-    shift = np.zeros_like(read.stimulus.readout)
-    shift[:, k] = delta
-    there = replace(read, stimulus=read.stimulus.at(readout=read.stimulus.readout + shift))
-    rows = there.rows(effects)
-    added = np.einsum("nck,nk->nc", rows.sensitivity[Stage.ENCODER], shift)
-    there = replace(there, value=there.value + added)
-    rows = replace(rows, residual=rows.residual + added).over(o.sigma)
-    return replace(o, rows=rows, Z=rows.jacobian(o.constants) * scale, turned=there, told=left)
+    names, scale = o.view.stimulus.axis_names, np.array([p.sigma for p in o.parameters])
+    effects = with_values(o.effects, o.parameters, values(o.effects, o.parameters) + x * scale, names)
+    shift = np.zeros_like(o.view.stimulus.readout)
+    shift[:, read_gimbals(o.view)] = delta
+    assert o.view.displaced is not None
+    there = replace(o.view.displaced(effects, shift), noise=replace(o.view.noise, setting_left=left))
+    return linearised(there, effects, o.parameters)

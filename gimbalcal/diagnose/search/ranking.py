@@ -26,11 +26,11 @@ from gimbalcal.diagnose.evidence.projection import (
     stack,
 )
 from gimbalcal.diagnose.library.candidates import Candidate, Layout, Library
-from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.diagnose.search.refine import refine
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
+from gimbalcal.views.core import Fit
 
 FIRST = 14  # of them
 KEEP, KEEP_FEW = 8, 2  # noises over which a second cause is judged, where something is found and where nothing is
@@ -98,7 +98,7 @@ class Weighed(Ranking):
 class Search(Weighed):
     """The same of a recording of known attitude, with its rows."""
 
-    o: Observations
+    o: Fit
     rows: ReducedRows
 
 
@@ -135,12 +135,12 @@ def needed(s: Ranking, best: Hypothesis) -> Hypothesis:
     return best
 
 
-def reduced(o: Observations, library: Library, among: Sequence[Node] = ()) -> ReducedRows:
+def reduced(o: Fit, library: Library, among: Sequence[Node] = ()) -> ReducedRows:
     """Calibration, causes and data as rows, for the noises of the grid and `among` others."""
-    return stack(o.reduce(o.Z), library.X, o.reduce(o.y[:, :, None]), coloured(o, among))
+    return stack(o.reduced(o.Z), library.X, o.reduced(o.residual[:, :, None]), coloured(o, among))
 
 
-def search(o: Observations, library: Library, nodes: Sequence[Node]) -> Search:
+def search(o: Fit, library: Library, nodes: Sequence[Node]) -> Search:
     """Singles, refinement, then pairs where a single cause is found wanting or none is found."""
     rows = reduced(o, library, nodes)
     projections = projected(nodes, rows)
@@ -151,7 +151,7 @@ def search(o: Observations, library: Library, nodes: Sequence[Node]) -> Search:
         rows = appended(rows, library.X, finer.X[:, library.X.shape[1] :])
         projections, library = projected(nodes, rows, projections), finer
         factors = bayes_factors(projections, library.layout)
-    w = weighed(library, projections, factors, o.kind)
+    w = weighed(library, projections, factors, o.view.kind)
     return Search(library, w.hypotheses, projections, w.null, w.joint, w.singles, w.share, o, rows)
 
 

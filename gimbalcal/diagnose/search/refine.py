@@ -13,11 +13,12 @@ import numpy as np
 from gimbalcal.diagnose.evidence.projection import Projection, ReducedRows, any_size, extended
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
 from gimbalcal.diagnose.library.known_noise import columns_at
-from gimbalcal.diagnose.rows.observations import Observations, absent_effect, restimulated
 from gimbalcal.effects import CATALOGUE, Effect, Stimulus, with_values
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.grids import Constant, between, kind, limits
 from gimbalcal.number import Array
+from gimbalcal.views.core import Fit, absent_effect
+from gimbalcal.views.known_attitude import restimulated
 
 ROUNDS = 3  # refinements of a constant, each narrowing its range fourfold
 FINE = 7  # values of a constant in one refinement
@@ -27,7 +28,7 @@ BRANCHES = 3  # positions at which the sign of a force may turn out to be the ot
 
 
 def refine(
-    o: Observations, library: Library, projections: Sequence[Projection], total: Array, joint: Array, rows: ReducedRows
+    o: Fit, library: Library, projections: Sequence[Projection], total: Array, joint: Array, rows: ReducedRows
 ) -> Library:
     """Add finer values of the non-linear constants around the best of each promising candidate."""
     best = float(total.max())
@@ -56,7 +57,7 @@ def _continuous(c: Candidate) -> list[Constant]:
     return [f for f in constants(CATALOGUE[c.effect]) if not kind(f).counts]
 
 
-def _narrowed(o: Observations, c: Candidate, p: Projection, rows: ReducedRows) -> list[tuple[Variant, Array]]:
+def _narrowed(o: Fit, c: Candidate, p: Projection, rows: ReducedRows) -> list[tuple[Variant, Array]]:
     """Finer values of each constant in turn about the best variant; as heavy together as it, then a third of that."""
     score = any_size(p, np.array([v.index for v in c.variants]))
     start = c.variants[int(np.argmax(score))]
@@ -68,7 +69,7 @@ def _narrowed(o: Observations, c: Candidate, p: Projection, rows: ReducedRows) -
     for _ in range(ROUNDS):
         before = best
         for f in fields:
-            for value in np.clip(between(f, *ranges[f.name], FINE + 2)[1:-1], *limits(f, o.stimulus)):
+            for value in np.clip(between(f, *ranges[f.name], FINE + 2)[1:-1], *limits(f, o.view.stimulus)):
                 there = {**here, f.name: float(value)}
                 X = columns_at(o, c, tuple(there.items()))
                 ln = float(any_size(extended(p, rows, X), np.arange(X.shape[1])))
@@ -94,7 +95,7 @@ def _shrunk(cell: tuple[float, float], value: float) -> tuple[float, float]:
     return value - width, value + width
 
 
-def _relinearised(o: Observations, c: Candidate, p: Projection) -> list[tuple[Variant, Array]]:
+def _relinearised(o: Fit, c: Candidate, p: Projection) -> list[tuple[Variant, Array]]:
     """For an effect that bends with its own size: secants at the size and calibration that fit best with it.
 
     Near null, small angles decide the sign of a force, and with it the branch of a law such as a dead zone: angles of
@@ -103,7 +104,7 @@ def _relinearised(o: Observations, c: Candidate, p: Projection) -> list[tuple[Va
     """
     if CATALOGUE[c.effect].linear or len(c.parameters) != 1:
         return []
-    Z, y = (p.node.whiten(o.reduce(A)) for A in (o.Z, o.y[:, :, None]))
+    Z, y = (p.node.whiten(o.reduced(A)) for A in (o.Z, o.residual[:, :, None]))
     at = c.variants[0].index[0]
     tangent = float(p.b[at, 0] / max(p.G.diagonal[at], 1e-12)) * c.parameters[0].sigma
     if tangent == 0.0:
@@ -120,7 +121,7 @@ def _relinearised(o: Observations, c: Candidate, p: Projection) -> list[tuple[Va
         if better.misfit > best.misfit - 1.0:
             break
         best = better
-    return [(Variant(c.variants[0].constants, (), 1.0, b.column), o.reduce(b.column[:, :, None])) for b in tried]
+    return [(Variant(c.variants[0].constants, (), 1.0, b.column), o.reduced(b.column[:, :, None])) for b in tried]
 
 
 @dataclass(frozen=True)
@@ -135,19 +136,19 @@ class _Bent:
 
 
 def _bent(
-    o: Observations, c: Candidate, p: Projection, Z: Array, y: Array, size: float, flipped: frozenset[int]
+    o: Fit, c: Candidate, p: Projection, Z: Array, y: Array, size: float, flipped: frozenset[int]
 ) -> _Bent | None:
     """Size and calibration fitted together by secants, the force at some positions held on the other side of null.
 
     None where the size runs off to where the law has no numbers.
     """
     sigma, stage = c.parameters[0].sigma, CATALOGUE[c.effect].stage
-    s = o.seen[stage]
+    s = o.rows.seen[stage]
     for _ in range(SECANTS):
         column = _secant(o, c, size, _other_side(s, c.axis, flipped, size))
         if not np.isfinite(column).all():
             return None
-        A = np.concatenate([Z, p.node.whiten(o.reduce(column[:, :, None]))], axis=1)
+        A = np.concatenate([Z, p.node.whiten(o.reduced(column[:, :, None]))], axis=1)
         x = np.linalg.lstsq(A, y[:, 0], rcond=1e-9)[0]
         found = float(x[-1]) * sigma
         if found == 0.0 or abs(found - size) < 0.01 * abs(size):
@@ -172,10 +173,10 @@ def _other_side(s: Stimulus, axis: str, flipped: frozenset[int], size: float) ->
     return s.at(force=force)
 
 
-def _secant(o: Observations, c: Candidate, size: float, s: Stimulus) -> Array:
+def _secant(o: Fit, c: Candidate, size: float, s: Stimulus) -> Array:
     """Column (n, C) per prior sigma of the change that this size of the parameter makes."""
-    cls, names = CATALOGUE[c.effect], o.stimulus.axis_names
-    none: Effect = absent_effect(c.effect, o.stimulus)
+    cls, names = CATALOGUE[c.effect], o.view.stimulus.axis_names
+    none: Effect = absent_effect(c.effect, o.view.stimulus)
     (made,) = with_values([none], c.parameters, np.array([size]), names)
     added = np.asarray(made.contribution(s)) - np.asarray(none.contribution(s))
-    return o.through(cls.stage, added.real) / size * c.parameters[0].sigma
+    return o.rows.through(cls.stage, added.real) / size * c.parameters[0].sigma

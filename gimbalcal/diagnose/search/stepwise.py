@@ -10,14 +10,14 @@ import numpy as np
 from gimbalcal.diagnose.evidence.odds import CLAIM, OFTEN, SINGLE
 from gimbalcal.diagnose.library.candidates import Candidate, Variant, layout_of
 from gimbalcal.diagnose.library.unknown_noise import causes, constants_of
-from gimbalcal.diagnose.rows.observations import absent_effect, refuse_too_little
 from gimbalcal.diagnose.search.likeliest import Taken, weigh
 from gimbalcal.diagnose.search.ranking import bayes_factors, is_usual, log_priors
 from gimbalcal.diagnose.search.refit import Model, projections, refit, start, with_columns, with_constants
 from gimbalcal.effects import Effect
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
-from gimbalcal.views.core import View
+from gimbalcal.views.core import View, absent_effect
+from gimbalcal.views.known_attitude import refuse_too_little
 
 MOST = 8  # rounds
 EXCHANGE = 1.0  # ln of odds by which another cause must be likelier to take a place

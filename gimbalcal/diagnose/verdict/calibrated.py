@@ -25,7 +25,6 @@ import gimbalcal
 from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.rows.observations import Observations, absent_effect
 from gimbalcal.diagnose.verdict.disagreement import Disagreement, disagreement
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters, values, with_values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
@@ -33,6 +32,7 @@ from gimbalcal.inference.information import Information, Solution, information, 
 from gimbalcal.number import Array
 from gimbalcal.readings import readings
 from gimbalcal.recording import Recording, when_recorded
+from gimbalcal.views.core import Fit, absent_effect
 
 ROUNDS = 4  # linearisations at most: each leaves a product of two errors of what is left
 FAR = 20.0  # prior sigmas of one step: interchanged positions ask for nonlinearities that no force could be read with
@@ -84,7 +84,7 @@ def found_of(causes: Sequence[Candidate], constants: Sequence[Constants], x: Arr
 
 
 def calibrated(
-    seen: Sequence[tuple[Observations, Node, Sequence[int]]],
+    seen: Sequence[tuple[Fit, Node, Sequence[int]]],
     found: Found,
     outcome: str,
     known: Calibration | None = None,
@@ -99,7 +99,7 @@ def calibrated(
     mine = solution.parameters
     held = found.held(mine)
     kept = [p for p in (known.parameters if known else ()) if p not in mine and p not in held]
-    kept = [p for p in kept if p.effect in {e.id for s in here for e in s.o.baseline}]
+    kept = [p for p in kept if p.effect in {e.id for s in here for e in s.o.effects}]
     wanted, n = (*mine, *held, *kept), len(mine)
     P = np.zeros((len(wanted), len(wanted)))
     P[:n, :n] = solution.covariance
@@ -107,7 +107,7 @@ def calibrated(
     if kept and known is not None:
         at = [known.parameters.index(p) for p in kept]
         P[n + len(held) :, n + len(held) :] = known.covariance[np.ix_(at, at)]
-    recordings = [s.o.recording for s in here]
+    recordings = [s.o.view.source for s in here]
     calibration = Calibration(
         method="diagnosis",
         effects=tuple(e for e in made if e.id in {p.effect for p in wanted}),
@@ -140,7 +140,7 @@ def origin(recordings: Sequence[Recording], causes: Sequence[str]) -> dict[str, 
 class _Share:
     """One recording: its rows, their noise, and the causes that it shows."""
 
-    o: Observations
+    o: Fit
     node: Node
     found: Found
     which: tuple[int, ...]
@@ -150,34 +150,33 @@ class _Share:
     def wanted(self) -> tuple[Parameter, ...]:
         """What is fitted: the constants of the model, and the causes."""
         causes = (p for i in self.which for p in self.found.causes[i].parameters)
-        return tuple(dict.fromkeys([*self.o.constants, *causes]))
+        return tuple(dict.fromkeys([*self.o.parameters, *causes]))
 
     @property
     def own(self) -> tuple[Parameter, ...]:
         """What of it is this recording's own and not carried."""
         once = {self.found.causes[i].effect for i in self.which if self.found.causes[i].once}
-        stood = {p for p in self.o.constants if CATALOGUE[p.effect].stage not in UNIT}
+        stood = {p for p in self.o.parameters if CATALOGUE[p.effect].stage not in UNIT}
         return tuple(p for p in self.wanted if p.effect in once or p in stood)
 
     def model(self) -> tuple[Effect, ...]:
         """The model of the baseline with the causes at the sizes that were told."""
-        effects, names = self.o.baseline, self.o.stimulus.axis_names
+        effects, names = self.o.effects, self.o.view.stimulus.axis_names
         at = np.cumsum([0, *(len(c.parameters) for c in self.found.causes)])
         for i in self.which:
             c = self.found.causes[i]
             if c.effect not in {e.id for e in effects}:
                 fixed = {name: value for name, value, _ in self.found.constants[i]}
-                effects = (*effects, absent_effect(c.effect, self.o.stimulus, c.source, **fixed))
+                effects = (*effects, absent_effect(c.effect, self.o.view.stimulus, c.source, **fixed))
             size = values(effects, c.parameters) + self.found.x[at[i] : at[i + 1]]
             effects = with_values(effects, c.parameters, size, names)
         return effects
 
     def information(self, effects: Sequence[Effect]) -> Information:
         """What the rows say of the wanted parameters, linearised at effects; without what is this recording's own."""
-        stages = dict.fromkeys(CATALOGUE[p.effect].stage for p in self.wanted)
-        rows = self.o.read.rows(effects, stages).over(self.o.sigma)
-        A = self.node.whiten(self.o.reduce(rows.jacobian(self.wanted)))
-        r = self.node.whiten(self.o.reduce(rows.residual[:, :, None]))[:, 0]
+        rows = self.o.view.evaluate(effects).over(self.o.sigma)
+        A = self.node.whiten(self.o.reduced(rows.jacobian(self.wanted)))
+        r = self.node.whiten(self.o.reduced(rows.residual[:, :, None]))[:, 0]
         wide = self.found.wide()
         told = information(A, r + A @ values(effects, self.wanted), [wide.get(p, p) for p in self.wanted])
         return told if self.alone else told.without([wide.get(p, p) for p in self.own])
@@ -194,7 +193,7 @@ def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Eff
         narrow = {w: p for p, w in found.wide().items()}
         solution = replace(solution, parameters=tuple(narrow.get(p, p) for p in solution.parameters))
         solution = _near(_with_sizes(solution, found, told), values(_union(models), solution.parameters))
-        names = here[0].o.stimulus.axis_names
+        names = here[0].o.view.stimulus.axis_names
         models = [
             with_values(m, mine, values_of(solution, mine), names)
             for s, m in zip(here, models, strict=True)
@@ -244,8 +243,8 @@ def _rms(here: Sequence[_Share], effects: Sequence[Effect]) -> dict[str, float]:
     """Root mean square of what is left, SI, by "quantity:axis"; of the first recording that has the channel."""
     out: dict[str, float] = {}
     for s in here:
-        mine = {p.effect for p in s.wanted} | {e.id for e in s.o.baseline}
-        left = readings(s.o.recording).residual([e for e in effects if e.id in mine])
-        for (quantity, axis), column in zip(s.o.channels, left.T, strict=True):
+        mine = {p.effect for p in s.wanted} | {e.id for e in s.o.effects}
+        left = readings(s.o.view.source).residual([e for e in effects if e.id in mine])
+        for (quantity, axis), column in zip(s.o.view.channels, left.T, strict=True):
             out.setdefault(f"{quantity}:{axis}", float(np.sqrt(np.mean(column**2))))
     return out

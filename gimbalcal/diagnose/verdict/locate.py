@@ -16,9 +16,9 @@ import numpy as np
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.evidence.projection import ReducedRows
 from gimbalcal.diagnose.result import Mismatch
-from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
+from gimbalcal.views.core import Fit
 
 DRAWS = 400
 LEFT = 1e-4  # probability that a clean recording looks as bad: what leaves less does not explain the data
@@ -54,9 +54,7 @@ class Scan:
         return float(self.p_values.min(initial=1.0))
 
 
-def scan(
-    o: Observations, rows: ReducedRows, node: Node, rng: np.random.Generator, explained: Array | None = None
-) -> Scan:
+def scan(o: Fit, rows: ReducedRows, node: Node, rng: np.random.Generator, explained: Array | None = None) -> Scan:
     """Scan the data (or what is left beside `explained` columns (R, p)) in one noise."""
     Q = rows.Q if explained is None or not explained.shape[1] else _beside(rows.Q, explained)
     fitted = np.linalg.qr(node.whiten(Q))[0]
@@ -109,28 +107,28 @@ def _scores(X: Array, data: Array, cells: int) -> tuple[Array, Array]:
     return np.asarray((b * (np.linalg.pinv(G, rcond=RANK, hermitian=True) @ b)).sum(axis=1)), rank
 
 
-def _cells(o: Observations) -> Iterator[tuple[list[Cell], Array]]:
+def _cells(o: Fit) -> Iterator[tuple[list[Cell], Array]]:
     """Cells, and in equal parts their reduced columns (R, p): a few at a time, as of positions there may be many."""
     cells: list[Cell] = []
     columns: list[Array] = []
     for where, words, basis in _patterns(o):
         w = basis.shape[1]
-        if columns and (w != columns[0].shape[1] // len(o.channels) or w * len(cells) >= CHUNK):
+        if columns and (w != columns[0].shape[1] // len(o.view.channels) or w * len(cells) >= CHUNK):
             yield cells, np.concatenate(columns, axis=1)
             cells, columns = [], []
-        X = np.zeros((*o.y.shape, w * len(o.channels)))
-        for k, (channel, axis) in enumerate(o.channels):
+        X = np.zeros((*o.residual.shape, w * len(o.view.channels)))
+        for k, (channel, axis) in enumerate(o.view.channels):
             X[:, k, w * k : w * (k + 1)] = basis
             cells.append(Cell(channel, axis, where, words))
-        columns.append(o.reduce(X))
+        columns.append(o.reduced(X))
     yield cells, np.concatenate(columns, axis=1)
 
 
-def _patterns(o: Observations) -> Iterator[tuple[dict[str, Any], str, Array]]:
+def _patterns(o: Fit) -> Iterator[tuple[dict[str, Any], str, Array]]:
     """Functions (n, m) of row to be scanned in every channel."""
-    s = o.stimulus
+    s = o.view.stimulus
     t = s.time / s.time[-1]
-    if o.kind == "multi-position":
+    if o.view.kind == "multi-position":
         for p in np.unique(s.position):
             yield {"positions": [int(p)]}, f"at position {p}", _column(s.position == p)
         start = np.exp(-s.since_move / max(1.0, 0.3 * float(s.since_move.max())))
@@ -153,11 +151,11 @@ def _patterns(o: Observations) -> Iterator[tuple[dict[str, Any], str, Array]]:
         yield {"covariate": name}, f"with {name}", _column(x - x.mean())
 
 
-def _lines(o: Observations) -> list[tuple[dict[str, Any], str, Array]]:
+def _lines(o: Fit) -> list[tuple[dict[str, Any], str, Array]]:
     """The strongest periods of a static run between two rows and a quarter of the run."""
-    s = o.stimulus
+    s = o.view.stimulus
     n = len(s.time)
-    y = o.single(o.y[:, :, None])[:, :, 0]
+    y = o.view.noise.weighted(o.residual[:, :, None])[:, :, 0]
     power = (np.abs(np.fft.rfft(y - y.mean(axis=0), axis=0)) ** 2).sum(axis=1)
     out = []
     for k in np.argsort(-power[4:])[:3] + 4:

@@ -91,7 +91,9 @@ def constant_value(s: Search, f: FittedCauses, j: int) -> tuple[tuple[str, float
 def calibration_fit(s: Search, f: FittedCauses) -> tuple[Array, Array, Array]:
     """Calibration constants, in prior sigmas, without and with what was found, and their sigma with it (q,) each."""
     o, node = s.o, f.projection.node
-    Z, X, y = (node.whiten(A) for A in (o.reduce(o.Z), s.library.X[:, list(f.index)], o.reduce(o.y[:, :, None])))
+    Z, X, y = (
+        node.whiten(A) for A in (o.reduced(o.Z), s.library.X[:, list(f.index)], o.reduced(o.residual[:, :, None]))
+    )
     q = Z.shape[1]
     before = np.linalg.lstsq(Z, y[:, 0], rcond=1e-9)[0]
     A = np.concatenate([Z, X], axis=1)

@@ -104,7 +104,7 @@ def without_single_walks(s: Search) -> Search:
     projections = tuple(p for p, k in zip(s.projections, kept, strict=True) if k)
     null, joint = s.null[kept], s.joint[kept]
     factors = null, logsumexp(joint, axis=0) - logsumexp(null), joint
-    w = weighed(s.library, projections, factors, s.o.kind)
+    w = weighed(s.library, projections, factors, s.o.view.kind)
     return replace(s, hypotheses=w.hypotheses, projections=projections, null=w.null, joint=w.joint, singles=w.singles)
 
 
@@ -140,6 +140,6 @@ def likeliest_walk(
 
 def _units(s: Search) -> dict[str, Array]:
     """One sigma of a row of each accelerometer, which is the unit of every noise of the search."""
-    sigma = np.broadcast_to(s.o.sigma, s.o.y.shape)[0]
-    own = {axis: k for k, (quantity, axis) in enumerate(s.o.channels) if quantity == "specific_force"}
+    sigma = np.broadcast_to(s.o.sigma, s.o.residual.shape)[0]
+    own = {axis: k for k, (quantity, axis) in enumerate(s.o.view.channels) if quantity == "specific_force"}
     return {axis: np.full(len(s.projections), sigma[k]) for axis, k in own.items()}

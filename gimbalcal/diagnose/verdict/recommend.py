@@ -17,12 +17,13 @@ import numpy as np
 from gimbalcal.diagnose.evidence.noise import nominal
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.known_noise import columns_at
-from gimbalcal.diagnose.rows.observations import Observations, fit_baseline
 from gimbalcal.diagnose.wording import spoken
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
+from gimbalcal.views.core import Fit
+from gimbalcal.views.known_attitude import fit_baseline
 
 TRIED = 12  # variants of the other cause: the grid of its constants
 ENOUGH = 720  # rows of a static run that a planned one is laid out with
@@ -47,15 +48,15 @@ class Advice:
     hours: float
 
 
-def advise(o: Observations, found: Candidate, variant: int, size: Array, other: Candidate) -> Advice:
+def advise(o: Fit, found: Candidate, variant: int, size: Array, other: Candidate) -> Advice:
     """The manoeuvre that separates `found`, at its fitted size in prior sigmas, from `other` fastest."""
     return fastest(o, lambda planned: separation(planned, found, variant, size, other))
 
 
-def fastest(o: Observations, gained: Callable[[Observations], float]) -> Advice:
+def fastest(o: Fit, gained: Callable[[Fit], float]) -> Advice:
     """The manoeuvre of the menu that brings most per hour; `gained`: ln Bayes factor of the planned rows."""
-    step = max(1, len(o.recording.time) // ENOUGH) if o.kind == "static-run" else 1
-    thin = o.recording.select(slice(None, None, step))
+    step = max(1, len(o.view.source.time) // ENOUGH) if o.view.kind == "static-run" else 1
+    thin = o.view.source.select(slice(None, None, step))
     best = Advice("", 0.0, 0.0)
     for m in menu(thin):
         ln_bayes = step * gained(planned_rows(m.apply(thin), o))
@@ -76,16 +77,16 @@ def told_apart(a: Advice, names: str) -> str:
     return f"No manoeuvre of the menu would tell {names} at this size: it takes another kind of input."
 
 
-def separation(o: Observations, found: Candidate, variant: int, size: Array, other: Candidate) -> float:
+def separation(o: Fit, found: Candidate, variant: int, size: Array, other: Candidate) -> float:
     """Expected log Bayes factor between the two causes in the nominal noise."""
     signal = columns_at(o, found, found.variants[variant].constants) @ size[:, None]
     return apart(o, signal, [columns_at(o, other, v.constants) for v in other.variants[:TRIED]])
 
 
-def apart(o: Observations, signal: Array, others: Iterable[Array]) -> float:
+def apart(o: Fit, signal: Array, others: Iterable[Array]) -> float:
     """Expected log Bayes factor of a signal (R, 1) against the best of other columns (R, p), in the nominal noise."""
     node = nominal(o)
-    Q = orthonormal(node.whiten(o.reduce(o.Z)))
+    Q = orthonormal(node.whiten(o.reduced(o.Z)))
     y = node.whiten(signal)[:, 0]
     y = y - Q @ (Q.T @ y)
     least = float(y @ y)
@@ -97,10 +98,10 @@ def apart(o: Observations, signal: Array, others: Iterable[Array]) -> float:
     return least / 2
 
 
-def planned_rows(recording: Recording, o: Observations) -> Observations:
+def planned_rows(recording: Recording, o: Fit) -> Fit:
     """Sensitivities of a planned recording; its readings do not matter, only where and when they would be taken."""
-    ids = tuple(dict.fromkeys(p.effect for p in o.constants))
-    return fit_baseline(recording, ids, o.baseline, steps=0)
+    ids = tuple(dict.fromkeys(p.effect for p in o.parameters))
+    return fit_baseline(recording, ids, o.effects, steps=0)
 
 
 def menu(recording: Recording) -> tuple[Manoeuvre, ...]:

@@ -14,11 +14,11 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.result import StatedNoiseFit
-from gimbalcal.diagnose.rows.observations import Observations, absent_effect
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.diagnose.verdict.model import FittedCauses
 from gimbalcal.inference.algebra import eigh
 from gimbalcal.number import Array
+from gimbalcal.views.core import Fit, absent_effect
 
 FOLDS = 12  # stretches of a static run
 
@@ -54,7 +54,7 @@ class Verification:
 def verify(s: Search, f: FittedCauses, physical: Array) -> Verification:
     """Fit and prediction in the noise of the final model; `physical` (n, C, p) are its columns, row by row."""
     Z, X, y, fold, by = _whitened(s, f, physical)
-    C = s.o.y.shape[1]
+    C = s.o.residual.shape[1]
     left, q = _residual(Z, y)
     rest, qx = _residual(np.concatenate([Z, X], axis=1), y)
     series = rest.reshape(-1, C)
@@ -71,16 +71,16 @@ def verify(s: Search, f: FittedCauses, physical: Array) -> Verification:
 def _whitened(s: Search, f: FittedCauses, physical: Array) -> tuple[Array, Array, Array, Array, str]:
     """Whitened Z, X, y and the fold of each row: in visits of the reduced rows, or in stretches of the raw ones."""
     o = s.o
-    n, C = o.y.shape
-    if o.kind == "static-run":
+    n, C = o.residual.shape
+    if o.view.kind == "static-run":
         fold = np.repeat(np.arange(n) * FOLDS // n, C)
-        rows = [o.single(A).reshape(n * C, -1) for A in (o.Z, physical, o.y[:, :, None])]
+        rows = [o.view.noise.weighted(A).reshape(n * C, -1) for A in (o.Z, physical, o.residual[:, :, None])]
         return rows[0], rows[1], rows[2][:, 0], fold, "time"
     node = f.projection.node
-    visits = o.stimulus.visit[o.starts]
+    visits = o.view.stimulus.visit[o.view.noise.starts]
     inside = _inside_dwell(s, f)
     ordinal = np.array([np.sum(visits[:i] == v) for i, v in enumerate(visits)]) if inside else visits
-    rows = [node.whiten(A) for A in (o.reduce(o.Z), o.reduce(physical), o.reduce(o.y[:, :, None]))]
+    rows = [node.whiten(A) for A in (o.reduced(o.Z), o.reduced(physical), o.reduced(o.residual[:, :, None]))]
     return rows[0], rows[1], rows[2][:, 0], np.repeat(ordinal, C), "parts of each dwell" if inside else "position"
 
 
@@ -118,25 +118,29 @@ def _held_out(A: Array, y: Array, fold: Array) -> float:
 def physical_columns(s: Search, f: FittedCauses) -> Array:
     """Columns (n, C, p) of what was found, before reduction, per prior sigma."""
     o = s.o
-    out = [np.zeros((*o.y.shape, 0))]
+    out = [np.zeros((*o.residual.shape, 0))]
     for m, v in zip(f.members, f.variants, strict=True):
         c = s.library.candidates[m]
         bent = c.variants[v].column
         if bent is not None:
             out.append(bent[:, :, None])
         elif not c.rival:
-            effect = absent_effect(c.effect, o.stimulus, c.source, **dict(c.variants[v].constants))
-            out.append(o.columns(effect, c.parameters) * np.array([p.sigma for p in c.parameters]))
+            effect = absent_effect(c.effect, o.view.stimulus, c.source, **dict(c.variants[v].constants))
+            out.append(o.rows.columns(effect, c.parameters) * np.array([p.sigma for p in c.parameters]))
     return np.concatenate(out, axis=-1)
 
 
-def residual_rows(o: Observations, added: Array) -> tuple[Array, Array]:
+def residual_rows(o: Fit, added: Array) -> tuple[Array, Array]:
     """Residuals (n, C) in sigma without and with what was `added` (n, C), the calibration refitted each time."""
-    Z = o.single(o.Z).reshape(o.y.size, -1)
-    return _refitted(o, Z, o.y), _refitted(o, Z, o.y - added)
+    Z = o.view.noise.weighted(o.Z).reshape(o.residual.size, -1)
+    return _refitted(o, Z, o.residual), _refitted(o, Z, o.residual - added)
 
 
-def _refitted(o: Observations, Z: Array, y: Array) -> Array:
+def _refitted(o: Fit, Z: Array, y: Array) -> Array:
     """y (n, C) less its calibration, which has the weighted columns Z (n C, q)."""
-    left, _ = _residual(Z, o.single(y[:, :, None]).ravel())
-    return left.reshape(y.shape) if o.weight is None else np.asarray(left.reshape(y.shape) / np.sqrt(o.weight))
+    left, _ = _residual(Z, o.view.noise.weighted(y[:, :, None]).ravel())
+    return (
+        left.reshape(y.shape)
+        if o.view.noise.weights is None
+        else np.asarray(left.reshape(y.shape) / np.sqrt(o.view.noise.weights))
+    )

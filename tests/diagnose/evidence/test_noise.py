@@ -8,10 +8,10 @@ from scipy.fft import dct
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.noise import LONE_WALK, coloured, lone_walks, nodes, settle
-from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.effects import Stage
 from gimbalcal.effects.process import covariance
 from gimbalcal.inference.noise_processes import chain
+from gimbalcal.views.known_attitude import fit_baseline
 from tests.diagnose.law_plants import held_before
 from tests.diagnose.plant import UG, on, record
 from tests.diagnose.small import covariance as covariance_of
@@ -34,14 +34,14 @@ def with_creep(size, seed=3):
 def test_rows_stay_as_measured_where_tails_are_heavy():
     o = fit_baseline(with_creep(150.0))
     settled = settle(o)
-    assert settled.heavy > 0.6
-    np.testing.assert_allclose(settled.y * settled.sigma, o.y * o.sigma, rtol=1e-12)
-    assert settled.weight is not None
-    np.testing.assert_allclose(settled.weight.mean(axis=0), 1.0, rtol=1e-12)
+    assert settled.view.noise.kurtosis > 0.6
+    np.testing.assert_allclose(settled.residual * settled.sigma, o.residual * o.sigma, rtol=1e-12)
+    assert settled.view.noise.weights is not None
+    np.testing.assert_allclose(settled.view.noise.weights.mean(axis=0), 1.0, rtol=1e-12)
 
 
 def test_an_effect_inside_dwells_costs_no_row_its_weight():
-    without, with_it = (settle(fit_baseline(with_creep(size))).weight for size in (0.0, 150.0))
+    without, with_it = (settle(fit_baseline(with_creep(size))).view.noise.weights for size in (0.0, 150.0))
     # the effect falls by 7 sigma of a row over the first minute, which a median of each block does not follow
     moved = np.abs(with_it - without)
     assert np.mean(moved > 0.25) < 0.02
@@ -56,9 +56,9 @@ def test_outliers_lose_their_weight_and_their_pull():
     channels["specific_force", "x"] = hit
     o = settle(fit_baseline(clean))
     spoiled = settle(fit_baseline(replace(clean, channels=channels)))
-    assert spoiled.weight[100::180, 0].max() < 0.05
+    assert spoiled.view.noise.weights[100::180, 0].max() < 0.05
     # twelve of 2160 rows, each worth 100 sigma of a row, in plain means 22 sigma of a block of 20
-    moved = (spoiled.reduce(spoiled.y[:, :, None]) - o.reduce(o.y[:, :, None]))[::3, 0]
+    moved = (spoiled.reduced(spoiled.residual[:, :, None]) - o.reduced(o.residual[:, :, None]))[::3, 0]
     assert np.abs(moved - np.median(moved)).max() < 2.0
 
 
@@ -67,7 +67,7 @@ def test_weighted_rows_have_unit_variance(tails):
     chi2, dof = 0.0, 0
     for seed in range(4):
         o = settle(fit_baseline(record(np.random.default_rng(seed), tails=tails, loose=0.0)))
-        y, Z = o.reduce(o.y[:, :, None])[:, 0], o.reduce(o.Z)
+        y, Z = o.reduced(o.residual[:, :, None])[:, 0], o.reduced(o.Z)
         left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-10)[0]
         chi2, dof = chi2 + left @ left, dof + len(y) - 17
     assert chi2 / dof == pytest.approx(1.0, abs=4 * np.sqrt(2 / dof))
@@ -89,12 +89,12 @@ def test_an_oscillation_keeps_its_size_in_heavy_tails(hours):
         return tails + np.outer(20 * UG * np.sin(2 * np.pi * r.t / (3600 * hours)), [0.0, 0.0, 1.0])
 
     o = settle(fit_baseline(at_rest(rng, error, 1.0)))
-    assert o.weight is not None
-    angle = 2 * np.pi * o.stimulus.time / (3600 * hours)
-    X = np.zeros((*o.y.shape, 2))
+    assert o.view.noise.weights is not None
+    angle = 2 * np.pi * o.view.stimulus.time / (3600 * hours)
+    X = np.zeros((*o.residual.shape, 2))
     X[:, 2] = np.stack([np.sin(angle), np.cos(angle)], axis=-1) / o.sigma[2]
-    A = np.concatenate([o.reduce(X), o.reduce(o.Z)], axis=1)
-    size = np.linalg.lstsq(A, o.reduce(o.y[:, :, None])[:, 0], rcond=1e-9)[0][:2] / UG
+    A = np.concatenate([o.reduced(X), o.reduced(o.Z)], axis=1)
+    size = np.linalg.lstsq(A, o.reduced(o.residual[:, :, None])[:, 0], rcond=1e-9)[0][:2] / UG
     # one row is 4 ug, 288 of them tell the amplitude to 0.35 ug: 4 sigma
     np.testing.assert_allclose(size, [20.0, 0.0], atol=1.4)
     assert o.sigma[2] < 1.5 * o.sigma[1]
@@ -106,20 +106,20 @@ def test_a_channel_that_always_reads_the_same_breaks_nothing(tails):
     r = at_rest(rng, (lambda r: 2 * UG * rng.standard_t(tails, (len(r.t), 3))) if tails else None, 1.0)
     stuck = {**r.channels, ("gimbal_angle", "outer"): np.zeros(len(r.time))}
     o = settle(fit_baseline(replace(r, channels=stuck)))
-    assert (o.weight is not None) == bool(tails)
-    assert np.all(np.isfinite(o.y))
+    assert (o.view.noise.weights is not None) == bool(tails)
+    assert np.all(np.isfinite(o.residual))
     assert np.all(o.sigma > 0)
 
 
 def of_rows(o, node):
     """Covariance (R, R) of reduced rows from the covariance of every process at every row, one dense product."""
-    s, n, C = o.stimulus, *o.y.shape
-    B = o.reduce(np.eye(n * C).reshape(n, C, n * C))  # (R, n C)
+    s, n, C = o.view.stimulus, *o.residual.shape
+    B = o.reduced(np.eye(n * C).reshape(n, C, n * C))  # (R, n C)
     V = B @ B.T
     (setting,) = node.noise["gimbal_angle"]
     K = covariance(setting, s.time, s.visit)
     for gimbal in range(3):
-        S = B * o.sensitivity[Stage.ENCODER][:, :, gimbal].ravel()
+        S = B * o.rows.sensitivity[Stage.ENCODER][:, :, gimbal].ravel()
         V += S @ np.kron(K, np.ones((C, C))) @ S.T  # one angle turns all channels
     return V
 
@@ -138,14 +138,14 @@ def test_the_walk_of_a_node_is_its_process_at_the_middle_of_each_block():
     o = fit_baseline(record(np.random.default_rng(5), dwell=12))
     still, walking = (next(n for n in nodes(o) if dict(n.name) == {"setting error": 1.0, "random walk": w})
                       for w in (0.0, 2.5))  # fmt: skip
-    V, W = (covariance_of(n, 3 * len(o.starts)) for n in (still, walking))
-    n, starts = len(o.y), o.starts
-    t = np.add.reduceat(o.stimulus.time, starts) / 2  # blocks of two rows
+    V, W = (covariance_of(n, 3 * len(o.view.noise.starts)) for n in (still, walking))
+    n, starts = len(o.residual), o.view.noise.starts
+    t = np.add.reduceat(o.view.stimulus.time, starts) / 2  # blocks of two rows
     walk = walking.noise["specific_force"][1]
     expected = 2 * np.kron(covariance(walk, np.append(0.0, t))[1:, 1:], np.eye(3))
     np.testing.assert_allclose(W - V, expected, atol=1e-10 * expected.max())
     # in units of a dwell mean the walk ends at 2.5 sigma; rows inside a block shift it by 1 % of that
-    whole = covariance(walk, o.stimulus.time)
+    whole = covariance(walk, o.view.stimulus.time)
     B = np.add.reduceat(np.eye(n), starts, axis=0) / np.sqrt(2)
     np.testing.assert_allclose(B @ whole @ B.T, expected[::3, ::3], atol=0.01 * expected.max())
     assert whole[-1, -1] * 12 == pytest.approx(2.5**2, rel=0.01)
@@ -156,8 +156,8 @@ def test_a_lone_walk_is_that_of_one_accelerometer():
     still = next(n for n in nodes(o) if dict(n.name) == {"setting error": 1.0, "random walk": 0.0})
     named = (("setting error", 1.0), ("random walk y", pytest.approx(250.0)))
     alone = next(n for n in lone_walks(o) if n.alone == "y" and n.name == named)
-    V, W = (covariance_of(n, 3 * len(o.starts)) for n in (still, alone))
-    t = np.add.reduceat(o.stimulus.time, o.starts) / 2  # blocks of two rows
+    V, W = (covariance_of(n, 3 * len(o.view.noise.starts)) for n in (still, alone))
+    t = np.add.reduceat(o.view.stimulus.time, o.view.noise.starts) / 2  # blocks of two rows
     process = alone.noise["specific_force"][1]
     expected = 2 * np.kron(covariance(process, np.append(0.0, t))[1:, 1:], np.diag([0.0, 1.0, 0.0]))
     np.testing.assert_allclose(W - V, expected, atol=1e-10 * expected.max())
@@ -166,16 +166,16 @@ def test_a_lone_walk_is_that_of_one_accelerometer():
 def test_a_static_node_is_the_covariance_of_its_processes():
     o = fit_baseline(at_rest(np.random.default_rng(1)))
     node = next(n for n in nodes(o) if dict(n.name) == {"random walk of forces": 6.0, "random walk of angles": 1.0})
-    n, C = o.y.shape
+    n, C = o.residual.shape
     low = dct(np.eye(n), axis=0, norm="ortho")[1 : coloured(o) // C]
     variance = (1 / node.inverse_root**2).reshape(-1, C)[1:]
-    for i, (quantity, _) in enumerate(o.channels):
+    for i, (quantity, _) in enumerate(o.view.channels):
         white, walk = node.noise[quantity]
         # a walk of unknown start, exactly: the inverse of its precision without the first row's own
-        diagonal, below = chain(walk, o.stimulus.time).precision
+        diagonal, below = chain(walk, o.view.stimulus.time).precision
         Lambda = np.diag(diagonal) + np.diag(below, 1) + np.diag(below, -1)
         Lambda[0, 0] -= 1 / (walk.N**2 * 600.0)
-        V = low @ (covariance(white, o.stimulus.time) + np.linalg.pinv(Lambda, hermitian=True)) @ low.T
+        V = low @ (covariance(white, o.view.stimulus.time) + np.linalg.pinv(Lambda, hermitian=True)) @ low.T
         np.testing.assert_allclose(V, np.diag(variance[:, i]), atol=1e-10 * V.max())
 
 
@@ -185,14 +185,16 @@ def test_a_lone_walk_of_a_static_run_is_that_of_one_accelerometer():
     for size in LONE_WALK:
         named = {"random walk of forces z": size, "random walk of angles": 1.0}
         (alone,) = (n for n in lone_walks(o) if dict(n.name) == named)
-        V = (1 / alone.inverse_root**2).reshape(-1, o.y.shape[1])
-        z = o.channels.index(("specific_force", "z"))
+        V = (1 / alone.inverse_root**2).reshape(-1, o.residual.shape[1])
+        z = o.view.channels.index(("specific_force", "z"))
         assert alone.alone == "z"
-        white = [i for i, (quantity, axis) in enumerate(o.channels) if quantity == "specific_force" and axis != "z"]
+        white = [
+            i for i, (quantity, axis) in enumerate(o.view.channels) if quantity == "specific_force" and axis != "z"
+        ]
         np.testing.assert_array_equal(V[:, white], 1.0)
-        G = (1 / grid.inverse_root**2).reshape(-1, o.y.shape[1])
+        G = (1 / grid.inverse_root**2).reshape(-1, o.residual.shape[1])
         np.testing.assert_allclose(V[: len(G), z] - 1, (G[:, z] - 1) * (size / 6.0) ** 2, rtol=1e-9)
         # what is taken for white beyond these modes costs no more than half a nat: ln of 1 + x, less x, halved
-        angle = np.pi * np.arange(len(V), len(o.y)) / len(o.y)
-        beyond = size**2 * 600.0 / (3600.0 * len(o.y)) / (2 - 2 * np.cos(angle))
+        angle = np.pi * np.arange(len(V), len(o.residual)) / len(o.residual)
+        beyond = size**2 * 600.0 / (3600.0 * len(o.residual)) / (2 - 2 * np.cos(angle))
         assert (beyond - np.log1p(beyond)).sum() / 2 < 0.6

@@ -20,11 +20,11 @@ from gimbalcal.diagnose.laws.law_advice import to_tell
 from gimbalcal.diagnose.laws.law_file import source
 from gimbalcal.diagnose.laws.law_search import Law, Place
 from gimbalcal.diagnose.library.variables import Variable, variables
-from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.effects import Stage
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, write
 from gimbalcal.report.words import headline
+from gimbalcal.views.known_attitude import fit_baseline
 from tests.benchmarks import unknown_mount
 from tests.diagnose import plant, static_plant
 
@@ -148,11 +148,18 @@ def test_a_law_of_another_size_in_each_recording_is_none() -> None:
 def test_what_tells_a_law_from_the_next_is_taken_from_the_menu() -> None:
     r = plant.record(np.random.default_rng(4), dwell=20)
     o = fit_baseline(r)
-    place = Place("specific_force", "z", variables(o.seen[Stage.ACCELEROMETER]), o.stimulus, o.block, lambda X: X)
+    place = Place(
+        "specific_force",
+        "z",
+        variables(o.rows.seen[Stage.ACCELEROMETER]),
+        o.view.stimulus,
+        o.view.noise.block,
+        lambda X: X,
+    )
     x, *follows = (next(v for v in place.variables if v.name == n) for n in ("force_x", "time", "temperature"))
 
     def law(v: Variable) -> Law:
-        plain = [next(t for t in terms(v, o.stimulus) if t.form.key == "x") for v in (x, v)]
+        plain = [next(t for t in terms(v, o.view.stimulus) if t.form.key == "x") for v in (x, v)]
         return Law(place, Expression(tuple(plain)), 50.0, None)  # type: ignore[arg-type]
 
     time, warm = map(law, follows)

@@ -7,11 +7,11 @@ import pytest
 
 from gimbalcal.diagnose.library.candidates import Candidate, by_mechanism, choices, eligible, of_effect, sources
 from gimbalcal.diagnose.library.known_noise import available, columns_at, library
-from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.effects import CATALOGUE, Effect, Stage, parameters
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
+from gimbalcal.views.known_attitude import fit_baseline
 from tests.diagnose.plant import at_strength, on, record
 
 GIMBALS = ("platform", "inner", "middle")
@@ -66,7 +66,7 @@ def test_columns_stand_where_the_variants_say() -> None:
     c = next(c for c in made.candidates if c.label == "warm_up:y")
     for v in c.variants:
         assert np.allclose(made.X[:, list(v.index)], columns_at(o, c, v.constants))
-    assert [v.constants for v in c.variants] == choices(CATALOGUE["warm_up"], o.stimulus)
+    assert [v.constants for v in c.variants] == choices(CATALOGUE["warm_up"], o.view.stimulus)
 
 
 EVERYWHERE = frozenset(Stage)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.library.known_noise import available, columns_at, library
-from gimbalcal.diagnose.rows.observations import absent_effect
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.forward import predict
+from gimbalcal.views.core import absent_effect
 from tests.diagnose.plant import ARCSEC, UG, turned
 from tests.diagnose.small import observed
 
@@ -26,13 +26,15 @@ def test_a_column_is_a_difference_of_two_predictions(label: str) -> None:
     """Half a prior sigma either way, reduced as the data are: sensors are linear to 1e-4 at such sizes."""
     c = next(c for c in LIBRARY.candidates if c.label == label)
     v = c.variants[len(c.variants) // 2]
-    made = absent_effect(c.effect, O.stimulus, c.source, **dict(v.constants))
+    made = absent_effect(c.effect, O.view.stimulus, c.source, **dict(v.constants))
     for k, p in enumerate(c.parameters):
         answers = []
         for sign in (0.5, -0.5):
-            (e,) = with_values([made], [p], values([made], [p]) + sign * p.sigma, O.stimulus.axis_names)
-            answers.append(predict(O.recording.platform, O.stimulus, (*O.baseline, e), O.kind)["specific_force"])
-        X = O.reduce(((answers[0] - answers[1]) / O.sigma)[:, :, None])[:, 0]
+            (e,) = with_values([made], [p], values([made], [p]) + sign * p.sigma, O.view.stimulus.axis_names)
+            answers.append(
+                predict(O.view.source.platform, O.view.stimulus, (*O.effects, e), O.view.kind)["specific_force"]
+            )
+        X = O.reduced(((answers[0] - answers[1]) / O.sigma)[:, :, None])[:, 0]
         np.testing.assert_allclose(LIBRARY.X[:, v.index[k]], X, atol=2e-4 * np.abs(X).max())
     np.testing.assert_allclose(columns_at(O, c, v.constants), LIBRARY.X[:, list(v.index)])
 
@@ -42,7 +44,7 @@ def test_what_is_in_the_model_is_no_candidate() -> None:
     assert not set(ids) & set(BASE)
     assert {c.effect for c in LIBRARY.candidates if not c.rival} <= set(ids)
     assert "cubic_nonlinearity" not in available(O, (*BASE, "cubic_nonlinearity"))
-    assert all(parameters(CATALOGUE[i], O.stimulus.axis_names) for i in ids)
+    assert all(parameters(CATALOGUE[i], O.view.stimulus.axis_names) for i in ids)
 
 
 def test_every_column_has_an_owner() -> None:
@@ -50,7 +52,7 @@ def test_every_column_has_an_owner() -> None:
     shown = np.flatnonzero(np.abs(LIBRARY.X).max(axis=0) > 0)
     assert set(shown.tolist()) <= owned
     assert max(owned) < LIBRARY.X.shape[1]
-    assert len(LIBRARY.X) == len(O.reduce(O.Z))
+    assert len(LIBRARY.X) == len(O.reduced(O.Z))
 
 
 def test_of_many_places_those_that_explain_most_are_weighed_with_the_share_of_all(

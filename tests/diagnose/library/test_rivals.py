@@ -11,7 +11,7 @@ from gimbalcal.number import Array
 from tests.diagnose.small import at_rest, observed
 
 O = observed(1, dwell=6)
-BLOCKS: list[Array] = [np.zeros((len(O.reduce(O.Z)), 1))]
+BLOCKS: list[Array] = [np.zeros((len(O.reduced(O.Z)), 1))]
 FOUND = rivals(O, BLOCKS)
 X = np.concatenate(BLOCKS, axis=1)
 
@@ -30,14 +30,14 @@ def left(rows: Array, c: Candidate) -> float:
 
 
 def along(axis: int, values: Array) -> Array:
-    column = np.zeros((*O.y.shape, 1))
+    column = np.zeros((*O.residual.shape, 1))
     column[:, axis, 0] = values
-    return O.reduce(column)[:, 0]
+    return O.reduced(column)[:, 0]
 
 
 @pytest.mark.parametrize("axis", [0, 2])
 def test_a_shape_spans_what_its_words_say(axis: int) -> None:
-    s, name = O.stimulus, "xyz"[axis]
+    s, name = O.view.stimulus, "xyz"[axis]
     scattered = np.random.default_rng(1).standard_normal(18)[s.position - 1]
     wave = np.cos(3 * np.pi * s.time / s.time[-1])
     u = s.force / s.gravity
@@ -54,7 +54,7 @@ def test_columns_are_of_one_size() -> None:
     for name in ("position", "time", "orientation"):
         for axis in "xyz":
             at = list(rival(f"unknown {name}", axis).variants[0].index)
-            rms = np.sqrt((X[:, at] ** 2).sum(axis=0) / O.y.shape[0])
+            rms = np.sqrt((X[:, at] ** 2).sum(axis=0) / O.residual.shape[0])
             assert np.median(rms) == pytest.approx(RIVAL_SIGMA, rel=0.1)  # means of six rows keep nearly all of it
 
 
@@ -72,7 +72,7 @@ def test_shapes_have_words_and_no_parameters() -> None:
 
 def test_a_static_run_has_its_own() -> None:
     o = at_rest(1)
-    blocks: list[Array] = [o.reduce(o.Z)]
+    blocks: list[Array] = [o.reduced(o.Z)]
     names = {c.effect for c in rivals(o, blocks)}
     assert "unknown position" not in names
     assert {"unknown time", "unknown orientation", "unknown temperature"} <= names

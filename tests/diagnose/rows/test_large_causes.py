@@ -7,17 +7,12 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.diagnose.evidence.noise import settle
-from gimbalcal.diagnose.rows.observations import (
-    Observations,
-    absent_effect,
-    fit_baseline,
-    given_back,
-    linearised_at,
-)
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
+from gimbalcal.views.core import Fit, absent_effect
+from gimbalcal.views.known_attitude import fit_baseline, given_back, linearised_at
 
 SCENARIO: dict[str, Any] = {
     "format": 1, "kind": "static-run", "site": {"latitude": {"value": 52.0, "unit": "deg"}},
@@ -28,12 +23,12 @@ SCENARIO: dict[str, Any] = {
 }  # fmt: skip
 
 
-def fitted(o: Observations, effect: str) -> tuple[float, Array, Array]:
+def fitted(o: Fit, effect: str) -> tuple[float, Array, Array]:
     """Reduced chi^2 of constants and one effect together, the constants' shift [prior sigmas], and the sizes [SI]."""
-    wanted = parameters(CATALOGUE[effect], o.stimulus.axis_names)
+    wanted = parameters(CATALOGUE[effect], o.view.stimulus.axis_names)
     scale = np.array([p.sigma for p in wanted])
-    X = o.columns(absent_effect(effect, o.stimulus), wanted) * scale
-    A, y = np.concatenate([o.reduce(o.Z), o.reduce(X)], axis=1), o.reduce(o.y[:, :, None])[:, 0]
+    X = o.rows.columns(absent_effect(effect, o.view.stimulus), wanted) * scale
+    A, y = np.concatenate([o.reduced(o.Z), o.reduced(X)], axis=1), o.reduced(o.residual[:, :, None])[:, 0]
     x = np.linalg.lstsq(A, y, rcond=1e-9)[0]
     q = o.Z.shape[-1]
     left = y - A @ x
@@ -48,11 +43,11 @@ def test_the_rows_about_a_large_cause_are_explained_by_it() -> None:
     o, wanted = fit_baseline(run, steps=0), parameters(CATALOGUE["gyro_drift"], run.platform.axis_names)
     first, shift, size = fitted(o, "gyro_drift")
     assert first > 1.2  # products of 1500 sigmas
-    found = [(absent_effect("gyro_drift", o.stimulus), wanted, size)]
+    found = [(absent_effect("gyro_drift", o.view.stimulus), wanted, size)]
     about = given_back(settle(linearised_at(o, shift, found)), found)
     chi2, _, size = fitted(about, "gyro_drift")
     assert abs(chi2 - 1) < 0.1
     np.testing.assert_allclose(np.rad2deg(size) * 3600, [0.002, 0, 0], atol=5e-6)
     # what can mimic it with more parameters has nothing more to explain
-    rows = about.y.size
+    rows = about.residual.size
     assert (chi2 - fitted(about, "gyro_g_sensitivity")[0]) * rows < 30

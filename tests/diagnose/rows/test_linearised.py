@@ -7,16 +7,11 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.diagnose.evidence.noise import settle
-from gimbalcal.diagnose.rows.observations import (
-    Observations,
-    absent_effect,
-    fit_baseline,
-    given_back,
-    linearised_at,
-)
 from gimbalcal.effects import parameters
 from gimbalcal.effects.thermal import ScaleTemperature
 from gimbalcal.simulate import simulate
+from gimbalcal.views.core import Fit, absent_effect
+from gimbalcal.views.known_attitude import fit_baseline, given_back, linearised_at
 
 UG = 9.80665e-6
 DAY: dict[str, Any] = {
@@ -31,8 +26,8 @@ DAY: dict[str, Any] = {
 }  # fmt: skip
 
 
-def misfit(o: Observations) -> float:
-    Z, y = o.reduce(o.Z), o.reduce(o.y[:, :, None])
+def misfit(o: Fit) -> float:
+    Z, y = o.reduced(o.Z), o.reduced(o.residual[:, :, None])
     left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-9)[0]
     return float((left**2).mean())
 
@@ -42,9 +37,12 @@ def test_bias_less_scale_is_no_copy_of_a_scale_factor_in_temperature() -> None:
     # which was "adequate" at 4700 sigma
     o = settle(fit_baseline(simulate(DAY, 1)[0], steps=0))
     wanted = [p for p in parameters(ScaleTemperature) if p.axis == "z"]
-    effect = absent_effect("scale_temperature", o.stimulus)
+    effect = absent_effect("scale_temperature", o.view.stimulus)
     size = np.array([150 * UG / np.sin(np.radians(40.0)) / 9.80])  # what looks like 150 ug/degC of bias
-    Z, y, taken = o.reduce(o.Z), *(o.reduce(x[:, :, None]) for x in (o.y, o.columns(effect, wanted) @ size))
+    Z, y, taken = (
+        o.reduced(o.Z),
+        *(o.reduced(x[:, :, None]) for x in (o.residual, o.rows.columns(effect, wanted) @ size)),
+    )
     shift = np.linalg.lstsq(Z, y - taken, rcond=1e-9)[0][:, 0]
     about = linearised_at(o, shift, [(effect, wanted, size)])
     assert misfit(about) < 1.5

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.evidence.noise import nodes, nominal, settle
-from gimbalcal.diagnose.rows.observations import MOST_ROWS, absent_effect, fit_baseline
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.forward import predict
 from gimbalcal.number import STEP
 from gimbalcal.recording import block_means, read
+from gimbalcal.views.core import absent_effect
+from gimbalcal.views.known_attitude import MOST_ROWS, fit_baseline
 from tests.diagnose.plant import ARCSEC, UG, record
 
 
@@ -26,13 +27,15 @@ def o():
      "gimbal_nonorthogonality", "base_tilt_drift", "post_move_creep", "position_blunder"],
 )  # fmt: skip
 def test_columns_are_the_derivatives_of_the_forward_model(o, effect):
-    wanted = parameters(CATALOGUE[effect], o.stimulus.axis_names)
-    made = absent_effect(effect, o.stimulus)
-    quick = o.columns(made, wanted)
+    wanted = parameters(CATALOGUE[effect], o.view.stimulus.axis_names)
+    made = absent_effect(effect, o.view.stimulus)
+    quick = o.rows.columns(made, wanted)
     x, columns = values([made], wanted), []
     for unit in np.eye(len(wanted)):
-        nudged = with_values((*o.baseline, made), wanted, x + 1j * STEP * unit, o.stimulus.axis_names)
-        columns.append(predict(o.recording.platform, o.stimulus, nudged, o.kind)["specific_force"].imag / STEP)
+        nudged = with_values((*o.effects, made), wanted, x + 1j * STEP * unit, o.view.stimulus.axis_names)
+        columns.append(
+            predict(o.view.source.platform, o.view.stimulus, nudged, o.view.kind)["specific_force"].imag / STEP
+        )
     whole = np.stack(columns, axis=-1) / o.sigma[:, None]
     # both are first derivatives at the same point: rounding only
     np.testing.assert_allclose(quick, whole, atol=1e-9 * np.abs(whole).max())
@@ -45,7 +48,7 @@ def test_noise_of_a_clean_recording_is_what_the_header_says(o):
 
 def test_heavy_tails_are_clipped_and_stay_white():
     settled = settle(fit_baseline(record(np.random.default_rng(1), tails=3.0)))
-    assert settled.heavy > 1
+    assert settled.view.noise.kurtosis > 1
     # Student's t with 3 degrees of freedom: the clipped mean is worth 1.5 to 2 times as many samples as the plain one
     assert np.all(settled.sigma < 0.9 * 20 * UG)
 
@@ -55,8 +58,8 @@ def test_setting_errors_have_the_covariance_of_the_node():
     node_chi2 = []
     for seed in range(6):
         loose = fit_baseline(record(np.random.default_rng(seed), loose=1.0))
-        y = nominal(loose).whiten(loose.reduce(loose.y[:, :, None]))[:, 0]
-        Z = nominal(loose).whiten(loose.reduce(loose.Z))
+        y = nominal(loose).whiten(loose.reduced(loose.residual[:, :, None]))[:, 0]
+        Z = nominal(loose).whiten(loose.reduced(loose.Z))
         left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-10)[0]
         node_chi2.append(left @ left / (len(y) - 17))
     assert np.mean(node_chi2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 300 / 6))
@@ -69,7 +72,7 @@ def test_priors_of_the_noise_sum_to_one(o):
 
 def test_an_unknown_baseline_is_refused(o):
     with pytest.raises(InputError, match="the baseline names 'bais', which is no effect"):
-        fit_baseline(o.recording, ["bais"])
+        fit_baseline(o.view.source, ["bais"])
 
 
 def test_a_long_static_run_is_averaged_first_and_says_the_same():
@@ -78,20 +81,20 @@ def test_a_long_static_run_is_averaged_first_and_says_the_same():
     assert means.weight.sum() == run.weight.sum()
     fine, coarse = fit_baseline(run), fit_baseline(means)
     C = np.linalg.pinv(np.einsum("ncp,ncq->pq", fine.Z, fine.Z), hermitian=True)
-    moved = values(fine.baseline, fine.constants) - values(coarse.baseline, coarse.constants)
-    moved /= np.array([p.sigma for p in fine.constants]) * np.sqrt(np.diag(C))
+    moved = values(fine.effects, fine.parameters) - values(coarse.effects, coarse.parameters)
+    moved /= np.array([p.sigma for p in fine.parameters]) * np.sqrt(np.diag(C))
     # 25 minutes shorten a turning force by 360 ppm, 1600 sigma of a scale factor; put back, the same readings say the
     # same but for the last block, which has fewer rows and stands for as many
     assert np.max(np.abs(moved)) < 3
     long = replace(run, time=np.arange(9000) * 20.0, weight=np.ones(9000),
                    channels={k: np.resize(v, 9000) for k, v in run.channels.items()})  # fmt: skip
-    assert len(fit_baseline(long, steps=0).y) <= MOST_ROWS
+    assert len(fit_baseline(long, steps=0).residual) <= MOST_ROWS
 
 
 def test_blocks_are_counted_without_gaps_where_a_position_has_few_rows(o):
     """A screen of laws takes a block's ordinal for its place among the means."""
-    r = o.recording
+    r = o.view.source
     rows = np.flatnonzero((r.position != 4) | (np.cumsum(r.position == 4) <= 2))
     few = fit_baseline(r.select(rows))
-    assert few.block.max() + 1 == len(few.starts) == len(o.starts) - 4
-    assert set(np.diff(few.block)) == {0, 1}
+    assert few.view.noise.block.max() + 1 == len(few.view.noise.starts) == len(o.view.noise.starts) - 4
+    assert set(np.diff(few.view.noise.block)) == {0, 1}

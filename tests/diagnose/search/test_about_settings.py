@@ -8,25 +8,26 @@ import numpy as np
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.noise import curved, nominal, settle
-from gimbalcal.diagnose.rows.observations import Observations, fit_baseline
 from gimbalcal.diagnose.search.about_settings import about_settings
 from gimbalcal.estimate.grade import graded
 from gimbalcal.number import Array
+from gimbalcal.views.core import Fit
+from gimbalcal.views.known_attitude import fit_baseline
 from tests.diagnose.grade_plant import PATTERNS, Rests, of_force, on_gimbals
 
 DEGREE = 3600.0
 
 
-def observed(setting: float) -> Observations:
+def observed(setting: float) -> Fit:
     """A clean unit in 18 positions of a table that sets its angles to so many arcsec."""
     r = on_gimbals(3, "tactical", setting=setting)
     return settle(fit_baseline(graded([r], "").of([r])[0]))
 
 
-def misfit(o: Observations) -> float:
+def misfit(o: Fit) -> float:
     """What the calibration leaves in the nominal noise, per row."""
     node = nominal(o)
-    Z, y = (node.whiten(o.reduce(x)) for x in (o.Z, o.y[:, :, None]))
+    Z, y = (node.whiten(o.reduced(x)) for x in (o.Z, o.residual[:, :, None]))
     left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-9)[0]
     return float((left**2).sum()) / (len(y) - Z.shape[1])
 
@@ -34,11 +35,12 @@ def misfit(o: Observations) -> float:
 def test_about_the_angles_of_each_visit_nothing_is_curved() -> None:
     loose = observed(DEGREE)
     about = about_settings(loose)
-    assert about.told < 0.01
-    again = about.read.rows(about.baseline).over(about.sigma)  # what is read there is what the rows hold
-    np.testing.assert_allclose(again.residual, about.rows.residual, atol=1e-6)
+    assert about.view.noise.setting_left < 0.01
+    again = about.view.evaluate(about.effects).over(about.sigma)  # what is read there is what the rows hold
+    np.testing.assert_allclose(again.residual, about.residual, atol=1e-6)
     assert 0.8 < misfit(about) < 1.3
-    assert misfit(replace(loose, told=about.told)) > 20  # the same noise about the angles that were read
+    same_noise = replace(loose, view=replace(loose.view, noise=about.view.noise))
+    assert misfit(same_noise) > 20  # about the angles that were read
 
 
 def test_settings_of_arcseconds_are_left_alone() -> None:

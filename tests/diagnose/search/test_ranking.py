@@ -87,7 +87,7 @@ def test_two_causes_are_found_as_a_pair() -> None:
 
 def test_shares_of_the_prior_make_a_whole() -> None:
     o = S.o
-    whole = library(o, BASELINE[o.kind])
+    whole = library(o, BASELINE[o.view.kind])
     prior = log_priors(whole.candidates)
     rival = np.array([bool(c.rival) for c in whole.candidates])
     assert np.exp(prior[rival]).sum() == pytest.approx(1.0)

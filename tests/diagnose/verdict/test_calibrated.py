@@ -13,7 +13,6 @@ from gimbalcal.calibration import Calibration, from_dict
 from gimbalcal.diagnose.evidence.noise import settle
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.known_noise import calibrated_alone
-from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.diagnose.search.combine import combine
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.diagnose.verdict.calibrated import calibrated, found_of
@@ -21,6 +20,7 @@ from gimbalcal.diagnose.verdict.model import fit_causes
 from gimbalcal.diagnose.verdict.pool import common_constants, parts, pooled
 from gimbalcal.recording import Recording, Source
 from gimbalcal.units import to_si
+from gimbalcal.views.known_attitude import fit_baseline
 from tests.diagnose import static_plant
 from tests.diagnose.plant import ARCSEC, UG, known, record
 from tests.diagnose.small import candidate, searched
@@ -69,12 +69,12 @@ def test_the_causes_have_the_sizes_that_were_told_and_the_others_go_with_them() 
     assert made.sigmas[at] == pytest.approx(np.sqrt(f.covariance[0, 0]) * p.sigma)
     # constants and cause from the same rows by one least squares, in the noise that is likeliest
     node, o = f.projection.node, s.o
-    A = np.concatenate([node.whiten(o.reduce(o.Z)), node.whiten(s.library.X[:, list(f.index)])], axis=1)
+    A = np.concatenate([node.whiten(o.reduced(o.Z)), node.whiten(s.library.X[:, list(f.index)])], axis=1)
     C = np.linalg.pinv(A.T @ A, rcond=1e-13, hermitian=True)
-    scale = np.array([q.sigma for q in o.constants])
+    scale = np.array([q.sigma for q in o.parameters])
     (turn,) = (set(u["direction"]) for u in made.unobservable)  # of the triad against the platform gimbal
     assert turn == {"misalignment:xz", "misalignment:yz", "gimbal_zero:platform"}
-    seen = np.array([q.label not in turn for q in o.constants])
+    seen = np.array([q.label not in turn for q in o.parameters])
     # the size of the cause is averaged over the noise, which widens what goes with it: bias y by 3 %
     np.testing.assert_allclose((made.sigmas[:-1] / scale)[seen], np.sqrt(np.diag(C))[:-1][seen], rtol=5e-2)
 

@@ -6,10 +6,10 @@ import pytest
 from gimbalcal.diagnose.evidence.noise import nodes, settle
 from gimbalcal.diagnose.evidence.odds import CLAIM, UNSURE
 from gimbalcal.diagnose.library.known_noise import library
-from gimbalcal.diagnose.rows.observations import fit_baseline
 from gimbalcal.diagnose.search.ranking import search
 from gimbalcal.diagnose.verdict.decide import decide, strained
 from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.views.known_attitude import fit_baseline
 from tests.diagnose.law_plants import Law, at_size, laws, unforeseen
 
 

@@ -10,11 +10,11 @@ from scipy.stats import chi2, kstest
 
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.evidence.projection import ReducedRows
-from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.diagnose.search.ranking import reduced
 from gimbalcal.diagnose.verdict import locate
 from gimbalcal.diagnose.verdict.locate import LISTED, Cell, Scan, mismatches, scan
 from gimbalcal.number import Array
+from gimbalcal.views.core import Fit
 from tests.diagnose.plant import known, on
 from tests.diagnose.small import at_rest, clean, covariance, few, noises, observed, rows_of
 
@@ -23,18 +23,18 @@ REST = at_rest(2)
 LIBRARY = few(TABLE, "scale_factor_asymmetry:y")
 
 
-def prepared(o: Observations) -> tuple[ReducedRows, Node]:
+def prepared(o: Fit) -> tuple[ReducedRows, Node]:
     (node,) = noises(o, 1)
-    label = "scale_factor_asymmetry:y" if o.kind == "multi-position" else "bias_drift:x"
+    label = "scale_factor_asymmetry:y" if o.view.kind == "multi-position" else "bias_drift:x"
     return reduced(o, few(o, label)), node
 
 
-def scanned(o: Observations, seed: int = 1, explained: Array | None = None) -> Scan:
+def scanned(o: Fit, seed: int = 1, explained: Array | None = None) -> Scan:
     rows, node = prepared(o)
     return scan(o, rows, node, np.random.default_rng(seed), explained)
 
 
-def fall_of_chi2(o: Observations, node: Node, columns: Array, beside: Array) -> float:
+def fall_of_chi2(o: Fit, node: Node, columns: Array, beside: Array) -> float:
     """Chi^2 that these columns (R, m) take away beside the calibration and others, in one noise."""
     Z, y = rows_of(o)
     root = np.linalg.inv(np.linalg.cholesky(covariance(node, len(y))))
@@ -56,9 +56,9 @@ def test_a_statistic_is_the_chi2_that_a_place_of_its_own_takes_away(beside: bool
     s = scan(o, rows, node, np.random.default_rng(1), X)
     for position, k in ((4, 0), (11, 2)):
         at = next(i for i, c in enumerate(s.cells) if c.where == {"positions": [position]} and c.axis == "xyz"[k])
-        column = np.zeros((*o.y.shape, 1))
-        column[o.stimulus.position == position, k] = 1.0
-        assert s.statistic[at] == pytest.approx(fall_of_chi2(o, node, o.reduce(column), X), rel=1e-4, abs=1e-4)
+        column = np.zeros((*o.residual.shape, 1))
+        column[o.view.stimulus.position == position, k] = 1.0
+        assert s.statistic[at] == pytest.approx(fall_of_chi2(o, node, o.reduced(column), X), rel=1e-4, abs=1e-4)
 
 
 @pytest.mark.parametrize(("position", "axis"), [(5, 1), (14, 0)])
@@ -89,7 +89,7 @@ def test_a_clean_recording_is_as_bad_somewhere_as_its_p_value_says(monkeypatch: 
     p = []
     for _ in range(80):
         o = clean(design, node, rng)
-        y = o.reduce(o.y[:, :, None])
+        y = o.reduced(o.residual[:, :, None])
         y = y - rows.Q @ (rows.Q.T @ y)
         here = ReducedRows(np.concatenate([rows.low[:, :-1], y], axis=1), rows.high, rows.q, rows.P, rows.Q, y)
         p.append(scan(o, here, node, rng).p_value)

@@ -7,7 +7,6 @@ import pytest
 
 from gimbalcal.diagnose.evidence.noise import nominal
 from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.rows.observations import Observations
 from gimbalcal.diagnose.verdict import recommend
 from gimbalcal.diagnose.verdict.recommend import (
     SETTLED,
@@ -22,18 +21,19 @@ from gimbalcal.diagnose.verdict.recommend import (
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
+from gimbalcal.views.core import Fit
 from tests.diagnose.small import at_rest, columns_at, covariance, few, observed, rows_of
 
 TABLE = observed(1, dwell=3)
 REST = at_rest(1)
-REVERSED, LATER, OBLIQUE, OTHER, WARMER = (m.words for m in menu(TABLE.recording))
+REVERSED, LATER, OBLIQUE, OTHER, WARMER = (m.words for m in menu(TABLE.view.source))
 
 
-def causes(o: Observations, *labels: str) -> tuple[Candidate, ...]:
+def causes(o: Fit, *labels: str) -> tuple[Candidate, ...]:
     return few(o, *labels).candidates
 
 
-def misfit_of_the_other(o: Observations, found: Candidate, size: Array, other: Candidate) -> float:
+def misfit_of_the_other(o: Fit, found: Candidate, size: Array, other: Candidate) -> float:
     """Half the least chi^2 that calibration and the other cause, at any size and constants, leave of this signal."""
     V = covariance(nominal(o), len(rows_of(o)[0]))
     root = np.linalg.inv(np.linalg.cholesky(V))
@@ -57,7 +57,7 @@ def test_separation_is_what_the_other_cause_cannot_follow(found: str, other: str
     here = separation(TABLE, i, 0, size, j)
     assert here == pytest.approx(misfit_of_the_other(TABLE, i, size, j), rel=1e-5)
     assert separation(TABLE, i, 0, 3 * size, j) == pytest.approx(9 * here, rel=1e-9)
-    planned = planned_rows(repeated(TABLE.recording, reverse=True), TABLE)
+    planned = planned_rows(repeated(TABLE.view.source, reverse=True), TABLE)
     assert separation(planned, i, 0, size, j) == pytest.approx(misfit_of_the_other(planned, i, size, j), rel=1e-5)
 
 
@@ -82,8 +82,8 @@ def test_the_manoeuvre_is_the_one_that_brings_most_per_hour(found: str, other: s
     size = np.full(len(i.parameters), 80.0)
     a = advise(TABLE, i, 0, size, j)
     rate = {}
-    for m in menu(TABLE.recording):
-        rate[m.words] = misfit_of_the_other(planned_rows(m.apply(TABLE.recording), TABLE), i, size, j) / m.hours
+    for m in menu(TABLE.view.source):
+        rate[m.words] = misfit_of_the_other(planned_rows(m.apply(TABLE.view.source), TABLE), i, size, j) / m.hours
     assert a.words == words == max(rate, key=lambda k: rate[k])
     assert a.ln_bayes / a.hours == pytest.approx(rate[words], rel=1e-5)
 
@@ -106,7 +106,7 @@ def test_a_manoeuvre_that_brings_too_little_is_not_advised() -> None:
 
 
 def test_manoeuvres_are_what_they_are_called() -> None:
-    r = TABLE.recording
+    r = TABLE.view.source
     n = len(r.time)
     for m in menu(r):
         made = m.apply(r)
@@ -128,7 +128,7 @@ def test_manoeuvres_are_what_they_are_called() -> None:
 
 
 def test_a_static_run_goes_on_as_the_earth_turns() -> None:
-    r = REST.recording
+    r = REST.view.source
     (m,) = menu(r)
     made, n = m.apply(r), len(r.time)
     assert np.ptp(made.time) == pytest.approx(2 * np.ptp(r.time) + np.diff(r.time)[0])

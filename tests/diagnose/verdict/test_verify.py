@@ -36,8 +36,8 @@ def test_held_out_positions_are_refits_without_each() -> None:
     v = verify(s, f, X)
     node, o = f.projection.node, s.o
     Z, y = (node.whiten(A) for A in (rows_of(o)[0], rows_of(o)[1][:, None]))
-    both = np.concatenate([Z, node.whiten(o.reduce(X))], axis=1)
-    fold = np.repeat(o.stimulus.position[o.starts], 3)
+    both = np.concatenate([Z, node.whiten(o.reduced(X))], axis=1)
+    fold = np.repeat(o.view.stimulus.position[o.view.noise.starts], 3)
     assert v.heldout_by == "position"
     assert v.heldout_before == pytest.approx(refitted_without_each(Z, y[:, 0], fold), rel=1e-6)
     assert v.heldout_after == pytest.approx(refitted_without_each(both, y[:, 0], fold), rel=1e-6)
@@ -85,7 +85,7 @@ def test_what_happens_at_one_place_or_moment_is_held_out_within_dwells(name: str
     X = physical_columns(s, f)
     v = verify(s, f, X)
     node, o = f.projection.node, s.o
-    A = node.whiten(np.concatenate([o.reduce(o.Z), o.reduce(X)], axis=1))
+    A = node.whiten(np.concatenate([o.reduced(o.Z), o.reduced(X)], axis=1))
     y = node.whiten(rows_of(o)[1][:, None])[:, 0]
     part = np.repeat(np.tile(np.arange(6), 18), 3)
     assert v.heldout_by == "parts of each dwell"
@@ -99,10 +99,12 @@ def test_a_static_run_is_held_out_in_stretches_of_time() -> None:
     f = fit_causes(s, (0,))
     X = physical_columns(s, f)
     v = verify(s, f, X)
-    n, C = o.y.shape
+    n, C = o.residual.shape
     fold = np.repeat(np.arange(n) * FOLDS // n, C)
     assert v.heldout_by == "time"
-    assert v.heldout_before == pytest.approx(refitted_without_each(o.Z.reshape(n * C, -1), o.y.ravel(), fold), rel=1e-5)
+    assert v.heldout_before == pytest.approx(
+        refitted_without_each(o.Z.reshape(n * C, -1), o.residual.ravel(), fold), rel=1e-5
+    )
 
 
 @pytest.mark.parametrize("label", ["scale_factor_asymmetry:y", "encoder_two_cycle:inner"])
@@ -110,8 +112,8 @@ def test_columns_of_a_finding_are_derivatives_of_the_forward_model(label: str) -
     s = searched(PLANTED, label)
     f = fit_causes(s, (candidate(s, label),))
     c, o = s.library.candidates[0], s.o
-    wanted = [p for p in parameters(CATALOGUE[c.effect], o.stimulus.axis_names) if p.axis == c.axis]
-    J = jacobian(o.recording.platform, o.stimulus, o.baseline, wanted, o.kind)["specific_force"]
+    wanted = [p for p in parameters(CATALOGUE[c.effect], o.view.stimulus.axis_names) if p.axis == c.axis]
+    J = jacobian(o.view.source.platform, o.view.stimulus, o.effects, wanted, o.view.kind)["specific_force"]
     whole = J * np.array([p.sigma for p in wanted]) / o.sigma[:, None]
     np.testing.assert_allclose(physical_columns(s, f), whole, atol=1e-6 * np.abs(whole).max())
 

@@ -1,0 +1,239 @@
+r"""Forces, and what else is read, of a platform whose attitude is known: dwells at gimbal angles, or a static run.
+
+The rows of `forward.linearise` about a fitted baseline are put in units of one sigma of a row: residuals (n, C) and the
+sensitivity of every channel to every stage, from which the column of any candidate is one product.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gimbalcal.effects import Effect, Parameter, Stage, Stimulus, values, with_values
+from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.effect import SENSOR_STAGES
+from gimbalcal.effects.process import SettingError
+from gimbalcal.errors import InputError
+from gimbalcal.forward import Rows
+from gimbalcal.inference.information import information, solve
+from gimbalcal.inference.noise_processes import one_sigma
+from gimbalcal.kinematics import refuse_other_platform
+from gimbalcal.number import Array
+from gimbalcal.readings import SENSOR_OF, Readings, readings
+from gimbalcal.recording import Recording, block_means, dwells
+from gimbalcal.recording.dwell import rests_are_means, whole_means
+from gimbalcal.recording.noise import sample_sigma, stated
+from gimbalcal.recording.record import FORCE
+from gimbalcal.units import to_si
+from gimbalcal.views.core import Fit, View
+from gimbalcal.views.noise import NoiseModel
+
+DEFAULT_SETTING = float(to_si(1.0, "arcsec"))
+FOLDS = 12  # stretches of a static run that are held out in turn
+KINDS = ("multi-position", "static-run")  # whose attitude and noise are known
+BLOCKS_IN_ALL = 108  # block means of a multi-position recording: 6 in each of 18 dwells, at least 2 in each of many
+NOISELESS = 1e-11  # of gravity: what a simulation without noise leaves
+STUCK = 1e-15  # one sigma of a channel that always reads the same, SI
+MOST_ROWS = 4000  # of a static run: 48 h come as minute means, and half a gigabyte of columns is enough
+
+
+def view_at_known_attitude(recording: Recording, baseline: Sequence[str] = (), known: Sequence[Effect] = ()) -> View:
+    """Return the view of dwells at known angles or of a static run; `known` are values that its scatter is seen about.
+
+    Raises InputError for a kind without a forward model or with missing channels.
+    """
+    recording = at_rest(recording)
+    refuse_unknown_attitude(recording)
+    read = readings(recording)
+    if not read.columns("specific_force"):
+        raise InputError(f"{recording.title!r} has no specific_force channel: there is nothing to explain")
+    noise = NoiseModel(
+        sigma=row_sigma(read, known),
+        stated=True,
+        block=_blocks(recording),
+        setting=one_sigma(stated(recording).get("gimbal_angle", (SettingError(DEFAULT_SETTING),))),
+    )
+    s, n = read.stimulus, len(recording.time)
+
+    def displaced(effects: Sequence[Effect], shift: Array) -> View:
+        there = replace(read, stimulus=s.at(readout=s.readout + shift))
+        moved = np.einsum("nck,nk->nc", there.rows(effects, [Stage.ENCODER]).sensitivity[Stage.ENCODER], shift)
+        return replace(view, evaluate=replace(there, value=there.value + moved).rows)
+
+    view = View(
+        "static run" if recording.kind.stabilised else "positions",
+        title=recording.title,
+        kind=recording.kind,
+        unit="",
+        channels=read.channels,
+        time=recording.time - recording.time[0],
+        stimulus=s,
+        evaluate=read.rows,
+        stages=frozenset(Stage),
+        baseline=tuple(baseline) or BASELINE[recording.kind],
+        grade=recording.grade,
+        groups=np.arange(n) * FOLDS // n if recording.kind.stabilised else s.visit,
+        noise=noise,
+        label=s.position,
+        read_gimbals=recording.axes("gimbal_angle"),
+        displaced=displaced,
+        source=recording,
+    )
+    return view
+
+
+def fit_baseline(
+    recording: Recording, baseline: Sequence[str] = (), known: Sequence[Effect] = (), steps: int = 2
+) -> Fit:
+    """Fit the baseline of this kind of recording and return residuals and sensitivities about it.
+
+    `known` are values to start from, `steps` the Gauss-Newton steps (none for a recording that is only planned).
+    """
+    view = view_at_known_attitude(recording, baseline, known)
+    names = view.stimulus.axis_names
+    # a gimbal that was not read has no zero to fit
+    every = (p for i in view.baseline for p in view.parameters_of(i))
+    wanted = tuple(p for p in every if p.axis not in names or p.axis in view.read_gimbals)
+    effects = with_values(tuple(known), wanted, values(tuple(known), wanted), names)
+    for _ in range(steps):
+        rows = view.evaluate(effects)
+        J = view.noise.scaled(rows.jacobian(wanted))
+        x = solve(information(J, view.noise.scaled(rows.residual).ravel(), wanted)).x  # unseen directions stay
+        effects = with_values(effects, wanted, values(effects, wanted) + x, names)
+    fit = linearised(view, effects, wanted)
+    refuse_too_little(view.title, fit.reduced(fit.Z))
+    return fit
+
+
+def linearised(view: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Fit:
+    """Return a view of stated noise linearised about effects."""
+    rows = view.evaluate(effects).over(np.asarray(view.noise.sigma))
+    view = replace(view, stages=frozenset(rows.sensitivity))
+    return Fit(view, tuple(effects), tuple(wanted), rows.residual, rows.jacobian(wanted), kept=rows)
+
+
+def over(fit: Fit, sigma: Array) -> Fit:
+    """Return the fit in units of sigma (C,) times the present ones."""
+    noise = replace(fit.view.noise, sigma=fit.sigma * sigma)
+    return replace(
+        fit, view=replace(fit.view, noise=noise), residual=fit.residual / sigma,
+        jacobian=fit.jacobian / sigma[:, None], kept=fit.rows.over(sigma),
+    )  # fmt: skip
+
+
+Sized = tuple[Effect, Sequence[Parameter], Array]  # an effect without size, linear parameters, their sizes (p,) in SI
+
+
+def linearised_at(o: Fit, shift: Array, found: Sequence[Sized]) -> Fit:
+    """The rows about constants shifted by (q,) prior sigmas and with causes in the model: what the whole model leaves.
+
+    Products of a large cause with itself and with the constants, which are many sigmas, are in these derivatives. What
+    a cause adds to a sensor's output is left out of those by the constants: it changes them by its own small size, and
+    where two of them are alike (bias and scale of a sensor in a steady force) their difference would be a copy of it.
+    """
+    names, made = o.view.stimulus.axis_names, []
+    effects = _shifted(o, shift)
+    made = [with_values((e,), wanted, size, names)[0] for e, wanted, size in _once(found)]
+    rows = _about(o.view, (*effects, *made), effects)
+    moving = [e for e in made if e.stage not in SENSOR_STAGES]
+    about = rows if len(moving) == len(made) else _about(o.view, (*effects, *moving), effects)
+    return replace(o, effects=effects, residual=rows.residual, jacobian=about.jacobian(o.parameters), kept=rows)
+
+
+def _about(view: View, effects: Sequence[Effect], named: Sequence[Effect]) -> Rows:
+    """Return rows about effects in units of the noise, in which only those that are `named` count as the model."""
+    return replace(view.evaluate(effects).over(np.asarray(view.noise.sigma)), effects=tuple(named))
+
+
+def _shifted(o: Fit, shift: Array) -> tuple[Effect, ...]:
+    """Return the model with its parameters shifted by (q,) prior sigmas."""
+    x = values(o.effects, o.parameters) + shift * np.array([p.sigma for p in o.parameters])
+    return with_values(o.effects, o.parameters, x, o.view.stimulus.axis_names)
+
+
+def given_back(o: Fit, found: Sequence[Sized]) -> Fit:
+    """The rows of `linearised_at` with what the causes explain back in the residuals, to first order about there."""
+    taken = sum((o.rows.columns(e, wanted) @ size for e, wanted, size in _once(found)), start=0 * o.residual)
+    return replace(o, residual=o.residual + taken)
+
+
+def _once(found: Sequence[Sized]) -> Sequence[Sized]:
+    """The first of each effect, which has its constants once."""
+    return tuple({e.id: (e, wanted, size) for e, wanted, size in reversed(found)}.values())
+
+
+def at_rest(recording: Recording) -> Recording:
+    """The rows that stand still, a long static run as means of blocks. Raises InputError where there are none."""
+    if recording.kind not in KINDS:
+        raise InputError(f"{recording.title!r} is a {recording.kind} recording; `diagnose` takes {', '.join(KINDS)}")
+    if recording.kind == "static-run":
+        refuse_other_platform(recording)
+    if recording.position is not None and np.any(recording.position == 0):
+        recording = whole_means(recording) if rests_are_means(recording) else recording.select(recording.position > 0)
+    if not len(recording.time):
+        raise InputError(f"{recording.title!r} has no dwell: every row has position 0, so nothing in it is at rest")
+    if recording.kind == "static-run" and len(recording.time) > MOST_ROWS:
+        return block_means(recording, -(-len(recording.time) // MOST_ROWS))
+    return recording
+
+
+def refuse_too_little(title: str, Z: Array) -> None:
+    """Raise InputError where the constants of the model, columns Z (N, q), take up all N numbers."""
+    if len(Z) <= Z.shape[-1] and np.linalg.matrix_rank(Z / (np.linalg.norm(Z, axis=0) + 1e-300)) == len(Z):
+        raise InputError(
+            f"{title!r} gives {len(Z)} numbers, and the constants of the model take up {len(Z)} of them: "
+            "nothing is left to compare; give a longer recording, or a --baseline of fewer effects"
+        )
+
+
+def refuse_unknown_attitude(recording: Recording) -> None:
+    """Raise InputError for positions without a readout of any gimbal."""
+    if recording.kind == "multi-position" and not recording.has("gimbal_angle"):
+        raise InputError(
+            f"{recording.title!r} has no gimbal_angle column, so its attitude is not known; add the readouts to "
+            "[columns], or name the platform 'bench'"
+        )
+
+
+def row_sigma(read: Readings, known: Sequence[Effect] = ()) -> Array:
+    """One sigma (C,) of a row. Raises InputError where neither the header nor three rows in a position tell it."""
+    told, visit = stated(read.recording), read.stimulus.visit
+    silent = [q for q, _ in read.channels if q not in told]
+    if silent and not np.any(visit[2:] == visit[:-2]):
+        raise InputError(
+            f"{read.recording.title!r} states no noise of the {SENSOR_OF[silent[0]]} and holds too few rows in a "
+            "position to show it: write it into [noise] of recording.toml"
+        )
+    one = sample_sigma(read.recording, read.channels, read.residual(known))
+    force = [i for i, (q, _) in enumerate(read.channels) if q == FORCE and q in silent]
+    if force and max(one[i] for i in force) < NOISELESS * read.recording.site.gravity:
+        raise InputError(
+            f"the accelerometers of {read.recording.title!r} do not scatter, and without a noise nothing can be "
+            "weighed: write it into [noise] of recording.toml"
+        )
+    return np.maximum(one, STUCK) / np.sqrt(np.median(read.recording.weight))
+
+
+def read_gimbals(view: View) -> list[int]:
+    """Return the ordinals of the gimbals whose angles were read."""
+    return [i for i, a in enumerate(view.stimulus.axis_names) if a in view.read_gimbals]
+
+
+def _blocks(recording: Recording) -> Array:
+    """Ordinal of the block (n,) that each row belongs to: equal parts of each dwell, single rows of one with few."""
+    if recording.kind == "static-run":
+        return np.zeros(0, dtype=int)
+    stays = dwells(recording)
+    parts = max(2, min(6, BLOCKS_IN_ALL // max(1, len(stays))))
+    out = np.zeros(len(recording.time), dtype=int)
+    for i, d in enumerate(stays):
+        n = d.stop - d.start
+        out[d.start : d.stop] = i * parts + np.arange(n) * parts // n
+    return np.asarray(np.cumsum(np.diff(out, prepend=out[0]) != 0))
+
+
+def restimulated(o: Fit, shift: Array, stage: Stage) -> Stimulus:
+    """Return what a stage experiences once the parameters are shifted by (q,) prior sigmas."""
+    return o.view.evaluate(_shifted(o, shift)).seen[stage]
