@@ -27,8 +27,9 @@ from gimbalcal.diagnose.search.about_settings import about_settings
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering
 from gimbalcal.diagnose.verdict.calibrated import calibrated, found_of
-from gimbalcal.diagnose.verdict.decide import Decision, bar, capped, strained, unnamed
+from gimbalcal.diagnose.verdict.decide import Decision, bar, strained, unnamed
 from gimbalcal.diagnose.verdict.detection_limits import detection_limits, limits_in_words
+from gimbalcal.diagnose.verdict.findings import axes_of, entry
 from gimbalcal.diagnose.verdict.locate import LEFT, Scan, mismatches, scan
 from gimbalcal.diagnose.verdict.model import FittedCauses, calibration_fit, constant_value, fit_causes
 from gimbalcal.diagnose.verdict.random_walk import decide_with_walk, repeat_advice, with_walk, without_single_walks
@@ -203,32 +204,19 @@ def measured(
 
 
 def findings(s: Search, d: Decision, f: FittedCauses) -> tuple[Finding, ...]:
-    """What is named: effect, axis, probability, significance, sizes, what it is confounded with and how to tell."""
-    candidates, out, at = s.library.candidates, [], 0
-    for j, m in enumerate(f.members):
-        c = candidates[m]
+    """Return what is named: effect, axis, probability, significance, sizes, what fits alike and how to separate it."""
+    out, at = [], 0
+    for n, j in enumerate(d.judgements):
+        c = j.cause
         size = f.x[at : at + len(c.parameters)]
         sigma = np.sqrt(np.diag(f.covariance))[at : at + len(c.parameters)]
         at += len(c.parameters)
-        confounded = [candidates[i] for i in d.confounded[j]]
         advice = ""
-        if confounded:
-            a = advise(s.o, c, f.variants[j], size, confounded[0])
-            advice = sentence(a, c, confounded[0])
-        rows = printed(c.parameters, size, sigma) + constants(c, constant_value(s, f, j))
-        out.append(finding(c, confounded, d.probability[j], f.significance[j], rows, advice))
+        if j.alike:
+            advice = sentence(advise(s.o, c, f.variants[n], size, j.alike[0]), c, j.alike[0])
+        rows = printed(c.parameters, size, sigma) + constants(c, constant_value(s, f, n))
+        out.append(entry(j, axes_of(j), f.significance[n], rows, advice))
     return tuple(out)
-
-
-def finding(
-    c: Candidate, confounded: Sequence[Candidate], probability: float, significance: float, rows: Sequence[Estimate],
-    advice: str,
-) -> Finding:  # fmt: skip
-    """One finding, on the axes of all causes that stand together."""
-    axes = list(dict.fromkeys(a for a in [c.axis, *(t.axis for t in confounded)] if a))
-    axes = [a for n, a in enumerate(axes) if not any(a in b for b in axes[:n])]
-    twins = tuple(t.effect for t in confounded)
-    return Finding(c.effect, " / ".join(axes), capped(probability), round(significance, 2), tuple(rows), twins, advice)
 
 
 def printed(parameters: Sequence[Parameter], size: Array, sigma: Array) -> list[Estimate]:

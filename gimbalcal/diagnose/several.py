@@ -18,7 +18,7 @@ from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import Curves, Diagnosis
 from gimbalcal.diagnose.both_triads import has_gyroscopes
 from gimbalcal.diagnose.evidence.odds import CLAIM
-from gimbalcal.diagnose.known_noise import constants, finding, measured, printed, searched, shape
+from gimbalcal.diagnose.known_noise import constants, measured, printed, searched, shape
 from gimbalcal.diagnose.laws.law_claims import APART, Lawful, lawful
 from gimbalcal.diagnose.result import (
     Finding,
@@ -32,16 +32,16 @@ from gimbalcal.diagnose.result import (
 )
 from gimbalcal.diagnose.rows.baseline import unfit
 from gimbalcal.diagnose.search.combine import CombinedRanking, combine
-from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.diagnose.unknown_noise import applies
 from gimbalcal.diagnose.verdict.calibrated import calibrated, found_of
 from gimbalcal.diagnose.verdict.decide import Decision, bar, decide
-from gimbalcal.diagnose.verdict.decide_together import clean_together, decide_together
 from gimbalcal.diagnose.verdict.disagreement import Disagreement
+from gimbalcal.diagnose.verdict.findings import axes_of, entry
 from gimbalcal.diagnose.verdict.locate import LISTED, Scan, mismatches
 from gimbalcal.diagnose.verdict.model import fit_causes
 from gimbalcal.diagnose.verdict.pool import Part, agreement, common_constants, parts, pooled
 from gimbalcal.diagnose.verdict.recommend import advise, sentence
+from gimbalcal.diagnose.verdict.threshold import clean_evidence_jointly
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES
@@ -81,8 +81,8 @@ def diagnose_several(
     tell("adding up the evidence of all recordings")
     c = combine(searches)
     tell("sending simulated clean recordings of these designs through the same comparison")
-    clean, alone = clean_together(c, rng)
-    d = decide_together(c, bar(clean))
+    clean, alone = clean_evidence_jointly(c, rng)
+    d = decide(c, bar(clean))
     tell("locating the mismatch and checking held-out data")
     law = lawful(c.searches, [c.within(d.shapes, k)[:1] for k in range(len(searches))], c, d.verdict, seed, tell)
     shares = _with_law(_shares(c, d, alone, rng), law)
@@ -164,7 +164,7 @@ def _report(
     }
     words = [wording.answer(d.verdict, named, unexplained, mismatch, fitted)]
     words += [f.agreement.in_words for f in named if f.agreement and f.agreement.in_words]
-    words.append(_each_alone(c, shares))
+    words.append(_each_alone(shares))
     made, between = _calibrated(c, d, shares, wording.reserve(d.verdict, named, unexplained), known)
     fitted = replace(fitted, constants=between)
     verdict, differ, recommend = d.verdict, between.in_words, law.recommend
@@ -213,10 +213,9 @@ def _findings(c: CombinedRanking, d: Decision, shares: Sequence[Part]) -> tuple[
         cause, at = c.library.candidates[m], slice(starts[j], starts[j + 1])
         rows = printed(cause.parameters, x[at], np.sqrt(np.diag(C))[at])
         rows += constants(cause, common_constants(c, members, shares, j))
-        confounded = [c.library.candidates[i] for i in d.confounded[j]]
         significance = float(np.sqrt(sum(p.fit.significance[p.slots.index(j)] ** 2 for p in shares if j in p.slots)))
         advice = _advice(c, d, shares, j, x[at])
-        made = finding(cause, confounded, d.probability[j], significance, rows, advice)
+        made = entry(d.judgements[j], axes_of(d.judgements[j]), significance, rows, advice)
         out.append(replace(made, recordings=_sizes(shares, j), agreement=_agreement(shares, j, made)))
     return tuple(out)
 
@@ -240,7 +239,8 @@ def _agreement(shares: Sequence[Part], slot: int, found: Finding) -> SizeAgreeme
 
 def _advice(c: CombinedRanking, d: Decision, shares: Sequence[Part], slot: int, size: Array) -> str:
     """What would tell a member from the cause most like it, in the recording that shows it best and could show both."""
-    for alike in d.confounded[slot][:1]:
+    for fits in d.judgements[slot].alike[:1]:
+        alike = next(i for i, one in enumerate(c.library.candidates) if one is fits)
         both = [k for k in c.sees(alike) if slot in shares[k].slots]
         for k in sorted(both, key=lambda k: -shares[k].fit.significance[shares[k].slots.index(slot)])[:1]:
             found = shares[k].search.library.candidates[shares[k].slots.index(slot)]
@@ -276,25 +276,20 @@ def _sums(shares: Sequence[Share], lead: int) -> StatedNoiseFit:
 def _row(c: CombinedRanking, k: int, x: Share) -> RecordingFit:
     """One recording in `fit`: what it is, its numbers, and what it alone would have said."""
     s = c.searches[k]
-    alone = SeparateVerdict(x.alone.verdict, _called(s, x.alone), round(s.ln_total, 3), round(x.needed, 3))
+    alone = SeparateVerdict(x.alone.verdict, _called(x.alone), round(s.ln_total, 3), round(x.needed, 3))
     return RecordingFit(k + 1, s.o.view.source.title, s.o.view.kind, x.fit, alone)
 
 
-def _called(s: Search, d: Decision) -> str:
-    """A verdict in a few words."""
+def _called(d: Decision) -> str:
+    """Return a verdict in a few words."""
     if d.verdict == "adequate":
         return "nothing is missing"
     if d.hypothesis is None:
         return "something is missing that no cause of the catalogue explains"
-    found = s.library.candidates
-    return " and ".join(
-        wording.named(found[m].effect, found[m].axis, [found[i].effect for i in confounded])
-        for m, confounded in zip(d.hypothesis.members, d.confounded, strict=True)
-    )
+    return " and ".join(wording.named(j.cause.effect, j.cause.axis, j.confounded) for j in d.judgements)
 
 
-def _each_alone(c: CombinedRanking, shares: Sequence[Share]) -> str:
+def _each_alone(shares: Sequence[Share]) -> str:
     """One sentence: what each recording would have said by itself."""
-    told_ = "; ".join(f"recording {k + 1}: {_called(s, x.alone)}"
-                      for k, (s, x) in enumerate(zip(c.searches, shares, strict=True)))  # fmt: skip
-    return f"With this model each alone would have said: {told_}."
+    verdicts = "; ".join(f"recording {k + 1}: {_called(x.alone)}" for k, x in enumerate(shares))
+    return f"With this model each alone would have said: {verdicts}."

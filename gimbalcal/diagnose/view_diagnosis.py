@@ -20,10 +20,10 @@ from gimbalcal.diagnose.result import Finding, LawResult, Mismatch, Shape, ViewF
 from gimbalcal.diagnose.search.refit import Model, projections, weighted
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering_in
 from gimbalcal.diagnose.search.stepwise import Course, course, refined, steps_of
-from gimbalcal.diagnose.verdict.alternatives import Judgement
 from gimbalcal.diagnose.verdict.decide import capped
 from gimbalcal.diagnose.verdict.detection_limits import detection_limits
 from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding
+from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.diagnose.verdict.locate_unknown_noise import mismatches
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, likeliest_walk, repeat_advice
 from gimbalcal.diagnose.verdict.view_fit import row_sigma, view_fit

@@ -14,8 +14,8 @@ from gimbalcal.diagnose.search.likeliest import Taken, weigh
 from gimbalcal.diagnose.search.ranking import is_usual
 from gimbalcal.diagnose.search.refit import Model, basis, constants_told, weighted
 from gimbalcal.diagnose.search.stepwise import Course, Key, steps_of, take
-from gimbalcal.diagnose.verdict.alternatives import Judgement, judged
 from gimbalcal.diagnose.verdict.decide import capped
+from gimbalcal.diagnose.verdict.judgement import Judgement, judged_without
 from gimbalcal.effects import CATALOGUE, values
 from gimbalcal.inference.information import keeps_prior
 from gimbalcal.pipeline import Tell
@@ -93,8 +93,8 @@ def judged_in_turn(v: View, c: Course) -> list[Judgement]:
         return []
     found = [s.taken[0] for s in c.steps]
     among = take(v, c.start, c.standard)
-    first = [judged(v, among, s.taken[0]) if s.taken in c.standard else None for s in c.steps]
-    return [judged(v, c.end, cause) if j is None or j.instead(found) else j
+    first = [judged_without(v, among, s.taken[0]) if s.taken in c.standard else None for s in c.steps]
+    return [judged_without(v, c.end, cause) if j is None or j.instead(found) else j
             for j, cause in zip(first, found, strict=True)]  # fmt: skip
 
 
@@ -109,7 +109,19 @@ def finding(v: View, c: Course, j: Judgement) -> Finding:
         for p, x, sigma in constants_told(v, m, e)
     ]
     axis = j.cause.axis if v.added is None else _element(j.cause.axis, rows)
-    return Finding(e, axis, capped(j.probability), round(j.sigma, 2), tuple(rows), j.confounded, _advice(j))
+    return entry(j, axis, j.significance or 0.0, rows, _advice(j))
+
+
+def entry(j: Judgement, axis: str, significance: float, estimates: Sequence[Estimate], advice: str) -> Finding:
+    """Return the finding of a claimed cause on an axis: sizes, what fits alike, and how to separate them."""
+    probability = capped(j.probability)
+    return Finding(j.cause.effect, axis, probability, round(significance, 2), tuple(estimates), j.confounded, advice)
+
+
+def axes_of(j: Judgement) -> str:
+    """Return the axes of a claimed cause and of those that fit alike, "x / y"."""
+    axes = list(dict.fromkeys(c.axis for c in [j.cause, *j.alike] if c.axis))
+    return " / ".join(a for n, a in enumerate(axes) if not any(a in b for b in axes[:n]))
 
 
 def _element(axis: str, rows: Sequence[Estimate]) -> str:

@@ -92,8 +92,7 @@ def decide_with_walk(s: Search, held: Search, needed: float) -> tuple[Decision, 
     other = decide(held, needed)
     if other.hypothesis is None or walk.ln_odds > CLAIM:
         return d, walk
-    shared = tuple(walk.share_of(p) for p in other.probability)
-    return replace(other, verdict="not-identifiable", probability=shared), walk
+    return replace(other.scaled(walk.share_of), verdict="not-identifiable"), walk
 
 
 def without_single_walks(s: Search) -> Search:

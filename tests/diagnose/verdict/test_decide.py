@@ -24,7 +24,7 @@ def test_a_cause_that_leaves_more_than_the_stated_noise_is_not_sure():
     d = decide(s)
     assert d.hypothesis is not None
     assert strained(s, d.hypothesis.members) > CLAIM
-    assert max(d.probability) <= UNSURE
+    assert max(j.probability for j in d.judgements) <= UNSURE
 
 
 @pytest.mark.parametrize("name", ["asymmetry", "two-cycle"])
@@ -33,10 +33,10 @@ def test_a_cause_that_leaves_the_stated_noise_is_sure(name):
     d = decide(s)
     assert d.hypothesis is not None
     assert strained(s, d.hypothesis.members) < CLAIM
-    assert min(d.probability) > UNSURE
+    assert min(j.probability for j in d.judgements) > UNSURE
 
 
 def test_nothing_named_has_nothing_to_be_sure_of():
     s = searched(laws(1)["asymmetry"], 5, 0.0)
     d = decide(s, threshold=float(np.inf))
-    assert (d.hypothesis, d.probability) == (None, ())
+    assert (d.hypothesis, d.judgements) == (None, ())

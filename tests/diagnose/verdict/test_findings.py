@@ -13,8 +13,8 @@ from gimbalcal.diagnose.rows.views import pointing
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.stepwise import steps_of
 from gimbalcal.diagnose.verdict import findings
-from gimbalcal.diagnose.verdict.alternatives import Judgement
 from gimbalcal.diagnose.verdict.findings import cancelling, drifts_as_one, finding, judged_in_turn
+from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.number import Array
 from gimbalcal.pipeline import silent
 from gimbalcal.recording import Recording
@@ -56,7 +56,7 @@ def test_what_something_else_is_likelier_to_be_is_not_named(monkeypatch: pytest.
     tilt, bend, like = (next(c for c in known if c.label == label) for label in LABELS)
     taken = [(c, c.variants[0]) for c in (tilt, bend, like)]
     told = {tilt.key: 0.9, bend.key: 0.8, like.key: 0.01}
-    monkeypatch.setattr(findings, "judged", lambda v, m, c: Judgement(c, told[c.key], 9.0, ()))
+    monkeypatch.setattr(findings, "judged_without", lambda v, m, c: Judgement(c, told[c.key], (), 9.0))
     kept, verdicts = findings.confirmed(v, steps_of(v, first, taken), silent)
     assert {s.taken[0].key for s in kept.steps} == {j.cause.key for j in verdicts} == {tilt.key, bend.key}
 
@@ -66,7 +66,7 @@ def test_a_strong_cause_that_is_refused_leaves_its_shape(monkeypatch: pytest.Mon
     v = pointing(telescope(2, north=25.0, east=-9.0, n=40))
     first = start(v)
     tilt = next(c for c in causes_of(v, first) if c.label == LABELS[0])
-    monkeypatch.setattr(findings, "judged", lambda v, m, c: Judgement(c, 0.001, 9.0, ()))
+    monkeypatch.setattr(findings, "judged_without", lambda v, m, c: Judgement(c, 0.001, (), 9.0))
     kept, verdicts = findings.confirmed(v, steps_of(v, first, [(tilt, tilt.variants[0])]), silent)
     assert (kept.steps, verdicts) == ((), [])
     assert kept.left
@@ -77,7 +77,9 @@ def test_what_is_likelier_than_a_refused_cause_takes_its_place(monkeypatch: pyte
     v = pointing(telescope(2, north=25.0, east=-9.0, n=40))
     first = start(v)
     like = next(c for c in causes_of(v, first) if c.label == LABELS[2])
-    monkeypatch.setattr(findings, "judged", lambda v, m, c: Judgement(c, 0.001 if c.key == like.key else 0.9, 9.0, ()))
+    monkeypatch.setattr(
+        findings, "judged_without", lambda v, m, c: Judgement(c, 0.001 if c.key == like.key else 0.9, (), 9.0)
+    )
     kept, verdicts = findings.confirmed(v, steps_of(v, first, [(like, like.variants[0])]), silent)
     assert [j.cause.label for j in verdicts] == [LABELS[0]]
     assert kept.end.rms < 0.2 * first.rms

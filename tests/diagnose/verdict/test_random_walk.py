@@ -15,6 +15,7 @@ from gimbalcal.diagnose.result import Shape
 from gimbalcal.diagnose.search.ranking import Hypothesis
 from gimbalcal.diagnose.search.single_axis_random_walk import CLOSE, wandering, weights
 from gimbalcal.diagnose.verdict.decide import Decision
+from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, with_walk, without_single_walks
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.process import RandomWalk
@@ -64,10 +65,10 @@ def test_a_weak_drift_is_told_with_the_walk_that_it_may_be():
     assert abs(np.median(held.singles)) < 5  # most causes are neither seen nor spoken against
     d, wander = decide_with_walk(s, held, CLAIM)
     assert d.verdict == "not-identifiable"
-    assert {s.library.candidates[i].effect for i in (*d.hypothesis.members, *d.confounded[0])} >= {"bias_drift"}
+    assert {d.judgements[0].cause.effect, *d.judgements[0].confounded} >= {"bias_drift"}
     assert -CLAIM < wander.ln_odds < CLAIM
     share = 1 / (1 + np.exp(wander.ln_odds))
-    assert d.probability[0] < share < 1
+    assert d.judgements[0].probability < share < 1
 
 
 def test_a_wave_that_a_walk_could_be_is_told_by_its_formula():
@@ -83,7 +84,7 @@ def test_a_clear_drift_is_no_walk():
     np.testing.assert_allclose(weights(s, [p.node for p in s.projections]), s.null, atol=1e-6)
     d, wander = decide_with_walk(s, without_single_walks(s), CLAIM)
     assert wander is None
-    assert "bias_drift" in {s.library.candidates[i].effect for i in (*d.hypothesis.members, *d.confounded[0])}
+    assert "bias_drift" in {d.judgements[0].cause.effect, *d.judgements[0].confounded}
 
 
 def test_what_wanders_is_said():
@@ -113,8 +114,8 @@ WALKS = [("", 0.0, 0.0), ("x", 8.0, -4.0), ("y", 1.0, np.log(1.5)), ("y", 4.0, n
 def test_a_walk_is_as_large_as_its_grid_says_on_the_axis_that_is_likeliest(monkeypatch):
     s = of_nodes(WALKS)
     needed = CLAIM
-    other = Decision("missing-physics", Hypothesis((0,), 9.0, 9.0), (), (0.8,), 0.9)
-    answers = iter([Decision("adequate", None, (), (), 0.0), other])
+    other = Decision("missing-physics", Hypothesis((0,), 9.0, 9.0), (Judgement(SimpleNamespace(), 0.8, ()),))
+    answers = iter([Decision("adequate"), other])
     monkeypatch.setattr("gimbalcal.diagnose.verdict.random_walk.decide", lambda *_: next(answers))
     d, wander = decide_with_walk(s, SimpleNamespace(ln_total=1.0), needed)
     assert wander.axis == "y"
@@ -123,14 +124,14 @@ def test_a_walk_is_as_large_as_its_grid_says_on_the_axis_that_is_likeliest(monke
     assert wander.sigma == pytest.approx(6.0 * np.sqrt(np.log(2.0) ** 2 + step**2 / 12), rel=0.01)
     assert wander.ln_odds == pytest.approx(np.log(3.0) - 1.0, abs=0.01)  # of three times nothing, to e times nothing
     assert d.verdict == "not-identifiable"
-    assert d.probability == (pytest.approx(0.8 * np.e / (np.e + 3.0), abs=0.005),)
+    assert d.judgements[0].probability == pytest.approx(0.8 * np.e / (np.e + 3.0), abs=0.005)
 
 
 @pytest.mark.parametrize(("ln_held", "told"), [(0.0, "adequate"), (9.0, "not-identifiable")])
 def test_a_walk_twenty_times_as_likely_as_any_cause_is_told_alone(monkeypatch, ln_held, told):
     s = of_nodes([("", 0.0, 0.0), ("z", 1.0, CLAIM + 0.5)])
-    other = Decision("missing-physics", Hypothesis((0,), 9.0, 9.0), (), (0.8,), 0.9)
-    answers = iter([Decision("adequate", None, (), (), 0.0), other])
+    other = Decision("missing-physics", Hypothesis((0,), 9.0, 9.0), (Judgement(SimpleNamespace(), 0.8, ()),))
+    answers = iter([Decision("adequate"), other])
     monkeypatch.setattr("gimbalcal.diagnose.verdict.random_walk.decide", lambda *_: next(answers))
     assert decide_with_walk(s, SimpleNamespace(ln_total=ln_held), CLAIM)[0].verdict == told
 

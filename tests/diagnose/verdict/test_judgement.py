@@ -9,7 +9,7 @@ import pytest
 
 from gimbalcal.diagnose.rows.views import pointing
 from gimbalcal.diagnose.search.stepwise import course, take
-from gimbalcal.diagnose.verdict.alternatives import judged
+from gimbalcal.diagnose.verdict.judgement import judged_without
 from gimbalcal.pipeline import silent
 from gimbalcal.recording import Recording
 from tests.diagnose.plant import ARCSEC
@@ -20,14 +20,14 @@ def test_a_clear_cause_is_likely_and_alone() -> None:
     v = pointing(telescope(1, north=12.0, east=-7.0))
     c = course(v, silent)
     (s,) = c.steps
-    j = judged(v, c.end, s.taken[0])
+    j = judged_without(v, c.end, s.taken[0])
     assert j.cause is s.taken[0]
     assert j.confounded == ()
     assert j.probability > 0.95
     # F test of its two columns: what they take away, over what is left
     before, after = (float((m.r**2).sum()) for m in (c.start, c.end))
     F = (before - after) / (after / (c.end.r.size - len(c.end.fitted)))
-    assert j.sigma == pytest.approx(np.sqrt(F), rel=0.1)  # the scale is the likeliest of a grid 15 % wide
+    assert j.significance == pytest.approx(np.sqrt(F), rel=0.1)  # the scale is the likeliest of a grid 15 % wide
 
 
 def test_a_weak_cause_is_less_likely() -> None:
@@ -35,9 +35,9 @@ def test_a_weak_cause_is_less_likely() -> None:
     strong = course(v, silent).steps[0].taken
     weak = pointing(telescope(1, north=0.3))
     end = take(weak, course(weak, silent).start, [strong])
-    j = judged(weak, end, strong[0])
+    j = judged_without(weak, end, strong[0])
     assert j.probability < 0.9
-    assert j.sigma < 4
+    assert j.significance < 4
 
 
 def low(r: Recording, n: int) -> Recording:
@@ -60,7 +60,7 @@ def test_laws_that_coincide_on_these_rows_are_told_together() -> None:
     v = pointing(low(telescope(2), 80))
     c = course(v, silent)
     (s,) = c.steps[:1]
-    j = judged(v, c.end, s.taken[0])
+    j = judged_without(v, c.end, s.taken[0])
     assert len(j.confounded) >= 2
     assert s.taken[0].effect not in j.confounded
     assert {"tube_flexure", "encoder_eccentricity", "refraction"} & {s.taken[0].effect, *j.confounded}

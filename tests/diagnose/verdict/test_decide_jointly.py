@@ -8,9 +8,9 @@ import pytest
 from gimbalcal.diagnose.evidence.projection import log_bayes
 from gimbalcal.diagnose.evidence.scale import ANY_SIZE
 from gimbalcal.diagnose.search.combine import CombinedRanking, combine
-from gimbalcal.diagnose.verdict.decide import decide, likeliest
-from gimbalcal.diagnose.verdict.decide_together import clean_together, decide_together, likeliest_together
-from gimbalcal.diagnose.verdict.threshold import anything, clean_singles
+from gimbalcal.diagnose.verdict.decide import decide
+from gimbalcal.diagnose.verdict.judgement import best_evidence
+from gimbalcal.diagnose.verdict.threshold import anything, clean_evidence_jointly, clean_singles
 from gimbalcal.inference.algebra import logsumexp
 from tests.diagnose.plant import known
 from tests.diagnose.small import candidate, observed, searched
@@ -43,8 +43,8 @@ def test_a_cause_has_one_size_in_all_recordings(c: CombinedRanking) -> None:
         ln = logsumexp(each + s.null[:, None], axis=0) - logsumexp(s.null)
         by_size += ln
         best += float(ln.max())
-        assert likeliest(s)[i] == pytest.approx(logsumexp(s.null + each.max(axis=1)) - logsumexp(s.null))
-    found = likeliest_together(c, ())[place(c, label)]
+        assert best_evidence(s)[i] == pytest.approx(logsumexp(s.null + each.max(axis=1)) - logsumexp(s.null))
+    found = best_evidence(c, ())[place(c, label)]
     assert found == pytest.approx(by_size.max())
     assert found <= best + 1e-9
 
@@ -52,13 +52,13 @@ def test_a_cause_has_one_size_in_all_recordings(c: CombinedRanking) -> None:
 def test_a_cause_that_one_recording_lacks_is_not_excused() -> None:
     """As strong in both is likelier than strong in one: what the second does not show counts against it."""
     at = place(UNLIKE, "scale_factor_asymmetry:y")
-    alone = likeliest(UNLIKE.searches[0])[candidate(UNLIKE.searches[0], "scale_factor_asymmetry:y")]
-    assert likeliest_together(UNLIKE, ())[at] < alone
-    assert likeliest_together(ALIKE, ())[at] > alone
+    alone = best_evidence(UNLIKE.searches[0])[candidate(UNLIKE.searches[0], "scale_factor_asymmetry:y")]
+    assert best_evidence(UNLIKE, ())[at] < alone
+    assert best_evidence(ALIKE, ())[at] > alone
 
 
 def test_shapes_have_no_size_to_compare() -> None:
-    ln = likeliest_together(ALIKE, ())
+    ln = best_evidence(ALIKE, ())
     rival = [bool(c.rival) for c in ALIKE.library.candidates]
     assert np.all(np.isneginf(ln[rival]))
     assert np.all(np.isfinite(ln[~np.array(rival)]))
@@ -66,18 +66,18 @@ def test_shapes_have_no_size_to_compare() -> None:
 
 def test_one_recording_together_is_that_recording() -> None:
     (s,) = ONE.searches
-    mine, theirs = decide_together(ONE, 3.0), decide(s, 3.0)
+    mine, theirs = decide(ONE, 3.0), decide(s, 3.0)
     assert mine.verdict == theirs.verdict == "missing-physics"
     assert mine.hypothesis is not None
     assert theirs.hypothesis is not None
     found = [ONE.library.candidates[m].label for m in mine.hypothesis.members]
     assert found == [s.library.candidates[m].label for m in theirs.hypothesis.members] == [LABELS[0]]
-    assert mine.probability[0] == pytest.approx(theirs.probability[0], abs=1e-6)
+    assert mine.judgements[0].probability == pytest.approx(theirs.judgements[0].probability, abs=1e-6)
 
 
 def test_the_bar_is_set_by_clean_recordings_of_all_designs() -> None:
     """Draws of each recording by itself, with the same random numbers, added up candidate by candidate."""
-    bar, alone = clean_together(ALIKE, np.random.default_rng(1))
+    bar, alone = clean_evidence_jointly(ALIKE, np.random.default_rng(1))
     rng = np.random.default_rng(1)
     drawn = [clean_singles(s, rng) for s in ALIKE.searches]
     for mine, d, s in zip(alone, drawn, ALIKE.searches, strict=True):
@@ -88,5 +88,5 @@ def test_the_bar_is_set_by_clean_recordings_of_all_designs() -> None:
             if ALIKE.place[i, k] >= 0:
                 summed[i] += d[ALIKE.place[i, k]]
     np.testing.assert_allclose(bar, logsumexp(summed + ALIKE.share[:, None], axis=0))
-    assert decide_together(ALIKE, float(np.quantile(bar, 0.99))).verdict == "missing-physics"
-    assert decide_together(ALIKE, 1e9).verdict == "adequate"
+    assert decide(ALIKE, float(np.quantile(bar, 0.99))).verdict == "missing-physics"
+    assert decide(ALIKE, 1e9).verdict == "adequate"

@@ -1,0 +1,203 @@
+"""What could stand in the place of a claimed cause: the causes that fit alike, and the probability of all of them.
+
+Causes whose evidence, each at its own best size, lies within a factor 20 of the best stand together. A set that is not
+sure is widened by the next likely causes to at most three.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gimbalcal.diagnose.evidence.odds import LIKELY, SURE, TOGETHER, UNSURE
+from gimbalcal.diagnose.evidence.projection import Projection, at_best, log_bayes
+from gimbalcal.diagnose.evidence.scale import ANY_SIZE
+from gimbalcal.diagnose.library.candidates import Candidate
+from gimbalcal.diagnose.search.combine import CombinedRanking
+from gimbalcal.diagnose.search.likeliest import ranked
+from gimbalcal.diagnose.search.ranking import Ranking, Weighed, given, likeliest_variants
+from gimbalcal.diagnose.search.refit import Model, projections, refit, weighted
+from gimbalcal.diagnose.search.stepwise import bar
+from gimbalcal.diagnose.wording import NAMED
+from gimbalcal.effects import with_values
+from gimbalcal.inference.algebra import logsumexp
+from gimbalcal.number import Array
+from gimbalcal.views.core import View
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A claimed cause, the probability of it and of those that fit alike, and its significance [sigma].
+
+    significance: beyond all else in the model; None where the fit of the causes tells it.
+    """
+
+    cause: Candidate
+    probability: float
+    alike: tuple[Candidate, ...]
+    significance: float | None = None
+
+    @property
+    def confounded(self) -> tuple[str, ...]:
+        """Ids of the effects that these rows do not distinguish from it."""
+        return tuple(c.effect for c in self.alike)
+
+    def instead(self, found: Sequence[Candidate]) -> bool:
+        """Return whether one of those that fit alike was found as well: then it stands beside this one."""
+        return any(
+            a.effect == c.effect and set(a.axis.split(", ")) & set(c.axis.split(", "))
+            for a in self.alike for c in found if c.key != self.cause.key
+        )  # fmt: skip
+
+
+def judgement(s: Ranking, member: int, others: Sequence[int], scores: Array, with_rest: bool = False) -> Judgement:
+    """Return what fits alike in the place of a member beside others, and the probability of all of these causes.
+
+    scores (candidates,): `best_evidence` beside the others; with_rest: a shape is claimed as well.
+    """
+    p, candidates = s.posterior(), s.library.candidates
+    alike = fits_alike(s, member, others, scores)
+    if not with_rest and _share(s, p, (member, *alike)) < SURE:
+        alike = _widened(s, p, member, alike, others)
+    probability = _share(s, p, (member, *alike), with_rest)
+    return Judgement(candidates[member], probability, tuple(candidates[i] for i in alike))
+
+
+def _share(s: Ranking, p: Array, alike: Sequence[int], with_rest: bool = False) -> float:
+    """Return the probability of all hypotheses that contain one of these causes: without a shape, or with one.
+
+    A law that leaves a rest may be another law much like it, so with a rest no cause is sure.
+    """
+    candidates = s.library.candidates
+    named = {candidates[i].effect for i in alike}
+    axes = {a for i in alike for a in candidates[i].axis.split(", ")}
+
+    def inside(i: int) -> bool:
+        return candidates[i].effect in named and bool(axes & set(candidates[i].axis.split(", ")))
+
+    total = sum(w for h, w in zip(s.hypotheses, p, strict=True)
+                if (with_rest or not h.unknown(candidates)) and any(inside(i) for i in h.members))  # fmt: skip
+    return float(UNSURE * total if with_rest else total)
+
+
+def fits_alike(s: Ranking, member: int, beside: Sequence[int], scores: Array) -> tuple[int, ...]:
+    """Return the candidates of other ids whose evidence at their own best size is within a factor 20 of this one's."""
+    candidates = s.library.candidates
+    alike = [
+        int(i)
+        for i in np.argsort(-scores)
+        if scores[i] > scores[member] - TOGETHER and not candidates[i].rival and i not in beside
+    ]
+    return _distinct(candidates, member, alike)
+
+
+def _distinct(candidates: Sequence[Candidate], member: int, alike: Sequence[int]) -> tuple[int, ...]:
+    """Return one candidate per id, other than the member's own."""
+    out: dict[str, int] = {}
+    for i in alike:
+        if candidates[i].effect != candidates[member].effect:
+            out.setdefault(candidates[i].effect, i)
+    return tuple(out.values())
+
+
+def _widened(s: Ranking, p: Array, member: int, alike: tuple[int, ...], beside: Sequence[int]) -> tuple[int, ...]:
+    """Add the next likely causes until the set is sure or has three."""
+    candidates = s.library.candidates
+    for h, share in zip(s.hypotheses, p, strict=True):
+        if share < LIKELY:
+            break
+        extra = [i for i in h.members if i not in beside]
+        if len(h.members) != len(beside) + 1 or h.unknown(candidates) or len(extra) != 1:
+            continue
+        if len(alike) >= NAMED - 1 or _share(s, p, (member, *alike)) >= SURE:
+            break
+        alike = (*alike, *_distinct(candidates, member, [i for i in extra if i not in alike]))
+        alike = _distinct(candidates, member, alike)
+    return alike
+
+
+def best_evidence(s: Ranking, others: Sequence[int] = ()) -> Array:
+    """Return ln evidence (candidates,) of each known cause at its best size, beside others, relative to nothing.
+
+    Of several recordings the size is the same in all.
+    """
+    if isinstance(s, CombinedRanking):
+        ln = _evidence_of_common_size(s, others)
+    else:
+        assert isinstance(s, Weighed)
+        ln = _evidence_of_any_size(s, others)
+    return np.where([bool(c.rival) for c in s.library.candidates], -np.inf, ln)
+
+
+def _evidence_of_any_size(s: Weighed, others: Sequence[int]) -> Array:
+    """Return the same of one recording, noise integrated over."""
+    rows = []
+    for p, ln in zip(s.projections, s.null, strict=True):
+        here, gained = p, 0.0
+        for i in others:
+            here, more = given(here, s.library.candidates[i])
+            gained += more
+        rows.append(at_best(here, s.library.layout) + ln + gained)
+    return np.asarray(logsumexp(np.stack(rows), axis=0) - logsumexp(s.null))
+
+
+def _evidence_of_common_size(c: CombinedRanking, others: Sequence[int]) -> Array:
+    """Return the same of several recordings, at the best plausible size common to all.
+
+    A size of its own in each would excuse a cause for being strong in one recording and absent from the next.
+    """
+    values, without = [], []
+    for k, s in enumerate(c.searches):
+        rows, base = [], []
+        for p, ln in zip(s.projections, s.null, strict=True):
+            here, gained = p, float(ln)
+            for i in c.within(others, k):
+                here, more = given(here, s.library.candidates[i])
+                gained += more
+            rows.append(_by_size(here, s.library.candidates) + gained)
+            base.append(gained)
+        values.append(logsumexp(np.stack(rows), axis=0) - logsumexp(s.null))
+        without.append(logsumexp(np.array(base)) - logsumexp(s.null))
+    return np.asarray(c.summed(values, without).max(axis=1))
+
+
+def _by_size(p: Projection, candidates: Sequence[Candidate]) -> Array:
+    """Return the ln Bayes factor (candidates, sizes) of each known cause at its best constants."""
+    out = np.zeros((len(candidates), len(ANY_SIZE)))
+    for i, c in enumerate(candidates):
+        if not c.rival:
+            at = np.array([v.index for v in c.variants])
+            out[i] = log_bayes(p, at, ANY_SIZE).max(axis=0)
+    return out
+
+
+def judged_without(v: View, end: Model, taken: Candidate) -> Judgement:
+    """Return the judgement of one cause from the view searched again without it, the others kept in the model.
+
+    What another cause would explain beside this one as well does not speak against this one: the two are a pair. Where
+    nothing at all is claimed in its place, in noise with a memory, its probability is none: of a hundred causes one
+    follows such a noise.
+    """
+    own = {(p.effect, p.field, p.axis) for p in taken.parameters}
+    wanted = [p for p in end.fitted if (p.effect, p.field, p.axis) not in own]
+    none = with_values(end.effects, taken.parameters, np.zeros(len(taken.parameters)), v.stimulus.axis_names)
+    without = refit(v, none, wanted)
+    s = ranked(v, without)
+    known = s.library.candidates
+    at = next(i for i, c in enumerate(known) if c.key == taken.key)
+    j = judgement(s, at, (), best_evidence(s), s.unknown > 0.5)
+    probability = 0.0 if s.ln_total < bar(v, taken) else j.probability
+    (variant,) = likeliest_variants(s, (at,))
+    sigma = _significance(v, without, end, s.library.X[..., list(known[at].variants[variant].index)])
+    return Judgement(taken, probability, j.alike, sigma)
+
+
+def _significance(v: View, without: Model, end: Model, X: Array) -> float:
+    """Return the significance of columns X (n, C, p) that a model lacks, in the likeliest noise of one with them."""
+    unit = float(np.sqrt(np.mean(weighted(v, end.r) ** 2)))
+    left = projections(v, end, X[..., :0], unit=unit)
+    k = int(np.argmax([np.log(p.node.prior) + p.log_likelihood()[0] for p in left]))
+    taken = projections(v, without, X, unit=unit)[k].explained(range(X.shape[-1]))
+    return float(np.sqrt(taken) / left[k].scale.sigma(left[k].misfit[0]))
