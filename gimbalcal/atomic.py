@@ -22,7 +22,7 @@ ENGINE_FULL = "os error"  # how an engine that is no Python's tells of the syste
 
 @contextmanager
 def file(path: Path) -> Iterator[Path]:
-    """A name to write to, beside `path`, that takes its place when the block ends; nothing is left where it fails."""
+    """Yield a name to write to in the folder of `path`, which takes its place when the block ends."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.part")
     try:
@@ -45,7 +45,7 @@ def write_json(path: Path, content: Mapping[str, Any] | Sequence[Any]) -> None:
 
 
 def as_json(content: Any, indent: int | None = None) -> str:
-    """JSON as every reader takes it: numbers that are none, which it has no word for, are null."""
+    """Return JSON as every reader takes it: NaN and infinity, for which it has no word, are null."""
     try:
         return json.dumps(content, indent=indent, allow_nan=False)
     except ValueError:
@@ -62,7 +62,7 @@ def _with_nulls(content: Any) -> Any:
 
 @contextmanager
 def folder(path: Path, last: str = "", belonging: Sequence[str] = ()) -> Iterator[Path]:
-    """A new folder to write files into, which becomes `path` when the block ends; nothing is left where it fails.
+    """Yield a new folder to write files into, which becomes `path` when the block ends; nothing remains where it fails.
 
     What is written may have folders of its own. Where `path` is a folder already its files of the same names are
     replaced, those `belonging` to them go where no new one was made, and others stay. It is exchanged as one for its
@@ -90,7 +90,7 @@ def folder(path: Path, last: str = "", belonging: Sequence[str] = ()) -> Iterato
 
 
 def _taken(made: Path, path: Path, last: str, belonging: Sequence[str]) -> None:
-    """Files into the folder `path`, all of them: no signal comes between; nothing is done where something cannot be."""
+    """Move files into the folder `path`, all of them or none: no signal comes between."""
     every = [each.relative_to(made) for each in made.rglob("*")]
     files = sorted((e for e in every if not (made / e).is_dir()), key=lambda e: (e.name == last, e))
     for each in every:
@@ -111,7 +111,7 @@ def _taken(made: Path, path: Path, last: str, belonging: Sequence[str]) -> None:
 
 
 def _exchanged(made: Path, path: Path, gone: Collection[Path]) -> bool:
-    """Whether `made` and what else is in `path`, but for those `gone`, took its place in one step; if not, nothing."""
+    """Return whether `made` with the rest of `path` except `gone` took its place in one step; else nothing changed."""
     if made.parent.parent != path.parent or not _exchangeable(path):
         return False
     whole = made.with_name("whole")
@@ -150,7 +150,7 @@ def _merged(made: Path, path: Path, whole: Path, gone: Collection[Path]) -> bool
 
 
 def _kept(made: Path, old: Path, path: Path, gone: Collection[Path]) -> None:
-    """What is not ours in the `old` folder into the one in its place: another may just have saved something new."""
+    """Move foreign files of the `old` folder into the one in its place: another process may have just saved one."""
     new = {each.name for each in made.iterdir()}
     for each in old.iterdir():
         if each.name in new and each.is_dir():
@@ -160,13 +160,13 @@ def _kept(made: Path, old: Path, path: Path, gone: Collection[Path]) -> None:
 
 
 def _exchangeable(path: Path) -> bool:
-    """Whether another folder can take the place of this one: no disk of its own, and we do not stand in it."""
+    """Return whether the folder can be replaced by another: it is no mount point, and not the working directory."""
     ours = os.access(path.parent, os.W_OK | os.X_OK)
     return ours and not _mounted(path) and not Path.cwd().is_relative_to(path)
 
 
 def _mounted(path: Path) -> bool:
-    """Whether a disk, or a folder of this one, is mounted at that place."""
+    """Return whether a disk, or a folder of it, is mounted at that place."""
     with suppress(OSError):
         if f" {path} " in Path("/proc/self/mountinfo").read_text(errors="replace"):
             return True
@@ -174,7 +174,7 @@ def _mounted(path: Path) -> bool:
 
 
 def _exchange(one: Path, other: Path) -> bool:
-    """Two folders under each other's name in one step of the system; False where there is no such step."""
+    """Exchange two folders in one step of the system, and return whether that was possible."""
     import ctypes  # not before: most of what is written needs none
 
     try:
@@ -185,14 +185,15 @@ def _exchange(one: Path, other: Path) -> bool:
 
 
 def _latest(made: Path) -> Path:
-    """The file that was written to last; of several within a tick of the clock the largest."""
+    """Return the file that was written last; of several within a tick of the clock the largest."""
     told = [(p.stat().st_mtime_ns, p.stat().st_size, p) for p in made.rglob("*") if p.is_file()]
     return max(told, default=(0, 0, made))[2]
 
 
 @contextmanager
 def _naming(path: Callable[[Path | None], Path]) -> Iterator[None]:
-    """A full disk as one sentence with the name of the file, which the system tells only sometimes, an engine never.
+    """Raise a full disk as one sentence with the name of the file, which the system reports only sometimes, an engine
+    never.
 
     path: the file's name, given the one that is told.
     """
@@ -211,6 +212,6 @@ def _naming(path: Callable[[Path | None], Path]) -> Iterator[None]:
 
 
 def _told(problem: Exception) -> int:
-    """The system's number of an error in the words of an engine that is no Python's; zero for none."""
+    """Return the system's number of an error from the words of an engine that is no Python's; zero for none."""
     found = re.findall(rf"{ENGINE_FULL} (\d+)", str(problem))
     return int(found[0]) if found else 0

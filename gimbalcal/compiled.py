@@ -24,7 +24,7 @@ class Compiled:
         return (self.machine or self.made())(*given)
 
     def made(self) -> Callable[..., Any]:
-        """The machine code, and that of the loops it calls in place of them: numba knows its own functions alone."""
+        """Return the machine code, with that of its loops in their place: numba knows its own functions alone."""
         if self.machine is None:
             from numba import njit
 
@@ -37,7 +37,7 @@ class Compiled:
 
 
 def compiled(loop: Callable[..., Any]) -> Callable[..., Any]:
-    """A function of arrays and numbers, compiled at its first call.
+    """Return a function of arrays and numbers that is compiled at its first call.
 
     A kernel stands in one file with its helpers, because the cache does not see changes in another, and in plain
     loops, which compile in a fifth of the time that products of matrices take.
@@ -46,7 +46,7 @@ def compiled(loop: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def interpreted_first(rows: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """The same of a loop over plain numbers that Python does itself for its first so many rows, of whatever calls.
+    """Return a loop over plain numbers that Python runs by itself for its first rows, of whatever calls.
 
     Rows are counted by the first argument. Where that is all there is, numba is never loaded.
     """

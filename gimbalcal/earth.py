@@ -28,7 +28,7 @@ GRAVITY_RATIO = 0.00344978650684  # m = omega^2 a^2 b / GM, Table 3.4
 
 
 def radii(latitude: float | NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    r"""Radii of curvature of the ellipsoid [m] at geodetic `latitude` (rad): M along the meridian, N across it.
+    r"""Return radii of curvature of the ellipsoid [m] at geodetic `latitude` (rad): M along the meridian, N across it.
 
     .. math:: M = \frac{a (1 - e^2)}{(1 - e^2 \sin^2 L)^{3/2}}, \qquad N = \frac{a}{\sqrt{1 - e^2 \sin^2 L}}
     """
@@ -37,7 +37,7 @@ def radii(latitude: float | NDArray[np.float64]) -> tuple[NDArray[np.float64], N
 
 
 def rate_at(latitude: float | NDArray[np.float64]) -> NDArray[np.float64]:
-    r"""Rotation of the Earth (..., 3) [rad/s] in north, east, down at geodetic `latitude` (rad).
+    r"""Return the rotation of the Earth (..., 3) [rad/s] in north, east, down at geodetic `latitude` (rad).
 
     .. math:: \omega_{ie} = \Omega \, (\cos L, \; 0, \; -\sin L)
     """
@@ -48,7 +48,7 @@ def rate_at(latitude: float | NDArray[np.float64]) -> NDArray[np.float64]:
 def normal_gravity(
     latitude: float | NDArray[np.float64], height: float | NDArray[np.float64] = 0.0
 ) -> NDArray[np.float64]:
-    r"""Gravity of the WGS-84 ellipsoid at geodetic `latitude` (rad) and `height` (m) above it, in m/s^2.
+    r"""Return the gravity of the WGS-84 ellipsoid at geodetic `latitude` (rad) and `height` (m) above it, in m/s^2.
 
     .. math::
         \gamma &= \frac{a \gamma_e \cos^2 L + b \gamma_p \sin^2 L}{\sqrt{a^2 \cos^2 L + b^2 \sin^2 L}} \\

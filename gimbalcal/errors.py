@@ -14,7 +14,7 @@ class InputError(ValueError):
 
 
 def amount(n: int, noun: str, plural: str = "") -> str:
-    """A number with its noun.
+    """Return a number with its noun.
 
     >>> amount(1, "rest position"), amount(7, "rest position"), amount(2, "axis", "axes")
     ('1 rest position', '7 rest positions', '2 axes')
@@ -23,7 +23,7 @@ def amount(n: int, noun: str, plural: str = "") -> str:
 
 
 def alternatives(items: Sequence[str]) -> str:
-    """Items of which one holds.
+    """Return items as a list of alternatives, "a, b or c".
 
     >>> alternatives(["a", "b", "c"])
     'a, b or c'

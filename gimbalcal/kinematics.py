@@ -31,7 +31,7 @@ EQUATORIAL = np.array([1.0, 1.0, 0.0])  # the part of an inertially fixed platfo
 
 
 def stimulus_from_angles(recording: Recording) -> Stimulus:
-    """What the hardware experienced as the gimbals tell it, or the Earth's turn in a static run; nothing is turning.
+    """Return the stimulus according to the gimbals, or to the Earth's turn in a static run; nothing is turning.
 
     Raises InputError for a unit without gimbals.
     """
@@ -40,7 +40,7 @@ def stimulus_from_angles(recording: Recording) -> Stimulus:
 
 
 def stimulus_from_readings(recording: Recording) -> Stimulus:
-    """What the hardware experienced, with readings in place of the truth where no gimbal tells it.
+    """Return the stimulus of a recording, with readings in place of the truth where no gimbal determines it.
 
     These are the force of a unit without gimbals and the rate wherever gyroscopes were logged. An effect evaluated
     there is off by the product of itself and the error of the reading; `correction` iterates that away.
@@ -52,7 +52,7 @@ def stimulus_from_readings(recording: Recording) -> Stimulus:
 
 
 def stimulus_from_truth(recording: Recording, force: Array, rate: Array) -> Stimulus:
-    """What the hardware experienced where force (n, 3) [m/s^2] and angular rate (n, 3) [rad/s] are known.
+    """Return the stimulus where force (n, 3) [m/s^2] and angular rate (n, 3) [rad/s] are known.
 
     Of the recording only time, gimbal readouts, positions and environment are used.
     """
@@ -94,7 +94,7 @@ def stimulus_from_truth(recording: Recording, force: Array, rate: Array) -> Stim
 
 
 def _ideal_attitude(recording: Recording, readout: Array) -> Array | None:
-    """C_np (n, 3, 3) of a perfect platform on a level base that points north; None for a unit without gimbals."""
+    """Return C_np (n, 3, 3) of a perfect platform on a level base to the north; None for a unit without gimbals."""
     if not recording.platform.axes:
         return None
     if recording.kind == "static-run":
@@ -103,13 +103,14 @@ def _ideal_attitude(recording: Recording, readout: Array) -> Array | None:
 
 
 def gimbal_load(platform: Platform, readout: Array) -> Array:
-    """Unit gravity (n, k, 3) in the frame that turns with each gimbal, on a level base."""
+    """Return unit gravity (n, k, 3) in the frame that turns with each gimbal, on a level base."""
     frames = [Platform(platform.name, platform.axes[i:]).attitude(readout[:, i:]) for i in range(len(platform.axes))]
     return np.stack([apply_matrix(C, DOWN) for C in frames], axis=1) if frames else np.zeros((len(readout), 0, 3))
 
 
 def ideal_force(recording: Recording, readout: Array) -> Array:
-    """Specific force in platform axes (n, 3) [m/s^2] of a perfect platform, from readouts or from the Earth's turn.
+    """Return the specific force in platform axes (n, 3) [m/s^2] of a perfect platform, from readouts or from the
+    Earth's turn.
 
     Raises InputError for a unit without gimbals, whose force no angle tells.
     """
@@ -132,12 +133,12 @@ def _true_angle(recording: Recording) -> Array | None:
 
 
 def lost_to_averaging(recording: Recording, force: Array) -> Array:
-    """What means over blocks have lost of the ideal force (n, 3) of a static run, whose equatorial part turns."""
+    """Return what means over blocks lose of the ideal force (n, 3) of a static run, whose equatorial part turns."""
     return shortening(recording)[:, None] * force * EQUATORIAL
 
 
 def shortening(recording: Recording) -> Array:
-    r"""1 - kappa (n,) of rows that are means of m samples h apart; zero for single samples.
+    r"""Return 1 - kappa (n,) of rows that are means of m samples h apart; zero for single samples.
 
     .. math:: \overline{\cos S_t} = \kappa \cos S_t(\bar t), \qquad
               \kappa = \frac{\sin(m \Omega h / 2)}{m \sin(\Omega h / 2)}
@@ -152,7 +153,7 @@ def shortening(recording: Recording) -> Array:
 
 
 def sidereal_phase(recording: Recording, readout: Array) -> Array:
-    """S_t (n,) [rad]: Earth rate x time, through the circular mean of what the platform gimbal reads less that."""
+    """Return S_t (n,) [rad]: Earth rate x time, plus the circular mean of the platform gimbal's readout less that."""
     refuse_other_platform(recording)
     turned = EARTH_RATE * (recording.time - recording.time[0])
     offset = readout[:, recording.platform.axis_names.index("platform")] - turned
@@ -169,34 +170,34 @@ def refuse_other_platform(recording: Recording) -> None:
 
 
 def with_phase_of_force(recording: Recording) -> Recording:
-    """The recording with a platform gimbal made from the direction of the force in the equatorial plane."""
+    """Return the recording with a platform gimbal made from the direction of the force in the equatorial plane."""
     f = recording.triad("specific_force")
     angle = np.arctan2(f[:, 1], f[:, 0])
     return replace(recording, channels={**recording.channels, ("gimbal_angle", "platform"): angle})
 
 
 def _last_move(x: Array, starts: Sequence[int], visit: Array, lag: int) -> Array:
-    """Change of x over the slew `lag` slews before each row; zero before that many slews happened."""
+    """Return the change of x over the slew `lag` slews before each row; zero before that many slews happened."""
     step = np.diff(x[list(starts)], axis=0, prepend=x[:1])
     before = np.concatenate([np.zeros_like(step[: lag - 1]), step])[: len(step)]
     return np.asarray(before[visit])
 
 
 def required_latitude(latitude: float | None) -> float:
-    """The latitude [rad] of the site. Raises InputError where the recording does not give it."""
+    """Return the latitude [rad] of the site. Raises InputError where the recording does not give it."""
     if latitude is None:
         raise InputError("a static run needs `latitude` in [site] of recording.toml: the Earth turns below it")
     return latitude
 
 
 def _inertial_direction(phase: Array, latitude: float) -> Array:
-    """Unit specific force of an inertially fixed platform (n, 3): Wu et al. (2018), Eq. (19)."""
+    """Return unit specific force of an inertially fixed platform (n, 3): Wu et al. (2018), Eq. (19)."""
     along = np.cos(latitude) * np.ones_like(phase)
     return np.stack([cos(phase) * along, sin(phase) * along, np.sin(latitude) * np.ones_like(phase)], axis=-1)
 
 
 def navigation_to_platform(phase: Array, latitude: float) -> Array:
-    """C_np (n, 3, 3) of a perfect inertially fixed platform: Wu et al. (2018), Eq. (18)."""
+    """Return C_np (n, 3, 3) of a perfect inertially fixed platform: Wu et al. (2018), Eq. (18)."""
     st, ct, sL, cL = sin(phase), cos(phase), np.sin(latitude), np.cos(latitude)
     one = np.ones_like(phase)
     rows = [[-ct * sL, -st, -ct * cL], [-st * sL, ct, -st * cL], [cL * one, 0 * one, -sL * one]]

@@ -19,7 +19,7 @@ STEP = 1e-30  # complex step; any value far below sqrt(smallest double) / larges
 
 
 def is_symbolic(x: ArrayLike) -> bool:
-    """Whether `x` holds sympy expressions (an object array)."""
+    """Return whether `x` holds sympy expressions (an object array)."""
     return np.asarray(x).dtype == object
 
 
@@ -46,7 +46,7 @@ sign = _elementwise("sign", lambda x: np.sign(x.real))
 
 
 def _complex_arcsin(x: Array) -> Array:
-    """Arc sine; for complex x the first-order extension about the real part that the complex step needs."""
+    """Return the arc sine; for complex x the first-order extension about the real part that the complex step needs."""
     if not np.iscomplexobj(x):
         return np.arcsin(x)
     return np.arcsin(x.real) + 1j * x.imag / np.sqrt(1 - x.real**2)
@@ -56,7 +56,7 @@ arcsin = _elementwise("asin", _complex_arcsin)
 
 
 def arctan2(y: ArrayLike, x: ArrayLike) -> Array:
-    """Quadrant-aware arc tangent of y / x [rad]; complex arguments carry their first-order part."""
+    """Return the quadrant-aware arc tangent of y / x [rad]; complex arguments carry their first-order part."""
     y, x = np.asarray(y), np.asarray(x)
     if is_symbolic(y) or is_symbolic(x):
         import sympy
@@ -69,7 +69,7 @@ def arctan2(y: ArrayLike, x: ArrayLike) -> Array:
 
 
 def minimum(x: ArrayLike, y: ArrayLike) -> Array:
-    """Smaller of two by the real part, keeping the imaginary part of the one chosen."""
+    """Return the smaller of two by the real part, keeping the imaginary part of the one chosen."""
     x, y = np.asarray(x), np.asarray(y)
     if is_symbolic(x) or is_symbolic(y):
         import sympy
@@ -79,18 +79,19 @@ def minimum(x: ArrayLike, y: ArrayLike) -> Array:
 
 
 def maximum(x: ArrayLike, y: ArrayLike) -> Array:
-    """Larger of two by the real part, keeping the imaginary part of the one chosen."""
+    """Return the larger of two by the real part, keeping the imaginary part of the one chosen."""
     return -minimum(-np.asarray(x), -np.asarray(y))
 
 
 def apply_matrix(matrix: ArrayLike, vector: ArrayLike) -> Array:
-    """Matrix times vector over leading dimensions: (..., 3, 3), (..., 3) to (..., 3)."""
+    """Return the matrix times vector over leading dimensions: (..., 3, 3), (..., 3) to (..., 3)."""
     product: Array = (np.asarray(matrix) @ np.asarray(vector)[..., None])[..., 0]
     return product
 
 
 def complex_step(function: Callable[[Array], Array], x: Array) -> Array:
-    """Exact derivative of an array (...) by the last axis of x: (..., p) for x (p,), row by row for x (n, p).
+    """Return the exact derivative of an array (...) by the last axis of x: (..., p) for x (p,), row by row for x (n,
+    p).
 
     Squire and Trapp (1998). The function must be made of this module's functions and arithmetic.
     """

@@ -72,7 +72,7 @@ class Platform:
         return tuple(own.sign * drawn.sign for own, drawn in zip(self.axes, drawing.axes, strict=True))
 
     def attitude(self, angles: ArrayLike, tilts: ArrayLike | None = None) -> Array:
-        """Direction cosine matrix from base to platform.
+        """Return the direction cosine matrix from base to platform.
 
         Parameters: angles (..., k) gimbal angles [rad] in the order of `axes`; tilts (..., k, 3) small rotation
         [rad] between axis i and the next one out. Returns C_bp (..., 3, 3). Raises ValueError for a wrong k.
@@ -122,7 +122,7 @@ KNOWN: dict[str, Platform] = {
 
 
 def known(name: str, kind: str = "multi-position") -> Platform | None:
-    """The platform literal of that name; a static run of the space-stable one reads inertial angles (Eq. (4))."""
+    """Return the known platform of that name; a static run of the space-stable one reads inertial angles (Eq. (4))."""
     if name == "space-stable" and kind == "static-run":
         return SPACE_STABLE_INERTIAL
     return KNOWN.get(name)

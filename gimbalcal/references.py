@@ -92,7 +92,7 @@ REFERENCES: Mapping[str, str] = MappingProxyType(
 
 
 def cite(*keys: str) -> tuple[str, ...]:
-    """The citations of `keys`, in the order of first mention and each once.
+    """Return the citations of `keys`, in the order of first mention and each once.
 
     Raises KeyError with the unknown key and the known ones: a developer writes citations, not a user.
     """

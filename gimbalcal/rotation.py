@@ -16,7 +16,7 @@ from gimbalcal.number import Array, cos, sin
 
 
 def frame_rotation(direction: str, angle: ArrayLike) -> Array:
-    r"""Direction cosine matrix of a frame turned by `angle` about one of its axes (passive rotation).
+    r"""Return the direction cosine matrix of a frame turned by `angle` about one of its axes (passive rotation).
 
     .. math:: R_x(a) = \begin{bmatrix} 1&0&0\\ 0&\cos a&\sin a\\ 0&-\sin a&\cos a \end{bmatrix}
 
@@ -36,7 +36,8 @@ def frame_rotation(direction: str, angle: ArrayLike) -> Array:
 
 
 def tilt_rotation(tilt: ArrayLike) -> Array:
-    r"""Frame rotation by three small angles about x, then y, then z: ``Rz Ry Rx``; (..., 3) [rad] to (..., 3, 3).
+    r"""Return the frame rotation by three small angles about x, then y, then z: ``Rz Ry Rx``; (..., 3) [rad] to (...,
+    3, 3).
 
     Multiplied out, as it stands in every link of every chain:
 
@@ -54,20 +55,20 @@ def tilt_rotation(tilt: ArrayLike) -> Array:
 
 
 def small_rotation_vector(C: Array) -> Array:
-    """First-order rotation vector (..., 3) [rad] of a frame rotation near identity: C = 1 - [v x]."""
+    """Return the first-order rotation vector (..., 3) [rad] of a frame rotation near identity: C = 1 - [v x]."""
     pairs = ((1, 2), (2, 0), (0, 1))
     return np.stack([(C[..., i, j] - C[..., j, i]) / 2 for i, j in pairs], axis=-1)
 
 
 def cross_matrix(v: Array) -> Array:
-    """The matrix [v x] (..., 3, 3) that multiplies w to v x w, from v (..., 3)."""
+    """Return the matrix [v x] (..., 3, 3) that multiplies w to v x w, from v (..., 3)."""
     x, y, z = np.moveaxis(v, -1, 0)
     o = np.zeros_like(x)
     return np.stack([np.stack(r, -1) for r in ((o, -z, y), (z, o, -x), (-y, x, o))], axis=-2)
 
 
 def exponential(phi: Array) -> Array:
-    """exp(-[phi x]) (..., 3, 3): frame rotations by phi (..., 3) [rad]. At -phi it turns vectors by phi."""
+    """Return exp(-[phi x]) (..., 3, 3): frame rotations by phi (..., 3) [rad]. At -phi it turns vectors by phi."""
     a2 = (phi**2).sum(-1)[..., None, None]
     a = np.sqrt(a2)
     small = a2 < 1e-12  # beyond, series and closed form agree to rounding
@@ -79,7 +80,7 @@ def exponential(phi: Array) -> Array:
 
 
 def rotation_vector(R: Array) -> Array:
-    """phi (..., 3) [rad] of exp([phi x]) (..., 3, 3), which turns vectors by phi, less than half a turn."""
+    """Return phi (..., 3) [rad] of exp([phi x]) (..., 3, 3), which turns vectors by phi, less than half a turn."""
     v = np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], -1) / 2
     sine = np.linalg.norm(v, axis=-1, keepdims=True)
     angle = np.arctan2(sine, (np.trace(R, axis1=-2, axis2=-1)[..., None] - 1) / 2)
@@ -87,7 +88,7 @@ def rotation_vector(R: Array) -> Array:
 
 
 def left_jacobian(phi: Array) -> Array:
-    """Derivative of the rotation vector at the end by phi (..., 3, 3): left Jacobian of SO(3) at -phi."""
+    """Return the derivative of the rotation vector at the end by phi (..., 3, 3): left Jacobian of SO(3) at -phi."""
     a2 = (phi**2).sum(-1)[..., None, None]
     a = np.sqrt(a2)
     small = a2 < 1e-8  # (1 - cos a)/a^2 loses 1e-8 here, the series 1e-9
@@ -99,7 +100,7 @@ def left_jacobian(phi: Array) -> Array:
 
 
 def mean_rates(time: Array, rate: Array) -> tuple[Array, Array, Array]:
-    r"""Rates whose sum, times the step, is the rotation vector from sample to sample of a rate (n, 3) [rad/s].
+    r"""Return rates whose sum, times the step, is the rotation vector from sample to sample of a rate (n, 3) [rad/s].
 
     .. math:: \frac{\varphi}{\Delta t} = \frac{a + b}{2} + \frac{\Delta t}{12} (\dot a - \dot b)
               + \frac{\Delta t}{12} \, a \times b ,
@@ -114,7 +115,7 @@ def mean_rates(time: Array, rate: Array) -> tuple[Array, Array, Array]:
 
 
 def normal_to(u: Array) -> Array:
-    """A unit vector across each of u (..., 3)."""
+    """Return a unit vector across each of u (..., 3)."""
     least = np.eye(3)[np.argmin(np.abs(u), axis=-1)]
     v = np.cross(u, least)
     return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))

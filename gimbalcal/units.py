@@ -196,7 +196,7 @@ def _power(unit: Unit, n: float) -> Unit:
 
 
 def _sound(factor: float, exponents: Mapping[str, float]) -> Unit:
-    """The unit, unless numbers run out on it: ug^-inf, ug^70."""
+    """Return the unit, unless numbers run out on it: ug^-inf, ug^70."""
     if not (0 < factor < inf and all(map(isfinite, exponents.values()))):
         raise KeyError(str(factor))
     return Unit(factor, _dimension(**exponents))
@@ -212,7 +212,7 @@ def _parse(text: str) -> Unit:
 
 
 def parse(text: str) -> Unit:
-    """The unit that `text` names; `InputError` if it names none.
+    """Return the unit that `text` names; `InputError` if it names none.
 
     >>> parse("deg/sqrt(h)").dimension
     (('angle', 1.0), ('time', -0.5))
@@ -227,7 +227,7 @@ def parse(text: str) -> Unit:
 
 
 def to_si(value: Value, unit: str) -> Value:
-    """`value`, given in `unit`, in SI and radians.
+    """Return `value`, given in `unit`, in SI and radians.
 
     A factor only: a temperature in degC or K is a difference here, see `celsius` for a reading.
     """
@@ -235,16 +235,16 @@ def to_si(value: Value, unit: str) -> Value:
 
 
 def from_si(value: Value, unit: str) -> Value:
-    """`value`, given in SI and radians, in `unit`; a factor only."""
+    """Return `value`, given in SI and radians, in `unit`; a factor only."""
     return value / parse(unit).factor
 
 
 def celsius(value: Value, unit: str) -> Value:
-    """A thermometer reading in degC, not K: every thermal law of the catalogue uses T - T0."""
+    """Return a thermometer reading in degC, not K: every thermal law of the catalogue uses T - T0."""
     offset = {"K": -273.15, "mK": -273.15, "degF": -160 / 9}.get(unit, 0.0)
     return value * parse(unit).factor + offset
 
 
 def is_raw(unit: str) -> bool:
-    """True for a unit whose physical size is not known: counts and pulses."""
+    """Return whether the physical size of a unit is not known: counts and pulses."""
     return any(name in ("count", "pulse") for name, _ in parse(unit).dimension)

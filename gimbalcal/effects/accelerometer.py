@@ -9,7 +9,7 @@ from gimbalcal.number import Array, sqrt
 
 
 def lean(beta: Array, force: Array) -> Array:
-    """(C_p^a - I) f of Wu et al. (2018), Eq. (5): beta (6,) in the order of MISALIGNMENT_AXES, force (..., 3).
+    """Return (C_p^a - I) f of Wu et al. (2018), Eq. (5): beta (6,) in the order of MISALIGNMENT_AXES, force (..., 3).
 
     The same for the input axes of gyroscopes, with the angular rate in place of the force.
     """
@@ -19,17 +19,17 @@ def lean(beta: Array, force: Array) -> Array:
 
 
 def leaning(beta: Array) -> Array:
-    """C_p^a - I (3, 3) of beta (6,)."""
+    """Return C_p^a - I (3, 3) of beta (6,)."""
     return lean(beta, np.eye(3)).T
 
 
 def angles_of(C: Array) -> Array:
-    """beta (6,) of C_p^a (3, 3), or of anything that has these angles beside the diagonal."""
+    """Return beta (6,) of C_p^a (3, 3), or of anything that has these angles beside the diagonal."""
     return np.array([-C[0, 2], C[0, 1], -C[1, 0], C[1, 2], -C[2, 1], C[2, 0]])
 
 
 def bend(K: Array, force: Array) -> Array:
-    r"""Output w less input u of w = u + K w^2, exactly: u (1 - r) / (1 + r) with r = sqrt(1 - 4 K u).
+    r"""Return output w less input u of w = u + K w^2, exactly: u (1 - r) / (1 + r) with r = sqrt(1 - 4 K u).
 
     The implicit Eq. (6) of Wu et al. (2018) solved; K u^2 to first order (K2 of IEEE Std 1293).
     """
@@ -38,7 +38,7 @@ def bend(K: Array, force: Array) -> Array:
 
 
 def across(force: Array) -> tuple[Array, Array]:
-    """Force across each axis, along the next one and the one after it: (f_j, f_k), each (..., 3); f_j of x is f_y."""
+    """Return the force across each axis: along the next one and the one after it, (f_j, f_k), each (..., 3)."""
     return force[..., [1, 2, 0]], force[..., [2, 0, 1]]
 
 
@@ -63,7 +63,7 @@ class Misalignment(Effect):
     beta: Array = parameter(MISALIGNMENT_AXES, unit="arcsec", sigma=120, name="misalignment")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Force added along the input axes [m/s^2]: (C_p^a - I) f^p."""
+        """Return the force added along the input axes [m/s^2]: (C_p^a - I) f^p."""
         return lean(self.beta, s.force)
 
 
@@ -85,7 +85,7 @@ class ScaleFactor(Effect):
     s: Array = parameter(TRIAD, unit="ppm", sigma=500, name="scale_factor")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Force added along the input axes [m/s^2]: (1 / (1 + s) - 1) f."""
+        """Return the force added along the input axes [m/s^2]: (1 / (1 + s) - 1) f."""
         return -self.s / (1 + self.s) * s.force
 
 
@@ -108,7 +108,7 @@ class ScaleNonlinearity(Effect):
     K_nl: Array = parameter(TRIAD, unit="ug/g^2", sigma=30, name="scale_nonlinearity")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]: w - u."""
+        """Return the output added [m/s^2]: w - u."""
         return bend(self.K_nl, s.force)
 
 
@@ -129,7 +129,7 @@ class Bias(Effect):
     b: Array = parameter(TRIAD, unit="ug", sigma=500, name="bias")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return self.b + 0 * s.force
 
 
@@ -152,5 +152,5 @@ class FrameMisalignment(Effect):
     theta: Array = parameter(TRIAD, unit="arcsec", sigma=60, name="frame_misalignment")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Force added along the input axes [m/s^2]."""
+        """Return the force added along the input axes [m/s^2]."""
         return np.cross(s.force, np.asarray(self.theta) + 0 * s.force)

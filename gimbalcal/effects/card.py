@@ -10,17 +10,17 @@ from gimbalcal.effects.stimulus import REFERENCE_TEMPERATURE
 
 
 def equation(cls: type[Effect]) -> str:
-    """The formula of an effect's card, LaTeX; empty where it has none."""
+    """Return the formula of an effect's card, LaTeX; empty where it has none."""
     found = re.search(r"\.\. math::(.*?)(?:\n\s*\n|\Z)", cls.__doc__ or "", re.DOTALL)
     return " ".join(found[1].split()) if found else ""
 
 
 def stated_law(cls: type[Effect]) -> dict[str, Any]:
-    """What the numbers of an effect mean: its equation, and T0 in degC where it follows the temperature."""
+    """Return the meaning of an effect's numbers: its equation, and T0 in degC where it follows the temperature."""
     told: dict[str, Any] = {"effect": cls.id, "equation": equation(cls)}
     return told | ({"T0_degC": REFERENCE_TEMPERATURE} if "temperature" in cls.requires else {})
 
 
 def happens_once(cls: type[Effect]) -> bool:
-    """Whether an effect is something that happened in one recording, and says nothing of another."""
+    """Return whether an effect is an event of one recording, of no meaning for another."""
     return any(f.metadata["grid"].once for f in constants(cls))

@@ -15,7 +15,7 @@ from gimbalcal.number import Array
 
 
 def channel(s: Stimulus, name: str) -> Array:
-    """The covariate (n,) less its mean. Raises ValueError where it was not recorded or the empty name is ambiguous."""
+    """Return the covariate (n,) less its mean. Raises ValueError where it is absent or the empty name is ambiguous."""
     names = list(s.covariates)
     if (name and name not in names) or (not name and len(names) != 1):
         raise ValueError(f"this effect needs the covariate {name!r} and the recording has {names}")
@@ -42,7 +42,7 @@ class BiasCovariate(Effect):
     covariate: str = ""
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return self.k * channel(s, self.covariate)[..., None]
 
 
@@ -65,11 +65,11 @@ class BiasCovariateLagged(Effect):
     covariate: str = ""
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return integrated(self.dynamics(s), s.time)
 
     def dynamics(self, s: Stimulus) -> Dynamics:
-        """The channel as the sensor has followed it by now."""
+        """Return the channel as the sensor has followed it by now."""
         return late(channel(s, self.covariate)[:, None], self.tau, self.k)
 
 
@@ -91,7 +91,7 @@ class BiasCovariateSquared(Effect):
     covariate: str = ""
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return self.k * (channel(s, self.covariate) ** 2)[..., None]
 
 
@@ -116,7 +116,7 @@ class SupplyVoltage(Effect):
     covariate: str = "supply_voltage"
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return (self.k + self.kappa * s.force) * channel(s, self.covariate)[..., None]
 
 
@@ -139,7 +139,7 @@ class Pressure(Effect):
     covariate: str = "pressure"
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return self.k * channel(s, self.covariate)[..., None]
 
 
@@ -163,7 +163,7 @@ class VibrationRectification(Effect):
     covariate: str = "vibration"
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return self.K_vr * np.asarray(s.covariates[self.covariate])[..., None] ** 2
 
 
@@ -186,6 +186,6 @@ class ServoFollowingError(Effect):
     k: Array = parameter(TRIAD, unit="1", sigma=1, name="servo_share")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation in platform axes [rad], (n, 3)."""
+        """Return the rotation in platform axes [rad], (n, 3)."""
         e = np.stack([np.asarray(s.covariates[f"servo_{axis}"]) for axis in TRIAD], axis=-1)
         return self.k * e

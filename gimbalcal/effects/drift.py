@@ -50,7 +50,7 @@ class PolarAxisMisalignment(Effect):
     phi_0: Array = parameter(PLATFORM_AXES, unit="arcsec", sigma=120, name="phi_0")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation in platform axes [rad], (n, 3)."""
+        """Return the rotation in platform axes [rad], (n, 3)."""
         return self.phi_0 + 0 * s.force
 
 
@@ -73,11 +73,11 @@ class GyroDrift(Effect):
     epsilon: Array = parameter(PLATFORM_AXES, unit="deg/h", sigma=0.005, name="gyro_drift")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation in platform axes [rad], (n, 3)."""
+        """Return the rotation in platform axes [rad], (n, 3)."""
         return false_rate.constant(self.epsilon, s) * s.time[..., None]
 
     def dynamics(self, s: Stimulus) -> Dynamics:
-        """The turn so far."""
+        """Return the states of the turn since the first sample."""
         return added_up(false_rate.constant(self.epsilon, s))
 
 
@@ -99,11 +99,11 @@ class GyroGSensitivity(Effect):
     D: Array = parameter(MATRIX_AXES, unit="deg/h/g", sigma=0.02, name="g_sensitivity")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation in platform axes [rad], (n, 3)."""
+        """Return the rotation in platform axes [rad], (n, 3)."""
         return integrated(self.dynamics(s), s.time)
 
     def dynamics(self, s: Stimulus) -> Dynamics:
-        """The turn so far."""
+        """Return the states of the turn since the first sample."""
         return added_up(false_rate.by_force(self.D, s))
 
 
@@ -125,11 +125,11 @@ class GyroG2Sensitivity(Effect):
     E: Array = parameter(PLATFORM_AXES, unit="deg/h/g^2", sigma=0.01, name="g2_sensitivity")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation in platform axes [rad], (n, 3)."""
+        """Return the rotation in platform axes [rad], (n, 3)."""
         return integrated(self.dynamics(s), s.time)
 
     def dynamics(self, s: Stimulus) -> Dynamics:
-        """The turn so far."""
+        """Return the states of the turn since the first sample."""
         return added_up(false_rate.by_force_products(self.E, s))
 
 
@@ -153,11 +153,11 @@ class GyroTemperatureDrift(Effect):
     epsilon_T: Array = parameter(PLATFORM_AXES, unit="deg/h/degC", sigma=0.001, name="thermal_drift")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation in platform axes [rad], (n, 3)."""
+        """Return the rotation in platform axes [rad], (n, 3)."""
         return integrated(self.dynamics(s), s.time)
 
     def dynamics(self, s: Stimulus) -> Dynamics:
-        """The turn so far."""
+        """Return the states of the turn since the first sample."""
         return added_up(false_rate.by_temperature(self.epsilon_T, s))
 
 
@@ -181,12 +181,12 @@ class GyroDiurnalDrift(Effect):
     B: Array = parameter(PLATFORM_AXES, unit="deg/h", sigma=0.001, name="diurnal_drift_cos")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation in platform axes [rad], (n, 3)."""
+        """Return the rotation in platform axes [rad], (n, 3)."""
         phase = (SOLAR_RATE * s.time)[..., None]  # integrated in closed form: exact however far apart the samples are
         return (self.A * (1 - cos(phase)) + self.B * sin(phase)) / SOLAR_RATE
 
     def dynamics(self, s: Stimulus) -> Dynamics:
-        """The turn so far."""
+        """Return the states of the turn since the first sample."""
         return added_up(false_rate.by_solar_day(self.A, self.B, s))
 
 
@@ -210,7 +210,7 @@ class CaseRotationResidue(Effect):
     period: float = constant(480.0, unit="min", low=240.0, high=960.0, grid=Grid.PERIOD)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation in platform axes [rad], (n, 3)."""
+        """Return the rotation in platform axes [rad], (n, 3)."""
         return _harmonic(self.A, self.B, s.time, self.period)
 
 
@@ -234,7 +234,7 @@ class ServoLimitCycle(Effect):
     period: float = constant(10.0, unit="s", low=0.02, high=120.0, grid=Grid.PERIOD)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation in platform axes [rad], (n, 3)."""
+        """Return the rotation in platform axes [rad], (n, 3)."""
         return _harmonic(self.A, self.B, s.time, self.period)
 
 
@@ -262,7 +262,7 @@ class SchulerOscillation(Effect):
     damping: float = constant(0.0, unit="1/h", low=0.0, high=1 / HOUR, grid=Grid.DECAY)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Roll, pitch, yaw [rad], (n, 3)."""
+        """Return the roll, pitch, yaw [rad], (n, 3)."""
         swing = _harmonic(self.A, self.B, s.time, self.period) * exp(-self.damping * s.time)[..., None]
         return np.concatenate([swing, 0 * swing[..., :1]], axis=-1)
 
@@ -286,7 +286,7 @@ class ClockRate(Effect):
     kappa: float = parameter(SCALAR, unit="ppm", sigma=10, name="clock_rate")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation in platform axes [rad], (n, 3): the Earth's turn in the time the clock has lost."""
+        """Return the rotation in platform axes [rad], (n, 3): the Earth's turn in the time the clock has lost."""
         turn = EARTH_RATE * self.kappa * s.time
         return np.stack([0 * turn, 0 * turn, -turn], axis=-1)
 

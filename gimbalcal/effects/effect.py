@@ -66,22 +66,22 @@ class Grid(Enum):
 
     @property
     def counts(self) -> bool:
-        """Whether nothing lies between two values."""
+        """Return whether nothing lies between two values."""
         return self in (Grid.WHOLE, Grid.POSITION)
 
     @property
     def smooth(self) -> bool:
-        """Whether outputs follow it smoothly, so that a fit can."""
+        """Return whether outputs follow it smoothly, so that a fit can."""
         return not (self.counts or self.once or self is Grid.SPAN)
 
     @property
     def once(self) -> bool:
-        """Whether an effect with such a constant happens in one recording, and says nothing of another."""
+        """Return whether an effect with such a constant is an event of one recording, of no meaning for another."""
         return self in (Grid.EPOCH, Grid.POSITION)
 
 
 def parameter(axes: Sequence[str], *, unit: str, sigma: float, name: str = "", mechanism: str = "") -> Any:
-    """A linear parameter of an effect: one value per axis, nominal zero, prior scale `sigma` in `unit`.
+    """Declare a linear parameter of an effect: one value per axis, nominal zero, prior scale `sigma` in `unit`.
 
     Values are SI inside; `unit` is what people read. `name` is the public name if it is not the field's. Parameters of
     another `mechanism` of the same effect are looked for by themselves.
@@ -102,7 +102,7 @@ def parameter(axes: Sequence[str], *, unit: str, sigma: float, name: str = "", m
 
 
 def constant(default: float, *, unit: str, low: float, high: float, grid: Grid = Grid.VALUE) -> Any:
-    """A non-linear constant of an effect (time constant, epoch, phase), in SI, sought between `low` and `high`."""
+    """Declare a non-linear constant of an effect (time constant, epoch, phase), in SI, between `low` and `high`."""
     return dataclasses.field(
         default=default,
         metadata={"kind": "constant", "axes": SCALAR, "unit": unit, "low": low, "high": high, "name": "", "grid": grid},
@@ -152,11 +152,11 @@ class Effect:
     gauge: ClassVar[tuple[str, ...]] = ()  # axes that only turn a frame which nothing ties down; zero by convention
 
     def contribution(self, s: Stimulus) -> Array:
-        """What the effect adds at its stage; shape and unit as `Stage` says."""
+        """Return what the effect adds at its stage; shape and unit as `Stage` says."""
         raise NotImplementedError
 
     def dynamics(self, s: Stimulus) -> Dynamics | None:  # noqa: ARG002 (those that remember read it)
-        """The states behind an effect that remembers: integrated, they are its contribution. None for all others."""
+        """Return states behind an effect that remembers: integrated, they are its contribution. None for all others."""
         return None
 
 
@@ -195,33 +195,33 @@ class Parameter:
 
 
 def constants(cls: type[Effect]) -> tuple[dataclasses.Field[float], ...]:
-    """Non-linear constants of an effect; `metadata` of each has unit, low, high and grid."""
+    """Return non-linear constants of an effect; `metadata` of each has unit, low, high and grid."""
     return tuple(f for f in dataclasses.fields(cls) if f.metadata.get("kind") == "constant")
 
 
 def tied(wanted: Sequence[Parameter]) -> tuple[Parameter, ...]:
-    """Parameters that are left where nothing ties the frame down: without those that only turn it."""
+    """Return the parameters without those that only turn a frame to which nothing is tied."""
     return tuple(p for p in wanted if p.axis not in CATALOGUE[p.effect].gauge)
 
 
 def lacking(cls: type[Effect], carries: Callable[[str], bool]) -> str:
-    """The first quantity that an effect needs and a stimulus, a recording or a plan does not have; empty if none."""
+    """Return first quantity that an effect needs and a stimulus, a recording or a plan does not have; empty if none."""
     return next((need for need in cls.requires if not carries(need)), "")
 
 
 def follows(cls: type[Effect]) -> str | None:
-    """The covariate that an effect follows: its name, the empty name for whichever was logged, None for no effect."""
+    """Return the covariate that an effect follows: its name, the empty name for any logged one, None for no effect."""
     return next((str(f.default) for f in dataclasses.fields(cls) if f.name == "covariate"), None)
 
 
 def absent(cls: type[Effect], gimbals: Sequence[str] = ()) -> Effect:
-    """The effect with every parameter zero, sized for a platform with these gimbals."""
+    """Return the effect with every parameter zero, sized for a platform with these gimbals."""
     sizes = {f.name: np.zeros(len(gimbals)) for f in dataclasses.fields(cls) if f.metadata.get("axes") == GIMBALS}
     return cls(**sizes)
 
 
 def parameters(cls: type[Effect], gimbals: Sequence[str] = (), *, constants: bool = False) -> tuple[Parameter, ...]:
-    """The scalar unknowns of an effect, linear parameters first come in field order."""
+    """Return the scalar unknowns of an effect, linear parameters first come in field order."""
     out = []
     for f in dataclasses.fields(cls):
         kind = f.metadata.get("kind")
@@ -239,7 +239,7 @@ def parameters(cls: type[Effect], gimbals: Sequence[str] = (), *, constants: boo
 
 
 def values(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Array:
-    """Current values (p,) in SI of the wanted parameters; an effect that is not there counts as zero."""
+    """Return the current values (p,) in SI of the wanted parameters; an effect that is not there counts as zero."""
     by_id = {e.id: e for e in effects}
     out = [np.atleast_1d(getattr(by_id[p.effect], p.field))[p.index] if p.effect in by_id else 0.0 for p in wanted]
     return np.array(out)
@@ -248,7 +248,7 @@ def values(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Array:
 def with_values(
     effects: Sequence[Effect], wanted: Sequence[Parameter], x: Array, gimbals: Sequence[str] = ()
 ) -> tuple[Effect, ...]:
-    """The effects with the wanted parameters set to x (p,); effects that were absent are added."""
+    """Return the effects with the wanted parameters set to x (p,); effects that were absent are added."""
     by_id = {e.id: e for e in effects}
     changes: dict[str, dict[str, Any]] = {}
     for p, value in zip(wanted, x, strict=True):

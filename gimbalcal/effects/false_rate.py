@@ -21,27 +21,27 @@ from gimbalcal.number import Array, apply_matrix, cos, sin
 
 
 def constant(epsilon: Array, s: Stimulus) -> Array:
-    """Bias: epsilon (3,) [rad/s]."""
+    """Return the bias: epsilon (3,) [rad/s]."""
     return np.asarray(epsilon + 0 * s.rate)
 
 
 def by_force(G: Array, s: Stimulus) -> Array:
-    """Mass unbalance, or stress in a vibrating structure: sum_j G_ij f_j with G (9,) row by row [rad/s per m/s^2]."""
+    """Return the rate by mass unbalance or stress: sum_j G_ij f_j with G (9,) row by row [rad/s per m/s^2]."""
     return apply_matrix(np.reshape(G, (3, 3)), s.force)
 
 
 def by_force_products(E: Array, s: Stimulus) -> Array:
-    """A suspension that yields unequally along two axes: E_i f_j f_k with E (3,) [rad/s per (m/s^2)^2]."""
+    """Return the rate of a suspension of unequal compliance: E_i f_j f_k, E (3,) [rad/s per (m/s^2)^2]."""
     fj, fk = across(s.force)
     return np.asarray(E * fj * fk)
 
 
 def by_temperature(epsilon_T: Array, s: Stimulus) -> Array:
-    """Bias that follows the temperature: epsilon_T (T - T_0) with epsilon_T (3,) [rad/s per degC]."""
+    """Return the bias that follows the temperature: epsilon_T (T - T_0) with epsilon_T (3,) [rad/s per degC]."""
     return np.asarray(epsilon_T * s.temperature_excess()[..., None])
 
 
 def by_solar_day(A: Array, B: Array, s: Stimulus) -> Array:
-    """Bias that follows the solar day: A sin(omega_d t) + B cos(omega_d t) with A, B (3,) [rad/s]."""
+    """Return the bias that follows the solar day: A sin(omega_d t) + B cos(omega_d t) with A, B (3,) [rad/s]."""
     phase = (SOLAR_RATE * s.time)[..., None]
     return np.asarray(A * sin(phase) + B * cos(phase))

@@ -30,12 +30,12 @@ class GimbalZero(Effect):
     theta_0: Array = parameter(GIMBALS, unit="arcsec", sigma=120, name="gimbal_zero")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Angle minus readout [rad], (n, k), in the sense in which the readouts at hand are counted."""
+        """Return the angle minus readout [rad], (n, k), in the sense in which the readouts at hand are counted."""
         return np.asarray(self.theta_0) * np.array(s.sense or 1) + 0 * s.readout
 
 
 def directions(s: Stimulus) -> Array:
-    """Unit vectors (k, 3) of the gimbal axes, each in the frame that turns with it."""
+    """Return unit vectors (k, 3) of the gimbal axes, each in the frame that turns with it."""
     return np.eye(3)[["xyz".index(d) for d in s.axis_directions]].reshape(-1, 3)
 
 
@@ -61,7 +61,7 @@ class GimbalNonorthogonality(Effect):
     epsilon: Array = parameter(GIMBALS, unit="arcsec", sigma=10, name="nonorthogonality")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation between each axis and the next one out [rad], (n, k, 3)."""
+        """Return the rotation between each axis and the next one out [rad], (n, k, 3)."""
         own = directions(s)
         across = np.cross(own, np.concatenate([own[1:], own[-1:]]))  # the outermost axis has no neighbour
         return across * np.asarray(self.epsilon)[:, None] + 0 * s.readout[..., None]

@@ -37,7 +37,7 @@ class EncoderEccentricity(Effect):
     B: Array = parameter(GIMBALS, unit="arcsec", sigma=10, name="eccentricity_cos")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Angle minus readout [rad], (n, k)."""
+        """Return the angle minus readout [rad], (n, k)."""
         return self.A * sin(s.angle) + self.B * cos(s.angle)
 
 
@@ -60,7 +60,7 @@ class EncoderTwoCycle(Effect):
     B: Array = parameter(GIMBALS, unit="arcsec", sigma=3, name="two_cycle_cos")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Angle minus readout [rad], (n, k)."""
+        """Return the angle minus readout [rad], (n, k)."""
         return self.A * sin(2 * s.angle) + self.B * cos(2 * s.angle)
 
 
@@ -85,7 +85,7 @@ class EncoderHarmonic(Effect):
     order: float = constant(3.0, unit="1", low=3.0, high=24.0, grid=Grid.WHOLE)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Angle minus readout [rad], (n, k)."""
+        """Return the angle minus readout [rad], (n, k)."""
         return self.A * sin(self.order * s.angle) + self.B * cos(self.order * s.angle)
 
 
@@ -110,7 +110,7 @@ class EncoderCyclicError(Effect):
     lines: float = constant(360.0, unit="1", low=32.0, high=65536.0, grid=Grid.WHOLE)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Angle minus readout [rad], (n, k)."""
+        """Return the angle minus readout [rad], (n, k)."""
         return self.A * sin(self.lines * s.angle) + self.B * cos(self.lines * s.angle)
 
 
@@ -135,5 +135,5 @@ class PeriodicWormError(Effect):
     teeth: float = constant(360.0, unit="1", low=30.0, high=2000.0, grid=Grid.WHOLE)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Angle minus readout [rad], (n, k)."""
+        """Return the angle minus readout [rad], (n, k)."""
         return self.A * sin(self.teeth * s.angle) + self.B * cos(self.teeth * s.angle)

@@ -44,7 +44,7 @@ class BearingWobble(Effect):
     m: float = constant(2.0, unit="1", low=1.0, high=12.0, grid=Grid.WHOLE)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation between each axis and the next one out [rad], (n, k, 3)."""
+        """Return the rotation between each axis and the next one out [rad], (n, k, 3)."""
         own = directions(s)
         e_1, e_2 = np.roll(own, 1, axis=-1), np.roll(own, 2, axis=-1)
         c, d = cos(self.m * s.angle)[..., None], sin(self.m * s.angle)[..., None]
@@ -77,7 +77,7 @@ class GimbalFlexure(Effect):
     kappa_4: Array = parameter(GIMBALS, unit="arcsec/g", sigma=5, name="flexure_carried_sin", mechanism="carried")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Angle minus readout [rad], (n, k)."""
+        """Return the angle minus readout [rad], (n, k)."""
         own = directions(s)
         load = np.asarray(s.load) * s.gravity
         first = (load * np.roll(own, 1, axis=-1)).sum(axis=-1)
@@ -108,7 +108,7 @@ class GimbalFriction(Effect):
     h: Array = parameter(GIMBALS, unit="arcsec", sigma=2, name="friction")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Angle minus readout [rad], (n, k)."""
+        """Return the angle minus readout [rad], (n, k)."""
         return self.h * direction(s.move_angle, SMALLEST_TURN)
 
 
@@ -132,5 +132,5 @@ class PositionBlunder(Effect):
     position: float = constant(1.0, unit="1", low=1.0, high=1000.0, grid=Grid.POSITION)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation in platform axes [rad], (n, 3)."""
+        """Return the rotation in platform axes [rad], (n, 3)."""
         return self.delta * np.asarray(s.position == self.position, dtype=float)[..., None]

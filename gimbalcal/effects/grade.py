@@ -79,7 +79,7 @@ class Grade:
     gyroscope: Mapping[str, float]
 
     def factor(self, p: Parameter) -> float:
-        """How many times the catalogue's size is usual; one for what is not of the sensors."""
+        """Return the ratio of the usual size to that of the catalogue; one for what is not of the sensors."""
         stage = CATALOGUE[p.effect].stage
         if stage not in GYROSCOPE_STAGES | SENSOR_STAGES:
             return 1.0
@@ -87,7 +87,7 @@ class Grade:
         return sizes.get(MEANT_BY.get(p.unit, "offset"), 1.0)
 
     def most(self, p: Parameter) -> float:
-        """The size [SI] beyond which a constant is hardly one of a unit of this grade; infinite for no sensor's."""
+        """Return the size [SI] beyond which a parameter is implausible in this grade; infinite if not of a sensor."""
         cls = CATALOGUE[p.effect]
         stated = next(f.metadata for f in fields(cls) if f.name == p.field)
         of_sensors = cls.stage in GYROSCOPE_STAGES | SENSOR_STAGES and MEANT_BY.get(p.unit) != "placing"
@@ -98,17 +98,18 @@ class Grade:
         return min(size, GAIN) if MEANT_BY.get(p.unit) == "scale" else size
 
     def usual(self, p: Parameter) -> Parameter:
-        """The parameter with the prior sigma that it has in a unit of this grade."""
+        """Return the parameter with the prior sigma that it has in a unit of this grade."""
         return replace(p, sigma=self.factor(p) * p.sigma)
 
     def at_power_on(self, p: Parameter) -> Parameter:
-        """The same of a raw unit: its gyroscopes' zero is another after each switching-on, and as large as that."""
+        """Return the parameter with the prior sigma of a raw unit, whose gyroscope bias changes with power-on."""
         least = TURN_ON[self.name] / FAR if p.effect == "gyro_bias" else 0.0
         return replace(p, sigma=max(self.usual(p).sigma, least))
 
 
 def hurried(cls: type[Effect], lasted: float) -> float:
-    """How many times as fast as by the hour an effect may go in a recording of so many seconds: one but for drifts.
+    """Return the factor on a rate by the hour that an effect may have in a recording of so many seconds: one but for
+    drifts.
 
     A drift is as fast as the recording is short: what a unit does in its first minutes it does not do for an hour.
     """
@@ -139,14 +140,14 @@ GRADES: Mapping[str, Grade] = MappingProxyType({
 
 
 def grade_named(name: str) -> Grade:
-    """The grade of this name. Raises InputError, with the names, where there is none."""
+    """Return the grade of this name. Raises InputError, with the names, where there is none."""
     if name not in GRADES:
         raise InputError(f"no grade is called {name!r}: choose {alternatives(list(GRADES))}")
     return GRADES[name]
 
 
 def grade_of_noise(force: float | None, rate: float | None) -> Grade:
-    """The grade of a unit whose accelerometers and gyroscopes scatter so, in m/s^2 sqrt(s) and rad/s sqrt(s).
+    """Return the grade of a unit whose accelerometers and gyroscopes scatter so, in m/s^2 sqrt(s) and rad/s sqrt(s).
 
     Of the two that the triads say the lower one: gyroscopes of consumer units are as quiet as tactical ones, and a
     prior that is too wide costs little, while one that is too narrow hides what is there.

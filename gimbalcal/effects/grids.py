@@ -22,13 +22,13 @@ Constant = dataclasses.Field[float]
 
 
 def kind(f: Constant) -> Grid:
-    """What a constant is."""
+    """Return the kind of a constant."""
     found: Grid = f.metadata["grid"]
     return found
 
 
 def limits(f: Constant, s: Stimulus) -> tuple[float, float]:
-    """Range of a constant that this recording could tell apart; one value twice where there is no range."""
+    """Return the range of a constant that this recording could distinguish; one value twice where there is none."""
     low, high = float(f.metadata["low"]), float(f.metadata["high"])
     of, last = kind(f), float(np.max(s.time))
     if of is Grid.EPOCH:
@@ -43,7 +43,7 @@ def limits(f: Constant, s: Stimulus) -> tuple[float, float]:
 
 
 def grid(f: Constant, s: Stimulus) -> Array:
-    """Starting values of a constant."""
+    """Return starting values of a constant."""
     of, last = kind(f), float(np.max(s.time))
     low, high = limits(f, s)
     if of is Grid.POSITION:
@@ -67,7 +67,7 @@ def grid(f: Constant, s: Stimulus) -> Array:
 
 
 def between(f: Constant, low: float, high: float, count: int) -> Array:
-    """So many values from `low` to `high`: even steps, of the logarithm for a time constant or a positive value."""
+    """Return `count` values from `low` to `high`: even steps, logarithmic for a time constant or a positive value."""
     if low == high:
         return np.array([low])
     logarithm = kind(f) in (Grid.VALUE, Grid.LAG) and float(f.metadata["low"]) > 0 and low > 0
@@ -75,7 +75,7 @@ def between(f: Constant, low: float, high: float, count: int) -> Array:
 
 
 def periods(usual: float, low: float, high: float, duration: float) -> Array:
-    """The usual period, and others within 5 % of it one third of a line width apart (at most 9)."""
+    """Return the usual period, and others within 5 % of it one third of a line width apart (at most 9)."""
     low, high = max(low, 0.95 * usual), min(high, 1.05 * usual)
     step = usual**2 / duration / 3
     m = min(4, int((high - low) / 2 / step)) if step > 0 else 0
@@ -83,7 +83,8 @@ def periods(usual: float, low: float, high: float, duration: float) -> Array:
 
 
 def highest_order(s: Stimulus) -> float:
-    r"""The highest harmonic of an angle that settings tell from lower ones: below half the order at which they alias.
+    r"""Return the highest harmonic of an angle that settings distinguish from lower ones: below half the order of
+    aliasing.
 
     .. math:: m < M / 2, \qquad \left| \frac{1}{n} \sum_k e^{i M \theta_k} \right| > 0.9
 
@@ -94,7 +95,7 @@ def highest_order(s: Stimulus) -> float:
 
 
 def _aliases(angle: Array) -> float:
-    """The highest order told by a gimbal that reads `angle` (n,), by the spectrum of where it stood; 0 if it stood."""
+    """Return the highest order that the settings `angle` (n,) of a gimbal resolve, by their spectrum; 0 for one."""
     stood = np.zeros(PLACES)
     stood[np.unique(np.round(np.mod(angle, 2 * np.pi) / (2 * np.pi) * PLACES).astype(int) % PLACES)] = 1.0
     spectrum = np.abs(np.fft.rfft(stood)) / stood.sum()
@@ -106,7 +107,7 @@ def _aliases(angle: Array) -> float:
 
 
 def resolved(f: Constant, s: Stimulus) -> Array:
-    r"""Every whole number that a recording tells from its neighbours, for a scan: none closer than a third of a line.
+    r"""Return every whole number that a recording distinguishes, for a scan: in steps of a third of a line or more.
 
     .. math:: \Delta m = \frac{2 \pi}{3 R}, \qquad m < \pi / \Delta\theta
 

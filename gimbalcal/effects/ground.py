@@ -29,7 +29,7 @@ TILT = ("north", "east")
 
 
 def level(north: Array, east: Array, down: Array) -> Array:
-    """Components about north, east, down joined to (n, 3)."""
+    """Return components about north, east, down joined to (n, 3)."""
     return np.stack([np.asarray(north), np.asarray(east), np.asarray(down)], axis=-1)
 
 
@@ -53,7 +53,7 @@ class BaseTilt(Effect):
     kappa: Array = parameter(("north", "east", "down"), unit="arcsec", sigma=120, name="base_tilt")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation about north, east, down [rad], (n, 3)."""
+        """Return the rotation about north, east, down [rad], (n, 3)."""
         return self.kappa + 0 * s.force
 
 
@@ -78,7 +78,7 @@ class BaseTiltDrift(Effect):
     psi: Array = parameter(TILT, unit="urad/h", sigma=3, name="tilt_rate")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation about north, east, down [rad], (n, 3)."""
+        """Return the rotation about north, east, down [rad], (n, 3)."""
         return level(self.psi[0] * s.time, self.psi[1] * s.time, 0 * s.time)
 
 
@@ -103,7 +103,7 @@ class BaseTiltDiurnal(Effect):
     B: Array = parameter(TILT, unit="urad", sigma=10, name="tilt_cos")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation about north, east, down [rad], (n, 3)."""
+        """Return the rotation about north, east, down [rad], (n, 3)."""
         S, C = sin(SOLAR_RATE * s.time), cos(SOLAR_RATE * s.time)
         return level(self.A[0] * S + self.B[0] * C, self.A[1] * S + self.B[1] * C, 0 * s.time)
 
@@ -129,7 +129,7 @@ class PlumbLineTide(Effect):
     period: float = constant(M2_PERIOD, unit="h", low=11.9 * HOUR, high=26.9 * HOUR, grid=Grid.PERIOD)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Added to gravity in north, east, down [m/s^2], (n, 3)."""
+        """Return what is added to gravity in north, east, down [m/s^2], (n, 3)."""
         S, C = sin(2 * pi / self.period * s.time), cos(2 * pi / self.period * s.time)
         north, east = (s.gravity * (self.A[i] * S + self.B[i] * C) for i in (0, 1))
         return level(north, east, 0 * s.time)
@@ -155,7 +155,7 @@ class GravityTide(Effect):
     period: float = constant(M2_PERIOD, unit="h", low=11.9 * HOUR, high=26.9 * HOUR, grid=Grid.PERIOD)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Added to gravity in north, east, down [m/s^2], (n, 3)."""
+        """Return what is added to gravity in north, east, down [m/s^2], (n, 3)."""
         S, C = sin(2 * pi / self.period * s.time), cos(2 * pi / self.period * s.time)
         return level(0 * s.time, 0 * s.time, self.A * S + self.B * C)
 
@@ -177,7 +177,7 @@ class GravityError(Effect):
     gamma: float = parameter(SCALAR, unit="ppm", sigma=20, name="gravity_error")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Added to gravity in north, east, down [m/s^2], (n, 3)."""
+        """Return what is added to gravity in north, east, down [m/s^2], (n, 3)."""
         return level(0 * s.time, 0 * s.time, self.gamma * s.gravity + 0 * s.time)
 
 
@@ -198,7 +198,7 @@ class VerticalDeflection(Effect):
     xi: Array = parameter(TILT, unit="arcsec", sigma=10, name="deflection")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Added to gravity in north, east, down [m/s^2], (n, 3)."""
+        """Return what is added to gravity in north, east, down [m/s^2], (n, 3)."""
         return level(s.gravity * self.xi[0] + 0 * s.time, s.gravity * self.xi[1] + 0 * s.time, 0 * s.time)
 
 
@@ -222,7 +222,7 @@ class MagneticField(Effect):
     declination: float = constant(0.0, unit="deg", low=-np.pi, high=np.pi)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         if s.attitude is None:
             raise ValueError("this effect needs a platform with gimbals, which say where north is")
         D = np.asarray(self.declination)

@@ -34,7 +34,7 @@ class GyroBiasTemperature(Effect):
     epsilon_T: Array = parameter(TRIAD, unit="deg/h/degC", sigma=1, name="gyro_epsilon_T")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rate added [rad/s], (n, 3)."""
+        """Return the rate added [rad/s], (n, 3)."""
         return false_rate.by_temperature(self.epsilon_T, s)
 
 
@@ -58,7 +58,7 @@ class GyroBiasTemperatureSquared(Effect):
     epsilon_T2: Array = parameter(TRIAD, unit="deg/h/degC^2", sigma=0.05, name="gyro_epsilon_T2")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rate added [rad/s], (n, 3)."""
+        """Return the rate added [rad/s], (n, 3)."""
         return self.epsilon_T2 * (s.temperature_excess() ** 2)[..., None]
 
 
@@ -83,5 +83,5 @@ class GyroBiasTemperatureCubed(Effect):
     epsilon_T3: Array = parameter(TRIAD, unit="deg/h/degC^3", sigma=0.002, name="gyro_epsilon_T3")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rate added [rad/s], (n, 3)."""
+        """Return the rate added [rad/s], (n, 3)."""
         return self.epsilon_T3 * (s.temperature_excess() ** 3)[..., None]

@@ -32,12 +32,12 @@ KINDS = ("rotation", "multi-position")
 
 
 def rate_matrix(s: Array, beta: Array) -> Array:
-    """M = SF^-1 C_p^g (3, 3) of a triad that reads M omega, from scale factors less one s (3,) and angles beta (6,)."""
+    """Return M = SF^-1 C_p^g (3, 3) of a triad that reads M omega; s (3,) scale factors less one, beta (6,) angles."""
     return np.asarray((np.eye(3) + leaning(beta)) / (1 + s)[:, None])
 
 
 def of_rate_matrix(M: Array) -> tuple[Array, Array]:
-    """Scale factors less one s (3,) and misalignments beta (6,) of M (3, 3), the inverse of `rate_matrix`."""
+    """Return scale factors less one s (3,) and misalignments beta (6,) of M (3, 3), the inverse of `rate_matrix`."""
     SF = 1 / np.diag(M)
     return SF - 1, angles_of(SF[:, None] * M)
 
@@ -61,7 +61,7 @@ class GyroBias(Effect):
     epsilon: Array = parameter(TRIAD, unit="deg/h", sigma=1, name="gyro_bias")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rate added [rad/s], (n, 3)."""
+        """Return the rate added [rad/s], (n, 3)."""
         return false_rate.constant(self.epsilon, s)
 
 
@@ -86,7 +86,7 @@ class GyroBiasDrift(Effect):
     rate: Array = parameter(TRIAD, unit="deg/h/h", sigma=10, name="gyro_bias_drift")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rate added [rad/s], (n, 3)."""
+        """Return the rate added [rad/s], (n, 3)."""
         return self.rate * s.time[..., None] + 0 * s.rate
 
 
@@ -111,7 +111,7 @@ class GyroScaleFactor(Effect):
     s: Array = parameter(TRIAD, unit="ppm", sigma=1000, name="gyro_scale_factor")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rate added [rad/s], (n, 3)."""
+        """Return the rate added [rad/s], (n, 3)."""
         return -self.s / (1 + self.s) * s.rate
 
 
@@ -137,7 +137,7 @@ class GyroMisalignment(Effect):
     beta: Array = parameter(MISALIGNMENT_AXES, unit="arcsec", sigma=300, name="gyro_misalignment")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rate added [rad/s], (n, 3)."""
+        """Return the rate added [rad/s], (n, 3)."""
         return lean(self.beta, s.rate)
 
 
@@ -161,7 +161,7 @@ class GyroScaleNonlinearity(Effect):
     K: Array = parameter(TRIAD, unit="ppm/(rad/s)", sigma=300, name="gyro_scale_nonlinearity")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rate added [rad/s], (n, 3)."""
+        """Return the rate added [rad/s], (n, 3)."""
         return self.K * s.rate**2
 
 
@@ -184,7 +184,7 @@ class GyroScaleAsymmetry(Effect):
     A: Array = parameter(TRIAD, unit="ppm", sigma=100, name="gyro_scale_asymmetry")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rate added [rad/s], (n, 3)."""
+        """Return the rate added [rad/s], (n, 3)."""
         return self.A * absolute(s.rate)
 
 
@@ -208,7 +208,7 @@ class GyroScaleTemperature(Effect):
     s_T: Array = parameter(TRIAD, unit="ppm/degC", sigma=50, name="gyro_scale_temperature")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rate added [rad/s], (n, 3)."""
+        """Return the rate added [rad/s], (n, 3)."""
         return self.s_T * s.rate * s.temperature_excess()[..., None]
 
 
@@ -233,5 +233,5 @@ class GyroGSensitivityRate(Effect):
     G: Array = parameter(MATRIX_AXES, unit="deg/h/g", sigma=1, name="gyro_g_sensitivity_rate")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rate added [rad/s], (n, 3)."""
+        """Return the rate added [rad/s], (n, 3)."""
         return false_rate.by_force(self.G, s)

@@ -16,7 +16,7 @@ FORGOTTEN = 1e9  # s; thirty years, against hours of the slowest memory
 
 
 def recursion(a: Array, b: Array) -> Array:
-    """y_k = a_k y_{k-1} + b_k from y_{-1} = 0, along the first axis; a (n,), b (n, ...).
+    """Return y_k = a_k y_{k-1} + b_k from y_{-1} = 0, along the first axis; a (n,), b (n, ...).
 
     A doubling scan (Hillis and Steele): log2 n passes, no loop over samples.
     """
@@ -50,18 +50,18 @@ class Dynamics:
 
 
 def steps(time: Array) -> Array:
-    """Steps of a clock (n - 1,) [s]; where it begins anew, nobody knows how long after, all has been forgotten."""
+    """Return steps of a clock (n - 1,) [s]; where it begins anew all is forgotten, for nobody knows how long after."""
     h = np.diff(time)
     return np.asarray(np.where(np.real(h) < 0, FORGOTTEN, h))
 
 
 def relaxation(h: Array, tau: float | Array | None) -> Array:
-    """Share of a first-order state that is left after h [s]: exp(-h / tau), all of it where tau is None."""
+    """Return the share of a first-order state that is left after h [s]: exp(-h / tau), all of it where tau is None."""
     return np.ones_like(h) if tau is None else exp(-h / tau)
 
 
 def states(d: Dynamics, time: Array) -> Array:
-    r"""States (n, m) at the samples, exact for a drive that is linear between them.
+    r"""Return states (n, m) at the samples, exact for a drive that is linear between them.
 
     .. math:: x_{k+1} = a x_k + u_{k+1} - a u_k - \frac{\Delta u}{h} \tau (1 - a), \quad a = e^{-h / \tau}; \qquad
               x_{k+1} = x_k + h \frac{u_k + u_{k+1}}{2}
@@ -80,22 +80,23 @@ def states(d: Dynamics, time: Array) -> Array:
 
 
 def integrated(d: Dynamics, time: Array) -> Array:
-    """What an effect with these states adds (n, 3)."""
+    """Return the contribution (n, 3) of an effect with these states."""
     return np.asarray(d.output * states(d, time))
 
 
 def late(u: Array, tau: float, output: Array) -> Dynamics:
-    """States that follow u (n, m) late, in equilibrium with it before the first sample."""
+    """Return states that follow u (n, m) late, in equilibrium with it before the first sample."""
     return Dynamics(u, u[0], output, tau)
 
 
 def added_up(rate: Array) -> Dynamics:
-    """Angles (n, 3) that add up a rate (n, 3) from the first sample on."""
+    """Return angles (n, 3) that add up a rate (n, 3) from the first sample on."""
     return Dynamics(rate, np.zeros(3))
 
 
 def smoothed_rate(x: Array, time: Array, tau: float) -> Array:
-    r"""dx/dt (n,) smoothed by a first-order filter of tau run forwards and backwards; exact for a ramp, ends included.
+    r"""Return dx/dt (n,) smoothed by a first-order filter of tau run forwards and backwards; exact for a ramp, ends
+    included.
 
     .. math:: \dot x = \frac{x_{lead} - x_{lag}}{t_{lead} - t_{lag}}
     """
@@ -113,13 +114,14 @@ def smoothed_rate(x: Array, time: Array, tau: float) -> Array:
 
 
 def _behind(change: Array, h: Array, tau: float) -> Array:
-    """What changes by so much (n - 1,) in steps h, less its first-order lag (n,): no difference of large numbers."""
+    """Return a quantity that changes by `change` (n - 1,) in steps h, less its first-order lag (n,)."""
     a = exp(-h / tau)
     return recursion(np.concatenate([np.zeros(1), a]), np.concatenate([0 * change[:1], _followed(change, h, tau)]))
 
 
 def _followed(step: Array, h: Array, tau: float) -> Array:
-    """step / h tau (1 - e^(-h / tau)): what a state of first order is behind after a steady step; all of it for h = 0.
+    """Return step / h tau (1 - e^(-h / tau)): what a state of first order is behind after a steady step; all of it for
+    h = 0.
 
     Rows may be stamped alike where a clock is coarse.
     """
@@ -128,14 +130,14 @@ def _followed(step: Array, h: Array, tau: float) -> Array:
 
 
 def integral(x: Array, time: Array) -> Array:
-    """Integral of x (n, ...) over time from the first sample, trapezoid rule."""
+    """Return the integral of x (n, ...) over time from the first sample, trapezoid rule."""
     h = np.reshape(np.diff(time), (-1,) + (1,) * (x.ndim - 1))
     area = np.cumsum((x[1:] + x[:-1]) / 2 * h, axis=0)
     return np.concatenate([0 * x[:1], area])
 
 
 def slope(x: Array, time: Array, visit: Array) -> Array:
-    """dx/dt (n, ...) by central differences that do not reach across dwells; zero where a dwell has one time.
+    """Return dx/dt (n, ...) by central differences that do not reach across dwells; zero where a dwell has one time.
 
     Rows that are stamped alike, as by a coarse clock, have the neighbours of all of them.
     """
@@ -150,5 +152,5 @@ def slope(x: Array, time: Array, visit: Array) -> Array:
 
 
 def direction(move: Array, scale: float) -> Array:
-    """Sign of a move, passing smoothly through zero for moves below about `scale`: m / sqrt(m^2 + scale^2)."""
+    """Return the sign of a move, smooth through zero for moves below about `scale`: m / sqrt(m^2 + scale^2)."""
     return np.asarray(move / sqrt(move**2 + scale**2))

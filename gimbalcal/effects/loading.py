@@ -62,7 +62,7 @@ def load_effects(path: str | Path) -> tuple[str, ...]:
 
 
 def load_text(name: str, text: str) -> tuple[str, ...]:
-    """The same from the text of a file; `name` is what it is called."""
+    """Enter the effects that the text of a file defines; `name` is what it is called."""
     before, ids = _loaded.get(name, ("", ()))
     if before == text and ids:
         return ids
@@ -80,7 +80,7 @@ def load_text(name: str, text: str) -> tuple[str, ...]:
 
 
 def loaded_texts() -> tuple[tuple[str, str], ...]:
-    """Name and text of every file that was loaded, for processes that have to load them again."""
+    """Return the name and text of every file that was loaded, for processes that have to load them again."""
     return tuple((name, text) for name, (text, _) in _loaded.items())
 
 
@@ -93,7 +93,7 @@ def load_installed() -> None:
 
 
 def outside(ids: Collection[str] | None = None) -> list[dict[str, Any]]:
-    """Files that define effects which are not of this package: path, SHA-256 of the text that was run, ids.
+    """Return files that define effects which are not of this package: path, SHA-256 of the text that was run, ids.
 
     ids: those that are asked for; all that are loaded where none are named.
     """
@@ -106,7 +106,7 @@ def outside(ids: Collection[str] | None = None) -> list[dict[str, Any]]:
 
 
 def _entered(name: str, run: Callable[[], object]) -> tuple[str, ...]:
-    """Ids that a run adds to the catalogue, each held against the contract; none is left there where one breaks it."""
+    """Return the ids that a run adds to the catalogue; none is entered where one breaks the contract."""
     before = set(CATALOGUE)
     broken = ""
     try:
@@ -145,7 +145,7 @@ def _reason(problem: BaseException) -> str:
 
 
 def breach(cls: type[Effect]) -> str:
-    """What an effect breaks of the contract, to be said after its id; empty where it keeps it."""
+    """Return a sentence on what an effect breaks of the contract, to follow its id; empty where it keeps it."""
     try:
         return _card(cls) or _law(cls)
     except InputError as problem:
@@ -155,7 +155,7 @@ def breach(cls: type[Effect]) -> str:
 
 
 def _card(cls: type[Effect]) -> str:
-    """What its declaration lacks."""
+    """Return a sentence on what is missing from the declaration of an effect; empty if nothing is."""
     if not str(cls.id).isidentifier():
         return "has an id that is no name; write letters, digits and _"
     if (cls.__doc__ or "").startswith(f"{cls.__name__}("):
@@ -178,7 +178,7 @@ def _card(cls: type[Effect]) -> str:
 
 
 def _law(cls: type[Effect]) -> str:
-    """What its contribution does not do: zero when absent, right shape, exact derivative, linear where it says so."""
+    """Return a sentence on the law that a contribution breaks: zero when absent, shape, exact derivative, linearity."""
     s, made = example(cls), absent(cls, GIMBALS)
     n, k = s.readout.shape
     shape = {Stage.ENCODER: (n, k), Stage.AXIS_TILT: (n, k, 3)}.get(cls.stage, (n, 3))
@@ -226,7 +226,7 @@ def _smooth_constants(made: Effect, s: Stimulus) -> str:
 
 
 def example(cls: type[Effect], n: int = 12) -> Stimulus:
-    """A made-up stimulus (n rows, three gimbals) that has everything an effect may ask for."""
+    """Return a made-up stimulus (n rows, three gimbals) that has everything an effect may ask for."""
     rng = np.random.default_rng(0)
     k, visit = len(GIMBALS), np.arange(n) // 3
     names = {need.partition(":")[2] or "logged" for need in cls.requires if need.startswith("covariate")} or {"logged"}

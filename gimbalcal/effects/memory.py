@@ -31,7 +31,7 @@ class AccelerometerHysteresis(Effect):
     h: Array = parameter(TRIAD, unit="ug", sigma=10, name="hysteresis")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return self.h * direction(s.move_force, SMALLEST_MOVE)
 
 
@@ -57,11 +57,11 @@ class PostMoveCreep(Effect):
     tau: float = constant(300.0, unit="min", low=20.0, high=3600.0, grid=Grid.LAG)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return (self.c * s.move_force + self.l * s.force) * exp(-s.since_move / self.tau)[..., None]
 
     def dynamics(self, s: Stimulus) -> Dynamics:
-        """The share of the relaxation that is still to come: one at every move, whatever was left of the one before."""
+        """Return the share of the relaxation to come: one at every move, whatever remained of the one before."""
         load = self.c * s.move_force + self.l * s.force
         moved = np.diff(s.visit, prepend=s.visit[0]) != 0
         left = exp(-s.since_move / self.tau)[:, None]
@@ -86,5 +86,5 @@ class TwoMoveMemory(Effect):
     m: Array = parameter(TRIAD, unit="ug/g", sigma=5, name="two_move_memory")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]; before the third dwell the sensor remembers the first position."""
+        """Return the output added [m/s^2]; before the third dwell the sensor remembers the first position."""
         return self.m * (s.force - s.move_force - s.earlier_move_force)

@@ -39,7 +39,7 @@ class LeverArm(Effect):
     r: Array = parameter(TRIAD, unit="mm", sigma=30, name="lever_arm")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Force added along the input axes [m/s^2]."""
+        """Return the force added along the input axes [m/s^2]."""
         r = np.asarray(self.r) + 0 * s.rate
         return np.cross(s.turning_faster(), r) + np.cross(s.rate, np.cross(s.rate, r))
 
@@ -63,7 +63,7 @@ class AccelerometerLeverArm(Effect):
     r: Array = parameter(MATRIX_AXES, unit="mm", sigma=30, name="accelerometer_lever_arm")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Force added along the input axes [m/s^2]."""
+        """Return the force added along the input axes [m/s^2]."""
         r = np.reshape(self.r, (3, 3))
         turn, w = s.turning_faster(), s.rate
         # row i of what turns in place feel, [w' x] + w w^T - |w|^2, and the own arm of each
@@ -100,11 +100,11 @@ class GravityLeakage(Effect):
     kappa: float = parameter(SCALAR, unit="1", sigma=1, name="gravity_leakage")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation in platform axes [rad], (n, 3)."""
+        """Return the rotation in platform axes [rad], (n, 3)."""
         return integrated(self.dynamics(s), s.time)
 
     def dynamics(self, s: Stimulus) -> Dynamics:
-        """The tilt so far."""
+        """Return the states of the tilt since the first sample."""
         return added_up(self.kappa * s.rate)
 
 
@@ -127,11 +127,11 @@ class TorquerScaleFactor(Effect):
     kappa: Array = parameter(TRIAD, unit="ppm", sigma=50, name="torquer_scale_factor")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation in platform axes [rad], (n, 3)."""
+        """Return the rotation in platform axes [rad], (n, 3)."""
         return integrated(self.dynamics(s), s.time)
 
     def dynamics(self, s: Stimulus) -> Dynamics:
-        """The turn so far beyond the one commanded."""
+        """Return the states of the turn beyond the one commanded."""
         return added_up(self.kappa * s.rate)
 
 
@@ -155,7 +155,7 @@ class TimeTagLatency(Effect):
     latency: float = parameter(SCALAR, unit="ms", sigma=10, name="time_tag_latency")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Force added along the input axes [m/s^2]."""
+        """Return the force added along the input axes [m/s^2]."""
         return self.latency * slope(s.force, s.time, s.visit)
 
 
@@ -181,7 +181,7 @@ class GyroLatency(Effect):
     latency: float = parameter(SCALAR, unit="ms", sigma=10, name="gyro_latency")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rate added [rad/s], (n, 3)."""
+        """Return the rate added [rad/s], (n, 3)."""
         return self.latency * slope(s.rate, s.time, s.visit)
 
 
@@ -207,5 +207,5 @@ class ReadoutLatency(Effect):
     latency: float = parameter(SCALAR, unit="ms", sigma=10, name="readout_latency")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Angle added [rad], (n, k)."""
+        """Return the angle added [rad], (n, k)."""
         return self.latency * slope(s.angle, s.time, s.visit)

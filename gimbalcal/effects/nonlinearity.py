@@ -44,7 +44,7 @@ class QuadraticNonlinearity(Effect):
     K2: Array = parameter(TRIAD, unit="ug/g^2", sigma=30)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return bend(self.K2, s.force)
 
 
@@ -65,7 +65,7 @@ class OddQuadratic(Effect):
     K_oq: Array = parameter(TRIAD, unit="ug/g^2", sigma=10)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return self.K_oq * s.force * absolute(s.force)
 
 
@@ -86,7 +86,7 @@ class CubicNonlinearity(Effect):
     K3: Array = parameter(TRIAD, unit="ug/g^3", sigma=10)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return self.K3 * s.force**3
 
 
@@ -107,7 +107,7 @@ class ScaleFactorAsymmetry(Effect):
     S: Array = parameter(TRIAD, unit="ppm", sigma=20, name="asymmetry")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return self.S * absolute(s.force)
 
 
@@ -128,7 +128,7 @@ class CrossCoupling(Effect):
     K_c: Array = parameter(PARTNER_AXES, unit="ug/g^2", sigma=10)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         xy, xz, yx, yz, zx, zy = self.K_c
         fx, fy, fz = np.moveaxis(s.force, -1, 0)
         return np.stack([fx * (xy * fy + xz * fz), fy * (yx * fx + yz * fz), fz * (zx * fx + zy * fy)], axis=-1)
@@ -153,7 +153,7 @@ class CrossAxisProduct(Effect):
     K_pp: Array = parameter(TRIAD, unit="ug/g^2", sigma=10, mechanism="compliance")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         fj, fk = across(s.force)
         return self.K_po * fj * fk + self.K_pp * fj**2
 
@@ -175,7 +175,7 @@ class BlockSag(Effect):
     c: Array = parameter(TRIAD, unit="urad/g", sigma=3, name="block_sag")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         fj, fk = across(s.force)
         return self.c * fj * fk
 
@@ -202,7 +202,7 @@ class ReadoutCurve(Effect):
     c_7: Array = parameter(TRIAD, unit="ug", sigma=3)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         x = s.force / G0
         P = [1 + 0 * x, x]
         for n in range(1, 7):
@@ -229,7 +229,7 @@ class DeadZone(Effect):
     d: Array = parameter(TRIAD, unit="ug", sigma=10, name="dead_zone")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return -sign(s.force) * minimum(absolute(s.force), self.d + 0 * s.force)
 
 
@@ -252,6 +252,6 @@ class SoftSaturation(Effect):
     f_0: float = constant(0.85 * G0, unit="m/s^2", low=0.3 * G0, high=0.99 * G0)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         beyond = maximum(absolute(s.force) - self.f_0, 0 * s.force)
         return -self.c * sign(s.force) * beyond**2

@@ -40,7 +40,7 @@ class AxisCollimation(Effect):
     c: Array = parameter(SCALAR, unit="arcsec", sigma=120, name="axis_collimation")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation of the line of sight about the platform's z axis [rad], (n, 3)."""
+        """Return the rotation of the line of sight about the platform's z axis [rad], (n, 3)."""
         return np.stack([0 * s.force[..., 0], 0 * s.force[..., 0], self.c + 0 * s.force[..., 2]], axis=-1)
 
 
@@ -65,7 +65,7 @@ class TubeFlexure(Effect):
     k: Array = parameter(SCALAR, unit="arcsec", sigma=30, name="tube_flexure")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation of the line of sight towards down [rad], (n, 3)."""
+        """Return the rotation of the line of sight towards down [rad], (n, 3)."""
         return self.k * _towards_down(s)
 
 
@@ -91,7 +91,7 @@ class Refraction(Effect):
     R: Array = parameter(SCALAR, unit="arcsec", sigma=10, name="refraction")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Rotation of the line of sight to the true place of what is seen, R cot E lower [rad], (n, 3)."""
+        """Return the rotation of the line of sight to the true place of what is seen, R cot E lower [rad], (n, 3)."""
         return _towards_down(s) * (self.R / _sine_of_elevation(s))[..., None]
 
 
@@ -116,7 +116,7 @@ class GimbalZeroDrift(Effect):
     rate: Array = parameter(GIMBALS, unit="arcsec/h", sigma=60, name="gimbal_zero_drift")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Angle minus readout [rad], (n, k)."""
+        """Return the angle minus readout [rad], (n, k)."""
         return self.rate * s.time[..., None] + 0 * s.readout
 
 
@@ -140,7 +140,7 @@ class GimbalZeroStep(Effect):
     epoch: float = constant(1.0, unit="s", low=0.0, high=100 * 24 * HOUR, grid=Grid.EPOCH)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Angle minus readout [rad], (n, k)."""
+        """Return the angle minus readout [rad], (n, k)."""
         return self.J * np.asarray(s.onwards >= self.epoch, dtype=float)[..., None] + 0 * s.readout
 
 
@@ -164,12 +164,12 @@ class EncoderScaleFactor(Effect):
     s: Array = parameter(GIMBALS, unit="ppm", sigma=100, name="encoder_scale_factor")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Angle minus readout [rad], (n, k)."""
+        """Return the angle minus readout [rad], (n, k)."""
         return np.asarray(self.s * s.angle)
 
 
 def _towards_down(s: Stimulus) -> Array:
-    """x_p cross down, (n, 3): a turn by this times k moves the line of sight towards down by k cos(elevation)."""
+    """Return x_p cross down, (n, 3): this times k moves the line of sight towards down by k cos(elevation)."""
     down = -s.force / s.gravity
     return np.stack([0 * down[..., 0], -down[..., 2], down[..., 1]], axis=-1)
 

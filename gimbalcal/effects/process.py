@@ -28,19 +28,19 @@ class Process:
     sources: ClassVar[tuple[str, ...]] = ()
 
     def transition(self, h: Array, moved: Array) -> Array:
-        """Phi (n, m) over steps h (n,) [s]; moved (n,) tells where the platform went to another position."""
+        """Return Phi (n, m) over steps h (n,) [s]; moved (n,) tells where the platform went to another position."""
         raise NotImplementedError
 
     def diffusion(self, h: Array, moved: Array) -> Array:
-        """Q (n, m), the variance that enters over each step."""
+        """Return Q (n, m), the variance that enters over each step."""
         raise NotImplementedError
 
     def output(self) -> Array:
-        """H (m,)."""
+        """Return H (m,)."""
         raise NotImplementedError
 
     def initial(self) -> Array:
-        """P_0 (m,), the variance of the first state."""
+        """Return P_0 (m,), the variance of the first state."""
         raise NotImplementedError
 
 
@@ -86,7 +86,7 @@ class Quantisation(Process):
     sources = ("ieee1293",)
 
     def rounded(self, x: Array) -> Array:
-        """The reading in whole steps."""
+        """Return the reading in whole steps."""
         return np.asarray(self.q * np.round(x / self.q))
 
     def transition(self, h: Array, moved: Array) -> Array:
@@ -229,7 +229,7 @@ class SettingError(Process):
 def sample(
     process: Process, rng: np.random.Generator, time: Array, visit: Array | None = None, state: Array | None = None
 ) -> tuple[Array, Array]:
-    """One realisation y (n,) at time (n,) [s], and the last state (m,) to go on from.
+    """Return one realisation y (n,) at time (n,) [s], and the last state (m,) to continue from.
 
     With `state` the first sample is one step after that state, with the step of the first two samples.
     """
@@ -249,7 +249,7 @@ def sample(
 
 
 def covariance(process: Process, time: Array, visit: Array | None = None) -> Array:
-    """E[y y'] (n, n) at time (n,) [s]."""
+    """Return E[y y'] (n, n) at time (n,) [s]."""
     h, moved = steps(time, visit)
     Phi, Q = process.transition(h, moved), process.diffusion(h, moved)
     n = len(time)
@@ -266,7 +266,7 @@ def covariance(process: Process, time: Array, visit: Array | None = None) -> Arr
 
 
 def steps(time: Array, visit: Array | None) -> tuple[Array, Array]:
-    """Time since the sample before (the first: as the second), and whether there was a move in between."""
+    """Return the time since the sample before (the first: as the second), and whether there was a move in between."""
     h = np.diff(time, prepend=2 * time[0] - time[1]) if len(time) > 1 else np.zeros(1)
     moved = np.zeros(len(time), dtype=bool) if visit is None else np.diff(visit, prepend=visit[0]) != 0
     return h, moved

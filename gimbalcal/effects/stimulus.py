@@ -55,17 +55,17 @@ class Stimulus:
     running: Array | None = None  # (n,) s, a clock that goes on through all sessions where `time` begins anew in each
 
     def at(self, **changes: Any) -> Stimulus:
-        """The same stimulus with some arrays replaced."""
+        """Return the same stimulus with some arrays replaced."""
         return dataclasses.replace(self, **changes)
 
     def select(self, rows: NDArray[Any] | slice) -> Stimulus:
-        """The stimulus at some rows only."""
+        """Return the stimulus at some rows only."""
         n = len(self.time)
         cut = {k: v[rows] for k, v in vars(self).items() if isinstance(v, np.ndarray) and v.ndim and len(v) == n}
         return self.at(**cut, covariates={k: v[rows] for k, v in self.covariates.items()})
 
     def held(self, n: int) -> Stimulus:
-        """The stimulus of one row for n rows; covariates are those of the one."""
+        """Return the stimulus of one row for n rows; covariates are those of the one."""
         arrays = {k: v for k, v in vars(self).items() if isinstance(v, np.ndarray) and v.ndim}
         return self.at(**{k: np.broadcast_to(v, (n, *v.shape[1:])) for k, v in arrays.items()})
 
@@ -75,7 +75,7 @@ class Stimulus:
         return self.time if self.running is None else self.running
 
     def carries(self, quantity: str) -> bool:
-        """Whether an effect that needs a quantity ("temperature", "covariate:pressure") finds it here."""
+        """Return whether an effect that needs a quantity ("temperature", "covariate:pressure") finds it here."""
         quantity, _, name = quantity.partition(":")
         if quantity == "covariate":
             return name in self.covariates if name else bool(self.covariates)
@@ -84,11 +84,11 @@ class Stimulus:
         return getattr(self, quantity) is not None
 
     def turning_faster(self) -> Array:
-        """Angular acceleration (n, 3) [rad/s^2] of the sensor block."""
+        """Return angular acceleration (n, 3) [rad/s^2] of the sensor block."""
         return slope(self.rate, self.time, self.visit) if self.rate_slope is None else self.rate_slope
 
     def temperature_excess(self) -> Array:
-        """T - T0 (n,) [degC]. Raises ValueError where temperature was not recorded."""
+        """Return T - T0 (n,) [degC]. Raises ValueError where temperature was not recorded."""
         if self.temperature is None:
             raise ValueError("this effect needs a temperature channel and the recording has none")
         return np.asarray(self.temperature - self.reference_temperature)

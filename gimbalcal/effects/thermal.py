@@ -43,7 +43,7 @@ class BiasTemperature(Effect):
     b_T: Array = parameter(TRIAD, unit="ug/degC", sigma=10)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return self.b_T * s.temperature_excess()[..., None]
 
 
@@ -66,7 +66,7 @@ class ScaleTemperature(Effect):
     s_T: Array = parameter(TRIAD, unit="ppm/degC", sigma=50)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return self.s_T * s.force * s.temperature_excess()[..., None]
 
 
@@ -89,7 +89,7 @@ class MisalignmentTemperature(Effect):
     mu_T: Array = parameter(MISALIGNMENT_AXES, unit="urad/degC", sigma=1)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Force added along the input axes [m/s^2]."""
+        """Return the force added along the input axes [m/s^2]."""
         return lean(self.mu_T, s.force) * s.temperature_excess()[..., None]
 
 
@@ -113,11 +113,11 @@ class BiasTemperatureLagged(Effect):
     tau: float = constant(0.3 * HOUR, unit="h", low=0.02 * HOUR, high=6 * HOUR, grid=Grid.LAG)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return integrated(self.dynamics(s), s.time)
 
     def dynamics(self, s: Stimulus) -> Dynamics:
-        """The temperature that the sensor has by now."""
+        """Return the temperature that the sensor has by now."""
         return late(s.temperature_excess()[:, None], self.tau, self.b_L)
 
 
@@ -141,7 +141,7 @@ class BiasTemperatureRate(Effect):
     tau: float = constant(120.0, unit="min", low=15.0, high=1800.0, grid=Grid.LAG)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return self.r * smoothed_rate(s.temperature_excess(), s.time, self.tau)[..., None]
 
 
@@ -163,7 +163,7 @@ class BiasTemperatureSquared(Effect):
     q: Array = parameter(TRIAD, unit="ug/degC^2", sigma=0.5, name="b_T2")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return self.q * (s.temperature_excess() ** 2)[..., None]
 
 
@@ -186,11 +186,11 @@ class WarmUp(Effect):
     tau: float = constant(1.0 * HOUR, unit="h", low=0.005 * HOUR, high=12 * HOUR, grid=Grid.LAG)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return self.w * exp(-s.time / self.tau)[..., None]
 
     def dynamics(self, s: Stimulus) -> Dynamics:
-        """The share of the warming that is still to come."""
+        """Return the share of the warming that is still to come."""
         return Dynamics(np.zeros((len(s.time), 1)), np.ones(1), self.w, self.tau)
 
 
@@ -212,7 +212,7 @@ class BiasDrift(Effect):
     d: Array = parameter(TRIAD, unit="ug/h", sigma=3, name="bias_drift")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return self.d * s.time[..., None]
 
 
@@ -238,7 +238,7 @@ class SlowBiasDrift(Effect):
     span: float = constant(3600.0, unit="s", low=60.0, high=1e6, grid=Grid.SPAN)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         phase = pi * s.time[..., None] / self.span
         return self.w_1 * cos(phase) + self.w_2 * cos(2 * phase)
 
@@ -261,7 +261,7 @@ class BiasStep(Effect):
     epoch: float = constant(1.0, unit="s", low=0.0, high=100 * 24 * HOUR, grid=Grid.EPOCH)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return self.J * np.asarray(s.onwards >= self.epoch, dtype=float)[..., None]
 
 
@@ -284,9 +284,9 @@ class SelfHeating(Effect):
     tau: float = constant(0.2 * HOUR, unit="h", low=0.02 * HOUR, high=3 * HOUR, grid=Grid.LAG)
 
     def contribution(self, s: Stimulus) -> Array:
-        """Output added [m/s^2]."""
+        """Return the output added [m/s^2]."""
         return integrated(self.dynamics(s), s.time)
 
     def dynamics(self, s: Stimulus) -> Dynamics:
-        """The temperature of each sensor, in units of what 1 g makes of it."""
+        """Return the temperature of each sensor, in units of what 1 g makes of it."""
         return late((s.force / G0) ** 2, self.tau, self.H)

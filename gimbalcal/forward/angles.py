@@ -16,13 +16,14 @@ STEPS, SETTLED = 8, 1e-15  # each step squares what is left of milliradians; rad
 
 
 def ideal_angles(platform: Platform, phase: Array, latitude: float) -> Array:
-    """Angles (n, k) of a perfect platform on a level base: S_t, 0, L, 0."""
+    """Return angles (n, k) of a perfect platform on a level base: S_t, 0, L, 0."""
     ideal = {"platform": phase, "middle": latitude * np.ones_like(phase)}
     return platform.angles({k: v for k, v in ideal.items() if k in platform.axis_names}, phase.shape)
 
 
 def gimbal_angles(platform: Platform, C_bp: Array, ideal: Array, error: Array | float, tilts: Array | None) -> Array:
-    """True angles (n, k) at which the chain, axis tilts (n, k, 3) included, realises C_bp (n, 3, 3), from ideal ones.
+    """Return the true angles (n, k) at which the chain, axis tilts (n, k, 3) included, realises C_bp (n, 3, 3), from
+    ideal ones.
 
     The outer gimbal follows the inner one so that the *readout* of the inner gimbal stays at zero: its true angle is
     its encoder's error (n, k). The others by Newton on the rotation vector; two steps leave 1e-16 rad
@@ -45,7 +46,8 @@ def gimbal_angles(platform: Platform, C_bp: Array, ideal: Array, error: Array | 
 
 
 def nearest_angles(platform: Platform, C_bp: Array, start: Array, free: Sequence[int]) -> Array:
-    """Angles (n, k) near `start` that turn the perfect chain closest to C_bp (n, 3, 3), by the free gimbals alone.
+    """Return angles (n, k) near `start` that turn the perfect chain closest to C_bp (n, 3, 3), by the free gimbals
+    alone.
 
     The smallest changes that do it. What no free gimbal can turn, as in gimbal lock, stays.
     """
@@ -67,7 +69,7 @@ def _symbolic_solve(J: Array, b: Array) -> Array:
 
 
 def _axis_in_platform(platform: Platform, angle: Array, i: int) -> Array:
-    """Direction (n, 3) in platform axes about which readout i turns the platform."""
+    """Return the direction (n, 3) in platform axes about which readout i turns the platform."""
     inner = Platform(platform.name, platform.axes[:i]).attitude(angle[..., :i])
     axis = platform.axes[i]
     unit = np.zeros(3)
@@ -76,7 +78,8 @@ def _axis_in_platform(platform: Platform, angle: Array, i: int) -> Array:
 
 
 def navigator_attitude_error(platform: Platform, force: Array, readout: Array) -> Array:
-    r"""Attitude of the still, level, north-pointing base minus what the navigator makes of its sensors (n, 3) [rad].
+    r"""Return the attitude of the still, level, north-pointing base minus what the navigator makes of its sensors (n,
+    3) [rad].
 
     The navigator takes down from the measured force, north from the platform's polar axis z_p, and the base from the
     gimbal readouts: C_n^b = C_p^b(readout) C_n^p(f, z_p). Roll, pitch, yaw with the sign of Wu et al. (2018), Eq. (28).

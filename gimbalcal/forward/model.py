@@ -19,7 +19,7 @@ from gimbalcal.rotation import tilt_rotation
 def predict(
     platform: Platform, s: Stimulus, effects: Sequence[Effect], kind: str = "multi-position"
 ) -> dict[str, Array]:
-    """Channel outputs of a platform with these effects.
+    """Return the channel outputs of a platform with these effects.
 
     Returns "specific_force" (n, 3) [m/s^2] and "angular_rate" (n, 3) [rad/s], of gyroscopes in the same block that
     turn at the stimulus' rate and feel the true force; for a static run, whose gyroscopes hold the platform, instead
@@ -37,7 +37,7 @@ def predict(
 
 
 def _total(effects: Sequence[Effect], stage: Stage, s: Stimulus) -> Array | float:
-    """Sum of what all effects add at one stage (0.0 where none does)."""
+    """Return the sum of what all effects add at one stage (0.0 where none does)."""
     return sum((e.contribution(s) for e in effects if e.stage is stage), start=0.0)
 
 
@@ -47,7 +47,7 @@ def _rotation(effects: Sequence[Effect], stage: Stage, s: Stimulus) -> Array:
 
 
 def _encoder_referenced(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
-    """f^p (n, 3) where the encoders say where the platform points; without gimbals the stimulus says it."""
+    """Return f^p (n, 3) where the encoders say where the platform points; without gimbals the stimulus says it."""
     if not platform.axes:
         tilt = _total(effects, Stage.PLATFORM, s)
         return s.force if isinstance(tilt, float) else apply_matrix(tilt_rotation(tilt), s.force)
@@ -58,7 +58,7 @@ def _encoder_referenced(platform: Platform, s: Stimulus, effects: Sequence[Effec
 
 
 def _mount(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> tuple[Array, Stimulus]:
-    """C_np of a mount whose readouts say where it points, and the stimulus with its true angles."""
+    """Return C_np of a mount whose readouts say where it points, and the stimulus with its true angles."""
     angle = s.readout + _total(effects, Stage.ENCODER, s)
     s = s.at(angle=angle)
     tilts = _total(effects, Stage.AXIS_TILT, s)
@@ -67,12 +67,12 @@ def _mount(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> tuple[
 
 
 def attitude(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
-    """C_np (n, 3, 3) of a platform whose readouts say where it points, as these effects make it stand."""
+    """Return C_np (n, 3, 3) of a platform whose readouts say where it points, as these effects make it stand."""
     return np.asarray(_rotation(effects, Stage.PLATFORM, s) @ _mount(platform, s, effects)[0])
 
 
 def _pointing(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
-    """Seen direction minus target (n, 2) [rad], across and along the innermost axis, as a perfect mount sees them."""
+    """Return the observed direction minus target (n, 2) [rad], across and along, in the axes of a perfect mount."""
     aimed = on_target(platform, s).aimed
     C_np, s = _mount(platform, s, effects)
     s = s.at(force=-s.gravity * C_np[..., 2])
@@ -81,7 +81,7 @@ def _pointing(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Arr
 
 
 def on_target(platform: Platform, s: Stimulus) -> Stimulus:
-    """The stimulus with what a perfect mount on its target makes of a line of sight: worked out once for many effects.
+    """Return the stimulus with the line of sight of a perfect mount on its target, computed once for many effects.
 
     Raises InputError where nothing says where the target was.
     """
@@ -94,7 +94,7 @@ def on_target(platform: Platform, s: Stimulus) -> Stimulus:
 
 
 def accelerometers(force: Array, s: Stimulus, effects: Sequence[Effect]) -> Array:
-    """Accelerometer outputs (n, 3) [m/s^2] for the specific force f^p (n, 3): Wu et al. (2018), Eq. (6)."""
+    """Return the accelerometer outputs (n, 3) [m/s^2] for the specific force f^p (n, 3): Wu et al. (2018), Eq. (6)."""
     s = s.at(force=force)
     s = s.at(force=s.force + _total(effects, Stage.INPUT_AXIS, s))
     s = s.at(force=s.force + _total(effects, Stage.SCALE, s))
@@ -102,7 +102,7 @@ def accelerometers(force: Array, s: Stimulus, effects: Sequence[Effect]) -> Arra
 
 
 def turning(platform: Platform, s: Stimulus, effects: Sequence[Effect], readout_rate: Array) -> Array:
-    r"""Angular rate (n, 3) [rad/s] of the sensor block against the inertial frame, in its axes.
+    r"""Return angular rate (n, 3) [rad/s] of the sensor block against the inertial frame, in its axes.
 
     .. math:: \omega = -\mathrm{vee}(\dot C_n^p {C_n^p}^T) + C_n^p \, \omega_{ie}^n
 
@@ -117,7 +117,7 @@ def turning(platform: Platform, s: Stimulus, effects: Sequence[Effect], readout_
 
 
 def gyroscopes(rate: Array, s: Stimulus, effects: Sequence[Effect]) -> Array:
-    """Gyroscope outputs (n, 3) [rad/s] for the angular rate (n, 3) of the sensor block, as `accelerometers`."""
+    """Return the gyroscope outputs (n, 3) [rad/s] for the angular rate (n, 3) of the sensor block."""
     s = s.at(rate=rate)
     s = s.at(rate=s.rate + _total(effects, Stage.RATE_AXIS, s))
     s = s.at(rate=s.rate + _total(effects, Stage.RATE_SCALE, s))
@@ -125,7 +125,7 @@ def gyroscopes(rate: Array, s: Stimulus, effects: Sequence[Effect]) -> Array:
 
 
 def _inertially_fixed(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> dict[str, Array]:
-    """Outputs of a platform that gyroscopes hold while a still base turns with the Earth."""
+    """Return outputs of a platform that gyroscopes hold while a still base turns with the Earth."""
     L = required_latitude(s.latitude)
     unit = s.force / s.gravity
     phase = arctan2(unit[..., 1], unit[..., 0])
@@ -143,6 +143,6 @@ def _inertially_fixed(platform: Platform, s: Stimulus, effects: Sequence[Effect]
 
 
 def _axis_errors(s: Stimulus, effects: Sequence[Effect]) -> tuple[Array | float, Array | None]:
-    """Angle minus readout (n, k), 0.0 for none, and tilts (n, k, 3) of the gimbal axes, None for none."""
+    """Return the angle minus readout (n, k), 0.0 for none, and tilts (n, k, 3) of the gimbal axes, None for none."""
     tilts = _total(effects, Stage.AXIS_TILT, s)
     return _total(effects, Stage.ENCODER, s), None if isinstance(tilts, float) else tilts

@@ -59,7 +59,7 @@ class Rows:
     reduction: Callable[[Array], Array] | None = None
 
     def over(self, sigma: Array) -> Rows:
-        """The same rows in units of sigma (C,) or (n, C)."""
+        """Return the rows in units of sigma (C,) or (n, C)."""
         return replace(
             self,
             residual=self.residual / sigma,
@@ -68,20 +68,20 @@ class Rows:
         )
 
     def reduced(self, reduction: Callable[[Array], Array]) -> Rows:
-        """The same with columns (n, C, p), and the residual as one of them, mapped linearly to fewer rows."""
+        """Return the rows with columns (n, C, p), and the residual as one of them, mapped linearly to fewer rows."""
         return replace(self, residual=reduction(self.residual[:, :, None])[:, :, 0], reduction=reduction)
 
     def through(self, stage: Stage, added: Array) -> Array:
-        """What an addition (n, ...) at a stage does to the channels (n, C), before any reduction."""
+        """Return the effect of an addition (n, ...) at a stage on the channels (n, C), before any reduction."""
         S = self.sensitivity[stage]
         return np.asarray(np.einsum("ncm,nm->nc", S, added.reshape(len(S), -1)))
 
     def added(self, stage: Stage, index: int, basis: Array) -> Array:
-        """What each column of a basis (n, p), added to one of the numbers of a stage, does to the channels."""
+        """Return the effect of each column of a basis (n, p), added to one number of a stage, on the channels."""
         return self._mapped(self.sensitivity[stage][:, :, index, None] * basis[:, None, :])
 
     def columns(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
-        """Derivative (n, C, p) of the channels by the wanted parameters of one effect, at its present values."""
+        """Return derivative (n, C, p) of the channels by the wanted parameters of one effect, at its present values."""
         s, names = self.seen[effect.stage], self.stimulus.axis_names
         if any(e.spans_rows and e.stage is not effect.stage and _acts(e) for e in self.effects):
             return self._through_all(effect, wanted)
@@ -94,7 +94,7 @@ class Rows:
         return self._mapped(np.stack(out, axis=-1))
 
     def _through_all(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
-        """The same through the whole model, whatever the rows have to do with each other."""
+        """Return the columns through the whole model, however the rows are coupled."""
         effects = (*(e for e in self.effects if e.id != effect.id), effect)
 
         def read(x: Array) -> Array:
@@ -108,7 +108,7 @@ class Rows:
         return X if self.reduction is None else self.reduction(X)
 
     def jacobian(self, wanted: Sequence[Parameter]) -> Array:
-        """Derivative (n, C, p) of the channels by parameters of any effects; those that are not there count as zero."""
+        """Return the derivative (n, C, p) of the channels by parameters of any effects; absent ones count as zero."""
         by_id, names = {e.id: e for e in self.effects}, self.stimulus.axis_names
         out = np.zeros((*self.residual.shape, len(wanted)))
         for effect_id in dict.fromkeys(p.effect for p in wanted):
@@ -128,7 +128,7 @@ def linearise(
     read: Array | None = None,
     stages: Iterable[Stage] = Stage,
 ) -> Rows:
-    """The rows of a recording about the effects, with the sensitivity of every channel to each of the stages.
+    """Return the rows of a recording about the effects, with the sensitivity of every channel to each of the stages.
 
     channels: the quantities and axes that are looked at (default: all that the model predicts); read (n, C): what was
     read of them in SI (default: as predicted, for a recording that is only planned).
@@ -166,7 +166,7 @@ def jacobian(
     wanted: Sequence[Parameter],
     kind: str = "multi-position",
 ) -> dict[str, Array]:
-    """Exact derivatives of `predict` by the wanted parameters, which may belong to effects that are absent.
+    """Return the exact derivatives of `predict` by the wanted parameters, which may belong to effects that are absent.
 
     Returns channel to (n, c, p), SI per SI.
     """
@@ -178,7 +178,7 @@ def jacobian(
 
 
 def _acts(effect: Effect) -> bool:
-    """Whether any parameter of an effect differs from zero."""
+    """Return whether any parameter of an effect differs from zero."""
     return any(
         np.any(np.asarray(getattr(effect, f.name)) != 0)
         for f in fields(effect)
@@ -194,7 +194,7 @@ def difference(read: Array, predicted: Array, channels: Sequence[Key]) -> Array:
 
 
 def picked(platform: Platform, outputs: Mapping[str, Array], channels: Sequence[Key]) -> Array:
-    """The wanted channels (n, C) of what `predict` returns."""
+    """Return the wanted channels (n, C) of what `predict` returns."""
     return np.stack([outputs[q][:, AXES.get(q, platform.axis_names).index(a)] for q, a in channels], axis=1)
 
 
@@ -203,7 +203,7 @@ def _every(platform: Platform, outputs: Mapping[str, Array]) -> tuple[Key, ...]:
 
 
 def _added(stage: Stage, platform: Platform) -> tuple[int, ...]:
-    """Shape of what an effect adds to one row at a stage."""
+    """Return the shape of what an effect adds to one row at a stage."""
     k = len(platform.axes)
     return {Stage.ENCODER: (k,), Stage.AXIS_TILT: (k, 3)}.get(stage, (3,))
 
@@ -226,7 +226,7 @@ _PROBES = {stage: type(f"_Probe{stage.name}", (_Probe,), {"stage": stage}) for s
 def experienced(
     platform: Platform, s: Stimulus, effects: Sequence[Effect], stage: Stage, kind: str = "multi-position"
 ) -> Stimulus:
-    """What a stage experiences on a platform with these effects."""
+    """Return the stimulus of a stage on a platform with these effects."""
     met: dict[Stage, Stimulus] = {}
     probe = _PROBES[stage](value=np.zeros(_added(stage, platform)), met=met)
     predict(platform, s, (*effects, probe), kind)

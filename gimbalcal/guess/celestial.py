@@ -35,7 +35,7 @@ OFFSET = frozenset(
 
 
 def of_the_axes(table: Table, longitude: float | None = None) -> tuple[Table, dict[str, str]]:
-    """The table with right ascensions as hour angles and zenith distances as elevations, named after what they were.
+    """Return the table with right ascensions as hour angles and zenith distances as elevations, by their old names.
 
     longitude: of the place, deg east, where no column or remark tells it. Returns what was assumed, too. Raises
     InputError for places on the sky twice without a sidereal time, or UTC and a longitude, that makes hour angles of
@@ -67,7 +67,7 @@ def of_the_axes(table: Table, longitude: float | None = None) -> tuple[Table, di
 
 
 def _spelt(table: Table) -> Table:
-    """The table with the keywords of FITS files in words: where the mount was, and where the plate was solved."""
+    """Return the table with the keywords of FITS files in words: place of the mount, and of the solved plate."""
     spelt = {n: f"{n} {KEYWORDS[n.strip().upper()]}" for n in table.columns if n.strip().upper() in KEYWORDS}
     return replace(
         table,
@@ -77,7 +77,7 @@ def _spelt(table: Table) -> Table:
 
 
 def _of_utc(table: Table, ascensions: list[str], longitude: float | None) -> tuple[Array, str]:
-    """Local sidereal time [h] by a column of UTC and the longitude, and by which."""
+    """Return the local sidereal time [h] by a column of UTC and the longitude, and by which."""
     told = (longitude, "--longitude") if longitude is not None else next(_longitudes(table), None)
     universal = next(_days(table), None)
     if told is None or universal is None:
@@ -95,7 +95,7 @@ def _of_utc(table: Table, ascensions: list[str], longitude: float | None) -> tup
 
 
 def _days(table: Table) -> Iterator[tuple[Array, str]]:
-    """Days (n,) since 2000-01-01 12:00 UTC of columns that tell the date, and their names."""
+    """Yield days (n,) since 2000-01-01 12:00 UTC of columns with the date, and their names."""
     for name, x in table.columns.items():
         if name in table.dates and table.day:
             yield (date.fromisoformat(table.day) - date(2000, 1, 1)).days - 0.5 + x / 86400, name
@@ -106,7 +106,7 @@ def _days(table: Table) -> Iterator[tuple[Array, str]]:
 
 
 def _longitudes(table: Table) -> Iterator[tuple[float, str]]:
-    """The longitude [deg], eastward, that a column says in every row, or a remark."""
+    """Yield the longitude [deg], eastward, that a column states in every row, or a remark."""
     for name, x in table.columns.items():
         if {"lon", "long", "longitude", "laenge"}.intersection(_words(name)) and np.ptp(x) < 0.1:
             yield float(np.median(x)), name
@@ -116,7 +116,7 @@ def _longitudes(table: Table) -> Iterator[tuple[float, str]]:
 
 
 def angle_told(line: str, word: str, plus: str, minus: str) -> float | None:
-    """An angle [deg] behind a word in a remark, decimal or sexagesimal, with the letter of its sense behind it.
+    """Return an angle [deg] after a word in a remark, decimal or sexagesimal, with the letter of its sense after it.
 
     >>> angle_told("lat -33 30 00, lon 70:44:12 W", "lat", "N", "S"), angle_told("lon=16.5 W", "lon", "E", "W")
     (-33.5, -16.5)
@@ -144,18 +144,18 @@ def refuse_below_horizon(path: Path, run: Recording, why: str) -> None:
 
 
 def sidereal(table: Table) -> str:
-    """The column of local sidereal time, or nothing."""
+    """Return the column of local sidereal time, or nothing."""
     return next((n for n in table.columns if SIDEREAL.intersection(_words(n))), "")
 
 
 def sidereal_hours(table: Table, clock: str) -> Array:
-    """Local sidereal time [h] of each row."""
+    """Return the local sidereal time [h] of each row."""
     x = table.columns[clock]
     return x / 3600 if clock in table.dates else _hours(table, clock)
 
 
 def latitude_column(table: Table) -> tuple[str, float] | None:
-    """A column that says the latitude [deg] in every row, and what it says."""
+    """Return a column that states the latitude [deg] in every row, and its value."""
     for name, x in table.columns.items():
         if {"lat", "latitude", "breite"}.intersection(_words(name)) and np.ptp(x) < 0.1 and abs(x[0]) <= 90:
             return name, float(np.median(x))
@@ -163,7 +163,7 @@ def latitude_column(table: Table) -> tuple[str, float] | None:
 
 
 def _hours(table: Table, name: str) -> Array:
-    """Right ascension or sidereal time in hours: as sexagesimal cells have it, or numbers up to 24; else degrees."""
+    """Return right ascension or sidereal time in hours, of sexagesimal cells or numbers up to 24; else of degrees."""
     x, unit = table.columns[name], unit_written(plain(name))
     hours = name in table.sexagesimal or unit == "h" or (unit not in ("deg", "rad") and float(np.nanmax(x)) <= 24)
     return np.asarray(np.degrees(x) / 15 if unit == "rad" else x if hours else x / 15)

@@ -215,7 +215,7 @@ def _triad(words: str) -> tuple[str, str, str] | None:
 
 
 def _triad_by_word(words: str) -> tuple[str, str, str] | None:
-    """Return the same by words alone; those before it (the name of a topic, a device) do not count."""
+    """Return quantity, axis and unit by words alone; those before it (the name of a topic, a device) do not count."""
     parts = words.split("_")
     if NOT_A_TRIAD.intersection(parts):
         return None

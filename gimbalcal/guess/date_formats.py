@@ -15,14 +15,14 @@ TIME = re.compile(r"\s*(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?\s*([AaPp])?\.?
 
 
 def _in_numbers(cell: str) -> str:
-    """A day whose month has a name, 11-Mar-2026, as 11-03-2026; other cells as they are."""
+    """Return a day whose month has a name, 11-Mar-2026, as 11-03-2026; other cells as they are."""
     found = _NAMED.match(cell)
     month = _MONTHS.get(found[2].lower()[:3]) if found else None
     return f"{found[1]}-{month:02d}-{found[3]}{cell[found.end() :]}" if found and month else cell
 
 
 def is_day(cell: str) -> bool:
-    """Whether a cell names a day, and no time.
+    """Return whether a cell names a day, and no time.
 
     >>> is_day("14.06.2026"), is_day("2026-06-14"), is_day("3.14")
     (True, True, False)
@@ -32,7 +32,7 @@ def is_day(cell: str) -> bool:
 
 
 def is_stamp(cell: str) -> bool:
-    """Whether a cell names a day as no ISO 8601 has it, and a time.
+    """Return whether a cell names a day and a time in a form other than ISO 8601.
 
     >>> is_stamp("6/14/2026 8:05:10 PM"), is_stamp("14-Jun-2026 08:05:10"), is_stamp("2026-06-14 08:05:10")
     (True, True, False)
@@ -42,7 +42,7 @@ def is_stamp(cell: str) -> bool:
 
 
 def in_iso(days: Sequence[str], times: Sequence[str]) -> list[str]:
-    """Days and times of rows as ISO 8601; what is neither is empty.
+    """Return days and times of rows as ISO 8601; what is neither is empty.
 
     A day in the middle or in front is told by the rows themselves, a number beyond 12; else by dots (the day first) and
     slashes (the month first).
@@ -55,7 +55,7 @@ def in_iso(days: Sequence[str], times: Sequence[str]) -> list[str]:
 
 
 def split(cells: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Days and times of stamps."""
+    """Return days and times of stamps."""
     both = [_AFTER.sub(r"\1 ", _in_numbers(cell.strip())).partition(" ") for cell in cells]
     return [day for day, _, _ in both], [time for _, _, time in both]
 

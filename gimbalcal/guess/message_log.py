@@ -42,7 +42,7 @@ class _Kind:
 
 
 def tables_in(path: Path, head: Sequence[str]) -> dict[str, list[str]]:
-    """Lines of plain tables by what their messages are called; none where nothing is in the way.
+    """Return the lines of plain tables by the names of their messages; none where the file is a plain table.
 
     head: the first lines of the file. Raises InputError where messages hold no accelerometers.
     """
@@ -71,27 +71,27 @@ def _split(line: str) -> list[str]:
 
 
 def _tag(line: str, at: int) -> str:
-    """The word of a row that stands in cell `at`, before three others."""
+    """Return the word of a row that stands in cell `at`, before three others."""
     cells = _split(line)
     word = len(cells) > at + 3 and _KIND.fullmatch(cells[at]) is not None
     return cells[at] if word and (at == 0 or re.fullmatch(_NUMBER, cells[0]) is not None) else ""
 
 
 def _without_arrows(lines: Sequence[str]) -> list[str]:
-    """Times of arrival as the first cell of each line: "12:30:05.123 -> 1,2,3"."""
+    """Return times of arrival as the first cell of each line: "12:30:05.123 -> 1,2,3"."""
     marks = Counter(mark for line in lines for mark in ("\t", ";", ",") if _ARRIVED.match(line) and mark in line)
     mark = marks.most_common(1)[0][0] if marks else " "
     return [_ARRIVED.sub(lambda found: found[1] + mark, line) for line in lines]
 
 
 def _pairs(line: str) -> list[tuple[str, str]]:
-    """Names with their numbers, where a line has three or more; those of JSON with the names of what holds them."""
+    """Return names with their numbers, where a line has three or more; those of JSON by their path."""
     found = _leaves(line) if line.lstrip().startswith("{") else _PAIR.findall(line)
     return found if len(found) >= 3 and len({name for name, _ in found}) == len(found) else []
 
 
 def _leaves(line: str) -> list[tuple[str, str]]:
-    """The numbers and times in an object of JSON by their path, acc_x or acc_0."""
+    """Return the numbers and times in an object of JSON by their path, acc_x or acc_0."""
     try:
         left = [("", json.loads(line))]
     except (ValueError, RecursionError):
@@ -108,7 +108,7 @@ def _leaves(line: str) -> list[tuple[str, str]]:
 
 
 def _of_pairs(lines: Sequence[str]) -> dict[str, _Kind]:
-    """Messages of names beside numbers; those with the same names are of one kind."""
+    """Return messages of names beside numbers; those with the same names are of one kind."""
     kinds: dict[tuple[str, ...], _Kind] = {}
     for line in lines:
         found = _pairs(line)
@@ -123,7 +123,7 @@ def _of_pairs(lines: Sequence[str]) -> dict[str, _Kind]:
 
 
 def _of_words(lines: Sequence[str], at: int) -> dict[str, _Kind]:
-    """Messages by the word in cell `at`; none where that only labels the rows of one table."""
+    """Return messages by the word in cell `at`; none where it only labels the rows of one table."""
     rows: dict[str, list[list[str]]] = {}
     told: list[str] = []  # lines of words: what columns are called
     common: tuple[str, ...] = ()
@@ -154,7 +154,7 @@ def _of_words(lines: Sequence[str], at: int) -> dict[str, _Kind]:
 
 
 def _names(tag: str, told: Sequence[str], columns: int) -> tuple[str, ...]:
-    """What the columns of a kind are called: the last words of a line that names it before them."""
+    """Return the names of the columns of a kind: the last words of a line that names it before them."""
     for line in told:
         words = [word for word in re.split(r"[,;\s]+", line.strip("#!/ \t")) if word]
         names = words[-columns:]
@@ -168,7 +168,7 @@ def _wordy(cell: str) -> bool:
 
 
 def _chosen(path: Path, kinds: Mapping[str, _Kind]) -> dict[str, _Kind]:
-    """The kind that holds both triads, or one for each; of several the one with the most rows."""
+    """Return the kind that holds both triads, or one for each; of several the one with the most rows."""
     holds = {
         tag: {g.quantity for n in kind.names if (g := by_name(n, quantity_of_log(tag)))} for tag, kind in kinds.items()
     }

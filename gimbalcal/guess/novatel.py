@@ -22,7 +22,7 @@ _NAMES = ("time [s]", *(f"{of}_{axis} [count]" for of in ("acc", "gyro") for axi
 
 
 def rawimu(path: Path) -> Table | None:
-    """Counts of velocity and angle along x, y, z, and GPS time [s]; None for a file without such lines.
+    """Return counts of velocity and angle along x, y, z, and GPS time [s]; None for a file without such lines.
 
     Raises InputError for a line of the kind that is damaged, with its number; the last one may be cut short.
     """
@@ -49,7 +49,7 @@ def rawimu(path: Path) -> Table | None:
 
 
 def _counts(line: str) -> list[float] | None:
-    """Week, seconds and the six counts in the order of a line; None for one that is not whole."""
+    """Return week, seconds and the six counts in the order of a line; None for one that is not whole."""
     found = _LINE.match(line)
     cells = found[2].split(",") if found else []
     if found is None or len(cells) != 9 + 2 * len(found[1]):

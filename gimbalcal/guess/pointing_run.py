@@ -74,7 +74,7 @@ class Run:
 
 
 def angles_in(table: Table) -> tuple[Seen, ...]:
-    """The columns of two axes of a mount; none where the table holds no such pair."""
+    """Return the columns of two axes of a mount; none where the table holds no such pair."""
     found = [seen for name in table.columns if (seen := _seen(name)) is not None]  # as `of_the_axes` has them
     for pair in _PAIRS:
         own = [s for s in found if s.axis in pair]
@@ -84,7 +84,7 @@ def angles_in(table: Table) -> tuple[Seen, ...]:
 
 
 def _one_offset(columns: list[Seen]) -> list[Seen]:
-    """The columns of an axis; an error beside an offset is how well that is known.
+    """Return the columns of an axis, an error together with an offset as the sigma of the offset.
 
     Raises InputError for several offsets of which no name tells the one.
     """
@@ -119,7 +119,7 @@ def _seen(name: str) -> Seen | None:
 
 def pointing_proposal(path: Path, table: Table, columns: tuple[Seen, ...], title: str, latitude: float | None,
                       height: float | None) -> Run:  # fmt: skip
-    """The run whose angles are `columns`; latitude [rad] and height [m] where they are known.
+    """Return the run whose angles are `columns`; latitude [rad] and height [m] where they are known.
 
     Raises InputError for an equatorial mount whose latitude nobody says, and where readouts are not told from angles.
     """
@@ -167,7 +167,7 @@ def pointing_proposal(path: Path, table: Table, columns: tuple[Seen, ...], title
 
 def _channels(path: Path, table: Table, axis: str, columns: list[Seen], out: tuple[dict[str, Array], dict[str, Array]],
               why: dict[tuple[str, str], tuple[str, str]], notes: dict[str, str]) -> Seen | None:  # fmt: skip
-    """Readout and true angle [rad] of one axis, put into `out`; the column of offsets, if they are by one."""
+    """Put readout and true angle [rad] of one axis into `out`; return the column of offsets, if they are by one."""
     read, true = out
     offset = next((s for s in columns if s.role == "offset"), None)
     plain_ones = [s for s in columns if s.role != "offset"]
@@ -212,13 +212,13 @@ def _channels(path: Path, table: Table, axis: str, columns: list[Seen], out: tup
 
 
 def _say_the_same(difference: Array, offset: Array) -> bool:
-    """Whether offsets (n,), of either sign, on the sky or of the axis, are how far two angles lie apart [rad]."""
+    """Return whether offsets (n,) are, up to their sign, the difference of two angles [rad]."""
     apart = np.abs(np.mod(difference + np.pi, 2 * np.pi) - np.pi)
     return bool(np.nanmedian(np.abs(apart - np.abs(offset))) < 0.5 * np.nanmedian(np.abs(offset)))
 
 
 def _angle(table: Table, s: Seen, axis: str, notes: dict[str, str]) -> Array:
-    """An angle in rad: degrees, or hours where the name or hours, minutes and seconds say so."""
+    """Return an angle in rad: degrees, or hours where the name or hours, minutes and seconds say so."""
     x, unit = table.columns[s.name], s.unit
     hours = axis == "hour_angle" and (unit in ("h", "s", "min") or (not unit and s.name in table.sexagesimal))
     if axis == "hour_angle" and not unit and not hours and np.nanmax(np.abs(x)) <= 12.0:
@@ -230,7 +230,7 @@ def _angle(table: Table, s: Seen, axis: str, notes: dict[str, str]) -> Array:
 
 
 def _offset(table: Table, s: Seen, axis: str, notes: dict[str, str]) -> Array:
-    """An offset in rad, in the unit that its name tells, else arcsec where it is beyond a degree."""
+    """Return an offset in rad, in the unit of its name, else arcsec where it is beyond a degree."""
     x = table.columns[s.name]
     if s.unit in ANGLES:
         return np.asarray(to_si(x, s.unit))
@@ -243,7 +243,7 @@ def _offset(table: Table, s: Seen, axis: str, notes: dict[str, str]) -> Array:
 
 
 def _sense(table: Table, offset: Seen) -> tuple[int, str]:
-    """1 where offsets are readout minus truth, -1 where they are the reverse, and by what."""
+    """Return 1 where offsets are readout minus truth, -1 where they are the reverse, and by what."""
     for text in (*table.above, offset.name):
         for left, right in _MINUS.findall(text.lower()):
             roles = _ROLE.get(left), _ROLE.get(right)
@@ -255,7 +255,7 @@ def _sense(table: Table, offset: Seen) -> tuple[int, str]:
 
 
 def _sidereal_seconds(path: Path, table: Table, rows: int) -> tuple[Array, tuple[str, ...]]:
-    """Seconds by the sidereal time where it is logged and grows, else by the number of the row."""
+    """Return seconds by the sidereal time where it is logged and grows, else by the number of the row."""
     try:
         return elapsed(path, sidereal_hours(table, clock)) if (clock := sidereal(table)) else in_order(path, rows)
     except InputError:
@@ -270,7 +270,7 @@ def _seconds(name: str, table: Table) -> Array:
 
 
 def _latitude(table: Table, notes: dict[str, str]) -> float | None:
-    """The latitude [rad] that a comment above the table tells in degrees."""
+    """Return the latitude [rad] that a column or a comment above the table states in degrees."""
     if told := latitude_column(table):
         notes["site"] = f"latitude {told[1]:.6g} deg, as the column {told[0]} says"
         return float(np.radians(told[1]))

@@ -40,7 +40,7 @@ class Readout:
 
     @property
     def is_rate(self) -> bool:
-        """Whether the column holds a rate."""
+        """Return whether the column holds a rate."""
         return self.unit in QUANTITIES[RATE].units
 
 

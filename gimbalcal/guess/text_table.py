@@ -61,7 +61,7 @@ class Table:
 
 
 def tables_of(path: Path, dates: Dates | None = None) -> dict[Path, Table]:
-    """The table in a text file, see `table_of`, or those of its messages by path/word. Raises InputError."""
+    """Return the table in a text file, see `table_of`, or those of its messages by path/word. Raises InputError."""
     with path.open(encoding=encoding_of(path)) as file:
         head = [line.rstrip("\r\n") for line, _ in zip(file, range(HEAD), strict=False)]
     found = tables_in(path, head)
@@ -70,7 +70,8 @@ def tables_of(path: Path, dates: Dates | None = None) -> dict[Path, Table]:
 
 
 def table_of(path: Path, dates: Dates | None = None, lines: Sequence[str] | None = None) -> Table:
-    """Every column of numbers of a text table, by its name; dates of ISO 8601 are seconds, counted as `dates` does.
+    """Return every column of numbers of a text table, by its name; dates of ISO 8601 are seconds, counted as `dates`
+    does.
 
     Lines before the table are skipped, the separator is the one that most lines share, a decimal comma is understood
     beside semicolons and tabs, a line of units below the names goes to the names, and a table without names has its
@@ -114,7 +115,7 @@ def table_of(path: Path, dates: Dates | None = None, lines: Sequence[str] | None
 
 
 def gathered(told: Iterable[tuple[str, Array, str]]) -> Table:
-    """The table of columns (n,) by name and form, see `values_of`; cells that hold hardly a number make none.
+    """Return the table of columns (n,) by name and form, see `values_of`; cells that hold hardly a number make none.
 
     What was stored as a "number" is a column however few there are.
     """
@@ -131,7 +132,7 @@ def gathered(told: Iterable[tuple[str, Array, str]]) -> Table:
 
 
 def _one_stamp(frame: pl.DataFrame) -> pl.DataFrame:
-    """The frame with a day and a time of day that stand in two columns as one, by the name of the time."""
+    """Return the frame with a day and a time of day that stand in two columns as one, by the name of the time."""
     import polars as pl
 
     if not frame.height:
@@ -147,7 +148,7 @@ def _one_stamp(frame: pl.DataFrame) -> pl.DataFrame:
 
 
 def values_of(name: str, text: object, separator: str, dates: Dates) -> tuple[Array, str]:
-    """The numbers of a column, and whether they were a "date" or an "angle" of degrees or hours, minutes, seconds."""
+    """Return the numbers of a column, and whether they were a "date" or an "angle" of degrees or hours."""
     import polars as pl
 
     assert isinstance(text, pl.Series)
@@ -178,14 +179,14 @@ def values_of(name: str, text: object, separator: str, dates: Dates) -> tuple[Ar
 
 
 def _labels(cells: Sequence[str]) -> Array:
-    """Positions that are called "P01", "A", "face up": numbered as they come; 0 where a row has no such word."""
+    """Return positions that are called "P01", "A", "face up": numbered as they come; 0 where a row has no such word."""
     seen: dict[str, int] = {}
     return np.array([float(seen.setdefault(c, len(seen) + 1)) if re.search(r"\w", c) and not _MOVING.search(c) else 0.0
                      for c in cells])  # fmt: skip
 
 
 def _in_first_unit(cell: str | None) -> float:
-    """``"-00:30:36"`` is -0.51: the sign belongs to the whole."""
+    """Return a sexagesimal cell in its first unit: ``"-00:30:36"`` is -0.51, the sign belongs to the whole."""
     if cell is None or not SEXAGESIMAL.fullmatch(cell):
         return np.nan
     parts = [float(part) for part in re.findall(r"\d+\.?\d*", cell.replace(",", "."))]
@@ -193,7 +194,7 @@ def _in_first_unit(cell: str | None) -> float:
 
 
 def _begins(head: Sequence[str]) -> Layout | None:
-    """Where the table in the first lines of a file begins, and its separator.
+    """Return where the table in the first lines of a file begins, and its separator.
 
     Most lines of one width in which most cells are numbers are the table; its names stand in the line above, or above a
     line of units. What stands higher, cells of a form included, is no part of it.
@@ -224,7 +225,7 @@ def _begins(head: Sequence[str]) -> Layout | None:
 
 
 def _cells(line: str, mark: str) -> list[str]:
-    """The cells of a line, empty of a comment or a line without any; a separator within quotes is none."""
+    """Return the cells of a line, empty of a comment or a line without any; a separator within quotes is none."""
     if not line.strip() or line.startswith("#"):
         return []
     if mark == " ":
@@ -235,12 +236,12 @@ def _cells(line: str, mark: str) -> list[str]:
 
 
 def _seconds_marked(line: str, mark: str) -> bool:
-    """Whether quotation marks stand for seconds of arc: behind a digit, and none before."""
+    """Return whether quotation marks stand for seconds of arc: behind a digit, and none before."""
     return any(re.fullmatch(r'[^"]*\d\s*"\s*', cell) for cell in line.split(mark))
 
 
 def _numbers(row: Sequence[str]) -> bool:
-    """Whether half of the cells that are filled are numbers, angles or dates, and three are."""
+    """Return whether more than half of the cells that are filled are numbers, angles or dates, and two or more are."""
     filled = [text for cell in row if (text := cell.strip(" \"'"))]
     known = sum(bool(_NUMBER.fullmatch(text) or SEXAGESIMAL.fullmatch(text) or is_date(text)) for text in filled)
     return known >= LEAST_COLUMNS - 1 and 2 * known > len(filled)
@@ -251,14 +252,15 @@ def _wordy(cell: str) -> bool:
 
 
 def _units(row: Sequence[str]) -> bool:
-    """Whether a line below the names holds units: most of its cells do, or nothing."""
+    """Return whether a line below the names holds units: most of its cells do, or nothing."""
     below = [cell.strip(" []()\"'") for cell in row]
     known = sum(bool(unit_written(plain(cell))) for cell in below)
     return known > 0 and sum(bool(unit_written(plain(c))) or not _wordy(c) for c in below) > len(below) / 2
 
 
 def _names_above(above: Sequence[str], columns: int) -> list[str]:
-    """The words of the comment above the numbers that names most of them, many logs have one; the last of equals.
+    """Return the words of the comment above the numbers that names most of them, many logs have one; the last of
+    equals.
 
     Words before the names ("22 GHz pointing, source AZ(deg) ...") do not count where the others are known.
     """

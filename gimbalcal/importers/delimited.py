@@ -69,7 +69,7 @@ def import_csv(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
 
 def frame_of(path: Path, separator: str, skip: int, named: bool, quoted: bool = True,
              lines: Sequence[str] | None = None) -> pl.DataFrame:  # fmt: skip
-    """Every cell as text, the blanks around names gone; not `quoted`: quotation marks are letters like others.
+    """Return every cell as text, the blanks around names removed; not `quoted`: quotation marks are ordinary letters.
 
     lines: of the file, where they were made plainer.
     """
@@ -99,7 +99,7 @@ def frame_of(path: Path, separator: str, skip: int, named: bool, quoted: bool = 
 
 
 def _longer(path: Path, separator: str, skip: int) -> str:
-    """What to tell of the first line with more cells than the first of the table has; nothing if there is none."""
+    """Return a sentence on the first line with more cells than the first of the table has; empty if there is none."""
     first = 0
     with path.open(encoding=encoding_of(path), errors="replace") as file:
         for i, line in enumerate(file, start=1):
@@ -126,7 +126,7 @@ def _numbers(path: Path, name: str, text: pl.Series, named: bool) -> Array:
 
 
 def encoding_of(path: Path) -> str:
-    """How a text file is encoded: UTF-8, UTF-16 where a mark says so, else as Windows writes western letters."""
+    """Return the encoding of a text file: UTF-8, UTF-16 where a mark says so, else that of western Windows."""
     with path.open("rb") as file:
         if file.read(2) in (b"\xff\xfe", b"\xfe\xff"):
             return "utf-16"
@@ -149,14 +149,14 @@ def _first_line(path: Path, skip: int) -> str:
 
 
 def _guessed(path: Path, skip: int) -> str:
-    """The separator that the first line shows."""
+    """Return the separator that the first line shows."""
     first = _first_line(path, skip)
     shown = [mark for mark in (";", "\t", ",") if mark in first.strip()]
     return shown[0] if shown else (" " if " " in first.strip() else ",")
 
 
 def holds_numbers(path: Path, skip: int, separator: str) -> bool:
-    """Whether the first line is numbers or dates, not names."""
+    """Return whether the first line is numbers or dates, not names."""
     first = _first_line(path, skip)
     cells = first.split() if separator == " " else [cell.strip() for cell in first.split(separator)]
     number_like = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?")

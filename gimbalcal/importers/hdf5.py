@@ -36,7 +36,7 @@ def import_hdf5(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
 
 
 def dataset_names(path: Path) -> tuple[str, ...]:
-    """The data sets of a file by their paths inside; `InputError` where it is no HDF5."""
+    """Return the data sets of a file by their paths inside; `InputError` where it is no HDF5."""
     import h5py
 
     names: list[str] = []
@@ -46,7 +46,7 @@ def dataset_names(path: Path) -> tuple[str, ...]:
 
 
 def dataset(path: Path, name: str) -> Array | None:
-    """One data set, its levels separated by a slash or a dot; text as text; None where there is none.
+    """Return one data set, its levels separated by a slash or a dot; text as text; None where there is none.
 
     Raises InputError for one whose content lies in another file: what a file shows of this machine is its own.
     """
@@ -66,7 +66,7 @@ def dataset(path: Path, name: str) -> Array | None:
 
 
 def _refuse_elsewhere(path: Path, file: h5py.File, place: str) -> None:
-    """Every level of a name is looked at before it is followed, and every link that it leads to."""
+    """Raise InputError where a name, or any link behind it, leads into another file; nothing is followed unseen."""
     import h5py
 
     waiting, seen = [place], set()
@@ -86,7 +86,7 @@ def _refuse_elsewhere(path: Path, file: h5py.File, place: str) -> None:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[h5py.File]:
-    """The file; whatever its content does to the library is one sentence."""
+    """Open the file; whatever its content does to the library is raised as one sentence."""
     import h5py
 
     try:

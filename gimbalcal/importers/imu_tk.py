@@ -61,7 +61,7 @@ def import_imu_tk(files: Sequence[Path], options: Mapping[str, str]) -> Recordin
 
 
 def _in_unit(recording: Recording, quantity: str, unit: str, why: str) -> Recording:
-    """The recording with one triad in SI, and a remark that says which unit it was taken to be in."""
+    """Return the recording with one triad in SI, and a remark on the unit it was taken to be in."""
     if is_raw(unit):
         return recording
     own = {key for key in recording.channels if key[0] == quantity}
@@ -85,7 +85,7 @@ def _unit_of_force(recording: Recording) -> tuple[str, str]:
 
 
 def _unit_of_rate(recording: Recording) -> tuple[str, str]:
-    """rad/s or deg/s, whichever turns gravity from rest to rest as the accelerometers saw it turn; else counts."""
+    """Return rad/s or deg/s, whichever turns gravity between dwells as the accelerometers do; else counts."""
     raw = recording.units["specific_force", "x"] == "count"
     stays = dwells(recording)
     if raw or len(stays) < 2:
@@ -99,7 +99,7 @@ def _unit_of_rate(recording: Recording) -> tuple[str, str]:
 
 
 def _misfit(recording: Recording, stays: Sequence[Dwell], scale: float) -> float:
-    """Median angle [rad] between gravity after a turn and where rates times `scale` say that it is."""
+    """Return the median angle [rad] between gravity after a turn and where rates times `scale` say that it is."""
     force, rate, off = recording.triad("specific_force"), scale * recording.triad("angular_rate"), []
     for one, other in pairwise(stays):
         level = (rate[one.rows].mean(0) + rate[other.rows].mean(0)) / 2

@@ -48,7 +48,7 @@ def import_matlab(files: Sequence[Path], options: Mapping[str, str]) -> Recordin
 
 
 def _found(held: Sequence[_Variables], name: str) -> tuple[Path, Any]:
-    """The file and the variable that a column is called by: a variable first, then a file, then both."""
+    """Return the file and the variable that a column is called by: a variable first, then a file, then both."""
     matches = [(v.path, v.find(name)) for v in held if v.find(name) is not None]
     stem, _, rest = name.partition(".")
     for v in held:

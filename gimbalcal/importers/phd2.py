@@ -99,7 +99,7 @@ def _latitude(options: Mapping[str, str]) -> float:
 
 
 def _hour_angle(path: Path, pointed: str, latitude: float) -> float:
-    """Hour angle [rad] as the log tells it, else of the altitude and azimuth that it tells."""
+    """Return the hour angle [rad] as the log states it, else from the altitude and azimuth."""
     if re.search(rf"Hour angle{_NUMBER}", pointed):
         return float(np.radians(15 * _told(path, pointed, "Hour angle", "where the mount pointed")))
     up, around = (np.radians(_told(path, pointed, name, "or else its Hour angle")) for name in ("Alt", "Az"))
@@ -156,7 +156,7 @@ def _told(path: Path, header: str, name: str, what: str) -> float:
 
 
 def _column(path: Path, one: _Stretch, name: str, absent: str = "") -> Array:
-    """The numbers (n,) of a column; `absent` stands where a cell is empty."""
+    """Return the numbers (n,) of a column; `absent` stands where a cell is empty."""
     out = np.zeros(len(one.frames))
     for i, (frame, line) in enumerate(zip(one.frames, one.lines, strict=True)):
         text = frame.get(name, "") or absent
@@ -170,7 +170,7 @@ def _column(path: Path, one: _Stretch, name: str, absent: str = "") -> Array:
 
 
 def _pulsed(path: Path, one: _Stretch, axis: str, rate: str, sense: Mapping[str, float]) -> Array:
-    """Pixels by which pulses before each frame had moved the mount."""
+    """Return pixels by which pulses before each frame had moved the mount."""
     length, towards = _column(path, one, f"{axis}Duration", "0"), [f.get(f"{axis}Direction", "") for f in one.frames]
     for ms, where, frame, line in zip(length, towards, one.frames, one.lines, strict=True):
         told = frame.get(f"{axis}Duration", "")

@@ -20,13 +20,13 @@ SPACED = 60.0  # s between rows that have no clock
 
 
 def sexagesimal(words: Sequence[str]) -> float:
-    """``["-00", "30", "36"]`` is -0.51: the sign belongs to the whole."""
+    """Return the number of sexagesimal words: ``["-00", "30", "36"]`` is -0.51, the sign belongs to the whole."""
     sign = -1.0 if words[0].startswith("-") else 1.0
     return sign * sum(abs(float(word)) / 60**i for i, word in enumerate(words))
 
 
 def elapsed(path: Path, sidereal_hours: Array) -> tuple[Array, tuple[str, ...]]:
-    """Seconds since the first row, from the local sidereal time [h] of rows in order, and what to tell of them.
+    """Return seconds since the first row, from the local sidereal time [h] of rows in order, and remarks on them.
 
     A clock that falls back by more than `SHUFFLED` is that of a later night; how many days lie between is not told.
     """
@@ -46,7 +46,7 @@ def elapsed(path: Path, sidereal_hours: Array) -> tuple[Array, tuple[str, ...]]:
 
 
 def in_order(path: Path, rows: int) -> tuple[Array, tuple[str, ...]]:
-    """A time [s] that only counts the rows, for files without a clock, and what to tell of it."""
+    """Return a time [s] that only counts the rows, for files without a clock, and a remark on it."""
     remark = f"{path} has no clock: its rows are {SPACED:g} s apart in order, so that rates mean nothing"
     return SPACED * np.arange(rows), (remark,)
 
@@ -54,7 +54,7 @@ def in_order(path: Path, rows: int) -> tuple[Array, tuple[str, ...]]:
 def pointing_run(
     path: Path, platform: Platform, site: Site, time: Array, readout: Mapping[str, Array], true: Mapping[str, Array]
 ) -> Recording:
-    """A pointing recording: by axis, what the encoders read and where a perfect mount would have had to point [rad].
+    """Return a pointing recording: by axis, the encoder readouts and the angles [rad] of a perfect mount on the star.
 
     `true` is brought within half a turn of `readout`.
     """

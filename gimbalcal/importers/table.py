@@ -22,7 +22,7 @@ from gimbalcal.units import from_si
 
 
 def header_for(path: Path, options: Mapping[str, str], skip: int = 0) -> Header:
-    """The header file among the options, which says what the columns of `path` hold."""
+    """Return the header file among the options, which says what the columns of `path` hold."""
     if "header" not in options:
         raise InputError(
             f"what do the columns of {path} hold? Write it down as in recording.toml, with [columns], and name that "
@@ -36,7 +36,7 @@ def header_for(path: Path, options: Mapping[str, str], skip: int = 0) -> Header:
 
 
 def recording_of(header: Header, options: Mapping[str, str], fetch: Callable[[str], Array]) -> Recording:
-    """The recording whose columns `fetch` gives by name.
+    """Return the recording whose columns `fetch` gives by name.
 
     With the option ``rate`` (Hz) the time column is made from the number of the row, for files without a clock.
     """
@@ -78,7 +78,7 @@ def _refuse_samples(header: Header, columns: Mapping[str, Array]) -> None:
 
 
 def _clock(header: Header, clock: Column, values: Array, dates: Dates) -> Array:
-    """The time column in its unit: numbers, or text that is dates of ISO 8601."""
+    """Return the time column in its unit: numbers, or text that is dates of ISO 8601."""
     if np.issubdtype(values.dtype, np.number):
         if clock.dated:
             raise InputError(
@@ -102,7 +102,7 @@ def _numbers(header: Header, name: str, values: Array) -> Array:
 
 
 def component(name: str, value: Array, path: Path) -> Array:
-    """``acc[0]`` of an (n, 3) or (3, n) array `value` called ``acc``; a vector needs no index."""
+    """Return ``acc[0]`` of an (n, 3) or (3, n) array `value` called ``acc``; a vector needs no index."""
     index = re.search(r"\[(\d+)\]$", name)
     value = np.squeeze(np.asarray(value))
     if value.ndim <= 1 and not index:
@@ -118,5 +118,5 @@ def component(name: str, value: Array, path: Path) -> Array:
 
 
 def without_index(name: str) -> str:
-    """`name` without its index."""
+    """Return `name` without its index."""
     return re.sub(r"\[\d+\]$", "", name)

@@ -62,7 +62,7 @@ class _File:
 
 
 def equatorial(latitude: float) -> Platform:
-    """An equatorial mount at `latitude` (rad), from the tube outwards."""
+    """Return an equatorial mount at `latitude` (rad), from the tube outwards."""
     axes = (Axis("declination", "y"), Axis("hour_angle", "z", 1, pi), Axis("polar", "y", 1, latitude - pi / 2))
     return Platform("equatorial", axes)
 
@@ -82,7 +82,7 @@ def import_tpoint(files: Sequence[Path], options: Mapping[str, str]) -> Recordin
 
 
 def _by_stars(path: Path, file: _File) -> Recording:
-    """Catalogue and reported right ascension [h] and declination [deg], and the local sidereal time."""
+    """Return catalogue and reported right ascension [h] and declination [deg], and the local sidereal time."""
     words = file.rows
     stars = np.stack([_joined(words[:, i : i + 3]) for i in (0, 3, 6, 9)], axis=1)
     lst = words[:, 12] + words[:, 13] / 60
@@ -98,7 +98,7 @@ def _by_stars(path: Path, file: _File) -> Recording:
 
 
 def _by_angles(path: Path, file: _File, zero: str) -> Recording:
-    """Where the star was and what the mount reported [deg]; the order stands in for a clock."""
+    """Return where the star was and what the mount reported [deg]; the order stands in for a clock."""
     around, up = file.rows[:, 0:4:2], file.rows[:, 1:4:2]
     time, remarks = in_order(path, len(around))
     if not file.upright:
@@ -117,7 +117,7 @@ def _mount(site: Site) -> Platform:
 
 
 def _both_sides(hour: Array, declination: Array) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Readouts and true angles [rad] of an equatorial mount; columns [deg]: where the star was, what was reported."""
+    """Return readouts and true angles [rad] of an equatorial mount; columns [deg]: star, then report."""
     flipped = np.abs(declination[:, 1]) > 90
     true_hour = np.where(flipped, hour[:, 0] + 180, hour[:, 0])
     true_declination = np.where(flipped, 180 - declination[:, 0], declination[:, 0])
@@ -126,7 +126,7 @@ def _both_sides(hour: Array, declination: Array) -> tuple[dict[str, Array], dict
 
 
 def _horizontal(hour: Array, declination: Array, site: Site) -> dict[str, Array]:
-    """Elevation and azimuth from north through east [rad] of hour angle and declination [deg]."""
+    """Return elevation and azimuth from north through east [rad] of hour angle and declination [deg]."""
     h, d, L = np.radians(hour), np.radians(declination), site.latitude or 0.0
     up = np.sin(d) * np.sin(L) + np.cos(d) * np.cos(L) * np.cos(h)
     north = np.sin(d) * np.cos(L) - np.cos(d) * np.sin(L) * np.cos(h)
@@ -135,7 +135,7 @@ def _horizontal(hour: Array, declination: Array, site: Site) -> dict[str, Array]
 
 
 def _raised(hour: Array, declination: Array, file: _File) -> tuple[Array, Array]:
-    """Hour angle and declination [deg] with the catalogue places (first column) as high as the air shows them."""
+    """Return hour angle and declination [deg] with the catalogue places (first column) raised by refraction."""
     place = _horizontal(hour[:, 0], declination[:, 0], file.site)
     E = np.degrees(place["elevation"])
     up = np.radians(E + file.air * 1.02 / 60 / np.tan(np.radians(E + 10.3 / (E + 5.11))))  # Meeus, Eq. (16.4), arcmin
@@ -155,13 +155,13 @@ def _half_turn(degrees: Array) -> Array:
 
 
 def _radians(angles: Mapping[str, Array]) -> dict[str, Array]:
-    """Declinations run from -90 to 270 deg, so that neither side of the pier is cut."""
+    """Return angles [deg] in rad, declinations from -90 to 270 deg so that neither side of the pier is cut."""
     limited = {axis: np.where(angle > 270, angle - 360, angle) for axis, angle in angles.items()}
     return {axis: np.radians(angle) for axis, angle in limited.items()}
 
 
 def _joined(words: Array) -> Array:
-    """Sexagesimal columns (n, 3) as one (n,): the sign, also of a minus zero, belongs to the whole."""
+    """Return sexagesimal columns (n, 3) as one (n,): the sign, also of a minus zero, belongs to the whole."""
     sign = np.where(np.signbit(words[:, 0]), -1.0, 1.0)
     return np.asarray(sign * (np.abs(words) @ np.array([1, 1 / 60, 1 / 3600])))
 
@@ -199,7 +199,7 @@ def _read(path: Path) -> _File:
 
 
 def _leading(words: Sequence[str]) -> list[str]:
-    """The words before the first that is no number: a name may follow."""
+    """Return the words before the first that is no number: a name may follow."""
     stop = next((i for i, word in enumerate(words) if not _NUMBER.match(word)), len(words))
     return list(words[:stop])
 
@@ -228,12 +228,12 @@ def _observation(path: Path, line: int, text: str, numbers: Sequence[str]) -> li
 
 
 def _air(numbers: Sequence[str]) -> float:
-    """Refraction by the temperature [degC] and pressure [hPa] of the site, against 1010 hPa and 10 degC."""
+    """Return the refraction at the temperature [degC] and pressure [hPa] of the site, against 1010 hPa and 10 degC."""
     return float(numbers[7]) / 1010 * 283 / (273 + float(numbers[6])) if len(numbers) > 7 else 0.0
 
 
 def _site(path: Path, line: int, numbers: Sequence[str]) -> Site:
-    """Latitude, date, and where they were written temperature, pressure and height."""
+    """Return latitude, date, and where they were written temperature, pressure and height."""
     d, m, s, year, month, day = (float(word) for word in numbers[:6])
     dated = 1800 <= year <= 2200 and 1 <= month <= 12 and 1 <= day < 32
     if not (dated and abs(d) <= 90 and 0 <= m < 60 and 0 <= s < 60) or len(numbers) >= _BY_STARS:

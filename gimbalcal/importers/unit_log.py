@@ -23,7 +23,7 @@ TRIAD = ("x", "y", "z")
 
 
 def text_matrix(path: Path, columns: int) -> Array:
-    """Numbers separated by blanks or commas, `columns` to a line; a missing one is a NaN."""
+    """Return numbers separated by blanks or commas, `columns` to a line; a missing one is a NaN."""
     rows = []
     with path.open(encoding="utf-8", errors="replace") as file:
         for line, text in enumerate(file, start=1):
@@ -44,7 +44,7 @@ def text_matrix(path: Path, columns: int) -> Array:
 def unit_log(
     title: str, time: Array, channels: Mapping[Key, Array], units: Mapping[Key, str], files: Sequence[Path]
 ) -> Recording:
-    """The multi-position recording of a unit without a platform; its dwells are detected. Channels are in SI or raw."""
+    """Return a recording of a unit without a platform, its dwells detected. Channels are in SI or raw."""
     whole = np.all(np.isfinite([time, *channels.values()]), axis=0)
     left_out = np.flatnonzero(~whole)
     if not whole.any():

@@ -46,11 +46,11 @@ class Drive:
         return np.zeros(0)
 
     def moving(self, start: Array, stop: Array) -> Array:
-        """From the end of the rest on."""
+        """Return whether the vehicle has left its place."""
         return np.asarray((stop > self.rest) & (stop > start))
 
     def at(self, time: Array) -> tuple[Array, Array, Array]:
-        """C_bn (n, 3, 3), rate against north, east, down (n, 3) [rad/s] and its slope (n, 3), in the vehicle's axes."""
+        """Return C_bn (n, 3, 3), rate against north, east, down (n, 3) [rad/s] and its slope, in vehicle axes."""
         (h, dh, ddh), (p, dp, ddp) = self._heading(time), self._pitch(time)
         C = np.swapaxes(frame_rotation("y", p) @ frame_rotation("z", h), -1, -2)
         s, c = np.sin(p), np.cos(p)
@@ -58,7 +58,7 @@ class Drive:
         return C, rate, np.stack([-ddh * s - dh * dp * c, ddp, ddh * c - dh * dp * s], axis=-1)
 
     def motion(self, time: Array) -> tuple[Array, Array]:
-        """Velocity (n, 3) [m/s] and its slope (n, 3) [m/s^2] in north, east, down."""
+        """Return velocity (n, 3) [m/s] and its slope (n, 3) [m/s^2] in north, east, down."""
         (h, dh, _), (p, dp, _), (v, dv) = self._heading(time), self._pitch(time), self._speed(time)
         along = np.stack([np.cos(p) * np.cos(h), np.cos(p) * np.sin(h), -np.sin(p)], axis=-1)
         by_h = np.stack([-np.cos(p) * np.sin(h), np.cos(p) * np.cos(h), 0 * p], axis=-1)
@@ -67,7 +67,7 @@ class Drive:
         return v[:, None] * along, dv[:, None] * along + v[:, None] * turning
 
     def place(self, time: Array) -> Array:
-        """Latitude, longitude from the start [rad] and height [m], (n, 3)."""
+        """Return latitude, longitude from the start [rad] and height [m], (n, 3)."""
         return np.asarray(self._course(time))
 
     @cached_property
@@ -118,7 +118,7 @@ class Drive:
 
 
 def _smooth(x: Array) -> tuple[Array, Array, Array]:
-    """s(x) from 0 to 1 and its first two derivatives; constant outside."""
+    """Return s(x) from 0 to 1 and its first two derivatives; constant outside."""
     x = np.clip(x, 0.0, 1.0)
     a = 2 * np.pi * x
     return x - np.sin(a) / (2 * np.pi), 1 - np.cos(a), 2 * np.pi * np.sin(a)

@@ -24,7 +24,7 @@ from gimbalcal.units import from_si
 
 
 def schedule_toml(schedule: Schedule) -> str:
-    """The text of schedule.toml. Angles are written to 1e-9 degrees, so that reading gives them back to 2e-11 rad."""
+    """Return the text of schedule.toml, angles to 1e-9 deg, so that reading gives them back to 2e-11 rad."""
     names = schedule.platform.axis_names
     # one duration for all holds, as a scenario has it; designs and published schedules hold no other
     seconds = schedule.holds[0].duration if schedule.holds else 0.0
@@ -47,7 +47,7 @@ def schedule_toml(schedule: Schedule) -> str:
 
 
 def read_schedule(name: str | Path) -> Schedule:
-    """A published schedule by its name, or the one in a schedule.toml. Raises InputError, naming file and line."""
+    """Return a published schedule by its name, or that of a schedule.toml. Raises InputError, naming file and line."""
     path = Path(name)
     if str(name) in SCHEDULES:
         return SCHEDULES[str(name)]
@@ -74,7 +74,7 @@ def _document(path: Path) -> Document:
 
 
 def is_rotation(name: str | Path) -> bool:
-    """Whether a published name or a file is a schedule of turns and stops, not of positions."""
+    """Return whether a published name or a file is a schedule of turns and stops, not of positions."""
     if str(name) in ROTATIONS:
         return True
     if str(name) in SCHEDULES or not Path(name).is_file():
@@ -83,7 +83,7 @@ def is_rotation(name: str | Path) -> bool:
 
 
 def rotation_toml(schedule: RotationSchedule) -> str:
-    """The text of a schedule.toml of kind rotation; angles and rates are written to 1e-9 deg."""
+    """Return the text of a schedule.toml of kind rotation; angles and rates are written to 1e-9 deg."""
 
     def number(value: float, unit: str) -> str:
         return f'{{ value = {round(float(from_si(value, unit)), 9) + 0.0!r}, unit = "{unit}" }}'
@@ -102,7 +102,7 @@ def rotation_toml(schedule: RotationSchedule) -> str:
 
 
 def read_rotation(name: str | Path) -> RotationSchedule:
-    """A published schedule of turns by its name, or the one in a schedule.toml. Raises InputError, naming the line."""
+    """Return a published schedule of turns by name, or that of a schedule.toml. Raises InputError, naming the line."""
     if str(name) in ROTATIONS:
         return ROTATIONS[str(name)]
     document = _document(Path(name))

@@ -80,14 +80,14 @@ class RotationSchedule:
             )
 
     def axis(self, i: int, C_bn: Array) -> Array:
-        """The axis (3,) of move i in the unit, which stands as C_bn (3, 3) turns its components into n."""
+        """Return the axis (3,) of move i in the unit, which stands as C_bn (3, 3) turns its components into n."""
         name = self.moves[i].axis
         if name == "outer":
             return np.asarray(C_bn.T @ np.array(DIRECTIONS[self.outer or self.start[0]]))
         return np.eye(3)[BODY.index(self.inner if name == "inner" else name)]
 
     def attitudes(self) -> Array:
-        """C_bn (m + 1, 3, 3) at each stop: columns are x, y and z of the unit in north, east, down."""
+        """Return C_bn (m + 1, 3, 3) at each stop: columns are x, y and z of the unit in north, east, down."""
         out = [standing(self.start)]
         for i, move in enumerate(self.moves):
             out.append(out[-1] @ exponential(-move.angle * self.axis(i, out[-1])))
@@ -95,17 +95,17 @@ class RotationSchedule:
 
 
 def standing(start: tuple[str, str, str]) -> Array:
-    """C_bn (3, 3) of a unit whose x, y and z axes point in three of `DIRECTIONS`."""
+    """Return C_bn (3, 3) of a unit whose x, y and z axes point in three of `DIRECTIONS`."""
     return np.array([DIRECTIONS[d] for d in start]).T
 
 
 def direction(v: Array) -> str:
-    """Which of `DIRECTIONS` a vector (3,) points along; empty where it is along none."""
+    """Return which of `DIRECTIONS` a vector (3,) points along; empty where it is along none."""
     return next((name for name, d in DIRECTIONS.items() if np.allclose(v, d, atol=1e-9)), "")
 
 
 def contradictions(schedule: RotationSchedule) -> tuple[str, ...]:
-    """What the source prints and the moves do not do, one sentence for each row."""
+    """Return the differences between what the source prints and what the moves do, one sentence for each row."""
     out, C = [], schedule.attitudes()
     for i, move in enumerate(schedule.moves):
         there = direction(C[i] @ schedule.axis(i, C[i]))

@@ -11,7 +11,7 @@ QUARTER = np.pi / 2
 
 
 def _moves(words: str) -> tuple[Move, ...]:
-    """Moves from "y+90 z-180": axis, sign and angle [deg]."""
+    """Return the moves from "y+90 z-180": axis, sign and angle [deg]."""
     split = [(w[: w.index(s)], w[w.index(s) :]) for w in words.split() for s in "+-" if s in w]
     return tuple(Move(axis, float(np.deg2rad(float(angle)))) for axis, angle in split)
 

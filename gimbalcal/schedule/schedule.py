@@ -36,5 +36,5 @@ class Schedule:
         return np.array([hold.angles for hold in self.holds], dtype=float).reshape(len(self.holds), -1)
 
     def gravity_directions(self) -> Array:
-        """Unit gravity in platform axes (m, 3) at each hold, on a level base: C_bp (0, 0, 1)."""
+        """Return unit gravity in platform axes (m, 3) at each hold, on a level base: C_bp (0, 0, 1)."""
         return apply_matrix(self.platform.attitude(self.angles), np.array([0.0, 0.0, 1.0]))

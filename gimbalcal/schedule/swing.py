@@ -32,11 +32,11 @@ class Swing:
         return np.zeros(0)
 
     def moving(self, start: Array, stop: Array) -> Array:
-        """Always."""
+        """Return true at all times: a swing never rests."""
         return np.asarray(stop > start)
 
     def at(self, time: Array) -> tuple[Array, Array, Array]:
-        """C_bn (n, 3, 3), angular rate against the Earth (n, 3) [rad/s] and its slope (n, 3) [rad/s^2], unit's axes."""
+        """Return C_bn (n, 3, 3), angular rate against the Earth (n, 3) [rad/s] and its slope (n, 3) [rad/s^2]."""
         w = 2 * np.pi * self.frequency
         s, c = np.sin(np.outer(time, w)), np.cos(np.outer(time, w))
         (h, p, r), (dh, dp, dr) = (self.amplitude * s).T, (self.amplitude * w * c).T

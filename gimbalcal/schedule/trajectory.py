@@ -27,17 +27,17 @@ class Path(Protocol):
 
     @property
     def duration(self) -> float:
-        """How long it takes [s]."""
+        """Return how long it takes [s]."""
 
     @property
     def corners(self) -> Array:
         """Times [s] at which the angular acceleration jumps, in order."""
 
     def moving(self, start: Array, stop: Array) -> Array:
-        """Whether the unit turns at any time between start and stop (n,) [s]."""
+        """Return whether the unit turns at any time between start and stop (n,) [s]."""
 
     def at(self, time: Array) -> tuple[Array, Array, Array]:
-        """C_bn (n, 3, 3), angular rate against the Earth (n, 3) [rad/s] and its slope (n, 3) [rad/s^2], unit's axes."""
+        """Return C_bn (n, 3, 3), angular rate against the Earth (n, 3) [rad/s] and its slope (n, 3) [rad/s^2]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,12 +62,12 @@ class Trajectory:
         return np.unique(np.concatenate([self.begin, self.begin + self.ramp, end - self.ramp, end]))
 
     def moving(self, start: Array, stop: Array) -> Array:
-        """Whether the unit turns at any time between start and stop (n,) [s]."""
+        """Return whether the unit turns at any time between start and stop (n,) [s]."""
         i = np.searchsorted(self.begin + self.length, start, side="right")
         return np.asarray((i < len(self.begin)) & (np.append(self.begin, np.inf)[i] < stop))
 
     def at(self, time: Array) -> tuple[Array, Array, Array]:
-        """C_bn (n, 3, 3), angular rate against the Earth (n, 3) [rad/s] and its slope (n, 3) [rad/s^2], unit's axes."""
+        """Return C_bn (n, 3, 3), angular rate against the Earth (n, 3) [rad/s] and its slope (n, 3) [rad/s^2]."""
         if not len(self.begin):
             still = np.zeros((len(time), 3))
             return np.broadcast_to(self.attitude[0], (len(time), 3, 3)), still, still
@@ -89,7 +89,7 @@ class Trajectory:
 
 
 def trajectory(schedule: RotationSchedule, tilt: Array | None = None, angle_error: Array | None = None) -> Trajectory:
-    """The motion of a schedule; `tilt` (3,) [rad] turns all of it about n, `angle_error` (m,) [rad] adds to turns."""
+    """Return the motion of a schedule; `tilt` (3,) [rad] turns it about n, `angle_error` (m,) [rad] adds to turns."""
     own = np.array([m.angle for m in schedule.moves], dtype=float)
     angle = own if angle_error is None else own + angle_error
     stops = np.array([schedule.stop, *(schedule.stop if m.stop is None else m.stop for m in schedule.moves)])
@@ -109,5 +109,5 @@ def trajectory(schedule: RotationSchedule, tilt: Array | None = None, angle_erro
 
 
 def earth_rate(C_bn: Array, latitude: float) -> Array:
-    """The Earth's rate (n, 3) [rad/s] in the axes of a unit that stands as C_bn (n, 3, 3)."""
+    """Return the Earth's rate (n, 3) [rad/s] in the axes of a unit that stands as C_bn (n, 3, 3)."""
     return apply_matrix(np.swapaxes(C_bn, -1, -2), rate_at(latitude))

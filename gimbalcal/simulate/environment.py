@@ -13,7 +13,7 @@ GRID = 60.0  # s between the knots of a random temperature
 
 
 def course(weather: History, last: float, rng: np.random.Generator) -> Callable[[Array], Array]:
-    """A quantity of the environment as a function of time [s]."""
+    """Return a quantity of the environment as a function of time [s]."""
     knots = np.arange(0.0, last + 2 * GRID, GRID)
     if weather.shape == "random-walk":
         steps = weather.walk * np.sqrt(GRID / 3600) * rng.standard_normal(len(knots))

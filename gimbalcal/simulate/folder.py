@@ -43,7 +43,7 @@ def simulate_to(
 
 
 def truth_of(run: Run, name: str) -> dict[str, Any]:
-    """What truth.json holds: parameters as in calibration.json, seed, and the scenario as it was run."""
+    """Return what truth.json holds: parameters as in calibration.json, seed, and the scenario as it was run."""
     return {
         "format": 1,
         "scenario": name,
@@ -55,7 +55,7 @@ def truth_of(run: Run, name: str) -> dict[str, Any]:
 
 
 def _write_blocks(run: Run, made: Path, samples: str, tell: Callable[[str], None] | None) -> None:
-    """Each block as a Parquet file of its own, then joined without loading them."""
+    """Write each block as a Parquet file of its own, then join them without loading them."""
     import polars as pl
 
     needed, free = ROW * len(run.time), shutil.disk_usage(made).free

@@ -33,15 +33,15 @@ class Timetable:
     settle: float = 0.0
 
     def visit(self, time: Array) -> Array:
-        """Ordinal of the visit that began last (n,)."""
+        """Return the ordinal of the visit that began last (n,)."""
         return np.maximum(np.searchsorted(self.start, time, side="right") - 1, 0)
 
     def moving(self, time: Array) -> Array:
-        """Whether the platform is between two visits at each time (n,)."""
+        """Return whether the platform is between two visits at each time (n,)."""
         return np.asarray(time >= self.stop[self.visit(time)])
 
     def angles(self, time: Array, of: Array) -> Array:
-        """Gimbal angles (n, k) [rad] on the way through `of` (m, k)."""
+        """Return gimbal angles (n, k) [rad] on the way through `of` (m, k)."""
         if self.ramp > 0:
             here, move, share, _ = self._way(time, of)
             return np.asarray(here + move * share[:, None])
@@ -49,12 +49,12 @@ class Timetable:
         return np.stack([np.interp(time, knots, np.repeat(column, 2)) for column in of.T], axis=-1)
 
     def rates(self, time: Array, of: Array) -> Array:
-        """Rates (n, k) [rad/s] at which the gimbals turn there; needs a ramp, or they jump."""
+        """Return rates (n, k) [rad/s] at which the gimbals turn there; needs a ramp, or they jump."""
         _, move, _, speed = self._way(time, of)
         return np.asarray(move * speed[:, None])
 
     def _way(self, time: Array, of: Array) -> tuple[Array, Array, Array, Array]:
-        """Angles (n, k) of the last visit, the move to the next (n, k), the share of it done (n,) and d(share)/dt."""
+        """Return angles (n, k) of the last visit, the move to the next (n, k), its share done (n,) and d(share)/dt."""
         i = self.visit(time)
         j = np.minimum(i + 1, len(self.start) - 1)
         r, full = self.ramp, np.where(j > i, self.start[j] - self.settle - self.stop[i], 2 * self.ramp)
@@ -68,7 +68,7 @@ class Timetable:
 
 
 def planned(scenario: Scenario) -> Schedule:
-    """The schedule that the scenario names or spells out."""
+    """Return the schedule that the scenario names or spells out."""
     motion = scenario.schedule
     if motion.name:
         schedule = SCHEDULES[motion.name]
@@ -84,7 +84,7 @@ def planned(scenario: Scenario) -> Schedule:
 
 
 def platform_of(scenario: Scenario) -> Platform:
-    """The drawing that the scenario names."""
+    """Return the platform that the scenario names."""
     platform = known(scenario.platform.name, scenario.kind)
     if platform is None:
         raise InputError(f"platform.name: no platform is called {scenario.platform.name!r}")
@@ -92,7 +92,7 @@ def platform_of(scenario: Scenario) -> Platform:
 
 
 def timetable(schedule: Schedule, motion: Motion, faults: Faults, ramp: float = 0.0) -> Timetable:
-    """Times of all visits: dwell, turn at the finite slew rate, settle, dwell again."""
+    """Return times of all visits: dwell, turn at the finite slew rate, settle, dwell again."""
     holds = list(schedule.holds) * motion.sweeps
     told = np.tile(schedule.angles, (motion.sweeps, 1))
     dwell = np.array([motion.dwell or hold.duration for hold in holds])
@@ -105,7 +105,7 @@ def timetable(schedule: Schedule, motion: Motion, faults: Faults, ramp: float = 
 
 
 def sidereal(motion: Motion, latitude: float, platform: Platform, time: Array) -> Array:
-    """Gimbal angles (n, k) [rad] of a perfect, inertially fixed platform: S_t, 0, L, 0 of Wu et al. (2018), Eq. (4)."""
+    """Return gimbal angles (n, k) [rad] of a perfect space-stable platform: Wu et al. (2018), Eq. (4)."""
     ideal = {"platform": motion.start_angle + EARTH_RATE * time, "middle": np.full_like(time, latitude)}
     return platform.angles({k: v for k, v in ideal.items() if k in platform.axis_names}, time.shape)
 
@@ -121,7 +121,7 @@ def _hold(platform: Platform, hold: dict[str, float], i: int) -> Hold:
 
 
 def _with_faults(told: Array, position: Array, platform: Platform, faults: Faults) -> Array:
-    """Where the platform truly goes: interchanged positions, then gimbals set wrong."""
+    """Return the true path of the platform: interchanged positions, then gimbals set wrong."""
     true = told.copy()
     for first, second in faults.interchange:
         a, b = _rows(position, first, "interchange"), _rows(position, second, "interchange")

@@ -22,7 +22,7 @@ from gimbalcal.simulate.scenario import Scenario
 
 
 def noises(scenario: Scenario) -> Mapping[str, Noise]:
-    """Processes by quantity, SI; a header states the white one and the setting (see `recording.noise.stated`)."""
+    """Return the processes by quantity, SI; a header states white noise and setting (`recording.noise.stated`)."""
     n, rate = scenario.noise, scenario.schedule.rate
     force = float(np.hypot(n.accelerometer, n.accelerometer_density * np.sqrt(rate)))
     spin = float(np.hypot(n.gyroscope, n.gyroscope_density * np.sqrt(rate)))
@@ -49,7 +49,7 @@ def noises(scenario: Scenario) -> Mapping[str, Noise]:
 def coloured(
     noise: Noise, axis: str, time: Array, rng: np.random.Generator, states: dict[tuple[str, str], Array]
 ) -> Array:
-    """Sum of a channel's noise processes (n,), SI; their last states carry over to the next block."""
+    """Return the sum of a channel's noise processes (n,), SI; their last states carry over to the next block."""
     total = np.zeros(len(time))
     for process in noise:
         key = (process.id, axis)
@@ -59,14 +59,14 @@ def coloured(
 
 
 def of_rates(noise: Noise, time: Array, rng: np.random.Generator, states: dict[tuple[str, str], Array]) -> Array:
-    """The noise of the three gyroscopes (n, 3) [rad/s]."""
+    """Return the noise of the three gyroscopes (n, 3) [rad/s]."""
     if all(isinstance(process, WhiteNoise) for process in noise):
         return np.asarray(one_sigma(noise) * rng.standard_normal((len(time), 3)))
     return np.stack([coloured(noise, f"rate {axis}", time, rng, states) for axis in "xyz"], axis=1)
 
 
 def stated(scenario: Scenario) -> dict[str, float]:
-    """Noise that the header states: white noise of one sample and the setting repeatability."""
+    """Return the noise that the header states: white noise of one sample and the setting repeatability."""
     every = noises(scenario)
     told = {
         sensor: [p for p in every.get(q, ()) if isinstance(p, WhiteNoise | SettingError)]
@@ -80,5 +80,5 @@ def stated(scenario: Scenario) -> dict[str, float]:
 
 
 def _there(scenario: Scenario, key: str) -> bool:
-    """Whether the process of which a key of [noise] speaks is simulated: a time constant alone is none."""
+    """Return whether the process of which a key of [noise] speaks is simulated: a time constant alone is none."""
     return bool(getattr(scenario.noise, key.removesuffix("_tau")))

@@ -85,7 +85,7 @@ def prepare(scenario: Scenario, seed: int | None = None) -> Run:
 def simulate(
     scenario: Scenario | Mapping[str, Any] | str | Path, seed: int | None = None
 ) -> tuple[Recording, tuple[Effect, ...]]:
-    """A recording from truth, and that truth, from a scenario, its content, its file or its name in the package.
+    """Return a recording from truth, and that truth, from a scenario, its content, its file or its name in the package.
 
     Raises InputError, naming the field, where the scenario cannot be run.
     """
@@ -96,7 +96,7 @@ def simulate(
 
 
 def joined(parts: Iterable[Recording]) -> Recording:
-    """Blocks of rows as one recording."""
+    """Return the blocks of rows as one recording."""
     parts = list(parts)
     channels = {key: np.concatenate([p.channels[key] for p in parts]) for key in parts[0].channels}
     positions = [p.position for p in parts if p.position is not None]
@@ -106,7 +106,7 @@ def joined(parts: Iterable[Recording]) -> Recording:
 
 
 def blocks(run: Run) -> Iterator[Recording]:
-    """The rows of a run, block by block."""
+    """Return the rows of a run, block by block."""
     rng, place = np.random.default_rng([run.seed, 1]), np.random.default_rng([run.seed, 2])
     states: dict[tuple[str, str], Array] = {}
     for start in range(0, len(run.time), BLOCK):
@@ -149,7 +149,7 @@ def _block(
 
 
 def _turned(run: Run, path: Course, time: Array, past: Array) -> dict[str, Array]:
-    """Readings of a unit that is turned, as means over the intervals that end at `time` (n,) [s] or of that instant."""
+    """Return the readings of a turned unit, means over the intervals that end at `time` (n,) [s] or of the instant."""
     motion = run.scenario.schedule
     at = nodes(path, time, 1 / motion.rate, motion.rates == "instant")
     instants = np.concatenate([past, at.time])
@@ -160,7 +160,7 @@ def _turned(run: Run, path: Course, time: Array, past: Array) -> dict[str, Array
 
 
 def _past(run: Run, start: int) -> Array:
-    """Indices of earlier rows that stand for the history of a block: one a minute and the first of every dwell."""
+    """Return indices of earlier rows that represent the history of a block: one a minute and the first of dwells."""
     if start == 0:
         return np.zeros(0, dtype=int)
     grid = np.arange(run.time[0], run.time[start], PAST_STEP)
@@ -170,7 +170,7 @@ def _past(run: Run, start: int) -> Array:
 
 
 def _nominal(run: Run, time: Array) -> Recording:
-    """What the platform truly does at these times, as a recording without sensor errors."""
+    """Return the true motion of the platform at these times, as a recording without sensor errors."""
     position: Array | None
     if run.path is not None:
         angle, position = np.zeros((len(time), 0)), None
@@ -193,7 +193,7 @@ def _nominal(run: Run, time: Array) -> Recording:
 
 
 def _as_it_was(run: Run, nominal: Recording) -> Stimulus:
-    """The stimulus with each position's setting error, which no readout shows."""
+    """Return the stimulus with each position's setting error, which no readout shows."""
     s = stimulus_from_angles(nominal)
     if run.table is None:
         return s
@@ -205,7 +205,7 @@ def _as_it_was(run: Run, nominal: Recording) -> Stimulus:
 
 
 def _angles(run: Run, out: Mapping[str, Array], time: Array, rng: np.random.Generator) -> dict[Key, Array]:
-    """Gimbal readouts, and in a static run the navigator's attitude error, as they are logged."""
+    """Return gimbal readouts, and in a static run the navigator's attitude error, as they are logged."""
     channels: dict[Key, Array] = {}
     names, noise = run.platform.axis_names, noises(run.scenario)
     if run.path is not None:
@@ -223,7 +223,7 @@ def _angles(run: Run, out: Mapping[str, Array], time: Array, rng: np.random.Gene
 
 
 def _reference(path: Course, scenario: Scenario, time: Array, rng: np.random.Generator) -> dict[Key, Array]:
-    """Where a vehicle is, as a satellite receiver tells it at each row; nothing of a unit in its place."""
+    """Return the position of a vehicle as a satellite receiver reports it; nothing of a unit in its place."""
     if not isinstance(path, Drive):
         return {}
     place, sigma = path.place(time), scenario.noise.place * rng.standard_normal((len(time), 3))

@@ -16,7 +16,7 @@ from gimbalcal.units import parse, to_si
 
 
 def _measured(quantity: str, like: str = "") -> BeforeValidator:
-    """A number with its unit, {value = 1.0, unit = "arcsec"}, taken to SI."""
+    """Return a number with its unit, {value = 1.0, unit = "arcsec"}, taken to SI."""
 
     def convert(given: Any) -> float:
         if not isinstance(given, dict) or set(given) != {"value", "unit"}:
@@ -125,7 +125,7 @@ class Motion(_Section):
 
     @property
     def turns(self) -> bool:
-        """Whether it is a schedule of turns and stops, of a unit that no gimbal holds; a rest, swing or drive too."""
+        """Return whether it is a schedule of turns and stops of a unit without gimbals, or a rest, swing or drive."""
         return self.name in ROTATIONS or bool(self.file or self.moves or self.swing or self.drive or self.start)
 
 
@@ -249,7 +249,7 @@ class Scenario(_Section):
 
     @property
     def turning(self) -> bool:
-        """Whether angular rates are logged, through the slews too."""
+        """Return whether angular rates are logged, through the slews too."""
         return self.gyroscopes or self.kind == "rotation"
 
     @property
@@ -259,7 +259,7 @@ class Scenario(_Section):
 
 
 def find(scenario: str | Path) -> Path:
-    """The file of a scenario: a path, or the name of one that ships with the package."""
+    """Return the file of a scenario: a path, or the name of one that ships with the package."""
     path = Path(scenario)
     shipped = Path(__file__).parents[1] / "scenarios"
     if path.is_file():
@@ -277,7 +277,7 @@ def load(scenario: str | Path) -> Scenario:
 
 
 def check_content(content: dict[str, Any], where: str = "scenario") -> Scenario:
-    """A scenario from the content of its file."""
+    """Return a scenario from the content of its file."""
     try:
         return Scenario.model_validate(content)
     except ValidationError as problems:

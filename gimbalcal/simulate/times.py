@@ -17,7 +17,7 @@ ROW = 40  # bytes of memory that a row takes while all are counted
 
 
 def row_times(scenario: Scenario, table: Timetable | None) -> Array:
-    """Times (n,) [s] of the rows of a schedule of positions, or of a static run."""
+    """Return times (n,) [s] of the rows of a schedule of positions, or of a static run."""
     motion = scenario.schedule
     _refuse_many(motion.duration if table is None else float(table.stop[-1]), motion.rate)
     if table is None:
@@ -34,7 +34,7 @@ def row_times(scenario: Scenario, table: Timetable | None) -> Array:
 
 
 def turned_times(scenario: Scenario, path: Course) -> Array:
-    """The ends (n,) [s] of the sampling intervals of a unit that is turned along a path."""
+    """Return the ends (n,) [s] of the sampling intervals of a unit that is turned along a path."""
     rate = scenario.schedule.rate
     _refuse_many(path.duration, rate)
     n = int(np.floor(path.duration * rate + 1e-9))

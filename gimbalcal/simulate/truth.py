@@ -22,7 +22,7 @@ RESERVED = ("draw", "factor")
 def true_effects(
     section: Mapping[str, Any], kind: str, gimbals: Sequence[str], read: Sequence[str], rng: np.random.Generator
 ) -> tuple[Effect, ...]:
-    """Effects of a scenario's [truth].
+    """Return effects of a scenario's [truth].
 
     `gimbals` are all axes of the platform, `read` those with a readout: only these get a drawn error. Drawing follows
     the order of the baseline and of the file, so a seed means the same truth everywhere.
@@ -58,7 +58,7 @@ def check_shown(effects: Sequence[Effect], scenario: Scenario, environment: Mapp
 
 
 def described(effects: Sequence[Effect], gimbals: Sequence[str]) -> list[dict[str, Any]]:
-    """The truth as calibration.json lists parameters: name, axis, value in the printed unit, unit; and the effect."""
+    """Return the truth in the form of calibration.json: name, axis, value in the printed unit, unit; and the effect."""
     out = []
     for each in effects:
         wanted = parameters(type(each), gimbals, constants=True)
@@ -100,7 +100,7 @@ def _drawn(
 
 
 def _fixed(known: Sequence[Parameter], given: Mapping[str, Any], where: str) -> Iterator[tuple[Parameter, float]]:
-    """Values by axis (of the effect's first parameter), or by parameter: a number for a scalar, a table for axes."""
+    """Return values by axis (of the first parameter), or by parameter: a number for a scalar, a table for axes."""
     first = known[0].field
     for key, value in given.items():
         by_field = [p for p in known if key in (p.field, p.name)]

@@ -45,13 +45,13 @@ class Nodes:
     first: Array
 
     def means(self, values: Array) -> Array:
-        """Means over the rows' intervals (n, ...) of what was evaluated at the nodes (N, ...)."""
+        """Return means over the rows' intervals (n, ...) of what was evaluated at the nodes (N, ...)."""
         weight = self.weight.reshape(-1, *[1] * (values.ndim - 1))
         return np.asarray(np.add.reduceat(weight * values, self.first, axis=0))
 
 
 def nodes(path: Path, time: Array, interval: float | Array, instant: bool) -> Nodes:
-    """Where to evaluate the readings of rows that end at `time` (n,) [s], after an interval [s]."""
+    """Return where to evaluate the readings of rows that end at `time` (n,) [s], after an interval [s]."""
     n = len(time)
     interval = np.broadcast_to(interval, (n,))
     if instant:
@@ -85,7 +85,7 @@ def nodes(path: Path, time: Array, interval: float | Array, instant: bool) -> No
 
 
 def stimulus(path: Path, like: Recording, time: Array) -> Stimulus:
-    """What the unit experiences at `time` (N,) [s] of the recording's clock; `like` holds the environment there."""
+    """Return the stimulus at `time` (N,) [s] of the recording's clock; `like` holds the environment there."""
     C_bn, own, slope = path.at(time)
     if isinstance(path, Drive):
         return _driven(path, like, time)
@@ -96,7 +96,7 @@ def stimulus(path: Path, like: Recording, time: Array) -> Stimulus:
 
 
 def _driven(path: Drive, like: Recording, time: Array) -> Stimulus:
-    """The same of a vehicle: the frame turns with the Earth and with the way over it, and the way has its forces."""
+    """Return the stimulus of a vehicle, whose frame turns with the Earth and along the way."""
     C_bn, own, slope = path.at(time)
     (v, dv), (L, _, h) = path.motion(time), path.place(time).T
     M, N = radii(L)
@@ -111,7 +111,7 @@ def _driven(path: Drive, like: Recording, time: Array) -> Stimulus:
 
 
 def schedule_of(motion: Motion) -> RotationSchedule:
-    """The schedule that a scenario names, points to or spells out, with the scenario's own rate, ramp and stop."""
+    """Return the schedule that a scenario names, points to or holds, with the scenario's own rate, ramp and stop."""
     if motion.name:
         made = ROTATIONS[motion.name]
     elif motion.file:
@@ -132,7 +132,7 @@ def schedule_of(motion: Motion) -> RotationSchedule:
 
 
 def flown(motion: Motion, setting: float, rng: np.random.Generator, site: Site) -> Path:
-    """The trajectory as it truly is: the start a little off, and each axis set with an error at every stop."""
+    """Return the trajectory as it truly is: the start a little off, and each axis set with an error at every stop."""
     tilt = motion.start_sigma * rng.standard_normal(3)
     if motion.drive is not None:
         d = motion.drive
@@ -158,7 +158,7 @@ def shaken(
     path: Path, time: Array, step: float, sigma: float, rng: np.random.Generator,
     states: dict[tuple[str, str], Array],
 ) -> Array:  # fmt: skip
-    """Force (n, 3) [m/s^2] of a place that quivers, velocity one `sigma` [m/s]; block after block.
+    """Return the force (n, 3) [m/s^2] of a place that quivers, velocity one `sigma` [m/s]; block after block.
 
     Velocities at the ends of rows are `QUIVER` long alike, so a second apart they are independent. What their
     differences add to mean forces is so small that errors of the sensors do not show in it.
@@ -175,7 +175,7 @@ def shaken(
 
 
 def _standing(start: Mapping[str, str]) -> Array:
-    """C_bn (3, 3) of a unit whose axes point where the scenario says."""
+    """Return C_bn (3, 3) of a unit whose axes point where the scenario says."""
     try:
         return standing(RotationSchedule("scenario", (start["x"], start["y"], start["z"]), ()).start)
     except (KeyError, ValueError) as error:
