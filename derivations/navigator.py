@@ -221,17 +221,3 @@ def adjoint_covariance() -> float:
     before = e["S"][:2, 2:] @ np.linalg.inv(e["S"][2:, 2:])
     found = adjoint.covariance(e["Phi"], e["Psi"], seen, known, before, f.factor[2:, 2:])
     return float(np.abs(found - joint_solution()[1][:, :2, :2]).max())
-
-
-def dense_smoother() -> float:
-    """The dense filter and the smoother (13) to (16): means and covariances at every epoch."""
-    from gimbalcal.inference import kalman
-
-    e = _example()
-    Phi, Q = np.zeros((4, 3, 3)), np.zeros((4, 3, 3))
-    Phi[:], Phi[1:, :2, :2], Phi[1:, :2, 2:], Q[1:, :2, :2] = np.eye(3), e["Phi"], e["Psi"], e["Q"]
-    z = np.concatenate([[[np.nan]], e["z"]])
-    start, P = np.concatenate([e["x"], e["theta"]]), e["S"] @ e["S"].T
-    smoothed = kalman.smooth(kalman.filter(z, np.array([[1.0, 0, 0]]), np.array([[0.5]]), Phi, Q, start, P))
-    means, spreads = joint_solution()
-    return float(max(np.abs(smoothed.x - means).max(), np.abs(smoothed.P - spreads).max()))

@@ -11,7 +11,7 @@ import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, normal_gravity, radii
 from gimbalcal.navigate.mechanisations import navigated
-from gimbalcal.navigate.space_stable import Aids, Site, schuler_rate
+from gimbalcal.navigate.space_stable import Aids, InertialSite, schuler_rate
 from gimbalcal.navigate.uncertainty import before_and_after
 from gimbalcal.pipeline import load, three_stage
 from gimbalcal.report.chart import BLUE, DASHES, VERMILION, Chart, Line, Rule
@@ -31,7 +31,7 @@ def answers(damping: float) -> dict[str, tuple[complex, complex]]:
     """North and east answer at one and two turns a day to a bias across the pole, over the quasi-static one."""
     L = np.deg2rad(LATITUDE)
     g = float(normal_gravity(L))
-    k = 2 * damping * schuler_rate(Site(L, 0.0, g, 0.0))
+    k = 2 * damping * schuler_rate(InertialSite(L, 0.0, g, 0.0))
     turn, (M, N) = 2 * EARTH_RATE * np.sin(L), radii(L)
     out = {}
     for times in (1, 2):

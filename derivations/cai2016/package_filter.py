@@ -34,7 +34,6 @@ checks(SOURCE, "Eq. (24)", *(f"Eq. (23), {b}" for b in dict.fromkeys(COLUMNS.val
     navigator.driven
 )
 checks(SOURCE, "Eq. (24)", where=navigator.GROWTH)(navigator.noise)
-checks(SOURCE, *(f"Eq. ({n})" for n in (13, 14, 15, 16)), where="inference.kalman.smooth")(navigator.dense_smoother)
 checks(SOURCE, "Eq. (13)", "Eq. (14)", "Eq. (16)", where="inference.adjoint.smooth")(navigator.adjoint_smoother)
 checks(SOURCE, "Eq. (15)", where="inference.adjoint.covariance")(navigator.adjoint_covariance)
 

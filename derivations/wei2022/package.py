@@ -93,7 +93,6 @@ for _item, _row in (("Eq. (9)", 1), ("Eq. (10)", 2), ("Eq. (11)", 3)):
 checks(SOURCE, "Eq. (9)", "Eq. (10)", where=navigator.GROWTH)(navigator.driven)
 _UPDATES = tuple(f"Eq. ({n})" for n in range(18, 23))
 checks(SOURCE, *_UPDATES, where="inference.square_root_filter.filter")(navigator.square_root_filter)
-checks(SOURCE, *_UPDATES, where="inference.kalman.filter")(navigator.dense_smoother)
 
 
 # --- degrees of observability

@@ -84,7 +84,7 @@ def navigated_axes() -> float:
     from gimbalcal.navigate import space_stable
 
     n = np.zeros(len(PHASES))
-    up = space_stable.Course(n, n + LATITUDE, PHASES, n, np.stack([n, n], axis=-1)).up
+    up = space_stable.NavigatorOutput(n, n + LATITUDE, PHASES, n, np.stack([n, n], axis=-1)).up
     worst = 0.0
     for t, vertical in zip(PHASES, up, strict=True):
         C = numbers(static_force.navigation_to_platform(), {L: LATITUDE, S_t: t})

@@ -30,7 +30,7 @@ DIGITS = 16  # of a digest in the name of a part
 
 
 @dataclass(frozen=True)
-class Store:
+class CampaignFolder:
     """The folder of one campaign."""
 
     folder: Path

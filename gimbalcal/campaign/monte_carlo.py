@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.campaign.campaign_folder import Store
+from gimbalcal.campaign.campaign_folder import CampaignFolder
 from gimbalcal.campaign.cluster import cluster, connect
 from gimbalcal.campaign.local import here, processes
 from gimbalcal.campaign.task import Task, task
@@ -48,7 +48,7 @@ def run_campaign(
     if workers > MOST_WORKERS:
         raise InputError(f"--workers {workers}: more than {MOST_WORKERS} processes no machine has room for")
     what = task(scenario, method, seed)
-    store = Store(Path(out), what, n)
+    store = CampaignFolder(Path(out), what, n)
     client = connect(scheduler) if scheduler else None
     with store.alone():
         if overwrite:
@@ -57,7 +57,7 @@ def run_campaign(
 
 
 def _run(
-    what: Task, store: Store, n: int, workers: int, client: Any, progress: Tell, page: Page | None
+    what: Task, store: CampaignFolder, n: int, workers: int, client: Any, progress: Tell, page: Page | None
 ) -> dict[str, Any]:
     todo = store.open()
     done = n - sum(len(share) for share in todo)

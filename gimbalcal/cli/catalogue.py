@@ -1,4 +1,4 @@
-"""The physical effects that are known, on the terminal: cards, usual sizes, and what a grade makes of them."""
+"""`gimbalcal catalogue`: cards of the physical effects, their usual sizes, and those of each grade."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ def catalogue(effect: str | None) -> None:
                 print(f"  {p.name} by grade: {', '.join(f'{size:.4g} ({name})' for name, size in sizes.items())}")
         print(f"  in recordings of kind {', '.join(CATALOGUE[effect].kinds)}")
     else:
-        _list(speaking_of(effect))
+        _list(matching_effects(effect))
 
 
 def _card(text: str) -> str:
-    """A card as a console can show it: formulas in letters."""
+    """Return a card as plain text, with formulas in letters."""
     import re
 
     from gimbalcal.report.formulas import plain_formula
@@ -56,7 +56,7 @@ def _card(text: str) -> str:
 
 
 def _list(names: list[str]) -> None:
-    """A line each: name and first sentence of the card."""
+    """Print a line for each effect: name and first sentence of its card."""
     import inspect
 
     from gimbalcal.effects import CATALOGUE
@@ -66,8 +66,8 @@ def _list(names: list[str]) -> None:
         print(f"{name:{wide}s}  {(inspect.getdoc(CATALOGUE[name]) or '').splitlines()[0]}")
 
 
-def speaking_of(words: str) -> list[str]:
-    """Effects in whose name all the words stand; else those whose card has them. Raises InputError where none has."""
+def matching_effects(words: str) -> list[str]:
+    """Return effects whose name has all the words; else those whose card has them. Raises InputError for none."""
     import inspect
     from difflib import get_close_matches
 
@@ -76,9 +76,9 @@ def speaking_of(words: str) -> list[str]:
     asked = words.lower().replace("_", " ").split()
     names = [n for n in sorted(CATALOGUE) if all(w in n.replace("_", " ") for w in asked)]
     cards = {n: (inspect.getdoc(CATALOGUE[n]) or "").lower() for n in sorted(CATALOGUE)}
-    found = names or [n for n, card in cards.items() if asked and all(w in card for w in asked)]
-    if not found:
+    matches = names or [n for n, card in cards.items() if asked and all(w in card for w in asked)]
+    if not matches:
         near = get_close_matches("_".join(asked), CATALOGUE, 1)
         hint = f"did you mean {near[0]}?" if near else "`gimbalcal catalogue` lists them"
         raise InputError(f"no effect is called {words!r}, and no card speaks of it; {hint}")
-    return found
+    return matches

@@ -1,4 +1,4 @@
-"""What `gimbalcal demo` shows: the three stages, a real recording, and a diagnosis, on the recordings that ship."""
+"""`gimbalcal demo`: the three stages, a real recording, and a diagnosis, on the recordings of the package."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
+
 import gimbalcal
+from gimbalcal.cli.options import example, output_options, progress, show
 
 if TYPE_CHECKING:
     from gimbalcal.diagnose import Diagnosis
@@ -16,13 +19,13 @@ Tell = Callable[[str], None]
 
 
 def shipped() -> Path:
-    """Folder of the recordings that ship: inside an installed package, or data/ of the project."""
+    """Return the folder of the package's recordings: inside an installed package, or data/ of the project."""
     inside = Path(gimbalcal.__file__).parent / "shipped"
     return inside if inside.exists() else Path(gimbalcal.__file__).parent.parent / "data"
 
 
 def demonstrate(out: Path, tell: Tell) -> tuple[dict[str, Any], str]:
-    """Calibrate and diagnose what ships, a folder each under `out`; returns a summary and the sentence to print."""
+    """Calibrate and diagnose the package's recordings, a folder each under `out`; return a summary and its sentence."""
     from gimbalcal.atomic import folder
     from gimbalcal.report.words import calibration_in_words, headline
 
@@ -33,12 +36,12 @@ def demonstrate(out: Path, tell: Tell) -> tuple[dict[str, Any], str]:
         tell("a real recording: an Xsens unit turned by hand, no angles")
         xsens = _calibrate([data / "xsens_positions"], "multiposition", new / "xsens", tell)
         tell("diagnosis: 18 positions in which an effect is concealed")
-        found = _diagnose(data / "space_stable_concealed", new / "diagnosis", tell)
-    summary = {"space_stable": platform, "xsens": xsens, "diagnosis": found.to_dict()}
+        diagnosis = _diagnose(data / "space_stable_concealed", new / "diagnosis", tell)
+    summary = {"space_stable": platform, "xsens": xsens, "diagnosis": diagnosis.to_dict()}
     sentence = "\n".join([
         f"space-stable platform: {calibration_in_words(platform)}",
         f"Xsens unit, real: {calibration_in_words(xsens)}",
-        f"concealed effect: {headline(found.to_dict(), found.curves)}",
+        f"concealed effect: {headline(diagnosis.to_dict(), diagnosis.curves)}",
         f"open {out / 'report.html'}, {out / 'xsens' / 'report.html'} and {out / 'diagnosis' / 'report.html'}",
     ])  # fmt: skip
     return summary, sentence
@@ -54,15 +57,15 @@ def _calibrate(folders: list[Path], method: str, out: Path, tell: Tell) -> dict[
 
 
 def _truth(folders: list[Path]) -> dict[str, float] | None:
-    """What went into simulated recordings, label to SI; the first one that tells a parameter counts."""
+    """Return the truth of simulated recordings, label to SI; the first value of each parameter."""
     from gimbalcal.report.naming import label_of
     from gimbalcal.units import to_si
 
-    told: dict[str, float] = {}
+    truth: dict[str, float] = {}
     for path in (folder / "truth.json" for folder in folders):
         for p in json.loads(path.read_text())["parameters"] if path.exists() else ():
-            told.setdefault(label_of(p), float(to_si(p["value"], p["unit"])))
-    return told or None
+            truth.setdefault(label_of(p), float(to_si(p["value"], p["unit"])))
+    return truth or None
 
 
 def _diagnose(folder: Path, out: Path, tell: Tell) -> Diagnosis:
@@ -71,6 +74,14 @@ def _diagnose(folder: Path, out: Path, tell: Tell) -> Diagnosis:
     from gimbalcal.report.files import write_diagnosis
 
     recordings = load([folder], tell)
-    found = diagnose(recordings, tell=tell)
-    write_diagnosis(found, out, recordings[0].title)
-    return found
+    diagnosis = diagnose(recordings, tell=tell)
+    write_diagnosis(diagnosis, out, recordings[0].title)
+    return diagnosis
+
+
+@click.command(epilog=example("gimbalcal demo --out out/demo"))
+@output_options("the reports", "out/demo")
+def demo(out: Path | None, quiet: bool, as_json: bool) -> None:
+    """The three stages and the diagnosis on the recordings that ship with the project."""
+    summary, sentence = demonstrate(out or Path("out/demo"), progress(quiet))
+    show(summary, sentence, as_json, quiet)

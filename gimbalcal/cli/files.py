@@ -1,4 +1,4 @@
-"""Files into files: a recording corrected, a calibration for another program, another rig's recording."""
+"""Convert files: correct a recording, export a calibration, import recordings, describe an unknown log."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from pathlib import Path
 
 import click
 
-from gimbalcal.cli.options import example, output_options, progress, show
-from gimbalcal.cli.output_folders import OVERWRITE, placed
+from gimbalcal.cli.options import LATITUDE, POSITIVE, Number, example, output_options, progress, show
+from gimbalcal.cli.output_folders import OVERWRITE, staged_folder
 from gimbalcal.errors import InputError, amount
 
 SAMPLES = "samples.csv"
@@ -35,21 +35,26 @@ def apply(
     from gimbalcal.calibration.exchange import read_calibration
     from gimbalcal.recording import read, write
 
-    calibration, there = read_calibration(known), read(recording)
+    calibration, original = read_calibration(known), read(recording)
     folder = out or Path(f"{recording.name}-{'corrupted' if inverse else 'corrected'}")
     if folder.resolve() == recording.resolve():
         raise InputError(f"--out {folder} is the recording itself; give another folder")
     named = calibration.provenance.get("options", {}).get("sensor", "")
-    there = next((r for r in there.sensors if r.sensor == named), replace(there, beside=()))
-    made = calibration.corrupt(there) if inverse else calibration.apply(there)
+    original = next((r for r in original.sensors if r.sensor == named), replace(original, beside=()))
+    corrected = calibration.corrupt(original) if inverse else calibration.apply(original)
     samples = "samples.parquet" if (recording / "samples.parquet").is_file() else SAMPLES
-    with placed(folder, overwrite) as new:
-        write(made, new, samples)
+    with staged_folder(folder, overwrite) as new:
+        write(corrected, new, samples)
     direction = "physics to readings" if inverse else "readings to physics"
     done = "as the calibrated unit would read it" if inverse else "corrected"
-    result = {"rows": len(made.time), "folder": str(folder), "direction": direction,
+    result = {"rows": len(corrected.time), "folder": str(folder), "direction": direction,
               "effects": sorted({e.id for e in calibration.effects})}  # fmt: skip
-    show(result, f"wrote {made.title!r}, {done}, {amount(len(made.time), 'row')}, into {folder}", as_json, quiet)
+    show(
+        result,
+        f"wrote {corrected.title!r}, {done}, {amount(len(corrected.time), 'row')}, into {folder}",
+        as_json,
+        quiet,
+    )
 
 
 @click.command(epilog=example("gimbalcal export csv --calibration results/calibration.json --out exported"))
@@ -66,7 +71,7 @@ def export(kind: str, known: Path, overwrite: bool, out: Path | None, quiet: boo
     path = (out or Path()) / FILES.get(kind, "calibration")
     if path.resolve() == known.resolve():
         raise InputError(f"{path} is the calibration itself; give another --out")
-    with placed(path.parent, overwrite) as new:
+    with staged_folder(path.parent, overwrite) as new:
         lost = run(calibration, kind, new / path.name)
     for words in lost:
         progress(quiet)(f"note: {words}")
@@ -122,7 +127,7 @@ def import_(
     recording = import_files(kind, files, options)
     for remark in recording.remarks:
         tell(remark)
-    with placed(folder, overwrite) as new:
+    with staged_folder(folder, overwrite) as new:
         write(recording, new, SAMPLES)
     summary = {"kind": recording.kind, "rows": len(recording.time), "folder": str(folder)}
     if as_json:
@@ -136,3 +141,89 @@ def _pair(setting: str) -> tuple[str, str]:
     if not equals:
         raise InputError(f"--set takes NAME=VALUE, got {setting!r}")
     return name, value
+
+
+@click.command(
+    epilog=example(
+        "gimbalcal new imu.csv --out imu",
+        "gimbalcal new accelerometers.csv gyroscopes.csv --out unit",
+        "gimbalcal new stars.csv --latitude 48.1",
+    )
+)
+@click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--rate",
+    type=POSITIVE,
+    default=None,
+    help="Rows in a second: they are counted, and no column is the clock.",
+)
+@click.option(
+    "--latitude",
+    type=LATITUDE,
+    default=None,
+    metavar="DEG",
+    help="Of the place: gravity is known by it, and the pole of an equatorial mount.",
+)
+@click.option("--height", type=Number(), default=None, metavar="M", help="Of the place, above the sea.")
+@click.option(
+    "--longitude",
+    type=Number(-360, 360),
+    default=None,
+    metavar="DEG",
+    help="Of the place, east is positive: right ascensions with UTC need it.",
+)
+@click.option("--title", default="", help="What the recording is called.  [default: the name of the first of LOGS]")
+@OVERWRITE
+@output_options("the recording and a page with its rests", "the name of the first of LOGS without its ending, here")
+def new(
+    logs: tuple[Path, ...],
+    rate: float | None,
+    latitude: float | None,
+    height: float | None,
+    longitude: float | None,
+    title: str,
+    overwrite: bool,
+    out: Path | None,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Look at LOGS of a unit, a rig or a mount and propose a recording: columns, units, rests, platform."""
+    from gimbalcal.atomic import write as write_text
+    from gimbalcal.guess.proposal import propose
+    from gimbalcal.recording import dwells, write
+    from gimbalcal.report.new_page import clocked, commented, proposal_page
+
+    tell = progress(quiet)
+    tell(f"reading {amount(len(logs), 'log')}")
+    proposal = propose(logs, title, rate or 0.0, latitude, height, longitude)
+    r, folder = proposal.recording, out or Path(logs[0].stem)
+    page = "stars.html" if r.kind == "pointing" else "rests.html"
+    with staged_folder(folder, overwrite) as staged:
+        write(r, staged, "samples.parquet" if len(r.time) > 1_000_000 else "samples.csv")
+        header = staged / "recording.toml"
+        write_text(header, commented(header.read_text(encoding="utf-8"), proposal))
+        write_text(staged / page, proposal_page(proposal))
+    for name, g in proposal.guesses.items():
+        tell(f"{name.strip()}: {g.in_words}, by {g.why}")
+    for what, note in proposal.notes.items():
+        tell(f"{what}: {note}")
+    if proposal.left_out:
+        tell(f"left out: {', '.join(name.strip() for name in proposal.left_out)}")
+    for remark in r.remarks:
+        tell(f"note: {remark}")
+    stars, turned = r.kind == "pointing", r.kind == "rotation"
+    rests = 0 if stars or turned else len(dwells(r))
+    size = amount(len(r.time), "star") if stars else f"{amount(rests, 'rest')} and {amount(len(r.time), 'row')}"
+    size = amount(len(r.time), "row") if turned or r.kind == "static-run" else size
+    if len(r.time) > max(rests, 1) and not stars:  # a clock in another unit is seen at once
+        size += f" over {clocked(r)}"
+    description = f"a {r.kind} recording of {size}"
+    correct = f"look at {folder / page} and correct {folder / 'recording.toml'} where a guess is wrong"
+    columns = {n: {"quantity": g.quantity, "axis": g.axis, "unit": g.unit, "why": g.why}
+               for n, g in proposal.guesses.items()}  # fmt: skip
+    result = {"folder": str(folder), "kind": r.kind, "rests": rests, "rows": len(r.time), "columns": columns,
+              "left_out": list(proposal.left_out), "notes": dict(proposal.notes)}  # fmt: skip
+    after = "calibrate" if stars or turned or rests > 1 or r.kind == "static-run" else "noise"
+    how = " --method rate-table" if turned and r.has("specific_force") else ""
+    words = f"wrote {folder}, {description}; {correct}, then: gimbalcal {after} {folder}{how}"
+    show(result, words, as_json, quiet)

@@ -1,4 +1,4 @@
-"""Options that several commands share, and how a command tells what it does."""
+"""Options shared by several commands, and progress messages."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gimbalcal.errors import InputError
 
 F = TypeVar("F", bound=Callable[..., Any])
 OWN_EFFECTS = "gimbalcal.effects"  # under which a run's context has the files of --effects
-SILENCE = 10.0  # s, after which work says that it goes on
+PROGRESS_INTERVAL_S = 10.0  # without a message, after which long work reports that it continues
 SEED = click.IntRange(min=0)
 RUNS = click.IntRange(1, 10_000_000)  # of a campaign, tries of a search: of more a list takes longer than anybody waits
 DRAWS = click.IntRange(1, 10_000)  # behind a sigma, which these tell to 0.7 % already
@@ -29,7 +29,7 @@ class Number(click.FloatRange):
     """A number of a range: nan and inf, which no range of its own refuses, are none."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """The number; a wrong option otherwise."""
+        """Return the number. Fails for one that is not finite."""
         number = float(super().convert(value, param, ctx))
         if not isfinite(number):
             self.fail(f"{value!r} is not a finite number.", param, ctx)
@@ -41,18 +41,18 @@ NOISE = Number(1e-12, 1e9)  # beyond, squares of it are lost beside each other
 
 
 def example(*commands: str) -> str:
-    """The last lines of a command's help: what to type, as it would be typed."""
+    """Return the last lines of a command's help: examples of its use."""
     return "\b\nFor example:\n" + "\n".join(f"  {command}" for command in commands)
 
 
 def output_options(what: str, default: str = "nothing is written") -> Callable[[F], F]:
-    """--out, --quiet and --json, which every command that computes has: `what` goes into --out, else `default`."""
+    """Return a decorator that adds --out, --quiet and --json; `what` is written into --out, else `default`."""
 
     def decorate(command: F) -> F:
         command = click.option("--json", "as_json", is_flag=True, help="Print the result on stdout as JSON.")(command)
         command = click.option("--quiet", is_flag=True, help="No progress on stderr.")(command)
-        told = f"Folder for {what}.  [default: {default}]"
-        return click.option("--out", type=click.Path(path_type=Path), callback=_folder, default=None, help=told)(
+        description = f"Folder for {what}.  [default: {default}]"
+        return click.option("--out", type=click.Path(path_type=Path), callback=_folder, default=None, help=description)(
             command
         )
 
@@ -60,19 +60,19 @@ def output_options(what: str, default: str = "nothing is written") -> Callable[[
 
 
 def _folder(_context: click.Context, _option: click.Parameter, out: Path | None) -> Path | None:
-    """--out, refused before anything is computed if no folder can be there."""
+    """Return --out. Raises InputError before anything is computed where it cannot be a folder."""
     if out is None:
         return None
-    there = next(p for p in (out, *out.absolute().parents) if p.exists() or p.is_symlink())
-    if not there.is_dir():
-        raise InputError(f"--out {out} cannot be a folder, because {there} is a file; give another name")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise InputError(f"--out {out} cannot be written, {there} does not permit it; give another folder")
+    existing = next(p for p in (out, *out.absolute().parents) if p.exists() or p.is_symlink())
+    if not existing.is_dir():
+        raise InputError(f"--out {out} cannot be a folder, because {existing} is a file; give another name")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise InputError(f"--out {out} cannot be written, {existing} does not permit it; give another folder")
     return out
 
 
 def names_option(name: str, help: str) -> Callable[[Any], Any]:  # noqa: A002  as click calls it
-    """An option of comma-separated names, which may be given again for more of them."""
+    """Return an option of comma-separated names, which may be given several times."""
 
     def listed(_context: object, _option: object, given: Sequence[str]) -> tuple[str, ...]:
         return tuple(w.strip() for w in ",".join(given).split(",") if w.strip())
@@ -81,7 +81,7 @@ def names_option(name: str, help: str) -> Callable[[Any], Any]:  # noqa: A002  a
 
 
 def progress(quiet: bool) -> Callable[[str], None]:
-    """A function that tells what is being done, on stderr; in long work it says every so often that it goes on."""
+    """Return a function that prints progress on stderr; during long work it reports regularly that it continues."""
     doing = ["starting", time.monotonic()]
 
     def tell(sentence: str) -> None:
@@ -99,7 +99,7 @@ def progress(quiet: bool) -> Callable[[str], None]:
 
 
 def _as_printed(sentence: str) -> str:
-    """Units and signs as the answer has them; what is to be typed, in quotes, backticks or brackets, stays as it is."""
+    """Typeset units and signs, except in quotes, backticks and brackets, which are to be typed."""
     from gimbalcal.report.naming import typeset
 
     if sentence.startswith(("wrote ", "reading ")):
@@ -108,35 +108,35 @@ def _as_printed(sentence: str) -> str:
     return "".join(part if i % 2 else typeset(part) for i, part in enumerate(parts))
 
 
-def _go_on(doing: list[Any], done: threading.Event, every: float = SILENCE) -> None:
-    """Say what is being done and for how long whenever nothing was said for so many seconds."""
-    said = time.monotonic()
+def _go_on(doing: list[Any], done: threading.Event, every: float = PROGRESS_INTERVAL_S) -> None:
+    """Report the current work and its duration whenever there was no message for `every` seconds."""
+    reported = time.monotonic()
     while not done.wait(every / 10):
         sentence, since = doing
         now = time.monotonic()
-        if now - max(since, said) >= every:
-            said = now
-            going_on = _as_printed(sentence.partition(" (")[0])
-            print(f"  ... {going_on}: {now - since:.0f} s so far", file=sys.stderr, flush=True)
+        if now - max(since, reported) >= every:
+            reported = now
+            work = _as_printed(sentence.partition(" (")[0])
+            print(f"  ... {work}: {now - since:.0f} s so far", file=sys.stderr, flush=True)
 
 
 def show(result: Any, sentence: str, as_json: bool, quiet: bool, page: Path | None = None) -> None:
-    """Print the answer on stdout: the sentence and where its page is, or the result as JSON, the rest as progress."""
-    said = [sentence, *([] if page is None else [f"report: {page}"])]
+    """Print the answer on stdout: the sentence and the path of its page, or the result as JSON."""
+    lines = [sentence, *([] if page is None else [f"report: {page}"])]
     if as_json:
         print(atomic.as_json(result))
-        progress(quiet)("\n  ".join(said))
+        progress(quiet)("\n  ".join(lines))
     else:
-        print("\n".join(said))
+        print("\n".join(lines))
 
 
 def wrote(folder: Path, first: str, quiet: bool) -> None:
-    """Tell what was written."""
+    """Report the files that were written."""
     progress(quiet)(f"wrote {folder / first} and {folder / 'report.html'}")
 
 
 def _load_effects(context: click.Context, _option: click.Parameter, files: tuple[Path, ...]) -> None:
-    """Enter a user's effects into the catalogue before anything is read."""
+    """Add a user's effects to the catalogue before anything is read."""
     if files:
         from gimbalcal.effects import load_effects
 
@@ -157,3 +157,8 @@ GRADE = click.option(
     help="navigation, tactical, industrial or consumer: how large the sensors' errors usually are.  "
     "[default: as their noise tells]",
 )
+DAMPING = click.option(
+    "--damping", type=Number(min=0, max=5), default=None,
+    help="Damping of Schuler's swing by the velocity reference, of critical; 0: none [0.5 of a platform, 0 of a "
+    "strapdown unit].",
+)  # fmt: skip

@@ -1,19 +1,22 @@
-"""Before anything is recorded: what a schedule sees, and the schedule that sees most."""
+"""Plan and simulate: observability and design of schedules, error budgets, recordings and campaigns from truth."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gimbalcal.cli.options import (
+    DAMPING,
     LATITUDE,
     NOISE,
     POSITIVE,
     RUNS,
     SEED,
+    Number,
     example,
     names_option,
     output_options,
@@ -21,7 +24,7 @@ from gimbalcal.cli.options import (
     show,
     wrote,
 )
-from gimbalcal.cli.output_folders import OVERWRITE, place, placed
+from gimbalcal.cli.output_folders import OVERWRITE, deliver, output_folder, staged_folder
 from gimbalcal.errors import InputError, amount
 
 if TYPE_CHECKING:
@@ -72,33 +75,24 @@ def observe(
     out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Say what SCHEDULE can and cannot see, before anything is recorded: a name, a schedule.toml, or static-48h."""
-    from gimbalcal.report.files import write_report
+    from gimbalcal.report import plan_page
     from gimbalcal.schedule.file import is_rotation
 
-    there = place(out, [schedule], "observability", (OBSERVABILITY, "report.html"), overwrite, as_json)
+    target = output_folder(out, [schedule], "observability", (OBSERVABILITY, "report.html"), overwrite, as_json)
     if is_rotation(schedule):
         from gimbalcal.design.turning_observability import observe_turning
-        from gimbalcal.report.plan_page import observability_report, turning_headline
 
         if candidates:
             raise InputError("--candidates is for positions; of a schedule of turns name them among --states")
-        turned = observe_turning(schedule, latitude, states, rate_noise, force_noise, velocity_sigma)
-        seen = turned.to_dict()
-        if there is not None:
-            write_report(OBSERVABILITY, seen, observability_report(seen), there.folder, there.question)
-            wrote(there.folder, OBSERVABILITY, quiet)
-        _table(seen, as_json or quiet)
-        show(seen, turning_headline(seen), as_json, quiet, there.page if there else None)
-        return
-    from gimbalcal.design.observability import observe_any
-    from gimbalcal.report.plan_page import headline, plan_report
+        result = observe_turning(schedule, latitude, states, rate_noise, force_noise, velocity_sigma).to_dict()
+        page, sentence = plan_page.observability_report, plan_page.turning_headline(result)
+    else:
+        from gimbalcal.design.observability import observe_any
 
-    seen = observe_any(schedule, angle_sigma, force_sigma, latitude, candidates).to_dict()
-    if there is not None:
-        write_report(OBSERVABILITY, seen, plan_report(seen), there.folder, there.question)
-        wrote(there.folder, OBSERVABILITY, quiet)
-    _table(seen, as_json or quiet)
-    show(seen, headline(seen), as_json, quiet, there.page if there else None)
+        result = observe_any(schedule, angle_sigma, force_sigma, latitude, candidates).to_dict()
+        page, sentence = plan_page.plan_report, plan_page.headline(result)
+    _table(result, as_json or quiet)
+    deliver(target, OBSERVABILITY, result, lambda: page(result), sentence, as_json, quiet)
 
 
 @click.command(
@@ -162,7 +156,7 @@ def design(
 
     named = [platform if kind == "positions" else "turns"]
     drawn: Schedule | RotationSchedule
-    there = place(out, named, "schedule", ("schedule.toml", "report.html"), overwrite, as_json)
+    target = output_folder(out, named, "schedule", ("schedule.toml", "report.html"), overwrite, as_json)
     if kind == "rotation":
         from gimbalcal.design.turning_design import design_turning, table_of
         from gimbalcal.schedule.file import rotation_toml
@@ -170,11 +164,11 @@ def design(
         _only(criterion, ("max", "sum"), kind)
         tell = progress(quiet)
         tell(f"looking at {amount(tries, 'sequence')} of turns")
-        turned, seen = design_turning(
+        turns, result = design_turning(
             table_of(step, limit, rate, ramp, total), latitude, states, against, criterion or "max",
             (rate_noise, force_noise, velocity_sigma), tries, seed, tell,
         )  # fmt: skip
-        text, drawn = rotation_toml(turned), turned
+        text, drawn = rotation_toml(turns), turns
     else:
         from gimbalcal.design.optimal import design as run
         from gimbalcal.design.positions import rig_of
@@ -182,25 +176,112 @@ def design(
 
         _only(criterion, ("D", "A", "position"), kind)
         rig = rig_of(platform, step, angle_sigma, force_sigma)
-        schedule, seen = run(rig, positions, terms, criterion or "D", separate, latitude=latitude)
+        schedule, result = run(rig, positions, terms, criterion or "D", separate, latitude=latitude)
         text, drawn = schedule_toml(schedule), schedule
-    if there is not None:
-        with placed(there.folder, overwrite) as new:
+    if target is not None:
+        with staged_folder(target.folder, overwrite) as new:
             write(new / "schedule.toml", text)
-            write(new / "report.html", marked(design_report(seen, drawn), there.question))
-        wrote(there.folder, "schedule.toml", quiet)
-    _table(seen, as_json or quiet)
-    show(seen, design_headline(seen), as_json, quiet, there.page if there else None)
+            write(new / "report.html", marked(design_report(result, drawn), target.question))
+        wrote(target.folder, "schedule.toml", quiet)
+    _table(result, as_json or quiet)
+    show(result, design_headline(result), as_json, quiet, target.page if target else None)
 
 
-def _table(seen: Mapping[str, Any], silent: bool) -> None:
-    """What would be known how well, above the answer."""
+def _table(result: Mapping[str, Any], silent: bool) -> None:
+    """Print the table of predicted sigmas above the answer."""
     from gimbalcal.report.console import bounds_table
 
     if not silent:
-        print(bounds_table(seen), end="\n\n")
+        print(bounds_table(result), end="\n\n")
 
 
 def _only(criterion: str | None, known: tuple[str, ...], kind: str) -> None:
     if criterion is not None and criterion not in known:
         raise InputError(f"--criterion {criterion} is not for --kind {kind}; write {' or '.join(known)}")
+
+
+@click.command(
+    epilog=example(
+        "gimbalcal budget wu2018-18 wu2018-static --hours 24 --out budget",
+        "gimbalcal budget wei2022-30 wei2022-static --states 30 --hours 24 --out budget",
+    )
+)
+@click.argument("scenarios", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--hours", multiple=True, type=Number(min=0.5, max=240), default=(6.0, 24.0, 72.0), show_default=True,
+    help="Within how many hours the position error is told; as often as needed.",
+)  # fmt: skip
+@click.option("--with", "more", multiple=True, metavar="EFFECT", help="An effect that the calibration holds too.")
+@click.option("--states", default="", help="Of turns: what is calibrated, 30, 51, or EFFECT[:AXIS],... [51].")
+@DAMPING
+@OVERWRITE
+@output_options("budget.json and report.html", "NAME-budget, here")
+def budget(
+    scenarios: tuple[Path, ...], hours: tuple[float, ...], more: tuple[str, ...], states: str, damping: float | None,
+    overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Say what a calibration by these SCENARIOS leaves of position error, parameter by parameter, before it is made.
+
+    SCENARIOS: positions and static runs of a space-stable platform; or turns of a strapdown unit in its place, and a
+    rest, which says where and how it stands when it navigates.
+    """
+    from gimbalcal.design.budget import budget as run
+    from gimbalcal.report.naming import answered
+    from gimbalcal.report.navigation_page import budget_report
+
+    target = output_folder(out, scenarios, "budget", ("budget.json", "report.html"), overwrite, as_json)
+    made = run(scenarios, hours, more, damping, states)
+    page, sentence = partial(budget_report, made), answered(made.in_words)
+    deliver(target, "budget.json", made.to_list(), page, sentence, as_json, quiet)
+
+
+@click.command(epilog=example("gimbalcal simulate wu2018-18 --seed 7 --out my-rig"))
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--seed", type=SEED, default=None, help="Instead of the scenario's own.")
+@OVERWRITE
+@output_options("the recording and its truth.json", "the name of SCENARIO, here")
+def simulate(scenario: Path, seed: int | None, overwrite: bool, out: Path | None, quiet: bool, as_json: bool) -> None:
+    """Make a recording from truth: SCENARIO.toml, or the name of one that ships with the package."""
+    from gimbalcal.simulate import simulate_to
+
+    folder = out or Path(scenario.stem)
+    with staged_folder(folder, overwrite) as new:
+        truth = simulate_to(scenario, new, seed, progress(quiet))
+    show(truth, f"wrote a recording and its truth into {folder}", as_json, quiet)
+
+
+@click.command(epilog=example("gimbalcal campaign wu2018-18 -n 100 --out campaign"))
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("-n", "--runs", type=RUNS, default=200, show_default=True, help="How many runs.")
+@click.option("--workers", type=int, default=None, help="Processes on this machine (default: its cores).")
+@click.option("--scheduler", default="", help="Address of a running Dask scheduler, tcp://host:port, instead.")
+@click.option("--method", default="three-stage", show_default=True, help="How each simulated recording is calibrated.")
+@click.option("--seed", type=SEED, default=None, help="Instead of the scenario's own.")
+@OVERWRITE
+@output_options("campaign.json, campaign.parquet and report.html", "SCENARIO-campaign, here")
+def campaign(
+    scenario: Path, runs: int, workers: int | None, scheduler: str, method: str, seed: int | None,
+    overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Monte Carlo of SCENARIO: the same digits whatever the number of workers; goes on where it was stopped."""
+    from gimbalcal.campaign import run_campaign
+    from gimbalcal.report.campaign_page import campaign_report, headline
+    from gimbalcal.report.html import marked
+
+    files = ("campaign.json", "campaign.parquet", "report.html")
+    target = output_folder(
+        out, [scenario], "campaign", files, overwrite, False
+    )  # also with --json: runs are kept on the way
+    if target is None:
+        raise InputError("the current folder cannot be written, where the runs of a campaign are kept; give --out")
+    tell = progress(quiet)
+    try:
+        summary = run_campaign(
+            scenario, runs, target.folder, workers, scheduler, tell, method, seed,
+            lambda made: marked(campaign_report(made), target.question), overwrite,
+        )  # fmt: skip
+    except KeyboardInterrupt:
+        tell(f"the runs that are done stay in {target.folder}; the same command goes on from there")
+        raise
+    wrote(target.folder, "campaign.json", quiet)
+    show(summary, headline(summary), as_json, quiet, target.page)

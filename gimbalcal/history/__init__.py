@@ -1,7 +1,7 @@
 """A unit has a history: calibrations and diagnoses in one file, and how each parameter moves from one to the next."""
 
 from gimbalcal.history.compare import Comparison, compare
-from gimbalcal.history.dated_calibration import Dated, date_in, dated_file, of_store
+from gimbalcal.history.dated_calibration import DatedCalibration, date_in, dated_file, of_store
 from gimbalcal.history.unit_store import Entry, keep, kept
 
-__all__ = ["Comparison", "Dated", "Entry", "compare", "date_in", "dated_file", "keep", "kept", "of_store"]
+__all__ = ["Comparison", "DatedCalibration", "Entry", "compare", "date_in", "dated_file", "keep", "kept", "of_store"]

@@ -20,8 +20,8 @@ import numpy as np
 from gimbalcal.calibration.gravity import common_gravity, without_gravity
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.errors import InputError
-from gimbalcal.history.dated_calibration import Dated, day_of
-from gimbalcal.history.parameter_history import DAY, SURPRISE, YEAR, Course, course
+from gimbalcal.history.dated_calibration import DatedCalibration, day_of
+from gimbalcal.history.parameter_history import DAY, SURPRISE, YEAR, ParameterHistory, parameter_history
 from gimbalcal.units import from_si, parse, to_si
 
 LATEST = 253402300799.0  # s; the last second of the year 9999
@@ -29,7 +29,7 @@ UNSEEN = 1e-3  # of its sigma: a value that is nearer to zero was held there
 
 
 @dataclass(frozen=True)
-class Step:
+class CalibrationStep:
     """Two calibrations that follow each other: chi^2 of their difference over `dof` parameters, and its chance."""
 
     before: int
@@ -45,25 +45,25 @@ class Comparison:
     """Calibrations of one unit in order of time, each step between them, and the course of each parameter."""
 
     unit: str
-    calibrations: tuple[Dated, ...]
-    steps: tuple[Step, ...]
-    courses: tuple[Course, ...]
+    calibrations: tuple[DatedCalibration, ...]
+    steps: tuple[CalibrationStep, ...]
+    histories: tuple[ParameterHistory, ...]
     gravity: float = 0.0  # one sigma of gravity, as a share of it, that all of them have in common
 
     @property
     def agree(self) -> bool:
         """Whether nothing moved by more than the sigmas allow."""
-        return not any(c.moved for c in self.courses) and not self.odd
+        return not any(c.moved for c in self.histories) and not self.odd
 
     @property
-    def odd(self) -> tuple[Step, ...]:
+    def odd(self) -> tuple[CalibrationStep, ...]:
         """Steps that chance does not explain."""
         return tuple(s for s in self.steps if not s.shared and s.chance < SURPRISE / len(self.steps))
 
     @property
     def due(self) -> datetime | None:
         """When the first parameter will have moved by more than is allowed."""
-        first = min((c.due for c in self.courses if np.isfinite(c.due)), default=None)
+        first = min((c.due for c in self.histories if np.isfinite(c.due)), default=None)
         return None if first is None else _date(first)
 
     @property
@@ -73,9 +73,9 @@ class Comparison:
         made = self.calibrations
         first, last = (day_of(d.date, made) for d in (made[0], made[-1]))
         start = f"{n} calibrations{of} from {first} to {last}"
-        moved = sorted((c for c in self.courses if c.moved), key=lambda c: -c.clear)
+        moved = sorted((c for c in self.histories if c.moved), key=lambda c: -c.clear)
         if not moved and not self.odd:
-            said = f"{start} agree within their sigmas in all {len(self.courses)} parameters."
+            said = f"{start} agree within their sigmas in all {len(self.histories)} parameters."
         elif not moved:
             worst = min(self.odd, key=lambda s: s.chance)
             names = [self.calibrations[k].name for k in (worst.before, worst.after)]
@@ -133,11 +133,13 @@ class Comparison:
                  "p_value": None if s.shared else s.chance, "same_recording": s.shared}
                 for s in self.steps
             ],
-            "parameters": [_row(c) for c in self.courses],
+            "parameters": [_row(c) for c in self.histories],
         }  # fmt: skip
 
 
-def compare(calibrations: Sequence[Dated], unit: str = "", allowed: Mapping[str, str] | None = None) -> Comparison:
+def compare(
+    calibrations: Sequence[DatedCalibration], unit: str = "", allowed: Mapping[str, str] | None = None
+) -> Comparison:
     """How a unit changed over its calibrations, two or more, of any methods, as far as they share parameters.
 
     allowed: by the name of a parameter, how far it may move before the next calibration, "50 ug"; without it three
@@ -164,23 +166,23 @@ def compare(calibrations: Sequence[Dated], unit: str = "", allowed: Mapping[str,
     alike = min((common_gravity(made[0].calibration, d.calibration) for d in made[1:]), default=0.0)
     own = [np.sqrt(np.diag(without_gravity(d.calibration, alike))) for d in made]
     places = [{p.label: i for i, p in enumerate(d.calibration.parameters)} for d in made]
-    courses = []
+    histories = []
     for label, at in common.items():
         p = named[label]
         there = [(k, places[k][label]) for k in at]
         x = np.array([made[k].calibration.values[i] for k, i in there])
         sigma = np.array([own[k][i] for k, i in there])
         limit = limits.get(label, limits.get(p.name, np.inf))
-        courses.append(course(p, at, time[at], x, sigma, tried, independent, limit))
+        histories.append(parameter_history(p, at, time[at], x, sigma, tried, independent, limit))
     steps = tuple(_step(made, k, not told) for k, told in enumerate(independent))
-    return Comparison(unit, made, steps, tuple(courses), alike)
+    return Comparison(unit, made, steps, tuple(histories), alike)
 
 
 def _date(seconds: float) -> datetime:
     return datetime.fromtimestamp(min(seconds, LATEST), UTC)
 
 
-def _step(made: Sequence[Dated], k: int, shared: bool) -> Step:
+def _step(made: Sequence[DatedCalibration], k: int, shared: bool) -> CalibrationStep:
     from scipy.special import chdtrc
 
     a, b = made[k].calibration, made[k + 1].calibration
@@ -188,7 +190,7 @@ def _step(made: Sequence[Dated], k: int, shared: bool) -> Step:
     of_a, of_b = ({p.label: i for i, p in enumerate(c.parameters) if c.sigmas[i] > 0} for c in (a, b))
     both = [label for label in of_a if label in of_b]
     if not both:
-        return Step(k, k + 1, 0.0, 0, 1.0, shared)
+        return CalibrationStep(k, k + 1, 0.0, 0, 1.0, shared)
     i, j = ([of[label] for label in both] for of in (of_a, of_b))
     difference = b.values[j] - a.values[i]
     alike = common_gravity(a, b)
@@ -198,7 +200,7 @@ def _step(made: Sequence[Dated], k: int, shared: bool) -> Step:
     seen = lam > len(lam) * np.finfo(float).eps * lam[-1]  # a direction that both hold exactly has no difference
     chi2 = float((((V.T @ (difference / size))[seen]) ** 2 / lam[seen]).sum())
     dof = int(seen.sum())
-    return Step(k, k + 1, chi2, dof, float(chdtrc(dof, chi2)), shared)
+    return CalibrationStep(k, k + 1, chi2, dof, float(chdtrc(dof, chi2)), shared)
 
 
 def _limits(allowed: Mapping[str, str], known: Iterable[Parameter]) -> dict[str, float]:
@@ -232,7 +234,7 @@ def _rounded(size: float, sigma: float) -> str:
     return f"{size:+.{places}f} +- {sigma:.{places}f}"
 
 
-def _moved(c: Course, made: Sequence[Dated]) -> str:
+def _moved(c: ParameterHistory, made: Sequence[DatedCalibration]) -> str:
     """What one parameter did."""
     unit, called = c.parameter.unit, _called(c.parameter)
     days = [day_of(made[k].date, made) for k in c.at]
@@ -252,7 +254,7 @@ def _sized(size: tuple[float, float], unit: str) -> str:
     return f"{_rounded(*(float(from_si(v, unit)) for v in size))} {unit}"
 
 
-def _next(c: Course, made: Sequence[Dated]) -> str:
+def _next(c: ParameterHistory, made: Sequence[DatedCalibration]) -> str:
     """What to do about a parameter that moved."""
     if c.jumps:
         after = day_of(made[c.at[c.jumps[-1]]].date, made)
@@ -270,7 +272,7 @@ def _called(p: Parameter) -> str:
     return f"{p.name if several else p.effect} {p.axis}".replace("_", " ").strip()
 
 
-def _row(c: Course) -> dict[str, Any]:
+def _row(c: ParameterHistory) -> dict[str, Any]:
     p = c.parameter
     number = {key: None if np.isnan(v) else float(from_si(v * YEAR, p.unit))
               for key, v in (("drift_per_year", c.rate), ("drift_sigma", c.rate_sigma))}  # fmt: skip
@@ -287,7 +289,7 @@ def _row(c: Course) -> dict[str, Any]:
 
 
 def flat(content: Mapping[str, Any]) -> dict[str, list[Any]]:
-    """The courses of a compare.json as one table, a row for each parameter of each calibration, by column."""
+    """The histories of a compare.json as one table, a row for each parameter of each calibration, by column."""
     out: dict[str, list[Any]] = {c: [] for c in ("calibration", "date", "name", "axis", "value", "sigma", "unit")}
     for row in content["parameters"]:
         for k, value, sigma in zip(row["calibrations"], row["values"], row["sigmas"], strict=True):

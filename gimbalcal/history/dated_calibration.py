@@ -16,7 +16,7 @@ from gimbalcal.recording.header import NAME as HEADER
 
 
 @dataclass(frozen=True)
-class Dated:
+class DatedCalibration:
     """A calibration, when it was made, and what it is called: a file, or its date in a store."""
 
     name: str
@@ -32,10 +32,10 @@ class Dated:
         )
 
 
-def dated_file(path: Path) -> Dated:
+def dated_file(path: Path) -> DatedCalibration:
     """A calibration.json with the date it was made at, else that of the file. Raises InputError."""
     calibration = read_calibration(path)
-    return Dated(str(path), when(date_in(calibration.provenance), path), calibration)
+    return DatedCalibration(str(path), when(date_in(calibration.provenance), path), calibration)
 
 
 def date_in(provenance: Mapping[str, Any]) -> str:
@@ -43,7 +43,7 @@ def date_in(provenance: Mapping[str, Any]) -> str:
     return str(provenance.get("recorded") or provenance.get("created") or "")
 
 
-def of_store(path: Path, unit: str = "") -> tuple[tuple[Dated, ...], tuple[tuple[str, str], ...]]:
+def of_store(path: Path, unit: str = "") -> tuple[tuple[DatedCalibration, ...], tuple[tuple[str, str], ...]]:
     """The calibrations of a unit in a store, and date and answer of its diagnoses, in order of their dates.
 
     Of the same recordings the one that was computed last counts, and one that a diagnosis ended in only where there is
@@ -57,10 +57,10 @@ def of_store(path: Path, unit: str = "") -> tuple[tuple[Dated, ...], tuple[tuple
         )
     if not entries:
         raise InputError(f"{path} holds nothing{f' of {unit}' if unit else ''}")
-    last: dict[tuple[str, ...], Dated] = {}
+    last: dict[tuple[str, ...], DatedCalibration] = {}
     computed = sorted(entries, key=lambda e: str(e.content.get("provenance", {}).get("created") or e.date))
     for e in (e for e in computed if e.kind == CALIBRATION):
-        made = Dated(e.date, when(e.date), from_dict(e.content))
+        made = DatedCalibration(e.date, when(e.date), from_dict(e.content))
         key = tuple(sorted(made.hashes)) or (e.date,)
         if key not in last or made.calibration.method != "diagnosis" or last[key].calibration.method == "diagnosis":
             last[key] = made
@@ -79,7 +79,7 @@ def when(text: str, path: Path | None = None) -> datetime:
     return date if date.tzinfo else date.replace(tzinfo=UTC)
 
 
-def day_of(date: datetime, among: Sequence[Dated]) -> str:
+def day_of(date: datetime, among: Sequence[DatedCalibration]) -> str:
     """A date, with its time where another calibration is of the same day."""
     alone = sum(d.date.date() == date.date() for d in among) == 1
     return f"{date:%Y-%m-%d}" if alone else f"{date:%Y-%m-%d %H:%M:%S}"

@@ -29,7 +29,7 @@ CLEAR = 3.0  # sigmas: a change that a new calibration would show
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class ParameterHistory:
     """One parameter over the calibrations that hold it: times (k,) [s] since the first, values and sigmas (k,) in SI.
 
     rate and rate_sigma [SI per s] are NaN where fewer than three calibrations, or no time between them, tell a drift;
@@ -69,10 +69,10 @@ class Course:
         return float(max(steps.max(), abs(self.rate) / self.rate_sigma if self.rate_sigma > 0 else 0.0))
 
 
-def course(
+def parameter_history(
     p: Parameter, at: Sequence[int], time: Array, x: Array, sigma: Array, tried: int, independent: Sequence[bool],
     allowed: float,
-) -> Course:  # fmt: skip
+) -> ParameterHistory:  # fmt: skip
     """The course of a parameter whose estimates x (k,) with sigma (k,) [SI] were made at `time` (k,) [s].
 
     at: which calibrations these are; tried: how many steps are looked at in all parameters together; independent
@@ -109,7 +109,7 @@ def course(
     else:
         A = design if drifts or not line else np.delete(design, 1, axis=1)
         sizes = _sizes_of(A, x, sigma, len(jumps) + len(off))
-    return Course(p, tuple(at), t, x, sigma, tau, rate, rate_sigma, jumps, off, sizes, drifts, due)
+    return ParameterHistory(p, tuple(at), t, x, sigma, tau, rate, rate_sigma, jumps, off, sizes, drifts, due)
 
 
 def _one_by_one(

@@ -1,4 +1,4 @@
-r"""What a noise makes of rows: whitening, spectrum and states, all from the Phi, Q, H, P_0 of its processes.
+r"""Whitening and spectrum of noise, from the Phi, Q, H, P_0 of its processes.
 
 A noise is a tuple of independent processes that add up, :math:`V = \sum_p E[y_p y_p^T]`. A process of one state is a
 chain, whose precision is bidiagonal twice over,
@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gimbalcal.effects.process import Process, steps
+from gimbalcal.effects.process import Process
 from gimbalcal.number import Array
 
 Noise = tuple[Process, ...]
@@ -80,23 +80,3 @@ def spectrum(noise: Sequence[Process], step: float, angle: Array) -> Array:
         for Phi, Q, H in terms:
             total += H**2 * Q / (1 + Phi**2 - 2 * Phi * np.cos(angle))
     return total
-
-
-class States(NamedTuple):
-    """A noise as states of a Kalman filter: Phi, Q (n, m, m) into each row, H (1, m), P_0 (m, m) at the first."""
-
-    Phi: Array
-    Q: Array
-    H: Array
-    P: Array
-
-
-def states(noise: Sequence[Process], time: Array, visit: Array | None = None) -> States:
-    """All processes beside each other, one state for each of their chains."""
-    h, moved = steps(time, visit)
-    Phi = np.concatenate([p.transition(h, moved) for p in noise], axis=1)
-    Q = np.concatenate([p.diffusion(h, moved) for p in noise], axis=1)
-    H = np.concatenate([p.output() for p in noise])
-    one = np.eye(len(H))
-    P = np.concatenate([p.initial() for p in noise])
-    return States(Phi[:, :, None] * one, Q[:, :, None] * one, H[None], P[:, None] * one)

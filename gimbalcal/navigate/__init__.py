@@ -1,1 +1,1 @@
-"""What a calibration is worth on the way: errors of a navigator, propagated."""
+"""Errors of a navigator with and without a calibration."""

@@ -1,12 +1,12 @@
-r"""A rotation recording as a navigator takes it: intervals of mean readings, long where nothing turns.
+r"""Intervals of mean readings of a rotation recording for a navigator, long where the unit does not turn.
 
-A mean over an interval in which the unit turns steadily holds all that its samples say, so that rests of days become a
-few thousand intervals. A block of rows is one interval if the angle turned strays from a steady turn by less than
+A mean over an interval of constant rate holds the information of its samples, so that rests of days become a few
+thousand intervals. A block of rows is one interval if the angle turned deviates from a constant rate by less than
 :math:`\delta`,
 
 .. math:: \max_t \left| \int_0^t \omega \, dt' - \bar\omega t \right| < \delta ,
 
-as what is lost, half the area that it encloses, is then below :math:`\delta^2`, and if the same holds of the blocks on
+as the coning error, half the enclosed area, is then below :math:`\delta^2`, and if the same holds for the blocks on
 either side, so that the first row of a turn has its own neighbours.
 """
 
@@ -22,28 +22,28 @@ from gimbalcal.recording import Recording
 from gimbalcal.recording.dwell import MISSED
 from gimbalcal.recording.record import FORCE, RATE
 
-STEADY = 1e-4  # rad
-LONGEST = 10.0  # s, of an interval that the navigator takes in one step
+MAX_UNSTEADY_ANGLE_RAD = 1e-4  # rad
+MAX_INTERVAL_S = 10.0  # s, of an interval that the navigator takes in one step
 
 
 @dataclass(frozen=True, eq=False)
 class Intervals:
-    """rows: a recording of n means, its time in the middle of each; dt (n,) s; steady: no block strayed from a turn."""
+    """Mean readings: rows, with time in mid-interval; lengths dt (n,) [s]; steady: whether all rates are constant."""
 
     rows: Recording
     dt: Array
     steady: bool
 
     def filled(self) -> tuple[Array, Array]:
-        """Intervals none longer than `LONGEST` (m,), and the one of these that each comes from (m,)."""
-        pieces = np.maximum(np.ceil(self.dt / LONGEST - 1e-9).astype(int), 1)
+        """Return lengths (m,) none longer than `MAX_INTERVAL_S`, and the interval (m,) that each comes from."""
+        pieces = np.maximum(np.ceil(self.dt / MAX_INTERVAL_S - 1e-9).astype(int), 1)
         return np.repeat(self.dt / pieces, pieces), np.repeat(np.arange(len(self.dt)), pieces)
 
 
 def thinned(recording: Recording, block: float) -> Intervals:
-    """Means of up to `block` [s] where the unit turns steadily, and every row where it does not.
+    """Return means of up to `block` [s] where the rate is constant, and every row elsewhere.
 
-    Raises InputError for a clock that pauses while the unit turns: nobody knows where it points after that.
+    Raises InputError for a clock that pauses while the unit turns: its attitude is unknown after that.
     """
     run = _as_means(recording)
     usual = float(np.median(np.diff(run.time)))
@@ -63,7 +63,7 @@ def thinned(recording: Recording, block: float) -> Intervals:
 
 
 def _means(run: Recording, dt: Array, begin: Array, steady: bool) -> Intervals:
-    """Rows from each `begin` to the next as one, weighted with their lengths."""
+    """Return the means of the rows from each `begin` to the next, weighted with their lengths."""
     length = np.add.reduceat(dt, begin)
 
     def mean(x: Array) -> Array:
@@ -77,14 +77,14 @@ def _means(run: Recording, dt: Array, begin: Array, steady: bool) -> Intervals:
 
 
 def _steady(rate: Array, dt: Array, first: Array) -> Array:
-    """Whether the angle turned in each block (k,) hardly strays from a steady turn."""
+    """Return whether the rate is constant in each block (k,), by the angle turned."""
     turned, time = np.cumsum(rate * dt[:, None], axis=0), np.cumsum(dt)
     before, start = turned[first] - rate[first] * dt[first, None], time[first] - dt[first]
     last = np.append(first[1:], len(dt)) - 1
     mean = (turned[last] - before) / (time[last] - start)[:, None]
     k = np.repeat(np.arange(len(first)), last - first + 1)
     off = np.abs(turned - before[k] - mean[k] * (time - start[k])[:, None]).max(axis=1)
-    return np.asarray(np.maximum.reduceat(off, first) < STEADY)
+    return np.asarray(np.maximum.reduceat(off, first) < MAX_UNSTEADY_ANGLE_RAD)
 
 
 def _refuse_lost_turns(run: Recording, dt: Array, usual: float) -> None:
@@ -98,7 +98,7 @@ def _refuse_lost_turns(run: Recording, dt: Array, usual: float) -> None:
 
 
 def _as_means(recording: Recording) -> Recording:
-    """Rates of an instant become means over the interval before, a straight line between two of them."""
+    """Convert instantaneous rates to means over the interval before, by linear interpolation."""
     if not recording.instant:
         return recording
     channels = {k: np.append(v[:1], (v[1:] + v[:-1]) / 2) if k[0] in (FORCE, RATE) else v

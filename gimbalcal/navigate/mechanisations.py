@@ -1,4 +1,4 @@
-"""A recording navigated, whatever it is of: a platform that stands still among the stars, or a strapdown unit."""
+"""Navigate a recording by the mechanisation of its kind: space-stable platform or strapdown unit."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gimbalcal.recording import Recording
 def navigated(
     recording: Recording, calibration: Calibration | None = None, aids: Aids = USUAL, label: str = NONE
 ) -> Navigated:
-    """Errors of a navigation, of readings that a calibration corrects first where there is one.
+    """Return the errors of a navigation, of readings that a calibration corrects if there is one.
 
     Raises InputError for what cannot be navigated: positions, a static run of another platform, no latitude, no force
     or, of a strapdown unit, no rates.
@@ -30,11 +30,11 @@ def navigated(
 
 
 def usual(recording: Recording, damping: float | None = None, alignment: float = USUAL.alignment) -> Aids:
-    """The references of a navigation; where no damping is stated, a platform is damped and a strapdown unit is not."""
+    """Return the references of a navigation; by default a platform is damped and a strapdown unit is not."""
     damped = (ALONE if is_strapdown(recording) else USUAL).damping if damping is None else damping
     return Aids(damping=damped, alignment=alignment)
 
 
 def is_strapdown(recording: Recording) -> bool:
-    """Whether the unit's own gyroscopes carry its attitude."""
+    """Return whether the unit's own gyroscopes carry its attitude."""
     return recording.kind == "rotation"

@@ -1,4 +1,4 @@
-"""What a navigation comes to: its errors by channel, and how large they are."""
+"""Errors of a navigation by channel, and their sizes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gimbalcal.number import Array
 CHANNELS = (("latitude", "arcmin"), ("longitude", "arcmin"), ("north velocity", "m/s"), ("east velocity", "m/s"),
             ("roll", "arcsec"), ("pitch", "arcsec"), ("yaw", "arcsec"))  # fmt: skip
 NAUTICAL_MILE = 1852.0  # m
-NONE = "none"  # the label of what is navigated as it was read
+NONE = "none"  # the label of a navigation without calibration
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,6 @@ class Navigated:
 
 
 def labels(files: Sequence[Path]) -> list[str]:
-    """Calibrations as tables call them: by file, or by folder where it is a calibration.json; no name twice."""
+    """Return unique names of calibrations: of the file, or of the folder of a calibration.json."""
     names = [f.absolute().parent.name if f.name == "calibration.json" else f.stem for f in files]
     return names if len({*names, NONE}) == len(names) + 1 else [str(f) for f in files]

@@ -41,7 +41,7 @@ MICROSECOND = 6  # decimals: rows are alike whose lengths differ by less
 
 
 @dataclass(frozen=True)
-class Site:
+class InertialSite:
     """A still base: latitude [rad], height [m], gravity [m/s^2], and S [rad] of its meridian at the first row."""
 
     latitude: float
@@ -66,7 +66,7 @@ class Aids:
 
 
 @dataclass(frozen=True)
-class Course:
+class NavigatorOutput:
     """What the navigator says at n rows: time [s], latitude, S [rad], height [m]; velocity (n, 2) north, east [m/s]."""
 
     time: Array
@@ -82,7 +82,7 @@ class Course:
         return np.stack([c * np.cos(self.phase), c * np.sin(self.phase), np.sin(self.latitude)], axis=-1)
 
 
-def schuler_rate(site: Site) -> float:
+def schuler_rate(site: InertialSite) -> float:
     r"""Angular frequency :math:`\omega_s = \sqrt{g / \sqrt{(M + h)(N + h)}}` of the swing [rad/s]."""
     M, N = radii(site.latitude)
     return float(np.sqrt(site.gravity / np.sqrt((M + site.height) * (N + site.height))))
@@ -93,8 +93,8 @@ ALONE = Aids(damping=0.0)  # of a strapdown unit, as the papers navigate it
 
 
 def navigate(
-    time: Array, force: Array, site: Site, aids: Aids = USUAL, start: tuple[float, float] = (0.0, 0.0)
-) -> Course:
+    time: Array, force: Array, site: InertialSite, aids: Aids = USUAL, start: tuple[float, float] = (0.0, 0.0)
+) -> NavigatorOutput:
     """Navigate from a known place with the specific force (n, 3) [m/s^2] in platform axes, at rest when it begins.
 
     A row stands for the time up to halfway to its neighbours. At 100 Hz or by the minute, it is all the same, as only
@@ -114,10 +114,10 @@ def navigate(
     v += _north_east(site.latitude, first).T @ np.asarray(start)
     out = np.empty((n, 5))
     _march(step, force, r, v, *_held(site, aids), v_ref, h_ref, out)
-    return Course(time, out[:, 0], np.unwrap(out[:, 1]), out[:, 2], out[:, 3:])
+    return NavigatorOutput(time, out[:, 0], np.unwrap(out[:, 1]), out[:, 2], out[:, 3:])
 
 
-def deviation(time: Array, force: Array, phase: Array, site: Site, aids: Aids = USUAL) -> Course:
+def deviation(time: Array, force: Array, phase: Array, site: InertialSite, aids: Aids = USUAL) -> NavigatorOutput:
     r"""How the course of a still base moves with small errors of force (n, 3, p) [m/s^2] and of S at first (p,) [rad].
 
     In axes that turn with the Earth, each row does to all that is off from the base what rows of this length do,
@@ -139,10 +139,10 @@ def deviation(time: Array, force: Array, phase: Array, site: Site, aids: Aids = 
         now[6:] = f[k]
         then = slopes[m] @ now
         now[:6], out[k] = then[:6], then[6:]
-    return Course(time, out[:, 0], out[:, 1], out[:, 2], out[:, 3:])
+    return NavigatorOutput(time, out[:, 0], out[:, 1], out[:, 2], out[:, 3:])
 
 
-def _slope(step: float, site: Site, aids: Aids) -> Array:
+def _slope(step: float, site: InertialSite, aids: Aids) -> Array:
     """Derivative (11, 9) of place and velocity after a row, and of what it says, by place, velocity before and force.
 
     The base is at S = 0 in the axes before the row, and in those after it.
@@ -162,7 +162,7 @@ def _slope(step: float, site: Site, aids: Aids) -> Array:
     return np.asarray(slope)
 
 
-def _held(site: Site, aids: Aids) -> tuple[Array, float, float, float]:
+def _held(site: InertialSite, aids: Aids) -> tuple[Array, float, float, float]:
     """Gravity and its slopes, the rate of damping and both of the height's loop, as `_march` takes them."""
     towards_pole, upwards = _gravity_slopes(site)
     gravity = np.array([site.gravity, site.latitude, towards_pole, site.height, upwards])
@@ -177,7 +177,7 @@ def _lengths(time: Array) -> Array:
     return np.diff(np.concatenate([[ends[0]], edges, [ends[1]]]))
 
 
-def _gravity_slopes(site: Site) -> tuple[float, float]:
+def _gravity_slopes(site: InertialSite) -> tuple[float, float]:
     """Slope of gravity with latitude [m/s^2/rad] and with height [1/s^2], of the ellipsoid's."""
     L, h, scale = site.latitude, site.height, site.gravity / float(normal_gravity(site.latitude, site.height))
     by_latitude = normal_gravity(L + 1e-4, h) - normal_gravity(L - 1e-4, h)
@@ -185,7 +185,7 @@ def _gravity_slopes(site: Site) -> tuple[float, float]:
     return scale * float(by_latitude) / 2e-4, scale * float(by_height) / 200.0
 
 
-def _at_rest(site: Site, phase: float) -> tuple[Array, Array]:
+def _at_rest(site: InertialSite, phase: float) -> tuple[Array, Array]:
     """Position (3,) [m] and velocity (3,) [m/s] of the still base in platform axes."""
     s, c, N = np.sin(site.latitude), np.cos(site.latitude), radii(site.latitude)[1]
     across = (N + site.height) * c

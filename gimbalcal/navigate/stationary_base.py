@@ -1,4 +1,4 @@
-"""Perfect recordings of a base that stands still, to plan with and to navigate: whatever a navigator says is error."""
+"""Perfect recordings of a base at rest, to plan with and to navigate: the output of a navigator is its error."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ STATIC_ROWS = 289  # 10 min apart over 48 h: thinning, with the weight kept, lea
 
 
 def still_base(hours: float, site: Site) -> Recording:
-    """A perfect static run of so many hours, a row every ten minutes."""
+    """Return a perfect static run, a row every ten minutes."""
     plan = static_plan(hours, float(site.latitude or 0.0), ROW, rows=round(3600 * hours / ROW) + 1)
     plan = Recording(STATIC_RUN, "still base", plan.platform, site, {}, plan.time, None, plan.channels)
     force = ideal_force(plan, plan.angles())
@@ -25,7 +25,7 @@ def still_base(hours: float, site: Site) -> Recording:
 
 
 def still_unit(hours: float, site: Site, C_bn: Array) -> Recording:
-    """A perfect strapdown unit at rest for so many hours, a row every ten minutes, its axes as C_bn (3, 3) has them."""
+    """Return a perfect strapdown unit at rest with attitude C_bn (3, 3), a row every ten minutes."""
     time = ROW * np.arange(1, round(hours * 3600 / ROW) + 1)
     felt = {
         "specific_force": C_bn.T @ [0.0, 0.0, -site.gravity],
@@ -36,7 +36,7 @@ def still_unit(hours: float, site: Site, C_bn: Array) -> Recording:
 
 
 def static_plan(hours: float, latitude: float, sample_s: float, rows: int = STATIC_ROWS) -> Recording:
-    """Ideal gimbal readouts of a static run, thinned to so many rows that carry the weight of all samples."""
+    """Return ideal gimbal readouts of a static run, thinned to `rows` that carry the weight of all samples."""
     platform, time = SPACE_STABLE_INERTIAL, np.linspace(0.0, hours * 3600, rows)
     readings = {"platform": EARTH_RATE * time, "middle": np.full_like(time, latitude)}
     channels = {("gimbal_angle", a): readings.get(a, np.zeros_like(time)) for a in platform.axis_names}

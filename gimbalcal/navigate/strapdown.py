@@ -31,7 +31,7 @@ from gimbalcal.earth import E2, EARTH_RATE, SEMI_MAJOR_AXIS, normal_gravity
 from gimbalcal.number import Array
 
 
-class Motion(NamedTuple):
+class StrapdownStates(NamedTuple):
     """States before the first and after each of n intervals.
 
     C_bn (n + 1, 3, 3) body to navigation, velocity (n + 1, 3) north, east, down [m/s], position (n + 1, 3): latitude,
@@ -43,14 +43,14 @@ class Motion(NamedTuple):
     position: Array
 
 
-def strapdown(dt: Array, rate: Array, force: Array, C_bn: Array, velocity: Array, position: Array) -> Motion:
+def strapdown(dt: Array, rate: Array, force: Array, C_bn: Array, velocity: Array, position: Array) -> StrapdownStates:
     """Navigate over n intervals dt (n,) [s] with mean rates (n, 3) [rad/s] and forces (n, 3) [m/s^2] in body axes.
 
-    From C_bn (3, 3), velocity (3,) and position (3,), as in `Motion`, in normal gravity.
+    From C_bn (3, 3), velocity (3,) and position (3,), as in `StrapdownStates`, in normal gravity.
     """
     place = ground(float(position[0]), float(position[2]), None)
     n = len(dt)
-    out = Motion(np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n + 1, 3)))
+    out = StrapdownStates(np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n + 1, 3)))
     out.C_bn[0], out.velocity[0], out.position[0] = C_bn, velocity, position
     _navigate(*contiguous(dt, rate, force), place, *out)
     return out
@@ -59,7 +59,7 @@ def strapdown(dt: Array, rate: Array, force: Array, C_bn: Array, velocity: Array
 def aided(
     dt: Array, rate: Array, force: Array, C_bn: Array, position: Array, every: Array, damping: float,
     height_loop: float, gravity: float | None = None, velocity: Array | None = None, reference: Array | None = None,
-) -> Motion:  # fmt: skip
+) -> StrapdownStates:  # fmt: skip
     r"""Navigate as `strapdown`, the height held by an external one and the swing damped by an external velocity.
 
     .. math:: \dot h &= -v_D - c_1 (h - h_{ext}), \qquad
@@ -72,7 +72,7 @@ def aided(
     """
     place = ground(float(position[0]), float(position[2]), gravity)
     n, m = len(dt), len(every)
-    out = Motion(np.empty((m + 1, 3, 3)), np.empty((m + 1, 3)), np.empty((m + 1, 3)))
+    out = StrapdownStates(np.empty((m + 1, 3, 3)), np.empty((m + 1, 3)), np.empty((m + 1, 3)))
     out.C_bn[0], out.velocity[0], out.position[0] = C_bn, np.zeros(3) if velocity is None else velocity, position
     still = np.broadcast_to(np.array([0.0, 0.0, position[2]]), (n, 3))
     loop = np.array([damping, 2 / height_loop, 1 / height_loop**2 - place[2]])

@@ -1,4 +1,4 @@
-"""What navigations of a static run come to: the content of navigation.json, and its sentence."""
+"""Content of navigation.json, and its sentence."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gimbalcal.units import from_si
 
 
 def content(runs: Sequence[Navigated], aids: Aids, provenance: Mapping[str, Any]) -> dict[str, Any]:
-    """The content of navigation.json; the first run is the one that the others are held against.
+    """Return the content of navigation.json; the others are compared with the first run.
 
     Errors are navigator minus true. `improvement_percent` is that of the largest error over the first run's, null for
     the first; `sigma_linear` and `sigma_sampled` are the largest one sigma that the calibration's covariance leaves.
@@ -71,13 +71,13 @@ def _improvement(before: float, after: float, run: Navigated, first: Navigated) 
 
 
 def in_words(runs: Sequence[Navigated]) -> str:
-    """One sentence: the largest position error of each run."""
+    """Return one sentence with the largest position error of each run."""
     hours = runs[0].time[-1] / HOUR
 
-    def told(run: Navigated) -> str:
+    def position_error(run: Navigated) -> str:
         after = "without calibration" if run.label == NONE else f"with {run.label}"
         return f"{run.position.max() / NAUTICAL_MILE:.3g} n mile {after}"
 
-    *most, last = map(told, runs)
+    *most, last = map(position_error, runs)
     both = f"{', '.join(most)} and {last}" if most else last
     return f"in {hours:.3g} h the position is wrong by at most {both}"

@@ -20,7 +20,7 @@ import pytest
 from gimbalcal.calibration.exchange.matrices import matrices
 from gimbalcal.campaign import cluster as campaign_cluster
 from gimbalcal.campaign import run_campaign
-from gimbalcal.campaign.campaign_folder import Store
+from gimbalcal.campaign.campaign_folder import CampaignFolder
 from gimbalcal.campaign.cluster import connect
 from gimbalcal.campaign.local import here, processes
 from gimbalcal.campaign.task import Task, _comparable, compute, seed_of, task
@@ -180,7 +180,7 @@ def test_a_cluster_without_workers_or_that_goes_away_is_one_sentence(
 def test_damaged_shares_are_computed_again(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     whole = task(PULSES)
-    sound = Store(tmp_path / "d", whole, 300)
+    sound = CampaignFolder(tmp_path / "d", whole, 300)
     sound.open()
     for share in sound.shares():
         sound.keep(share, next(here(whole, [share]))[1])
@@ -204,7 +204,7 @@ def test_damaged_shares_are_computed_again(tmp_path: Path) -> None:
 
 
 def test_two_campaigns_in_one_folder_at_once_are_told_apart(tmp_path: Path) -> None:
-    first = Store(tmp_path / "c", task(PULSES), 100)
+    first = CampaignFolder(tmp_path / "c", task(PULSES), 100)
     with first.alone():
         first.open()
         with pytest.raises(InputError, match="another campaign is at work in"):

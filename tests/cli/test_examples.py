@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from gimbalcal.cli import CONTEXT, gimbalcal
-from gimbalcal.cli.catalogue import speaking_of
+from gimbalcal.cli.catalogue import matching_effects
 from gimbalcal.errors import InputError
 
 ROOT = Path(__file__).parents[2]
@@ -71,11 +71,11 @@ def test_a_page_has_commands_and_a_wrong_one_is_refused() -> None:
     ],
 )
 def test_effects_are_found_by_a_word_of_their_name_or_else_of_their_card(words: str, found: list[str]) -> None:
-    assert speaking_of(words) == found
+    assert matching_effects(words) == found
 
 
 def test_a_word_that_no_card_has_is_refused() -> None:
     with pytest.raises(InputError, match="no card speaks of it"):
-        speaking_of("phlogiston")
+        matching_effects("phlogiston")
     with pytest.raises(InputError, match=r"did you mean scale_factor\?"):
-        speaking_of("scael_factor")
+        matching_effects("scael_factor")

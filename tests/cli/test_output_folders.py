@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gimbalcal import cli
-from gimbalcal.cli.output_folders import placed
+from gimbalcal.cli.output_folders import staged_folder
 from gimbalcal.diagnose.laws.law_file import HEAD
 from gimbalcal.errors import InputError
 from tests.fuzzing.seeds import LAW
@@ -140,7 +140,7 @@ def test_a_schedule_that_was_written_by_hand_stays(command: Command, tmp_path: P
 
 
 def interrupted(folder: Path) -> None:
-    with placed(folder) as new:
+    with staged_folder(folder) as new:
         (new / "samples.csv").write_text("half")
         raise KeyboardInterrupt
 
@@ -155,14 +155,14 @@ def test_nothing_is_left_of_a_command_that_fails(tmp_path: Path) -> None:
 def test_a_file_is_no_folder(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("mine")
     with pytest.raises(InputError, match="is a file and cannot be a folder; give another --out"):  # noqa: SIM117
-        with placed(tmp_path / "file"):
+        with staged_folder(tmp_path / "file"):
             pass
 
 
 def test_a_new_folder_can_be_read_by_those_whom_the_mask_lets(tmp_path: Path) -> None:
     before = os.umask(0o027)
     try:
-        with placed(tmp_path / "new") as new:
+        with staged_folder(tmp_path / "new") as new:
             (new / "a").write_text("a")
     finally:
         os.umask(before)

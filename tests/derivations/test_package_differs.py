@@ -60,7 +60,6 @@ SLIPS = [
     ("effects.motion", "AccelerometerLeverArm.contribution", "), s.rate", "), 2 * s.rate", CAI, "9 10 12"),
     ("inversion", "invert", "f = f + step", "f = f - step", CAI, "8"),
     ("estimate.systematic.sensor_inversion", "sensitivity", "return -J", "return J", CAI, "18 19"),
-    ("inference.kalman", "smooth", "- predicted) @", "+ predicted) @", CAI, "15"),
 ]  # fmt: skip
 
 

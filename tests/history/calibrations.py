@@ -8,7 +8,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.effects import CATALOGUE, parameters, with_values
-from gimbalcal.history import Dated
+from gimbalcal.history import DatedCalibration
 from gimbalcal.number import Array
 
 START = datetime(2024, 3, 1, 12, tzinfo=UTC)
@@ -30,8 +30,11 @@ def calibration(x: Array, k: int = 0, size: float = 1.0, recording: str = "") ->
     return Calibration("three-stage", effects, WANTED, P, (), Residual(1.0, 1, {}), provenance=origin)
 
 
-def history(seed: int, n: int = 7, course: Array | None = None, recording: str = "") -> list[Dated]:
+def history(seed: int, n: int = 7, course: Array | None = None, recording: str = "") -> list[DatedCalibration]:
     """n calibrations 90 days apart about 100 sigmas, plus `course` (n, 6) in sigmas."""
     rng = np.random.default_rng(seed)
     x = 100 + rng.standard_normal((n, len(WANTED))) @ np.linalg.cholesky(R).T + (0 if course is None else course)
-    return [Dated(f"{k}.json", START + timedelta(days=90 * k), calibration(x[k], k, 1.0, recording)) for k in range(n)]
+    return [
+        DatedCalibration(f"{k}.json", START + timedelta(days=90 * k), calibration(x[k], k, 1.0, recording))
+        for k in range(n)
+    ]

@@ -13,7 +13,7 @@ import pytest
 
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError
-from gimbalcal.history import Dated, compare, date_in, dated_file
+from gimbalcal.history import DatedCalibration, compare, date_in, dated_file
 from gimbalcal.history.compare import _called, flat
 from gimbalcal.history.parameter_history import YEAR
 from gimbalcal.report.history_page import history_report
@@ -31,18 +31,18 @@ def course(axis: str, values: list[float]) -> np.ndarray:
 
 def test_a_unit_that_stays_as_it_was_agrees_with_itself() -> None:
     made = [compare(history(seed)) for seed in range(150)]
-    alarms = sum(bool(m.odd) or any(c.jumps or c.outliers for c in m.courses) for m in made)
+    alarms = sum(bool(m.odd) or any(c.jumps or c.outliers for c in m.histories) for m in made)
     assert alarms <= 8  # steps, jumps and outliers are each one in a hundred at most
     assert sum(not m.agree for m in made) <= 9  # 2.5 % of 600 with six calibrations
     p = np.array([s.chance for m in made for s in m.steps])
     assert np.mean(p < 0.1) == pytest.approx(0.1, abs=0.03)
-    z = np.array([c.rate / c.rate_sigma for m in made for c in m.courses])
+    z = np.array([c.rate / c.rate_sigma for m in made for c in m.histories])
     assert 0.82 < np.sqrt(np.mean(z**2)) < 1.05  # a scatter that chance makes widens every other sigma
 
 
 def test_a_jump_is_named_with_its_size_and_date() -> None:
     made = compare(history(1, course=course("scale_factor:z", [0, 0, 0, 0, 30, 30, 30])))
-    moved = [c for c in made.courses if c.moved]
+    moved = [c for c in made.histories if c.moved]
     assert [c.parameter.label for c in moved] == ["scale_factor:z"]
     assert moved[0].jumps == (4,)
     assert not moved[0].drifts
@@ -56,7 +56,7 @@ def test_a_jump_is_named_with_its_size_and_date() -> None:
 def test_a_drift_comes_back_with_its_sigma_and_a_date() -> None:
     rate = 10.0  # sigmas a quarter
     fits = [compare(history(seed, course=course("bias:y", [rate * k for k in range(7)]))) for seed in range(40)]
-    found = [next(c for c in made.courses if c.parameter.label == "bias:y") for made in fits]
+    found = [next(c for c in made.histories if c.parameter.label == "bias:y") for made in fits]
     assert all(c.drifts and not c.jumps and not c.outliers for c in found)
     truth = rate * SIGMA[1] / (QUARTER * YEAR)
     z = np.array([(c.rate - truth) / c.rate_sigma for c in found])
@@ -67,7 +67,7 @@ def test_a_drift_comes_back_with_its_sigma_and_a_date() -> None:
     assert (made.due - START).days == pytest.approx(6 * 90 + days, rel=0.08)
     assert "bias y drifts by +" in made.in_words
     row = next(r for r in made.to_dict()["parameters"] if (r["name"], r["axis"]) == ("bias", "y"))
-    c = next(c for c in made.courses if c.parameter.label == "bias:y")
+    c = next(c for c in made.histories if c.parameter.label == "bias:y")
     assert row["drift_per_year"] == pytest.approx(1e6 * c.rate * YEAR / 9.80665)
     assert row["drift_sigma"] == pytest.approx(1e6 * c.rate_sigma * YEAR / 9.80665)
     said = made.in_words.partition("bias y drifts by +")[2].partition(" ug a year")[0].split(" +- ")
@@ -76,7 +76,7 @@ def test_a_drift_comes_back_with_its_sigma_and_a_date() -> None:
 
 def test_one_value_that_is_off_is_no_jump() -> None:
     made = compare(history(2, course=course("bias:x", [0, 0, 40, 0, 0, 0, 0])))
-    off = next(c for c in made.courses if c.parameter.label == "bias:x")
+    off = next(c for c in made.histories if c.parameter.label == "bias:x")
     assert (off.outliers, off.jumps, off.drifts) == ((2,), (), False)
     assert "bias x is off the others by +198.6 +- 5.4 ug on 2024-08-28" in made.in_words
     assert "Next: look at the report of 2024-08-28" in made.in_words
@@ -89,8 +89,8 @@ def test_one_value_that_is_off_is_no_jump() -> None:
 )  # fmt: skip
 def test_what_stands_little_clear_is_called_what_it_is(shape: list[float], told: tuple[object, ...]) -> None:
     # half of such steps were told as drifts while a change was held against two values alone
-    each = [compare(history(seed, 6, course("bias:y", shape))).courses for seed in range(40)]
-    found = [next(c for c in courses if c.parameter.label == "bias:y") for courses in each]
+    each = [compare(history(seed, 6, course("bias:y", shape))).histories for seed in range(40)]
+    found = [next(c for c in histories if c.parameter.label == "bias:y") for histories in each]
     assert sum((c.jumps, c.outliers, c.drifts) == told for c in found) >= 30
     sizes = np.array([c.sizes[0] for c in found if (c.jumps, c.outliers, c.drifts) == told and c.sizes])
     if len(sizes):
@@ -110,8 +110,8 @@ def test_what_moved_most_is_told_first_and_a_slow_drift_is_no_agreement() -> Non
 
 def test_each_step_is_from_one_calibration_to_the_next() -> None:
     said = [(100.0, "a"), (101.0, "b"), (99.0, "b"), (99.0, "c")]
-    made = compare([Dated(f"{k}.json", START + timedelta(days=90 * k), calibration(x * np.ones(6), k, 1.0, recording))
-                    for k, (x, recording) in enumerate(said)])  # fmt: skip
+    each = [calibration(x * np.ones(6), k, 1.0, recording) for k, (x, recording) in enumerate(said)]
+    made = compare([DatedCalibration(f"{k}.json", START + timedelta(days=90 * k), c) for k, c in enumerate(each)])
     assert [(s.before, s.after, s.shared) for s in made.steps] == [(0, 1, False), (1, 2, True), (2, 3, False)]
     # d'(2 R)^-1 d of six alike: R has the eigenvalue 2.5 along them
     np.testing.assert_allclose([s.chi2 for s in made.steps], [6 / 5, 4 * 6 / 5, 0.0], atol=1e-9)
@@ -120,7 +120,9 @@ def test_each_step_is_from_one_calibration_to_the_next() -> None:
 
 def test_parameters_may_differ_together_where_none_does_by_itself() -> None:
     apart = 2.5 * np.array([1, -1, 1, -1, 1, -1])  # against the correlation: 37.5 / 1.4 of six degrees of freedom
-    two = [Dated(f"{k}.json", START + timedelta(days=90 * k), calibration(100 + k * apart, k)) for k in range(2)]
+    two = [
+        DatedCalibration(f"{k}.json", START + timedelta(days=90 * k), calibration(100 + k * apart, k)) for k in range(2)
+    ]
     said = compare(two).in_words
     assert "0.json and 1.json differ in their parameters together (p = 0.00016), though no parameter does" in said
 
@@ -134,7 +136,7 @@ def test_two_things_at_once_are_both_told(shape: Any, told: tuple[object, ...]) 
     # a jump was told alone beside a drift, a value that is off not at all, and two jumps made a drift
     for seed in range(8):
         made = compare(history(seed, 40, course("bias:x", list(shape(np.arange(40))))))
-        c = next(c for c in made.courses if c.parameter.label == "bias:x")
+        c = next(c for c in made.histories if c.parameter.label == "bias:x")
         assert (c.jumps, c.outliers, c.drifts) == told
         assert ("drifts by" in made.in_words) == c.drifts
         assert made.in_words.count("jumped by") == len(c.jumps)
@@ -157,7 +159,7 @@ def test_a_parameter_stands_at_the_dates_of_those_that_tell_it() -> None:
     x = made[1].calibration.values / SIGMA
     x[LABELS.index("bias:x")] = 0.0  # held
     compared = compare([made[0], replace(made[1], calibration=calibration(x, 1)), *made[2:]])
-    bias = next(c for c in compared.courses if c.parameter.label == "bias:x")
+    bias = next(c for c in compared.histories if c.parameter.label == "bias:x")
     assert bias.at == (0, 2, 3)
     assert bias.time.tolist() == [0.0, 180 * 86400.0, 270 * 86400.0]
     row = next(r for r in compared.to_dict()["parameters"] if (r["name"], r["axis"]) == ("bias", "x"))
@@ -176,7 +178,7 @@ def test_scatter_beyond_the_sigmas_is_told_and_makes_no_drift() -> None:
     drifts, scatter = 0, []
     for seed in range(60):
         made = compare(history(seed, 8, course("bias:z", list(20 * rng.standard_normal(8)))))
-        c = next(c for c in made.courses if c.parameter.label == "bias:z")
+        c = next(c for c in made.histories if c.parameter.label == "bias:z")
         scatter.append(c.scatter / SIGMA[2])
         assert c.moved
         assert not c.jumps or len(c.jumps) <= 2
@@ -189,7 +191,7 @@ def test_scatter_beyond_the_sigmas_is_told_and_makes_no_drift() -> None:
 def test_calibrations_of_the_same_recording_are_not_held_against_each_other() -> None:
     made = compare(history(1, 3, course("bias:x", [0, 50, 100]), recording="one"))
     assert all(s.shared for s in made.steps)
-    assert not any(c.jumps for c in made.courses)
+    assert not any(c.jumps for c in made.histories)
     assert "Some were made from the same recording" in made.in_words
     assert all(s["p_value"] is None for s in made.to_dict()["steps"])
 
@@ -198,7 +200,7 @@ def test_what_cannot_be_compared_is_refused() -> None:
     one = history(1)
     with pytest.raises(InputError, match="takes two calibrations, and 1 was given"):
         compare(one[:1])
-    nothing = Dated("n", START + timedelta(days=1), calibration(np.zeros(6)))
+    nothing = DatedCalibration("n", START + timedelta(days=1), calibration(np.zeros(6)))
     with pytest.raises(InputError, match="no parameter in common"):
         compare([one[0], nothing])
     for allowed, words in (
@@ -227,7 +229,7 @@ def test_files_and_the_page(tmp_path: Path) -> None:
     assert rows["value"][:3] == content["parameters"][0]["values"]
 
 
-def placed(k: int, moved: float, gravity: float = 9.8, seed: int = 3, last: int = 3) -> Dated:
+def placed(k: int, moved: float, gravity: float = 9.8, seed: int = 3, last: int = 3) -> DatedCalibration:
     """A calibration in a place whose gravity is known to 500 ppm; scale factors up to `last` moved by some sigmas."""
     rng = np.random.default_rng(seed + k)
     x = 100 + np.linalg.cholesky(R) @ rng.standard_normal(6) + moved * np.isin(np.arange(6), range(3, last + 1))
@@ -236,7 +238,7 @@ def placed(k: int, moved: float, gravity: float = 9.8, seed: int = 3, last: int 
     options = {"gravity": gravity, "gravity_sigma_ppm": 500.0}
     P = made.covariance + 5e-4**2 * np.outer(u, u)
     made = replace(made, covariance=P, provenance={**made.provenance, "options": options})
-    return Dated(f"{k}.json", START + timedelta(days=90 * k), made)
+    return DatedCalibration(f"{k}.json", START + timedelta(days=90 * k), made)
 
 
 def test_the_gravity_of_one_place_is_in_no_difference() -> None:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from gimbalcal.effects import CATALOGUE, parameters
-from gimbalcal.history.compare import Comparison, Step
-from gimbalcal.history.parameter_history import YEAR, Course, course
+from gimbalcal.history.compare import CalibrationStep, Comparison
+from gimbalcal.history.parameter_history import YEAR, ParameterHistory, parameter_history
 
 BIAS = parameters(CATALOGUE["bias"])[0]
 TRIED = 42  # steps of six parameters over eight calibrations: one counts from 3.7 sigmas on
@@ -18,10 +18,10 @@ TRIED = 42  # steps of six parameters over eight calibrations: one counts from 3
 def of(
     x: Sequence[float], sigma: float | Sequence[float] = 1.0, *, at: Sequence[int] = (), begin: float = 0.0,
     independent: Sequence[bool] = (), allowed: float = np.inf,
-) -> Course:  # fmt: skip
+) -> ParameterHistory:  # fmt: skip
     """A value a quarter of a year."""
     k = np.arange(len(x))
-    return course(
+    return parameter_history(
         BIAS, at or k.tolist(), YEAR * (begin + k / 4), np.array(x, dtype=float), np.broadcast_to(sigma, k.shape) * 1.0,
         TRIED, independent or [True] * (max(at, default=len(x) - 1)), allowed,
     )  # fmt: skip
@@ -113,5 +113,5 @@ def test_of_several_parameters_the_first_to_be_due_counts() -> None:
 
 
 def test_of_several_steps_chance_has_several_goes() -> None:
-    steps = tuple(Step(k, k + 1, 9.0, 1, p, False) for k, p in enumerate((0.5, 0.004, 0.002, 0.5)))
+    steps = tuple(CalibrationStep(k, k + 1, 9.0, 1, p, False) for k, p in enumerate((0.5, 0.004, 0.002, 0.5)))
     assert Comparison("", (), steps, ()).odd == steps[2:3]  # one of four: beyond 0.0025

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.errors import InputError
-from gimbalcal.history import Dated, Entry, keep, kept, of_store
+from gimbalcal.history import DatedCalibration, Entry, keep, kept, of_store
 from gimbalcal.history.dated_calibration import day_of, when
 from tests.history.calibrations import SIGMA, START, calibration, history
 
@@ -96,7 +96,7 @@ def test_a_date_without_a_zone_is_in_utc_and_two_of_a_day_have_their_time(monkey
     time.tzset()
     try:
         morning, evening = (
-            Dated("", when(f"2024-02-03T{hour:02d}:00:00"), history(0)[0].calibration) for hour in (9, 20)
+            DatedCalibration("", when(f"2024-02-03T{hour:02d}:00:00"), history(0)[0].calibration) for hour in (9, 20)
         )
     finally:
         monkeypatch.undo()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.fft import dct
-from scipy.stats import multivariate_normal
 
 from gimbalcal.effects.process import (
     Flicker,
@@ -17,7 +16,7 @@ from gimbalcal.effects.process import (
     WhiteNoise,
     covariance,
 )
-from gimbalcal.inference import kalman, noise_processes
+from gimbalcal.inference import noise_processes
 
 TIME = np.array([0.0, 1.0, 2.5, 2.6, 7.0, 30.0, 31.0, 90.0])
 VISIT = np.array([0, 0, 0, 1, 1, 1, 2, 2])
@@ -67,12 +66,3 @@ def test_the_spectrum_of_stationary_noise_is_the_variance_of_its_modes() -> None
     np.testing.assert_allclose(
         np.diag(modes @ V @ modes.T), noise_processes.spectrum(every, step, np.pi * k / n), rtol=0.03
     )
-
-
-def test_a_filter_of_the_states_has_the_likelihood_of_the_covariance() -> None:
-    every = (RandomWalk(0.5), GaussMarkov(1.5, 10.0), Flicker(1.0, 1.0, 100.0), SettingError(0.7))
-    y = np.random.default_rng(1).normal(size=len(TIME))
-    Phi, Q, H, P = noise_processes.states(every, TIME, VISIT)
-    found = kalman.filter(y, H, 0.25, Phi, Q, np.zeros(len(P)), P)
-    V = sum(covariance(p, TIME, VISIT) for p in (*every, WhiteNoise(0.5)))
-    assert found.log_likelihood == pytest.approx(multivariate_normal(cov=V).logpdf(y), abs=1e-10)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimbalcal.inference import adjoint, kalman, square_root_filter
+from gimbalcal.inference import adjoint, square_root_filter
 
 K, M, P = 40, 4, 5
 INDEX = np.array([1, 2])
@@ -130,21 +130,6 @@ def test_covariances_beside_a_wide_prior_keep_their_digits(problem) -> None:
         one = (Phi, Psi, Q, d, z, R, x, theta, loose)
         made.append(_smoothed_covariance(one, _ours(one)[0]))
     assert np.abs(made[1] / made[0] - 1).max() < 1e-4
-
-
-def test_the_house_s_dense_filter_sees_the_same_innovations(problem) -> None:
-    Phi, Psi, Q, d, z, R, x, theta, S = problem
-    filtered, _ = _ours((Phi, Psi, Q, 0 * d, z, R, x, theta, S))
-    n = M + P
-    F, N = np.tile(np.eye(n), (K + 1, 1, 1)), np.zeros((K + 1, n, n))
-    F[1:, :M, :M], F[1:, :M, M:], N[1:, :M, :M] = Phi, Psi, Q
-    H = np.zeros((2, n))
-    H[range(2), INDEX] = 1
-    rows = np.concatenate([np.full((1, 2), np.nan), z])
-    dense = kalman.filter(rows, H, np.diag(R[0]), F, N, np.concatenate([x, theta]), S @ S.T)
-    nis = np.nansum(filtered.innovation**2 / filtered.variance)
-    each = [i @ np.linalg.solve(s, i) for i, s in zip(dense.innovation[1:], dense.S[1:], strict=True) if i[0] == i[0]]
-    assert nis == pytest.approx(sum(each), rel=1e-9)
 
 
 def test_a_measurement_beyond_the_gate_changes_nothing(problem) -> None:

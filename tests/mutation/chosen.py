@@ -14,8 +14,8 @@ Mistake = tuple[str, str, str, str]  # module, function, what stands there once,
 
 CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, that ought to notice
     "history/test_parameter_history.py history/test_compare.py": (
-        ("history.parameter_history", "course", "still[k - 1]", "still[k - 2]"),
-        ("history.parameter_history", "course", "SURPRISE / 2 / n", "SURPRISE / n"),
+        ("history.parameter_history", "parameter_history", "still[k - 1]", "still[k - 2]"),
+        ("history.parameter_history", "parameter_history", "SURPRISE / 2 / n", "SURPRISE / n"),
         ("history.parameter_history", "_one_by_one", "< 0}", "> 0}"),
         ("history.parameter_history", "_mean", "1 / np.sqrt(w.sum())", "1 / w.sum()"),
         ("history.parameter_history", "_with_step", ">= k", "> k"),
@@ -156,12 +156,13 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     "navigate/test_stationary_base.py": (
         ("navigate.stationary_base", "still_unit", "[0.0, 0.0, -site.gravity]", "[0.0, 0.0, site.gravity]"),
         ("navigate.stationary_base", "still_unit", "C_bn.T @ rate_at", "C_bn @ rate_at"),
-        ("navigate.strapdown_unit", "legs_navigated", "2 * aids.damping", "aids.damping"),
-        ("navigate.strapdown_unit", "legs_navigated", "made.position[:, :2] - true[:, :2]",
-         "true[:, :2] - made.position[:, :2]"),
-        ("navigate.strapdown_unit", "legs_navigated", "made.C_bn @ made.C_bn[0].T", "made.C_bn @ made.C_bn[0]"),
-        ("navigate.strapdown_unit", "_still", "< SLOW * EARTH_RATE", "< SLOW"),
-        ("navigate.strapdown_unit", "legs_navigated", "rotation_vector(made", "-rotation_vector(made"),
+        ("navigate.strapdown_unit", "navigate_intervals", "2 * aids.damping", "aids.damping"),
+        ("navigate.strapdown_unit", "navigate_intervals", "motion.position[:, :2] - true[:, :2]",
+         "true[:, :2] - motion.position[:, :2]"),
+        ("navigate.strapdown_unit", "navigate_intervals", "motion.C_bn @ motion.C_bn[0].T",
+         "motion.C_bn @ motion.C_bn[0]"),
+        ("navigate.strapdown_unit", "_still", "< MAX_REST_EARTH_RATES * EARTH_RATE", "< MAX_REST_EARTH_RATES"),
+        ("navigate.strapdown_unit", "navigate_intervals", "rotation_vector(motion", "-rotation_vector(motion"),
     ),
     (
         "diagnose/test_cost.py::test_a_drift_left_out_costs_what_it_drifts "

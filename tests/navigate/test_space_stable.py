@@ -17,11 +17,11 @@ import pytest
 
 from gimbalcal.earth import EARTH_RATE, normal_gravity, radii
 from gimbalcal.navigate import space_stable
-from gimbalcal.navigate.space_stable import Aids, Site, deviation, navigate, schuler_rate
+from gimbalcal.navigate.space_stable import Aids, InertialSite, deviation, navigate, schuler_rate
 from gimbalcal.number import Array
 
 L = np.deg2rad(40.0)
-SITE = Site(L, 60.0, float(normal_gravity(L, 60.0)), 0.4)
+SITE = InertialSite(L, 60.0, float(normal_gravity(L, 60.0)), 0.4)
 M, N = (radius + SITE.height for radius in radii(L))
 UP, NORTH, EAST = np.array([np.cos(L), 0, np.sin(L)]), np.array([-np.sin(L), 0, np.cos(L)]), np.array([0.0, 1.0, 0.0])
 FREE, TIGHT = Aids(damping=0.0), Aids(damping=0.0, height_s=10.0)

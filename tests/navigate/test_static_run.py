@@ -14,8 +14,7 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_val
 from gimbalcal.errors import InputError
 from gimbalcal.navigate.mechanisations import navigated
 from gimbalcal.navigate.navigation_errors import CHANNELS, NAUTICAL_MILE, Navigated, labels
-from gimbalcal.navigate.space_stable import USUAL, Aids
-from gimbalcal.navigate.space_stable import Site as Place
+from gimbalcal.navigate.space_stable import USUAL, Aids, InertialSite
 from gimbalcal.navigate.static_run import half_apart, horizontal
 from gimbalcal.navigate.stationary_base import still_base
 from gimbalcal.navigate.summary import content
@@ -90,7 +89,7 @@ def test_rows_that_are_means_have_lost_some_of_the_turn_of_gravity() -> None:
 
 
 def test_a_radian_is_shorter_along_the_meridian_at_the_equator() -> None:
-    at = Place(0.0, 0.0, 9.78, 0.0)
+    at = InertialSite(0.0, 0.0, 9.78, 0.0)
     north, east = np.zeros((1, 7)), np.zeros((1, 7))
     north[0, 0] = east[0, 1] = 1e-6
     assert horizontal(north, at) == pytest.approx(6.335439)  # m, WGS 84
@@ -118,7 +117,7 @@ def test_bands_by_propagation_and_by_samples_agree() -> None:
     (_, linear), (_, sampled) = bands(run.select(slice(0, None, 9)), known, Aids(), 40, 3)
     ratio = sampled.max(0) / linear.max(0)
     assert np.all(np.abs(ratio - 1) < 3 / np.sqrt(2 * 40)), ratio
-    place = Place(np.deg2rad(40.0), 0.0, 9.8, 0.0)
+    place = InertialSite(np.deg2rad(40.0), 0.0, 9.8, 0.0)
     largest = horizontal(sampled, place).max()
     assert uncertain(run.select(slice(0, None, 9)), known) == pytest.approx(largest, rel=3 / np.sqrt(2 * 40))
     np.testing.assert_array_less(1e-9, linear.max(0))

@@ -20,7 +20,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.navigate.mean_intervals import thinned
 from gimbalcal.navigate.mechanisations import navigated, usual
 from gimbalcal.navigate.navigation_errors import NAUTICAL_MILE, Navigated
-from gimbalcal.navigate.space_stable import Aids, Site, schuler_rate
+from gimbalcal.navigate.space_stable import Aids, InertialSite, schuler_rate
 from gimbalcal.navigate.strapdown import aided, radii
 from gimbalcal.navigate.strapdown_unit import aligned
 from gimbalcal.navigate.uncertainty import bands, before_and_after
@@ -30,7 +30,7 @@ from gimbalcal.rotation import exponential
 from gimbalcal.simulate import simulate
 
 L = np.deg2rad(40.0)
-SITE = Site(L, 60.0, float(normal_gravity(L, 60.0)), 0.0)
+SITE = InertialSite(L, 60.0, float(normal_gravity(L, 60.0)), 0.0)
 M, N = radii(np.sin(L), SITE.height)
 EARTH = EARTH_RATE * np.array([np.cos(L), 0.0, -np.sin(L)])
 UP = np.array([0.0, 0.0, -SITE.gravity])

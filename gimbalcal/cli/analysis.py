@@ -1,0 +1,308 @@
+"""Analyse recordings: calibrate, diagnose, noise, navigate, and compare the calibrations of a unit."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import click
+
+from gimbalcal.cli.options import (
+    DAMPING,
+    DRAWS,
+    GRADE,
+    RECORDINGS,
+    SEED,
+    F,
+    Number,
+    example,
+    names_option,
+    output_options,
+    progress,
+    show,
+    wrote,
+)
+from gimbalcal.cli.output_folders import OVERWRITE, deliver, output_folder, sensor_folders
+from gimbalcal.errors import InputError
+
+STORE = click.option(
+    "--store", type=click.Path(path_type=Path), default=None, help="Keep the result in this file too: a unit's history."
+)
+UNIT = click.option("--unit", default="", help="Which unit it is, in a --store of several.")
+
+
+def stored(command: F) -> F:
+    """Add the options --store and --unit."""
+    return STORE(UNIT(command))
+
+
+def remember(store: Path | None, unit: str, kind: str, content: Mapping[str, Any]) -> None:
+    """Keep a result in the store, if one is named; that of one sensor of several under the sensor's name."""
+    if store is None:
+        return
+    from gimbalcal.history import Entry, date_in, keep
+
+    origin = content.get("provenance", {})
+    sensor = origin.get("options", {}).get("sensor", "")
+    date = date_in(origin) or datetime.now(UTC).isoformat(timespec="seconds")
+    keep(store, Entry(" ".join(filter(None, [unit, sensor])), date, kind, content))
+
+
+@click.command(
+    epilog=example(
+        "gimbalcal calibrate data/space_stable_18 data/space_stable_static --out results",
+        "gimbalcal calibrate data/xsens_positions --method multiposition",
+        "gimbalcal calibrate data/space_stable_concealed --with bias_temperature:y",
+    )
+)
+@RECORDINGS
+@click.option(
+    "--method",
+    type=click.Choice(["three-stage", "multiposition", "systematic", "attitude", "rate-table", "two-position"]),
+    default=None,
+    help="Left out, the kind of recording says it. three-stage: space-stable platform, angles recorded; "
+    "multiposition: no angles needed, gyroscopes too; "
+    "systematic: both triads of a unit that is turned in its place, by navigation, no angle trusted; "
+    "attitude: moving gyroscopes against an attitude that was logged beside them; "
+    "rate-table: gyroscopes against the angles of a table at steady rates, one recording for each mounting; "
+    "two-position: gyroscopes that stand still and are reversed, bias against the Earth's rate.",
+)
+@names_option("--terms", "multiposition, and mounts: terms to estimate (see the report).")
+@click.option(
+    "--with",
+    "more",
+    multiple=True,
+    metavar="EFFECT[:AXIS][,CONSTANT=VALUE]",
+    help="Add an effect of the catalogue to the fit; a constant that is not stated is fitted.",
+)
+@click.option(
+    "--states", default="51", show_default=True, metavar="30|51|EFFECT[:AXIS],...",
+    help="systematic: the parameters to estimate beside the nine navigation errors, as a list or by their number.",
+)  # fmt: skip
+@GRADE
+@stored
+@OVERWRITE
+@output_options("calibration.json and report.html", "NAME-calibration, here")
+def calibrate(
+    recordings: tuple[Path, ...], method: str | None, terms: tuple[str, ...], more: tuple[str, ...], states: str,
+    grade: str, store: Path | None, unit: str, overwrite: bool,
+    out: Path | None, quiet: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Estimate the sensors' errors, with their uncertainty, and say what the data do not show."""
+    from gimbalcal.methods import calibrate_each
+    from gimbalcal.report.console import parameters_table
+    from gimbalcal.report.files import write_calibrations
+    from gimbalcal.report.words import calibration_in_words
+
+    tell = progress(quiet)
+    target = output_folder(out, recordings, "calibration", ("calibration.json", "report.html"), overwrite, as_json)
+    each = calibrate_each(recordings, method or "", terms, tell, more, states, grade)
+    if target is not None:
+        own = sensor_folders([loaded for _, loaded in each])
+        write_calibrations([(*one, at) for one, at in zip(each, own, strict=True)], target.folder, target.question)
+        for at in own:
+            wrote(target.folder / at, "calibration.json", quiet)
+    for calibration, _ in each:
+        remember(store, unit, "calibration", calibration.to_dict())
+    content = each[0][0].to_dict()
+    if len(each) > 1:
+        content["beside"] = {loaded[0].sensor: c.to_dict() for c, loaded in each[1:]}
+    sentences = [(f"{r[0].title}: " if len(each) > 1 else "") + calibration_in_words(c.to_dict()) for c, r in each]
+    checks = each[0][0].provenance["options"].get("cross_check", ())
+    if not (as_json or quiet):
+        print("\n\n".join(f"{r[0].title}\n{parameters_table(c.to_dict())}" for c, r in each), end="\n\n")
+    words = " ".join([*sentences, *(f"{check[0].upper()}{check[1:]}." for check in checks)])
+    show(content, words, as_json, quiet, target.page if target else None)
+    sys.exit(1 if any(c.outcome for c, _ in each) else 0)
+
+
+@click.command(epilog=example("gimbalcal diagnose data/space_stable_concealed --out diagnosis"))
+@RECORDINGS
+@click.option("--calibration", "known", type=click.Path(path_type=Path), help="A calibration.json to start from.")
+@names_option("--baseline", "Effects the model holds; what is left out can be found.")
+@GRADE
+@click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the simulated threshold.")
+@stored
+@OVERWRITE
+@output_options("diagnosis.json, calibration.json and report.html", "NAME-diagnosis, here")
+def diagnose(
+    recordings: tuple[Path, ...], known: Path | None, baseline: tuple[str, ...], grade: str, seed: int,
+    store: Path | None, unit: str, overwrite: bool,
+    out: Path | None, quiet: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Say where the data differ from the model, which physics was left out, and what it changes."""
+    from gimbalcal.calibration.exchange import read_calibration
+    from gimbalcal.diagnose import diagnose as run
+    from gimbalcal.diagnose.cost import with_cost
+    from gimbalcal.methods import by_sensor, held_together
+    from gimbalcal.pipeline import load
+    from gimbalcal.report.console import findings_table, headline_and_numbers
+    from gimbalcal.report.files import write_diagnoses
+
+    tell = progress(quiet)
+    files = ("diagnosis.json", "calibration.json", "law.py", "report.html")
+    target = output_folder(out, recordings, "diagnosis", files, overwrite, as_json)
+    start = read_calibration(known) if known else None
+    groups = by_sensor(load(recordings, tell))
+    diagnoses = [run(each, calibration=start, baseline=baseline, seed=seed, tell=tell, grade=grade) for each in groups]
+    diagnoses = [with_cost(each, d, tell) for each, d in zip(groups, diagnoses, strict=True)]
+    if target is not None:
+        own = sensor_folders(groups)
+        titles = [" and ".join(dict.fromkeys(r.title for r in loaded)) for loaded in groups]
+        write_diagnoses(list(zip(diagnoses, titles, own, strict=True)), target.folder, target.question)
+        for at in own:
+            wrote(target.folder / at, "diagnosis.json", quiet)
+    for diagnosis in diagnoses:
+        remember(store, unit, "diagnosis", diagnosis.to_dict())
+        if diagnosis.calibration is not None:
+            remember(store, unit, "calibration", diagnosis.calibration.to_dict())
+    content, sentences, checks = diagnoses[0].to_dict(), [headline_and_numbers(diagnoses[0])], []
+    if len(diagnoses) > 1:
+        content["beside"] = {group[0].sensor: d.to_dict() for group, d in zip(groups[1:], diagnoses[1:], strict=True)}
+        sentences = [f"{group[0].title}: {headline_and_numbers(d)}" for group, d in zip(groups, diagnoses, strict=True)]
+        refits = [(d.calibration, group) for d, group in zip(diagnoses, groups, strict=True) if d.calibration]
+        checks = held_together(refits, tell) if len(refits) == len(diagnoses) else []
+        content["cross_check"] = [check.in_words for check in checks]
+        sentences += [f"{check.in_words[0].upper()}{check.in_words[1:]}." for check in checks]
+    if not (as_json or quiet) and any(d.findings for d in diagnoses):
+        print("\n\n".join(findings_table(d.to_dict()) for d in diagnoses if d.findings), end="\n\n")
+    show(content, "\n".join(sentences), as_json, quiet, target.page if target else None)
+    explained = all(d.verdict == "adequate" and not d.outcome for d in diagnoses)
+    sys.exit(0 if explained and all(c.agree for c in checks) else 1)
+
+
+@click.command(epilog=example("gimbalcal noise data/space_stable_static --out noise"))
+@click.argument("recording", type=click.Path(path_type=Path))
+@OVERWRITE
+@output_options("noise.json and report.html", "RECORDING-noise, here")
+def noise(recording: Path, overwrite: bool, out: Path | None, quiet: bool, as_json: bool) -> None:
+    """White noise, bias instability and random walk of every sensor of RECORDING, from its rests."""
+    from gimbalcal.at_rest import content, noise_at_rest
+    from gimbalcal.recording import read
+    from gimbalcal.report.noise_page import headline, noise_report
+
+    target = output_folder(out, [recording], "noise", ("noise.json", "report.html"), overwrite, as_json)
+    tell = progress(quiet)
+    tell(f"reading {recording.name}")
+    r = read(recording)
+    for remark in r.remarks:
+        tell(f"note: {remark}")
+    result = content(r, noise_at_rest(r))
+    lines = [f'{k} = {{ value = {v["value"]:g}, unit = "{v["unit"]}" }}' for k, v in result["header"].items()]
+    words = "\n".join([headline(result), *(["[noise]", *lines] if lines else [])])
+    deliver(target, "noise.json", result, lambda: noise_report(result, r.title), words, as_json, quiet)
+
+
+@click.command(
+    epilog=example(
+        "gimbalcal navigate data/space_stable_static --calibration results/calibration.json --out navigation"
+    )
+)
+@click.argument("recording", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--calibration", "known", multiple=True, type=click.Path(path_type=Path), metavar="FILE [FILE ...]",
+    help="calibration.json, as many as are to be compared, in order.",
+)  # fmt: skip
+@DAMPING
+@click.option(
+    "--alignment",
+    type=Number(min=0.1, max=1440),
+    default=10.0,
+    show_default=True,
+    help="Minutes at the beginning in which the attitude is found.",
+)
+@click.option("--samples", type=DRAWS, default=50, show_default=True, help="Draws behind the sampled bands.")
+@click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the draws.")
+@OVERWRITE
+@output_options("navigation.json and report.html", "NAME-navigation, here")
+def navigate(
+    recording: tuple[Path, ...], known: tuple[Path, ...], damping: float | None, alignment: float, samples: int,
+    seed: int, overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Navigate without a calibration and with each: what they are worth in position and attitude.
+
+    RECORDING: a static run of a space-stable platform, or a strapdown unit that stays in its place.
+    """
+    from gimbalcal.calibration.exchange import read_calibration
+    from gimbalcal.navigate.mechanisations import usual
+    from gimbalcal.navigate.navigation_errors import labels
+    from gimbalcal.navigate.summary import content
+    from gimbalcal.navigate.uncertainty import before_and_after
+    from gimbalcal.pipeline import load
+    from gimbalcal.report.navigation_page import headline, navigation_report
+
+    folder, files = _one_recording(recording, known)
+    target = output_folder(out, [folder], "navigation", ("navigation.json", "report.html"), overwrite, as_json)
+    tell = progress(quiet)
+    (run,) = load([folder], tell)
+    aids = usual(run, damping, 60 * alignment)
+    chosen = list(zip(labels(files), [read_calibration(f) for f in files], strict=True))
+    runs = before_and_after(run, chosen, aids, samples, seed, tell)
+    provenance = {
+        "recordings": run.files,
+        "calibrations": [{"name": name, "path": str(f)} for (name, _), f in zip(chosen, files, strict=True)],
+        "samples": samples,
+        "seed": seed,
+    }
+    result = content(runs, aids, provenance)
+    page = partial(navigation_report, result, runs, run.title)
+    deliver(target, "navigation.json", result, page, headline(result), as_json, quiet)
+
+
+def _one_recording(given: tuple[Path, ...], known: tuple[Path, ...]) -> tuple[Path, list[Path]]:
+    """Return the recording among the arguments, and the calibrations in order, with the files that follow them."""
+    files = [p for p in given if p.is_file()]
+    folders = [p for p in given if not p.is_file()]
+    if len(folders) != 1:
+        named = ", ".join(map(str, folders)) or "none"
+        raise InputError(f"navigate takes one recording folder, got {named}; calibrations come after --calibration")
+    return folders[0], [*known, *files]
+
+
+@click.command(
+    epilog=example(
+        "gimbalcal compare monday/calibration.json friday/calibration.json --out history",
+        'gimbalcal compare --store unit7.sqlite --allow "bias:x=50 ug"',
+    )
+)
+@click.argument("calibrations", nargs=-1, type=click.Path(path_type=Path))
+@stored
+@click.option(
+    "--allow", multiple=True, metavar="NAME='VALUE UNIT'", help="How far a parameter may move until the next."
+)
+@OVERWRITE
+@output_options("compare.json, report.html, and all values as history.csv and history.parquet", "NAME-history, here")
+def compare(
+    calibrations: tuple[Path, ...], store: Path | None, unit: str, allow: tuple[str, ...],
+    overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """How the parameters of a unit move from calibration to calibration: CALIBRATIONS, those of a --store, or both."""
+    from gimbalcal.history import compare as run
+    from gimbalcal.history import dated_file, of_store
+    from gimbalcal.report.files import write_comparison
+    from gimbalcal.report.naming import answered
+
+    if store is None and not calibrations:
+        raise InputError("`compare` takes calibration.json files, or a --store that holds some")
+    files = ("compare.json", "history.csv", "history.parquet", "report.html")
+    named = [unit] if unit else [store] if store is not None else [c.absolute().parent.name for c in calibrations]
+    target = output_folder(out, named, "history", files, overwrite, as_json)
+    kept, diagnoses = of_store(store, unit) if store is not None else ((), ())
+    made = run([*kept, *(dated_file(c) for c in calibrations)], unit, dict(_allowed(a) for a in allow))
+    content = made.to_dict()
+    if target is not None:
+        write_comparison(content, diagnoses, target.folder, target.question)
+        wrote(target.folder, "compare.json", quiet)
+    show(content, answered(made.in_words), as_json, quiet, target.page if target else None)
+    sys.exit(0 if made.agree else 1)
+
+
+def _allowed(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise InputError(f"--allow takes NAME='VALUE UNIT', got {text!r}")
+    return name.strip(), value
