@@ -1,10 +1,10 @@
-"""Write docs/real-recordings.md and its pictures: what is left out of real recordings, and what is found again.
+"""Write docs/real-recordings.md and its pictures: effects omitted from the model of real recordings and identified.
 
     python docs/build_real.py FOLDER [--check]
 
 FOLDER holds the files that the page names, one folder a data set (imu_tk_xsens, tilt_table, mmt_pointing,
-gem_mount_pointing, mikoff_mpu9150). Nothing of them goes into the page but means and misfits. Takes a minute of one
-core. With --check nothing is written, and the exit status is 1 where the page says something else.
+gem_mount_pointing, mikoff_mpu9150). The page contains only means and misfits of them. The computation takes a minute of
+one core. With --check nothing is written, and the exit status is 1 if the page would change.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Rows = dict[str, Array]
 
 @dataclass(frozen=True)
 class Part:
-    """One recording with effects left out: how it is imported, the baseline, what is drawn, and what is said."""
+    """One recording with effects omitted: how it is imported, the baseline, the panels, and the text."""
 
     title: str
     picture: str
@@ -48,7 +48,7 @@ class Part:
 
     @property
     def command(self) -> str:
-        """What to type."""
+        """The commands that reproduce it."""
         name = Path(self.files[0]).stem
         left = f" --baseline {','.join(self.baseline)}" if self.baseline else ""
         return (
@@ -79,7 +79,7 @@ def misfits(part: Part, data: Path, *baseline: str) -> tuple[Rows, Rows, str, Re
 
 
 def over_order(part: Part, data: Path) -> tuple[Panel, ...]:
-    """Norm of gravity: misalignment left out and added, then the drift left out and added."""
+    """Draw the norm of gravity: misalignment omitted and added, then the drift omitted and added."""
     first, _, unit, _ = misfits(part, data)
     second, third, _, _ = misfits(part, data, "bias", "scale_factor", "misalignment")
     x = np.arange(1.0, len(first["norm"]) + 1)
@@ -90,7 +90,7 @@ def over_order(part: Part, data: Path) -> tuple[Panel, ...]:
 
 
 def rates(part: Part, data: Path) -> tuple[Panel, ...]:
-    """Rates at rest by position, each axis, in sigma of a mean: rests differ in length."""
+    """Draw the rates at rest by position, each axis, in sigma of a mean, since dwells differ in length."""
     d = diagnosed(part.kind, part.files, data, part.baseline)
     before, after, _, _ = misfits(part, data)
     x, s = np.arange(1.0, len(before["x"]) + 1), d.fit["noise"]["sigma_of_a_row"]
@@ -98,25 +98,25 @@ def rates(part: Part, data: Path) -> tuple[Panel, ...]:
 
 
 def over_time(part: Part, data: Path) -> tuple[Panel, ...]:
-    """The tilting table: the force north without gravity, and with gravity in the model what lever and delay add."""
+    """Draw the tilting table: the force without gravity, and with gravity what lever arm and delay add."""
     first, _, unit, _ = misfits(part, data)
     second, third, _, _ = misfits(part, data, "bias", "gravity_leakage")
     t = np.arange(len(first["x"])) + 0.5
     return (
-        Panel("force along x, gravity left out", unit, t, "time [s]", first["x"], second["x"]),
+        Panel("force along x, gravity omitted", unit, t, "time [s]", first["x"], second["x"]),
         Panel("force along x, then lever arm and delay", unit, t, "time [s]", second["x"], third["x"]),
         Panel("force along z, then lever arm and delay", unit, t, "time [s]", second["z"], third["z"]),
     )
 
 
 def mount(*shown: tuple[str, str, str]) -> Callable[[Part, Path], tuple[Panel, ...]]:
-    """Panels of a pointing run: channel, what it is drawn over (an axis, or time), and its name."""
+    """Return the panels of a pointing run: channel, abscissa (an axis, or time), and name."""
 
     def panels(part: Part, data: Path) -> tuple[Panel, ...]:
         before, after, unit, run = misfits(part, data)
         curves = diagnosed(part.kind, part.files, data, part.baseline).curves
         assert curves is not None
-        run = run.select(curves.position.astype(int) - 1)  # stars far off all others were left out
+        run = run.select(curves.position.astype(int) - 1)  # outliers were omitted
         out = []
         for channel, over, name in shown:
             label = "time [h]" if over == "time" else f"{over.replace('_', ' ')} [deg]"
@@ -128,7 +128,7 @@ def mount(*shown: tuple[str, str, str]) -> Callable[[Part, Path], tuple[Panel, .
 
 
 def clean(part: Part, data: Path) -> tuple[Panel, ...]:
-    """Misalignment left out and added, with what the scatter of the samples makes of a mean as bars."""
+    """Draw misalignment omitted and added, with one sigma of a mean as bars."""
     before, after, unit, _ = misfits(part, data, "bias", "scale_factor")
     d = diagnosed(part.kind, part.files, data, ("bias", "scale_factor"))
     n = len(after["norm"])
@@ -142,47 +142,43 @@ XSENS = ("imu_tk_xsens/xsens_acc.mat", "imu_tk_xsens/xsens_gyro.mat")
 PARTS = (
     Part(
         "Xsens MTi, accelerometers", "real_xsens_accelerometers.svg", "imu-tk", XSENS, ("bias", "scale_factor"),
-        "A real inertial unit turned by hand from rest to rest, 38 rests in nine minutes, outputs in counts. Source: "
+        "A real inertial unit turned by hand from dwell to dwell, in nine minutes, outputs in counts. Source: "
         "Tedaldi, Pretto and Menegatti (2014), github.com/Kyle-ak/imu_tk (BSD). No attitude is known; the only "
-        "reference is that the force at rest is as long as gravity.",
-        "Misalignment is found first. What then remains follows the order of visits, not the attitude: the biases "
-        "drift to and fro by some 0.1 mg, as low-cost sensors do. A single step of the biases would do nearly as well, "
-        "which is said. Quadratic and cubic terms are **not** supported: `gimbalcal calibrate --method multiposition` "
-        "declines both with the reason. In twenty random orders of the same positions the drift is never claimed. "
-        "(Reference, from rests cut otherwise: 3.44, then 0.101, then 0.063 mg.)",
+        "reference is the norm of gravity.",
+        "Misalignment is identified first. The remaining misfit depends on the order of the dwells, not on the "
+        "attitude: the biases drift, as those of low-cost sensors do. A single step of the biases would fit nearly as "
+        "well, which is stated. Quadratic and cubic terms are **not** supported: `gimbalcal calibrate --method "
+        "multiposition` omits both, with the reason.",
         over_order,
     ),
     Part(
         "Xsens MTi, gyroscopes", "real_xsens_gyroscopes.svg", "imu-tk", XSENS, ("gyro_bias",),
-        "The same recording. Its authors calibrate the gyroscopes by the turns between the rests and take their "
-        "output at rest for a constant bias.",
-        "It is not constant: it follows the attitude. A matrix of nine coefficients, force to rate, takes chi^2 per "
-        "axis down to what the scatter of the samples leaves (below). The matrix was learned at rest; the proof is "
-        "that the turns, which took no part, are told better by it: gravity carried through a turn is missed by a "
-        "third of what it was. (Reference: chi^2 22, 42, 32 to about 1.5; 1685 to about 500 arcsec.)",
+        "The same recording. Its authors calibrate the gyroscopes by the turns between the dwells and assume a "
+        "constant bias at rest.",
+        "It is not constant: it depends on the attitude. A matrix of nine coefficients, force to rate, reduces chi^2 "
+        "per axis to what the scatter of the samples explains. The matrix was estimated at rest; the turns, which were "
+        "not used, confirm it: gravity propagated through a turn deviates much less.",
         rates,
     ),
     Part(
         "Tilting table", "real_tilt_table.svg", "tilt-table", ("tilt_table/tilt_table_200hz.npz",), (),
-        "A broadband seismometer (Trillium Compact) beside a fibre-optic gyroscope (blueSeis-3A) on a table that is "
+        "A broadband seismometer (Trillium Compact) and a fibre-optic gyroscope (blueSeis-3A) on a table that is "
         "tilted in steps, 120 s at 200 Hz. Source: Bernauer et al. (2020), data of github.com/solldavid/TwistPy "
-        "(LGPL-3). The model says that the unit stays level.",
-        "Gravity leaks into the horizontal axis (the factor is 1 where both instruments have the gain on their label). "
-        "Then the lever arm and a delay between the two instruments are found, with the 2.9 deg by which the y axes of "
-        "the two differ in azimuth. The experimenters wrote down 0.1045 m for the height of the mass above the hinge "
-        "(down is positive here) and 0.32 m along the table. Means over one second; the fit itself in steps of 10 ms, "
-        "because what a lever arm makes of a mean is the change of rate between the ends of the second. (Reference, "
-        "along x alone: 1777 to 7.5 um/s^2, 0.103 m, 10.5 ms.)",
+        "(LGPL-3). The model assumes that the unit stays level.",
+        "Gravity leaks into the horizontal axis (the factor is 1 if both instruments have the gain on their label). "
+        "Then the lever arm and a delay between the two instruments are identified, with the azimuth between their y "
+        "axes. The experimenters state 0.1045 m for the height of the mass above the hinge (down is positive here) and "
+        "0.32 m along the table. The rows are means over one second; the fit uses steps of 10 ms, because the effect "
+        "of a lever arm on a mean is the change of rate between the ends of the second.",
         over_time,
     ),
     Part(
         "MMT, 6.5 m telescope", "real_mmt.svg", "mmt", ("mmt_pointing/point_20210821.dat",), (),
         "80 stars in one night, encoder readings against true directions. Source: github.com/MMTObservatory/pytelpoint "
-        "(BSD-3). The model holds the zeros of both axes, their squareness and the collimation.",
-        "The base leans by 10.6 arcsec, the tube sags, and a term in cot(elevation) is left, with the sign opposite to "
-        "refraction: part of what was corrected for it. The run cannot tell the sag from an encoder pattern of like "
-        "form, which is said; the tilt it can. With squareness and collimation left out as well the start is 10.5 "
-        "arcsec. (Reference: 10.5 to 0.94 arcsec.)",
+        "(BSD-3). The model contains the zeros of both axes, their nonorthogonality and the collimation.",
+        "The base is tilted, the tube bends, and a term in cot(elevation) remains, with the sign opposite to "
+        "refraction: part of the correction that was applied for it. The run cannot distinguish the flexure from an "
+        "encoder pattern of similar form, which is stated; the tilt it can.",
         mount(
             ("along", "azimuth", "pointing in elevation over azimuth"),
             ("across", "azimuth", "pointing across elevation over azimuth"),
@@ -192,13 +188,13 @@ PARTS = (
     Part(
         "Amateur mount cgx-l", "real_cgx_l.svg", "tpoint", ("gem_mount_pointing/cgx-l-data.dat",), ("gimbal_zero",),
         "148 stars on both sides of the pier, a German equatorial mount set up for the night. Source: "
-        "github.com/gaker/celestial (MIT or Apache-2.0). Everything but the zeros is left out.",
-        "Cone, squareness of the axes, polar axis, and eccentric circles. What stays has a pattern in declination "
-        "that no cause of the catalogue fits: it is told as unexplained, and not named by force. By eye it is play in "
-        "a gear: on one side of the pier (declinations below 50 deg here) the misfit jumps between two values some 8 "
-        "arcmin apart, mostly with the direction of the last slew; on the other side the weight keeps the teeth "
-        "together. A step of the zero in declination takes a part of it, and six stars that are left out as far off "
-        "all others lie as far away as the play: they are rather the other side of the gear than mistaken.",
+        "github.com/gaker/celestial (MIT or Apache-2.0). Everything except the zeros is omitted from the model.",
+        "Collimation, nonorthogonality, polar axis, and encoder eccentricity. The remaining misfit has a pattern in "
+        "declination that no effect of the catalogue fits: it is reported as unexplained. Inspection suggests "
+        "backlash: on one side of the pier (declinations below 50 deg here) the misfit jumps between two values, "
+        "mostly with the direction of the last slew; on the other side the imbalance keeps the teeth in contact. A "
+        "step of the zero in declination absorbs a part of it, and the stars that are omitted as outliers deviate by "
+        "about as much as the backlash.",
         mount(
             ("across", "hour_angle", "pointing across declination over hour angle"),
             ("along", "hour_angle", "pointing in declination over hour angle"),
@@ -208,10 +204,8 @@ PARTS = (
     Part(
         "Amateur mount warp-astron", "real_warp_astron.svg", "tpoint", ("gem_mount_pointing/warp-astron.dat",), (),
         "98 stars, another mount of the same collection.",
-        "An eccentric circle, and a zero that slips steadily in declination: a clutch, or a tube that settles. A "
-        "second harmonic of the circles, a step of the zeros and a small tilt follow; the last two are confounded with "
-        "others, which stand beside them. "
-        "(Reference: 55 to 28 arcsec by the drift.)",
+        "Encoder eccentricity, and a zero that drifts steadily in declination: a slipping clutch, or a tube that "
+        "settles. Smaller effects follow; causes that these data cannot distinguish are listed together.",
         mount(
             ("along", "time", "pointing in declination over time"),
             ("across", "time", "pointing across declination over time"),
@@ -220,26 +214,26 @@ PARTS = (
     Part(
         "MPU-9150, a clean case", "real_mikoff.svg", "mikoff", ("mikoff_mpu9150/imu0.log",),
         ("bias", "scale_factor", "misalignment"),
-        "A low-cost unit turned by hand, 22 rests. Source: github.com/mikoff/imu-calib (MIT).",
-        "The accelerometers lack nothing: what is left is what the scatter of the samples makes of a mean. The picture "
-        "shows misalignment left out and found again, and nothing besides.",
+        "A low-cost unit turned by hand. Source: github.com/mikoff/imu-calib (MIT).",
+        "The accelerometers need no further effect: the residual is explained by the scatter of the samples. The "
+        "picture shows misalignment omitted and identified.",
         clean,
     ),
 )  # fmt: skip
 
 
 def step_rows(d: Diagnosis) -> list[str]:
-    """The misfit after each effect that was found, in the order of what it takes away."""
-    fit = d.fit
+    """Return the misfit after each effect that was identified, in the order of its contribution."""
+    fit = d.fit.to_dict()
     unit = unit_in_print(fit["noise"]["unit"])
-    rows = ["| model | misfit, rms |", "|---|---|", f"| as it was | {digits(fit['rms_before'])} {unit} |"]
+    rows = ["| model | misfit, rms |", "|---|---|", f"| baseline | {digits(fit['rms_before'])} {unit} |"]
     for s in fit["steps"]:
         axis = f" ({s['axis'].replace('_', ' ')})" if s["axis"] else ""
         rows.append(f"| + {named(s['effect'])}{axis} | {digits(s['rms'])} {unit} |")
     if d.unexplained:
-        rows.append(f"| + a shape that has no cause | {digits(fit['rms_after'])} {unit} |")
+        rows.append(f"| + a shape without a cause | {digits(fit['rms_after'])} {unit} |")
     outside = f"{digits(fit['heldout_rms_before'])} → {digits(fit['heldout_rms_after'])} {unit}"
-    rows.append(f"| what the fit has not seen, before → after | {outside} |")
+    rows.append(f"| held-out data, before → after | {outside} |")
     if "chi2_of_samples_after" in fit:
         b, a = (", ".join(digits(x) for x in fit[f"chi2_of_samples_{w}"].values()) for w in ("before", "after"))
         rows.append(f"| chi² per degree of freedom, samples' scatter as noise | {b} → {a} |")
@@ -250,8 +244,8 @@ def step_rows(d: Diagnosis) -> list[str]:
 
 
 def size_rows(d: Diagnosis) -> list[str]:
-    """What was found, with one sigma, its probability and what it is confounded with."""
-    rows = ["", "| found | probability (at most 90 %) | size ± 1σ | cannot be told from |", "|---|---|---|---|"]
+    """Return the effects with size, one sigma, probability and what they are confounded with."""
+    rows = ["", "| effect | probability (at most 90 %) | size ± 1σ | confounded with |", "|---|---|---|---|"]
     for f in d.findings:
         sizes = "<br>".join(_size(p) for p in f["parameters"])
         axis = f" ({f['axis'].replace('_', ' ')})" if f["axis"] else ""
@@ -267,7 +261,7 @@ def _size(p: dict[str, Any]) -> str:
 
 
 def section(part: Part, data: Path, draw: bool) -> str:
-    """One recording on the page."""
+    """Return the section of one recording."""
     d = diagnosed(part.kind, part.files, data, part.baseline)
     if draw:
         save(part.picture, part.panels(part, data))
@@ -295,47 +289,41 @@ def concealed(draw: bool) -> str:
     t, before, after = (np.array([x[g].mean() for g in groups]) for x in (c.time, c.before[:, i], c.after[:, i]))
     T = np.array([recording.channels["temperature", ""][g].mean() for g in groups])
     panels = (
-        Panel("force along y, as both runs see it, and with the thermometer", "σ", t / 3600, "time [h]", before, after),
-        Panel("the same over the channel that was hidden", "σ", T, "temperature [°C]", before, after),
+        Panel("force along y, without and with the thermometer", "σ", t / 3600, "time [h]", before, after),
+        Panel("the same over the hidden channel", "σ", T, "temperature [°C]", before, after),
     )  # fmt: skip
     if draw:
         save("real_concealed_channel.svg", panels)
-    return f"""## A channel concealed
+    return f"""## A hidden channel
 
 `data/space_stable_concealed` is a simulated recording of 18 positions that ships with the project, in which the bias of
-one accelerometer follows the temperature. With the `temperature` column taken out of its `recording.toml` nothing that
-the catalogue knows can follow it, and the verdict says so: **{blind.verdict}**.
+one accelerometer depends on the temperature. Without the `temperature` column in its `recording.toml` no effect of the
+catalogue can explain it, and the verdict says so: **{blind.verdict}**.
 
 > {blind.in_words}
 
-With the column given back the verdict is **{seen.verdict}**.
+With the column the verdict is **{seen.verdict}**.
 
 > {seen.in_words}
 
-![A channel concealed](pictures/real_concealed_channel.svg)
-
-The same with the order of visits, on the real Xsens recording above: with the rests in their true order a drift of the
-biases is found, in a random order the verdict is *adequate*.
+![A hidden channel](pictures/real_concealed_channel.svg)
 """
 
 
-HEAD = """# Real recordings: what was left out is found again
+HEAD = """# Real recordings
 
-Effects are left out of the model of a real recording, and the diagnosis is asked what is missing. Written by
-`python docs/build_real.py FOLDER`; the raw files are not part of the project. `tests/real` asserts what stands here
-where the files are present, and says that it was skipped where they are not.
+Effects are omitted from the model of a real recording, and the diagnosis has to identify them. This page is written by
+`python docs/build_real.py FOLDER`; the raw files are not part of the project. `tests/real` asserts the results where
+the files are present, and is skipped otherwise.
 
-None of these recordings says how large its noise is. The scale of the noise is integrated over, a wandering noise has
-its say before anything is claimed, and misfits are given in their own units. "What the fit has not seen" is the misfit
-of rows that were left out one by one, or ten seconds at a time for the table. The panels show the misfit before (grey)
-and after (blue). Where there is nothing to find nothing is claimed: on 60 made pointing runs and 60 made units turned
-by hand without any of these effects the verdict was *adequate* every time (`tests/diagnose/test_unknown_noise.py` holds
-twelve of them).
+None of these recordings states its noise. The scale of the noise and its correlation in time are integrated over, and
+misfits are given in their own units. *Held-out data* are rows that were omitted from the fit one by one, or ten
+seconds at a time for the table. The panels show the misfit before (grey) and after (blue).
 """
 
 
 def main(folder: str, check: bool) -> int:
-    """Write the page; or hold it against what comes out now, 1 where they differ."""
+    """Write the page, or compare it with the present results: 1 if they differ."""
     data, place = Path(folder), DOCS / "real-recordings.md"
     parts = [section(p, data, draw=not check) for p in PARTS]
     now = "\n".join([HEAD, *parts, concealed(draw=not check)])
