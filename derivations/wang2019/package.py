@@ -1,7 +1,7 @@
 """The package's sensor models, frames and step for the paper's formulas, and how far they are from the derivations.
 
 Nothing is derived here. Every function returns the largest relative difference between what `gimbalcal` computes and
-what the derivation says, at generic numbers. `package_rows` does it for the fits, `package_navigation` for navigation.
+what the derivation says, at generic numbers. `package_rows` does it for the fits.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ GENERIC: dict[Any, float] = {
     **dict(zip(N, (0.7, -0.4, 0.6), strict=True)),
 }
 PARAMETERS = (*K1, *K2, *K3, *BIAS, *E)  # order of `Pulses.vector`
-PULSES = "wang2019.pulses.Pulses.physical"
+PULSES = "estimate.pulses.polynomial.Pulses.physical"
 
 
 def numbers(expr: Any, values: dict[Any, float]) -> Any:
@@ -45,7 +45,7 @@ def counts() -> Any:
 
 
 def _physical(*dropped: Any) -> Any:
-    from gimbalcal.wang2019.pulses import Pulses
+    from gimbalcal.estimate.pulses.polynomial import Pulses
 
     return Pulses.from_vector(vector(*dropped)).physical(counts())[0]
 
@@ -56,10 +56,10 @@ def accelerometer_model() -> float:
     return float(np.abs(_physical() - numbers(triangle() * polynomial(3), GENERIC)[:, 0]).max())
 
 
-@checks(SOURCE, "Eq. (2)", "Eq. (6)", where="wang2019.pulses.Pulses.counts")
+@checks(SOURCE, "Eq. (2)", "Eq. (6)", where="estimate.pulses.polynomial.Pulses.counts")
 def inverse_model() -> float:
     """Force to pulses: the inverse of the derived force must be the counts."""
-    from gimbalcal.wang2019.pulses import Pulses
+    from gimbalcal.estimate.pulses.polynomial import Pulses
 
     force = numbers(triangle() * polynomial(3), GENERIC)[:, 0]
     return float(np.abs(Pulses.from_vector(vector()).counts(force[None]) - counts()).max())
@@ -85,10 +85,10 @@ def cube() -> float:
     return float(np.abs(_physical(*K1, *K2, *BIAS, *E) - numbers(alone, GENERIC)[:, 0]).max())
 
 
-@checks(SOURCE, "Eq. (5)", "Eq. (8)", where="wang2019.pulses.lower")
+@checks(SOURCE, "Eq. (5)", "Eq. (8)", where="estimate.pulses.polynomial.lower")
 def lower_triangle() -> float:
     """C through first order, which is what a diagonal in the scale terms leaves."""
-    from gimbalcal.wang2019.pulses import lower
+    from gimbalcal.estimate.pulses.polynomial import lower
 
     first = models.orthogonalised().applyfunc(_through_first)
     return float(np.abs(lower(np.array([GENERIC[s] for s in E])) - numbers(first, GENERIC)).max())
@@ -123,10 +123,10 @@ def half_square() -> float:
     return float(abs(found.cost[0] - numbers(cost, dict(zip(optimisation.r, r, strict=True)))[0, 0]))
 
 
-@checks(SOURCE, "Eq. (41)", "Eq. (42)", where="wang2019.fit.initial_scale")
+@checks(SOURCE, "Eq. (41)", "Eq. (42)", where="estimate.pulses.gravity_norm.initial_scale")
 def rough_scale() -> float:
     """Gradient of Eq. (41) or (42) at the package's initial scale factors, over its size elsewhere."""
-    from gimbalcal.wang2019 import fit
+    from gimbalcal.estimate.pulses import gravity_norm as fit
 
     rng = np.random.default_rng(RNG_SEED)
     drawn = rng.standard_normal((1, 12, 3))

@@ -34,9 +34,9 @@ from derivations.wang2019.symbols import (
     triangle,
 )
 
-NORM_FIT = "wang2019.fit._residuals"
-TURN_FIT = "wang2019.revolutions._residuals"
-LABORATORY = "wang2019.trials"
+NORM_FIT = "estimate.pulses.gravity_norm._residuals"
+TURN_FIT = "estimate.pulses.whole_turns._residuals"
+LABORATORY = "campaign.trials"
 FREE = (*K1, *K2, *BIAS, *E)  # order of the rotation fit
 ANGLE, DURATION, SIGMA, SIGMA_REST = 4 * pi, 7.0, 0.01, 0.002
 ROUGH = np.array([1.2, 0.8, 1.1])  # scale factors from which the fit starts
@@ -50,7 +50,7 @@ SUMS = {"+": (np.array([0.7, -0.4, 0.6]), np.array([0.5, 0.2, 0.35])),
 @once
 def _norm_fit() -> tuple[float, Any]:
     """F of (19) with g = 1 and its 15 derivatives from the fit, whose misfit is F / (2 sigma)."""
-    from gimbalcal.wang2019 import fit
+    from gimbalcal.estimate.pulses import gravity_norm as fit
 
     sigma = 0.3
     r, J = fit._residuals(vector()[None], counts()[None], sigma, np.arange(15))
@@ -100,7 +100,7 @@ for _item, _wanted in (("(20)", K1[:1]), ("(21)", K1[1:]), ("(22)", K2), ("(23)"
 @once
 def _turn_fit() -> tuple[Any, Any]:
     """Whitened misfits (5,) and derivatives (5, 12): Eq. (30), three across the axis, Eq. (35)."""
-    from gimbalcal.wang2019 import revolutions
+    from gimbalcal.estimate.pulses import whole_turns as revolutions
 
     one, other = (np.stack(SUMS[s])[None, None] for s in "+-")
     counted = revolutions.Revolutions(one, other, counts()[None], DURATION, ANGLE, SIGMA, SIGMA_REST)
@@ -245,7 +245,7 @@ class _Silent:
 
 def _triad() -> Any:
     """A triad (1, 3) each of the size of Table 3, SI."""
-    from gimbalcal.wang2019.pulses import Pulses
+    from gimbalcal.estimate.pulses.polynomial import Pulses
 
     x = vector(*K3)
     for i, size in enumerate((1e-8, 1e-18, 0.0, 1e-6, 1.0)):
@@ -256,8 +256,8 @@ def _triad() -> Any:
 @checks(SOURCE, "Eq. (26)", "Eq. (27)", "Eq. (28)", where=f"{LABORATORY}._revolution")
 def simulated_turns() -> float:
     """Counts of a revolution each way: Eqs. (27), (28) with the Earth's rate up must balance, over the angle."""
+    from gimbalcal.campaign import trials
     from gimbalcal.earth import EARTH_RATE
-    from gimbalcal.wang2019 import trials
 
     axis, triad = np.array([2.0, -1.0, 2.0]) / 3, _triad()
     theta = 2 * pi * trials.REVOLUTIONS
@@ -283,8 +283,8 @@ def simulated_turns() -> float:
 @checks(SOURCE, "Eq. (11)", "Eq. (35)", where=f"{LABORATORY}._earth_at_rest")
 def simulated_rest() -> float:
     """The Earth's rate at rest: its norm, and its part along the vertical, sin L."""
+    from gimbalcal.campaign import trials
     from gimbalcal.earth import EARTH_RATE
-    from gimbalcal.wang2019 import trials
 
     up = np.array([[2.0, -1.0, 2.0], [0.0, 0.6, -0.8]]) / np.array([[3.0], [1.0]])
     rate = trials._earth_at_rest(up[None])[0] / EARTH_RATE

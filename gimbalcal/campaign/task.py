@@ -133,7 +133,7 @@ def compute(what: Task, runs: range) -> dict[str, list[Any]]:
 
 
 def _pulses(what: Task, runs: range) -> dict[str, list[Any]]:
-    from gimbalcal.wang2019.trials import accelerometers, gyroscopes
+    from gimbalcal.campaign.trials import accelerometers, gyroscopes
 
     tilt = _turntable(tomllib.loads(what.text), what.name)
     accelerometer = what.kind == "accelerometer-pulses"

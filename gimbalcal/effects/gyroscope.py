@@ -5,8 +5,8 @@ Eq. (5) of Wu et al. (2018),
 
 .. math:: \omega^g = SF^{-1} C_p^g \, \omega^p + \dots
 
-What else is here is what is added to the reading. `gimbalcal.wang2019.pulses` states the other direction (pulses to
-rate), Eq. (6) of Wang et al. (2019). Units: rad/s and m/s^2 inside.
+The other effects are what is added to the reading. `gimbalcal.estimate.pulses.polynomial` states the other direction
+(pulses to rate), Eq. (6) of Wang et al. (2019). Units: rad/s and m/s^2 inside.
 """
 
 from __future__ import annotations

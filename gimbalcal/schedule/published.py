@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from math import pi
+from math import pi, sqrt
 
+import numpy as np
+
+from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN, SPACE_STABLE
 from gimbalcal.schedule.schedule import Hold, Schedule
 
@@ -22,8 +25,12 @@ EIGHTEEN_POSITIONS = Schedule(
 )
 FACE_POSITIONS = (1, 3, 5, 7, 9, 11)  # one sensitive axis along the vertical: Wu et al. (2018) section 3
 
-# Wang et al. (2019), Figure 2, as far as the text tells it: six faces and nine of the twelve edges; the figure has no
-# numbers, `wang2019.schedules` says how the nine were chosen. Inner and outer angle of a two-axis table, units of pi/4.
+# Wang et al. (2019), Figure 2, a picture without numbers. The text says what it holds: positions with an input axis
+# along gravity (bias and every scale term, Eqs. (20)-(24)) and positions with gravity at 45 or 135 degrees between two
+# axes (misalignment, Eq. (25)); fifteen in all, for fifteen parameters. That is six faces and nine of the twelve edges.
+# Of the 220 ways to choose nine edges 92 leave the fifteen parameters undetermined; this is the choice with the
+# smallest determinant of the covariance that treats the three axes most alike. Inner and outer angle of a two-axis
+# table, units of pi/4.
 FIFTEEN_ANGLES = (
     (-2, 2), (2, 2), (-4, 2), (0, 2), (0, 4), (0, 0), (-3, 2), (-1, 2),
     (3, 2), (-2, 3), (2, 3), (2, 1), (-4, 3), (-4, 1), (0, 3),
@@ -31,6 +38,14 @@ FIFTEEN_ANGLES = (
 
 FIFTEEN_POSITIONS = Schedule(
     "wang2019-15", KNOWN["two-axis-table"], tuple(Hold((i * pi / 4, o * pi / 4), 200.0) for i, o in FIFTEEN_ANGLES)
+)
+
+# Wang et al. (2019), Figure 3: axes (9, 3) of the revolutions, three along an input axis and six at 45 and 135 degrees
+# between two; each is made clockwise and counter-clockwise through whole turns.
+_H = sqrt(0.5)
+REVOLUTION_AXES: Array = np.array(
+    [(1, 0, 0), (0, 1, 0), (0, 0, 1), (_H, _H, 0), (_H, -_H, 0), (_H, 0, _H), (_H, 0, -_H), (0, _H, _H), (0, _H, -_H)],
+    dtype=float,
 )
 
 SCHEDULES: dict[str, Schedule] = {s.name: s for s in (EIGHTEEN_POSITIONS, FIFTEEN_POSITIONS)}

@@ -17,9 +17,7 @@ from time import perf_counter
 import numpy as np
 import pytest
 
-from gimbalcal.earth import G0
-from gimbalcal.wang2019.revolutions import gyroscope_pulses
-from gimbalcal.wang2019.trials import (
+from gimbalcal.campaign.trials import (
     Trials,
     accelerometers,
     generators,
@@ -27,6 +25,8 @@ from gimbalcal.wang2019.trials import (
     gyroscope_truth,
     gyroscopes,
 )
+from gimbalcal.earth import G0
+from gimbalcal.estimate.pulses.whole_turns import gyroscope_pulses
 
 TILTS = {"arcsec": 3 / 3600, "arcmin": 3 / 60, "deg": 3.0}
 RUNS = 500

@@ -13,12 +13,12 @@ import sys
 
 import numpy as np
 
+from gimbalcal.campaign.trials import POSITIONS
 from gimbalcal.earth import G0
-from gimbalcal.wang2019.error_model import Trajectory, misread, propagate
-from gimbalcal.wang2019.fit import accelerometer_pulses
-from gimbalcal.wang2019.motions import at_rest, drive, swing
-from gimbalcal.wang2019.pulses import Pulses, truncated
-from gimbalcal.wang2019.schedules import POSITIONS
+from gimbalcal.estimate.pulses.gravity_norm import accelerometer_pulses
+from gimbalcal.estimate.pulses.polynomial import Pulses, truncated
+from tests.benchmarks.error_model import Trajectory, misread, propagate
+from tests.benchmarks.motions import at_rest, drive, swing
 
 DEGREE, NAUTICAL_MILE = np.pi / 180, 1852.0
 

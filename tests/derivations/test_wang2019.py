@@ -75,7 +75,9 @@ def test_every_equation_and_table_entry_once(found):
 
 def test_the_package_computes_the_derived_forms(found):
     same = {v.item for v in found.values() if v.package}
-    without = (1, 37, 38, 39, 44, 45)  # the problem in general, three lists of names, two rotations that are none
+    # the problem in general, three lists of names, two rotations that are none; navigation: navigate.error_growth and
+    # navigate.strapdown are compared with the equations of Cai et al.
+    without = (1, 9, 10, 12, 13, 14, 15, 16, 37, 38, 39, 44, 45)
     assert same == {f"Eq. ({n})" for n in range(1, 46) if n not in without} | {"Eq. (30), K_g2"}
     assert {item for source, item in comparison.CHECKS if source == "000"} == same
 

@@ -54,8 +54,8 @@ def test_fifteen_positions_beat_the_published_fifteen() -> None:
 
 def test_predicted_sigma_is_that_of_a_calibration() -> None:
     """Two routes: the design's prediction and the Cramer-Rao bound of the pulse model at unit scale."""
-    from gimbalcal.wang2019.fit import accelerometer_pulses
-    from gimbalcal.wang2019.schedules import POSITIONS
+    from gimbalcal.campaign.trials import POSITIONS
+    from gimbalcal.estimate.pulses.gravity_norm import accelerometer_pulses
 
     rig = free_rig(TABLE, gravity=9.8, accelerometer=1e-5)
     wanted = design_parameters(rig, TERMS)

@@ -2,7 +2,8 @@ r"""Accelerometers from rest in many positions, no angles needed: the norm of th
 
 Wang et al. (2019), section 4.1, with the effects of the catalogue instead of one polynomial: every dwell has an
 attitude of its own that is not known, and what the three readings of a dwell say beyond that attitude is one number,
-the misfit of the norm. Direction: physics to reading, as everywhere in `effects`; `wang2019.pulses` is the other one.
+the misfit of the norm. Direction: physics to reading, as everywhere in `effects`;
+`estimate.pulses.polynomial` is the other one.
 
 Terms beyond bias, scale factor and misalignment are taken up one at a time, and only while the positions support them:
 a coefficient must stand clear of its sigma (`support`), and positions left out must be predicted no worse.

@@ -18,12 +18,12 @@ from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.noise import ATTITUDE, HEADER, SAMPLES
 from gimbalcal.estimate.accelerometers.setting import Noise, PositionFit, Problem, gauss_newton, problem
 from gimbalcal.estimate.added import Beside
+from gimbalcal.estimate.pulses.gravity_norm import ellipsoid
 from gimbalcal.estimate.support import scatter
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE
-from gimbalcal.wang2019.fit import ellipsoid
 
 LINEAR = ("scale_factor", "bias", "misalignment")
 FACE = 0.3  # of gravity, across an axis that is called upright

@@ -2,7 +2,8 @@ r"""A recording of revolutions both ways and of rests, to the gyroscopes' calibr
 
 A turn between two rests is a revolution when its angle is a whole number of circles within `NEAR`; two neighbours
 about one axis in opposite senses are a pair. Everything else that moved is left out. The fit is that of
-`wang2019.revolutions.gyroscope_pulses`, pulses to rate; the calibration is returned as effects, physics to reading,
+`estimate.pulses.whole_turns.gyroscope_pulses`, pulses to rate; the calibration is returned as effects, physics to
+reading,
 
 .. math:: M = (C K_1)^{-1}, \quad s_i = 1 / M_{ii} - 1, \quad b = -\varepsilon / K_1, \quad K = -K_2 / K_1
 
@@ -24,12 +25,12 @@ from gimbalcal.effects.gyroscope import of_rate_matrix
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.gyroscopes.outcome import UNSTEADY_RATE
 from gimbalcal.estimate.gyroscopes.turns import paused
+from gimbalcal.estimate.pulses.gravity_norm import PulseFit
+from gimbalcal.estimate.pulses.polynomial import Pulses, lower
+from gimbalcal.estimate.pulses.whole_turns import FREE, Revolutions, gyroscope_pulses
 from gimbalcal.number import Array, complex_step
 from gimbalcal.recording import Recording, dwells
 from gimbalcal.recording.record import RATE
-from gimbalcal.wang2019.fit import PulseFit
-from gimbalcal.wang2019.pulses import Pulses, lower
-from gimbalcal.wang2019.revolutions import FREE, Revolutions, gyroscope_pulses
 
 NEAR = 0.05  # of a revolution: scale errors of low-cost units reach 3 %
 ROUNDS = 3  # the bias enters the Earth's share of the ramps, a few percent of it: each round takes that factor off
@@ -70,7 +71,7 @@ def revolutions_of(recording: Recording, bias: Array | None = None) -> tuple[Rev
         raise InputError(
             f"{recording.title!r} holds {amount(len(pairs), 'pair')} of whole revolutions, one each way about one axis "
             "between rests; at least six pairs about different axes are needed "
-            "(nine: gimbalcal.wang2019.schedules.REVOLUTION_AXES)"
+            "(nine: gimbalcal.schedule.published.REVOLUTION_AXES)"
         )
     rest = np.array([y[d.rows].mean(0) for d in stays])
     sigma = recording.sigma("gyroscope") or 1e-6

@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gimbalcal.campaign.trials import LATITUDE
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.gyroscopes.revolutions import as_effects, gyroscopes_from_revolutions, revolutions_of
+from gimbalcal.estimate.pulses.polynomial import Pulses
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 from gimbalcal.rotation import normal_to
-from gimbalcal.wang2019.pulses import Pulses
-from gimbalcal.wang2019.schedules import REVOLUTION_AXES
-from gimbalcal.wang2019.trials import LATITUDE
+from gimbalcal.schedule.published import REVOLUTION_AXES
 
 STEP, SPEED, TURN, REST = 0.1, np.deg2rad(30.0), 24.0, 60.0  # s, rad/s, s (two revolutions), s
 TRUE = Pulses(

@@ -15,13 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, G0
+from gimbalcal.estimate.pulses.gravity_norm import PulseFit, accelerometer_pulses
+from gimbalcal.estimate.pulses.polynomial import Pulses, along, lower
+from gimbalcal.estimate.pulses.whole_turns import Revolutions, gyroscope_pulses
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.rotation import exponential, normal_to
-from gimbalcal.wang2019.fit import PulseFit, accelerometer_pulses
-from gimbalcal.wang2019.pulses import Pulses, along, lower
-from gimbalcal.wang2019.revolutions import Revolutions, gyroscope_pulses
-from gimbalcal.wang2019.schedules import POSITIONS, REVOLUTION_AXES
+from gimbalcal.schedule.published import FIFTEEN_POSITIONS, REVOLUTION_AXES
 
+POSITIONS: Array = -FIFTEEN_POSITIONS.gravity_directions()  # (15, 3) unit specific force in the sensor frame, Figure 2
 RATE = 100.0  # Hz
 REST = 200.0  # s in an accelerometer position: 100 ug become 0.7 ug
 GYRO_REST = 5400.0  # s in a gyroscope position

@@ -7,7 +7,7 @@ import numpy as np
 from gimbalcal.earth import EARTH_RATE, G0
 from gimbalcal.number import Array
 from gimbalcal.rotation import frame_rotation
-from gimbalcal.wang2019.error_model import RADIUS, Trajectory
+from tests.benchmarks.error_model import RADIUS, Trajectory
 
 LATITUDE = np.deg2rad(32.0)  # Nanjing
 # Table 5: frequency [Hz] and amplitude [rad] of heading, pitch and roll

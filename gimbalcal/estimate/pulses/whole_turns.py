@@ -20,10 +20,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE
+from gimbalcal.estimate.pulses.gravity_norm import PulseFit, ellipsoid, initial_scale
+from gimbalcal.estimate.pulses.polynomial import Pulses, lower
 from gimbalcal.inference.levenberg import Minimum, covariance_at_minimum, minimise
 from gimbalcal.number import Array
-from gimbalcal.wang2019.fit import PulseFit, ellipsoid, initial_scale
-from gimbalcal.wang2019.pulses import Pulses, lower
 
 FREE = np.r_[0:6, 9:15]  # K1, K2, bias, E of the fifteen: Eq. (6) has no cubic term
 

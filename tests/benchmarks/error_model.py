@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, SEMI_MAJOR_AXIS
+from gimbalcal.estimate.pulses.polynomial import Pulses
 from gimbalcal.number import Array
 from gimbalcal.rotation import cross_matrix
-from gimbalcal.wang2019.pulses import Pulses
 
 RADIUS = SEMI_MAJOR_AXIS  # m; one radius for both directions: 0.7 % of the feedback
 

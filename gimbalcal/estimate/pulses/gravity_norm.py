@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gimbalcal.estimate.pulses.polynomial import Pulses, along, lower
 from gimbalcal.inference.levenberg import Minimum, covariance_at_minimum, minimise
 from gimbalcal.number import Array
-from gimbalcal.wang2019.pulses import Pulses, along, lower
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from gimbalcal.earth import EARTH_RATE, G0
+from gimbalcal.estimate.pulses.polynomial import Pulses, truncated
 from gimbalcal.rotation import cross_matrix
-from gimbalcal.wang2019.error_model import RADIUS, Trajectory, aligned, misread, propagate
-from gimbalcal.wang2019.motions import at_rest, drive, swing
-from gimbalcal.wang2019.pulses import Pulses, truncated
+from tests.benchmarks.error_model import RADIUS, Trajectory, aligned, misread, propagate
+from tests.benchmarks.motions import at_rest, drive, swing
 
 SCHULER = np.sqrt(G0 / RADIUS)
 NONE = np.zeros(3)

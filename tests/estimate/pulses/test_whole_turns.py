@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimbalcal.wang2019 import revolutions as rotations
-from gimbalcal.wang2019.fit import initial_scale
-from gimbalcal.wang2019.revolutions import FREE
-from gimbalcal.wang2019.trials import generators, gyroscope_revolutions, gyroscope_truth, gyroscopes
+from gimbalcal.campaign.trials import generators, gyroscope_revolutions, gyroscope_truth, gyroscopes
+from gimbalcal.estimate.pulses import whole_turns as rotations
+from gimbalcal.estimate.pulses.gravity_norm import initial_scale
+from gimbalcal.estimate.pulses.whole_turns import FREE
 
 
 def test_derivatives_are_those_of_the_complex_step() -> None:

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gimbalcal.campaign.trials import accelerometer_truth, generators
 from gimbalcal.earth import G0
-from gimbalcal.wang2019.pulses import Pulses, lower
-from gimbalcal.wang2019.trials import accelerometer_truth, generators
+from gimbalcal.estimate.pulses.polynomial import Pulses, lower
 
 
 @settings(deadline=None)

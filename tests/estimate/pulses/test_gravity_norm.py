@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from gimbalcal.campaign.trials import POSITIONS, accelerometer_truth, accelerometers, generators, tipped
 from gimbalcal.earth import G0
-from gimbalcal.wang2019 import fit as pulse_fit
-from gimbalcal.wang2019.fit import accelerometer_pulses, ellipsoid, initial_scale
-from gimbalcal.wang2019.pulses import Pulses
-from gimbalcal.wang2019.schedules import POSITIONS
-from gimbalcal.wang2019.trials import accelerometer_truth, accelerometers, generators, tipped
+from gimbalcal.estimate.pulses import gravity_norm as pulse_fit
+from gimbalcal.estimate.pulses.gravity_norm import accelerometer_pulses, ellipsoid, initial_scale
+from gimbalcal.estimate.pulses.polynomial import Pulses
 
 SIGMA = 7e-6  # m/s^2
 
