@@ -27,9 +27,9 @@ from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.sessions import unit_of_sessions
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.pipeline import Source, Tell, load, silent, three_stage
-from gimbalcal.question import questioned
 from gimbalcal.recording import Recording, when_recorded
 from gimbalcal.recording.kinds import Method
+from gimbalcal.unusual_constants import with_question
 
 ALONE = {"attitude": gyroscopes_against_attitude, "two-position": two_position}  # methods for gyroscopes alone
 
@@ -140,7 +140,7 @@ def _calibrated(
 
     made = with_gravity(_estimated(recordings, method, terms, tell, more, states, grade), recordings)
     if all(r.kind.inertial for r in recordings):
-        made = questioned(made, recordings, graded(recordings, grade), again)
+        made = with_question(made, recordings, graded(recordings, grade), again)
     made = replace(made, provenance=provenance(recordings, made, terms, more))
     refuse_not_finite(made.to_dict(), " and ".join(repr(r.title) for r in recordings))
     return made

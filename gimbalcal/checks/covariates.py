@@ -1,70 +1,101 @@
-"""Temperatures and clocks that cannot be right: they enter no force, so nothing else would notice them."""
+"""Checks of temperatures, clocks and position numbers: they enter no force, so that nothing else would notice them."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.errors import InputError
+from gimbalcal.checks.check import EVERY, POSITIONS, Check, Examined
 from gimbalcal.recording.dwell import dwells
-from gimbalcal.recording.record import Recording
-from gimbalcal.units import from_si
+from gimbalcal.recording.record import COLOURED, SENSORS
+from gimbalcal.units import from_si, is_raw
 
 TEMPERATURE = ("temperature", "")
-WARMEST, COLDEST = 200.0, -100.0  # degC; sensors of oil wells, and of no place on Earth
-LONGEST, SHORTEST = 5 * 86400.0, 0.2  # s that positions are held, the middle one of them
-FEW, SHOWN = 0.1, 3  # of the rows; more were on the way. Times that are told
-ENOUGH = 20  # rows of a position that tell how long it was held
+MAX_TEMPERATURE_DEGC, MIN_TEMPERATURE_DEGC = 200.0, -100.0  # sensors of oil wells, and of no place on Earth
+MAX_KELVIN = 500.0
+MAX_DWELL_S, MIN_DWELL_S = 5 * 86400.0, 0.2  # of the median dwell
+MIN_ROWS_OF_A_DWELL = 20  # that show how long it lasted
+MAX_SHARE_MARKED, MAX_TIMES_SHOWN = 0.1, 3  # of the rows; more were on the way
+MIN_NOISE = 1e-15  # SI; less is zero to any instrument
 
 
-def check_temperature(recording: Recording) -> tuple[str, ...]:
-    """Raise InputError for temperatures in kelvin called degC; a sentence where those in K look like degC."""
-    if TEMPERATURE not in recording.channels:
-        return ()
-    value = recording.channels[TEMPERATURE]
-    known = value[np.isfinite(value)]
-    if not len(known):
-        return ()
-    middle, unit = float(np.median(known)), recording.units.get(TEMPERATURE, "degC")
-    if middle > WARMEST:
-        told = float(from_si(middle, unit))
-        likely = 'the numbers look like kelvin: write unit = "K"' if unit == "degC" and told < 500 else "correct it"
-        raise InputError(
-            f"{recording.label}: the temperature is {middle:.4g} degC in most rows, read in the unit {unit!r}, and no "
-            f"sensor works there; {likely} for its column"
+def noise_below_any_instrument(e: Examined) -> str:
+    """A stated noise that is none."""
+    r = e.recording
+    for sensor, sigma in r.noise.items():
+        units = () if sensor in COLOURED else [u for (q, _), u in r.units.items() if q == SENSORS[sensor]]
+        if sensor not in COLOURED and 0 < sigma < MIN_NOISE and not any(map(is_raw, units)):
+            return (
+                f"a noise of {sigma:g} in SI units, as [noise] states for the {sensor}, is less "
+                "than any instrument has; correct it, or leave it out to have it taken from the rows"
+            )
+    return ""
+
+
+def temperature_too_high(e: Examined) -> str:
+    """Kelvin called degC."""
+    middle, unit, number = _usual_temperature(e)
+    if not middle > MAX_TEMPERATURE_DEGC:
+        return ""
+    kelvin = unit == "degC" and number < MAX_KELVIN
+    likely = 'the numbers look like kelvin: write unit = "K"' if kelvin else "correct it"
+    return (
+        f"the temperature is {middle:.4g} degC in most rows, read in the unit {unit!r}, and no "
+        f"sensor works there; {likely} for its column"
+    )
+
+
+def temperature_too_low(e: Examined) -> str:
+    """Degrees Celsius called K."""
+    middle, unit, number = _usual_temperature(e)
+    if not middle < MIN_TEMPERATURE_DEGC:
+        return ""
+    celsius = unit == "K" and number < MAX_TEMPERATURE_DEGC
+    likely = "; the numbers look like degC, and then its unit is not K" if celsius else ""
+    return f"the temperature is {middle:.4g} degC in most rows, read in the unit {unit!r}: is that so?{likely}"
+
+
+def _usual_temperature(e: Examined) -> tuple[float, str, float]:
+    """Return the median temperature [degC], its unit, and the number in this unit; NaN where none is known."""
+    value = e.recording.channels.get(TEMPERATURE, np.zeros(0))
+    known, unit = value[np.isfinite(value)], e.recording.units.get(TEMPERATURE, "degC")
+    middle = float(np.median(known)) if len(known) else np.nan
+    return middle, unit, float(from_si(middle, unit))
+
+
+def dwell_times(e: Examined) -> str:
+    """Dwells of days or milliseconds: nothing at rest shows the unit of a clock."""
+    each = dwells(e.recording)
+    middle = float(np.median([np.ptp(e.recording.time[d.rows]) for d in each]))
+    if middle > MAX_DWELL_S:
+        return (
+            f"each position is held for {middle / 86400:.3g} days by the clock: is that so? if the time is in ms, "
+            'write unit = "ms" for its column'
         )
-    if middle < COLDEST:
-        told = float(from_si(middle, unit))
-        likely = "; the numbers look like degC, and then its unit is not K" if unit == "K" and told < WARMEST else ""
-        return (f"the temperature is {middle:.4g} degC in most rows, read in the unit {unit!r}: is that so?{likely}",)
-    return ()
+    if 0 < middle < MIN_DWELL_S and np.median([d.stop - d.start for d in each]) > MIN_ROWS_OF_A_DWELL:
+        return (
+            f"each position is held for {middle:.2g} s by the clock: is that so? if the time is in s, or in min, "
+            "correct the unit of its column"
+        )
+    return ""
 
 
-def check_clock(recording: Recording) -> tuple[str, ...]:
-    """A sentence where positions are held for days, or for milliseconds; nothing at rest tells the unit of a clock."""
-    if not recording.kind.in_positions or recording.position is None:
-        return ()
-    held = [float(np.ptp(recording.time[d.rows])) for d in dwells(recording)]
-    rows = [d.stop - d.start for d in dwells(recording)]
-    if not held:
-        return ()
-    middle = float(np.median(held))
-    if middle > LONGEST:
-        likely = 'if the time is in ms, write unit = "ms" for its column'
-        return (f"each position is held for {middle / 86400:.3g} days by the clock: is that so? {likely}",)
-    if 0 < middle < SHORTEST and np.median(rows) > ENOUGH:
-        likely = "if the time is in s, or in min, correct the unit of its column"
-        return (f"each position is held for {middle:.2g} s by the clock: is that so? {likely}",)
-    return ()
+def rows_marked_as_moving(e: Examined) -> str:
+    """Rows marked 0, as if on the way, in a table that holds each rest in a row."""
+    r = e.recording
+    marked = np.flatnonzero(r.position == 0)
+    means = all(d.stop - d.start == 1 for d in dwells(r))
+    if not len(marked) or not means or len(marked) > MAX_SHARE_MARKED * len(r.time):
+        return ""
+    at = ", ".join(f"{t:.10g}" for t in r.time[marked[:MAX_TIMES_SHOWN]])
+    where = at if len(marked) <= MAX_TIMES_SHOWN else f"{at} and so on"
+    rows = "row is" if len(marked) == 1 else "rows are"
+    return f"{len(marked)} {rows} marked 0, as on the way, where each rest is one row (at {where} s): left out"
 
 
-def check_marked(recording: Recording) -> tuple[str, ...]:
-    """A sentence where a table that holds each rest in a row has rows that are marked 0, as if on the way."""
-    if not recording.kind.in_positions or recording.position is None:
-        return ()
-    gone = np.flatnonzero(recording.position == 0)
-    if not len(gone) or any(d.stop - d.start > 1 for d in dwells(recording)) or len(gone) > FEW * len(recording.time):
-        return ()
-    at = ", ".join(f"{t:.10g}" for t in recording.time[gone[:SHOWN]])
-    is_are = "row is" if len(gone) == 1 else "rows are"
-    where = at if len(gone) <= SHOWN else f"{at} and so on"
-    return (f"{len(gone)} {is_are} marked 0, as on the way, where each rest is one row (at {where} s): left out",)
+CHECKS = (
+    Check(noise_below_any_instrument, EVERY),
+    Check(temperature_too_high, EVERY),
+    Check(temperature_too_low, EVERY, question=True),
+    Check(dwell_times, POSITIONS, ("dwells",), question=True),
+    Check(rows_marked_as_moving, POSITIONS, ("dwells",), question=True),
+)

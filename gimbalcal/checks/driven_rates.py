@@ -1,4 +1,4 @@
-r"""Whether gyroscopes feel what the readouts of a rig say that it turns by, and which other reading of them fits.
+r"""Checks of gyroscopes on a rate table: whether they feel the turn of the rig's axes, and under which correction.
 
 The chain of its axes, from the unit outwards, turns the unit by
 
@@ -6,7 +6,7 @@ The chain of its axes, from the unit outwards, turns the unit by
 
 with e_i and s_i direction and sense of axis i. Readings y follow it as :math:`y = B \omega`, fitted over spans less
 their means, so that noise, biases and the Earth do not matter; B is near 1, for errors that can be calibrated are far
-smaller than `UNLIKE`.
+smaller than `MAX_RESIDUAL`.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from math import pi
 
 import numpy as np
 
-from gimbalcal.checks.axes import AXES, PERMUTATIONS, in_words, remedy
+from gimbalcal.checks.check import ROTATION, Check, Examined
+from gimbalcal.checks.input_errors import AXES, PERMUTATIONS, Correction, other_units, permuted, scaled
 from gimbalcal.effects.history import integral
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Axis, Platform
 from gimbalcal.recording.dwell import usual_step
-from gimbalcal.recording.record import ANGLE, RATE, Recording
+from gimbalcal.recording.record import ANGLE, FORCE, RATE, Recording
 from gimbalcal.rotation import frame_rotation
-from gimbalcal.units import to_si
 
-SPAN = 0.1  # s; readouts of a thousandth of a turn tell the rate, and no axis turns far
-MOST = 2000  # spans that are looked at
-UNLIKE = 0.26  # of what gyroscopes read, left by the rig: 15 deg
-TURNS = np.radians(0.1)  # rad/s; a rate that changes by less tells nothing
-OF_ANGLES, OF_RATES = ("deg", "rad", "rev", "gon", "mdeg", "mrad"), ("deg/s", "rad/s", "deg/h", "rev/min")
+SPAN_S = 0.1  # readouts of a thousandth of a turn show the rate, and no axis turns far
+MAX_SPANS = 2000
+MAX_RESIDUAL = 0.26  # of what gyroscopes read, unexplained by the rig: 15 deg
+MIN_RATE_CHANGE = np.radians(0.1)  # rad/s; a rate that changes by less shows nothing
+ANGLE_UNITS, RATE_UNITS = ("deg", "rad", "rev", "gon", "mdeg", "mrad"), ("deg/s", "rad/s", "deg/h", "rev/min")
 
 
 @dataclass(frozen=True, eq=False)
-class Turning:
+class DrivenTurn:
     """Readings (m, 3) [rad/s], readouts (m, k) [rad] and their rates (m, k) [rad/s] over short spans."""
 
     read: Array
@@ -44,10 +44,14 @@ class Turning:
     rate: Array
     names: tuple[str, ...]  # of the axes that are read
 
-    def off(self, platform: Platform, scale: float | None = 1.0) -> float:
-        """What the readings have beside the rate of the chain, as a share; `scale` None: whatever suits them."""
-        chain, y = self.by(platform), self.read - self.read.mean(0)
-        w = chain - chain.mean(0)
+    def corrected(self, correction: Correction) -> DrivenTurn:
+        """Return the turn with other readings or readouts."""
+        angle, rate = (correction.of(ANGLE, x) for x in (self.angle, self.rate))
+        return replace(self, read=correction.of(RATE, self.read), angle=angle, rate=rate)
+
+    def misfit(self, platform: Platform, scale: float | None = 1.0) -> float:
+        """Return the share of the readings that is linear in the chain's rate and not the rate; scale None: free."""
+        y, w = self._centred(platform)
         felt = w @ np.linalg.lstsq(w, y, rcond=1e-6)[0]
         size, whole = float((w**2).sum()), float((felt**2).sum())
         if size == 0 or whole == 0:
@@ -55,16 +59,15 @@ class Turning:
         s = float((w * felt).sum()) / size if scale is None else scale
         return float(np.sqrt(((felt - s * w) ** 2).sum() / max(whole, s * s * size)))
 
-    def left(self, platform: Platform, scale: float | None = 1.0) -> float:
-        """The rms of all that the readings have beside the rate of the chain, noise too, as a share of theirs."""
-        chain, y = self.by(platform), self.read - self.read.mean(0)
-        w = chain - chain.mean(0)
+    def residual(self, platform: Platform, scale: float | None = 1.0) -> float:
+        """Return the rms of the readings less the rate of the chain, noise included, as a share of theirs."""
+        y, w = self._centred(platform)
         size, whole = float((w**2).sum()), float((y**2).sum())
         s = float((w * y).sum()) / max(size, 1e-300) if scale is None else scale
         return float(np.sqrt(((y - s * w) ** 2).sum() / whole)) if whole > 0 else 1.0
 
     def by(self, platform: Platform) -> Array:
-        """Rate (m, 3) [rad/s] of the unit by the chain; an axis that is not read stands at zero."""
+        """Return the rate (m, 3) [rad/s] of the unit by the chain; an axis that is not read stands at zero."""
         total, R = np.zeros((len(self.angle), 3)), np.eye(3)
         for axis in platform.axes:
             angle, rate = np.zeros(len(total)), np.zeros(len(total))
@@ -75,24 +78,28 @@ class Turning:
             R = R @ frame_rotation(axis.direction, axis.sign * angle + axis.offset)
         return total
 
+    def _centred(self, platform: Platform) -> tuple[Array, Array]:
+        w = self.by(platform)
+        return self.read - self.read.mean(0), w - w.mean(0)
 
-def turning(time: Array, read: Array, angles: Array, names: Sequence[str]) -> Turning:
-    """Spans of readings (n, 3) and readouts (n, k) [rad] that may begin anew at a turn, those that turn most kept."""
+
+def driven_turn(time: Array, read: Array, angles: Array, names: Sequence[str]) -> DrivenTurn:
+    """Return spans of readings (n, 3) and readouts (n, k) [rad] that may begin anew at a turn."""
     step = float(np.median(np.diff(time)))
-    n = max(1, round(SPAN / step))
+    n = max(1, round(SPAN_S / step))
     whole = np.unwrap(angles, axis=0)
-    starts = np.arange(0, len(time) - n, max(n, (len(time) - n) // MOST))
+    starts = np.arange(0, len(time) - n, max(n, (len(time) - n) // MAX_SPANS))
     sums = integral(read, time)
     span = (time[starts + n] - time[starts])[:, None]
     middle = (whole[starts] + whole[starts + n]) / 2
-    return Turning((sums[starts + n] - sums[starts]) / span, middle, (whole[starts + n] - whole[starts]) / span,
-                   tuple(names))  # fmt: skip
+    return DrivenTurn((sums[starts + n] - sums[starts]) / span, middle, (whole[starts + n] - whole[starts]) / span,
+                      tuple(names))  # fmt: skip
 
 
 def chains(names: Sequence[str]) -> Iterator[Platform]:
-    """Chains of up to three axes, each about another direction than the next, upright ones first.
+    """Yield chains of up to three axes, each about another direction than the next, upright ones first.
 
-    What the outermost stands on turns nothing, so that its offset is left at zero.
+    What the outermost stands on turns nothing, so that its offset is zero.
     """
     offsets = (0.0, pi / 2, pi, -pi / 2)
     for order, directions in product(permutations(names), product("zxy", repeat=len(names))):
@@ -103,89 +110,74 @@ def chains(names: Sequence[str]) -> Iterator[Platform]:
                 yield Platform("own", tuple(map(Axis, order, directions, signs, (*zeros, 0.0))))
 
 
-def refuse_unlike_table(r: Recording) -> None:
-    """InputError where the gyroscopes of `r` do not feel what the rig is said to turn by, and what else would fit.
+def rates_of_the_table(e: Examined) -> str:
+    """Refuse gyroscopes that do not feel the rig turn as stated; name the first correction under which they do.
 
-    Tried are, one at a time: another unit of the readouts, their senses, other axes of the gyroscopes, their unit. Of
-    readings in counts only the axes are looked at.
+    Readings in counts show their axes only.
     """
-    T, scale = _of(r), None if r.counted(RATE) else 1.0
-    if not _tells(T) or T.off(r.platform, scale) < UNLIKE:
-        return
-    for words in _slips(r, T, scale):
-        raise InputError(f"{r.label}: {words}")
-    step = usual_step(r)
-    fast = "" if scale is None else _too_fast(T, step)
-    raise InputError(
-        f"{r.label}: what the gyroscopes read is not what the angles of the rig say, whichever unit, sense or axis is "
-        f"changed{fast}; mount the unit with one of its axes along the table's, within 15 deg, and look at the "
+    r, turn, scale = e.recording, e.once(_driven), None if e.recording.counted(RATE) else 1.0
+    if not _shows(turn) or turn.misfit(r.platform, scale) < MAX_RESIDUAL:
+        return ""
+    for c in _corrections(r, physical=scale is not None):
+        corrected = _driven(c.corrected(r)) if ANGLE in c.matrices else turn.corrected(c)
+        if corrected.misfit(c.platform or r.platform, scale) < MAX_RESIDUAL:
+            return f"the gyroscopes feel the rig turn {c.words}: {c.remedy}"
+    fastest = float(np.linalg.norm(turn.read, axis=1).max())
+    aliased = scale is not None and fastest * usual_step(r) > pi
+    half = "; the table turns by more than half a turn from row to row, so log it faster" if aliased else ""
+    return (
+        "what the gyroscopes read is not what the angles of the rig say, whichever unit, sense or axis is "
+        f"changed{half}; mount the unit with one of its axes along the table's, within 15 deg, and look at the "
         "columns of the rig and their clock"
     )
 
 
-def like_table(r: Recording) -> bool:
-    """Whether the gyroscopes of `r` feel what the rig turns by, so that their axes, signs and unit are vouched for."""
-    T = _of(r)
-    return _tells(T) and not r.counted(RATE) and T.off(r.platform) < UNLIKE
+def refuse_unlike_table(recording: Recording) -> None:
+    """Raise `InputError` where the gyroscopes do not feel the rig turn as stated, whatever the kind of recording."""
+    if sentence := rates_of_the_table(Examined(recording)):
+        raise InputError(f"{recording.label}: {sentence}")
 
 
-def _tells(T: Turning) -> bool:
-    return float(np.std(T.rate, axis=0).max(initial=0.0)) >= TURNS
+def agrees_with_the_table(recording: Recording) -> bool:
+    """Return whether the gyroscopes feel the rig turn as stated: their axes, signs and unit are confirmed."""
+    turn = _driven(recording)
+    return _shows(turn) and not recording.counted(RATE) and turn.misfit(recording.platform) < MAX_RESIDUAL
 
 
-def _of(r: Recording, factor: float = 1.0) -> Turning:
-    return turning(r.time, r.triad(RATE), factor * r.angles(), r.platform.axis_names)
+def _driven(r: Recording) -> DrivenTurn:
+    return driven_turn(r.time, r.triad(RATE), r.angles(), r.platform.axis_names)
 
 
-def _too_fast(T: Turning, step: float) -> str:
-    fastest = float(np.linalg.norm(T.read, axis=1).max())
-    half = "; the table turns by more than half a turn from row to row, so log it faster"
-    return half if fastest * step > pi else ""
+def _shows(turn: DrivenTurn) -> bool:
+    return float(np.std(turn.rate, axis=0).max(initial=0.0)) >= MIN_RATE_CHANGE
 
 
-def _slips(r: Recording, T: Turning, scale: float | None) -> Iterator[str]:
-    """What else the gyroscopes do feel, and what to write: simpler slips first."""
-    logged, physical = list(r.axes(ANGLE)), scale is not None
-    was = {r.units.get((ANGLE, a), "rad") for a in logged}
-    for unit, factor in _others(was, OF_ANGLES) if physical else ():
-        if _of(r, factor).off(r.platform) < UNLIKE:
-            yield (
-                f"the gyroscopes feel the rig turn as its angles say in {unit}, not {was.pop()}: write unit = "
-                f'"{unit}" for the column of {" and ".join(logged)}'
-            )
-    axes = r.platform.axes
-    for few in sorted(product((0, 1), repeat=len(axes)), key=sum) if physical else ():
-        turned = [a.name for a, f in zip(axes, few, strict=True) if f]
-        other_way = tuple(replace(a, sign=-a.sign) if f else a for a, f in zip(axes, few, strict=True))
-        # the readout counts backwards, whatever its zero
-        if turned and set(turned) <= set(logged) and T.off(Platform("own", other_way)) < UNLIKE:
-            yield (
-                f"the gyroscopes feel the rig turn the other way than its angles say: write sign = -1 at the column of "
-                f"{' and '.join(turned)} in [columns], or take it out where it is there"
-            )
-    if len(axes) == 1:
-        a = axes[0]
-        for direction, sign in product("xyz", (1, -1)):
-            if T.off(Platform("own", (replace(a, direction=direction, sign=sign),)), scale) < UNLIKE:
-                turn = "" if sign == a.sign or not physical else ", sign = -1"
-                yield (
-                    f"the gyroscopes feel the rig turn about {direction} of the unit, not about {a.direction} as "
-                    f'[platform] says: write direction = "{direction}"{turn} for its axis {a.name}, or exchange the '
-                    "gyroscopes in [columns]"
-                )
-    for change in PERMUTATIONS[1:]:
-        if replace(T, read=T.read @ change.matrix.T).off(r.platform, scale) < UNLIKE:
-            yield f"the gyroscopes feel the rig turn if {in_words(change, 'gyroscope')}: {remedy(change, 'gyroscope')}"
-    read = {r.units.get((RATE, a), "rad/s") for a in AXES}
-    for unit, factor in _others(read, OF_RATES) if physical else ():
-        if replace(T, read=factor * T.read).off(r.platform) < UNLIKE:
-            was_said = f'{unit}, not {read.pop()}: write unit = "{unit}" for them'
-            yield f"the gyroscopes feel the rig turn if they read {was_said}"
+def _corrections(r: Recording, physical: bool) -> Iterator[Correction]:
+    """Yield other statements of a rig and of gyroscopes on it, the simplest first; of counts only the axes."""
+    logged, names = r.axes(ANGLE), r.platform.axis_names
+    for stated, unit, factor in other_units((r.units.get((ANGLE, a), "rad") for a in logged), ANGLE_UNITS):
+        if physical:
+            remedy = f'write unit = "{unit}" for the column of {" and ".join(logged)}'
+            yield scaled(ANGLE, logged, factor, f"as its angles say in {unit}, not {stated}", remedy, names)
+    for few in sorted(product((0, 1), repeat=len(names)), key=sum) if physical else ():
+        turned = [a for a, wrong in zip(names, few, strict=True) if wrong]
+        if turned and set(turned) <= set(logged):  # the readout counts backwards, whatever its zero
+            column = f"at the column of {' and '.join(turned)} in [columns]"
+            remedy = f"write sign = -1 {column}, or take it out where it is there"
+            yield scaled(ANGLE, turned, -1.0, "the other way than its angles say", remedy, names)
+    for direction, sign in product("xyz", (1, -1)) if len(names) == 1 else ():
+        (axis,) = r.platform.axes
+        turn = "" if sign == axis.sign or not physical else ", sign = -1"
+        yield Correction(
+            f"about {direction} of the unit, not about {axis.direction} as [platform] says",
+            f'write direction = "{direction}"{turn} for its axis {axis.name}, or exchange the gyroscopes in [columns]',
+            platform=Platform("own", (replace(axis, direction=direction, sign=sign),)),
+        )
+    for p in PERMUTATIONS[1:]:
+        yield replace(permuted(RATE, p), words=f"if {p.in_words(RATE)}")
+    for stated, unit, factor in other_units((r.units.get((RATE, a), "rad/s") for a in AXES), RATE_UNITS):
+        if physical:
+            yield scaled(RATE, AXES, factor, f"if they read {unit}, not {stated}", f'write unit = "{unit}" for them')
 
 
-def _others(was: set[str], units: Sequence[str]) -> Iterator[tuple[str, float]]:
-    """Other units than the one that all columns are said to have, and what numbers are to be multiplied by."""
-    said = next(iter(was))
-    for unit in units if len(was) == 1 else ():
-        if unit != said:
-            yield unit, float(to_si(1.0, unit) / to_si(1.0, said))
+CHECKS = (Check(rates_of_the_table, ROTATION, (RATE, "attitude", f"no any {FORCE}")),)

@@ -1,30 +1,112 @@
-"""Accelerometers in another unit, all or some of them: at rest the norm of the force is gravity."""
+r"""Checks of accelerometers at rest: their unit by the norm of gravity, their axes and signs by gimbal angles.
+
+A calibration would absorb many input errors: a triad with x and y interchanged fits a misalignment of 90 deg. So the
+force at each rest is compared with what the gimbal readouts predict for a perfect platform on a level base,
+
+.. math:: f^p = -g \, C_b^p(\text{angles}) \, (0, 0, 1) ,
+
+and with what it would be under each correction. Errors that can be calibrated are a hundred times smaller than
+`MAX_DEVIATION_RAD`, and single mis-set positions are left to the estimators: a recording is refused only where a
+correction explains nearly every rest and the statement does not.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import combinations
+
 import numpy as np
 
-from gimbalcal.checks.axes import AXES
-from gimbalcal.errors import InputError
-from gimbalcal.number import Array
-from gimbalcal.recording.record import Recording
+from gimbalcal.checks.check import POSITIONS, STATIC, Check, Examined
+from gimbalcal.checks.input_errors import (
+    AXES,
+    MAX_DEVIATION_RAD,
+    MIN_AGREEMENT,
+    MIN_GAIN,
+    PERMUTATIONS,
+    Correction,
+    best,
+    exchanged,
+    permuted,
+    scaled,
+)
+from gimbalcal.number import Array, apply_matrix
+from gimbalcal.recording.dwell import dwells
+from gimbalcal.recording.record import ANGLE, FORCE, Recording
 from gimbalcal.units import to_si
 
 FORCE_UNITS = {unit: to_si(1.0, unit) for unit in ("m/s^2", "g", "mg", "ug", "ft/s^2", "Gal")}
-FAR_OFF, NORM_SHARE = 0.3, 0.25  # of gravity, rms: no low-cost unit is; and what another unit has to leave of it
-GONE = 0.1  # of gravity: accelerometers that read less, all of them, had gravity taken off
-ALIKE = 0.8, 1.25  # ratios that are one, give or take what a unit can be off
+MAX_NORM_ERROR = 0.3  # of gravity, rms: above that of any low-cost unit
+NORM_ERROR_EXPLAINED = 0.25  # of it: what another unit may leave
+NO_GRAVITY = 0.1  # of gravity: accelerometers that read less, all of them, had gravity subtracted
+ALIKE = 0.8, 1.25  # ratios that are one within the errors of a unit
+MAX_MOTION = 0.2  # of gravity, half of the rows: a table that shakes so much is not at rest
+FEWEST_RESTS = 3
+STILL_RAD = 1e-3
 
 
-def check_magnitude(rests: Recording, force: Array, step: float = 0.0) -> None:
-    """At rest the norm of the force (n, 3) is gravity, give or take the errors of the sensors.
+def motion_within_a_position(e: Examined) -> str:
+    """Refuse a position within which the force moves by more than vibration: means of eighths are compared."""
+    r = e.recording
+    force = r.triad(FORCE)
+    for dwell in dwells(r):
+        rows = force[dwell.rows]
+        size = len(rows) // 8
+        rows = rows[: 8 * size].reshape(8, size, -1).mean(axis=1) if size else rows
+        moved = float(np.median(np.linalg.norm(rows - rows.mean(axis=0), axis=1)))
+        if moved > MAX_MOTION * r.site.gravity:
+            t = r.time[[dwell.start, dwell.stop - 1]]
+            return (
+                f"within position {dwell.position}, from {t[0]:.10g} to {t[1]:.10g} s, the force "
+                f"moves by {moved:.3g} m/s^2, so this is no rest; give each rest its own position "
+                "number, and 0 to the rows between, or leave the position column out to have the rests found"
+            )
+    return ""
 
-    step [s]: that of a recording in which every sample was logged, and may have been an increment.
-    """
-    ratio = float(np.median(np.linalg.norm(force, axis=1))) / rests.site.gravity
+
+def unit_of_some(e: Examined) -> str:
+    """Refuse one or two accelerometers in another unit: with it the norm is gravity at every rest."""
+    rests, force, g = e.rests, e.force, e.rests.site.gravity
+
+    def off(f: Array) -> float:
+        return float(np.sqrt(np.mean((np.linalg.norm(f, axis=1) / g - 1) ** 2)))
+
+    stated = off(force)
+    if stated < MAX_NORM_ERROR or len(force) < FEWEST_RESTS:
+        return ""
+    few = [(a,) for a in AXES] + [*combinations(AXES, 2)]
+    corrections = [
+        scaled(FORCE, axes, size / FORCE_UNITS.get(_unit(rests, axes[0]), 1.0), " and ".join(axes), unit)
+        for axes in few
+        for unit, size in FORCE_UNITS.items()
+    ]
+    left, correction = best(corrections, lambda c: -off(c.of(FORCE, force)))
+    if -left >= NORM_ERROR_EXPLAINED * min(stated, MAX_NORM_ERROR):
+        return ""
+    unit = correction.remedy
+    return (
+        f"at rest the norm of the force differs from gravity by {100 * stated:.3g} % rms, and by "
+        f"{-100 * left:.2g} % if accelerometer {correction.words} alone were in {unit}; write unit = "
+        f'"{unit}" for it in [columns]'
+    )
+
+
+def unit_of_all(e: Examined) -> str:
+    """Refuse a force whose norm at rest is not gravity within the errors of sensors."""
+    return _magnitude(e.rests, e.force, 0.0)
+
+
+def unit_of_every_row(e: Examined) -> str:
+    """Refuse the force of a unit turned in its place whose norm is not gravity, in most rows."""
+    return _magnitude(e.recording, e.some_force, e.step)
+
+
+def _magnitude(recording: Recording, force: Array, step: float) -> str:
+    """Compare the norm of forces (n, 3) with gravity; step [s] is that of rows that may be increments over it."""
+    ratio = float(np.median(np.linalg.norm(force, axis=1))) / recording.site.gravity
     if 0.5 <= ratio <= 1.5:
-        return
-    unit = rests.units.get(("specific_force", "x"), "m/s^2")
+        return ""
+    unit = _unit(recording)
     factor = FORCE_UNITS.get(unit, 1.0)
     likely = [name for name, size in FORCE_UNITS.items() if ALIKE[0] < ratio * size / factor < ALIKE[1]]
     remedy = f'the numbers look like {likely[0]}: write unit = "{likely[0]}"' if likely else "correct the unit"
@@ -34,33 +116,129 @@ def check_magnitude(rests: Recording, force: Array, step: float = 0.0) -> None:
             f"the numbers look like what each step of {step:.3g} s adds to the velocity: write quantity = "
             '"velocity_increment", unit = "m/s"'
         )
-    elif not likely and ratio < GONE:
+    elif not likely and ratio < NO_GRAVITY:
         remedy = (
             "gravity was taken off (a telephone's linear acceleration: log the accelerometers themselves), or these "
             'are increments: write quantity = "velocity_increment", unit = "m/s"'
         )
-    raise InputError(
-        f"{rests.label}: at rest the specific force is {ratio * rests.site.gravity:.4g} m/s^2 where gravity is "
-        f"{rests.site.gravity:.4g} m/s^2, read in the unit {unit!r}; {remedy}"
+    return (
+        f"at rest the specific force is {ratio * recording.site.gravity:.4g} m/s^2 where gravity is "
+        f"{recording.site.gravity:.4g} m/s^2, read in the unit {unit!r}; {remedy}"
     )
 
 
-def check_each_norm(rests: Recording, force: Array) -> None:
-    """One accelerometer alone, or two, in another unit: with it the norm is gravity at every rest."""
-    g, best = rests.site.gravity, (FAR_OFF, "", "")
-    stated = float(np.sqrt(np.mean((np.linalg.norm(force, axis=1) / g - 1) ** 2)))
-    if stated < FAR_OFF or len(force) < 3:
-        return
-    for few in (f for f in np.ndindex(2, 2, 2) if 0 < sum(f) < 3):
-        for unit, size in FORCE_UNITS.items():
-            axes = [a for a, wrong in zip(AXES, few, strict=True) if wrong]
-            told = rests.units.get(("specific_force", axes[0]), "m/s^2")
-            factor = np.where(few, size / FORCE_UNITS.get(told, 1.0), 1.0)
-            off = float(np.sqrt(np.mean((np.linalg.norm(factor * force, axis=1) / g - 1) ** 2)))
-            best = min(best, (off / NORM_SHARE, " and ".join(axes), unit))
-    if best[1] and best[0] < stated:
-        raise InputError(
-            f"{rests.label}: at rest the norm of the force differs from gravity by {100 * stated:.3g} % rms, and by "
-            f"{100 * NORM_SHARE * best[0]:.2g} % if accelerometer {best[1]} alone were in {best[2]}; write unit = "
-            f'"{best[2]}" for it in [columns]'
+def gimbals_turn_less_than_the_force(e: Examined) -> str:
+    """Refuse gimbals that turn by less than the force together: their angles are in radians, or not theirs."""
+    rests, force = e.rests, e.force
+    logged = rests.axes(ANGLE)
+    turned = sum(float(np.ptp(rests.channels[ANGLE, a])) for a in logged)
+    direction = force / np.linalg.norm(force, axis=1, keepdims=True)
+    needed = float(np.max(np.arccos(np.clip(direction @ direction.T, -1, 1))))
+    if turned >= 0.5 * needed or needed <= 2 * MAX_DEVIATION_RAD:
+        return ""
+    in_radians = turned >= STILL_RAD and "deg" in {rests.units.get((ANGLE, a), "rad") for a in logged}
+    advice = (
+        'so the angles look like radians; write unit = "rad" for the gimbal angles'
+        if in_radians
+        else "so the readouts are not those of the gimbals that moved; log them, or leave the columns out and name the "
+        "platform 'bench'"
+    )
+    return (
+        f"all gimbal angles together turn by {np.degrees(turned):.3g} deg while the measured "
+        f"force turns by {np.degrees(needed):.3g} deg, {advice}"
+    )
+
+
+def unit_of_one_by_angles(e: Examined) -> str:
+    """Refuse one accelerometer that follows the predicted force in another unit."""
+    ideal = _predicted(e.rests, e.rests.angles()) * e.rests.site.gravity
+    for i, axis in enumerate(AXES):
+        size = float(ideal[:, i] @ ideal[:, i])
+        slope = float(e.force[:, i] @ ideal[:, i]) / size if size > len(ideal) else 1.0
+        off = np.linalg.norm(e.force[:, i] - slope * ideal[:, i]) / np.linalg.norm(e.force[:, i])
+        if off < 0.1 and not 0.5 < abs(slope) < 2:
+            return (
+                f"the accelerometer {axis} alone reads {abs(slope):.4g} times what the gimbal angles "
+                f"predict, so its unit is not {_unit(e.rests, axis)!r}; correct it in [columns]"
+            )
+    return ""
+
+
+def axes_by_angles(e: Examined) -> str:
+    """Refuse a triad or gimbals for which a correction explains nearly every rest, and the statement does not."""
+    rests, n = e.rests, len(e.force)
+
+    def agreeing(correction: Correction) -> int:
+        ideal = _predicted(rests, correction.of(ANGLE, rests.angles()))
+        force = correction.of(FORCE, e.force)
+        cosine = np.sum(force * ideal, axis=1) / np.linalg.norm(force, axis=1)
+        return int(np.count_nonzero(cosine > np.cos(MAX_DEVIATION_RAD)))
+
+    stated = agreeing(Correction(""))
+    if n < FEWEST_RESTS or stated >= MIN_AGREEMENT * n:
+        return ""
+    rows = "positions" if rests.kind.in_positions else "rows"
+    most, correction = best(_corrections(rests), agreeing)
+    if most >= max(MIN_AGREEMENT * n, stated + MIN_GAIN):
+        remedy = f": {correction.remedy}" if correction.remedy else ""
+        return (
+            f"only {stated} of {n} {rows} have the force that the gimbal angles predict, and {most:.0f} "
+            f"if {correction.words}; correct [columns]{remedy}"
         )
+    if stated >= 0.5 * n:
+        return ""
+    return (
+        f"only {stated} of {n} {rows} have the force within {np.degrees(MAX_DEVIATION_RAD):.0f} deg "
+        f"of what the gimbal angles predict, whichever axes or signs are changed{_silent_gimbals(rests)}; check "
+        "the platform, its zero angles and the gimbal columns, or leave these out and name the platform 'bench'"
+    )
+
+
+def _corrections(rests: Recording) -> Iterator[Correction]:
+    """Yield other statements of the accelerometers and of the gimbals that were logged, the simplest first."""
+    names = rests.platform.axis_names
+    logged = [i for i, name in enumerate(names) if (ANGLE, name) in rests.channels]
+    yield from (permuted(FORCE, p) for p in PERMUTATIONS)
+    for i in logged:
+        yield scaled(ANGLE, (names[i],), -1.0, f"the {names[i]} angle has the opposite sign", "sign = -1", names)
+    for i in logged:
+        yield scaled(ANGLE, (names[i],), 180 / np.pi, f"the {names[i]} angle is in radians", "", names)
+    for i, j in combinations(logged, 2):
+        yield exchanged(ANGLE, names, i, j, f"the {names[i]} and {names[j]} angles are interchanged")
+
+
+def _silent_gimbals(rests: Recording) -> str:
+    """Return in words which readouts are missing or never move: most likely the fault is theirs."""
+    logged = {a: rests.channels[ANGLE, a] for a in rests.axes(ANGLE)}
+    absent = [a for i, a in enumerate(rests.platform.axis_names) if a not in logged and _turns_the_force(rests, i)]
+    still = [a for a, angle in logged.items() if np.ptp(angle) < STILL_RAD]
+    asides = [f"the {' and '.join(absent)} angle is in no column and taken as zero"] if absent else []
+    asides += [f"the readout of {' and of '.join(still)} never moves"] if still else []
+    return f" ({', and '.join(asides)})" if asides else ""
+
+
+def _turns_the_force(rests: Recording, i: int) -> bool:
+    """Return whether a turn of gimbal `i` would be felt: one about the vertical is not."""
+    angles = rests.angles()
+    return bool(np.abs(_predicted(rests, angles + np.eye(angles.shape[1])[i]) - _predicted(rests, angles)).max() > 0.1)
+
+
+def _predicted(rests: Recording, angles: Array) -> Array:
+    """Return the direction (n, 3) of the force at gimbal angles (n, k)."""
+    return -apply_matrix(rests.platform.attitude(angles), np.array([0.0, 0.0, 1.0]))
+
+
+def _unit(recording: Recording, axis: str = "x") -> str:
+    return recording.units.get((FORCE, axis), "m/s^2")
+
+
+PHYSICAL = f"physical {FORCE}"
+AT_REST = (*POSITIONS, *STATIC)
+CHECKS = (
+    Check(motion_within_a_position, POSITIONS, (PHYSICAL, "position")),
+    Check(unit_of_some, AT_REST, (PHYSICAL, "no attitude")),
+    Check(unit_of_all, AT_REST, (PHYSICAL,)),
+    Check(gimbals_turn_less_than_the_force, POSITIONS, (PHYSICAL, "attitude")),
+    Check(unit_of_one_by_angles, AT_REST, (PHYSICAL, "attitude")),
+    Check(axes_by_angles, AT_REST, (PHYSICAL, "attitude")),
+)

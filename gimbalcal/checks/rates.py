@@ -1,207 +1,381 @@
-r"""Gyroscopes reversed, exchanged or in another unit, found before anything is estimated.
+r"""Checks of gyroscopes by turns between rests and by the Earth's rate: their axes, signs, unit and clock.
 
-A calibration would absorb these too, as scale errors of -170000 ppm. So what the gyroscopes say of each turn between
-rests is held against what gravity's direction (else the gimbals) did, and against what it would be for another
-reading of their columns, rates M w for rates w, M one of `triads.PERMUTATIONS` times a ratio of units:
+A calibration would absorb these input errors too, as scale errors of -170000 ppm. So the turn that the gyroscopes
+measured between rests is compared with what gravity's direction (else the gimbals) did, and with what it would be under
+each correction of their columns, rates M w for rates w, M a signed permutation times a ratio of units:
 
 .. math:: f_2 / |f_2| = C(M w) \, f_1 / |f_1|, \qquad C(M w) = M \, C(\det(M) \, w) \, M^T .
 
-At rest, where the latitude is known and the gyroscopes see the Earth, its rate along the vertical says it again, with
+At rest, where the latitude is known and the gyroscopes see the Earth, its rate along the vertical shows it again, with
 b a bias: :math:`f_k / |f_k| \cdot (M w_k - b) = \Omega \sin L`. Scale errors, biases and misalignments that can be
-calibrated are far smaller than what is asked here.
+calibrated are far smaller than the thresholds here.
 
-Gravity alone cannot tell a change of the gyroscopes that keeps them right-handed from the inverse change of the
-accelerometers, so both are named unless gimbals have vouched for the accelerometers.
+Gravity alone cannot distinguish a permutation of the gyroscopes that keeps them right-handed from the inverse one of
+the accelerometers, so both are named unless gimbals confirm the accelerometers.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations, pairwise
+
 import numpy as np
 
-from gimbalcal.checks.axes import AXES, NEARLY_ALL, PERMUTATIONS, AxisPermutation, in_words, remedy
-from gimbalcal.checks.gravity_turns import Turns, agree, down, rotations, turns_of
+from gimbalcal.checks.check import POSITIONS, ROTATION, STATIC, Check, Examined, examine
+from gimbalcal.checks.driven_rates import agrees_with_the_table
+from gimbalcal.checks.input_errors import (
+    AS_STATED,
+    AXES,
+    CLOCK_UNITS,
+    MAX_DEVIATION_RAD,
+    MIN_AGREEMENT,
+    MIN_GAIN,
+    PERMUTATIONS,
+    AxisPermutation,
+    Correction,
+    best,
+    other_units,
+    scaled,
+)
 from gimbalcal.earth import EARTH_RATE
-from gimbalcal.errors import InputError
-from gimbalcal.number import Array, apply_matrix
-from gimbalcal.recording.completed import with_rests
-from gimbalcal.recording.dwell import dwells
-from gimbalcal.recording.record import RATE, Recording
-from gimbalcal.units import to_si
+from gimbalcal.number import Array
+from gimbalcal.recording.dwell import PAUSED, dwells, usual_step
+from gimbalcal.recording.record import ANGLE, FORCE, RATE, Recording
+from gimbalcal.rotation import exponential
 
-FEWEST_RESTS = 8  # three of them go into the bias
-UNITS = ("rad/s", "deg/s", "deg/h", "mdeg/s", "rad/h")
-# seconds that a second of the stated unit really is
-CLOCKS = {1e-3: "ms", 1e3: "s instead of ms", 1e-6: "us", 60.0: "min", 3600.0: "h"}
-COUNTS = np.geomspace(0.2, 20, 40)  # rad that a median turn may have, where nothing says how much a count is
-FACTORS = 1e-2, 1e2, 93  # of all rates, in steps of 10 %
-INSTRUMENT = 3.0  # rates off by less are no slip of a unit: a range that was left, rows that were lost
+MIN_MOTION_RAD = 0.5  # a turn that moves the reference less deviates by less than `MAX_DEVIATION_RAD` under any sign
+MIN_TURNS, MAX_TURNS = 3, 40  # those that move the reference most: enough to distinguish 48 permutations
+MAX_STEPS = 4000  # of a turn; longer ones are averaged
+MIN_RESTS = 8  # three of them go into the bias
+RATE_UNITS = ("rad/s", "deg/s", "deg/h", "mdeg/s", "rad/h")
+MEDIAN_TURNS_RAD = np.geomspace(0.2, 20, 40)  # tried for the median turn, where the scale of a count is unknown
+FACTORS = np.geomspace(1e-2, 1e2, 93)  # of all rates, in steps of 10 %
+MAX_SCALE_ERROR = 3.0  # rates off by less are no wrong unit: a range that was exceeded, rows that were lost
 REVERSED = AxisPermutation(signs=(-1, -1, -1))
-FAINT = 0.3  # of what no reading at all would leave: gyroscopes see the Earth where less remains
-UNCHECKED = (
+MAX_RESIDUAL = 0.3  # of what the Earth's rate leaves without gyroscopes: they see the Earth where less remains
+MIN_SPREAD = 0.5  # of the widest axis: counts of a triad that went as far both ways along every axis
+NOT_CHECKED = (
     "axes, signs and unit of the gyroscopes were not checked: it takes three logged turns between rests that move "
     "gravity, or the Earth's rate at eight rests at a known latitude"
+)
+STATIC_NOT_CHECKED = "the gyroscopes of a static run are not looked at"
+
+
+# --- turns between rests ----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Turns:
+    """Readings (n, 3) of each turn less their level at rest, steps (n,) [s], and the reference before and after.
+
+    The reference is a direction (3,) or, from gimbals, an attitude (3, 3) whose columns turn alike.
+    """
+
+    reading: list[Array]
+    step: list[Array]
+    before: Array  # (m, 3, k)
+    after: Array  # (m, 3, k)
+
+    @property
+    def reference(self) -> str:
+        """What the reference is."""
+        return "gravity" if self.before.shape[-1] == 1 else "the gimbals"
+
+    @cached_property
+    def _of_factor(self) -> dict[float, Array]:
+        return {}
+
+    def agreeing(self, correction: Correction) -> int:
+        """Return the number of turns that end where the reference does, by corrected rates."""
+        M = correction.clock * (correction.matrices[RATE][1] if RATE in correction.matrices else np.eye(3))
+        sizes = np.abs(M).max(axis=1)
+        if np.ptp(sizes) > 0:  # some axes in another unit: M is diagonal
+            return agree(self, rotations(self, np.diag(M)))
+        P = M / sizes[0]
+        factor = float(sizes[0] * np.round(np.linalg.det(P)))
+        if factor not in self._of_factor:
+            self._of_factor[factor] = rotations(self, factor * np.ones(3))
+        return agree(self, P @ self._of_factor[factor] @ P.T)
+
+
+def turns_of(recording: Recording) -> Turns | None:
+    """Return the turns that move the reference most, gravity's direction or else the gimbals; None for too few."""
+    visits = dwells(recording)
+    y = recording.triad(RATE)
+    usual = usual_step(recording) if len(recording.time) > 1 else 0.0
+    logged = [
+        k for k, (a, b) in enumerate(pairwise(visits))
+        if b.start > a.stop and np.diff(recording.time[a.stop - 1 : b.start + 1]).max() <= PAUSED * usual
+    ]  # fmt: skip
+    for reference in (down, _attitude):
+        at_rest = reference(recording)
+        if at_rest is None:
+            continue
+        moved = np.linalg.norm(at_rest[1:] - at_rest[:-1], axis=(1, 2))
+        order = sorted((k for k in logged if moved[k] > MIN_MOTION_RAD), key=lambda k: -moved[k])[:MAX_TURNS]
+        if len(order) < MIN_TURNS:
+            continue
+        level = np.array([y[d.rows].mean(0) for d in visits])
+        spans = [slice(visits[k].stop - 1, visits[k + 1].start + 1) for k in order]
+        averaged = [_means(recording.time[s], y[s] - (level[k] + level[k + 1]) / 2)
+                    for k, s in zip(order, spans, strict=True)]  # fmt: skip
+        after = [k + 1 for k in order]
+        return Turns([r for r, _ in averaged], [t for _, t in averaged], at_rest[order], at_rest[after])
+    return None
+
+
+def down(recording: Recording) -> Array | None:
+    """Return the direction of the force at each rest (m, 3, 1); counts are centred, where every axis went both ways."""
+    if set(recording.axes(FORCE)) != set(AXES):
+        return None
+    y = recording.triad(FORCE)
+    f = np.array([y[d.rows].mean(0) for d in dwells(recording)]).reshape(-1, 3)
+    if recording.counted(FORCE):
+        half = (f.max(0) - f.min(0)) / 2 if len(f) > 1 else np.zeros(3)
+        if half.max() == 0 or half.min() < MIN_SPREAD * half.max():
+            return None
+        f = (f - (f.max(0) + f.min(0)) / 2) / half
+    length = np.linalg.norm(f, axis=1, keepdims=True)
+    return None if not len(f) or np.any(length == 0) else (f / length)[..., None]
+
+
+def _attitude(recording: Recording) -> Array | None:
+    """Return C_bp (m, 3, 3) at each rest by the gimbals."""
+    if not _gimbals_read(recording):
+        return None
+    angles = recording.angles()
+    return np.asarray(recording.platform.attitude(np.array([angles[d.start] for d in dwells(recording)])))
+
+
+def _gimbals_read(recording: Recording) -> bool:
+    return bool(recording.platform.axes) and recording.has(ANGLE)
+
+
+def _means(time: Array, y: Array) -> tuple[Array, Array]:
+    """Return mean rate (n, 3) and step (n,) from row to row, or over several rows of a very long turn."""
+    dt, mean = np.diff(time), (y[1:] + y[:-1]) / 2
+    size = -(-len(dt) // MAX_STEPS)
+    if size > 1:
+        starts = np.arange(0, len(dt), size)
+        total = np.add.reduceat(dt, starts)
+        mean, dt = np.add.reduceat(mean * dt[:, None], starts) / total[:, None], total
+    return mean, dt
+
+
+def rotations(turns: Turns, factor: Array) -> Array:
+    """Return C (m, 3, 3) of every turn for readings times `factor` (3,)."""
+    out = np.empty((len(turns.reading), 3, 3))
+    for i, (w, dt) in enumerate(zip(turns.reading, turns.step, strict=True)):
+        C = exponential(factor * w * dt[:, None])
+        while len(C) > 1:  # in pairs: later ones stand on the left
+            tail = C[-1:] if len(C) % 2 else C[:0]
+            C = np.concatenate([C[1::2] @ C[: len(C) - len(C) % 2 : 2], tail])
+        out[i] = C[0]
+    return out
+
+
+def agree(turns: Turns, C: Array) -> int:
+    """Return the number of turns that end where the reference does."""
+    off = np.linalg.norm(C @ turns.before - turns.after, axis=(1, 2)) / np.sqrt(turns.before.shape[-1])
+    return int(np.count_nonzero(off < 2 * np.sin(MAX_DEVIATION_RAD / 2)))
+
+
+def turns_explained(recording: Recording) -> tuple[int, int] | None:
+    """Return the number of turns that the gyroscopes explain as stated, and of all; None where nothing shows it."""
+    if not recording.kind.in_positions or set(recording.axes(RATE)) != set(AXES):
+        return None
+    turns = turns_of(recording)
+    return None if turns is None else (max(map(turns.agreeing, _scales(recording, turns))), len(turns.reading))
+
+
+# --- the trials -------------------------------------------------------------------------------------------------------
+
+
+def turns_between_rests(e: Examined) -> str:
+    """Refuse gyroscopes for which a correction explains nearly every turn, and the statement does not."""
+    turns = e.once(turns_of)
+    if turns is None:
+        return ""
+    n, scales = len(turns.reading), _scales(e.recording, turns)
+    stated = max(map(turns.agreeing, scales))
+    if stated >= MIN_AGREEMENT * n:
+        return ""
+    units = [] if e.recording.counted(RATE) else _units(e.recording)
+    ambiguous = not _gimbals_read(e.recording) and turns.reference == "gravity"
+    stages: tuple[Callable[[], Iterator[Correction]], ...] = (
+        lambda: (c for c in (*units, *_permuted(scales, ambiguous))),
+        lambda: _permuted(units, ambiguous),
+        lambda: (_in_some(c, few) for c in units for k in (1, 2) for few in combinations(AXES, k)),
+    )
+    for k, stage in enumerate(stages):  # one error before two
+        most, correction = best(stage(), turns.agreeing)
+        if most >= MIN_AGREEMENT * n:
+            return "" if most < stated + MIN_GAIN else (
+                f"only {stated} of {n} turns between rests are by {turns.reference} what the gyroscopes say, and "
+                f"{most:.0f} if {correction.words}"
+            )  # fmt: skip
+        if k == 0 and units and (sentence := _any_factor(e.recording, turns, stated)):
+            return sentence
+    return ""
+
+
+def _any_factor(recording: Recording, turns: Turns, stated: int) -> str:
+    """Name any other factor of all rates: a unit that is in no list."""
+    n, agreeing = len(turns.reading), np.zeros(len(FACTORS), dtype=int)
+    for i in np.flatnonzero(np.abs(np.log(FACTORS)) > np.log(MAX_SCALE_ERROR)):
+        agreeing[i] = agree(turns, rotations(turns, FACTORS[i] * np.ones(3)))
+    fits = np.flatnonzero(agreeing >= MIN_AGREEMENT * n)
+    if not len(fits):
+        return ""
+    fits = fits[: 1 + int(np.argmax(np.append(np.diff(fits) > 1, True)))]  # larger ones go round once more
+    factor = float(np.exp(np.log(FACTORS[fits]).mean()))
+    return (
+        f"only {stated} of {n} turns between rests are by {turns.reference} what the gyroscopes say, and "
+        f"{max(agreeing[fits])} if every rate were some {factor:.2g} times what it is; correct the unit of their "
+        f"columns, {recording.units.get((RATE, 'x'), 'rad/s')!r}, or of the time"
+    )
+
+
+def earth_at_rest(e: Examined) -> str:
+    """Refuse gyroscopes that see the Earth's rate along the vertical under a correction, and not as stated."""
+    r, up = e.recording, _vertical(e.recording)
+    if up is None:
+        return ""
+    y = r.triad(RATE)
+    rate = np.array([y[d.rows].mean(0) for d in dwells(r)])
+    assert r.site.latitude is not None
+    due = EARTH_RATE * np.sin(r.site.latitude)
+    Q = np.linalg.qr(up)[0]
+
+    def residual(correction: Correction) -> float:
+        error = np.sum(up * correction.of(RATE, rate), axis=1) - due
+        return float(np.sqrt(np.mean((error - Q @ (Q.T @ error)) ** 2)))
+
+    without = residual(scaled(RATE, AXES, 0.0, ""))
+    stated = residual(AS_STATED)
+    if without < 0.5 * abs(due) or stated < MAX_RESIDUAL * without:
+        return ""
+    by_turns = e.once(turns_of) is not None  # turns confirm the gyroscopes with the accelerometers, but for all signs
+    units = [AS_STATED, *(c for c in _units(r) if c.clock == 1 and not by_turns)]
+    trials = [(u, p) for u in units for p in PERMUTATIONS if not by_turns or p == REVERSED]
+    left, (unit, p) = min(((residual(_composed(u, p)), (u, p)) for u, p in trials), key=lambda trial: trial[0])
+    if left >= MAX_RESIDUAL * without:
+        return ""
+    named = [] if by_turns else [(p, RATE)]
+    named += [] if _gimbals_read(r) else [(p.inverse(), FORCE)]
+    south = "the latitude has the opposite sign, or " if p == REVERSED else ""
+    hour = 3600 * np.degrees(1.0)
+    return (
+        f"at rest the gyroscopes miss the Earth's rate along the vertical, {due * hour:.4g} "
+        f"deg/h, by {stated * hour:.3g} deg/h rms, and by {left * hour:.3g} deg/h if "
+        f"{south}{_in_words(named, unit.words)}"
+    )
+
+
+def rates_not_checked(e: Examined) -> str:
+    """Remark that nothing in the recording shows axes, signs and unit of the gyroscopes."""
+    table = e.recording.kind.rotating and e.has("attitude") and agrees_with_the_table(e.recording)
+    return "" if e.once(turns_of) is not None or _sees_the_earth(e.recording) or table else NOT_CHECKED
+
+
+def static_rates_not_checked(_: Examined) -> str:
+    """Remark that gyroscopes of a static run are not checked."""
+    return STATIC_NOT_CHECKED
+
+
+def _vertical(recording: Recording) -> Array | None:
+    """Return the vertical (m, 3) at enough rests that differ enough, where gyroscopes in SI may see the Earth."""
+    up, m = down(recording), len(dwells(recording))
+    if recording.site.latitude is None or up is None or m < MIN_RESTS or recording.counted(RATE):
+        return None
+    return up[..., 0] if np.linalg.matrix_rank(up[..., 0], tol=0.1 * np.sqrt(m)) == 3 else None
+
+
+def _sees_the_earth(recording: Recording) -> bool:
+    """Return whether the Earth's rate along the vertical shows at rest; `earth_at_rest` refuses where it does not."""
+    up = _vertical(recording)
+    if up is None:
+        return False
+    assert recording.site.latitude is not None
+    due = EARTH_RATE * np.sin(recording.site.latitude) * np.ones(len(up))
+    Q = np.linalg.qr(up)[0]
+    without = float(np.sqrt(np.mean((due - Q @ (Q.T @ due)) ** 2)))
+    if without < 0.5 * abs(due[0]):
+        return False
+    y = recording.triad(RATE)
+    error = np.sum(up * np.array([y[d.rows].mean(0) for d in dwells(recording)]), axis=1) - due
+    return float(np.sqrt(np.mean((error - Q @ (Q.T @ error)) ** 2))) < MAX_RESIDUAL * without
+
+
+def _units(recording: Recording) -> list[Correction]:
+    """Return other units of the rates and other clocks."""
+    step = float(np.median(np.diff(recording.time)))
+    increments = f'they are what each step of {step:.3g} s adds to the angle (write quantity = "angle_increment")'
+    stated = recording.units.get((RATE, "x"), "rad/s")
+    units = [(u, f) for _, u, f in other_units([stated], RATE_UNITS)]
+    corrections = [
+        scaled(RATE, AXES, 1 / step, increments),
+        *(scaled(RATE, AXES, f, f'the rates are in {u} (write unit = "{u}")') for u, f in units),
+        *(Correction(f"the time is in {u}", clock=f) for f, u in CLOCK_UNITS.items()),
+    ]
+    return [c for c in corrections if abs(_size(c) - 1) > 1e-6]
+
+
+def _size(correction: Correction) -> float:
+    return correction.clock * float(correction.matrices[RATE][1][0, 0] if RATE in correction.matrices else 1.0)
+
+
+def _scales(recording: Recording, turns: Turns) -> list[Correction]:
+    """Return the rates as stated; of counts, guesses of the rad/s of a count."""
+    if not recording.counted(RATE):
+        return [AS_STATED]
+    turned = [(np.linalg.norm(w, axis=1) * dt).sum() for w, dt in zip(turns.reading, turns.step, strict=True)]
+    return [scaled(RATE, AXES, float(g), "") for g in MEDIAN_TURNS_RAD / np.median(turned)]
+
+
+def _composed(unit: Correction, permutation: AxisPermutation) -> Correction:
+    """Return a permutation of the gyroscopes in another unit."""
+    return replace(unit, matrices={RATE: (AXES, _size(unit) / unit.clock * permutation.matrix)})
+
+
+def _permuted(units: Sequence[Correction], ambiguous: bool) -> Iterator[Correction]:
+    """Yield permutations of the gyroscopes in each unit; ambiguous: they may be the accelerometers' instead."""
+    for unit in units:
+        for p in PERMUTATIONS[1:]:
+            named = [(p, RATE)]
+            if p.handed > 0 and ambiguous:
+                named.append((min((p.inverse(sign) for sign in (1, -1)), key=lambda q: q.complexity), FORCE))
+            handed = "; as stated the gyroscopes make a left-handed triad" if p.handed < 0 else ""
+            yield replace(_composed(unit, p), words=_in_words(named, unit.words, handed))
+
+
+def _in_some(unit: Correction, axes: Sequence[str]) -> Correction:
+    """Return another unit of some of the gyroscopes."""
+    return scaled(RATE, axes, _size(unit), f"{unit.words} in {' and '.join(axes)} alone")
+
+
+def _in_words(named: Sequence[tuple[AxisPermutation, str]], unit: str, handed: str = "") -> str:
+    """Return permutations of which one is true, the simplest first, after a unit; and what to write for the first."""
+    changed = sorted((each for each in named if each[0] != PERMUTATIONS[0]), key=lambda each: each[0].complexity)
+    words = [unit] if unit else []
+    if changed:
+        alternatives = ", or ".join(p.in_words(quantity) for p, quantity in changed)
+        p, quantity = changed[0]
+        words.append(f"{alternatives}{handed}; correct [columns]: {p.remedy(quantity)}")
+    return " and ".join(words)
+
+
+MOVED = (*POSITIONS, *ROTATION)
+CHECKS = (
+    Check(turns_between_rests, MOVED, (RATE,)),
+    Check(earth_at_rest, MOVED, (RATE,)),
+    Check(rates_not_checked, MOVED, (RATE,), question=True),
+    Check(static_rates_not_checked, STATIC, (f"any {RATE}",), question=True),
 )
 
 
 def refuse_implausible_rates(recording: Recording) -> tuple[str, ...]:
-    """Raise `InputError` where axes, signs or unit of the gyroscopes cannot be right; else what was not checked."""
-    if recording.kind.stabilised and recording.has(RATE):
-        return ("the gyroscopes of a static run are not looked at",)
-    if not (recording.kind.in_positions or recording.kind.rotating) or set(recording.axes(RATE)) != set(AXES):
-        return ()
-    if recording.kind.rotating:
-        recording = with_rests(recording)
-    turns = turns_of(recording)
-    if turns is not None:
-        _check_turns(recording, turns)
-    seen = _check_earth(recording, turns is not None)
-    if turns is not None or seen:
-        return ()
-    return (UNCHECKED,)
-
-
-def turns_explained(recording: Recording) -> tuple[int, int] | None:
-    """Turns at which the gyroscopes say where gravity went, and how many could tell; None where none can."""
-    if not recording.kind.in_positions or set(recording.axes(RATE)) != set(AXES):
-        return None
-    turns = turns_of(recording)
-    if turns is None:
-        return None
-    factors = _scales(turns) if recording.counted(RATE) else [(1.0, "")]
-    return max(agree(turns, rotations(turns, f * np.ones(3))) for f, _ in factors), len(turns.reading)
-
-
-def _check_turns(recording: Recording, turns: Turns) -> None:
-    """Another reading of the columns that fits nearly every turn, while the stated one does not, is the right one."""
-    n = len(turns.reading)
-    factors = [(1.0, "")] if not recording.counted(RATE) else _scales(turns)
-    stated = max(agree(turns, rotations(turns, f * np.ones(3))) for f, _ in factors)
-    if stated >= NEARLY_ALL * n:
-        return
-    units = [] if recording.counted(RATE) else _units(recording)
-    best, words = stated, ""
-    alone = [(f, u, PERMUTATIONS[:1]) for f, u in units] + [(f, u, PERMUTATIONS[1:]) for f, u in factors]
-    for stage in (alone, [(f, u, PERMUTATIONS[1:]) for f, u in units]):  # one slip before two
-        for factor, unit, changes in stage if best < NEARLY_ALL * n else []:
-            both = {sign: rotations(turns, sign * factor * np.ones(3)) for sign in (1, -1)}
-            for change in changes:
-                M = change.matrix
-                agreeing = agree(turns, M @ both[change.handed] @ M.T)
-                if agreeing > best:
-                    best, words = agreeing, _both_in_words(recording, turns, change, unit)
-        if best < NEARLY_ALL * n and units and stage is alone:
-            _check_factor(recording, turns, stated)
-    for factor, unit in units if best < NEARLY_ALL * n else []:
-        for few in (f for f in np.ndindex(2, 2, 2) if 0 < sum(f) < 3):
-            agreeing = agree(turns, rotations(turns, np.where(few, factor, 1.0)))
-            if agreeing > best:
-                one = " and ".join(a for a, wrong in zip(AXES, few, strict=True) if wrong)
-                best, words = agreeing, f"{unit} in {one} alone"
-    if best >= NEARLY_ALL * n and best >= stated + 2:
-        by = "gravity" if turns.before.shape[-1] == 1 else "the gimbals"
-        raise InputError(
-            f"{recording.label}: only {stated} of {n} turns between rests are by {by} what the gyroscopes say, and "
-            f"{best} if {words}"
-        )
-
-
-def _check_factor(recording: Recording, turns: Turns, stated: int) -> None:
-    """Any other factor of all rates: a unit that nobody thought of."""
-    n, guesses = len(turns.reading), np.geomspace(*FACTORS)
-    agreeing = np.zeros(len(guesses), dtype=int)
-    for i in np.flatnonzero(np.abs(np.log(guesses)) > np.log(INSTRUMENT)):
-        agreeing[i] = agree(turns, rotations(turns, guesses[i] * np.ones(3)))
-    fits = np.flatnonzero(agreeing >= NEARLY_ALL * n)
-    if not len(fits):
-        return
-    fits = fits[: 1 + int(np.argmax(np.append(np.diff(fits) > 1, True)))]  # larger ones go round once more
-    factor = float(np.exp(np.log(guesses[fits]).mean()))
-    cure = f"correct the unit of their columns, {recording.units.get((RATE, 'x'), 'rad/s')!r}, or of the time"
-    raise InputError(
-        f"{recording.label}: only {stated} of {n} turns between rests are by gravity what the gyroscopes say, and "
-        f"{max(agreeing[fits])} if every rate were some {factor:.2g} times what it is; {cure}"
-    )
-
-
-def _units(recording: Recording) -> list[tuple[float, str]]:
-    """Ratios of other units of rate to the stated one, and of other clocks, with what to write."""
-    stated = recording.units.get((RATE, "x"), "rad/s")
-    ratios = [(to_si(1.0, u) / to_si(1.0, stated), f'the rates are in {u} (write unit = "{u}")') for u in UNITS]
-    clocks = [(f, f"the time is in {u}") for f, u in CLOCKS.items()]
-    step = float(np.median(np.diff(recording.time)))
-    added = (
-        1 / step,
-        f'they are what each step of {step:.3g} s adds to the angle (write quantity = "angle_increment")',
-    )
-    return [(f, words) for f, words in (added, *ratios, *clocks) if abs(f - 1) > 1e-6]
-
-
-def _scales(turns: Turns) -> list[tuple[float, str]]:
-    """Guesses of the rad/s of a count."""
-    median = np.median(
-        [(np.linalg.norm(w, axis=1) * dt).sum() for w, dt in zip(turns.reading, turns.step, strict=True)]
-    )
-    return [(float(g), "") for g in COUNTS / median]
-
-
-def _both_in_words(recording: Recording, turns: Turns, change: AxisPermutation, unit: str) -> str:
-    """A change of the gyroscopes and, where gravity alone tells, the same as one of the accelerometers; the cure."""
-    told = [(change, "gyroscope")]
-    vouched = recording.platform.axes and recording.has("gimbal_angle")
-    if change.handed > 0 and not vouched and turns.before.shape[-1] == 1:
-        told.append((min((change.inverse(sign) for sign in (1, -1)), key=lambda c: c.slips), "accelerometer"))
-    return _cured(told, unit, "; as stated the gyroscopes make a left-handed triad" if change.handed < 0 else "")
-
-
-def _cured(told: list[tuple[AxisPermutation, str]], unit: str, handed: str = "") -> str:
-    """Changes of which one is true, the simplest first, after a change of unit; and what to write for the first."""
-    told = sorted((t for t in told if t[0] != PERMUTATIONS[0]), key=lambda t: t[0].slips)
-    words = [unit] if unit else []
-    if told:
-        words.append(", or ".join(in_words(*t) for t in told) + f"{handed}; correct [columns]: {remedy(*told[0])}")
-    return " and ".join(words)
-
-
-# --- the Earth at rest ------------------------------------------------------------------------------------------------
-
-
-def _check_earth(recording: Recording, turned: bool) -> bool:
-    """Whether the gyroscopes see the Earth at rest; raises InputError where another reading sees it instead.
-
-    turned: turns have vouched for the gyroscopes beside the accelerometers, so that only all signs together are open.
-    """
-    latitude, up = recording.site.latitude, down(recording)
-    stays = dwells(recording)
-    if latitude is None or up is None or len(stays) < FEWEST_RESTS or recording.counted(RATE):
-        return False
-    y = recording.triad(RATE)
-    rate = np.array([y[d.rows].mean(0) for d in stays])
-    up = up[..., 0]
-    due = EARTH_RATE * np.sin(latitude)
-    Q = np.linalg.qr(up)[0]
-    if np.linalg.matrix_rank(up, tol=0.1 * np.sqrt(len(up))) < 3:
-        return False
-
-    def left(w: Array) -> float:
-        r = np.sum(up * w, axis=1) - due
-        return float(np.sqrt(np.mean((r - Q @ (Q.T @ r)) ** 2)))
-
-    nothing, stated = left(0 * rate), left(rate)
-    if nothing < 0.5 * abs(due) or stated < FAINT * nothing:
-        return bool(nothing >= 0.5 * abs(due))
-    units = [(1.0, "")] + ([] if turned else [u for u in _units(recording) if "time" not in u[1]])
-    changes = [c for c in PERMUTATIONS if not turned or c == REVERSED]
-    found = [(left(f * apply_matrix(c.matrix, rate)), c, unit) for f, unit in units for c in changes]
-    best, change, unit = min(found, key=lambda t: t[0])
-    if best >= FAINT * nothing:
-        return False
-    told = [] if turned else [(change, "gyroscope")]
-    if not (recording.platform.axes and recording.has("gimbal_angle")):
-        told.append((change.inverse(), "accelerometer"))
-    south = "the latitude has the opposite sign, or " if change == REVERSED else ""
-    hour = 3600 * np.degrees(1.0)
-    raise InputError(
-        f"{recording.label}: at rest the gyroscopes miss the Earth's rate along the vertical, {due * hour:.4g} "
-        f"deg/h, by {stated * hour:.3g} deg/h rms, and by {best * hour:.3g} deg/h if "
-        f"{south}{_cured(told, unit)}"
-    )
+    """Raise `InputError` where axes, signs or unit of the gyroscopes cannot be right; return what was not checked."""
+    return examine(recording, CHECKS)

@@ -29,8 +29,8 @@ from gimbalcal.estimate.pointing.run import nights
 from gimbalcal.estimate.sessions import unit_of_sessions
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.pipeline import Tell, silent, three_stage
-from gimbalcal.question import questioned
 from gimbalcal.recording import Recording, completed, join, when_recorded
+from gimbalcal.unusual_constants import with_question
 
 
 class _Asked(NamedTuple):
@@ -96,7 +96,7 @@ def _questioned(found: Diagnosis, recordings: Sequence[Recording], unit: Graded)
     if found.outcome and found.verdict == "unexplained":  # positions that were not held leave constants of any size
         return found
     made = with_gravity(found.calibration, recordings)
-    asked = questioned(made, recordings, unit, _again, {f.effect for f in found.findings})
+    asked = with_question(made, recordings, unit, _again, {f.effect for f in found.findings})
     question = asked.provenance.get("options", {}).get("question", "") if asked is not made else ""
     if not question:
         return replace(found, calibration=made)

@@ -15,7 +15,7 @@ from math import pi
 
 import numpy as np
 
-from gimbalcal.checks.axes import CLOSE, NEARLY_ALL
+from gimbalcal.checks.input_errors import MAX_DEVIATION_RAD, MIN_AGREEMENT
 from gimbalcal.guess.column_names import ANGLES, plain, unit_written
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import KNOWN, Axis, Platform
@@ -57,12 +57,12 @@ def gimbal_chain(angles: Mapping[str, Array], force: Array) -> GimbalChain:
         return GimbalChain(first, (), f"by the names of its axes; {m} rests do not tell whether gravity agrees")
     most = 0
     unit = force / np.linalg.norm(force, axis=1, keepdims=True)
-    varied = np.linalg.norm(unit - unit[0], axis=1).max() > CLOSE  # else z up may be taken for a reversal
+    varied = np.linalg.norm(unit - unit[0], axis=1).max() > MAX_DEVIATION_RAD  # else z up may be taken for a reversal
     for sign in (1.0, -1.0) if varied else (1.0,):
         for platform, backwards in _known_platforms(tuple(angles), first):
             agreeing = _agreeing(platform, backwards, angles, sign * force)
             most = max(most, agreeing if sign > 0 else 0)
-            if agreeing >= NEARLY_ALL * m:
+            if agreeing >= MIN_AGREEMENT * m:
                 how = f", the {' and the '.join(backwards)} readout backwards" if backwards else ""
                 how += "" if sign > 0 else ", all three accelerometers reversed (the log holds gravity)"
                 why = f"gravity at {agreeing} of {m} rests is where these axes turn it{how}"
@@ -70,7 +70,7 @@ def gimbal_chain(angles: Mapping[str, Array], force: Array) -> GimbalChain:
     for platform in _chains(tuple(angles)):
         agreeing = _agreeing(platform, (), angles, force)
         most = max(most, agreeing)
-        if agreeing >= NEARLY_ALL * m:
+        if agreeing >= MIN_AGREEMENT * m:
             why = f"gravity at {agreeing} of {m} rests is where this chain turns it, found among all chains of its axes"
             return GimbalChain(platform, (), why)
     why = f"no chain of these axes turns gravity as it was felt (the best at {most} of {m} rests)"
@@ -173,4 +173,4 @@ def _agreeing(platform: Platform, backwards: tuple[str, ...], angles: Mapping[st
     readout = {name: -x if name in backwards else x for name, x in angles.items()}
     ideal = -apply_matrix(platform.attitude(platform.angles(readout, (len(force),))), DOWN)
     cosine = np.sum(force * ideal, axis=1) / np.linalg.norm(force, axis=1)
-    return int(np.count_nonzero(cosine > np.cos(CLOSE)))
+    return int(np.count_nonzero(cosine > np.cos(MAX_DEVIATION_RAD)))

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.checks.axes import NEARLY_ALL
+from gimbalcal.checks.input_errors import MIN_AGREEMENT
 from gimbalcal.checks.rates import turns_explained
 from gimbalcal.checks.table import refuse_implausible
 from gimbalcal.errors import InputError
@@ -229,7 +229,7 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
         made = proposal.recording
         explained = turns_explained(made)
         single_dwell = log.has_open_unit("time") and len(dwells(made)) < 2
-        if not single_dwell and (explained is None or explained[0] >= NEARLY_ALL * explained[1]):
+        if not single_dwell and (explained is None or explained[0] >= MIN_AGREEMENT * explained[1]):
             return proposal
         if refused is None and fallback is None:
             fallback = proposal

@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from gimbalcal.checks.driven_rates import UNLIKE, Turning, chains, turning
+from gimbalcal.checks.driven_rates import MAX_RESIDUAL, DrivenTurn, chains, driven_turn
 from gimbalcal.effects.history import integral
 from gimbalcal.guess.column_names import axis_word, commanded, estimated, plain, rate_word, unit_written
 from gimbalcal.guess.column_values import changes_direction
@@ -173,7 +173,7 @@ def _fit(time: Array, readings: Array, columns: Mapping[str, Array], scale: floa
                 continue
             for unit in (u for u in readouts[group[0]] if all(u in readouts[n] for n in group)):  # alike for all axes
                 own = tuple(readouts[n][unit] for n in group)
-                turns = turning(time, readings, np.stack([r.angle for r in own], axis=-1), names)
+                turns = driven_turn(time, readings, np.stack([r.angle for r in own], axis=-1), names)
                 if chain := _best_chain(turns, scale):
                     fits.append(TableFit(chain[0], own, chain[1]))
         least = min((f.misfit for f in fits), default=np.inf)
@@ -182,14 +182,14 @@ def _fit(time: Array, readings: Array, columns: Mapping[str, Array], scale: floa
     return best
 
 
-def _best_chain(turns: Turning, scale: float | None) -> tuple[float, Platform] | None:
+def _best_chain(turns: DrivenTurn, scale: float | None) -> tuple[float, Platform] | None:
     """Return the first chain that is as good as any, after its misfit; None where none turns alike."""
     usual = usual_platform(frozenset(turns.names))
     known = [usual] if usual is not None and set(usual.axis_names) == set(turns.names) else []
-    misfits = [(turns.left(p, scale), p) for p in (*known, *chains(turns.names))]
+    misfits = [(turns.residual(p, scale), p) for p in (*known, *chains(turns.names))]
     least = min(misfit for misfit, _ in misfits)
     misfit, platform = next((m, p) for m, p in misfits if m <= EQUAL_MISFIT_RATIO * least)
-    return (misfit, platform) if turns.off(platform, scale) < UNLIKE else None
+    return (misfit, platform) if turns.misfit(platform, scale) < MAX_RESIDUAL else None
 
 
 def _axis(name: str) -> str:

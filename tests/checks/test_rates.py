@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.checks.axes import PERMUTATIONS, AxisPermutation
+from gimbalcal.checks.input_errors import PERMUTATIONS, AxisPermutation
 from gimbalcal.checks.rates import refuse_implausible_rates
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.errors import InputError

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gimbalcal.checks.driven_rates import turning
+from gimbalcal.checks.driven_rates import driven_turn
 from gimbalcal.errors import InputError
 from gimbalcal.guess.column_names import axis_word, by_name
 from gimbalcal.guess.proposal import propose
@@ -165,6 +165,6 @@ def test_the_chain_s_rate_is_that_of_its_attitude() -> None:
     angles = np.cumsum(rng.normal(0, 1e-3, (400, 3)), axis=0)
     angles = np.cumsum(angles, axis=0) / 20
     y = np.radians(felt(platform, np.degrees(angles)))
-    T = turning(STEP * np.arange(400), y, angles, platform.axis_names)
-    assert T.off(platform) < 0.05
-    assert T.off(Platform("own", platform.axes[::-1])) > 0.3
+    T = driven_turn(STEP * np.arange(400), y, angles, platform.axis_names)
+    assert T.misfit(platform) < 0.05
+    assert T.misfit(Platform("own", platform.axes[::-1])) > 0.3

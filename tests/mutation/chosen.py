@@ -62,10 +62,10 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("recording.row_sigma", "by_sigma", "to_si(typical, column.unit)", "typical"),
     ),
     "checks/test_table.py": (
-        ("checks.sidereal", "check_sidereal", "force @ change.matrix.T", "force @ change.matrix"),
+        ("checks.input_errors", "Correction.of", "self.matrices[quantity][1].T", "self.matrices[quantity][1]"),
     ),
     "checks/test_rates.py": (
-        ("checks.rates", "_check_earth", "np.sin(latitude)", "np.cos(latitude)"),
+        ("checks.rates", "earth_at_rest", "np.sin(r.site.latitude)", "np.cos(r.site.latitude)"),
     ),
     "recording/test_reading.py": (
         ("recording.scatter", "Scatter.sigma", "np.sqrt(total / self.count)", "np.sqrt(total) / self.count"),
@@ -75,11 +75,11 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("recording.joining", "_shares", "(common / r.noise[sensor]) ** 2", "(r.noise[sensor] / common) ** 2"),
     ),
     "checks/test_gravity_turns.py": (
-        ("checks.axes", "AxisPermutation.inverse", "sign * self.matrix.T", "sign * self.matrix"),
-        ("checks.gravity_turns", "rotations", "C[1::2] @ C[: len(C) - len(C) % 2 : 2]",
+        ("checks.input_errors", "AxisPermutation.inverse", "sign * self.matrix.T", "sign * self.matrix"),
+        ("checks.rates", "rotations", "C[1::2] @ C[: len(C) - len(C) % 2 : 2]",
          "C[: len(C) - len(C) % 2 : 2] @ C[1::2]"),
-        ("checks.gravity_turns", "turns_of", "(level[k] + level[k + 1]) / 2", "level[k]"),
-        ("checks.gravity_turns", "agree", "2 * np.sin(CLOSE / 2)", "np.sin(CLOSE / 2)"),
+        ("checks.rates", "turns_of", "(level[k] + level[k + 1]) / 2", "level[k]"),
+        ("checks.rates", "agree", "2 * np.sin(MAX_DEVIATION_RAD / 2)", "np.sin(MAX_DEVIATION_RAD / 2)"),
     ),
     "recording/test_gravity.py": (
         ("recording.gravity", "not_stated", "ANOMALY**2 + UNKNOWN_HEIGHT**2) ** 0.5",

@@ -18,8 +18,8 @@ from gimbalcal.effects.grade import GRADES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.grade import Graded
 from gimbalcal.methods import calibrate
-from gimbalcal.question import far, most, questioned, slips
 from gimbalcal.recording import Recording, read, write
+from gimbalcal.unusual_constants import beyond_grade, corrections, largest_usual, with_question
 
 HOUR = 3600.0
 DATA = Path(__file__).resolve().parent.parent / "data"
@@ -37,7 +37,7 @@ def run() -> Recording:
 
 
 def limit(grade: str, lasted: float = HOUR) -> Callable[[Parameter], float]:
-    return partial(most, Graded(GRADES[grade], ""), lasted)
+    return partial(largest_usual, Graded(GRADES[grade], ""), lasted)
 
 
 def scaled(r: Recording, axes: str, factor: float, quantity: str = "specific_force") -> Recording:
@@ -84,29 +84,29 @@ def test_the_zero_of_gyroscopes_that_count_is_no_question() -> None:
 
     for readout, asked in ((Readout(gyroscopes=Counts((1e-4,) * 3)), False), (Readout(), True)):
         made = Calibration("x", bias, (p,), cov, (), Residual(0.0, 1, {}), readout=readout)
-        assert questioned(made, [r], unit, never).outcome.startswith("gyro bias x is 1.444e+06") is asked
+        assert with_question(made, [r], unit, never).outcome.startswith("gyro bias x is 1.444e+06") is asked
 
 
 def test_what_is_not_of_the_sensors_may_have_any_size() -> None:
     wanted = [p for e in ("gimbal_zero", "bias") for p in parameters(CATALOGUE[e], ("inner",))]
     x = np.array([1.0, 1.0, 0.0, 0.0])  # a gimbal's zero of 57 deg; a bias of a tenth of gravity
     made = Calibration("x", with_values((), wanted, x, ("inner",)), tuple(wanted), 1e-12 * np.eye(4), (), None)  # type: ignore[arg-type]
-    assert [made.parameters[i].label for i in far(made, limit("navigation"))] == ["bias:x"]
-    assert not far(made, limit("consumer"))
+    assert [made.parameters[i].label for i in beyond_grade(made, limit("navigation"))] == ["bias:x"]
+    assert not beyond_grade(made, limit("consumer"))
 
 
 def test_unseen_constants_at_their_prior_are_no_question() -> None:
     wanted = parameters(CATALOGUE["bias"])
     made = Calibration("x", with_values((), wanted, np.ones(3)), wanted, np.eye(3), (), None)  # type: ignore[arg-type]
-    assert not far(made, limit("navigation"))
+    assert not beyond_grade(made, limit("navigation"))
 
 
 def test_a_unit_undone_is_undone_in_the_scatter_of_the_rows_too(device: Recording) -> None:
     wanted = parameters(CATALOGUE["scale_factor"])
     made = Calibration("t", with_values((), wanted, np.full(3, 8.8)), wanted, 1e-6 * np.eye(3), (), Residual(0, 1, {}))
     shown = replace(device, scatter={("specific_force", a): 2e-4 for a in "xyz"})
-    (slip,) = [s for s in slips(made, [shown], limit("navigation")) if "are in g, not in m/s^2" in s.words]
-    undone = slip.undone(shown)
+    (correction,) = [c for c in corrections(made, [shown], limit("navigation")) if "are in g, not in m/s^2" in c.words]
+    undone = correction.corrected(shown)
     assert undone.scatter["specific_force", "y"] == pytest.approx(2e-4 * 9.80665)
     np.testing.assert_allclose(undone.triad("specific_force"), 9.80665 * shown.triad("specific_force"))
 

@@ -1,0 +1,118 @@
+"""A check of a recording: the kinds that it is for, the quantities that it needs, and the test, which is a sentence.
+
+A test takes an `Examined` and returns the sentence that follows the name of the recording in the refusal, empty where
+the recording passes. Of a question the sentence is a remark instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+
+from gimbalcal.checks.input_errors import AXES
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.recording.dwell import dwell_means
+from gimbalcal.recording.record import ANGLE, FORCE, RATE, Recording
+
+POSITIONS, STATIC, ROTATION, SIGHTINGS = ("multi-position",), ("static-run",), ("rotation",), ("pointing",)
+EVERY = (*POSITIONS, *STATIC, *ROTATION, *SIGHTINGS)
+T = TypeVar("T")
+SOME_ROWS, THINNED_ROWS = 5000, 500  # rows of a recording that show its usual force; of a static run
+
+
+@dataclass(frozen=True)
+class Examined:
+    """A recording, and what several checks derive from it, computed once."""
+
+    recording: Recording
+
+    @cached_property
+    def rests(self) -> Recording:
+        """The means of the dwells; of a static run some of its rows."""
+        r = self.recording
+        return r.select(slice(None, None, max(1, len(r.time) // THINNED_ROWS))) if r.kind.stabilised else dwell_means(r)
+
+    @cached_property
+    def force(self) -> Array:
+        """Force (n, 3) [m/s^2] at the rests."""
+        return self.rests.triad(FORCE)
+
+    @cached_property
+    def some_force(self) -> Array:
+        """Force (n, 3) [m/s^2] of some rows, at rest or not."""
+        f = self.recording.triad(FORCE)
+        return f[:: max(1, len(f) // SOME_ROWS)]
+
+    @cached_property
+    def step(self) -> float:
+        """The usual step of the clock [s]."""
+        return float(np.median(np.diff(self.recording.time))) if len(self.recording.time) > 1 else 0.0
+
+    @property
+    def attitude_known(self) -> bool:
+        """Whether gimbal readouts say how the unit stands."""
+        logged = set(self.recording.axes(ANGLE))
+        complete = {"platform", "middle"} <= logged if self.recording.kind.stabilised else bool(logged)
+        return bool(self.recording.platform.axes) and complete
+
+    def once(self, derive: Callable[[Recording], T]) -> T:
+        """Return what a function derives from the recording; it is called once."""
+        if derive not in self._derived:
+            self._derived[derive] = derive(self.recording)
+        return self._derived[derive]  # type: ignore[return-value]
+
+    @cached_property
+    def _derived(self) -> dict[Callable[[Recording], object], object]:
+        return {}
+
+    def has(self, item: str) -> bool:
+        """Whether a triad was logged completely, another quantity at all, or "dwells", "latitude", "attitude" known.
+
+        "physical X": a triad in physical units; "any X": some of its axes; "no X": not so.
+        """
+        r = self.recording
+        word, _, rest = item.partition(" ")
+        if word == "no":
+            return not self.has(rest)
+        if word == "physical":
+            return self.has(rest) and not r.counted(rest)
+        if word == "any":
+            return r.has(rest)
+        if item in (FORCE, RATE):
+            return set(r.axes(item)) == set(AXES)
+        known = {
+            "latitude": r.site.latitude is not None,
+            "attitude": self.attitude_known,
+            "dwells": r.position is not None and bool(r.position.any()),
+        }
+        return known[item] if item in known else r.has(item)
+
+
+@dataclass(frozen=True)
+class Check:
+    """A check: for recordings of which kinds, with which quantities (`Examined.has`); a question is only a remark."""
+
+    test: Callable[[Examined], str]
+    kinds: tuple[str, ...]
+    requires: tuple[str, ...] = ()
+    question: bool = False
+
+    def applies(self, examined: Examined) -> bool:
+        """Whether the check can be made."""
+        return examined.recording.kind in self.kinds and all(map(examined.has, self.requires))
+
+
+def examine(recording: Recording, checks: Iterable[Check]) -> tuple[str, ...]:
+    """Make the checks that apply, in order; return the remarks. `InputError` with one sentence at the first refusal."""
+    examined, remarks = Examined(recording), []
+    for check in checks:
+        sentence = check.test(examined) if check.applies(examined) else ""
+        if sentence and not check.question:
+            raise InputError(f"{recording.label}: {sentence}")
+        remarks += [sentence] if sentence else []
+    return tuple(remarks)

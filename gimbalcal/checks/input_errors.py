@@ -1,0 +1,192 @@
+r"""Input errors: what a header or a logger may have stated wrongly, each of them one trial.
+
+A `Correction` states the columns, the clock, the place or the platform otherwise. The trial is the same for all: apply
+the correction, evaluate how well the recording agrees with physics then, and compare with the recording as stated. What
+evaluates is the caller's: rests whose force points along gravity, turns that gyroscopes explain, a calibration whose
+constants are usual. Of equally good corrections the simplest is named, so they are tried in that order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import permutations, product
+
+import numpy as np
+
+from gimbalcal.number import Array
+from gimbalcal.platform import Platform
+from gimbalcal.recording.record import Recording
+from gimbalcal.units import to_si
+
+AXES = ("x", "y", "z")
+MAX_DEVIATION_RAD = np.radians(15.0)  # far above gimbal zeros, misalignments and hand-set angles, below a wrong axis
+MIN_AGREEMENT = 0.9  # share of rests, turns or rows that a correct reading of the columns explains
+MIN_GAIN = 2  # rests or turns that a correction explains beyond those explained as stated
+SENSOR = {"specific_force": "accelerometer", "angular_rate": "gyroscope"}
+SIGN_CONVENTION = {
+    "specific_force": " (f = a - g: one whose axis points down reads -9.8 m/s^2 at rest)",
+    "angular_rate": "",
+}
+CLOCK_UNITS = {1e-3: "ms", 1e3: "s instead of ms", 1e-6: "us", 60.0: "min", 3600.0: "h"}
+"""Seconds that one of the stated seconds really is, and the unit that it is then in."""
+
+
+@dataclass(frozen=True)
+class AxisPermutation:
+    r"""A signed permutation of three columns: component i is `signs[i]` times column `order[i]`.
+
+    .. math:: v' = M v, \qquad M_{i, order_i} = signs_i .
+    """
+
+    order: tuple[int, ...] = (0, 1, 2)
+    signs: tuple[int, ...] = (1, 1, 1)
+
+    @property
+    def matrix(self) -> Array:
+        """M (3, 3)."""
+        return np.eye(3)[list(self.order)] * np.array(self.signs, dtype=float)[:, None]
+
+    @property
+    def handed(self) -> int:
+        """1 where a right-handed triad remains one, -1 where it becomes left-handed."""
+        return round(float(np.linalg.det(self.matrix)))
+
+    @property
+    def complexity(self) -> tuple[int, int]:
+        """Number of errors that lead to it, and how many of them are in the order."""
+        moved = sum(a != b for a, b in enumerate(self.order))
+        flipped = 1 if self.signs == (-1, -1, -1) else sum(s < 0 for s in self.signs)  # all three: one convention
+        return moved + flipped, moved
+
+    def inverse(self, sign: int = 1) -> AxisPermutation:
+        """Return `sign` times M^-1."""
+        back = sign * self.matrix.T
+        order = tuple(int(np.argmax(np.abs(row))) for row in back)
+        return AxisPermutation(order, tuple(round(float(row[i])) for i, row in zip(order, back, strict=True)))
+
+    def in_words(self, quantity: str) -> str:
+        """Return what the columns of a quantity would have to be.
+
+        >>> AxisPermutation((1, 0, 2)).in_words("angular_rate")
+        'the gyroscopes x and y are interchanged'
+        >>> AxisPermutation(signs=(1, 1, -1)).in_words("angular_rate")
+        'the gyroscope z had the opposite sign'
+        """
+        sensor, moved, parts = SENSOR[quantity], [AXES[a] for a, b in enumerate(self.order) if a != b], []
+        if len(moved) == 2:
+            parts.append(f"the {sensor}s {moved[0]} and {moved[1]} are interchanged")
+        elif moved:
+            parts.append(f"the {sensor}s called {', '.join(AXES[b] for b in self.order)} are really x, y, z")
+        if self.signs == (-1, -1, -1):
+            parts.append(f"every {sensor} has the wrong sign{SIGN_CONVENTION[quantity]}")
+        elif -1 in self.signs:
+            wrong = " and ".join(AXES[i] for i in range(3) if self.signs[i] < 0)
+            parts.append(f"the {sensor}{'s' if ' ' in wrong else ''} {wrong} had the opposite sign")
+        return " and ".join(parts) or "the columns are as stated"
+
+    def remedy(self, quantity: str) -> str:
+        """Return what to write in [columns]; empty where nothing changes.
+
+        >>> AxisPermutation((1, 0, 2), (1, -1, 1)).remedy("angular_rate")
+        'for gyroscope y write axis = "x", for gyroscope x write axis = "y", sign = -1'
+        """
+        out = []
+        for i in (i for i in range(3) if self.order[i] != i or self.signs[i] < 0):
+            keys = [f'axis = "{AXES[i]}"'] * (self.order[i] != i) + ["sign = -1"] * (self.signs[i] < 0)
+            out.append(f"for {SENSOR[quantity]} {AXES[self.order[i]]} write {', '.join(keys)}")
+        return ", ".join(out)
+
+
+PERMUTATIONS = tuple(
+    sorted(
+        (AxisPermutation(order, signs) for order in permutations(range(3)) for signs in product((1, -1), repeat=3)),
+        key=lambda p: p.complexity,
+    )
+)
+"""All 48, the simplest first; the first of them changes nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """Another statement of a header: what it says, what to write for it, and what it changes.
+
+    words: a clause that follows "if". matrices: by quantity, its axes and the matrix (k, k) that its columns, in that
+    order, are multiplied by. clock: seconds that one of the stated seconds really is. latitude [rad].
+    """
+
+    words: str
+    remedy: str = ""
+    matrices: Mapping[str, tuple[tuple[str, ...], Array]] = field(default_factory=dict)
+    clock: float = 1.0
+    latitude: float | None = None
+    platform: Platform | None = None
+
+    def of(self, quantity: str, values: Array) -> Array:
+        """Return columns (n, k) of a quantity in the order of its axes, corrected."""
+        return np.asarray(values @ self.matrices[quantity][1].T) if quantity in self.matrices else values
+
+    def corrected(self, recording: Recording) -> Recording:
+        """Return the recording with this statement in its header."""
+        channels, scatter = dict(recording.channels), dict(recording.scatter)
+        for quantity, (axes, M) in self.matrices.items():
+            own = [i for i, a in enumerate(axes) if (quantity, a) in recording.channels]
+            part = M[np.ix_(own, own)]
+            values = part @ np.stack([recording.channels[quantity, axes[i]] for i in own])
+            channels |= {(quantity, axes[i]): x for i, x in zip(own, values, strict=True)}
+            sigma = np.abs(part) @ [recording.scatter.get((quantity, axes[i]), np.nan) for i in own]
+            scatter |= {(quantity, axes[i]): float(s) for i, s in zip(own, sigma, strict=True) if np.isfinite(s)}
+        latitude = recording.site.latitude if self.latitude is None else self.latitude
+        return replace(
+            recording,
+            time=recording.time if self.clock == 1 else self.clock * recording.time,
+            platform=self.platform or recording.platform,
+            site=replace(recording.site, latitude=latitude),
+            channels=channels,
+            scatter=scatter,
+        )
+
+
+AS_STATED = Correction("")
+
+
+def best(corrections: Iterable[Correction], agreement: Callable[[Correction], float]) -> tuple[float, Correction]:
+    """Return the largest agreement and the first correction that has it; none, where there is no correction."""
+    return max(((agreement(c), c) for c in corrections), key=lambda trial: trial[0], default=(-np.inf, AS_STATED))
+
+
+# --- what may be stated wrongly ---------------------------------------------------------------------------------------
+
+
+def permuted(quantity: str, permutation: AxisPermutation) -> Correction:
+    """Return the correction of a triad whose axes, or signs, are others."""
+    handed = "; as stated they make a left-handed triad" if permutation.handed < 0 else ""
+    return Correction(
+        permutation.in_words(quantity) + handed,
+        permutation.remedy(quantity),
+        {quantity: (AXES, permutation.matrix)},
+    )
+
+
+def scaled(
+    quantity: str, axes: Iterable[str], factor: float, words: str, remedy: str = "", of: tuple[str, ...] = AXES
+) -> Correction:
+    """Return the correction of columns that are to be multiplied by a factor, some of the axes `of` a quantity."""
+    few = set(axes)
+    return Correction(words, remedy, {quantity: (of, np.diag([factor if a in few else 1.0 for a in of]))})
+
+
+def exchanged(quantity: str, of: tuple[str, ...], i: int, j: int, words: str) -> Correction:
+    """Return the correction of two columns of a quantity that stand for each other."""
+    order = list(range(len(of)))
+    order[i], order[j] = j, i
+    return Correction(words, "", {quantity: (of, np.eye(len(of))[order])})
+
+
+def other_units(stated: Iterable[str], units: Iterable[str]) -> Iterator[tuple[str, str, float]]:
+    """Yield the unit that all columns state, another unit, and what the numbers are to be multiplied by in it."""
+    all_stated = set(stated)
+    for unit in units if len(all_stated) == 1 else ():
+        (one,) = all_stated
+        if unit != one:
+            yield one, unit, float(to_si(1.0, unit) / to_si(1.0, one))

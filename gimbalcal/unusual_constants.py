@@ -1,0 +1,133 @@
+"""Constants beyond the grade of a unit: a question to who made the recording, with the likeliest input error tried.
+
+An estimator accepts constants of any size, so a wrong unit, sign, latitude or clock becomes constants that no unit has,
+with small sigmas. Each constant is compared with the grade of the unit, `Grade.most`. Where one is beyond, the
+corrections that would make such a constant are tried one by one: the recording is corrected and calibrated again, and
+those with which every constant is usual are named. The result is kept, and its outcome asks the question.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.checks.input_errors import CLOCK_UNITS, SENSOR, Correction, other_units, scaled
+from gimbalcal.checks.sidereal import measured_latitude
+from gimbalcal.effects import CATALOGUE, Parameter
+from gimbalcal.effects.effect import GYROSCOPE_STAGES
+from gimbalcal.effects.grade import hurried
+from gimbalcal.errors import InputError, alternatives
+from gimbalcal.estimate.grade import Graded
+from gimbalcal.recording import Recording
+from gimbalcal.units import from_si
+
+MIN_SIGMAS = 3.0  # by which a constant has to be beyond
+MAX_TRIALS, MAX_SHOWN = 6, 2
+ALIKE = 0.2  # relative, of a scale factor and a ratio of units
+MIN_LATITUDE_ERROR_RAD = 1e-3
+SCALED = {"scale_factor": "specific_force", "gyro_scale_factor": "angular_rate"}
+UNITS = {"specific_force": ("m/s^2", "g", "mg", "ug"), "angular_rate": ("rad/s", "deg/s", "deg/h", "mdeg/s", "rad/h")}
+Again = Callable[[Sequence[Recording]], Calibration]
+Limit = Callable[[Parameter], float]
+
+
+def with_question(
+    made: Calibration, recordings: Sequence[Recording], unit: Graded, again: Again, found: Container[str] = ()
+) -> Calibration:
+    """The calibration, whose outcome asks where a constant is none of a unit of this grade; `again` calibrates.
+
+    found: effects that a diagnosis tells with their size and evidence, which are no question.
+    """
+    lasted = max(float(np.ptp(r.time)) for r in recordings)
+    counted = made.readout.gyroscopes is not None  # where zero is and what a count is, and so of which grade, is open
+
+    def limit(p: Parameter) -> float:
+        open_size = p.effect in found or (counted and CATALOGUE[p.effect].stage in GYROSCOPE_STAGES)
+        return np.inf if open_size else largest_usual(unit, lasted, p)
+
+    beyond = beyond_grade(made, limit)
+    if not beyond:
+        return made
+    cause = likeliest(made, recordings, limit, again)
+    question = in_words(made, beyond, limit, cause, f"{unit.grade.name} grade: {unit.source}")
+    options = {**made.provenance.get("options", {}), "question": question}
+    outcome = "; ".join(filter(None, [question, made.outcome]))
+    return replace(made, outcome=outcome, provenance={**made.provenance, "options": options})
+
+
+def largest_usual(unit: Graded, lasted: float, p: Parameter) -> float:
+    """The size [SI] beyond which a constant is hardly one of this unit, recorded for so many seconds."""
+    return hurried(CATALOGUE[p.effect], lasted) * unit.grade.most(p)
+
+
+def beyond_grade(made: Calibration, limit: Limit) -> tuple[int, ...]:
+    """Which parameters are beyond what a unit of this grade has, the farthest first."""
+    over = (np.abs(made.values) - MIN_SIGMAS * made.sigmas) / np.array([limit(p) for p in made.parameters])
+    return tuple(int(i) for i in np.argsort(-over) if over[i] > 1)
+
+
+def in_words(made: Calibration, beyond: Sequence[int], limit: Limit, cause: str, grade: str) -> str:
+    """What is far, what would be usual, and what would explain it."""
+    stated = []
+    for i in beyond[:MAX_SHOWN]:
+        p = made.parameters[i]
+        size, sigma, usual = (from_si(x, p.unit) for x in (made.values[i], made.sigmas[i], limit(p)))
+        stated.append(
+            f"{p.name.replace('_', ' ')} {p.axis} is {size:.4g} +- {sigma:.2g} {p.unit}, usual is below {usual:.3g}"
+        )
+    rest = len(beyond) - MAX_SHOWN
+    others = "one more constant is" if rest == 1 else f"{rest} more constants are"
+    more = f", and {others} as far off" if rest > 0 else ""
+    end = cause or "is that so? No other unit, sign or place explains it; look at these sensors"
+    return f"{', '.join(stated)}{more} ({grade}): {end}"
+
+
+def likeliest(made: Calibration, recordings: Sequence[Recording], limit: Limit, again: Again) -> str:
+    """Return in words the corrections with which every constant is usual; empty for none."""
+    found = []
+    for correction in islice(corrections(made, recordings, limit), MAX_TRIALS):
+        try:
+            other = again([correction.corrected(r) for r in recordings])
+        except InputError:
+            continue
+        if not beyond_grade(other, limit) and not (other.outcome and not made.outcome):
+            found.append(correction.words)
+    return f"every constant is usual if {alternatives(found)}; correct recording.toml" if found else ""
+
+
+def corrections(made: Calibration, recordings: Sequence[Recording], limit: Limit) -> Iterator[Correction]:
+    """Yield the input errors that would make these constants, the likeliest first."""
+    for r in recordings:
+        measured, stated = measured_latitude(r), r.site.latitude
+        if measured is not None and stated is not None and abs(measured - stated) > MIN_LATITUDE_ERROR_RAD:
+            words = f"the latitude is {np.degrees(measured):.4g} deg, not {np.degrees(stated):.4g} deg"
+            yield Correction(words, latitude=measured)
+    for effect, quantity in SCALED.items():
+        sizes = {p.axis: 1 + v for p, v in zip(made.parameters, made.values, strict=True) if p.effect == effect}
+        wrong = [p.axis for p in (made.parameters[i] for i in beyond_grade(made, limit)) if p.effect == effect]
+        if wrong and quantity == "angular_rate" and len(wrong) == len(sizes):
+            for factor, unit in CLOCK_UNITS.items():
+                if _alike(sizes.values(), factor):
+                    yield Correction(f"the time is in {unit}", clock=factor)
+        if wrong:
+            yield from _of_sensors([sizes[a] for a in wrong], wrong, quantity, recordings[0])
+
+
+def _of_sensors(sizes: Sequence[float], axes: Sequence[str], quantity: str, r: Recording) -> Iterator[Correction]:
+    """Yield the other sign and other units of the sensors whose scale is wrong, all of them together."""
+    several = len(axes) > 1
+    which = f"the {SENSOR[quantity]}{'s' if several else ''} {' and '.join(axes)} {'are' if several else 'is'}"
+    if all(size < 0 for size in sizes):
+        yield scaled(quantity, axes, -1.0, f"{which} of the opposite sign")
+    units = UNITS[quantity]
+    for stated, unit, factor in other_units([r.units.get((quantity, axes[0]), units[0])], units):
+        if stated in units and _alike(map(abs, sizes), factor):
+            yield scaled(quantity, axes, factor, f"{which} in {unit}, not in {stated}")
+
+
+def _alike(sizes: Iterable[float], factor: float) -> bool:
+    return all(abs(size / factor - 1) < ALIKE for size in sizes)
