@@ -191,7 +191,7 @@ def calibration_of(
     causes = [f"{f.effect}:{f.axis}".rstrip(":") for t in told for f in t.findings]
     for t in told:
         if t.view.calibrate is not None:  # states of the navigator that the rows come from
-            found = t.view.calibrate(t.model.effects, t.model.fitted)
+            found = t.view.calibrate(t.model.effects, t.model.parameters)
             return replace(
                 found, method="diagnosis", outcome=outcome or found.outcome, provenance=origin([recording], causes)
             )

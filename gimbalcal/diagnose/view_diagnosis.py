@@ -17,7 +17,7 @@ from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.laws.law_claims import SOUGHT, Lawful, laws_of_view, told_heldout
 from gimbalcal.diagnose.library.unknown_noise import causes
 from gimbalcal.diagnose.result import Finding, LawResult, Mismatch, Shape, ViewFit
-from gimbalcal.diagnose.search.refit import Model, projections, weighted
+from gimbalcal.diagnose.search.refit import projections, weighted
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering_in
 from gimbalcal.diagnose.search.stepwise import Course, course, refined, steps_of
 from gimbalcal.diagnose.verdict.decide import capped
@@ -31,7 +31,7 @@ from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.units import from_si
-from gimbalcal.views.core import View
+from gimbalcal.views.core import Fit, View
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class ViewDiagnosis:
     before: Array
     after: Array
     sigma: Array
-    model: Model
+    model: Fit
     laws: tuple[LawResult, ...] = ()
     recommend: str = ""
     outcome: str = ""
@@ -119,7 +119,7 @@ def diagnosis_as(
     sigma = row_sigma(v, c.described)
     fit, lawful = view_fit(v, c, sigma), Lawful()
     if verdict == "adequate" and not c.start.exact:
-        known, X = causes(v, c.end.effects, c.end.fitted)
+        known, X = causes(v, c.end.effects, c.end.parameters)
         fit = replace(fit, unseen=detection_limits(known, projections(v, c.end, X)))
     if verdict == "unexplained" and formulas:
         tell(SOUGHT)
@@ -134,16 +134,16 @@ def diagnosis_as(
     ):
         verdict = "not-identifiable"  # what was named makes rows that took no part worse
     mismatch = () if verdict == "adequate" else mismatches(v, c.start, sigma)
-    before, after = c.start.r / sigma, c.described.r / sigma
+    before, after = c.start.residual / sigma, c.described.residual / sigma
     return ViewDiagnosis(
         v, verdict, mismatch, found, shapes, fit, before, after, sigma, c.end, lawful.laws, lawful.recommend
     )
 
 
-def _walk_of_sensor(v: View, first: Model, ln_odds: float, ln_total: float) -> RandomWalkFinding:
+def _walk_of_sensor(v: View, first: Fit, ln_odds: float, ln_total: float) -> RandomWalkFinding:
     """Return the sensor that walks alone in the noises of a view, and the size of its walk."""
-    unit = float(np.sqrt(np.mean(weighted(v, first.r) ** 2)))
-    each = [p for p in projections(v, first, np.zeros((*first.r.shape, 0))) if p.node.alone]
+    unit = float(np.sqrt(np.mean(weighted(v, first.residual) ** 2)))
+    each = [p for p in projections(v, first, np.zeros((*first.residual.shape, 0))) if p.node.alone]
     ln = np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in each])
     sigma = unit * np.array([float(p.scale.sigma(p.misfit[0])) for p in each])
     nodes = [p.node for p in each]

@@ -20,6 +20,8 @@ from gimbalcal.recording.kinds import Kind
 from gimbalcal.recording.record import Key
 from gimbalcal.views.noise import NoiseModel
 
+EXACT = 1e-12  # m/s^2, rad/s or rad; below it no instrument reads anything
+
 
 @dataclass(frozen=True, eq=False)
 class View:
@@ -140,6 +142,11 @@ class Fit:
     def rms(self) -> float:
         """Root mean square length of a row's residual."""
         return float(np.sqrt((self.residual**2).sum() / len(self.residual)))
+
+    @property
+    def exact(self) -> bool:
+        """Whether a residual in SI is the rounding of numbers that were made without noise."""
+        return self.rms < EXACT
 
     def reduced(self, X: Array) -> Array:
         """Return columns (n, C, p) as rows (R, p) in which white noise is white: `NoiseModel.reduced`."""

@@ -17,7 +17,6 @@ from gimbalcal.diagnose.library.known_noise import columns_at, library
 from gimbalcal.diagnose.library.unknown_noise import causes
 from gimbalcal.diagnose.result import FitSummary
 from gimbalcal.diagnose.search.ranking import Search, search
-from gimbalcal.diagnose.search.refit import Model
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
@@ -131,6 +130,6 @@ def telescope(seed: int, north: float = 0.0, east: float = 0.0, bend: float = 0.
     return Recording("pointing", "telescope", KNOWN["alt-az"], Site(0.55, 0.0, 9.8), {}, time, None, channels)
 
 
-def causes_of(v: View, m: Model) -> tuple[Candidate, ...]:
+def causes_of(v: View, m: Fit) -> tuple[Candidate, ...]:
     """Everything that could be missing from a model of a view."""
-    return causes(v, m.effects, m.fitted)[0]
+    return causes(v, m.effects, m.parameters)[0]

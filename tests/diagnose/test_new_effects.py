@@ -105,7 +105,7 @@ def tried(r: Recording) -> set[str]:
     out = set()
     for v in views(r):
         m = start(v)
-        out |= {c.effect for c in unknown_noise.causes(v, m.effects, m.fitted)[0]}
+        out |= {c.effect for c in unknown_noise.causes(v, m.effects, m.parameters)[0]}
     return out
 
 

@@ -154,7 +154,7 @@ def test_rows_left_out_are_predicted_as_a_fit_without_them_predicts_them() -> No
     m = start(v)
     sigma = np.full((N, 2), 3 * ARCSEC)
     left = held_out_misfit(v, m, sigma)
-    J, r = m.J / sigma[..., None], m.r / sigma
+    J, r = m.jacobian / sigma[..., None], m.residual / sigma
     J = J / (np.linalg.norm(J, axis=(0, 1)) + 1e-300)
     for k in (0, 17, 50, 79):
         others = np.arange(N) != k
@@ -171,9 +171,9 @@ def test_constants_move_as_what_was_found_moves_them() -> None:
     assert {s.taken[0].effect for s in c.steps} == {"tube_flexure"}
     rows = shifts(c.start, c.end)
     zero = next(r for r in rows if (r["name"], r["axis"]) == ("gimbal_zero", "elevation"))
-    before, after = (values(m.effects, m.fitted) for m in (c.start, c.end))
-    at = next(k for k, p in enumerate(c.start.fitted) if (p.name, p.axis) == ("gimbal_zero", "elevation"))
-    there = next(k for k, p in enumerate(c.end.fitted) if (p.name, p.axis) == ("gimbal_zero", "elevation"))
+    before, after = (values(m.effects, m.parameters) for m in (c.start, c.end))
+    at = next(k for k, p in enumerate(c.start.parameters) if (p.name, p.axis) == ("gimbal_zero", "elevation"))
+    there = next(k for k, p in enumerate(c.end.parameters) if (p.name, p.axis) == ("gimbal_zero", "elevation"))
     assert zero["unit"] == "arcsec"
     assert zero["moved"] == pytest.approx((after[there] - before[at]) / ARCSEC)
     assert zero["in_sigmas"] == pytest.approx(zero["moved"] / zero["sigma"], abs=0.006)

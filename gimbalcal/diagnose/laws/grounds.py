@@ -15,13 +15,13 @@ from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant, l
 from gimbalcal.diagnose.library.rivals import RIVAL_SIGMA
 from gimbalcal.diagnose.library.variables import joined, variables
 from gimbalcal.diagnose.search.ranking import Search, bayes_factors
-from gimbalcal.diagnose.search.refit import Model, basis, projections, weighted
+from gimbalcal.diagnose.search.refit import basis, projections, weighted
 from gimbalcal.effects import Stage
 from gimbalcal.forward import Rows
 from gimbalcal.inference.algebra import block_diagonal, orthonormal
 from gimbalcal.number import Array
 from gimbalcal.recording.record import FORCE, RATE
-from gimbalcal.views.core import View
+from gimbalcal.views.core import Fit, View
 
 STRETCHES = 300  # in which a run, or a table, is looked at first
 FEWER = 150  # the same of six sensors at once
@@ -134,7 +134,7 @@ def with_law(s: Search, columns: Array) -> tuple[Search, Array, Array]:
     return Search(Library((law,), reduced), (), each, s.null, s.joint, s.singles, s.share, s.o, rows), scaled, scale
 
 
-def _places_of_view(v: View, m: Model) -> list[Place]:
+def _places_of_view(v: View, m: Fit) -> list[Place]:
     """Sensors or gimbals whose additions a view shows: in its channels, or in those of a navigator behind them."""
     if v.added is not None:
         s, block = v.stimulus, stretches(len(v.stimulus.time), FEWER)
@@ -148,15 +148,15 @@ def _places_of_view(v: View, m: Model) -> list[Place]:
     return _places(rows, stage, [(i, a) for i, a in names if a in shown], stretches(len(rows.seen[stage].time)))
 
 
-def ground_of_view(v: View, m: Model, sigma: Array) -> Ground | None:
+def ground_of_view(v: View, m: Fit, sigma: Array) -> Ground | None:
     """Sensors or gimbals whose additions a view shows, beside a model in white noise of `sigma` (n, C); or none."""
     every = _places_of_view(v, m)
     if not every:
         return None
-    n, C = m.r.shape
+    n, C = m.residual.shape
     one = float(np.sqrt(np.mean(weighted(v, sigma) ** 2)))
-    Q = basis(weighted(v, m.J))
-    y = weighted(v, m.r).ravel() / one
+    Q = basis(weighted(v, m.jacobian))
+    y = weighted(v, m.residual).ravel() / one
 
     def evidence(sets: Sequence[Array]) -> Array:
         X, of = _side_by_side([m.rms / np.sqrt(C) * unit(X) for X in sets])

@@ -22,7 +22,7 @@ from gimbalcal.diagnose.laws.model_comparison import in_searches, in_view
 from gimbalcal.diagnose.result import LawResult, StatedNoiseFit, ViewFit
 from gimbalcal.diagnose.search.likeliest import ranked
 from gimbalcal.diagnose.search.ranking import Ranking, Search
-from gimbalcal.diagnose.search.refit import Model, fitted_columns, with_columns
+from gimbalcal.diagnose.search.refit import fitted_columns, with_columns
 from gimbalcal.diagnose.verdict.decide import strained
 from gimbalcal.diagnose.verdict.locate import LEFT, scan
 from gimbalcal.diagnose.verdict.model import fit_causes
@@ -33,7 +33,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
-from gimbalcal.views.core import View
+from gimbalcal.views.core import Fit, View
 
 MOST = 3  # laws of one view
 MANY = 4  # laws that fit as well and are others: with more of them none is named
@@ -218,7 +218,7 @@ def _held(bare: Search, s: Search, columns: Array, rng: np.random.Generator) -> 
     return LawFit(f.x * scale, weight, left.p_value, strained(made, (0,)), checked, f.projection.node)
 
 
-def laws_of_view(v: View, m: Model, sigma: Array) -> tuple[Lawful, Model]:
+def laws_of_view(v: View, m: Fit, sigma: Array) -> tuple[Lawful, Fit]:
     """What is told of a view that nothing known explains, `sigma` (n, C) being its noise; and the model with the laws.
 
     One law after the other, until nothing is left: all of them, or none. What is held out is told by the caller, who

@@ -21,11 +21,11 @@ from gimbalcal.diagnose.laws.law_search import Ground, Law, laws_of
 from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.search.combine import CombinedRanking
 from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, Weighed, likeliest_variants, reduced
-from gimbalcal.diagnose.search.refit import Model, with_columns
+from gimbalcal.diagnose.search.refit import with_columns
 from gimbalcal.diagnose.verdict.model import fit_causes
 from gimbalcal.diagnose.verdict.verify import physical_columns
 from gimbalcal.number import Array
-from gimbalcal.views.core import View
+from gimbalcal.views.core import Fit, View
 
 FIRST = 3  # known causes that a law is sought beside
 NAMED = float(np.log(1000.0))  # odds at which a formula of one term beside a name gives way to one without
@@ -76,7 +76,7 @@ def in_searches(searches: Sequence[Search], nodes: Sequence[Node], ranked: Ranki
     return best
 
 
-def in_view(v: View, m: Model, sigma: Array, left: Weighed, alone: bool) -> Beside | None:
+def in_view(v: View, m: Fit, sigma: Array, left: Weighed, alone: bool) -> Beside | None:
     """The same of a view, beside a model in noise of `sigma` (n, C); `left`: what may be missing. None: no ground."""
     g = ground_of_view(v, m, sigma)
     if g is None:

@@ -15,7 +15,7 @@ DRAGGED = 4.0  # times less misfit with the causes than without: products of err
 
 def about_found(v: View, c: Course, tell: Tell) -> tuple[View, Course]:
     """View and course; anew where the rows are linear about constants that a strong cause has dragged away."""
-    far = float(np.sum(weighted(v, c.start.r) ** 2)) > DRAGGED * float(np.sum(weighted(v, c.end.r) ** 2))
+    far = float(np.sum(weighted(v, c.start.residual) ** 2)) > DRAGGED * float(np.sum(weighted(v, c.end.residual) ** 2))
     if v.relinearise is None or not c.steps or not far:
         return v, c
     cause, variant = c.steps[0].taken

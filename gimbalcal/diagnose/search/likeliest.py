@@ -8,9 +8,9 @@ from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
 from gimbalcal.diagnose.library.unknown_noise import causes
 from gimbalcal.diagnose.search.ranking import Weighed, bayes_factors, likeliest_variants, total, weighed
-from gimbalcal.diagnose.search.refit import Model, projections
+from gimbalcal.diagnose.search.refit import projections
 from gimbalcal.number import Array
-from gimbalcal.views.core import View
+from gimbalcal.views.core import Fit, View
 
 Taken = tuple[Candidate, Variant]
 
@@ -27,15 +27,15 @@ class Round:
     lead: float  # ln odds of these to the cause they were held against
 
 
-def ranked(v: View, model: Model, memory: bool = True) -> Weighed:
+def ranked(v: View, model: Fit, memory: bool = True) -> Weighed:
     """Everything that could be missing from a model, alone and beside others."""
-    known, X = causes(v, model.effects, model.fitted)
+    known, X = causes(v, model.effects, model.parameters)
     p = projections(v, model, X, memory)
     library = Library(known, X)
     return weighed(library, p, bayes_factors(p, library.layout), v.kind)
 
 
-def weigh(v: View, model: Model, memory: bool = False, against: Candidate | None = None, shape: bool = False
+def weigh(v: View, model: Fit, memory: bool = False, against: Candidate | None = None, shape: bool = False
           ) -> Round:  # fmt: skip
     """What is likeliest to be missing from a model, in white noise or in noise with memory: causes, or a `shape`.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,36 +16,14 @@ from gimbalcal.effects.grids import kind, limits
 from gimbalcal.errors import InputError
 from gimbalcal.inference.levenberg import covariance_at_minimum, minimise
 from gimbalcal.number import Array
-from gimbalcal.views.core import View
+from gimbalcal.views.core import Fit, View
 
 RANK = 1e-7  # relative singular value of a modelled column below which it is one of the others again
 SETTLED = 1e-7  # step in prior sigmas at which a fit has arrived
-EXACT = 1e-12  # m/s^2, rad/s or rad; below it no instrument reads anything
 GAIN = 1e-6  # share of the misfit that a last step takes away: 1e-4 nats in a hundred rows
 
 
-@dataclass(frozen=True)
-class Model:
-    """Effects with the parameters that were fitted (p,), their covariance (p, p) in SI, misfit (n, C), columns."""
-
-    effects: tuple[Effect, ...]
-    fitted: tuple[Parameter, ...]
-    covariance: Array
-    r: Array
-    J: Array
-
-    @property
-    def rms(self) -> float:
-        """Root mean square length of a row's misfit, SI."""
-        return float(np.sqrt((self.r**2).sum() / len(self.r)))
-
-    @property
-    def exact(self) -> bool:
-        """Whether the misfit is the rounding of numbers that were made without noise."""
-        return self.rms < EXACT
-
-
-def refit(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Model:
+def refit(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Fit:
     """Least squares on all wanted parameters, to the minimum; directions that the rows do not see stay where they are.
 
     Damped steps, so that no fit ends worse than it began. What the rows see is asked at the minimum, where the misfit
@@ -66,7 +44,7 @@ def refit(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Mo
     A = (weighted(v, J) * scale).reshape(r.size, -1) @ seen
     unseen = np.eye(len(wanted)) - seen @ seen.T
     C = seen @ np.linalg.inv(A.T @ A) @ seen.T * variance + unseen
-    return Model(made, tuple(wanted), C * np.outer(scale, scale), r, J)
+    return Fit(v, made, tuple(wanted), r, J, C * np.outer(scale, scale))
 
 
 def _descended(
@@ -113,7 +91,7 @@ def _seen(r: Array, J: Array) -> tuple[Array, float]:
     return Vt[keep].T, variance
 
 
-def start(v: View) -> Model:
+def start(v: View) -> Fit:
     """The baseline alone."""
     wanted = tuple(p for i in v.baseline for p in v.parameters_of(i))
     return refit(v, with_values((), wanted, np.zeros(len(wanted)), v.stimulus.axis_names), wanted)
@@ -124,33 +102,33 @@ def weighted(v: View, r: Array) -> Array:
     return v.noise.weighted(r)
 
 
-def with_columns(v: View, m: Model, X: Array) -> Model:
+def with_columns(v: View, m: Fit, X: Array) -> Fit:
     """A model with further columns X (n, C, q) that belong to no effect, fitted beside its own."""
-    J = np.concatenate([m.J, X], axis=-1)
-    x = np.linalg.lstsq(weighted(v, J).reshape(m.r.size, -1), weighted(v, m.r).ravel(), rcond=1e-9)[0]
-    return replace(m, r=m.r - J @ x, J=J)
+    J = np.concatenate([m.jacobian, X], axis=-1)
+    x = np.linalg.lstsq(weighted(v, J).reshape(m.residual.size, -1), weighted(v, m.residual).ravel(), rcond=1e-9)[0]
+    return replace(m, residual=m.residual - J @ x, jacobian=J)
 
 
-def fitted_columns(v: View, m: Model, X: Array) -> tuple[Model, Array, Array]:
+def fitted_columns(v: View, m: Fit, X: Array) -> tuple[Fit, Array, Array]:
     """The same, the sizes x (q,) of the columns, and their covariance (q, q) from the scatter of what is left."""
     made = with_columns(v, m, X)
-    Q = basis(weighted(v, m.J))
-    A = weighted(v, X).reshape(m.r.size, -1)
+    Q = basis(weighted(v, m.jacobian))
+    A = weighted(v, X).reshape(m.residual.size, -1)
     left = A - Q @ (Q.T @ A)
-    x = np.linalg.lstsq(left, weighted(v, m.r).ravel(), rcond=1e-9)[0]
-    variance = float((weighted(v, made.r) ** 2).sum()) / max(m.r.size - Q.shape[1] - X.shape[-1], 1)
+    x = np.linalg.lstsq(left, weighted(v, m.residual).ravel(), rcond=1e-9)[0]
+    variance = float((weighted(v, made.residual) ** 2).sum()) / max(m.residual.size - Q.shape[1] - X.shape[-1], 1)
     return made, x, np.linalg.pinv(left.T @ left, rcond=1e-12, hermitian=True) * variance
 
 
-def with_constants(v: View, m: Model, ids: Container[str]) -> Model:
+def with_constants(v: View, m: Fit, ids: Container[str]) -> Fit:
     """The model with the continuous constants of these effects fitted with all else, from where they are."""
     smooth = {(e.id, f.name) for e in m.effects if e.id in ids for f in constants(type(e)) if kind(f).smooth}
     every = (p for e in m.effects for p in parameters(type(e), constants=True))
     free = [p for p in every if (p.effect, p.field) in smooth]
-    return refit(v, m.effects, (*m.fitted, *free)) if free else m
+    return refit(v, m.effects, (*m.parameters, *free)) if free else m
 
 
-def constants_told(v: View, m: Model, effect_id: str) -> list[tuple[Parameter, float, float]]:
+def constants_told(v: View, m: Fit, effect_id: str) -> list[tuple[Parameter, float, float]]:
     """Non-linear constants of an effect of the model, each with its value and one sigma in SI, all else fitted too.
 
     Linearised at the model; of an instant or the name of a position, at which the output jumps, nothing is told, nor of
@@ -159,12 +137,12 @@ def constants_told(v: View, m: Model, effect_id: str) -> list[tuple[Parameter, f
     smooth = {f.name for f in constants(CATALOGUE[effect_id]) if not (kind(f).once or kind(f) is Grid.SPAN)}
     wanted = [p for p in parameters(CATALOGUE[effect_id], constants=True) if p.field in smooth]
     effect = next(e for e in m.effects if e.id == effect_id)
-    X = v.evaluate(m.effects).columns(effect, wanted) if wanted else np.zeros((*m.r.shape, 0))
-    Q = basis(weighted(v, m.J))
-    A = weighted(v, X).reshape(m.r.size, len(wanted))
+    X = v.evaluate(m.effects).columns(effect, wanted) if wanted else np.zeros((*m.residual.shape, 0))
+    Q = basis(weighted(v, m.jacobian))
+    A = weighted(v, X).reshape(m.residual.size, len(wanted))
     left = A - Q @ (Q.T @ A)
     left = np.where(np.linalg.norm(left, axis=0) > RANK * np.linalg.norm(A, axis=0), left, 0.0)
-    variance = float((weighted(v, m.r) ** 2).sum()) / max(m.r.size - Q.shape[1] - len(wanted), 1)
+    variance = float((weighted(v, m.residual) ** 2).sum()) / max(m.residual.size - Q.shape[1] - len(wanted), 1)
     sigma = np.sqrt(variance * np.diag(covariance_at_minimum(left[None])[0]))
     told = zip(wanted, sigma, strict=True)
     return [(p, float(getattr(effect, p.field)), float(s)) for p, s in told if np.isfinite(s)]
@@ -177,17 +155,17 @@ def basis(J: Array) -> Array:
     return np.asarray(U[:, S > RANK * S.max(initial=1e-300)])
 
 
-def projections(v: View, m: Model, X: Array, memory: bool = True, unit: float = 0.0) -> tuple[Projection, ...]:
+def projections(v: View, m: Fit, X: Array, memory: bool = True, unit: float = 0.0) -> tuple[Projection, ...]:
     """Columns X (n, C, P) beside a model in noises of any scale: its misfit cleared of its own columns.
 
     Rows are in units of the misfit's rms (or of `unit`, SI); what the scatter of the samples says of the scale counts.
     Without memory in white noise alone.
     """
-    n, C = m.r.shape
-    r = weighted(v, m.r)
+    n, C = m.residual.shape
+    r = weighted(v, m.residual)
     unit = unit or max(float(np.sqrt(np.mean(r**2))), 1e-300)
     sample = 0.0 if v.noise.sample is None else float(np.sqrt(np.mean(weighted(v, v.noise.sample) ** 2))) / unit
-    Q = basis(weighted(v, m.J))
+    Q = basis(weighted(v, m.jacobian))
     rows = stack(Q, weighted(v, X).reshape(n * C, -1) / unit, r.reshape(-1, 1) / unit, n * C)
     noises = memories(n, C, v.noise.wander)[: None if memory else 1]
     if memory and v.noise.single_walks and v.noise.wander is not None:

@@ -84,7 +84,7 @@ def wandering_in(v: View, c: Course) -> tuple[View, float, float]:
     """
     if v.session is not None or v.noise.wander is None or v.channels[0][0] not in (FORCE, RATE):
         return v, -np.inf, -np.inf
-    bare = np.zeros((*c.start.r.shape, 0))
+    bare = np.zeros((*c.start.residual.shape, 0))
     every = projections(with_single_walks(v, LONE_SENSORS), c.start, bare)
     ln = np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in every])
     alone = np.array([bool(p.node.alone) for p in every])
@@ -106,7 +106,7 @@ def found_in(v: View, c: Course) -> float:
     anything = ranked(v, c.start).ln_total
     if not c.steps:
         return anything
-    known, _ = causes(v, c.start.effects, c.start.fitted)
+    known, _ = causes(v, c.start.effects, c.start.parameters)
     share = dict(zip((k.key for k in known), log_priors(known, v.kind).tolist(), strict=True))
     named = ln_odds(v, c.start, [s.taken for s in c.steps], share)
     return max(anything, named + max(ranked(v, c.end).ln_total, 0.0))

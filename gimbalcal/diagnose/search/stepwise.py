@@ -12,11 +12,11 @@ from gimbalcal.diagnose.library.candidates import Candidate, Variant, layout_of
 from gimbalcal.diagnose.library.unknown_noise import causes, constants_of
 from gimbalcal.diagnose.search.likeliest import Taken, weigh
 from gimbalcal.diagnose.search.ranking import bayes_factors, is_usual, log_priors
-from gimbalcal.diagnose.search.refit import Model, projections, refit, start, with_columns, with_constants
+from gimbalcal.diagnose.search.refit import projections, refit, start, with_columns, with_constants
 from gimbalcal.effects import Effect
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
-from gimbalcal.views.core import View, absent_effect
+from gimbalcal.views.core import Fit, View, absent_effect
 from gimbalcal.views.known_attitude import refuse_too_little
 
 MOST = 8  # rounds
@@ -29,7 +29,7 @@ class Step:
     """A cause that was taken up, and the model after it."""
 
     taken: Taken
-    model: Model
+    model: Fit
 
 
 @dataclass(frozen=True)
@@ -40,14 +40,14 @@ class Course:
     standard: what every rig of the kind has, as far as the data support it, where the course began from that.
     """
 
-    start: Model
+    start: Fit
     steps: tuple[Step, ...]
     left: tuple[Candidate, ...]
-    described: Model
+    described: Fit
     standard: tuple[Taken, ...] = ()
 
     @property
-    def end(self) -> Model:
+    def end(self) -> Fit:
         """The model after the last step."""
         return self.steps[-1].model if self.steps else self.start
 
@@ -60,13 +60,13 @@ def course(v: View, tell: Tell) -> Course:
     Nothing is looked for in what is left of numbers without noise.
     """
     first = start(v)
-    refuse_too_little(v.title, first.J.reshape(first.r.size, -1))
+    refuse_too_little(v.title, first.jacobian.reshape(first.residual.size, -1))
     if first.exact:
         return Course(first, (), (), first)
     taken = climbed(v, first, (), tell)
     if not taken:
         return steps_of(v, first, taken)
-    known, X = causes(v, first.effects, first.fitted)
+    known, X = causes(v, first.effects, first.parameters)
     usual = textbook(v, first, known, X)
     lacking = {c.effect for c, _ in usual} - {c.effect for c, _ in taken}
     standard = pruned(v, first, usual, tell) if lacking else []
@@ -80,7 +80,7 @@ def course(v: View, tell: Tell) -> Course:
     return steps_of(v, first, other, [t for t in standard if t in other])
 
 
-def climbed(v: View, first: Model, begun: Sequence[Taken], tell: Tell) -> list[Taken]:
+def climbed(v: View, first: Fit, begun: Sequence[Taken], tell: Tell) -> list[Taken]:
     """Forward in white noise as long as anything is claimed, exchanging what fits better; back in noise with memory.
 
     Noise with a memory can mimic the first of several causes, not all of them: it is tested in the backward pass. Where
@@ -100,7 +100,7 @@ def climbed(v: View, first: Model, begun: Sequence[Taken], tell: Tell) -> list[T
     return pruned(v, first, sharpened(v, first, taken), tell)
 
 
-def sharpened(v: View, first: Model, taken: Sequence[Taken]) -> list[Taken]:
+def sharpened(v: View, first: Fit, taken: Sequence[Taken]) -> list[Taken]:
     """The causes with their continuous constants fitted: between the values of a grid a strong one leaves a rest."""
     made = with_constants(v, take(v, first, taken), {c.effect for c, _ in taken})
     told = {e.id: constants_of(e) for e in made.effects}
@@ -109,7 +109,7 @@ def sharpened(v: View, first: Model, taken: Sequence[Taken]) -> list[Taken]:
             for this, kept in zip(taken, same, strict=True)]  # fmt: skip
 
 
-def textbook(v: View, first: Model, known: Sequence[Candidate], X: Array) -> list[Taken]:
+def textbook(v: View, first: Fit, known: Sequence[Candidate], X: Array) -> list[Taken]:
     """What every textbook of such a rig names and the baseline lacks, on all axes; less what the data speak against.
 
     In a linear model: of what these rows hardly see a fit finds any size, far from where the model is linear.
@@ -130,7 +130,7 @@ def textbook(v: View, first: Model, known: Sequence[Candidate], X: Array) -> lis
     return out
 
 
-def ln_odds(v: View, first: Model, taken: Sequence[Taken], share: Mapping[Key, float]) -> float:
+def ln_odds(v: View, first: Fit, taken: Sequence[Taken], share: Mapping[Key, float]) -> float:
     """ln odds of several causes together against none: each by what it adds to those before it, and its prior.
 
     What every rig of the kind has costs nothing beforehand; `share` is the ln prior share of what shows by itself.
@@ -144,7 +144,7 @@ def ln_odds(v: View, first: Model, taken: Sequence[Taken], share: Mapping[Key, f
 
 
 def exchanged(
-    v: View, first: Model, taken: Sequence[Taken], tell: Tell, memory: bool = False, keep_usual: bool = False
+    v: View, first: Fit, taken: Sequence[Taken], tell: Tell, memory: bool = False, keep_usual: bool = False
 ) -> list[Taken]:
     """Each cause in turn, or each that is not of every rig, gives way if another cause, or two, belong in its place."""
     out = list(taken)
@@ -159,7 +159,7 @@ def exchanged(
     return out
 
 
-def pruned(v: View, first: Model, taken: Sequence[Taken], tell: Tell) -> list[Taken]:
+def pruned(v: View, first: Fit, taken: Sequence[Taken], tell: Tell) -> list[Taken]:
     """The causes taken up, less those that noise with a memory explains as well."""
     out = list(taken)
     while out:
@@ -180,7 +180,7 @@ def bar(v: View, cause: Candidate) -> float:
     return float(CLAIM - OFTEN * is_usual(cause, v.kind))
 
 
-def alone(v: View, without: Model, this: Taken) -> float:
+def alone(v: View, without: Fit, this: Taken) -> float:
     """ln Bayes factor of one cause with the others in the model, noise with memory."""
     cause, made = this[0], _made(v, this)
     effects = without.effects if cause.effect in {e.id for e in without.effects} else [*without.effects, made]
@@ -188,13 +188,13 @@ def alone(v: View, without: Model, this: Taken) -> float:
     return factor(v, without, X, cause)
 
 
-def factor(v: View, without: Model, X: Array, cause: Candidate) -> float:
+def factor(v: View, without: Fit, X: Array, cause: Candidate) -> float:
     """ln Bayes factor of columns X (n, C, p) of a cause beside a model, noise with memory."""
     one = replace(cause, variants=(Variant((), tuple(range(X.shape[-1]))),), scanned=0)
     return float(bayes_factors(projections(v, without, X), layout_of([one]))[1][0])
 
 
-def steps_of(v: View, first: Model, taken: Sequence[Taken], standard: Sequence[Taken] = (), refused: bool = False
+def steps_of(v: View, first: Fit, taken: Sequence[Taken], standard: Sequence[Taken] = (), refused: bool = False
              ) -> Course:  # fmt: skip
     """The causes in the order of what each takes away, and the shape of what is left.
 
@@ -211,7 +211,7 @@ def steps_of(v: View, first: Model, taken: Sequence[Taken], standard: Sequence[T
     return Course(first, steps, tuple(left), described, tuple(standard))
 
 
-def ordered(v: View, first: Model, taken: Sequence[Taken]) -> tuple[Step, ...]:
+def ordered(v: View, first: Fit, taken: Sequence[Taken]) -> tuple[Step, ...]:
     """One step for each cause, the one that takes away most first."""
     left, steps = list(taken), list[Step]()
     while left:
@@ -228,17 +228,17 @@ def refined(v: View, c: Course) -> Course:
     return Course(first, steps, c.left, steps[-1].model if steps else first, c.standard)
 
 
-def take(v: View, model: Model, found: Sequence[Taken]) -> Model:
+def take(v: View, model: Fit, found: Sequence[Taken]) -> Fit:
     """The model with these causes in it, everything refitted; once for each set of causes."""
-    key = model.fitted, frozenset((c.key, variant.constants) for c, variant in found)
+    key = model.parameters, frozenset((c.key, variant.constants) for c, variant in found)
     if key not in v.cache:
         v.cache[key] = _taken(v, model, found)
     return v.cache[key]
 
 
-def _taken(v: View, model: Model, found: Sequence[Taken]) -> Model:
+def _taken(v: View, model: Fit, found: Sequence[Taken]) -> Fit:
     effects = list(model.effects)
-    wanted = list(model.fitted)
+    wanted = list(model.parameters)
     for this in found:
         if not this[0].rival and this[0].effect not in {e.id for e in effects}:
             effects.append(_made(v, this))

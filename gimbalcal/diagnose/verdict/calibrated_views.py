@@ -37,7 +37,7 @@ class Fitted(Protocol):
         """The model, with the values and constants it ended with."""
 
     @property
-    def fitted(self) -> tuple[Parameter, ...]:
+    def parameters(self) -> tuple[Parameter, ...]:
         """Parameters that were fitted, in the order of the covariance."""
 
     @property
@@ -45,7 +45,7 @@ class Fitted(Protocol):
         """Covariance (p, p) in SI."""
 
     @property
-    def r(self) -> Array:
+    def residual(self) -> Array:
         """What is left (n, C), SI."""
 
 
@@ -92,13 +92,13 @@ def calibrated_views(
 def _block(s: Seen, gimbals: Sequence[str]) -> tuple[tuple[Effect, ...], tuple[Parameter, ...], Array]:
     """Effects of a view, what was fitted, and the non-linear constants beside it, which were chosen: sigma zero."""
     linear = {p for e in s.model.effects for p in parameters(type(e), gimbals)}
-    ids = {p.effect for p in s.model.fitted}
+    ids = {p.effect for p in s.model.parameters}
     every = (p for e in s.model.effects if e.id in ids for p in parameters(type(e), gimbals, constants=True))
-    held = tuple(p for p in every if p not in linear and p not in s.model.fitted)
-    n, m = len(s.model.fitted), len(held)
+    held = tuple(p for p in every if p not in linear and p not in s.model.parameters)
+    n, m = len(s.model.parameters), len(held)
     P = np.zeros((n + m, n + m))
     P[:n, :n] = s.model.covariance
-    return s.model.effects, (*s.model.fitted, *held), P
+    return s.model.effects, (*s.model.parameters, *held), P
 
 
 def _unseen(seen: Sequence[Seen]) -> list[dict[str, Any]]:
@@ -106,10 +106,10 @@ def _unseen(seen: Sequence[Seen]) -> list[dict[str, Any]]:
     out = []
     for s in seen:
         sigma = np.sqrt(np.maximum(np.diag(s.model.covariance), 0.0))
-        silent = keeps_prior(s.model.fitted, values(s.model.effects, s.model.fitted), sigma)
-        labels = [p.label for p, at_prior in zip(s.model.fitted, silent, strict=True) if at_prior]
+        silent = keeps_prior(s.model.parameters, values(s.model.effects, s.model.parameters), sigma)
+        labels = [p.label for p, at_prior in zip(s.model.parameters, silent, strict=True) if at_prior]
         out += [{"direction": {one: 1.0}, "why": f"{one} does not show in {s.view.name}"} for one in labels]
-        if s.view.name == "norm" and any(p.effect == "misalignment" for p in s.model.fitted):
+        if s.view.name == "norm" and any(p.effect == "misalignment" for p in s.model.parameters):
             out += rotations_of_the_triad()
     return out
 
@@ -118,11 +118,11 @@ def _residual(seen: Sequence[Seen], forces: Calibration | None) -> Residual:
     """Misfit by channel, SI. Where nobody stated the noise it is the misfit, and chi^2 its degrees of freedom."""
     rms = dict(forces.residual.rms) if forces else {}
     for s in seen:
-        left = np.sqrt(np.mean(s.model.r**2, axis=0))
+        left = np.sqrt(np.mean(s.model.residual**2, axis=0))
         rms |= {f"{s.view.name} {' '.join(c)}".strip(): float(v) for c, v in zip(s.view.channels, left, strict=True)}
     if forces is not None:
         return replace(forces.residual, rms=rms)
-    dof = max(sum(s.model.r.size - len(s.model.fitted) for s in seen), 0)
+    dof = max(sum(s.model.residual.size - len(s.model.parameters) for s in seen), 0)
     return Residual(float(dof), dof, rms)
 
 

@@ -12,7 +12,7 @@ from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY
 from gimbalcal.diagnose.result import Estimate, Finding
 from gimbalcal.diagnose.search.likeliest import Taken, weigh
 from gimbalcal.diagnose.search.ranking import is_usual
-from gimbalcal.diagnose.search.refit import Model, basis, constants_told, weighted
+from gimbalcal.diagnose.search.refit import basis, constants_told, weighted
 from gimbalcal.diagnose.search.stepwise import Course, Key, steps_of, take
 from gimbalcal.diagnose.verdict.decide import capped
 from gimbalcal.diagnose.verdict.judgement import Judgement, judged_without
@@ -20,7 +20,7 @@ from gimbalcal.effects import CATALOGUE, values
 from gimbalcal.inference.information import keeps_prior
 from gimbalcal.pipeline import Tell
 from gimbalcal.units import from_si
-from gimbalcal.views.core import View
+from gimbalcal.views.core import Fit, View
 
 SERIES = 3.0  # times the whole misfit, that one of several causes may be
 SHOWN, HIDDEN = 5.0, 3.0  # sigmas of a parameter that differs from zero, and of one that may be zero
@@ -71,14 +71,14 @@ def cancelling(v: View, c: Course) -> list[Taken]:
     What is a few arcsec of a law that has no name here is also the difference of a hundred of one pattern and of the
     next like it: terms of a series, not causes. Contributions are beside what the baseline takes of them.
     """
-    m, Q = c.end, basis(weighted(v, c.start.J))
-    x = values(m.effects, m.fitted)
+    m, Q = c.end, basis(weighted(v, c.start.jacobian))
+    x = values(m.effects, m.parameters)
     out = []
     for cause, variant in (s.taken for s in c.steps if not is_usual(s.taken[0], v.kind)):
         own = {(p.effect, p.field, p.axis) for p in cause.parameters}
-        at = [i for i, p in enumerate(m.fitted) if (p.effect, p.field, p.axis) in own]
-        added = weighted(v, m.J[..., at] @ x[at]).ravel()
-        if np.linalg.norm(added - Q @ (Q.T @ added)) > SERIES * np.linalg.norm(weighted(v, c.start.r)):
+        at = [i for i, p in enumerate(m.parameters) if (p.effect, p.field, p.axis) in own]
+        added = weighted(v, m.jacobian[..., at] @ x[at]).ravel()
+        if np.linalg.norm(added - Q @ (Q.T @ added)) > SERIES * np.linalg.norm(weighted(v, c.start.residual)):
             out.append((cause, variant))
     return out
 
@@ -102,8 +102,8 @@ def finding(v: View, c: Course, j: Judgement) -> Finding:
     """An entry of `findings`: what was found, how likely and how large it is, and what it is confounded with."""
     e = j.cause.effect
     m, own = c.end, {p.label for p in j.cause.parameters}
-    silent = keeps_prior(m.fitted, values(m.effects, m.fitted), np.sqrt(np.diag(m.covariance)))
-    rows = [r for r, p, at_prior in zip(sizes(m), m.fitted, silent, strict=True) if p.label in own and not at_prior]
+    silent = keeps_prior(m.parameters, values(m.effects, m.parameters), np.sqrt(np.diag(m.covariance)))
+    rows = [r for r, p, at_prior in zip(sizes(m), m.parameters, silent, strict=True) if p.label in own and not at_prior]
     rows += [
         Estimate(p.field, "", float(from_si(x, p.unit)), float(from_si(sigma, p.unit)), p.unit)
         for p, x, sigma in constants_told(v, m, e)
@@ -145,12 +145,12 @@ def _advice(j: Judgement) -> str:
     return f"{wording.spoken(j.cause.effect)} is seen by {seen(j.cause.effect)}; {others}."
 
 
-def sizes(m: Model) -> list[Estimate]:
+def sizes(m: Fit) -> list[Estimate]:
     """Every fitted parameter with its sigma, in the unit of print."""
     sigma = np.sqrt(np.diag(m.covariance))
     return [
         Estimate(p.name, p.axis, float(from_si(x, p.unit)), float(from_si(s, p.unit)), p.unit)
-        for p, x, s in zip(m.fitted, values(m.effects, m.fitted), sigma, strict=True)
+        for p, x, s in zip(m.parameters, values(m.effects, m.parameters), sigma, strict=True)
     ]
 
 

@@ -18,13 +18,13 @@ from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.search.combine import CombinedRanking
 from gimbalcal.diagnose.search.likeliest import ranked
 from gimbalcal.diagnose.search.ranking import Ranking, Weighed, given, likeliest_variants
-from gimbalcal.diagnose.search.refit import Model, projections, refit, weighted
+from gimbalcal.diagnose.search.refit import projections, refit, weighted
 from gimbalcal.diagnose.search.stepwise import bar
 from gimbalcal.diagnose.wording import NAMED
 from gimbalcal.effects import with_values
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
-from gimbalcal.views.core import View
+from gimbalcal.views.core import Fit, View
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ def _by_size(p: Projection, candidates: Sequence[Candidate]) -> Array:
     return out
 
 
-def judged_without(v: View, end: Model, taken: Candidate) -> Judgement:
+def judged_without(v: View, end: Fit, taken: Candidate) -> Judgement:
     """Return the judgement of one cause from the view searched again without it, the others kept in the model.
 
     What another cause would explain beside this one as well does not speak against this one: the two are a pair. Where
@@ -181,7 +181,7 @@ def judged_without(v: View, end: Model, taken: Candidate) -> Judgement:
     follows such a noise.
     """
     own = {(p.effect, p.field, p.axis) for p in taken.parameters}
-    wanted = [p for p in end.fitted if (p.effect, p.field, p.axis) not in own]
+    wanted = [p for p in end.parameters if (p.effect, p.field, p.axis) not in own]
     none = with_values(end.effects, taken.parameters, np.zeros(len(taken.parameters)), v.stimulus.axis_names)
     without = refit(v, none, wanted)
     s = ranked(v, without)
@@ -194,9 +194,9 @@ def judged_without(v: View, end: Model, taken: Candidate) -> Judgement:
     return Judgement(taken, probability, j.alike, sigma)
 
 
-def _significance(v: View, without: Model, end: Model, X: Array) -> float:
+def _significance(v: View, without: Fit, end: Fit, X: Array) -> float:
     """Return the significance of columns X (n, C, p) that a model lacks, in the likeliest noise of one with them."""
-    unit = float(np.sqrt(np.mean(weighted(v, end.r) ** 2)))
+    unit = float(np.sqrt(np.mean(weighted(v, end.residual) ** 2)))
     left = projections(v, end, X[..., :0], unit=unit)
     k = int(np.argmax([np.log(p.node.prior) + p.log_likelihood()[0] for p in left]))
     taken = projections(v, without, X, unit=unit)[k].explained(range(X.shape[-1]))

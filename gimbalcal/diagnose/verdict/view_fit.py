@@ -8,19 +8,19 @@ import numpy as np
 
 from gimbalcal.diagnose.result import Delay, RowNoise, SearchStep, Shift, TurnMisfit, ViewFit
 from gimbalcal.diagnose.rows.slews import lateness
-from gimbalcal.diagnose.search.refit import Model, basis, weighted
+from gimbalcal.diagnose.search.refit import basis, weighted
 from gimbalcal.diagnose.search.stepwise import Course
 from gimbalcal.diagnose.verdict.findings import sizes
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
-from gimbalcal.views.core import View
+from gimbalcal.views.core import Fit, View
 
 
-def row_sigma(v: View, end: Model) -> Array:
+def row_sigma(v: View, end: Fit) -> Array:
     """Return one sigma (n, C) of each row: the scatter about the last model, spread as the noise of the samples."""
-    r = weighted(v, end.r)
-    free = max(r.size - basis(end.J).shape[1], 1)
+    r = weighted(v, end.residual)
+    free = max(r.size - basis(end.jacobian).shape[1], 1)
     return np.asarray(np.sqrt((r**2).sum() / free) / v.weight)
 
 
@@ -57,34 +57,34 @@ def view_fit(v: View, c: Course, sigma: Array) -> ViewFit:
     )
 
 
-def _against_samples(v: View, m: Model) -> dict[str, float] | None:
+def _against_samples(v: View, m: Fit) -> dict[str, float] | None:
     """Return reduced chi^2 of each channel in the noise of the samples alone; None where their scatter is not known."""
     if v.noise.sample is None:
         return None
-    n = len(m.r)
-    Q = basis(m.J / v.noise.sample[..., None]).reshape(n, len(v.channels), -1)
+    n = len(m.residual)
+    Q = basis(m.jacobian / v.noise.sample[..., None]).reshape(n, len(v.channels), -1)
     fitted = (Q**2).sum(axis=(0, 2))  # degrees of freedom that the parameters take of each channel
-    chi2 = ((m.r / v.noise.sample) ** 2).sum(axis=0) / np.maximum(n - fitted, 1)
+    chi2 = ((m.residual / v.noise.sample) ** 2).sum(axis=0) / np.maximum(n - fitted, 1)
     return dict(zip([a for _, a in v.channels], chi2.tolist(), strict=True))
 
 
-def _reduced(m: Model, sigma: Array) -> float:
-    rank = basis(m.J / sigma[..., None]).shape[1]
-    return float(((m.r / sigma) ** 2).sum() / max(m.r.size - rank, 1))
+def _reduced(m: Fit, sigma: Array) -> float:
+    rank = basis(m.jacobian / sigma[..., None]).shape[1]
+    return float(((m.residual / sigma) ** 2).sum() / max(m.residual.size - rank, 1))
 
 
-def _held_out(v: View, m: Model, sigma: Array) -> tuple[float, float]:
+def _held_out(v: View, m: Fit, sigma: Array) -> tuple[float, float]:
     """Return the mean square misfit of rows held out, in sigma, and the rms length of a row in the unit of print."""
     left = held_out_misfit(v, m, sigma)
     rms = float(np.sqrt(((left * sigma) ** 2).sum() / len(left)))
     return float(np.mean(left**2)), float(from_si(rms, v.unit))
 
 
-def held_out_misfit(v: View, m: Model, sigma: Array) -> Array:
+def held_out_misfit(v: View, m: Fit, sigma: Array) -> Array:
     """Return the misfit (n, C), in sigma, of each group of rows to a fit without it."""
-    n, C = m.r.shape
-    Q = basis(m.J / sigma[..., None]).reshape(n, C, -1)
-    r = m.r / sigma
+    n, C = m.residual.shape
+    Q = basis(m.jacobian / sigma[..., None]).reshape(n, C, -1)
+    r = m.residual / sigma
     left = []
     for rows in np.split(np.arange(n), np.flatnonzero(np.diff(v.groups)) + 1):
         e = r[rows].ravel()
@@ -93,11 +93,11 @@ def held_out_misfit(v: View, m: Model, sigma: Array) -> Array:
     return np.concatenate(left).reshape(n, C)
 
 
-def shifts(before: Model, after: Model) -> tuple[Shift, ...]:
+def shifts(before: Fit, after: Fit) -> tuple[Shift, ...]:
     """Return the change of each constant of the baseline once the causes are in the model, the clearest first."""
     new = {(r.name, r.axis): r for r in sizes(after)}
     out = []
-    visible = np.abs(before.J).max(axis=(0, 1)) > 1e-9  # means taken off leave rounding of a bias
+    visible = np.abs(before.jacobian).max(axis=(0, 1)) > 1e-9  # means taken off leave rounding of a bias
     for r in (row for row, there in zip(sizes(before), visible, strict=True) if there):
         n = new[r.name, r.axis]
         shift = n.value - r.value

@@ -27,12 +27,12 @@ from tests.diagnose.test_unknown_noise import turned
 
 STARS = pointing(telescope(1, north=12.0))
 MODEL = start(STARS)
-KNOWN, X = causes(STARS, MODEL.effects, MODEL.fitted)
+KNOWN, X = causes(STARS, MODEL.effects, MODEL.parameters)
 HANDS = norm(turned(1))
 
 
 def test_a_cause_is_what_the_model_does_not_hold() -> None:
-    fitted = {(p.effect, p.field, p.axis) for p in MODEL.fitted}
+    fitted = {(p.effect, p.field, p.axis) for p in MODEL.parameters}
     for c in KNOWN:
         assert not {(p.effect, p.field, p.axis) for p in c.parameters} & fitted
     effects = {c.effect for c in KNOWN if not c.rival}
@@ -75,8 +75,8 @@ def test_sizes_are_those_of_the_grade_and_a_drift_is_as_fast_as_the_recording_is
 
 def test_shapes_are_as_large_as_the_misfit() -> None:
     blocks: list[Array] = [np.zeros((80, 2, 4))]
-    made = shapes_of(STARS, MODEL.r, spans(MODEL.J), blocks, free_rows(STARS, MODEL.fitted))
-    rms = np.sqrt(np.mean(MODEL.r**2))
+    made = shapes_of(STARS, MODEL.residual, spans(MODEL.jacobian), blocks, free_rows(STARS, MODEL.parameters))
+    rms = np.sqrt(np.mean(MODEL.residual**2))
     columns = np.concatenate(blocks, axis=-1)
     assert {c.effect for c in made} >= {"unknown time"}
     assert {c.axis for c in made} == {"across", "along"}
@@ -90,14 +90,14 @@ def test_shapes_are_as_large_as_the_misfit() -> None:
 
 def test_no_shape_has_more_than_half_as_many_columns_as_there_are_rows_to_test_it_with() -> None:
     blocks: list[Array] = [np.zeros((80, 2, 4))]
-    made = shapes_of(STARS, MODEL.r, spans(MODEL.J), blocks, 6)
+    made = shapes_of(STARS, MODEL.residual, spans(MODEL.jacobian), blocks, 6)
     assert {len(c.variants[0].index) for c in made} == {2, 3}
 
 
 def test_an_effect_of_the_model_keeps_its_constants() -> None:
     effect = next(i for i in available(STARS) if constants_of(absent(CATALOGUE[i], STARS.stimulus.axis_names)))
     made = absent(CATALOGUE[effect], STARS.stimulus.axis_names)
-    known, _ = causes(STARS, [*MODEL.effects, made], MODEL.fitted)
+    known, _ = causes(STARS, [*MODEL.effects, made], MODEL.parameters)
     assert {v.constants for c in known if c.effect == effect for v in c.variants} == {constants_of(made)}
 
 

@@ -36,11 +36,11 @@ def test_a_fit_ends_where_no_direction_that_is_seen_leads_down(seed: int) -> Non
     v = norm(poses(rng.standard_normal((11, 3)), rng), ("bias", "scale_factor", "misalignment"))
     m = start(v)
     assert m.rms < 1e-3 * G
-    scale = np.array([p.sigma for p in m.fitted])
-    A = m.J.reshape(m.r.size, -1) * scale
+    scale = np.array([p.sigma for p in m.parameters])
+    A = m.jacobian.reshape(m.residual.size, -1) * scale
     U, S, _ = np.linalg.svd(A, full_matrices=False)
-    slope = U[:, S > 0.01 * np.sqrt(np.mean(m.r**2))].T @ m.r.ravel()
-    assert np.abs(slope).max() < 1e-2 * np.linalg.norm(m.r)
+    slope = U[:, S > 0.01 * np.sqrt(np.mean(m.residual**2))].T @ m.residual.ravel()
+    assert np.abs(slope).max() < 1e-2 * np.linalg.norm(m.residual)
 
 
 def test_no_fit_is_worse_than_where_it_began() -> None:
@@ -49,7 +49,7 @@ def test_no_fit_is_worse_than_where_it_began() -> None:
     wanted = tuple(p for i in ("bias", "scale_factor", "misalignment") for p in v.parameters_of(i))
     began = with_values((), wanted, 0.3 * rng.standard_normal(len(wanted)) * [p.sigma for p in wanted])
     before = v.evaluate(began).residual
-    assert (refit(v, began, wanted).r ** 2).sum() <= (before**2).sum()
+    assert (refit(v, began, wanted).residual ** 2).sum() <= (before**2).sum()
 
 
 def test_errors_are_as_large_as_the_covariance_says() -> None:
@@ -57,8 +57,8 @@ def test_errors_are_as_large_as_the_covariance_says() -> None:
     for seed in range(30):
         v = pointing(telescope(seed, north=12.0, east=-7.0), ("gimbal_zero", "axis_collimation", "base_tilt"))
         m = start(v)
-        tilt = [i for i, p in enumerate(m.fitted) if p.effect == "base_tilt"]
-        off = values(m.effects, m.fitted)[tilt] - np.array([12.0, -7.0]) * np.pi / 648000
+        tilt = [i for i, p in enumerate(m.parameters) if p.effect == "base_tilt"]
+        off = values(m.effects, m.parameters)[tilt] - np.array([12.0, -7.0]) * np.pi / 648000
         pulls.append(off @ np.linalg.solve(m.covariance[np.ix_(tilt, tilt)], off))
     assert 0.6 < np.mean(pulls) / 2 < 1.6  # chi^2 of two: its mean scatters by 18 %
 
@@ -66,12 +66,12 @@ def test_errors_are_as_large_as_the_covariance_says() -> None:
 def test_columns_of_no_effect_are_fitted_beside_those_of_the_model() -> None:
     v = pointing(telescope(3))
     m = start(v)
-    X = np.zeros((*m.r.shape, 1))
+    X = np.zeros((*m.residual.shape, 1))
     X[:, 1, 0] = np.sin(5 * v.stimulus.readout[:, 1])
     after = with_columns(v, m, X)
-    assert np.abs(np.einsum("nc,ncp->p", after.r, after.J)).max() < 1e-9 * np.linalg.norm(m.r)
-    assert after.J.shape[-1] == m.J.shape[-1] + 1
-    assert after.fitted == m.fitted
+    assert np.abs(np.einsum("nc,ncp->p", after.residual, after.jacobian)).max() < 1e-9 * np.linalg.norm(m.residual)
+    assert after.jacobian.shape[-1] == m.jacobian.shape[-1] + 1
+    assert after.parameters == m.parameters
 
 
 def test_columns_of_what_is_not_in_the_model_hold_no_noise_of_the_readings() -> None:
@@ -82,7 +82,7 @@ def test_columns_of_what_is_not_in_the_model_hold_no_noise_of_the_readings() -> 
     m = start(v)
     wanted = v.parameters_of("cubic_nonlinearity")
     quiet, read = v.noise_free(m.effects).jacobian(wanted), v.evaluate(m.effects).jacobian(wanted)
-    y = m.r / np.linalg.norm(m.r)
+    y = m.residual / np.linalg.norm(m.residual)
 
     def copied(X: np.ndarray) -> float:
         (p,) = projections(v, m, X, memory=False)

@@ -73,7 +73,9 @@ def test_a_tilted_base_and_a_bent_tube_are_taken_up() -> None:
     assert c.end is c.steps[-1].model
     assert c.end.rms == pytest.approx(np.sqrt(2) * ARCSEC, rel=0.15)
     assert c.left == ()
-    size = dict(zip([(p.effect, p.axis) for p in c.end.fitted], values(c.end.effects, c.end.fitted), strict=True))
+    size = dict(
+        zip([(p.effect, p.axis) for p in c.end.parameters], values(c.end.effects, c.end.parameters), strict=True)
+    )
     sigma = dict(zip(size, np.sqrt(np.diag(c.end.covariance)), strict=True))
     for key, truth in ((("base_tilt", "north"), 12.0), (("base_tilt", "east"), -7.0)):
         assert abs(from_si(size[key], "arcsec") - truth) < 4 * from_si(sigma[key], "arcsec")

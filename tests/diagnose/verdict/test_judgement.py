@@ -25,8 +25,8 @@ def test_a_clear_cause_is_likely_and_alone() -> None:
     assert j.confounded == ()
     assert j.probability > 0.95
     # F test of its two columns: what they take away, over what is left
-    before, after = (float((m.r**2).sum()) for m in (c.start, c.end))
-    F = (before - after) / (after / (c.end.r.size - len(c.end.fitted)))
+    before, after = (float((m.residual**2).sum()) for m in (c.start, c.end))
+    F = (before - after) / (after / (c.end.residual.size - len(c.end.parameters)))
     assert j.significance == pytest.approx(np.sqrt(F), rel=0.1)  # the scale is the likeliest of a grid 15 % wide
 
 

@@ -37,7 +37,7 @@ def test_a_pattern_is_told_with_its_f_statistic() -> None:
     angle = v.stimulus.readout[:, list(v.stimulus.axis_names).index("azimuth")]
     X = np.zeros((80, 2, 10))
     X[:, 1] = np.stack([g(k * angle) for k in range(2, 7) for g in (np.cos, np.sin)], axis=-1)
-    Z, y = m.J.reshape(160, -1), m.r.ravel()
+    Z, y = m.jacobian.reshape(160, -1), m.residual.ravel()
     Z = Z / (np.linalg.norm(Z, axis=0) + 1e-300)
 
     def left(A: np.ndarray) -> float:
@@ -49,12 +49,12 @@ def test_a_pattern_is_told_with_its_f_statistic() -> None:
     assert first["statistic"] == pytest.approx(F, rel=1e-3)
     # Bonferroni's bound: time, slow and fast, each of the two angles in two ranges of harmonics, and both together, in
     # two channels; of one of the fourteen the model leaves nothing
-    shapes = shapes_of(v, m.r, spans(m.J), [], 80)
+    shapes = shapes_of(v, m.residual, spans(m.jacobian), [], 80)
     assert len({(c.effect, c.axis) for c in shapes}) == len(shapes) == 13
     assert first["p_value"] == pytest.approx(13 * fisher.sf(F, 10, free), rel=1e-2, abs=0.0)
-    worst = np.argsort(-np.abs(m.r[:, 1]))[:3]
+    worst = np.argsort(-np.abs(m.residual[:, 1]))[:3]
     assert first["where"] == {"positions": [int(k) + 1 for k in worst]}
-    size = np.sqrt(np.mean(m.r[:, 1] ** 2)) / ARCSEC
+    size = np.sqrt(np.mean(m.residual[:, 1] ** 2)) / ARCSEC
     assert f"({size:.3g} arcsec rms)" in first["in_words"]
 
 
@@ -72,10 +72,10 @@ def test_without_a_pattern_the_worst_channel_is_told_against_the_scatter_in_the_
     m = start(v)
     sigma = np.tile([2.0, 0.9], (80, 1)) * ARCSEC
     (found,) = largest(v, m, sigma)
-    square = np.mean((m.r / sigma) ** 2, axis=0)
+    square = np.mean((m.residual / sigma) ** 2, axis=0)
     assert found["axis"] == ("across", "along")[int(np.argmax(square))] == "along"
     assert found["statistic"] == pytest.approx(square[1], abs=0.01)
     assert found["p_value"] == pytest.approx(min(1.0, 2 * chi2.sf(80 * square[1], 80)), rel=1e-6)
-    worst = 1 + np.argsort(-np.abs(m.r[:, 1]))[:3]
+    worst = 1 + np.argsort(-np.abs(m.residual[:, 1]))[:3]
     assert found["where"] == {"positions": worst.tolist()}
     assert found["in_words"].endswith(f"largest at stars {worst[0]}, {worst[1]} and {worst[2]}")
