@@ -27,7 +27,7 @@ from gimbalcal.diagnose.rows.baseline import by_triad
 from gimbalcal.diagnose.rows.rest_rates import RESTS, rest_rates
 from gimbalcal.diagnose.rows.turns import FEWEST, view_of_turns
 from gimbalcal.diagnose.search.refit import start
-from gimbalcal.diagnose.unknown_noise import UNLOOKED, calibration_of, found_at_rest, on_the_way
+from gimbalcal.diagnose.unknown_noise import calibration_of, found_at_rest, on_the_way
 from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis, curves_of, diagnose_view
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect
@@ -118,7 +118,7 @@ def _gyroscopes(
     """What the views of the gyroscopes say, and what cannot be said of them, in sentences."""
     rests = len(dwell_means(recording).time)
     if rests < RESTS:
-        return [], [f"The gyroscopes were not looked at: it takes {RESTS} rests, not {rests}."]
+        return [], [wording.gyroscopes_not_analysed(f"that takes {RESTS} dwells, not {rests}")]
     if not recording.has(FORCE):
         force = ideal_force(recording, recording.angles())
         recording = replace(
@@ -130,11 +130,11 @@ def _gyroscopes(
     linear = start(turning).effects if turning else ()
     still = rest_rates(without_earth(recording, linear), gyro, made)
     if still is None:
-        return [], ["The gyroscopes were not looked at: they count, and no turn says how much a count is."]
+        return [], [wording.gyroscopes_not_analysed(wording.COUNTS_WITHOUT_SCALE)]
     notes = []
     if turning is None and not gyro:
         why = f"fewer than {FEWEST} turns between rests were logged" if explained else "nothing explains the forces"
-        notes = [UNLOOKED.format(why=why)]
+        notes = [wording.rate_not_analysed(why)]
 
     def looked(v: View) -> ViewDiagnosis:
         tell(f"the gyroscopes: {wording.channels_of(v)}")
@@ -190,7 +190,7 @@ class _Part:
 
 def _part_of_forces(d: Diagnosis) -> _Part:
     if d.findings:
-        return _Part("forces", d, wording.improved(d.fit, "Reduced chi^2 of the forces"))
+        return _Part("forces", d, wording.chi2_reduction(d.fit, "Reduced chi^2 of the forces"))
     left = f"Reduced chi^2 of the forces is {d.fit.chi2_reduced_before:.3g}."
     return _Part("forces", d, left if d.verdict == "adequate" else "")
 
@@ -224,7 +224,7 @@ def _together(
     words = _answer(verdict, parts, found, shapes, mismatch, [f"{also}."] * bool(also) + list(notes))
     drawn = curves_of(lead.said) if isinstance(lead.said, ViewDiagnosis) else lead.said.curves
     held = None if forces is None else forces.calibration
-    made = calibration_of(recording, told, wording.reserve(verdict, found, shapes), held)
+    made = calibration_of(recording, told, wording.reservation(verdict, found, shapes), held)
     recommend = next(filter(None, (p.said.recommend for p in parts_by_weight)), "")
     return Diagnosis(verdict, mismatch, found, shapes, fitted, provenance, words, drawn, made, outcome=also,
                      laws=tuple(law for p in parts for law in p.said.laws), recommend=recommend)  # fmt: skip
@@ -246,6 +246,6 @@ def _answer(
     else:
         out = [wording.NO_CAUSE]
     out += [p.in_words for p in parts if p.in_words]
-    out += [f"Without a known cause is {wording.left_over(u)}." for u in shapes[:1]]
+    out += [f"The remaining misfit has no known cause: {wording.shape_in_words(u)}." for u in shapes[:1]]
     out += [f"{m.in_words}." for m in mismatch[:1]]
-    return " ".join(filter(None, [*out, wording.delayed(found), *notes]))
+    return " ".join(filter(None, [*out, wording.delays(found), *notes]))

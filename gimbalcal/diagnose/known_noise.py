@@ -159,7 +159,7 @@ def _report(
         fitted = law_fit.summary(fitted)
         curves = replace(curves, after=left)
     tell("the model with what was found, as a calibration")
-    made = calibrated_alone(s, f, wording.reserve(d.verdict, named, shapes), known)
+    made = calibrated_alone(s, f, wording.reservation(d.verdict, named, shapes), known)
     words += f" {fault}" if fault else ""
     return Diagnosis(d.verdict, mismatch, named, shapes, fitted, provenance, words, curves, made, outcome=fault,
                      laws=law.laws, recommend=law.recommend)  # fmt: skip

@@ -165,7 +165,7 @@ def _report(
     words = [wording.answer(d.verdict, named, unexplained, mismatch, fitted)]
     words += [f.agreement.in_words for f in named if f.agreement and f.agreement.in_words]
     words.append(_each_alone(shares))
-    made, between = _calibrated(c, d, shares, wording.reserve(d.verdict, named, unexplained), known)
+    made, between = _calibrated(c, d, shares, wording.reservation(d.verdict, named, unexplained), known)
     fitted = replace(fitted, constants=between)
     verdict, differ, recommend = d.verdict, between.in_words, law.recommend
     if differ:

@@ -83,7 +83,7 @@ def without_strays(
         size = [float(from_si(float(np.linalg.norm(told.after[k] * told.sigma[k])), v.unit)) for k in off]
         at, axis = v.stimulus.true_angle, v.stimulus.axis_names[0]
         why = MISTAKEN if at is None else why_far(told.after * told.sigma, at[:, :2], off, axis)
-        notes.append(wording.strayed([int(number[k]) for k in off], size, v.unit, why))
+        notes.append(wording.omitted_stars([int(number[k]) for k in off], size, v.unit, why))
         tell(notes[-1])
         recording = replace(recording, position=number).select(np.delete(np.arange(n), off))
 
@@ -117,7 +117,7 @@ def of_triads(
     made = calibration_of(recording, told, "") if told else calibration
     at_rest = rest_rates(recording, gyro, made)
     if at_rest is None:
-        note = "The gyroscopes were not looked at: they count, and no turn says how much a count is."
+        note = wording.gyroscopes_not_analysed(wording.COUNTS_WITHOUT_SCALE)
         tell(note)
         return told, [note]
     still = diagnose_view(at_rest, tell)
@@ -125,10 +125,10 @@ def of_triads(
     if gyro:
         return told, []
     if told[0].verdict == "unexplained" and told[0] is not still:
-        return told, [UNLOOKED.format(why="nothing explains the forces")]
+        return told, [wording.rate_not_analysed("no model explains the forces")]
     moving = view_of_turns(recording, made, found_at_rest(still))
     if moving is None or made is None:
-        return told, [wording.unlooked_way("too few turns were logged to say how the unit turned")]
+        return told, [wording.motion_not_analysed("too few turns were logged to say how the unit turned")]
     told.append(diagnosis_of(moving, course(moving, tell), tell))
     late, notes = on_the_way(recording, made, told[-1].model.effects, tell)
     return [*told, *late], notes
@@ -140,12 +140,9 @@ def on_the_way(
     """What the slews say of delays between channels, or a note why they say nothing; see `view_of_slews`."""
     v = view_of_slews(recording, made, gyro, means)
     if isinstance(v, str):
-        return [], [wording.unlooked_way(v)]
+        return [], [wording.motion_not_analysed(v)]
     tell("the slews: do all channels agree in time")
     return [diagnosis_of(v, course(v, tell), tell)], []
-
-
-UNLOOKED = "What grows with the rate of the gyroscopes was not looked at: {why}."
 
 
 def found_at_rest(still: ViewDiagnosis) -> tuple[Effect, ...]:
@@ -172,8 +169,8 @@ def _together(
     words = wording.answer_of_views(verdict, [(t.view, t.fit, t.findings) for t in told], shapes, mismatch)
     hidden = limits_in_words([u for t in told for u in t.fit.unseen or ()]) if verdict == "adequate" else ""
     also = outcome_of(told)
-    words = " ".join(filter(None, [words, hidden, wording.delayed(found), f"{also}." if also else "", *notes]))
-    made = calibration_of(recording, told, wording.reserve(verdict, found, shapes))
+    words = " ".join(filter(None, [words, hidden, wording.delays(found), f"{also}." if also else "", *notes]))
+    made = calibration_of(recording, told, wording.reservation(verdict, found, shapes))
     recommend = next(filter(None, (t.recommend for t in (lead, *told))), "")
     return Diagnosis(verdict, mismatch, found, shapes, fit, provenance, words, curves_of(lead), made, outcome=also,
                      laws=tuple(law for t in told for law in t.laws), recommend=recommend)  # fmt: skip

@@ -130,7 +130,7 @@ def diagnosis_as(
         if lawful.laws:
             c, fit, sigma = c_law, fit_law, row_sigma(v, with_law)
     if verdict == "missing-physics" and fit.heldout_rms_after > max(
-        fit.heldout_rms_before, wording.MISSED * fit.rms_after
+        fit.heldout_rms_before, wording.MAX_HELDOUT_RATIO * fit.rms_after
     ):
         verdict = "not-identifiable"  # what was named makes rows that took no part worse
     mismatch = () if verdict == "adequate" else mismatches(v, c.start, sigma)

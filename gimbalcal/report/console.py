@@ -22,7 +22,7 @@ def parameters_table(content: Mapping[str, Any]) -> str:
     unseen, held = any(r["unobservable"] for r in told), _held(content)
     return "\n".join([
         *_aligned([(r["words"], r["value"], r["sigma"], r["unit"], "*" if r["unobservable"] else "") for r in told]),
-        *(["* these data do not tell it alone; the report says with what it moves together"] if unseen else []),
+        *(["* not determined one by one; the report gives the combinations"] if unseen else []),
         *([f"not estimated: {'; '.join(held)}"] if held else []),
     ])  # fmt: skip
 
@@ -78,7 +78,7 @@ def bounds_table(content: Mapping[str, Any]) -> str:
          "*" if naming.label_of(p) in lost else f"usual {significant(p['prior_sigma'], 2)}")
         for p in content["parameters"]
     ]  # fmt: skip
-    rest = ["* it does not tell this alone; the report says with what it moves together"] if lost else []
+    rest = ["* not determined one by one; the report gives the combinations"] if lost else []
     return "\n".join([*_aligned(told), *rest])
 
 

@@ -117,7 +117,7 @@ def test_what_cannot_be_said_is_noted() -> None:
     assert d.verdict == "adequate"
     assert len(d.provenance["notes"]) == 2
     assert "fewer than 12 turns" in d.in_words
-    assert "The way between positions was not looked at" in d.in_words
+    assert "The motion between positions was not analysed" in d.in_words
     counts = replace(made, units={**made.units, **{("angular_rate", a): "count" for a in "xyz"}}).select(at_rest)
     d = diagnose([counts])
     assert list(d.fit["views"]) == ["forces"]

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose import wording
-from gimbalcal.diagnose.result import Finding, FitSummary, Mismatch, Shape, TurnMisfit, ViewFit
+from gimbalcal.diagnose.result import Estimate, Finding, FitSummary, Mismatch, Shape, TurnMisfit, ViewFit
 from gimbalcal.diagnose.rows.views import pointing
 from gimbalcal.effects import CATALOGUE
-from gimbalcal.views.noise import NoiseModel
 from tests.diagnose.small import telescope
+from tests.golden import Golden
 
 NUMBERS = {"chi2_reduced_before": 3.14159, "chi2_reduced_after": 1.01234, "heldout_before": 3.5, "heldout_after": 1.05}
 FIT = FitSummary(**NUMBERS, noise={})
@@ -49,71 +49,54 @@ def test_an_equation_is_that_of_the_card() -> None:
     assert "K_{3" in CUBIC["equation"]
 
 
-def test_findings_stand_with_what_is_confounded_with_them() -> None:
-    assert wording.named("cubic_nonlinearity", "y") == "cubic nonlinearity (y)"
-    assert wording.named(ODD.effect, ODD.axis, ODD.twins) == "odd quadratic or cubic nonlinearity or soft saturation"
-    assert wording.causes("missing-physics", [CUBIC, ODD]) == (
-        "What was left out: cubic nonlinearity (y) and odd quadratic or cubic nonlinearity or soft saturation"
-    )
-    assert wording.causes("not-identifiable", [ODD], [WAVE]).endswith(
-        "soft saturation, or none that is known: a smooth function of time in specific force x"
-    )
+def test_the_sentences_of_a_diagnosis(golden: Golden) -> None:
+    turned = replace(VIEW_FIT, turns=TurnMisfit(100.4, 20.2, "arcsec"))
+    few = replace(VIEW_FIT, heldout_rms_after=90.0)
+    late = Finding("gyro_latency", "", 0.9, 9.0, (Estimate("gyro_latency", "", 3.2, 0.1, "ms"),), ("readout_latency",))
+    sampled = {chi2: replace(VIEW_FIT, chi2_of_samples_after={"across": chi2, "along": chi2}) for chi2 in (1.44, 9.0)}
+    cases = {
+        "adequate": wording.answer("adequate", [], [], OFF, FIT),
+        "missing physics": wording.answer("missing-physics", [CUBIC, ODD], [WAVE], OFF, FIT),
+        "not identifiable": wording.answer("not-identifiable", [ODD], [WAVE], OFF, FIT),
+        "unexplained": wording.answer("unexplained", [], [WAVE], OFF, FIT),
+        "unexplained without a shape": wording.answer("unexplained", [], [], [], FIT),
+        "adequate, in the unit of the readings": of_view("adequate", [], []),
+        "missing physics, in the unit of the readings": of_view("missing-physics", [CUBIC], [WAVE]),
+        "few readings": wording.answer_of_views("adequate", [(STARS, few, [])], [], OFF),
+        "turns": wording.misfit_reduction(STARS, turned),
+        "standard error": wording.residuals(STARS, sampled[1.44]),
+        "excess scatter": wording.residuals(STARS, sampled[9.0]),
+        "pattern": wording.follows(STARS, "along", 12.345, "a wave"),
+        "largest": wording.largest(STARS, "along", 12.345, 2.0, np.array([3, 8])),
+        "reservation, unexplained": wording.reservation("unexplained", [], [WAVE]),
+        "reservation, not identifiable": wording.reservation("not-identifiable", [ODD], [WAVE]),
+        "delay": wording.delays([late]),
+        "outliers": wording.omitted_stars([3, 80], [0.763, 12.0], "arcsec", "mistaken or not centred"),
+        "motion": wording.motion_not_analysed("none were logged"),
+        "rate": wording.rate_not_analysed("no model explains the forces"),
+        "gyroscopes": wording.gyroscopes_not_analysed(wording.COUNTS_WITHOUT_SCALE),
+    }
+    golden("sentences/in_words", "\n".join(f"{name}: {text}" for name, text in cases.items()))
+    assert of_view("unexplained", [], [WAVE]) == cases["unexplained"]
 
 
-def test_the_answer_in_a_known_noise() -> None:
-    assert wording.answer("adequate", [], [], OFF, FIT) == (
-        "The calibrated model explains these data: reduced chi^2 3.14."
-    )
-    assert wording.answer("missing-physics", [CUBIC], [WAVE], OFF, FIT) == (
-        "What was left out: cubic nonlinearity (y). Reduced chi^2 goes from 3.14 to 1.01, on held-out data from 3.5 to "
-        "1.05. Part of it may have no known cause: a smooth function of time in specific force x. "
-        "Specific force y is off at position 4."
-    )
-    assert wording.answer("unexplained", [], [WAVE], OFF, FIT) == (
-        "The model does not explain these data, and no cause of the catalogue does. What is left is a smooth function "
-        "of time in specific force x. Specific force y is off at position 4."
-    )
-    assert wording.answer("unexplained", [], [], [], FIT) == wording.NO_CAUSE
-
-
-def test_the_answer_in_an_unknown_noise_is_in_the_unit_of_the_readings() -> None:
-    def said(verdict: str, findings: list[Finding], shapes: list[Shape]) -> str:
-        return wording.answer_of_views(verdict, [(STARS, VIEW_FIT, findings)], shapes, OFF)
-
-    assert said("adequate", [], []) == (
-        "The calibrated model explains these data. What is left of pointing is 0.932 arcsec rms without a pattern."
-    )
-    assert said("missing-physics", [CUBIC], [WAVE]) == (
-        "What was left out: cubic nonlinearity (y). The misfit of pointing goes from 1921 to 0.932 arcsec rms, and for "
-        "stars that the fit has not seen from 2000 to 1.25 arcsec. What is left has no known cause: a smooth function "
-        "of time in specific force x. Specific force y is off at position 4."
-    )
-    assert said("unexplained", [], [WAVE]) == wording.answer("unexplained", [], [WAVE], OFF, FIT)
+def of_view(verdict: str, findings: list[Finding], shapes: list[Shape]) -> str:
+    return wording.answer_of_views(verdict, [(STARS, VIEW_FIT, findings)], shapes, OFF)
 
 
 def test_a_shape_of_a_gimbal_names_its_gimbal_once() -> None:
     shape = "a third or higher harmonic of the inner gimbal angle"
-    assert wording.left_over(wording.shape(shape, "gimbal_angle", "inner")) == shape
-    assert wording.left_over(wording.shape("a pattern", "gimbal_angle", "inner")) == "a pattern in gimbal angle inner"
+    assert wording.shape_in_words(wording.shape(shape, "gimbal_angle", "inner")) == shape
+    assert wording.shape_in_words(wording.shape("a pattern", "gimbal_angle", "inner")).endswith("gimbal angle inner")
 
 
-def test_scatter_beyond_that_of_the_samples_is_said() -> None:
-    def said(chi2: float) -> str:
-        v = replace(STARS, noise=NoiseModel(sample=np.ones((80, 2))))
-        return wording.scatter(v, replace(VIEW_FIT, chi2_of_samples_after={"across": chi2, "along": chi2}))
-
-    assert said(1.44).endswith("rms without a pattern, 1.2 times what the scatter of the samples makes of a mean.")
-    assert said(9.0).endswith(
-        "but 3 times what the scatter of the samples makes of a mean: the outputs wander from one position to the next."
-    )
-
-
-def test_what_a_view_gained_or_has_left() -> None:
-    assert wording.view_in_words(STARS, VIEW_FIT, [], "unexplained") == ""
-    assert wording.view_in_words(STARS, VIEW_FIT, [CUBIC], "missing-physics").startswith("The misfit of pointing goes")
-    assert wording.view_in_words(STARS, VIEW_FIT, [], "adequate").startswith("What is left of pointing")
-    turned = replace(VIEW_FIT, turns=TurnMisfit(100.4, 20.2, "arcsec"))
-    assert wording.misfit_improved(STARS, turned).endswith("gravity is missed by 20 arcsec rms instead of 100.")
-    assert wording.follows(STARS, "along", 12.345, "a wave") == (
-        "The misfit of pointing along elevation (12.3 arcsec rms) follows a wave"
-    )
+@pytest.mark.parametrize(
+    ("findings", "verdict", "text"),
+    [
+        ([], "unexplained", ""),
+        ([CUBIC], "missing-physics", wording.misfit_reduction(STARS, VIEW_FIT)),
+        ([], "adequate", wording.residuals(STARS, VIEW_FIT)),
+    ],
+)
+def test_the_sentence_of_a_view_depends_on_its_findings(findings: list[Finding], verdict: str, text: str) -> None:
+    assert wording.view_in_words(STARS, VIEW_FIT, findings, verdict) == text

@@ -14,7 +14,7 @@ def test_accelerometers_lack_nothing() -> None:
     assert d.mismatch == ()
     # 13 degrees of freedom: chi^2 / dof scatters by 0.4
     assert d.fit["chi2_of_samples_before"]["norm"] == pytest.approx(1.0, abs=0.8)
-    assert "times what the scatter of the samples makes of a mean" in d.in_words
+    assert "times the standard error from the scatter of the samples" in d.in_words
 
 
 def test_misalignment_left_out_is_found_again_and_nothing_else() -> None:

@@ -20,7 +20,7 @@ from gimbalcal.diagnose.search.likeliest import ranked
 from gimbalcal.diagnose.search.ranking import Ranking, Weighed, given, likeliest_variants
 from gimbalcal.diagnose.search.refit import projections, refit, weighted
 from gimbalcal.diagnose.search.stepwise import bar
-from gimbalcal.diagnose.wording import NAMED
+from gimbalcal.diagnose.wording import MAX_ALTERNATIVES
 from gimbalcal.effects import with_values
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
@@ -111,7 +111,7 @@ def _widened(s: Ranking, p: Array, member: int, alike: tuple[int, ...], beside: 
         extra = [i for i in h.members if i not in beside]
         if len(h.members) != len(beside) + 1 or h.unknown(candidates) or len(extra) != 1:
             continue
-        if len(alike) >= NAMED - 1 or _share(s, p, (member, *alike)) >= SURE:
+        if len(alike) >= MAX_ALTERNATIVES - 1 or _share(s, p, (member, *alike)) >= SURE:
             break
         alike = (*alike, *_distinct(candidates, member, [i for i in extra if i not in alike]))
         alike = _distinct(candidates, member, alike)
