@@ -97,7 +97,7 @@ def _ideal_attitude(recording: Recording, readout: Array) -> Array | None:
     """Return C_np (n, 3, 3) of a perfect platform on a level base to the north; None for a unit without gimbals."""
     if not recording.platform.axes:
         return None
-    if recording.kind == "static-run":
+    if recording.kind.stabilised:
         return navigation_to_platform(sidereal_phase(recording, readout), required_latitude(recording.site.latitude))
     return recording.platform.attitude(readout)
 
@@ -119,7 +119,7 @@ def ideal_force(recording: Recording, readout: Array) -> Array:
             f"{recording.title!r} was recorded on {recording.platform.name!r}, which has no gimbals, so no angle tells "
             "the force; name the platform it stood on, with its readouts"
         )
-    if recording.kind == "static-run":
+    if recording.kind.stabilised:
         phase = sidereal_phase(recording, readout)
         return recording.site.gravity * _inertial_direction(phase, required_latitude(recording.site.latitude))
     return -recording.site.gravity * apply_matrix(recording.platform.attitude(readout), DOWN)

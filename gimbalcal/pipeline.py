@@ -50,7 +50,7 @@ def load(recordings: Sequence[Source], tell: Tell = silent) -> tuple[Recording, 
             recording = each
         else:
             tell(f"reading {Path(each).name}")
-            static_run = read_header(Path(each)).kind == "static-run"
+            static_run = read_header(Path(each)).kind.stabilised
             recording = read(Path(each), average_s=STATIC_BLOCK if static_run else None, most=MOST_ROWS)
         unchecked = [remark for sensor in recording.sensors for remark in refuse_implausible(sensor)]
         recording = replace(recording, remarks=(*recording.remarks, *unchecked))
@@ -139,7 +139,7 @@ def _refuse_too_little(device: Recording) -> None:
 def _one_of_each(recordings: Sequence[Recording]) -> tuple[Recording | None, Recording | None]:
     by_kind: dict[str, Recording] = {}
     for recording in recordings:
-        if recording.kind not in ("multi-position", "static-run"):
+        if not recording.kind.at_rest:
             raise InputError(
                 f"{recording.title!r} is a {recording.kind} recording; the three stages take a multi-position "
                 "recording and a static run (for others see `gimbalcal calibrate --method`)"

@@ -95,16 +95,16 @@ class Readings:
 
 def readings(recording: Recording) -> Readings:
     """The readings of a recording, of one sigma each. Raises InputError where the model predicts nothing in it."""
-    if recording.kind == "static-run":
+    if recording.kind.stabilised:
         refuse_other_platform(recording)
     channels = measured_channels(recording)
-    if recording.kind == "static-run" and ("gimbal_angle", "platform") not in channels:
+    if recording.kind.stabilised and ("gimbal_angle", "platform") not in channels:
         recording = with_phase_of_force(recording)
     s = stimulus_from_readings(recording)
     value = np.stack([recording.channels[key] for key in channels], axis=1)
     made = Readings(recording, s, channels, value, np.ones(value.shape))
     force = made.columns("specific_force")
-    if recording.kind == "static-run" and force:
+    if recording.kind.stabilised and force:
         lost = lost_to_averaging(recording, s.force)
         value[:, force] += lost[:, ["xyz".index(channels[i][1]) for i in force]]
     return made

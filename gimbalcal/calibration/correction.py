@@ -122,7 +122,7 @@ def _added(channels: dict[Key, Array], stood: Mount | None, sign: float) -> dict
 
 
 def _refuse_other_rig(calibration: Calibrated, recording: Recording) -> None:
-    pointed = recording.kind == "pointing" and recording.has(ANGLE)
+    pointed = recording.kind.sighting and recording.has(ANGLE)
     if not (recording.has(FORCE) or recording.has(RATE) or pointed):
         raise InputError(
             f"{recording.title!r} has neither specific_force nor angular_rate, so there is nothing to correct; give a "

@@ -44,11 +44,11 @@ def mount(recording: Recording, effects: Sequence[Effect]) -> Mount | None:
     mine = [e for e in effects if e.stage not in SENSORS]
     if not mine or not recording.platform.axes:
         return None
-    if recording.kind == "static-run":
+    if recording.kind.stabilised:
         return _held(recording, effects)
     if not recording.has(ANGLE):
         return None
-    if recording.kind == "pointing":
+    if recording.kind.sighting:
         return _sighted(recording, mine)
     s, told = stimulus_from_readings(recording), recording.angles()
     if all(e.stage is Stage.ENCODER for e in mine):

@@ -197,7 +197,7 @@ def new(
     tell(f"reading {amount(len(logs), 'log')}")
     proposal = propose(logs, title, rate or 0.0, latitude, height, longitude)
     r, folder = proposal.recording, out or Path(logs[0].stem)
-    page = "stars.html" if r.kind == "pointing" else "rests.html"
+    page = "stars.html" if r.kind.sighting else "rests.html"
     with staged_folder(folder, overwrite) as staged:
         write(r, staged, "samples.parquet" if len(r.time) > 1_000_000 else "samples.csv")
         header = staged / "recording.toml"
@@ -211,10 +211,10 @@ def new(
         tell(f"left out: {', '.join(name.strip() for name in proposal.left_out)}")
     for remark in r.remarks:
         tell(f"note: {remark}")
-    stars, turned = r.kind == "pointing", r.kind == "rotation"
+    stars, turned = r.kind.sighting, r.kind.rotating
     rests = 0 if stars or turned else len(dwells(r))
     size = amount(len(r.time), "star") if stars else f"{amount(rests, 'rest')} and {amount(len(r.time), 'row')}"
-    size = amount(len(r.time), "row") if turned or r.kind == "static-run" else size
+    size = amount(len(r.time), "row") if turned or r.kind.stabilised else size
     if len(r.time) > max(rests, 1) and not stars:  # a clock in another unit is seen at once
         size += f" over {clocked(r)}"
     description = f"a {r.kind} recording of {size}"
@@ -223,7 +223,7 @@ def new(
                for n, g in proposal.guesses.items()}  # fmt: skip
     result = {"folder": str(folder), "kind": r.kind, "rests": rests, "rows": len(r.time), "columns": columns,
               "left_out": list(proposal.left_out), "notes": dict(proposal.notes)}  # fmt: skip
-    after = "calibrate" if stars or turned or rests > 1 or r.kind == "static-run" else "noise"
+    after = "calibrate" if stars or turned or rests > 1 or r.kind.stabilised else "noise"
     how = " --method rate-table" if turned and r.has("specific_force") else ""
     words = f"wrote {folder}, {description}; {correct}, then: gimbalcal {after} {folder}{how}"
     show(result, words, as_json, quiet)

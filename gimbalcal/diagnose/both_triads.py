@@ -50,8 +50,8 @@ NOTHING = Calibration("gimbals", (), (), np.zeros((0, 0)), (), Residual(0.0, 0, 
 
 def has_gyroscopes(recording: Recording) -> bool:
     """Whether gimbals tell the attitude and gyroscopes were logged, or should have been."""
-    logged = recording.kind == "multi-position" and recording.has(RATE) and recording.position is not None
-    return bool(recording.platform.axes) and (logged or recording.kind == "rotation")
+    logged = recording.kind.in_positions and recording.has(RATE) and recording.position is not None
+    return bool(recording.platform.axes) and (logged or recording.kind.rotating)
 
 
 def diagnose_both_triads(
@@ -62,7 +62,7 @@ def diagnose_both_triads(
     A baseline of gyroscope effects alone asks for the gyroscopes alone, and so on. Raises InputError for a rotation
     without rests.
     """
-    means = recording.kind == "rotation" and not recording.instant
+    means = recording.kind.rotating and not recording.instant
     recording = _with_rests(recording)
     mine, gyro = by_triad(baseline)
     asked = (recording.has(FORCE) or not recording.has(RATE)) and (mine or not baseline)
@@ -94,7 +94,7 @@ def _slews(
 
 def _with_rests(recording: Recording) -> Recording:
     """Rests at known angles are positions, whatever turned between them."""
-    if recording.kind == "multi-position":
+    if recording.kind.in_positions:
         return recording
     if recording.position is None or not np.any(recording.position > 0):
         raise InputError(

@@ -51,11 +51,11 @@ def reservations(recording: Recording, baseline: Sequence[str] = ()) -> list[str
     """Sentences of what speaks against the calibrated model of one recording."""
     usual = not baseline or set(baseline) == set(BASELINE.get(recording.kind, ()))
     out = []
-    if recording.kind == "static-run" and usual:
+    if recording.kind.stabilised and usual:
         out += _said(lambda: list(filter(None, [static(recording).outcome.partition(", so ")[0]])))
     if turned_in_place(recording) and usual:
         out += _said(lambda: list(filter(None, [systematic(recording, "30").outcome.partition(";")[0]])))
-    if recording.kind != "multi-position" or recording.position is None or not recording.has(FORCE):
+    if not recording.kind.in_positions or recording.position is None or not recording.has(FORCE):
         return out
     if recording.has("gimbal_angle"):
         out += _said(lambda: _of_positions(recording)) if usual else []

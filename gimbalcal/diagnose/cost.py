@@ -86,14 +86,14 @@ def _unit(recordings: Sequence[Recording], d: Diagnosis) -> _Unit | None:
             _swung(still_unit(DAY + ROW / 3600, first.site, EAST_NORTH_UP), recordings),
             False,
         )
-    fixes = any(r.kind in ("static-run", "multi-position") and r.site.latitude is not None for r in recordings)
+    fixes = any(r.kind.at_rest and r.site.latitude is not None for r in recordings)
     if not fixes or first.platform.name != SPACE_STABLE.name:
         return None
 
     def without(effect: str) -> Calibration:
         return three_stage(recordings, more=[_as_found(e) for e in found.values() if e.id != effect], judged=False)
 
-    own = next((r for r in recordings if r.kind == "static-run"), None)
+    own = next((r for r in recordings if r.kind.stabilised), None)
     base = own or still_base(DAY, next(r.site for r in recordings if r.site.latitude is not None))
     return _Unit(found, made, without, base if own else _swung(base, recordings), own is not None)
 

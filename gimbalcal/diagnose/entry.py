@@ -66,7 +66,7 @@ def diagnose(
     made = {id(r): completed(r) for r in recordings}  # one that is given twice stays one
     recordings = [made[id(r)] for r in recordings]
     asked = _Asked(calibration, tuple(baseline), seed, tell)
-    if all(r.kind == "pointing" for r in recordings):
+    if all(r.kind.sighting for r in recordings):
         refuse_for_mounts(grade)
         found = _judged(recordings, asked)
         return _defined(replace(found, provenance={**found.provenance, **when_recorded(recordings)}))
@@ -110,8 +110,8 @@ def _questioned(found: Diagnosis, recordings: Sequence[Recording], unit: Graded)
 
 def _again(recordings: Sequence[Recording]) -> Calibration:
     """The usual constants of changed recordings."""
-    gimbals = all(r.platform.axes and r.kind != "rotation" for r in recordings)
-    if not gimbals and (len(recordings) > 1 or recordings[0].kind != "multi-position"):
+    gimbals = all(r.platform.axes and not r.kind.rotating for r in recordings)
+    if not gimbals and (len(recordings) > 1 or not recordings[0].kind.in_positions):
         raise InputError("there is no calibration that is quick enough to try slips with")
     return three_stage(recordings) if gimbals else inertial_unit(recordings[0])
 
@@ -125,9 +125,9 @@ def _judged(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
 
 
 def _of_all(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
-    if all(r.kind == "pointing" for r in recordings):
+    if all(r.kind.sighting for r in recordings):
         return _nights(recordings, asked)
-    if len(recordings) > 1 and all(applies(r) and r.kind == "multi-position" for r in recordings):
+    if len(recordings) > 1 and all(applies(r) and r.kind.in_positions for r in recordings):
         return _sessions(recordings, asked)
     if len(recordings) > 1:
         return diagnose_several(recordings, *asked)
@@ -188,6 +188,6 @@ def _held_together(made: Diagnosis, each: str, alike: str, ask: Callable[[], Cal
 def _diagnose(recording: Recording, asked: _Asked) -> Diagnosis:
     if applies(recording):
         return diagnose_unknown_noise(recording, *asked)
-    if has_gyroscopes(recording) or recording.kind == "multi-position":
+    if has_gyroscopes(recording) or recording.kind.in_positions:
         return diagnose_both_triads(recording, *asked)
     return diagnose_known_noise(recording, *asked)

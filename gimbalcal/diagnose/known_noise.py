@@ -83,7 +83,7 @@ def searched(recording: Recording, calibration: Calibration | None, baseline: tu
     tell(f"fitting the model: {', '.join(wording.spoken(i) for i in baseline)} (another: --baseline)")
     start = carried(calibration, baseline)
     o = settle(fit_baseline(recording, baseline, start))
-    dragged = o.view.kind == "static-run" and _misfit(o) > DRAGGED
+    dragged = o.view.kind.stabilised and _misfit(o) > DRAGGED
     if dragged:
         o = settle(fit_baseline(recording, baseline, start, steps=0))
     o = about_settings(o)

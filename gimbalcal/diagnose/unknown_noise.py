@@ -45,14 +45,14 @@ STRAYS = 0.05  # of the stars, at the most; more are a pattern, or the tails of 
 
 def applies(recording: Recording) -> bool:
     """Whether a recording is one of these: pointing, a unit without gimbals, or forces and rates while it turns."""
-    return recording.kind == "pointing" or (recording.kind != "static-run" and not recording.platform.axes)
+    return recording.kind.sighting or (not recording.kind.stabilised and not recording.platform.axes)
 
 
 def diagnose_unknown_noise(
     recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
 ) -> Diagnosis:
     """What was left out of the models of such a recording."""
-    if recording.kind in ("pointing", "rotation"):
+    if recording.kind.sighting or recording.kind.rotating:
         told, notes = without_strays(recording, calibration, baseline, tell)
     else:
         told, notes = of_triads(recording, calibration, baseline, tell)
@@ -76,7 +76,7 @@ def without_strays(
         v = alone(recording, calibration, baseline, tell)
         told = diagnosis_of(*about_found(v, course(v, tell), tell), tell)
         n = len(v)
-        off = strays(told.after) if recording.kind == "pointing" and n <= MANY and len(notes) < ROUNDS else []
+        off = strays(told.after) if recording.kind.sighting and n <= MANY and len(notes) < ROUNDS else []
         if not 0 < len(off) <= STRAYS * n:
             return [told], notes
         number = v.stimulus.position
@@ -90,7 +90,7 @@ def without_strays(
 
 def alone(recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell) -> View:
     """The one view of a pointing run, of a unit turned in its place, or of a tilting table."""
-    if recording.kind == "rotation":
+    if recording.kind.rotating:
         if not turned_in_place(recording):
             return table(recording, baseline)
         usual = tuple(baseline) or BASELINE["rotation"]

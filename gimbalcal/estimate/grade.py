@@ -55,7 +55,7 @@ def graded(recordings: Sequence[Recording], name: str = "") -> Graded:
     """
     if name:
         return Graded(grade_named(name), "--grade says so")
-    held = [r for r in recordings if r.kind == "static-run"]
+    held = [r for r in recordings if r.kind.stabilised]
     force, rate = (_middle([walk(r, s) for r in recordings if r not in held]) for s in TRIADS)
     if held and force is None:
         return Graded(GRADES["navigation"], "its gyroscopes hold a platform still in inertial space")

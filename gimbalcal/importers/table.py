@@ -29,7 +29,7 @@ def header_for(path: Path, options: Mapping[str, str], skip: int = 0) -> Header:
             "file in the option header"
         )
     header = foreign_header(Path(options["header"]), path, skip, clock_needed=False)
-    ordered = header.kind == "pointing" or (header.kind == "multi-position" and header.column("position") is not None)
+    ordered = header.kind.sighting or (header.kind.in_positions and header.column("position") is not None)
     if ordered or "rate" in options:
         return header  # of stars and of rests the order may stand in for a clock
     return foreign_header(Path(options["header"]), path, skip)

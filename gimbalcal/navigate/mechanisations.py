@@ -19,9 +19,9 @@ def navigated(
     Raises InputError for what cannot be navigated: positions, a static run of another platform, no latitude, no force
     or, of a strapdown unit, no rates.
     """
-    if recording.kind == "static-run":
+    if recording.kind.stabilised:
         return platform_navigated(recording, calibration, aids, label)
-    if recording.kind != "rotation":
+    if not recording.kind.rotating:
         raise InputError(
             f"{recording.title!r} is a {recording.kind} recording; a static run of a space-stable platform is "
             'navigated, or a strapdown unit that stays in its place (kind = "rotation", both triads, every sample)'
@@ -37,4 +37,4 @@ def usual(recording: Recording, damping: float | None = None, alignment: float =
 
 def is_strapdown(recording: Recording) -> bool:
     """Return whether the unit's own gyroscopes carry its attitude."""
-    return recording.kind == "rotation"
+    return recording.kind.rotating

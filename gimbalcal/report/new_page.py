@@ -27,7 +27,7 @@ def commented(header: str, found: Proposal) -> str:
     by_key = {(g.quantity, g.axis): (name, g) for name, g in found.guesses.items()}
     lines = [
         "# Proposed by gimbalcal new. Correct what is wrong: a unit, an axis, sign = -1; then calibrate.",
-        *([] if found.recording.site.latitude is not None or found.recording.kind == "pointing" else [
+        *([] if found.recording.site.latitude is not None or found.recording.kind.sighting else [
             "# The place is not known from a log: --latitude and --height, or both in [site], tell gravity to 100 ppm",
             '# and the rate of the Earth: latitude = { value = 48.1, unit = "deg" }',
         ]),
@@ -45,8 +45,8 @@ def commented(header: str, found: Proposal) -> str:
 def proposal_page(found: Proposal) -> str:
     """The page: what each column is taken for, and the forces with the rests marked, or what the stars are off by."""
     r = found.recording
-    stars, stays = r.kind == "pointing", () if r.kind in ("pointing", "rotation") else dwells(r)
-    enough = r.kind == "rotation" or (len(r.time) if stars else len(stays)) >= 9
+    stars, stays = r.kind.sighting, () if (r.kind.sighting or r.kind.rotating) else dwells(r)
+    enough = r.kind.rotating or (len(r.time) if stars else len(stays)) >= 9
     told = [f"{what}: {note}" for what, note in found.notes.items()]
     context = {
         "title": r.title,
@@ -74,10 +74,10 @@ def clocked(r: Recording) -> str:
 
 def _answer(found: Proposal, rests: int) -> str:
     r = found.recording
-    if r.kind == "static-run":
+    if r.kind.stabilised:
         return (f"A static run of {clocked(r)}. Next: correct recording.toml where a guess below is wrong, then "
                 "`gimbalcal calibrate` this folder, best together with positions of the same unit.")  # fmt: skip
-    if r.kind == "rotation":
+    if r.kind.rotating:
         return f"Gyroscopes on a table, {clocked(r)}. {NEXT[:-1]} together with those of the other mountings."
     few = " Nine or more in different attitudes are needed for all errors of three accelerometers." if rests < 9 else ""
     after = "`gimbalcal noise` this folder" if rests < 2 else "`gimbalcal calibrate` this folder"

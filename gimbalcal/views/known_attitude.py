@@ -168,13 +168,13 @@ def at_rest(recording: Recording) -> Recording:
     """The rows that stand still, a long static run as means of blocks. Raises InputError where there are none."""
     if recording.kind not in KINDS:
         raise InputError(f"{recording.title!r} is a {recording.kind} recording; `diagnose` takes {', '.join(KINDS)}")
-    if recording.kind == "static-run":
+    if recording.kind.stabilised:
         refuse_other_platform(recording)
     if recording.position is not None and np.any(recording.position == 0):
         recording = whole_means(recording) if rests_are_means(recording) else recording.select(recording.position > 0)
     if not len(recording.time):
         raise InputError(f"{recording.title!r} has no dwell: every row has position 0, so nothing in it is at rest")
-    if recording.kind == "static-run" and len(recording.time) > MOST_ROWS:
+    if recording.kind.stabilised and len(recording.time) > MOST_ROWS:
         return block_means(recording, -(-len(recording.time) // MOST_ROWS))
     return recording
 
@@ -190,7 +190,7 @@ def refuse_too_little(title: str, Z: Array) -> None:
 
 def refuse_unknown_attitude(recording: Recording) -> None:
     """Raise InputError for positions without a readout of any gimbal."""
-    if recording.kind == "multi-position" and not recording.has("gimbal_angle"):
+    if recording.kind.in_positions and not recording.has("gimbal_angle"):
         raise InputError(
             f"{recording.title!r} has no gimbal_angle column, so its attitude is not known; add the readouts to "
             "[columns], or name the platform 'bench'"
@@ -223,7 +223,7 @@ def read_gimbals(view: View) -> list[int]:
 
 def _blocks(recording: Recording) -> Array:
     """Ordinal of the block (n,) that each row belongs to: equal parts of each dwell, single rows of one with few."""
-    if recording.kind == "static-run":
+    if recording.kind.stabilised:
         return np.zeros(0, dtype=int)
     stays = dwells(recording)
     parts = max(2, min(6, BLOCKS_IN_ALL // max(1, len(stays))))

@@ -102,7 +102,7 @@ def settle(o: Fit) -> Fit:
     scale, plain = (np.where(a > 0, a, 1.0) for a in (scale, plain))  # a channel that always reads the same
     kurtosis, weight = float(np.mean(_excess(fast / scale))), None
     if kurtosis > HEAVY:
-        static = o.view.kind == "static-run"
+        static = o.view.kind.stabilised
         found = huber(o.residual, np.arange(len(o.residual)) // NEIGHBOURS if static else o.view.noise.block, scale)
         # what no level follows is physics: it makes no row noisier than the rows next to it show
         weight = found.weight
@@ -117,7 +117,7 @@ def settle(o: Fit) -> Fit:
 def _fast(o: Fit) -> Array:
     """What varies from row to row inside a block (n', C), unit gain for white noise."""
     begins = np.zeros(len(o.residual), dtype=bool)
-    if o.view.kind != "static-run":
+    if not o.view.kind.stabilised:
         begins[o.view.noise.starts] = True
     return differences(o.residual, begins, np.ones(len(o.residual)), order=2)
 
@@ -131,7 +131,7 @@ def _excess(x: Array) -> Array:
 
 def nodes(o: Fit) -> tuple[Node, ...]:
     """The grid of noises of this recording with their prior probabilities."""
-    if o.view.kind == "static-run":
+    if o.view.kind.stabilised:
         return _spectral(o, [
             (wf, wa, pf * pa, "")
             for wf, pf in zip(WALK, WALK_PRIOR, strict=True) for wa, pa in zip(WALK, WALK_PRIOR, strict=True)
@@ -149,7 +149,7 @@ def lone_walks(o: Fit) -> tuple[Node, ...]:
     """
     axes, static = (
         [axis for quantity, axis in o.view.channels if quantity == "specific_force"],
-        o.view.kind == "static-run",
+        o.view.kind.stabilised,
     )
     share = (LONE_AT_REST if static else LONE) / len(LONE_WALK)
     if static:
@@ -241,11 +241,7 @@ def dwell_noise(o: Fit, setting: float, walk: float) -> Mapping[str, Noise]:
 
 def nominal(o: Fit) -> Node:
     """The noise as stated, without a random walk."""
-    return (
-        _spectral(o, [(0.0, 0.0, 1.0, "")])[0]
-        if o.view.kind == "static-run"
-        else _of_dwells(o, [(1.0, 0.0, 1.0, "")])[0]
-    )
+    return _spectral(o, [(0.0, 0.0, 1.0, "")])[0] if o.view.kind.stabilised else _of_dwells(o, [(1.0, 0.0, 1.0, "")])[0]
 
 
 def _block_time(o: Fit) -> Array:
@@ -256,7 +252,7 @@ def _block_time(o: Fit) -> Array:
 def coloured(o: Fit, among: Sequence[Node] = ()) -> int:
     """How many of the reduced rows can be other than white, in the grid and `among` further noises."""
     C = o.residual.shape[1]
-    rows = slow_modes(o, 0.0) if o.view.kind == "static-run" else len(o.view.noise.starts)
+    rows = slow_modes(o, 0.0) if o.view.kind.stabilised else len(o.view.noise.starts)
     return max([rows * C, *(n.coloured for n in among)])
 
 

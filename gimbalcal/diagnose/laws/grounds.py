@@ -49,9 +49,9 @@ def ground_of_search(s: Search, node: Node) -> Ground:
     o, names = s.o, s.o.view.stimulus.axis_names
     outputs = [("xyz".index(a), a) for q, a in o.view.channels if q == "specific_force"]
     moving = [(i, a) for i, a in enumerate(names) if np.ptp(o.view.stimulus.readout[:, i]) > MOVES]
-    block = stretches(len(o.residual)) if o.view.kind == "static-run" else o.view.noise.block
+    block = stretches(len(o.residual)) if o.view.kind.stabilised else o.view.noise.block
     every = _places(o.rows, Stage.ACCELEROMETER, outputs, block)
-    if o.view.kind != "static-run":
+    if not o.view.kind.stabilised:
         every += _places(o.rows, Stage.ENCODER, moving, block)
     Q, y = orthonormal(node.whiten(o.reduced(o.Z))), node.whiten(o.reduced(o.residual[:, :, None]))[:, 0]
 

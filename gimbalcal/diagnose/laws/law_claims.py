@@ -127,7 +127,7 @@ def lawful(
 
 def misheld(s: Search, verdict: str) -> str:
     """Sentences on positions that were not held where the readouts say, which is a fault and no physics."""
-    if verdict != "unexplained" or s.o.view.kind != "multi-position":
+    if verdict != "unexplained" or not s.o.view.kind.in_positions:
         return ""
     try:
         faults = trusted_positions(s.o.view.source).faults

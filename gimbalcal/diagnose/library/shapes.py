@@ -17,9 +17,9 @@ def shapes(o: Fit) -> dict[str, tuple[str, Array]]:
     """Bases (n, m) of the rivals that act on each accelerometer output."""
     s = o.view.stimulus
     t = s.time / s.time[-1]
-    m = 10 if o.view.kind == "multi-position" else 20
+    m = 10 if o.view.kind.in_positions else 20
     out = {"time": ("a smooth function of time", np.cos(np.pi * np.outer(t, np.arange(1, m + 1))))}
-    if o.view.kind == "multi-position":
+    if o.view.kind.in_positions:
         places = np.unique(s.position)
         if len(places) <= PLACES:
             out["position"] = ("a value of its own at each position", (s.position[:, None] == places).astype(float))
@@ -99,7 +99,7 @@ def products(o: Fit) -> dict[str, tuple[str, list[Array]]]:
            for name, x in follows.items()}  # fmt: skip
     powers = [(x**n)[:, None] for x in follows.values() for n in (2, 3)]
     out["power"] = ("a square or cube of " + ", ".join(follows), powers)
-    if o.view.kind == "multi-position":
+    if o.view.kind.in_positions:
         every = np.where(s.visit % 2, 1.0, -1.0)[:, None]
         words = "something that alternates from one position to the next"
         out["alternating"] = (words, [every, *(every * w for w in where)])

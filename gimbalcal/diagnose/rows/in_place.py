@@ -33,7 +33,7 @@ CHANNELS = tuple(("velocity", axis) for axis in ("north", "east", "down"))
 
 def turned_in_place(recording: Recording) -> bool:
     """Whether a recording is of a unit turned from stop to stop at a known latitude; a table goes on tilting."""
-    if recording.kind != "rotation" or recording.platform.axes or recording.site.latitude is None:
+    if not recording.kind.rotating or recording.platform.axes or recording.site.latitude is None:
         return False
     if any(not recording.has(q) or recording.counted(q) for q in (FORCE, RATE)):
         return False

@@ -27,7 +27,7 @@ ROUNDS = 3  # the last one about angles and constants that are known to a few ar
 
 def about_settings(o: Fit) -> Fit:
     """The rows about the angles of each visit; as they are where a setting is too small to curve anything."""
-    if o.view.kind == "static-run" or not read_gimbals(o.view) or not curved(o):
+    if o.view.kind.stabilised or not read_gimbals(o.view) or not curved(o):
         return o
     visit = np.unique(o.view.stimulus.visit, return_inverse=True)[1]
     for _ in range(ROUNDS):

@@ -40,7 +40,7 @@ def wandering(s: Search) -> tuple[Node, ...]:
     accelerometers are likelier there are none: what they leave keeps its shape.
     """
     found = s.ln_total >= CLAIM
-    if not found and (s.o.view.kind != "static-run" or not _walks(s)):
+    if not found and (not s.o.view.kind.stabilised or not _walks(s)):
         return ()
     nodes = lone_walks(s.o)
     ln = weights(s, nodes)

@@ -128,7 +128,7 @@ def _patterns(o: Fit) -> Iterator[tuple[dict[str, Any], str, Array]]:
     """Functions (n, m) of row to be scanned in every channel."""
     s = o.view.stimulus
     t = s.time / s.time[-1]
-    if o.view.kind == "multi-position":
+    if o.view.kind.in_positions:
         for p in np.unique(s.position):
             yield {"positions": [int(p)]}, f"at position {p}", _column(s.position == p)
         start = np.exp(-s.since_move / max(1.0, 0.3 * float(s.since_move.max())))

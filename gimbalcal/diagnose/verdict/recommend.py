@@ -55,7 +55,7 @@ def advise(o: Fit, found: Candidate, variant: int, size: Array, other: Candidate
 
 def fastest(o: Fit, gained: Callable[[Fit], float]) -> Advice:
     """The manoeuvre of the menu that brings most per hour; `gained`: ln Bayes factor of the planned rows."""
-    step = max(1, len(o.view.source.time) // ENOUGH) if o.view.kind == "static-run" else 1
+    step = max(1, len(o.view.source.time) // ENOUGH) if o.view.kind.stabilised else 1
     thin = o.view.source.select(slice(None, None, step))
     best = Advice("", 0.0, 0.0)
     for m in menu(thin):
@@ -107,7 +107,7 @@ def planned_rows(recording: Recording, o: Fit) -> Fit:
 def menu(recording: Recording) -> tuple[Manoeuvre, ...]:
     """Manoeuvres for this kind of recording."""
     hours = float(recording.time[-1] - recording.time[0]) / 3600.0
-    if recording.kind == "static-run":
+    if recording.kind.stabilised:
         return (Manoeuvre("let the run go on as long again", hours, _extended),)
     out = [
         Manoeuvre("repeat the positions in reversed order", hours, lambda r: repeated(r, reverse=True)),

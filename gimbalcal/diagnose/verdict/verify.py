@@ -72,7 +72,7 @@ def _whitened(s: Search, f: FittedCauses, physical: Array) -> tuple[Array, Array
     """Whitened Z, X, y and the fold of each row: in visits of the reduced rows, or in stretches of the raw ones."""
     o = s.o
     n, C = o.residual.shape
-    if o.view.kind == "static-run":
+    if o.view.kind.stabilised:
         fold = np.repeat(np.arange(n) * FOLDS // n, C)
         rows = [o.view.noise.weighted(A).reshape(n * C, -1) for A in (o.Z, physical, o.residual[:, :, None])]
         return rows[0], rows[1], rows[2][:, 0], fold, "time"

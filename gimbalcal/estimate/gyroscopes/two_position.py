@@ -80,7 +80,7 @@ def _refuse(recording: Recording) -> None:
         )
     if recording.counted(RATE):
         raise InputError(f"{recording.title!r} reads rates in counts; give a nominal scale, in rad/s or deg/h")
-    if recording.kind != "multi-position" or not recording.has("gimbal_angle"):
+    if not recording.kind.in_positions or not recording.has("gimbal_angle"):
         raise InputError(
             f"{recording.title!r} does not say how the unit was turned: a two-position test is a multi-position "
             "recording with gimbal_angle columns, of a rate-table for a reversal about the vertical"

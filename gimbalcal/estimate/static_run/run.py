@@ -26,7 +26,7 @@ def static_readings(recording: Recording) -> Readings:
     Sigma is that of the header over the root of a row's weight; where the header is silent, what the rows scatter
     about the model.
     """
-    if recording.kind != "static-run":
+    if not recording.kind.stabilised:
         raise InputError(f"{recording.title!r} is a {recording.kind} recording where a static run is needed")
     run = readings(recording)
     return replace(run, sigma=_sigmas(run))

@@ -221,7 +221,7 @@ def _stretches(stays: Sequence[Dwell], paused: NDArray[np.bool_], block: int) ->
 
 
 def _refuse_other_kinds(recording: Recording) -> None:
-    if recording.kind != "rotation":
+    if not recording.kind.rotating:
         raise InputError(
             f"{recording.title!r} is a {recording.kind} recording; --method systematic takes a rotation recording, of "
             'a unit that is turned through stops with every sample logged (kind = "rotation")'
