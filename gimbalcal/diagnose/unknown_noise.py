@@ -28,8 +28,9 @@ from gimbalcal.diagnose.verdict.calibrated import origin
 from gimbalcal.diagnose.verdict.calibrated_views import Seen, calibrated_views
 from gimbalcal.diagnose.verdict.detection_limits import limits_in_words
 from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis, curves_of, diagnose_view, diagnosis_of
-from gimbalcal.effects import Effect
+from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.effect import constants
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.account import joined
 from gimbalcal.estimate.pointing.pattern import MISTAKEN, strays, why_far
@@ -188,7 +189,8 @@ def calibration_of(
     causes = [f"{f.effect}:{f.axis}".rstrip(":") for t in told for f in t.findings]
     for t in told:
         if t.view.calibrate is not None:  # states of the navigator that the rows come from
-            found = t.view.calibrate(t.model.effects, t.model.parameters)
+            linear = [p for p in t.model.parameters if p.field not in {f.name for f in constants(CATALOGUE[p.effect])}]
+            found = t.view.calibrate(t.model.effects, linear)
             return replace(
                 found, method="diagnosis", outcome=outcome or found.outcome, provenance=origin([recording], causes)
             )

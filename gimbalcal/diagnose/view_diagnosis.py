@@ -17,7 +17,7 @@ from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.laws.law_claims import SOUGHT, Lawful, laws_of_view, told_heldout
 from gimbalcal.diagnose.library.unknown_noise import causes
 from gimbalcal.diagnose.result import Finding, LawResult, Mismatch, Shape, ViewFit
-from gimbalcal.diagnose.search.refit import projections, weighted
+from gimbalcal.diagnose.search.refit import projections, weighted, with_constants
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering_in
 from gimbalcal.diagnose.search.stepwise import Course, course, refined, steps_of
 from gimbalcal.diagnose.verdict.decide import capped
@@ -38,7 +38,7 @@ from gimbalcal.views.core import Fit, View
 class ViewDiagnosis:
     """The diagnosis of one view, and its misfits in sigma without and with the findings (n, C).
 
-    sigma (n, C): of a row, SI; model: with the findings; outcome: what else speaks against the view.
+    sigma (n, C): of a row, SI; model: findings and their constants fitted; outcome: what else speaks against the view.
     """
 
     view: View
@@ -109,7 +109,8 @@ def diagnosis_as(
         tell("refitting at the full resolution")
         v = v.finer()
         c = refined(v, c)
-    found = drifts_as_one([finding(v, c, j) for j in verdicts])
+    model = with_constants(v, c.end, {j.cause.effect for j in verdicts})
+    found = drifts_as_one([finding(v, model, j) for j in verdicts])
     shapes = tuple(Shape(f"{s.channel if v.added else v.channels[0][0]} {s.axis}".strip(), s.rival) for s in c.left)
     verdict = "adequate"
     if found:
@@ -136,7 +137,7 @@ def diagnosis_as(
     mismatch = () if verdict == "adequate" else mismatches(v, c.start, sigma)
     before, after = c.start.residual / sigma, c.described.residual / sigma
     return ViewDiagnosis(
-        v, verdict, mismatch, found, shapes, fit, before, after, sigma, c.end, lawful.laws, lawful.recommend
+        v, verdict, mismatch, found, shapes, fit, before, after, sigma, model, lawful.laws, lawful.recommend
     )
 
 

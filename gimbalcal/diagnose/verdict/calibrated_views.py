@@ -90,7 +90,7 @@ def calibrated_views(
 
 
 def _block(s: Seen, gimbals: Sequence[str]) -> tuple[tuple[Effect, ...], tuple[Parameter, ...], Array]:
-    """Effects of a view, what was fitted, and the non-linear constants beside it, which were chosen: sigma zero."""
+    """Return effects of a view, what was fitted, and constants that were chosen (epochs, whole numbers): sigma zero."""
     linear = {p for e in s.model.effects for p in parameters(type(e), gimbals)}
     ids = {p.effect for p in s.model.parameters}
     every = (p for e in s.model.effects if e.id in ids for p in parameters(type(e), gimbals, constants=True))

@@ -17,6 +17,7 @@ from gimbalcal.diagnose.search.stepwise import Course, Key, steps_of, take
 from gimbalcal.diagnose.verdict.decide import capped
 from gimbalcal.diagnose.verdict.judgement import Judgement, judged_without
 from gimbalcal.effects import CATALOGUE, values
+from gimbalcal.effects.effect import constants
 from gimbalcal.inference.information import keeps_prior
 from gimbalcal.pipeline import Tell
 from gimbalcal.units import from_si
@@ -98,15 +99,19 @@ def judged_in_turn(v: View, c: Course) -> list[Judgement]:
             for j, cause in zip(first, found, strict=True)]  # fmt: skip
 
 
-def finding(v: View, c: Course, j: Judgement) -> Finding:
-    """An entry of `findings`: what was found, how likely and how large it is, and what it is confounded with."""
-    e = j.cause.effect
-    m, own = c.end, {p.label for p in j.cause.parameters}
-    silent = keeps_prior(m.parameters, values(m.effects, m.parameters), np.sqrt(np.diag(m.covariance)))
-    rows = [r for r, p, at_prior in zip(sizes(m), m.parameters, silent, strict=True) if p.label in own and not at_prior]
+def finding(v: View, m: Fit, j: Judgement) -> Finding:
+    """Return the finding of a cause of a view, with its sizes and constants from a model that has both fitted."""
+    e, own = j.cause.effect, {p.label for p in j.cause.parameters}
+    names = {f.name for f in constants(CATALOGUE[e])}
+    constant = [p.effect == e and p.field in names for p in m.parameters]
+    sigma = np.sqrt(np.diag(m.covariance))
+    silent = keeps_prior(m.parameters, np.where(constant, 0.0, values(m.effects, m.parameters)), sigma)
+    told = [(p, r) for p, r, at_prior in zip(m.parameters, sizes(m), silent, strict=True) if not at_prior]
+    rows = [r for p, r in told if p.label in own]
+    rows += [replace(r, name=p.field, axis="") for p, r in told if p.effect == e and p.field in names]
     rows += [
-        Estimate(p.field, "", float(from_si(x, p.unit)), float(from_si(sigma, p.unit)), p.unit)
-        for p, x, sigma in constants_told(v, m, e)
+        Estimate(p.field, "", float(from_si(x, p.unit)), float(from_si(s, p.unit)), p.unit)
+        for p, x, s in constants_told(v, m, e)  # whole numbers, which no fit moves
     ]
     axis = j.cause.axis if v.added is None else _element(j.cause.axis, rows)
     return entry(j, axis, j.significance or 0.0, rows, _advice(j))

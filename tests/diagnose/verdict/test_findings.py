@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.result import Estimate, Finding
-from gimbalcal.diagnose.rows.views import pointing
-from gimbalcal.diagnose.search.refit import start
+from gimbalcal.diagnose.rows.views import norm, pointing
+from gimbalcal.diagnose.search.refit import refit, start, with_constants
 from gimbalcal.diagnose.search.stepwise import steps_of
 from gimbalcal.diagnose.verdict import findings
 from gimbalcal.diagnose.verdict.findings import cancelling, drifts_as_one, finding, judged_in_turn
@@ -18,6 +19,9 @@ from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.number import Array
 from gimbalcal.pipeline import silent
 from gimbalcal.recording import Recording
+from gimbalcal.units import to_si
+from gimbalcal.views.core import absent_effect
+from tests.diagnose.search.test_refit import poses
 from tests.diagnose.small import causes_of, telescope
 from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, run
 
@@ -117,8 +121,27 @@ def test_a_cause_is_told_with_the_sizes_of_the_last_model() -> None:
     tilt = next(c for c in causes_of(v, first) if c.label == LABELS[0])
     c = steps_of(v, first, [(tilt, tilt.variants[0])])
     (j,) = judged_in_turn(v, c)
-    told = finding(v, c, j)
+    told = finding(v, c.end, j)
     assert (told["effect"], told["probability"]) == ("base_tilt", 0.9)
     (north, east) = told["parameters"]
     assert abs(north["value"] - 25.0) < 4 * north["sigma"] < 4.0
     assert abs(east["value"] + 9.0) < 4 * east["sigma"] < 4.0
+
+
+def test_errors_of_a_size_with_a_fitted_time_constant_are_as_large_as_its_sigma() -> None:
+    """A warm-up as long as the recording: with its time constant held, errors were 3.5 of the stated sigmas (rms)."""
+    tau, size, terms, pulls = 500.0, 2e-2, ("bias", "scale_factor", "misalignment"), []
+    for seed in range(16):
+        rng = np.random.default_rng(seed)
+        r = poses(rng.standard_normal((60, 3)), rng, noise=1e-5, spoilt=1e-3)
+        y = r.channels["specific_force", "y"] + size * np.exp(-(r.time - r.time[0]) / tau)
+        v = norm(replace(r, channels={**r.channels, ("specific_force", "y"): y}), terms)
+        cause = Candidate("warm_up", "x, y, z", v.parameters_of("warm_up"), ())
+        effects = (*start(v).effects, absent_effect("warm_up", v.stimulus, tau=0.9 * tau))
+        wanted = [p for e in (*terms, "warm_up") for p in v.parameters_of(e)]
+        m = with_constants(v, refit(v, effects, wanted), {"warm_up"})
+        told = {(p.name, p.axis): p for p in finding(v, m, Judgement(cause, 0.9, (), 9.0)).parameters}
+        p = told[cause.parameters[1].name, "y"]
+        pulls.append((to_si(p.value, p.unit) - size) / to_si(p.sigma, p.unit))
+        assert told["tau", ""].sigma > 0
+    assert 0.6 < np.sqrt(np.mean(np.square(pulls))) < 1.5
