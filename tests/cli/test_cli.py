@@ -61,35 +61,6 @@ def test_calibrate_writes_the_contract_and_a_page(command, capsys, tmp_path: Pat
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["calibration.json", "report.html"]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        (["calibrate", "nowhere"], "nowhere"),
-        (["diagnose", "nowhere"], "nowhere"),
-        (["simulate", "nowhere.toml"], "nowhere.toml"),
-        (["observe", "no-such-schedule"], "no-such-schedule"),
-        (["import", "no-such-rig", "file"], "no-such-rig"),
-        (["import", "csv", "file", "--set", "unit"], "NAME=VALUE"),
-        (["calibrate", str(DEVICE), str(DEVICE)], "one of each kind"),
-        (["apply", str(DEVICE), "--calibration", "nowhere.json"], "there is no nowhere.json"),
-        (["export", "matlab", "--calibration", "nowhere.json"], "there is no nowhere.json"),
-        (
-            ["calibrate", str(DEVICE), str(STATIC), "--method", "multiposition"],
-            "sessions of one instrument are of one kind; give each alone",
-        ),
-    ],
-)
-def test_a_refusal_is_one_sentence_status_2_and_writes_nothing(  # type: ignore[no-untyped-def]
-    command, capsys, tmp_path: Path, arguments: list[str], sentence: str
-) -> None:
-    assert command(*arguments, "--out", tmp_path / "out", "--quiet") == 2
-    shown = capsys.readouterr()
-    assert sentence in shown.err
-    assert shown.err.count("\n") == 1
-    assert shown.out == ""
-    assert not (tmp_path / "out").exists()
-
-
 def test_an_interruption_says_so(command, capsys, monkeypatch) -> None:  # type: ignore[no-untyped-def]
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
@@ -142,23 +113,6 @@ def test_a_calibration_brings_its_sensors_along_and_not_how_the_rig_stood(tmp_pa
     known = ("--calibration", tmp_path / "cal" / "calibration.json")
     assert command("diagnose", DEVICE, *known, "--quiet") == 0
     assert "explains these data" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (("diagnose", XSENS, "--baseline", "bias,nonsense"), "'nonsense', which is no effect of the catalogue"),
-        (("observe", "wu2018-18", "--force-sigma", "0"), "not in the range 1e-12<=x<="),
-        (("observe", "wu2018-18", "--angle-sigma", "-1"), "not in the range 1e-12<=x<="),
-        (("navigate", STATIC, "--calibration", "no.json", "--samples", 10**12), "not in the range 1<=x<=10000"),
-        (("observe", "wei2022-30", "--force-noise", "1e9", "--velocity-sigma", "1e-12"), "too far apart to be"),
-        (("budget", "wu2018-18", "--hours", "nan"), "'nan' is not a finite number"),
-        (("campaign", "wu2018-18", "--workers", 10**6), "more than 1000 processes no machine has room for"),
-    ],
-)
-def test_what_cannot_be_meant_is_refused(arguments, says, command, capsys):
-    assert command(*arguments, "--quiet") == 2
-    assert says in capsys.readouterr().err
 
 
 def test_no_option_takes_nan_or_a_number_without_end() -> None:

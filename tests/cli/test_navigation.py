@@ -70,19 +70,3 @@ def test_a_budget_of_turns_has_the_same_contract_and_says_whose_navigator_it_is(
     page = (tmp_path / "out" / "report.html").read_text()
     assert "The strapdown navigator of" in page
     assert "platform’s navigator" not in page
-
-
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        ([DEVICE], "a static run of a space-stable platform is navigated"),
-        ([STATIC, DEVICE], "takes one recording folder"),
-        ([STATIC, "--calibration", "nowhere.json"], "there is no nowhere.json"),
-        ([STATIC, "--damping", "-1"], "--damping"),
-        (["nowhere"], "nowhere"),
-    ],
-)
-def test_refusals_are_one_sentence(command, capsys, tmp_path, arguments, sentence) -> None:  # type: ignore[no-untyped-def]
-    assert command("navigate", *arguments, "--out", tmp_path / "out") == 2
-    assert sentence in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()

@@ -95,27 +95,6 @@ def test_the_budget_is_what_happens(tmp_path: Path) -> None:
     assert np.sqrt(np.mean(squares, axis=0).max()) == pytest.approx(whole, rel=0.33)
 
 
-def test_what_has_no_budget_is_refused() -> None:
-    for scenarios, sentence in (
-        (["turned-unit"], "has no budget; give positions"),
-        (["nowhere"], "nowhere"),
-        (["wei2022-static"], "a unit that only rests is not calibrated"),
-        (["wei2022-30", "wei2022-static", "cai2016-static"], "navigates one unit at rest"),
-        (["wei2022-30", "wang2019-swing"], "a swing has no budget"),
-        (["wei2022-30", "wang2019-drive"], "a drive has no budget"),
-        (["wang2019-unit"], "positions of a table have no budget"),
-        (["wu2018-18", "wei2022-30"], "together with a unit turned in its place"),
-    ):
-        with pytest.raises(InputError, match=sentence):
-            budget(scenarios)
-    with pytest.raises(InputError, match="no effect of that name"):
-        budget(["wu2018-18"], more=("bias_temperature",))
-    with pytest.raises(InputError, match="--with bias_temperature: bias_temperature needs temperature"):
-        budget(["wei2022-30"], more=("bias_temperature",))
-    with pytest.raises(InputError, match="--states 30: of turns only"):
-        budget(["wu2018-18"], states="30")
-
-
 def test_what_the_calibration_does_not_see_is_said() -> None:
     drifting = of("wu2018-18", more=("gyro_drift",))
     assert "by gyro drift equatorial y, which it does not see;" in drifting.in_words

@@ -2,7 +2,6 @@
 
 import json
 
-import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -10,7 +9,6 @@ from click.testing import CliRunner
 from gimbalcal.cli import gimbalcal
 from gimbalcal.design.turning import turning_experiment
 from gimbalcal.design.turning_observability import observe_turning
-from gimbalcal.errors import InputError
 from gimbalcal.estimate.systematic.filter_pass import VELOCITY_STATES
 from gimbalcal.inference.innovations import innovations
 from gimbalcal.schedule import Move, RotationSchedule
@@ -130,18 +128,3 @@ def test_the_command_writes_the_contract(tmp_path):
     page = (tmp_path / "report.html").read_text()
     assert "tells all six errors" in page
     assert "gyro bias" in page
-
-
-@pytest.mark.parametrize(
-    ("arguments", "told"),
-    [
-        (["cai2016-18", "--states", "bias_temperature"], "needs temperature"),
-        (["cai2016-18", "--states", "gyro_drift"], "gyro_drift"),
-        (["cai2016-18", "--candidates", "bias"], "name them among --states"),
-        (["cai2016-18", "--latitude", "91"], "91.0 is not in the range -90<=x<=90"),
-        (["nobody-3"], "no published schedule; those are .*cai2016-18"),
-    ],
-)
-def test_what_cannot_be_observed_is_refused(arguments, told):
-    with pytest.raises((InputError, click.BadParameter), match=told):
-        CliRunner().invoke(gimbalcal, ["observe", *arguments], catch_exceptions=False, standalone_mode=False)

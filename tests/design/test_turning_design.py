@@ -18,7 +18,6 @@ from gimbalcal.design.turning_design import (
     stretched,
     table_of,
 )
-from gimbalcal.errors import InputError
 from gimbalcal.schedule import ROTATIONS
 from gimbalcal.schedule.file import read_rotation
 from gimbalcal.schedule.trajectory import trajectory
@@ -96,19 +95,3 @@ def test_the_command_writes_a_schedule_that_observe_takes(tmp_path):
     result = CliRunner().invoke(gimbalcal, arguments, catch_exceptions=False)
     told = json.loads(result.stdout)
     assert trajectory(read_rotation(tmp_path / "schedule.toml")).duration == pytest.approx(told["total_s"])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--step", "40"], "must divide 90 deg"),
-        (["--limit", "90"], "less than half a turn"),
-        (["--criterion", "D"], "write max or sum"),
-        (["--total", "30"], "too short"),
-        (["--against", "nobody"], "no published schedule"),
-    ],
-)
-def test_what_no_table_can_do_is_refused(arguments, words):
-    command = ["design", "--kind", "rotation", "--states", "bias", *arguments]
-    with pytest.raises(InputError, match=words):
-        CliRunner().invoke(gimbalcal, command, catch_exceptions=False, standalone_mode=False)

@@ -1,1 +1,1 @@
-"""Both triads by navigation in place: a unit is turned through stops, and what its navigator does wrong tells why."""
+"""Systematic calibration of both triads by navigation in place: a unit is turned through stops."""

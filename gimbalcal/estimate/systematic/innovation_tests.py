@@ -1,4 +1,4 @@
-"""Whether the model explains what the navigator did: innovations against what the filter expects of them."""
+"""Tests of the innovations against the filter's own covariance: does the model explain the data?"""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
-MIN_P_VALUE = 1e-5  # of a recording that the model explains to be called unexplained, each of three ways
-CURVE_POINTS = 120  # points of a curve in the report
-SUSPECT_NIS_RATIO = 0.2  # of the largest distance
-MAX_REJECTED_SHARE = 0.01  # share of updates beyond which the model, not the table, is to blame
+MIN_P_VALUE = 1e-5  # of each of three tests
+CURVE_POINTS = 120  # in the report
+SUSPECT_NIS_RATIO = 0.2  # to the largest normalised innovation squared
+MAX_REJECTED_SHARE = 0.01  # of updates; beyond, the model is wrong, not the table
 DIRECTIONS = ("north", "east", "down")
 
 
 def innovation_statistics(
     segments: Segments, wanted: Sequence[Parameter], last: Pass, C: Array, passes: int, smoothed: Array
 ) -> dict[str, Any]:
-    """What stands under `residual.navigation`: NIS, NEES, whiteness, rejected updates, attitude, sigma over time.
+    """Return the content of `residual.navigation`: NIS, NEES, whiteness, rejected updates, attitude, sigma over time.
 
     smoothed (K + 1, 3, 3): covariance of the smoothed attitudes [rad^2].
     """
@@ -38,11 +38,11 @@ def innovation_statistics(
     legs = _legs(segments)
     by_leg = np.array([np.nansum(z[leg], axis=0) / np.sqrt(np.maximum((~np.isnan(z[leg])).sum(axis=0), 1))
                        for _, leg in legs])  # fmt: skip
-    sum_of_legs, legs_used = float((by_leg**2).sum()), by_leg.size  # what the fit took off is not known: not counted
+    sum_of_legs, legs_used = float((by_leg**2).sum()), by_leg.size  # degrees of freedom of the fit are not subtracted
     lag = _lag_one(z)
-    # the unit stays where it is: how far the navigator thinks that it went is its error, beside what it started with
+    # the unit stays in its place, so the computed displacement is an error
     grown = np.maximum(navigator.sigma[1:, 6:9] ** 2 - navigator.sigma[0, 6:9] ** 2, 1e-300)
-    strayed = (navigator.x[1:, 6:9] - navigator.x[0, 6:9]) ** 2 / grown
+    position = (navigator.x[1:, 6:9] - navigator.x[0, 6:9]) ** 2 / grown
     rms = np.sqrt(np.nanmean(navigator.innovation**2, axis=0)) * STATE_SCALE[3]
     pick = np.unique(np.linspace(0, len(segments.time) - 1, CURVE_POINTS).astype(int))
     sigma = from_si(1.0, "arcsec") * np.sqrt(np.diag(last.attitude))
@@ -61,7 +61,7 @@ def innovation_statistics(
             "innovation": np.round(by_leg, 3).tolist(),
         },
         "whiteness": {"lag_one": lag, "sigma": float(1 / np.sqrt(n))},
-        "nees": {"velocity": float(np.nanmean(z**2)), "position": float(np.mean(strayed))},
+        "nees": {"velocity": float(np.nanmean(z**2)), "position": float(np.mean(position))},
         "velocity_rms": dict(zip(DIRECTIONS, rms.tolist(), strict=True)),
         "attitude": {
             **_attitude(C[0]),
@@ -77,7 +77,7 @@ def innovation_statistics(
 
 
 def _smoothed(variance: Array) -> dict[str, dict[str, list[float]]]:
-    """Sigma of the attitude from all measurements; none where a day of them has cost its variance (n, 3) its digits."""
+    """Return the sigma of the smoothed attitude; nothing where rounding has made a variance (n, 3) negative."""
     if not np.all(variance > 0):
         return {}
     sigma = from_si(1.0, "arcsec") * np.sqrt(variance)
@@ -85,9 +85,10 @@ def _smoothed(variance: Array) -> dict[str, dict[str, list[float]]]:
 
 
 def suspect_updates(last: Pass, left_out: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Updates (K,) to leave out next: those that were, and the worst of the others; a bad one makes its likes look bad.
+    """Return updates (K,) to exclude next: the excluded ones, and the worst of the others.
 
-    None where more would go than knocks explain.
+    One outlier inflates the innovations of its neighbours, so only the worst are added. None are excluded where more
+    would be than knocks explain.
     """
     rest = np.where(left_out, 0.0, last.calibrated.distance)
     more: NDArray[np.bool_] = left_out | (rest > max(GATE_NIS, SUSPECT_NIS_RATIO * rest.max()))
@@ -97,9 +98,9 @@ def suspect_updates(last: Pass, left_out: NDArray[np.bool_]) -> NDArray[np.bool_
 def outcome(
     navigation: Mapping[str, Any], states: int, settled: bool, unseen: int = 0, slip: Callable[[], str] = str
 ) -> str:
-    """One sentence where the model does not explain the data; empty where it does.
+    """Return one sentence where the model does not explain the data; empty where it does.
 
-    unseen: directions that are not observable; slip: what may be the cause.
+    unseen: number of unobservable directions; slip: returns a possible input error.
     """
     nis, legs = navigation["nis"], navigation["legs"]
     if not settled and unseen:
@@ -135,7 +136,7 @@ def outcome(
 
 
 def _legs(segments: Segments) -> list[tuple[str, Array]]:
-    """Stops and turns in order, with their stretches."""
+    """Return stops and turns in order, with their stretches."""
     cuts = np.flatnonzero(np.diff(segments.stop)) + 1
     parts = np.split(np.arange(len(segments.stop)), cuts)
     names, turns = [], 0
@@ -147,13 +148,13 @@ def _legs(segments: Segments) -> list[tuple[str, Array]]:
 
 
 def _lag_one(z: Array) -> float:
-    """Correlation of each innovation with the one before."""
+    """Return the correlation of each innovation with the one before."""
     pairs = z[1:] * z[:-1]
     return float(np.nansum(pairs) / max(np.nansum(z**2), 1e-300))
 
 
 def _attitude(C: Array) -> dict[str, float]:
-    """Heading, pitch, roll [deg] of C_bn (3, 3)."""
+    """Return heading, pitch, roll [deg] of C_bn (3, 3)."""
     heading, roll = np.arctan2(C[1, 0], C[0, 0]), np.arctan2(C[2, 1], C[2, 2])
     pitch = -np.arcsin(np.clip(C[2, 0], -1, 1))
     names = ("heading_deg", "pitch_deg", "roll_deg")

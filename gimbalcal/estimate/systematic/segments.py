@@ -1,7 +1,7 @@
-"""A rotation recording as a navigator takes it: stops as means of a second, turns sample by sample, updates between.
+"""Segments of a rotation recording for a navigator: stops as means of a second, turns sample by sample.
 
-At rest nothing changes but the noise, so a mean over a second holds all that its samples say, and the model is
-evaluated a hundred times less often; while the unit turns every sample counts.
+At rest only the noise changes, so a mean over a second holds the information of its samples, and the model is evaluated
+a hundred times less often; while the unit turns every sample counts.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from gimbalcal.rotation import mean_rates
 
 AVERAGED_QUANTITIES = (FORCE, RATE, "temperature", "covariate")
 CHANNELS = tuple((q, a) for q in (FORCE, RATE) for a in "xyz")
-UPDATE_INTERVAL_S = 1.0  # s between two updates of velocity
-GROUP_LENGTH_S = 0.05  # s of a turn over which the answer to a parameter hardly changes: half a degree
-PAUSE_EDGE_ROWS = 100  # rows on either side of a pause
-MAX_PAUSE_SHIFT_G = 2e-3  # of gravity: a unit whose force moves by less over a pause was not touched
-MAX_DWELL_TURN_G = 0.1  # of gravity; the Earth turns a stop by less in 20 min
+UPDATE_INTERVAL_S = 1.0  # between two updates of the velocity
+GROUP_LENGTH_S = 0.05  # of a turn, over which sensitivities hardly change: half a degree
+PAUSE_EDGE_ROWS = 100  # on either side of a pause
+MAX_PAUSE_SHIFT_G = 2e-3  # of the force over a pause in which the unit was not moved
+MAX_DWELL_TURN_G = 0.1  # change of the force over a stop; the Earth turns it by less in 20 min
 HAND_FORCE_RMS_G, HAND_FORCE_RATIO = (
     0.02,
     2.0,
 )  # of gravity, rms, which no lever arm on a table makes; times what sensors make of rests
-DEFAULT_VELOCITY_SIGMA_M_S = 1e-3  # m/s, how still a place is where nobody says
+DEFAULT_VELOCITY_SIGMA_M_S = 1e-3  # of the place, where it is not stated
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,10 +45,10 @@ class Segments:
     rows: the recording of the means, without gimbals, time in the middle of each interval; dt (n,) s; joined (n,): the
     interval continues the one before; first (K + 1,): index of the first interval of each stretch; a stretch without
     intervals is a pause of the clock in a stop. stop (K,): ordinal of the stop, -1 while turning; time (K + 1,) s of
-    the updates, the first at the start. group (n,): interval to one of the fewer rows in which the model is linearised;
-    groups: their means. sigma (6,): one sample of each channel, as stated; shown (6,): as the stops scatter;
-    velocity: how still the place is [m/s]; stated: whether the header states the noise of both triads; handled: a hand
-    turned it, and carried it along.
+    the updates, the first at the start. group (n,): group of each interval, for which the model is linearised once;
+    groups: their means. sigma (6,): one sample of each channel, stated or estimated; shown (6,): estimated from the
+    stops; velocity: one sigma of that of the place [m/s]; stated: whether the header states the noise of both triads;
+    handled: whether a hand turned the unit, and so moved it.
     """
 
     rows: Recording
@@ -77,44 +77,44 @@ class Segments:
 
     @property
     def believed(self) -> NDArray[np.bool_]:
-        """Stretches (K,) at whose end the velocity is known: all, or those of the stops."""
+        """Stretches (K,) at whose end the velocity is known: all, or those of the stops if a hand turned the unit."""
         return ~((self.stop < 0) & self.handled)
 
     @property
     def grade(self) -> Grade:
-        """The grade of units whose samples scatter so."""
+        """Grade of the unit, from its noise."""
         step = float(np.median(self.dt / self.rows.weight))
         force, rate = (float(self.sigma[k : k + 3].max()) * np.sqrt(step) for k in (0, 3))
         return grade_of_noise(force, rate)
 
     def of_stop(self, k: int) -> slice:
-        """The intervals of one stop."""
+        """Return the intervals of one stop."""
         mine = np.flatnonzero(self.stop == k)
         return slice(int(self.first[mine[0]]), int(self.first[mine[-1] + 1]))
 
 
 def segment(recording: Recording) -> Segments:
-    """Stops found, means taken, pauses of the clock told apart. Raises InputError where it is no such recording."""
+    """Divide a recording into stops, turns and pauses. Raises InputError where it cannot be navigated."""
     _refuse_other_kinds(recording)
     if recording.instant:
         recording = _as_means(recording)
     step = float(np.median(np.diff(recording.time)))
     dt = np.diff(recording.time, prepend=recording.time[0] - step)
     paused = dt > MISSED * step
-    stays = stops(recording)
-    if len(stays) < 2:
-        held = "no stop" if not stays else "one stop"
+    stop_dwells = stops(recording)
+    if len(stop_dwells) < 2:
+        held = "no stop" if not stop_dwells else "one stop"
         raise InputError(
             f"{recording.label} has {held}: systematic calibration compares what the unit reads at rest before and "
             "after it was turned; turn it through a dozen stops or more, each axis up and down"
         )
-    _refuse_lost_turns(recording, stays, paused)
-    sigma, shown, stated = _noise(recording, stays)
-    return _assembled(recording, stays, dt, step, paused, sigma, shown, stated)
+    _refuse_lost_turns(recording, stop_dwells, paused)
+    sigma, shown, stated = _noise(recording, stop_dwells)
+    return _assembled(recording, stop_dwells, dt, step, paused, sigma, shown, stated)
 
 
 def stops(recording: Recording) -> list[Dwell]:
-    """Where the unit lies still, as `position` says or force and rate tell; a pause of the clock ends no stop."""
+    """Return the stops, from `position` or else from force and rate; a pause of the clock does not end a stop."""
     channels = {f"{q} {a}": recording.channels[q, a] for q, a in CHANNELS if q == FORCE}
     rates = {a: recording.channels[RATE, a] for a in "xyz"}
     position = recording.position if recording.position is not None else detect(recording.time, channels, rates)
@@ -123,17 +123,17 @@ def stops(recording: Recording) -> list[Dwell]:
     return _through_pauses(recording, dwells(replace(recording, position=position)), paused)
 
 
-def _through_pauses(recording: Recording, stays: Sequence[Dwell], paused: NDArray[np.bool_]) -> list[Dwell]:
-    """The stops; two with nothing but a pause of the clock between them are one, if the unit still lies as it did."""
+def _through_pauses(recording: Recording, stop_dwells: Sequence[Dwell], paused: NDArray[np.bool_]) -> list[Dwell]:
+    """Join two stops separated by a pause of the clock only, if the unit was not moved in between."""
     force = recording.triad(FORCE)
     out: list[Dwell] = []
-    for d in stays:
+    for d in stop_dwells:
         ends = (
             force[d.start : d.start + PAUSE_EDGE_ROWS].mean(axis=0),
             force[max(d.stop - PAUSE_EDGE_ROWS, d.start) : d.stop].mean(axis=0),
         )
         if float(np.linalg.norm(ends[1] - ends[0])) > MAX_DWELL_TURN_G * recording.site.gravity:
-            continue  # it goes on and on turning, and that is steady too
+            continue  # a steady turn
         if out and out[-1].stop == d.start and paused[d.start]:
             before, after = (
                 force[max(out[-1].start, d.start - PAUSE_EDGE_ROWS) : d.start],
@@ -149,13 +149,13 @@ def _through_pauses(recording: Recording, stays: Sequence[Dwell], paused: NDArra
 
 
 def _assembled(
-    recording: Recording, stays: Sequence[Dwell], dt: Array, step: float, paused: NDArray[np.bool_], sigma: Array,
+    recording: Recording, stop_dwells: Sequence[Dwell], dt: Array, step: float, paused: NDArray[np.bool_], sigma: Array,
     shown: Array, stated: bool,
 ) -> Segments:  # fmt: skip
     begins, first, stop = [0], [0], []  # rows at which intervals begin; intervals at which stretches begin
     group: list[int] = []
     several = max(1, round(GROUP_LENGTH_S / step))
-    for a, b, k in _stretches(stays, paused, max(1, round(UPDATE_INTERVAL_S / step))):
+    for a, b, k in _stretches(stop_dwells, paused, max(1, round(UPDATE_INTERVAL_S / step))):
         if b > a:
             begins += [b] if k >= 0 else range(a + 1, b + 1)
             after = group[-1] + 1 if group else 0
@@ -177,17 +177,17 @@ def _assembled(
         time[j + 1] = recording.time[at[j + 1]] - step
     joined = ~paused[edge[:-1]] & (edge[:-1] > 0)
     velocity = recording.noise.get("velocity", DEFAULT_VELOCITY_SIGMA_M_S)
-    handled = "velocity" not in recording.noise and _handled(recording, stays)
+    handled = "velocity" not in recording.noise and _handled(recording, stop_dwells)
     return Segments(
         rows, length, joined, np.array(first), np.array(stop), time, of, groups, sigma, shown, velocity, stated, handled
     )
 
 
-def _handled(recording: Recording, stays: Sequence[Dwell]) -> bool:
-    """Whether forces beside gravity act while the unit turns: no table makes them, a hand does."""
+def _handled(recording: Recording, stop_dwells: Sequence[Dwell]) -> bool:
+    """Return whether forces other than gravity act while the unit turns, as by a hand and not by a table."""
     size = np.linalg.norm(recording.triad(FORCE), axis=1)
     still = np.zeros(len(size), dtype=bool)
-    for d in stays:
+    for d in stop_dwells:
         still[d.rows] = True
     if still.all():
         return False
@@ -196,7 +196,7 @@ def _handled(recording: Recording, stays: Sequence[Dwell]) -> bool:
 
 
 def _means(recording: Recording, begin: NDArray[np.int64], count: NDArray[np.int64], time: Array) -> Recording:
-    """A unit without a table whose rows at `time` are means over `count` rows from each of `begin`."""
+    """Return a recording whose rows at `time` are means over `count` rows from each of `begin`."""
     channels = {
         key: np.add.reduceat(x, begin) / count for key, x in recording.channels.items() if key[0] in AVERAGED_QUANTITIES
     }
@@ -206,9 +206,9 @@ def _means(recording: Recording, begin: NDArray[np.int64], count: NDArray[np.int
     )  # fmt: skip
 
 
-def _stretches(stays: Sequence[Dwell], paused: NDArray[np.bool_], block: int) -> Iterator[tuple[int, int, int]]:
-    """First row, end and ordinal of the stop (-1: a turn) of each stretch in order; a pause has no rows."""
-    ends = [0, *(row for d in stays for row in (d.start, d.stop)), len(paused)]
+def _stretches(stop_dwells: Sequence[Dwell], paused: NDArray[np.bool_], block: int) -> Iterator[tuple[int, int, int]]:
+    """Yield first row, end and ordinal of the stop (-1: a turn) of each stretch in order; a pause has no rows."""
+    ends = [0, *(row for d in stop_dwells for row in (d.start, d.stop)), len(paused)]
     for i, (start, end) in enumerate(pairwise(ends)):
         k = i // 2 if i % 2 else -1
         cuts = [start, *(int(row) for row in np.flatnonzero(paused[start:end]) + start if row > start), end]
@@ -240,14 +240,14 @@ def _refuse_other_kinds(recording: Recording) -> None:
         )
 
 
-def _refuse_lost_turns(recording: Recording, stays: Sequence[Dwell], paused: NDArray[np.bool_]) -> None:
-    """A pause of the clock in a stop costs nothing; in a turn nobody knows how far the unit went."""
+def _refuse_lost_turns(recording: Recording, stop_dwells: Sequence[Dwell], paused: NDArray[np.bool_]) -> None:
+    """Raise InputError for a pause of the clock in a turn, whose angle is then unknown."""
     inside = np.zeros(len(paused), dtype=bool)
-    for d in stays:
+    for d in stop_dwells:
         inside[d.start : d.stop] = True
     inside[0] = True
     lost = np.flatnonzero(paused & ~inside)
-    lost = np.union1d(lost, [d.start for d in stays if d.start and paused[d.start]]).astype(int)
+    lost = np.union1d(lost, [d.start for d in stop_dwells if d.start and paused[d.start]]).astype(int)
     if len(lost):
         t = recording.time[[lost[0] - 1, lost[0]]]
         raise InputError(
@@ -257,13 +257,13 @@ def _refuse_lost_turns(recording: Recording, stays: Sequence[Dwell], paused: NDA
         )
 
 
-def _noise(recording: Recording, stays: Sequence[Dwell]) -> tuple[Array, Array, bool]:
-    """One sigma (6,) of a sample of each channel, as the header states it, else as the stops scatter; and as these."""
+def _noise(recording: Recording, stop_dwells: Sequence[Dwell]) -> tuple[Array, Array, bool]:
+    """Return one sigma (6,) of a sample of each channel, stated or else estimated; the estimates; whether stated."""
     sigma, shown = np.empty(6), np.empty(6)
     of = {quantity: sensor for sensor, quantity in SENSORS.items()}
     stated = all(of[q] in recording.noise for q in (FORCE, RATE))
     for i, key in enumerate(CHANNELS):
-        each = [_scatter(recording.channels[key][d.rows]) for d in stays]
+        each = [_scatter(recording.channels[key][d.rows]) for d in stop_dwells]
         shown[i] = np.sqrt(np.mean(np.square(each)))
         sigma[i] = recording.noise.get(of[key[0]], shown[i])
     if not np.all(sigma > 0):
@@ -281,7 +281,7 @@ def _scatter(x: Array) -> float:
 
 
 def _as_means(recording: Recording) -> Recording:
-    """Readings of an instant as means over the interval that ends there, by cubics through neighbouring samples."""
+    """Convert instantaneous readings to means over the interval before, by cubics through neighbouring samples."""
     channels = {key: values[1:] for key, values in recording.channels.items()}
     for q in (FORCE, RATE):
         level, bend, _ = mean_rates(recording.time, recording.triad(q))

@@ -1,4 +1,4 @@
-r"""What was there, given what was read, and how it answers each parameter: the forward model, inverted and linearised.
+r"""Invert the sensor model: force and rate behind the readings, and their sensitivity to each parameter.
 
 With y = h(u, theta) the readings of force and rate u (both triads in one vector),
 
@@ -23,18 +23,15 @@ from gimbalcal.number import Array, complex_step
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 
-MAX_ITERATIONS, CONVERGED_RESIDUAL = (
-    40,
-    1e-14,
-)  # each round multiplies what is left by the errors of the sensors, 5 % at most
-DIVERGENCE_RATIO = 10.0  # times the nearest: it does not come back
+MAX_ITERATIONS, CONVERGED_RESIDUAL = 40, 1e-14  # each multiplies the residual by the sensors' errors, 5 % at most
+DIVERGENCE_RATIO = 10.0  # to the smallest residual
 KIND = "rotation"
 
 
 def invert_readings(segments: Segments, effects: Sequence[Effect], start: Array | None = None) -> Array:
-    """Force and rate (n, 6) behind the mean readings, by iteration from `start` (default: the readings).
+    """Return force and rate (n, 6) behind the mean readings, by iteration from `start` (default: the readings).
 
-    Where rounds lead away from them (a latency of more than a step), the nearest that was met: no number is made up.
+    Where the iteration diverges (a latency of more than a step), the nearest iterate is returned.
     """
     y = segments.readings
     u = y if start is None else start
@@ -44,12 +41,12 @@ def invert_readings(segments: Segments, effects: Sequence[Effect], start: Array 
     for _ in range(MAX_ITERATIONS):
         step = _read(s, effects, u)
         np.subtract(y, step, out=step)
-        off = float((np.abs(step).max(axis=0) / np.where(size > 0, size, 1.0)).max())
-        if not off < DIVERGENCE_RATIO * nearest:
+        residual = float((np.abs(step).max(axis=0) / np.where(size > 0, size, 1.0)).max())
+        if not residual < DIVERGENCE_RATIO * nearest:
             return best
-        nearest, best = min((nearest, best), (off, u), key=lambda each: each[0])
+        nearest, best = min((nearest, best), (residual, u), key=lambda each: each[0])
         u = u + step
-        if off <= CONVERGED_RESIDUAL:
+        if residual <= CONVERGED_RESIDUAL:
             break
     return u
 
@@ -57,7 +54,7 @@ def invert_readings(segments: Segments, effects: Sequence[Effect], start: Array 
 def sensitivity(
     recording: Recording, effects: Sequence[Effect], wanted: Sequence[Parameter], u: Array, rows: slice
 ) -> Array:
-    """D (m, 6, p) of some rows of a recording of means, about the effects and what was there in all of them (g, 6)."""
+    """Return D (m, 6, p) of some rows of a recording of means, about the effects and the motion u (g, 6)."""
     few = slice(max(rows.start - 1, 0), rows.stop + 1)  # slopes look at the neighbours
     s = stimulus_from_truth(recording.select(few), u[few, :3], u[few, 3:])
     s = s.at(time=recording.time[few] - recording.time[0], rate_slope=s.turning_faster())
@@ -69,7 +66,7 @@ def sensitivity(
 
 
 def reading_jacobian(s: Stimulus, effects: Sequence[Effect]) -> Array:
-    """How the readings (n, 6) answer force and rate, (n, 6, 6), of what a stimulus holds."""
+    """Return the derivative (n, 6, 6) of the readings by force and rate, for a stimulus."""
     return complex_step(lambda x: _read(s, effects, x), np.concatenate([s.force, s.rate], axis=1))
 
 
