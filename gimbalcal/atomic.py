@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-AT_HERE, EXCHANGE = -100, 2  # AT_FDCWD and RENAME_EXCHANGE of renameat2(2)
+AT_FDCWD, RENAME_EXCHANGE = -100, 2  # AT_FDCWD and RENAME_EXCHANGE of renameat2(2)
 ENGINE_FULL = "os error"  # how an engine that is no Python's tells of the system
 
 
@@ -72,69 +72,76 @@ def folder(path: Path, last: str = "", belonging: Sequence[str] = ()) -> Iterato
     """
     home = path.resolve()
     # on the same disk, so that moving is renaming; no folder is left behind by what fails
-    near = home.parent if home.is_dir() and _exchangeable(home) else home
-    near = next(p for p in (near, *near.parents) if p.is_dir())
-    private = Path(tempfile.mkdtemp(prefix=f".{home.name}-", dir=near))
+    parent = home.parent if home.is_dir() and _exchangeable(home) else home
+    parent = next(p for p in (parent, *parent.parents) if p.is_dir())
+    private = Path(tempfile.mkdtemp(prefix=f".{home.name}-", dir=parent))
     try:
-        made = private / "new"
-        made.mkdir()  # as the mask lets others read it, which mkdtemp does not
-        with _naming(lambda told: path / (told if told and made in told.parents else _latest(made)).relative_to(made)):
-            yield made
+        new_folder = private / "new"
+        new_folder.mkdir()  # as the mask lets others read it, which mkdtemp does not
+        with _naming(
+            lambda reported: (
+                path
+                / (reported if reported and new_folder in reported.parents else _latest(new_folder)).relative_to(
+                    new_folder
+                )
+            )
+        ):
+            yield new_folder
         if path.is_dir():
-            _taken(made, path, last, belonging)
+            _move_into(new_folder, path, last, belonging)
         else:
             path.parent.mkdir(parents=True, exist_ok=True)
-            made.rename(path)
+            new_folder.rename(path)
     finally:
         shutil.rmtree(private, ignore_errors=True)
 
 
-def _taken(made: Path, path: Path, last: str, belonging: Sequence[str]) -> None:
+def _move_into(new_folder: Path, path: Path, last: str, belonging: Sequence[str]) -> None:
     """Move files into the folder `path`, all of them or none: no signal comes between."""
-    every = [each.relative_to(made) for each in made.rglob("*")]
-    files = sorted((e for e in every if not (made / e).is_dir()), key=lambda e: (e.name == last, e))
+    every = [each.relative_to(new_folder) for each in new_folder.rglob("*")]
+    files = sorted((e for e in every if not (new_folder / e).is_dir()), key=lambda e: (e.name == last, e))
     for each in every:
-        if (path / each).exists() and (path / each).is_dir() != (made / each).is_dir():
+        if (path / each).exists() and (path / each).is_dir() != (new_folder / each).is_dir():
             number = errno.EISDIR if each in files else errno.ENOTDIR
             raise OSError(number, os.strerror(number), str(path / each))
-    gone = {Path(name) for name in belonging if (path / name).is_file() and not (made / name).exists()}
+    gone = {Path(name) for name in belonging if (path / name).is_file() and not (new_folder / name).exists()}
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
     try:
-        if len(files) + len(gone) == 1 or not _exchanged(made, path.resolve(), gone):
+        if len(files) + len(gone) == 1 or not _exchange_whole(new_folder, path.resolve(), gone):
             for each in gone:
                 (path / each).unlink()
             for each in files:
                 (path / each).parent.mkdir(parents=True, exist_ok=True)
-                (made / each).replace(path / each)
+                (new_folder / each).replace(path / each)
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _exchanged(made: Path, path: Path, gone: Collection[Path]) -> bool:
-    """Return whether `made` with the rest of `path` except `gone` took its place in one step; else nothing changed."""
-    if made.parent.parent != path.parent or not _exchangeable(path):
+def _exchange_whole(new_folder: Path, path: Path, gone: Collection[Path]) -> bool:
+    """Return whether `new_folder` and the rest of `path` except `gone` took its place in one step."""
+    if new_folder.parent.parent != path.parent or not _exchangeable(path):
         return False
-    whole = made.with_name("whole")
+    whole = new_folder.with_name("whole")
     try:
-        if not _merged(made, path, whole, {path / each for each in gone}) or not _exchange(whole, path):
+        if not _merge(new_folder, path, whole, {path / each for each in gone}) or not _exchange(whole, path):
             return False
     except OSError:
         return False
-    _kept(made, whole, path, {whole / each for each in gone})
+    _keep_foreign(new_folder, whole, path, {whole / each for each in gone})
     return True
 
 
-def _merged(made: Path, path: Path, whole: Path, gone: Collection[Path]) -> bool:
-    """Make `whole` of what is in `made` and else in `path`; False where that cannot be, as with folders but in `path`.
+def _merge(new_folder: Path, path: Path, whole: Path, gone: Collection[Path]) -> bool:
+    """Make `whole` of `new_folder` and the rest of `path`; False where that cannot be, as with folders only in `path`.
 
     All are second names of the files, which take no room.
     """
     whole.mkdir()
-    new = {each.name for each in made.iterdir()}
-    for each in made.iterdir():
+    new = {each.name for each in new_folder.iterdir()}
+    for each in new_folder.iterdir():
         if not each.is_dir():
             os.link(each, whole / each.name, follow_symlinks=False)
-        elif not _merged(each, path / each.name, whole / each.name, gone):
+        elif not _merge(each, path / each.name, whole / each.name, gone):
             return False
     if path.is_dir():
         shutil.copystat(path, whole)
@@ -149,12 +156,12 @@ def _merged(made: Path, path: Path, whole: Path, gone: Collection[Path]) -> bool
     return True
 
 
-def _kept(made: Path, old: Path, path: Path, gone: Collection[Path]) -> None:
+def _keep_foreign(new_folder: Path, old: Path, path: Path, gone: Collection[Path]) -> None:
     """Move foreign files of the `old` folder into the one in its place: another process may have just saved one."""
-    new = {each.name for each in made.iterdir()}
+    new = {each.name for each in new_folder.iterdir()}
     for each in old.iterdir():
         if each.name in new and each.is_dir():
-            _kept(made / each.name, each, path / each.name, gone)
+            _keep_foreign(new_folder / each.name, each, path / each.name, gone)
         elif each.name not in new and each not in gone:
             each.replace(path / each.name)  # of the same file it does nothing
 
@@ -181,13 +188,13 @@ def _exchange(one: Path, other: Path) -> bool:
         call = ctypes.CDLL(None).renameat2  # of Linux
     except (AttributeError, OSError):
         return False
-    return bool(call(AT_HERE, os.fsencode(one), AT_HERE, os.fsencode(other), ctypes.c_uint(EXCHANGE)) == 0)
+    return bool(call(AT_FDCWD, os.fsencode(one), AT_FDCWD, os.fsencode(other), ctypes.c_uint(RENAME_EXCHANGE)) == 0)
 
 
-def _latest(made: Path) -> Path:
+def _latest(new_folder: Path) -> Path:
     """Return the file that was written last; of several within a tick of the clock the largest."""
-    told = [(p.stat().st_mtime_ns, p.stat().st_size, p) for p in made.rglob("*") if p.is_file()]
-    return max(told, default=(0, 0, made))[2]
+    files = [(p.stat().st_mtime_ns, p.stat().st_size, p) for p in new_folder.rglob("*") if p.is_file()]
+    return max(files, default=(0, 0, new_folder))[2]
 
 
 @contextmanager
@@ -200,18 +207,18 @@ def _naming(path: Callable[[Path | None], Path]) -> Iterator[None]:
     try:
         yield
     except OSError as problem:
-        number = problem.errno or _told(problem)  # an engine may raise one without its number
+        number = problem.errno or _error_number(problem)  # an engine may raise one without its number
         if number not in FULL:
             raise
-        told = Path(os.fsdecode(problem.filename)) if isinstance(problem.filename, (str, bytes)) else None
-        raise OSError(number, os.strerror(number), str(path(told))) from None
+        reported = Path(os.fsdecode(problem.filename)) if isinstance(problem.filename, (str, bytes)) else None
+        raise OSError(number, os.strerror(number), str(path(reported))) from None
     except Exception as problem:
-        if type(problem).__module__.partition(".")[0] != "polars" or not (number := _told(problem)):
+        if type(problem).__module__.partition(".")[0] != "polars" or not (number := _error_number(problem)):
             raise
         raise OSError(number, os.strerror(number), str(path(None))) from None
 
 
-def _told(problem: Exception) -> int:
+def _error_number(problem: Exception) -> int:
     """Return the system's number of an error from the words of an engine that is no Python's; zero for none."""
-    found = re.findall(rf"{ENGINE_FULL} (\d+)", str(problem))
-    return int(found[0]) if found else 0
+    numbers = re.findall(rf"{ENGINE_FULL} (\d+)", str(problem))
+    return int(numbers[0]) if numbers else 0

@@ -8,10 +8,10 @@ import numpy as np
 
 from gimbalcal.number import Array, complex_step
 
-FLAT = 1e-6  # of a determinant that is one for a perfect sensor
-SETTLED = 1e-10  # of the largest reading: the step after it is its square, below rounding
-MOVES = 1e-3  # of the largest singular value of H: along the others a flat law does not answer
-STEPS = 20  # four or five are enough where the law is not flat
+MIN_DETERMINANT = 1e-6  # of a determinant that is one for a perfect sensor
+MAX_RELATIVE_STEP = 1e-10  # of the largest reading: the step after it is its square, below rounding
+MIN_RELATIVE_SINGULAR_VALUE = 1e-3  # of the largest singular value of H: along the others a flat law does not answer
+MAX_STEPS = 20  # four or five are enough where the law is not flat
 
 
 def invert(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array, Array]:
@@ -25,14 +25,16 @@ def invert(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array, Array]:
     functions of `number`.
     """
     f = np.array(y, dtype=float)
-    for _ in range(STEPS):
+    for _ in range(MAX_STEPS):
         with np.errstate(invalid="ignore", over="ignore"):  # where no f reads y, a step may leave the law's domain
             H = complex_step(h, f)
-            flat = np.abs(np.linalg.det(H)) < FLAT
-            left = (y - h(f))[..., None]
-            step = np.linalg.solve(np.where(flat[:, None, None], np.eye(3), H), left)[..., 0]
-            step[flat] = (np.linalg.pinv(H[flat], rcond=MOVES) @ left[flat])[..., 0]
+            flat = np.abs(np.linalg.det(H)) < MIN_DETERMINANT
+            residual = (y - h(f))[..., None]
+            step = np.linalg.solve(np.where(flat[:, None, None], np.eye(3), H), residual)[..., 0]
+            step[flat] = (np.linalg.pinv(H[flat], rcond=MIN_RELATIVE_SINGULAR_VALUE) @ residual[flat])[..., 0]
             f = f + step
-        if np.all(np.abs(step) <= SETTLED * max(np.max(np.abs(y), initial=0.0), np.max(np.abs(f), initial=0.0))):
+        if np.all(
+            np.abs(step) <= MAX_RELATIVE_STEP * max(np.max(np.abs(y), initial=0.0), np.max(np.abs(f), initial=0.0))
+        ):
             break
     return f, H, flat

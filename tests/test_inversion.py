@@ -7,7 +7,7 @@ import pytest
 
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.forward import accelerometers
-from gimbalcal.inversion import STEPS, invert
+from gimbalcal.inversion import MAX_STEPS, invert
 from gimbalcal.number import Array, absolute
 from tests.stimuli import eighteen
 
@@ -71,4 +71,4 @@ def test_an_axis_in_its_dead_zone_does_not_keep_the_others_from_being_told() -> 
 def test_readings_of_nothing_come_back_as_what_makes_them_vanish() -> None:
     f, _, _ = invert(lambda x: 1.1 * x + 2e-3, np.zeros((2, 3)))
     assert f == pytest.approx(-2e-3 / 1.1, rel=1e-15)
-    assert STEPS >= 6
+    assert MAX_STEPS >= 6

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.history.test_course import of
+from tests.history.test_parameter_history import of
 from tests.mutation.rewrite import mistaken
 
 COURSE = "gimbalcal.history.parameter_history"
@@ -14,7 +14,7 @@ def test_a_mistake_is_made_and_taken_back() -> None:
     def clear() -> float:
         return of([0, 6], [3, 4]).clear
 
-    mutant = mistaken(COURSE, "Course.clear", "np.hypot(self.sigma[1:], self.sigma[:-1])", "self.sigma[1:]")
+    mutant = mistaken(COURSE, "ParameterHistory.clear", "np.hypot(self.sigma[1:], self.sigma[:-1])", "self.sigma[1:]")
     assert clear() == pytest.approx(6 / 5)
     undo = mutant.install()
     assert clear() == pytest.approx(6 / 4)

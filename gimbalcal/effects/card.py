@@ -11,14 +11,14 @@ from gimbalcal.effects.stimulus import REFERENCE_TEMPERATURE
 
 def equation(cls: type[Effect]) -> str:
     """Return the formula of an effect's card, LaTeX; empty where it has none."""
-    found = re.search(r"\.\. math::(.*?)(?:\n\s*\n|\Z)", cls.__doc__ or "", re.DOTALL)
-    return " ".join(found[1].split()) if found else ""
+    match = re.search(r"\.\. math::(.*?)(?:\n\s*\n|\Z)", cls.__doc__ or "", re.DOTALL)
+    return " ".join(match[1].split()) if match else ""
 
 
 def stated_law(cls: type[Effect]) -> dict[str, Any]:
     """Return the meaning of an effect's numbers: its equation, and T0 in degC where it follows the temperature."""
-    told: dict[str, Any] = {"effect": cls.id, "equation": equation(cls)}
-    return told | ({"T0_degC": REFERENCE_TEMPERATURE} if "temperature" in cls.requires else {})
+    law: dict[str, Any] = {"effect": cls.id, "equation": equation(cls)}
+    return law | ({"T0_degC": REFERENCE_TEMPERATURE} if "temperature" in cls.requires else {})
 
 
 def happens_once(cls: type[Effect]) -> bool:

@@ -169,11 +169,11 @@ E = TypeVar("E", bound=Effect)
 @dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(parameter, constant))
 def effect(cls: type[E]) -> type[E]:
     """Make a class a frozen dataclass and enter it into the catalogue under its `id`."""
-    made = dataclass(frozen=True, eq=False)(cls)
-    if made.id in CATALOGUE:
-        raise ValueError(f"two effects are called {made.id!r}: {CATALOGUE[made.id].__name__} and {made.__name__}")
-    CATALOGUE[made.id] = made
-    return made
+    frozen = dataclass(frozen=True, eq=False)(cls)
+    if frozen.id in CATALOGUE:
+        raise ValueError(f"two effects are called {frozen.id!r}: {CATALOGUE[frozen.id].__name__} and {frozen.__name__}")
+    CATALOGUE[frozen.id] = frozen
+    return frozen
 
 
 @dataclass(frozen=True)
@@ -252,10 +252,10 @@ def with_values(
     by_id = {e.id: e for e in effects}
     changes: dict[str, dict[str, Any]] = {}
     for p, value in zip(wanted, x, strict=True):
-        made = by_id.setdefault(p.effect, absent(CATALOGUE[p.effect], gimbals))
+        present = by_id.setdefault(p.effect, absent(CATALOGUE[p.effect], gimbals))
         fields = changes.setdefault(p.effect, {})
         if p.field not in fields:
-            old = getattr(made, p.field)
+            old = getattr(present, p.field)
             fields[p.field] = np.array(old, dtype=np.result_type(np.asarray(old), np.asarray(x)))
         if np.ndim(fields[p.field]):
             fields[p.field][p.index] = value

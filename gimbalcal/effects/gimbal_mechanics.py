@@ -20,7 +20,7 @@ from gimbalcal.effects.gimbal import directions
 from gimbalcal.effects.history import direction
 from gimbalcal.number import Array, cos, sin
 
-SMALLEST_TURN = 1e-3  # rad; a move below this has no sense of direction
+MIN_TURN_RAD = 1e-3  # rad; a move below this has no sense of direction
 
 
 @effect
@@ -109,7 +109,7 @@ class GimbalFriction(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Return the angle minus readout [rad], (n, k)."""
-        return self.h * direction(s.move_angle, SMALLEST_TURN)
+        return self.h * direction(s.move_angle, MIN_TURN_RAD)
 
 
 @effect

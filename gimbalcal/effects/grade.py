@@ -44,15 +44,15 @@ from gimbalcal.units import to_si
 UG = 1e-6 * G0  # m/s^2
 DEG_ROOT_H = np.pi / 180 / 60  # rad/sqrt(s) of one deg/sqrt(h)
 
-FAR = 10.0  # usual sizes: rigs and raw units differ by some, a slip makes it hundreds
-BY_HAND = np.radians(3.0)  # how far mounts of raw triads lie; a real one by Xsens is 1.2 deg off
-GAIN = 0.08  # of a scale factor: data sheets of the cheapest units promise 3 %, and a tenth is a slip or a fault
+MAX_SIZE_RATIO = 10.0  # usual sizes: rigs and raw units differ by some, a slip makes it hundreds
+MAX_MISALIGNMENT_BY_HAND_RAD = np.radians(3.0)  # how far mounts of raw triads lie; a real one by Xsens is 1.2 deg off
+MAX_SCALE_FACTOR_ERROR = 0.08  # data sheets of the cheapest units promise 3 %, and a tenth is a slip or a fault
 DEG_H = np.pi / 180 / 3600
-TURN_ON: Mapping[str, float] = MappingProxyType({  # rad/s; of gyroscopes, whose bias at power-on noise does not tell
+TURN_ON_GYRO_BIAS: Mapping[str, float] = MappingProxyType({  # rad/s, which noise does not show
     "navigation": 30 * DEG_H, "tactical": 1000 * DEG_H, "industrial": 1e4 * DEG_H, "consumer": 2e5 * DEG_H,
 })  # fmt: skip
 
-MEANT_BY: Mapping[str, str] = MappingProxyType({
+QUANTITY_OF_UNIT: Mapping[str, str] = MappingProxyType({
     **dict.fromkeys(("ug", "ug/h", "ug/degC", "ug/(degC/h)", "ug/V", "ug/hPa"), "offset"),
     **dict.fromkeys(("deg/h", "deg/h/h", "deg/h/g", "deg/h/degC", "deg/h/degC^2", "deg/h/degC^3"), "offset"),
     **dict.fromkeys(("ppm", "ppm/V"), "scale"),
@@ -84,18 +84,21 @@ class Grade:
         if stage not in GYROSCOPE_STAGES | SENSOR_STAGES:
             return 1.0
         sizes = self.gyroscope if stage in GYROSCOPE_STAGES else self.accelerometer
-        return sizes.get(MEANT_BY.get(p.unit, "offset"), 1.0)
+        return sizes.get(QUANTITY_OF_UNIT.get(p.unit, "offset"), 1.0)
 
     def most(self, p: Parameter) -> float:
         """Return the size [SI] beyond which a parameter is implausible in this grade; infinite if not of a sensor."""
         cls = CATALOGUE[p.effect]
         stated = next(f.metadata for f in fields(cls) if f.name == p.field)
-        of_sensors = cls.stage in GYROSCOPE_STAGES | SENSOR_STAGES and MEANT_BY.get(p.unit) != "placing"
+        of_sensors = cls.stage in GYROSCOPE_STAGES | SENSOR_STAGES and QUANTITY_OF_UNIT.get(p.unit) != "placing"
         if not of_sensors or stated["kind"] != "parameter":
             return np.inf
-        least = {"arcsec": BY_HAND, "deg/h": TURN_ON[self.name] if p.effect == "gyro_bias" else 0.0}
-        size = max(FAR * self.factor(p) * float(to_si(stated["sigma"], p.unit)), least.get(p.unit, 0.0))
-        return min(size, GAIN) if MEANT_BY.get(p.unit) == "scale" else size
+        least = {
+            "arcsec": MAX_MISALIGNMENT_BY_HAND_RAD,
+            "deg/h": TURN_ON_GYRO_BIAS[self.name] if p.effect == "gyro_bias" else 0.0,
+        }
+        size = max(MAX_SIZE_RATIO * self.factor(p) * float(to_si(stated["sigma"], p.unit)), least.get(p.unit, 0.0))
+        return min(size, MAX_SCALE_FACTOR_ERROR) if QUANTITY_OF_UNIT.get(p.unit) == "scale" else size
 
     def usual(self, p: Parameter) -> Parameter:
         """Return the parameter with the prior sigma that it has in a unit of this grade."""
@@ -103,7 +106,7 @@ class Grade:
 
     def at_power_on(self, p: Parameter) -> Parameter:
         """Return the parameter with the prior sigma of a raw unit, whose gyroscope bias changes with power-on."""
-        least = TURN_ON[self.name] / FAR if p.effect == "gyro_bias" else 0.0
+        least = TURN_ON_GYRO_BIAS[self.name] / MAX_SIZE_RATIO if p.effect == "gyro_bias" else 0.0
         return replace(p, sigma=max(self.usual(p).sigma, least))
 
 

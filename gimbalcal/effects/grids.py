@@ -9,22 +9,25 @@ import numpy as np
 from gimbalcal.effects.effect import Grid, Stimulus
 from gimbalcal.number import Array
 
-VALUES = 7  # of a constant before refinement
-ORDERS = 12  # whole numbers that are all tried; of more, `VALUES`
-SCANNED = 700  # whole numbers at the most
-INSTANTS = 50  # of a recording in which nothing moves
-STARTS = 150  # of visits at which something may have happened: of more, so many evenly among them
-SAME_ANGLE = 0.02  # rad; settings of a gimbal nearer than this are one
-PLACES = 16384  # of a turn, in which a gimbal stands or not: 0.4 mrad
-APART, COINCIDE = 0.5, 0.9  # of the settings that are in phase: as many as tell an order from none, or do not
+STARTING_VALUES = 7  # of a constant before refinement
+MAX_ORDERS_TRIED = 12  # whole numbers that are all tried; of more, `STARTING_VALUES`
+MAX_ORDERS_SCANNED = 700  # whole numbers at the most
+MAX_INSTANTS = 50  # of a recording in which nothing moves
+MAX_VISITS = 150  # of visits at which something may have happened: of more, so many evenly among them
+MIN_SETTING_STEP_RAD = 0.02  # rad; settings of a gimbal nearer than this are one
+PLACES_OF_A_TURN = 16384  # of a turn, in which a gimbal stands or not: 0.4 mrad
+RESOLVED_COHERENCE, ALIASED_COHERENCE = (
+    0.5,
+    0.9,
+)  # of the settings that are in phase: as many as tell an order from none, or do not
 
 Constant = dataclasses.Field[float]
 
 
 def kind(f: Constant) -> Grid:
     """Return the kind of a constant."""
-    found: Grid = f.metadata["grid"]
-    return found
+    value: Grid = f.metadata["grid"]
+    return value
 
 
 def limits(f: Constant, s: Stimulus) -> tuple[float, float]:
@@ -54,16 +57,18 @@ def grid(f: Constant, s: Stimulus) -> Array:
         first = np.flatnonzero(np.diff(s.visit)) + 1
         first = first[(first > 1) & (first < len(s.time) - 1)]  # before or after one row it is an error of it
         starts = s.onwards[first]
-        few = np.unique(np.linspace(0, len(starts) - 1, min(len(starts), STARTS)).round().astype(int))
-        return starts[few] - 1e-3 if len(starts) else np.linspace(0, s.onwards[-1], INSTANTS)[1:-1]
+        few = np.unique(np.linspace(0, len(starts) - 1, min(len(starts), MAX_VISITS)).round().astype(int))
+        return starts[few] - 1e-3 if len(starts) else np.linspace(0, s.onwards[-1], MAX_INSTANTS)[1:-1]
     if of is Grid.DECAY:
         return np.concatenate([[low], np.geomspace(1 / last, high, 5)])
     if of is Grid.PERIOD:
         return periods(f.default if isinstance(f.default, float) else 0.0, low, high, last)
     if of is Grid.WHOLE:
         every = np.arange(low, high + 0.5)
-        return every if len(every) <= ORDERS else np.unique(np.round(np.geomspace(low, high, VALUES)))
-    return between(f, low, high, VALUES)
+        return (
+            every if len(every) <= MAX_ORDERS_TRIED else np.unique(np.round(np.geomspace(low, high, STARTING_VALUES)))
+        )
+    return between(f, low, high, STARTING_VALUES)
 
 
 def between(f: Constant, low: float, high: float, count: int) -> Array:
@@ -96,14 +101,16 @@ def highest_order(s: Stimulus) -> float:
 
 def _aliases(angle: Array) -> float:
     """Return the highest order that the settings `angle` (n,) of a gimbal resolve, by their spectrum; 0 for one."""
-    stood = np.zeros(PLACES)
-    stood[np.unique(np.round(np.mod(angle, 2 * np.pi) / (2 * np.pi) * PLACES).astype(int) % PLACES)] = 1.0
-    spectrum = np.abs(np.fft.rfft(stood)) / stood.sum()
-    apart = np.flatnonzero(spectrum[: PLACES // 4] < APART)
-    if not len(apart):
+    occupied = np.zeros(PLACES_OF_A_TURN)
+    occupied[
+        np.unique(np.round(np.mod(angle, 2 * np.pi) / (2 * np.pi) * PLACES_OF_A_TURN).astype(int) % PLACES_OF_A_TURN)
+    ] = 1.0
+    spectrum = np.abs(np.fft.rfft(occupied)) / occupied.sum()
+    resolved_orders = np.flatnonzero(spectrum[: PLACES_OF_A_TURN // 4] < RESOLVED_COHERENCE)
+    if not len(resolved_orders):
         return 0.0
-    again = np.flatnonzero(spectrum[apart[0] : PLACES // 4] > COINCIDE)
-    return float(np.ceil((apart[0] + again[0]) / 2) - 1) if len(again) else PLACES / 8
+    aliased = np.flatnonzero(spectrum[resolved_orders[0] : PLACES_OF_A_TURN // 4] > ALIASED_COHERENCE)
+    return float(np.ceil((resolved_orders[0] + aliased[0]) / 2) - 1) if len(aliased) else PLACES_OF_A_TURN / 8
 
 
 def resolved(f: Constant, s: Stimulus) -> Array:
@@ -115,7 +122,7 @@ def resolved(f: Constant, s: Stimulus) -> Array:
     """
     low, high = float(f.metadata["low"]), float(f.metadata["high"])
     angle = s.readout[:, int(np.argmax(np.ptp(s.readout, axis=0)))]
-    step = float(np.median(np.abs(np.diff(angle)))) if len(angle) > 1 else SAME_ANGLE
-    nyquist = np.pi / step if 0 < step < SAME_ANGLE else highest_order(s)
+    step = float(np.median(np.abs(np.diff(angle)))) if len(angle) > 1 else MIN_SETTING_STEP_RAD
+    nyquist = np.pi / step if 0 < step < MIN_SETTING_STEP_RAD else highest_order(s)
     every = max(1, int(2 * np.pi / max(float(np.ptp(angle)), 1e-9) / 3))
-    return np.arange(low, min(high, nyquist, low + SCANNED * every) + 0.5, every)
+    return np.arange(low, min(high, nyquist, low + MAX_ORDERS_SCANNED * every) + 0.5, every)

@@ -36,7 +36,7 @@ from gimbalcal.units import parse
 
 GROUP = "gimbalcal.effects"  # of entry points: a package names a module here, whose import defines the effects
 GIMBALS = ("inner", "middle", "outer")
-LARGEST = 1e6  # bytes of a file of effects
+MAX_FILE_BYTES = 1e6  # bytes of a file of effects
 _loaded: dict[str, tuple[str, tuple[str, ...]]] = {}  # by path: the text that was run, and the ids that it defined
 _installed: dict[str, tuple[str, tuple[str, ...]]] = {}  # the same of modules that installed packages name
 
@@ -50,7 +50,7 @@ def load_effects(path: str | Path) -> tuple[str, ...]:
     path = Path(path)
     if not path.is_file():
         raise InputError(f"there is no file {path}; --effects takes a Python file with classes under @effect")
-    if path.stat().st_size > LARGEST:
+    if path.stat().st_size > MAX_FILE_BYTES:
         raise InputError(f"{path} has {path.stat().st_size / 1e6:.0f} MB, which no file of effects has")
     try:
         text = path.read_text(encoding="utf-8")
@@ -66,14 +66,14 @@ def load_text(name: str, text: str) -> tuple[str, ...]:
     before, ids = _loaded.get(name, ("", ()))
     if before == text and ids:
         return ids
-    held = {i: CATALOGUE.pop(i) for i in ids if i in CATALOGUE}  # what its earlier text defined
+    replaced = {i: CATALOGUE.pop(i) for i in ids if i in CATALOGUE}  # what its earlier text defined
     try:
         new = _entered(name, lambda: _run(name, text))
     except InputError:
-        CATALOGUE.update(held)
+        CATALOGUE.update(replaced)
         raise
     if not new:
-        CATALOGUE.update(held)
+        CATALOGUE.update(replaced)
         raise InputError(f"{name} defines no effect; write a class under @effect as docs/api.md shows")
     _loaded[name] = (text, new)
     return new
@@ -139,9 +139,9 @@ def _line(problem: BaseException, name: str) -> str:
 
 
 def _reason(problem: BaseException) -> str:
-    said = problem.msg if isinstance(problem, SyntaxError) else str(problem)
+    sentence = problem.msg if isinstance(problem, SyntaxError) else str(problem)
     ours = isinstance(problem, ValueError)  # sentences of this package
-    return said if ours and said else f"{type(problem).__name__}: {said}".rstrip(": ")
+    return sentence if ours and sentence else f"{type(problem).__name__}: {sentence}".rstrip(": ")
 
 
 def breach(cls: type[Effect]) -> str:
@@ -206,17 +206,17 @@ def _law(cls: type[Effect]) -> str:
     return _smooth_constants(with_values([made], wanted, x, GIMBALS)[0], s)
 
 
-def _smooth_constants(made: Effect, s: Stimulus) -> str:
+def _smooth_constants(sized: Effect, s: Stimulus) -> str:
     """Return which smooth constant the effect has no exact derivative by; a fit needs it as it does that by sizes."""
-    at = np.abs(made.contribution(s)).max()
-    for f in constants(type(made)):
+    at = np.abs(sized.contribution(s)).max()
+    for f in constants(type(sized)):
         if not f.metadata["grid"].smooth:
             continue
-        value = float(getattr(made, f.name))
+        value = float(getattr(sized, f.name))
         unit = abs(value) or f.metadata["high"] - f.metadata["low"]
 
         def added(step: complex, f: Any = f, value: float = value, unit: float = unit) -> Array:
-            return np.asarray(dataclasses.replace(made, **{f.name: value + step * unit}).contribution(s))
+            return np.asarray(dataclasses.replace(sized, **{f.name: value + step * unit}).contribution(s))
 
         h = 1e-8  # relative: the phase of a short period runs through thousands of radians
         exact, difference = np.imag(added(1j * STEP)) / STEP, np.real(added(h) - added(-h)) / (2 * h)

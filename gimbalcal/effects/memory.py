@@ -9,7 +9,7 @@ from gimbalcal.effects.effect import TRIAD, Effect, Grid, Stage, Stimulus, const
 from gimbalcal.effects.history import Dynamics, direction
 from gimbalcal.number import Array, exp
 
-SMALLEST_MOVE = 1e-3 * G0  # m/s^2; a change of force below this has no sense of direction
+MIN_MOVE = 1e-3 * G0  # m/s^2; a change of force below this has no sense of direction
 
 
 @effect
@@ -32,7 +32,7 @@ class AccelerometerHysteresis(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Return the output added [m/s^2]."""
-        return self.h * direction(s.move_force, SMALLEST_MOVE)
+        return self.h * direction(s.move_force, MIN_MOVE)
 
 
 @effect
@@ -64,8 +64,8 @@ class PostMoveCreep(Effect):
         """Return the share of the relaxation to come: one at every move, whatever remained of the one before."""
         load = self.c * s.move_force + self.l * s.force
         moved = np.diff(s.visit, prepend=s.visit[0]) != 0
-        left = exp(-s.since_move / self.tau)[:, None]
-        return Dynamics(np.zeros((len(s.time), 1)), left, load, self.tau, moved)
+        remaining = exp(-s.since_move / self.tau)[:, None]
+        return Dynamics(np.zeros((len(s.time), 1)), remaining, load, self.tau, moved)
 
 
 @effect

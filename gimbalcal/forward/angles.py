@@ -11,8 +11,10 @@ from gimbalcal.number import Array, apply_matrix, arcsin, arctan2, is_symbolic, 
 from gimbalcal.platform import Platform
 from gimbalcal.rotation import small_rotation_vector
 
-LOCKED = 1e-2  # relative singular value of the gimbals' axes below which they turn about one axis less
-STEPS, SETTLED = 8, 1e-15  # each step squares what is left of milliradians; rad
+MIN_RELATIVE_SINGULAR_VALUE = (
+    1e-2  # relative singular value of the gimbals' axes below which they turn about one axis less
+)
+MAX_STEPS, MAX_STEP_RAD = 8, 1e-15  # each step squares what is left of milliradians; rad
 
 
 def ideal_angles(platform: Platform, phase: Array, latitude: float) -> Array:
@@ -30,16 +32,20 @@ def gimbal_angles(platform: Platform, C_bp: Array, ideal: Array, error: Array | 
     for errors of 1e-3 rad.
     """
     free = [i for i, name in enumerate(platform.axis_names) if name != "inner"]
-    held = [i for i, name in enumerate(platform.axis_names) if name == "inner"]
+    inner = [i for i, name in enumerate(platform.axis_names) if name == "inner"]
     angle = ideal
-    if held and not isinstance(error, float):
+    if inner and not isinstance(error, float):
         angle = angle.astype(np.result_type(angle, error))
-        angle[..., held] += error[..., held]
+        angle[..., inner] += error[..., inner]
     for _ in range(2):
         C = platform.attitude(angle, tilts)
-        left = small_rotation_vector(C_bp @ np.swapaxes(C, -1, -2))
+        rotation = small_rotation_vector(C_bp @ np.swapaxes(C, -1, -2))
         J = np.stack([_axis_in_platform(platform, angle, i) for i in free], axis=-1)
-        step = np.linalg.solve(J, left[..., None])[..., 0] if not is_symbolic(left) else _symbolic_solve(J, left)
+        step = (
+            np.linalg.solve(J, rotation[..., None])[..., 0]
+            if not is_symbolic(rotation)
+            else _symbolic_solve(J, rotation)
+        )
         angle = angle.astype(np.result_type(angle, step))
         angle[..., free] += step
     return angle
@@ -52,12 +58,12 @@ def nearest_angles(platform: Platform, C_bp: Array, start: Array, free: Sequence
     The smallest changes that do it. What no free gimbal can turn, as in gimbal lock, stays.
     """
     angle = np.array(start, dtype=float)
-    for _ in range(STEPS):
-        left = small_rotation_vector(C_bp @ np.swapaxes(platform.attitude(angle), -1, -2))
+    for _ in range(MAX_STEPS):
+        rotation = small_rotation_vector(C_bp @ np.swapaxes(platform.attitude(angle), -1, -2))
         J = np.stack([_axis_in_platform(platform, angle, i) for i in free], axis=-1)
-        step = apply_matrix(np.linalg.pinv(J, rcond=LOCKED), left)
+        step = apply_matrix(np.linalg.pinv(J, rcond=MIN_RELATIVE_SINGULAR_VALUE), rotation)
         angle[..., free] += step
-        if np.max(np.abs(step), initial=0.0) < SETTLED:
+        if np.max(np.abs(step), initial=0.0) < MAX_STEP_RAD:
             break
     return angle
 

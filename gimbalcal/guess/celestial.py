@@ -27,21 +27,21 @@ ZENITH = frozenset(["zd", "za", "zenith", "zenit", "zenitdistanz", "zenithdistan
 SIDEREAL = frozenset(["lst", "lmst", "last", "sidereal", "sternzeit"])
 KEYWORDS = {"OBJCTRA": "ra mount", "OBJCTDEC": "dec mount [deg]", "CRVAL1": "ra solved [deg]",
             "CRVAL2": "dec solved [deg]", "SITELAT": "latitude", "SITELONG": "longitude"}  # fmt: skip
-LOWEST = np.radians(-2.0)  # that a telescope is pointed to
+MIN_ELEVATION_RAD = np.radians(-2.0)  # that a telescope is pointed to
 _ANGLE = r"\d{1,3}(?:\.\d+|[\s:°d]+\d{1,2}[\s:'′m]+\d{1,2}(?:\.\d*)?[\"″s]?)?"
 OFFSET = frozenset(
     ["d", "delta", "diff", "off", "offset", "offs", "err", "error", "corr", "correction", "residual", "ablage", "dev"]
 )
 
 
-def of_the_axes(table: Table, longitude: float | None = None) -> tuple[Table, dict[str, str]]:
+def axis_angles(table: Table, longitude: float | None = None) -> tuple[Table, dict[str, str]]:
     """Return the table with right ascensions as hour angles and zenith distances as elevations, by their old names.
 
     longitude: of the place, deg east, where no column or remark tells it. Returns what was assumed, too. Raises
     InputError for places on the sky twice without a sidereal time, or UTC and a longitude, that makes hour angles of
     them.
     """
-    table = _spelt(table)
+    table = _with_fits_keywords(table)
     words = {name: set(_words(name)) for name in table.columns}
     columns: dict[str, Array] = {}
     angles = set(table.sexagesimal)
@@ -52,7 +52,7 @@ def of_the_axes(table: Table, longitude: float | None = None) -> tuple[Table, di
     if stars:
         notes["equinox"] = f"{' and '.join(ascensions)} are taken for places of one equinox"
     if stars and not clock:
-        hours, notes["sidereal"] = _of_utc(table, ascensions, longitude)
+        hours, notes["sidereal"] = _sidereal_of_utc(table, ascensions, longitude)
     for name, x in table.columns.items():
         if stars and name in ascensions:
             columns[f"hour angle from {name} [deg]"] = 15 * (np.mod(hours - _hours(table, name) + 12, 24) - 12)
@@ -66,7 +66,7 @@ def of_the_axes(table: Table, longitude: float | None = None) -> tuple[Table, di
     return replace(table, columns=columns, sexagesimal=frozenset(angles)), notes
 
 
-def _spelt(table: Table) -> Table:
+def _with_fits_keywords(table: Table) -> Table:
     """Return the table with the keywords of FITS files in words: place of the mount, and of the solved plate."""
     spelt = {n: f"{n} {KEYWORDS[n.strip().upper()]}" for n in table.columns if n.strip().upper() in KEYWORDS}
     return replace(
@@ -76,18 +76,18 @@ def _spelt(table: Table) -> Table:
     )
 
 
-def _of_utc(table: Table, ascensions: list[str], longitude: float | None) -> tuple[Array, str]:
+def _sidereal_of_utc(table: Table, ascensions: list[str], longitude: float | None) -> tuple[Array, str]:
     """Return the local sidereal time [h] by a column of UTC and the longitude, and by which."""
-    told = (longitude, "--longitude") if longitude is not None else next(_longitudes(table), None)
+    stated = (longitude, "--longitude") if longitude is not None else next(_longitudes(table), None)
     universal = next(_days(table), None)
-    if told is None or universal is None:
+    if stated is None or universal is None:
         missing = "a longitude (--longitude DEG, east is positive)" if universal else "a date and time, or a JD,"
         raise InputError(
             f"right ascension and declination ({', '.join(ascensions)}) are turned by the Earth: to know where the "
             "axes of the mount stood, each row needs the local sidereal time (a column LST), the hour angle itself, or "
             f"UTC and the longitude; here {missing} is missing"
         )
-    (east, where), (days, clock) = told, universal
+    (east, where), (days, clock) = stated, universal
     centuries = days / 36525
     degrees = 280.46061837 + 360.98564736629 * days + 0.000387933 * centuries**2 - centuries**3 / 38_710_000
     why = f"from {clock}, taken for UTC, and the longitude {east:.6g} deg, counted eastward, as {where} says"
@@ -111,23 +111,23 @@ def _longitudes(table: Table) -> Iterator[tuple[float, str]]:
         if {"lon", "long", "longitude", "laenge"}.intersection(_words(name)) and np.ptp(x) < 0.1:
             yield float(np.median(x)), name
     for line in table.above:
-        if told := angle_told(line, "lon(?:g(?:itude)?)?", "E", "W"):
-            yield told, repr(line.strip())
+        if angle := angle_stated(line, "lon(?:g(?:itude)?)?", "E", "W"):
+            yield angle, repr(line.strip())
 
 
-def angle_told(line: str, word: str, plus: str, minus: str) -> float | None:
+def angle_stated(line: str, word: str, plus: str, minus: str) -> float | None:
     """Return an angle [deg] after a word in a remark, decimal or sexagesimal, with the letter of its sense after it.
 
-    >>> angle_told("lat -33 30 00, lon 70:44:12 W", "lat", "N", "S"), angle_told("lon=16.5 W", "lon", "E", "W")
+    >>> angle_stated("lat -33 30 00, lon 70:44:12 W", "lat", "N", "S"), angle_stated("lon=16.5 W", "lon", "E", "W")
     (-33.5, -16.5)
     """
     letter = rf"\W*(?:deg\w*)?\W*((?-i:{plus}|{minus})\b)?"
-    found = re.search(rf"\b{word}\b\W*?([-+]?)({_ANGLE}){letter}", line, re.IGNORECASE)
-    if not found:
+    match = re.search(rf"\b{word}\b\W*?([-+]?)({_ANGLE}){letter}", line, re.IGNORECASE)
+    if not match:
         return None
-    size = sum(float(part) / 60**k for k, part in enumerate(re.findall(r"\d+\.?\d*", found[2])))
-    turned = (found[1] == "-") != ((found[3] or plus) == minus)
-    return -size if turned else size
+    size = sum(float(part) / 60**k for k, part in enumerate(re.findall(r"\d+\.?\d*", match[2])))
+    negative = (match[1] == "-") != ((match[3] or plus) == minus)
+    return -size if negative else size
 
 
 def refuse_below_horizon(path: Path, run: Recording, why: str) -> None:
@@ -135,7 +135,7 @@ def refuse_below_horizon(path: Path, run: Recording, why: str) -> None:
     latitude = run.site.latitude or 0.0
     h, d = (run.channels["true_angle", axis] for axis in ("hour_angle", "declination"))
     up = np.sin(d) * np.sin(latitude) + np.cos(d) * np.cos(latitude) * np.cos(h)
-    if (below := int(np.count_nonzero(up < np.sin(LOWEST)))) > 0:
+    if (below := int(np.count_nonzero(up < np.sin(MIN_ELEVATION_RAD)))) > 0:
         raise InputError(
             f"{path}: {below} of {len(up)} stars would stand below the horizon with the sidereal time {why}; are the "
             "times UTC, and is the longitude counted eastward (west is negative)? Say it with --longitude DEG, or add "

@@ -23,7 +23,7 @@ from gimbalcal.guess.column_values import by_order, by_similar_names, is_unit_of
 from gimbalcal.guess.log import FORCE, RATE, Guess, Log
 from gimbalcal.guess.merged_logs import without_duplicates
 from gimbalcal.guess.text_table import Table
-from gimbalcal.importers.pointing import SPACED
+from gimbalcal.importers.pointing import ROW_STEP_S
 from gimbalcal.number import Array
 
 JOINED_CLOCK = "time of two columns"
@@ -177,9 +177,9 @@ def _with_row_clock(path: Path, log: Log, rate: float, dwell_rows: bool) -> Log:
     why = (
         f"--rate {rate:g}"
         if rate > 0
-        else f"its rows, counted {SPACED:g} s apart since no column is a clock: rates of drift mean nothing"
+        else f"its rows, counted {ROW_STEP_S:g} s apart since no column is a clock: rates of drift mean nothing"
     )
-    return log.preceded_by("time", Guess("time", "", "s", why), rows / rate if rate > 0 else SPACED * rows)
+    return log.preceded_by("time", Guess("time", "", "s", why), rows / rate if rate > 0 else ROW_STEP_S * rows)
 
 
 def _with_units(log: Log) -> Log:

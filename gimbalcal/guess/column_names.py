@@ -195,8 +195,8 @@ def counted_from_one(names: Iterable[str]) -> dict[str, Guess]:
     """Return triads whose axes are 1, 2 and 3, by name, where others count 0, 1, 2."""
     stems: dict[tuple[str, str], dict[str, str]] = {}
     for name in names:
-        if found := re.fullmatch(r"(.*[A-Za-z][_ (\[]?)([0-3])(\D*)", name):
-            stems.setdefault((found[1], found[3]), {})[found[2]] = name
+        if match := re.fullmatch(r"(.*[A-Za-z][_ (\[]?)([0-3])(\D*)", name):
+            stems.setdefault((match[1], match[3]), {})[match[2]] = name
     out = {}
     for (before, behind), own in stems.items():
         for axis, digit in zip("xyz", "123", strict=True) if set(own) == set("123") else ():
@@ -208,10 +208,10 @@ def counted_from_one(names: Iterable[str]) -> dict[str, Guess]:
 
 def _triad(words: str) -> tuple[str, str, str] | None:
     """Return quantity, axis and unit of a column of a triad; its unit decides the quantity (Gx in mg)."""
-    found = _triad_by_word(words)
-    if found and found[2] in _QUANTITY_OF_UNIT:
-        return _QUANTITY_OF_UNIT[found[2]], found[1], found[2]
-    return found
+    triad = _triad_by_word(words)
+    if triad and triad[2] in _QUANTITY_OF_UNIT:
+        return _QUANTITY_OF_UNIT[triad[2]], triad[1], triad[2]
+    return triad
 
 
 def _triad_by_word(words: str) -> tuple[str, str, str] | None:
@@ -222,31 +222,31 @@ def _triad_by_word(words: str) -> tuple[str, str, str] | None:
     for k in range(len(parts)):
         rest = "_".join(parts[k:])
         for quantity, pattern in _TRIADS.items():
-            found = pattern.match(rest)
-            if found:
-                between = found["unit"] or ""
+            match = pattern.match(rest)
+            if match:
+                between = match["unit"] or ""
                 between = {"rad": "rad_s", "deg": "deg_s"}.get(between, between)
-                return quantity, AXIS[found["axis"]], unit_written(_rest(rest, found)) or _UNITS.get(between, "")
+                return quantity, AXIS[match["axis"]], unit_written(_rest(rest, match)) or _UNITS.get(between, "")
     for quantity, pattern in _AXIS_FIRST.items():
-        found = pattern.match(words)
-        if found:
-            return quantity, AXIS[found[1]], _UNITS.get(_rest(words, found), "")
-    found = _LETTER_AND_UNIT.match(words)  # AsX (deg/s): whatever it is called, the unit says what it is
-    if found and _UNITS.get(found[2]) in _QUANTITY_OF_UNIT and parts[0] not in ("max", "index"):
-        unit = _UNITS[found[2]]
-        return _QUANTITY_OF_UNIT[unit], AXIS[found[1]], unit
+        match = pattern.match(words)
+        if match:
+            return quantity, AXIS[match[1]], _UNITS.get(_rest(words, match), "")
+    match = _LETTER_AND_UNIT.match(words)  # AsX (deg/s): whatever it is called, the unit says what it is
+    if match and _UNITS.get(match[2]) in _QUANTITY_OF_UNIT and parts[0] not in ("max", "index"):
+        unit = _UNITS[match[2]]
+        return _QUANTITY_OF_UNIT[unit], AXIS[match[1]], unit
     return None
 
 
 def body_rates(names: dict[str, str]) -> dict[str, Guess]:
     """Return columns p, q and r of a vehicle's log, where all three exist; names: each as `plain` has it."""
-    found = {name: words.split("_") for name, words in names.items() if words.split("_")[0] in _BODY}
-    if sorted(parts[0] for parts in found.values()) != sorted(_BODY):
+    columns = {name: words.split("_") for name, words in names.items() if words.split("_")[0] in _BODY}
+    if sorted(parts[0] for parts in columns.values()) != sorted(_BODY):
         return {}
     why = "of roll, pitch and yaw rate"
     return {
         n: Guess(RATE, _BODY[parts[0]], _UNITS.get("_".join(parts[1:]), ""), f"its name {n.strip()!r}, {why}")
-        for n, parts in found.items()
+        for n, parts in columns.items()
     }
 
 
@@ -290,15 +290,15 @@ def _time(words: str) -> str | None:
     """Return the unit of a clock, empty where the name states none; None where it is no clock."""
     parts = words.split("_")
     for k in range(len(parts)):  # a topic or a device may stand before it
-        found = _TIME.match("_".join(parts[k:]))
-        if not found or (k and parts[k - 1] == "per"):  # something per second
+        match = _TIME.match("_".join(parts[k:]))
+        if not match or (k and parts[k - 1] == "per"):  # something per second
             continue
-        rest = _rest("_".join(parts[k:]), found)
-        if len(found[1]) <= 2 and (k or (rest and rest not in _UNITS)):
+        rest = _rest("_".join(parts[k:]), match)
+        if len(match[1]) <= 2 and (k or (rest and rest not in _UNITS)):
             return None  # s_x is something of x
-        return unit_written(rest) or _UNITS.get(found[1], "")
+        return unit_written(rest) or _UNITS.get(match[1], "")
     return None
 
 
-def _rest(words: str, found: re.Match[str]) -> str:
-    return words[found.end() :].strip("_")
+def _rest(words: str, match: re.Match[str]) -> str:
+    return words[match.end() :].strip("_")

@@ -93,8 +93,8 @@ def changes_direction(triple: Sequence[Array]) -> bool:
 def _returns_to_a_level(x: Array) -> bool:
     """Return whether most of a column stays near one level that it leaves both ways."""
     level, low, high = np.median(x), np.min(x), np.max(x)
-    near = np.abs(x - level) < 0.05 * (high - low)
-    return bool(high > level > low and np.mean(near) > 0.5)
+    at_level = np.abs(x - level) < 0.05 * (high - low)
+    return bool(high > level > low and np.mean(at_level) > 0.5)
 
 
 def _length(triple: Sequence[Array]) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.guess.proposal import Place, of_tables
-from gimbalcal.guess.text_table import LEAST_COLUMNS, Table, gathered, values_of
+from gimbalcal.guess.text_table import MIN_COLUMNS, Table, table_of_columns, values_of
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.dates import Dates
@@ -33,8 +33,8 @@ def guessed_frame(frame: Any, title: str = "frame", site: Mapping[str, tuple[flo
     taken = tuple(f"{name} is taken for {g.in_words}, by {g.why}" for name, g in proposal.guesses.items())
     notes = tuple(f"{what}: {note}" for what, note in proposal.notes.items())
     left_out = (f"left out: {', '.join(proposal.left_out)}",) if proposal.left_out else ()
-    made = proposal.recording
-    return replace(made, remarks=(*taken, *notes, *left_out, *made.remarks))
+    recording = proposal.recording
+    return replace(recording, remarks=(*taken, *notes, *left_out, *recording.remarks))
 
 
 def _table(frame: Any) -> Table:
@@ -54,8 +54,8 @@ def _table(frame: Any) -> Table:
         text = pl.Series(name, x.astype(str)) if x.ndim == 1 else pl.Series(name, [], dtype=pl.String)
         return values_of(name, text, ",", dates)
 
-    table = gathered((name, *values(name, x)) for name, x in columns.items())
-    if len(table.columns) < LEAST_COLUMNS:
+    table = table_of_columns((name, *values(name, x)) for name, x in columns.items())
+    if len(table.columns) < MIN_COLUMNS:
         raise InputError(
             f"the frame holds {len(table.columns)} columns of numbers, and a triad and its clock take more"
         )

@@ -16,9 +16,9 @@ TIME = re.compile(r"\s*(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?\s*([AaPp])?\.?
 
 def _in_numbers(cell: str) -> str:
     """Return a day whose month has a name, 11-Mar-2026, as 11-03-2026; other cells as they are."""
-    found = _NAMED.match(cell)
-    month = _MONTHS.get(found[2].lower()[:3]) if found else None
-    return f"{found[1]}-{month:02d}-{found[3]}{cell[found.end() :]}" if found and month else cell
+    match = _NAMED.match(cell)
+    month = _MONTHS.get(match[2].lower()[:3]) if match else None
+    return f"{match[1]}-{month:02d}-{match[3]}{cell[match.end() :]}" if match and month else cell
 
 
 def is_day(cell: str) -> bool:
@@ -27,8 +27,8 @@ def is_day(cell: str) -> bool:
     >>> is_day("14.06.2026"), is_day("2026-06-14"), is_day("3.14")
     (True, True, False)
     """
-    found = DAY.fullmatch(_in_numbers(cell))
-    return found is not None and max(len(found[1]), len(found[4])) == 4
+    match = DAY.fullmatch(_in_numbers(cell))
+    return match is not None and max(len(match[1]), len(match[4])) == 4
 
 
 def is_stamp(cell: str) -> bool:
@@ -47,11 +47,11 @@ def in_iso(days: Sequence[str], times: Sequence[str]) -> list[str]:
     A day in the middle or in front is told by the rows themselves, a number beyond 12; else by dots (the day first) and
     slashes (the month first).
     """
-    found = [DAY.fullmatch(_in_numbers(day)) for day in days]
-    slashed = any(f and f[2] == "/" for f in found)
-    first_beyond = any(f and len(f[4]) == 4 and int(f[1]) > 12 for f in found)
+    matches = [DAY.fullmatch(_in_numbers(day)) for day in days]
+    slashed = any(f and f[2] == "/" for f in matches)
+    first_beyond = any(f and len(f[4]) == 4 and int(f[1]) > 12 for f in matches)
     month_first = slashed and not first_beyond
-    return [_one(f, TIME.fullmatch(time), month_first) for f, time in zip(found, times, strict=True)]
+    return [_one(f, TIME.fullmatch(time), month_first) for f, time in zip(matches, times, strict=True)]
 
 
 def split(cells: Sequence[str]) -> tuple[list[str], list[str]]:

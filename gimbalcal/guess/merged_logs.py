@@ -108,8 +108,8 @@ def resampled(t: Array, t2: Array, x: Array) -> Array:
 
 def are_parts(logs: Sequence[Log]) -> bool:
     """Return whether logs hold the same by the same names, so that each is a part and none is another sensor."""
-    held = [{name: (g.quantity, g.axis) for name, g in log.guesses.items()} for log in logs]
-    return len(held) > 1 and all(each == held[0] for each in held)
+    contents = [{name: (g.quantity, g.axis) for name, g in log.guesses.items()} for log in logs]
+    return len(contents) > 1 and all(each == contents[0] for each in contents)
 
 
 def concatenated(logs: Mapping[Path, Table], clock: str, rate: float = 0.0) -> tuple[Table, str]:

@@ -21,8 +21,8 @@ from gimbalcal.guess.log import FORCE, RATE
 from gimbalcal.importers.delimited import encoding_of
 from gimbalcal.recording.dates import is_date
 
-FEWEST = 20  # rows of a kind of message that holds a triad
-FEW, MOST_KINDS = 3, 200
+MIN_TRIAD_ROWS = 20  # rows of a kind of message that holds a triad
+MIN_ROWS, MAX_KINDS = 3, 200
 _STAMP = r"\[?((?:\d{4}-\d\d-\d\d[T ])?\d{1,2}:\d\d:\d\d(?:[.,]\d+)?)\]?"
 _ARRIVED = re.compile(rf"^\s*{_STAMP}\s*->\s*")
 _STAMPED = re.compile(rf"^\s*{_STAMP}")
@@ -46,14 +46,14 @@ def tables_in(path: Path, head: Sequence[str]) -> dict[str, list[str]]:
 
     head: the first lines of the file. Raises InputError where messages hold no accelerometers.
     """
-    said = [line for line in head if line.strip() and not line.startswith(_COMMENT)]
+    lines_of_text = [line for line in head if line.strip() and not line.startswith(_COMMENT)]
 
     def usual(test: Callable[[str], object]) -> bool:
-        return 2 * sum(bool(test(line)) for line in said) > len(said)
+        return 2 * sum(bool(test(line)) for line in lines_of_text) > len(lines_of_text)
 
     arrived, summed, paired = usual(_ARRIVED.match), usual(_CHECKSUM.search), usual(_pairs)
     at = next((k for k in (0, 1) if usual(partial(_tag, at=k))), None)
-    if not said or not (arrived or summed or paired or at is not None):
+    if not lines_of_text or not (arrived or summed or paired or at is not None):
         return {}
     lines = path.read_text(encoding=encoding_of(path), errors="replace").splitlines()
     if arrived:
@@ -86,22 +86,22 @@ def _without_arrows(lines: Sequence[str]) -> list[str]:
 
 def _pairs(line: str) -> list[tuple[str, str]]:
     """Return names with their numbers, where a line has three or more; those of JSON by their path."""
-    found = _leaves(line) if line.lstrip().startswith("{") else _PAIR.findall(line)
-    return found if len(found) >= 3 and len({name for name, _ in found}) == len(found) else []
+    pairs = _leaves(line) if line.lstrip().startswith("{") else _PAIR.findall(line)
+    return pairs if len(pairs) >= 3 and len({name for name, _ in pairs}) == len(pairs) else []
 
 
 def _leaves(line: str) -> list[tuple[str, str]]:
     """Return the numbers and times in an object of JSON by their path, acc_x or acc_0."""
     try:
-        left = [("", json.loads(line))]
+        pending = [("", json.loads(line))]
     except (ValueError, RecursionError):
         return []
     out = []
-    while left:
-        name, value = left.pop(0)
+    while pending:
+        name, value = pending.pop(0)
         if isinstance(value, dict | list):
             inner = value.items() if isinstance(value, dict) else enumerate(value)
-            left = [*((f"{name}_{key}".strip("_"), each) for key, each in inner), *left]
+            pending = [*((f"{name}_{key}".strip("_"), each) for key, each in inner), *pending]
         elif (isinstance(value, int | float) and not isinstance(value, bool)) or is_date(str(value)):
             out.append((name, str(value)))
     return out
@@ -111,11 +111,11 @@ def _of_pairs(lines: Sequence[str]) -> dict[str, _Kind]:
     """Return messages of names beside numbers; those with the same names are of one kind."""
     kinds: dict[tuple[str, ...], _Kind] = {}
     for line in lines:
-        found = _pairs(line)
-        if not found:
+        pairs = _pairs(line)
+        if not pairs:
             continue
         stamp = _STAMPED.match(line)
-        names, cells = [name for name, _ in found], [number for _, number in found]
+        names, cells = [name for name, _ in pairs], [number for _, number in pairs]
         if stamp:
             names, cells = ["time of arrival", *names], [stamp[1], *cells]
         kinds.setdefault(tuple(names), _Kind(tuple(names), [])).rows.append(cells)
@@ -125,37 +125,37 @@ def _of_pairs(lines: Sequence[str]) -> dict[str, _Kind]:
 def _of_words(lines: Sequence[str], at: int) -> dict[str, _Kind]:
     """Return messages by the word in cell `at`; none where it only labels the rows of one table."""
     rows: dict[str, list[list[str]]] = {}
-    told: list[str] = []  # lines of words: what columns are called
+    headings: list[str] = []  # lines of words: what columns are called
     common: tuple[str, ...] = ()
     for line in lines:
         cells = _split(line)
         if line.startswith(_COMMENT) or not any(re.fullmatch(_NUMBER, c) for c in cells):
-            told.append(line)
+            headings.append(line)
             named = tuple(c for i, c in enumerate(cells) if i != at)
             if not common and not line.startswith(_COMMENT) and len(cells) > at + 3:
                 common = named
         elif tag := _tag(line, at):
             rows.setdefault(tag, []).append([c for i, c in enumerate(cells) if i != at])
             if _wordy(cells[-1]) and _wordy(cells[-2]):  # FMT, 164, 47, IMU, QBff, TimeUS,I,GyrX, ...
-                told.append(line)
-    if not 1 < len(rows) <= MOST_KINDS:
+                headings.append(line)
+    if not 1 < len(rows) <= MAX_KINDS:
         return {}
     widths = {tag: Counter(map(len, own)).most_common(1)[0][0] for tag, own in rows.items()}
-    own_names = {tag: _names(tag, told, widths[tag]) for tag in rows}
+    own_names = {tag: _names(tag, headings, widths[tag]) for tag in rows}
     hints = {quantity_of_log(tag) for tag in rows}
-    uneven = len({widths[tag] for tag, own in rows.items() if len(own) > FEW}) > 1
+    uneven = len({widths[tag] for tag, own in rows.items() if len(own) > MIN_ROWS}) > 1
     if not any(own_names.values()) and not uneven and not {FORCE, RATE} <= hints:
         return {}
     return {
         tag: _Kind(own_names[tag] or (common if len(common) == widths[tag] else ()),
                    [cells for cells in own if len(cells) == widths[tag]])
-        for tag, own in rows.items() if len(own) >= FEWEST
+        for tag, own in rows.items() if len(own) >= MIN_TRIAD_ROWS
     }  # fmt: skip
 
 
-def _names(tag: str, told: Sequence[str], columns: int) -> tuple[str, ...]:
+def _names(tag: str, headings: Sequence[str], columns: int) -> tuple[str, ...]:
     """Return the names of the columns of a kind: the last words of a line that names it before them."""
-    for line in told:
+    for line in headings:
         words = [word for word in re.split(r"[,;\s]+", line.strip("#!/ \t")) if word]
         names = words[-columns:]
         if tag in words[:-columns] and all(map(_wordy, names)) and any(by_name(n, quantity_of_log(tag)) for n in names):

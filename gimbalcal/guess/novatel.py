@@ -15,8 +15,8 @@ from gimbalcal.errors import InputError
 from gimbalcal.guess.text_table import Table
 from gimbalcal.importers.delimited import encoding_of
 
-WEEK = 604800.0  # s
-HEAD = 200  # lines, of which one is such a log
+WEEK_S = 604800.0  # s
+HEAD_LINES = 200  # lines, of which one is such a log
 _LINE = re.compile(r"[#%]RAWIMUS?(X?)A,[^;]*;([^*]*)\*[0-9a-fA-F]{8}")
 _NAMES = ("time [s]", *(f"{of}_{axis} [count]" for of in ("acc", "gyro") for axis in "xyz"))
 
@@ -30,7 +30,7 @@ def rawimu(path: Path) -> Table | None:
     damaged = 0
     with path.open(encoding=encoding_of(path), errors="replace") as file:
         for number, line in enumerate(file, start=1):
-            if not rows and number > HEAD:
+            if not rows and number > HEAD_LINES:
                 return None
             if not line.startswith(("#RAWIMU", "%RAWIMU")):
                 continue
@@ -44,17 +44,17 @@ def rawimu(path: Path) -> Table | None:
     if not rows:
         return None
     week, seconds, az, ay, ax, gz, gy, gx = np.array(rows).T
-    columns = (WEEK * week + seconds, ax, -ay, az, gx, -gy, gz)
+    columns = (WEEK_S * week + seconds, ax, -ay, az, gx, -gy, gz)
     return Table(dict(zip(_NAMES, columns, strict=True)))
 
 
 def _counts(line: str) -> list[float] | None:
     """Return week, seconds and the six counts in the order of a line; None for one that is not whole."""
-    found = _LINE.match(line)
-    cells = found[2].split(",") if found else []
-    if found is None or len(cells) != 9 + 2 * len(found[1]):
+    match = _LINE.match(line)
+    cells = match[2].split(",") if match else []
+    if match is None or len(cells) != 9 + 2 * len(match[1]):
         return None
-    cells = cells[2 * len(found[1]) :]
+    cells = cells[2 * len(match[1]) :]
     try:
         return [float(cell) for k, cell in enumerate(cells) if k != 2]  # the status is no number
     except ValueError:

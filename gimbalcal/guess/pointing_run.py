@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.guess.celestial import angle_told, latitude_column, sidereal, sidereal_hours
+from gimbalcal.guess.celestial import angle_stated, latitude_column, sidereal, sidereal_hours
 from gimbalcal.guess.column_names import ANGLES, by_name, plain, unit_written
 from gimbalcal.guess.log import Guess
 from gimbalcal.guess.text_table import Table
-from gimbalcal.importers.pointing import SPACED, elapsed, in_order, pointing_run
+from gimbalcal.importers.pointing import ROW_STEP_S, elapsed, in_order, pointing_run
 from gimbalcal.importers.tpoint import equatorial
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
@@ -48,12 +48,12 @@ _SKY = frozenset(["cos", "cosel", "cosdec", "cosalt", "x", "cross", "xel", "sky"
 _FUSED = re.compile(rf"^(?:(d|delta|off|err)|(x|dx|crs|cross))({'|'.join(sorted(_AXIS, key=len, reverse=True))})$")
 _COSINE = re.compile(r"\W*cos[\s_(]*(?:el|elev|elevation|dec|alt)\b\)?", re.IGNORECASE)
 _MINUS = re.compile(r"(\w+)\s*(?:minus|[-−–])\s*(\w+)")
-LARGE = 1.0  # deg; offsets beyond are arcseconds
-USUAL = "measured minus commanded, as most write it: nothing in the file says so"
+MAX_OFFSET_DEG = 1.0  # deg; offsets beyond are arcseconds
+ASSUMED_SENSE = "measured minus commanded, as most write it: nothing in the file says so"
 
 
 @dataclass(frozen=True)
-class Seen:
+class AngleColumn:
     """A column of angles: its axis, what of it, its unit as far as the name tells, and whether it is on the sky."""
 
     name: str
@@ -64,7 +64,7 @@ class Seen:
 
 
 @dataclass(frozen=True)
-class Run:
+class PointingRun:
     """A pointing run, why each channel is what it is, by (quantity, axis), and what was assumed of the whole."""
 
     recording: Recording
@@ -73,17 +73,19 @@ class Run:
     left_out: tuple[str, ...]
 
 
-def angles_in(table: Table) -> tuple[Seen, ...]:
+def angles_in(table: Table) -> tuple[AngleColumn, ...]:
     """Return the columns of two axes of a mount; none where the table holds no such pair."""
-    found = [seen for name in table.columns if (seen := _seen(name)) is not None]  # as `of_the_axes` has them
+    columns = [
+        seen for name in table.columns if (seen := _angle_column(name)) is not None
+    ]  # with names as in `axis_angles`
     for pair in _PAIRS:
-        own = [s for s in found if s.axis in pair]
+        own = [s for s in columns if s.axis in pair]
         if all(sum(s.axis == axis and s.role != "sigma" for s in own) >= 2 for axis in pair):
             return tuple(s for axis in pair for s in _one_offset([s for s in own if s.axis == axis]))
     return ()
 
 
-def _one_offset(columns: list[Seen]) -> list[Seen]:
+def _one_offset(columns: list[AngleColumn]) -> list[AngleColumn]:
     """Return the columns of an axis, an error together with an offset as the sigma of the offset.
 
     Raises InputError for several offsets of which no name tells the one.
@@ -98,7 +100,7 @@ def _one_offset(columns: list[Seen]) -> list[Seen]:
     return [replace(s, role="sigma") if named and s in offsets and s not in named else s for s in columns]
 
 
-def _seen(name: str) -> Seen | None:
+def _angle_column(name: str) -> AngleColumn | None:
     bare = re.sub(r"[\[(].*", "", _COSINE.sub(" cos ", name))
     within = [w for w in plain(name[len(bare) :]).split("_") if _ROLE.get(w) in ("true", "read")]  # HA(true)
     words = [*plain(bare).split("_"), *within]
@@ -114,11 +116,11 @@ def _seen(name: str) -> Seen | None:
             role = "sigma" if "sigma" in (role, _ROLE[word]) else _ROLE[word] if role != "offset" else role
     if "xel" in words:
         axis, role, on_sky = "azimuth", "offset", True
-    return Seen(name, axis, role, unit, on_sky) if axis else None
+    return AngleColumn(name, axis, role, unit, on_sky) if axis else None
 
 
-def pointing_proposal(path: Path, table: Table, columns: tuple[Seen, ...], title: str, latitude: float | None,
-                      height: float | None) -> Run:  # fmt: skip
+def pointing_proposal(path: Path, table: Table, columns: tuple[AngleColumn, ...], title: str, latitude: float | None,
+                      height: float | None) -> PointingRun:  # fmt: skip
     """Return the run whose angles are `columns`; latitude [rad] and height [m] where they are known.
 
     Raises InputError for an equatorial mount whose latitude nobody says, and where readouts are not told from angles.
@@ -148,25 +150,32 @@ def pointing_proposal(path: Path, table: Table, columns: tuple[Seen, ...], title
     time, remarks = (_seconds(clock, table), ()) if clock else _sidereal_seconds(path, table, rows)
     back = next((n for n in table.columns if (g := by_name(n)) and g.quantity == "time"), "")
     if back and not clock:
-        gone = f"{path}: the clock {back} goes back, so its rows are taken {SPACED:g} s apart in order"
+        gone = f"{path}: the clock {back} goes back, so its rows are taken {ROW_STEP_S:g} s apart in order"
         remarks = (f"{gone} and rates mean nothing; sort them by time for these",)
     if clock:
         why["time", ""] = (clock, f"its name {clock.strip()!r}")
     elif not remarks and (by := sidereal(table)):
         why["time", ""] = (by, "the sidereal time, since no column is another clock")
     whole = np.all(np.isfinite([time, *read.values(), *true.values()]), axis=0)
-    made = pointing_run(path, platform, site, time, {a: read[a] for a in order}, {a: true[a] for a in order})
+    recording = pointing_run(path, platform, site, time, {a: read[a] for a in order}, {a: true[a] for a in order})
     if not whole.all():
-        made = made.select(np.flatnonzero(whole))
+        recording = recording.select(np.flatnonzero(whole))
         remarks = (*remarks, f"{path}: {int(np.sum(~whole))} of {rows} rows lack an angle and are left out")
     notes["kind"] = f"two axes of a mount, {axes[0].replace('_', ' ')} and {axes[1]}, each twice"
     used = {name for name, _ in why.values()} | {s.name for s in columns if s.role == "offset"}
-    left = tuple(n for n in (*table.columns, *table.others) if n not in used)
-    return Run(replace(made, title=title, remarks=remarks), why, notes, left)
+    left_out = tuple(n for n in (*table.columns, *table.others) if n not in used)
+    return PointingRun(replace(recording, title=title, remarks=remarks), why, notes, left_out)
 
 
-def _channels(path: Path, table: Table, axis: str, columns: list[Seen], out: tuple[dict[str, Array], dict[str, Array]],
-              why: dict[tuple[str, str], tuple[str, str]], notes: dict[str, str]) -> Seen | None:  # fmt: skip
+def _channels(
+    path: Path,
+    table: Table,
+    axis: str,
+    columns: list[AngleColumn],
+    out: tuple[dict[str, Array], dict[str, Array]],
+    why: dict[tuple[str, str], tuple[str, str]],
+    notes: dict[str, str],
+) -> AngleColumn | None:
     """Put readout and true angle [rad] of one axis into `out`; return the column of offsets, if they are by one."""
     read, true = out
     offset = next((s for s in columns if s.role == "offset"), None)
@@ -187,7 +196,7 @@ def _channels(path: Path, table: Table, axis: str, columns: list[Seen], out: tup
     if a and b:
         true[axis], read[axis] = (_angle(table, s, axis, notes) for s in (a, b))
         why["true_angle", axis], why["gimbal_angle", axis] = (a.name, reason), (b.name, reason)
-        if offset and not _say_the_same(read[axis] - true[axis], _offset(table, offset, axis, {})):
+        if offset and not _agree(read[axis] - true[axis], _offset(table, offset, axis, {})):
             raise InputError(
                 f"{path}: {b.name} less {a.name} is not what {offset.name} says: leave {b.name} out of the log if the "
                 f"mount was off by {offset.name}, or {offset.name} if it was not"
@@ -200,24 +209,27 @@ def _channels(path: Path, table: Table, axis: str, columns: list[Seen], out: tup
             f"{path}: of {axis} there is no readout beside the true angle ({there}); name its columns as in az_true "
             "and az_encoder, or write a header and use `gimbalcal import csv`"
         )
-    sign, said = _sense(table, offset)
-    notes["sign"] = f"offsets are {said}"
+    sign, sense = _sense(table, offset)
+    notes["sign"] = f"offsets are {sense}"
     off = sign * _offset(table, offset, axis, notes)
     where = _angle(table, one, axis, notes)
     true[axis], read[axis] = (where - off, where) if b else (where, where + off)
-    given, made = ("gimbal_angle", "true_angle") if b else ("true_angle", "gimbal_angle")
-    why[given, axis] = one.name, "its name"
-    why[made, axis] = f"{one.name} and {offset.name}", f"{said}; to turn it round, exchange gimbal_angle and true_angle"
+    known, computed = ("gimbal_angle", "true_angle") if b else ("true_angle", "gimbal_angle")
+    why[known, axis] = one.name, "its name"
+    why[computed, axis] = (
+        f"{one.name} and {offset.name}",
+        f"{sense}; to turn it round, exchange gimbal_angle and true_angle",
+    )
     return offset
 
 
-def _say_the_same(difference: Array, offset: Array) -> bool:
+def _agree(difference: Array, offset: Array) -> bool:
     """Return whether offsets (n,) are, up to their sign, the difference of two angles [rad]."""
-    apart = np.abs(np.mod(difference + np.pi, 2 * np.pi) - np.pi)
-    return bool(np.nanmedian(np.abs(apart - np.abs(offset))) < 0.5 * np.nanmedian(np.abs(offset)))
+    distance = np.abs(np.mod(difference + np.pi, 2 * np.pi) - np.pi)
+    return bool(np.nanmedian(np.abs(distance - np.abs(offset))) < 0.5 * np.nanmedian(np.abs(offset)))
 
 
-def _angle(table: Table, s: Seen, axis: str, notes: dict[str, str]) -> Array:
+def _angle(table: Table, s: AngleColumn, axis: str, notes: dict[str, str]) -> Array:
     """Return an angle in rad: degrees, or hours where the name or hours, minutes and seconds say so."""
     x, unit = table.columns[s.name], s.unit
     hours = axis == "hour_angle" and (unit in ("h", "s", "min") or (not unit and s.name in table.sexagesimal))
@@ -229,7 +241,7 @@ def _angle(table: Table, s: Seen, axis: str, notes: dict[str, str]) -> Array:
     return np.asarray(to_si(x, unit if unit in ANGLES else "deg"))
 
 
-def _offset(table: Table, s: Seen, axis: str, notes: dict[str, str]) -> Array:
+def _offset(table: Table, s: AngleColumn, axis: str, notes: dict[str, str]) -> Array:
     """Return an offset in rad, in the unit of its name, else arcsec where it is beyond a degree."""
     x = table.columns[s.name]
     if s.unit in ANGLES:
@@ -237,21 +249,21 @@ def _offset(table: Table, s: Seen, axis: str, notes: dict[str, str]) -> Array:
     if axis == "hour_angle" and s.unit == "s":
         return np.radians(x / 240)
     size = float(np.nanmax(np.abs(x)))
-    unit = "arcsec" if size > LARGE else "deg"
+    unit = "arcsec" if size > MAX_OFFSET_DEG else "deg"
     notes["unit"] = f"offsets are taken in {unit}: they go up to {size:.3g} and no name tells their unit"
     return np.asarray(to_si(x, unit))
 
 
-def _sense(table: Table, offset: Seen) -> tuple[int, str]:
+def _sense(table: Table, offset: AngleColumn) -> tuple[int, str]:
     """Return 1 where offsets are readout minus truth, -1 where they are the reverse, and by what."""
     for text in (*table.above, offset.name):
-        for left, right in _MINUS.findall(text.lower()):
-            roles = _ROLE.get(left), _ROLE.get(right)
+        for minuend, subtrahend in _MINUS.findall(text.lower()):
+            roles = _ROLE.get(minuend), _ROLE.get(subtrahend)
             if roles == ("read", "true"):
-                return 1, f"{left} minus {right}, as the file says"
+                return 1, f"{minuend} minus {subtrahend}, as the file says"
             if roles == ("true", "read"):
-                return -1, f"{left} minus {right}, as the file says"
-    return 1, USUAL
+                return -1, f"{minuend} minus {subtrahend}, as the file says"
+    return 1, ASSUMED_SENSE
 
 
 def _sidereal_seconds(path: Path, table: Table, rows: int) -> tuple[Array, tuple[str, ...]]:
@@ -271,11 +283,11 @@ def _seconds(name: str, table: Table) -> Array:
 
 def _latitude(table: Table, notes: dict[str, str]) -> float | None:
     """Return the latitude [rad] that a column or a comment above the table states in degrees."""
-    if told := latitude_column(table):
-        notes["site"] = f"latitude {told[1]:.6g} deg, as the column {told[0]} says"
-        return float(np.radians(told[1]))
+    if column := latitude_column(table):
+        notes["site"] = f"latitude {column[1]:.6g} deg, as the column {column[0]} says"
+        return float(np.radians(column[1]))
     for line in table.above:
-        told_here = angle_told(line, "lat(?:itude)?", "N", "S")
+        told_here = angle_stated(line, "lat(?:itude)?", "N", "S")
         if told_here is not None and abs(told_here) <= 90:
             notes["site"] = f"latitude {told_here:.6g} deg, as {line.strip()!r} says"
             return float(np.radians(told_here))

@@ -16,7 +16,7 @@ from gimbalcal.checks.input_errors import MIN_AGREEMENT
 from gimbalcal.checks.rates import turns_explained
 from gimbalcal.checks.table import refuse_implausible
 from gimbalcal.errors import InputError
-from gimbalcal.guess.celestial import of_the_axes, refuse_below_horizon
+from gimbalcal.guess.celestial import axis_angles, refuse_below_horizon
 from gimbalcal.guess.column_guess import guessed
 from gimbalcal.guess.column_names import by_name, estimated, quantity_of_log
 from gimbalcal.guess.gimbal_chain import GimbalChain, chain_among, encoder_angles, gimbal_chain
@@ -98,12 +98,12 @@ class _Context:
             called=self.title,
         )
 
-    def proposal(self, made: Recording, log: Log, notes: Mapping[str, str]) -> Proposal:
+    def proposal(self, recording: Recording, log: Log, notes: Mapping[str, str]) -> Proposal:
         """Return the proposal of a recording that needs no choice of units, if it is plausible."""
-        made = replace(made, remarks=(*made.remarks, *refuse_implausible(made)))
+        recording = replace(recording, remarks=(*recording.remarks, *refuse_implausible(recording)))
         unused = (*self.left_out, *(name for name in log.unknown if name not in self.left_out))
         left_out = tuple(name for name in unused if name not in log.guesses)
-        return Proposal(made, log.guesses, left_out, {**notes, "noise": NOISE_FROM_ROWS})
+        return Proposal(recording, log.guesses, left_out, {**notes, "noise": NOISE_FROM_ROWS})
 
 
 def propose(
@@ -168,15 +168,15 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Plac
             "write a header and use `gimbalcal import csv`"
         )
     if still := static_run(log, place.latitude):
-        made = context.recording(still[0], "space-stable", kind="static-run")
-        return context.proposal(made, still[0], {"kind": still[1], **context.notes})
+        recording = context.recording(still[0], "space-stable", kind="static-run")
+        return context.proposal(recording, still[0], {"kind": still[1], **context.notes})
     above = [line for table in tables.values() for line in table.above]
     return _multi_position(log, context, above)
 
 
 def _pointing(path: Path, table: Table, title: str, place: Place) -> Proposal | None:
     """Return the pointing run in a table; None where it holds no pair of axes of a mount."""
-    table, assumed = of_the_axes(table, place.longitude)
+    table, assumed = axis_angles(table, place.longitude)
     angles = angles_in(table)
     if not angles:
         return None
@@ -205,12 +205,12 @@ def _self_describing(path: Path, title: str) -> Proposal | None:
 
 def _turned(table: TurnedLog, context: _Context) -> Proposal:
     """Return the recording of gyroscopes that a table turned."""
-    made = context.recording(table.log, _platform_entry(table.platform), kind="rotation")
+    recording = context.recording(table.log, _platform_entry(table.platform), kind="rotation")
     kind = (
         f"rotation, gyroscopes that a table turned{orientation_note(table.log)}. Give the recordings of all mountings "
         "together"
     )
-    return context.proposal(made, table.log, {**context.notes, "kind": kind, "platform": table.why})
+    return context.proposal(recording, table.log, {**context.notes, "kind": kind, "platform": table.why})
 
 
 def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Proposal:
@@ -226,9 +226,9 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
         except InputError as problem:
             refused = refused or problem
             continue
-        made = proposal.recording
-        explained = turns_explained(made)
-        single_dwell = log.has_open_unit("time") and len(dwells(made)) < 2
+        recording = proposal.recording
+        explained = turns_explained(recording)
+        single_dwell = log.has_open_unit("time") and len(dwells(recording)) < 2
         if not single_dwell and (explained is None or explained[0] >= MIN_AGREEMENT * explained[1]):
             return proposal
         if refused is None and fallback is None:
@@ -250,19 +250,21 @@ def _in_units(log: Log, context: _Context) -> Proposal:
     notes, platform = dict(context.notes), None
     angles, counts = encoder_angles(_angle_candidates(log))
     log = replace(log, columns={**log.columns, **angles})
-    chain, found, outside = _rig(log, context)
-    found = {n: replace(g, why=f"{counts[n]} counts a turn; {g.why}") if n in counts else g for n, g in found.items()}
+    chain, gimbals, outside = _rig(log, context)
+    gimbals = {
+        n: replace(g, why=f"{counts[n]} counts a turn; {g.why}") if n in counts else g for n, g in gimbals.items()
+    }
     reversed_columns: list[str] = []
     if chain is not None:
-        log = log.including(found)
+        log = log.including(gimbals)
         platform, notes["platform"] = chain.platform, chain.why
-        gimbals = {log.guesses[n].axis: n for n in log.names("gimbal_angle")}
-        if len(gimbals) == 1:
+        column_of = {log.guesses[n].axis: n for n in log.names("gimbal_angle")}
+        if len(column_of) == 1:
             notes["platform"] += (
                 "; turns about one axis show few errors: mount the unit otherwise too for the others; steady turns "
                 "calibrate gyroscopes, --method rate-table, all mountings together"
             )
-        reversed_columns = [gimbals[axis] for axis in chain.backwards] + (log.names(FORCE) if chain.reversed else [])
+        reversed_columns = [column_of[axis] for axis in chain.backwards] + (log.names(FORCE) if chain.reversed else [])
     used = replace(log, guesses={name: g for name, g in log.guesses.items() if name not in outside})
     made = context.recording(used, _platform_entry(platform), reversed_columns)
     rests = len(dwells(made))
@@ -284,7 +286,7 @@ def _in_units(log: Log, context: _Context) -> Proposal:
     notes.setdefault("kind", kind)
     notes["noise"] = _noise_note(rests == len(made.time) and not log.has("sigma"), log.has("gimbal_angle"))
     made = replace(made, remarks=(*made.remarks, *refuse_implausible(made)))
-    left_out = (*(n for n in context.left_out if n not in found), *outside)
+    left_out = (*(n for n in context.left_out if n not in gimbals), *outside)
     return Proposal(made, used.guesses, left_out, notes)
 
 
@@ -327,8 +329,8 @@ def _rig(log: Log, context: _Context) -> tuple[GimbalChain | None, dict[str, Gue
     if among is None:
         return chain, {}, tuple(named)
     why = "standing still at rests, and gravity goes as it says"
-    found = {n: Guess("gimbal_angle", axis, unit, why) for n, (axis, unit) in among[1].items()}
-    return among[0], found, tuple(n for n in named if n not in found)
+    gimbals = {n: Guess("gimbal_angle", axis, unit, why) for n, (axis, unit) in among[1].items()}
+    return among[0], gimbals, tuple(n for n in named if n not in gimbals)
 
 
 def _entries(guesses: Mapping[str, Guess], reversed_columns: Sequence[str] = ()) -> dict[str, dict[str, object]]:

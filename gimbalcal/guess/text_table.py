@@ -23,7 +23,7 @@ from gimbalcal.recording.lines import comment_words
 if TYPE_CHECKING:
     import polars as pl
 
-HEAD, LEAST_COLUMNS = 200, 3  # lines that tell how a log is written, and columns of one that holds a triad
+HEAD_LINES, MIN_COLUMNS = 200, 3  # lines that tell how a log is written, and columns of one that holds a triad
 SEXAGESIMAL = re.compile(
     r"\s*[-+]?\d{1,3}\s*[°hd]\s*\d{1,2}([.,]\d*)?\s*['′m]\s*|"
     r"\s*[-+]?\d{1,3}\s*[:°hd ]\s*\d{1,2}\s*[:'′m ]\s*\d{1,2}([.,]\d*)?\s*[\"″s]?\s*"
@@ -63,9 +63,9 @@ class Table:
 def tables_of(path: Path, dates: Dates | None = None) -> dict[Path, Table]:
     """Return the table in a text file, see `table_of`, or those of its messages by path/word. Raises InputError."""
     with path.open(encoding=encoding_of(path)) as file:
-        head = [line.rstrip("\r\n") for line, _ in zip(file, range(HEAD), strict=False)]
-    found = tables_in(path, head)
-    return {path / word: table_of(path, dates, lines) for word, lines in found.items()} or {
+        head = [line.rstrip("\r\n") for line, _ in zip(file, range(HEAD_LINES), strict=False)]
+    messages = tables_in(path, head)
+    return {path / word: table_of(path, dates, lines) for word, lines in messages.items()} or {
         path: table_of(path, dates)}  # fmt: skip
 
 
@@ -80,41 +80,41 @@ def table_of(path: Path, dates: Dates | None = None, lines: Sequence[str] | None
     """
     if lines is None:
         with path.open(encoding=encoding_of(path)) as file:
-            head = [line.rstrip("\r\n") for line, _ in zip(file, range(HEAD), strict=False)]
+            head = [line.rstrip("\r\n") for line, _ in zip(file, range(HEAD_LINES), strict=False)]
     else:
-        head = list(lines[:HEAD])
-    found = _begins(head)
-    if found is None:
+        head = list(lines[:HEAD_LINES])
+    layout = _layout(head)
+    if layout is None:
         like = next((line.strip()[:60] for line in head[::-1] if line.strip()), "")
         raise InputError(
-            f"{path} holds no table of {LEAST_COLUMNS} columns or more: its lines are like {like!r}; write numbers in "
+            f"{path} holds no table of {MIN_COLUMNS} columns or more: its lines are like {like!r}; write numbers in "
             "columns with names above them, time acc_x acc_y acc_z, or ra_true dec_true ra_mount dec_mount LST"
         )
-    skip, separator, named = found.skip, found.separator, found.named
+    skip, separator, named = layout.skip, layout.separator, layout.named
     marked = separator != " " and any(_seconds_marked(line, separator) for line in head[skip:])
     frame = frame_of(path, separator, skip, named, quoted=not marked, lines=lines)
     if not named:
         frame.columns = _names_above(head[:skip], frame.width) or [str(i) for i in range(1, frame.width + 1)]
     elif frame.height:
         below = [str(cell or "") for cell in frame.row(0)]
-        if not _numbers(below) and _units(below):
+        if not _holds_numbers(below) and _holds_units(below):
             units = [cell.strip(" []()\"'") for cell in below]
             names = [f"{n} [{u}]" if u not in ("", "-") else n for n, u in zip(frame.columns, units, strict=True)]
             frame = frame[1:]
             frame.columns = names
     frame = _one_stamp(frame)
-    seen = dates or Dates()
+    clock = dates or Dates()
     texts = ((n, frame[n].str.strip_chars().str.strip_chars("\"'").str.strip_chars()) for n in frame.columns)
-    made = gathered((name, *values_of(name, text, separator, seen)) for name, text in texts)
-    if len(made.columns) < LEAST_COLUMNS:
+    table = table_of_columns((name, *values_of(name, text, separator, clock)) for name, text in texts)
+    if len(table.columns) < MIN_COLUMNS:
         raise InputError(
-            f"{path} holds {len(made.columns)} columns of numbers: no log of a unit, or in a form that is not text"
+            f"{path} holds {len(table.columns)} columns of numbers: no log of a unit, or in a form that is not text"
         )
     above = (*head[:skip], *(line for line in head[skip:] if line.startswith("#")))
-    return replace(made, above=above, day=seen.day)
+    return replace(table, above=above, day=clock.day)
 
 
-def gathered(told: Iterable[tuple[str, Array, str]]) -> Table:
+def table_of_columns(columns_of_text: Iterable[tuple[str, Array, str]]) -> Table:
     """Return the table of columns (n,) by name and form, see `values_of`; cells that hold hardly a number make none.
 
     What was stored as a "number" is a column however few there are.
@@ -122,7 +122,7 @@ def gathered(told: Iterable[tuple[str, Array, str]]) -> Table:
     columns: dict[str, Array] = {}
     forms: dict[str, set[str]] = {"angle": set(), "date": set()}
     others = []
-    for name, values, form in told:
+    for name, values, form in columns_of_text:
         if form != "number" and np.count_nonzero(np.isfinite(values)) <= len(values) / 2:
             others.append(name)
             continue
@@ -152,9 +152,9 @@ def values_of(name: str, text: object, separator: str, dates: Dates) -> tuple[Ar
     import polars as pl
 
     assert isinstance(text, pl.Series)
-    seen = text.drop_nulls()
-    seen = seen.filter(seen != "")
-    first = str(seen[0]) if len(seen) else ""
+    filled = text.drop_nulls()
+    filled = filled.filter(filled != "")
+    first = str(filled[0]) if len(filled) else ""
     guess = by_name(name)
     if date_formats.is_stamp(first):
         text = pl.Series(name, date_formats.in_iso(*date_formats.split([str(cell or "") for cell in text.to_list()])))
@@ -180,9 +180,13 @@ def values_of(name: str, text: object, separator: str, dates: Dates) -> tuple[Ar
 
 def _labels(cells: Sequence[str]) -> Array:
     """Return positions that are called "P01", "A", "face up": numbered as they come; 0 where a row has no such word."""
-    seen: dict[str, int] = {}
-    return np.array([float(seen.setdefault(c, len(seen) + 1)) if re.search(r"\w", c) and not _MOVING.search(c) else 0.0
-                     for c in cells])  # fmt: skip
+    numbers: dict[str, int] = {}
+
+    def number(cell: str) -> float:
+        labelled = re.search(r"\w", cell) and not _MOVING.search(cell)
+        return float(numbers.setdefault(cell, len(numbers) + 1)) if labelled else 0.0
+
+    return np.array([number(cell) for cell in cells])
 
 
 def _in_first_unit(cell: str | None) -> float:
@@ -193,7 +197,7 @@ def _in_first_unit(cell: str | None) -> float:
     return (-1.0 if cell.lstrip().startswith("-") else 1.0) * sum(x / 60**i for i, x in enumerate(parts[:3]))
 
 
-def _begins(head: Sequence[str]) -> Layout | None:
+def _layout(head: Sequence[str]) -> Layout | None:
     """Return where the table in the first lines of a file begins, and its separator.
 
     Most lines of one width in which most cells are numbers are the table; its names stand in the line above, or above a
@@ -204,7 +208,7 @@ def _begins(head: Sequence[str]) -> Layout | None:
     for mark, rows in cells.items():
         begins: dict[int, list[int]] = {}  # lines of numbers by their width
         for i, row in enumerate(rows):
-            if len(row) >= LEAST_COLUMNS and _numbers(row):
+            if len(row) >= MIN_COLUMNS and _holds_numbers(row):
                 begins.setdefault(len(row), []).append(i)
         for width, lines in begins.items():
             if mark != " " or 0.9 * len(lines) > best[0]:  # a blank also separates what tabs do
@@ -219,9 +223,9 @@ def _begins(head: Sequence[str]) -> Layout | None:
     remarked = len(row) > width and mark != " " and any(map(by_name, row[:width]))  # a last column is often left empty
     if len(row) != width and not remarked:
         return Layout(first, mark, False)
-    if len(above) > 1 and len(above[-2][1]) == width and _units(row) and any(map(_wordy, above[-2][1])):
+    if len(above) > 1 and len(above[-2][1]) == width and _holds_units(row) and any(map(_holds_letters, above[-2][1])):
         names, row = above[-2]
-    return Layout(names, mark, True) if any(map(_wordy, row)) else Layout(first, mark, False)
+    return Layout(names, mark, True) if any(map(_holds_letters, row)) else Layout(first, mark, False)
 
 
 def _cells(line: str, mark: str) -> list[str]:
@@ -240,22 +244,22 @@ def _seconds_marked(line: str, mark: str) -> bool:
     return any(re.fullmatch(r'[^"]*\d\s*"\s*', cell) for cell in line.split(mark))
 
 
-def _numbers(row: Sequence[str]) -> bool:
+def _holds_numbers(row: Sequence[str]) -> bool:
     """Return whether more than half of the cells that are filled are numbers, angles or dates, and two or more are."""
     filled = [text for cell in row if (text := cell.strip(" \"'"))]
     known = sum(bool(_NUMBER.fullmatch(text) or SEXAGESIMAL.fullmatch(text) or is_date(text)) for text in filled)
-    return known >= LEAST_COLUMNS - 1 and 2 * known > len(filled)
+    return known >= MIN_COLUMNS - 1 and 2 * known > len(filled)
 
 
-def _wordy(cell: str) -> bool:
+def _holds_letters(cell: str) -> bool:
     return bool(re.search(r"[^\W\d_]", cell))
 
 
-def _units(row: Sequence[str]) -> bool:
+def _holds_units(row: Sequence[str]) -> bool:
     """Return whether a line below the names holds units: most of its cells do, or nothing."""
     below = [cell.strip(" []()\"'") for cell in row]
     known = sum(bool(unit_written(plain(cell))) for cell in below)
-    return known > 0 and sum(bool(unit_written(plain(c))) or not _wordy(c) for c in below) > len(below) / 2
+    return known > 0 and sum(bool(unit_written(plain(c))) or not _holds_letters(c) for c in below) > len(below) / 2
 
 
 def _names_above(above: Sequence[str], columns: int) -> list[str]:

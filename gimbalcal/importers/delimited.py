@@ -22,7 +22,6 @@ from gimbalcal.recording.record import Recording
 if TYPE_CHECKING:
     import polars as pl
 
-HEAD, LEAST_COLUMNS = 200, 3  # lines that tell how a log is written, and columns of one that holds a triad
 _SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 
 
@@ -37,7 +36,7 @@ def import_csv(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     (path,) = files
     skip = int(number(options, "skip", 0))
     header = header_for(path, options, skip)
-    separator = _SEPARATORS.get(options.get("separator", ""), options.get("separator", "")) or _guessed(path, skip)
+    separator = _SEPARATORS.get(options.get("separator", ""), options.get("separator", "")) or _separator_of(path, skip)
     if len(separator) != 1:
         raise InputError(f"the separator {separator!r} is not one character; write comma, semicolon, tab or space")
     wanted = [c.name for c in header.columns]
@@ -58,8 +57,8 @@ def import_csv(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
         if name not in frame.columns:
             raise InputError(f"{path} has no column {name!r}; it has {', '.join(map(repr, frame.columns))}")
         text = frame[name].str.strip_chars()
-        seen = text.drop_nulls()
-        if clock and name == clock.name and len(seen) and is_date(seen[0]):
+        filled = text.drop_nulls()
+        if clock and name == clock.name and len(filled) and is_date(filled[0]):
             return np.array(text.fill_null("").to_list())
         text = text.str.replace(",", ".", literal=True) if separator == ";" else text
         return _numbers(path, name, text, named)
@@ -90,7 +89,7 @@ def frame_of(path: Path, separator: str, skip: int, named: bool, quoted: bool = 
             glob=False, quote_char='"' if quoted else None,
         )  # fmt: skip
     except pl.exceptions.PolarsError as error:
-        raise InputError(_longer(path, separator, skip) or
+        raise InputError(_longer_line(path, separator, skip) or
                          f"{path} cannot be read as a table: {str(error).splitlines()[0]}") from None  # fmt: skip
     stripped = [name.strip() for name in frame.columns]
     if len(set(stripped)) == len(stripped):
@@ -98,7 +97,7 @@ def frame_of(path: Path, separator: str, skip: int, named: bool, quoted: bool = 
     return frame
 
 
-def _longer(path: Path, separator: str, skip: int) -> str:
+def _longer_line(path: Path, separator: str, skip: int) -> str:
     """Return a sentence on the first line with more cells than the first of the table has; empty if there is none."""
     first = 0
     with path.open(encoding=encoding_of(path), errors="replace") as file:
@@ -148,7 +147,7 @@ def _first_line(path: Path, skip: int) -> str:
         return next(lines, "").strip("\r\n")
 
 
-def _guessed(path: Path, skip: int) -> str:
+def _separator_of(path: Path, skip: int) -> str:
     """Return the separator that the first line shows."""
     first = _first_line(path, skip)
     shown = [mark for mark in (";", "\t", ",") if mark in first.strip()]

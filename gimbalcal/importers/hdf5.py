@@ -27,10 +27,10 @@ def import_hdf5(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     header = header_for(path, options)
 
     def fetch(name: str) -> Array:
-        found = dataset(path, without_index(name))
-        if found is None:
+        values = dataset(path, without_index(name))
+        if values is None:
             raise InputError(f"{path} has no data set {without_index(name)!r}; it has {', '.join(dataset_names(path))}")
-        return component(name, found, path)
+        return component(name, values, path)
 
     return recording_of(header, options, fetch)
 
@@ -54,33 +54,33 @@ def dataset(path: Path, name: str) -> Array | None:
 
     with _opened(path) as file:
         place = name.replace(".", "/").strip("/") or "/"
-        _refuse_elsewhere(path, file, place)
-        found = file.get(place)
-        if not isinstance(found, h5py.Dataset):
+        _refuse_external_links(path, file, place)
+        item = file.get(place)
+        if not isinstance(item, h5py.Dataset):
             return None
-        if found.external or found.is_virtual:
+        if item.external or item.is_virtual:
             raise InputError(f"{path}: the numbers of {name!r} lie in another file; copy them into this one")
-        refuse_bomb(path, found.size * max(found.dtype.itemsize, 8))
-        value = found[()]
-        return np.array([_text(v) for v in np.ravel(value)]) if found.dtype.kind in "SO" else np.asarray(value)
+        refuse_bomb(path, item.size * max(item.dtype.itemsize, 8))
+        value = item[()]
+        return np.array([_text(v) for v in np.ravel(value)]) if item.dtype.kind in "SO" else np.asarray(value)
 
 
-def _refuse_elsewhere(path: Path, file: h5py.File, place: str) -> None:
+def _refuse_external_links(path: Path, file: h5py.File, place: str) -> None:
     """Raise InputError where a name, or any link behind it, leads into another file; nothing is followed unseen."""
     import h5py
 
-    waiting, seen = [place], set()
-    while waiting:
-        parts = waiting.pop().strip("/").split("/")
+    pending, followed = [place], set()
+    while pending:
+        parts = pending.pop().strip("/").split("/")
         for i in range(1, len(parts) + 1):
             level = "/".join(parts[:i])
             link = file.get(level, getlink=True) if level else None
             if isinstance(link, h5py.ExternalLink):
                 raise InputError(f"{path}: {level!r} is a link to another file; copy what it means into this one")
-            if isinstance(link, h5py.SoftLink) and level not in seen:
-                seen.add(level)
+            if isinstance(link, h5py.SoftLink) and level not in followed:
+                followed.add(level)
                 to = link.path if link.path.startswith("/") else "/".join([*parts[: i - 1], link.path])
-                waiting.append("/".join([to, *parts[i:]]))
+                pending.append("/".join([to, *parts[i:]]))
                 break
 
 

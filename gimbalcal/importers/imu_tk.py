@@ -26,9 +26,9 @@ from gimbalcal.recording.record import Recording
 from gimbalcal.rotation import exponential
 from gimbalcal.units import is_raw, to_si
 
-LIKE_GRAVITY = 0.1  # of gravity: any unit's bias and scale errors together are less, any other unit is further off
-FIT = np.radians(20.0)  # gravity after a turn by gyroscopes that nobody calibrated, in the right unit
-BETTER = 2.0  # times that the right unit must do better than the other
+MAX_GRAVITY_ERROR = 0.1  # of gravity: any unit's bias and scale errors together are less, any other unit is further off
+MAX_MISFIT_RAD = np.radians(20.0)  # gravity after a turn by gyroscopes that nobody calibrated, in the right unit
+MIN_MISFIT_RATIO = 2.0  # times that the right unit must do better than the other
 
 
 @importer("imu-tk", "accel", "gyro", single_file=False)
@@ -51,13 +51,15 @@ def import_imu_tk(files: Sequence[Path], options: Mapping[str, str]) -> Recordin
     for name, quantity in (("accel", "specific_force"), ("gyro", "angular_rate")):
         if name in options:
             check(options[name], quantity)
-    made = unit_log(files[0].stem, time, channels, dict.fromkeys(channels, "count"), files)
-    accel, why = _unit_of_force(made)
-    made = _in_unit(made, "specific_force", options.get("accel", accel), "as told" if "accel" in options else why)
+    recording = unit_log(files[0].stem, time, channels, dict.fromkeys(channels, "count"), files)
+    accel, why = _unit_of_force(recording)
+    recording = _in_unit(
+        recording, "specific_force", options.get("accel", accel), "as told" if "accel" in options else why
+    )
     if len(files) == 1:
-        return made
-    gyro, why = _unit_of_rate(made)
-    return _in_unit(made, "angular_rate", options.get("gyro", gyro), "as told" if "gyro" in options else why)
+        return recording
+    gyro, why = _unit_of_rate(recording)
+    return _in_unit(recording, "angular_rate", options.get("gyro", gyro), "as told" if "gyro" in options else why)
 
 
 def _in_unit(recording: Recording, quantity: str, unit: str, why: str) -> Recording:
@@ -79,7 +81,7 @@ def _unit_of_force(recording: Recording) -> tuple[str, str]:
     rest = np.concatenate([force[d.rows] for d in dwells(recording)]) if len(dwells(recording)) else force
     norm = float(np.median(np.linalg.norm(rest, axis=1)))
     for unit in ("m/s^2", "g"):
-        if abs(to_si(norm, unit) / G0 - 1) < LIKE_GRAVITY:
+        if abs(to_si(norm, unit) / G0 - 1) < MAX_GRAVITY_ERROR:
             return unit, f"at rest its norm is {norm:.4g}"
     return "count", ""
 
@@ -87,21 +89,21 @@ def _unit_of_force(recording: Recording) -> tuple[str, str]:
 def _unit_of_rate(recording: Recording) -> tuple[str, str]:
     """Return rad/s or deg/s, whichever turns gravity between dwells as the accelerometers do; else counts."""
     raw = recording.units["specific_force", "x"] == "count"
-    stays = dwells(recording)
-    if raw or len(stays) < 2:
+    rests = dwells(recording)
+    if raw or len(rests) < 2:
         return "count", ""
-    misfit = {unit: _misfit(recording, stays, to_si(1.0, unit)) for unit in ("rad/s", "deg/s")}
+    misfit = {unit: _misfit(recording, rests, to_si(1.0, unit)) for unit in ("rad/s", "deg/s")}
     right, wrong = sorted(misfit, key=lambda unit: misfit[unit])
-    if misfit[right] > FIT or misfit[wrong] < BETTER * misfit[right]:
+    if misfit[right] > MAX_MISFIT_RAD or misfit[wrong] < MIN_MISFIT_RATIO * misfit[right]:
         return "count", ""
-    told = f"so it turns gravity from rest to rest to {np.degrees(misfit[right]):.2g} deg"
-    return right, f"{told}, and in {wrong} to {np.degrees(misfit[wrong]):.2g} deg"
+    agreement = f"so it turns gravity from rest to rest to {np.degrees(misfit[right]):.2g} deg"
+    return right, f"{agreement}, and in {wrong} to {np.degrees(misfit[wrong]):.2g} deg"
 
 
-def _misfit(recording: Recording, stays: Sequence[Dwell], scale: float) -> float:
+def _misfit(recording: Recording, rests: Sequence[Dwell], scale: float) -> float:
     """Return the median angle [rad] between gravity after a turn and where rates times `scale` say that it is."""
     force, rate, off = recording.triad("specific_force"), scale * recording.triad("angular_rate"), []
-    for one, other in pairwise(stays):
+    for one, other in pairwise(rests):
         level = (rate[one.rows].mean(0) + rate[other.rows].mean(0)) / 2
         before, after = force[one.rows].mean(0), force[other.rows].mean(0)
         span = slice(one.stop - 1, other.start + 1)

@@ -37,21 +37,21 @@ def import_matlab(files: Sequence[Path], options: Mapping[str, str]) -> Recordin
     (its only variable is meant) or by file and variable, "ax.data".
     """
     header = header_for(files[0], options)
-    held = [_opened(path) for path in files]
+    variables = [_opened(path) for path in files]
 
     def fetch(name: str) -> Array:
-        where, found = _found(held, without_index(name))
-        return component(name, np.asarray(found), where)
+        where, value = _variable(variables, without_index(name))
+        return component(name, np.asarray(value), where)
 
-    made = recording_of(header, options, fetch)
-    return replace(made, source=(*made.source, *map(Source.of, files[1:])))
+    recording = recording_of(header, options, fetch)
+    return replace(recording, source=(*recording.source, *map(Source.of, files[1:])))
 
 
-def _found(held: Sequence[_Variables], name: str) -> tuple[Path, Any]:
+def _variable(variables: Sequence[_Variables], name: str) -> tuple[Path, Any]:
     """Return the file and the variable that a column is called by: a variable first, then a file, then both."""
-    matches = [(v.path, v.find(name)) for v in held if v.find(name) is not None]
+    matches = [(v.path, v.find(name)) for v in variables if v.find(name) is not None]
     stem, _, rest = name.partition(".")
-    for v in held:
+    for v in variables:
         if not matches and v.path.stem == stem:
             inner = rest or (v.names[0] if len(v.names) == 1 else "")
             matches += [(v.path, v.find(inner))] if inner and v.find(inner) is not None else []
@@ -61,9 +61,9 @@ def _found(held: Sequence[_Variables], name: str) -> tuple[Path, Any]:
         which = " and ".join(path.name for path, _ in matches)
         better = f"{matches[0][0].stem}.{name}"
         raise InputError(f"{name} is in {which}; write the name of the file before it, as in {better}")
-    has = "; ".join(f"{v.path} has {', '.join(v.names) or 'none'}" for v in held)
-    if len(held) == 1:
-        raise InputError(f"{held[0].path} has no variable {name!r}; it has {', '.join(held[0].names)}")
+    has = "; ".join(f"{v.path} has {', '.join(v.names) or 'none'}" for v in variables)
+    if len(variables) == 1:
+        raise InputError(f"{variables[0].path} has no variable {name!r}; it has {', '.join(variables[0].names)}")
     raise InputError(f"no file has a variable {name!r}, and none that holds one variable is called so; {has}")
 
 

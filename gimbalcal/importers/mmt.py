@@ -27,10 +27,10 @@ AXES = ("elevation", "azimuth")
 def import_mmt(files: Sequence[Path], _options: Mapping[str, str]) -> Recording:
     """One .dat file of the MMT: blocks of CAT, RAA (raw), TAA (true altitude, azimuth [deg]) and LST lines."""
     (path,) = files
-    found: dict[str, list[list[float]]] = {"RAA": [], "TAA": [], "LST": []}
+    numbers_of: dict[str, list[list[float]]] = {"RAA": [], "TAA": [], "LST": []}
     for line, text in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
         name, colon, rest = text.partition(":")
-        if not colon or name not in found:
+        if not colon or name not in numbers_of:
             continue
         try:
             numbers = [sexagesimal(rest.split(":"))] if name == "LST" else [float(word) for word in rest.split()]
@@ -39,13 +39,13 @@ def import_mmt(files: Sequence[Path], _options: Mapping[str, str]) -> Recording:
         if len(numbers) < FEWEST[name] or not all(abs(x) <= MOST[name] for x in numbers[:2]):
             wanted = "hours, minutes and seconds" if name == "LST" else "an altitude and an azimuth in degrees"
             raise InputError(f"{path}, line {line}: {text.strip()[:60]!r} does not hold {wanted}")
-        found[name].append(numbers[: FEWEST[name]])
-    counts = {name: len(rows) for name, rows in found.items()}
+        numbers_of[name].append(numbers[: FEWEST[name]])
+    counts = {name: len(rows) for name, rows in numbers_of.items()}
     if len(set(counts.values())) != 1 or not counts["RAA"]:
         listed = ", ".join(f"{n} {name}" for name, n in counts.items())
         raise InputError(f"{path} is not an MMT pointing run: each star needs RAA, TAA and LST, there are {listed}")
-    raw, true = (np.radians(np.array(found[name])[:, :2]) for name in ("RAA", "TAA"))
-    time, remarks = elapsed(path, np.array(found["LST"])[:, 0])
+    raw, true = (np.radians(np.array(numbers_of[name])[:, :2]) for name in ("RAA", "TAA"))
+    time, remarks = elapsed(path, np.array(numbers_of["LST"])[:, 0])
     readout = {axis: raw[:, i] for i, axis in enumerate(AXES)}
     where = Site(float(LATITUDE), HEIGHT)
     run = pointing_run(path, KNOWN["alt-az"], where, time, readout, {axis: true[:, i] for i, axis in enumerate(AXES)})

@@ -33,7 +33,7 @@ _BEGINS, _HEADING, _MOVED = "Guiding Begins", "Frame,Time", ("INFO: DITHER", "IN
 _NUMBER = r"\s*=\s*([-+]?\d+(?:\.\d+)?)(?=,?(?:\s|$))"  # 1,50 is no number
 _WESTWARD, _NORTHWARD = {"W": 1.0, "E": -1.0}, {"N": 1.0, "S": -1.0}
 _KINDS = ("Mount", "AO", "DROP")  # of frames: DROP has lost its star
-FEWEST = 10  # frames
+MIN_FRAMES = 10  # frames
 
 
 @dataclass(frozen=True)
@@ -54,37 +54,39 @@ def import_phd2(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     """One PHD2 guide log; latitude = of the site in deg; stretch = 1, 2, ... between dithers (default: the longest)."""
     (path,) = files
     latitude = _latitude(options)
-    stretches = [s for s in _stretches(path) if len(s.frames) >= FEWEST]
+    stretches = [s for s in _stretches(path) if len(s.frames) >= MIN_FRAMES]
     if not stretches:
-        raise InputError(f"{path} is not a PHD2 guide log, or it has no {FEWEST} frames of the mount in a row")
+        raise InputError(f"{path} is not a PHD2 guide log, or it has no {MIN_FRAMES} frames of the mount in a row")
     number = _chosen(path, options, stretches)
-    one = stretches[number - 1]
-    scale = float(to_si(_told(path, one.header, "Pixel scale", "in arc-sec/px"), "arcsec"))
-    pointed = next((line for line in one.header.splitlines() if line.startswith("RA = ")), "")
-    declination = float(np.radians(_told(path, pointed, "Dec", "where the mount pointed")))
+    session = stretches[number - 1]
+    scale = float(to_si(_header_value(path, session.header, "Pixel scale", "in arc-sec/px"), "arcsec"))
+    pointed = next((line for line in session.header.splitlines() if line.startswith("RA = ")), "")
+    declination = float(np.radians(_header_value(path, pointed, "Dec", "where the mount pointed")))
     hour = _hour_angle(path, pointed, latitude)
     if scale <= 0 or abs(declination) >= np.pi / 2 or abs(hour) > 2 * np.pi:
         raise InputError(
             f"{path}: the session says a pixel scale of {np.degrees(scale) * 3600:.4g} arcsec, a declination of "
             f"{np.degrees(declination):.4g} deg and an hour angle of {np.degrees(hour) / 15:.4g} h, which cannot be"
         )
-    time = _column(path, one, "Time")
+    time = _column(path, session, "Time")
     if (back := np.flatnonzero(np.diff(time) <= 0)).size:
-        raise InputError(f"{path}, line {one.lines[back[0] + 1]}: the time does not go on; correct or remove the frame")
-    west = scale * (_column(path, one, "RARawDistance") + _pulsed(path, one, "RA", "xRate", _WESTWARD))
-    north = scale * (_column(path, one, "DECRawDistance") - _pulsed(path, one, "DEC", "yRate", _NORTHWARD))
+        raise InputError(
+            f"{path}, line {session.lines[back[0] + 1]}: the time does not go on; correct or remove the frame"
+        )
+    west = scale * (_column(path, session, "RARawDistance") + _pulsed(path, session, "RA", "xRate", _WESTWARD))
+    north = scale * (_column(path, session, "DECRawDistance") - _pulsed(path, session, "DEC", "yRate", _NORTHWARD))
     drive = hour + EARTH_RATE * (time - time[0])
     read = {"declination": declination + 0 * time, "hour_angle": drive}
     looked_at = {"declination": declination + north, "hour_angle": drive - west / np.cos(declination)}
     site = Site(latitude, 0.0, float(normal_gravity(latitude, 0.0)))
-    told = (
+    remark = (
         f"{path}: stretch {number} of {len(stretches)}, {amount(len(time), 'frame')} without a dither, guiding undone"
     )
     missing = [
-        f"{path}, line {n}: frames before it are missing, so that their pulses are not undone" for n in one.gaps[:3]
+        f"{path}, line {n}: frames before it are missing, so that their pulses are not undone" for n in session.gaps[:3]
     ]
     return replace(
-        pointing_run(path, equatorial(latitude), site, time - time[0], read, looked_at), remarks=(told, *missing)
+        pointing_run(path, equatorial(latitude), site, time - time[0], read, looked_at), remarks=(remark, *missing)
     )
 
 
@@ -101,8 +103,8 @@ def _latitude(options: Mapping[str, str]) -> float:
 def _hour_angle(path: Path, pointed: str, latitude: float) -> float:
     """Return the hour angle [rad] as the log states it, else from the altitude and azimuth."""
     if re.search(rf"Hour angle{_NUMBER}", pointed):
-        return float(np.radians(15 * _told(path, pointed, "Hour angle", "where the mount pointed")))
-    up, around = (np.radians(_told(path, pointed, name, "or else its Hour angle")) for name in ("Alt", "Az"))
+        return float(np.radians(15 * _header_value(path, pointed, "Hour angle", "where the mount pointed")))
+    up, around = (np.radians(_header_value(path, pointed, name, "or else its Hour angle")) for name in ("Alt", "Az"))
     west = -np.cos(up) * np.sin(around)
     south = np.sin(up) * np.cos(latitude) - np.cos(up) * np.sin(latitude) * np.cos(around)
     return float(np.arctan2(west, south))
@@ -148,11 +150,11 @@ def _stretches(path: Path) -> list[_Stretch]:
     return out
 
 
-def _told(path: Path, header: str, name: str, what: str) -> float:
-    found = re.search(rf"\b{name}{_NUMBER}", header)
-    if not found:
+def _header_value(path: Path, header: str, name: str, what: str) -> float:
+    match = re.search(rf"\b{name}{_NUMBER}", header)
+    if not match:
         raise InputError(f"{path}: the session does not tell its {name}, {what}; log with the mount connected")
-    return float(found[1])
+    return float(match[1])
 
 
 def _column(path: Path, one: _Stretch, name: str, absent: str = "") -> Array:
@@ -173,15 +175,15 @@ def _pulsed(path: Path, one: _Stretch, axis: str, rate: str, sense: Mapping[str,
     """Return pixels by which pulses before each frame had moved the mount."""
     length, towards = _column(path, one, f"{axis}Duration", "0"), [f.get(f"{axis}Direction", "") for f in one.frames]
     for ms, where, frame, line in zip(length, towards, one.frames, one.lines, strict=True):
-        told = frame.get(f"{axis}Duration", "")
-        if ms < 0 or where not in ("", *sense) or bool(where) > bool(told) or (ms and not where):
+        duration = frame.get(f"{axis}Duration", "")
+        if ms < 0 or where not in ("", *sense) or bool(where) > bool(duration) or (ms and not where):
             raise InputError(
-                f"{path}, line {line}: a pulse of {told or 'no'} ms to {where or 'no side'!r} in {axis}, where PHD2 "
-                f"writes a duration and {' or '.join(sense)}; correct or remove the frame"
+                f"{path}, line {line}: a pulse of {duration or 'no'} ms to {where or 'no side'!r} in {axis}, where "
+                f"PHD2 writes a duration and {' or '.join(sense)}; correct or remove the frame"
             )
     if not length.any():
         return length
-    speed = _told(path, one.header, rate, "the guide rate in pixels a second")
+    speed = _header_value(path, one.header, rate, "the guide rate in pixels a second")
     signs = np.array([sense.get(where, 0.0) for where in towards])
     moved = np.cumsum(signs * length / 1000) * speed
     return np.concatenate([[0.0], moved[:-1]])

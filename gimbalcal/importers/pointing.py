@@ -13,10 +13,10 @@ from gimbalcal.platform import Platform
 from gimbalcal.recording.kinds import POINTING
 from gimbalcal.recording.record import Recording, Site, Source
 
-SIDEREAL_SECOND = 86164.0905 / 86400  # mean solar seconds, Explanatory Supplement to the Astronomical Almanac
+SIDEREAL_SECOND_S = 86164.0905 / 86400  # mean solar seconds, Explanatory Supplement to the Astronomical Almanac
 
-SHUFFLED = 1.0  # h; a sidereal time that falls back by less is out of order
-SPACED = 60.0  # s between rows that have no clock
+MAX_DISORDER_H = 1.0  # h; a sidereal time that falls back by less is out of order
+ROW_STEP_S = 60.0  # s between rows that have no clock
 
 
 def sexagesimal(words: Sequence[str]) -> float:
@@ -28,17 +28,17 @@ def sexagesimal(words: Sequence[str]) -> float:
 def elapsed(path: Path, sidereal_hours: Array) -> tuple[Array, tuple[str, ...]]:
     """Return seconds since the first row, from the local sidereal time [h] of rows in order, and remarks on them.
 
-    A clock that falls back by more than `SHUFFLED` is that of a later night; how many days lie between is not told.
+    A clock that falls back by more than `MAX_DISORDER_H` is that of a later night, after an unknown number of days.
     """
     step = np.diff(sidereal_hours)
     step = np.where(step < -12, step + 24, step)  # past 24 h
-    back = np.flatnonzero((step < 0) & (step > -SHUFFLED))
+    back = np.flatnonzero((step < 0) & (step > -MAX_DISORDER_H))
     if len(back):
         raise InputError(
             f"{path}, observation {back[0] + 2}: the sidereal time does not grow; put the rows in order of time"
         )
     later = np.flatnonzero(step < 0)
-    seconds = np.concatenate([[0.0], np.cumsum(np.where(step < 0, step + 24, step))]) * 3600 * SIDEREAL_SECOND
+    seconds = np.concatenate([[0.0], np.cumsum(np.where(step < 0, step + 24, step))]) * 3600 * SIDEREAL_SECOND_S
     if not len(later):
         return seconds, ()
     first = ", ".join(str(i + 2) for i in later[:3])
@@ -47,8 +47,8 @@ def elapsed(path: Path, sidereal_hours: Array) -> tuple[Array, tuple[str, ...]]:
 
 def in_order(path: Path, rows: int) -> tuple[Array, tuple[str, ...]]:
     """Return a time [s] that only counts the rows, for files without a clock, and a remark on it."""
-    remark = f"{path} has no clock: its rows are {SPACED:g} s apart in order, so that rates mean nothing"
-    return SPACED * np.arange(rows), (remark,)
+    remark = f"{path} has no clock: its rows are {ROW_STEP_S:g} s apart in order, so that rates mean nothing"
+    return ROW_STEP_S * np.arange(rows), (remark,)
 
 
 def pointing_run(

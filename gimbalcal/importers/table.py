@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.pointing import SPACED
+from gimbalcal.importers.pointing import ROW_STEP_S
 from gimbalcal.importers.registry import number
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import COUNTED, Column
@@ -44,27 +44,26 @@ def recording_of(header: Header, options: Mapping[str, str], fetch: Callable[[st
     names = [c.name for c in header.columns if c is not COUNTED]
     rate = number(options, "rate", 0.0)
     dates = Dates()
-    own = {}
+    columns = {}
     for name in names:
         if not clock or name != clock.name:
-            own[name] = _numbers(header, name, fetch(name))
+            columns[name] = _numbers(header, name, fetch(name))
         elif not rate:
-            own[name] = _clock(header, clock, fetch(name), dates)
-    sizes = {name: len(values) for name, values in own.items()}
+            columns[name] = _clock(header, clock, fetch(name), dates)
+    sizes = {name: len(values) for name, values in columns.items()}
     if len(set(sizes.values())) > 1:
         listed = ", ".join(f"{name} {n}" for name, n in sizes.items())
         raise InputError(f"{header.samples}: the columns differ in length ({listed}); they must have one value per row")
-    told: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
     if clock and (rate or clock is COUNTED):
         rows = np.arange(float(next(iter(sizes.values()), 0)))
-        own[clock.name] = from_si(rows / rate if rate else SPACED * rows, clock.unit)
+        columns[clock.name] = from_si(rows / rate if rate else ROW_STEP_S * rows, clock.unit)
         if not rate:
-            _refuse_samples(header, own)
-            told = (
-                f"{header.samples} has no clock: its rows are {SPACED:g} s apart in order, so that rates mean nothing",
-            )
-    made = assemble(header, [own] if own and len(own[names[0]]) else [], lambda name: own[name])
-    return dated(replace(made, remarks=(*made.remarks, *told)), header, dates)
+            _refuse_samples(header, columns)
+            spaced = f"its rows are {ROW_STEP_S:g} s apart in order, so that rates mean nothing"
+            remarks = (f"{header.samples} has no clock: {spaced}",)
+    recording = assemble(header, [columns] if columns and len(columns[names[0]]) else [], lambda name: columns[name])
+    return dated(replace(recording, remarks=(*recording.remarks, *remarks)), header, dates)
 
 
 def _refuse_samples(header: Header, columns: Mapping[str, Array]) -> None:

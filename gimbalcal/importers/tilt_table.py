@@ -36,7 +36,7 @@ def import_tilt_table(files: Sequence[Path], _options: Mapping[str, str]) -> Rec
         with zipfile.ZipFile(path) as packed:
             refuse_bomb(path, sum(each.file_size for each in packed.infolist()))
         with np.load(path) as archive:
-            held = {name: np.asarray(archive[name], dtype=float) for name in [*names, "fs"]}
+            arrays = {name: np.asarray(archive[name], dtype=float) for name in [*names, "fs"]}
     except InputError:
         raise
     except (KeyError, OSError, TypeError, ValueError, EOFError, MemoryError, OverflowError, NotImplementedError,
@@ -44,18 +44,18 @@ def import_tilt_table(files: Sequence[Path], _options: Mapping[str, str]) -> Rec
         raise InputError(
             f"{path} is not the archive of a tilt table, it must hold {', '.join(names)}, fs: {error}"
         ) from None
-    rate = float(held["fs"].ravel()[0]) if held["fs"].size else 0.0
-    sizes = {held[name].shape for name in names}
+    rate = float(arrays["fs"].ravel()[0]) if arrays["fs"].size else 0.0
+    sizes = {arrays[name].shape for name in names}
     if not (np.isfinite(rate) and rate > 0) or len(sizes) > 1 or len(next(iter(sizes))) != 1 or max(sizes) < (3,):
         raise InputError(f"{path}: fs must be a rate above 0 Hz, and all channels must be vectors of one length")
-    bad = next((name for name in names if not np.isfinite(held[name]).all()), "")
+    bad = next((name for name in names if not np.isfinite(arrays[name]).all()), "")
     if bad:
         raise InputError(f"{path}: {bad} holds what is no number; leave such rows out")
     channels: dict[Key, Array] = {}
     for axis, (letter, sign) in _AXES.items():
-        channels["specific_force", axis] = sign * np.gradient(held[f"vel_HH{letter}"], 1 / rate)
-        channels["angular_rate", axis] = sign * held[f"rate_HJ{letter}"]
-    time = np.arange(len(held[names[0]])) / rate
+        channels["specific_force", axis] = sign * np.gradient(arrays[f"vel_HH{letter}"], 1 / rate)
+        channels["angular_rate", axis] = sign * arrays[f"rate_HJ{letter}"]
+    time = np.arange(len(arrays[names[0]])) / rate
     return Recording(
         kind=ROTATION,
         title=path.stem,

@@ -72,8 +72,9 @@ def unit_log(
         units=units,
         scatter=pooled(time, position, channels),
     )
-    stays = amount(len(dwells(recording)), "dwell")
-    found = f"{stays} found where the sensors are quiet, numbered in order of time"
-    gone = f"{files[0]}, row {left_out[0] + 1 if len(left_out) else 0}: {amount(len(left_out), 'row')} of {len(whole)}"
-    lost = (f"{gone} without all values left out, this is the first",) if len(left_out) else ()
-    return replace(recording, remarks=(*lost, found))
+    count = amount(len(dwells(recording)), "dwell")
+    remarks = [f"{count} found where the sensors are quiet, numbered in order of time"]
+    if len(left_out):
+        rows = f"{files[0]}, row {left_out[0] + 1}: {amount(len(left_out), 'row')} of {len(whole)}"
+        remarks.insert(0, f"{rows} without all values left out, this is the first")
+    return replace(recording, remarks=tuple(remarks))

@@ -22,10 +22,10 @@ from gimbalcal.rotation import frame_rotation
 if TYPE_CHECKING:
     from scipy.interpolate import CubicHermiteSpline
 
-RAMP, BEND, INTO = 20.0, 6.0, 25.0  # s: to come to speed; of a bend, and when it begins in a leg
+RAMP_S, BEND_S, BEND_START_S = 20.0, 6.0, 25.0  # s: to come to speed; of a bend, and when it begins in a leg
 TURNS = np.array([1, 1, -1, 1, -1, -1, 1, -1])  # right and left, over and over: the course closes
-HILL = 600.0  # s, period of the pitch
-STEP = 0.1  # s, of the grid on which the place is integrated
+PITCH_PERIOD_S = 600.0  # s, period of the pitch
+GRID_STEP_S = 0.1  # s, of the grid on which the place is integrated
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,12 +74,12 @@ class Drive:
     def _course(self) -> CubicHermiteSpline:
         from scipy.interpolate import CubicHermiteSpline
 
-        t = STEP * np.arange(int(np.ceil(self.duration / STEP)) + 2)
+        t = GRID_STEP_S * np.arange(int(np.ceil(self.duration / GRID_STEP_S)) + 2)
         between = (t[1:] + t[:-1]) / 2
         v, mid = self.motion(t)[0], self.motion(between)[0]
 
         def integral(y: Array, m: Array) -> Array:
-            return np.concatenate([[0.0], np.cumsum(STEP / 6 * (y[1:] + 4 * m + y[:-1]))])
+            return np.concatenate([[0.0], np.cumsum(GRID_STEP_S / 6 * (y[1:] + 4 * m + y[:-1]))])
 
         place = np.array([self.latitude, 0.0, self.height]) + np.zeros((len(t), 3))
         place[:, 2] -= integral(v[:, 2], mid[:, 2])
@@ -98,21 +98,21 @@ class Drive:
 
     def _speed(self, time: Array) -> tuple[Array, Array]:
         u = np.where(time > self.rest, (time - self.rest) % self.leg, 0.0)
-        up, down = _smooth(u / RAMP), _smooth((self.leg - u) / RAMP)
-        return self.speed * up[0] * down[0], self.speed * (up[1] * down[0] - up[0] * down[1]) / RAMP
+        up, down = _smooth(u / RAMP_S), _smooth((self.leg - u) / RAMP_S)
+        return self.speed * up[0] * down[0], self.speed * (up[1] * down[0] - up[0] * down[1]) / RAMP_S
 
     def _heading(self, time: Array) -> tuple[Array, Array, Array]:
         since = np.maximum(time - self.rest, 0.0)
         number, u = (since // self.leg).astype(int), since % self.leg
         senses = TURNS[np.arange(number.max(initial=0) + 1) % len(TURNS)]
         before = np.concatenate([[0], np.cumsum(senses)])[number]
-        share, slope, curve = _smooth((u - INTO) / BEND)
+        share, slope, curve = _smooth((u - BEND_START_S) / BEND_S)
         quarter = np.pi / 2 * senses[number]
-        return np.pi / 2 * before + quarter * share, quarter * slope / BEND, quarter * curve / BEND**2
+        return np.pi / 2 * before + quarter * share, quarter * slope / BEND_S, quarter * curve / BEND_S**2
 
     def _pitch(self, time: Array) -> tuple[Array, Array, Array]:
-        w, u = 2 * np.pi / HILL, np.maximum(time - self.rest, 0.0)
-        share, slope, curve = (x / RAMP**i for i, x in enumerate(_smooth(u / RAMP)))  # it begins level
+        w, u = 2 * np.pi / PITCH_PERIOD_S, np.maximum(time - self.rest, 0.0)
+        share, slope, curve = (x / RAMP_S**i for i, x in enumerate(_smooth(u / RAMP_S)))  # it begins level
         s, c = self.pitch * np.sin(w * u), self.pitch * np.cos(w * u)
         return share * s, share * w * c + slope * s, (curve - share * w**2) * s + 2 * slope * w * c
 

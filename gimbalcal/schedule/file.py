@@ -61,9 +61,9 @@ def read_schedule(name: str | Path) -> Schedule:
     if not isinstance(holds, list) or not holds:
         raise InputError(f"{document.where('schedule')}: a schedule needs [[schedule.holds]], one for each position")
     duration = _number(document, table, "dwell", "time", 600.0)
-    made = tuple(_hold(document, platform, i, hold, duration) for i, hold in enumerate(holds, start=1))
+    read_holds = tuple(_hold(document, platform, i, hold, duration) for i, hold in enumerate(holds, start=1))
     rate = _number(document, table, "slew_rate", "angular_rate", float(np.deg2rad(6.0)))
-    return Schedule(str(document.content.get("title", path.stem)), platform, made, rate)
+    return Schedule(str(document.content.get("title", path.stem)), platform, read_holds, rate)
 
 
 def _document(path: Path) -> Document:

@@ -112,7 +112,7 @@ def contradictions(schedule: RotationSchedule) -> tuple[str, ...]:
         if move.along and there != move.along:
             out.append(f"row {i + 1}: {move.axis} points {there or 'between'} by the rows above, printed {move.along}")
     for i, printed in enumerate(schedule.stated, start=1):
-        made = tuple(direction(column) for column in C[i].T)
-        if made != printed:
-            out.append(f"row {i}: the move leads to {', '.join(made)}, printed {', '.join(printed)}")
+        attitude = tuple(direction(column) for column in C[i].T)
+        if attitude != printed:
+            out.append(f"row {i}: the move leads to {', '.join(attitude)}, printed {', '.join(printed)}")
     return tuple(out)

@@ -9,14 +9,14 @@ import numpy as np
 from gimbalcal.number import Array
 from gimbalcal.simulate.scenario import History
 
-GRID = 60.0  # s between the knots of a random temperature
+KNOT_STEP_S = 60.0  # s between the knots of a random temperature
 
 
 def course(weather: History, last: float, rng: np.random.Generator) -> Callable[[Array], Array]:
     """Return a quantity of the environment as a function of time [s]."""
-    knots = np.arange(0.0, last + 2 * GRID, GRID)
+    knots = np.arange(0.0, last + 2 * KNOT_STEP_S, KNOT_STEP_S)
     if weather.shape == "random-walk":
-        steps = weather.walk * np.sqrt(GRID / 3600) * rng.standard_normal(len(knots))
+        steps = weather.walk * np.sqrt(KNOT_STEP_S / 3600) * rng.standard_normal(len(knots))
         path = np.cumsum(steps) - steps[0] + weather.mean
         return lambda time: np.interp(time, knots, path)
     if weather.shape == "table":

@@ -17,8 +17,8 @@ from gimbalcal.simulate.run import Run, blocks, joined, prepare
 from gimbalcal.simulate.scenario import find, load
 from gimbalcal.simulate.truth import described
 
-MANY = 400_000  # rows from which samples are written as Parquet
-ROW = 2 * 24  # bytes that a row of noise takes there at least, in its part and in the whole
+MIN_PARQUET_ROWS = 400_000  # rows from which samples are written as Parquet
+MIN_ROW_BYTES = 2 * 24  # bytes that a row of noise takes there at least, in its part and in the whole
 
 
 def simulate_to(
@@ -30,7 +30,7 @@ def simulate_to(
         tell(f"preparing {path.name}")
     run = prepare(load(path), seed)
     truth = truth_of(run, path.name)
-    samples = "samples.parquet" if len(run.time) > MANY else "samples.csv"
+    samples = "samples.parquet" if len(run.time) > MIN_PARQUET_ROWS else "samples.csv"
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file: a recording is a folder, give another name")
     with atomic.folder(folder, last=NAME) as made:  # the header last: it is what makes the folder a recording
@@ -54,17 +54,17 @@ def truth_of(run: Run, name: str) -> dict[str, Any]:
     }
 
 
-def _write_blocks(run: Run, made: Path, samples: str, tell: Callable[[str], None] | None) -> None:
+def _write_blocks(run: Run, folder: Path, samples: str, tell: Callable[[str], None] | None) -> None:
     """Write each block as a Parquet file of its own, then join them without loading them."""
     import polars as pl
 
-    needed, free = ROW * len(run.time), shutil.disk_usage(made).free
+    needed, free = MIN_ROW_BYTES * len(run.time), shutil.disk_usage(folder).free
     if needed > free:
         raise InputError(
             f"schedule: {len(run.time):.3g} rows take {needed / 1e9:.2g} GB while they are written, and the disk has "
             f"{free / 1e9:.2g} GB left; lower `rate`, make it shorter, or write to another disk"
         )
-    with tempfile.TemporaryDirectory(dir=made) as parts:
+    with tempfile.TemporaryDirectory(dir=folder) as parts:
         names, rows = [], 0
         for i, block in enumerate(blocks(run)):
             part = write(block, Path(parts) / f"part{i}", samples)
@@ -72,5 +72,5 @@ def _write_blocks(run: Run, made: Path, samples: str, tell: Callable[[str], None
             if tell is not None:
                 rows += len(block.time)
                 tell(f"simulated {rows} of {len(run.time)} rows")
-        (names[0].parent / NAME).replace(made / NAME)
-        pl.scan_parquet(names, glob=False).sink_parquet(made / samples)
+        (names[0].parent / NAME).replace(folder / NAME)
+        pl.scan_parquet(names, glob=False).sink_parquet(folder / samples)

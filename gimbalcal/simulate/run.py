@@ -31,8 +31,10 @@ from gimbalcal.simulate.times import row_times, turned_times
 from gimbalcal.simulate.truth import check_shown, true_effects
 from gimbalcal.simulate.turned import flown, nodes, shaken, stimulus
 
-BLOCK = 1 << 17  # rows made at once: some 100 MB of work space; fixed, so that a seed means the same rows everywhere
-PAST_STEP = 60.0  # s between the earlier rows that effects with a memory are given; the lag and integral are exact
+BLOCK_ROWS = (
+    1 << 17
+)  # rows made at once: some 100 MB of work space; fixed, so that a seed means the same rows everywhere
+HISTORY_STEP_S = 60.0  # s between the earlier rows that effects with a memory are given; the lag and integral are exact
 ATTITUDE = ("roll", "pitch", "yaw")
 PLACE = ("latitude", "longitude", "height")
 
@@ -109,8 +111,8 @@ def blocks(run: Run) -> Iterator[Recording]:
     """Return the rows of a run, block by block."""
     rng, place = np.random.default_rng([run.seed, 1]), np.random.default_rng([run.seed, 2])
     states: dict[tuple[str, str], Array] = {}
-    for start in range(0, len(run.time), BLOCK):
-        yield _block(run, start, min(start + BLOCK, len(run.time)), rng, place, states)
+    for start in range(0, len(run.time), BLOCK_ROWS):
+        yield _block(run, start, min(start + BLOCK_ROWS, len(run.time)), rng, place, states)
 
 
 def _block(
@@ -163,7 +165,7 @@ def _past(run: Run, start: int) -> Array:
     """Return indices of earlier rows that represent the history of a block: one a minute and the first of dwells."""
     if start == 0:
         return np.zeros(0, dtype=int)
-    grid = np.arange(run.time[0], run.time[start], PAST_STEP)
+    grid = np.arange(run.time[0], run.time[start], HISTORY_STEP_S)
     marks = [grid] if run.table is None else [grid, run.table.start[run.table.start < run.time[start]]]
     rows = np.unique(np.searchsorted(run.time, np.concatenate(marks)))
     return rows[rows < start]

@@ -12,8 +12,8 @@ from gimbalcal.simulate.motion import Timetable
 from gimbalcal.simulate.scenario import Scenario
 
 YEAR = 365.25 * 86400.0  # s
-LONGEST = 10 * YEAR
-ROW = 40  # bytes of memory that a row takes while all are counted
+MAX_DURATION_S = 10 * YEAR
+ROW_BYTES = 40  # bytes of memory that a row takes while all are counted
 
 
 def row_times(scenario: Scenario, table: Timetable | None) -> Array:
@@ -45,9 +45,9 @@ def turned_times(scenario: Scenario, path: Course) -> Array:
 
 def _refuse_many(seconds: float, rate: float) -> None:
     """Raise InputError where a time [s] is none of a measurement, or its rows at a rate [Hz] do not go into memory."""
-    if seconds > LONGEST:
+    if seconds > MAX_DURATION_S:
         raise InputError(f"schedule: it takes {seconds / YEAR:.4g} years; check the numbers and units of its times")
-    if not seconds * rate * ROW < room():
+    if not seconds * rate * ROW_BYTES < room():
         raise InputError(
             f"schedule: {seconds:.4g} s at {rate:.4g} Hz are {seconds * rate:.3g} rows, more than memory holds; lower "
             "`rate` or make it shorter"

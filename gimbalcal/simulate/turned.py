@@ -31,9 +31,9 @@ from gimbalcal.schedule.swing import Swing
 from gimbalcal.schedule.trajectory import Path, earth_rate, trajectory
 from gimbalcal.simulate.scenario import Motion
 
-QUIVER = 0.2  # s
-INSTANT = 1e-9  # s; pieces of an interval are longer
-GAUSS = np.polynomial.legendre.leggauss(3)
+QUIVER_PERIOD_S = 0.2  # s
+MIN_INTERVAL_S = 1e-9  # s; pieces of an interval are longer
+GAUSS_LEGENDRE = np.polynomial.legendre.leggauss(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +66,11 @@ def nodes(path: Path, time: Array, interval: float | Array, instant: bool) -> No
     order = np.lexsort((begin, owner))
     begin, owner = begin[order], owner[order]
     end = np.where(np.append(owner[1:], n) == owner, np.append(begin[1:], 0.0), time[owner])
-    long = end - begin > INSTANT  # a corner at the end of a row leaves nothing of it, but for rounding
+    long = end - begin > MIN_INTERVAL_S  # a corner at the end of a row leaves nothing of it, but for rounding
     begin, end, owner = begin[long], end[long], owner[long]
     middle, half = (begin + end) / 2, (end - begin) / 2
     whole = np.bincount(owner, end - begin, n)
-    x, w = GAUSS
+    x, w = GAUSS_LEGENDRE
     moving = path.moving(begin, end)
     count = np.where(moving, len(x), 1)
     at = np.cumsum(count) - count
@@ -113,21 +113,21 @@ def _driven(path: Drive, like: Recording, time: Array) -> Stimulus:
 def schedule_of(motion: Motion) -> RotationSchedule:
     """Return the schedule that a scenario names, points to or holds, with the scenario's own rate, ramp and stop."""
     if motion.name:
-        made = ROTATIONS[motion.name]
+        schedule = ROTATIONS[motion.name]
     elif motion.file:
-        made = read_rotation(motion.file)
+        schedule = read_rotation(motion.file)
     else:
         start = motion.start or {"x": "east", "y": "north", "z": "up"}
         moves = motion.sweeps * tuple(Move(m.axis, m.angle, m.rate, m.stop) for m in motion.moves)
         try:
-            made = RotationSchedule("scenario", (start["x"], start["y"], start["z"]), moves)
+            schedule = RotationSchedule("scenario", (start["x"], start["y"], start["z"]), moves)
         except (KeyError, ValueError) as error:
             raise InputError(f"schedule.start: {error}") from None
     return replace(
-        made,
-        rate=made.rate if motion.slew_rate is None else motion.slew_rate,
-        ramp=made.ramp if motion.ramp is None else motion.ramp,
-        stop=made.stop if motion.dwell is None else motion.dwell,
+        schedule,
+        rate=schedule.rate if motion.slew_rate is None else motion.slew_rate,
+        ramp=schedule.ramp if motion.ramp is None else motion.ramp,
+        stop=schedule.stop if motion.dwell is None else motion.dwell,
     )
 
 
@@ -160,7 +160,7 @@ def shaken(
 ) -> Array:  # fmt: skip
     """Return the force (n, 3) [m/s^2] of a place that quivers, velocity one `sigma` [m/s]; block after block.
 
-    Velocities at the ends of rows are `QUIVER` long alike, so a second apart they are independent. What their
+    Velocities at the ends of rows are `QUIVER_PERIOD_S` long alike, so a second apart they are independent. What their
     differences add to mean forces is so small that errors of the sensors do not show in it.
     """
     if not sigma:
@@ -169,7 +169,7 @@ def shaken(
     for i, axis in enumerate("xyz"):
         key = ("quiver", axis)
         v[0, i] = states.get(key, np.zeros(1))[0]
-        v[1:, i], states[key] = sample(GaussMarkov(sigma, QUIVER), rng, time, state=states.get(key))
+        v[1:, i], states[key] = sample(GaussMarkov(sigma, QUIVER_PERIOD_S), rng, time, state=states.get(key))
     C_bn = path.at(time - step / 2)[0]
     return np.asarray(np.einsum("nji,nj->ni", C_bn, np.diff(v, axis=0) / step))
 

@@ -9,7 +9,7 @@ import pytest
 
 from gimbalcal.effects import CATALOGUE, grade, parameters
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
-from gimbalcal.effects.grade import GRADES, MEANT_BY, grade_named, grade_of_noise
+from gimbalcal.effects.grade import GRADES, QUANTITY_OF_UNIT, grade_named, grade_of_noise
 from gimbalcal.errors import InputError
 from gimbalcal.units import from_si
 
@@ -39,7 +39,7 @@ def test_the_table_is_what_the_factors_make_of_the_catalogue() -> None:
 
 def test_every_number_of_a_sensor_has_a_quantity() -> None:
     of_sensors = [c for c in CATALOGUE.values() if c.stage in SENSOR_STAGES | GYROSCOPE_STAGES]
-    assert {p.unit for c in of_sensors for p in parameters(c)} <= set(MEANT_BY)
+    assert {p.unit for c in of_sensors for p in parameters(c)} <= set(QUANTITY_OF_UNIT)
 
 
 def test_navigation_accelerometers_and_mounts_are_as_the_catalogue_says() -> None:

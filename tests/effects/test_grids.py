@@ -9,7 +9,7 @@ import pytest
 
 from gimbalcal.effects import CATALOGUE, Stimulus
 from gimbalcal.effects.effect import Effect, Grid, constant, constants
-from gimbalcal.effects.grids import SAME_ANGLE, between, grid, highest_order, limits
+from gimbalcal.effects.grids import MIN_SETTING_STEP_RAD, between, grid, highest_order, limits
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from tests.diagnose import static_plant
@@ -46,7 +46,7 @@ def test_equal_settings_tell_orders_below_that_of_nyquist(step: float, order: in
 
 def test_a_gimbal_that_sweeps_tells_all_and_one_that_stands_still_tells_none() -> None:
     sweep = np.linspace(0.0, 2.0, 500)[:, None]
-    assert highest_order(replace(HELD, readout=sweep)) > np.pi / SAME_ANGLE - 2
+    assert highest_order(replace(HELD, readout=sweep)) > np.pi / MIN_SETTING_STEP_RAD - 2
     assert highest_order(replace(HELD, readout=0 * sweep + 1.0)) == 0
     assert highest_order(replace(HELD, readout=np.concatenate([sweep, 0 * sweep], axis=1))) > 100
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.errors import InputError
-from gimbalcal.guess.celestial import angle_told, of_the_axes
+from gimbalcal.guess.celestial import angle_stated, axis_angles
 from gimbalcal.guess.proposal import propose
 from gimbalcal.guess.text_table import table_of
 from tests.guess.test_pointing_run import OFF, off, sexagesimal, write
@@ -34,7 +34,7 @@ def test_the_formula_is_that_of_the_almanac(tmp_path: Path) -> None:
     """Meeus, Astronomical Algorithms, examples 12.a and 12.b: 13 h 10 m 46.3668 s, 8 h 34 m 57.0896 s."""
     cells = [["1987-04-10T00:00:00", "1987-04-10T19:21:00"], ["0", "0"], ["0", "0"], ["0", "0"], ["0", "0"]]
     path = write(tmp_path / "a.csv", "utc,ra_cat,dec_cat,ra_tel,dec_tel", *map(np.array, cells))
-    table, notes = of_the_axes(table_of(path), 0.0)
+    table, notes = axis_angles(table_of(path), 0.0)
     hours = np.mod(table.columns["hour angle from ra_cat [deg]"] / 15, 24)
     np.testing.assert_allclose(hours, [13 + 10 / 60 + 46.3668 / 3600, 8 + 34 / 60 + 57.0896 / 3600], atol=1e-7)
     assert "taken for UTC, and the longitude 0 deg" in notes["sidereal"]
@@ -89,4 +89,4 @@ def test_what_is_missing_or_puts_stars_below_the_horizon_is_asked(tmp_path: Path
      ("latitude 39.0 deg S", -39.0)],
 )  # fmt: skip
 def test_a_remark_tells_the_latitude_with_its_sign(line: str, told: float | None) -> None:
-    assert angle_told(line, "lat(?:itude)?", "N", "S") == (pytest.approx(told) if told is not None else None)
+    assert angle_stated(line, "lat(?:itude)?", "N", "S") == (pytest.approx(told) if told is not None else None)

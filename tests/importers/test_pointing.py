@@ -9,7 +9,7 @@ import pytest
 
 from gimbalcal.errors import InputError
 from gimbalcal.importers import import_files
-from gimbalcal.importers.pointing import SIDEREAL_SECOND, sexagesimal
+from gimbalcal.importers.pointing import SIDEREAL_SECOND_S, sexagesimal
 from gimbalcal.importers.tpoint import _joined, equatorial
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
@@ -74,7 +74,7 @@ def test_tpoint_both_sides_of_the_pier(tmp_path: Path) -> None:
     for axis, zero in (("hour_angle", 0.5), ("declination", 0.25)):
         error = np.degrees(run.channels["gimbal_angle", axis] - run.channels["true_angle", axis])
         np.testing.assert_allclose(error, zero, atol=1e-6)  # the file holds 1e-4 s of hour angle and arc
-    np.testing.assert_allclose(run.time, 3600 * SIDEREAL_SECOND * np.array([0.0, 0.4, 0.7]), atol=1e-6)
+    np.testing.assert_allclose(run.time, 3600 * SIDEREAL_SECOND_S * np.array([0.0, 0.4, 0.7]), atol=1e-6)
 
 
 def test_tpoint_faults(tmp_path: Path) -> None:
@@ -204,7 +204,7 @@ def test_a_sidereal_time_that_falls_back_by_hours_is_the_night_after(tmp_path: P
     path = tpoint_file(tmp_path / "run.dat")
     path.write_text(path.read_text().replace(clock(0.2), clock(20.5)))  # after 23.5, 23.9
     run = import_files("tpoint", [path])
-    np.testing.assert_allclose(run.time, 3600 * SIDEREAL_SECOND * np.array([0.0, 0.4, 21.0]), atol=1e-6)
+    np.testing.assert_allclose(run.time, 3600 * SIDEREAL_SECOND_S * np.array([0.0, 0.4, 21.0]), atol=1e-6)
     assert "falls back at observation 3: taken as the night after" in run.remarks[0]
 
 
@@ -330,7 +330,7 @@ def test_mmt(tmp_path: Path) -> None:
     }
     np.testing.assert_allclose(error["elevation"], 0.25, atol=1e-12)
     np.testing.assert_allclose(error["azimuth"], -0.75, atol=1e-12)
-    np.testing.assert_allclose(run.time, [0.0, 3600 * SIDEREAL_SECOND], rtol=1e-15)
+    np.testing.assert_allclose(run.time, [0.0, 3600 * SIDEREAL_SECOND_S], rtol=1e-15)
 
 
 def test_mmt_faults(tmp_path: Path) -> None:

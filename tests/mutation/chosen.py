@@ -116,9 +116,9 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("guess.pointing_run", "_sense", "return -1, f", "return 1, f"),
     ),
     "guess/test_layouts.py": (
-        ("guess.celestial", "of_the_axes", "hours - _hours(table, name)", "_hours(table, name) - hours"),
-        ("guess.celestial", "of_the_axes", "else quarter - x", "else x - quarter"),
-        ("guess.celestial", "of_the_axes", "-x if words[name] & OFFSET", "x if words[name] & OFFSET"),
+        ("guess.celestial", "axis_angles", "hours - _hours(table, name)", "_hours(table, name) - hours"),
+        ("guess.celestial", "axis_angles", "else quarter - x", "else x - quarter"),
+        ("guess.celestial", "axis_angles", "-x if words[name] & OFFSET", "x if words[name] & OFFSET"),
     ),
     "guess/test_gimbal_chain.py": (
         ("guess.gimbal_chain", "_agreeing", "-apply_matrix(platform", "apply_matrix(platform"),
@@ -135,8 +135,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("guess.celestial", "_hours", "x if hours else x / 15", "x if hours else x * 15"),
     ),
     "guess/test_celestial.py": (
-        ("guess.celestial", "_of_utc", "degrees + east", "degrees - east"),
-        ("guess.celestial", "_of_utc", "360.98564736629 * days", "360.0 * days"),
+        ("guess.celestial", "_sidereal_of_utc", "degrees + east", "degrees - east"),
+        ("guess.celestial", "_sidereal_of_utc", "360.98564736629 * days", "360.0 * days"),
         ("guess.celestial", "_days", "- 0.5 + x / 86400", "+ x / 86400"),
     ),
     "navigate/test_static_run.py": (
@@ -275,7 +275,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("at_rest", "Channel.to_dict", "(2 * np.sqrt(self.model))", "np.sqrt(self.model)"),
     ),
     "simulate/test_simulate.py::test_a_temperature_walks_by_the_root_of_time": (
-        ("simulate.environment", "course", "np.sqrt(GRID / 3600)", "(GRID / 3600)"),
+        ("simulate.environment", "course", "np.sqrt(KNOT_STEP_S / 3600)", "(KNOT_STEP_S / 3600)"),
     ),
 }  # fmt: skip
 

@@ -118,7 +118,7 @@ def test_blocks_join_without_a_seam(monkeypatch: pytest.MonkeyPatch) -> None:
         environment={"temperature": {"shape": "ramp", "rate": 1.0}},
     )
     whole = simulate(scenario)[0].triad("specific_force")
-    monkeypatch.setattr(run_module, "BLOCK", 100)
+    monkeypatch.setattr(run_module, "BLOCK_ROWS", 100)
     pieces = simulate(scenario)[0].triad("specific_force")
     # the past is kept once a minute: trapezoid error (Earth rate x 60 s)^2 / 12 of 0.02 deg/h/g over 6 h
     np.testing.assert_allclose(pieces, whole, atol=1e-8)
@@ -226,8 +226,8 @@ def test_a_folder_is_written_whole_with_its_truth(tmp_path: Path) -> None:
 
 
 def test_a_long_run_is_written_in_blocks_as_parquet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(run_module, "BLOCK", 500)
-    monkeypatch.setattr(folder_module, "MANY", 800)
+    monkeypatch.setattr(run_module, "BLOCK_ROWS", 500)
+    monkeypatch.setattr(folder_module, "MIN_PARQUET_ROWS", 800)
     text = Path(run_module.__file__).parents[1].joinpath("scenarios", "wu2018-static.toml").read_text()
     (tmp_path / "s.toml").write_text(text.replace("rate = { value = 1.0", "rate = { value = 0.02"))
     simulate_to(tmp_path / "s.toml", tmp_path / "run")
@@ -294,7 +294,7 @@ def test_a_static_run_that_ships_is_what_its_scenario_says_now() -> None:
 
 def test_a_disk_without_room_is_told_before_the_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     free = folder_module.shutil.disk_usage(tmp_path)._replace(free=1000)
-    monkeypatch.setattr(folder_module, "MANY", 100)
+    monkeypatch.setattr(folder_module, "MIN_PARQUET_ROWS", 100)
     monkeypatch.setattr(folder_module.shutil, "disk_usage", lambda path: free)
     with pytest.raises(InputError, match=r"rows take .* GB while they are written, and the disk has"):
         simulate_to("demo", tmp_path / "made")

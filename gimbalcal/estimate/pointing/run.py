@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.effects import Effect, Stage, Stimulus
-from gimbalcal.effects.gimbal_mechanics import SMALLEST_TURN
+from gimbalcal.effects.gimbal_mechanics import MIN_TURN_RAD
 from gimbalcal.errors import InputError
 from gimbalcal.forward import AXES, Rows, linearise
 from gimbalcal.kinematics import stimulus_from_angles
@@ -78,12 +78,12 @@ def without_jumps(angle: Array, readout: Array) -> Array:
 
 
 def since_turning(angle: Array) -> Array:
-    """Travel (n,) [rad] since the angle (n,) last turned back by more than `SMALLEST_TURN`; zero at the first row."""
+    """Travel (n,) [rad] since the angle (n,) last turned back by more than `MIN_TURN_RAD`; zero at the first row."""
     moved = np.zeros_like(angle)
     began = furthest = angle[0]
     sense = 0.0
     for i, a in enumerate(angle.tolist()):
-        if sense * (a - furthest) < -SMALLEST_TURN or (sense == 0 and abs(a - furthest) > SMALLEST_TURN):
+        if sense * (a - furthest) < -MIN_TURN_RAD or (sense == 0 and abs(a - furthest) > MIN_TURN_RAD):
             began, furthest, sense = furthest, a, np.sign(a - furthest)
         elif sense * (a - furthest) > 0:
             furthest = a
