@@ -23,6 +23,7 @@ from gimbalcal.units import from_si
 FAINT = 1e-3  # signal-to-noise below which a direction is not faint but absent: rounding of the Jacobian
 SEEN = 1.0  # singular value below which the prior knows more than the data
 AT_PRIOR = 0.01  # of the prior sigma: an estimate that is nearer than this to its prior, in value and sigma, is it
+TIE = 1e-6  # relative difference of two values that count as equal: far above rounding
 
 
 @dataclass(frozen=True)
@@ -124,31 +125,33 @@ def keeps_prior(parameters: Sequence[Parameter], x: Array, sigma: Array) -> Arra
 
 
 def name_directions(null: Array, parameters: Sequence[Parameter], R: Array) -> tuple[Unobservable, ...]:
-    """Sparse, readable basis of an unobservable space (p, k), and how little whitened rows R (q, p) change along it.
+    """Return a sparse, readable basis of an unobservable space (p, k), with how little whitened rows R (q, p) see it.
 
-    Both are given in prior-scaled coordinates. Gauss-Jordan with full pivoting makes each direction contain as few
-    parameters as it can.
+    Both are given in prior-scaled coordinates. Gauss-Jordan elimination makes each direction contain as few parameters
+    as it can. Its pivots come from the projector on the space, and ties go to the first parameter: the basis, its order
+    and its signs depend neither on the vectors that span the space nor on rounding.
     """
-    rows = null.T.copy()
     scale = np.array([from_si(p.sigma, p.unit) for p in parameters], dtype=float)
-    done: list[int] = []
-    for _ in range(len(rows)):
-        rest = [i for i in range(len(rows)) if i not in done]
-        i, j = divmod(int(np.argmax(np.abs(rows[rest]))), rows.shape[1])
-        i = rest[i]
-        rows[i] /= rows[i, j]
-        for other in range(len(rows)):
-            if other != i:
-                rows[other] -= rows[other, j] * rows[i]
-        done.append(i)
+    projector = null @ null.T
+    pivots: list[int] = []
+    for _ in range(null.shape[1]):
+        j = _first_largest(np.diag(projector))
+        projector = projector - np.outer(projector[:, j], projector[j]) / projector[j, j]
+        pivots.append(j)
+    rows = np.linalg.solve(null[pivots].T, null.T)
     # below 1 % of the largest, in prior sigmas, a parameter takes no visible part in the combination
     rows[np.abs(rows) < 0.01 * np.abs(rows).max(axis=1, keepdims=True)] = 0.0
     signals = np.linalg.norm(rows @ R.T, axis=1) / np.linalg.norm(rows, axis=1)
     return tuple(_unobservable(row * scale, signal, parameters) for row, signal in zip(rows, signals, strict=True))
 
 
+def _first_largest(values: Array) -> int:
+    """Return the index of the largest value, of several that differ by rounding only the first."""
+    return int(np.flatnonzero(values >= (1 - TIE) * values.max())[0])
+
+
 def _unobservable(row: Array, signal: float, parameters: Sequence[Parameter]) -> Unobservable:
-    row = row / row[np.argmax(np.abs(row))]
+    row = row / row[_first_largest(np.abs(row))]
     direction = {p.label: float(f"{w:.6g}") for p, w in zip(parameters, row, strict=True) if w}
     terms = " ".join(f"{w:+.3g} {label}" for label, w in direction.items())
     alone = len(direction) == 1

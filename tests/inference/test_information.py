@@ -5,7 +5,7 @@ import pytest
 
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.forward import jacobian
-from gimbalcal.inference.information import information, solve
+from gimbalcal.inference.information import information, name_directions, solve
 from gimbalcal.platform import SPACE_STABLE
 from tests.stimuli import eighteen
 
@@ -66,3 +66,16 @@ def test_an_unobservable_direction_keeps_the_prior_and_says_so() -> None:
     assert s.sigma[3] == pytest.approx(SIGMAS[3])
     assert s.x[3] == 0
     assert s.x[1] == pytest.approx(s.x[2])  # smallest prior-scaled norm among equals
+
+
+def test_named_directions_depend_on_the_space_and_not_on_the_vectors_that_span_it() -> None:
+    """The vectors of equal singular values, and their signs, differ from processor to processor."""
+    wanted = parameters(CATALOGUE["bias"]) + parameters(CATALOGUE["misalignment"])
+    spanned = np.array([[1, 0, 0, 0, 1, 0, 0, 0, 0], [0, 1, 0, 0, 0, -1, 0, 0, 0], [0, 0, 1, 1, 0, 0, 0.5, 0, 0.0]]).T
+    rng = np.random.default_rng(0)
+    named = []
+    for _ in range(5):
+        null = np.linalg.qr(spanned @ rng.standard_normal((3, 3)))[0]
+        named.append([u.direction for u in name_directions(null, wanted, np.zeros((1, 9)))])
+    assert all(other == named[0] for other in named)
+    assert sorted(len(direction) for direction in named[0]) == [2, 2, 3]
